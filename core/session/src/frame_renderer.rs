@@ -1,5 +1,5 @@
-//! Renders frames on demand on a thread of its own. Only the newest request of a view is served, so that scrubbing never waits for
-//! frames that have been passed over.
+//! Renders frames on demand on a thread of its own. Only the newest request of each view is served, so that scrubbing never waits for outdated
+//! frames.
 
 use crate::viewport::ViewEvaluators;
 use crate::{Scene, ViewOverrides, ViewportCamera};
@@ -17,7 +17,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Makes the renderer, on its own thread: drivers take their time to start. Gives it with a note for the user.
+/// Creates the renderer, on the renderer thread since drivers start slowly. Also returns an optional note for the user.
 pub type StartRenderer = Box<dyn FnOnce() -> Result<(Box<dyn Renderer>, Option<String>), RenderError> + Send>;
 
 /// A requested frame.
@@ -25,21 +25,21 @@ pub type StartRenderer = Box<dyn FnOnce() -> Result<(Box<dyn Renderer>, Option<S
 pub struct FrameRequest {
     pub scene: Arc<Scene>,
     pub time: Time,
-    /// Pixels.
+    /// Width and height, pixels.
     pub size: [u32; 2],
     pub samples: u32,
-    /// The view is played or scrubbed: the image is shown for a moment only, and motion blur waits until it rests.
+    /// Whether the view is played or scrubbed. Each image is then shown only briefly, and motion blur is left out until the view rests.
     pub moving: bool,
-    /// The view that asks: a new request of a view replaces its last one, and views take turns.
+    /// Number of the requesting view. A new request of a view replaces its pending one, and views take turns.
     pub view: u32,
     pub camera: ViewportCamera,
     pub overrides: ViewOverrides,
-    /// A number that the frame brings back.
+    /// Number that the reply returns, to match it with the request.
     pub ticket: u64,
 }
 
 impl FrameRequest {
-    /// A request for a frame as `render` draws it.
+    /// A request for the final frame, as the command `render` draws it.
     pub fn new(scene: Arc<Scene>, time: Time, samples: u32, ticket: u64) -> FrameRequest {
         let size = scene.stage.settings.size;
         FrameRequest {
@@ -66,10 +66,10 @@ pub enum FrameError {
     Stage(#[from] StageError),
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// A panic of an effect.
+    /// An effect panicked.
     #[error(transparent)]
     Plugin(PluginPanic),
-    /// A panic of the program itself.
+    /// The program itself panicked.
     #[error("the program itself failed on this frame; please report it with the files: {0}")]
     Program(String),
 }
@@ -90,9 +90,9 @@ pub struct FrameReply {
     pub ticket: u64,
     pub view: u32,
     pub result: Result<(Frame, FrameInfo), FrameError>,
-    /// Counts of the objects that the renderer has created so far.
+    /// Numbers of objects that the renderer has created since its start.
     pub work: CreatedCounts,
-    /// Objects that it has on its device now.
+    /// Objects that the renderer currently has on its device.
     pub held: DeviceUsage,
     /// Messages for the user.
     pub notes: Vec<String>,
@@ -103,12 +103,12 @@ pub struct FrameInfo {
     /// Number of the scene's version.
     pub number: u64,
     pub time: Time,
-    /// Pixels.
+    /// Width and height, pixels.
     pub size: [u32; 2],
     pub snapshot: Snapshot,
-    /// Features that it left out, and why.
+    /// Features that the frame leaves out, with the reason for each.
     pub left_out: Vec<(String, String)>,
-    /// Parts of it that are not drawn while the view moves.
+    /// Parts of the frame that are not drawn while the view moves.
     pub waiting: Vec<&'static str>,
     pub draws: usize,
     pub triangles: u64,
@@ -120,13 +120,13 @@ pub struct FrameInfo {
 
 #[derive(Default)]
 struct Requests {
-    /// The next request of each view.
+    /// Pending request of each view.
     next: BTreeMap<u32, FrameRequest>,
-    /// The view whose turn it was last.
+    /// View that was served last.
     last: u32,
-    /// Shaders have changed.
+    /// Whether shaders have changed.
     shaders: bool,
-    /// A frame that was shown and is drawn into again.
+    /// A frame that is no longer shown, whose memory is used again.
     spare: Option<Frame>,
     end: bool,
 }
@@ -138,7 +138,7 @@ struct RequestQueue {
 }
 
 impl Requests {
-    /// The next view's wish after the last one's.
+    /// Removes the request of the next view after the one served last.
     fn take(&mut self) -> Option<FrameRequest> {
         let after = self.next.range(self.last.saturating_add(1)..).next().map(|(view, _)| *view);
         let view = after.or_else(|| self.next.keys().next().copied())?;
@@ -159,7 +159,7 @@ pub struct FrameRenderer {
 }
 
 impl FrameRenderer {
-    /// `report` is called on the renderer's thread with every frame that was drawn.
+    /// Starts the renderer thread. `report` is called on that thread with the reply to each request that was served.
     pub fn start(
         start: StartRenderer,
         mut report: impl FnMut(FrameReply) + Send + 'static,
@@ -188,18 +188,18 @@ impl FrameRenderer {
         Ok(FrameRenderer { queue, worker: Some(worker) })
     }
 
-    /// The view's next frame to draw, in place of one that was wished for and not begun.
+    /// Requests a frame. Replaces the pending request of the same view, unless rendering has begun.
     pub fn ask(&self, request: FrameRequest) {
         self.queue.requests().next.insert(request.view, request);
         self.queue.changed.notify_all();
     }
 
-    /// Makes the renderer read the shader folder again before the next frame.
+    /// Makes the renderer reload the shader folder before the next frame.
     pub fn shaders_changed(&self) {
         self.queue.requests().shaders = true;
     }
 
-    /// A frame that is no longer needed: its memory is used again.
+    /// Returns a frame that is no longer needed, so that its memory can be used again.
     pub fn give_back(&self, frame: Frame) {
         self.queue.requests().spare = Some(frame);
     }
@@ -210,13 +210,13 @@ impl Drop for FrameRenderer {
         self.queue.requests().end = true;
         self.queue.changed.notify_all();
         if let Some(worker) = self.worker.take() {
-            // A panic was reported on its thread.
+            // Panics are already reported on the renderer thread.
             let _ = worker.join();
         }
     }
 }
 
-/// The renderer and what it was given last.
+/// The renderer, and the effects and resources that it was given last.
 struct RenderState {
     renderer: Result<Box<dyn Renderer>, Arc<FrameError>>,
     notes: Vec<String>,
@@ -258,12 +258,12 @@ impl RenderState {
         FrameReply { ticket, view, result, work, held, notes }
     }
 
-    /// Begins anew after a panic, which may have come in the middle of anything: frames that are begun are dropped, and evaluators, effects and
-    /// resources are made and handed over again with the next frame.
+    /// Resets the state after a panic, which may have interrupted anything: unfinished frames are dropped; evaluators, effects and resources are
+    /// created and loaded again with the next frame.
     fn begin_anew(&mut self) {
         (self.views, self.effects, self.resources) = (ViewEvaluators::default(), Vec::new(), None);
         if let Ok(renderer) = &mut self.renderer {
-            // An empty queue ends the loop, and so does a renderer that fails, too.
+            // The loop ends when the queue is empty or the renderer fails again.
             while catch_unwind(AssertUnwindSafe(|| renderer.collect(None).is_ok())).unwrap_or(false) {}
         }
     }
@@ -277,7 +277,7 @@ impl RenderState {
     ) -> Result<(Frame, FrameInfo), FrameError> {
         let renderer = self.renderer.as_mut().map_err(|why| FrameError::NoRenderer(why.clone()))?;
         if shaders && let Err(error) = renderer.reload_shaders() {
-            // The last good ones draw on.
+            // The last good shaders stay in use.
             notes.push(error.to_string());
         }
         let scene = &request.scene;
@@ -298,7 +298,7 @@ impl RenderState {
         let options = PlanOptions { effects, preview_of, ..PlanOptions::new(request.size, request.samples) };
         let mut waiting = Vec::new();
         let (snapshot, plan, evaluated_in) = if request.moving {
-            // A moving view gets one image a frame instead of many for motion blur.
+            // A moving view is drawn once per frame, without the sub-frames of motion blur.
             let snapshot = self.views.at(request, request.time)?;
             let evaluated_in = start.elapsed();
             let at = |time| self.views.at(request, time);

@@ -1,12 +1,12 @@
-//! Hot reload: builds a scene from a script or a model and, when a file that it depends on changes, builds it again on a worker
-//! thread and swaps it whole. A faulty version leaves the last good one in place and reports its errors.
+//! Hot reload: builds a scene from a script or a model, and rebuilds it on a worker thread when a file changes that it depends on. A new version
+//! replaces the old one as a whole; a faulty one leaves the last good version in place and reports its errors.
 //!
 //! ```text
 //! SceneSource ─► Session::build ─► SceneVersion ─► FrameRenderer ─► frames
 //!               ▲    └ Touched: the files that it depends on
 //!               └── Watch ◄── the system
 //! ```
-//! It knows no window and no toolkit.
+//! This crate does not depend on a window or a UI toolkit.
 
 pub mod edit;
 mod frame_renderer;

@@ -1,4 +1,4 @@
-//! Model files in place of a script: put on a stage of their own.
+//! Stages for model files that are opened without a script.
 
 use choreo_asset::{Aabb, Asset};
 use choreo_motion::{Clip, Time};
@@ -7,7 +7,7 @@ use choreo_stage::{Cue, Repeat, Stage};
 use std::path::Path;
 use std::sync::Arc;
 
-/// A clip that the file does not have, and which it has.
+/// The file has no clip with this name; the message lists its clips.
 #[derive(Debug, thiserror::Error)]
 #[error("{asset}: unknown clip \"{name}\"{known}")]
 pub struct UnknownClip {
@@ -16,25 +16,25 @@ pub struct UnknownClip {
     known: String,
 }
 
-/// The asset alone on stage, framed and lit by the stage's defaults, playing one clip once through.
+/// A stage with the asset alone, with default framing and lights, that plays one clip once. `clip`: name of the clip; `None`: the first.
 pub fn stage(asset: Arc<Asset>, clip: Option<&str>) -> Result<Stage, UnknownClip> {
     let clip = match clip {
         None => asset.clips.first().cloned(),
         Some(name) => Some(find_clip(&asset, name)?.clone()),
     };
     let mut stage = Stage::default();
-    // Something that stands still is one image.
+    // The stage is one frame long if nothing moves.
     stage.settings.length = stage.settings.fps.time_of(1);
     add(&mut stage, "model", asset, clip);
     Ok(stage)
 }
 
-/// Each plays its first clip once through, in a row along x: the first where it is, the next to its right with a tenth of a width
-/// between. Places are whole centimetres, so that they can be written down.
+/// A stage with the assets in a row along x, each playing its first clip once. The first stands at the origin; the gap to the next on its right is
+/// a tenth of the larger width. Positions are rounded up to whole centimetres, so that a person can write them down.
 pub fn side_by_side(assets: &[(String, Arc<Asset>)]) -> Stage {
     let mut stage = Stage::default();
     stage.settings.length = stage.settings.fps.time_of(1);
-    // Where the one before ends, and how wide it is, metres.
+    // Right edge and width of the previous asset, metres.
     let mut before: Option<(f64, f64)> = None;
     for (name, asset) in assets {
         let taken = |name: &str| stage.actors.iter().any(|a| a.name == name);
@@ -44,7 +44,7 @@ pub fn side_by_side(assets: &[(String, Arc<Asset>)]) -> Stage {
         let bounds = bounds(asset);
         let (left, right) = (f64::from(bounds.min.x), f64::from(bounds.max.x));
         let width = right - left;
-        // Up, but not for what rounding has added.
+        // Rounds up, but ignores rounding errors.
         let whole = |metres: f64| (metres * 100.0 - 1e-6).ceil() / 100.0;
         let x = before.map_or(0.0, |(end, other)| whole(end + width.max(other) * 0.1 - left));
         stage.actors[actor].transform.translation.x = x;
@@ -53,7 +53,7 @@ pub fn side_by_side(assets: &[(String, Arc<Asset>)]) -> Stage {
     stage
 }
 
-/// Its index. The stage is as long as the longest clip.
+/// Adds an actor and returns its index. The stage becomes as long as the longest clip.
 fn add(stage: &mut Stage, name: &str, asset: Arc<Asset>, clip: Option<Arc<Clip>>) -> usize {
     let actor = stage.cast(name, asset);
     stage.take_ambient_of_files();
@@ -67,7 +67,7 @@ fn add(stage: &mut Stage, name: &str, asset: Arc<Asset>, clip: Option<Arc<Clip>>
     actor
 }
 
-/// Bounds of the joints where there is no mesh.
+/// Bounds of the mesh in the rest pose, or of the joints if there is no mesh.
 fn bounds(asset: &Asset) -> Aabb {
     let bounds = asset.rest_bounds();
     if !bounds.is_empty() {
@@ -77,12 +77,12 @@ fn bounds(asset: &Asset) -> Aabb {
     if joints.is_empty() { Aabb::of([Default::default()]) } else { joints }
 }
 
-/// Whether the input is made by the program ("choreo:mannequin") and no file.
+/// Whether the input is built in ("choreo:mannequin") and not a file.
 pub fn is_built_in(path: &Path) -> bool {
     path.to_str().is_some_and(|p| p.starts_with(BUILT_IN))
 }
 
-/// A file's name without its ending.
+/// File name without its extension.
 pub fn name(path: &Path) -> String {
     path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }

@@ -1,5 +1,5 @@
-//! `plugin.toml`: the description of a plugin package, a folder of plugin files that can be installed. It is read strictly, so that a
-//! misspelt key is found before the package is published.
+//! `plugin.toml`: the description of a plugin package, which is a folder of plugin files that can be installed. The parser is strict, so that a
+//! misspelled key is found before the package is published.
 
 use choreo_plugin::suggest::{did_you_mean, list};
 use std::ops::Range;
@@ -8,7 +8,7 @@ use thiserror::Error;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Endings of the names of plugin files.
+/// File name extensions of plugins.
 pub const ENDINGS: [&str; 5] = [
     choreo_rhai_importer::ENDING,
     choreo_rhai_importer::EXPORTER_ENDING,
@@ -17,13 +17,13 @@ pub const ENDINGS: [&str; 5] = [
     choreo_wasm_plugin::EXPORTER_ENDING,
 ];
 
-/// Name of the description in a package's folder.
+/// File name of the description in the folder of a package.
 pub const DESCRIPTION: &str = "plugin.toml";
 
-/// Bytes of the largest description that is read.
+/// Largest description that is read, bytes.
 pub const MOST_DESCRIPTION: u64 = 64 << 10;
 
-/// Authors and addresses are for readers of the description.
+/// Keys of the description. Authors and addresses are accepted, but only meant for human readers.
 const KEYS: [&str; 11] = [
     "name",
     "version",
@@ -40,7 +40,7 @@ const KEYS: [&str; 11] = [
 
 const PLUGIN_KEYS: [&str; 3] = ["file", "kind", "hook"];
 
-/// SPDX identifiers of licenses and exceptions that are used often.
+/// SPDX identifiers of common licenses and exceptions.
 const LICENSES: [&str; 45] = [
     "0BSD",
     "AGPL-3.0-only",
@@ -89,36 +89,36 @@ const LICENSES: [&str; 45] = [
     "Linux-syscall-note",
 ];
 
-/// Letters of a package's name, bytes of a text, and plugins in a package.
+/// Limits: letters of a package's name, bytes of a text, plugins in a package.
 const MOST_NAME: usize = 60;
 const MOST_TEXT: usize = 1000;
 const MOST_PLUGINS: usize = 100;
 
-/// A package, as its description states it.
+/// A package as described by its `plugin.toml`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Package {
-    /// Also the name of the folder that it is installed in.
+    /// Name of the package and of the folder that it is installed in.
     pub name: String,
     /// Version of the package, and of each plugin in it.
     pub version: Version,
-    /// The oldest choreo that it works with.
+    /// Oldest choreo that the package works with.
     pub choreo: Version,
-    /// An SPDX expression, or the license's name.
+    /// SPDX expression, or name of the license.
     pub license: String,
-    /// One line; may be empty.
+    /// Summary in one line; may be empty.
     pub about: String,
-    /// At least one.
+    /// Plugins of the package, at least one.
     pub plugins: Vec<PackagedPlugin>,
 }
 
 /// One plugin file of a package.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PackagedPlugin {
-    /// The file, relative to the folder of the package.
+    /// Path relative to the folder of the package.
     pub file: String,
-    /// The kind of plugin, which the ending of the file must agree with.
+    /// Kind of plugin, which must agree with the file name.
     pub kind: PackagedKind,
-    /// The hook of an effect, as in the head of its file.
+    /// Hook of an effect, as in the first lines of its file.
     pub hook: Option<String>,
 }
 
@@ -133,7 +133,7 @@ pub enum PackagedKind {
 impl PackagedKind {
     const ALL: [PackagedKind; 3] = [PackagedKind::Importer, PackagedKind::Exporter, PackagedKind::Effect];
 
-    /// The word in `plugin.toml`.
+    /// Name of the kind in `plugin.toml`.
     pub fn word(self) -> &'static str {
         match self {
             PackagedKind::Importer => "importer",
@@ -142,7 +142,7 @@ impl PackagedKind {
         }
     }
 
-    /// The kind that a plugin file's name states.
+    /// Kind of a plugin file by its file name.
     fn of_file(name: &str) -> Option<PackagedKind> {
         let stem = ENDINGS.iter().find_map(|ending| name.strip_suffix(ending).map(|stem| (stem, ending)));
         let (stem, ending) = stem?;
@@ -155,12 +155,12 @@ impl PackagedKind {
     }
 }
 
-/// Three numbers: 1.0.2.
+/// Version of three numbers: 1.0.2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Version(pub [u32; 3]);
 
 impl Version {
-    /// Three numbers without leading zeros, as in semantic versioning, and nothing else.
+    /// Parses exactly three numbers without leading zeros, as in semantic versioning.
     pub fn parse(text: &str) -> Option<Version> {
         let number = |part: &str| match part {
             "0" => Some(0),
@@ -173,7 +173,7 @@ impl Version {
         parts.next().is_none().then_some(version)
     }
 
-    /// The version of this program's plugin interface, which is choreo's.
+    /// Version of this program's plugin interface, the same as choreo's version.
     pub(crate) fn of_choreo() -> Version {
         Version::parse(env!("CARGO_PKG_VERSION")).unwrap_or(Version([0; 3]))
     }
@@ -186,11 +186,11 @@ impl std::fmt::Display for Version {
     }
 }
 
-/// Why a description is refused, with its place.
+/// Error in a description, with its position.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{file}:{line}:{column}: {message}{}", hint.as_ref().map(|h| format!("\n    hint: {h}")).unwrap_or_default())]
 pub struct PackageError {
-    /// The name of the description in messages.
+    /// File name of the description in messages.
     pub file: String,
     pub line: usize,
     pub column: usize,
@@ -198,7 +198,7 @@ pub struct PackageError {
     pub hint: Option<String>,
 }
 
-/// Whether a package may have this name: a folder of this name is safe to make and to remove.
+/// Whether a package may have this name, so that a folder of this name can safely be created and removed.
 pub fn is_name(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_lowercase())
         && name.len() <= MOST_NAME
@@ -206,11 +206,11 @@ pub fn is_name(name: &str) -> bool {
 }
 
 impl Package {
-    /// Reads a description; `file` is its name in messages.
+    /// Parses a description. `file`: its name in messages.
     ///
     /// # Errors
-    /// Anything that is no TOML, a key that is unknown, missing or of another type, a version that is not three numbers, a plugin whose
-    /// file has another kind, and a package for a newer choreo.
+    /// The text is not TOML, a key is unknown, missing or of the wrong type, a version is not three numbers, a plugin's file has another kind, or
+    /// the package requires a newer choreo.
     pub fn parse(file: &str, text: &str) -> Result<Package, PackageError> {
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let reader = Reader { file, text };
@@ -239,7 +239,7 @@ impl Package {
         Ok(package)
     }
 
-    /// A note about a license with a word that is no SPDX identifier in common use.
+    /// A note for the user if the license contains a word that is not a common SPDX identifier.
     pub fn license_note(&self) -> Option<String> {
         let words = self.license.split(|c: char| c.is_whitespace() || c == '(' || c == ')');
         let mut words = words.filter(|word| !word.is_empty() && !["AND", "OR", "WITH"].contains(word));
@@ -254,7 +254,7 @@ impl Package {
         ))
     }
 
-    /// The plugins by kind and file: "importer ply.importer.rhai, effect rim.wgsl (surface)".
+    /// List of the plugins by kind and file: "importer ply.importer.rhai, effect rim.wgsl (surface)".
     pub fn contents(&self) -> String {
         let one = |plugin: &PackagedPlugin| {
             let hook = plugin.hook.as_ref().map(|hook| format!(" ({hook})")).unwrap_or_default();
@@ -264,7 +264,7 @@ impl Package {
     }
 }
 
-/// A description that is being read.
+/// A description that is being parsed.
 struct Reader<'t> {
     file: &'t str,
     text: &'t str,
@@ -291,7 +291,7 @@ impl Reader<'_> {
 struct Fields<'t> {
     reader: &'t Reader<'t>,
     table: &'t DeTable<'t>,
-    /// The place of the table, for keys that are missing.
+    /// Bytes of the table, for errors about missing keys.
     place: Range<usize>,
     keys: &'static [&'static str],
 }
@@ -326,7 +326,7 @@ impl<'t> Fields<'t> {
         self.reader.wrong(self.place.clone(), format!("{name} is missing"), Some(format!("write {example}")))
     }
 
-    /// A text of one line, with its place.
+    /// An optional text of one line, with its bytes.
     fn optional_text(&self, name: &str) -> Result<Option<(String, Range<usize>)>, PackageError> {
         let Some(value) = self.value(name) else { return Ok(None) };
         let DeValue::String(text) = value.get_ref() else {
@@ -353,7 +353,7 @@ impl<'t> Fields<'t> {
         Ok((Version::parse(&text).ok_or_else(|| self.reader.wrong(at.clone(), message(), None))?, at))
     }
 
-    /// The oldest choreo that the package works with, which this one must not be older than.
+    /// The oldest choreo that the package works with. Fails if this choreo is older.
     fn minimum(&self) -> Result<Version, PackageError> {
         let (minimum, at) = self.version("choreo")?;
         let own = Version::of_choreo();
@@ -449,7 +449,7 @@ mod tests {
         assert_eq!(Package::parse("plugin.toml", &format!("\u{feff}{GOOD}")), Ok(package));
     }
 
-    /// The message after one text is put in place of another.
+    /// Error message after one text of a valid description is replaced with another.
     fn error(from: &str, to: &str) -> String {
         assert!(GOOD.contains(from), "{from}");
         Package::parse("plugin.toml", &GOOD.replacen(from, to, 1)).unwrap_err().to_string()

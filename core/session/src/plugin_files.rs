@@ -1,8 +1,8 @@
-//! Plugins that are files: `NAME.importer.rhai`, `NAME.exporter.rhai`, both as `.wasm`, and `NAME.wgsl` beside the script and in a folder `plugins` there, in the
-//! folders given with `--plugins`, and in those that the environment variable CHOREO_PLUGINS names or, without it, in the user's own
-//! folder of plugins ([`user_folder`]). No other place is read. All but the script's own folder can hold packages, too: folders with a
-//! `plugin.toml`.
-//! Beside a script there can be WGSL of any kind: only what begins as an effect is taken for one.
+//! Plugins that are files: `NAME.importer.rhai` and `NAME.exporter.rhai`, both also as `.wasm`, and `NAME.wgsl`. They are searched in the folder of
+//! the script and its subfolder `plugins`, in the folders given with `--plugins`, and in the folders of the environment variable CHOREO_PLUGINS or,
+//! if it is not set, in the user's plugin folder ([`user_folder`]). No other folder is read. All of these but the script's own folder can also hold
+//! packages: folders with a `plugin.toml`. The script's folder may contain WGSL of any kind, so only files that begin like an effect count as
+//! plugins there.
 
 use crate::package::{DESCRIPTION, ENDINGS, MOST_DESCRIPTION, Package, PackagedKind, PackagedPlugin};
 use crate::remembered_manifests;
@@ -20,21 +20,21 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 use thiserror::Error;
 
-/// Folders named as the system's PATH is.
+/// Environment variable with a list of folders, separated like those in PATH.
 pub(crate) const VARIABLE: &str = "CHOREO_PLUGINS";
-/// The folder beside a script.
+/// Plugin folder next to a script.
 const BESIDE: &str = "plugins";
 
-/// Bytes of a plugin's text, of a plugin in WebAssembly, and files looked at in one folder.
+/// Limits: bytes of a plugin's text, bytes of a WebAssembly plugin, and number of files in one folder.
 const MOST_BYTES: u64 = 4 << 20;
 const MOST_WASM_BYTES: u64 = 64 << 20;
 const MOST_FILES: usize = 10_000;
-/// Bytes of an effect's text that are read to find its name.
+/// Number of bytes of an effect's text that are searched for its name.
 const HEAD_BYTES: u64 = 64 << 10;
-/// Bytes of a file that a plugin reads.
+/// Largest file that a plugin reads, bytes.
 const MOST_BESIDE: u64 = 32 << 20;
 
-/// A folder that cannot be used at all.
+/// A plugin folder that cannot be used at all.
 #[derive(Debug, Error)]
 pub enum FolderError {
     #[error("{flag} {}: no such folder", folder.display())]
@@ -48,18 +48,18 @@ pub enum FolderError {
     Link { folder: PathBuf },
 }
 
-/// The plugin files that were found. Of an effect the name was read, of an importer the manifest; the rest is read and
-/// compiled when something uses it.
+/// The plugin files that were found. Only the name of an effect and the manifest of an importer are read; the rest is read and compiled on first
+/// use.
 pub struct Listing {
-    /// The plugins given and those of the files. Later folders win over earlier ones: the user's own or those of CHOREO_PLUGINS, then
-    /// those named in order, then the inputs' own folders and those beside the inputs. A folder's packages come after its files.
+    /// The given plugins and those of the files. Later folders override earlier ones, in this order: the user's folder or those of CHOREO_PLUGINS,
+    /// the named folders, then the inputs' own folders and the `plugins` folders in them. Packages of a folder come after its files.
     pub registry: Registry,
     entries: Vec<Entry>,
-    /// Folders in which a plugin file would be found; those beside the inputs need not exist.
+    /// All folders that are searched for plugin files; the `plugins` folder of an input need not exist.
     pub folders: Vec<PathBuf>,
-    /// Plugin files whose plugin took the place of another of its name, one sentence each with the file.
+    /// One sentence for each plugin file whose plugin replaced another one of the same name.
     pub replaced: Vec<String>,
-    /// How many plugin files were compiled, here and in the listings before.
+    /// Number of compiled plugin files, including those of earlier listings.
     compiled: Arc<AtomicU64>,
 }
 
@@ -67,11 +67,11 @@ pub struct Listing {
 struct Entry {
     source: Source,
     plugin: Plugin,
-    /// The text that was compiled; empty until the plugin is used.
+    /// Result of reading the file; set when the plugin is compiled.
     read: Arc<OnceLock<Result<PluginFile, ReadError>>>,
 }
 
-/// Why a plugin file cannot be read, with its name.
+/// Error of a plugin file, with the name of the file.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("{0}")]
 struct ReadError(String);
@@ -82,32 +82,32 @@ enum Plugin {
     Importer(Arc<ImporterOnUse>),
     WasmImporter(Arc<OnUse<dyn Importer>>),
     WasmExporter(Arc<OnUse<dyn SceneExporter>>),
-    /// Compiled when it is found: only `choreo export` and `choreo plugins` look at it, and its text is short.
+    /// Compiled when it is found: only `choreo export` and `choreo plugins` list exporters, and their text is short.
     Exporter(Arc<RhaiExporter>),
-    /// It has no name to be used by.
+    /// A file whose plugin cannot be loaded and has no name to be used by; the text says why.
     Faulty(String),
 }
 
-/// The place of a plugin file.
+/// Location of a plugin file.
 #[derive(Clone)]
 struct Source {
-    /// Links are followed beneath this folder only.
+    /// Symbolic links must stay within this folder.
     folder: Arc<Folder>,
     /// Relative to the folder.
     name: PathBuf,
-    /// Name in messages.
+    /// Path in messages.
     shown: String,
-    /// Canonical, but for links that lead nowhere.
+    /// Canonical path, except for broken links.
     path: PathBuf,
-    /// The package's entry for the file and its version, or the reason why `plugin.toml` is refused; none outside packages.
+    /// The package's entry for the file and the version of the package, or the reason why `plugin.toml` is refused. `None` outside packages.
     stated: Option<Result<(PackagedPlugin, String), ReadError>>,
 }
 
-/// A folder in which plugin files are looked for.
+/// A folder that is searched for plugin files.
 struct PluginFolder {
-    /// Path as the user wrote it. Links are followed beneath this folder only.
+    /// Path as the user wrote it. Symbolic links must stay within this folder.
     root: PathBuf,
-    /// The folder itself, relative to `root`.
+    /// The searched folder, relative to `root`.
     below: PathBuf,
     kind: FolderKind,
 }
@@ -117,7 +117,7 @@ impl PluginFolder {
         PluginFolder { root: root.to_path_buf(), below: below.into(), kind }
     }
 
-    /// Path as the user wrote it.
+    /// Path of the searched folder, as the user wrote it.
     fn path(&self) -> PathBuf {
         match self.below.as_os_str().is_empty() {
             true => self.root.clone(),
@@ -129,16 +129,16 @@ impl PluginFolder {
 #[derive(Clone, Copy, PartialEq)]
 enum FolderKind {
     Named,
-    /// The folder of an input, where other WGSL may lie.
+    /// The folder of an input, which may contain other WGSL files.
     Own,
-    /// `plugins` in the folder of an input.
+    /// The folder `plugins` in the folder of an input.
     Beside,
-    /// A package: only the files that its description names are plugins.
+    /// A package: only files that its description lists are plugins.
     Package,
 }
 
-/// Finds the plugin files, in the order in which they count. `before`: an earlier listing, whose compiled plugins are used
-/// again where their files are the same.
+/// Finds the plugin files, in order of increasing priority. `before`: an earlier listing, whose compiled plugins are reused if their files have not
+/// changed.
 pub fn list(
     plugins: &Registry,
     named: &[PathBuf],
@@ -148,7 +148,7 @@ pub fn list(
     of_places(plugins, places(named, inputs)?, before)
 }
 
-/// The plugins of one package alone, whose folder has a description, beside those given.
+/// Lists the plugins of one package, whose folder has a description, in addition to the given ones.
 pub fn list_package(plugins: &Registry, folder: &Path) -> Result<Listing, FolderError> {
     of_places(plugins, vec![PluginFolder::new(folder, "", FolderKind::Package)], None)
 }
@@ -178,20 +178,19 @@ fn of_places(
     Ok(listing)
 }
 
-/// The folder that packages are installed in: the first that CHOREO_PLUGINS names, else the user's data folder. `None` where the
-/// system names none, or where CHOREO_PLUGINS is empty.
+/// The folder that packages are installed in: the first one in CHOREO_PLUGINS, else one in the user's data folder. `None` if the system has no data
+/// folder, or if CHOREO_PLUGINS is empty.
 pub fn user_folder() -> Option<PathBuf> {
     user_folders().into_iter().next().map(|(folder, _)| folder)
 }
 
-/// The folders of plugin files and packages that are searched whatever the input is: those of the user that there are, then those
-/// named.
+/// Folders of plugin files and packages that are searched for every input: the existing folders of the user, then the named ones.
 pub fn named_folders(named: &[PathBuf]) -> Vec<PathBuf> {
     let users = user_folders().into_iter().map(|(folder, _)| folder).filter(|folder| folder.is_dir());
     users.chain(named.iter().cloned()).collect()
 }
 
-/// The folders that the environment names, and whether a folder must exist.
+/// The folders that the environment gives, and whether each must exist.
 fn user_folders() -> Vec<(PathBuf, bool)> {
     if let Some(variable) = std::env::var_os(VARIABLE) {
         let folders = std::env::split_paths(&variable).filter(|f| !f.as_os_str().is_empty());
@@ -204,8 +203,7 @@ fn user_folders() -> Vec<(PathBuf, bool)> {
     data.map(|data| (data.join("choreo/plugins"), false)).into_iter().collect()
 }
 
-/// The packages in a folder by name, installed or in a folder that is searched. Folders that begin with a dot are no packages: those of
-/// an installation that is being written do.
+/// Names of the packages in a folder, sorted. Folders that begin with a dot are skipped, since an unfinished installation is in such a folder.
 pub fn packages_in(folder: &Path) -> Vec<PathBuf> {
     let Ok(open) = Folder::open(folder) else { return Vec::new() };
     let names = open.names(MOST_FILES).unwrap_or_default();
@@ -215,7 +213,7 @@ pub fn packages_in(folder: &Path) -> Vec<PathBuf> {
     names.into_iter().map(PathBuf::from).filter(is_package).collect()
 }
 
-/// The folders in the order in which they count, each once.
+/// The folders to search in order of increasing priority, each once.
 fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, FolderError> {
     let mut places: Vec<PluginFolder> = Vec::new();
     let users = user_folders().into_iter().map(|(folder, must_exist)| (folder, VARIABLE, must_exist));
@@ -223,7 +221,7 @@ fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, Fold
         match folder.is_dir() {
             true => {}
             false if must_exist => return Err(FolderError::Missing { flag, folder }),
-            // Nothing is installed: no folder above it is watched for that.
+            // The folder need not exist if no plugins are installed, and its parent is not watched.
             false => continue,
         }
         places.push(PluginFolder::new(&folder, "", FolderKind::Named));
@@ -257,7 +255,7 @@ fn is_same(a: &Path, b: &Path) -> bool {
     a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
-/// Plugin files of a folder, by name, so that the order is the same on every machine.
+/// Plugin files of a folder, sorted by name, so that the order is the same on every machine.
 fn sources(place: &PluginFolder) -> Result<Vec<Source>, FolderError> {
     let unreadable = |error: FileError| FolderError::Unreadable { folder: place.path(), error };
     let root = if place.root.as_os_str().is_empty() { Path::new(".") } else { place.root.as_path() };
@@ -271,7 +269,7 @@ fn sources(place: &PluginFolder) -> Result<Vec<Source>, FolderError> {
     let (folder, names) = match opened {
         Ok(opened) => opened,
         Err(FileError::Outside) => return Err(FolderError::Link { folder: place.path() }),
-        // A script can stand in a folder that may not be listed.
+        // A script may stand in a folder that cannot be listed.
         Err(_) if place.kind == FolderKind::Own => return Ok(Vec::new()),
         Err(error) => return Err(unreadable(error)),
     };
@@ -300,7 +298,7 @@ fn sources(place: &PluginFolder) -> Result<Vec<Source>, FolderError> {
 }
 
 impl Listing {
-    /// Registers the plugin of a file, and notes whether it takes the place of another.
+    /// Registers the plugin of a file, and notes whether it replaces another one.
     fn add(&mut self, entry: Entry) {
         let before = self.registry.replaced().len();
         match &entry.plugin {
@@ -318,7 +316,7 @@ impl Listing {
         self.entries.push(entry);
     }
 
-    /// Plugins of this listing that have the name of one of another listing, one sentence each, with both files.
+    /// One sentence for each plugin of this listing that has the name of one in another listing, with both files.
     pub fn also_in(&self, other: &Listing) -> Vec<String> {
         let both = |entry: &Entry| {
             let theirs = other.entries.iter().find(|theirs| theirs.is_named_as(entry))?;
@@ -329,7 +327,7 @@ impl Listing {
         self.entries.iter().filter_map(both).collect()
     }
 
-    /// The plugin of a file. `None` if the file is not meant as a plugin.
+    /// The plugin of a file. `None` if the file is not a plugin.
     fn entry(&self, source: Source, kind: FolderKind, before: Option<&Listing>) -> Option<Entry> {
         let is_it = |e: &&Entry| e.read.get().is_some() && e.source.path == source.path;
         let known = before.and_then(|b| b.entries.iter().find(is_it));
@@ -348,7 +346,7 @@ impl Listing {
         let reading = move || {
             compiled.fetch_add(1, Ordering::Relaxed);
             let file = of.read();
-            // Made once, so that the slot is empty.
+            // The slot is empty, since this function runs once.
             let _ = slot.set(file.clone());
             let text = |e: ReadError| PluginError { text: e.0, files: vec![of.path.clone()] };
             file.map_err(text).map(|file| (of.shown.clone(), file))
@@ -384,7 +382,7 @@ impl Listing {
         Some(Entry { source, plugin, read })
     }
 
-    /// Compiles every plugin file; what is wrong with them, complete with its place.
+    /// Compiles all plugin files, and returns their errors with positions.
     pub fn problems(&self) -> Vec<String> {
         let fault = |entry: &Entry| match &entry.plugin {
             Plugin::Effect(effect) => effect.get().err().map(|fault| fault.text.clone()),
@@ -397,13 +395,13 @@ impl Listing {
         self.entries.iter().filter_map(|entry| fault(entry).or_else(|| entry.contradiction())).collect()
     }
 
-    /// Names of the importers, scene exporters and effects of the files that work.
+    /// Kinds and names of the working plugin files.
     pub fn names(&self) -> Vec<(PackagedKind, String)> {
         let name = |entry: &Entry| Some((entry.kind()?, entry.manifest()?.name.clone()));
         self.entries.iter().filter_map(name).collect()
     }
 
-    /// Names of the effects of files that nothing has used so far.
+    /// Names of the effects in files that were not used so far.
     pub fn unused_effects(&self) -> Vec<String> {
         let unused = self.entries.iter().filter(|entry| entry.read.get().is_none());
         let name = |entry: &Entry| match &entry.plugin {
@@ -413,12 +411,12 @@ impl Listing {
         unused.filter_map(name).collect()
     }
 
-    /// The plugin files, canonical.
+    /// Canonical paths of the plugin files.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         self.entries.iter().map(|entry| entry.source.path.as_path())
     }
 
-    /// Files of the plugins that were used so far, canonical: their own, those that they read, and descriptions of packages.
+    /// Canonical paths of the files of plugins that were used so far: their own, those that they read, and the descriptions of their packages.
     pub fn used_files(&self) -> impl Iterator<Item = PathBuf> {
         let used = self.entries.iter().filter_map(|entry| {
             let file = entry.read.get()?.as_ref().ok()?;
@@ -430,14 +428,14 @@ impl Listing {
         used.flatten()
     }
 
-    /// How many plugin files were compiled so far.
+    /// Number of plugin files that were compiled so far.
     pub fn compiled(&self) -> u64 {
         self.compiled.load(Ordering::Relaxed)
     }
 }
 
 impl Entry {
-    /// Kind and name of the plugin, which is not compiled for it. `None` for a file that is none.
+    /// Kind and name of the plugin, without compiling it. `None` for a faulty file.
     fn named(&self) -> Option<(PackagedKind, &str)> {
         let name = match &self.plugin {
             Plugin::Effect(effect) => effect.name(),
@@ -450,12 +448,12 @@ impl Entry {
         Some((self.kind()?, name))
     }
 
-    /// Whether two plugins have one kind and one name.
+    /// Whether two plugins have the same kind and name.
     fn is_named_as(&self, other: &Entry) -> bool {
         self.named().is_some_and(|named| other.named() == Some(named))
     }
 
-    /// The manifest of a plugin that works; an effect is compiled for it.
+    /// Manifest of a working plugin. An effect is compiled to get it.
     fn manifest(&self) -> Option<&Manifest> {
         match &self.plugin {
             Plugin::Effect(effect) => effect.get().ok().map(|effect| effect.manifest()),
@@ -476,7 +474,7 @@ impl Entry {
         }
     }
 
-    /// A statement of a package's description that its plugin contradicts: outputs name the version that the plugin states.
+    /// Error if the description of the package contradicts the plugin: its version, since rendered output records the plugin's own, or its hook.
     fn contradiction(&self) -> Option<String> {
         let Some(Ok((stated, version))) = &self.source.stated else { return None };
         let (shown, own) = (&self.source.shown, &self.manifest()?.version);
@@ -497,7 +495,7 @@ impl Entry {
 }
 
 impl Source {
-    /// The package of a description.
+    /// Reads the description of a package.
     fn package(&self) -> Result<Package, ReadError> {
         let bytes = self.folder.read(&self.name, MOST_DESCRIPTION).map_err(|e| self.failed(&e))?;
         let text = String::from_utf8(bytes)
@@ -527,7 +525,7 @@ impl Source {
         })
     }
 
-    /// The beginning of the text; letters that are none are left to the compiler.
+    /// Beginning of the text; invalid UTF-8 is left for the compiler to report.
     fn head(&self) -> Result<String, ReadError> {
         let file = self.folder.open_file(&self.name).map_err(|e| self.failed(&e))?;
         let mut bytes = Vec::new();
@@ -547,7 +545,7 @@ impl Source {
         })
     }
 
-    /// The contents with the files that they name.
+    /// Reads the file and the files that an effect refers to.
     fn read(&self) -> Result<PluginFile, ReadError> {
         let path = self.path.clone();
         if self.is_wasm() {
@@ -559,7 +557,7 @@ impl Source {
         Ok(PluginFile { path, bytes: text.into_bytes().into(), beside })
     }
 
-    /// A file in the folder of the plugin's own or below it.
+    /// Reads a file in the plugin's own folder or below.
     fn beside(&self, name: String) -> BesideFile {
         let path = self.path.with_file_name(&name);
         let refused = || "a plugin reads files of its own folder only".to_string();
@@ -578,7 +576,7 @@ impl Source {
         BesideFile { name, path, bytes }
     }
 
-    /// The error of an effect that has no name.
+    /// Error of an effect without a name.
     fn fault(&self) -> String {
         let compiled = self.text().map_err(|e| e.0).and_then(|text| {
             WgslEffect::from_text(&self.shown, &text).map(|_| String::new()).map_err(|e| e.to_string())
@@ -587,7 +585,7 @@ impl Source {
     }
 }
 
-/// Pixels of a file that an effect names.
+/// Decodes an image file that an effect refers to.
 fn picture(file: &PluginFile, name: &str) -> Result<TextureImage, String> {
     let found = file.beside.iter().find(|b| b.name == name);
     let found = found.ok_or_else(|| "it was not read".to_string())?;
@@ -603,7 +601,7 @@ fn picture(file: &PluginFile, name: &str) -> Result<TextureImage, String> {
     })
 }
 
-/// The text of a plugin file, which was text when it was read.
+/// Text of a plugin file, which was checked to be UTF-8 when it was read.
 fn text_of(file: &PluginFile) -> std::borrow::Cow<'_, str> {
     String::from_utf8_lossy(&file.bytes)
 }
@@ -634,7 +632,7 @@ fn importer(shown: &str, file: PluginFile) -> Result<RhaiImporter, PluginError> 
     }
 }
 
-/// A plugin in WebAssembly of which the manifest is known.
+/// A WebAssembly plugin that is compiled on first use; only its manifest is known.
 fn wasm_plugin(shown: &str, file: PluginFile) -> Result<Plugin, PluginError> {
     let manifest = remembered_manifests::manifest(&file.bytes)
         .map_err(|error| PluginError { text: format!("{shown}: {error}"), files: vec![file.path.clone()] })?;

@@ -1,5 +1,6 @@
-//! Manifests of plugins in WebAssembly, which every command needs of all that are installed, without compiling them: they are kept in the
-//! user's folder of caches, under the hash of the plugin. Compiled code is not kept: whoever can write there could have it run.
+//! Cache of the manifests of WebAssembly plugins. Every command needs the manifest of each installed plugin; the cache in the user's cache folder,
+//! keyed by the hash of the plugin, avoids compiling the plugin to get it. Compiled code is not cached: anyone who can write to that folder could
+//! have it executed.
 
 use choreo_plugin::Manifest;
 use choreo_plugin::guest::ABI;
@@ -7,11 +8,11 @@ use choreo_plugin::transfer::{from_bytes, to_bytes};
 use choreo_wasm_plugin::WasmError;
 use std::path::{Path, PathBuf};
 
-/// Bytes of the largest manifest that is read.
+/// Largest manifest file that is read, bytes.
 const MOST_BYTES: u64 = 64 << 10;
 
-/// The manifest of a plugin, compiled only where it was not seen before. A manifest that was tampered with is found when the plugin is
-/// used.
+/// The manifest of a plugin. Compiles the plugin only if the cache has no manifest for its hash. A manifest that was tampered with is detected when
+/// the plugin is used.
 pub fn manifest(plugin: &[u8]) -> Result<Manifest, WasmError> {
     choreo_wasm_plugin::check()?;
     let Some(folder) = folder() else { return choreo_wasm_plugin::manifest(plugin) };
@@ -19,7 +20,7 @@ pub fn manifest(plugin: &[u8]) -> Result<Manifest, WasmError> {
     remembered(&folder, &name).map_or_else(
         || {
             let manifest = choreo_wasm_plugin::manifest(plugin)?;
-            // Without this file the plugin is compiled the next time, too.
+            // If writing fails, the plugin is compiled again the next time.
             let _ = std::fs::create_dir_all(&folder);
             let _ = choreo_files::write_whole(&folder.join(name), &to_bytes(&manifest));
             Ok(manifest)

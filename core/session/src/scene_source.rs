@@ -8,27 +8,27 @@ use std::path::{Path, PathBuf};
 pub struct SceneSource {
     /// A script (`.rhai`), or a model.
     pub input: PathBuf,
-    /// Models: further ones, shown to the right of it.
+    /// Models: more models, shown to the right of `input`.
     pub beside: Vec<PathBuf>,
     /// Scripts: parameters, `name=value`.
     pub set: Vec<(String, String)>,
-    /// Further folders in which assets are looked for.
+    /// Additional folders to search for assets.
     pub search: Vec<PathBuf>,
-    /// Further folders of plugin files.
+    /// Additional folders of plugin files.
     pub plugins: Vec<PathBuf>,
     pub limits: Limits,
     pub needs: ImportScope,
     /// Models: the clip to play (`None`: the first), and how the file is read.
     pub clip: Option<String>,
     pub import: ImportChoice,
-    /// Size in pixels that replaces the scene's own.
+    /// Size in pixels that overrides the size of the scene.
     pub size: Option<[u32; 2]>,
-    /// Folder from which the renderer reads its shaders, to be read again when they change.
+    /// Folder that the renderer loads shaders from; changed shaders are loaded again.
     pub shaders: Option<PathBuf>,
 }
 
 impl SceneSource {
-    /// An input with default options.
+    /// A source with default options.
     pub fn new(input: impl Into<PathBuf>) -> SceneSource {
         SceneSource {
             input: input.into(),
@@ -45,7 +45,7 @@ impl SceneSource {
         }
     }
 
-    /// The options with which its script runs.
+    /// Options to run the script with.
     pub fn script_options(&self, assets: &AssetCache) -> ScriptOptions {
         ScriptOptions {
             search_paths: self.search.clone(),
@@ -53,14 +53,14 @@ impl SceneSource {
             limits: self.limits.clone(),
             needs: self.needs,
             assets: assets.clone(),
-            // The inspector shows them all.
+            // The inspector lists all clips.
             played_clips_only: false,
             ..ScriptOptions::default()
         }
     }
 
-    /// The recipe for files that were chosen together, like another recipe: models side by side, or one script. With it, what is left out, in
-    /// words. `None` for no file.
+    /// The source for files that were chosen together: the models side by side, or the first script if there are no models. Other options are those
+    /// of `like`. Also returns a note that names the files that are left out. `None` if there are no files.
     pub fn of_models(files: Vec<PathBuf>, like: &SceneSource) -> Option<(SceneSource, Option<String>)> {
         let (scripts, models): (Vec<PathBuf>, Vec<PathBuf>) = files.into_iter().partition(|f| is_script(f));
         let (shown, left_out) = match models.is_empty() {

@@ -1,4 +1,4 @@
-//! A scene made again and again from files that change.
+//! Session: rebuilds a scene whenever its files change.
 
 use crate::edit::ScriptText;
 use crate::package::ENDINGS;
@@ -18,36 +18,36 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-/// Everything needed to draw frames of one version, and its origin.
+/// One version of a scene: everything needed to draw its frames, and its sources.
 pub struct Scene {
     /// Number of the version.
     pub number: u64,
     pub stage: Arc<Stage>,
     pub resources: Arc<SceneResources>,
-    /// The evaluator to be cloned: clones share what was computed.
+    /// Evaluator to be cloned: clones share cached results.
     pub evaluator: Evaluator,
-    /// The registry with the plugin files that this version uses.
+    /// Registry with the plugin files that this version uses.
     pub registry: Registry,
-    /// The same with all plugin files, of which the sections of tests may use more.
+    /// Registry with all plugin files; test sections of the script may use more than the scene does.
     pub all_plugins: Registry,
-    /// Empty for a model.
+    /// Positions in the script of what is on stage; empty for a model.
     pub places: Places,
     pub parameters: Vec<Parameter>,
     pub printed: Vec<String>,
-    /// Assets that were read for this version and others.
+    /// Cache of the assets of all versions.
     pub assets: AssetCache,
-    /// The script's text as [`Scene::script_text`] gives it.
+    /// Cache of [`Scene::script_text`].
     pub text: OnceLock<Option<ScriptText>>,
 }
 
 impl Scene {
-    /// The text of the script that made it, split into tokens once, when it is needed first; `None` for a model.
+    /// Text of the script, split into tokens on the first call. `None` for a model.
     pub fn script_text(&self) -> Option<&ScriptText> {
         let read = || Some(ScriptText::new(self.places.sources.get(&self.places.main)?.clone()));
         self.text.get_or_init(read).as_ref()
     }
 
-    /// The variable of what a place of the script makes.
+    /// Variable that holds the object created at a position in the script.
     pub fn variable(&self, place: &Place) -> Option<String> {
         let is_own = place.line > 0 && place.file == self.places.main;
         self.script_text().filter(|_| is_own)?.object(place.line, place.column).ok()?.variable
@@ -57,13 +57,13 @@ impl Scene {
 /// An error or a warning.
 pub type Problem = Diagnostic;
 
-/// How much was done so far, all versions together.
+/// Counts of work done since the start, for all versions together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
     pub builds: u64,
-    /// Assets read by an importer.
+    /// Number of assets read by an importer.
     pub imports: u64,
-    /// How many plugin files were compiled.
+    /// Number of compiled plugin files.
     pub plugins: u64,
 }
 
@@ -72,15 +72,15 @@ pub struct Work {
 pub struct SceneVersion {
     /// Number of the version, from 1.
     pub number: u64,
-    /// `None`: faulty. The one before stays.
+    /// The scene; `None` if the build failed, so that the previous version stays.
     pub scene: Option<Arc<Scene>>,
-    /// Errors where it is faulty, else warnings.
+    /// Errors of a failed build, else warnings.
     pub problems: Vec<Problem>,
-    /// Canonical paths of the files that were read for it.
+    /// Canonical paths of the files that the build read.
     pub read: Vec<PathBuf>,
-    /// The files that had changed.
+    /// Files whose change caused the build.
     pub changed: BTreeSet<PathBuf>,
-    /// A file of the shader folder is among them.
+    /// Whether a file of the shader folder changed.
     pub shaders: bool,
     pub work: Work,
     pub took: Duration,
@@ -93,15 +93,15 @@ pub struct Session {
     assets: AssetCache,
     imports: Imports,
     watch: Option<Watch>,
-    /// Plugin files as they were found last, with those that were compiled.
+    /// Plugin files found by the last build, including the compiled ones.
     files: Option<Listing>,
     work: Work,
     last: Option<Arc<Scene>>,
-    /// How many imports there had been when unused assets were dropped last.
+    /// Number of imports when unused assets were dropped last.
     dropped_at: u64,
 }
 
-/// Assets that changed so often are dropped together.
+/// Number of imports after which unused assets are dropped.
 const KEPT_IMPORTS: u64 = 64;
 
 /// Result of a build, before it becomes a version.
@@ -114,7 +114,7 @@ struct Built {
 }
 
 impl Session {
-    /// `watching`: whether [`Session::wait`] will be called.
+    /// Creates a session without building the scene. `watching`: whether [`Session::wait`] will be called.
     pub fn new(source: SceneSource, plugins: &Registry, watching: bool) -> Result<Session, WatchError> {
         Ok(Session {
             source,
@@ -133,7 +133,7 @@ impl Session {
         &self.source
     }
 
-    /// Progress of the files that are being read.
+    /// Progress of the files that are being imported.
     pub fn imports(&self) -> Imports {
         self.imports.clone()
     }
@@ -142,12 +142,12 @@ impl Session {
         self.watch.as_ref().map(Watch::waker)
     }
 
-    /// Waits until a file has changed on which the last version depends.
+    /// Waits until a file changes that the last version depends on.
     pub fn wait(&mut self, timeout: Option<Duration>) -> Result<WatchEvent, WatchError> {
         self.watch.as_mut().map_or(Err(WatchError::Gone), |watch| watch.wait(timeout))
     }
 
-    /// Makes the next version. `changed` is passed on.
+    /// Builds the next version. `changed`: files that caused it, stored in [`SceneVersion::changed`].
     pub fn build(&mut self, changed: BTreeSet<PathBuf>) -> SceneVersion {
         let start = Instant::now();
         self.work.builds += 1;
@@ -185,8 +185,8 @@ impl Session {
         };
         if let Some(scene) = &scene {
             self.last = Some(scene.clone());
-            // Now and then: a file loaded for its clips alone is held by nobody else, and would be read again after it. Those of
-            // the last good version stay while one is faulty.
+            // Dropping is rare: the cache is the only owner of a file loaded for its clips alone, which would then be imported again. If the new
+            // version is faulty, the assets of the last good one stay.
             if self.assets.imports() >= self.dropped_at + KEPT_IMPORTS {
                 self.assets.drop_unused();
                 self.dropped_at = self.assets.imports();
@@ -220,7 +220,7 @@ impl Session {
         let before = self.last.as_ref().map_or(&nothing, |scene| &scene.resources);
         let resources = Arc::new(SceneResources::after(before, &stage));
         let mut evaluator = Evaluator::new(stage.clone());
-        // An error at time 0 makes the version faulty; a later one is reported when its time is shown.
+        // An error at time 0 makes the version faulty; an error at a later time is reported when that frame is shown.
         let zero = choreo_motion::Time::ZERO;
         evaluator.at(zero).map_err(|error| vec![of_stage(&error)])?;
         let (all_plugins, registry) = (registry.clone(), registry.settled_for([&*stage]));
@@ -240,19 +240,19 @@ impl Session {
         Ok((scene, warnings))
     }
 
-    /// The program's plugins with those of the plugin files, which are compiled again where they have changed.
+    /// Registry of the program's plugins and the plugin files. Changed files are compiled again.
     fn registry(&mut self, interest: &mut WatchedPaths) -> Result<Registry, Vec<Problem>> {
         let inputs = [self.source.input.as_path()];
         let found = plugin_files::list(&self.plugins, &self.source.plugins, &inputs, self.files.as_ref());
         let listing = found.map_err(|error| vec![Diagnostic::error(error.to_string())])?;
         for folder in &listing.folders {
-            // Made from here, where it is not there yet.
+            // The path of a folder that does not exist yet is derived from its parent.
             let folder =
                 folder.canonicalize().ok().or_else(|| above(folder)).unwrap_or_else(|| folder.clone());
             interest.folders.extend(ENDINGS.iter().map(|ending| (folder.clone(), ending.to_string())));
         }
         if self.watch.is_some() {
-            // Unused plugin files are watched, too: an edit can give one the name that the script requests.
+            // Unused plugin files are watched, too: an edit can give one of them the name that the script requests.
             interest.files.extend(listing.files().map(|file| (file.to_path_buf(), content_of(file))));
         }
         let registry = listing.registry.clone();
@@ -277,7 +277,7 @@ impl Session {
         })
     }
 
-    /// Opens the models that can be read; reports why the others cannot.
+    /// Loads the models that can be read, and reports the others as warnings. Fails if none can be read.
     fn model(&self, registry: &Registry, touched: &mut Touched) -> Result<Built, Vec<Problem>> {
         let paths = || std::iter::once(&self.source.input).chain(&self.source.beside);
         let (mut assets, mut failed) = (Vec::new(), Vec::new());
@@ -322,7 +322,7 @@ fn in_file(path: &Path, message: String, hint: Option<String>) -> Problem {
     Problem { hint, ..Diagnostic::error(message).in_file(path.display().to_string()) }
 }
 
-/// An error of a stage, with its line where a callback of the script is at fault.
+/// Diagnostic of a stage error, with its position in the script if a callback failed.
 fn of_stage(error: &StageError) -> Problem {
     if let StageError::Hook { error: cause, time } = error
         && let Some(own) = (&**cause as &(dyn std::error::Error + 'static)).downcast_ref::<Diagnostic>()
@@ -332,7 +332,7 @@ fn of_stage(error: &StageError) -> Problem {
     Diagnostic::error(error.to_string())
 }
 
-/// A path as it will be once it is there: the folder above it made canonical.
+/// Canonical path of a folder that does not exist yet: its canonical parent with its name.
 fn above(folder: &Path) -> Option<PathBuf> {
     let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     Some(parent.canonicalize().ok()?.join(folder.file_name()?))
@@ -348,7 +348,7 @@ fn wgsl_files(folder: &Path) -> Vec<PathBuf> {
     files.filter(|p| p.to_string_lossy().ends_with(choreo_wgsl_effect::ENDING)).collect()
 }
 
-/// Warnings of every asset on stage, once each.
+/// Warnings of all assets on stage, each asset once.
 fn asset_warnings(stage: &Stage) -> Vec<Problem> {
     let mut seen: Vec<&Arc<Asset>> = Vec::new();
     let mut warnings = Vec::new();

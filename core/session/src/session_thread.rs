@@ -1,4 +1,4 @@
-//! A session on a thread of its own.
+//! A session on its own thread.
 
 use crate::{SceneSource, SceneVersion, Session, Waker, WatchError, WatchEvent};
 use choreo_plugin::Registry;
@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-/// While it lives, every version of the scene is reported as soon as it is built.
+/// Worker thread that reports every version of the scene as soon as it is built. Dropping it ends the thread.
 pub struct SessionThread {
     waker: Waker,
     imports: Imports,
@@ -17,8 +17,8 @@ pub struct SessionThread {
 }
 
 impl SessionThread {
-    /// `report` is called on the worker's thread, first with the first version. Once the system no longer reports changes it is
-    /// called no more.
+    /// Starts the thread. `report` is called on that thread, first with the first version. It is not called again if the system stops reporting
+    /// changes.
     pub fn start(
         source: SceneSource,
         plugins: &Registry,
@@ -44,7 +44,7 @@ impl SessionThread {
         Ok(SessionThread { waker, imports, ended, worker: Some(worker) })
     }
 
-    /// How far files are that are being read.
+    /// Progress of the files that are being imported.
     pub fn imports(&self) -> &Imports {
         &self.imports
     }
@@ -56,7 +56,7 @@ impl Drop for SessionThread {
         self.imports.cancel();
         self.waker.wake();
         if let Some(worker) = self.worker.take() {
-            // A panic was reported on its thread.
+            // Panics are already reported on the worker thread.
             let _ = worker.join();
         }
     }

@@ -1,4 +1,4 @@
-//! Viewpoint of a frame, and view overrides that the script does not contain: nothing of it is in the stage.
+//! Viewport camera and view overrides of a frame, which are not part of the script or of its stage.
 
 use crate::{FrameRequest, Scene};
 use choreo_asset::Projection;
@@ -13,44 +13,44 @@ use std::sync::Arc;
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum ViewportCamera {
-    /// The camera that is on.
+    /// The camera that the script has active at this time.
     #[default]
     Script,
-    /// One of the stage's, on or not.
+    /// A camera of the stage by its index, active or not.
     Camera(usize),
     Free(CameraState),
-    /// A camera that moves with an actor: `camera` is its transform while the actor is at the origin.
+    /// A camera that moves with an actor. `camera`: its state while the actor is at the origin.
     Following {
         actor: usize,
         camera: CameraState,
     },
 }
 
-/// Changes of the view that are not part of the script.
+/// Changes of a view that are not part of the script.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ViewOverrides {
-    /// Actors that are not seen.
+    /// Indices of invisible actors.
     pub hidden: Vec<usize>,
-    /// Actor that is drawn with an outline.
+    /// Index of the actor that is drawn with a selection outline.
     pub outlined: Option<usize>,
-    /// The ground has a grid, hidden by what is nearer.
+    /// Whether the ground has a grid, which closer surfaces hide.
     pub grid: bool,
-    /// Layers whose clips do not play: actor and layer.
+    /// Muted layers, whose clips do not play: actor and layer.
     pub muted: Vec<(usize, usize)>,
-    /// The thing that is being dragged, which stands where the hand has it.
+    /// The object that is being dragged, with its current placement.
     pub placed: Option<Placed>,
 }
 
-/// Another place of something on stage than its own, at all times.
+/// Placement of an object that replaces its own at all times.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Placed {
-    /// Transform of an actor in its parent, of which one property is dragged.
+    /// Parent-space transform of an actor. `property`: the dragged property, whose keys are ignored.
     Actor {
         actor: usize,
         property: Property,
         to: Placement,
     },
-    /// Point that a joint reaches for: the actor, and which of its constraints.
+    /// World-space target of a reach constraint: the actor, and the index of the constraint.
     Target {
         actor: usize,
         constraint: usize,
@@ -60,12 +60,12 @@ pub enum Placed {
         light: usize,
         to: DVec3,
     },
-    /// Direction of a sun, a unit vector.
+    /// Unit vector, world space.
     Sun {
         light: usize,
         direction: Vec3,
     },
-    /// Rig of a camera.
+    /// Rig that replaces that of a camera.
     Camera {
         camera: usize,
         rig: Rig,
@@ -73,7 +73,7 @@ pub enum Placed {
 }
 
 impl Placed {
-    /// Keys of the place count no longer.
+    /// Writes the placement into the stage, and removes the keys of the property.
     fn put(&self, stage: &mut Stage) {
         let unkeyed =
             |channels: &mut Vec<Channel>, property| channels.retain(|keys| keys.property != property);
@@ -113,31 +113,31 @@ impl Placed {
     }
 }
 
-/// Pixels of the line around what is selected, and its color, linear.
+/// Selection outline: width in pixels, and color in linear RGB.
 const OUTLINE: [(&str, f64); 4] = [("width", 2.5), ("color_r", 1.0), ("color_g", 0.3), ("color_b", 0.04)];
 
-/// The ground's grids are grey, so that they are seen on dark and on light ground.
+/// Gray of the ground grids, which is visible on dark and on light ground.
 const GRID: [(&str, f64); 3] = [("color_r", 0.22), ("color_g", 0.22), ("color_b", 0.22)];
-/// The powers of ten between which a cell of the grid is, metres.
+/// Smallest and largest cell of the grid, as powers of ten in metres.
 const CELLS: (i32, i32) = (-3, 3);
 
-/// An effect that a view adds to the scene's.
+/// An effect that a view adds to those of the scene.
 #[derive(Clone, Debug, PartialEq)]
 struct Addition {
     plugin: &'static str,
     on: Vec<EffectTarget>,
     parameters: &'static [(&'static str, f64)],
-    /// How many times the cells of a grid are ten times as wide as the finest that are seen.
+    /// Level of a grid: 0 for the finest visible grid, 1 for the next one, whose cells are ten times as wide. `None` for other effects.
     coarser: Option<i32>,
 }
 
 impl Addition {
-    /// `reach`: metres to what the camera looks at.
+    /// Parameters of the effect. `reach`: distance from the camera to what it shows, metres.
     fn parameters(&self, reach: f64) -> Vec<(String, f64)> {
         let mut all: Vec<(&str, f64)> = self.parameters.to_vec();
         if let Some(coarser) = self.coarser {
             let (cell, opacity) = grid_cell(reach, coarser);
-            // A little above a floor at the same height.
+            // A small height above the ground avoids z-fighting with a floor at the same height.
             all.extend([
                 ("cell", cell),
                 ("opacity", opacity),
@@ -149,8 +149,8 @@ impl Addition {
     }
 }
 
-/// The cells of the finest grid, or of the next coarser one, and their opacity. They are 1 m from 2 to 20 m away, and a power of ten as
-/// much more or less elsewhere. The finest fades out before the next one takes its place, as in Blender.
+/// Cell size in metres and opacity of a ground grid, where `coarser` is 0 for the finest and 1 for the next coarser one. Cells are 1 m wide at a
+/// distance of 2 to 20 m, and change by powers of ten elsewhere. The finest grid fades out before the next one takes its place, as in Blender.
 fn grid_cell(reach: f64, coarser: i32) -> (f64, f64) {
     let exponent = libm::log10(reach.max(1e-9) / 2.0).clamp(f64::from(CELLS.0), f64::from(CELLS.1));
     let power = libm::floor(exponent);
@@ -159,7 +159,8 @@ fn grid_cell(reach: f64, coarser: i32) -> (f64, f64) {
     (cell, if coarser == 0 { 0.45 * fading } else { 0.45 })
 }
 
-/// Metres to what a camera looks at: to the nearest actor that is visible, else to the origin; in parallel projection what it has in view.
+/// Distance from the camera to what it shows, metres: to the nearest visible actor, else to the origin. In parallel projection it follows from the
+/// height of the view.
 fn reach(snapshot: &Snapshot) -> f64 {
     if let Projection::Orthographic { height, .. } = snapshot.camera.projection {
         return f64::from(height) * 1.4;
@@ -171,25 +172,25 @@ fn reach(snapshot: &Snapshot) -> f64 {
     nearest.unwrap_or(eye.length())
 }
 
-/// The stage without the layers that do not play and with what is dragged, and which they are.
+/// A stage without muted layers and with the dragged object, and the overrides that it was made for.
 struct Changed {
     muted: Vec<(usize, usize)>,
     placed: Option<Placed>,
     stage: Arc<Stage>,
 }
 
-/// The evaluators of the scene that is shown, one a camera.
+/// Evaluators of the scene that a view shows, one per camera.
 #[derive(Default)]
 pub(crate) struct ViewEvaluators {
     scene: Option<Arc<Scene>>,
-    /// The stage as the view overrides change it.
+    /// The stage with muted layers and the dragged object applied, if there are any.
     changed: Option<Changed>,
     own: Option<Evaluator>,
-    /// The stage with one camera on all the time.
+    /// Evaluators of the stage with one camera active all the time, by camera.
     cameras: BTreeMap<usize, Evaluator>,
     /// The stage with the effects that the view adds.
     added: Option<(Vec<Addition>, Arc<Stage>)>,
-    /// The evaluators without the actor that is dragged.
+    /// Evaluators without the drag of an actor.
     before_drag: Option<Box<ViewEvaluators>>,
 }
 
@@ -244,7 +245,7 @@ impl ViewEvaluators {
         Ok(snapshot)
     }
 
-    /// The stage with what the view overrides add to it.
+    /// The stage with all view overrides and the effects that the view adds.
     pub fn stage(&mut self, request: &FrameRequest) -> Arc<Stage> {
         self.set_scene(request);
         self.with_additions(request).unwrap_or_else(|| self.base(&request.scene))
@@ -273,12 +274,12 @@ impl ViewEvaluators {
             ViewEvaluators { scene: Some(scene.clone()), changed, before_drag, ..ViewEvaluators::default() };
     }
 
-    /// The scene's stage, without the layers that do not play and with what is dragged.
+    /// The scene's stage without muted layers and with the dragged object.
     fn base(&self, scene: &Scene) -> Arc<Stage> {
         self.changed.as_ref().map_or_else(|| scene.stage.clone(), |changed| changed.stage.clone())
     }
 
-    /// The stage with the effects that the view adds, where there are any.
+    /// The stage with the effects that the view adds. `None` if there are none.
     fn with_additions(&mut self, request: &FrameRequest) -> Option<Arc<Stage>> {
         let additions = additions(request);
         if additions.is_empty() {
@@ -297,15 +298,15 @@ impl ViewEvaluators {
     }
 }
 
-/// The request for the frame as it is without the drag of an actor. Its camera counts: the drag is measured through it, so that one that
-/// follows or frames the actor must not go along.
+/// The same request without the drag of an actor. The frame uses its camera, because the drag is measured through the camera: a camera that follows
+/// or frames the actor must not move with it.
 fn before_drag(request: &FrameRequest) -> Option<FrameRequest> {
     let Some(Placed::Actor { .. }) = request.overrides.placed else { return None };
     let muted = request.overrides.muted.clone();
     Some(FrameRequest { overrides: ViewOverrides { muted, ..ViewOverrides::default() }, ..request.clone() })
 }
 
-/// The effects that a view adds: those that the program has.
+/// The effects that a view adds, if the program has them.
 fn additions(request: &FrameRequest) -> Vec<Addition> {
     let FrameRequest { scene, overrides, .. } = request;
     let actor = overrides.outlined.filter(|actor| *actor < scene.stage.actors.len());
@@ -336,7 +337,7 @@ mod tests {
             assert!((coarse / fine - 10.0).abs() < 1e-9, "{reach}: {coarse}");
         }
         assert_eq!(grid_cell(0.0, 0).0, 0.001);
-        // Where the cells change, those that go are not seen, and those that take their place are as they were.
+        // When the cell size changes, the grid that disappears is invisible, and the other one does not change.
         let (before, after) = (20.0 - 1e-6, 20.0 + 1e-6);
         assert!(grid_cell(before, 0).1 < 1e-6);
         assert_eq!(grid_cell(before, 1), grid_cell(after, 0));

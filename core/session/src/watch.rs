@@ -1,8 +1,8 @@
 //! Waiting for files to change.
 //!
-//! Folders are watched and not files: an editor that saves by renaming over a file would silence a watch on the file itself.
-//! A folder that is not there is waited for in the nearest one above it that is. Contents are compared: a file written anew
-//! with the same bytes has not changed.
+//! The watch is on folders and not on files, because an editor that saves by renaming over a file would silence a watch on the file itself. For a
+//! folder that does not exist, the nearest existing ancestor is watched. Contents are compared: a file rewritten with the same bytes has not
+//! changed.
 
 use notify::event::{AccessKind, AccessMode, ModifyKind, RenameMode};
 use notify::{Event, EventKind, RecommendedWatcher, RecursiveMode, Watcher};
@@ -13,14 +13,14 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use thiserror::Error;
 
-/// After a file was closed or moved into its place it is whole: what else belongs to the same save comes within this time.
+/// Quiet time after a file was closed or moved into place: it is complete, and other files of the same save follow within this time.
 const WHOLE: Duration = Duration::from_millis(3);
-/// After a file was opened, written or taken away: its writer goes on within this time.
+/// Quiet time after a file was opened, written or removed: its writer continues within this time.
 const UNFINISHED: Duration = Duration::from_millis(60);
-/// However busy the folder is, changes are reported after this time.
+/// Changes are reported after this time even if events keep coming.
 const LONGEST: Duration = Duration::from_secs(2);
 
-/// The system has a limited number of watches for each user.
+/// Limit of watched folders, since the system limits the watches of each user.
 const MOST_FOLDERS: usize = 2000;
 
 #[derive(Debug, Error)]
@@ -34,20 +34,20 @@ pub enum WatchError {
 /// Files and folders whose changes end a wait.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WatchedPaths {
-    /// Absolute paths, with the BLAKE3 of what was read there; `None` where nothing was.
+    /// Absolute paths, with the BLAKE3 hash of the content that was read; `None` if the file could not be read.
     pub files: BTreeMap<PathBuf, Option<[u8; 32]>>,
-    /// Any file directly in this folder whose name ends so.
+    /// Files directly in a folder whose names have this ending.
     pub folders: BTreeSet<(PathBuf, String)>,
-    /// Any file below this folder whose name ends so, in folders that come later, too. Hidden folders and those named `target` are
-    /// passed over, links are not followed.
+    /// Files anywhere below a folder whose names have this ending, also in folders that are created later. Hidden folders and folders named
+    /// `target` are skipped, and symbolic links are not followed.
     pub trees: BTreeSet<(PathBuf, String)>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum WatchEvent {
-    /// These files are others than they were.
+    /// Files whose content differs from the known one.
     Changed(BTreeSet<PathBuf>),
-    /// A [`Waker`] woke it.
+    /// A [`Waker`] ended the wait.
     Woken,
     TimedOut,
 }
@@ -58,7 +58,7 @@ pub struct Waker(Sender<Signal>);
 
 impl Waker {
     pub fn wake(&self) {
-        // A watch that has gone waits for nothing.
+        // Sending fails only if the watch no longer exists.
         let _ = self.0.send(Signal::Wake);
     }
 }
@@ -66,18 +66,18 @@ impl Waker {
 #[derive(Debug)]
 enum Signal {
     Event(Event),
-    /// Files that were read before they were of interest.
+    /// Files that were read before they were watched.
     Look(BTreeSet<PathBuf>),
-    /// Events were lost: everything is looked at again.
+    /// Events were lost, so all files are compared again.
     Lost,
     Wake,
 }
 
-/// Filter of the system's events: changes of other names in watched folders are dropped at once, and wake nobody.
+/// Filter of the system's events: changes of other files in watched folders are dropped at once and wake no thread.
 #[derive(Default)]
 struct EventFilter {
     interest: WatchedPaths,
-    /// Every folder that leads to something of interest.
+    /// All ancestor folders of watched files and folders.
     ways: BTreeSet<PathBuf>,
 }
 
@@ -96,7 +96,7 @@ impl WatchedPaths {
         self.files.contains_key(path) || self.folders.iter().any(|folder| is_in(path, folder))
     }
 
-    /// Every folder that leads to something of interest.
+    /// All ancestor folders of watched files and folders.
     fn ways(&self) -> BTreeSet<PathBuf> {
         let folders = self.files.keys().filter_map(|file| file.parent());
         let folders = folders.chain(self.folders.iter().map(|(folder, _)| folder.as_path()));
@@ -113,7 +113,7 @@ pub struct Watch {
     watched: BTreeSet<PathBuf>,
     /// The filter, shared with the thread that receives the system's events.
     event_filter: Arc<Mutex<EventFilter>>,
-    /// Touched when a wait ended, and not yet looked at.
+    /// Files that were touched before the last wait ended, and not compared yet.
     pending: Candidates,
 }
 
@@ -129,7 +129,7 @@ impl Watch {
                 Ok(event) => Signal::Event(event),
                 Err(_) => Signal::Lost,
             };
-            // After the watch has gone nobody listens.
+            // Sending fails only if the watch no longer exists.
             let _ = events.send(signal);
         })?;
         let (interest, pending) = (WatchedPaths::default(), Candidates::default());
@@ -145,8 +145,7 @@ impl Watch {
         self.watched.len()
     }
 
-    /// Waits for these from now on. A new one that has changed since it was read is reported by the next
-    /// [`Watch::wait`].
+    /// Replaces the watched paths. A new one that has changed since it was read is reported by the next [`Watch::wait`].
     pub fn set(&mut self, interest: WatchedPaths) {
         let before = std::mem::replace(&mut self.interest, interest);
         self.grow();
@@ -161,12 +160,12 @@ impl Watch {
         let _ = self.to.send(signal);
     }
 
-    /// The files in the folders and trees of interest.
+    /// Existing files in the watched folders and trees.
     pub fn there(&self) -> BTreeSet<PathBuf> {
         self.in_folders()
     }
 
-    /// Notes the content of a file: it has changed as soon as its content differs.
+    /// Sets the known content of a file; another content counts as a change.
     pub fn knows(&mut self, path: PathBuf, content: Option<[u8; 32]>) {
         let mut event_filter = lock(&self.event_filter);
         event_filter.ways.extend(path.ancestors().skip(1).map(Path::to_path_buf));
@@ -174,8 +173,8 @@ impl Watch {
         self.interest.files.insert(path, content);
     }
 
-    /// Waits until something of interest has changed, and whoever changed it is done. What is touched when the time is over is reported
-    /// by the next wait.
+    /// Waits until a watched file has changed and its writer has finished, at most for `timeout`. Files touched but not compared before the timeout
+    /// are reported by the next wait.
     pub fn wait(&mut self, timeout: Option<Duration>) -> Result<WatchEvent, WatchError> {
         let until = timeout.map(|timeout| Instant::now() + timeout);
         let mut candidates = std::mem::take(&mut self.pending);
@@ -221,7 +220,7 @@ impl Watch {
         }
     }
 
-    /// The folders that there are below the trees now.
+    /// Adds the folders that now exist below the trees.
     fn grow(&mut self) {
         for (root, ending) in self.interest.trees.clone() {
             let mut open = vec![root];
@@ -239,7 +238,7 @@ impl Watch {
         }
     }
 
-    /// The files of interest that an event may be about.
+    /// Watched files that an event may concern.
     fn touched(&mut self, event: &Event) -> BTreeSet<PathBuf> {
         let mut touched = BTreeSet::new();
         for path in &event.paths {
@@ -250,17 +249,17 @@ impl Watch {
             if in_tree && !is_passed_over(path) && path.is_dir() {
                 self.grow();
                 self.arrange();
-                // Files that came with the folder.
+                // The new folder may already contain files.
                 touched.extend(self.in_folders().into_iter().filter(|file| file.starts_with(path)));
             }
-            // A folder on the way to what is of interest has come, gone or been put in another's place.
+            // An ancestor folder was created, removed or replaced.
             if lock(&self.event_filter).ways.contains(path) {
                 let below = self.all().into_iter().filter(|f| f != path && f.starts_with(path));
                 let below: Vec<PathBuf> = below.collect();
                 let gone: Vec<PathBuf> =
                     self.watched.iter().filter(|w| w.starts_with(path)).cloned().collect();
                 for folder in gone {
-                    // The watch may have gone with the folder.
+                    // The system may have removed the watch together with the folder.
                     let _ = self.watcher.unwatch(&folder);
                     self.watched.remove(&folder);
                 }
@@ -272,12 +271,12 @@ impl Watch {
         touched
     }
 
-    /// Every path of interest that is known by name.
+    /// All watched files, including those found in watched folders.
     fn all(&self) -> BTreeSet<PathBuf> {
         self.interest.files.keys().cloned().chain(self.in_folders()).collect()
     }
 
-    /// The files in the folders of interest.
+    /// Existing files in the watched folders.
     fn in_folders(&self) -> BTreeSet<PathBuf> {
         let mut found = BTreeSet::new();
         for folder in &self.interest.folders {
@@ -292,7 +291,7 @@ impl Watch {
         for path in candidates {
             let now = choreo_script::content_of(path);
             if self.interest.files.get(path).copied().flatten() != now {
-                // Reported once.
+                // Each change is reported once.
                 self.interest.files.insert(path.clone(), now);
                 changed.insert(path.clone());
             }
@@ -300,12 +299,12 @@ impl Watch {
         changed
     }
 
-    /// Watches the folders of what is of interest, and the folder above each, where it would be put in another's place. Gives
-    /// those that were not watched before.
+    /// Watches the folder of each watched path and that folder's parent, where it could be replaced. Returns the folders that were not watched
+    /// before.
     fn arrange(&mut self) -> Vec<PathBuf> {
         let folders = self.interest.files.keys().filter_map(|f| f.parent());
         let folders = folders.chain(self.interest.folders.iter().map(|(folder, _)| folder.as_path()));
-        // Before anything is watched, so that nothing is missed.
+        // The filter is set first, so that no event is missed.
         *lock(&self.event_filter) =
             EventFilter { interest: self.interest.clone(), ways: self.interest.ways() };
         let mut wanted = BTreeSet::new();
@@ -320,7 +319,7 @@ impl Watch {
         }
         let mut new = Vec::new();
         for folder in wanted {
-            // One that has gone meanwhile, or may not be read, is no reason to end.
+            // A folder that was removed meanwhile or cannot be read is skipped.
             if self.watched.len() < MOST_FOLDERS
                 && !self.watched.contains(&folder)
                 && self.watcher.watch(&folder, RecursiveMode::NonRecursive).is_ok()
@@ -333,7 +332,7 @@ impl Watch {
     }
 }
 
-/// The filter stays consistent even if a thread that held it failed.
+/// Locks the filter, which stays consistent even if another thread panicked while holding it.
 fn lock(event_filter: &Mutex<EventFilter>) -> MutexGuard<'_, EventFilter> {
     event_filter.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
@@ -350,7 +349,7 @@ fn is_passed_over(folder: &Path) -> bool {
     folder.file_name().is_some_and(|name| name == "target" || name.to_string_lossy().starts_with('.'))
 }
 
-/// How long nothing more must come for the change to be whole.
+/// Quiet time after an event until the change counts as complete.
 fn quiet_after(kind: EventKind) -> Duration {
     match kind {
         EventKind::Access(_) => WHOLE,
@@ -359,7 +358,7 @@ fn quiet_after(kind: EventKind) -> Duration {
     }
 }
 
-/// Files that may have changed, and when to look.
+/// Files that may have changed, and the time to compare them.
 #[derive(Default)]
 struct Candidates {
     paths: BTreeSet<PathBuf>,
@@ -389,7 +388,7 @@ mod tests {
     use super::*;
     use std::fs;
 
-    /// A log in the folder above, which is watched as well: its lines must not be worked through one by one with a look at all files.
+    /// A log file in the parent folder, which is watched, too: its lines must not each cause a comparison of all files.
     #[test]
     fn of_much_that_happens_beside_nothing_is_passed_on() {
         let folder = tempfile::tempdir().unwrap();
@@ -401,7 +400,7 @@ mod tests {
         let mut watch = Watch::new().unwrap();
         let files = [(file.clone(), Some(*blake3::hash(b"0").as_bytes()))].into();
         watch.set(WatchedPaths { files, ..WatchedPaths::default() });
-        // Two files are written in turns, because the system merges events of the same file.
+        // Two files are written alternately, because the system merges consecutive events of one file.
         for n in 0..1500 {
             for log in ["one.log", "two.log"] {
                 fs::write(above.join(log), n.to_string()).unwrap();
@@ -413,7 +412,7 @@ mod tests {
         while !of_file(&watch.signals.recv_timeout(Duration::from_secs(300)).unwrap()) {
             passed_on += 1;
         }
-        // A few signals are the watch's own, when it begins.
+        // The watch itself causes a few signals when it starts.
         assert!(passed_on <= 2, "{passed_on} signals of files that nobody waits for");
     }
 }

@@ -1,5 +1,5 @@
-//! The content and state of the window, apart from how it is drawn: fed with versions, frames and the clock, asked for the next
-//! frame to draw. No toolkit here.
+//! Content and state of the window, independent of how it is drawn. The window feeds it scene versions, frames and the clock, and asks it for the
+//! next frame to draw. No UI toolkit is used here.
 
 use crate::commands::Commands;
 use crate::commands::external_editor::Editor;
@@ -40,26 +40,26 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Larger images are for `render`.
+/// Largest width or height of an image in a viewport, pixels; `render` can draw larger ones.
 const LARGEST: u32 = 4096;
 
-/// How actors are shown in this window, whatever the script states.
+/// Changes of how this window shows actors, independent of the script.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Toggles {
     pub hidden: BTreeSet<String>,
-    /// If there are any, only these are shown.
+    /// Actors shown alone; if empty, all actors are shown.
     pub solo: BTreeSet<String>,
-    /// Actors that are neither picked nor moved with the mouse.
+    /// Actors that cannot be picked or moved with the mouse.
     pub locked: BTreeSet<String>,
-    /// Actors whose layers are not shown in the sequencer.
+    /// Actors whose upper layers are hidden in the sequencer.
     pub collapsed: BTreeSet<String>,
-    /// Rows of the sequencer whose keyed properties have rows of their own: names of actors with the layer, else names of rows.
+    /// Rows of the sequencer that show a row for each keyed property: name of the actor and the layer, else name of the row.
     pub expanded: BTreeSet<(String, Option<usize>)>,
-    /// Layers of actors that do not play.
+    /// Muted layers, which do not play: actor and layer.
     pub muted: BTreeSet<(String, usize)>,
 }
 
-/// The object that is being dragged in a viewport.
+/// The actor that is being dragged in a viewport.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dragging {
     pub actor: String,
@@ -67,117 +67,117 @@ pub struct Dragging {
     pub change: Change,
 }
 
-/// A change that is made again.
+/// An edit that is made again later.
 pub(crate) type ChangeAgain = Box<dyn FnOnce(&mut Viewer)>;
 
 pub struct Viewer {
-    /// The script's or model's name.
+    /// Name of the script or model, for titles.
     pub name: String,
-    /// The script's file, where it is one.
+    /// Path of the script. `None` for a model.
     pub path: Option<PathBuf>,
-    /// The files that the window could show next.
+    /// Files that the window can open.
     pub documents: Documents,
     pub shortcuts: Shortcuts,
-    /// The program in which lines of the script are opened.
+    /// Program that opens lines of the script.
     pub editor: Editor,
     pub history: History,
-    /// A change of one of several things that a loop makes, and whether it is made as soon as the loop is written out.
+    /// A refused edit of one of several objects of a loop, and whether it is made as soon as the loop is unrolled.
     pub(crate) repeat: Option<(ChangeAgain, bool)>,
-    /// A change that needs a word of the user first.
+    /// An edit that the user must accept first.
     pub offer: Option<Offer>,
-    /// The window is to be closed.
+    /// Whether the window is to be closed.
     pub quit: bool,
-    /// Why the last change was not made.
+    /// Reason why the last edit was refused.
     pub message: Option<String>,
-    /// The line of the script that was in the way, from 1.
+    /// Line of the script that caused the refusal, from 1.
     pub message_line: Option<usize>,
-    /// How many changes were refused so far.
+    /// Number of refused edits so far.
     pub refusals: u64,
-    /// A note on the last change, beyond what is seen.
+    /// Note about effects of the last edit that are not visible.
     pub note: Option<String>,
-    /// How renders and tests are run.
+    /// Command lines of renders, exports and tests.
     pub commands: Commands,
     pub renders: RenderQueue,
     pub render_form: RenderForm,
     pub tests: TestRun,
-    /// The script or folder whose tests are run, where it is not the script that is shown.
+    /// Script or folder whose tests are run; empty: the open script.
     pub tested: String,
-    /// The last good one.
+    /// The last good version.
     pub scene: Option<Arc<Scene>>,
     pub timeline: Timeline,
-    /// Problems of the newest version, good or not, in the order of `choreo check`: those of the run, then what was found about its scene.
+    /// Problems of the newest version, good or faulty, in the order of `choreo check`: first those of the run, then those found in its scene.
     pub problems: Vec<Problem>,
-    /// The worst of them in each line of each file, by line.
+    /// Worst severity of each line with problems, by line number and then by file.
     severities: HashMap<usize, Vec<(String, Severity)>>,
-    /// The newest version could not be used: what is shown is the one before.
+    /// Whether the newest version is faulty, so that the previous one is displayed.
     pub faulty: bool,
-    /// Problems of the renderer: drivers that failed, shaders that do not compile, callbacks that fail at this time.
+    /// Problems of the renderer: driver failures, shaders that do not compile, callbacks that fail at the displayed time.
     pub trouble: Vec<String>,
-    /// Why the window itself is drawn on the CPU, where it is.
+    /// Reason why the window itself is drawn on the CPU, if it is.
     pub without_vulkan: Option<String>,
-    /// The device that draws the window, and why it is not Vulkan.
+    /// Device that draws the window, with the reason if it is not Vulkan.
     pub window_device: String,
     pub playhead: Playhead,
-    /// The views; at least one.
+    /// Viewports, at least one.
     pub views: Vec<View>,
-    /// The one that keys are for.
+    /// Index of the viewport that keyboard commands apply to.
     pub active: usize,
     pub tool: Tool,
     pub dragging: Option<Dragging>,
     pub dragged_icon: Option<DraggedIcon>,
-    /// The place on which the icons of suns shine, once it was needed for the scene.
+    /// Cache of [`Viewer::sunlit()`] for the scene.
     pub(crate) sunlit: Cell<Option<DVec3>>,
-    /// The place at which a sign was let go, until the next version has it.
+    /// Placement of a dragged icon after its release, used until the next version has it.
     pub(crate) placed: Option<Placed>,
-    /// The joint that is selected beside the selection.
+    /// Joint that is selected in addition to the selection.
     pub joint: Option<JointRef>,
     pub trails: Trails,
     pub toggles: Toggles,
     pub selection: Option<Selected>,
-    /// The thing that is to get another name, for which a field opens.
+    /// Object that is being renamed in a text field.
     pub(crate) to_rename: Option<Selected>,
-    /// The clips that were copied last, a line each.
+    /// Clipboard text of the clips copied last, one per line.
     pub(crate) copied: String,
-    /// The further parts that are selected, and beside which.
+    /// Further selected objects, and the selection that they belong to.
     pub(crate) more: (Option<Selected>, Vec<Selected>),
     /// The bar that was clicked to select its camera, which may have several.
     pub(crate) shot: Option<Bar>,
-    /// The selected keys in order, and beside which selection they are.
+    /// Selected keys, sorted, and the selection that they belong to.
     pub(crate) keys: (Option<Selected>, Vec<KeyRef>),
     pub curves: Curves,
     pub span: Span,
-    /// Times are shown as seconds instead of frames.
+    /// Whether times are displayed in seconds and not as frames.
     pub in_seconds: bool,
-    /// Dragged times are whole frames.
+    /// Whether dragged times snap, at least to whole frames.
     pub snap: bool,
-    /// Beats to which they snap before that.
+    /// Beats of the music, which dragged times also snap to.
     pub tempo: Tempo,
-    /// The script panel has the pointer or the keyboard: what is typed is not meant for the selection.
+    /// Whether the script panel has the pointer or the keyboard, so that keys typed do not change the selection.
     pub(crate) over_script: bool,
-    /// The script panel goes to this line.
+    /// Line that the script panel scrolls to, from 1.
     pub go_to: Option<usize>,
-    /// Files that were dropped on the window together, shown in place of the script.
+    /// Files dropped on the window, previewed in place of the script.
     pub guests: Vec<PathBuf>,
-    /// Files dropped, and the dropped files that were closed: for the window, which starts and ends what shows them.
+    /// Newly dropped files; the window starts a session that previews them.
     pub dropped: Vec<PathBuf>,
-    /// Models that were dropped on a viewport, for the window, which reads them.
+    /// Models dropped on a viewport; the window reads them.
     pub dropped_models: Option<DroppedModels>,
     pub guests_leave: bool,
-    /// File into which the next image of the active viewport is written.
+    /// File that the next image of the active viewport is saved to.
     pub screenshot: Option<PathBuf>,
     pub work: Work,
     pub drawn: CreatedCounts,
     pub held: DeviceUsage,
     pub performance: Performance,
-    /// Resolution while the view moves.
+    /// Reduced resolution while the view moves.
     pub reduction: Reduction,
-    /// The view, the playhead or an object is being dragged.
+    /// Whether the view, the playhead or an object is being dragged.
     pub scrubs: bool,
     pub build_took: Duration,
     samples: Option<u32>,
     reloads: u64,
     ticket: u64,
-    /// Frames up to this one were asked for by the viewer before.
+    /// Last ticket of the previous viewer in this window; frames up to it are ignored.
     first_ticket: u64,
 }
 
@@ -253,7 +253,7 @@ impl Viewer {
         }
     }
 
-    /// The viewer of another file in the same window.
+    /// Creates the viewer of another file in the same window, which takes over documents, renders and preferences.
     pub(crate) fn succeeded_by(&mut self, name: impl Into<String>) -> Viewer {
         let performance = Performance { cap: self.performance.cap, ..Performance::default() };
         Viewer {
@@ -261,12 +261,12 @@ impl Viewer {
             shortcuts: self.shortcuts.clone(),
             editor: self.editor.clone(),
             copied: std::mem::take(&mut self.copied),
-            // Renders go on in the queue.
+            // Renders continue in the queue.
             commands: std::mem::take(&mut self.commands),
             renders: std::mem::take(&mut self.renders),
             without_vulkan: self.without_vulkan.take(),
             window_device: std::mem::take(&mut self.window_device),
-            // Frames that are still being drawn belong to none of its views.
+            // Frames that are still being drawn do not belong to the views of the new viewer.
             ticket: self.ticket,
             first_ticket: self.ticket,
             reloads: self.reloads,
@@ -282,13 +282,13 @@ impl Viewer {
         }
     }
 
-    /// Notes the file that is shown: the newest of the recent ones, with the tempo that was set for it.
+    /// Records the opened file as the most recent one, and restores its tempo.
     pub fn shows(&mut self, file: &Path) {
         self.documents.shows(file);
         self.tempo = self.documents.tempo_of(file);
     }
 
-    /// The next version: swapped in whole where it is good; playhead, selection, cameras and whether it plays stay.
+    /// Takes a version. A good one replaces the scene as a whole; the playhead, playback, selection and cameras are kept.
     pub fn take_version(&mut self, version: SceneVersion) {
         if version.scene.is_none() && self.take_back_faulty(&version.problems) {
             return;
@@ -306,7 +306,7 @@ impl Viewer {
         let Some(scene) = version.scene else { return };
         let settings = &scene.stage.settings;
         let length = settings.length.as_secs();
-        // If the whole scene was shown, the whole new one is shown.
+        // If the timeline showed the whole scene, it shows the whole new scene.
         if self.scene.is_none() || self.span == Span::whole(self.playhead.length().as_secs()) {
             self.span = Span::whole(length);
         }
@@ -322,7 +322,7 @@ impl Viewer {
         let (selection, of_keys) =
             (self.selection.clone().and_then(found), self.keys.0.clone().and_then(found));
         self.selection = selection;
-        // Further parts belong to the selection beside which they were selected.
+        // Further selected objects belong to the selection that they were added to.
         self.more = (self.selection.clone(), if is_main { further } else { Vec::new() });
         self.keys.0 = of_keys;
         self.shot = self.selected_shot().cloned();
@@ -333,7 +333,7 @@ impl Viewer {
         self.change_is_shown();
     }
 
-    /// Messages of `choreo check` about the version with this number, which come after it.
+    /// Adds the messages of `choreo check` about a version, which arrive after it.
     pub fn take_messages(&mut self, number: u64, messages: &[Problem]) {
         let is_shown = self.scene.as_ref().is_some_and(|scene| scene.number == number);
         if is_shown && !self.faulty {
@@ -353,13 +353,13 @@ impl Viewer {
         }
     }
 
-    /// The worst problem in a line of the script.
+    /// Worst severity of the problems in a line of the script.
     pub fn severity(&self, place: &Place) -> Option<Severity> {
         let line = self.severities.get(&place.line)?;
         line.iter().find(|(file, _)| *file == place.file).map(|(_, severity)| *severity)
     }
 
-    /// A frame that was drawn; gives its pixels, to be shown in its view. What could not be drawn leaves the last image.
+    /// Takes a rendered frame and returns the index of its view and its pixels. If rendering failed, the last image stays.
     pub fn take_frame(&mut self, reply: FrameReply) -> Option<(usize, Frame)> {
         if self.first_ticket > 0 && reply.ticket <= self.first_ticket {
             return None;
@@ -396,10 +396,10 @@ impl Viewer {
         }
     }
 
-    /// The next frame to draw, where a view wants another than was drawn or requested last, and none is being drawn for it.
+    /// The next frame to request: for a view that needs another frame than the last requested one and has no pending request.
     pub fn next_request(&mut self) -> Option<FrameRequest> {
         let scene = self.scene.clone()?;
-        // Four, as `render` has it.
+        // The default of `render` is four, too.
         let samples = self.samples.or(scene.stage.settings.samples).unwrap_or(4);
         let overrides = self.overrides(&scene);
         let moving = self.is_moving();
@@ -467,23 +467,23 @@ impl Viewer {
         ViewOverrides { hidden, outlined, muted, placed, grid: false }
     }
 
-    /// How often shaders have changed so far.
+    /// Number of shader changes so far.
     pub fn reloads(&self) -> u64 {
         self.reloads
     }
 
-    /// Whether images are seen for a moment only.
+    /// Whether images are only shown briefly.
     pub(crate) fn is_moving(&self) -> bool {
         let is_dragged = self.dragging.is_some() || self.dragged_icon.is_some() || self.placed.is_some();
         self.playhead.is_playing() || self.scrubs || is_dragged
     }
 
-    /// Whether a frame is being drawn.
+    /// Whether a frame is being rendered.
     pub(crate) fn is_waiting(&self) -> bool {
         self.views.iter().any(|v| v.waiting)
     }
 
-    /// The image that the panels describe.
+    /// The frame that the panels describe.
     pub fn shown(&self) -> Option<&FrameInfo> {
         self.view().shown.as_ref().or_else(|| self.views.iter().find_map(|v| v.shown.as_ref()))
     }
@@ -497,19 +497,19 @@ impl Viewer {
         &mut self.views[active]
     }
 
-    /// The name of a light as it is read.
+    /// Displayed name of a light.
     pub(crate) fn light_name(&self, index: usize) -> String {
         let name = self.timeline.lights.get(index).cloned();
         name.unwrap_or_else(|| format!("light {}", index + 1))
     }
 
-    /// The name of an effect as it is read.
+    /// Displayed name of an effect.
     pub(crate) fn effect_name(&self, index: usize) -> String {
         let scene = self.scene.as_ref();
         scene.and_then(|scene| scene.stage.effects.get(index)).map_or_else(String::new, |e| e.plugin.clone())
     }
 
-    /// The mouse takes a view's camera over where it stands.
+    /// Makes the camera of a view free at its present position, so that the mouse can move it.
     pub fn free_camera(&mut self, view: usize) -> Option<&mut Orbit> {
         let near = self.point_of_interest().unwrap_or(DVec3::ZERO);
         let view = self.views.get_mut(view)?;
@@ -523,7 +523,7 @@ impl Viewer {
         }
     }
 
-    /// The middle of the selected actor, else of all.
+    /// Center of the selected actor, else of all visible actors, world space.
     pub(crate) fn point_of_interest(&self) -> Option<DVec3> {
         let (scene, shown) = (self.scene.as_ref()?, self.shown()?);
         let selected = self.selection.as_ref().and_then(Selected::actor);
@@ -533,12 +533,12 @@ impl Viewer {
         own.map(|(actor, state)| picking::middle(&actor.asset, state)).or_else(|| self.middle_of_actors())
     }
 
-    /// The middle of all visible actors, whatever is selected.
+    /// Center of all visible actors, world space.
     pub(crate) fn middle_of_actors(&self) -> Option<DVec3> {
         picking::middle_of_all(&self.scene.as_ref()?.stage, &self.shown()?.snapshot)
     }
 
-    /// The playhead goes to the next thing that begins, ends or happens, or to the last one.
+    /// Moves the playhead to the next (or the previous) start, end, event or marker.
     pub(crate) fn seek_to_next(&mut self, back: bool) {
         let next = self.timeline.next(self.playhead.time(), self.playhead.fps(), back);
         if let Some(time) = next {
@@ -547,7 +547,7 @@ impl Viewer {
         }
     }
 
-    /// A time as the user wants to read it.
+    /// A time in the chosen unit, for the user.
     pub fn shown_time(&self, time: Time) -> String {
         match self.in_seconds {
             true => format!("{:.3} s", time.as_secs()),
@@ -555,7 +555,7 @@ impl Viewer {
         }
     }
 
-    /// The further parts that are selected beside the selection.
+    /// Further objects that are selected in addition to the selection.
     pub(crate) fn more(&self) -> &[Selected] {
         if self.more.0 == self.selection { &self.more.1 } else { &[] }
     }
@@ -564,13 +564,13 @@ impl Viewer {
         self.selection.as_ref() == Some(what) || self.more().contains(what)
     }
 
-    /// The selected bars of the timeline.
+    /// Selected bars of the timeline.
     pub fn selected_bars(&self) -> Vec<Selected> {
         let all = self.selection.iter().chain(self.more());
         all.filter(|what| self.bars().any(|bar| bar.what == **what)).cloned().collect()
     }
 
-    /// The selected bars, without one that is selected because its keys are.
+    /// Selected bars, except for a bar that is only selected because its keys are.
     pub(crate) fn bars_beside_keys(&self) -> Vec<Selected> {
         let bars = self.selected_bars();
         match bars.as_slice() {
@@ -579,19 +579,19 @@ impl Viewer {
         }
     }
 
-    /// Whether commands are for the selected keys: bars have their own.
+    /// Whether commands apply to the selected keys; selected bars take precedence.
     pub(crate) fn has_only_keys_selected(&self) -> bool {
         !self.selected_keys().is_empty() && self.bars_beside_keys().is_empty()
     }
 
-    /// An actor that is locked and selected, itself, with a clip or with a key.
+    /// Name of a locked actor that is selected, or that a selected clip or key belongs to.
     pub(crate) fn locked_selection(&self) -> Option<&str> {
         let keys = self.selected_keys().iter().map(|key| &key.what);
         let all = self.selection.iter().chain(self.more()).chain(keys);
         all.filter_map(Selected::actor).find(|name| self.toggles.locked.contains(*name))
     }
 
-    /// Selects one more, or one less.
+    /// Adds an object to the selection, or removes it.
     pub(crate) fn select_more(&mut self, what: Selected) {
         let mut all = self.selected_bars();
         match all.iter().position(|other| *other == what) {
@@ -601,7 +601,7 @@ impl Viewer {
         self.select_all(all);
     }
 
-    /// Selects a bar; `adds`: as one more, or as one less.
+    /// Selects a bar. `adds`: adds it to the selection, or removes it.
     pub(crate) fn select_bar(&mut self, bar: Bar, adds: bool) {
         match adds {
             true => self.select_more(bar.what.clone()),
@@ -627,7 +627,7 @@ impl Viewer {
         self.selected_keys().binary_search(key).is_ok()
     }
 
-    /// Selects keys, and what they animate where nothing is selected with them.
+    /// Selects keys. If none of them belongs to the selection, their object is selected, too.
     pub fn select_keys(&mut self, mut keys: Vec<KeyRef>) {
         keys.sort();
         keys.dedup();
@@ -640,7 +640,7 @@ impl Viewer {
         self.keys = (self.selection.clone(), keys);
     }
 
-    /// Selects bars, and keys with them.
+    /// Selects bars together with keys.
     pub(crate) fn select_bars_and_keys(&mut self, bars: Vec<Selected>, mut keys: Vec<KeyRef>) {
         keys.sort();
         keys.dedup();
@@ -652,7 +652,7 @@ impl Viewer {
         }
     }
 
-    /// Selects more keys; those that are selected all of them already, no longer.
+    /// Adds keys to the selection, or removes them if all are selected already.
     pub(crate) fn select_more_keys(&mut self, keys: &[KeyRef]) {
         let mut all = self.selected_keys().to_vec();
         match keys.iter().all(|key| all.contains(key)) {
@@ -662,7 +662,7 @@ impl Viewer {
         self.select_keys(all);
     }
 
-    /// The selection goes with keys that were moved, until the reload shows them.
+    /// Moves the selection with keys that were moved, until the reload shows them. `by`: seconds.
     pub(crate) fn keys_have_moved(&mut self, moved: &[KeyRef], by: f64) {
         for key in self.keys.1.iter_mut().filter(|key| moved.contains(key)) {
             key.at = Time::from_secs((key.at.as_secs() + by).max(0.0));
@@ -670,7 +670,7 @@ impl Viewer {
         self.keys.1.sort();
     }
 
-    /// A clip of the last version in the timeline of this one: where a change has given it another number, by its place in the script.
+    /// Finds a clip of the previous version in the present timeline, by its position in the script if an edit has changed its index.
     fn found_again(&self, before: &[Bar], what: Selected) -> Option<Selected> {
         let is_cue = matches!(what, Selected::Cue { .. });
         let Some(old) = before.iter().find(|bar| is_cue && bar.what == what) else { return Some(what) };
@@ -683,8 +683,8 @@ impl Viewer {
         moved.or(there).map(|bar| bar.what.clone())
     }
 
-    /// Finds the selected keys in a new version, by what they animate and their times; those that are gone are selected no longer. After an
-    /// undo, those come in their place that were selected before the change.
+    /// Finds the selected keys in a new version by object, property and time, and drops those that no longer exist. After an undo, restores the
+    /// keys that were selected before the edit.
     fn find_keys_again(&mut self) {
         let near = Time(self.playhead.fps().time_of(1).0 / 4);
         let events = || self.timeline.rows.iter().flat_map(|row| &row.events);
@@ -709,13 +709,13 @@ impl Viewer {
         self.keys.1 = now;
     }
 
-    /// Whether the keyed properties of a row have rows of their own.
+    /// Whether a row shows a row for each of its keyed properties.
     pub(crate) fn is_expanded(&self, row: &Row) -> bool {
         let expanded = &self.toggles.expanded;
         !expanded.is_empty() && !row.parts.is_empty() && expanded.contains(&row.key())
     }
 
-    /// The rows of the timeline that are not collapsed, and the parts of those that are expanded.
+    /// Rows of the timeline that are not collapsed, and the parts of expanded rows.
     pub(crate) fn shown_rows(&self) -> Vec<RowNumber> {
         let is_shown = |index: &usize| {
             let row = &self.timeline.rows[*index];
@@ -731,8 +731,8 @@ impl Viewer {
         (0..self.timeline.rows.len()).filter(is_shown).flat_map(with_parts).collect()
     }
 
-    /// The marker, the playhead or the edge of a bar that is nearest to a dragged time and within reach, in seconds, if times snap.
-    /// `not`: the bar that is dragged.
+    /// If times snap: the nearest marker, beat, edge of a bar, end of the scene or playhead within `reach` of a dragged time, all in seconds.
+    /// `not`: the dragged bar.
     pub(crate) fn attracted(&self, secs: f64, reach: f64, not: Option<&Bar>) -> Option<f64> {
         let is_other = |bar: &&Bar| not.is_none_or(|not| not.what != bar.what || not.start != bar.start);
         let edges = self.bars().filter(is_other).flat_map(|bar| [bar.start, bar.until, bar.end]);
@@ -743,7 +743,7 @@ impl Viewer {
         near.min_by(|a, b| (a - secs).abs().total_cmp(&(b - secs).abs()))
     }
 
-    /// A dragged time: a whole frame where times snap, within the scene.
+    /// A dragged time within the scene, rounded to a whole frame if times snap.
     pub fn snapped(&self, secs: f64) -> f64 {
         let fps = self.playhead.fps().as_fps();
         let secs = if self.snap { (secs * fps).round() / fps } else { secs };
@@ -751,13 +751,13 @@ impl Viewer {
     }
 }
 
-/// Adds what is not among them yet.
+/// Adds the messages that are not in the list yet.
 pub(crate) fn add_messages(problems: &mut Vec<Problem>, messages: &[Problem]) {
     let new: Vec<Problem> = messages.iter().filter(|message| !problems.contains(message)).cloned().collect();
     problems.extend(new);
 }
 
-/// Overrides of one view: those of all, and its grid. An image that is saved has neither grid nor outline.
+/// Overrides of one view: the common ones and its grid. Saved images have neither grid nor outline.
 fn view_overrides(all: &ViewOverrides, view: &View, saved: bool) -> ViewOverrides {
     match saved {
         true => ViewOverrides { outlined: None, ..all.clone() },

@@ -1,4 +1,4 @@
-//! The command line.
+//! Command line of the viewer.
 
 use crate::commands::{AS_PROGRAM, Commands};
 use choreo::App;
@@ -58,24 +58,24 @@ struct Args {
     event_log: bool,
 }
 
-/// Options of the program, checked.
+/// Validated options of the program.
 pub(crate) struct ViewerOptions {
-    /// The first file; `None`: the start page.
+    /// File to open first. `None`: the start page.
     pub first: Option<PathBuf>,
     pub files: FileOptions,
     pub device: Device,
     pub at: f64,
     pub play: bool,
-    /// Images have the size that `render` uses.
+    /// Whether images have the size that `render` uses.
     pub full_size: bool,
-    /// Frames of the window at which its device is as good as lost.
+    /// Numbers of window frames at which a lost device is simulated.
     pub lose: Vec<u64>,
-    /// Reports on standard output what is shown, a line each.
+    /// Whether events are reported on standard output, one line each.
     pub event_log: bool,
     pub commands: Commands,
 }
 
-/// How renders, exports and tests of the same scene are called.
+/// Command lines for renders, exports and tests of the same scene.
 fn commands(args: &Args, app: &App) -> Commands {
     let each = |flag: &'static str, values: Vec<OsString>| {
         values.into_iter().flat_map(move |value| [OsString::from(flag), value])
@@ -88,7 +88,7 @@ fn commands(args: &Args, app: &App) -> Commands {
     test.extend(args.no_project_file.then(|| "--no-project-file".into()));
     let scene =
         each("--set", texts(&args.set)).chain(each("--clip", args.clip.iter().map(Into::into).collect()));
-    // Without a path of its own, nothing can be run: the panels say so.
+    // If the path of the program is unknown, no command can be run, and the panels report that.
     let program = std::env::current_exe().map(|exe| vec![exe.into(), AS_PROGRAM.into()]).unwrap_or_default();
     Commands {
         program,
@@ -99,9 +99,9 @@ fn commands(args: &Args, app: &App) -> Commands {
     }
 }
 
-/// Options for every file that the window shows.
+/// Options for every file that the window opens.
 pub(crate) struct FileOptions {
-    /// The options alone: no file, and no folders of a project.
+    /// The options without a file and without the folders of a project.
     like: SceneSource,
     /// Whether a project's `choreo.toml` is read.
     project_file: bool,
@@ -123,14 +123,14 @@ impl FileOptions {
         &self.like
     }
 
-    /// The source of a file, with the folders of its project; else what is wrong with its `choreo.toml`.
+    /// The source of a file, including the folders of its project. Fails if its `choreo.toml` has an error.
     pub fn source(&self, input: PathBuf) -> Result<SceneSource, ProjectError> {
         let name = format!("{}-view", self.app.name);
         let of_project = match self.project_file {
             true => choreo_command_line::project_folders(&input, &self.app)?,
             false => Vec::new(),
         };
-        // They are this program's options, so that they are read as such.
+        // The folders are options of this program, so they are parsed as such.
         let words = [name.into(), input.clone().into()].into_iter().chain(of_project);
         let of_project = Args::try_parse_from(words)?;
         let like = &self.like;
@@ -153,7 +153,7 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
     let name = format!("{}-view", app.name);
     let matches = command(app).try_get_matches_from(args);
     let args = matches.and_then(|matches| Args::from_arg_matches(&matches)).map_err(|error| {
-        // Help and version are answers, not errors; clap knows which stream and code.
+        // Help and version are answers, not errors; clap knows the right stream and exit code.
         let code = error.exit_code();
         let _ = error.print();
         ExitCode::from(code as u8)

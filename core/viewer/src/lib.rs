@@ -1,4 +1,5 @@
-//! The viewer, program `choreo-view`, or that of another [`App`]: a window that shows a script while it is being written. The only crate that knows egui.
+//! The viewer of the program `choreo-view` or of another [`App`]: a window that shows a script while it is being written. This is the only crate
+//! that depends on egui.
 //!
 //! ```text
 //! SessionThread ─ scene versions ─► Viewer (app) ─ frame requests ─► FrameRenderer ─ frames ─┐
@@ -24,7 +25,7 @@ use choreo::App;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-/// One call of the viewer of a program: `args` as in `std::env::args_os()`.
+/// Runs the viewer of a program. `args`: command line as in `std::env::args_os()`.
 pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     let args: Vec<OsString> = args.into_iter().collect();
     if args.get(1).is_some_and(|word| word == commands::AS_PROGRAM) {

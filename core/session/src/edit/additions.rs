@@ -1,4 +1,4 @@
-//! Lines that put something new on stage, as a person would write them.
+//! Lines that add a new object to the stage, written as a person would write them.
 
 use super::casting::{free_label, free_name, numbered_name};
 use super::object::quoted;
@@ -13,15 +13,15 @@ pub enum Addition {
     Character,
     /// A shape by its kind, as `shape` takes it.
     Shape(&'static str),
-    /// A camera that circles the point, or an actor by its name.
+    /// A camera that circles an actor, given by its name, or else the point [`AddedAt::point`].
     Orbit(Option<String>),
-    /// A camera that goes with an actor, by the actor's name.
+    /// A camera that follows an actor, given by its name.
     Follow(String),
     Sun,
     Point,
     Spot,
     Ambient,
-    /// The built-in room with soft boxes, as light from all sides.
+    /// The built-in studio room with soft boxes as an environment light.
     StudioSky,
     Title,
     /// An effect by its name.
@@ -29,10 +29,10 @@ pub enum Addition {
     Marker,
 }
 
-/// Kinds of shapes.
+/// Kinds that `shape` accepts.
 pub const SHAPES: [&str; 7] = ["plane", "box", "sphere", "cylinder", "cone", "capsule", "torus"];
 
-/// Names of characters and their colors, in this order.
+/// Names of new characters and their colors, in the order of their use.
 const CHARACTERS: [(&str, &str); 8] = [
     ("ada", "coral"),
     ("bob", "teal"),
@@ -47,26 +47,26 @@ const CHARACTERS: [(&str, &str); 8] = [
 /// When and where something is added.
 #[derive(Clone, Copy, Debug)]
 pub struct AddedAt<'a> {
-    /// World, metres, on the ground.
+    /// Position on the ground, world space, metres.
     pub point: DVec3,
     pub from: EditTime,
     pub until: EditTime,
-    /// The actor that a camera is about.
+    /// The actor that a new camera shows.
     pub subject: Option<Subject<'a>>,
 }
 
 /// An actor that a camera follows or circles.
 #[derive(Clone, Copy, Debug)]
 pub struct Subject<'a> {
-    /// The script's variable for it.
+    /// Variable that holds the actor.
     pub variable: &'a str,
-    /// Metres from its middle at which all of it is in the image.
+    /// Distance from the actor's center at which all of it is in the image, metres.
     pub distance: f64,
-    /// Unit vector of the world from its middle to where a camera that follows it stands.
+    /// Unit vector in world space from the actor's center to the camera that follows it.
     pub direction: DVec3,
 }
 
-/// The lines that add it to a script of this text, and the name that it has there, if it has one:
+/// The lines that add something to a script, and its name in that script, if it has one:
 ///
 /// ```text
 /// let bob_model = load("choreo:mannequin", #{ color: "teal" });
@@ -170,7 +170,7 @@ fn following_camera(text: &str, of: &str, at: &AddedAt, from: &str) -> (String, 
     (format!("camera({label}).follow({variable}, [{offset}]).cut({from});\n"), Some(name))
 }
 
-/// Rounds to two digits of the number `like`, so that lines have the numbers that a person would write.
+/// Rounds to the place of the second digit of `like`, so that lines have numbers that a person would write.
 fn two_digits(value: f64, like: f64) -> f64 {
     let parts = libm::pow(10.0, 1.0 - libm::floor(libm::log10(like.abs().max(1e-3))));
     (value * parts).round() / parts

@@ -1,4 +1,4 @@
-//! Lines that put a model on stage.
+//! Lines that add a model to the stage.
 
 use super::object::{loads_of, quoted};
 use super::scan::{Call, Source};
@@ -8,7 +8,8 @@ use choreo_script::is_name;
 use glam::DVec3;
 use std::path::Path;
 
-/// The lines that cast a file at a place of the world, and let it play one of its clips, under a name that the text has not yet; and that name:
+/// The lines that cast a file at a world position, in metres, and play one of its clips, and the new actor's name, which the script does not use
+/// yet:
 ///
 /// ```text
 /// let fox_model = load("assets/Fox.glb");
@@ -16,10 +17,10 @@ use std::path::Path;
 /// fox.play(fox_model.clip("Survey"));
 /// ```
 ///
-/// A file that the script has loaded goes by the script's name of it; a built-in one, of which the options are the looks of a character, only
-/// where it has none. `file`: as `load` takes it.
+/// Uses the variable of the file if the script has loaded it; for a built-in model only if it was loaded without options, since these change how
+/// the character looks. `file`: as in `load`.
 pub fn cast_lines(text: &str, file: &str, at: DVec3, clip: Option<&str>) -> (String, String) {
-    // A built-in one is written as `choreo:mannequin`.
+    // Built-in models are written as `choreo:mannequin`.
     let stem = file.rsplit(['/', ':']).next().unwrap_or(file);
     let stem = stem.rsplit_once('.').map_or(stem, |(stem, _)| stem);
     let name = free_name(text, stem);
@@ -47,20 +48,20 @@ pub fn cast_lines(text: &str, file: &str, at: DVec3, clip: Option<&str>) -> (Str
     (lines, name)
 }
 
-/// A name for a variable after the name of a file, which the text does not use.
+/// A variable name after a file name that the script does not use yet.
 pub(super) fn free_name(text: &str, stem: &str) -> String {
     let name = identifier(stem);
     let taken = |name: &str| text.contains(&format!("\"{name}\"")) || text.contains(&format!("let {name} "));
     first_free(|n| if n == 1 { name.clone() } else { format!("{name}_{n}") }, taken)
 }
 
-/// A name for a variable after any text: words in small letters without accents, with one `_` between them.
+/// A variable name after any text: lowercase words without accents, joined by `_`.
 pub(super) fn identifier(text: &str) -> String {
     let mut name = String::new();
     for c in text.chars().flat_map(char::to_lowercase) {
         match c {
             c if c.is_ascii_alphanumeric() => name.push(c),
-            // Two dots over the letter before, as some systems write file names.
+            // A combining diaeresis after the letter, as some systems write file names (Unicode NFD).
             DIAERESIS if name.ends_with(['a', 'o', 'u']) => name.push('e'),
             ACCENTS_FIRST..=ACCENTS_LAST => {}
             c => match ACCENTED.iter().find(|(letters, _)| letters.contains(c)) {
@@ -73,17 +74,17 @@ pub(super) fn identifier(text: &str) -> String {
     match name.trim_matches('_') {
         "" => "actor".to_string(),
         name if is_name(name) => name.to_string(),
-        // A digit in front, or a keyword.
+        // The text begins with a digit, or is a keyword.
         name => format!("a_{name}"),
     }
 }
 
-/// Marks over and under the letter before them.
+/// Range of combining marks, which follow their letter.
 const ACCENTS_FIRST: char = '\u{300}';
 const ACCENTS_LAST: char = '\u{36f}';
 const DIAERESIS: char = '\u{308}';
 
-/// Letters of Latin scripts, and how they are written without accents.
+/// Letters of Latin scripts and their spelling without accents.
 const ACCENTED: [(&str, &str); 26] = [
     ("ä", "ae"),
     ("ö", "oe"),
@@ -113,17 +114,17 @@ const ACCENTED: [(&str, &str); 26] = [
     ("źżž", "z"),
 ];
 
-/// `view 1`, `view 2` …: the first of them that is not taken.
+/// The first of `view 1`, `view 2` … that is not taken.
 pub fn numbered_name(stem: &str, taken: impl Fn(&str) -> bool) -> String {
     first_free(|n| format!("{stem} {n}"), taken)
 }
 
-/// The name itself, else the name with the next number that is not taken.
+/// The name itself if it is not taken, else with the next free number.
 pub(super) fn free_label(name: &str, taken: impl Fn(&str) -> bool) -> String {
     first_free(|n| if n == 1 { name.to_string() } else { format!("{name} {n}") }, taken)
 }
 
-/// The first name of a row of them, counted from 1, that is not taken.
+/// The first of `name(1)`, `name(2)` … that is not taken.
 pub(super) fn first_free(name: impl Fn(usize) -> String, taken: impl Fn(&str) -> bool) -> String {
     (1..).map(name).find(|name| !taken(name)).unwrap_or_default()
 }
@@ -149,7 +150,7 @@ mod tests {
         );
     }
 
-    /// The color of another character is not that of a new one; the options of a file say how it is read.
+    /// A new character does not reuse the color of another one; a file is not shared if its options differ.
     #[test]
     fn a_built_in_character_has_its_own_color() {
         let cast = |text: &str, file| cast_lines(text, file, DVec3::ZERO, Some("Idle")).0;

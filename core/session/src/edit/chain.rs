@@ -1,11 +1,11 @@
-//! Methods that are added to a chain of calls, at the place that a person would choose: those of a kind together, in the order in which scripts
-//! have them, and on a line of its own where the others of the chain are.
+//! Methods that are added to a chain of calls where a person would write them: grouped by kind, in the usual order of scripts, and on a line of
+//! their own if the other calls of the chain are.
 
 use super::Edit;
 use super::scan::{Call, Source};
 use super::strips::is_of_layer;
 
-/// Calls whose results are other objects or values: what follows them is no longer about the object of the chain.
+/// Methods that return another object or value: the calls after them are no longer about the object of the chain.
 const OTHERS: [&str; 15] = [
     "joint",
     "joints",
@@ -23,16 +23,16 @@ const OTHERS: [&str; 15] = [
     "start",
     "end",
 ];
-/// Calls that make a clip or a constraint, of which the times come first.
+/// Calls that make a clip or a constraint; their times come first in the chain.
 const TIMED: [&str; 9] =
     ["play", "then", "then_at", "walk_to", "reach", "aim", "plant_feet", "mirror", "look_at"];
 /// Methods that place an object.
 const PLACES: [&str; 10] =
     ["at", "move_by", "turn", "rotate", "scale", "face", "look_at", "follow", "orbit", "frame"];
-/// Methods of an actor in whose space the placing methods behind them are.
+/// Methods that change the space of the placing methods after them.
 const PARENTS: [&str; 2] = ["attach", "detach"];
 
-/// The place of a method in the order in which a person writes them.
+/// Rank of a method in the order in which a person writes them.
 fn order(is_timed: bool, name: &str) -> usize {
     match name {
         "from" if is_timed => 0,
@@ -49,7 +49,7 @@ fn order(is_timed: bool, name: &str) -> usize {
     }
 }
 
-/// The edit that adds a method to what a call makes, `scale(2.0)`, behind those of its chain that come before it.
+/// The edit that adds a method, `scale(2.0)`, to the chain of a call, after the methods that come before it in [`order`].
 pub(super) fn added(text: &Source, made: &Call, method: &str) -> Edit {
     let maker = &text[made.name.clone()];
     let name = method.split('(').next().unwrap_or_default();
@@ -59,7 +59,7 @@ pub(super) fn added(text: &Source, made: &Call, method: &str) -> Edit {
     let is_before = |call: &&Call| {
         let other = &text[call.name.clone()];
         let is_other = OTHERS.contains(&other) || other == "look_at" && maker == "cast";
-        // A fade sets the fade-out, too, so that it comes before that.
+        // A `fade` also sets the fade-out, so it must come before a `fade_out`.
         let ends = own == 0 && PARENTS.contains(&other) || name == "fade" && other == "fade_out";
         !is_other && !ends
     };
@@ -68,8 +68,8 @@ pub(super) fn added(text: &Source, made: &Call, method: &str) -> Edit {
     behind(text, made, last.map_or(made.end, |call| call.end), method)
 }
 
-/// The edit that adds a method behind a byte of the chain of a call: on a line of its own where the calls of the chain are, in the line's
-/// indentation and behind its comment.
+/// The edit that adds a method after a byte of a chain: on a line of its own if the calls of the chain are, with the same indentation and after the
+/// comment of the line.
 pub(super) fn behind(text: &Source, made: &Call, at: usize, method: &str) -> Edit {
     let end = text[at..].find('\n').map_or(text.len(), |end| at + end);
     let rest = text[at..end].trim_end();
@@ -95,7 +95,7 @@ pub(super) fn behind(text: &Source, made: &Call, at: usize, method: &str) -> Edi
     }
 }
 
-/// The blanks before the calls of a chain that begin lines; `None` where none of them does.
+/// Indentation of the calls of a chain that begin a line. `None` if none does.
 fn indentation<'t>(text: &'t Source, made: &Call) -> Option<&'t str> {
     let begins = |call: &Call| {
         let dot = text[..call.name.start].rfind('.')?;
@@ -103,7 +103,7 @@ fn indentation<'t>(text: &'t Source, made: &Call) -> Option<&'t str> {
         Some(&text[line..dot]).filter(|blanks| blanks.trim().is_empty())
     };
     let chain = text.chain_after(made.end);
-    // A `then` is on a line of its own where each clip of the chain is.
+    // A `then` gets a line of its own if each clip of the chain has one.
     let next = || text.call_from(made.end).filter(|call| text[call.name.clone()] == *"play");
     match chain.is_empty() {
         true => next().as_ref().and_then(begins),
@@ -130,10 +130,10 @@ mod tests {
             (cast, ".at(1, 0, 0);", "scale(2.0)", ".at(1, 0, 0).scale(2.0);"),
             (cast, ".tint(x).play(c);", "at(1.0)", ".at(1.0).tint(x).play(c);"),
             (cast, ".at(1).key(\"x\", k);", "tint(x)", ".at(1).tint(x).key(\"x\", k);"),
-            // Calls behind it are about a joint or a constraint.
+            // The calls after `joint` and `reach` are about a joint or a constraint.
             (cast, ".joint(\"J\").turn(5);", "turn(9.0)", ".turn(9.0).joint(\"J\").turn(5);"),
             (cast, ".look_at(p).fade(1);", "tint(x)", ".tint(x).look_at(p).fade(1);"),
-            // A placing method behind `attach` is one in the space of the parent.
+            // Placing methods after `attach` act in the space of the parent.
             (cast, ".attach(b).turn(5);", "at(1.0)", ".at(1.0).attach(b).turn(5);"),
             (camera, ".at(1).look_at(p).cut(2);", "fov(40.0)", ".at(1).look_at(p).fov(40.0).cut(2);"),
             ("text(\"a\")", ".from(1);", "until(2.0)", ".from(1).until(2.0);"),

@@ -1,18 +1,18 @@
-//! Constraints that are added, and targets of inverse kinematics that stand in a script as points: `.reach("hand_r", [0.4, 1.2, 0.3])`.
+//! Constraints: new ones, and the targets of `.reach("hand_r", [0.4, 1.2, 0.3])` (inverse kinematics) that the script states as points.
 
 use super::values::{literals, rewritten};
 use super::{Edit, EditRefused, ScriptObject};
 use glam::DVec3;
 use std::ops::Range;
 
-/// Metres within which a written point is the stage's.
+/// Largest distance between a written point and the one on stage that are taken as the same, metres.
 const SAME: f64 = 1e-6;
 
 impl ScriptObject<'_> {
-    /// Adds the call of a constraint, `reach("hand_r", ball)`, as a line of its own. `target`: the object that the call names.
+    /// Adds the call of a constraint, `reach("hand_r", ball)`, as a line of its own. `target`: the object that the call uses.
     ///
     /// # Errors
-    /// The object has no name in the script, or the target is known only elsewhere.
+    /// The object has no name in the script, or the variable of the target is declared in another block.
     pub fn constrain(&self, call: &str, target: Option<&ScriptObject>) -> Result<Edit, EditRefused> {
         if let Some(target) = target.filter(|target| target.depth() != 0 && target.depth() != self.depth()) {
             let why = "it is made within a block, where alone its name is known; write the constraint there";
@@ -22,19 +22,19 @@ impl ScriptObject<'_> {
         self.add_call(call, needs)
     }
 
-    /// The script's variable for it.
+    /// Variable that holds the object.
     ///
     /// # Errors
-    /// It has none.
+    /// The object has no variable.
     pub fn named(&self) -> Result<&str, EditRefused> {
         let none = || EditRefused::at(self.line, "it has no name in the script; write let NAME = cast(…)");
         self.variable.as_deref().ok_or_else(none)
     }
 
-    /// Rewrites the target of the last `.reach` that has this point.
+    /// Moves the target of the last `.reach` whose target is the point `from`.
     ///
     /// # Errors
-    /// No call has it as literals.
+    /// No `.reach` states that point with literals.
     pub fn set_reach(&self, from: DVec3, to: DVec3) -> Result<Edit, EditRefused> {
         let target = |inside: &Range<usize>| {
             let joint = self.text.value_end(inside.start, inside.end);
@@ -61,7 +61,7 @@ impl ScriptObject<'_> {
 mod tests {
     use super::*;
 
-    /// One after the other, of two actors, at a target that is made behind both.
+    /// Constraints are added to two actors in turn, with a target that is made after both.
     #[test]
     fn constraints_stand_in_the_order_in_which_they_are_made() {
         let mut text =

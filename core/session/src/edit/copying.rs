@@ -1,4 +1,4 @@
-//! Cues that are copied as text and pasted on another row or into another script, as a person would move their lines.
+//! Cues copied as text and pasted onto another row or into another script, like lines that a person moves.
 
 use super::indenting::indented;
 use super::object::{ScriptObject, loaded_as, quoted};
@@ -7,12 +7,12 @@ use super::strips::{Strip, TIMES, is_of_layer, shift_cue};
 use super::times::{EditTime, TimeLiteral};
 use super::{Edit, EditRefused};
 
-/// Seconds within which a stated start is that of the bar: it may be rounded to the millisecond.
+/// Largest difference between a stated start and that of the bar, seconds: a stated time may be rounded to the millisecond.
 const SAME: f64 = 1e-3;
 
-/// A cue as text for the clipboard, `play(load("hero.glb").clip("Walk"), #{ fade: 0.3 }).from(1.0).until(2.0); // walks in`, to be pasted on
-/// another row or into another script: its calls as they stand, with the comments between them and that of its line. `start`, `until`: its
-/// times, which are written where the script does not state or computes them.
+/// A cue as text for the clipboard, `play(load("hero.glb").clip("Walk"), #{ fade: 0.3 }).from(1.0).until(2.0); // walks in`, to be pasted onto
+/// another row or into another script: its calls with the comments between them and the comment of its line. `start`, `until`: times of the cue,
+/// written if the script computes them or does not state them.
 ///
 /// # Errors
 /// There is no cue at this place.
@@ -27,7 +27,7 @@ pub fn copy_cue(
     let chain = &text[strip.call.end..strip.end()];
     let copy = format!("play({}){chain}", clip_by_file(&strip));
     let mut copy = with_times(&strip, copy, start, until)?;
-    // Those of its layer that stand at another cue of the chain, and those in later lines about its variable.
+    // The copy also gets layer calls of other cues of the chain, and calls in later lines about the cue's variable.
     let cues = strip.cues();
     let others = cues.iter().filter(|cue| cue.call.name != strip.call.name).flat_map(|cue| &cue.chain);
     let of_layer = others.filter(|call| is_of_layer(strip.name(call)));
@@ -41,7 +41,7 @@ pub fn copy_cue(
     Ok(copy)
 }
 
-/// The arguments of a cue's call with the file in place of the script's variable of it, which is another one in another script.
+/// Arguments of a cue's call with `load(…)` in place of the variable of the file, which another script may not have.
 fn clip_by_file(strip: &Strip) -> String {
     let inside = &strip.text[strip.call.inside.clone()];
     let name: String = inside.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
@@ -54,7 +54,7 @@ fn clip_by_file(strip: &Strip) -> String {
     }
 }
 
-/// A copied cue with times that are literals, in the style of the cue.
+/// A copied cue with literal times, in the style of the cue.
 fn with_times(
     strip: &Strip,
     mut copy: String,
@@ -83,7 +83,7 @@ fn with_times(
         };
         copy = edit.apply(&copy);
     }
-    // Times that count from the start of a sequence become those of the stage.
+    // Times relative to the start of a sequence become stage times.
     let by = begins.map_or(0.0, |begins| start.secs - begins);
     match by.abs() > SAME {
         true => Ok(shift_cue(&copy, 1, 1, EditTime { secs: by, ..start })?.apply(&copy)),
@@ -91,7 +91,7 @@ fn with_times(
     }
 }
 
-/// A copied cue and the comment behind it; `None` where the text is no copied cue.
+/// A copied cue and the comment after it. `None` if the text is not a copied cue.
 fn cue_and_comment(copied: &str) -> Option<(&str, &str)> {
     let copied = copied.trim();
     let strip = Strip::at(copied, 1, 1).ok()?;
@@ -103,13 +103,13 @@ fn cue_and_comment(copied: &str) -> Option<(&str, &str)> {
     (is_cue && is_comment).then(|| (&copied[..strip.end()], comment))
 }
 
-/// The edit that adds a call, with a comment behind it.
+/// Adds a comment to an edit that adds a call.
 fn with_comment(text: &str, edit: Edit, comment: &str) -> Edit {
     let behind = &text[edit.range.end..];
     let line = behind.split('\n').next().unwrap_or_default();
     match comment {
         "" => edit,
-        // A line of its own.
+        // The edit adds a line of its own.
         _ if edit.text.ends_with(';') => Edit { text: format!("{} {comment}", edit.text), ..edit },
         _ if line.trim() == ";" => {
             let semicolon = edit.range.end + line.find(';').unwrap_or_default() + 1;
@@ -122,10 +122,10 @@ fn with_comment(text: &str, edit: Edit, comment: &str) -> Edit {
     }
 }
 
-/// Plays a copied cue on an actor (line and column of its `cast`) from a time on.
+/// Plays a copied cue on an actor from a time on. `line`, `column`: position of the actor's `cast`.
 ///
 /// # Errors
-/// The text is no copied cue, or names what this script does not have.
+/// The text is not a copied cue, or uses a variable that this script does not have.
 pub fn paste_cue(
     text: &str,
     line: usize,
@@ -141,11 +141,11 @@ pub fn paste_cue(
     let shifted = shift_cue(copied, 1, 1, EditTime { secs: from.secs - start, fps: from.fps })?;
     let mut new = shifted.apply(copied);
     if from.secs == 0.0 {
-        // A clip begins there by itself.
+        // A clip starts at time 0 by default.
         new = ScriptObject::at(&new, 1, 1)?.unstate(&["from"]).apply(&new);
     }
     let object = ScriptObject::at(text, line, column)?;
-    // The script's own name of the file, if it has one: that of the actor's own file first.
+    // The copy uses a variable of the script that holds the file: that of the actor's own file, else any other.
     let script = Source::new(text);
     let copy = Source::new(&new);
     let first = |source: &Source, call: &Call| {
@@ -173,13 +173,13 @@ pub fn paste_cue(
     if let Some((range, own)) = own {
         new.replace_range(range, &own);
     }
-    // Variables that it names are made before it.
+    // The new line must come after the declaration of the variables that it uses.
     let declared_at = text.find(&format!("let {uses} "));
     let added = object.add_call(&new, declared_at.map(|at| (uses.as_str(), at)))?;
     Ok(indented(text, with_comment(text, added, comment)))
 }
 
-/// The cues in the text of a clipboard, each as [`copy_cue`] has it.
+/// The cues in clipboard text, each as written by [`copy_cue`].
 pub fn copied_cues(copied: &str) -> Vec<&str> {
     let source = Source::new(copied);
     let starts = source.calls_of("play").map(|call| call.name.start).filter(|at| source.depth_to(*at) == 0);

@@ -1,4 +1,4 @@
-//! Whole cues: moved with their ends, or deleted.
+//! Whole cues: their times are changed together, or they are deleted.
 
 use super::indenting::indented;
 use super::scan::{Call, Source};
@@ -6,7 +6,7 @@ use super::times::{CueTime, EditTime, TimeLiteral, set_time, stated_time};
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
-/// A time of a cue that is to change; line and column of its `play` or `then` as for [`set_time`].
+/// A change of one time of a cue; line and column of its `play` or `then` as for [`set_time`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CueChange {
     pub line: usize,
@@ -15,13 +15,13 @@ pub struct CueChange {
     pub time: EditTime,
 }
 
-/// Sets several times of cues as one edit.
+/// Sets several times of cues in one edit, all or none.
 ///
 /// # Errors
-/// As [`set_time`], where one of them cannot be set; then none is.
+/// The errors are those of [`set_time`] for any of the changes.
 pub fn set_times(text: &str, changes: &[CueChange]) -> Result<Edit, EditRefused> {
     let mut changes = changes.to_vec();
-    // From the end of the text, so that an edit moves no call that is still to come.
+    // Edits go from the end of the text to its start, so that none moves a call that is still to be edited.
     changes.sort_by_key(|change| std::cmp::Reverse((change.line, change.column)));
     let mut after = text.to_string();
     for CueChange { line, column, part, time } in changes {
@@ -30,18 +30,18 @@ pub fn set_times(text: &str, changes: &[CueChange]) -> Result<Edit, EditRefused>
     Ok(Edit::between(text, &after))
 }
 
-/// Whether the cue that the call at a place makes states its end, `.until(…)` or `until: …`.
+/// Whether the cue whose `play` or `then` is at this position states its end, `.until(…)` or `until: …`.
 pub fn has_end(text: &str, line: usize, column: usize) -> bool {
     let text = &Source::new(text);
     let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
     call.is_some_and(|call| stated_time(text, &call, "until").is_some())
 }
 
-/// Deletes the cue that the call at a place makes, with its times and options. `next`: when the clip after it begins, which then stands
-/// first if the chain began with the deleted one.
+/// Deletes the cue whose `play` or `then` is at this position, with its times and options. `next`: start of the following clip, which is written if
+/// the deleted cue was the first of its chain.
 ///
 /// # Errors
-/// Why it cannot be deleted, for the user: the call is not there, or the script uses its value.
+/// The call is not there, or the script uses its value.
 pub fn delete_cue(
     text: &str,
     line: usize,
@@ -60,7 +60,7 @@ pub fn delete_cue(
     let follower = source.call_from(end).filter(|next| source[next.name.clone()] == *"then");
     if let (true, Some(follower)) = (source[call.name.clone()] == *"play", follower) {
         let next = next.filter(|_| stated_time(source, &follower, "from").is_none());
-        // The end of the deleted clip becomes the start of the next, in the same style.
+        // The following clip keeps its start, written like the deleted end: in seconds or in frames.
         let end = stated_time(source, &call, "until").and_then(|end| TimeLiteral::of(source, &end));
         let in_frames = end.map(|end| end.in_frames);
         let from = next.map(|next| format!(".from({})", next.like(in_frames, source)));
@@ -75,8 +75,8 @@ pub fn delete_cue(
     }
 }
 
-/// The text without a call of a chain up to a byte, and without the comment of its line. A comment between the call and the code before it
-/// stays, behind the code of both lines.
+/// The text without one call of a chain (its bytes up to `end`) and without the comment of that line. A comment between the call and the code
+/// before it stays, after the code of both lines.
 fn without(source: &Source, call: &Call, end: usize) -> String {
     let text = source.whole();
     let dot = text[..call.name.start].rfind('.').unwrap_or(call.name.start);
@@ -88,8 +88,8 @@ fn without(source: &Source, call: &Call, end: usize) -> String {
     format!("{}{}{gap}{}", &text[..before], &text[closing], &text[rest..])
 }
 
-/// The comment that ends the line on which a cue ends, with the blanks before it; `None` where another call stands on that line, which the
-/// comment is about, too.
+/// The comment at the end of a cue's last line, with the whitespace before it. `None` if another call stands on that line, since the comment is
+/// then about both.
 pub(super) fn comment_behind(text: &Source, call: &Call, end: usize) -> Option<Range<usize>> {
     let line_end = text[end..].find('\n').map_or(text.len(), |at| end + at);
     let semicolon = text[end..line_end].len() - text[end..line_end].trim_start().len() + end;
@@ -103,14 +103,14 @@ pub(super) fn comment_behind(text: &Source, call: &Call, end: usize) -> Option<R
         .then(|| code..code + text[code..line_end].trim_end().len())
 }
 
-/// The first byte of the expression that a call of a method ends, `actor` in `actor.play(…)`; `None` where that is not a name.
+/// First byte of the expression before a method call, `actor` in `actor.play(…)`. `None` if that expression does not end with a name.
 pub(super) fn statement_start(text: &Source, call: &Call) -> Option<usize> {
     let before = text[..call.name.start].trim_end().strip_suffix('.')?.trim_end();
     let name = before.rfind(|c: char| !c.is_alphanumeric() && c != '_').map_or(0, |at| at + 1);
     (name < before.len()).then_some(name)
 }
 
-/// The lines of a statement that consists of this call, `actor.play(…);`, with a comment behind it.
+/// Lines of a statement that consists of this call only, `actor.play(…);`, with the comment after it.
 pub(super) fn whole_statement(text: &Source, call: &Call, end: usize) -> Option<Range<usize>> {
     let start = statement_start(text, call)?;
     let semicolon = text.skip(end);

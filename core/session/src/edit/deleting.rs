@@ -1,14 +1,14 @@
-//! Whole objects taken off the stage: the statement that makes one, and those that are about it alone.
+//! Deletion of whole objects: the statement that creates one, and the statements that are only about it.
 
 use super::scan::Source;
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
-/// Deletes the statement around the call at a place, `let bob = cast("bob", model).at(…);`, with the later ones that begin with its
-/// variable, `bob.play(…);`, and the statements `let model = load(…);` of files that nothing else uses.
+/// Deletes the statement around the creating call, `let bob = cast("bob", model).at(…);`, the later statements that begin with its variable,
+/// `bob.play(…);`, and the statements `let model = load(…);` of files that no other statement uses.
 ///
 /// # Errors
-/// Why it cannot be deleted, for the user: it stands in a block, or other statements use its variable.
+/// The object is created in a block, or other statements use its variable. The text is for the user.
 pub fn delete_object(text: &str, line: usize, column: usize) -> Result<Edit, EditRefused> {
     let source = &Source::new(text);
     let refuse = |line: usize, why: &str| Err(EditRefused::at(line, why));
@@ -44,13 +44,13 @@ pub fn delete_object(text: &str, line: usize, column: usize) -> Result<Edit, Edi
     Ok(Edit::between(text, &after))
 }
 
-/// The statements `let NAME = load(…);` outside blocks whose variable is used within these ranges and nowhere else.
+/// Statements `let NAME = load(…);` outside blocks whose variable is used only within these ranges.
 fn unused_files(source: &Source, gone: &[Range<usize>]) -> Vec<Range<usize>> {
     let is_gone = |at: &usize| gone.iter().any(|range| range.contains(at));
     let of_load = |at: usize| {
         let own = source.statement_start(at)..source.statement_end(at);
         let name = source.variable_of(own.start).filter(|_| source.depth_to(at) == 0)?;
-        // A file that is loaded for nothing else, not one whose load is part of another value.
+        // The load must be the whole value of the variable.
         let is_whole = source.variable_before(at) == Some(name)
             && source[source.skip(source.call_from(at)?.end)..].starts_with(';');
         let uses: Vec<usize> = source.uses_of(name).filter(|used| !own.contains(used)).collect();
@@ -92,7 +92,7 @@ mod tests {
         assert!(why.starts_with("line 2: this line uses bob"), "{why}");
         let why = deleted("fn f(x) {\n    |cast(x, m);\n}\n").unwrap_err();
         assert_eq!(why, "line 2: it stands in a function or a block; delete it there");
-        // A method of that name, and the name in a text, are no uses.
+        // A method of that name, or the name within a string, is not a use.
         assert_eq!(
             deleted("let at = |cast(\"at\", m);\nc.at(1);\nsay(\"at\");").unwrap(),
             "c.at(1);\nsay(\"at\");"

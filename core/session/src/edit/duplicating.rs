@@ -1,4 +1,4 @@
-//! Copies of whole objects: the statement that makes one and those about it, under another name.
+//! Copies of whole objects: the statement that creates one and the statements about it, under another name.
 
 use super::casting::first_free;
 use super::key_list::{arguments, leading, parts};
@@ -9,25 +9,25 @@ use super::{Edit, EditRefused, NamedBy};
 use glam::DVec3;
 use std::ops::Range;
 
-/// A copy of an object that is to be added to a script.
+/// The edit that copies an object.
 #[derive(Clone, Debug)]
 pub struct Duplicate {
     pub edit: Edit,
-    /// The name that the copy states.
+    /// Name of the copy, if the script states one.
     pub name: Option<String>,
-    /// Lines that use the object in statements about other things, which were not copied, from 1.
+    /// Lines of statements about other objects that use this one and were not copied, from 1.
     pub left: Vec<usize>,
-    /// Line of the copy that computes its place, so that it stands where the object does, from 1.
+    /// Line that computes the position, so that the copy stands where the object does, from 1. `None` if the copy was moved.
     pub stays: Option<usize>,
 }
 
-/// Adds a copy of the object that the call at a place makes, behind the last statement about it: the statement with the call and the later
-/// ones that begin with its variable, in their order. The copy and its variable have the next free number, `bob 2` and `bob_2`; a copied
-/// camera has no cuts. `offset`: how far from the object the copy stands, metres, where its place and the points to which it walks, or the
-/// keys of its position, are stated by numbers.
+/// Adds a copy of the object that the call at a position creates, after the last statement about it. The copy consists of the statement with the
+/// call and the later statements that begin with its variable, in their order. The copy and its variable get the next free number, `bob 2` and
+/// `bob_2`; a copied camera loses its cuts. `offset`: distance of the copy from the object, metres; applied if numbers state the position and the
+/// targets of `.walk_to`, or the keys of the position.
 ///
 /// # Errors
-/// Why it cannot be copied, for the user: its name is computed, or a statement about it stands in a block or defines another variable.
+/// The name is computed, or a statement about the object stands in a block or defines another variable. The text is for the user.
 pub fn duplicate_object(
     text: &str,
     (line, column): (usize, usize),
@@ -65,12 +65,12 @@ pub fn duplicate_object(
         for (at, new) in changes.iter().filter(|(at, _)| range.contains(&at.start)) {
             statement.replace_range(at.start - range.start..at.end - range.start, new);
         }
-        // A statement that was nothing but a cut is left out.
+        // A statement that was only a cut is left out.
         if variable.as_deref() != Some(statement.trim_end_matches(';').trim()) {
             copy += &format!("\n{statement}");
         }
     }
-    // The copy comes behind a comment on the last line.
+    // A comment on the last line stays before the copy.
     let last = ranges.last().cloned().unwrap_or_default();
     let at = source.own_lines(&last).map_or(last.end, |lines| lines.start + text[lines].trim_end().len());
     let after = Edit { range: at..at, text: copy }.apply(text);
@@ -82,7 +82,7 @@ pub fn duplicate_object(
     Ok(Duplicate { edit: Edit::between(text, &after), name, left, stays })
 }
 
-/// The calls `.cut(…)` of a camera, with their dots: two cameras with the same cut would hide the first.
+/// Bytes of the calls `.cut(…)` of a camera, with their dots. A second camera with the same cut would hide the first.
 fn cuts(object: &ScriptObject) -> Vec<Range<usize>> {
     let is_cut = |call: &&Call| object.text[call.name.clone()] == *"cut";
     let with_dot = |call: &Call| {
@@ -92,11 +92,11 @@ fn cuts(object: &ScriptObject) -> Vec<Range<usize>> {
     object.calls.iter().filter(is_cut).map(with_dot).collect()
 }
 
-/// The change that moves what the call at a byte makes and the points to which it walks, or the keys of its position. A path is relative to
-/// the place.
+/// The edit that moves the object created at a byte and the targets of its `.walk_to`, or else the keys of its position. Paths are relative to the
+/// position and do not change.
 ///
 /// # Errors
-/// The place is computed.
+/// The position or a target is computed.
 fn moved(text: &str, byte: usize, by: DVec3) -> Result<Edit, EditRefused> {
     let (line, column) = Source::new(text).place_of(byte);
     let object = ScriptObject::at(text, line, column)?;
@@ -117,7 +117,7 @@ fn moved(text: &str, byte: usize, by: DVec3) -> Result<Edit, EditRefused> {
 /// The property whose keys place an object.
 const POSITION: &str = "position";
 
-/// The change that moves all keys of a position; `None` where one is computed.
+/// The edit that moves all keys of a position. `None` if one is computed.
 fn moved_keys(text: &Source, call: &Call, by: DVec3) -> Option<Edit> {
     let in_list = |bytes: &Range<usize>| {
         let list = text.trimmed(bytes);
@@ -133,7 +133,8 @@ fn moved_keys(text: &Source, call: &Call, by: DVec3) -> Option<Edit> {
     rewritten(text, &old, &new)
 }
 
-/// The statement around a call and the later ones that begin with its variable, in their order, and lines of others that use it.
+/// Statements about an object: the one around the creating call and the later ones that begin with its variable, in their order. Also the lines of
+/// other statements that use the object.
 fn statements_about(
     source: &Source,
     call: usize,
@@ -188,14 +189,14 @@ mod tests {
         let wanted = plain.replace("sun(", &format!("{more}sun("));
         let (after, name) = copied(text, Some(DVec3::X)).unwrap();
         assert_eq!((after.as_str(), name.as_deref()), (wanted.as_str(), Some("bob 2")));
-        // The next copy has the next number, and one without a distance stands where the object does.
+        // The next copy gets the next number; without an offset it stands where the object does.
         let again = wanted.replacen("cast(", "|cast(", 1);
         let (after, name) = copied(&again, None).unwrap();
         assert!(after.contains("let bob_3 = cast(\"bob 3\", m)\n    .at(1, 0, 0);"), "{after}");
         assert_eq!(name.as_deref(), Some("bob 3"));
         let (after, _) = copied("|cast(\"a\", m).play(c);", Some(DVec3::Z)).unwrap();
         assert_eq!(after, "cast(\"a\", m).play(c);\ncast(\"a 2\", m).at(0.0, 0.0, 1.0).play(c);");
-        // What others do with it stays theirs.
+        // Statements of other objects that use this one are not copied.
         let (after, _) = copied("let a = |cast(\"a\", m);\neve.face(a);\na.face(a);", None).unwrap();
         assert_eq!(
             after,
@@ -224,7 +225,7 @@ mod tests {
             plain.trim_end().replace("a = ", "a_2 = ").replace("\"a\"", "\"a 2\"").replace("\na.", "\na_2.");
         let copy = copy.replace("[0, 0, 0.5]", "[0.5, 0, 0.5]").replace("[ 1.0, 0, 0 ]", "[ 1.5, 0, 0 ]");
         assert_eq!(after, format!("{plain}{copy}\n"));
-        // Where one is computed, the copy stays there, and its line is named.
+        // If one key is computed, the copy is not moved, and the line of the keys is reported.
         let text = "let a = cast(\"a\", m);\na.key(\"position\", [[0.0, x], [1.0, [1, 2, 3]]]);\n";
         let made = duplicate_object(text, (1, 9), NamedBy::Argument, Some(DVec3::X)).unwrap();
         let after = made.edit.apply(text);
@@ -241,7 +242,7 @@ mod tests {
         let (after, _) = copied(text, Some(DVec3::X)).unwrap();
         let copy = "let a_2 = cast(\"a 2\", m).at(1.0, 0.0, 0.0);\na_2.walk_to([2.0, 0, 2], #{ from: 1.0 });\na_2.walk_to([ 0, 0, 0 ]);\n";
         assert_eq!(after, text.replace('|', "") + copy);
-        // The copy goes where the object does if one of the points is computed.
+        // If one target is computed, the copy walks to the same targets.
         let text = "let a = cast(\"a\", m).at(0, 0, 0);\na.walk_to([1.0, 0, 2]);\na.walk_to(home);\n";
         let made = duplicate_object(text, (1, 9), NamedBy::Argument, Some(DVec3::X)).unwrap();
         assert_eq!(made.stays, Some(6));

@@ -1,23 +1,23 @@
-//! Numbers that are typed as expressions.
+//! Parser of numbers that the user types as expressions.
 
-/// Brackets within each other; deeper ones are no number that a person types.
+/// Deepest nesting of parentheses that is parsed.
 const DEEPEST: usize = 32;
 
-/// The value of an expression: numbers, `+ - * /`, parentheses, and `f(12)`, seconds of twelve frames at `fps` frames a second. `None`
-/// where it is none, or not finite.
+/// Value of an expression: numbers, `+ - * /`, parentheses, and `f(12)`, the time of frame 12 in seconds at `fps` frames per second. `None` if it
+/// is not an expression, or its value is not finite.
 pub fn value(text: &str, fps: f64) -> Option<f64> {
     let mut parser = Parser { rest: text, fps, depth: 0 };
     let value = parser.sum()?;
     (parser.rest.trim().is_empty() && value.is_finite()).then_some(value)
 }
 
-/// Whether a typed text counts frames, `f(12)`, which gives a time.
+/// Whether a typed text counts frames, `f(12)`, and so is a time.
 pub fn counts_frames(text: &str) -> bool {
     text.contains("f(")
 }
 
-/// An expression as a script has it, `1.0 / 3.0` of `1/3`: each number has a point, since a script divides numbers without one as integers;
-/// `f(12)` of `f( 12 )`. `None` where it is a number alone, or calculates with frames.
+/// A typed expression in script syntax: `1.0 / 3.0` for `1/3`, since a script divides numbers without a point as integers; `f(12)` for `f( 12 )`.
+/// `None` for a single number and for calculations with frames.
 pub fn script_text(text: &str) -> Option<String> {
     let frame = text.trim().strip_prefix("f(").and_then(|rest| rest.strip_suffix(')'));
     if let Some(frame) = frame.and_then(|frame| frame.trim().parse::<u32>().ok()) {
@@ -54,11 +54,12 @@ pub fn script_text(text: &str) -> Option<String> {
     calculates.then_some(written)
 }
 
-/// The value of a calculation of a script, `1.0 / 3.0`. `None` where it is none, or divides whole numbers in the way of scripts.
+/// Value of a calculation in a script, `1.0 / 3.0`. `None` if it is not a calculation with literals alone, or has a number without a decimal point,
+/// which the script would treat as an integer.
 pub(super) fn calculated(text: &str) -> Option<f64> {
     let written = script_text(text).filter(|_| !counts_frames(text))?;
     let signs = |text: &str| text.chars().filter(|c| *c != ' ').collect::<String>();
-    // Else some number has no point.
+    // The texts differ if a number has no decimal point.
     (signs(&written) == signs(text)).then(|| value(&written, 1.0)).flatten()
 }
 
@@ -69,7 +70,7 @@ struct Parser<'t> {
 }
 
 impl Parser<'_> {
-    /// Whether the next sign is this one; then it is passed.
+    /// Consumes `sign` if it comes next, and returns whether it did.
     fn takes(&mut self, sign: &str) -> bool {
         let rest = self.rest.trim_start();
         let found = rest.strip_prefix(sign);
@@ -104,7 +105,7 @@ impl Parser<'_> {
     }
 
     fn signed(&mut self) -> Option<f64> {
-        // Typed with the sign that typographers use.
+        // The minus sign U+2212 is accepted, too.
         let minus = self.takes("-") || self.takes("\u{2212}");
         let value = self.atom()?;
         Some(if minus { -value } else { value })

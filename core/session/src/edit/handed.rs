@@ -1,17 +1,17 @@
-//! Functions of the script to which an object is handed: `fn bounce(actor) { actor.key(…); }` and `bounce(ada);`.
+//! Functions of the script that get an object as an argument: `fn bounce(actor) { actor.key(…); }` and `bounce(ada);`.
 
 use super::scan::{Call, Source};
 
-/// A call of a method in a function, on the object that the function is given.
+/// A method call in a function of the script, on a parameter that the object is passed to.
 #[derive(Clone)]
 pub(super) struct HandedCall {
     pub call: Call,
-    /// How many calls of the function the script has.
+    /// Number of calls of the function in the script.
     pub uses: usize,
 }
 
-/// The calls of methods on an object of this variable in functions that it is handed to behind a byte, as deep in brackets as `like`; in the
-/// order of the calls of those functions.
+/// Method calls on an object in the functions that get its variable as an argument, in the order in which the script calls those functions. Only
+/// calls of functions after the byte `like` and at the bracket depth of that byte count.
 pub(super) fn handed_calls(text: &Source, variable: &str, like: usize) -> Vec<HandedCall> {
     let wanted = text.depth_to(like) + 1;
     let mut all = Vec::new();
@@ -22,7 +22,7 @@ pub(super) fn handed_calls(text: &Source, variable: &str, like: usize) -> Vec<Ha
         if text.depth_to(at) != wanted {
             continue;
         }
-        // The first of them is its definition.
+        // The definition of the function is not a call.
         let uses = text.calls_of(function).count() - 1;
         let chains = text.chains_of(parameter, body.start).into_iter();
         let chains = chains.filter(|(at, _)| body.contains(at));

@@ -1,17 +1,17 @@
-//! The indentation of lines that an edit brings to another depth of brackets.
+//! Indentation of lines that an edit moves to another bracket depth.
 
 use super::Edit;
 use super::scan::Source;
 use choreo_script::format;
 
-/// The edit with its lines behind the first as deep below that one as the formatter lays them out. Lines within strings and comments stay
-/// as they are, and so does a text that the formatter cannot read or that is indented by tabs.
+/// Indents the lines of an edit after the first relative to it, like the formatter. Lines within strings and comments do not change; neither does
+/// an edit of a text that the formatter cannot parse or that is indented with tabs.
 pub(super) fn indented(text: &str, edit: Edit) -> Edit {
     let after = edit.apply(text);
     let Ok(changes) = format::edits(&after) else { return edit };
     let source = Source::new(&after);
     let code = |line: usize| line + after[line..].len() - after[line..].trim_start_matches([' ', '\t']).len();
-    // Blanks with which the formatter begins a line.
+    // Number of blanks at the beginning of a line as the formatter would write it.
     let usual = |line: usize| {
         let at = code(line);
         let change = changes.iter().find(|change| change.range.end == at && change.text.contains('\n'));
@@ -50,10 +50,10 @@ mod tests {
             "\nb.play(c, #{\n            // why\n            fade: 0.2,\n        })\n        .until(2.0);";
         let wanted = "\nb.play(c, #{\n    // why\n    fade: 0.2,\n})\n    .until(2.0);";
         assert_eq!(put("let b = 1;", call, "\n"), format!("let b = 1;{wanted}\n"));
-        // The line above is indented in the author's own way.
+        // The author has indented the line above in another way.
         let then = "\n  .then(c, #{\n    fade: 0.2,\n})";
         assert_eq!(put("b.play(c)", then, ";\n"), "b.play(c)\n  .then(c, #{\n      fade: 0.2,\n  });\n");
-        // Strings and what cannot be read stay.
+        // Strings and text that cannot be parsed stay as they are.
         let say = "\nsay(`a\n  b`);";
         assert_eq!(put("x();", say, "\n"), format!("x();{say}\n"));
         assert_eq!(put("x(", "\n        y", "]"), "x(\n        y]");

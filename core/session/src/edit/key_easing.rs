@@ -1,4 +1,4 @@
-//! Easings of keys: `[time, value, "in_quad"]` for the way into one key, `.key(…, "smooth")` for all of a property.
+//! Easings of keys: `[time, value, "in_quad"]` for the span before one key, `.key(…, "smooth")` for all keys of a property.
 
 use super::key_list::{Key, arguments, leading};
 use super::key_name::KeyName;
@@ -11,11 +11,11 @@ use super::{Edit, EditRefused, key_list};
 use std::ops::Range;
 
 impl ScriptObject<'_> {
-    /// Sets the easing into a key, as source text; `None`: as all keys of the property.
+    /// Sets the easing of the span before a key, as source text. `None`: the easing of all keys of the property.
     ///
     /// # Errors
-    /// The keys are computed or stand elsewhere, there is none at that time, or the interpolation of all keys allows none of a key's own;
-    /// then a change is offered that makes the others linear.
+    /// The keys are computed or stated elsewhere, no key is at that time, or the interpolation of all keys does not allow an easing of one key;
+    /// then an edit is offered that makes the others linear.
     pub fn set_key_ease(
         &self,
         property: &str,
@@ -37,10 +37,10 @@ impl ScriptObject<'_> {
         if ease.is_none() || of_all == "\"linear\"" || is_easing(of_all) {
             return Ok(with_ease(index));
         }
-        // Keys with an easing of their own are linear. "smooth" is an easing, too: the other keys keep what they have.
+        // An easing of one key requires linear keys. "smooth" can also be an easing of one key, so that the other keys keep it.
         let keep = (of_all == "\"smooth\"").then_some("\"smooth\"");
         let others = |other: usize| match shape_of(&self.text, &keys[other]) {
-            // The span has tangents of its own.
+            // A span with tangents keeps them.
             Some(shape) if shape.incoming.is_given() => eased(&self.text, &keys[other], None),
             _ => eased(&self.text, &keys[other], keep),
         };
@@ -58,10 +58,10 @@ impl ScriptObject<'_> {
         Err(EditRefused { over: Some(edit), agree, ..EditRefused::at(line, &why) })
     }
 
-    /// Sets the interpolation or the easing of all keys of a property, as source text; `None`: linear.
+    /// Sets the interpolation or the easing of all keys of a property, as source text. `None`: linear.
     ///
     /// # Errors
-    /// The keys are computed or stand elsewhere, or have easings of their own; then a change is offered that drops those.
+    /// The keys are computed or stated elsewhere, or have easings or tangents of their own; then an edit is offered that removes these.
     pub fn set_key_how(&self, property: &str, fps: f64, how: Option<&str>) -> Result<Edit, EditRefused> {
         let (call, keys) = self.keys(property, fps)?;
         let old = self.how(property, &call);
@@ -105,38 +105,37 @@ impl ScriptObject<'_> {
         Err(EditRefused { over, agree: "Drop them", ..EditRefused::at(line, &why) })
     }
 
-    /// Keys that an option of a cue states as a method in its chain, which alone takes how they are interpolated; and the byte where that
-    /// begins then.
+    /// Rewrites keys in an option of a cue as a method, since only a method can state an interpolation. Also returns the first byte of the method.
     fn as_method(&self, option: &Call, how: &str) -> (Edit, usize) {
         let [name, list] = [&option.name, &option.inside].map(|bytes| &self.text[bytes.clone()]);
         let method = format!("{name}({list}, {how})");
         let added = self.added(&method);
         let start = added.range.start + added.text.find(&method).unwrap_or_default();
         let with = added.apply(&self.text);
-        // The option stands before the method.
+        // Removing the option moves the method, which comes after it.
         let after = self.unstate(&[name]).apply(&with);
         (Edit::between(&self.text, &after), start + after.len() - with.len())
     }
 
-    /// The argument behind the list of keys.
+    /// Bytes of the argument after the list of keys, the interpolation or easing of all.
     pub(super) fn how(&self, property: &str, call: &Call) -> Option<Range<usize>> {
         let how = arguments(&self.text, call).get(leading(property) + 1)?.clone();
         Some(self.text.trimmed(&how))
     }
 
-    /// Takes the argument behind the list of keys away, with its comma.
+    /// Removes the argument after the list of keys, with its comma.
     pub(super) fn without_how(&self, how: Range<usize>) -> Edit {
         let comma = self.text[..how.start].rfind(',').unwrap_or(how.start);
         Edit { range: comma..how.end, text: String::new() }
     }
 }
 
-/// Whether all keys have this easing, and single ones may have another.
+/// Whether the interpolation of all keys is an easing, which a key may override.
 fn is_easing(how: &str) -> bool {
     how.starts_with('[') || how.starts_with("\"in_") || how.starts_with("\"out_")
 }
 
-/// A key with another easing, which takes the place of a tangent into it, or without one.
+/// Replaces or removes the easing of the span before a key. An easing replaces an incoming tangent.
 fn eased(text: &Source, key: &Key, ease: Option<&str>) -> Edit {
     let start = key.value.end;
     let old = shape_of(text, key).unwrap_or_default();

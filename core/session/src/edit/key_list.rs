@@ -1,5 +1,5 @@
-//! The list of keys of a `.key(…)` in the text, `[[time, value], [time, value, easing or tangents], …]`: read, and with keys added, taken away or
-//! put elsewhere. Comments and blanks between keys stay; a comment behind a key on a line of its own belongs to that key.
+//! The list of keys of a `.key(…)` in the text, `[[time, value], [time, value, easing or tangents], …]`: parses it, and inserts, removes and moves
+//! keys. Comments and whitespace between keys stay; a comment after a key on the same line belongs to that key.
 
 use super::Edit;
 use super::key_name::KeyName;
@@ -14,24 +14,24 @@ pub(super) struct Key {
     pub all: Range<usize>,
     pub secs: f64,
     pub time: Range<usize>,
-    /// Its time is written as `f(12)`.
+    /// The time is written as `f(12)`.
     pub in_frames: bool,
     pub value: Range<usize>,
-    /// The easing into it or the map of its tangents, blanks excluded.
+    /// The easing into the key or the map of its tangents, without whitespace.
     pub shape: Option<Range<usize>>,
 }
 
-/// The number of arguments of a call before its list of keys.
+/// Number of arguments before the list of keys.
 pub(super) fn leading(property: &str) -> usize {
     KeyName::of(property).leading()
 }
 
-/// The bytes of the arguments of a call.
+/// Bytes of each argument of a call.
 pub(super) fn arguments(text: &Source, call: &Call) -> Vec<Range<usize>> {
     parts(text, call.inside.start, call.inside.end).collect()
 }
 
-/// `None` where anything of them but the values is computed.
+/// Parses a list of keys. `None` if anything but the values is computed.
 pub(super) fn keys_in(text: &Source, bytes: Range<usize>, fps: f64) -> Option<Vec<Key>> {
     let array = text.trimmed(&bytes);
     let inside = text[array.clone()].strip_prefix('[')?.strip_suffix(']')?;
@@ -44,7 +44,7 @@ pub(super) fn keys_in(text: &Source, bytes: Range<usize>, fps: f64) -> Option<Ve
         let literal = TimeLiteral::of(text, time)?;
         let secs = literal.secs(fps);
         let TimeLiteral { in_frames, range, .. } = literal;
-        // Two keys at one time are a jump.
+        // Two keys at the same time are a jump.
         if keys.last().is_some_and(|before| before.secs > secs) {
             return None;
         }
@@ -54,7 +54,8 @@ pub(super) fn keys_in(text: &Source, bytes: Range<usize>, fps: f64) -> Option<Ve
     (!keys.is_empty()).then_some(keys)
 }
 
-/// The key at a time, to half a frame: the nearest. Of two at one time the first is meant by a time just before.
+/// Index of the nearest key within half a frame of a time. Of two keys at the same time, an earlier `time` selects the first and any other the
+/// second.
 pub(super) fn key_at(keys: &[Key], time: EditTime) -> Option<usize> {
     let distance = |index: &usize| (keys[*index].secs - time.secs).abs();
     let near = (0..keys.len()).filter(|index| distance(index) < 0.5 / time.fps);
@@ -63,7 +64,7 @@ pub(super) fn key_at(keys: &[Key], time: EditTime) -> Option<usize> {
     Some(nearest + usize::from(repeated && time.secs >= keys[nearest].secs))
 }
 
-/// The parts between commas; nothing after a trailing one.
+/// Parts between commas; none after a trailing comma.
 pub(super) fn parts(text: &Source, start: usize, end: usize) -> impl Iterator<Item = Range<usize>> {
     let mut at = start;
     std::iter::from_fn(move || {
@@ -77,7 +78,7 @@ pub(super) fn parts(text: &Source, start: usize, end: usize) -> impl Iterator<It
     })
 }
 
-/// Takes a key away with its comma, and with its line if it has one of its own.
+/// Removes a key with its comma, and with its line if it has one of its own.
 pub(super) fn removed(text: &str, keys: &[Key], at: usize) -> Edit {
     let key = &keys[at].all;
     let line = text[..key.start].rfind('\n').map_or(0, |n| n + 1);
@@ -94,9 +95,9 @@ pub(super) fn removed(text: &str, keys: &[Key], at: usize) -> Edit {
     Edit { range, text: String::new() }
 }
 
-/// Inserts a key before the key `next`, or after the last: on its own line if the others are.
+/// Inserts a key before the key `next`, or after the last; on a line of its own if the other keys are.
 pub(super) fn inserted(text: &str, keys: &[Key], next: usize, key: &str) -> Edit {
-    // The separator before a key: a new line with its blanks, or a space.
+    // The separator before a key is a line break with indentation, or a space.
     let before = |at: usize| {
         let line = text[..at].rfind('\n').map_or(0, |n| n + 1);
         let blanks = &text[line..at];
@@ -113,14 +114,14 @@ pub(super) fn inserted(text: &str, keys: &[Key], next: usize, key: &str) -> Edit
     let rest = &text[at..text[at..].find('\n').map_or(text.len(), |n| at + n)];
     let has_comment = rest.trim_start().trim_start_matches(',').trim_start().starts_with("//");
     if gap.starts_with('\n') && has_comment {
-        // The new key comes after the comment on the last one, which then needs a comma.
+        // The new key goes after the comment of the last key, which then needs a comma.
         let comma = if rest.trim_start().starts_with(',') { "" } else { "," };
         return Edit { range: at..at + rest.len(), text: format!("{comma}{rest}{gap}{key}") };
     }
     Edit { range: at..at, text: format!(",{gap}{key}") }
 }
 
-/// Keys at other times, `None` for those that stay: each stands where its time belongs.
+/// Moves keys to new times (`None`: unchanged) and sorts the list by time.
 pub(super) fn retimed(text: &str, keys: &[Key], times: &[Option<EditTime>]) -> Edit {
     let secs = |index: &usize| times[*index].map_or(keys[*index].secs, |time| time.secs);
     let mut order: Vec<usize> = (0..keys.len()).collect();
@@ -153,12 +154,12 @@ pub(super) fn retimed(text: &str, keys: &[Key], times: &[Option<EditTime>]) -> E
     Edit { range: keys[0].all.start..at, text: out }
 }
 
-/// The part of a line behind a key.
+/// The rest of a line after a key.
 struct Tail {
-    /// The key begins its line, and at most a comma and a comment are behind it.
+    /// The key begins its line, and only a comma and a comment follow it.
     has_line: bool,
     has_comma: bool,
-    /// A comment to the line's end; empty at that end where there is none.
+    /// Bytes of a comment up to the end of the line; empty if there is none.
     comment: Range<usize>,
 }
 

@@ -5,17 +5,17 @@ use super::object::quoted;
 use super::scan::{Call, Source};
 use choreo_stage::Cue;
 
-/// The methods of a cue that state keys, and of its layer.
+/// Methods of a cue and of its layer that state keys.
 fn keyed_methods() -> impl Iterator<Item = &'static str> {
     Cue::keyed_options().map(|(name, _)| name).chain(["layer_weight"])
 }
 
-/// Whether a copied text holds keys that a method of a cue states.
+/// Whether copied text holds keys of a cue, which a method of the cue states.
 pub fn are_keys_of_cue(text: &str) -> bool {
     keyed_methods().any(|method| starts_with_call(text, method))
 }
 
-/// Whether a copied text holds keys.
+/// Whether copied text holds keys.
 pub fn are_keys(text: &str) -> bool {
     are_keys_of_cue(text) || ["key", "joint"].iter().any(|method| starts_with_call(text, method))
 }
@@ -27,7 +27,7 @@ fn starts_with_call(text: &str, method: &str) -> bool {
         .is_some_and(|rest| rest.starts_with('('))
 }
 
-/// A property by its name: `position`, `morph:smile`, `joint:Head:rotation`, or `.weight`, which is a method of a cue.
+/// A keyed property, parsed from its name: `position`, `morph:smile`, `joint:Head:rotation`, or `.weight` for a method of a cue.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum KeyName<'p> {
     Property(&'p str),
@@ -58,7 +58,7 @@ impl<'p> KeyName<'p> {
         }
     }
 
-    /// The number of arguments before the list of keys.
+    /// Number of arguments before the list of keys.
     pub fn leading(self) -> usize {
         match self {
             KeyName::Method(_) => 0,
@@ -67,7 +67,7 @@ impl<'p> KeyName<'p> {
         }
     }
 
-    /// The text of its call up to the list of keys.
+    /// Text of the call up to the list of keys.
     pub fn opening(self) -> String {
         match self {
             KeyName::Property(property) => format!("key({}, ", quoted(property)),
@@ -79,7 +79,7 @@ impl<'p> KeyName<'p> {
         }
     }
 
-    /// The name as it is read in messages.
+    /// Name of the property in messages.
     pub fn shown(self) -> String {
         match self {
             KeyName::Property(name) => name.to_string(),
@@ -90,14 +90,14 @@ impl<'p> KeyName<'p> {
     }
 }
 
-/// The text of an argument that is a text literal.
+/// Content of an argument that is a string literal.
 fn text_of(text: &Source, call: &Call, index: usize) -> Option<String> {
     let arguments = arguments(text, call);
     let argument = text[arguments.get(index)?.clone()].trim();
     Some(argument.strip_prefix('"')?.strip_suffix('"')?.replace("\\\"", "\"").replace("\\\\", "\\"))
 }
 
-/// The property of a `.key(…)`, with the name of a morph target or an expression.
+/// Property of a `.key(…)`, prefixed by `morph:` or `expression:` for a weight.
 pub(super) fn property_of(text: &Source, call: &Call) -> Option<String> {
     let property = text_of(text, call, 0)?;
     match property.as_str() {
@@ -130,17 +130,17 @@ pub(super) fn copied_call(text: &Source) -> Option<(Call, String)> {
     }
 }
 
-/// A `.key(…)` of a joint of an actor.
+/// A `.key(…)` of a joint.
 #[derive(Clone)]
 pub(super) struct JointKey {
-    /// The joint's name as the script has it.
+    /// Name of the joint as in the script.
     pub joint: String,
     pub call: Call,
-    /// The `joint(…)` right before it.
+    /// The `joint(…)` call directly before `.key(…)`. `None` after another key or on a variable.
     pub of: Option<Call>,
 }
 
-/// The keys of joints in a chain of an actor that begins at a byte, and of the variables that hold its joints.
+/// Keys of a joint in an actor's chain that begins at a byte, including those on the variable that holds the joint.
 pub(super) fn joint_keys(text: &Source, at: usize, chain: &[Call]) -> Vec<JointKey> {
     let Some(index) = chain.iter().position(|call| text[call.name.clone()] == *"joint") else {
         return Vec::new();

@@ -9,23 +9,23 @@ use super::values::{format_number, literals, rewritten};
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
-/// How a key is reached and left, as it is written.
+/// Interpolation before and after a key, as the script states it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct KeyShape {
-    /// The easing of the whole span before it, as source text.
+    /// Source text of the easing of the span before the key.
     pub ease: Option<String>,
     pub incoming: KeySide,
     pub outgoing: KeySide,
-    /// Both sides are written each by itself, whatever their numbers are.
+    /// Whether the script states the incoming and the outgoing tangent separately, even if they are equal.
     pub broken: bool,
 }
 
-/// One side of a key.
+/// Tangent of one side of a key.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct KeySide {
-    /// The change of each number a second; a single one holds for all.
+    /// Slope of each number, units per second; a single one holds for all numbers.
     pub tangent: Option<Vec<f64>>,
-    /// The length of the handle as a share of the span; a single one holds for all numbers.
+    /// Length of the handle as a fraction of the span; a single one holds for all numbers.
     pub weight: Option<Vec<f64>>,
 }
 
@@ -40,12 +40,12 @@ impl KeyShape {
         self.incoming.is_given() || self.outgoing.is_given()
     }
 
-    /// The side before it, which has no tangent where an easing forms the span.
+    /// The incoming side, which is empty if an easing shapes the span.
     fn into(&self) -> KeySide {
         if self.ease.is_some() { KeySide::default() } else { self.incoming.clone() }
     }
 
-    /// Options of the key with their numbers, in the order in which they are written.
+    /// Options of the key with their values, in the order in which they are written.
     fn entries(&self) -> Vec<(&'static str, Entry)> {
         let mut all: Vec<(&'static str, Entry)> = Vec::new();
         let into = self.into();
@@ -63,7 +63,7 @@ impl KeyShape {
         all
     }
 
-    /// The text behind the value of a key; empty where all keys are alike.
+    /// Text after the value of a key; empty if the key has neither easing nor tangents.
     fn text(&self) -> String {
         if !self.into().is_given() && !self.outgoing.is_given() {
             return self.ease.as_ref().map_or(String::new(), |ease| format!(", {ease}"));
@@ -96,7 +96,7 @@ impl Entry {
     }
 }
 
-/// The entries of a map, `#{ name: value, … }`: names and the bytes of their values.
+/// Entries of a map, `#{ name: value, … }`: names and the bytes of their values.
 fn map_entries(text: &Source, bytes: &Range<usize>) -> Option<Vec<(String, Range<usize>)>> {
     let inside = text[bytes.clone()].strip_prefix("#{")?.strip_suffix('}')?;
     let start = bytes.start + 2;
@@ -109,7 +109,7 @@ fn map_entries(text: &Source, bytes: &Range<usize>) -> Option<Vec<(String, Range
     parts(text, start, start + inside.len()).map(entry).collect()
 }
 
-/// The easing and the tangents of a key; `None` where they are computed.
+/// Easing and tangents of a key. `None` if they are computed.
 pub(super) fn shape_of(text: &Source, key: &Key) -> Option<KeyShape> {
     let Some(bytes) = &key.shape else { return Some(KeyShape::default()) };
     if !text[bytes.clone()].starts_with("#{") {
@@ -135,11 +135,11 @@ pub(super) fn shape_of(text: &Source, key: &Key) -> Option<KeyShape> {
     Some(shape)
 }
 
-/// A key with another easing and other tangents. Where it has the same options their numbers alone change.
+/// Replaces the easing and the tangents of a key. If it already has the same options, only the changed values are rewritten.
 pub(super) fn shaped(text: &Source, key: &Key, shape: &KeyShape) -> Edit {
     let end = key.value.end;
     let Some(bytes) = &key.shape else { return Edit { range: end..end, text: shape.text() } };
-    // A comment before it stays where something is written.
+    // A comment before the easing is kept if an easing or tangent is written in its place.
     let new = shape.text();
     let whole = match new.strip_prefix(", ") {
         Some(new) => Edit::over(text, bytes.clone(), new),
@@ -166,11 +166,11 @@ pub(super) fn shaped(text: &Source, key: &Key, shape: &KeyShape) -> Edit {
 }
 
 impl ScriptObject<'_> {
-    /// Gives keys of a property other tangents and easings.
+    /// Sets tangents and easings of keys of a property.
     ///
     /// # Errors
-    /// The keys are computed or stand elsewhere, there is none at that time, or all keys hold their values; then a change is
-    /// offered that makes the others linear.
+    /// The keys are computed or stated elsewhere, no key is at that time, or all keys are stepped; then an edit is offered that makes the others
+    /// linear.
     pub fn set_key_shapes(
         &self,
         property: &str,

@@ -1,6 +1,5 @@
-//! Keys of a property, `.key("position", [[time, value], …])`: changed, moved, deleted, copied, or added as the others are written.
-//! The keys of a morph target or an expression go by `morph:NAME` and `expression:NAME`, those that a method or an option of a cue states by
-//! `.NAME`.
+//! Keys of a property, `.key("position", [[time, value], …])`: changed, moved, deleted, copied, and added in the style of the other keys. The keys
+//! of a morph target or an expression are named `morph:NAME` and `expression:NAME`; keys in a method or an option of a cue are named `.NAME`.
 
 use super::cues::whole_statement;
 use super::key_list::{Key, arguments, inserted, key_at, keys_in, leading, parts, removed, retimed};
@@ -16,32 +15,32 @@ use super::{Edit, EditRefused};
 use glam::{DQuat, DVec3};
 use std::ops::Range;
 
-/// The methods that place an object, or change what its place is in.
+/// Methods that place an object or change the space of its position.
 const PLACES: [&str; 3] = ["at", "move_by", "attach"];
 
-/// A value of a key, to be written as its neighbours are.
+/// Value of a key, written in the style of its neighbors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum KeyValue<'v> {
     /// `[x, y, z]`
     Point(DVec3),
-    /// Numbers as they were and as they are now: those that stay the same are not written.
+    /// Numbers before and after a change; unchanged ones are not rewritten.
     Numbers { before: &'v [f64], now: &'v [f64] },
-    /// Degrees about y, `[x, y, z]` in degrees, or a quaternion.
+    /// Rotation, written as degrees about y, as `[x, y, z]` in degrees, or as a quaternion.
     Turn(DQuat),
-    /// A factor, or one an axis.
+    /// Scale, written as one factor or as one per axis.
     Scale(DVec3),
     /// Source text of the value.
     Text(&'v str),
-    /// The value between its neighbours, as if they were linear.
+    /// Linear interpolation of the neighboring keys.
     Between,
 }
 
-/// The keys of a property as they stand in the text.
+/// The keys of a property, parsed from the script.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WrittenKeys {
-    /// Line of their `.key(…)`, from 1.
+    /// Line of the `.key(…)`, from 1.
     pub line: usize,
-    /// The interpolation or the easing of all, as it is written.
+    /// Source text of the interpolation or the easing of all keys. `None`: linear.
     pub how: Option<String>,
     pub keys: Vec<WrittenKey>,
 }
@@ -49,19 +48,19 @@ pub struct WrittenKeys {
 #[derive(Clone, Debug, PartialEq)]
 pub struct WrittenKey {
     pub secs: f64,
-    /// The frame, where the time is written as `f(12)`.
+    /// Frame number, if the time is written as `f(12)`.
     pub frame: Option<f64>,
-    /// Its numbers; `None` where the value is computed or is no number.
+    /// Numbers of the value. `None` if it is computed or not numeric.
     pub numbers: Option<Vec<f64>>,
-    /// The easing into it and its tangents; `None` where those are computed.
+    /// Easing into the key, and its tangents. `None` if they are computed.
     pub shape: Option<KeyShape>,
 }
 
 impl ScriptObject<'_> {
-    /// The keys of a property as they are written.
+    /// Parses the keys of a property.
     ///
     /// # Errors
-    /// The keys are computed, or stand elsewhere.
+    /// The keys are computed, or the script does not state them with this object.
     pub fn written_keys(&self, property: &str, fps: f64) -> Result<WrittenKeys, EditRefused> {
         let (call, keys) = self.keys(property, fps)?;
         let how = arguments(&self.text, &call).get(leading(property) + 1).map(|how| self.text.trimmed(how));
@@ -79,7 +78,7 @@ impl ScriptObject<'_> {
     /// Changes the key of a property at a time, or adds one.
     ///
     /// # Errors
-    /// The keys are computed, or stand elsewhere.
+    /// The keys are computed, or the script does not state them with this object.
     pub fn set_key(&self, property: &str, when: EditTime, value: KeyValue) -> Result<Edit, EditRefused> {
         let (call, keys) = self.keys(property, when.fps)?;
         if let Some(at) = key_at(&keys, when) {
@@ -99,11 +98,11 @@ impl ScriptObject<'_> {
         Ok(inserted(&self.text, &keys, next, &key))
     }
 
-    /// Keys a property that has no keys yet: `anna.key("position", [[2.0, [0.0, 0.0, 1.0]]]);` as a line of its own. A place that is stated
-    /// as numbers, `.at(0.0, 0.0, 1.0)`, goes, since the keys take over from it.
+    /// Adds the first key of a property as a line of its own: `anna.key("position", [[2.0, [0.0, 0.0, 1.0]]]);`. A position that is stated as
+    /// numbers, `.at(0.0, 0.0, 1.0)`, is removed, since the keys replace it.
     ///
     /// # Errors
-    /// The object has no name in the script, and something else follows it.
+    /// The object has no variable, and other calls follow its chain.
     pub fn add_keys(&self, property: &str, when: EditTime, value: KeyValue) -> Result<Edit, EditRefused> {
         let value = written_like(&[], &value);
         let list = format!("[[{}, {value}]]", when.anew(&self.text));
@@ -125,15 +124,15 @@ impl ScriptObject<'_> {
         }
     }
 
-    /// Moves the key of a property from a time to another, also past its neighbours.
+    /// Moves the key of a property from one time to another, also past other keys.
     ///
     /// # Errors
-    /// The keys are computed or stand elsewhere, there is none at that time, or there is one at the other.
+    /// The keys are computed or stated elsewhere, no key is at `from`, or another key is at `to`.
     pub fn move_key(&self, property: &str, from: EditTime, to: EditTime) -> Result<Edit, EditRefused> {
         self.move_keys(property, &[(from, to)])
     }
 
-    /// Moves keys of a property to other times, also past those that stay.
+    /// Moves keys of a property to other times, also past keys that stay.
     ///
     /// # Errors
     /// The errors are those of [`ScriptObject::move_key`].
@@ -159,7 +158,7 @@ impl ScriptObject<'_> {
         Ok(retimed(&self.text, &keys, &times))
     }
 
-    /// Deletes the key of a property at a time. The only one goes with its `.key(…)`.
+    /// Deletes the key of a property at a time. If it is the only key, its `.key(…)` is deleted, too.
     ///
     /// # Errors
     /// The errors are those of [`ScriptObject::move_key`].
@@ -167,7 +166,7 @@ impl ScriptObject<'_> {
         self.delete_keys(property, &[at])
     }
 
-    /// Deletes keys of a property. The last ones go with their `.key(…)` or their option.
+    /// Deletes keys of a property. If no key is left, their `.key(…)` or option is deleted, too.
     ///
     /// # Errors
     /// The errors are those of [`ScriptObject::move_key`].
@@ -193,7 +192,7 @@ impl ScriptObject<'_> {
         }
         let mut after = self.text.to_string();
         for index in found.into_iter().rev() {
-            // The call begins where it did: what is taken away stands behind.
+            // The start of the call does not move, since only text after it was removed.
             let text = Source::new(&after);
             let (_, keys) = keys_of(&text, call.name.start, property, fps)
                 .ok_or_else(|| self.computed_keys(property, &call))?;
@@ -202,7 +201,7 @@ impl ScriptObject<'_> {
         Ok(Edit::between(&self.text, &after))
     }
 
-    /// Keys of a property as text, to be pasted elsewhere: `.key("position", [[2.0, [0.0, 0.0, 1.0]]])`.
+    /// Keys of a property as text for the clipboard: `.key("position", [[2.0, [0.0, 0.0, 1.0]]])`.
     ///
     /// # Errors
     /// The errors are those of [`ScriptObject::move_key`].
@@ -217,15 +216,15 @@ impl ScriptObject<'_> {
         copied.sort_by_key(|key| key.all.start);
         copied.dedup_by_key(|key| key.all.start);
         let copied: Vec<&str> = copied.iter().map(|key| &self.text[key.all.clone()]).collect();
-        // The list is on one line, so that a line of the clipboard is one property.
+        // The list is written on one line: each line of the clipboard is one property.
         let copied = copied.join(", ").split_whitespace().collect::<Vec<_>>().join(" ");
         Ok(format!(".{}[{copied}])", KeyName::of(property).opening()))
     }
 
-    /// Adds keys that were copied, later by a time; those that are there at such a time already get their values.
+    /// Adds copied keys, shifted by a time. A key that is already at such a time gets the copied value.
     ///
     /// # Errors
-    /// The text is none that [`ScriptObject::copy_keys`] gives, or the keys of the property are computed or stand elsewhere.
+    /// The text does not come from [`ScriptObject::copy_keys`], or the keys of the property are computed or stated elsewhere.
     pub fn paste_keys(&self, copied: &str, by: EditTime) -> Result<Edit, EditRefused> {
         let none = || EditRefused::at(self.line, "the clipboard holds no keys");
         let source = Source::new(copied);
@@ -259,7 +258,7 @@ impl ScriptObject<'_> {
         Ok(Edit::between(&self.text, &after))
     }
 
-    /// A refusal of computed keys, with a line that states all keys of the property anew: `anna.key("position", [[0.0, …], …]);`.
+    /// Adds to a refusal because of computed keys the line that states all keys of the property anew: `anna.key("position", [[0.0, …], …]);`.
     pub fn stated_anew(
         &self,
         refused: EditRefused,
@@ -272,7 +271,7 @@ impl ScriptObject<'_> {
         }
     }
 
-    /// A line that states all keys of a property anew; `None` where the object has no variable or no keys.
+    /// A line that states all keys of a property anew. `None` if the object has no variable, or the property no keys.
     pub fn keys_anew(&self, property: &str, keys: &[(EditTime, KeyValue)]) -> Option<Edit> {
         let call = self.key_call(property).filter(|_| !keys.is_empty())?;
         let how = arguments(&self.text, &call).get(leading(property) + 1).map(|how| self.text.trimmed(how));
@@ -285,24 +284,25 @@ impl ScriptObject<'_> {
         self.new_line(&line)
     }
 
-    /// The line and column of the `.key(…)` of a property, from 1, and how many times its function is called where it stands in one that the
-    /// object is handed to.
+    /// Line and column of the `.key(…)` of a property, from 1. Also the number of calls of the script function that it stands in, or 1 outside
+    /// functions.
     pub fn key_place(&self, property: &str) -> Option<((usize, usize), usize)> {
         let call = self.key_call(property)?;
         Some((self.text.place_of(call.name.start), self.uses_of(&call)))
     }
 
-    /// How many times the function is called in which a call stands that the object is handed to; else once.
+    /// Number of calls of the script function that a call stands in, or 1 outside functions.
     fn uses_of(&self, call: &Call) -> usize {
         self.handed.iter().find(|handed| handed.call == *call).map_or(1, |handed| handed.uses)
     }
 
-    /// Whether a `.key(…)` of a property is written with it.
+    /// Whether the script states keys of a property with this object.
     pub fn has_keys(&self, property: &str) -> bool {
         self.key_call(property).is_some()
     }
 
-    /// The last `.key(…)` of a property: its own, else one in a function that the object is handed to, else the option of a cue.
+    /// The last `.key(…)` of a property: one of the object's own calls, else one in a function that gets the object as an argument, else the option
+    /// of a cue.
     pub(super) fn key_call(&self, property: &str) -> Option<Call> {
         let name = KeyName::of(property);
         if let KeyName::Joint { .. } = name {
@@ -319,14 +319,14 @@ impl ScriptObject<'_> {
         self.calls.iter().rev().chain(handed).find(is_it).cloned().or_else(|| self.keyed_option(name))
     }
 
-    /// The option that states keys, unless a method takes its place.
+    /// The option of a cue that states keys, unless a method of the same name overrides it.
     fn keyed_option(&self, name: KeyName) -> Option<Call> {
         let KeyName::Method(name) = name else { return None };
         let option = option_of(&self.text, &self.made, name).filter(|_| self.last(&[name]).is_none())?;
         self.text.option_from(option.start).filter(|option| is_keyed_method(&self.text, option, name))
     }
 
-    /// The last `.key(…)` of a property of a joint.
+    /// The last `.key(…)` of a joint's property.
     fn joint_key(&self, property: &str) -> Option<&JointKey> {
         let KeyName::Joint { joint, property } = KeyName::of(property) else { return None };
         let is_it = |key: &&JointKey| {
@@ -335,13 +335,13 @@ impl ScriptObject<'_> {
         self.joints.iter().rev().find(is_it)
     }
 
-    /// The names by which the script has joints with keys.
+    /// Names of the joints that have keys, as in the script.
     pub fn keyed_joints(&self) -> impl Iterator<Item = &str> {
         self.joints.iter().map(|key| key.joint.as_str())
     }
 
-    /// Adds a call that states a list of keys: behind the call that makes a cue, else as [`ScriptObject::add_call`] does. A number that the cue
-    /// states gives its place to the list.
+    /// Adds a call that states a list of keys: to the chain of a cue, else like [`ScriptObject::add_call`]. The list replaces a number that the cue
+    /// states.
     fn add_key_call(&self, name: KeyName, list: &str) -> Result<Edit, EditRefused> {
         let call = format!("{}{list})", name.opening());
         match name {
@@ -353,7 +353,7 @@ impl ScriptObject<'_> {
         }
     }
 
-    /// The last `.key(…)` of a property, and its keys.
+    /// The last `.key(…)` of a property, and its parsed keys.
     pub(super) fn keys(&self, property: &str, fps: f64) -> Result<(Call, Vec<Key>), EditRefused> {
         let Some(call) = self.key_call(property) else {
             let shown = KeyName::of(property).shown();
@@ -383,7 +383,7 @@ impl ScriptObject<'_> {
     }
 }
 
-/// The property whose keys a copied text holds, and the time of the first in seconds.
+/// The property whose keys a copied text holds, and the time of the first key, seconds.
 pub fn copied_keys(copied: &str, fps: f64) -> Option<(String, f64)> {
     let source = Source::new(copied);
     let (call, property) = copied_call(&source)?;
@@ -391,21 +391,21 @@ pub fn copied_keys(copied: &str, fps: f64) -> Option<(String, f64)> {
     Some((property, keys.first()?.secs))
 }
 
-/// The call of a `.key(…)` at a byte or the option there, and its keys; `None` where they are computed.
+/// The `.key(…)` or option at a byte, and its parsed keys. `None` if they are computed.
 pub(super) fn keys_of(text: &Source, at: usize, property: &str, fps: f64) -> Option<(Call, Vec<Key>)> {
     let call = text.call_from(at).or_else(|| text.option_from(at))?;
     let list = arguments(text, &call).get(leading(property))?.clone();
     Some((call, keys_in(text, list, fps)?))
 }
 
-/// Keys `[[time, value], …]` at later times. `None` where a time is computed.
+/// Shifts the times of keys `[[time, value], …]`. `None` if a time is computed.
 pub(super) fn shifted_keys(text: &Source, bytes: Range<usize>, by: EditTime) -> Option<Edit> {
     let keys = keys_in(text, bytes, by.fps)?;
     let later = |key: &Key| Some(EditTime { secs: key.secs + by.secs, fps: by.fps });
     Some(retimed(text, &keys, &keys.iter().map(later).collect::<Vec<_>>()))
 }
 
-/// Replaces a value. `None` where that is computed.
+/// Replaces a value. `None` if it is computed.
 fn over(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Option<Edit> {
     if let KeyValue::Text(new) = value {
         return is_plain(text, bytes).then(|| Edit::over(text, bytes.clone(), new));
@@ -420,13 +420,13 @@ fn over(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Option<Edit> {
     let values: Vec<f64> = old.iter().map(|(_, v)| *v).collect();
     let new = numbers_like(&values, value);
     match new.len() == old.len() {
-        // The text between the numbers stays.
+        // The text between the numbers stays as it is.
         true => rewritten(text, &old, &new),
         false => Some(Edit::over(text, bytes.clone(), &list(&new))),
     }
 }
 
-/// The numbers of a value, each as it is written: of a list, or the only one.
+/// Bytes of each number of a value: of the components of a list, or of the single number.
 fn numbers_in(text: &Source, bytes: &Range<usize>) -> Vec<Range<usize>> {
     let value = text.trimmed(bytes);
     match text[value.clone()].strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
@@ -435,9 +435,9 @@ fn numbers_in(text: &Source, bytes: &Range<usize>) -> Vec<Range<usize>> {
     }
 }
 
-/// Writes those of some numbers that are others than before. `None` where one of these is computed.
+/// Rewrites the numbers that changed. `None` if one of these is computed.
 fn changed_numbers(text: &Source, written: &[Range<usize>], before: &[f64], now: &[f64]) -> Option<Edit> {
-    /// Differences that come from calculations.
+    /// Rounding error of calculations.
     const SAME: f64 = 1e-9;
     let (mut old, mut new) = (Vec::new(), Vec::new());
     for (bytes, (before, now)) in written.iter().zip(before.iter().zip(now)) {
@@ -450,8 +450,8 @@ fn changed_numbers(text: &Source, written: &[Range<usize>], before: &[f64], now:
     are_plain.then(|| rewritten(text, &old, &new).unwrap_or_default())
 }
 
-/// The numbers that keys have at a time before the key `next`: between its neighbours, as if they were linear; none where those
-/// are computed.
+/// Numbers of a new key before the key `next`: linear interpolation of its neighbors, or those of the only neighbor. Empty if the neighbors are
+/// computed.
 fn near(text: &Source, keys: &[Key], next: usize, secs: f64) -> Vec<f64> {
     let of = |key: Option<&Key>| -> Option<(f64, Vec<f64>)> {
         let numbers = literals(text, &key?.value)?;
@@ -468,7 +468,7 @@ fn near(text: &Source, keys: &[Key], next: usize, secs: f64) -> Vec<f64> {
     }
 }
 
-/// A time for a key that comes before the key `next`: in frames or seconds, as the key before it is.
+/// Text of a time for a key before the key `next`, in frames or seconds like the previous key.
 fn time_like(keys: &[Key], next: usize, when: EditTime) -> String {
     when.text(keys.get(next.saturating_sub(1)).is_some_and(|key| key.in_frames))
 }
@@ -485,7 +485,8 @@ fn list(values: &[f64]) -> String {
     if let [one] = all.as_slice() { one.clone() } else { format!("[{}]", all.join(", ")) }
 }
 
-/// The value with as many numbers as a key near it has, if they can express it; angles as near to its as they can be.
+/// Numbers of a value in the format of a neighboring key (factor or one per axis, angle, Euler angles or quaternion), if that can express it.
+/// Angles are chosen as near to the neighbor's as possible.
 fn numbers_like(near: &[f64], value: &KeyValue) -> Vec<f64> {
     match *value {
         KeyValue::Point(p) => p.to_array().to_vec(),
@@ -514,12 +515,12 @@ fn numbers_like(near: &[f64], value: &KeyValue) -> Vec<f64> {
     }
 }
 
-/// The same angle, within half a turn of another; at half a turn the greater one.
+/// The equivalent angle within half a turn of `near`, degrees; the greater one at exactly half a turn.
 fn turns(degrees: f64, near: f64) -> f64 {
     degrees + 360.0 * libm::floor((near - degrees) / 360.0 + 0.5 + 1e-6)
 }
 
-/// The angles of a rotation that are nearest to others: keys go from angle to angle, not the shortest way.
+/// Euler angles of a rotation nearest to others, degrees: keys interpolate the angles, not the rotation along the shortest arc.
 pub fn euler_degrees_near(q: DQuat, near: DVec3) -> DVec3 {
     let one = euler_degrees(q);
     let other = DVec3::new(one.x + 180.0, 180.0 - one.y, one.z + 180.0);

@@ -1,6 +1,6 @@
-//! Texts of tests in which `|` marks a place.
+//! Texts of tests in which `|` marks a position.
 
-/// The text without its first `|`, and the line and column of it, from 1.
+/// The text without its first `|`, and the line and column of the mark, from 1.
 pub fn marked(text: &str) -> (String, usize, usize) {
     let at = text.find('|').unwrap();
     let before = &text[..at];

@@ -1,5 +1,5 @@
-//! Changes of a script's text at one place: a bar that was dragged rewrites the number that it came from. All else of the text
-//! stays, comments and spaces too. What a number was computed from is never guessed: then the change is refused, with the line.
+//! Edits of a script's text at one place, for example when a dragged bar rewrites a number. The rest of the text stays as it is, including comments
+//! and whitespace. An edit of a computed value is refused with its line, since the inputs of the calculation are never guessed.
 
 mod additions;
 mod casting;
@@ -58,7 +58,7 @@ pub use typed::Typed;
 pub use unroll::unroll;
 pub use values::{format_as_meant, format_number};
 
-/// These bytes of the text become this.
+/// Replacement of a range of bytes by a text.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Edit {
     pub range: Range<usize>,
@@ -80,7 +80,8 @@ impl Edit {
         Edit { range: start..before.len() - end, text: after[start..after.len() - end].to_string() }
     }
 
-    /// Several edits of a text at different places as one: the only one as it is, which may write what is there already, else the smallest.
+    /// Combines several edits of different places. A single edit stays as it is, even if it rewrites text with the same text; several become the
+    /// smallest edit with the same result.
     pub(crate) fn joined(text: &str, mut edits: Vec<Edit>) -> Edit {
         edits.retain(|edit| !edit.range.is_empty() || !edit.text.is_empty());
         edits.sort_by_key(|edit| std::cmp::Reverse(edit.range.start));
@@ -90,14 +91,14 @@ impl Edit {
         }
     }
 
-    /// The edit that undoes it, given the text before it.
+    /// The edit that undoes this one, given the text before it.
     pub fn inverse(&self, before: &str) -> Edit {
         let range = self.range.start..self.range.start + self.text.len();
         Edit { range, text: before[self.range.clone()].to_string() }
     }
 
-    /// The line of the text before the edit that a line of the text after it was, both from 1. A line that the edit has added counts as the
-    /// one where the edit begins.
+    /// Converts a line of the text after the edit to the line of the text before it, both from 1. An added line maps to the line where the edit
+    /// begins.
     pub(crate) fn line_before(&self, before: &str, line: usize) -> usize {
         let after = self.apply(before);
         let at: usize = after.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
@@ -110,8 +111,8 @@ impl Edit {
         before.bytes().take(at).filter(|byte| *byte == b'\n').count() + 1
     }
 
-    /// The same change where the text has since been changed elsewhere: found by the line that it is in. `then`: the text that it
-    /// was made for. `None` where that line is no longer there, or is there more than once.
+    /// The same edit for a text that has since changed elsewhere, found by its line. `then`: the text that the edit was made for. `None` if that
+    /// line no longer exists or exists more than once.
     pub fn carried_over(&self, then: &str, now: &str) -> Option<Edit> {
         let line = line_around(then, self.range.start);
         let text = then.get(line.clone())?;
@@ -131,7 +132,7 @@ impl Edit {
     }
 }
 
-/// Bytes of the line that holds a byte, without its end.
+/// Bytes of the line that holds a byte, without the line break.
 fn line_around(text: &str, at: usize) -> Range<usize> {
     let start = text[..at].rfind('\n').map_or(0, |n| n + 1);
     let end = text[at..].find('\n').map_or(text.len(), |n| at + n);

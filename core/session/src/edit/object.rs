@@ -1,5 +1,5 @@
-//! The statements of a script about one object: `let anna = cast(…).at(…);` and, further on, `anna.turn(…);`. Each change here
-//! is one edit of one call; where the value is computed, a line is offered that states it anew.
+//! Statements of a script about one object: `let anna = cast(…).at(…);` and, further on, `anna.turn(…);`. Each change here edits one call. If the
+//! value is computed, the refusal offers a line that states the value anew.
 
 use super::casting::{first_free, identifier};
 use super::cues::statement_start;
@@ -22,17 +22,17 @@ pub struct ScriptObject<'a> {
     pub(super) text: Source<'a>,
     pub(super) line: usize,
     pub(super) made: Call,
-    /// The script's variable for it.
+    /// Variable that holds the object.
     pub variable: Option<String>,
-    /// Its own calls in the order of the text; the last of a name counts.
+    /// Calls of the object's methods in the order of the text; the last call of a name counts. Calls on its joints are not among them.
     pub(super) calls: Vec<Call>,
-    /// The keys of its joints in the order of the text.
+    /// Keys of the actor's joints in the order of the text.
     pub(super) joints: Vec<JointKey>,
-    /// The calls in functions that it is handed to, in the order in which those are called.
+    /// Method calls on the object in functions of the script that get it as an argument, in the order in which the script calls those functions.
     pub(super) handed: Vec<HandedCall>,
-    /// Whether changes of those may change other objects, too.
+    /// Whether an edit of a call in such a function is allowed, although it may change other objects, too.
     pub(super) changes_all: bool,
-    /// Position of its last mention outside of deeper blocks.
+    /// Byte of the last statement at the same bracket depth that calls the object's methods.
     pub(super) last_at: usize,
 }
 
@@ -47,7 +47,7 @@ impl ScriptText {
         ScriptText { tokens: tokens_of(&text), text }
     }
 
-    /// The object made by the call at a place, as [`ScriptObject::at`] has it.
+    /// The object created by the call at a position, like [`ScriptObject::at`].
     ///
     /// # Errors
     /// There is no call.
@@ -57,7 +57,7 @@ impl ScriptText {
 }
 
 impl<'a> ScriptObject<'a> {
-    /// The object made by the call at a place: line and column in characters, from 1.
+    /// The object created by the call at a position: line and column in characters, from 1.
     pub fn at(text: &'a str, line: usize, column: usize) -> Result<ScriptObject<'a>, EditRefused> {
         ScriptObject::within(Source::new(text), line, column)
     }
@@ -84,14 +84,14 @@ impl<'a> ScriptObject<'a> {
         Ok(ScriptObject { text, line, made, variable, calls, joints, handed, changes_all: false, last_at })
     }
 
-    /// The same object, of which changes may change others with it: those that are handed to the same function.
+    /// The same object, with edits allowed that change other objects, too: those that are passed to the same function.
     #[must_use]
     pub fn changing_all(self) -> ScriptObject<'a> {
         ScriptObject { changes_all: true, ..self }
     }
 
-    /// The variable of an actor of this name, and the edit that makes one where there is none: of `cast("ada", hero).play(walk);` it makes
-    /// `let ada = cast("ada", hero);` and `ada.play(walk);`. `None` where the call is part of an expression or a block.
+    /// The variable of an actor. Without one, also the edit that declares it, named after `name`: `cast("ada", hero).play(walk);` becomes `let ada
+    /// = cast("ada", hero);` and `ada.play(walk);`. `None` if the call is part of an expression or stands in a block.
     pub fn with_variable(&self, name: &str) -> Option<(String, Option<Edit>)> {
         /// Calls that return the actor itself.
         const ITSELF: [&str; 7] = ["at", "move_by", "turn", "rotate", "scale", "face", "tint"];
@@ -117,7 +117,7 @@ impl<'a> ScriptObject<'a> {
         Some((name, Some(Edit { range: start..blanks.end, text })))
     }
 
-    /// The line of the last call of a method, where there is one.
+    /// Line of the last call of a method, from 1.
     pub fn line_of_call(&self, name: &str) -> Option<usize> {
         self.last(&[name]).map(|call| self.line_of(call.name.start))
     }
@@ -139,16 +139,16 @@ impl<'a> ScriptObject<'a> {
         EditRefused { over, agree: ADD, is_computed: true, ..EditRefused::at(line, &why) }
     }
 
-    /// `variable.call;` after the last statement about it.
+    /// Adds `variable.call;` after the last statement about the object.
     pub(super) fn new_line(&self, call: &str) -> Option<Edit> {
         self.new_line_after(call, self.last_mention())
     }
 
-    /// A byte in the last statement about it: one that calls its methods, in a block, too, or hands it to a function of the script.
+    /// A byte in the last statement about the object: one that calls its methods (also within a block) or passes it to a function of the script.
     fn last_mention(&self) -> usize {
         let (text, depth) = (&self.text, self.depth());
         let Some(name) = self.variable.as_deref() else { return self.last_at };
-        // The name may be that of something else in another block.
+        // The name may belong to something else in another block.
         let is_called = |at: usize| {
             depth == 0
                 && text[text.skip(at + name.len())..].starts_with('.')
@@ -162,22 +162,22 @@ impl<'a> ScriptObject<'a> {
         uses.filter(|at| depth > 0 || !text.is_in_function(*at)).last().unwrap_or(self.last_at)
     }
 
-    /// The last byte at which a name stands in the statements of the script, else the byte behind what makes it.
+    /// The last byte outside functions at which a name occurs, else `made`, the byte after the call that makes its value.
     fn last_use(&self, name: &str, made: usize) -> usize {
         let uses = self.text.uses_of(name).filter(|at| *at > made && self.depth() == 0);
         uses.filter(|at| !self.text.is_in_function(*at)).last().unwrap_or(made)
     }
 
-    /// How many brackets are open where it is made.
+    /// Number of brackets that are open at the creating call.
     pub(super) fn depth(&self) -> usize {
         self.text.depth_to(self.made.name.start)
     }
 
-    /// `variable.call;` after the statement around a byte.
+    /// Adds `variable.call;` after the statement around a byte.
     fn new_line_after(&self, call: &str, at: usize) -> Option<Edit> {
         let name = self.variable.as_ref()?;
         let mut end = self.text.statement_around(at, self.depth()).end;
-        // After a comment on the same line.
+        // A comment on the same line stays before the new line.
         let rest = self.text[end..].find('\n').map_or(&self.text[end..], |n| &self.text[end..end + n]);
         if rest.trim().is_empty() || rest.trim_start().starts_with("//") {
             end += rest.trim_end().len();
@@ -187,12 +187,12 @@ impl<'a> ScriptObject<'a> {
         Some(Edit { range: end..end, text: format!("\n{indent}{name}.{call};") })
     }
 
-    /// Adds a method to the chain of the call that made it, `scale(2.0)`.
+    /// Adds a method, `scale(2.0)`, to the chain of the creating call.
     pub(super) fn added(&self, method: &str) -> Edit {
         chain::added(&self.text, &self.made, method)
     }
 
-    /// `.name(values)`: the last call of this name, or a new one in the chain of the call that made it.
+    /// Writes `.name(values)`: over the last call of this name, else as a new one in the chain of the creating call.
     pub fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let new = call_text(name, values);
         let Some(call) = self.last(&[name]) else { return Ok(self.added(&new)) };
@@ -212,10 +212,10 @@ impl<'a> ScriptObject<'a> {
         }
     }
 
-    /// Writes a method with a value in place of the last of several that exclude each other, else in the chain of the call that made it.
+    /// Writes a method in place of the last of several methods that exclude each other (`names`), else in the chain of the creating call.
     ///
     /// # Errors
-    /// The script computes the value that would be replaced.
+    /// The script computes the value of the method to be replaced.
     pub fn state_one_of(&self, names: &[&str], name: &str, value: &str) -> Result<Edit, EditRefused> {
         let new = format!("{name}({value})");
         let Some(old) = self.last(names) else { return Ok(self.added(&new)) };
@@ -224,7 +224,7 @@ impl<'a> ScriptObject<'a> {
         Ok(Edit { range: old.name.start..old.end, text: format!("{name}({value})") })
     }
 
-    /// `.name([x, y, z])`: the last call of this name, or a new one in the chain of the call that made it.
+    /// Writes `.name([x, y, z])`: over the last call of this name, else as a new one in the chain of the creating call.
     pub fn set_point(&self, name: &str, point: DVec3) -> Result<Edit, EditRefused> {
         let [x, y, z] = point.to_array().map(format_number);
         let new = format!("{name}([{x}, {y}, {z}])");
@@ -233,7 +233,8 @@ impl<'a> ScriptObject<'a> {
         changed.ok_or_else(|| self.computed(call, &new))
     }
 
-    /// Moves it: `.at` and `.move_by`, of which the last is changed, but for numbers that stay. `to`: where it then stands.
+    /// Moves the object by `by`: adds it to the last `.at` or `.move_by`. Numbers that do not change stay as they are written. `to`: the resulting
+    /// position, written as `.at` if there is neither call.
     pub fn move_by(&self, by: DVec3, to: DVec3) -> Result<Edit, EditRefused> {
         let Some(call) = self.last(&["at", "move_by"]) else { return self.set("at", &to.to_array()) };
         let new = call_text("move_by", &by.to_array());
@@ -241,7 +242,7 @@ impl<'a> ScriptObject<'a> {
         moved.ok_or_else(|| self.computed(call, &new))
     }
 
-    /// Turns it by a rotation about its parent's axes, after what `.turn` and `.rotate` have done to it: calls add up.
+    /// Rotates the object about the axes of its parent, after all its `.turn` and `.rotate` calls, which add up.
     pub fn turn_by(&self, by: DQuat) -> Edit {
         let upright = by.x.abs() < 1e-9 && by.z.abs() < 1e-9;
         let degrees = 2.0 * libm::atan2(by.y, by.w).to_degrees();
@@ -266,19 +267,19 @@ impl<'a> ScriptObject<'a> {
         changed.unwrap_or_else(anew)
     }
 
-    /// `.from`, `.until`, `.cut` …
+    /// Writes a time as `.from(…)`, `.until(…)`, `.cut(…)` …: over the last call of this name, else as a new one.
     pub fn time(&self, name: &str, time: EditTime) -> Result<Edit, EditRefused> {
         let new = format!("{name}({})", time.anew(&self.text));
         let Some(call) = self.last(&[name]) else { return Ok(self.added(&new)) };
         restated(&self.text, &call.inside, time).ok_or_else(|| self.computed(call, &new))
     }
 
-    /// Sets an option of the call that made it, or of a later method with that name. `value`: the text to write.
+    /// Sets an option of the creating call, or the value of a later method with that name. `value`: source text.
     pub fn option(&self, name: &str, value: &str) -> Result<Edit, EditRefused> {
         if let Some(call) = self.last(&[name]) {
             return self.overwrite(call, call.inside.clone(), value);
         }
-        // A light has one or the other.
+        // A light has either `kelvin` or `color`.
         if let (Some(old), "color") = (option_of(&self.text, &self.made, "kelvin"), name) {
             let line = self.line_of(old.start);
             let why = format!("{} says its color; a color would take its place", &self.text[old.clone()]);
@@ -288,7 +289,7 @@ impl<'a> ScriptObject<'a> {
         set_option(&self.text, &self.made, self.line, name, value)
     }
 
-    /// A parameter: the last `.set("name", …)`, else an option.
+    /// Sets a parameter: in the last `.set("name", …)`, else as an option.
     pub fn parameter(&self, name: &str, value: &str) -> Result<Edit, EditRefused> {
         let quoted = format!("\"{name}\"");
         let is_it = |call: &&Call| {
@@ -320,11 +321,11 @@ impl<'a> ScriptObject<'a> {
         Ok(Edit::over(&self.text, start..start + inside.trim().len(), value))
     }
 
-    /// A line that plays a clip from a time on: `anna.play(hero.clip("Wave"), #{ fade: 0.3 }).from(2.0);`. The clip is of the thing's own
-    /// file, or of that of another object (`of`).
+    /// Adds a line that plays a clip from a time on: `anna.play(hero.clip("Wave"), #{ fade: 0.3 }).from(2.0);`. The clip comes from the actor's own
+    /// file, or from the file of another actor (`of`).
     ///
     /// # Errors
-    /// Why not, for the user: it has no name in the script, or an object is not cast from a file.
+    /// The object has no name in the script, or the actor is not cast from a file. The text is for the user.
     pub fn play(
         &self,
         clip: &str,
@@ -337,7 +338,7 @@ impl<'a> ScriptObject<'a> {
         self.add_call(&call, of.map(|of| (asset.as_str(), of.made.end)))
     }
 
-    /// The same for a clip of a file, as `load` takes it, by the script's own name of it if there is one.
+    /// Adds a line that plays a clip of a file, `file` as in `load`. The line uses the variable of the loaded file, if the script has one.
     ///
     /// # Errors
     /// The object has no name in the script.
@@ -355,14 +356,14 @@ impl<'a> ScriptObject<'a> {
         self.add_call(&call, None)
     }
 
-    /// `.from(1.0)` in the style of the script; nothing at the beginning, where a clip starts by itself.
+    /// `.from(1.0)` in the style of the script; empty at time 0, where a clip starts by default.
     fn start_call(&self, from: EditTime) -> String {
         if from.secs == 0.0 { String::new() } else { format!(".from({})", from.anew(&self.text)) }
     }
 
-    /// Adds a call as a line of its own after the last statement about it. `needs`: a name that the line uses, and the byte behind what makes
-    /// it; where that comes later, the line stands after the last statement with the name. An object without a name has the call behind what
-    /// made it.
+    /// Adds a call as a line of its own after the last statement about the object. `needs`: a variable that the line uses, and the byte after the
+    /// call that makes its value; if that byte comes later, the new line follows the last statement that uses the variable. If the object has no
+    /// variable, the call is added to the chain of the creating call.
     pub(super) fn add_call(&self, call: &str, needs: Option<(&str, usize)>) -> Result<Edit, EditRefused> {
         let own = self.last_mention();
         let needs = needs.filter(|(_, made)| *made > own);
@@ -372,7 +373,7 @@ impl<'a> ScriptObject<'a> {
         }
         let end = self.calls.last().map_or(self.made.end, |c| c.end);
         let is_later = needs.is_some_and(|(_, made)| made > end);
-        // A call behind a constraint of an actor is about the constraint.
+        // A call after a constraint in an actor's chain would be about the constraint.
         let is_constrained =
             self.text[self.made.name.clone()] == *"cast" && self.last(&["reach", "aim", "look_at"]).is_some();
         if self.text[self.text.skip(end)..].starts_with('.') || is_later || is_constrained {
@@ -381,10 +382,10 @@ impl<'a> ScriptObject<'a> {
         Ok(chain::behind(&self.text, &self.made, end, call))
     }
 
-    /// The file that it is cast from, as the script writes it; by the script's own name of it, if there is one.
+    /// Source text of the asset that the actor is cast from: the variable of the loaded file, if there is one, else the argument of `cast`.
     ///
     /// # Errors
-    /// The actor is not cast from a file.
+    /// The call has no asset argument.
     pub(super) fn asset(&self) -> Result<String, EditRefused> {
         let asset = self.text.argument(&self.made.inside, 1);
         let asset = asset.ok_or_else(|| EditRefused::at(self.line, "it is not cast from a file"))?;
@@ -397,12 +398,12 @@ impl<'a> ScriptObject<'a> {
     }
 }
 
-/// The calls of a chain up to one that returns another object.
+/// Calls of a chain before the first one that returns another object, a joint.
 fn own(text: &Source, chain: Vec<Call>) -> Vec<Call> {
     chain.into_iter().take_while(|call| text[call.name.clone()] != *"joint").collect()
 }
 
-/// Sets the first argument of the call at a place, a time: `.cut(2.0)`.
+/// Sets the first argument of the call at a position, which is a time: `.cut(2.0)`.
 pub fn set_call(text: &str, line: usize, column: usize, time: EditTime) -> Result<Edit, EditRefused> {
     let refuse = |why: String| EditRefused::at(line, &why);
     let text = &Source::new(text);
@@ -415,7 +416,7 @@ pub fn set_call(text: &str, line: usize, column: usize, time: EditTime) -> Resul
     })
 }
 
-/// Sets the time of a named marker, `marker("name", time)`, the only one of the script.
+/// Sets the time of a marker, `marker("name", time)`, if exactly one call of the script sets it.
 pub fn set_marker(text: &str, name: &str, time: EditTime) -> Result<Edit, EditRefused> {
     let (text, wanted) = (&Source::new(text), quoted(name));
     let sets_it = |call: &Call| {
@@ -432,7 +433,7 @@ pub fn set_marker(text: &str, name: &str, time: EditTime) -> Result<Edit, EditRe
         .ok_or_else(|| EditRefused::at(line, &format!("the time of \"{name}\" is computed; change it there")))
 }
 
-/// A text as a script states it, with its quotes.
+/// A string as a script literal, with quotes and escapes.
 pub fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }
@@ -441,12 +442,12 @@ fn call_text(name: &str, values: &[f64]) -> String {
     format!("{name}({})", values.iter().map(|v| format_number(*v)).collect::<Vec<_>>().join(", "))
 }
 
-/// The script's variable of a file that it has loaded before a byte: `let NAME = load("FILE" …)`; `file` with its quotes.
+/// Variable of a file that the script loads before a byte: `let NAME = load("FILE" …)`; `file` with its quotes.
 pub(super) fn loaded_as<'a>(text: &Source<'a>, file: &str, before: usize) -> Option<&'a str> {
     loads_of(text, file).find(|(load, _)| load.name.start < before).map(|(_, name)| name)
 }
 
-/// The calls `let NAME = load("FILE" …);` of a file outside blocks, with the names; `file` with its quotes.
+/// Calls `let NAME = load("FILE" …);` outside blocks that load a file, each with its variable; `file` with its quotes.
 pub(super) fn loads_of<'a>(text: &Source<'a>, file: &str) -> impl Iterator<Item = (Call, &'a str)> {
     let is_it = move |call: &Call| {
         file.starts_with('"')
@@ -462,7 +463,7 @@ fn wrapped(degrees: f64) -> f64 {
     if degrees.abs() <= 360.0 { degrees } else { degrees % 360.0 }
 }
 
-/// A rotation about x, then y, then z (fixed axes), as in scripts, degrees.
+/// Rotation about x, then y, then z (fixed axes) as in scripts, angles in degrees.
 pub fn rotation_of(degrees: DVec3) -> DQuat {
     let about = |axis: DVec3, degrees: f64| {
         let (sin, cos) = libm::sincos(degrees.to_radians() / 2.0);
@@ -471,7 +472,7 @@ pub fn rotation_of(degrees: DVec3) -> DQuat {
     about(DVec3::Z, degrees.z) * about(DVec3::Y, degrees.y) * about(DVec3::X, degrees.x)
 }
 
-/// The angles about x, then y, then z (fixed axes) of a rotation, as in scripts, degrees; where y is ±90°, z is 0.
+/// Angles about x, then y, then z (fixed axes) of a rotation as in scripts, degrees. At y = ±90° (gimbal lock) z is 0.
 pub(super) fn euler_degrees(q: DQuat) -> DVec3 {
     let m = DMat3::from_quat(q.normalize());
     let y = libm::asin((-m.x_axis.z).clamp(-1.0, 1.0));
@@ -554,7 +555,7 @@ mod tests {
         assert_eq!(moved(1.0, 0.0, -1e-12).unwrap(), "cast(\"a\", m).at(1.333, 0, 2.0 * x);");
         let refused = moved(0.0, 1.0, 1.0).unwrap_err().why;
         assert!(refused.starts_with("line 1: .at(1.0 / 3.0, 0, 2.0 * x) is computed"), "{refused}");
-        // A value that repeats what is computed is written, too.
+        // A stated value is written even if the computed value is the same.
         let stated = |value: &str| {
             let at = |o: &ScriptObject| o.state("at", value, Anew::Method);
             changed("|camera(\"c\").at(0, 1, 2 * x);", at)
@@ -633,7 +634,7 @@ mod tests {
         assert!(after.ends_with("\nada.play(load(\"e.glb\").clip(\"Walk\")).from(1.0);\n"), "{after}");
     }
 
-    /// Loops and functions in which it plays are behind it, lines about other things are not.
+    /// The new line follows loops and functions in which the actor plays, but not lines about other objects.
     #[test]
     fn a_new_clip_stands_behind_all_that_is_played() {
         for last in [

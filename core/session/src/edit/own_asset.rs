@@ -1,4 +1,4 @@
-//! Assets of which several actors are cast: a change of one is a change of all, or gives one actor an asset of its own.
+//! Assets that several actors share: a change affects all of them, unless one actor gets an asset of its own.
 
 use super::Edit;
 use super::casting::free_name;
@@ -8,7 +8,8 @@ use super::refused::EditRefused;
 use super::scan::{Call, Source};
 
 impl ScriptObject<'_> {
-    /// The variable of the asset of which an actor is cast, and the number of calls that cast it; `None` where the actor's own call makes it.
+    /// Variable of the asset that an actor is cast from, and the number of `cast` calls that use it. `None` if the actor's own call makes the
+    /// asset.
     pub fn asset_variable(&self) -> Option<(&str, usize)> {
         let name = self.text.argument(&self.made.inside, 1)?;
         let made = self.text.made_as(&self.text[name.clone()], self.made.name.start)?;
@@ -22,10 +23,11 @@ impl ScriptObject<'_> {
         Some((&self.text[name], count))
     }
 
-    /// Gives an actor an asset of its own, a variable before the actor's line. `change`: the change of the asset that it has now.
+    /// Gives an actor an asset of its own, with a variable declared before the actor's line. `change`: the edit of the shared asset, which the new
+    /// one gets.
     ///
     /// # Errors
-    /// Its asset is made in another way.
+    /// The asset is not made by `let NAME = …`.
     pub fn own_asset(&self, change: &Edit) -> Result<Edit, EditRefused> {
         let refuse = || EditRefused::at(self.line, "its asset is made elsewhere; change it there");
         let argument = self.text.argument(&self.made.inside, 1).ok_or_else(refuse)?;

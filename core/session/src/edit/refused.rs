@@ -1,19 +1,19 @@
-//! Why an edit of a script is not made.
+//! Refusals of script edits.
 
 use super::Edit;
 
-/// Why a change was not made, for the user, and the line that would make it all the same.
+/// Why an edit was not made, for the user, and an alternative edit that has the same effect.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{why}")]
 pub struct EditRefused {
     pub why: String,
-    /// Line of the script that decides, from 1.
+    /// Line of the script that caused the refusal, from 1.
     pub line: Option<usize>,
-    /// A line to add that overrides a computed value, or replaces the line in the way.
+    /// Alternative edit: adds a line that overrides a computed value, or replaces the line that prevents the edit.
     pub over: Option<Edit>,
     /// Label of the button for `over`.
     pub agree: &'static str,
-    /// The script computes what was to be changed.
+    /// Whether the script computes the value that was to be changed.
     pub is_computed: bool,
 }
 
@@ -21,12 +21,12 @@ pub struct EditRefused {
 pub(super) const ADD: &str = "Add the line";
 
 impl EditRefused {
-    /// Refused because of a line.
+    /// A refusal caused by a line of the script, from 1.
     pub fn at(line: usize, why: &str) -> EditRefused {
         EditRefused { line: Some(line), ..EditRefused::from(format!("line {line}: {why}")) }
     }
 
-    /// The refusal of a further change of a text that some edits have changed already, with the line of the text before them.
+    /// The refusal with its line converted to the text before `edits`. `text`: that text. For a refusal of an edit that follows other edits.
     #[must_use]
     pub fn before(self, text: &str, edits: &[Edit]) -> EditRefused {
         let Some(line) = self.line else { return self };
@@ -65,14 +65,14 @@ mod tests {
         };
         let edit = |range, text: &str| Edit { range, text: text.into() };
         assert_eq!(refused(3, &[]), 3);
-        // A line goes, two come, and one is longer.
+        // One line is removed, two are added, and one gets longer.
         let gone = edit(2..4, "");
         assert_eq!(refused(2, from_ref(&gone)), 3);
         assert_eq!(refused(1, from_ref(&gone)), 1);
         let come = edit(1..1, "\nx\ny");
         assert_eq!([1, 2, 3, 4, 6].map(|line| refused(line, from_ref(&come))), [1, 1, 1, 2, 4]);
         assert_eq!(refused(3, &[edit(0..1, "a longer one")]), 3);
-        // One after the other: of a, x, y, c, d the fourth was the third.
+        // The edits apply in order: of a, x, y, c, d the fourth line was the third.
         assert_eq!(refused(4, &[gone, come]), 3);
     }
 }

@@ -1,4 +1,4 @@
-//! Names of objects: the one that is shown, which the call that makes it states, and the script's variable that is called after it.
+//! Names of objects: the displayed name, which the creating call states, and the variable that goes with it.
 
 use super::casting::identifier;
 use super::object::{ScriptObject, quoted};
@@ -6,27 +6,27 @@ use super::values::{option_value, set_option};
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
-/// The place of an object's name.
+/// Syntax in which an object states its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NamedBy {
-    /// The first argument, `cast("ada", …)`; a variable of the same name goes with it.
+    /// First argument, `cast("ada", …)`. A variable of the same name is renamed with it.
     Argument,
-    /// The option `name`; without one the variable, `let key = sun(…)`; else the option is added.
+    /// Option `name`. Without it the variable is the name, `let key = sun(…)`; without a variable the option is added.
     Option,
-    /// The variable alone.
+    /// Variable only.
     Variable,
 }
 
-/// Another name of an object: the text that states it, and the variable that is renamed.
+/// Changes that rename an object: the edit of the stated name, and the variable to rename.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Renaming {
     pub stated: Option<Edit>,
-    /// A byte of the variable's declaration, and its new name.
+    /// A byte of the variable's declaration, and the new name.
     pub variable: Option<(usize, String)>,
 }
 
 impl ScriptObject<'_> {
-    /// The name that the script states of it: the argument or option where that is a literal, else its variable.
+    /// The name that the script states: the argument or option if that is a literal, else the variable.
     pub fn name(&self, by: NamedBy) -> Option<String> {
         let stated = self.stated_name(by).and_then(|range| unquoted(&self.text[range]));
         stated.or_else(|| self.variable.clone().filter(|_| by != NamedBy::Argument))
@@ -42,10 +42,10 @@ impl ScriptObject<'_> {
         Some(self.text.trimmed(&range))
     }
 
-    /// The changes that give it another name.
+    /// The changes that rename the object.
     ///
     /// # Errors
-    /// Why it has none that could be changed, for the user: it is computed, has none, or another object has the new one.
+    /// The name is computed, the object has none, or another object has the new name. The text is for the user.
     pub fn rename(&self, by: NamedBy, to: &str) -> Result<Renaming, EditRefused> {
         let to = to.trim();
         if to.is_empty() {
@@ -82,14 +82,14 @@ impl ScriptObject<'_> {
         }
     }
 
-    /// The byte at which its variable is declared in the statement that makes it, and the variable.
+    /// Byte at which the statement of the creating call declares the variable, and the variable.
     fn declared(&self) -> Option<(usize, &str)> {
         let start = self.text.statement_start(self.made.name.start);
         let name = self.text.variable_of(start).filter(|name| self.variable.as_deref() == Some(name))?;
         Some((self.text.skip(start + "let".len()), name))
     }
 
-    /// Refuses the name of another object of its kind.
+    /// Fails if another object of the same kind has this name.
     fn refuse_taken(&self, to: &str) -> Result<(), EditRefused> {
         let made = &self.text[self.made.name.clone()];
         for other in self.text.calls_of(made).filter(|call| call.name != self.made.name) {
@@ -104,7 +104,7 @@ impl ScriptObject<'_> {
     }
 }
 
-/// The letters of a text literal.
+/// Content of a string literal, without quotes and escapes.
 fn unquoted(text: &str) -> Option<String> {
     let inside = text.strip_prefix('"')?.strip_suffix('"')?;
     let rest = inside.replace("\\\\", "").replace("\\\"", "");

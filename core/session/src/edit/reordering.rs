@@ -1,22 +1,21 @@
-//! The order of rows: what stands first in the script has the upper row, and layers of an actor lie over those before them.
+//! Order of rows: the first statement of the script has the top row, and later layers of an actor override earlier ones.
 
 use super::scan::Source;
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
-/// The side of another row to which one is moved.
+/// The side of another row that a row is moved to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RowSide {
     Above,
     Below,
 }
 
-/// Moves the statement around the call at one place to before or behind the one around the call at another, with the statements about
-/// what it makes that follow it directly, and with its comment where they are a paragraph of their own. Places are lines and columns,
-/// both from 1.
+/// Moves the statement around the call at `moved` before or after the statement around the call at `target`. The statements about the new object
+/// that directly follow it are moved, too, and so is its comment if both form a paragraph of their own. Positions are line and column, from 1.
 ///
 /// # Errors
-/// Why it cannot be moved, for the user: it stands in a block, or a statement on the way decides what the moved ones do.
+/// The statement stands in a block, or a statement in between decides what the moved one does. The text is for the user.
 pub fn reorder(
     text: &str,
     moved: (usize, usize),
@@ -60,7 +59,7 @@ pub fn reorder(
     Err(refused.unwrap_or_else(|| EditRefused::at(moved.0, "it cannot be moved")))
 }
 
-/// The end of the lines of the statements that follow whole lines directly and begin with the variable that these make.
+/// End of the statements that directly follow these lines and begin with the variable that the lines declare.
 fn about_it(source: &Source, lines: &Range<usize>) -> usize {
     let mut end = lines.end;
     let Some(name) = source.variable_of(source.skip(lines.start)) else { return end };
@@ -79,7 +78,7 @@ fn about_it(source: &Source, lines: &Range<usize>) -> usize {
     }
 }
 
-/// Whether statements on whole lines do the same before and behind those that they pass.
+/// Fails if statements would behave differently after they pass the ones before or after them, because either set a variable that the other uses.
 fn passes(
     source: &Source,
     lines: &Range<usize>,
@@ -110,7 +109,7 @@ fn passes(
     Ok(())
 }
 
-/// The text with whole lines moved to before or behind others.
+/// The text with whole lines moved before or after other lines.
 fn swapped(text: &str, lines: Range<usize>, target: Range<usize>, side: RowSide) -> String {
     let (own, own_apart) = paragraph(text, lines);
     let (other, other_apart) = paragraph(text, target);
@@ -120,7 +119,7 @@ fn swapped(text: &str, lines: Range<usize>, target: Range<usize>, side: RowSide)
     }
     let (blank, mut gone) = (own_apart && other_apart, own);
     if own_apart {
-        // One of the two blank lines around the paragraph goes with it.
+        // One of the two blank lines around the paragraph is removed with it.
         let behind = text[gone.end..].split_inclusive('\n').next().filter(|line| line.trim().is_empty());
         let before =
             text[..gone.start].split_inclusive('\n').next_back().filter(|line| line.trim().is_empty());
@@ -159,7 +158,8 @@ fn swapped(text: &str, lines: Range<usize>, target: Range<usize>, side: RowSide)
     after
 }
 
-/// Whole lines with the comments directly before them, and true, where blank lines or the text's ends stand around both; else the lines alone.
+/// Lines with the comments directly before them, and `true` if they form a paragraph between blank lines or the ends of the text; else the lines
+/// alone, and `false`.
 fn paragraph(text: &str, lines: Range<usize>) -> (Range<usize>, bool) {
     let mut start = lines.start;
     let mut is_apart = text[lines.end..].lines().next().is_none_or(|line| line.trim().is_empty());
@@ -180,7 +180,7 @@ fn paragraph(text: &str, lines: Range<usize>) -> (Range<usize>, bool) {
 mod tests {
     use super::*;
 
-    /// Moves the call behind `|` beside the call behind `^`.
+    /// Moves the call after `|` above or below the call after `^`.
     fn moved(text: &str, side: RowSide) -> Result<String, String> {
         let place = |mark: char| {
             let before: String =
@@ -202,10 +202,10 @@ mod tests {
         let down = "let a = |cast(\"a\", m);\na.play(x);\nlet b = ^cast(\"b\", m);\nb.play(y);";
         let wanted = "let b = cast(\"b\", m);\nb.play(y);\nlet a = cast(\"a\", m);\na.play(x);";
         assert_eq!(moved(down, RowSide::Below).unwrap(), wanted);
-        // Beside its neighbor on the side on which it is, nothing changes.
+        // A statement that is already on that side of its neighbor does not move.
         let plain = down.replace(['|', '^'], "");
         assert_eq!(moved(down, RowSide::Above).unwrap(), plain);
-        // Statements without a variable, and a target that a loop makes.
+        // Statements may have no variable, and a loop may make the target.
         let text = "for i in 0..3 {\n    ^cast(\"p\" + i, m);\n}\n|spot(#{});\n";
         assert_eq!(
             moved(text, RowSide::Above).unwrap(),
@@ -223,7 +223,7 @@ mod tests {
         let text = "let m = 1;\n\n// Ada.\nlet a = ^cast(\"a\", m);\n\n// Bob\n// bows.\nlet b = |cast(\"b\", m);\nb.play(y);\n\nsun();\n";
         let wanted = "let m = 1;\n\n// Bob\n// bows.\nlet b = cast(\"b\", m);\nb.play(y);\n\n// Ada.\nlet a = cast(\"a\", m);\n\nsun();\n";
         assert_eq!(moved(text, RowSide::Above).unwrap(), wanted);
-        // The comment of several statements stays, and the statements that stand apart do not come.
+        // A comment about several statements stays, and statements apart from the moved one are not moved.
         let text = "// Both.\nlet a = ^cast(\"a\", m);\nlet b = |cast(\"b\", m);\n\n// Clips.\nb.play(y);\n";
         let wanted = "// Both.\nlet b = cast(\"b\", m);\nlet a = cast(\"a\", m);\n\n// Clips.\nb.play(y);\n";
         assert_eq!(moved(text, RowSide::Above).unwrap(), wanted);
@@ -258,7 +258,7 @@ mod tests {
             let refused = moved(text, side).unwrap_err();
             assert!(refused.starts_with(why), "{refused}");
         }
-        // The statements about it stay where they cannot pass, and what they use stays before them.
+        // The following statements about the object stay if they cannot pass, and the declarations that they use stay before them.
         let text = "let a = ^cast(\"a\", m);\nlet x = 2.0;\nlet b = |cast(\"b\", m);\nb.at(x, 0, 0);\n";
         let wanted = "let b = cast(\"b\", m);\nlet a = cast(\"a\", m);\nlet x = 2.0;\nb.at(x, 0, 0);\n";
         assert_eq!(moved(text, RowSide::Above).unwrap(), wanted);

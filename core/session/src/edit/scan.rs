@@ -1,4 +1,4 @@
-//! Calls, arguments and statements of a script, found by its tokens.
+//! Calls, arguments and statements of a script, found in its tokens.
 
 use choreo_script::token_ranges;
 use std::ops::{Deref, Range};
@@ -26,7 +26,7 @@ impl Deref for Source<'_> {
     }
 }
 
-/// A call's name, the inside of its parentheses, and the byte after them. An option counts as a call without parentheses, of which the inside is
+/// A call: bytes of its name and of the inside of its parentheses, and the byte after them. An option is a call without parentheses whose inside is
 /// its value.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Call {
@@ -41,13 +41,13 @@ impl Call {
     }
 }
 
-/// A loop over values.
+/// A `for` loop.
 pub(super) struct Loop<'a> {
     pub all: Range<usize>,
-    /// Its variable.
+    /// Loop variable.
     pub name: &'a str,
     pub values: Range<usize>,
-    /// The inside of its braces.
+    /// Bytes between the braces.
     pub body: Range<usize>,
 }
 
@@ -64,27 +64,27 @@ impl<'a> Source<'a> {
         Source::of(text, tokens_of(text))
     }
 
-    /// A text of which the tokens are known.
+    /// A text whose tokens are known.
     pub fn of(text: &'a str, tokens: Tokens) -> Source<'a> {
         Source { text, tokens }
     }
 
-    /// The number of the first token that begins at a byte or after it.
+    /// Index of the first token that begins at or after a byte.
     fn index(&self, at: usize) -> usize {
         self.tokens.partition_point(|token| token.start < at)
     }
 
-    /// A token's text; empty behind the last.
+    /// Text of a token; empty after the last.
     fn token(&self, index: usize) -> &'a str {
         self.tokens.get(index).map_or("", |token| &self.text[token.clone()])
     }
 
-    /// First byte of a token; the text's end behind the last.
+    /// First byte of a token; the end of the text after the last.
     fn start(&self, index: usize) -> usize {
         self.tokens.get(index).map_or(self.text.len(), |token| token.start)
     }
 
-    /// The token that closes the bracket at `open`.
+    /// Index of the token that closes the bracket at `open`.
     fn matching(&self, open: usize) -> Option<usize> {
         let mut depth = 0usize;
         for index in open..self.tokens.len() {
@@ -99,12 +99,12 @@ impl<'a> Source<'a> {
         None
     }
 
-    /// The next byte that is no blank and in no comment.
+    /// The next byte that is neither whitespace nor in a comment.
     pub fn skip(&self, at: usize) -> usize {
         self.start(self.index(at))
     }
 
-    /// The byte behind the last token that begins before a byte: blanks and comments before it are passed over.
+    /// The end of the last token before a byte, skipping whitespace and comments.
     pub(super) fn code_end(&self, at: usize) -> usize {
         self.index(at).checked_sub(1).map_or(0, |before| self.tokens[before].end.min(at))
     }
@@ -114,12 +114,12 @@ impl<'a> Source<'a> {
         (self.index(range.start)..self.index(range.end)).map(|index| self.token(index))
     }
 
-    /// The first token outside brackets, from a byte on, that ends the search; brackets that open on the way are passed over.
+    /// Index of the first token from a byte on that `ends` accepts, skipping everything in brackets that open on the way.
     fn find_outside(&self, at: usize, ends: impl Fn(&str) -> bool) -> usize {
         self.find_outside_before(self.tokens.len(), at, ends)
     }
 
-    /// The search of [`Source::find_outside`] among the tokens before the number `stop`; that number or a greater one where none of them ends it.
+    /// Like [`Source::find_outside`], among the tokens before the index `stop`. Returns `stop` or a greater index if none is found.
     fn find_outside_before(&self, stop: usize, at: usize, ends: impl Fn(&str) -> bool) -> usize {
         let mut index = self.index(at);
         while index < stop && !ends(self.token(index)) {
@@ -131,7 +131,7 @@ impl<'a> Source<'a> {
         index
     }
 
-    /// `.from(x).until(y)` behind a call, up to the next `play` or `then`.
+    /// The method calls `.from(x).until(y)` after a call, up to the next `play` or `then`.
     pub(crate) fn chain_after(&self, mut at: usize) -> Vec<Call> {
         let mut chain = Vec::new();
         while self.token(self.index(at)) == "." {
@@ -145,8 +145,8 @@ impl<'a> Source<'a> {
         chain
     }
 
-    /// Every call of a variable's methods that stands as deep in brackets as the byte `like`: `name.a(…).b(…)`, as chains in
-    /// order, each with where it begins. Deeper ones hold for one round of a loop, or one frame.
+    /// All chains `name.a(…).b(…)` of a variable at the bracket depth of the byte `like`, in order, each with its first byte. Deeper ones apply to
+    /// one round of a loop or to one frame only.
     pub(crate) fn chains_of(&self, name: &str, like: usize) -> Vec<(usize, Vec<Call>)> {
         let wanted = self.depth_to(like);
         let is_it = |index: &usize| {
@@ -159,7 +159,7 @@ impl<'a> Source<'a> {
         found.map(|index| (self.start(index), self.chain_after(self.start(index + 1)))).collect()
     }
 
-    /// How many brackets are open before a byte.
+    /// Number of brackets that are open before a byte.
     pub(crate) fn depth_to(&self, end: usize) -> usize {
         (0..self.index(end)).fold(0usize, |depth, index| match self.token(index) {
             token if is_open(token) => depth + 1,
@@ -168,19 +168,19 @@ impl<'a> Source<'a> {
         })
     }
 
-    /// The byte after the `;` that ends the statement around a byte, before the bracket that closes around it, or the text's end.
+    /// End of the statement around a byte: after its `;`, else before the bracket that closes around it, else the end of the text.
     pub(crate) fn statement_end(&self, at: usize) -> usize {
         let index = self.find_outside(at, |token| token == ";" || is_close(token));
         self.start(index) + usize::from(self.token(index) == ";")
     }
 
-    /// The first byte of the statement around a byte, or of what stands in brackets around it.
+    /// First byte of the statement around a byte, or of the content of the brackets around it.
     pub(super) fn statement_start(&self, at: usize) -> usize {
         let mut index = self.index(at);
         let mut depth = 0usize;
         while let Some(before) = index.checked_sub(1) {
             match self.token(before) {
-                // Braces at the end of a block end the statement before this one.
+                // The closing brace of a block ends the previous statement.
                 ";" | "}" if depth == 0 => break,
                 token if is_close(token) => depth += 1,
                 token if is_open(token) && depth == 0 => break,
@@ -192,7 +192,7 @@ impl<'a> Source<'a> {
         self.start(index)
     }
 
-    /// The statement around a byte of which the brackets around it are this number.
+    /// The statement around a byte at the bracket depth `depth`.
     pub(super) fn statement_around(&self, at: usize, depth: usize) -> Range<usize> {
         let mut start = self.statement_start(at);
         while self.depth_to(start) > depth {
@@ -201,22 +201,22 @@ impl<'a> Source<'a> {
         start..self.end_of_statement_from(start)
     }
 
-    /// Whether a byte stands in a function that the script defines, or among its parameters.
+    /// Whether a byte stands in a function of the script or among its parameters.
     pub(super) fn is_in_function(&self, at: usize) -> bool {
         matches!(self.word_at(self.statement_around(at, 0).start), "fn" | "private")
     }
 
-    /// First byte of the token before a byte; 0 before the first.
+    /// First byte of the token before a byte; 0 if there is none.
     pub(super) fn token_before(&self, at: usize) -> usize {
         self.index(at).checked_sub(1).map_or(0, |before| self.start(before))
     }
 
-    /// The word or sign that begins at a byte or after it.
+    /// The first token that begins at or after a byte.
     pub(super) fn word_at(&self, at: usize) -> &'a str {
         self.token(self.index(at))
     }
 
-    /// The end of the statement that begins at a byte: of a loop or a condition, that of its last block.
+    /// End of the statement that begins at a byte; for a loop or a condition the end of its last block.
     pub(super) fn end_of_statement_from(&self, start: usize) -> usize {
         const BLOCKS: [&str; 9] = ["for", "while", "loop", "do", "if", "switch", "try", "fn", "{"];
         if !BLOCKS.contains(&self.word_at(start)) {
@@ -238,7 +238,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// The names that statements in a range declare or give another value.
+    /// Bytes of the names that statements in a range declare or assign.
     pub(super) fn set_within(&self, range: &Range<usize>) -> Vec<Range<usize>> {
         let tokens = self.index(range.start)..self.index(range.end);
         let is_set = |index: &usize| {
@@ -251,25 +251,25 @@ impl<'a> Source<'a> {
         tokens.filter(is_set).filter_map(|index| self.tokens.get(index).cloned()).collect()
     }
 
-    /// Whether a statement of a block or of the script begins at a byte.
+    /// Whether a statement begins at a byte.
     pub(super) fn begins_statement(&self, at: usize) -> bool {
         self.index(at).checked_sub(1).is_none_or(|before| matches!(self.token(before), ";" | "{" | "}"))
     }
 
-    /// The variable that a statement, given by its first byte, makes: `let NAME = …`.
+    /// The variable that a statement declares, `let NAME = …`. `statement`: its first byte.
     pub(super) fn variable_of(&self, statement: usize) -> Option<&'a str> {
         let index = self.index(statement);
         (self.token(index) == "let" && self.token(index + 2) == "=").then(|| self.token(index + 1))
     }
 
-    /// The first bytes of a variable's name wherever it stands, but for those behind a dot.
+    /// First bytes of all occurrences of a variable. Names after a dot are properties or methods and do not count.
     pub(super) fn uses_of(&self, name: &str) -> impl Iterator<Item = usize> {
         let is_it =
             move |index: &usize| self.token(*index) == name && (*index == 0 || self.token(index - 1) != ".");
         (0..self.tokens.len()).filter(is_it).map(|index| self.start(index))
     }
 
-    /// The call of a function of which the word at a byte is an argument by itself, and the number of that argument from 0.
+    /// The function call that has the word at a byte as a whole argument, and the number of that argument, from 0.
     pub(super) fn argument_at(&self, at: usize) -> Option<(Call, usize)> {
         let index = self.index(at);
         let (mut before, mut depth, mut number) = (index.checked_sub(1)?, 0usize, 0);
@@ -291,7 +291,7 @@ impl<'a> Source<'a> {
         self.call_from(self.start(name)).filter(|_| !is_method).map(|call| (call, number))
     }
 
-    /// The name of a parameter of a function, given by its number from 0, and the inside of the function's braces.
+    /// Name of a parameter of a function, given by its number from 0, and the bytes of the function's body.
     pub(super) fn parameter(&self, function: &str, number: usize) -> Option<(&'a str, Range<usize>)> {
         let is_it = |index: &usize| self.token(*index) == "fn" && self.token(index + 1) == function;
         let definition = (0..self.tokens.len()).find(is_it)?;
@@ -302,7 +302,7 @@ impl<'a> Source<'a> {
         Some((name, self.tokens[brace].end..self.start(close)))
     }
 
-    /// The range with the blanks before it, a comment behind it and the end of the line; `None` where something else stands on its lines.
+    /// The range extended to whole lines, with indentation and a comment after it. `None` if other code stands on these lines.
     pub(super) fn own_lines(&self, range: &Range<usize>) -> Option<Range<usize>> {
         let before = self.text[..range.start].trim_end_matches([' ', '\t']);
         let end = self.text[range.end..].find('\n').map_or(self.text.len(), |at| range.end + at + 1);
@@ -320,7 +320,7 @@ impl<'a> Source<'a> {
         found.filter_map(|index| self.call_from(self.start(index)))
     }
 
-    /// `name(…)` at a byte, or behind the dot there.
+    /// The call `name(…)` or `.name(…)` at a byte.
     pub(crate) fn call_from(&self, at: usize) -> Option<Call> {
         let index = self.index(at);
         let index = index + usize::from(self.token(index) == ".");
@@ -333,7 +333,7 @@ impl<'a> Source<'a> {
         Some(Call { name: self.tokens[index].clone(), inside: open + 1..close, end: close + 1 })
     }
 
-    /// The option of a map, `name: value`, at the byte where its name begins.
+    /// The option `name: value` of a map whose name begins at a byte.
     pub(super) fn option_from(&self, at: usize) -> Option<Call> {
         let name = self.index(at);
         if self.token(name + 1) != ":" {
@@ -345,7 +345,7 @@ impl<'a> Source<'a> {
         Some(Call { name: self.tokens[name].clone(), end: inside.end, inside })
     }
 
-    /// The call behind which the dot of a method's name stands: `a(…)` for `b` in `a(…).b`.
+    /// The call before the method whose name is at a byte: `a(…)` for `b` in `a(…).b`.
     pub(super) fn call_before(&self, name: usize) -> Option<Call> {
         let dot = self.index(name).checked_sub(1)?;
         let mut index = dot.checked_sub(1)?;
@@ -361,7 +361,7 @@ impl<'a> Source<'a> {
         self.call_from(self.start(index.checked_sub(1)?))
     }
 
-    /// The range without the blanks and comments around it.
+    /// The range without whitespace and comments at its ends.
     pub fn trimmed(&self, bytes: &Range<usize>) -> Range<usize> {
         let (first, behind) = (self.index(bytes.start), self.index(bytes.end));
         match self.tokens.get(first..behind) {
@@ -371,7 +371,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// The inside of the `#{ … }` that is the last argument.
+    /// Bytes between the braces of the `#{ … }` that is the last argument.
     pub(crate) fn map_in(&self, inside: &Range<usize>) -> Option<Range<usize>> {
         let mut at = inside.start;
         while at < inside.end {
@@ -387,12 +387,12 @@ impl<'a> Source<'a> {
         None
     }
 
-    /// The comma behind a value, or `end`.
+    /// Byte of the comma after a value, or `end`.
     pub(crate) fn value_end(&self, at: usize, end: usize) -> usize {
         self.start(self.find_outside_before(self.index(end), at, |token| token == ",")).min(end)
     }
 
-    /// An argument of a call, given by the inside of its parentheses and its number from 0, without the blanks around it.
+    /// Bytes of an argument without whitespace, given by the inside of the call's parentheses and its number from 0.
     pub(super) fn argument(&self, inside: &Range<usize>, number: usize) -> Option<Range<usize>> {
         let next = |at: usize| Some(self.value_end(at, inside.end) + 1).filter(|at| *at < inside.end);
         let start = (0..number).try_fold(inside.start, |at, _| next(at))?;
@@ -408,7 +408,7 @@ impl<'a> Source<'a> {
         count
     }
 
-    /// `let NAME =` or `NAME =` before a byte.
+    /// The variable of `let NAME =` or `NAME =` directly before a byte.
     pub(crate) fn variable_before(&self, at: usize) -> Option<&'a str> {
         let equals = self.index(at).checked_sub(1)?;
         let name = equals.checked_sub(1)?;
@@ -444,13 +444,13 @@ impl<'a> Source<'a> {
     /// The calls that begin in a range, in order.
     pub(crate) fn calls_within(&self, range: &Range<usize>) -> Vec<Call> {
         let tokens = self.index(range.start)..self.index(range.end);
-        // A method is found by its name, and not by its dot, too.
+        // A method is found at its name; the dot before it is skipped.
         let call =
             |index| self.call_from(self.start(index)).filter(|call| call.name.start == self.start(index));
         tokens.filter_map(call).collect()
     }
 
-    /// The byte of the call behind `let NAME =` or `NAME =`, the last before a byte.
+    /// First byte of the last call before `before` that is assigned by `let NAME =` or `NAME =`.
     pub(crate) fn made_as(&self, name: &str, before: usize) -> Option<usize> {
         let is_it = |index: &usize| {
             self.call_from(self.start(*index)).is_some_and(|call| call.name.start == self.start(*index))
@@ -460,14 +460,14 @@ impl<'a> Source<'a> {
         (!name.is_empty()).then(|| self.start(found))
     }
 
-    /// The line and the column in characters of a byte, both from 1.
+    /// Line and column, in characters, of a byte, both from 1.
     pub(crate) fn place_of(&self, at: usize) -> (usize, usize) {
         let before = &self.text[..at];
         let line = before.rfind('\n').map_or(0, |end| end + 1);
         (before.matches('\n').count() + 1, before[line..].chars().count() + 1)
     }
 
-    /// The byte at a line and a column in characters, both from 1.
+    /// Byte at a line and a column, in characters, both from 1.
     pub(crate) fn byte_at(&self, line: usize, column: usize) -> Option<usize> {
         let start: usize = self.text.split_inclusive('\n').take(line.checked_sub(1)?).map(str::len).sum();
         let rest = self.text.get(start..).filter(|rest| !rest.is_empty())?;

@@ -1,4 +1,4 @@
-//! Values that the script states of an object or a cue: read as they are written, stated anew, and taken away, so that the default applies.
+//! Values that the script states for an object or a cue: reads them as source text, writes them, and removes them so that the default applies.
 
 use super::object::{ScriptObject, quoted};
 use super::scan::Call;
@@ -8,19 +8,19 @@ use super::{Edit, EditRefused};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// How a value is written where the script does not state it yet.
+/// Syntax of a value that the script does not state yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anew {
     /// `.fov(40.0)`
     Method,
     /// `#{ fade: 0.5 }`
     Option,
-    /// An option where the cue has options or nothing, else a method, as its other values are.
+    /// An option if the cue has options or no option-like methods, else a method, to match its other values.
     Alike,
 }
 
 impl<'a> ScriptObject<'a> {
-    /// The arguments of the last method of a name, else the value of the option of the call that made it, as they are written.
+    /// Source text of a value: the arguments of the last call of the method `name`, else the value of the option `name` of the creating call.
     pub fn written(&self, name: &str) -> Option<&str> {
         let range = match self.last(&[name]) {
             Some(call) => call.inside.clone(),
@@ -29,7 +29,8 @@ impl<'a> ScriptObject<'a> {
         Some(self.text[range].trim())
     }
 
-    /// Everything that is written of it: options of the call that made it, and methods, the last of a name.
+    /// Source text of all values that the script states for the object, by name: the options of the creating call and its methods. The last call of
+    /// a method counts.
     pub fn all_written(&self) -> BTreeMap<String, String> {
         let mut all = BTreeMap::new();
         for (entry, _) in self.options(&[]) {
@@ -44,10 +45,10 @@ impl<'a> ScriptObject<'a> {
         all
     }
 
-    /// States a value where it is stated already, else anew. `value`: the text to write. What the script computes stays.
+    /// States a value: in place of the stated one, else as a new method or option. `value`: source text. A computed value is not overwritten.
     ///
     /// # Errors
-    /// The script computes it.
+    /// The script computes the value.
     pub fn state(&self, name: &str, value: &str, anew: Anew) -> Result<Edit, EditRefused> {
         if let Some(call) = self.last(&[name]) {
             return self.overwrite(call, call.inside.clone(), value);
@@ -63,10 +64,10 @@ impl<'a> ScriptObject<'a> {
         }
     }
 
-    /// Like [`ScriptObject::state`], in place of whatever is written there, computed or not.
+    /// Like [`ScriptObject::state`], but also overwrites a computed value.
     ///
     /// # Errors
-    /// The options of the call are computed.
+    /// The options of the creating call are computed.
     pub fn state_over(&self, name: &str, value: &str, anew: Anew) -> Result<Edit, EditRefused> {
         let over = match self.last(&[name]) {
             Some(call) => Some(call.inside.clone()),
@@ -78,10 +79,10 @@ impl<'a> ScriptObject<'a> {
         }
     }
 
-    /// States a time where it is stated already, else anew.
+    /// States a time: in place of the stated one, else as a new method or option.
     ///
     /// # Errors
-    /// The script computes it.
+    /// The script computes the time.
     pub fn state_time(&self, name: &str, time: EditTime, anew: Anew) -> Result<Edit, EditRefused> {
         let option = option_value(&self.text, &self.made, name);
         let old = option.as_ref().and_then(|bytes| restated(&self.text, bytes, time));
@@ -94,7 +95,7 @@ impl<'a> ScriptObject<'a> {
         }
     }
 
-    /// The map of one of its options as an object of its own: `#{ size: 1024 }` in `sun(#{ shadow: #{ size: 1024 } })`.
+    /// The map of an option as an object: `#{ size: 1024 }` in `sun(#{ shadow: #{ size: 1024 } })`.
     pub fn within_option(&self, option: &str) -> Option<ScriptObject<'a>> {
         let inside = self.text.trimmed(&option_value(&self.text, &self.made, option)?);
         self.text.map_in(&inside)?;
@@ -103,10 +104,10 @@ impl<'a> ScriptObject<'a> {
         Some(ScriptObject { made, calls: Vec::new(), variable: None, ..self.clone() })
     }
 
-    /// States a value in the map of one of its options, which may be `true` in place of a map.
+    /// States a value in the map of an option. An option that is `true` becomes a map.
     ///
     /// # Errors
-    /// The script computes one of them.
+    /// The script computes the option or the value.
     pub fn state_within(&self, option: &str, name: &str, value: &str) -> Result<Edit, EditRefused> {
         match (self.within_option(option), self.written(option)) {
             (Some(map), _) => set_option(&self.text, &map.made, self.line, name, value),
@@ -120,7 +121,7 @@ impl<'a> ScriptObject<'a> {
         }
     }
 
-    /// Takes a value out of the map of one of its options, which is `true` where nothing else is in it.
+    /// Removes a value from the map of an option. The option becomes `true` if nothing else is in the map.
     pub fn unstate_within(&self, option: &str, name: &str) -> Edit {
         match self.within_option(option) {
             Some(map) if map.all_written().keys().all(|other| other == name) => {
@@ -131,31 +132,31 @@ impl<'a> ScriptObject<'a> {
         }
     }
 
-    /// An argument of the call that made it, from 0, as it is written: the target in `.follow(target, offset)`.
+    /// Source text of an argument of the creating call, counted from 0: the target in `.follow(target, offset)`.
     pub fn argument(&self, number: usize) -> Option<&str> {
         Some(&self.text[self.text.argument(&self.made.inside, number)?])
     }
 
-    /// Writes an argument of the call that made it anew, whatever is there.
+    /// Replaces an argument of the creating call, computed or not.
     ///
     /// # Errors
-    /// The call has none of this number.
+    /// The call has no argument with this number.
     pub fn state_argument(&self, number: usize, value: &str) -> Result<Edit, EditRefused> {
         let range = self.text.argument(&self.made.inside, number);
         let range = range.ok_or_else(|| EditRefused::at(self.line, "the call has no such argument"))?;
         Ok(Edit::over(&self.text, range, value))
     }
 
-    /// All arguments of the call that made it, as they are written.
+    /// Source text of all arguments of the creating call.
     pub fn inside(&self) -> &str {
         self.text[self.made.inside.clone()].trim()
     }
 
-    /// Writes all arguments of the call that made it anew, which are literals: numbers, calculations with numbers alone, texts, and lists and
-    /// maps of them.
+    /// Replaces all arguments of the creating call. They must be literals: numbers, calculations with numbers alone, strings, and lists and maps of
+    /// these.
     ///
     /// # Errors
-    /// The script computes one of them.
+    /// The script computes an argument.
     pub fn state_inside(&self, value: &str) -> Result<Edit, EditRefused> {
         let (range, mut quoted) = (self.text.trimmed(&self.made.inside), false);
         let outside: String = self.text[range.clone()]
@@ -167,7 +168,7 @@ impl<'a> ScriptObject<'a> {
             .collect();
         let mut words = outside.split(|c: char| !c.is_alphanumeric() && c != '_' && c != '.');
         let is_name = |word: &str| word.starts_with(|c: char| c.is_alphabetic() || c == '_');
-        // Names of entries in a map are no variables.
+        // Names of map entries are not variables.
         if words.any(|word| is_name(word) && !is_entry(&outside, word)) {
             let name = &self.text[self.made.name.clone()];
             let why = format!("{name}({}) is computed; change it there", &self.text[range]);
@@ -176,20 +177,20 @@ impl<'a> ScriptObject<'a> {
         Ok(Edit::over(&self.text, range, value))
     }
 
-    /// The arguments before its options, as they are written.
+    /// Source text of the arguments of the creating call before its options.
     pub fn arguments(&self) -> &str {
         let inside = self.made.inside.clone();
         let end = self.text.map_in(&inside).and_then(|map| self.text[..map.start].rfind("#{"));
         self.text[inside.start..end.unwrap_or(inside.end)].trim().trim_end_matches(',')
     }
 
-    /// The places of its calls of these names, line and column from 1, in the order of the text.
+    /// Positions of the object's calls with these names, line and column from 1, in the order of the text.
     pub fn places_of(&self, names: &[&str]) -> Vec<(usize, usize)> {
         let calls = self.calls.iter().filter(|call| names.contains(&&self.text[call.name.clone()]));
         calls.map(|call| self.text.place_of(call.name.start)).collect()
     }
 
-    /// Takes the methods and options of these names away. The text stays where none is there.
+    /// Removes the methods and options with these names. The text does not change if there are none.
     pub fn unstate(&self, names: &[&str]) -> Edit {
         let mut ranges: Vec<Range<usize>> = self
             .calls
@@ -206,7 +207,7 @@ impl<'a> ScriptObject<'a> {
         Edit::between(&self.text, &after)
     }
 
-    /// `.name(…)` with the blanks before it; a statement of its own with its line.
+    /// Bytes of `.name(…)` with the whitespace before it; of the whole line if the call is a statement of its own.
     fn method_range(&self, call: &Call) -> Range<usize> {
         let text: &str = &self.text;
         let dot = text[..call.name.start].rfind('.').unwrap_or(call.name.start);
@@ -220,11 +221,11 @@ impl<'a> ScriptObject<'a> {
         }
         let rest = text[call.end..].trim_start_matches([' ', '\t']);
         let ends_line = rest.is_empty() || rest.starts_with(['\n', '\r']) || rest.starts_with("//");
-        // What follows on its line must not come behind a comment.
+        // Code that follows on the same line must not end up in a comment.
         if ends_line { text[..dot].trim_end().len()..call.end } else { dot..call.end }
     }
 
-    /// The options of the call that made it, up to their commas, and whether they have one of these names.
+    /// Bytes of each option of the creating call up to its comma, and whether its name is among `names`.
     fn options(&self, names: &[&str]) -> Vec<(Range<usize>, bool)> {
         let Some(map) = self.text.map_in(&self.made.inside) else { return Vec::new() };
         let mut all: Vec<(Range<usize>, bool)> = Vec::new();
@@ -241,13 +242,13 @@ impl<'a> ScriptObject<'a> {
         all
     }
 
-    /// The ranges that go with the options of these names, each with a comma; the whole map where nothing else is in it.
+    /// Bytes to remove for the options with these names, each with one comma; the whole map if it holds no other option.
     fn options_range(&self, names: &[&str]) -> Vec<Range<usize>> {
         let inside = &self.made.inside;
         let Some(map) = self.text.map_in(inside) else { return Vec::new() };
         let all = self.options(names);
         if !all.is_empty() && all.iter().all(|(_, goes)| *goes) {
-            // The argument before it loses its comma.
+            // The comma after the previous argument is removed, too.
             let brace = self.text[..map.start].rfind("#{").unwrap_or(map.start);
             let before = self.text[..brace].trim_end();
             let start = before.strip_suffix(',').map_or(before.len(), str::len);
@@ -257,9 +258,9 @@ impl<'a> ScriptObject<'a> {
         let kept_after = |number: usize| all[number + 1..].iter().any(|(_, goes)| !goes);
         let ranges = all.iter().enumerate().filter(|(_, (_, goes))| *goes).map(|(number, (entry, _))| {
             match kept_after(number) {
-                // Up to the next one.
+                // The range ends at the next option.
                 true => entry.start..all[number + 1].0.start,
-                // From the end of the one before.
+                // The range begins at the end of the previous option.
                 false => {
                     number.checked_sub(1).map_or(map.start, |before| all[before].0.end)
                         ..self.text.trimmed(entry).end
@@ -269,10 +270,10 @@ impl<'a> ScriptObject<'a> {
         ranges.collect()
     }
 
-    /// Writes another name into the clip that a cue plays, `moves.clip("Walk")`.
+    /// Replaces the name of the clip that a cue plays, `moves.clip("Walk")`.
     ///
     /// # Errors
-    /// The clip is written in another way.
+    /// The clip is not written as `.clip("NAME")`.
     pub fn state_clip(&self, name: &str) -> Result<Edit, EditRefused> {
         let inside = &self.made.inside;
         let first = inside.start..self.text.value_end(inside.start, inside.end);
@@ -290,10 +291,10 @@ impl<'a> ScriptObject<'a> {
         }
     }
 
-    /// Writes another first argument that is a text: the words of a title.
+    /// Replaces the words of a title: its `.words(…)`, else the first argument of the creating call.
     ///
     /// # Errors
-    /// The script computes it.
+    /// The script computes the words.
     pub fn state_words(&self, words: &str) -> Result<Edit, EditRefused> {
         if let Some(call) = self.last(&["words"]) {
             return self.overwrite(call, call.inside.clone(), &quoted(words));
@@ -303,10 +304,10 @@ impl<'a> ScriptObject<'a> {
         self.overwrite(&self.made, first, &quoted(words))
     }
 
-    /// The object that makes the asset of which an actor is cast: `shape(…)` in the call, or behind `let NAME =`.
+    /// The object that makes the asset of an actor: `shape(…)` as an argument of `cast`, or the call after `let NAME =`.
     ///
     /// # Errors
-    /// The script makes it in another way.
+    /// The script makes the asset in another way.
     pub fn asset_object(&self) -> Result<ScriptObject<'a>, EditRefused> {
         let refuse = || EditRefused::at(self.line, "its asset is made elsewhere; change it there");
         let asset = self.text.argument(&self.made.inside, 1).ok_or_else(refuse)?;
@@ -317,18 +318,18 @@ impl<'a> ScriptObject<'a> {
         ScriptObject::at(self.text.whole(), line, column)
     }
 
-    /// The line and column of the call that made it, from 1.
+    /// Line and column of the creating call, from 1.
     pub fn place(&self) -> (usize, usize) {
         self.text.place_of(self.made.name.start)
     }
 
-    /// The name of the function or method that made it.
+    /// Name of the function or method that creates the object.
     pub fn made_by(&self) -> &str {
         &self.text[self.made.name.clone()]
     }
 }
 
-/// Whether each mention of a word is the name of an entry in a map.
+/// Whether every occurrence of a word is the name of a map entry.
 fn is_entry(text: &str, word: &str) -> bool {
     text.match_indices(word).all(|(at, _)| text[at + word.len()..].trim_start().starts_with(':'))
 }

@@ -1,4 +1,4 @@
-//! Cues as strips of a timeline: trimmed, slipped, split, duplicated, disabled.
+//! Cues as strips of a timeline: trim, slip, split, duplicate, disable.
 
 use super::cues::{CueChange, comment_behind, set_times, statement_start};
 use super::indenting::indented;
@@ -15,34 +15,34 @@ use super::{Edit, EditRefused, chain};
 use choreo_stage::{Cue, Described};
 use std::ops::Range;
 
-/// Calls and options about the transition into a cue or out of it, and the part of the clip: the second part of a split cue has its own.
+/// Calls and options about transitions and the part of the clip. The second half of a split cue does not inherit them.
 const ENDS: [&str; 8] = ["fade", "fade_out", "ease", "in_step", "inertial", "trim", "clip_time", "freeze"];
-/// Calls and options that say when a cue plays.
+/// Calls and options that set the time range of a cue.
 pub(super) const TIMES: [&str; 2] = ["from", "until"];
-/// Calls of a layer, which hold for all cues of a chain.
+/// Calls of a layer, which apply to all cues of a chain.
 const LAYER: [&str; 5] = ["on", "additive", "subtractive", "priority", "layer_weight"];
-/// Calls with times of the stage in their keys, beside those of the described fields of a cue.
+/// Calls whose keys are in stage time, in addition to the keyed fields that [`Cue`] describes.
 const KEYED: [&str; 2] = ["clip_time", "layer_weight"];
 
-/// Seconds within which two ends of a part of a clip are the same.
+/// Largest difference between two ends of a part of a clip that are the same, seconds.
 const SAME: f64 = 2e-5;
 
-/// Whether a call of a cue is about its layer, and so holds for all cues of its chain.
+/// Whether a call of a cue is about its layer, and so applies to all cues of its chain.
 pub fn is_of_layer(name: &str) -> bool {
     LAYER.contains(&name)
 }
 
-/// Whether a call or option belongs to one cue, wherever it stands on the timeline.
+/// Whether a call or option belongs to a cue independent of its place on the timeline.
 fn is_own(name: &str) -> bool {
     !TIMES.contains(&name) && !is_of_layer(name)
 }
 
-/// Whether the keys of a call have times of the stage.
+/// Whether the keys of a call are in stage time.
 fn is_keyed(name: &str) -> bool {
     KEYED.contains(&name) || Cue::field(name).is_some_and(|field| field.keyed.is_some())
 }
 
-/// The call that makes a cue, and the calls behind it.
+/// The call that makes a cue, and the method calls after it.
 pub(super) struct Strip<'a> {
     pub text: Source<'a>,
     line: usize,
@@ -50,14 +50,14 @@ pub(super) struct Strip<'a> {
     pub chain: Vec<Call>,
 }
 
-/// The content of the second part of a cue that is split.
+/// Content of the second half of a split cue.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rest {
-    /// Plays this part of the clip, seconds.
+    /// Plays this part of the clip, clip seconds.
     Trim([f64; 2]),
-    /// Repeats: shows these times of the clip at these times, seconds.
+    /// Repeats the clip: two keys of stage time and clip time, seconds.
     ClipTime([[f64; 2]; 2]),
-    /// Begins as the first does.
+    /// Starts like the first half.
     Same,
 }
 
@@ -85,7 +85,7 @@ impl<'a> Strip<'a> {
         self.chain.last().map_or(self.call.end, |call| call.end)
     }
 
-    /// The value of a method behind it, or of an option.
+    /// Bytes of a value that the cue states as a method, else as an option.
     pub(super) fn value(&self, name: &str) -> Option<Range<usize>> {
         let method = self.last(name).map(|call| call.inside.clone());
         method.or_else(|| option_value(&self.text, &self.call, name))
@@ -97,7 +97,7 @@ impl<'a> Strip<'a> {
         EditRefused::at(line, &format!("{name}: {shown} is computed; change it there"))
     }
 
-    /// Writes numbers as the value of a method or an option.
+    /// Writes numbers as the value of a method or an option: over the stated value, else as a new one.
     fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let Some(old) = self.value(name) else {
             let is_method = becomes_method(&self.text, &self.call, &self.chain, name);
@@ -108,7 +108,7 @@ impl<'a> Strip<'a> {
         changed.ok_or_else(|| self.computed(name, &old))
     }
 
-    /// Adds a value that is not stated yet as a method, else among the options; as a method, too, where those are computed.
+    /// Adds a value that the cue does not state yet: as a method, else as an option. A method is also used if the options are computed.
     fn add(&self, is_method: bool, (name, values): (&str, &[String])) -> Edit {
         let numbers = values.join(", ");
         let value = if values.len() == 1 { numbers.clone() } else { format!("[{numbers}]") };
@@ -119,12 +119,12 @@ impl<'a> Strip<'a> {
         option.unwrap_or_else(|| chain::added(&self.text, &self.call, &format!("{name}({numbers})")))
     }
 
-    /// The comment of its line, with the blanks before it.
+    /// Comment at the end of the cue's last line, with the whitespace before it.
     pub(super) fn comment(&self) -> Option<Range<usize>> {
         comment_behind(&self.text, &self.call, self.end())
     }
 
-    /// The whole text with more of its chain behind it: a comment of its line stays with it.
+    /// The whole text with `more` added to the chain of the cue. A comment at the end of the line stays there.
     fn followed_by(&self, more: &str) -> String {
         let (text, end) = (self.text.whole(), self.end());
         let comment = self.comment().unwrap_or(end..end);
@@ -132,8 +132,8 @@ impl<'a> Strip<'a> {
         format!("{code}{}{more}{closing}{}", &text[comment.clone()], &text[comment.end..])
     }
 
-    /// Whether it states its times in frames: its end, else its start, else the end of the clip before it, where it begins. `None` where the
-    /// script states none of them.
+    /// Whether the cue states its times in frames: its end, else its start, else the end of the previous clip, where it begins. `None` if the
+    /// script states none of these.
     pub(super) fn in_frames(&self) -> Option<bool> {
         let style = |strip: &Strip, name| Some(TimeLiteral::of(&strip.text, &strip.value(name)?)?.in_frames);
         let before = || {
@@ -143,7 +143,7 @@ impl<'a> Strip<'a> {
         style(self, "until").or_else(|| style(self, "from")).or_else(before)
     }
 
-    /// The cues of its chain, in order, itself among them.
+    /// All cues of the chain in order, including this one.
     pub(super) fn cues(&self) -> Vec<Strip<'a>> {
         let mut all: Vec<Strip> = Vec::new();
         let mut next = Some(self.first());
@@ -151,14 +151,14 @@ impl<'a> Strip<'a> {
             let chain = self.text.chain_after(call.end);
             let cue = Strip { text: self.text.clone(), line: self.line, call, chain };
             next = self.text.call_from(cue.end()).filter(|next| matches!(self.name(next), "play" | "then"));
-            // The calls before the first cue are the actor's.
+            // Calls before the first cue belong to the actor.
             all.extend(Some(cue).filter(|cue| matches!(self.name(&cue.call), "play" | "then")));
         }
         all
     }
 
-    /// The name of the cue that it follows in its chain: the one before it there, or the last one of a variable, `walk.then(…)`. `all`: the
-    /// cues among which that one is.
+    /// Name bytes of the cue that this one follows: the previous cue of its chain, or the last cue of the chain in a variable, `walk.then(…)`.
+    /// `all`: the cues to search for that variable.
     fn before<'s>(&'s self, all: &'s [Option<Strip<'a>>]) -> Option<Range<usize>> {
         if self.name(&self.call) != "then" {
             return None;
@@ -178,14 +178,14 @@ impl<'a> Strip<'a> {
         made.cues().last().map(|cue| cue.call.name.clone())
     }
 
-    /// Separator before a `.then` that is added: a line of its own, indented.
+    /// Separator before a new `.then`: a line break with indentation.
     fn new_line(&self) -> String {
         let start = self.text[..self.first().name.start].rfind('\n').map_or(0, |n| n + 1);
         let blanks: String = self.text[start..].chars().take_while(|c| *c == ' ' || *c == '\t').collect();
         format!("\n{blanks}    ")
     }
 
-    /// The `play` with which its chain begins.
+    /// The `play` that begins the chain.
     fn first(&self) -> Call {
         let mut first = self.call.clone();
         while let Some(before) = self.text.call_before(first.name.start) {
@@ -197,7 +197,7 @@ impl<'a> Strip<'a> {
         first
     }
 
-    /// The script's variable that holds it, which a change of the chain would give another meaning.
+    /// Fails if a variable of the script holds the chain, since a new cue would change its meaning.
     fn refuse_variable(&self) -> Result<(), EditRefused> {
         let first = self.first();
         let before = self.text[..first.name.start].trim_end();
@@ -212,10 +212,10 @@ impl<'a> Strip<'a> {
         }
     }
 
-    /// `.then(…)` with the clip and those of its options and calls that are kept.
+    /// A `.then(…)` with the clip, and with the options and calls that `keeps` accepts.
     fn then(&self, keeps: impl Fn(&str) -> bool) -> String {
         let inside = &self.call.inside;
-        // Options that the script keeps in a variable go along.
+        // If the script keeps the options in a variable, the copy uses it, too.
         let end = match self.text.map_in(inside) {
             Some(_) => self.text.value_end(inside.start, inside.end),
             None => inside.end,
@@ -232,13 +232,13 @@ impl<'a> Strip<'a> {
         format!("{}.then({clip}{options}){calls}", self.new_line())
     }
 
-    /// `.name(…)`
+    /// Source text `.name(…)` of a call.
     pub(super) fn dotted(&self, call: &Call) -> String {
         format!(".{}", &self.text[call.name.start..call.end])
     }
 }
 
-/// Number of the cue that each of these follows in its chain; a cue is given by line and column of its `play` or `then`.
+/// Index of the cue that each cue follows in its chain. Cues are given by line and column of their `play` or `then`.
 pub fn cues_before(text: &str, places: &[(usize, usize)]) -> Vec<Option<usize>> {
     let text = Source::new(text);
     let cue = |(line, column): &(usize, usize)| Strip::within(text.clone(), *line, *column);
@@ -250,15 +250,15 @@ pub fn cues_before(text: &str, places: &[(usize, usize)]) -> Vec<Option<usize>> 
     all.iter().map(before).collect()
 }
 
-/// Seconds with the digits of times, so that a time that stands elsewhere, too, has one text.
+/// Text of times in seconds, with as many digits as everywhere else, so that equal times have equal text.
 fn seconds(times: &[f64], fps: f64) -> Vec<String> {
     times.iter().map(|secs| EditTime { secs: *secs, fps }.text(false)).collect()
 }
 
-/// Plays another part of the clip, in seconds of the clip; `fps`: frames a second of the stage.
+/// Sets the part of the clip that a cue plays, clip seconds. `fps`: frame rate of the stage.
 ///
 /// # Errors
-/// Why not, for the user: the script computes it; here and below.
+/// The call is not there, or the script computes the value. The text is for the user.
 pub fn set_trim(
     text: &str,
     line: usize,
@@ -277,7 +277,7 @@ pub fn set_trim(
     Ok(Edit::joined(text, moved.map(|(end, secs)| end.set(text, EditTime { secs, fps })).collect()))
 }
 
-/// The two times of a list, `0.5, f(12)` or `[0.5, f(12)]`; `None` where one is computed.
+/// The two times of `0.5, f(12)` or `[0.5, f(12)]`. `None` if one is computed.
 fn times_in(text: &Source, bytes: &Range<usize>) -> Option<[TimeLiteral; 2]> {
     let list = text.trimmed(bytes);
     let inside = text[list.clone()].strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
@@ -287,7 +287,7 @@ fn times_in(text: &Source, bytes: &Range<usize>) -> Option<[TimeLiteral; 2]> {
     times?.try_into().ok()
 }
 
-/// Sets the speed, the weight or the fade-out of a cue.
+/// Sets a number of a cue, such as its speed, weight or fade-out.
 ///
 /// # Errors
 /// The errors are those of [`set_trim`].
@@ -301,7 +301,7 @@ pub fn set_number(
     Strip::at(text, line, column)?.set(name, &[value])
 }
 
-/// Gives a cue the weight 0, with the weight that it had in a comment; or that weight again.
+/// Disables a cue by the weight 0, with the former weight in a comment, or restores that weight.
 ///
 /// # Errors
 /// The errors are those of [`set_trim`].
@@ -327,14 +327,15 @@ pub fn set_disabled(text: &str, line: usize, column: usize, off: bool) -> Result
     if let Some(old) = inside.split_once("/*").and_then(|(_, rest)| rest.split_once("*/")) {
         return Ok(Edit { range, text: old.0.trim().to_string() });
     }
-    // Without a stated weight it has all of it.
+    // The cue had no stated weight before it was disabled, so the call is removed.
     Ok(ScriptObject::at(text, line, column)?.unstate(&["weight"]))
 }
 
-/// Splits a cue at a time: it ends there, and a second one with the rest of its clip follows. `fade_out`: of an upper layer, goes to the second.
+/// Splits a cue at a time: it ends there, and a second cue with the rest of its clip follows. `fade_out`: fade-out of a cue on an upper layer,
+/// which moves to the second cue.
 ///
 /// # Errors
-/// The errors are those of [`set_trim`], and the script uses the cue as a variable.
+/// The errors are those of [`set_trim`], and one for a cue that the script holds in a variable.
 pub fn split_cue(
     text: &str,
     line: usize,
@@ -347,7 +348,7 @@ pub fn split_cue(
     strip.refuse_variable()?;
     let mut second = strip.then(|name| is_own(name) && !ENDS.contains(&name));
     let until = strip.value("until").map(|until| strip.text[until].trim().to_string());
-    // The second part is written as the first is.
+    // The second cue is written in the style of the first: with methods or with options.
     let is_method = becomes_method(&strip.text, &strip.call, &strip.chain, "trim");
     match rest {
         Rest::Trim(trim) => second = with_value(&second, is_method, ("trim", &seconds(&trim, at.fps))),
@@ -375,7 +376,7 @@ pub fn split_cue(
     Ok(indented(text, Edit::between(text, &after)))
 }
 
-/// A `.then(…)` with a value that it does not state yet: as a method, or as an option.
+/// Adds a value to a `.then(…)` that does not state it yet, as a method or as an option.
 fn with_value(then: &str, is_method: bool, value: (&str, &[String])) -> String {
     let dot = then.len() - then.trim_start().len();
     let text = Source::new(then);
@@ -384,8 +385,8 @@ fn with_value(then: &str, is_method: bool, value: (&str, &[String])) -> String {
     strip.add(is_method, value).apply(then)
 }
 
-/// Plays the clip of a cue once more right after it, with its options, and with its keys and freezes `by` later. `until`: the end of the
-/// second, where the first states one.
+/// Adds a cue with the same clip and options right after a cue; its keys and freezes are `by` later. `until`: end of the new cue, if the first one
+/// states an end.
 ///
 /// # Errors
 /// The errors are those of [`split_cue`].
@@ -408,7 +409,7 @@ pub fn duplicate_cue(
     Ok(indented(text, Edit::between(text, &strip.followed_by(&second))))
 }
 
-/// Shifts all times of the stage in a cue: its start and end, and those of its keys and freezes.
+/// Shifts all stage times of a cue: its start and end, and the times of its keys and freezes.
 ///
 /// # Errors
 /// The errors are those of [`set_trim`].
@@ -425,14 +426,14 @@ pub fn shift_cue(text: &str, line: usize, column: usize, by: EditTime) -> Result
     Ok(Edit::between(text, &after))
 }
 
-/// Shifts the times of the keys and freezes of a cue, which are times of the stage.
+/// Shifts the times of the keys and freezes of a cue, which are in stage time.
 ///
 /// # Errors
 /// The errors are those of [`set_trim`].
 pub fn shift_keys(text: &str, line: usize, column: usize, by: EditTime) -> Result<Edit, EditRefused> {
     let mut after = text.to_string();
     let count = Strip::at(text, line, column)?.chain.len();
-    // Edits go from the end of the chain to its start, so that none moves a call that is still to come.
+    // Edits go from the end of the chain to its start, so that none moves a call that is still to be edited.
     for index in (0..count).rev() {
         let strip = Strip::at(&after, line, column)?;
         let call = &strip.chain[index];

@@ -1,4 +1,4 @@
-//! Times of cues, and of what else begins and ends.
+//! Times of cues, markers, cuts and other script calls, written in the style of the script.
 
 use super::key_list::{arguments, keys_in};
 use super::scan::{Call, Source, find};
@@ -8,7 +8,7 @@ use super::values::{
 use super::{Edit, EditRefused, chain};
 use std::ops::Range;
 
-/// Seconds within which two times are the same tick.
+/// Largest difference of two times that are the same tick, seconds.
 const NEAR: f64 = 0.5 / choreo_motion::Time::TICKS_PER_SECOND as f64;
 
 /// A time to be written into a script.
@@ -20,18 +20,18 @@ pub struct EditTime {
 }
 
 impl EditTime {
-    /// The time as a person would write it into a script of this text, where none stands there yet.
+    /// The time as a person would write it into this script, if it has no such time yet.
     pub fn written(self, script: &str) -> String {
         self.anew(&Source::new(script))
     }
 
-    /// The time where none stands yet: in seconds; where those need more digits than a person would write and most times of the script count
-    /// frames, in frames, too.
+    /// Text of a time that the script does not state yet: seconds. Frames, `f(12)`, if seconds would need more digits than a person writes and most
+    /// times of the script count frames.
     pub(super) fn anew(self, script: &Source) -> String {
         self.short(|| counts_frames(script, self.fps))
     }
 
-    /// Like [`EditTime::anew`], in the style of the times of these names that a call states, where it states some.
+    /// Like [`EditTime::anew`], but in the style of the times with these names that the call states, if there are any.
     fn beside(self, text: &Source, call: &Call, names: &[&str]) -> String {
         let stated = names.iter().filter_map(|name| TimeLiteral::of(text, &stated_time(text, call, name)?));
         let styles: Vec<bool> = stated.map(|time| time.in_frames).collect();
@@ -41,20 +41,20 @@ impl EditTime {
         )
     }
 
-    /// The time in seconds; in frames where seconds need more digits than a person would write and the times around it count those.
+    /// Text of the time in seconds. In frames if seconds need more digits than a person writes and `counts_frames` is true.
     fn short(self, counts_frames: impl FnOnce() -> bool) -> String {
         let text = self.text(false);
         let is_long = text.split('.').nth(1).is_some_and(|digits| digits.len() > USUAL_DIGITS);
         if is_long && counts_frames() { self.text(true) } else { text }
     }
 
-    /// The time in the style of another one, `in_frames` or not, else as it stands where none does yet.
+    /// The time in a given style: in frames or in seconds, or like [`EditTime::anew`] for `None`.
     pub(super) fn like(self, in_frames: Option<bool>, script: &Source) -> String {
         in_frames.map_or_else(|| self.anew(script), |in_frames| self.text(in_frames))
     }
 
-    /// The time in place of another one: `f(31)` where that is in frames, too, else seconds with a point: to the millisecond, and the time of a
-    /// frame with the digits by which it is read back as the same frame.
+    /// Text of the time: `f(31)` if `in_frames` and it falls on a frame, else seconds with a decimal point. Seconds are rounded to the millisecond;
+    /// the time of a frame gets enough digits to be read back as the same frame.
     pub(super) fn text(self, in_frames: bool) -> String {
         let secs = self.secs.max(0.0);
         let frame = libm::round(secs * self.fps);
@@ -70,8 +70,7 @@ impl EditTime {
     }
 }
 
-/// Whether more of the times that a script states count frames, `f(12)`, than seconds: starts, ends, cuts and keys. `fps`: frames a second of
-/// the stage.
+/// Whether most times of a script (starts, ends, cuts and keys) count frames, `f(12)`, and not seconds. `fps`: frame rate of the stage.
 fn counts_frames(text: &Source, fps: f64) -> bool {
     let tokens: Vec<&str> = text.tokens_within(&(0..text.len())).collect();
     let is_in_seconds = |tokens: &&[&str]| {
@@ -87,17 +86,17 @@ fn counts_frames(text: &Source, fps: f64) -> bool {
     tokens.windows(2).filter(|tokens| matches!(tokens, ["f", "("])).count() > times + keys
 }
 
-/// A time that stands in a script as a number of seconds, or as `f(12)`.
+/// A time that the script states as a number of seconds, or as `f(12)`.
 pub(super) struct TimeLiteral {
-    /// Bytes of the literal, blanks around it excluded.
+    /// Bytes of the literal without whitespace around it.
     pub range: Range<usize>,
-    /// Seconds, or the number of the frame.
+    /// Seconds, or a frame number.
     pub number: f64,
     pub in_frames: bool,
 }
 
 impl TimeLiteral {
-    /// `None` where the time is computed.
+    /// Parses a time. `None` if it is computed.
     pub fn of(text: &Source, bytes: &Range<usize>) -> Option<TimeLiteral> {
         if let Some((range, number)) = literal(text, bytes) {
             return Some(TimeLiteral { range, number, in_frames: false });
@@ -114,14 +113,14 @@ impl TimeLiteral {
         if self.in_frames { self.number / fps } else { self.number }
     }
 
-    /// The edit that states another time.
+    /// The edit that replaces the time, in the same style.
     pub fn set(self, text: &str, time: EditTime) -> Edit {
         Edit::over(text, self.range, &time.text(self.in_frames))
     }
 }
 
-/// The edit that states a time in place of a literal or of a calculation with literals alone, `1.0 / 3.0` or `f(3 * 8)`, in frames where
-/// it counts those. `None` where the script computes it.
+/// The edit that replaces a literal time or a calculation with literals alone, `1.0 / 3.0` or `f(3 * 8)`. Frames stay frames. `None` if the script
+/// computes the time.
 pub(super) fn restated(text: &Source, bytes: &Range<usize>, time: EditTime) -> Option<Edit> {
     let range = text.trimmed(bytes);
     let is_frame = |call: &Call| call.end == range.end && text[call.name.clone()] == *"f";
@@ -131,7 +130,7 @@ pub(super) fn restated(text: &Source, bytes: &Range<usize>, time: EditTime) -> O
     is_calculation(text, number).then(|| Edit::over(text, range.clone(), &time.text(in_frames)))
 }
 
-/// The part of a cue that was dragged.
+/// The part of a cue to be changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CueTime {
     /// `.from(…)`
@@ -144,10 +143,10 @@ pub enum CueTime {
     FadeOut,
 }
 
-/// Sets a time of the cue that the call at a place makes (`play` or `then`; line and column in characters, from 1).
+/// Sets a time of the cue whose `play` or `then` is at this position (line and column in characters, from 1).
 ///
 /// # Errors
-/// Why it cannot be set, for the user: the number is computed, or the call is not there.
+/// The time is computed, or the call is not there. The text is for the user.
 pub fn set_time(
     text: &str,
     line: usize,
@@ -188,7 +187,8 @@ pub fn set_time(
     Ok(chain::added(text, &call, &format!("{name}({written})")))
 }
 
-/// Sets the duration of the transition into a cue or out of it, where the script states it, under one of these names, else anew under the first.
+/// Sets the duration of the transition into or out of a cue: in place of the stated value with one of these names, else as a new value with the
+/// first name.
 fn set_fade(
     text: &Source,
     (call, chain): (&Call, &[Call]),
@@ -212,12 +212,12 @@ fn set_fade(
     }
 }
 
-/// The value of a time that a cue states, as a method or among its options.
+/// Bytes of a time that a cue states, as a method or as an option.
 pub(super) fn stated_time(text: &Source, call: &Call, name: &str) -> Option<Range<usize>> {
     find(&text.chain_after(call.end), text, name).or_else(|| option_value(text, call, name))
 }
 
-/// Whether the call at a place is a `then` that begins where the clip before it ends.
+/// Whether the call at a position is a `then` without `from`, which begins where the previous clip ends.
 pub fn follows(text: &str, line: usize, column: usize) -> bool {
     let text = &Source::new(text);
     let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
@@ -236,7 +236,7 @@ mod tests {
         let set = set_time(&text, line, column, part, time).map_err(|refused| refused.why);
         set.map(|edit| {
             let after = edit.apply(&text);
-            // And back again.
+            // The inverse edit restores the text.
             assert_eq!(edit.inverse(&text).apply(&after), text);
             after
         })
@@ -276,7 +276,7 @@ mod tests {
         assert_eq!(set("a.|play(c, #{});", CueTime::FadeIn, 0.5).unwrap(), "a.play(c, #{ fade: 0.5 });");
     }
 
-    /// Every frame at every usual rate is read back as itself, whatever stood there before.
+    /// Every frame at every usual rate is read back as itself, no matter what the edit replaced.
     #[test]
     fn times_on_frames_are_read_back_as_the_same_frame() {
         for fps in [12.0, 24.0, 25.0, 30.0, 50.0, 60.0, 120.0, 24000.0 / 1001.0, 30000.0 / 1001.0] {
@@ -305,12 +305,12 @@ mod tests {
         assert_eq!(set(text, CueTime::FadeIn, 0.3).unwrap(), "a.play(c, #{ fade: f(9) });");
     }
 
-    /// Seconds stay seconds and frames frames; a new time is as the script has others.
+    /// Seconds stay seconds and frames stay frames; a new time has the style of the script.
     #[test]
     fn times_keep_the_script_s_own_style() {
         let seconds = set("a.|play(c).from(1.0).until(f(60));", CueTime::Start, 31.0 / 30.0).unwrap();
         assert_eq!(seconds, "a.play(c).from(1.033333333).until(f(60));");
-        // And back again.
+        // The inverse edit restores the text.
         assert_eq!(
             set(&seconds.replace(".play", ".|play"), CueTime::Start, 1.5).unwrap(),
             "a.play(c).from(1.5).until(f(60));"
@@ -325,7 +325,7 @@ mod tests {
         );
     }
 
-    /// A new time that needs all digits has the style of the times beside it, else of most times of the script.
+    /// A new time that needs all digits has the style of the neighboring times, else that of most times of the script.
     #[test]
     fn a_new_time_is_written_as_most_others_are() {
         let ended = |text: &str| set(text, CueTime::End, 61.0 / 30.0).unwrap();
@@ -387,7 +387,7 @@ mod tests {
         let edit = set_time(then, 2, 3, CueTime::Start, EditTime { secs: 0.75, fps: 30.0 }).unwrap();
         let after = edit.apply(then);
         let back = edit.inverse(then);
-        // The editor has saved something else above it.
+        // An editor has saved a change above it.
         let now = after.replace("let a = 1;", "let a = 1;\nlet b = 2;");
         let carried = back.carried_over(&after, &now).unwrap();
         assert_eq!(carried.apply(&now), "let a = 1;\nlet b = 2;\na.play(c).from(0.5);\n");

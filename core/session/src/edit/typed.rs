@@ -1,11 +1,11 @@
-//! Numbers that a person typed, which an edit keeps as they were typed.
+//! Numbers that the user typed, written into the script as they were typed.
 
 use super::times::EditTime;
 use super::values::format_number;
 use super::whole::without_point;
 use super::{Edit, EditRefused};
 
-/// A number with its text in a script: an expression where one was typed, `1.0 / 3.0`, or `f(12)`.
+/// A number with its source text, which may be an expression: `1.0 / 3.0` or `f(12)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Typed {
     pub value: f64,
@@ -19,19 +19,18 @@ impl From<f64> for Typed {
 }
 
 impl Typed {
-    /// A change of a text in which this text stands in place of the digits of the number; the line that a refusal offers, too. `made` gives
-    /// the change with digits.
+    /// Replaces the digits of the number in an edit with the typed text; also in the line that a refusal offers. `made`: the edit with digits.
     ///
     /// # Errors
-    /// The change is refused.
+    /// `made` is a refusal.
     pub fn keep(&self, text: &str, made: Result<Edit, EditRefused>) -> Result<Edit, EditRefused> {
         self.in_place_of(&[format_number(self.value)], text, made)
     }
 
-    /// Like [`Typed::keep`], for a number of seconds; `fps`: frames a second of the stage.
+    /// Like [`Typed::keep`] for a time in seconds. `fps`: frame rate of the stage.
     ///
     /// # Errors
-    /// The change is refused.
+    /// `made` is a refusal.
     pub fn keep_time(
         &self,
         text: &str,
@@ -51,7 +50,7 @@ impl Typed {
         if self.text == format_number(self.value) {
             return made;
         }
-        // Whole numbers can stand without a point.
+        // Whole numbers may be written without a decimal point.
         let wholes = digits.iter().filter_map(|digits| without_point(digits));
         let digits: Vec<&str> = digits.iter().map(String::as_str).chain(wholes).collect();
         let kept =
@@ -62,11 +61,11 @@ impl Typed {
         }
     }
 
-    /// The edit with its text for these digits; `None` where it writes none.
+    /// The edit with the typed text in place of these digits. `None` if it does not write them.
     fn replaced(&self, digits: &str, text: &str, edit: &Edit) -> Option<Edit> {
         let after = edit.apply(text);
         let changed = Edit::between(text, &after);
-        // Digits that stay the same are written, too.
+        // Digits of an unchanged text are replaced, too.
         let stays = after == text;
         let Edit { range, text: written } = if stays { edit } else { &changed };
         let written = range.start..range.start + written.len();
@@ -78,7 +77,8 @@ impl Typed {
             is_whole && *at <= written.end && end >= written.start
         };
         let mut found: Vec<usize> = after.match_indices(digits).map(|(at, _)| at).filter(is_it).collect();
-        // Nothing tells which of several was typed if none has changed; exact digits do as well.
+        // If several numbers match and the text is unchanged or the digits are exact, nothing is replaced: the typed one is unknown, and exact
+        // digits are as good.
         let is_exact = digits.parse() == Ok(self.value);
         if found.is_empty() || found.len() > 1 && (stays || is_exact) {
             return None;
@@ -99,7 +99,7 @@ mod tests {
         Typed { value: 1.0 / 3.0, text: "1.0 / 3.0".to_string() }
     }
 
-    /// The change of one text into another, and what it is with the typed number.
+    /// The second text after an edit from the first one keeps the typed number.
     fn kept(typed: &Typed, before: &str, after: &str) -> String {
         let edit = Edit::between(before, after);
         typed.keep_time(before, Ok(edit), 25.0).unwrap().apply(before)
@@ -109,7 +109,7 @@ mod tests {
     fn the_digits_that_an_edit_writes_become_what_was_typed() {
         for (before, after, wanted) in [
             ("at(0.0, 2.0)", "at(0.333, 2.0)", "at(1.0 / 3.0, 2.0)"),
-            // Others of the same digits stay.
+            // Other numbers with the same digits stay.
             ("at(0.333, 2.0, 0.333)", "at(0.333, 0.333, 0.333)", "at(0.333, 1.0 / 3.0, 0.333)"),
             ("a()", "a().at(0.0, 0.333, -0.333)", "a().at(0.0, 1.0 / 3.0, -0.333)"),
             ("a(10.333)", "a(20.333)", "a(20.333)"),
@@ -129,7 +129,7 @@ mod tests {
         let frame = Typed { value: 0.48, text: "f(12)".to_string() };
         assert_eq!(kept(&frame, "from(0.5)", "from(0.48)"), "from(f(12))");
         assert_eq!(kept(&frame, "from(f(3))", "from(f(12))"), "from(f(12))");
-        // A number that was typed as one has the style of the script.
+        // A typed number without an expression is written in the style of the script.
         assert_eq!(kept(&0.48.into(), "from(f(3))", "from(f(12))"), "from(f(12))");
     }
 }

@@ -1,4 +1,4 @@
-//! A loop written out: its body once for each value, so that each of the things that it makes has a line of its own.
+//! Loop unrolling: the body is written once for each value, so that each object that it makes has a line of its own.
 
 use super::scan::Source;
 use super::values::literal;
@@ -6,16 +6,16 @@ use super::{Edit, EditRefused};
 use choreo_script::{constant_expressions, token_ranges, tokens_with_inner};
 use std::ops::Range;
 
-/// Rounds that are written out at most.
+/// Largest number of rounds that are written out.
 const MOST_ROUNDS: usize = 64;
 
-/// Writes the innermost loop around a place out: `for NAME in [a, b]` or `in 0..3`, with the values in place of the name. Expressions that
-/// are constant then become literals, which can be edited: `"post " + i` becomes `"post 1"`, and so does a variable that holds such a
-/// literal and is never set again. Other variables of the body get a number, so that they are different ones: that of the loop where texts
-/// end with it, else from 1.
+/// Unrolls the innermost loop around a position, `for NAME in [a, b]` or `in 0..3`, with the values in place of the name. Constant expressions
+/// become literals, which can be edited: `"post " + i` becomes `"post 1"`. A variable that holds such a literal and is never set again is replaced
+/// by the literal. Other variables of the body get a number to tell them apart: the value of the loop variable if a string ends with it, else a
+/// count from 1.
 ///
 /// # Errors
-/// Why not, for the user: there is no such loop, or its values or its body do not allow it.
+/// There is no such loop, or its values or its body cannot be written out. The text is for the user.
 pub fn unroll(text: &str, line: usize, column: usize) -> Result<Edit, EditRefused> {
     let source = Source::new(text);
     let refuse = |why: &str| EditRefused::at(line, why);
@@ -77,8 +77,8 @@ pub fn unroll(text: &str, line: usize, column: usize) -> Result<Edit, EditRefuse
     Ok(Edit { range: found.all.clone(), text: rounds.join(&format!("\n{indent}")) })
 }
 
-/// A body with the literal that a variable holds in place of the variable, which goes. `None` where it holds something else, is set
-/// again, or has a comment.
+/// A body without the declaration of a variable that holds a literal, and with the literal in its place. `None` if it holds anything else, is set
+/// again, or its declaration has a comment.
 fn without_constant(text: &str, name: &str) -> Option<String> {
     let words = words_within(text, &(0..text.len()));
     let is_it = |word: &Range<usize>| text[word.clone()] == *name && is_variable(text, word);
@@ -125,7 +125,7 @@ fn without_constant(text: &str, name: &str) -> Option<String> {
     Some(round.folded())
 }
 
-/// The values of a loop as they are written: the items of an array, or the numbers of a range of literals.
+/// Source text of the values of a loop: the items of an array, or the numbers of a range of literals.
 fn values(source: &Source, range: &Range<usize>) -> Option<Vec<String>> {
     let inside = source[range.clone()].trim();
     if let Some((from, to)) = inside.split_once("..").filter(|_| !inside.starts_with('[')) {
@@ -149,7 +149,7 @@ fn values(source: &Source, range: &Range<usize>) -> Option<Vec<String>> {
     (!items.is_empty()).then_some(items)
 }
 
-/// The words in a range that may be names, those within `${…}` of texts too.
+/// Words in a range that may be names, including those within `${…}` of strings.
 fn words_within(text: &str, range: &Range<usize>) -> Vec<Range<usize>> {
     let (mut tokens, inner) = tokens_with_inner(text);
     tokens.extend(inner.into_iter().flat_map(|code| code.tokens));
@@ -162,7 +162,7 @@ fn words_within(text: &str, range: &Range<usize>) -> Vec<Range<usize>> {
     tokens
 }
 
-/// Whether a word is the name of a variable: of no property, and of no option, `at: 1.0`.
+/// Whether a word is the name of a variable, and not that of a property or of an option (`at: 1.0`).
 fn is_variable(text: &str, word: &Range<usize>) -> bool {
     let before = text[..word.start].trim_end();
     let behind = text[word.end..].trim_start();
@@ -174,12 +174,12 @@ fn is_variable(text: &str, word: &Range<usize>) -> bool {
 #[derive(Default)]
 struct Round {
     text: String,
-    /// A byte of each value that was put in.
+    /// One byte of each inserted value.
     places: Vec<usize>,
 }
 
 impl Round {
-    /// Writes a value in place of a word of a text; between brackets where it would mean something else without.
+    /// Writes a value in place of a word, in parentheses where operator precedence would change its meaning.
     fn put_in(&mut self, text: &str, word: &Range<usize>, value: &str) {
         let (before, behind) = (text[..word.start].trim_end(), text[word.end..].trim_start());
         let begins = before.ends_with(['(', '[', '{', ',', ';', ':'])
@@ -193,7 +193,7 @@ impl Round {
         self.text += &if is_safe { value.to_string() } else { format!("({value})") };
     }
 
-    /// The text, in which expressions with the value are literals where they can be.
+    /// The text with constant expressions around the inserted values folded into literals.
     fn folded(self) -> String {
         let mut text = self.text;
         for (range, literal) in constant_expressions(&text, &self.places).into_iter().rev() {
@@ -203,7 +203,7 @@ impl Round {
     }
 }
 
-/// Whether a value means the same wherever it stands in an expression: it has no operators outside brackets.
+/// Whether a value needs no parentheses in any expression: it has no operators outside brackets.
 fn is_whole(value: &str) -> bool {
     let mut depth = 0usize;
     token_ranges(value).into_iter().map(|token| &value[token]).all(|token| {
@@ -217,19 +217,19 @@ fn is_whole(value: &str) -> bool {
     })
 }
 
-/// The blanks at the beginning of a byte's line.
+/// Indentation of the line that holds a byte.
 fn indent_before(text: &str, at: usize) -> &str {
     let line = text[..at].rfind('\n').map_or(0, |end| end + 1);
     let rest = &text[line..];
     &rest[..blanks(rest)]
 }
 
-/// The number of blanks at the beginning of a text.
+/// Number of blanks and tabs at the beginning of a text.
 fn blanks(text: &str) -> usize {
     text.len() - text.trim_start_matches([' ', '\t']).len()
 }
 
-/// The body with the loop's indent in place of its own.
+/// The body with the indentation of the loop.
 fn dedented(body: &str, indent: &str) -> String {
     let lines: Vec<&str> = body.trim_matches(['\n', '\r']).trim_end().lines().collect();
     let blank = |line: &str| line.len() - line.trim_start().len();

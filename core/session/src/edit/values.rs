@@ -7,33 +7,33 @@ use super::whole::written_like;
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
-/// Digits behind the point that a person writes.
+/// Decimal places that a person writes.
 pub(super) const USUAL_DIGITS: usize = 3;
-/// Digits behind the point with which every time is read back as the same tick.
+/// Decimal places with which every time is read back as the same tick.
 const MOST_DIGITS: usize = 9;
 
-/// Writes a number as a person would: to the thousandth, smaller ones to six digits; always with a point, so that it stays a float.
+/// Writes a number as a person would: with 3 decimal places, small ones with 6; always with a decimal point, so that it stays a float.
 pub fn format_number(value: f64) -> String {
     let digits = if value != 0.0 && value.abs() < 0.01 { 6 } else { USUAL_DIGITS };
     let text = trimmed(&format!("{value:.digits$}"));
     if text == "-0.0" { "0.0".into() } else { text }
 }
 
-/// Writes a number with as few digits as it is read back with as it is meant: to the thousandth, else with up to nine digits.
+/// Writes a number with 3 to 9 decimal places: the fewest whose parsed value `is_meant` accepts.
 pub fn format_as_meant(value: f64, is_meant: impl Fn(f64) -> bool) -> String {
     let reads = |text: &String| text.parse::<f64>().is_ok_and(&is_meant);
     let text = (USUAL_DIGITS..MOST_DIGITS).map(|digits| format!("{value:.digits$}")).find(reads);
     trimmed(&text.unwrap_or_else(|| format!("{value:.MOST_DIGITS$}")))
 }
 
-/// The digits of a number without zeros at the end, always with a point.
+/// The digits of a number without trailing zeros, always with a decimal point.
 pub(super) fn trimmed(digits: &str) -> String {
     let text = digits.trim_end_matches('0');
     if text.ends_with('.') { format!("{text}0") } else { text.to_string() }
 }
 
-/// The number that these bytes are, also as a calculation with literals alone, and where it stands without the blanks around it. `None`
-/// where it is computed; `f(literal)` is: frames, at a rate that the script knows and this does not.
+/// The literal or the calculation with literals alone at these bytes: its bytes without whitespace, and its value. `None` if it is computed, and
+/// for frames, `f(12)`, since the frame rate is not known here.
 pub fn literal(text: &str, bytes: &Range<usize>) -> Option<(Range<usize>, f64)> {
     let inside = &text[bytes.clone()];
     let literal = inside.trim();
@@ -46,15 +46,15 @@ pub fn literal(text: &str, bytes: &Range<usize>) -> Option<(Range<usize>, f64)> 
     Some((start..start + literal.len(), value))
 }
 
-/// `a, b, c` or `[a, b, c]`, all of them literals.
+/// The numbers of `a, b, c` or `[a, b, c]` with their bytes. `None` if one is not a literal.
 pub fn literals(text: &Source, bytes: &Range<usize>) -> Option<Vec<(Range<usize>, f64)>> {
     components(text, bytes).into_iter().map(|(range, number)| Some((range, number?))).collect()
 }
 
-/// One of several values: where it stands, and its number; `None` where that is no literal.
+/// Bytes of one value of a list, and its number; `None` if it is not a literal.
 type Component = (Range<usize>, Option<f64>);
 
-/// The parts of `a, b, c` or `[a, b, c]`.
+/// Components of `a, b, c` or `[a, b, c]`.
 pub(super) fn components(text: &Source, bytes: &Range<usize>) -> Vec<Component> {
     let inside = &text[bytes.clone()];
     let array = inside.trim().strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
@@ -79,8 +79,8 @@ pub(super) fn components(text: &Source, bytes: &Range<usize>) -> Vec<Component> 
     found
 }
 
-/// Rewrites some literals, and keeps what stands between them. Of several the edit reaches from the first that is another number to the last,
-/// also where digits are the same.
+/// Rewrites some literals and keeps the text between them. The edit reaches from the first changed number to the last, including numbers whose
+/// digits stay the same.
 pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option<Edit> {
     let is_alone = old.len() == 1;
     let part = |((range, old), new): (&(Range<usize>, f64), &f64)| {
@@ -89,8 +89,8 @@ pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option
     replaced(text, &old.iter().zip(new).map(part).collect::<Vec<_>>())
 }
 
-/// Writes numbers over those that stand in a range, and keeps those that do not change. `None` where they are not as many, or one of them is
-/// computed; a calculation with literals alone becomes a number.
+/// Writes numbers over those in a range. Numbers that do not change stay as they are written, and a calculation with literals alone becomes a
+/// number. `None` if the counts differ or a number is computed.
 pub(super) fn numbers_over(text: &Source, bytes: &Range<usize>, new: &[f64]) -> Option<Edit> {
     let old = components(text, bytes);
     let (is_alike, is_alone) = (old.len() == new.len(), old.len() == 1);
@@ -106,7 +106,7 @@ pub(super) fn numbers_over(text: &Source, bytes: &Range<usize>, new: &[f64]) -> 
     replaced(text, &parts.filter(|_| is_alike)?)
 }
 
-/// Adds to numbers that stand in a range. `None` where they are not as many, or one that changes is computed.
+/// Adds to the numbers in a range. `None` if the counts differ or a number that changes is computed.
 pub(super) fn numbers_plus(text: &Source, bytes: &Range<usize>, by: &[f64]) -> Option<Edit> {
     let old = components(text, bytes);
     let (is_alike, is_alone) = (old.len() == by.len(), old.len() == 1);
@@ -121,10 +121,10 @@ pub(super) fn numbers_plus(text: &Source, bytes: &Range<usize>, by: &[f64]) -> O
     replaced(text, &parts.filter(|_| is_alike)?)
 }
 
-/// The text of a new number in place of `written`; one with the same digits stays as it is written. `None`: it is the same number. One
-/// that is alone is written in any case, so that an expression can take its place.
+/// Text of a new number in place of `written`; `written` itself if the digits are the same. `None` if the number did not change. A number that is
+/// alone is always written, so that an expression can take its place.
 fn changed(written: &str, old: f64, new: f64, is_alone: bool) -> Option<String> {
-    /// Differences that come from single precision.
+    /// Rounding error of single precision.
     const SAME: f64 = 2e-5;
     let digits = format_number(new);
     match format_number(old) == digits {
@@ -133,7 +133,7 @@ fn changed(written: &str, old: f64, new: f64, is_alone: bool) -> Option<String> 
     }
 }
 
-/// Writes the texts of parts that have new ones, from the first to the last of them, and keeps what stands between them.
+/// Replaces the parts that have a new text; the edit reaches from the first of them to the last and keeps the text between them.
 fn replaced(text: &str, parts: &[(Range<usize>, Option<String>)]) -> Option<Edit> {
     let start = parts.first()?.0.start;
     let mut edit: Option<Edit> = None;
@@ -147,7 +147,8 @@ fn replaced(text: &str, parts: &[(Range<usize>, Option<String>)]) -> Option<Edit
     Some(edit.unwrap_or(Edit { range: start..start, text: String::new() }))
 }
 
-/// A number, a time in frames, a calculation with numbers alone, a list of numbers, a text literal, or a map of these: what may be overwritten.
+/// Whether a value may be overwritten: a number, a time in frames, a calculation with numbers alone, a list of numbers, a string literal, or a map
+/// of these.
 pub fn is_plain(text: &Source, bytes: &Range<usize>) -> bool {
     let inside = text[bytes.clone()].trim();
     let quoted =
@@ -159,7 +160,7 @@ pub fn is_plain(text: &Source, bytes: &Range<usize>) -> bool {
         || is_plain_map(text, bytes)
 }
 
-/// Whether a list of numbers keeps those that are computed, where a value is written over it.
+/// Whether writing `value` over a list of numbers leaves the computed ones unchanged.
 pub(super) fn keeps_computed(text: &Source, bytes: &Range<usize>, value: &str) -> bool {
     let (old, source) = (components(text, bytes), Source::new(value));
     let new = components(&source, &(0..value.len()));
@@ -176,14 +177,14 @@ pub(super) fn is_calculation(text: &Source, bytes: &Range<usize>) -> bool {
     text.tokens_within(bytes).any(is_number) && text.tokens_within(bytes).all(is_part)
 }
 
-/// Methods of a cue that are options of `play` and `then`, too, or that say how it repeats.
+/// Methods of a cue that are also options of `play` and `then`, or that set how it repeats.
 const OPTION_METHODS: [&str; 11] =
     ["fade", "fade_out", "ease", "speed", "trim", "reverse", "weight", "once", "loop", "ping_pong", "hold"];
 
-/// Whether a value that a cue does not state yet becomes a method, else an option: among others that the call has, and where it has neither
-/// options nor methods in their place, as in the lessons.
+/// Whether a value that a cue does not state yet is written as a method, not as an option: if the cue has other such methods and no options.
+/// Without either it becomes an option, as in the lessons.
 pub(super) fn becomes_method(text: &Source, call: &Call, chain: &[Call], name: &str) -> bool {
-    // A fade behind the option would set the fade-out again.
+    // A `fade` method after the option would set the fade-out again.
     let is_fade = |other: &Call| name == "fade_out" && text[other.name.clone()] == *"fade";
     let is_option_method = |other: &Call| OPTION_METHODS.contains(&&text[other.name.clone()]);
     let has_options = text.map_in(&call.inside).is_some();
@@ -206,7 +207,7 @@ fn is_plain_map(text: &Source, bytes: &Range<usize>) -> bool {
     true
 }
 
-/// Sets an option in the map of a call, `#{ name: value }`; `line` for messages.
+/// Sets an option in the map of a call, `#{ name: value }`. `line`: line for messages.
 pub(crate) fn set_option(
     text: &Source,
     call: &Call,
@@ -218,7 +219,7 @@ pub(crate) fn set_option(
     let new = format!("{name}: {value}");
     let Some(map) = text.map_in(&call.inside) else {
         let arguments = if inside.trim().is_empty() { 0 } else { text.count_arguments(&call.inside) };
-        // Those take a joint and a target before the options.
+        // `reach` and `aim` take a joint and a target before the options.
         let usual = if matches!(&text[call.name.clone()], "reach" | "aim") { 2 } else { 1 };
         if inside.contains("#{") || arguments > usual {
             return Err(EditRefused::at(line, "the options of this call are computed; change them there"));
@@ -241,12 +242,12 @@ pub(crate) fn set_option(
     Ok(Edit { range: last..last, text: format!("{comma}{new}{blank}") })
 }
 
-/// The value of an option of a call.
+/// Bytes of the value of an option.
 pub(crate) fn option_value(text: &Source, call: &Call, name: &str) -> Option<Range<usize>> {
     option_in(text, &text.map_in(&call.inside)?, name)
 }
 
-/// All `name: value` among the options of a call.
+/// All `name: value` of the options of a call.
 pub(crate) fn options_of<'a>(text: &'a Source, call: &Call) -> Vec<&'a str> {
     let Some(map) = text.map_in(&call.inside) else { return Vec::new() };
     let (mut at, mut all) = (map.start, Vec::new());
@@ -261,14 +262,14 @@ pub(crate) fn options_of<'a>(text: &'a Source, call: &Call) -> Vec<&'a str> {
     all
 }
 
-/// `name: value` among the options of a call.
+/// Bytes of one `name: value` of the options of a call.
 pub(crate) fn option_of(text: &Source, call: &Call, name: &str) -> Option<Range<usize>> {
     let value = option_value(text, call, name)?;
     let start = text[..value.start].rfind(name)?;
     Some(start..text.trimmed(&value).end)
 }
 
-/// The bytes of an option's value, in the inside of a `#{ … }`.
+/// Bytes of the value of an option, given the inside of a `#{ … }`.
 fn option_in(text: &Source, map: &Range<usize>, name: &str) -> Option<Range<usize>> {
     let mut at = map.start;
     while at < map.end {

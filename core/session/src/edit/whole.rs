@@ -1,18 +1,19 @@
-//! Whole numbers, which a script may write without a point: they stay so where other whole numbers take their place.
+//! Whole numbers, which a script may write without a decimal point: a new whole number keeps that style.
 
 use super::Edit;
 use choreo_script::token_ranges;
 use std::ops::Range;
 
 impl Edit {
-    /// A value in place of another one: `fov(34)` becomes `fov(40)`, and `fov(34.0)` becomes `fov(40.0)`.
+    /// Replaces a value in its style: `fov(34)` becomes `fov(40)`, and `fov(34.0)` becomes `fov(40.0)`.
     pub(super) fn over(text: &str, range: Range<usize>, value: &str) -> Edit {
         Edit { text: written_like(&text[range.clone()], value), range }
     }
 }
 
-/// A value as an old one is written: each of its whole numbers has no point where the number in its place has none; where those are not as
-/// many, where none of them has one. Numbers of a calculation keep their points, since a script divides numbers without one as integers.
+/// A new value in the style of an old one: each whole number is written without a decimal point if the old number in its place is. If the counts
+/// differ, no number has a point if no old one had. Numbers in a calculation keep their points, since a script divides numbers without one as
+/// integers.
 pub(super) fn written_like(old: &str, new: &str) -> String {
     let is_whole = |range: &Range<usize>| !old[range.clone()].contains('.');
     let (before, after) = (values(old), values(new));
@@ -28,13 +29,13 @@ pub(super) fn written_like(old: &str, new: &str) -> String {
     written
 }
 
-/// The digits of a whole number without its point: `40` of `40.0`. `None` where it has none, or is not whole.
+/// Digits of a whole number without its decimal point: `40` for `40.0`. `None` if the number does not end with `.0`.
 pub(super) fn without_point(number: &str) -> Option<&str> {
     let digits = number.strip_suffix(".0")?;
     digits.trim_start_matches('-').bytes().all(|b| b.is_ascii_digit()).then_some(digits)
 }
 
-/// The numbers in a text that are values by themselves, or in lists and maps, and not parts of a calculation.
+/// Bytes of the numbers that are values by themselves or components of lists and maps, but not parts of a calculation.
 fn values(text: &str) -> Vec<Range<usize>> {
     let tokens = token_ranges(text);
     let token =
@@ -69,7 +70,7 @@ mod tests {
             ("2.0", "1.0, 2.0, 0.5", "1.0, 2.0, 0.5"),
             ("true", "2.0", "2.0"),
             ("\"1\", 2", "\"3.0\", 4.0", "\"3.0\", 4"),
-            // A script would divide integers.
+            // The script would divide integers if the numbers had no points.
             ("2", "4.0 / 3.0", "4.0 / 3.0"),
             ("6 / 2", "9.0", "9.0"),
             ("6 / 2", "9.0 / 4.0", "9.0 / 4.0"),

@@ -1,9 +1,9 @@
-//! The messages of `choreo check` about a scene that is shown, beyond those of its script's run.
+//! Messages of `choreo check` about a displayed scene, in addition to those of its script's run.
 
 use choreo_command_line::{SceneToSurvey, survey};
 use choreo_session::{Problem, Scene, SceneSource};
 
-/// Examines frames over the whole length of the scene, and runs the statements of its tests. `None` where `goes_on` has said no.
+/// Checks frames over the whole length of the scene, and runs the statements of its tests. `None` if `goes_on` returned `false`.
 pub fn messages(
     scene: &Scene,
     source: &SceneSource,

@@ -1,18 +1,18 @@
-//! The user's own editor, opened at a line.
+//! Opens the user's own editor at a line.
 
 use std::io;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Editors that take `-g file:line`.
+/// Editors that accept `-g file:line`.
 const GOTO: [&str; 5] = ["code", "codium", "code-oss", "cursor", "windsurf"];
 /// Editors that need a terminal.
 const IN_TERMINAL: [&str; 8] = ["vi", "vim", "nvim", "nano", "emacs", "hx", "micro", "kak"];
 
-/// Why the editor does not open.
+/// Reason why the editor cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum EditorError {
-    /// The user's editor, or the terminal for it, is not installed.
+    /// The editor, or the terminal for it, is not installed.
     #[error(
         "no program \"{program}\" was found to open the script in; set {variable} in the environment to one that is installed"
     )]
@@ -21,7 +21,7 @@ pub enum EditorError {
     Start { editor: String, source: io::Error },
 }
 
-/// The program and its arguments: `$VISUAL`, else `$EDITOR`, else Visual Studio Code.
+/// Command line that opens a file at a line: `$VISUAL`, else `$EDITOR`, else Visual Studio Code.
 fn command(editor: Option<&str>, terminal: Option<&str>, file: &str, line: usize) -> Vec<String> {
     let words: Vec<String> = editor.unwrap_or("code").split_whitespace().map(str::to_string).collect();
     let words = if words.is_empty() { vec!["code".to_string()] } else { words };
@@ -40,7 +40,7 @@ fn command(editor: Option<&str>, terminal: Option<&str>, file: &str, line: usize
     all
 }
 
-/// The user's editor, as the environment names it.
+/// The user's editor, from environment variables.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Editor {
     /// `$VISUAL`, else `$EDITOR`.
@@ -55,13 +55,13 @@ impl Editor {
         Editor { command: set("VISUAL").or_else(|| set("EDITOR")), terminal: set("TERMINAL") }
     }
 
-    /// Starts it and does not wait.
+    /// Starts the editor without waiting for it.
     ///
     /// # Errors
-    /// It is missing or cannot be started; the text says what to set.
+    /// The editor is missing or cannot be started; the text says which variable to set.
     pub fn open(&self, file: &Path, line: usize) -> Result<(), EditorError> {
         let all = command(self.command.as_deref(), self.terminal.as_deref(), &file.to_string_lossy(), line);
-        // A terminal opens for a moment only where the editor in it is missing.
+        // If the editor is missing, a terminal would only open for a moment, so the editor is checked, too.
         let in_terminal = all.get(2).filter(|_| all[1] == "-e");
         for (program, variable) in in_terminal
             .map(|editor| (editor, "VISUAL"))
@@ -79,13 +79,13 @@ impl Editor {
             .stderr(Stdio::null())
             .spawn();
         let mut child = started.map_err(|source| EditorError::Start { editor: all[0].clone(), source })?;
-        // Nobody else would collect it.
+        // The thread waits for the process, which would otherwise stay as a zombie.
         let _ = std::thread::Builder::new().name("editor".into()).spawn(move || drop(child.wait()));
         Ok(())
     }
 }
 
-/// Whether a program is found as the system would find it. On Windows the system itself has to say.
+/// Whether a program exists in the search path. On Windows that is left to the system.
 fn is_there(program: &str) -> bool {
     if cfg!(windows) {
         return true;

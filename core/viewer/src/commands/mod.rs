@@ -1,5 +1,5 @@
-//! Commands of the program that the viewer runs beside itself: renders, exports, tests. Each is a process of its own, so that a render
-//! neither holds up the window nor ends with it by accident, and does exactly what the command line does.
+//! Commands that the viewer runs: renders, exports, tests. Each is a separate process, so that a render does not block the window and does not fail
+//! with it, and gives the same result as on the command line.
 
 pub mod check;
 pub mod external_editor;
@@ -12,18 +12,18 @@ use choreo_plugin::Registry;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// The first argument with which the viewer is the program `choreo` itself.
+/// First argument that makes the viewer act as the program `choreo`.
 pub const AS_PROGRAM: &str = "--run-command";
 
-/// How the commands are called.
+/// Command lines of the commands.
 #[derive(Clone, Debug, Default)]
 pub struct Commands {
-    /// The program, and what comes before the name of a command.
+    /// The program and its arguments before the name of a command.
     pub program: Vec<OsString>,
     pub input: PathBuf,
-    /// Options of the scene, as the viewer got them.
+    /// Options of the scene, as given to the viewer.
     pub scene: Vec<OsString>,
-    /// Options that `test` takes.
+    /// Options that `test` accepts.
     pub test: Vec<OsString>,
     pub formats: Vec<Format>,
 }
@@ -31,9 +31,9 @@ pub struct Commands {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OutputKind {
     Film,
-    /// A file for each frame.
+    /// One file per frame.
     Images,
-    /// The scene itself for another program.
+    /// The scene for another program.
     Scene,
 }
 
@@ -41,10 +41,10 @@ pub enum OutputKind {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Format {
     pub kind: OutputKind,
-    /// Extension of the file, without the dot.
+    /// File name extension without the dot.
     pub extension: String,
     pub about: String,
-    /// Names and explanations of its options.
+    /// Names and descriptions of the options.
     pub options: Vec<(String, String)>,
 }
 
@@ -62,7 +62,7 @@ impl Commands {
         frames.chain(scenes).flatten().collect()
     }
 
-    /// Takes another file, to which the parameters and the clip of the command line do not belong.
+    /// Changes to another file, without the parameters and the clip of the command line, which belong to the former file.
     pub fn take_file(&mut self, file: &Path) {
         if file != self.input {
             self.input = file.to_path_buf();
@@ -70,14 +70,14 @@ impl Commands {
         }
     }
 
-    /// Takes the script that is shown, where it is one.
+    /// Changes to the open script, if there is one.
     pub fn follow(&mut self, script: Option<&Path>) {
         if let Some(script) = script.filter(|script| *script != self.input) {
             self.input = script.to_path_buf();
         }
     }
 
-    /// The words of a command: the program first.
+    /// Command line of a command, beginning with the program.
     fn words(&self, command: &str, rest: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
         self.program.iter().cloned().chain([command.into()]).chain(rest).collect()
     }

@@ -1,11 +1,11 @@
-//! One command that runs: its lines as they come, what it wrote, and how it is stopped.
+//! A running command: its output lines as they arrive, its results, and its termination.
 
 use std::ffi::OsString;
 use std::io::{self, BufRead, BufReader, Read};
 use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// A started command. Clones are the same one.
+/// A started command. Clones refer to the same process.
 #[derive(Clone)]
 pub struct Process(Arc<Mutex<Started>>);
 
@@ -14,14 +14,14 @@ struct Started {
     interrupted: bool,
 }
 
-/// Streams and exit code of a command that has ended.
+/// Output streams of a finished command.
 pub struct Ended {
     pub stdout: String,
     pub stderr: String,
     pub interrupted: bool,
 }
 
-/// Output beyond this is not kept.
+/// Limit of each output stream, bytes; the rest is dropped.
 const MOST_BYTES: u64 = 64 << 20;
 
 impl Process {
@@ -36,7 +36,7 @@ impl Process {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits for the end. `line`: called with each line of standard error; those that it takes are not kept.
+    /// Waits for the end. `line`: called with each line of standard error; lines for which it returns `true` are not kept.
     pub fn finish(&self, mut line: impl FnMut(&str) -> bool) -> io::Result<Ended> {
         let (stdout, stderr) = {
             let child = &mut self.locked().child;
@@ -44,7 +44,7 @@ impl Process {
         };
         let reader = std::thread::Builder::new().name("output of a command".into()).spawn(move || {
             let mut text = Vec::new();
-            // Text that ends early is judged by whoever reads it.
+            // An incomplete text is detected when it is parsed.
             let _ = stdout.map(|out| out.take(MOST_BYTES).read_to_end(&mut text));
             String::from_utf8_lossy(&text).into_owned()
         })?;
@@ -67,13 +67,13 @@ impl Process {
         Ok(Ended { stdout, stderr: kept, interrupted: started.interrupted })
     }
 
-    /// Asks it to end, as Ctrl-C does, so that it takes away what is not complete; the second time it is ended.
+    /// Interrupts the process like Ctrl-C, so that it removes incomplete files; the second call kills it.
     pub fn interrupt(&self) {
         let mut started = self.locked();
         let again = std::mem::replace(&mut started.interrupted, true);
         #[cfg(unix)]
         if !again {
-            // One that has ended already needs no word.
+            // A process that has already ended is not signalled.
             let process = rustix::process::Pid::from_child(&started.child);
             if let Ok(None) = started.child.try_wait() {
                 let _ = rustix::process::kill_process(process, rustix::process::Signal::INT);
@@ -81,7 +81,7 @@ impl Process {
             return;
         }
         let _ = again;
-        // As above.
+        // Fails if the process has already ended.
         let _ = started.child.kill();
     }
 }

@@ -1,4 +1,4 @@
-//! Renders and exports, one after the other.
+//! Queue of renders and exports, which run one after the other.
 
 use super::Commands;
 use super::process::Process;
@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum JobState {
     Waiting,
-    /// Frames that are done, and all of them; none are known while files are read.
+    /// Number of finished frames, and of all frames; both are 0 while files are read.
     Running {
         done: u64,
         frames: u64,
@@ -26,14 +26,14 @@ pub struct Job {
     /// `render` or `export`.
     pub command: &'static str,
     pub output: PathBuf,
-    /// Range, size and quality, for people.
+    /// Range, size and quality, for display.
     pub about: String,
     words: Vec<OsString>,
     pub state: JobState,
 }
 
 impl Job {
-    /// Whether it has not ended yet and writes this file, or these numbered images.
+    /// Whether the job is not finished and writes to `output`, a file or numbered images.
     pub fn is_to_write(&self, output: &Path) -> bool {
         let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
         matches!(self.state, JobState::Waiting | JobState::Running { .. })
@@ -41,14 +41,14 @@ impl Job {
     }
 }
 
-/// A render or export to be queued.
+/// A render or export to be added to the queue.
 #[derive(Clone, Debug)]
 pub struct Request {
     /// `render` or `export`.
     pub command: &'static str,
     pub output: PathBuf,
     pub about: String,
-    /// Words after the scene.
+    /// Arguments after the scene.
     pub options: Vec<OsString>,
 }
 
@@ -57,13 +57,13 @@ struct Jobs {
     all: Vec<Job>,
     last: u64,
     running: Option<(u64, Process)>,
-    /// There is a thread that takes the next one.
+    /// Whether a worker thread is running.
     works: bool,
-    /// The window has gone: nothing is begun.
+    /// Whether the window was closed, so that no job is started.
     ended: bool,
 }
 
-/// Clones of the list are taken to show it; jobs go on meanwhile.
+/// The queue. The display uses clones of the list, while jobs continue.
 #[derive(Default)]
 pub struct RenderQueue(Arc<Mutex<Jobs>>);
 
@@ -76,7 +76,7 @@ impl RenderQueue {
         locked(&self.0).all.clone()
     }
 
-    /// `changed`: called when the list has changed.
+    /// Adds a job. `changed`: called whenever the list changes.
     pub fn add(&self, commands: &Commands, asked: Request, changed: impl Fn() + Send + 'static) {
         let scene = [commands.input.clone().into_os_string()].into_iter().chain(commands.scene.clone());
         let output = ["-o".into(), asked.output.clone().into_os_string(), "--json".into()];
@@ -97,7 +97,7 @@ impl RenderQueue {
         }
     }
 
-    /// Stops a job, or takes one away that has ended.
+    /// Cancels a running job, or removes another one from the list.
     pub fn cancel(&self, number: u64) {
         let mut jobs = locked(&self.0);
         if let Some((running, process)) = &jobs.running
@@ -109,7 +109,7 @@ impl RenderQueue {
     }
 }
 
-/// A window that is closed ends its renders; incomplete files go with them.
+/// Closing the window interrupts the running job, which removes its incomplete files.
 impl Drop for RenderQueue {
     fn drop(&mut self) {
         let mut jobs = locked(&self.0);
@@ -126,7 +126,7 @@ fn set_state(jobs: &mut Jobs, number: u64, state: JobState) {
     }
 }
 
-/// Takes job after job until none waits.
+/// Runs one job after the other until none is waiting.
 fn work(shared: &Mutex<Jobs>, changed: &dyn Fn()) {
     loop {
         let (number, process) = {
@@ -170,13 +170,13 @@ fn work(shared: &Mutex<Jobs>, changed: &dyn Fn()) {
     }
 }
 
-/// `{"done":3,"frames":90}`.
+/// Parses a progress line: `{"done":3,"frames":90}`.
 fn progress(line: &str) -> Option<(u64, u64)> {
     let value: Value = serde_json::from_str(line).ok()?;
     Some((value["done"].as_u64()?, value["frames"].as_u64()?))
 }
 
-/// The state that a report in JSON states, with its text in a line or several.
+/// State of a job by its JSON report, with a text for display. `messages`: standard error, used if there is no report.
 fn outcome(report: &str, messages: &str) -> JobState {
     let Ok(report) = serde_json::from_str::<Value>(report) else {
         let text = messages.trim();
@@ -199,7 +199,7 @@ fn outcome(report: &str, messages: &str) -> JobState {
     JobState::Finished(format!("{frames} {plural} in {secs:.1} s{on}{more}"))
 }
 
-/// The errors of a report, with their lines.
+/// Errors of a report with their lines.
 pub(super) fn errors(report: &Value) -> String {
     let one = |error: &Value| {
         let place = error["line"].as_u64().map(|line| format!("line {line}: ")).unwrap_or_default();

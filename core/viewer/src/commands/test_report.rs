@@ -1,4 +1,4 @@
-//! Results of tests, from the report of `choreo test --json`.
+//! Test results, parsed from the report of `choreo test --json`.
 
 use serde_json::Value;
 use std::path::PathBuf;
@@ -15,19 +15,19 @@ pub enum Status {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Section {
     pub file: String,
-    /// Empty for a file that could not be read.
+    /// Name of the section; empty for a file that could not be read.
     pub name: String,
     pub line: usize,
     pub status: Status,
-    /// Reason of an error or a skip.
+    /// Reason of an error or of a skipped section.
     pub text: String,
     pub checks: Vec<Check>,
     pub seconds: f64,
-    /// Nothing has changed since an earlier run, whose result this is.
+    /// Whether the result of an earlier run was reused, since nothing has changed.
     pub reused: bool,
 }
 
-/// An expectation that was judged.
+/// A checked expectation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Check {
     pub line: usize,
@@ -35,7 +35,7 @@ pub struct Check {
     pub passed: bool,
     pub expected: String,
     pub got: String,
-    /// The difference of the two, with its unit.
+    /// Difference of expected and actual value, with its unit.
     pub by: String,
     pub hint: String,
     pub images: Option<Images>,
@@ -47,14 +47,14 @@ pub struct Images {
     pub name: String,
     /// The golden image of the project.
     pub stored: PathBuf,
-    /// There is none of a new image.
+    /// `None` for a new image.
     pub expected: Option<PathBuf>,
     pub got: Option<PathBuf>,
     pub difference: Option<PathBuf>,
 }
 
 impl Section {
-    /// The sections of a report.
+    /// Sections of a report.
     pub(crate) fn of_report(report: &Value) -> Vec<Section> {
         report["sections"].as_array().into_iter().flatten().map(Section::new).collect()
     }
@@ -78,12 +78,12 @@ impl Section {
         }
     }
 
-    /// The words that choose it: `FILE > SECTION`.
+    /// Argument that selects the section: `FILE > SECTION`.
     pub fn filter(&self) -> String {
         format!("{} > {}", self.file, self.name)
     }
 
-    /// Whether it is to be looked at.
+    /// Whether the section has failed or could not be run.
     pub fn is_bad(&self) -> bool {
         matches!(self.status, Status::Failed | Status::Error)
     }
@@ -113,7 +113,7 @@ impl Check {
     }
 }
 
-/// A text, or another value as JSON writes it; nothing of a missing one.
+/// A string, or another value as JSON; empty for a missing one.
 fn text(value: &Value) -> String {
     match value {
         Value::Null => String::new(),

@@ -1,4 +1,4 @@
-//! Test scripts that are run from the window, and their last results.
+//! Runs test scripts, and keeps their last results.
 
 use super::Commands;
 use super::process::Process;
@@ -14,23 +14,23 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 struct Results {
     sections: Vec<Section>,
     running: Option<Process>,
-    /// Why there are no results.
+    /// Reason why there are no results.
     failure: Option<String>,
-    /// How often results have come.
+    /// Number of results so far.
     runs: u64,
 }
 
-/// The tests of a window. Clones of the results are taken to show them.
+/// Tests of a window. The display uses clones of the results.
 #[derive(Default)]
 pub struct TestRun(Arc<Mutex<Results>>);
 
-/// Part of a test script that is run.
+/// The part of a test script to run.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Choice {
     All,
     /// One section.
     Section(Section),
-    /// The drawn image becomes the golden image of this name, in one section.
+    /// Accepts the rendered image as the golden image with this name, in one section.
     Accept(Section, String),
 }
 
@@ -51,7 +51,7 @@ impl TestRun {
         locked(&self.0).failure.clone()
     }
 
-    /// Grows by one with each result.
+    /// Number of results so far, which changes with each result.
     pub fn runs(&self) -> u64 {
         locked(&self.0).runs
     }
@@ -62,7 +62,7 @@ impl TestRun {
         }
     }
 
-    /// Runs tests of a script or folder; nothing while others run. `changed`: called when there are results.
+    /// Starts tests of a script or folder, unless tests are running. `changed`: called when there are results.
     pub fn start(
         &self,
         commands: &Commands,
@@ -106,7 +106,7 @@ impl Drop for TestRun {
     }
 }
 
-/// A run without results.
+/// Reason why a run has no results.
 #[derive(Debug, thiserror::Error)]
 enum NoResults {
     #[error("cannot be started: {0}")]
@@ -115,12 +115,12 @@ enum NoResults {
     Process(io::Error),
     #[error("stopped")]
     Stopped,
-    /// The text of the command line in place of results.
+    /// Error message of the command.
     #[error("{0}")]
     Refused(String),
 }
 
-/// The sections of a run.
+/// Waits for a run and parses its sections.
 fn judged(process: &Process) -> Result<Vec<Section>, NoResults> {
     let ended = process.finish(|_| false).map_err(NoResults::Process)?;
     if ended.interrupted {
@@ -135,7 +135,7 @@ fn judged(process: &Process) -> Result<Vec<Section>, NoResults> {
 }
 
 impl Results {
-    /// `all`: in place of the earlier ones; else each replaces that of the same section.
+    /// Stores the results of a run. `all`: they replace all earlier ones; else each replaces that of the same section.
     fn take(&mut self, ended: Result<Vec<Section>, NoResults>, all: bool) {
         self.running = None;
         self.runs += 1;

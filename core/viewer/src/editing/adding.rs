@@ -1,4 +1,4 @@
-//! Dropped files and clips become lines: clips of an actor's own file or of another's, models under the pointer, files that were shown.
+//! New lines for dropped files and clips: clips of an actor's own file or of another actor's, models under the pointer, and previewed files.
 
 use super::next_clip::FADE;
 use super::room::{self, Footprint};
@@ -23,45 +23,45 @@ use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The needs of a camera about an actor.
+/// Values for a new camera that shows an actor.
 struct Framing {
-    /// The script's variable for the actor.
+    /// Variable that holds the actor.
     variable: String,
-    /// The edit that makes the variable where there is none, and the place of the actor.
+    /// The edit that declares the variable if there is none, and the position of the actor's call.
     declares: Option<(Place, Edit)>,
-    /// Metres at which all of the actor is in the image.
+    /// Distance at which all of the actor is in the image, metres.
     distance: f64,
-    /// Unit vector of the world to where it is seen from: from before it, a little to the side and from above.
+    /// Unit vector in world space from the actor to the camera: in front of it, a little to the side and from above.
     direction: DVec3,
 }
 
-/// The file that an added clip is in.
+/// Source of an added clip.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ClipOf {
-    /// That of an actor, by its name.
+    /// The file of an actor, given by its name.
     Actor(String),
-    /// A file of the script's folder, or a built-in asset.
+    /// A file in the script's folder, or a built-in asset.
     File(PathBuf),
 }
 
-/// Folder beside the script into which files from elsewhere are copied.
+/// Folder next to the script that files from elsewhere are copied to.
 const ASSETS: &str = "assets";
 
 impl Viewer {
-    /// Lets an actor play a clip from a time on: a clip of its own file, or of that of another actor (`of`), which is retargeted. Where another
-    /// one begins at that time, which would then never be seen, it comes after the last.
+    /// Plays a clip on an actor from a time on: a clip of its own file, or of another actor's (`of`), which is retargeted. If another clip begins
+    /// in the same frame, which the new one would hide, the new clip follows the last one instead.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn add_clip(&mut self, name: &str, of: &str, clip: &str, secs: f64) -> Result<(), EditError> {
         let secs = Some(secs).filter(|secs| !self.begins_at(name, *secs));
         self.add_clip_to_layer(name, &ClipOf::Actor(of.to_string()), clip, secs, 0)
     }
 
-    /// Lets an actor play a clip from a time on, else after the last that it plays. `layer`: the row to which it is added.
+    /// Plays a clip on an actor from a time on; `None`: after the last clip. `layer`: the row that the clip was dropped on.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn add_clip_to_layer(
         &mut self,
         name: &str,
@@ -92,12 +92,12 @@ impl Viewer {
         Ok(())
     }
 
-    /// Options of a clip that comes after others.
+    /// Options of a clip that follows others.
     fn options_of_next(&self, name: &str) -> String {
         if self.plays(name) { format!(", #{{ fade: {FADE} }}") } else { String::new() }
     }
 
-    /// Gives how much of it the actor follows.
+    /// Returns a note about how many joints follow the clip.
     fn add_clip_of_actor(
         &mut self,
         name: &str,
@@ -131,7 +131,7 @@ impl Viewer {
         }))
     }
 
-    /// Lets an actor play a clip of a file of the script's folder.
+    /// Plays a clip of a file in the script's folder on an actor.
     fn add_clip_of_file(&mut self, name: &str, file: &Path, clip: &str, secs: f64) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let path = self.path.clone().ok_or(EditError::NoScript)?;
@@ -148,10 +148,10 @@ impl Viewer {
         })
     }
 
-    /// Adds something new at the end of the script, where there is room on the ground, from the playhead on, and selects it.
+    /// Adds an object at the end of the script and selects it. It stands at a free place on the ground and begins at the playhead.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn add(&mut self, what: &Addition) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let stage = &scene.stage;
@@ -169,13 +169,13 @@ impl Viewer {
         };
         let taken = room::taken(stage, now);
         let own = Footprint::around(0.3);
-        // Beside the middle, on one side and the other in turn.
+        // Positions to the left and to the right of the center in turn.
         let beside = (0..).map(|n: i32| f64::from((n + 1) / 2 * if n % 2 == 0 { -1 } else { 1 }));
         let mut places = beside.take(64).map(|x| DVec3::new(x, 0.0, 0.0));
         let place = places.find(|at| room::is_free(&taken, own.moved(*at))).unwrap_or_default();
         let [from, end] = [now.as_secs(), self.playhead.length().as_secs()];
         let at = AddedAt {
-            // Lights and cameras are for what stands there.
+            // Lights and cameras are placed at the center.
             point: if matches!(what, Addition::Character | Addition::Shape(_)) { place } else { DVec3::ZERO },
             from: self.edit_time(from),
             until: self.edit_time((from + 2.0).min(end)),
@@ -187,7 +187,7 @@ impl Viewer {
         };
         let (lines, name) = added_lines(&text, what, at);
         match framing.and_then(|framing| framing.declares) {
-            // The script gets a variable for the actor with the same edit.
+            // The same edit declares a variable for the actor.
             Some((place, edit)) => self.change(&place, 1, |text| {
                 Ok(Edit::between(text, &format!("{}\n{lines}", edit.apply(text).trim_end())))
             })?,
@@ -228,7 +228,7 @@ impl Viewer {
         let posed = state.and_then(|state| picking::bounds(&own.asset, state));
         let rest = || picking::height(&own.asset) * own.transform.scale.abs().max_element();
         let radius = posed.map_or_else(rest, |(low, high)| (high - low).length()) / 2.0;
-        // The sphere around it touches the nearer edges of the image, and a little air.
+        // The bounding sphere fits into the smaller field of view, with a margin.
         let [width, height] = stage.settings.size.map(f64::from);
         let Projection::Perspective { yfov, .. } = Projection::default() else { return Err(EditError::Gone) };
         let half = f64::from(yfov) / 2.0;
@@ -241,10 +241,10 @@ impl Viewer {
         Ok(Framing { variable, declares: declares.map(|edit| (place, edit)), distance, direction })
     }
 
-    /// A new camera where the active view looks from, which is on from the playhead on.
+    /// Adds a camera at the view's position, active from the playhead on.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn add_camera_of_view(&mut self) -> Result<(), EditError> {
         let near = self.point_of_interest().unwrap_or(DVec3::ZERO);
         let view = self.views.get(self.active).ok_or(EditError::NothingShown)?;
@@ -256,7 +256,7 @@ impl Viewer {
         self.add_camera(&orbit)
     }
 
-    /// How many of the joints that a clip of one actor moves are followed by another actor, and how many it moves; `None` for its own.
+    /// Number of joints of another actor that follow a clip, and number of joints that the clip moves. `None` if both actors have the same asset.
     pub(crate) fn joints_that_follow(&self, of: &str, clip: &str, on: &str) -> Option<(usize, usize)> {
         let stage = &self.scene.as_ref()?.stage;
         let asset = |name: &str| Some(&stage.actors[actor(stage, name)?].asset);
@@ -269,11 +269,11 @@ impl Viewer {
         Some((coverage.followed(), coverage.moved))
     }
 
-    /// Puts models on stage where they were dropped, else at the nearest free places: each with a clip that suits, in a row along x. `read`:
-    /// the stage on which they were read. The last is then selected. Files from outside the script's folder are copied into `assets/` if the user agrees.
+    /// Adds models where they were dropped, else at the nearest free places, in a row along x, each with its idle clip. `read`: the stage on which
+    /// the models were read. The last one is selected. Files from outside the script's folder are copied into `assets/` if the user agrees.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn add_models(&mut self, dropped: &DroppedModels, read: &SceneVersion) -> Result<(), EditError> {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let problems = || read.problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
@@ -332,10 +332,10 @@ impl Viewer {
         if refused.is_empty() { Ok(()) } else { Err(EditError::refused(refused.join("; "))) }
     }
 
-    /// Puts files that were dropped and are shown on stage: a line each at the end of the script, as one change; several where they are shown.
+    /// Adds the previewed files to the script, in one edit, with a line for each at the end. Several models stand where the preview shows them.
     ///
     /// # Errors
-    /// Returns the files that are not added, and why: they cannot be read, or lie outside the script's folder. The others are added.
+    /// The files that could not be added, with reasons: unreadable, or outside the script's folder. The others are added.
     pub fn add_guests(&mut self) -> Result<(), EditError> {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let folder = folder_of(&path);
@@ -352,7 +352,7 @@ impl Viewer {
         let (mut shown, mut refused) = (scene.stage.actors.iter().peekable(), Vec::new());
         let mut selects = None;
         for guest in &self.guests {
-            // The actors follow the order in which the files were dropped, without those that cannot be read.
+            // Actors are in the order of the dropped files, without the unreadable ones.
             let is_it = |actor: &&Actor| guest.file_name().is_some_and(|name| *name == *actor.asset.name);
             let Some(actor) = shown.next_if(is_it) else {
                 refused.push(format!("{}: it cannot be read", guest.display()));
@@ -385,7 +385,7 @@ fn folder_of(script: &Path) -> PathBuf {
     script.canonicalize().ok().and_then(|p| Some(p.parent()?.to_path_buf())).unwrap_or_default()
 }
 
-/// A file of a folder, or a built-in asset, as `load` takes it; `None` for a file from outside.
+/// Path of a file in a folder, or of a built-in asset, as `load` takes it. `None` for a file outside.
 fn loaded_as(file: &Path, folder: &Path) -> Option<String> {
     if is_built_in(file) {
         return Some(file.to_string_lossy().into_owned());
@@ -399,7 +399,7 @@ fn slashed(path: &Path) -> String {
     path.to_string_lossy().replace('\\', "/")
 }
 
-/// The place of a file in the assets of a folder, with what was read for it from its own folder: a buffer, images. Adds the copies.
+/// Destination of a file in the assets folder. Adds it and the files that it reads from its own folder (buffers, images) to `copies`.
 fn copied(
     file: &Path,
     folder: &Path,
@@ -408,7 +408,7 @@ fn copied(
 ) -> PathBuf {
     let home = file.parent().unwrap_or(Path::new(""));
     let others: Vec<&PathBuf> = files_read.iter().filter(|f| *f != file && f.starts_with(home)).collect();
-    // Several files get a folder of their own, in which they lie as they did.
+    // Several files get a folder of their own and keep their relative paths.
     let stem = choreo_session::model::name(file);
     let own = if others.is_empty() { PathBuf::from(ASSETS) } else { Path::new(ASSETS).join(stem) };
     let mut inside = PathBuf::new();
@@ -422,7 +422,7 @@ fn copied(
     inside
 }
 
-/// Copies a file; one of the same content may be there already.
+/// Copies a file, unless the destination already has the same content.
 pub(super) fn copy(from: &Path, to: &Path) -> Result<(), EditError> {
     let failed = |source| EditError::Copy { path: to.to_path_buf(), source };
     let bytes = std::fs::read(from).map_err(|source| EditError::Copy { path: from.to_path_buf(), source })?;

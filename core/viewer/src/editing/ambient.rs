@@ -1,4 +1,4 @@
-//! The light from all around as the script states it: by a call of its own, else as an option of the stage.
+//! Ambient light as the script states it: by a call of its own, else as an option of the stage.
 
 use super::{EditError, FieldChange};
 use crate::app::Viewer;
@@ -6,7 +6,7 @@ use choreo_asset::srgb_from_linear;
 use choreo_session::edit::{Anew, ScriptObject, Typed, expression};
 use glam::Vec3;
 
-/// The light from all around: colors in sRGB, and how strong they are.
+/// Ambient light: sRGB colors from above and from below, and the strength.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ambient {
     pub up: [u8; 3],
@@ -15,7 +15,7 @@ pub struct Ambient {
 }
 
 impl Viewer {
-    /// The light from all around, with the strength that the script writes.
+    /// The ambient light of the stage, with the strength as the script writes it.
     pub fn ambient(&self) -> Option<Ambient> {
         let settings = &self.scene.as_ref()?.stage.settings;
         let strength = strength_of(&self.ambient_written().unwrap_or_default());
@@ -26,7 +26,7 @@ impl Viewer {
         Some(Ambient { up: color(settings.ambient_up), down: color(settings.ambient_down), strength })
     }
 
-    /// The line of the call that states it, where it is no option of the stage.
+    /// Line of the call that states the ambient light. `None` if it is an option of the stage.
     pub fn ambient_line(&self) -> Option<usize> {
         self.scene.as_ref()?.places.ambient.as_ref().map(|place| place.line)
     }
@@ -39,10 +39,10 @@ impl Viewer {
         }
     }
 
-    /// Changes it where the script states it, else as an option of the stage.
+    /// Changes the ambient light where the script states it, else as an option of the stage.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn set_ambient(&mut self, to: Ambient) -> Result<(), EditError> {
         let place = self.scene.as_ref().ok_or(EditError::NothingShown)?.places.ambient.clone();
         let (from, written) = (self.ambient(), self.ambient_written().unwrap_or_default());
@@ -76,7 +76,7 @@ impl Viewer {
     }
 }
 
-/// The arguments of a call, as they are written.
+/// Source text of each argument of a call.
 fn arguments(written: &str) -> Vec<&str> {
     let (mut depth, mut from, mut all) = (0usize, 0, Vec::new());
     for (at, c) in written.char_indices() {
@@ -98,7 +98,7 @@ fn is_color(argument: &str) -> bool {
     argument.starts_with(['"', '['])
 }
 
-/// The strength that is written beside colors; 1 where none is.
+/// The strength that is written after the colors; 1 if there is none.
 fn strength_of(written: &str) -> Typed {
     let in_map = written.trim().strip_prefix("#{").and_then(|map| map.split_once("strength:"));
     let text = match in_map {

@@ -1,4 +1,4 @@
-//! Constraints that are added to the selected actor: a line that a person would write, `ada.reach("RightHand", [0.3, 1.2, 0.5]);`.
+//! Constraints that are added to the selected actor as a line that a person would write: `ada.reach("RightHand", [0.3, 1.2, 0.5]);`.
 
 use super::EditError;
 use crate::app::Viewer;
@@ -21,14 +21,14 @@ pub enum ConstraintCall {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NewConstraint {
     pub call: ConstraintCall,
-    /// The actor that is its target; `None`: a point in front of the joint.
+    /// Name of the target actor. `None`: a point in front of the joint.
     pub target: Option<String>,
 }
 
 impl ConstraintCall {
     pub const ALL: [ConstraintCall; 3] = [ConstraintCall::Reach, ConstraintCall::LookAt, ConstraintCall::Aim];
 
-    /// The words of menus, before the target.
+    /// Label in menus, before the target.
     pub fn words(self) -> &'static str {
         match self {
             ConstraintCall::Reach => "Hand reaches",
@@ -37,7 +37,7 @@ impl ConstraintCall {
         }
     }
 
-    /// The bone that it is for where no joint is selected.
+    /// The bone to constrain if no joint is selected.
     fn bone(self) -> &'static str {
         match self {
             ConstraintCall::LookAt => "head",
@@ -45,16 +45,16 @@ impl ConstraintCall {
         }
     }
 
-    /// The way from the joint to the point, forwards and upwards, in heights of the character.
+    /// Offset of the target point from the joint: forward and up, in heights of the character.
     fn way(self) -> [f64; 2] {
         match self {
-            // A hanging arm reaches it.
+            // The point is within the reach of a hanging arm.
             ConstraintCall::Reach => [0.15, 0.1],
             ConstraintCall::LookAt | ConstraintCall::Aim => [0.6, 0.0],
         }
     }
 
-    /// The call in a script. `joint`: its name as a text of the script; `usual`: whether that is the one by default.
+    /// Source text of the call. `joint`: quoted name of the joint; `usual`: whether it is the default joint.
     fn text(self, joint: &str, usual: bool, target: &str) -> String {
         match self {
             ConstraintCall::Reach => format!("reach({joint}, {target})"),
@@ -66,10 +66,10 @@ impl ConstraintCall {
 }
 
 impl Viewer {
-    /// Adds a constraint to the selected actor from the playhead on: of the selected joint, else of its right hand or head.
+    /// Adds a constraint to the selected actor from the playhead on: to the selected joint, else to its right hand or head.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn add_constraint(&mut self, new: &NewConstraint) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let name = self.selection.as_ref().and_then(Selected::actor).map(str::to_string);
@@ -113,7 +113,8 @@ impl Viewer {
     }
 }
 
-/// A point before a joint in the direction in which its actor looks, to the centimetre. `way`: forwards and upwards, in heights of the actor.
+/// A point in front of a joint in the actor's viewing direction, world space, rounded to the centimetre. `way`: forward and up, in heights of the
+/// actor.
 fn point_before(found: &Actor, state: &ActorState, joint: usize, way: [f64; 2]) -> DVec3 {
     let at = state.world_from_joint(joint).unwrap_or(state.world_from_model).translation;
     let front = state.world_from_model.transform_vector3(found.asset.front().direction());

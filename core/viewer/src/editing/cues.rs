@@ -1,4 +1,4 @@
-//! Bars that are moved, faded over each other or deleted as a whole.
+//! Whole bars: moved, crossfaded or deleted.
 
 use super::{EditError, Step};
 use crate::app::Viewer;
@@ -12,11 +12,11 @@ use choreo_session::edit::{
 use std::collections::BTreeSet;
 
 impl Viewer {
-    /// Moves a clip to another start, with its end. Where it follows another clip, that one's end moves, too. `ripple`: all later clips of
-    /// its layer move by the same time.
+    /// Moves a clip to another start, together with its end. If it begins at the end of another clip, that end moves, too. `ripple`: all later
+    /// clips of its layer move by the same time.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn move_cue(&mut self, what: &Selected, secs: f64, ripple: bool) -> Result<(), EditError> {
         let layer = self.layer_of(what);
         let at = layer.iter().position(|bar| bar.what == *what).ok_or(EditError::Gone)?;
@@ -30,7 +30,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// Refuses what would begin where the scene is over, and never be seen.
+    /// Fails if a bar would begin after the end of the scene, where it is never visible.
     pub(super) fn check_begins(&self, place: &Place, label: &str, secs: f64) -> Result<(), EditError> {
         let (begins, length) = (Time::from_secs(secs), self.timeline.length);
         if begins < length {
@@ -42,7 +42,7 @@ impl Viewer {
         Err(EditError::refused_at(place, &why))
     }
 
-    /// The clip at whose end a bar begins.
+    /// The clip whose end is the start of a bar.
     pub(super) fn followed_bar(&self, what: &Selected) -> Option<Bar> {
         let layer = self.layer_of(what);
         let at = layer.iter().position(|bar| bar.what == *what)?;
@@ -50,20 +50,21 @@ impl Viewer {
         layer.into_iter().nth(before)
     }
 
-    /// The end that moves with the start of a bar which follows another one, in words, where that is none of `all`, which move, too.
+    /// Note that the end of the previous clip moves with the start of a bar that begins there. `None` if there is no such clip, or it is one of
+    /// `all`, which move, too.
     pub(crate) fn moved_end(&self, what: &Selected, all: &[Selected], by: f64) -> Option<String> {
         let before = self.followed_bar(what).filter(|before| !all.contains(&before.what))?;
         let ends = self.shown_time(self.bar(what).ok()?.start + Time::from_secs(by));
         Some(format!("{}, which it follows, now ends at {ends}", before.label))
     }
 
-    /// The ends that move with these bars, in words.
+    /// Note about all ends that move with the starts of these bars.
     fn moved_ends(&self, all: &[Selected], by: f64) -> Option<String> {
         let ends: Vec<String> = all.iter().filter_map(|what| self.moved_end(what, all, by)).collect();
         (!ends.is_empty()).then(|| ends.join("; "))
     }
 
-    /// Bars that are no longer seen since they begin later by a time, in words.
+    /// Note about bars that are no longer visible if they begin later by `by` seconds.
     pub(super) fn pushed_out(&self, later: &[Bar], by: f64) -> Option<String> {
         let length = self.timeline.length;
         let is_out = |bar: &&Bar| bar.start < length && bar.start + Time::from_secs(by) >= length;
@@ -78,10 +79,10 @@ impl Viewer {
         })
     }
 
-    /// Moves bars by a time, as one change.
+    /// Moves bars by a time in seconds, as one edit.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn move_bars(&mut self, all: &[Selected], by: f64) -> Result<(), EditError> {
         let (steps, note) = (self.bar_move_steps(all, by)?, self.moved_ends(all, by));
         self.change_all(steps)?;
@@ -89,10 +90,10 @@ impl Viewer {
         Ok(())
     }
 
-    /// Moves the selected bars and keys by a time, as one change.
+    /// Moves the selected bars and keys by a time in seconds, as one edit.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub(crate) fn move_selected(&mut self, by: f64) -> Result<(), EditError> {
         let (bars, keys) = (self.selected_bars(), self.selected_keys().to_vec());
         let mut steps = self.key_drag_steps(&keys, by, None)?;
@@ -115,7 +116,7 @@ impl Viewer {
                 continue;
             }
             for (part, time) in [(CueTime::Start, bar.start), (CueTime::End, bar.until)] {
-                // A cue that never ends keeps no end.
+                // A cue without an end stays without one.
                 if part == CueTime::Start || time < self.timeline.length {
                     steps.push(self.object_time_step(&bar, part, time.as_secs() + by));
                 }
@@ -128,7 +129,7 @@ impl Viewer {
         Ok(steps)
     }
 
-    /// The changes that move some bars of a layer.
+    /// Steps that move some bars of a layer. `moves`: whether the bar with an index moves.
     pub(super) fn move_steps(
         &self,
         layer: &[Bar],
@@ -141,7 +142,7 @@ impl Viewer {
         for (index, bar) in layer.iter().enumerate().filter(|(index, _)| moves(*index)) {
             let (line, column) = (bar.place.line, bar.place.column);
             match followed[index] {
-                // It begins where the clip before it ends, and that has been moved.
+                // The bar begins at the end of the previous clip, which moves, too.
                 Some(before) if moves(before) => {}
                 Some(before) => {
                     self.check_boundary(
@@ -164,10 +165,10 @@ impl Viewer {
         Ok(steps)
     }
 
-    /// Moves a clip over the one before it, which keeps its place: they crossfade where they overlap.
+    /// Moves the start of a clip before the end of the previous one, which does not move: they crossfade where they overlap.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn overlap_cue(&mut self, what: &Selected, secs: f64) -> Result<(), EditError> {
         let layer = self.layer_of(what);
         let at = layer.iter().position(|bar| bar.what == *what).ok_or(EditError::Gone)?;
@@ -177,13 +178,13 @@ impl Viewer {
             let why = "it crossfades where it lies over the end of the clip before it";
             return Err(EditError::refused_at(&layer[at].place, why));
         }
-        // A fade no longer than what is there of the clip.
+        // The fade is at most as long as the visible part of the clip.
         let overlap = overlap.min((layer[at].end - layer[at].start).as_secs());
         let bar = &layer[at];
         let by = secs - bar.start.as_secs();
         let mut steps = self.move_steps(&layer, &|index| index == at, by)?;
         steps.push(self.time_step(bar, CueTime::FadeIn, overlap));
-        // On an upper layer a fade is that of both ends: the far one stays as it was.
+        // A fade on an upper layer also sets the fade-out, so the former fade-out is stated.
         let hands_over = layer.get(at + 1).is_some_and(|next| next.start <= bar.end);
         let is_upper = matches!(what, Selected::Cue { layer: 1.., .. });
         if is_upper && !hands_over && self.written(what, "fade_out").is_none() {
@@ -197,10 +198,10 @@ impl Viewer {
         self.change_all(steps)
     }
 
-    /// Deletes bars from the script, as one change.
+    /// Deletes the cues of bars from the script, as one edit.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub(crate) fn delete_cues(&mut self, all: &[Selected]) -> Result<(), EditError> {
         let steps = self.cue_delete_steps(all)?;
         self.change_all(steps)?;
@@ -224,28 +225,28 @@ impl Viewer {
         Ok(steps)
     }
 
-    /// Deletes a clip from the script.
+    /// Deletes a cue from the script.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn delete_cue(&mut self, what: &Selected) -> Result<(), EditError> {
         self.delete_cues(std::slice::from_ref(what))
     }
 
-    /// The bars of a clip's layer, in order; none for what is no clip.
+    /// Bars of the layer of a clip, in order. Empty for other objects.
     pub(super) fn layer_of(&self, what: &Selected) -> Vec<Bar> {
         let Selected::Cue { actor, layer, .. } = what else { return Vec::new() };
         let is_in = |bar: &&Bar| matches!(&bar.what, Selected::Cue { actor: a, layer: l, .. } if a == actor && l == layer);
         self.bars().filter(is_in).cloned().collect()
     }
 
-    /// Number of the bar before each one of a layer in its chain of the script, which need not be the one before it in the row.
+    /// Index of the bar that precedes each bar in its chain of the script, which may differ from the previous one in the row.
     pub(super) fn cues_before(&self, layer: &[Bar]) -> Vec<Option<usize>> {
         let places: Vec<_> = layer.iter().map(|bar| (bar.place.line, bar.place.column)).collect();
         self.known().map_or_else(|| vec![None; layer.len()], |text| cues_before(&text, &places))
     }
 
-    /// Number of the bar at whose end each one of a layer begins.
+    /// Index of the bar whose end is the start of each bar of a layer.
     pub(super) fn followed(&self, layer: &[Bar]) -> Vec<Option<usize>> {
         let (before, known) = (self.cues_before(layer), self.known().unwrap_or_default());
         let begins_there = |bar: &Bar| follows(&known, bar.place.line, bar.place.column);
@@ -261,7 +262,7 @@ impl Viewer {
         self.bars().find(|bar| bar.what == *what).cloned().ok_or(EditError::Gone)
     }
 
-    /// A change of what a bar's place makes.
+    /// A step that edits the call of a bar.
     pub(super) fn step<'m>(
         &self,
         bar: &Bar,

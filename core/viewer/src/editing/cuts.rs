@@ -1,4 +1,4 @@
-//! Cuts between cameras: the next camera's cut is the end of a camera's bar. A camera with several cuts has several bars, its shots.
+//! Cuts between cameras. The next camera's cut is the end of a camera's bar; a camera with several cuts has several bars, its shots.
 
 use super::{EditError, Step};
 use crate::app::Viewer;
@@ -8,10 +8,10 @@ use choreo_session::Scene;
 use choreo_session::edit::set_call;
 
 impl Viewer {
-    /// The selected bar. Of a camera with several it is the one that was clicked, else the one at the playhead.
+    /// The bar of the selection. If a camera has several, the clicked one, else the one at the playhead.
     ///
     /// # Errors
-    /// Neither is there: why, for the user.
+    /// The selected camera has several shots, none was clicked, and none is at the playhead.
     pub(crate) fn selected_bar(&self) -> Result<Option<Bar>, EditError> {
         let Some(what) = &self.selection else { return Ok(None) };
         let all: Vec<&Bar> = self.bars().filter(|bar| bar.what == *what).collect();
@@ -30,31 +30,31 @@ impl Viewer {
         Ok(Some(bar.clone()))
     }
 
-    /// The bar that was clicked to select its camera, in the timeline as it is now.
+    /// The bar that was clicked to select its camera, found in the present timeline.
     pub(crate) fn selected_shot(&self) -> Option<&Bar> {
         let shot = self.shot.as_ref().filter(|shot| self.selection.as_ref() == Some(&shot.what))?;
         let all = || self.bars().filter(|bar| bar.what == shot.what);
         let is_there = |bar: &&Bar| bar.place == shot.place;
         let begins = |bar: &&Bar| bar.start == shot.start;
-        // A bar that was moved has its place in the script, and one below new lines its time.
+        // The position in the script identifies a moved bar, and the time one whose lines have moved.
         let same = all().find(|bar| is_there(bar) && begins(bar));
         same.or_else(|| all().find(is_there)).or_else(|| all().find(begins))
     }
 
-    /// Whether a bar is selected: of a camera with several the one that was clicked, else all.
+    /// Whether a bar is selected. If one of several shots of a camera was clicked, only that one is.
     pub(crate) fn is_bar_selected(&self, bar: &Bar) -> bool {
         let is_it = |shot: &Bar| shot.what != bar.what || shot == bar;
         self.is_selected(&bar.what) && self.selected_shot().is_none_or(is_it)
     }
 
-    /// Moves a cut; `index` of the stage's cuts.
+    /// Moves a cut. `index`: among the cuts of the stage.
     pub fn set_cut(&mut self, index: usize, secs: f64) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let step = self.cut_step(&scene, index, secs)?;
         self.change_all(vec![step])
     }
 
-    /// Moves a cut and, as far, all that come after it.
+    /// Moves a cut, and all later cuts by the same time.
     pub fn ripple_cuts(&mut self, index: usize, secs: f64) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let cuts = &scene.stage.cuts;
@@ -66,7 +66,7 @@ impl Viewer {
         self.change_all(steps)
     }
 
-    /// Moves the cut that ends the bar of a camera.
+    /// Moves the end of a camera's bar, which is the next cut.
     pub(crate) fn set_camera_end(&mut self, bar: &Bar, secs: f64) -> Result<(), EditError> {
         let next = self.bars().find(|next| next.cut.is_some() && next.start == bar.end);
         let Some((next, cut)) = next.and_then(|next| Some((next, next.cut?))) else {

@@ -1,11 +1,12 @@
-//! Two texts, line by line: what goes, what comes, and a line around it that stays.
+//! Line-by-line difference of two texts, with one line of context.
 
-/// Lines around a change that are shown though they stay.
+/// Number of unchanged lines shown around a change.
 const AROUND: usize = 1;
-/// Limit of the lines; those in the middle are left out.
+/// Largest number of lines; the middle ones are left out.
 const MOST: usize = 400;
 
-/// `-`, `+` or a blank, and the line. Longest common subsequence of what lies between the lines that begin and end both.
+/// Lines of the difference, each marked with `-`, `+` or a blank. Computed as the longest common subsequence of the lines between the common
+/// beginning and end.
 pub fn lines(before: &str, after: &str) -> Vec<(char, String)> {
     let (a, b): (Vec<&str>, Vec<&str>) = (before.lines().collect(), after.lines().collect());
     let first = a.iter().zip(&b).take_while(|(a, b)| a == b).count();

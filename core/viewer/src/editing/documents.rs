@@ -1,4 +1,4 @@
-//! Scripts that are made and saved under other names.
+//! New scripts, and scripts saved under another name.
 
 use super::{EditError, adding};
 use crate::app::Viewer;
@@ -7,7 +7,7 @@ use choreo_files::write_whole;
 use std::path::{Path, PathBuf};
 
 impl Viewer {
-    /// Does what a file was chosen for; the window then shows it.
+    /// Completes the action that a file was chosen for, and opens the file.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -23,7 +23,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// Writes the script under another name.
+    /// Writes the script to another file.
     fn save_as(&mut self, to: &Path) -> Result<(), EditError> {
         let path = self.path.as_ref().ok_or(EditError::NoScript)?;
         copy_script(path, &self.documents.read, to)?;
@@ -31,14 +31,15 @@ impl Viewer {
         Ok(())
     }
 
-    /// Writes a copy of a lesson, so that the lesson itself stays as it is.
+    /// Writes a copy of a lesson, so that edits do not change the lesson.
     fn copy_lesson(&self, index: usize, to: &Path) -> Result<(), EditError> {
         let lesson = self.documents.lessons.get(index).ok_or(EditError::Gone)?;
         copy_script(&lesson.file, &self.documents.thumbnails.files_of(&lesson.file), to)
     }
 }
 
-/// Writes a script under another name, in another folder with the files of its own folder that it reads. `read`: all that it reads, canonical.
+/// Writes a script to another file. In another folder, the files that it reads from its own folder are copied, too. `read`: canonical paths of all
+/// files that the script reads.
 fn copy_script(path: &Path, read: &[PathBuf], to: &Path) -> Result<(), EditError> {
     let text = super::read(path)?;
     let canonical = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
@@ -55,7 +56,7 @@ fn copy_script(path: &Path, read: &[PathBuf], to: &Path) -> Result<(), EditError
     write_whole(to, text.as_bytes()).map_err(failed)
 }
 
-/// Writes a new script; one that is there already stays.
+/// Writes a new script; an existing file is not overwritten.
 fn create(file: &Path, text: &str) -> Result<(), EditError> {
     let failed =
         |source: std::io::Error| EditError::Write { path: file.to_path_buf(), source: source.into() };

@@ -1,4 +1,4 @@
-//! Why an edit of the script is not made.
+//! Reasons why an edit of the script is refused.
 
 use crate::commands::external_editor::EditorError;
 use choreo_files::{FileError, WriteError};
@@ -6,15 +6,15 @@ use choreo_script::Place;
 use std::io;
 use std::path::PathBuf;
 
-/// An edit that is not made; the script has not changed. Each text is for the user.
+/// An edit that was refused; the script has not changed. Each text is for the user.
 #[derive(Debug, thiserror::Error)]
 pub enum EditError {
     #[error("there is nothing to change yet")]
     NothingShown,
-    /// The object that was edited has left the scene.
+    /// The edited object is no longer in the scene.
     #[error("it is no longer there")]
     Gone,
-    /// A model file is shown.
+    /// A model file is open, not a script.
     #[error("there is no script")]
     NoScript,
     #[error("it does not come from a script")]
@@ -27,7 +27,7 @@ pub enum EditError {
     ChangedOnDisk,
     #[error("the script is faulty: undo the last change, or mend it in the editor")]
     Faulty,
-    /// The text around the edit was changed after it had been offered or made.
+    /// The text around the edit has changed since it was offered or made.
     #[error("{0}")]
     Overtaken(&'static str),
     #[error("there is nothing to take back")]
@@ -52,7 +52,7 @@ pub enum EditError {
     Editor(#[from] EditorError),
 }
 
-/// A file's name without its folder, which the user knows.
+/// File name without its folder, which the user knows.
 pub(crate) fn file_name(path: &str) -> &str {
     path.rsplit(['/', '\\']).next().unwrap_or(path)
 }
@@ -62,7 +62,7 @@ impl EditError {
         EditError::Refused { why: why.into(), line: None }
     }
 
-    /// Refused because of a line of the script.
+    /// A refusal because of a line of the script.
     pub(crate) fn refused_at(place: &Place, why: &str) -> EditError {
         EditError::Refused {
             why: format!("{}:{}: {why}", file_name(&place.file), place.line),
@@ -70,7 +70,7 @@ impl EditError {
         }
     }
 
-    /// Line of the script that is in the way, from 1.
+    /// Line of the script that caused the refusal, from 1.
     pub(crate) fn line(&self) -> Option<usize> {
         match self {
             EditError::SharedLine { line, .. } => Some(*line),

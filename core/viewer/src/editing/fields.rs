@@ -1,5 +1,5 @@
-//! Changes of the inspector: values of cues, lights, cameras, titles and actors, each stated as the script does already, and taken away
-//! again, so that the default counts.
+//! Edits of the inspector: values of cues, lights, cameras, titles and actors. A value is written in the style that the script already uses, or
+//! removed so that the default applies.
 
 use super::EditError;
 use crate::app::Viewer;
@@ -18,53 +18,53 @@ use std::collections::BTreeMap;
 pub enum FieldChange {
     /// A time of a cue, effect or title, seconds.
     Time(CueTime, Typed),
-    /// A value as it is written, where the script does not compute it.
+    /// A value as source text. Computed values are not overwritten.
     Value(&'static str, String, Anew),
-    /// A text of the script, in place of whatever is there.
+    /// A value as source text that also overwrites a computed one.
     Text(&'static str, String, Anew),
-    /// Takes these away.
+    /// Removes these values.
     Reset(Vec<&'static str>),
-    /// The part of a clip that is played, seconds, and the end of it that was typed.
+    /// Trimmed part of a clip, clip seconds, and the end of it that the user typed.
     Trim([f64; 2], Typed),
     /// `once`, `loop` or `ping_pong`.
     Repeat(&'static str),
     Clip(String),
     /// Words of a title.
     Words(String),
-    /// Millimetres, and as they are written.
+    /// Focal length in millimetres, and its source text.
     FocalLength(f64, String),
     /// An option of the shape or the built-in character that an actor is cast from.
     Material(&'static str, Option<String>),
-    /// A value in the map of an option, such as `size` in `shadow`; `None` takes it away.
+    /// A value in the map of an option, such as `size` in `shadow`. `None` removes it.
     Within(&'static str, &'static str, Option<String>),
-    /// An argument of a call, from 0.
+    /// An argument of the creating call, counted from 0, as source text.
     Argument(usize, String),
-    /// The key of a point at the playhead, by the name of its property, and the number of it that was typed.
+    /// A key of a point at the playhead: property name, new value, and the component that the user typed.
     KeyedPoint(&'static str, DVec3, Typed),
 }
 
-/// A call of the script that states something of an actor: a constraint, an attachment, springs.
+/// A call in the script that belongs to an actor or a camera: a constraint, an attachment, springs, or a camera motion.
 #[derive(Clone, Debug)]
 pub struct StatedCall {
     pub place: Place,
-    /// How many things the line makes.
+    /// Number of objects that the line creates.
     pub siblings: usize,
     /// Name and arguments of the call.
     pub title: String,
-    /// Its first two arguments: the target of a camera and the offset from it.
+    /// Source text of the first two arguments: the target of a camera and the offset from it.
     pub arguments: [Option<String>; 2],
-    /// Options and methods of the call, as they are written.
+    /// Source text of the options and methods of the call, by name.
     pub written: BTreeMap<String, String>,
 }
 
-/// Methods that say how a clip goes on.
+/// Methods that set how a clip repeats.
 const REPEATS: [&str; 5] = ["repeat", "once", "loop", "ping_pong", "hold"];
 
 impl Viewer {
-    /// Changes a value of what is selected.
+    /// Changes a value of an object.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub(crate) fn change_field(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
         let done = self.change_field_once(what, change);
         let (what, change) = (what.clone(), change.clone());
@@ -119,7 +119,7 @@ impl Viewer {
         }
     }
 
-    /// Takes an option of what is selected out of the script.
+    /// Removes an option of an object from the script.
     ///
     /// # Errors
     /// Fails as [`Viewer::change_field`] does.
@@ -130,7 +130,7 @@ impl Viewer {
         })
     }
 
-    /// Why the mask that a change writes fits the joints of the actor not.
+    /// Reason why the mask in a change does not fit the joints of the actor, if it does not.
     fn problem_of_mask(&self, what: &Selected, change: &FieldChange) -> Option<String> {
         let FieldChange::Text("on", mask, _) = change else { return None };
         let stage = &self.scene.as_ref()?.stage;
@@ -138,10 +138,10 @@ impl Viewer {
         mask_problem(asset, mask)
     }
 
-    /// Changes a setting of the stage; a script that states none gets the call of `stage`, before all but its first comments.
+    /// Changes a setting of the stage. If the script has no call of `stage`, it is added after the comments at its beginning.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn change_stage(&mut self, change: &FieldChange) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let place = &scene.places.settings;
@@ -167,7 +167,7 @@ impl Viewer {
         self.write_edit(&path, &text, edit)
     }
 
-    /// The settings of the stage that the script states, by name.
+    /// Source text of the settings of the stage that the script states, by name.
     pub fn stage_written(&self) -> BTreeMap<String, String> {
         let all = || {
             let place = &self.scene.as_ref()?.places.settings;
@@ -176,7 +176,7 @@ impl Viewer {
         all().unwrap_or_default()
     }
 
-    /// Changes a value of a constraint, an attachment or springs, which a call at a place states.
+    /// Changes a value of a constraint, an attachment or springs, stated by a call of its own.
     ///
     /// # Errors
     /// Fails as `Viewer::change_field` does.
@@ -199,7 +199,7 @@ impl Viewer {
         })
     }
 
-    /// Calls of these names that the script states for something, which it makes alone.
+    /// Calls with these names that belong to an object. Empty if the script creates the object together with others.
     pub fn stated_calls(&self, what: &Selected, names: &[&str]) -> Vec<StatedCall> {
         let Some((place, siblings)) = self.place_of(what) else {
             return Vec::new();
@@ -209,7 +209,7 @@ impl Viewer {
         places.unwrap_or_default().into_iter().map(call).collect()
     }
 
-    /// The call at a place; `name` where its text cannot be edited.
+    /// The call at a position. `name`: its title if the text cannot be edited.
     pub fn stated_call(&self, place: &Place, siblings: usize, name: &str) -> StatedCall {
         let call = |title: String, arguments, written| {
             let place = place.clone();
@@ -223,24 +223,24 @@ impl Viewer {
         read.unwrap_or_else(|| call(name.to_string(), [None, None], BTreeMap::new()))
     }
 
-    /// The values in the map of an option, by name.
+    /// Source text of the values in the map of an option, by name.
     pub fn written_within(&self, what: &Selected, option: &str) -> BTreeMap<String, String> {
         self.read_selected(what, |object| Some(object.within_option(option)?.all_written()))
             .unwrap_or_default()
     }
 
-    /// The arguments or the option of that name, as the script states them of something that it makes alone.
+    /// Source text of a method's arguments or of an option. `None` if the script creates the object together with others.
     pub fn written(&self, what: &Selected, name: &str) -> Option<String> {
         self.read_selected(what, |object| object.written(name).map(str::to_string))
     }
 
-    /// Everything that the script states of something that it makes alone: options and arguments of methods, by name.
+    /// Source text of all options and methods of an object, by name. Empty if the script creates the object together with others.
     pub fn all_written(&self, what: &Selected) -> BTreeMap<String, String> {
         self.read_selected(what, |object| Some(object.all_written())).unwrap_or_default()
     }
 
-    /// The name of the call that makes the asset of an actor, its arguments before the options, and the options as they are written; `None`
-    /// where the asset is made in another way.
+    /// The call that makes the asset of an actor: its name, its arguments before the options, and its options as source text. `None` if the asset
+    /// is made in another way.
     pub(crate) fn written_asset(
         &self,
         what: &Selected,
@@ -251,7 +251,7 @@ impl Viewer {
         })
     }
 
-    /// Reads the call at a place, in the text of the script that is shown; `None` where it makes several things or is elsewhere.
+    /// Reads the call at a position of the displayed script. `None` if it creates several objects or stands in a module.
     pub(super) fn read_object<R>(
         &self,
         place: &Place,
@@ -262,7 +262,7 @@ impl Viewer {
         read(&self.text()?.object(place.line, place.column).ok()?)
     }
 
-    /// Reads the call that makes what is selected.
+    /// Reads the call that creates an object.
     pub(super) fn read_selected<R>(
         &self,
         what: &Selected,
@@ -272,7 +272,7 @@ impl Viewer {
         self.read_object(&place, siblings, read)
     }
 
-    /// Sets the lens of a camera, in millimetres where the script states them or nothing, else as the same field of view.
+    /// Sets the lens of a camera: in millimetres, unless the script states the field of view.
     fn set_focal_length(&mut self, what: &Selected, length: f64, length_text: &str) -> Result<(), EditError> {
         let Selected::Camera(name) = what else { return Err(EditError::refused("only cameras have a lens")) };
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
@@ -298,14 +298,14 @@ impl Viewer {
     }
 }
 
-/// Why a clip cannot have the speed that a change writes.
+/// Reason why a clip cannot have the speed in a change, if it cannot.
 fn problem_of_speed(change: &FieldChange) -> Option<String> {
     let FieldChange::Value("speed", speed, _) = change else { return None };
     let stands = expression::value(speed, 1.0)?.abs() < 1e-3;
     stands.then(|| format!("a clip has a speed of at least 0.001, or at most -0.001 backwards, not {speed}"))
 }
 
-/// The change of the length of the stage to the nearest frame, where the script counts it in frames.
+/// The edit that rounds the length of the stage to a whole frame. `None` if the script does not count the length in frames.
 fn stage_length(
     object: &ScriptObject,
     text: &str,
@@ -316,18 +316,18 @@ fn stage_length(
     let secs = expression::value(length, fps)?;
     let frame = EditTime { secs: (secs * fps).round().max(1.0) / fps, fps };
     let made = object.state_time("length", frame, Anew::Option);
-    // An expression is kept as it was typed.
+    // An expression stays as it was typed.
     let typed = Typed { value: frame.secs, text: length.to_string() };
     let is_number = length.parse::<f64>().is_ok();
     Some(if is_number { made } else { typed.keep_time(text, made, fps) })
 }
 
-/// Whether two numbers are the same as fields show them, to the thousandth, also once single precision has rounded them.
+/// Whether two numbers are equal as displayed, with 3 decimal places, despite rounding to single precision.
 pub(super) fn is_as_shown(a: f64, b: f64) -> bool {
     (a - b).abs() < 2e-5
 }
 
-/// A change that excludes other values of the call at a place, which it takes away. `make` gives it for the text without those.
+/// A change that also removes the values in `others`, which exclude the new one. `make` gets the text without them.
 fn in_place_of(
     text: &str,
     (line, column): (usize, usize),
@@ -338,14 +338,14 @@ fn in_place_of(
     if others.iter().all(|other| object.written(other).is_none()) {
         return make(text);
     }
-    // Nothing before the call has changed.
+    // Text before the call has not changed.
     let unstated = object.unstate(others);
     let plain = unstated.apply(text);
     let edit = make(&plain).map_err(|refused| refused.before(text, &[unstated]))?;
     Ok(Edit::between(text, &edit.apply(&plain)))
 }
 
-/// The edit that makes a change of what a call makes.
+/// The edit for a change of an object.
 pub(super) fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Edit, EditRefused> {
     match change {
         FieldChange::Value("inertial", value, anew) => {
@@ -374,7 +374,7 @@ pub(super) fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -
             let asset = object.asset_object()?;
             match value {
                 Some(value) => asset.state(name, value, Anew::Option),
-                // A strength alone is refused.
+                // `emissive_strength` without `emissive` is an error in scripts.
                 None if *name == "emissive" => Ok(asset.unstate(&["emissive", "emissive_strength"])),
                 None => Ok(asset.unstate(&[name])),
             }

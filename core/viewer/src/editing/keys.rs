@@ -1,5 +1,5 @@
-//! Keys that are set, moved, changed, copied or deleted, in the sequencer, the curve editor and the inspector. Keys of several things
-//! change together, as one edit. Where keys are computed, a line is offered that states all of them anew.
+//! Keys that are set, moved, changed, copied or deleted in the sequencer, the curve editor and the inspector. Keys of several objects change
+//! together, as one edit. If keys are computed, a line is offered that states all of them anew.
 
 use super::{EditError, Step, expression};
 use crate::app::Viewer;
@@ -15,27 +15,27 @@ use choreo_session::edit::{
 };
 use std::collections::BTreeMap;
 
-/// Keys that a line may state anew; more would be samples of an easing.
+/// Largest number of keys that a line may state anew; more are probably samples of an easing.
 const MOST_STATED: usize = 64;
 
-/// A change of one number of keys.
+/// A change of one component of the values of keys.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ValueDrag {
     pub property: String,
-    /// Which number of the value, from 0.
+    /// Index of the component.
     pub part: usize,
-    /// Added to that number, in the script's unit.
+    /// Amount to add, in the unit of the script.
     pub by: f64,
 }
 
-/// A change of the keys of one property at some times.
+/// An edit of the keys of one property at some times.
 type Change<'c> = dyn Fn(&ScriptObject, &str, &[EditTime]) -> Result<Edit, EditRefused> + 'c;
 
 impl Viewer {
-    /// Moves keys in time, and changes a number of theirs, as one change.
+    /// Moves keys in time and changes one component of their values, as one edit. `by`: seconds.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed. Here and below.
+    /// The edit is refused, with a text for the user; the script does not change. The same holds for the functions below.
     pub fn drag_keys(
         &mut self,
         keys: &[KeyRef],
@@ -82,7 +82,7 @@ impl Viewer {
         )
     }
 
-    /// Moves a key to a time.
+    /// Moves a key to a typed time.
     pub(crate) fn set_key_time(&mut self, key: &KeyRef, time: &Typed) -> Result<(), EditError> {
         let (keys, by) = (std::slice::from_ref(key), time.value - key.at.as_secs());
         let (steps, fps) = (self.key_move_steps(keys, by)?, self.playhead.fps().as_fps());
@@ -91,7 +91,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// Gives a key other numbers, in the script's units, one of which was typed.
+    /// Sets the components of a key's value, in the units of the script. `typed`: the component that the user typed.
     pub(crate) fn set_key_value(
         &mut self,
         key: &KeyRef,
@@ -103,7 +103,7 @@ impl Viewer {
         self.change_all(vec![step.keeping(typed)])
     }
 
-    /// Gives a key other tangents; `typed`: the number of them that was typed.
+    /// Sets the easing and the tangents of a key. `typed`: the number of them that the user typed.
     pub(crate) fn set_key_shape(
         &mut self,
         key: KeyRef,
@@ -129,7 +129,7 @@ impl Viewer {
         self.key_steps(keys, |object, property, at| object.delete_keys(property, at), &|_| None)
     }
 
-    /// Deletes the selected clips and keys, as one change. What has lost only keys stays selected.
+    /// Deletes the selected clips and keys, as one edit. Objects that lose only keys stay selected.
     pub(crate) fn delete_selected(&mut self) -> Result<(), EditError> {
         let mut steps = self.key_delete_steps(self.selected_keys())?;
         let bars = self.bars_beside_keys();
@@ -142,7 +142,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// Sets the easing into keys, as source text; `None`: as all keys of their property.
+    /// Sets the easing of the spans before keys, as source text. `None`: the easing of all keys of their property.
     pub fn set_key_ease(&mut self, keys: &[KeyRef], ease: Option<&str>) -> Result<(), EditError> {
         let ease = ease.map(str::to_string);
         let mut steps = Vec::new();
@@ -156,7 +156,7 @@ impl Viewer {
         self.change_all(steps)
     }
 
-    /// Gives keys other tangents, as one change.
+    /// Sets the tangents of keys, as one edit.
     pub fn set_key_tangents(&mut self, keys: &[KeyRef], choice: TangentChoice) -> Result<(), EditError> {
         let mut shapes = Vec::new();
         for key in keys {
@@ -172,7 +172,7 @@ impl Viewer {
         self.set_key_shapes(&shapes)
     }
 
-    /// Sets easings and tangents of keys, as one change.
+    /// Sets easings and tangents of keys, as one edit.
     pub fn set_key_shapes(&mut self, shapes: &[(KeyRef, KeyShape)]) -> Result<(), EditError> {
         let steps = self.shape_steps(shapes)?;
         self.change_all(steps)
@@ -200,7 +200,7 @@ impl Viewer {
         Ok(steps)
     }
 
-    /// Sets how all keys of properties are interpolated, as source text; `None`: linear.
+    /// Sets the interpolation of all keys of the properties of `keys`, as source text. `None`: linear.
     pub fn set_key_how(&mut self, keys: &[KeyRef], how: Option<&str>) -> Result<(), EditError> {
         let how = how.map(str::to_string);
         let change = move |object: &ScriptObject, property: &str, at: &[EditTime]| {
@@ -210,7 +210,7 @@ impl Viewer {
         self.change_all(steps)
     }
 
-    /// Keys as text for the clipboard, a property in each line.
+    /// Keys as text for the clipboard, one property per line.
     pub fn copy_keys(&self, keys: &[KeyRef]) -> Result<String, EditError> {
         let known = self.text().ok_or(EditError::NothingShown)?;
         let mut lines = Vec::new();
@@ -225,14 +225,14 @@ impl Viewer {
         Ok(lines.join("\n"))
     }
 
-    /// Adds copied keys to something, the first of them at a time.
+    /// Adds copied keys to an object, the first one at a time in seconds.
     pub fn paste_keys(&mut self, what: &Selected, copied: &str, secs: f64) -> Result<(), EditError> {
         let all: Vec<(Selected, String)> =
             copied.lines().map(|line| (what.clone(), line.to_string())).collect();
         self.add_copies(all, secs)
     }
 
-    /// Copies keys to a time, the first of them there.
+    /// Copies keys so that the first one is at a time in seconds.
     pub fn duplicate_keys(&mut self, keys: &[KeyRef], secs: f64) -> Result<(), EditError> {
         let mut all = Vec::new();
         for ((what, property), at) in by_property(keys) {
@@ -265,12 +265,12 @@ impl Viewer {
         self.change_all(steps)
     }
 
-    /// Sets keys of properties at the playhead, with the values that they have there.
+    /// Sets keys of properties at the playhead, with their present values.
     pub fn set_keys(&mut self, what: &Selected, properties: &[&str]) -> Result<(), EditError> {
         self.set_keys_at(what, properties, self.playhead.time())
     }
 
-    /// Sets keys of properties at a time, with the values that they have then.
+    /// Sets keys of properties at a time, with their values at that time.
     pub fn set_keys_at(&mut self, what: &Selected, properties: &[&str], at: Time) -> Result<(), EditError> {
         let mut steps = Vec::new();
         for property in properties {
@@ -290,8 +290,8 @@ impl Viewer {
         Ok(())
     }
 
-    /// Sets keys at the playhead: of all properties of the selection that have keys and are not hidden in the open curve editor, else of the one
-    /// that is keyed most.
+    /// Sets keys at the playhead: for all properties of the selection that have keys and are visible in the curve editor (if it is open), else for
+    /// the property that is keyed most often.
     pub(crate) fn set_keys_of_selection(&mut self) -> Result<(), EditError> {
         let what = self.keyed_selection().ok_or_else(|| {
             EditError::refused(
@@ -316,7 +316,7 @@ impl Viewer {
         self.set_keys(&what, &[first])
     }
 
-    /// The selection, or the actor of a selected clip without keys of its own: what has keys.
+    /// The object whose keys are edited: the selection, or the actor of a selected clip without keys of its own.
     pub(crate) fn keyed_selection(&self) -> Option<Selected> {
         let what = self.selection.clone()?;
         Some(match &what {
@@ -330,14 +330,14 @@ impl Viewer {
         scene.is_some_and(|scene| keyed::of_cue(scene, what).iter().any(KeyedProperty::has_keys))
     }
 
-    /// All properties of something that can have keys, and those that have some, found once a version.
+    /// The properties of an object that can have keys, and those that do, cached for each version of the scene.
     pub(crate) fn known_properties(&mut self, what: &Selected) -> Option<KnownProperties> {
         let scene = self.scene.clone()?;
         let find = || keyed::properties(&scene, what);
         Some(self.curves.properties(scene.number, what, find))
     }
 
-    /// The properties of something that have keys or could have some.
+    /// The properties of an object that can have keys.
     pub fn keyed_properties(&self, what: &Selected) -> Vec<KeyedProperty> {
         let Some(scene) = &self.scene else { return Vec::new() };
         keyed::properties(scene, what)
@@ -356,7 +356,7 @@ impl Viewer {
         found.ok_or_else(|| EditError::refused(format!("it has no {property} that keys could animate")))
     }
 
-    /// Gives a number of an effect's keyed parameter a value at the playhead; `None` where it has no keys. `value`: its source text.
+    /// Sets a keyed parameter of an effect at the playhead, or one component of it. `None` if it has no keys. `value`: source text.
     pub(super) fn set_keyed_parameter(
         &mut self,
         what: &Selected,
@@ -370,7 +370,7 @@ impl Viewer {
             let step = self.text_step(whole, at, ValueText::Text(value.to_string()));
             return Some(step.and_then(|step| self.change_all(vec![step])));
         }
-        // One number of a color or a vector.
+        // A component of a color or a vector.
         let (of, part) = keyed().find_map(|p| Some((p, self.number_of(what, &p.name, name)?)))?;
         let mut numbers = of.at(at);
         *numbers.get_mut(part)? = expression::value(value, self.playhead.fps().as_fps())?;
@@ -378,14 +378,14 @@ impl Viewer {
         Some(step.and_then(|step| self.change_all(vec![step])))
     }
 
-    /// Which number of an effect's option has a name.
+    /// Index of a named component of an effect's option.
     fn number_of(&self, what: &Selected, option: &str, number: &str) -> Option<usize> {
         let (scene, Selected::Effect(index)) = (self.scene.as_ref()?, what) else { return None };
         let plugin = scene.registry.effect(&scene.stage.effects.get(*index)?.plugin)?;
         plugin.manifest().options.iter().find(|o| o.name == option)?.number_of(number)
     }
 
-    /// A step that gives a property these numbers at a time: in its key there, or in a new one.
+    /// A step that sets the components of a property at a time, in an existing or a new key.
     pub(super) fn value_step(
         &self,
         keyed: &KeyedProperty,
@@ -395,7 +395,7 @@ impl Viewer {
         self.text_step(keyed, at, keyed.text(at, numbers))
     }
 
-    /// A step that gives a property a value at a time: in its key there, or in a new one.
+    /// A step that sets the value of a property at a time, in an existing or a new key.
     pub(super) fn text_step(
         &self,
         keyed: &KeyedProperty,
@@ -424,8 +424,8 @@ impl Viewer {
         Ok(self.with_key_place(Step::new(place, siblings, make), property, &stated))
     }
 
-    /// The step that changes keys of a property, with the place of their `.key(…)`. `stated`: all of them after the change. Keys in a function
-    /// to which several things are handed are shared by those; a line after it states those of one alone.
+    /// Adds to a step the position of the property's `.key(…)`. `stated`: all keys after the edit. Keys in a script function that is called with
+    /// several objects are shared by these; a line after it states the keys of one object alone.
     fn with_key_place<'m>(
         &self,
         step: Step<'m>,
@@ -451,7 +451,7 @@ impl Viewer {
         }
     }
 
-    /// A step for each property that has some of the keys. `after`: the time at which a key is then, if it is still there.
+    /// A step for each property that has some of the keys. `after`: the new time of a key, or `None` if it is deleted.
     fn key_steps<'c>(
         &self,
         keys: &[KeyRef],
@@ -479,7 +479,8 @@ impl Viewer {
         Ok(steps)
     }
 
-    /// All keys of a property that the text does not state, for a line that does.
+    /// All keys of a property that the script does not state as literals, to be stated anew. `after`: the new time of a key, or `None` if it is
+    /// deleted.
     fn stated(
         &self,
         keyed: &KeyedProperty,
@@ -494,14 +495,14 @@ impl Viewer {
         all
     }
 
-    /// Place in the script that makes something, and how many things that place makes.
+    /// Position in the script of the call that creates an object, and the number of objects that it creates.
     pub(crate) fn place_of(&self, what: &Selected) -> Option<(Place, usize)> {
         keyed::place_of(self.scene.as_ref()?, what)
     }
 }
 
 impl Event {
-    /// The keys of a mark.
+    /// The keys that a mark stands for.
     pub fn key_refs(&self) -> Vec<KeyRef> {
         let key = |KeyOf { what, property, .. }: &KeyOf| KeyRef {
             what: what.clone(),
@@ -522,7 +523,7 @@ fn anew(
     object.stated_anew(refused, property, &stated)
 }
 
-/// The times of keys, by what they animate.
+/// Times of keys, grouped by object and property.
 fn by_property(keys: &[KeyRef]) -> BTreeMap<(&Selected, &str), Vec<Time>> {
     let mut all: BTreeMap<(&Selected, &str), Vec<Time>> = BTreeMap::new();
     for key in keys {

@@ -1,5 +1,5 @@
-//! Values of a layer, a mask or a priority, which hold for all clips of a chain: typed for one of several, they are offered for it alone, as a clip
-//! of its own, and for all of them.
+//! Values of a layer, such as its mask or priority, apply to all clips of a chain. If the user types one for a single clip of several, two edits
+//! are offered: take the clip out of the chain, or change the whole chain.
 
 use super::fields::changed;
 use super::{EditError, FieldChange, Step, difference, made_of, read};
@@ -12,8 +12,8 @@ use choreo_session::edit::{
 };
 
 impl Viewer {
-    /// Offers a value of the layer of a clip for the clip taken out of its chain, and for the whole chain; gives why it is not made at once.
-    /// `None` where it is about this clip alone, or the clip states it already.
+    /// Offers two edits for a value of a clip's layer: for the clip alone, taken out of its chain, or for the whole chain. Returns the reason why
+    /// neither is made at once. `None` if the value concerns this clip alone, or the clip already states it.
     pub(super) fn offer_of_layer(&mut self, what: &Selected, change: &FieldChange) -> Option<EditError> {
         let (FieldChange::Value(name, ..) | FieldChange::Text(name, ..)) = change else { return None };
         let (place, siblings) = self.place_of(what).filter(|_| is_of_layer(name))?;
@@ -50,7 +50,8 @@ impl Viewer {
         Some(EditError::refused_at(&place, &why))
     }
 
-    /// The edit that plays a clip of a chain as one of its own, with a change of it; the clip before it in the chain goes on in its place.
+    /// The edit that takes a clip out of its chain into a call of its own and changes it there. The previous clip of the chain continues until its
+    /// end.
     fn taken_out(
         &self,
         bar: &Bar,
@@ -76,7 +77,7 @@ impl Viewer {
                 Ok(ScriptObject::at(text, line, column)?.unstate(&["until"]))
             }),
         }));
-        // Later places come first, as in `change_all`.
+        // Later positions come first, like in `change_all`.
         steps.push(Step::new(actor, siblings, move |text, line, column| {
             paste_cue(text, line, column, &copied, from)
         }));

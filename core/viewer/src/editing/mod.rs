@@ -1,6 +1,6 @@
-//! Dragging edits the script: the file stays the only document. One change is one undoable edit. A value that is computed, stands
-//! in a module or makes several things is not changed; a message states why, with a line that would do it if possible. If the file has
-//! changed on disk meanwhile, the user is asked, with the difference.
+//! Edits of the script by dragging. The file stays the only document, and each change is one edit that can be undone. A value is not changed if it
+//! is computed, stands in a module or belongs to several objects; a message gives the reason and, if possible, offers a line with the same effect.
+//! If the file has changed on disk meanwhile, the user decides, with the difference shown.
 
 mod adding;
 mod ambient;
@@ -46,17 +46,17 @@ use choreo_session::edit::{
 use std::path::Path;
 use std::sync::Arc;
 
-/// A change of the text at a line and column.
+/// An edit of the call at a line and column.
 type Make<'m> = Box<dyn Fn(&str, usize, usize) -> Result<Edit, EditRefused> + 'm>;
 
-/// A change of what one place in the script makes, part of a greater one.
+/// One part of an edit: a change of the call at one position.
 pub(crate) struct Step<'m> {
     pub place: Place,
     pub siblings: usize,
     pub make: Make<'m>,
-    /// The place that makes all siblings alike, where it is another one: keys in a function.
+    /// Position of keys in a script function, which all siblings share, if it differs from `place`.
     pub shared: Option<Place>,
-    /// A line that would do it for this one alone.
+    /// A line that makes the change for this object alone.
     pub alone: Option<Edit>,
 }
 
@@ -69,14 +69,14 @@ impl<'m> Step<'m> {
         Step { place, siblings, make: Box::new(make), shared: None, alone: None }
     }
 
-    /// The same step, which keeps a number as it was typed.
+    /// The same step that keeps a number as it was typed.
     pub fn keeping(self, typed: &Typed) -> Step<'m> {
         let (make, typed) = (self.make, typed.clone());
         let make = move |text: &str, line, column| typed.keep(text, make(text, line, column));
         Step { make: Box::new(make), ..self }
     }
 
-    /// The same step, which keeps a time as it was typed; `fps`: frames a second of the stage.
+    /// The same step that keeps a time as it was typed. `fps`: frame rate of the stage.
     pub fn keeping_time(self, typed: &Typed, fps: f64) -> Step<'m> {
         let (make, typed) = (self.make, typed.clone());
         let make = move |text: &str, line, column| typed.keep_time(text, make(text, line, column), fps);
@@ -89,15 +89,15 @@ impl<'m> Step<'m> {
 }
 
 impl Viewer {
-    /// Sets a time of a cue or an effect in the script's file, in seconds.
+    /// Sets a time of a cue, an effect or a title, seconds.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn set_cue(&mut self, what: &Selected, part: CueTime, secs: f64) -> Result<(), EditError> {
         self.set_typed_cue(what, part, &secs.into())
     }
 
-    /// The same for a time that was typed.
+    /// Like [`Viewer::set_cue`], for a typed time.
     pub(crate) fn set_typed_cue(
         &mut self,
         what: &Selected,
@@ -109,7 +109,7 @@ impl Viewer {
         if part == CueTime::Start {
             self.check_begins(&place, &bar.label, secs)?;
             if let Some(before) = self.followed_bar(what) {
-                // The joint of two clips is written as the end of the first.
+                // The boundary of two clips is written as the end of the first one.
                 self.check_boundary(Some(&before), &bar, secs)?;
                 let note = self.moved_end(what, &[], secs - bar.start.as_secs());
                 self.set_typed_cue(&before.what, CueTime::End, typed)?;
@@ -144,23 +144,23 @@ impl Viewer {
         })
     }
 
-    /// A time as edits write it: in seconds, or in frames of the stage.
+    /// A time for edits: seconds, with the frame rate of the stage.
     pub(crate) fn edit_time(&self, secs: f64) -> EditTime {
         EditTime { secs, fps: self.playhead.fps().as_fps() }
     }
 
-    /// The script's text as it was when what is shown was made, split into tokens.
+    /// Text of the displayed version of the script, split into tokens.
     fn text(&self) -> Option<&ScriptText> {
         self.scene.as_ref()?.script_text()
     }
 
-    /// The script's text as it was when what is shown was made.
+    /// Text of the displayed version of the script.
     fn known(&self) -> Option<Arc<str>> {
         let places = &self.scene.as_ref()?.places;
         places.sources.get(&places.main).cloned()
     }
 
-    /// Moves a named time of the stage.
+    /// Moves a marker to a time in seconds.
     pub fn set_marker(&mut self, name: &str, secs: f64) -> Result<(), EditError> {
         let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;
         let place = Place { file: scene.places.main.clone(), line: 1, ..Place::default() };
@@ -176,7 +176,7 @@ impl Viewer {
         self.write_edit(&path, &text, Edit { range: text.len()..text.len(), text: format!("{blank}{line}") })
     }
 
-    /// `siblings`: how many things come from this place.
+    /// Edits the call at a position. `siblings`: number of objects that it creates.
     pub(crate) fn change(
         &mut self,
         place: &Place,
@@ -195,7 +195,7 @@ impl Viewer {
         let known = places.sources.get(&places.main).cloned().unwrap_or_default();
         let made = make(&known);
         if *known != *text || self.faulty {
-            // The edit was made for the text that is shown; the file has changed since.
+            // The edit was made for the displayed text, and the file has changed since.
             let carried = made.ok().and_then(|edit| edit.carried_over(&known, &text));
             if let Some(edit) = carried {
                 let difference = difference::lines(&known, &edit.apply(&text));
@@ -220,9 +220,9 @@ impl Viewer {
         }
     }
 
-    /// Makes several changes as one; those of one place in their order.
+    /// Makes several steps as one edit; those at one position in their order.
     pub(crate) fn change_all(&mut self, mut steps: Vec<Step>) -> Result<(), EditError> {
-        // Edits go from the end of the text to its start, so that none moves a call that is still to come.
+        // Edits go from the end of the text to its start, so that none moves a call that is still to be edited.
         steps.sort_by_key(|step| std::cmp::Reverse((step.place.line, step.place.column)));
         let first = steps.first().ok_or(EditError::Gone)?.place.clone();
         let shared = steps.iter().find_map(|step| {
@@ -238,7 +238,7 @@ impl Viewer {
         self.change(&first, 1, |text| made_of(&steps, text))
     }
 
-    /// Whether what a place makes can be edited alone.
+    /// Fails if the object created at a position cannot be edited alone.
     pub(crate) fn check_place(&self, place: &Place, siblings: usize) -> Result<(), EditError> {
         let main = &self.scene.as_ref().ok_or(EditError::NothingShown)?.places.main;
         let (file, line) = (file_name(&place.file).to_string(), place.line);
@@ -250,7 +250,7 @@ impl Viewer {
         }
     }
 
-    /// Refuses what would add something to the row of an actor that is locked.
+    /// Fails if the row of an actor is locked.
     pub(crate) fn check_unlocked(&self, name: &str) -> Result<(), EditError> {
         match self.toggles.locked.contains(name) {
             true => Err(EditError::refused(is_locked(name))),
@@ -258,7 +258,7 @@ impl Viewer {
         }
     }
 
-    /// Makes a change of the script; keeps why it was not made, to be read where the pointer is.
+    /// Makes an edit of the script. A refusal is shown at the pointer.
     pub fn edit(&mut self, change: impl FnOnce(&mut Viewer) -> Result<(), EditError>) {
         self.note = None;
         let done = change(self);
@@ -286,7 +286,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// Makes the change that was offered.
+    /// Makes the offered edit.
     pub(crate) fn accept_offer(&mut self) -> Result<(), EditError> {
         let offer = self.offer.take().ok_or(EditError::Overtaken("nothing was offered"))?;
         let path = self.path.clone().ok_or(EditError::NoScript)?;
@@ -305,10 +305,10 @@ impl Viewer {
         Ok(())
     }
 
-    /// Takes the newest change back, also where the file has since been changed elsewhere.
+    /// Undoes the newest edit, even if the file has since changed elsewhere.
     ///
     /// # Errors
-    /// Fails as [`Viewer::set_cue`] does, or if there is no change.
+    /// Fails as [`Viewer::set_cue`] does, or if there is no edit to undo.
     pub fn undo(&mut self) -> Result<(), EditError> {
         let last = self.history.done.last().ok_or(EditError::NothingToUndo)?;
         let again = self.take_back(&last.back, &last.text)?;
@@ -318,7 +318,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// Makes the change again that was taken back last.
+    /// Redoes the edit that was undone last.
     ///
     /// # Errors
     /// Fails as [`Viewer::undo`] does.
@@ -331,7 +331,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// Takes the newest change back where a script that loaded before does not load with it, and says why. Gives whether that is so.
+    /// Undoes the newest edit if the script no longer loads because of it, and reports why. Returns whether it did.
     pub(crate) fn take_back_faulty(&mut self, problems: &[Problem]) -> bool {
         let is_loaded = self.scene.is_some() && !self.faulty;
         let Some(text) = self.history.unshown.take().filter(|_| is_loaded) else { return false };
@@ -350,7 +350,7 @@ impl Viewer {
         true
     }
 
-    /// A version is shown: a change that waits for its loop to be written out is made.
+    /// Called when a version is displayed: makes the edit that waited for its loop to be unrolled.
     pub(crate) fn change_is_shown(&mut self) {
         let Some(places) = self.scene.as_ref().map(|scene| &scene.places) else { return };
         let shown = places.sources.get(&places.main).map(|text| text.to_string());
@@ -378,27 +378,27 @@ impl Viewer {
         (self.selection.clone(), self.selected_keys().to_vec())
     }
 
-    /// The keys that were selected before a change are selected again once the text without it is shown, unless something else is selected.
+    /// Selects the keys again that were selected before an undone edit, once that text is displayed, unless something else is selected.
     fn restore_keys(&mut self, taken_back: Option<Done>, again: &Done) {
         let keys = taken_back.map(|done| done.keys).filter(|(beside, _)| *beside == self.selection);
         self.history.restored = keys.map(|(_, keys)| (again.text.clone(), keys));
     }
 }
 
-/// Why nothing in the rows of an actor is changed.
+/// Message that the row of an actor is locked.
 pub(crate) fn is_locked(name: &str) -> String {
     format!("the row of {name} is locked; press the lock beside its name to unlock it")
 }
 
-/// Several changes of a text as one.
+/// Combines several steps into one edit.
 fn made_of(steps: &[Step], text: &str) -> Result<Edit, EditRefused> {
     let (mut after, mut edits, mut refused) = (text.to_string(), Vec::new(), None);
     for Step { place, make, .. } in steps {
-        // A refusal names the line of the text that the user sees.
+        // A refusal refers to lines of the text that the user sees.
         let made = make(&after, place.line, place.column).map_err(|refused| refused.before(text, &edits));
         let edit = match made {
             Ok(edit) => edit,
-            // The others are made with what is offered.
+            // The remaining steps are applied to the offered edit.
             Err(EditRefused { over: Some(over), why, line, agree, is_computed }) => {
                 refused.get_or_insert(EditRefused { over: None, why, line, agree, is_computed });
                 over
@@ -415,7 +415,7 @@ fn made_of(steps: &[Step], text: &str) -> Result<Edit, EditRefused> {
     }
 }
 
-/// Some editors write it before a text; places in scripts do not count it, so that edits must not either.
+/// Byte order mark, which some editors write. Positions in scripts do not count it, so that edits must not either.
 const MARK: &str = "\u{feff}";
 
 /// A script's text without a byte order mark.
@@ -432,7 +432,7 @@ fn read_all(path: &Path) -> Result<String, EditError> {
     String::from_utf8(bytes).map_err(|_| EditError::NotText(path.to_path_buf()))
 }
 
-/// Writes a file whole or not at all. A link to another file of its folder stays a link, and a byte order mark stays first.
+/// Writes a file completely or not at all. A symbolic link within its folder stays a link, and a byte order mark is kept.
 pub(crate) fn write(path: &Path, text: &str) -> Result<(), EditError> {
     let failed = |source: WriteError| EditError::Write { path: path.to_path_buf(), source };
     let place = path.canonicalize().map_err(|e| failed(e.into()))?;
@@ -451,7 +451,7 @@ mod tests {
     use std::fs::{self, hard_link};
     use std::os::unix::fs::{PermissionsExt, symlink};
 
-    /// A link that the user made within the folder stays one; one that leads out of it is not followed.
+    /// A symbolic link within the folder stays a link; one that leads outside is not followed.
     #[test]
     fn a_script_that_is_a_link_is_followed_within_its_folder_only() {
         let dir = tempfile::tempdir().unwrap();
@@ -473,7 +473,7 @@ mod tests {
         );
         assert_eq!(write(&script, "new").unwrap_err().to_string(), expected);
         fs::remove_file(&script).unwrap();
-        // A second name keeps the old text, and the file its permissions.
+        // A second hard link keeps the old text, and the file keeps its permissions.
         hard_link(&outside, &script).unwrap();
         fs::set_permissions(&outside, PermissionsExt::from_mode(0o640)).unwrap();
         write(&script, "new").unwrap();

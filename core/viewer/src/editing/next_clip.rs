@@ -1,20 +1,20 @@
-//! When a clip that is added to an actor begins, and what becomes of the clips that play there already.
+//! Start of a clip that is added to an actor, and its effect on the clips that already play.
 
 use crate::app::Viewer;
 use crate::state::selection::actor;
 use choreo_motion::{Repeat, Time};
 use choreo_stage::Cue;
 
-/// Seconds in which an added clip takes over from the one before it.
+/// Duration of the crossfade into an added clip, seconds.
 pub(super) const FADE: f64 = 0.3;
 
-/// When a clip ends, by itself or since the script says so; `None` where it repeats.
+/// End of a clip, stated or because it plays once. `None` if it repeats.
 fn end_of(cue: &Cue) -> Option<Time> {
     cue.end.or_else(|| cue.played_through().filter(|_| cue.repeat == Repeat::Once))
 }
 
 impl Viewer {
-    /// The clips of an actor's base layer in the order of their starts.
+    /// Cues of an actor's base layer in the order of their starts.
     fn base_cues(&self, name: &str) -> Vec<&Cue> {
         let stage = self.scene.as_ref().map(|scene| &scene.stage);
         let layer = stage.and_then(|stage| stage.actors[actor(stage, name)?].layers.first());
@@ -23,20 +23,20 @@ impl Viewer {
         cues
     }
 
-    /// Whether an actor plays a clip on its whole body.
+    /// Whether an actor has a clip on its base layer.
     pub(super) fn plays(&self, name: &str) -> bool {
         !self.base_cues(name).is_empty()
     }
 
-    /// Whether a clip on the whole body of an actor begins in the frame of a time.
+    /// Whether a clip on the base layer of an actor begins in the frame at a time.
     pub(super) fn begins_at(&self, name: &str, secs: f64) -> bool {
         let (fps, at) = (self.playhead.fps(), Time::from_secs(secs));
         self.base_cues(name).iter().any(|cue| fps.frames_in(cue.start) == fps.frames_in(at))
     }
 
-    /// When a clip begins that comes after all others of an actor: at the end of the last, less the crossfade where that plays to its end. A last
-    /// clip without end goes on until the playhead, else for one round, or half of the scene that is left where it would not be over by its end.
-    /// Where there is none, the playhead.
+    /// Start of a clip that follows all others of an actor, seconds: the stated end of the last clip, or its natural end less the crossfade. A last
+    /// clip without an end is followed at the playhead, if that is later; else after one round, or halfway to the end of the scene if the round
+    /// would not end before. Without clips, the playhead.
     pub(super) fn after_last_clip(&self, name: &str) -> f64 {
         let now = self.playhead.time();
         let cues = self.base_cues(name);
@@ -58,13 +58,13 @@ impl Viewer {
         }
     }
 
-    /// The effect of a clip on others that an actor plays, where it begins: in words, since only one of them has the whole body. `layer`: the
-    /// row to which it was added.
+    /// Note about the effect of an added clip on other clips of the actor, since only one of them can have the whole body. `layer`: the row that
+    /// the clip was dropped on.
     pub(super) fn takes_over(&self, name: &str, clip: &str, secs: f64, layer: usize) -> Option<String> {
         let at = Time::from_secs(secs);
         let cues = self.base_cues(name);
         let before = cues.iter().rev().find(|cue| cue.start <= at);
-        // A crossfade at its end takes nothing away from it.
+        // A clip that merely crossfades at its end is not overridden.
         let over = before.filter(|cue| end_of(cue).is_none_or(|end| end.as_secs() > secs + FADE + 1e-3));
         let next = cues.iter().find(|cue| cue.start > at);
         let mut parts = Vec::new();

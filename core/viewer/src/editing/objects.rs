@@ -1,4 +1,4 @@
-//! Actors, cameras, lights, effects and titles as a whole: put on stage once more, and taken off it.
+//! Whole objects: actors, cameras, lights, effects and titles are duplicated or deleted.
 
 use super::EditError;
 use crate::app::Viewer;
@@ -9,11 +9,11 @@ use choreo_session::edit::{delete_object, duplicate_object};
 use glam::DVec3;
 
 impl Viewer {
-    /// Puts something on stage once more, with the statements about it. An actor stands beside the first, by its width, where its place, its
-    /// walks or the keys of its position are stated by numbers, and nothing carries it.
+    /// Duplicates an object with the statements about it. The copy of an actor stands next to it, offset by its width, if numbers state its
+    /// position, its targets of `.walk_to` or the keys of its position, and it is not attached to another actor.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn duplicate_object(&mut self, what: &Selected) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
@@ -47,7 +47,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// The name of the actor that an actor is attached to.
+    /// Name of the actor that an actor is attached to.
     fn carried_by(&self, what: &Selected) -> Option<String> {
         let Selected::Actor(name) = what else { return None };
         let stage = &self.scene.as_ref()?.stage;
@@ -56,7 +56,7 @@ impl Viewer {
         Some(stage.actors.get(to.actor)?.name.clone())
     }
 
-    /// How far from an actor its copy stands; `None` where another actor carries it.
+    /// Offset of an actor's copy in world space, metres. `None` if it is attached to another actor.
     fn beside(&self, what: &Selected) -> Option<DVec3> {
         let Selected::Actor(name) = what else { return None };
         let stage = &self.scene.as_ref()?.stage;
@@ -70,10 +70,10 @@ impl Viewer {
         Some(DVec3::X * ((high.x - low.x) * 10.0).ceil().max(1.0) / 10.0)
     }
 
-    /// Takes an actor, a camera, a light, an effect or a title off the stage: the statement that makes it, and those about it alone.
+    /// Deletes an actor, a camera, a light, an effect or a title: the statement that creates it, and the statements that are only about it.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn delete_object(&mut self, what: &Selected) -> Result<(), EditError> {
         let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
         self.change(&place, siblings, |text| delete_object(text, place.line, place.column))?;

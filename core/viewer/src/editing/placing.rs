@@ -1,5 +1,5 @@
-//! Edits of the script for moving, turning and scaling an actor, and for numbers of lights and effects: where a thing is keyed, the
-//! key at the playhead; where it hangs on another one, in that one's space; where it faces something, no turn.
+//! Edits that move, rotate and scale actors, and that set numbers of lights and effects. If a property has keys, the key at the playhead is edited;
+//! an attached actor is moved in the space of its parent; an actor that faces a target is not rotated.
 
 use crate::app::{Dragging, Viewer};
 use crate::editing::EditError;
@@ -20,7 +20,7 @@ use choreo_session::edit::{
 use choreo_stage::{Actor, Camera, Placement, Property, Rig, Stage, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
 
-/// The actor's transform in its parent at a time, keys included; without callbacks, root motion and paths.
+/// Transform of an actor in the space of its parent at a time, including keys but not callbacks, root motion or paths.
 pub fn placement(actor: &Actor, time: Time) -> Placement {
     let mut placement = actor.transform;
     for channel in &actor.channels {
@@ -35,7 +35,7 @@ pub fn placement(actor: &Actor, time: Time) -> Placement {
     placement
 }
 
-/// The light at a time, keys included.
+/// A light at a time, including keys.
 pub(crate) fn light_at(light: &StageLight, time: Time) -> StageLight {
     let mut now = light.clone();
     for channel in &light.channels {
@@ -44,7 +44,7 @@ pub(crate) fn light_at(light: &StageLight, time: Time) -> StageLight {
             Property::Intensity => now.light.intensity = x as f32,
             Property::Color => now.light.color = DVec3::new(x, y, z).as_vec3(),
             Property::Translation => now.position = DVec3::new(x, y, z),
-            // A rotation turns −Z, as in glTF.
+            // Unrotated lights shine along −Z, as in glTF.
             Property::Rotation => now.direction = (DQuat::from_xyzw(x, y, z, w) * DVec3::NEG_Z).as_vec3(),
             _ => {}
         }
@@ -52,7 +52,7 @@ pub(crate) fn light_at(light: &StageLight, time: Time) -> StageLight {
     now
 }
 
-/// The same change as seen from a space that is itself placed in the world.
+/// Converts a change from world space to the space of a parent.
 fn inside(change: Change, world_from_parent: &DAffine3) -> Change {
     match change {
         Change::Move(by) => Change::Move(world_from_parent.matrix3.inverse() * by),
@@ -60,12 +60,12 @@ fn inside(change: Change, world_from_parent: &DAffine3) -> Change {
             let (_, turned, _) = world_from_parent.to_scale_rotation_translation();
             Change::Turn(turned.inverse() * by * turned)
         }
-        // Along its own axes.
+        // Scale is along the actor's own axes.
         Change::Scale(_) => change,
     }
 }
 
-/// The transform after a change, and the property that is changed.
+/// The transform after a change, and the changed property.
 fn changed(old: Placement, change: Change) -> (Placement, Property) {
     match change {
         Change::Move(by) => (Placement { translation: old.translation + by, ..old }, Property::Translation),
@@ -74,7 +74,7 @@ fn changed(old: Placement, change: Change) -> (Placement, Property) {
     }
 }
 
-/// A camera of the script, where it stands there, and how many are made there.
+/// A camera, its position in the script, and the number of cameras that the same line creates.
 pub(super) struct ScriptCamera {
     pub camera: Camera,
     pub place: Place,
@@ -82,10 +82,10 @@ pub(super) struct ScriptCamera {
 }
 
 impl Viewer {
-    /// Moves, turns or scales an actor as it was dragged, by axes of the world (of itself for scale).
+    /// Moves, rotates or scales an actor as dragged: along world axes, or along its own axes for scale.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn change_actor(&mut self, name: &str, change: Change) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
@@ -94,7 +94,7 @@ impl Viewer {
         self.or_written_out(done, move |viewer| viewer.change_actor(&name, change))
     }
 
-    /// The change of an actor along the axes of its parent.
+    /// Converts a change of an actor from world space to the space of its parent.
     fn change_in_parent(&self, found: &Actor, index: usize, change: Change) -> Result<Change, EditError> {
         let time = self.playhead.time();
         if let Some(parent) = found.parent_at(time).filter(|p| p.placement.is_some()) {
@@ -112,7 +112,7 @@ impl Viewer {
         Ok(inside(change, &parent))
     }
 
-    /// The place of the actor that is being dragged; `None` where the script would not be changed.
+    /// Placement of the dragged actor. `None` if the script would not change.
     pub(crate) fn place_of_drag(&self, stage: &Stage) -> Option<Placed> {
         let Dragging { actor: name, drag, change } = self.dragging.as_ref()?;
         if *change == Change::none(drag.tool) {
@@ -125,7 +125,7 @@ impl Viewer {
         Some(Placed::Actor { actor: index, property, to })
     }
 
-    /// Like [`Viewer::change_actor`], along the axes of the actor's parent; `typed`: the number that was typed, if one was.
+    /// Like [`Viewer::change_actor`], but along the axes of the actor's parent. `typed`: the number that the user typed, if any.
     pub(crate) fn place_actor(
         &mut self,
         name: &str,
@@ -186,7 +186,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// The camera of this name.
+    /// The camera with this name.
     pub(super) fn script_camera(&self, name: &str) -> Result<ScriptCamera, EditError> {
         let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;
         let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or(EditError::Gone)?;
@@ -195,7 +195,7 @@ impl Viewer {
         Ok(ScriptCamera { camera: scene.stage.cameras[index].clone(), place, siblings })
     }
 
-    /// The camera of this name, which no rig moves.
+    /// The camera with this name. Fails if a rig moves it.
     pub(super) fn camera_that_stands(&self, name: &str) -> Result<ScriptCamera, EditError> {
         let found = self.script_camera(name)?;
         match found.camera.rig {
@@ -204,8 +204,8 @@ impl Viewer {
         }
     }
 
-    /// Lets a camera of the script stand where a free one does, look at what that turns around and see as much: `.at`, `.look_at` and its lens,
-    /// as one change; where they are keyed, the key at the playhead.
+    /// Writes the free camera into a camera of the script, as one edit: position (`.at`), target (`.look_at`) and lens, or the key at the playhead
+    /// if one of them has keys.
     ///
     /// # Errors
     /// Fails as [`Viewer::change_actor`] does.
@@ -223,7 +223,7 @@ impl Viewer {
             let object = ScriptObject::at(text, place.line, place.column)?;
             let look = object.set_point("look_at", center)?;
             let looked = look.apply(text);
-            // It begins where it did: all that was changed stands behind.
+            // The start of the call does not move, since only text after it has changed.
             let object = ScriptObject::at(&looked, place.line, place.column)?;
             let stand = match keyed {
                 true => object.set_key("position", when, KeyValue::Point(at)),
@@ -238,7 +238,7 @@ impl Viewer {
         })
     }
 
-    /// A new camera where the free one stands, as a line at the end of the script; where there are others, it is on from the playhead on.
+    /// Adds a camera at the position of the free one, at the end of the script. If there are other cameras, it is active from the playhead on.
     ///
     /// # Errors
     /// Fails as [`Viewer::change_actor`] does.
@@ -263,7 +263,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// The vertical angle that a camera sees, degrees: `.fov`, or its key at the playhead. `written`: the same as it is written.
+    /// Sets the vertical field of view of a camera, degrees: `.fov`, or its key at the playhead. `written`: its source text.
     ///
     /// # Errors
     /// Fails as [`Viewer::change_actor`] does.
@@ -282,7 +282,7 @@ impl Viewer {
             let states = |name| object.line_of_call(name).is_some();
             match in_angles {
                 true => object.set_key("fov", when, KeyValue::Text(written)),
-                // A field of view before it would not count.
+                // A `fov` before `focal_length` would have no effect.
                 false if states("focal_length") && !states("fov") => {
                     object.state("focal_length", &length, Anew::Method)
                 }
@@ -292,7 +292,7 @@ impl Viewer {
         })
     }
 
-    /// A parameter of an effect, or an option of a light or the sky; `value` as it is written. What is keyed gets it at the playhead.
+    /// Sets a parameter of an effect, or an option of a light or the sky; for keyed values, the key at the playhead. `value`: source text.
     pub fn set_value(&mut self, what: &Selected, name: &str, value: &str) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let sky_places = scene.places.sky.clone().into_iter().collect();
@@ -335,7 +335,7 @@ impl Viewer {
         })
     }
 
-    /// Says where the script sets again what has just been written.
+    /// Tells the user if another line of the script overrides the edited placement.
     pub(crate) fn check_wanted(&mut self) {
         let Some(wanted) = self.history.wanted.take() else { return };
         let scene = self.scene.as_ref();
@@ -343,7 +343,7 @@ impl Viewer {
             return;
         };
         let now = placement(&scene.stage.actors[index], wanted.time);
-        // Written to the thousandth.
+        // Edits write 3 decimal places.
         let there =
             (now.translation - wanted.at).length() < 0.01 && now.rotation.dot(wanted.rotation).abs() > 0.9999;
         self.message = (!there).then(|| {
@@ -356,12 +356,12 @@ impl Viewer {
     }
 }
 
-/// Whether an angle is that of cameras of which the script states none.
+/// Whether a vertical field of view, in radians, is the default of cameras.
 fn is_usual(yfov: f32) -> bool {
     matches!(Projection::default(), Projection::Perspective { yfov: usual, .. } if (usual - yfov).abs() < 1e-5)
 }
 
-/// Gives a camera the lens of a view, where it has another: its angle, or its height without perspective.
+/// The edit that gives a camera the lens of a view: its field of view, or its height in parallel projection. `None` if it has that lens already.
 fn lens_edit(
     object: &ScriptObject,
     camera: &Camera,

@@ -1,4 +1,4 @@
-//! Names of actors, cameras, lights and titles, changed everywhere in the script.
+//! Renames actors, cameras, lights and titles everywhere in the script.
 
 use super::{EditError, FieldChange};
 use crate::app::Viewer;
@@ -11,7 +11,7 @@ use choreo_stage::Layer2dContent;
 use std::collections::BTreeSet;
 
 impl Viewer {
-    /// The name of something as the user changes it; `None` where it has none of its own.
+    /// Name of an object as the user edits it. `None` if it has no name of its own.
     pub(crate) fn name_of(&self, what: &Selected) -> Option<String> {
         match what {
             Selected::Actor(name) | Selected::Camera(name) => Some(name.clone()),
@@ -32,7 +32,7 @@ impl Viewer {
         }
     }
 
-    /// The place of its name.
+    /// Syntax in which the script states the name of an object.
     pub(super) fn named_by(&self, what: &Selected) -> NamedBy {
         match what {
             Selected::Actor(_) | Selected::Camera(_) => NamedBy::Argument,
@@ -41,10 +41,10 @@ impl Viewer {
         }
     }
 
-    /// Gives something another name: the text that states it, and the variable that is called after it with all its uses. Of a title, the words.
+    /// Renames an object: the text that states its name, and the variable with the same name with all its uses. For a title, changes the words.
     ///
     /// # Errors
-    /// Why not, for the user, with the line in the way; nothing has changed.
+    /// The edit is refused, with a text for the user and the line that caused it; the script does not change.
     pub fn rename(&mut self, what: &Selected, to: &str) -> Result<(), EditError> {
         let to = to.trim();
         if self.name_of(what).as_deref() == Some(to) {
@@ -60,7 +60,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// The window knows it by its new name, too.
+    /// Replaces the name in the selection, the views and the toggles of the window.
     fn goes_by(&mut self, what: &Selected, to: &str) {
         let new = match what {
             Selected::Actor(name) => {
@@ -108,7 +108,7 @@ fn renamed(text: &str, place: &Place, by: NamedBy, to: &str) -> Result<Edit, Edi
             .map_err(|not| EditRefused { line: not.line, ..EditRefused::from(not.why) })?;
         changes.extend(uses.into_iter().map(|range| Edit { range, text: name.clone() }));
     }
-    // From the end of the text, so that none moves one that is still to come.
+    // Edits go from the end of the text to its start, so that none moves one that is still to be made.
     changes.sort_by_key(|edit| std::cmp::Reverse(edit.range.start));
     let after = changes.iter().fold(text.to_string(), |after, edit| edit.apply(&after));
     Ok(Edit::between(text, &after))

@@ -1,4 +1,4 @@
-//! Free places on the ground for what is added: beside what stands there, by bounds.
+//! Free places on the ground for new objects, found with bounding rectangles.
 
 use super::placing::placement;
 use crate::geometry::picking;
@@ -6,14 +6,14 @@ use choreo_motion::Time;
 use choreo_stage::{Actor, ActorState, Stage};
 use glam::{DAffine3, DVec2, DVec3};
 
-/// Height of ground as a part of its width.
+/// Largest ratio of height to width of an object that counts as ground.
 const FLAT: f64 = 0.05;
-/// Widths of the added object from which on another object is a set, within which it stands: in both directions.
+/// Number of widths of the new object from which another object counts as a set that it may stand in, in both directions.
 const SET: f64 = 8.0;
-/// Metres between bounds, as a part of the added object's width.
+/// Distance between bounds, as a fraction of the new object's width.
 const GAP: f64 = 0.15;
 
-/// The rectangle that an object covers on the ground: x and z, metres.
+/// Rectangle that an object covers on the ground: x and z in world space, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Footprint {
     pub low: DVec2,
@@ -25,7 +25,7 @@ impl Footprint {
         Footprint { low: DVec2::new(low.x, low.z), high: DVec2::new(high.x, high.z) }
     }
 
-    /// Around a place at which nothing is known of an object but how wide it is.
+    /// A square around the origin for an object of which only the half width is known.
     pub fn around(half: f64) -> Footprint {
         Footprint { low: DVec2::splat(-half), high: DVec2::splat(half) }
     }
@@ -44,7 +44,7 @@ impl Footprint {
     }
 }
 
-/// The bounds of an actor as it stands at a time, else as it rests; `None` where it has no surface or is ground.
+/// Footprint of an actor as posed, else in its rest pose. `None` if it has no surface or is ground.
 pub(super) fn footprint(actor: &Actor, state: Option<&ActorState>, time: Time) -> Option<Footprint> {
     let posed = state.filter(|state| state.visible).and_then(|state| picking::bounds(&actor.asset, state));
     let (low, high) = posed.or_else(|| {
@@ -60,16 +60,16 @@ pub(super) fn footprint(actor: &Actor, state: Option<&ActorState>, time: Time) -
     (size.y > FLAT * size.x.max(size.z)).then(|| Footprint::of(low, high))
 }
 
-/// Rectangles that the actors of a stage cover at a time.
+/// Footprints of the actors of a stage at a time.
 pub(super) fn taken(stage: &Stage, time: Time) -> Vec<Footprint> {
-    // A stage that cannot be evaluated has its rest poses.
+    // If the stage cannot be evaluated, the rest poses are used.
     let snapshot = stage.at(time).ok();
     let state = |index: usize| snapshot.as_ref().and_then(|s| s.actors.get(index));
     let all = stage.actors.iter().enumerate();
     all.filter_map(|(index, actor)| footprint(actor, state(index), time)).collect()
 }
 
-/// Rectangles that stand in the way of an object, without sets.
+/// Footprints that are in the way of an object; sets are not.
 fn in_the_way(taken: &[Footprint], own: Footprint) -> impl Iterator<Item = Footprint> {
     let is_set =
         move |other: &Footprint| (other.size() / own.size().max(DVec2::splat(1e-9))).min_element() > SET;
@@ -81,14 +81,14 @@ pub(super) fn is_free(taken: &[Footprint], own: Footprint) -> bool {
     in_the_way(taken, own).all(|other| !own.meets(other, 0.0))
 }
 
-/// The free place that is nearest to a point along x. `own`: as the object stands at the origin.
+/// The free position nearest to a point along x. `own`: footprint of the object at the origin.
 pub(super) fn nearest_free(taken: &[Footprint], own: Footprint, around: DVec3) -> DVec3 {
     let gap = GAP * own.size().max_element();
     let others: Vec<Footprint> = in_the_way(taken, own).collect();
     let beside = others
         .iter()
         .flat_map(|other| [(other.high.x - own.low.x + gap, 1.0), (other.low.x - own.high.x - gap, -1.0)]);
-    // Outward to the tenth, or to a digit of what is small.
+    // Rounds outward to a tenth of a metre, or to a millimetre for small objects.
     let parts = if own.size().max_element() > 0.5 { 10.0 } else { 1000.0 };
     let beside = beside.map(|(x, side)| side * (x * side * parts).ceil() / parts);
     let at = |x: f64| DVec3::new(x, around.y, around.z);
@@ -117,7 +117,7 @@ mod tests {
             assert!(at.x.abs() <= 2.0 * 1.3 && at.z == 0.0, "{at}");
             taken.push(own.moved(at));
         }
-        // Behind them there is room.
+        // There is room behind them.
         let behind = DVec3::new(0.0, 0.0, -3.0);
         assert_eq!(nearest_free(&taken, own, behind), behind);
     }

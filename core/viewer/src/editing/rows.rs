@@ -1,4 +1,4 @@
-//! The order of the timeline's rows, which is that of the script.
+//! Order of the timeline's rows, which is that of the script.
 
 use super::EditError;
 use crate::app::Viewer;
@@ -6,20 +6,20 @@ use crate::state::selection::Selected;
 use choreo_session::edit::{RowSide, reorder};
 use std::collections::BTreeSet;
 
-/// Rows that can change places with each other.
+/// Rows that can be exchanged with each other.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Group {
     Actors,
-    /// Layers of an actor, but for the lowest.
+    /// Layers of an actor, except for the base layer.
     Layers(String),
     Lights,
 }
 
 impl Viewer {
-    /// Moves a row to above or below another, with the statement of the script that makes what it shows.
+    /// Moves a row above or below another one, by moving the statement that creates its object.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
+    /// The edit is refused, with a text for the user; the script does not change.
     pub fn move_row(&mut self, row: usize, to: usize, side: RowSide) -> Result<(), EditError> {
         let (group, what) = self.ordered(row).ok_or_else(|| fixed(row))?;
         let target = self.target(&group, to).ok_or_else(|| elsewhere(&group))?;
@@ -35,10 +35,10 @@ impl Viewer {
         Ok(())
     }
 
-    /// Moves a row by one place among those that it can change places with.
+    /// Moves a row one place up or down within its group.
     ///
     /// # Errors
-    /// Fails as [`Viewer::move_row`] does, or if it is the first or last of them.
+    /// Fails as [`Viewer::move_row`] does, or if the row is already the first or the last of its group.
     pub fn shift_row(&mut self, row: usize, side: RowSide) -> Result<(), EditError> {
         let (group, what) = self.ordered(row).ok_or_else(|| fixed(row))?;
         let all = 0..self.timeline.rows.len();
@@ -57,7 +57,7 @@ impl Viewer {
         self.move_row(row, *to, side)
     }
 
-    /// The rows with which a row can change places, and the object whose place in the script decides their order.
+    /// Group of a row, and the object whose position in the script decides the order. `None` if the row cannot be moved.
     fn ordered(&self, row: usize) -> Option<(Group, Selected)> {
         let row = self.timeline.rows.get(row)?;
         let what = row.what.clone()?;
@@ -71,7 +71,7 @@ impl Viewer {
         }
     }
 
-    /// The object beside which a row of a group is moved, where the pointer is on this row.
+    /// The object next to which a row of a group would be moved, given the row under the pointer.
     fn target(&self, group: &Group, row: usize) -> Option<Selected> {
         match (group, self.ordered(row)?) {
             (Group::Actors, (Group::Layers(name), _)) => Some(Selected::Actor(name)),
@@ -79,7 +79,7 @@ impl Viewer {
         }
     }
 
-    /// The rows beside which a row would be moved from here, from the first to the last.
+    /// Rows of the object next to which a row would be moved, in order. `to`: the row under the pointer.
     pub(crate) fn rows_of_target(&self, row: usize, to: usize) -> Option<Vec<usize>> {
         let (group, _) = self.ordered(row)?;
         let target = self.target(&group, to)?;
@@ -87,7 +87,7 @@ impl Viewer {
         Some((0..self.timeline.rows.len()).filter(is_of_it).collect())
     }
 
-    /// Gives the selection and the muted and expanded layers the numbers that they have after a move.
+    /// Updates the indices in the selection and in the muted and expanded layers after a move.
     fn renumber(&mut self, group: &Group, what: &Selected, target: &Selected, side: RowSide) {
         let number = |what: &Selected| match what {
             Selected::Light(index) => Some(*index),

@@ -1,4 +1,4 @@
-//! Places that are dragged in a viewport, other than those of actors.
+//! Dragged icons of lights, cameras and IK targets.
 
 use super::EditError;
 use super::placing::ScriptCamera;
@@ -14,7 +14,7 @@ use choreo_stage::{ConstraintKind, Property, Rig, Stage, Target};
 use glam::DVec3;
 
 impl Viewer {
-    /// The place that a icon which is dragged gives to what it stands for.
+    /// The placement that a dragged icon gives to its object.
     pub(crate) fn place_of_icon(
         &self,
         stage: &Stage,
@@ -39,13 +39,13 @@ impl Viewer {
         })
     }
 
-    /// The direction in which a sun shines whose icon stands at a place.
+    /// Direction of a sun whose icon is at a position; unit vector, world space.
     pub(crate) fn direction_from(&self, at: DVec3) -> DVec3 {
         (self.sunlit() - at).normalize_or(DVec3::NEG_Y)
     }
 
-    /// The place on which the icons of suns shine: the middle of the actors at the start of the scene, so that the icons stand still
-    /// while actors move.
+    /// The point that the icons of suns shine on, world space: the center of the actors at the start of the scene, so that the icons do not move
+    /// with the actors.
     pub(crate) fn sunlit(&self) -> DVec3 {
         let find = || {
             let scene = self.scene.as_ref()?;
@@ -56,8 +56,8 @@ impl Viewer {
         place
     }
 
-    /// Lets a camera be elsewhere at the playhead: where it stands (`.at`), its offset from what it follows, or the distance and the angles at
-    /// which it circles its target; where its place is keyed, the key there. It goes on looking at what it looked at.
+    /// Moves a camera at the playhead: its position (`.at`), its offset from what it follows, or the distance and angles of its orbit; if the
+    /// position has keys, the key there. The camera keeps its target. `at`: world space.
     ///
     /// # Errors
     /// Fails as [`Viewer::change_actor`] does.
@@ -99,7 +99,7 @@ impl Viewer {
         })
     }
 
-    /// Lets a hand or foot reach for another point, which stands in the script as numbers. `constraint`: by number, of the actor.
+    /// Moves the target point of a reach constraint, which the script states as numbers. `constraint`: index among the constraints of the actor.
     ///
     /// # Errors
     /// Fails as [`Viewer::change_actor`] does.
@@ -120,7 +120,7 @@ impl Viewer {
     }
 }
 
-/// Millimetres are the finest that a drag writes.
+/// Rounds to the millimetre, the finest step that a drag writes.
 fn rounded(at: DVec3) -> DVec3 {
     (at * 1e3).round() / 1e3
 }
@@ -130,7 +130,7 @@ fn point_text(at: DVec3) -> String {
     format!("[{}]", numbers.join(", "))
 }
 
-/// The change of the numbers of an orbit that differ: metres to the millimetre, angles to a tenth of a degree.
+/// The edit of the numbers of an orbit that changed: distance to the millimetre, angles to a tenth of a degree.
 fn orbit_change(text: &str, object: &ScriptObject, [from, to]: [&Rig; 2]) -> Result<Edit, EditRefused> {
     let numbers = |rig: &Rig| match rig {
         Rig::Orbit { distance, elevation, azimuth, .. } => [

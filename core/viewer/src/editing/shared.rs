@@ -1,4 +1,4 @@
-//! Lines that make several things: what would change all of them, or write the loop out, is offered.
+//! Lines that create several objects, for example in a loop. An edit of one object is offered for all of them, or after the loop is unrolled.
 
 use super::{EditError, difference, read};
 use crate::app::Viewer;
@@ -7,12 +7,11 @@ use crate::state::selection::Selected;
 use choreo_script::Place;
 use choreo_session::edit::{Edit, EditRefused, ScriptObject, unroll};
 
-/// Label of the button that writes a loop out.
+/// Label of the button that unrolls a loop.
 pub(super) const WRITE_OUT: &str = "Write the loop out";
 
 impl Viewer {
-    /// Keeps a change of one of several things that a loop makes, which is made once the user has let the loop be written out. `done`: what
-    /// came of it.
+    /// Keeps a refused edit of one of several objects of a loop, to be made after the user accepts to unroll the loop. `done`: result of the edit.
     pub(super) fn or_written_out(
         &mut self,
         done: Result<(), EditError>,
@@ -24,8 +23,8 @@ impl Viewer {
         done
     }
 
-    /// Offers the change of the shared line for all that it makes, and the loop written out, or else a line for one of them alone; gives the
-    /// error on. `made`: the change in the text that is shown.
+    /// Offers two alternatives for an edit of a shared line: change all its objects, or unroll the loop, or else add a line for one object. Returns
+    /// the error. `made`: the edit of the displayed text.
     pub(super) fn offer_of_shared(
         &mut self,
         error: EditError,
@@ -36,7 +35,7 @@ impl Viewer {
         let EditError::SharedLine { objects, .. } = &error else { return error };
         let objects = *objects;
         let (Some(known), Some(path)) = (self.known(), self.path.clone()) else { return error };
-        // The places are those of the text that is shown.
+        // Positions refer to the displayed text.
         let Some(text) = read(&path).ok().filter(|text| **text == *known && !self.faulty) else {
             return error;
         };
@@ -75,8 +74,8 @@ impl Viewer {
         error
     }
 
-    /// Offers the change of an asset of which several actors are cast for all of them, and for one alone, which gets an asset of its own; gives
-    /// why it is not made at once. `None` where no other actor is cast of it.
+    /// Offers two edits of an asset that several actors share: for all of them, or for one actor, which gets an asset of its own. Returns the
+    /// reason why neither is made at once. `None` if no other actor uses the asset.
     pub(super) fn offer_of_asset(
         &mut self,
         what: &Selected,

@@ -1,19 +1,19 @@
-//! The clip that a character plays when nothing else is said.
+//! The idle clip that a character plays by default.
 
 use choreo_asset::Asset;
 
-/// Words of the names of clips in which a character stands, the best first.
+/// Words in the names of idle clips, in order of preference.
 const STANDING: [&str; 3] = ["idle", "stand", "rest"];
 
-/// The clip in which a character stands by its name, else its first.
+/// Name of the idle clip, else of the first clip.
 pub(super) fn standing_clip(asset: &Asset) -> Option<&str> {
     chosen(asset.clips.iter().map(|clip| clip.name.as_str()))
 }
 
-/// The name that is such a word, else that ends with one and has the fewest others, else that contains one; of equals the first.
+/// The best name: one that ends with such a word and has the fewest other words, else one that contains such a word, else the first.
 fn chosen<'n>(names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
     names.min_by_key(|name| {
-        // Exporters put the armature in front: `Armature|Idle`.
+        // Exporters prepend the armature: `Armature|Idle`.
         let own = name.rsplit(['|', ':', '/']).find(|part| !part.trim().is_empty()).unwrap_or(name);
         let words = words(own);
         let ends = STANDING.iter().position(|word| words.last().is_some_and(|last| last == word));
@@ -26,7 +26,7 @@ fn chosen<'n>(names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
     })
 }
 
-/// The words of a name in small letters, without numbers: `h`, `melee`, `idle` of `2H_Melee_Idle`, `sword`, `idle` of `SwordIdle`.
+/// Lowercase words of a name without digits: `h`, `melee`, `idle` for `2H_Melee_Idle`; `sword`, `idle` for `SwordIdle`.
 fn words(name: &str) -> Vec<String> {
     let (mut all, mut word, mut was_small) = (Vec::new(), String::new(), false);
     for c in name.chars().chain([' ']) {

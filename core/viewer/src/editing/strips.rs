@@ -1,4 +1,4 @@
-//! Clips as strips: split, duplicated, copied and pasted, disabled, faster, weaker.
+//! Clips as strips: split, duplicate, copy and paste, disable, change the speed or the weight.
 
 use super::trimming::within;
 use super::{EditError, Step};
@@ -11,14 +11,14 @@ use choreo_session::edit::{
     paste_cue, set_disabled, set_number, split_cue,
 };
 
-/// Seconds of a clip that count as none.
+/// Clip durations below this are treated as zero, seconds.
 pub(super) const NOTHING: f64 = 1e-6;
 
 impl Viewer {
-    /// Splits clips at a time into two with the same content.
+    /// Splits clips at a time into two clips that together show the same.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed. Here and below.
+    /// The edit is refused, with a text for the user; the script does not change. The same holds for the functions below.
     pub fn split_cues(&mut self, all: &[Selected], at: f64) -> Result<(), EditError> {
         let mut steps = Vec::new();
         for what in all {
@@ -42,7 +42,7 @@ impl Viewer {
         self.change_all(steps)
     }
 
-    /// Plays a clip once more right after it; later clips of its layer move on.
+    /// Adds a copy of a clip right after it; later clips of the layer move back.
     pub fn duplicate_cue(&mut self, what: &Selected) -> Result<(), EditError> {
         let (bar, strip) = self.strip(what)?;
         let known = self.known().ok_or(EditError::NothingShown)?;
@@ -64,7 +64,7 @@ impl Viewer {
         let mut steps =
             vec![self.step(&bar, move |text, line, column| duplicate_cue(text, line, column, by, until))];
         let moved = self.move_steps(&layer, &|index| index > at, length)?;
-        // Cues that follow its end follow it again.
+        // Cues that follow the end of the clip now follow the end of the copy.
         let is_followed = self.followed(&layer).contains(&Some(at));
         steps.extend(moved.into_iter().filter(|step| !(is_followed && step.place == bar.place)));
         let note = self.pushed_out(&layer[at + 1..], length);
@@ -73,7 +73,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// Clips as text for the clipboard, one after the other.
+    /// Clips as text for the clipboard, one per line.
     pub fn copy_cues(&self, all: &[Selected]) -> Result<String, EditError> {
         let mut bars: Vec<Bar> = Vec::new();
         for what in all {
@@ -84,7 +84,7 @@ impl Viewer {
         Ok(all.collect::<Result<Vec<_>, _>>()?.join("\n"))
     }
 
-    /// Moves clips to another actor, all by the same time: as cut and pasted there. Where the skeletons differ they are retargeted.
+    /// Moves clips to another actor, all by the same time, like cutting and pasting. If the skeletons differ, the clips are retargeted.
     pub fn move_cues_to(&mut self, all: &[Selected], name: &str, by: f64) -> Result<(), EditError> {
         let (place, siblings) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::Gone)?;
         let (mut steps, mut note) = (self.cue_delete_steps(all)?, None);
@@ -129,7 +129,7 @@ impl Viewer {
             .map_err(|refused| EditError::Refused { why: refused.why, line: refused.line })
     }
 
-    /// Plays copied clips on an actor, the first of them from a time on.
+    /// Pastes copied clips on an actor, the first one at a time.
     pub fn paste_cues(&mut self, name: &str, copied: &str, secs: f64) -> Result<(), EditError> {
         self.check_unlocked(name)?;
         let (place, siblings) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::Gone)?;
@@ -159,7 +159,7 @@ impl Viewer {
         self.change_all(steps)
     }
 
-    /// Gives clips no weight, or their weight again if all of them have none.
+    /// Disables clips (weight 0), or enables them again if all are disabled.
     pub fn toggle_cues(&mut self, all: &[Selected]) -> Result<(), EditError> {
         let mut strips = Vec::new();
         for what in all {
@@ -178,7 +178,7 @@ impl Viewer {
         self.change_all(steps)
     }
 
-    /// Plays a clip so fast that what it shows at its end, or where its last pose begins to be held, is shown at a time.
+    /// Changes the speed of a clip so that its present end, or the pose that it holds, is reached at the time `end`.
     pub fn stretch_cue(&mut self, what: &Selected, end: f64) -> Result<(), EditError> {
         let (bar, strip) = self.strip(what)?;
         let known = self.known().ok_or(EditError::NothingShown)?;
@@ -206,14 +206,14 @@ impl Viewer {
         self.change_all(steps)
     }
 
-    /// A time of an effect or a title.
+    /// A step that sets a time of an effect or a title.
     pub(super) fn object_time_step(&self, bar: &Bar, part: CueTime, secs: f64) -> Step<'static> {
         let time: EditTime = self.edit_time(secs.max(0.0));
         let name = if part == CueTime::Start { "from" } else { "until" };
         self.step(bar, move |text, line, column| ScriptObject::at(text, line, column)?.time(name, time))
     }
 
-    /// The actor on whose row copied clips are pasted: that of the selection, else the first.
+    /// The actor that copied clips are pasted on: that of the selection, else the first.
     pub(crate) fn paste_target(&self) -> Option<String> {
         let stage = &self.scene.as_ref()?.stage;
         let selected = self.selection.as_ref().and_then(Selected::actor).map(str::to_string);
@@ -233,7 +233,7 @@ impl Viewer {
     }
 }
 
-/// The content of a clip from a time on.
+/// Content of the second half of a clip that is split at a time.
 fn rest(bar: &Bar, strip: &Strip, at: f64) -> Result<Rest, EditError> {
     let refuse = |why: &str| Err(EditError::refused_at(&bar.place, why));
     let played = (at - bar.start.as_secs()) * strip.speed.abs();
@@ -248,11 +248,11 @@ fn rest(bar: &Bar, strip: &Strip, at: f64) -> Result<Rest, EditError> {
         Repeat::Once => Ok(Rest::Trim([from + played, to])),
         Repeat::Loop if strip.speed > 0.0 && length > NOTHING => {
             let into = played % length;
-            // Rounded to the thousandth, as it is written.
+            // Times are written with 3 decimal places.
             if into < 5e-4 || length - into < 5e-4 {
                 return Ok(Rest::Same);
             }
-            // What is left, until the next one has faded in over it, is no longer than this round.
+            // The rest, up to the end of the crossfade into the next clip, fits into this round.
             if (bar.end.as_secs() - at) * strip.speed <= length - into {
                 return Ok(Rest::Trim([from + into, to]));
             }

@@ -1,4 +1,4 @@
-//! The part of a clip that a bar plays: trimmed at its start, rolled with the bar before it, slipped between its ends.
+//! The part of a clip that a bar plays: trim its start, roll the edge to the previous bar, slip the content between its ends.
 
 use super::strips::NOTHING;
 use super::{EditError, Step};
@@ -9,14 +9,14 @@ use choreo_motion::Repeat;
 use choreo_session::edit::{CueTime, has_end, set_trim};
 
 impl Viewer {
-    /// Lets a clip begin at another time with what it shows from there on: its start is trimmed. Where it follows another clip, or meets its
-    /// end, that one's end moves with it (a roll).
+    /// Trims the start of a clip: it begins at another time, and its content stays in place. If it follows or meets the end of another clip, that
+    /// end moves with it (a roll edit).
     ///
-    /// A clip that repeats is not trimmed, since that would shorten every round: a roll moves the boundary alone. The clip before it goes on
-    /// until there, with more or fewer rounds of its own loop if it repeats, and this one begins its first round there.
+    /// A clip that repeats is not trimmed, since that would shorten each round; a roll only moves the boundary. The previous clip then continues up
+    /// to the boundary, with more or fewer rounds if it repeats, and this clip begins its first round there.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed. Here and below.
+    /// The edit is refused, with a text for the user; the script does not change. The same holds for the functions below.
     pub fn trim_cue(&mut self, what: &Selected, secs: f64) -> Result<(), EditError> {
         let (bar, strip) = self.strip(what)?;
         let known = self.known().ok_or(EditError::NothingShown)?;
@@ -43,14 +43,14 @@ impl Viewer {
         if let Some(before) = before.filter(|_| meets && !is_chained)
             && has_end(&known, before.place.line, before.place.column)
         {
-            // The two bars meet: the edge between them moves.
+            // The two bars meet, so the end of the first one moves, too.
             steps.push(self.time_step(before, CueTime::End, secs));
         }
         steps.extend(trim.map(|trim| self.trim_step(&bar, trim)));
         self.change_all(steps)
     }
 
-    /// Lets a bar end at another time. The end of a clip that another one takes over from is not moved beyond that, where nobody would see it.
+    /// Moves the end of a bar. The end of a clip cannot move beyond the start of a clip that takes over, where it would not be visible.
     pub(crate) fn set_end(&mut self, bar: &Bar, secs: f64) -> Result<(), EditError> {
         let layer = self.layer_of(&bar.what);
         let at = layer.iter().position(|other| other.what == bar.what);
@@ -65,7 +65,7 @@ impl Viewer {
         self.set_cue(&bar.what, CueTime::End, secs)
     }
 
-    /// Both clips of a boundary that is moved keep a length.
+    /// Fails if one of the clips at a moved boundary would have no length.
     pub(super) fn check_boundary(&self, before: Option<&Bar>, bar: &Bar, secs: f64) -> Result<(), EditError> {
         let shown = |secs: f64| self.shown_time(choreo_motion::Time::from_secs(secs));
         let ends = self.known().is_some_and(|text| has_end(&text, bar.place.line, bar.place.column));
@@ -82,8 +82,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// Shows other content of its clip between the same ends, `by` seconds later in the clip, in the direction in which it is played. A clip
-    /// without a trim gets one.
+    /// Slips a clip: shows content `by` seconds later in the clip between the same ends, in playing direction. A clip without a trim gets one.
     pub fn slip_cue(&mut self, what: &Selected, by: f64) -> Result<(), EditError> {
         let (bar, strip) = self.strip(what)?;
         let trim = slipped(&bar, &strip, by).ok_or_else(|| {
@@ -103,7 +102,7 @@ impl Viewer {
     }
 }
 
-/// The part of a clip that is played once with its content where it was, from a time on.
+/// Trim of a clip played once that begins at another time and keeps its content in place, clip seconds.
 fn trimmed_from(bar: &Bar, strip: &Strip, secs: f64) -> Result<[f64; 2], EditError> {
     let played = (secs - bar.start.as_secs()) * strip.speed.abs();
     let [mut from, mut to] = strip.trim;
@@ -118,11 +117,11 @@ fn trimmed_from(bar: &Bar, strip: &Strip, secs: f64) -> Result<[f64; 2], EditErr
     Ok([from, to])
 }
 
-/// The part of the clip that is then played; `None` where all of it is seen already.
+/// Trim after a slip, clip seconds. `None` if the whole clip is visible.
 fn slipped(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
     let [from, to] = strip.trim;
     let length = to - from;
-    // A clip that repeats must not begin again before what follows has faded in.
+    // A repeating clip must not start again before the next clip has faded in.
     let (seen, fits) = match strip.repeat {
         Repeat::Once => ((bar.until - bar.start).as_secs() * strip.speed.abs(), true),
         _ => {
@@ -130,12 +129,12 @@ fn slipped(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
             (seen, seen <= length + NOTHING)
         }
     };
-    // Keys state which part is seen, and of a clip in rounds all of it is: the trim moves as a whole.
+    // Keys decide the visible part of a keyed clip, and a repeating clip shows all of it, so the trim moves as a whole.
     if strip.is_keyed || !fits {
         let by = (by * strip.speed.signum()).clamp(-from, strip.clip - to);
         return (by.abs() > NOTHING).then_some([from + by, to + by]);
     }
-    // What lies behind the seen part counts: only the seen part must be there.
+    // Only the visible part must stay within the clip.
     let (before, after) = (strip.before(), strip.clip - length - strip.before());
     let slipped = (before + by).clamp(0.0, (strip.clip - seen.min(length)).max(0.0));
     let rest = if after < NOTHING { 0.0 } else { (after + before - slipped).max(0.0) };
@@ -143,7 +142,7 @@ fn slipped(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
     ((slipped - before).abs() > NOTHING).then_some(part)
 }
 
-/// A part that lies within the clip also when it is written: to the thousandth, where it ends on no frame.
+/// A trim that also lies within the clip after it is rounded to 3 decimal places, unless it ends on a frame.
 pub(super) fn within(strip: &Strip, [from, to]: [f64; 2], fps: f64) -> [f64; 2] {
     let is_frame = ((to * fps).round() - to * fps).abs() < 1e-4;
     let is_beyond = !is_frame && (to * 1e3).round() / 1e3 > strip.clip;
@@ -178,7 +177,7 @@ mod tests {
         Strip { trim, clip: 3.0, speed, repeat, weight: 1.0, is_keyed: false }
     }
 
-    /// The seen part stays within the clip, and the content goes where the pointer goes.
+    /// The visible part stays within the clip, and the content follows the pointer.
     #[test]
     fn a_slip_moves_the_seen_part_within_the_clip() {
         let slip = |length, trim, speed, repeat, by| {
@@ -186,18 +185,18 @@ mod tests {
             slipped(&bar(length, strip), &strip, by)
         };
         for repeat in [Repeat::Once, Repeat::Loop, Repeat::PingPong] {
-            // No trim, cut short by the bar's end: a part as long is left.
+            // The visible part of a clip without a trim, cut short by the end of the bar, keeps its length.
             assert_eq!(slip(1.0, [0.0, 3.0], 1.0, repeat, 0.25), Some([0.25, 3.0]));
             assert_eq!(slip(1.0, [0.0, 3.0], 1.0, repeat, 9.0), Some([2.0, 3.0]));
             assert_eq!(slip(1.0, [0.0, 3.0], 2.0, repeat, 9.0), Some([1.0, 3.0]));
             assert_eq!(slip(1.0, [0.0, 3.0], 1.0, repeat, -0.5), None);
             assert_eq!(slip(1.0, [0.5, 2.0], 1.0, repeat, 0.25), Some([0.75, 2.25]));
             assert_eq!(slip(1.0, [0.5, 2.0], 1.0, repeat, -1.0), Some([0.0, 1.5]));
-            // Backwards it begins at the end of the clip.
+            // A clip played backwards begins at its end.
             assert_eq!(slip(1.0, [0.0, 3.0], -1.0, repeat, 0.25), Some([0.0, 2.75]));
             assert_eq!(slip(1.0, [0.0, 3.0], -1.0, repeat, 9.0), Some([0.0, 1.0]));
         }
-        // Whole rounds are seen.
+        // All rounds are visible as a whole.
         assert_eq!(slip(4.0, [0.0, 3.0], 1.0, Repeat::Loop, 0.25), None);
         assert_eq!(slip(4.0, [0.5, 2.0], 1.0, Repeat::Loop, 0.25), Some([0.75, 2.25]));
         assert_eq!(slip(3.0, [0.0, 3.0], 1.0, Repeat::Once, 0.25), None);

@@ -1,5 +1,5 @@
-//! Arrows, rings and boxes by which the mouse moves, turns and scales what is selected: their places in the world, and what a
-//! drag from one ray to another means. No toolkit here.
+//! Gizmos: arrows, rings and boxes that move, rotate and scale the selection by mouse. Computes their positions in world space and the change that
+//! a drag makes. No UI toolkit is used here.
 
 use crate::geometry::projection::Lens;
 use crate::geometry::resolved;
@@ -14,22 +14,22 @@ pub enum Tool {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Handle {
-    /// 0, 1, 2: along, about, or larger along x, y, z of the world (of itself for scale).
+    /// Moves along, rotates about, or scales along x (0), y (1) or z (2) of the world, or of the object for scale.
     Axis(usize),
-    /// Movement over the ground; for scale, all three axes.
+    /// Moves in the ground plane, or scales along all three axes.
     Middle,
 }
 
 pub const AXES: [DVec3; 3] = [DVec3::X, DVec3::Y, DVec3::Z];
-/// Points on the screen.
+/// Length of an arm, points of the window.
 pub const LENGTH: f64 = 74.0;
 const GRAB: f64 = 9.0;
-/// Vertices of a ring.
+/// Number of segments of a ring.
 pub(crate) const RING: usize = 48;
-/// Steps of degrees and metres while a key is held.
+/// Step sizes while a key is held: degrees, and metres or factor.
 pub const STEPS: (f64, f64) = (15.0, 0.1);
 
-/// The change that a drag has made so far.
+/// The total change of a drag.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Change {
     Move(DVec3),
@@ -47,18 +47,18 @@ impl Change {
     }
 }
 
-/// A drag that is going on.
+/// A drag in progress.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drag {
     pub tool: Tool,
     pub handle: Handle,
-    /// Transform of the thing before the drag, and the lens through which it is seen.
+    /// Transform of the object before the drag.
     pub world_from_model: DAffine3,
-    /// Point at which the mouse took hold, in points.
+    /// Position at which the drag began, points of the window.
     pub from: DVec2,
 }
 
-/// Direction of an arm in the world.
+/// World-space direction of an arm.
 pub fn arm(tool: Tool, axis: usize, world_from_model: &DAffine3) -> DVec3 {
     match tool {
         Tool::Scale => world_from_model.transform_vector3(AXES[axis]).normalize_or(AXES[axis]),
@@ -66,7 +66,7 @@ pub fn arm(tool: Tool, axis: usize, world_from_model: &DAffine3) -> DVec3 {
     }
 }
 
-/// Vertices of the ring about an axis.
+/// Points of the ring about an axis, world space.
 pub fn ring(center: DVec3, axis: usize, radius: f64) -> impl Iterator<Item = DVec3> {
     let (u, v) = (AXES[(axis + 1) % 3], AXES[(axis + 2) % 3]);
     (0..=RING).map(move |i| {
@@ -75,7 +75,7 @@ pub fn ring(center: DVec3, axis: usize, radius: f64) -> impl Iterator<Item = DVe
     })
 }
 
-/// The handle at a place on the screen.
+/// The handle at a position in the window.
 pub(crate) fn handle_at(tool: Tool, world_from_model: &DAffine3, lens: &Lens, at: DVec2) -> Option<Handle> {
     let center = world_from_model.translation;
     let length = LENGTH * lens.metres_a_point(center);
@@ -107,7 +107,7 @@ pub(crate) fn to_segment(p: DVec2, a: DVec2, b: DVec2) -> f64 {
 }
 
 impl Drag {
-    /// The change if the mouse is now at `to`, in the digits that a point of the screen resolves. `in_steps`: rounded to whole steps.
+    /// The change when the pointer is at `to`, rounded to the digits that a pixel resolves. `in_steps`: rounded to whole steps.
     pub fn change(&self, lens: &Lens, to: DVec2, in_steps: bool) -> Change {
         let center = self.world_from_model.translation;
         let metres = lens.metres_a_point(center);
@@ -128,7 +128,7 @@ impl Drag {
                 Change::Move(DVec3::new(round(by.x), 0.0, round(by.z)))
             }
             (Tool::Turn, Handle::Axis(axis)) => {
-                // Angles are measured on the screen, where a ring seen edge-on works as well as one seen from its axis.
+                // Angles are measured on the screen, so that a ring seen edge-on works as well as one seen along its axis.
                 let middle = lens.point(center).unwrap_or(self.from);
                 let angle = |at: DVec2| libm::atan2(middle.y - at.y, at.x - middle.x);
                 let towards = if lens.to_eye(center).dot(AXES[axis]) < 0.0 { -1.0 } else { 1.0 };
@@ -148,7 +148,7 @@ impl Drag {
                         let factor = if from.abs() < 1e-9 { 1.0 } else { to / from };
                         (factor, metres / from.abs().max(1e-9))
                     }
-                    // Up is larger, down is smaller.
+                    // Dragging up enlarges, down reduces.
                     Handle::Middle => {
                         let factor = libm::pow(2.0, (self.from.y - to.y) / LENGTH);
                         (factor, factor * core::f64::consts::LN_2 / LENGTH)
@@ -165,7 +165,7 @@ impl Drag {
     }
 }
 
-/// Metres along an axis through `center` of its point that is nearest to a ray. `None` where the ray runs along it.
+/// Distance in metres along an axis through `center` to its point nearest to a ray. `None` if the ray is parallel to the axis.
 fn along_axis((origin, direction): (DVec3, DVec3), center: DVec3, axis: DVec3) -> Option<f64> {
     let across = axis.dot(direction);
     let determinant = 1.0 - across * across;
@@ -229,7 +229,7 @@ mod tests {
         assert!((by - DVec3::new(0.5, 0.0, -0.3)).length() < 1e-9, "{by}");
     }
 
-    /// The view is at about 7 m: a point of the screen is 0.01 m, 0.8° of a ring and a hundredth of a scale.
+    /// The camera is about 7 m away: a point of the window covers 0.01 m, 0.8° of a ring and a hundredth of a scale.
     #[test]
     fn changes_have_the_digits_that_a_point_of_the_screen_resolves() {
         let (lens, center) = (lens(), placed().translation);

@@ -1,12 +1,11 @@
-//! Closed forms between the screen and the world: projection, ray casts against the scene, what dragging a gizmo means.
+//! Geometry between the screen and the world: projection, ray casts against the scene, drags of gizmos.
 
 pub mod gizmo;
 pub mod picking;
 pub mod projection;
 pub mod rig;
 
-/// Rounds a value that the mouse drags to a decimal digit that is no coarser than two pixels, and no finer than a thousandth. `pixel`: the
-/// change that one pixel makes.
+/// Rounds a dragged value to a decimal digit that is at most two pixels wide and not below a thousandth. `pixel`: change of the value per pixel.
 pub(crate) fn resolved(value: f64, pixel: f64) -> f64 {
     let digits = (-libm::log10(2.0 * pixel)).ceil().clamp(0.0, 3.0);
     let parts = libm::pow(10.0, digits);

@@ -1,13 +1,13 @@
-//! Picking: finds the actor whose surface, as posed, a ray hits first.
+//! Picking: finds the actor whose posed surface a ray hits first.
 
 use choreo_asset::{Asset, Topology};
 use choreo_stage::{ActorState, Snapshot, Stage, posed_meshes};
 use glam::{DVec3, Vec3};
 
-/// Width of lines, points and bones for the mouse, metres a metre of distance.
+/// Radius within which points and lines are picked, as a fraction of their distance from the camera.
 const THIN: f64 = 0.01;
 
-/// Index of the actor. `pickable`: whether one may be picked.
+/// Index of the first actor that a ray hits. `pickable`: whether an actor may be picked.
 pub fn actor(
     stage: &Stage,
     snapshot: &Snapshot,
@@ -32,7 +32,7 @@ pub fn actor(
     best.map(|(_, index)| index)
 }
 
-/// Corners of a box around an actor as posed, in the world; `None` of one that has no surface.
+/// World-space bounds of a posed actor: smallest and largest corner. `None` if the actor has no surface.
 pub fn bounds(asset: &Asset, state: &ActorState) -> Option<(DVec3, DVec3)> {
     let mut all = choreo_asset::Aabb::EMPTY;
     if state.model_from_joint.len() >= asset.skeleton.len() {
@@ -49,7 +49,7 @@ pub fn bounds(asset: &Asset, state: &ActorState) -> Option<(DVec3, DVec3)> {
     Some((low, corners.iter().copied().reduce(DVec3::max)?))
 }
 
-/// Slabs (Kay and Kajiya 1986).
+/// Ray-box intersection by slabs (Kay and Kajiya 1986).
 fn meets_box(origin: DVec3, direction: DVec3, low: DVec3, high: DVec3) -> bool {
     let margin = DVec3::splat(1e-6) + (high - low) * 1e-6;
     let (mut near, mut far) = (0.0_f64, f64::INFINITY);
@@ -67,7 +67,7 @@ fn meets_box(origin: DVec3, direction: DVec3, low: DVec3, high: DVec3) -> bool {
     near <= far
 }
 
-/// How far along the ray, metres.
+/// Distance along the ray to the surface of a posed actor, metres.
 fn surface(asset: &Asset, state: &ActorState, origin: DVec3, direction: DVec3) -> Option<f64> {
     let mut nearest: Option<f64> = None;
     let mut meet = |t: Option<f64>| {
@@ -97,7 +97,7 @@ fn surface(asset: &Asset, state: &ActorState, origin: DVec3, direction: DVec3) -
     nearest
 }
 
-/// Möller and Trumbore 1997, both faces.
+/// Distance along a ray to a triangle, both faces (Möller and Trumbore 1997).
 fn triangle(origin: DVec3, direction: DVec3, a: DVec3, b: DVec3, c: DVec3) -> Option<f64> {
     let (ab, ac) = (b - a, c - a);
     let p = direction.cross(ac);
@@ -117,19 +117,19 @@ fn near(origin: DVec3, direction: DVec3, point: DVec3) -> Option<f64> {
     ((point - origin - direction * along).length() < THIN * along).then_some(along)
 }
 
-/// The middle of an actor's bounds, else where it stands.
+/// Center of an actor's bounds in world space, else its position.
 pub fn middle(asset: &Asset, state: &ActorState) -> DVec3 {
     bounds(asset, state).map_or(state.world_from_model.translation, |(low, high)| (low + high) / 2.0)
 }
 
-/// The middle of all visible actors; `None` without any.
+/// Mean of the centers of all visible actors, world space. `None` if there are none.
 pub(crate) fn middle_of_all(stage: &Stage, snapshot: &Snapshot) -> Option<DVec3> {
     let actors = || stage.actors.iter().zip(&snapshot.actors).filter(|(_, state)| state.visible);
     let count = actors().count();
     (count > 0).then(|| actors().map(|(a, state)| middle(&a.asset, state)).sum::<DVec3>() / count as f64)
 }
 
-/// Its rest height, for steps and gizmos; a metre where it has none.
+/// Largest side of the bounds in the rest pose, metres, for steps and gizmos; 1 m if there is no surface.
 pub fn height(asset: &Asset) -> f64 {
     let bounds = asset.rest_bounds();
     let size = if bounds.is_empty() { Vec3::ONE } else { bounds.max - bounds.min };

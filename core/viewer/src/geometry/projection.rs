@@ -1,10 +1,10 @@
-//! A camera as seen on the screen: from the world to points of the window and back, in f64.
+//! Projection between world space and points of the window, in f64.
 
 use choreo_asset::Projection;
 use choreo_stage::CameraState;
 use glam::{DAffine3, DVec2, DVec3};
 
-/// Metres before the camera at which lines are cut off; nearer points have no place on the screen.
+/// Distance in front of the camera at which lines are clipped, metres. Nearer points are not projected.
 const NEAREST: f64 = 1e-3;
 
 #[derive(Clone, Copy, Debug)]
@@ -13,13 +13,13 @@ pub struct Lens {
     /// Top left corner of the image, in points of the window.
     corner: DVec2,
     size: DVec2,
-    /// Height of the image at a distance of one metre, or everywhere without perspective.
+    /// Height of the visible area at a distance of 1 m, or at any distance in parallel projection, metres.
     height: f64,
     perspective: bool,
 }
 
 impl Lens {
-    /// `corner` and `size` of the image on the screen, in points.
+    /// `corner`, `size`: position and size of the image in the window, points.
     pub fn new(camera: &CameraState, corner: DVec2, size: DVec2) -> Lens {
         let (height, perspective) = match camera.projection {
             Projection::Perspective { yfov, .. } => (2.0 * libm::tan(f64::from(yfov) / 2.0), true),
@@ -34,13 +34,13 @@ impl Lens {
         self.corner + self.size / 2.0 + DVec2::new(view.x, -view.y) * scale
     }
 
-    /// `None` behind the camera.
+    /// Projects a point from world space to the window. `None` if it is behind the camera.
     pub fn point(&self, world: DVec3) -> Option<DVec2> {
         let view = self.view_from_world.transform_point3(world);
         (!self.perspective || -view.z >= NEAREST).then(|| self.screen(view))
     }
 
-    /// The visible part of a line.
+    /// Projects the part of a line in front of the camera.
     pub fn line(&self, a: DVec3, b: DVec3) -> Option<[DVec2; 2]> {
         let [mut a, mut b] = [a, b].map(|p| self.view_from_world.transform_point3(p));
         if self.perspective {
@@ -60,7 +60,7 @@ impl Lens {
         Some([self.screen(a), self.screen(b)])
     }
 
-    /// Origin and unit direction of the ray through a point of the screen.
+    /// Origin and unit direction in world space of the ray through a point of the window.
     pub fn ray(&self, at: DVec2) -> (DVec3, DVec3) {
         let from_middle = (at - self.corner - self.size / 2.0) / self.size.y * self.height;
         let world_from_view = self.view_from_world.inverse();
@@ -72,7 +72,7 @@ impl Lens {
         (world_from_view.transform_point3(origin), world_from_view.transform_vector3(direction).normalize())
     }
 
-    /// Metres that a point of the screen covers at a place.
+    /// Size in metres that a point of the window covers at a world position.
     pub(crate) fn metres_a_point(&self, at: DVec3) -> f64 {
         let depth = if self.perspective { -self.view_from_world.transform_point3(at).z } else { 1.0 };
         depth.max(NEAREST) * self.height / self.size.y.max(1.0)
@@ -82,12 +82,12 @@ impl Lens {
         self.perspective
     }
 
-    /// Unit vector in which the camera looks.
+    /// Viewing direction, unit vector in world space.
     pub(crate) fn forward(&self) -> DVec3 {
         -self.view_from_world.inverse().matrix3.z_axis.normalize_or(DVec3::Z)
     }
 
-    /// Unit vector from a place to the camera.
+    /// Unit vector from a world position to the camera.
     pub fn to_eye(&self, from: DVec3) -> DVec3 {
         let world_from_view = self.view_from_world.inverse();
         match self.perspective {
@@ -128,7 +128,7 @@ mod tests {
                 );
                 let got = lens.point(world).unwrap();
                 assert!((got - expected).length() < 0.01, "{got} {expected}");
-                // And back: the ray goes through the place.
+                // The ray through the projected point passes through the original one.
                 let (origin, direction) = lens.ray(got);
                 assert!((world - origin).cross(direction).length() < 1e-6);
                 let moved =

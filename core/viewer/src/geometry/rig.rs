@@ -1,15 +1,15 @@
-//! Places of cameras that stand, follow or circle something, and the rig of one that is put elsewhere.
+//! Positions of cameras that are fixed, follow or circle a target, and their rigs after a move.
 
 use choreo_stage::{Camera, Property, Rig, Snapshot, Stage, Target};
 use glam::{DQuat, DVec3};
 use std::f64::consts::{PI, TAU};
 
-/// Metres from a camera without a target to the place that it counts as looking at.
+/// Distance to the assumed target of a camera without one, metres.
 const AHEAD: f64 = 3.0;
-/// Elevation at which no side of an image is up, with a degree to spare, radians.
+/// Largest elevation of an orbit, radians: one degree below 90°, where the up direction of the image is undefined.
 const STEEPEST: f64 = PI * 89.0 / 180.0;
 
-/// World position of a target in a snapshot; `None` where it has none there.
+/// World position of a target in a snapshot. `None` if it does not exist there.
 fn position(stage: &Stage, shown: &Snapshot, target: &Target) -> Option<DVec3> {
     match *target {
         Target::Point(point) => Some(point),
@@ -25,8 +25,8 @@ fn position(stage: &Stage, shown: &Snapshot, target: &Target) -> Option<DVec3> {
     }
 }
 
-/// World positions of a camera and of what it looks at, without shakes and without `look_at` over a time. `None`: a camera of a file, one
-/// that fits everything into its image, or one whose target has no position.
+/// World positions of a camera and of its target, ignoring shakes and keyed targets. `None` for a camera of a file, for one that frames a set of
+/// objects, and if the target has no position.
 pub fn places(stage: &Stage, shown: &Snapshot, camera: &Camera) -> Option<[DVec3; 2]> {
     let keyed = camera.channels.iter().rev().find(|c| c.property == Property::Translation);
     let keyed = keyed.and_then(|c| c.at(shown.time)).map(|[x, y, z, _]| DVec3::new(x, y, z));
@@ -50,8 +50,8 @@ pub fn places(stage: &Stage, shown: &Snapshot, camera: &Camera) -> Option<[DVec3
     }
 }
 
-/// The rig of a camera that is at `to` at the time of a snapshot: it stands there, has that offset from what it follows, or circles its
-/// target through there. `None` as for [`places`].
+/// The rig of a camera moved to `to` at the time of a snapshot: with a new position, a new offset from its target, or a new distance and angles of
+/// its orbit. `None` in the cases of [`places`].
 pub fn moved(stage: &Stage, shown: &Snapshot, rig: &Rig, to: DVec3) -> Option<Rig> {
     match rig {
         Rig::Fixed { rotation, look_at, .. } => {
@@ -65,7 +65,7 @@ pub fn moved(stage: &Stage, shown: &Snapshot, rig: &Rig, to: DVec3) -> Option<Ri
             let distance = offset.length();
             let elevation = libm::asin((offset.y / distance).clamp(-1.0, 1.0));
             let wanted = libm::atan2(offset.x, offset.z) - speed * shown.time.as_secs();
-            // The turn that is nearest to the stated one.
+            // The equivalent azimuth that is nearest to the stated one.
             let turn = (wanted - azimuth + PI).rem_euclid(TAU) - PI;
             (distance > 0.0).then(|| Rig::Orbit {
                 target: *target,
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
     use choreo_motion::Time;
 
-    /// A camera that is put somewhere is there at that time, whatever moves it.
+    /// A moved camera is at its new position at that time, with any kind of rig.
     #[test]
     fn a_camera_is_where_its_rig_was_moved_to() {
         let center = Target::Point(DVec3::new(1.0, 1.0, -2.0));

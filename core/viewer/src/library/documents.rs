@@ -1,4 +1,4 @@
-//! The files that the window shows and could show next.
+//! The open file, and the files that can be opened.
 
 use super::file_dialog::{FileDialog, Purpose};
 use super::folder::{Entry, built_in, model_endings};
@@ -9,30 +9,30 @@ use choreo_plugin::Registry;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Recent files that are kept.
+/// Largest number of recent files.
 const MOST_RECENT: usize = 12;
 
 #[derive(Default)]
 pub struct Documents {
-    /// The start page is shown in place of the panels.
+    /// Whether the start page is displayed in place of the panels.
     pub start: bool,
-    /// Files that were shown last, the newest first.
+    /// Recent files, the newest first.
     pub recent: Vec<PathBuf>,
     /// Tempos of recent scripts, by canonical path.
     pub tempos: BTreeMap<PathBuf, Tempo>,
     pub lessons: Vec<Lesson>,
-    /// The file that the window is to show next.
+    /// File that the window will open next.
     pub open: Option<PathBuf>,
-    /// The list of files that is open.
+    /// The open file dialog.
     pub dialog: Option<FileDialog>,
-    /// The script that was to be shown and is not there.
+    /// Script that was to be opened and does not exist.
     pub missing: Option<PathBuf>,
     pub thumbnails: Thumbnails,
-    /// Endings of files that importers read.
+    /// File name extensions that importers read.
     pub models: Vec<String>,
-    /// Models that are made by importers and are no files.
+    /// Built-in models, which are not files.
     pub built_in: Vec<Entry>,
-    /// Files that were read for the version that is shown, canonical.
+    /// Canonical paths of the files that the displayed version has read.
     pub read: Vec<PathBuf>,
 }
 
@@ -41,7 +41,7 @@ impl Documents {
         Documents { models: model_endings(registry), built_in: built_in(registry), ..Documents::default() }
     }
 
-    /// A file that is shown becomes the newest of the recent ones.
+    /// Records an opened file as the most recent one.
     pub fn shows(&mut self, file: &Path) {
         let file = file.canonicalize().unwrap_or_else(|_| file.to_path_buf());
         self.recent.retain(|other| *other != file);
@@ -50,7 +50,7 @@ impl Documents {
         self.tempos.retain(|script, _| self.recent.contains(script));
     }
 
-    /// Keeps the tempo of a script until it is shown again.
+    /// Remembers the tempo of a script.
     pub fn keep_tempo(&mut self, script: &Path, tempo: Tempo) {
         let Ok(script) = script.canonicalize() else { return };
         match tempo.beat() {
@@ -59,13 +59,13 @@ impl Documents {
         }
     }
 
-    /// The tempo that was kept of a script.
+    /// The remembered tempo of a script.
     pub fn tempo_of(&self, script: &Path) -> Tempo {
         let kept = script.canonicalize().ok().and_then(|script| self.tempos.get(&script).copied());
         kept.unwrap_or_default()
     }
 
-    /// Opens the list of files: in the folder of a file, else of the newest recent one, else the working folder.
+    /// Opens the file dialog in the folder of a file, else in that of the most recent file, else in the working folder.
     pub fn ask(&mut self, purpose: Purpose, shown: Option<&Path>) {
         let beside = shown.or(self.recent.first().map(PathBuf::as_path));
         let folder = beside.and_then(Path::parent).unwrap_or(Path::new("")).to_path_buf();
@@ -81,7 +81,7 @@ impl Documents {
     }
 }
 
-/// A name of a script that a folder does not have: `stem.rhai`, else `stem_2.rhai` and so on.
+/// A script name that does not exist in a folder: `stem.rhai`, `stem_2.rhai` …
 fn free_name(folder: &Path, stem: &str) -> String {
     let names = (1..).map(|n| if n == 1 { format!("{stem}.rhai") } else { format!("{stem}_{n}.rhai") });
     names.into_iter().find(|name| !folder.join(name).exists()).unwrap_or_default()

@@ -1,5 +1,5 @@
-//! A list of files from which one is chosen. It is our own: that of the system needs a portal, which a bare window manager or a container
-//! lacks.
+//! File dialog. The viewer has its own, because that of the system needs a desktop portal, which is missing under a bare window manager or in a
+//! container.
 
 use super::folder::{Entry, FileKind, list};
 use super::templates::Template;
@@ -8,11 +8,11 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Purpose {
     Open,
-    /// A script that is made of a template.
+    /// Creates a script from a template.
     New(Template),
-    /// A copy of a lesson; its number among [`super::documents::Documents::lessons`].
+    /// Creates a copy of a lesson, given by its index in [`super::documents::Documents::lessons`].
     Lesson(usize),
-    /// The script that is shown, under another name.
+    /// Saves the open script under another name.
     SaveAs,
 }
 
@@ -23,17 +23,17 @@ pub struct FileDialog {
     pub entries: Vec<Entry>,
     /// Name of the chosen or new file.
     pub name: String,
-    /// Whether it has just been opened: the field of the name then gets the keyboard.
+    /// Whether the dialog was just opened: the name field then gets the keyboard focus.
     pub fresh: bool,
-    /// Why the choice cannot be taken.
+    /// Reason why the choice was refused.
     pub problem: Option<String>,
-    /// The file that the next choice of the same name replaces.
+    /// Existing file that is replaced if the user confirms by choosing the same name again.
     replaces: Option<PathBuf>,
     models: Vec<String>,
 }
 
 impl FileDialog {
-    /// `models`: endings of files that are models, which can be opened.
+    /// Opens the dialog in a folder. `models`: file name extensions of models that can be opened.
     pub fn new(purpose: Purpose, folder: &Path, name: &str, models: &[String]) -> FileDialog {
         let models = if purpose == Purpose::Open { models.to_vec() } else { Vec::new() };
         let mut dialog = FileDialog {
@@ -51,7 +51,7 @@ impl FileDialog {
         dialog
     }
 
-    /// Shows another folder; one that cannot be read leaves the list as it is.
+    /// Changes to another folder; if it cannot be read, the list stays.
     pub fn go(&mut self, folder: &Path) {
         match list(folder, &self.models) {
             Ok(entries) => {
@@ -61,7 +61,7 @@ impl FileDialog {
         }
     }
 
-    /// A click on an entry: its name goes into the field; a folder is entered.
+    /// Handles a click on an entry: enters a folder, or puts the name of a file into the name field.
     pub fn choose(&mut self, entry: &Entry) {
         match entry.kind {
             FileKind::Folder => self.go(&entry.path),
@@ -69,8 +69,8 @@ impl FileDialog {
         }
     }
 
-    /// The chosen file, where it can be taken. A name without an ending is a script's; a folder is entered; a file that would be replaced is
-    /// confirmed by a second choice.
+    /// Returns the chosen file if it can be used. Adds the extension of scripts if it is missing, and enters a folder. Replacing a file must be
+    /// confirmed by a second call.
     pub fn accept(&mut self) -> Option<PathBuf> {
         let name = self.name.trim();
         let path = self.folder.join(name);

@@ -1,18 +1,18 @@
-//! The content of a folder, as file lists and the asset browser show it.
+//! Content of a folder for file lists and the asset browser.
 
 use choreo_plugin::Registry;
 use choreo_script::built_in_assets;
 use choreo_session::package;
 use std::path::{Path, PathBuf};
 
-/// Entries of a folder that are listed.
+/// Largest number of entries that are listed.
 const MOST_ENTRIES: usize = 2000;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FileKind {
     Folder,
     Script,
-    /// A file that an importer reads, or a built-in asset: a model, or clips.
+    /// A file that an importer reads, or a built-in asset, with a model or clips.
     Model,
 }
 
@@ -23,7 +23,7 @@ pub struct Entry {
     pub kind: FileKind,
 }
 
-/// The endings of files that importers read, in small letters.
+/// File name extensions that importers read, in lowercase.
 pub fn model_endings(registry: &Registry) -> Vec<String> {
     let endings = registry.importers().iter().flat_map(|importer| importer.manifest().extensions.clone());
     let mut endings: Vec<String> = endings.map(|ending| ending.to_lowercase()).collect();
@@ -32,13 +32,13 @@ pub fn model_endings(registry: &Registry) -> Vec<String> {
     endings
 }
 
-/// The assets that the program makes itself, as models of a list.
+/// Built-in assets, as entries of a list.
 pub fn built_in(registry: &Registry) -> Vec<Entry> {
     let made = built_in_assets(registry);
     made.map(|(name, _)| Entry { path: PathBuf::from(&name), name, kind: FileKind::Model }).collect()
 }
 
-/// The folders, scripts and models of a folder, in this order and by name; hidden files and plugin files are left out.
+/// Folders, scripts and models of a folder, in this order and sorted by name. Hidden files and plugin files are left out.
 ///
 /// # Errors
 /// The folder cannot be read.

@@ -1,18 +1,18 @@
-//! The lessons, where they are installed beside the program or lie in its sources.
+//! Lessons, from the installation of the program or from its sources.
 
 use std::path::{Path, PathBuf};
 
-/// A script that teaches.
+/// A script that teaches a topic.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Lesson {
     pub file: PathBuf,
-    /// `07_keys_and_frames`, of which a copy is named.
+    /// Name for copies: `07_keys_and_frames`.
     pub name: String,
-    /// `7 keys and frames`.
+    /// Displayed title: `7 keys and frames`.
     pub title: String,
 }
 
-/// The lessons in the first folder that has some: those of the archive or package of the program, else those of its sources.
+/// Lessons of the first folder that has some: that of the archive or package of the program, else that of its sources.
 pub fn find() -> Vec<Lesson> {
     let program = std::env::current_exe().ok();
     let beside = program.iter().flat_map(|program| program.ancestors().skip(2).take(1));
@@ -23,7 +23,7 @@ pub fn find() -> Vec<Lesson> {
     found.into_iter().find(|lessons| !lessons.is_empty()).unwrap_or_default()
 }
 
-/// The lessons of a folder, by number: `NN_name.rhai`, or `NN_name/lesson.rhai`.
+/// Lessons of a folder, sorted by number: `NN_name.rhai`, or `NN_name/lesson.rhai`.
 pub fn within(folder: &Path) -> Vec<Lesson> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let lesson = |entry: std::fs::DirEntry| {

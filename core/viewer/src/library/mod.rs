@@ -1,4 +1,4 @@
-//! Files that the window can show next: recent ones, lessons, templates, folders, and their images. No toolkit here.
+//! Files that the window can open (recent files, lessons, templates, folders) and their thumbnails. No UI toolkit is used here.
 
 pub mod documents;
 pub mod file_dialog;

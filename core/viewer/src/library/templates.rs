@@ -1,10 +1,10 @@
-//! Scripts to begin with.
+//! Templates for new scripts.
 
-/// A script to begin with.
+/// A template for a new script.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Template {
     pub name: &'static str,
-    /// A sentence about it.
+    /// Description in one sentence.
     pub about: &'static str,
     pub text: &'static str,
 }

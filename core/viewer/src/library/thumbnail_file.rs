@@ -1,4 +1,4 @@
-//! Thumbnails as files of the cache folder: PNG, with the clips of a model as a text in it.
+//! Thumbnails stored in the cache folder as PNG files, with the clips of a model in a text chunk.
 
 use super::thumbnails::{ClipEntry, Thumbnail};
 use choreo_files::write_whole_beneath;
@@ -9,18 +9,18 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-/// Keyword of the text with the clips.
+/// Keyword of the text chunk with the clips.
 const CLIPS: &str = "choreo clips";
-/// A thumbnail is no larger.
+/// Largest thumbnail file, bytes.
 const MOST_BYTES: u64 = 1 << 22;
-/// Bytes of all thumbnails that are kept: some thousands of them.
+/// Largest total size of the cached thumbnails, bytes: some thousands of them.
 pub const MOST_KEPT: u64 = 64 << 20;
 
-/// The file of a thumbnail in a cache folder: by the content of what it shows, so that a changed file gets another.
+/// Cache file of a thumbnail, named after the content of the displayed file, so that a changed file gets a new one.
 pub fn path(cache: &Path, shows: &Path, clip: Option<&str>) -> Option<PathBuf> {
     let content = choreo_script::content_of(shows)?;
     let name: String = content[..16].iter().map(|byte| format!("{byte:02x}")).collect();
-    // A clip's name may hold what no file's name may.
+    // The name of a clip may contain characters that a file name must not.
     let clip: String = clip.unwrap_or("").bytes().map(|byte| format!("{byte:02x}")).collect();
     let version = env!("CARGO_PKG_VERSION");
     Some(cache.join("thumbnails").join(format!("{version}-{name}-{clip:.60}.png")))
@@ -28,7 +28,7 @@ pub fn path(cache: &Path, shows: &Path, clip: Option<&str>) -> Option<PathBuf> {
 
 pub fn read(file: &Path) -> Option<Thumbnail> {
     let bytes = choreo_files::read(file, MOST_BYTES).ok()?;
-    // What is shown is not the oldest; without the right to write it is.
+    // The modification time marks the last use. Without write permission it does not change.
     let _ = File::options().append(true).open(file).and_then(|file| file.set_modified(SystemTime::now()));
     let mut reader = png::Decoder::new(Cursor::new(bytes)).read_info().ok()?;
     let mut rgba = vec![0; reader.output_buffer_size().filter(|size| *size as u64 <= MOST_BYTES)?];
@@ -50,7 +50,7 @@ pub fn read(file: &Path) -> Option<Thumbnail> {
     })
 }
 
-/// A failure is no reason to stop: the image is made again the next time.
+/// Writes a thumbnail. Errors are ignored, since the image is then drawn again the next time.
 pub fn write(file: &Path, thumbnail: &Thumbnail) {
     let (Some(bytes), Some(folder), Some(name)) = (encoded(thumbnail), file.parent(), file.file_name())
     else {
@@ -59,7 +59,7 @@ pub fn write(file: &Path, thumbnail: &Thumbnail) {
     let _ = write_whole_beneath(folder, name.as_ref(), &bytes);
 }
 
-/// Deletes the thumbnails that were not shown for longest, until the others have at most `most` bytes.
+/// Deletes the least recently used thumbnails until the others have at most `most` bytes in total.
 pub fn limit(folder: &Path, most: u64) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     let image = |entry: std::fs::DirEntry| {
@@ -74,7 +74,7 @@ pub fn limit(folder: &Path, most: u64) {
         if bytes <= most {
             return;
         }
-        // Another viewer may have deleted it.
+        // Another viewer may have deleted the file.
         let _ = std::fs::remove_file(path);
         bytes -= own;
     }
@@ -112,7 +112,7 @@ mod tests {
         };
         let sizes: Vec<u64> = (0..6).map(image).collect();
         std::fs::write(folder.path().join("notes.txt"), vec![0; 5000]).unwrap();
-        // The second oldest is shown, and is the youngest then.
+        // The second oldest file is read, and so becomes the most recently used.
         assert!(read(&folder.path().join("1.png")).is_some());
         limit(folder.path(), sizes[5] + sizes[4] + sizes[1]);
         let mut left: Vec<_> =

@@ -1,4 +1,4 @@
-//! Images of files, made by the CPU renderer on a thread of their own and kept in the cache folder.
+//! Thumbnails of files, drawn by the CPU renderer on a thread of its own and stored in the cache folder.
 
 use super::thumbnail_file;
 use choreo_asset::Asset;
@@ -13,20 +13,20 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
-/// Pixels, 16:9.
+/// Width and height, pixels, 16:9.
 pub const SIZE: [u32; 2] = [256, 144];
-/// Share of a scene's length at which its image is taken.
+/// Time of a scene's thumbnail, as a fraction of its length.
 const SHOWN_AT: f64 = 0.35;
-/// Images of a preview: enough to see a motion.
+/// Number of images of a preview, enough to show a motion.
 const PREVIEW_FRAMES: u32 = 16;
 
-/// The file, clip and character that an image shows.
+/// The file, clip and character that a thumbnail shows.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Subject {
     pub file: PathBuf,
-    /// A clip of the file; else its first, or the scene.
+    /// Name of a clip in the file. `None`: the first clip, or the scene of a script.
     pub clip: Option<String>,
-    /// A character of the scene that plays the clip, and the scene's version.
+    /// Name of the character that plays the clip in a preview, and the version of its scene.
     pub on: Option<(String, u64)>,
 }
 
@@ -44,40 +44,40 @@ pub struct ClipEntry {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Thumbnail {
-    /// One image; of a preview several over its length.
+    /// One image, or several over the length of a preview.
     pub frames: Vec<Frame>,
-    /// Length of a preview.
+    /// Length of a preview, seconds.
     pub secs: f64,
-    /// Clips of a model's file.
+    /// Clips of a model file.
     pub clips: Vec<ClipEntry>,
-    /// How much of the clip a character follows.
+    /// Note about how many joints of the character follow the clip.
     pub note: Option<String>,
 }
 
-/// State of an image.
+/// State of a thumbnail.
 #[derive(Clone, Debug)]
 pub enum Made {
     Waiting,
     Ready(Arc<Thumbnail>),
-    /// The file cannot be shown.
+    /// The file cannot be displayed; with the reason.
     Failed(String),
 }
 
 struct Job {
     subject: Subject,
     source: SceneSource,
-    /// The character's file, for a preview.
+    /// Asset of the character, for a preview.
     asset: Option<Arc<Asset>>,
 }
 
 type Finished = (Subject, Result<Thumbnail, ThumbnailError>);
 
-/// A file that cannot be shown.
+/// Reason why a file has no thumbnail.
 #[derive(Debug, thiserror::Error)]
 enum ThumbnailError {
     #[error(transparent)]
     Session(#[from] choreo_session::WatchError),
-    /// The first problem of its script or model.
+    /// First problem of the script or model.
     #[error("{0}")]
     Problem(String),
     #[error("it is no model")]
@@ -92,26 +92,26 @@ enum ThumbnailError {
     NoReply(#[from] std::sync::mpsc::RecvError),
 }
 
-/// Wakes the window once an image is there.
+/// Callback that wakes the window when a thumbnail is ready.
 pub type Wake = Box<dyn Fn() + Send>;
 
 #[derive(Default)]
 pub struct Thumbnails {
     known: BTreeMap<Subject, Made>,
     worker: Option<(Sender<Job>, Receiver<Finished>)>,
-    /// The plugins and options of the worker; without it nothing is drawn.
+    /// Plugins and options of the worker. `None`: no thumbnails are drawn.
     workshop: Option<(Registry, SceneSource)>,
-    /// Folder in which images are kept; `None`: they are not.
+    /// Folder of cached thumbnails. `None`: no cache.
     pub cache: Option<PathBuf>,
 }
 
 impl Thumbnails {
-    /// `like`: options for the files, such as further folders.
+    /// `like`: options for loading the files, such as additional folders.
     pub fn new(registry: &Registry, like: &SceneSource, cache: Option<PathBuf>) -> Thumbnails {
         Thumbnails { workshop: Some((registry.clone(), like.clone())), cache, ..Thumbnails::default() }
     }
 
-    /// The image of a subject, which is begun where it is not known yet. `asset`: of the character that plays it.
+    /// State of the thumbnail of a subject; the first call starts drawing it. `asset`: asset of the character that plays the clip.
     pub fn get(
         &mut self,
         subject: &Subject,
@@ -155,7 +155,7 @@ impl Thumbnails {
         }
     }
 
-    /// Files that a script reads, canonical; none where nothing is known of plugins.
+    /// Canonical paths of the files that a script reads. Empty if the plugins are unknown.
     pub fn files_of(&self, script: &Path) -> Vec<PathBuf> {
         let Some((registry, like)) = &self.workshop else { return Vec::new() };
         let source = SceneSource { input: script.to_path_buf(), ..like.clone() };
@@ -163,19 +163,19 @@ impl Thumbnails {
         session.map_or_else(|_| Vec::new(), |mut session| session.build(BTreeSet::new()).read)
     }
 
-    /// Forgets what was found out about files, which may have changed; previews of older versions of the scene, too.
+    /// Forgets finished thumbnails, since files may have changed, and previews of older versions of the scene.
     pub fn forget(&mut self) {
         self.known.retain(|_, made| matches!(made, Made::Waiting));
     }
 
-    /// How many images are still to come.
+    /// Number of thumbnails that are not finished.
     pub fn waiting(&mut self) -> usize {
         self.take_finished();
         self.known.values().filter(|made| matches!(made, Made::Waiting)).count()
     }
 }
 
-/// A thread that works until its jobs have an end. `None` where there can be no thread.
+/// Starts a thread that draws thumbnails until the sender of jobs is dropped. `None` if no thread can be started.
 fn worker(
     registry: Registry,
     cache: Option<PathBuf>,
@@ -197,7 +197,7 @@ fn worker(
     Some((jobs, finished))
 }
 
-/// An image from the cache, or made and kept there. Previews are not kept.
+/// A thumbnail from the cache, else drawn and stored there. Previews are not cached.
 fn kept(registry: &Registry, cache: Option<&Path>, job: Job) -> Result<Thumbnail, ThumbnailError> {
     let subject = job.subject.clone();
     let file = cache
@@ -239,7 +239,7 @@ fn made(registry: &Registry, job: Job) -> Result<Thumbnail, ThumbnailError> {
     Ok(Thumbnail { frames: drawn(&scene, &[at])?, secs: 0.0, clips, note: None })
 }
 
-/// A scene in which a character plays a clip of another file, its length, and how many joints follow.
+/// A scene in which a character plays a clip of another file, the length of the clip in seconds, and a note about how many joints follow.
 fn performed(
     read: &Scene,
     from: &Asset,
@@ -285,7 +285,7 @@ fn drawn(scene: &Arc<Scene>, times: &[Time]) -> Result<Vec<Frame>, ThumbnailErro
     let mut frames = Vec::new();
     for (ticket, time) in times.iter().enumerate() {
         let request = FrameRequest::new(scene.clone(), *time, 4, ticket as u64);
-        // Motion blur would cost many images.
+        // Motion blur would need many sub-frames.
         renderer.ask(FrameRequest { size: SIZE, moving: true, ..request });
         let reply = reply.recv()?;
         frames.push(reply.result?.0);

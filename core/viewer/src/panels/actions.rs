@@ -1,4 +1,4 @@
-//! Everything that a key or the command palette does, with its usual keys.
+//! Actions of keyboard shortcuts and of the command palette, with their default keys.
 
 use super::key_menu::{KeyAct, KeyCommand};
 use super::{Panels, Tab, bar_menu, headers, key_menu, keys, rename, script, viewport};
@@ -13,32 +13,32 @@ use crate::state::shortcuts::Chord;
 use choreo_session::edit::CueTime;
 use egui::{Key, Modifiers, Ui};
 
-/// The window and the state that an action acts on.
+/// State of the window that an action acts on.
 pub struct Context<'c> {
     pub panels: &'c mut Panels,
     pub ui: &'c Ui,
     pub viewer: &'c mut Viewer,
-    /// The clock, seconds.
+    /// Clock, seconds.
     pub now: f64,
 }
 
-/// The places in which the keys of an action count.
+/// Contexts in which the keys of an action work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scope {
     Always,
-    /// Not in a text field.
+    /// Everywhere except in text fields.
     Outside,
-    /// Not in a text field, and refused over the panel Script, where it looks like typing: changes of what is selected.
+    /// Edits of the selection: not in text fields, and refused over the panel Script, where they look like typing.
     Change,
-    /// Not in a text field, nor where a button or bar has the focus.
+    /// Neither in text fields, nor while a button or bar has the keyboard focus.
     Free,
 }
 
 pub struct Action {
-    /// Name in the file of shortcuts.
+    /// Name in the shortcuts file.
     pub id: &'static str,
     pub title: &'static str,
-    /// The usual keys.
+    /// Default keys.
     pub keys: &'static str,
     pub scope: Scope,
     pub run: fn(&mut Context),
@@ -174,11 +174,11 @@ pub(crate) const ACTIONS: &[Action] = &[
     always("close", "close", "Ctrl+Q", |c| c.viewer.quit = true),
 ];
 
-/// The usual keys that open a panel and go there.
+/// Default keys that open a panel and go to it.
 const PANEL_KEYS: [&str; 9] =
     ["Ctrl+1", "Ctrl+2", "Ctrl+3", "Ctrl+4", "Ctrl+5", "Ctrl+6", "Ctrl+7", "Ctrl+8", "Ctrl+9"];
 
-/// Other words for actions and panels, by which they are found as well: those of Blender, Unity and players.
+/// Additional words to find actions and panels by: those of Blender, Unity and video players.
 const OTHER_WORDS: [(&str, &str); 31] = [
     ("play", "playback stop preview"),
     ("previous_frame", "step backward"),
@@ -213,24 +213,24 @@ const OTHER_WORDS: [(&str, &str); 31] = [
     ("panel_assets", "project, asset browser, files, library"),
 ];
 
-/// The other words of an action or a panel, by its name in the file of shortcuts.
+/// Additional words of an action or a panel, by its name in the shortcuts file.
 pub(super) fn other_words(id: &str) -> &'static str {
     OTHER_WORDS.iter().find(|(other, _)| *other == id).map_or("", |(_, words)| words)
 }
 
-/// The action of that name.
+/// The action with this name in the shortcuts file.
 pub fn action(id: &str) -> Option<&'static Action> {
     ACTIONS.iter().find(|action| action.id == id)
 }
 
-/// The keys of an action as they are shown in menus.
+/// Keys of an action as displayed in menus.
 pub fn keys_of(viewer: &Viewer, id: &str) -> String {
     let chosen = action(id).map(|action| viewer.shortcuts.text(action.id, action.keys));
     let chosen = chosen.filter(|keys| !keys.is_empty());
     system_key(id).map(str::to_string).into_iter().chain(chosen).collect::<Vec<_>>().join(", ")
 }
 
-/// The key that the system has for an action, which the toolkit reports as a command.
+/// Key that the system defines for an action, which the toolkit reports as a command.
 pub(super) fn system_key(id: &str) -> Option<&'static str> {
     Some(match id {
         "cut" => "Ctrl X",
@@ -240,7 +240,7 @@ pub(super) fn system_key(id: &str) -> Option<&'static str> {
     })
 }
 
-/// A hint about an action, with its keys behind it.
+/// A hint about an action, followed by its keys.
 pub(super) fn hint_of(viewer: &Viewer, id: &str, about: &str) -> String {
     match keys_of(viewer, id) {
         keys if keys.is_empty() => about.to_string(),
@@ -249,27 +249,27 @@ pub(super) fn hint_of(viewer: &Viewer, id: &str, about: &str) -> String {
     }
 }
 
-/// Name of a panel in the file of shortcuts: `panel_curves`.
+/// Name of a panel in the shortcuts file: `panel_curves`.
 pub(crate) fn panel_id(tab: Tab) -> String {
     format!("panel_{}", tab.title().to_lowercase().replace(' ', "_"))
 }
 
-/// The keys that open a panel.
+/// Keys that open a panel.
 pub(crate) fn panel_keys(viewer: &Viewer, tab: Tab) -> Vec<Chord> {
     let number = Tab::ALL.iter().position(|other| *other == tab);
     let usual = number.and_then(|number| PANEL_KEYS.get(number)).unwrap_or(&"");
     viewer.shortcuts.of(&panel_id(tab), usual)
 }
 
-/// An action or a panel that keys can be given to.
+/// An action or a panel, with its keys.
 pub(crate) struct Keyed {
-    /// Name in the file of shortcuts.
+    /// Name in the shortcuts file.
     pub id: String,
     pub title: String,
     pub chords: Vec<Chord>,
 }
 
-/// All of them, in the order of the list of keys.
+/// All actions and panels, in the order of the list of shortcuts.
 pub(crate) fn all_keyed(viewer: &Viewer) -> Vec<Keyed> {
     let actions = ACTIONS.iter().map(|action| {
         let (id, title) = (action.id.to_string(), action.title.to_string());
@@ -294,7 +294,7 @@ fn delete(c: &mut Context) {
     }
     match (c.viewer.selected_keys().is_empty(), c.viewer.curves.hovered) {
         (false, _) => c.viewer.edit(Viewer::delete_selected),
-        // Delete over curves means keys, not the object that has them.
+        // Delete applies to keys and not to their object while the pointer is over the curve editor.
         (true, true) => c.viewer.edit(|_| Err(EditError::refused("no key is selected"))),
         (true, false) => bars(c, bar_menu::Command::Delete),
     }
@@ -320,7 +320,7 @@ fn ask(c: &mut Context, purpose: Purpose) {
     c.viewer.documents.ask(purpose, shown.as_deref());
 }
 
-/// The toolkit's key, which is the same however its name is written (`d`, `D`); `None` where it has none of that name.
+/// The toolkit's modifiers and key for a shortcut. `None` if there is no key with this name; upper and lower case are the same.
 pub(super) fn pressed(chord: &Chord) -> Option<(Modifiers, Key)> {
     let held =
         [(chord.ctrl, Modifiers::COMMAND), (chord.shift, Modifiers::SHIFT), (chord.alt, Modifiers::ALT)];
@@ -334,7 +334,7 @@ enum Bound {
     Panel(Tab),
 }
 
-/// Runs the actions whose keys were pressed.
+/// Performs the actions whose keys were pressed.
 pub fn handle(c: &mut Context) {
     let in_text = c.ui.ctx().text_edit_focused();
     let in_widget = in_text || c.ui.ctx().egui_wants_keyboard_input();
@@ -355,7 +355,7 @@ pub fn handle(c: &mut Context) {
         .into_iter()
         .flat_map(|tab| panel_keys(c.viewer, tab).into_iter().map(move |chord| (chord, Bound::Panel(tab))));
     let mut all: Vec<(Chord, Bound)> = actions.chain(panels).collect();
-    // A key counts with others held, too, so that those with most come first.
+    // A shortcut also matches if more modifiers are held, so those with most modifiers are tested first.
     all.sort_by_key(|(chord, _)| std::cmp::Reverse(chord.held()));
     for (chord, bound) in all {
         let Some((modifiers, key)) = pressed(&chord) else { continue };
@@ -370,7 +370,7 @@ pub fn handle(c: &mut Context) {
     }
 }
 
-/// The first error in the user's keys: names of actions and keys that there are not.
+/// The first error in the user's shortcuts: an unknown action or key.
 pub fn problem(viewer: &Viewer) -> Option<String> {
     for (id, keys) in &viewer.shortcuts.own {
         if action(id).is_none() && !Tab::ALL.into_iter().any(|tab| panel_id(tab) == *id) {
@@ -385,7 +385,7 @@ pub fn problem(viewer: &Viewer) -> Option<String> {
     None
 }
 
-/// Whether a letter that walks in a viewport is the key of an action: walking then needs the right mouse button, as in Unity.
+/// Whether a letter that walks in a viewport is the key of an action. Walking then requires the right mouse button, as in Unity.
 pub(crate) fn takes_walking_keys(viewer: &Viewer) -> bool {
     let walks = |chord: &Chord| {
         use Key::{A, D, E, Q, S, W};
@@ -400,7 +400,7 @@ mod tests {
     use crate::state::shortcuts::{PRESETS, Shortcuts};
     use std::collections::BTreeMap;
 
-    /// The font of menus has all signs of the keys that they show.
+    /// The menu font has glyphs for all displayed keys.
     #[test]
     fn keys_are_shown_with_signs_that_the_font_has() {
         let (context, mut ran) = (egui::Context::default(), false);
@@ -423,7 +423,7 @@ mod tests {
         assert_eq!(keys_of(&Viewer::new("x"), "row_up"), "Ctrl Shift Up");
     }
 
-    /// Every key of every preset exists, and belongs to one action.
+    /// Each key of each preset exists and belongs to only one action.
     #[test]
     fn keys_of_presets_are_keys_and_none_is_taken_twice() {
         for (preset, _, changed) in PRESETS {
@@ -446,7 +446,7 @@ mod tests {
         }
     }
 
-    /// What the system has keys for is shown with those, and with the user's own.
+    /// Actions with keys of the system display these in addition to the user's own.
     #[test]
     fn keys_of_the_clipboard_are_shown() {
         let mut viewer = Viewer::new("x");

@@ -1,4 +1,4 @@
-//! The menu that puts something new on stage.
+//! Menu that adds new objects to the scene.
 
 use super::hint::Hint;
 use crate::app::Viewer;
@@ -7,14 +7,14 @@ use crate::state::selection::Selected;
 use choreo_session::edit::{Addition, SHAPES};
 use egui::Ui;
 
-/// Names and hints of what is added without a further choice.
+/// Names, hints and additions that need no further choice.
 const PLAIN: [(&str, &str, Addition); 2] = [
     ("Character", "the built-in character, in a color of its own", Addition::Character),
     ("Title", "words over the frame, from the playhead on", Addition::Title),
 ];
 const ORBIT: (&str, &str, Addition) =
     ("Around the middle", "circles the stage, and is on from the playhead on", Addition::Orbit(None));
-/// Actors of which cameras are offered at most.
+/// Largest number of actors that cameras are offered for.
 const MOST_ACTORS: usize = 100;
 const LIGHTS: [(&str, &str, Addition); 5] = [
     ("Sun", "light from one direction, with a shadow", Addition::Sun),
@@ -24,7 +24,7 @@ const LIGHTS: [(&str, &str, Addition); 5] = [
     ("Studio", "a room with soft boxes, as light and reflections", Addition::StudioSky),
 ];
 
-/// Commands of the menu, for the palette: the words of each, and what it adds; a camera where `None`.
+/// Additions for the command palette with their labels. `None`: a camera at the view.
 pub fn commands(viewer: &Viewer) -> Vec<(String, Option<Addition>)> {
     let plain = PLAIN.iter().chain(&LIGHTS).map(|(name, _, what)| (name.to_string(), Some(what.clone())));
     let shapes = SHAPES.iter().map(|kind| (format!("shape: {kind}"), Some(Addition::Shape(kind))));
@@ -48,7 +48,7 @@ pub fn commands(viewer: &Viewer) -> Vec<(String, Option<Addition>)> {
     all.chain(cameras).collect()
 }
 
-/// The actors that a camera can be about: the selected one, else all.
+/// Actors that a camera can show: the selected one, else all.
 fn subjects(viewer: &Viewer) -> Vec<String> {
     let Some(scene) = &viewer.scene else { return Vec::new() };
     let selected = viewer.selection.as_ref().and_then(Selected::actor);
@@ -56,7 +56,7 @@ fn subjects(viewer: &Viewer) -> Vec<String> {
     all.filter(|name| selected.is_none_or(|selected| selected == name)).take(MOST_ACTORS).collect()
 }
 
-/// Cameras about the selected actor, else menus of all actors.
+/// Entries for cameras that show the selected actor, else menus of all actors.
 fn cameras(ui: &mut Ui, viewer: &Viewer) -> Option<Addition> {
     const FOLLOWING: &str = "goes with it as it moves, and is on from the playhead on";
     const AROUND: &str = "circles it, and is on from the playhead on";
@@ -87,7 +87,7 @@ fn cameras(ui: &mut Ui, viewer: &Viewer) -> Option<Addition> {
     wanted
 }
 
-/// Constraints of the selected actor, for the palette: the words of each.
+/// Constraints of the selected actor for the command palette, with their labels.
 pub fn constraints(viewer: &Viewer) -> Vec<(String, NewConstraint)> {
     let targets = targets(viewer);
     let of = |call: ConstraintCall| {
@@ -101,14 +101,14 @@ pub fn constraints(viewer: &Viewer) -> Vec<(String, NewConstraint)> {
     ConstraintCall::ALL.into_iter().flat_map(of).collect()
 }
 
-/// The actors that a constraint of the selected actor can have as its target.
+/// Actors that can be the target of a constraint of the selected actor.
 fn targets(viewer: &Viewer) -> Vec<String> {
     let Some(selected) = viewer.selection.as_ref().and_then(Selected::actor) else { return Vec::new() };
     let all = viewer.scene.iter().flat_map(|scene| &scene.stage.actors).map(|actor| actor.name.clone());
     all.filter(|name| name != selected).take(MOST_ACTORS).collect()
 }
 
-/// The menu of constraints of the selected actor.
+/// Menu of constraints for the selected actor.
 fn constraint_menu(ui: &mut Ui, viewer: &Viewer) -> Option<NewConstraint> {
     let is_selected = viewer.selection.as_ref().and_then(Selected::actor).is_some();
     let (targets, mut wanted) = (targets(viewer), None);
@@ -138,7 +138,7 @@ fn constraint_menu(ui: &mut Ui, viewer: &Viewer) -> Option<NewConstraint> {
     wanted
 }
 
-/// Adds something to the script; a camera where `None`.
+/// Adds an object to the script. `None`: a camera at the view.
 pub fn add(viewer: &mut Viewer, what: Option<&Addition>) {
     viewer.edit(|v| match what {
         Some(what) => v.add(what),
@@ -150,12 +150,12 @@ pub fn menu(ui: &mut Ui, viewer: &mut Viewer) {
     ui.add_enabled_ui(is_possible(viewer), |ui| ui.menu_button("Add", |ui| entries(ui, viewer)));
 }
 
-/// Whether there is a script to add to. Dropped files that are shown are not the script.
+/// Whether there is a script to add to; previewed files are not one.
 pub fn is_possible(viewer: &Viewer) -> bool {
     viewer.path.is_some() && viewer.scene.is_some() && viewer.guests.is_empty()
 }
 
-/// The entries of the menu.
+/// Entries of the menu.
 pub fn entries(ui: &mut Ui, viewer: &mut Viewer) {
     let mut wanted: Option<Option<Addition>> = None;
     let entry = |ui: &mut Ui, (name, about, what): &(&str, &str, Addition)| {

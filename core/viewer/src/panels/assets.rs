@@ -1,5 +1,5 @@
-//! The asset browser: the built-in character, and the models and clips of the script's folder, as images. A model is dragged onto the
-//! image, a clip onto a row; a double click adds one to the scene. The chosen clip is previewed on the selected character.
+//! Asset browser: shows the built-in character, and the models and clips in the script's folder as images. A model is dragged onto the image, a
+//! clip onto a row; a double click adds one to the scene. The chosen clip is previewed on the selected character.
 
 use super::hint::Hint;
 use super::icons;
@@ -22,16 +22,16 @@ use std::sync::Arc;
 const TILE: f32 = 112.0;
 const MOST_CLIPS: usize = 200;
 
-/// A model that is dragged onto a viewport.
+/// Payload of a model dragged onto a viewport.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ModelDrag(pub PathBuf);
 
 /// State of the browser.
 #[derive(Default)]
 pub struct Browser {
-    /// The folder that is shown, beneath that of the script.
+    /// Displayed folder, in the folder of the script.
     folder: PathBuf,
-    /// The script's own folder, when `entries` were read.
+    /// Folder of the script when `entries` were read.
     root: PathBuf,
     entries: Vec<Entry>,
     problem: Option<String>,
@@ -43,7 +43,7 @@ pub struct Browser {
 }
 
 impl Browser {
-    /// Reads the folder where another is shown than was read, or the scene has changed.
+    /// Reads the folder again if it differs from the one read before, or if the scene has changed.
     fn refresh(&mut self, root: &Path, version: Option<u64>, models: &[String]) {
         let is_same = self.root == root && self.version == version && !self.folder.as_os_str().is_empty();
         if is_same {
@@ -127,7 +127,7 @@ fn tiles(
     let wanted = browser.search.to_lowercase();
     let matches =
         |entry: &&Entry| entry.kind != FileKind::Script && entry.name.to_lowercase().contains(&wanted);
-    // Built-in assets are listed in the script's own folder.
+    // Built-in assets are listed in the folder of the script.
     let built_in = viewer.documents.built_in.iter().filter(|_| browser.folder == browser.root);
     let entries: Vec<Entry> = built_in.chain(&browser.entries).filter(matches).cloned().collect();
     if entries.iter().all(|entry| is_built_in(&entry.path)) {
@@ -182,7 +182,7 @@ fn tile(ui: &Ui, viewer: &mut Viewer, pictures: &mut Pictures, entry: &Entry, pl
     ui.painter().galley(egui::pos2(place.left(), image.bottom() + 2.0), name, color);
 }
 
-/// Puts a model on stage at the free place that is nearest to where the view looks.
+/// Adds a model at the free position nearest to the center of the view.
 fn add_model(viewer: &mut Viewer, file: &Path) {
     let at = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
     let at = DVec3::new(at.x, 0.0, at.z);
@@ -203,12 +203,12 @@ fn chosen(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, pictures: &mu
     let on = character(viewer);
     ui.horizontal_top(|ui| {
         let width = (ui.available_width() * 0.5).clamp(100.0, 224.0);
-        // Text below the image is no wider than the image, so that the clips stay where they are.
+        // Text below the image is not wider than it, so that the clips do not move.
         ui.vertical(|ui| {
             ui.set_width(width);
             preview(ui, viewer, browser, pictures, file, width);
         });
-        // A scroll area takes the layout around it: without a column the clips would stand side by side.
+        // A scroll area inherits the surrounding layout; without a column the clips would be side by side.
         ui.vertical(|ui| {
             ScrollArea::vertical().id_salt("clips").auto_shrink([false, false]).show(ui, |ui| {
                 clips(
@@ -259,7 +259,7 @@ fn preview(
     }
 }
 
-/// The clips of a file: a click previews one, a double click or `+` plays it after the last, a drag takes it to a row.
+/// Clips of a file: a click previews one, a double click or `+` adds it after the last clip, a drag moves it to a row.
 fn clips(
     ui: &mut Ui,
     viewer: &mut Viewer,
@@ -299,7 +299,7 @@ fn clips(
     }
 }
 
-/// The selected actor that has joints, else the first: its name and file.
+/// The selected actor with joints, else the first one: its name and asset.
 fn character(viewer: &Viewer) -> Option<(String, Arc<Asset>)> {
     let stage = &viewer.scene.as_ref()?.stage;
     let selected = viewer.selection.as_ref().and_then(Selected::actor);

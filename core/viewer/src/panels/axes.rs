@@ -1,4 +1,4 @@
-//! The directions of the axes in a corner of a viewport; a click on an end looks along it. The same views as a menu.
+//! Axes in a corner of a viewport; a click on an end looks along that axis. A menu offers the same views.
 
 use super::hint::Hint;
 use super::overlay::{X, Y, Z, point};
@@ -10,13 +10,13 @@ use choreo_asset::Projection;
 use egui::{Align2, Color32, FontId, Rect, Sense, Stroke, Ui, vec2};
 use glam::{DAffine3, DVec2};
 
-/// Points from the middle to the ends, and of an end.
+/// Length of an axis, and radius of its ends, points.
 const ARM: f32 = 30.0;
 const END: f32 = 8.0;
-/// Name of the menu of sides where none is looked from.
+/// Label of the menu if the view is not along an axis.
 const NO_SIDE: &str = "View";
 
-/// The place of the axes, where they are shown.
+/// Rectangle of the axes, if they are shown.
 pub fn place_of(viewer: &Viewer, index: usize, place: Rect) -> Option<Rect> {
     let has_room = place.width() >= 200.0 && place.height() >= 120.0;
     let side = 2.0 * (ARM + END);
@@ -25,14 +25,14 @@ pub fn place_of(viewer: &Viewer, index: usize, place: Rect) -> Option<Rect> {
     is_shown.then(|| Rect::from_min_size(corner, vec2(side, side)))
 }
 
-/// Gives whether the mouse is at it.
+/// Draws the axes and handles clicks. Returns whether the mouse is over an end.
 pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_view: &DAffine3) -> bool {
     let Some(middle) = place_of(viewer, index, place).map(|own| own.center()) else { return false };
     let painter = ui.painter_at(place);
     let view_from_world = world_from_view.matrix3.inverse();
     let mut ends: Vec<_> =
         Side::ALL.into_iter().map(|side| (side, view_from_world * side.direction())).collect();
-    // The nearest last, over the others.
+    // Nearer ends are drawn over farther ones.
     ends.sort_by(|a, b| a.1.z.total_cmp(&b.1.z));
     let mut hot = false;
     for (side, toward) in ends {
@@ -66,7 +66,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_
         }
         if response.hint(format!("{} view, without perspective", side.name())).clicked() {
             viewer.active = index;
-            // The other end lies behind the one that points at the viewer.
+            // A second click on the same end looks from the opposite side, whose end is hidden behind it.
             let same = orbit(viewer, index).as_ref().and_then(Side::of) == Some(side);
             if let Some(orbit) = viewer.free_camera(index) {
                 orbit.look_from(if same { side.opposite() } else { side });
@@ -83,12 +83,12 @@ fn orbit(viewer: &Viewer, index: usize) -> Option<Orbit> {
     }
 }
 
-/// The side that is looked from, as the name of the menu of sides.
+/// Label of the menu: the side of the present view.
 pub fn menu_name(viewer: &Viewer, index: usize) -> &'static str {
     orbit(viewer, index).as_ref().and_then(Side::of).map_or(NO_SIDE, Side::name)
 }
 
-/// All names of the menu of sides.
+/// All labels of the menu.
 pub fn menu_names() -> impl Iterator<Item = &'static str> {
     [NO_SIDE].into_iter().chain(Side::ALL.map(Side::name))
 }

@@ -1,4 +1,4 @@
-//! The bar above the panels: menus, the first problem, the offer of the last change.
+//! Bar above the panels: menus, the first problem, and the offer of the last edit.
 
 use super::actions::{self, Context};
 use super::hint::Hint;
@@ -10,16 +10,16 @@ use crate::state::settings::SCALES;
 use choreo_script::Severity;
 use egui::{RichText, TextStyle, Ui};
 
-/// Problems in the tooltip at most; all of them are in Messages.
+/// Largest number of problems in the tooltip; the panel Messages lists all of them.
 const MOST_TOLD: usize = 5;
-/// Points that a note keeps at the end of the line.
+/// Width reserved for a note at the end of the bar, points.
 const NOTE: f32 = 120.0;
 
-/// The state that the entries act on.
+/// State that the entries act on.
 struct Window<'w> {
     panels: &'w mut Panels,
     viewer: &'w mut Viewer,
-    /// The clock, seconds.
+    /// Clock, seconds.
     now: f64,
 }
 
@@ -35,12 +35,12 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             bar.stays_open();
             bar.menu("Look", "", |ui, window| look_entries(ui, window.panels));
             bar.toggle(panels.key_list.open, "Keys", "", |window| window.panels.key_list.open ^= true);
-            // The name stands behind the menus, so that they stay where they are however long it is.
+            // The name follows the menus, so that its length does not move them.
             let name = viewer.name.clone();
             bar.widget("name", true, move |ui, _| short(ui, RichText::new(&name).strong(), &name));
             guests(&mut bar, viewer);
             status(&mut bar, ui, viewer);
-            // Texts at the end of the line, from right to left; where they have no room, they are in the menu.
+            // Texts at the end of the bar, from right to left. If there is no room, they move into the menu of the toolbar.
             let figures = figures(viewer);
             let spacing = ui.spacing().item_spacing.x;
             let widths =
@@ -62,7 +62,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     });
 }
 
-/// The panels that are open, and layouts of all of them.
+/// Entries of the menu Panels: open panels, and layouts.
 fn panel_entries(ui: &mut Ui, panels: &mut Panels) {
     for tab in Tab::ALL {
         let mut open = panels.is_open(tab);
@@ -89,7 +89,7 @@ fn look_entries(ui: &mut Ui, panels: &mut Panels) {
     }
 }
 
-/// The menu of changes of the script, for the mouse alone.
+/// Entries of the menu Edit.
 fn edit_entries(ui: &mut Ui, window: &mut Window) {
     const ENTRIES: [(&str, &str); 12] = [
         ("undo", "Undo"),
@@ -117,7 +117,7 @@ fn edit_entries(ui: &mut Ui, window: &mut Window) {
     }
 }
 
-/// A name that leaves room for the buttons beside it, however long it is; `whole` where the mouse is over it.
+/// A name that is truncated to leave room for the buttons next to it. `whole`: text of the tooltip.
 fn short(ui: &mut Ui, name: RichText, whole: &str) {
     let room = (ui.ctx().content_rect().width() / 4.0).min(260.0);
     ui.scope(|ui| {
@@ -126,7 +126,7 @@ fn short(ui: &mut Ui, name: RichText, whole: &str) {
     });
 }
 
-/// Files that were dropped are shown in place of the script.
+/// Entries for previewed files, which are displayed in place of the script.
 fn guests(bar: &mut Toolbar<'_, Window<'_>>, viewer: &Viewer) {
     let Some(first) = viewer.guests.first() else { return };
     let name = first.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
@@ -145,7 +145,7 @@ fn guests(bar: &mut Toolbar<'_, Window<'_>>, viewer: &Viewer) {
     bar.button("Back to the script", "", |window| window.viewer.guests_leave = true);
 }
 
-/// The first problem, in a line; a click goes there.
+/// The first problem, in one line; a click goes to its line.
 fn first_problem(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(first) = viewer.problems.first().filter(|_| viewer.faulty) else { return };
     let (line, whole) = (first.line, first.to_string());
@@ -159,7 +159,7 @@ fn first_problem(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-/// How the newest version is; a click opens the messages.
+/// State of the newest version; a click opens the panel Messages.
 fn status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
     let of = |severity| viewer.problems.iter().filter(|p| p.severity == severity).count();
     let (errors, warnings) = (of(Severity::Error), of(Severity::Warning));
@@ -176,7 +176,7 @@ fn status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
         };
         RichText::new(text).color(visuals.error_fg_color).strong()
     } else if viewer.without_vulkan.is_some() && viewer.trouble.len() == 1 {
-        // The renderer says the same.
+        // The renderer reports the same.
         RichText::new("drawn on the CPU").color(visuals.warn_fg_color)
     } else if !viewer.trouble.is_empty() {
         RichText::new("trouble: see Messages").color(visuals.error_fg_color)
@@ -199,7 +199,7 @@ fn status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
     });
 }
 
-/// Texts about the image that is shown, with their hints.
+/// Texts about the displayed image, with their hints.
 fn figures(viewer: &Viewer) -> Vec<(String, String)> {
     let Some(shown) = viewer.shown() else { return Vec::new() };
     let millis = |d: std::time::Duration| d.as_secs_f64() * 1e3;
@@ -215,7 +215,7 @@ fn figures(viewer: &Viewer) -> Vec<(String, String)> {
     vec![(format!("{:.1} ms a frame", millis(all)), hint), (size, "pixels of the image".to_string())]
 }
 
-/// Why the last change was not made, what is to be said about it, or the first problem, in the room that is left.
+/// Reason why the last edit was refused, else its note, else the first problem.
 fn note(ui: &mut Ui, viewer: &mut Viewer) {
     if let Some(why) = &viewer.message {
         let text = RichText::new(why).color(ui.visuals().warn_fg_color);
@@ -227,7 +227,7 @@ fn note(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-/// A change that needs a word first, with the difference.
+/// Dialog for an offered edit, with the difference.
 pub fn offer(ui: &Ui, viewer: &mut Viewer) {
     let Some(offer) = &viewer.offer else { return };
     let mut agreed = None;
@@ -281,16 +281,16 @@ pub fn offer(ui: &Ui, viewer: &mut Viewer) {
     }
 }
 
-/// The answer to an offer.
+/// Answer to an offer.
 enum Agreed {
     First,
     Other,
-    /// None of them: the line in the way is looked at.
+    /// No edit; goes to the line that caused the refusal.
     GoTo(usize),
     None,
 }
 
-/// The lines of a difference.
+/// Draws the lines of a difference.
 fn lines(ui: &mut Ui, difference: &[(char, String)]) {
     let visuals = ui.visuals().clone();
     egui::Frame::new().fill(visuals.extreme_bg_color).inner_margin(6.0).show(ui, |ui| {

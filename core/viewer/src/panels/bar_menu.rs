@@ -1,4 +1,4 @@
-//! Commands for the selected bars: the menu of the right mouse button, and their keys.
+//! Commands for the selected bars: their context menu and keyboard shortcuts.
 
 use super::bars::Act;
 use super::headers;
@@ -17,11 +17,11 @@ pub enum Command {
     Duplicate,
     Copy,
     Cut,
-    /// The row of the selection, at the playhead.
+    /// Pastes at the playhead onto the row of the selection.
     Paste,
     Disable,
     Rename,
-    /// The row changes places with the one above or below.
+    /// Moves the row above the previous one of its group.
     RowUp,
     RowDown,
     Delete,
@@ -29,7 +29,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// Bars of cameras, effects and titles are no clips.
+    /// Whether the command applies to a bar; bars of cameras, effects and titles are not clips.
     fn suits_bar(self, bar: &Bar) -> bool {
         match self {
             Command::Paste | Command::Delete | Command::GoToLine => true,
@@ -40,7 +40,7 @@ impl Command {
         }
     }
 
-    /// The side to which a row is moved.
+    /// Side that a row is moved to by this command.
     pub fn side(self) -> Option<RowSide> {
         match self {
             Command::RowUp => Some(RowSide::Above),
@@ -49,7 +49,7 @@ impl Command {
         }
     }
 
-    /// Whether it is done to the thing of a row.
+    /// Whether the command applies to the object of a row.
     pub fn suits_row(self, viewer: &Viewer, what: &Selected) -> bool {
         match self {
             Command::Paste => matches!(what, Selected::Actor(_)),
@@ -61,7 +61,7 @@ impl Command {
     }
 }
 
-/// Commands, their names, and the actions whose keys they have.
+/// Commands, their labels, and the actions that define their shortcuts.
 const COMMANDS: [(Command, &str, &str); 11] = [
     (Command::Split, "Split at the playhead", "split"),
     (Command::Duplicate, "Duplicate", "duplicate"),
@@ -76,7 +76,7 @@ const COMMANDS: [(Command, &str, &str); 11] = [
     (Command::GoToLine, "Go to its line", ""),
 ];
 
-/// The menu of a bar.
+/// Context menu of a bar.
 pub fn show(response: &Response, viewer: &Viewer, bar: &Bar) -> Option<Act> {
     let mut act = None;
     if response.secondary_clicked() && !viewer.is_bar_selected(bar) {
@@ -89,7 +89,7 @@ pub fn show(response: &Response, viewer: &Viewer, bar: &Bar) -> Option<Act> {
     act
 }
 
-/// The commands that suit, to choose from.
+/// Menu entries of the commands that `suits` accepts.
 pub fn entries(ui: &mut Ui, viewer: &Viewer, suits: impl Fn(Command) -> bool) -> Option<Command> {
     let mut chosen = None;
     for (command, name, key) in COMMANDS.into_iter().filter(|(command, ..)| suits(*command)) {
@@ -101,7 +101,7 @@ pub fn entries(ui: &mut Ui, viewer: &Viewer, suits: impl Fn(Command) -> bool) ->
     chosen
 }
 
-/// Copies, cuts or pastes what is selected, clips or keys.
+/// Copies, cuts or pastes the selected clips or keys.
 pub fn run_clipboard(ui: &Ui, viewer: &mut Viewer, command: Command) {
     let are_keys = viewer.has_only_keys_selected();
     match command {
@@ -111,7 +111,7 @@ pub fn run_clipboard(ui: &Ui, viewer: &mut Viewer, command: Command) {
     }
 }
 
-/// Copies, cuts and pastes, as the clipboard is asked.
+/// Handles the system's copy, cut and paste events.
 pub fn clipboard(ui: &Ui, viewer: &mut Viewer) {
     key_menu::clipboard(ui, viewer);
     for event in ui.input(|i| i.events.clone()) {
@@ -133,7 +133,7 @@ fn paste(viewer: &mut Viewer, text: &str) {
     viewer.edit(|v| v.paste_cues(&name, text, secs));
 }
 
-/// Does a command to the selected bars.
+/// Performs a command on the selected bars.
 pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
     let changes = !matches!(command, Command::Copy | Command::Paste | Command::Rename | Command::GoToLine);
     if changes && headers::refuses_locked(viewer) {

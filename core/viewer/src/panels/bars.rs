@@ -1,4 +1,4 @@
-//! Bars in a row of the sequencer: drawn, selected, dragged by their middle, their ends and their handles.
+//! Bars in a row of the sequencer: drawn, selected, and dragged by their center, ends and handles.
 
 use super::bar_menu::{self, Command};
 use super::headers;
@@ -19,51 +19,51 @@ use egui::{
 };
 use std::borrow::Cow;
 
-/// Points within which a dragged time snaps to another.
+/// Distance within which a dragged time snaps to another, points.
 const REACH: f32 = 6.0;
-/// Points beyond its row at which a dragged bar still stays in it.
+/// Distance from its row within which a dragged bar stays in it, points.
 const ROW_SLACK: f32 = 5.0;
-/// Points from an end of a bar to the edge of its handle inside of the bar; a handle of a narrow bar is narrower.
+/// Width of an end's handle inside the bar, points; narrower for narrow bars.
 const GRIP: f32 = 6.0;
-/// Points by which the handle of an end reaches over it, where no other bar is.
+/// Width of an end's handle outside the bar, where no other bar is, points.
 const OUTSIDE: f32 = 4.0;
-/// Dashes of the outline of a whole clip, points.
+/// Length of the dashes of a whole clip's outline, points.
 const DASH: f32 = 5.0;
-/// Marks of rounds in one bar at most; further ones could not be distinguished.
+/// Largest number of round marks in a bar; more could not be distinguished.
 const MOST_ROUNDS: usize = 200;
 
-/// A change of a bar by the user.
+/// An action of the user on a bar.
 pub enum Act {
-    /// `true`: as one more.
+    /// Selects a bar; `true`: adds it to the selection.
     Select(Bar, bool),
     Move(Bar, f64, Drag),
-    /// Moved onto another row, by its number.
+    /// Moves a bar to a time and to the row with this index.
     MoveTo(Bar, f64, usize),
-    /// Seconds of the clip.
+    /// Slips a clip by clip seconds.
     Slip(Selected, f64),
-    /// A time that was dragged by its handle; `true`: the content keeps its place.
+    /// Sets a time by dragging its handle; `true`: the content stays in place.
     Time(Bar, CueTime, f64, bool),
     Stretch(Selected, f64),
     Weight(Selected, f64),
-    /// Dragged in a row that is locked.
+    /// A drag in a locked row, which is refused.
     Locked(Bar),
     Run(Command),
 }
 
-/// How a bar is moved.
+/// Kind of a move.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Drag {
     Alone,
-    /// All later bars of its layer move, too.
+    /// Ripple: all later bars of the layer move, too.
     Ripple,
-    /// The start moves over the bar before it.
+    /// Overlap: the start moves over the previous bar.
     Overlap,
 }
 
-/// The places of times in a row.
+/// A row's lane, which converts between times and positions.
 pub struct Lane {
     pub rect: Rect,
-    /// Number of the row.
+    /// Index of the row.
     pub row: usize,
 }
 
@@ -76,19 +76,19 @@ impl Lane {
         viewer.span.secs_at(x - self.rect.left(), self.rect.width())
     }
 
-    /// Seconds within which a dragged time snaps to another.
+    /// Distance within which a dragged time snaps to another, seconds.
     fn reach(&self, viewer: &Viewer) -> f64 {
         self.secs(viewer, REACH) - self.secs(viewer, 0.0)
     }
 
-    /// A dragged time, snapped to times near it that do not belong to what is dragged, else to a frame.
+    /// Time at a dragged position, snapped to nearby times of other bars, else to a frame. `not`: the dragged bar.
     pub fn snapped(&self, viewer: &Viewer, x: f32, not: Option<&Bar>) -> f64 {
         let secs = self.secs(viewer, x);
         let near = viewer.attracted(secs, self.reach(viewer), not);
         near.unwrap_or_else(|| self.on_frame(viewer, secs))
     }
 
-    /// A tenth of a second near a time that is a frame, which reads better, else the nearest frame.
+    /// The nearest tenth of a second if it falls on a frame, since such numbers are easier to read; else the nearest frame.
     fn on_frame(&self, viewer: &Viewer, secs: f64) -> f64 {
         let tenth = (secs * 10.0).round() / 10.0;
         let is_near = (tenth - secs).abs() <= self.reach(viewer) / 2.0 && viewer.snapped(tenth) == tenth;
@@ -102,7 +102,7 @@ impl Lane {
     }
 }
 
-/// Draws the bars of a row; gives what the user does.
+/// Draws the bars of a row, and returns the user's action.
 pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, locked: bool) -> Option<Act> {
     let (mut act, mut pointed) = (None, None);
     for (number, bar) in bars.iter().enumerate() {
@@ -150,7 +150,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
     act
 }
 
-/// Does it to the script, or to the selection.
+/// Performs an action.
 pub fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
     match act {
         Act::Select(bar, adds) => viewer.select_bar(bar, adds),
@@ -169,7 +169,7 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
 }
 
 impl Viewer {
-    /// The actor that a bar is for when it is let go over a row.
+    /// The actor of a row, if the clip of a bar can be moved there.
     fn actor_for(&self, bar: &Bar, row: usize) -> Result<&str, Cow<'static, str>> {
         let Selected::Cue { actor, .. } = &bar.what else {
             return Err("actors play clips alone; it stays in its own rows".into());
@@ -186,7 +186,7 @@ impl Viewer {
         }
     }
 
-    /// Moves a bar onto the row of another actor, with the others that are selected.
+    /// Moves a bar, with the other selected bars, to the row of another actor.
     fn move_bar_to(&mut self, bar: &Bar, secs: f64, row: usize) -> Result<(), EditError> {
         let name =
             self.actor_for(bar, row).map_err(|why| EditError::refused_at(&bar.place, &why))?.to_string();
@@ -195,7 +195,7 @@ impl Viewer {
         self.move_cues_to(&all, &name, secs - bar.start.as_secs())
     }
 
-    /// Changes a time of a bar, as its handle does. `keep`: the content keeps its place.
+    /// Changes a time of a bar, as by dragging its handle. `keep`: the content stays in place.
     pub(super) fn change_time(
         &mut self,
         bar: &Bar,
@@ -212,7 +212,7 @@ impl Viewer {
         }
     }
 
-    /// Moves a bar, with the others that are selected.
+    /// Moves a bar, with the other selected bars.
     pub(super) fn move_bar(&mut self, bar: &Bar, secs: f64, drag: Drag) -> Result<(), EditError> {
         let all = self.selected_bars();
         match (bar.cut, drag) {
@@ -237,14 +237,14 @@ impl Viewer {
     }
 }
 
-/// The handles of a bar, and their times.
+/// Handles of a bar, with their times.
 fn handles(bar: &Bar) -> Vec<(CueTime, Time)> {
     match bar.what {
         Selected::Cue { .. } | Selected::Title(_) => {
             let fade = (bar.start + bar.fade_in).min(bar.end);
             let mut all = vec![(CueTime::Start, bar.start), (CueTime::End, bar.until)];
             all.extend((bar.fade_in > Time::ZERO).then_some((CueTime::FadeIn, fade)));
-            // A title has one fade for both of its ends.
+            // A title has one fade for both ends.
             let fades_out = bar.strip.is_some() && bar.fade_out > Time::ZERO;
             all.extend(fades_out.then_some((CueTime::FadeOut, (bar.end - bar.fade_out).max(bar.start))));
             all
@@ -255,7 +255,7 @@ fn handles(bar: &Bar) -> Vec<(CueTime, Time)> {
     }
 }
 
-/// Draws where a bar goes that is dragged; once it is let go, gives its new start, or how far it slipped.
+/// Draws the preview of a dragged bar; at the end of the drag, returns its move or slip.
 fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane) -> Option<Act> {
     if !response.dragged_by(PointerButton::Primary) && !response.drag_stopped() {
         return None;
@@ -265,14 +265,14 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
         let origin = ui.input(|i| i.pointer.press_origin())?;
         ui.data_mut(|d| d.insert_temp(id, origin.x - lane.x(viewer, bar.start.as_secs())));
     }
-    // Points from the start of the bar to where it was taken.
+    // Distance from the start of the bar to the point where it was grabbed, points.
     let grabbed: f32 = ui.data(|d| d.get_temp(id))?;
     let pointer = response.interact_pointer_pos()?.x - grabbed;
     let Modifiers { alt, shift, command, .. } = held::modifiers(ui);
     let length = (bar.end - bar.start).as_secs();
     let painter = ui.painter_at(lane.rect);
     if let (true, Some(strip)) = (alt, bar.strip) {
-        // The content goes with the pointer, so that an earlier part of it is seen where it is dragged later.
+        // The content follows the pointer: dragging right shows an earlier part at a given time.
         let moved = bar.start.as_secs() - lane.secs(viewer, pointer);
         let by = moved.signum() * lane.on_frame(viewer, moved.abs()) * strip.speed.abs();
         let start = bar.start.as_secs() - (strip.before() + by) / strip.speed.abs();
@@ -281,7 +281,7 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
         return (response.drag_stopped() && by != 0.0).then(|| Act::Slip(bar.what.clone(), by));
     }
     let (wanted, reach) = (lane.secs(viewer, pointer), lane.reach(viewer));
-    // Whichever edge is nearer to something.
+    // The edge that is nearest to a snap position decides.
     let starts = viewer.attracted(wanted, reach, Some(bar));
     let ends = viewer.attracted(wanted + length, reach, Some(bar)).map(|end| end - length);
     let near = starts.into_iter().chain(ends);
@@ -315,7 +315,8 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
     moved.then(|| Act::Move(bar.clone(), start, drag))
 }
 
-/// The row of the pointer, where a bar is dragged out of its own: for a clip any, for other bars that of an actor, which refuses them.
+/// The row under the pointer when a bar is dragged out of its own row. For a clip any row counts; for other bars rows of actors do, which refuse
+/// them.
 fn other_row(ui: &Ui, viewer: &Viewer, bar: &Bar, lane: &Lane, at: Pos2) -> Option<Lane> {
     if lane.rect.expand(ROW_SLACK).y_range().contains(at.y) {
         return None;
@@ -327,7 +328,7 @@ fn other_row(ui: &Ui, viewer: &Viewer, bar: &Bar, lane: &Lane, at: Pos2) -> Opti
     (row != lane.row && (bar.strip.is_some() || is_actor)).then_some(Lane { rect, row })
 }
 
-/// A text for a clip that is held over a row: why it is refused there, else how many joints follow.
+/// Text for a clip held over a row: the reason why the row refuses it, else the number of joints that follow.
 fn onto(ui: &Ui, viewer: &Viewer, bar: &Bar, row: usize) -> Option<String> {
     let on = match viewer.actor_for(bar, row) {
         Ok(on) => on,
@@ -341,7 +342,7 @@ fn onto(ui: &Ui, viewer: &Viewer, bar: &Bar, row: usize) -> Option<String> {
     Some(format!("on {on}: {joints} of {moved} joints follow"))
 }
 
-/// A place at which a point (`anchor`) is dragged; gives where that is then, as [`held::dragged`] does.
+/// An area that drags a point (`anchor`). Returns the position of the point during the drag, like [`held::dragged`].
 fn grip(
     ui: &Ui,
     (place, anchor): (Rect, Pos2),
@@ -355,7 +356,7 @@ fn grip(
     (response.on_hover_cursor(cursor), dragged)
 }
 
-/// Draws a handle of one of the bars of a row; once it is let go, gives the new value in seconds, on a whole frame.
+/// Draws a handle of a bar. At the end of a drag, returns the new time, snapped.
 fn handle(
     ui: &Ui,
     viewer: &Viewer,
@@ -381,7 +382,7 @@ fn handle(
     let label = format!("{name} {} in row {}", bar.label, lane.row);
     let (response, dragged) = grip(ui, (place, pos2(x, rect.top())), id, label, CursorIcon::ResizeHorizontal);
     if response.clicked() {
-        // A handle reaches over the next bar where two meet.
+        // The area of a handle may reach over the next bar.
         let secs = response.interact_pointer_pos().map(|pointer| lane.secs(viewer, pointer.x));
         let is_there =
             |bar: &&Bar| secs.is_some_and(|secs| (bar.start.as_secs()..bar.end.as_secs()).contains(&secs));
@@ -390,7 +391,7 @@ fn handle(
     }
     let Some(pointer) = dragged else { return bar_menu::show(&response, viewer, bar) };
     let keep = held::modifiers(ui).alt;
-    // The end rolls as the start of the next clip does.
+    // The end rolls the boundary with Alt, like the start of the next clip.
     let next = bars.get(number + 1).filter(|next| next.strip.is_some() && bar.meets(next));
     let (bar, part) = match next.filter(|_| keep && part == CueTime::End) {
         Some(next) => (next, CueTime::Start),
@@ -435,12 +436,12 @@ fn handle_place(
 ) -> Rect {
     let bar = &bars[number];
     let rect = lane.rect;
-    // The handle of a fade is above, and below a key where the row has some; the ends' are as high as the bar.
+    // The handle of a fade is at the top, or below the keys if the row has some; those of the ends have the full height.
     let is_fade = matches!(part, CueTime::FadeIn | CueTime::FadeOut);
     let has_keys = viewer.timeline.rows.get(lane.row).is_some_and(|row| !row.events.is_empty());
     let below = if has_keys { marks::BAND + 6.0 } else { marks::BAND };
     let bottom = if is_fade { rect.top() + below } else { rect.bottom() };
-    // Two bars that meet share the handle's place: the end of the first is left of the time, the start of the second right of it.
+    // The handles of two bars that meet are on both sides of the boundary: the end on its left, the start on its right.
     let is_met = number.checked_sub(1).is_some_and(|before| bars[before].meets(bar));
     let meets = bars.get(number + 1).is_some_and(|next| bar.meets(next));
     let width = lane.x(viewer, bar.until.as_secs()) - lane.x(viewer, bar.start.as_secs());
@@ -453,7 +454,7 @@ fn handle_place(
     Rect::from_min_max(pos2(left, rect.top()), pos2(right, bottom)).intersect(rect)
 }
 
-/// The corner below the end of what a selected clip plays, beside the handle of the end: dragged, it plays faster or slower.
+/// Speed handle of a selected clip: a triangle at the bottom, next to the handle of the end. Dragging it changes the speed.
 fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane) -> Option<Act> {
     let (x, bottom) = (lane.x(viewer, bar.played_until().as_secs()), lane.rect.bottom() - STRIP - 1.0);
     let place = Rect::from_min_max(pos2(x - GRIP - 11.0, bottom - 7.0), pos2(x - GRIP - 1.0, bottom))
@@ -481,9 +482,9 @@ fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane)
     response.drag_stopped().then(|| Act::Stretch(bar.what.clone(), end))
 }
 
-/// The line of the weight of a selected clip, at the height of the weight: dragged up and down.
+/// Weight handle of a selected clip: a line at the height of its weight, dragged up and down.
 fn weight_handle(ui: &Ui, bar: &Bar, number: usize, lane: &Lane, bar_place: Rect) -> Option<Act> {
-    // The first clip of the base layer always has all the weight.
+    // The first clip of the base layer always has the full weight.
     if matches!(bar.what, Selected::Cue { layer: 0, cue: 0, .. }) {
         return None;
     }
@@ -497,13 +498,13 @@ fn weight_handle(ui: &Ui, bar: &Bar, number: usize, lane: &Lane, bar_place: Rect
     let (response, dragged) =
         grip(ui, grabbed, id, format!("weight of {}", bar.label), CursorIcon::ResizeVertical);
     let to = dragged.map_or(weight, |at| {
-        // Rounded to the hundredth, as a person would write it.
+        // Rounded to hundredths, as a person would write.
         let part = f64::from((bar_place.bottom() - at.y) / bar_place.height().max(1.0));
         (part.clamp(0.0, 1.0) * 100.0).round() / 100.0
     });
     let painter = ui.painter_at(lane.rect);
     let [edge, fill] = [Color32::BLACK, Color32::WHITE];
-    // Light with a dark edge, on light rows and dark bars.
+    // A light line with a dark edge is visible on light rows and dark bars.
     for (width, color) in [(3.0, edge), (1.0, fill)] {
         painter.hline(bar_place.x_range(), y(to), Stroke::new(width, color));
     }
@@ -517,7 +518,7 @@ fn weight_handle(ui: &Ui, bar: &Bar, number: usize, lane: &Lane, bar_place: Rect
     (response.drag_stopped() && to != weight).then(|| Act::Weight(bar.what.clone(), to))
 }
 
-/// A short text beside the pointer.
+/// Draws a short text next to the pointer.
 pub(super) fn beside(ui: &Ui, at: egui::Pos2, text: &str) {
     let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Tooltip, egui::Id::new("beside")));
     let galley = painter.layout_no_wrap(text.to_string(), FontId::proportional(12.0), Color32::WHITE);
@@ -547,13 +548,13 @@ fn hover(viewer: &Viewer, bar: &Bar) -> String {
     text
 }
 
-/// Colors of bars with an error and with a warning.
+/// Colors of bars with an error or a warning.
 pub(super) const FAULTY: Color32 = Color32::from_rgb(0xc0, 0x30, 0x28);
 pub(super) const WARNED: Color32 = Color32::from_rgb(0xa0, 0x68, 0x00);
-/// How much of its color a bar has that is off.
+/// Opacity of a disabled bar's color.
 pub(super) const OFF: f32 = 0.35;
 
-/// Color of the name of a bar that is off, which the panel shines through.
+/// Color of the name of a disabled bar, through which the panel is visible.
 pub(super) fn off_text(visuals: &egui::Visuals) -> Color32 {
     visuals.strong_text_color()
 }
@@ -571,7 +572,7 @@ fn draw(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane,
     let is_off = bar.strip.is_some_and(|strip| strip.weight <= 0.0);
     painter.rect_filled(place, round, if is_off { color.gamma_multiply(OFF) } else { color });
     if let Some(holds) = bar.holds_from {
-        // The clip is over: its last pose is held.
+        // The clip holds its last pose after its end.
         let held = Rect::from_min_max(pos2(x(holds), place.top()), place.max).intersect(place);
         painter.rect_filled(held, round, Color32::from_black_alpha(90));
     }
@@ -600,26 +601,26 @@ fn draw(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane,
     }
 }
 
-/// Colors of the two lines of an outline, the outer one first: one of them stands out from any bar, the outer one from the panel.
+/// Colors of the two lines of an outline, the outer one first. One of them contrasts with any bar, and the outer one with the panel.
 pub(super) fn outline_colors(visuals: &egui::Visuals) -> [Color32; 2] {
     [visuals.strong_text_color(), if visuals.dark_mode { Color32::BLACK } else { Color32::WHITE }]
 }
 
-/// An outline that is seen on bars and beside them.
+/// Draws an outline that is visible on bars and on the panel.
 fn outline(painter: &Painter, place: Rect) {
     let [outer, inner] = outline_colors(&painter.ctx().global_style().visuals);
     let line = |place: Rect, width: f32, round: u8, color: Color32| {
         painter.rect_stroke(place, CornerRadius::same(round), Stroke::new(width, color), StrokeKind::Inside);
     };
-    // Of a narrow bar the outer line is all there is room for.
+    // A narrow bar only has room for the outer line.
     if place.width() > 8.0 {
         line(place.shrink(2.0), 1.0, 2, inner);
     }
     line(place, 2.0, 3, outer);
 }
 
-/// The outline of a whole clip that is cut short, over the bars that follow it: of a selected bar and of the one under the mouse, since it
-/// would read as part of the next one.
+/// Draws the outline of a whole clip that is cut short, over the following bars. Only for selected bars and the one under the mouse, since it would
+/// look like part of the next bar.
 fn whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
     let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.length() > 1e-3) else { return };
     let (start, end) = (bar.start.as_secs(), bar.end.as_secs());
@@ -627,7 +628,7 @@ fn whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
         let ghost = lane.place(viewer, start, start + strip.length());
         let beyond = Rect::from_min_max(pos2(lane.x(viewer, end), ghost.top()), ghost.max);
         let painter = painter.with_clip_rect(beyond.intersect(painter.clip_rect()));
-        // Dashes of both colors: one of them is seen on any bar, and no selected bar looks so.
+        // Dashes in both colors: one of them is visible on any bar, and no selected bar looks like that.
         let [line, dashes] = outline_colors(&painter.ctx().global_style().visuals);
         let ghost = ghost.shrink(0.75);
         painter.rect_stroke(ghost, CornerRadius::ZERO, Stroke::new(1.5, line), StrokeKind::Middle);
@@ -637,7 +638,7 @@ fn whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
     }
 }
 
-/// Marks the places at which a clip begins again.
+/// Marks the starts of further rounds of a clip.
 fn rounds(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane, ink: Color32) {
     let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.length() > 1e-3) else { return };
     if strip.repeat == Repeat::Once {

@@ -1,4 +1,4 @@
-//! Fields of the inspector for a camera: its place and target, or its motion with a target.
+//! Inspector fields of a camera: its position and target, or its motion around or after a target.
 
 use super::fields::{self, Stated};
 use super::hint::Hint;
@@ -12,13 +12,13 @@ use choreo_stage::{Camera, Property, Rig, RigOption, Target};
 use egui::{Grid, Ui};
 use glam::DVec3;
 
-/// The change that the user makes: of the camera itself, or of a call that moves it.
+/// An edit by the user: of the camera itself, or of the call that moves it.
 pub enum CameraChange {
     Field(FieldChange),
     Call(CallChange),
 }
 
-/// `key_button`: draws the button that sets a key of a property of this name.
+/// Shows the fields. `key_button`: draws the button that sets a key of the property with this name.
 pub fn show(
     ui: &mut Ui,
     viewer: &Viewer,
@@ -52,7 +52,7 @@ pub fn show(
     wanted
 }
 
-/// Place and target of a camera that no rig moves; at the playhead where they are keyed.
+/// Position and target of a camera that no rig moves; at the playhead if they have keys.
 fn stands(
     ui: &mut Ui,
     viewer: &Viewer,
@@ -114,7 +114,7 @@ fn moves(
     show(ui, &call).map(|change| CameraChange::Call(CallChange(call, change)))
 }
 
-/// The numbers among the options of a call.
+/// Numbers among the options of a call.
 fn options(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, all: &[RigOption]) -> Option<FieldChange> {
     let (fps, mut wanted) = (viewer.playhead.fps().as_fps(), None);
     for RigOption { name, unit, default, range: [low, high] } in all {
@@ -129,7 +129,7 @@ fn options(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, all: &[RigOption]) -
                     let change = |to| FieldChange::Value(name, to, Anew::Option);
                     wanted = set.map(change).or(wanted.take());
                 }
-                // The script computes the value.
+                // The script computes the value, so its source text is displayed.
                 None => drop(ui.monospace(written.map_or("", String::as_str))),
             }
             ui.weak(*unit);
@@ -139,9 +139,9 @@ fn options(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, all: &[RigOption]) -
     wanted
 }
 
-/// The target of a camera: a point of the world, an actor as a whole, or one of its joints.
+/// Target of a camera: a point in world space, a whole actor, or one of its joints.
 fn aims_at(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target) -> Option<FieldChange> {
-    /// The choice of the whole actor.
+    /// Label of the choice of a whole actor.
     const WHOLE: &str = "all of it";
     let (actor, joint) = match target {
         Target::Point(at) => {
@@ -171,7 +171,7 @@ fn aims_at(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target) -> 
     wanted
 }
 
-/// Three numbers in a row of their own: the text of a point; `stated`: as the script has it.
+/// Three number fields in a row, which return the source text of a point. `stated`: the present source text.
 fn point(ui: &mut Ui, [label, name]: [&str; 2], now: DVec3, stated: Option<&str>) -> Option<String> {
     let mut wanted = None;
     ui.label(label);

@@ -1,16 +1,16 @@
-//! The image of a viewport on the screen, over which others draw and in which the mouse picks.
+//! The displayed image of a viewport, with the pointer on it. Overlays draw on it, and the mouse picks in it.
 
 use crate::geometry::projection::Lens;
 use egui::{Painter, PointerButton, Pos2, Rect, Response, Ui};
 use glam::DVec2;
 
 pub(super) struct Canvas<'a> {
-    /// Number of the viewport.
+    /// Index of the viewport.
     pub index: usize,
     pub response: &'a Response,
-    /// Rectangle of the image, in points of the window.
+    /// Rectangle of the image in the window, points.
     pub place: Rect,
-    /// The camera through which the image shows the scene.
+    /// Projection of the displayed camera.
     pub lens: Lens,
 }
 
@@ -19,24 +19,24 @@ impl Canvas<'_> {
         ui.painter_at(self.place)
     }
 
-    /// The pointer that rests or drags, in points of the window.
+    /// Position of the pointer, hovering or dragging, in points of the window.
     pub fn pointer(&self) -> Option<DVec2> {
         self.response.interact_pointer_pos().or(self.response.hover_pos()).map(vector)
     }
 
-    /// The pointer over the image while nothing is dragged.
+    /// Position of the pointer over the image while nothing is dragged.
     pub fn hovered(&self) -> Option<DVec2> {
         let still = self.response.hover_pos().filter(|_| !self.response.dragged());
         still.filter(|at| self.place.contains(*at)).map(vector)
     }
 
-    /// The pointer over the image where it is clicked.
+    /// Position of a click on the image.
     pub fn clicked(&self) -> Option<DVec2> {
         let at = self.response.interact_pointer_pos().filter(|_| self.response.clicked());
         at.filter(|at| self.place.contains(*at)).map(vector)
     }
 
-    /// The place at which a drag with the primary button begins in this frame.
+    /// Position at which a drag with the primary button begins in this frame.
     pub fn drag_start(&self, ui: &Ui) -> Option<DVec2> {
         let starts = self.response.drag_started_by(PointerButton::Primary);
         ui.input(|i| i.pointer.press_origin()).filter(|_| starts).map(vector)

@@ -1,4 +1,4 @@
-//! Contrast of the two themes: WCAG 2.2 wants 4.5 to 1 for text (1.4.3) and 3 to 1 for what shows controls and their states (1.4.11).
+//! Tests the contrast of both themes: WCAG 2.2 requires 4.5 to 1 for text (1.4.3) and 3 to 1 for controls and their states (1.4.11).
 
 use super::bars::{FAULTY, OFF, WARNED, off_text, outline_colors};
 use super::sequencer::{COLORS, color_of};
@@ -19,7 +19,7 @@ fn ratio(a: Color32, b: Color32) -> f64 {
     (a.max(b) + 0.05) / (a.min(b) + 0.05)
 }
 
-/// Text and what it stands on.
+/// Text colors and their backgrounds.
 fn texts(visuals: &Visuals) -> Vec<(&'static str, Color32, Color32)> {
     let widgets = &visuals.widgets;
     let mut pairs = vec![
@@ -56,7 +56,7 @@ fn texts(visuals: &Visuals) -> Vec<(&'static str, Color32, Color32)> {
 
 #[test]
 fn both_themes_have_contrasts_of_wcag_aa() {
-    // Truth: the examples of the standard.
+    // Ground truth: the examples of the standard.
     assert!((ratio(Color32::BLACK, Color32::WHITE) - 21.0).abs() < 1e-9);
     assert!((ratio(Color32::from_rgb(0x77, 0x77, 0x77), Color32::WHITE) - 4.48).abs() < 0.005);
     let context = egui::Context::default();
@@ -70,7 +70,7 @@ fn both_themes_have_contrasts_of_wcag_aa() {
                 faults.push(format!("{theme:?}: {name}: {ratio:.2}, {text:?} on {ground:?}"));
             }
         }
-        // Edges by which controls are found: the frame of a field, the mark of a checkbox.
+        // Edges that make controls visible: the frame of a field, the mark of a checkbox.
         for (name, edge) in [
             ("the mark of a checkbox", visuals.widgets.inactive.fg_stroke.color),
             ("the outline of the keyboard's place", visuals.selection.stroke.color),
@@ -81,7 +81,7 @@ fn both_themes_have_contrasts_of_wcag_aa() {
             }
         }
     }
-    // Names of bars are white; those of bars that are off are drawn over the panel, of which two thirds shine through.
+    // Names of bars are white; those of disabled bars are drawn on the panel, two thirds of which show through.
     let bars = (0..2 * COLORS.len()).map(color_of);
     for ground in bars.chain([FAULTY, WARNED]) {
         let ratio = self::ratio(Color32::WHITE, ground);
@@ -100,7 +100,7 @@ fn both_themes_have_contrasts_of_wcag_aa() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// Outlines on the timeline: of the bar that is selected, of one that is dragged, and of the rest of a clip that is cut short.
+/// Outlines on the timeline: of a selected bar, of a dragged bar, and of the rest of a clip that is cut short.
 #[test]
 fn outlines_stand_out_from_bars_and_rows() {
     let context = egui::Context::default();

@@ -1,4 +1,4 @@
-//! The curve editor: the keyed values of the selection over time, as the stage has them, with the keys as points to be dragged.
+//! Curve editor: keyed values of the selection over time as evaluated by the stage, with the keys as draggable points.
 
 use super::bars::beside;
 use super::fixed_digits;
@@ -25,16 +25,16 @@ use egui::{
 };
 use std::sync::Arc;
 
-/// Points between two samples of a curve.
+/// Distance between two samples of a curve, points.
 const STEP: f32 = 2.0;
-/// Half of a key's width, points.
+/// Half width of a key, points.
 const HALF: f32 = 3.5;
-/// Points by which a key must be dragged along an axis before it moves along that axis.
+/// Distance that a key must be dragged along an axis before it moves along that axis, points.
 const SLACK: f32 = 4.0;
-/// Keys that can be pointed at.
+/// Largest number of keys that can be pointed at.
 pub(super) const MOST: usize = 1000;
 const ROW: f32 = 20.0;
-/// Colors of curves with one number; those of axes are red, green and blue.
+/// Colors of curves with one component; those of axes are red, green and blue.
 const SINGLE: [Color32; 6] = [
     Color32::from_rgb(0xe6, 0x9f, 0x00),
     Color32::from_rgb(0x2f, 0xb3, 0xa3),
@@ -44,7 +44,7 @@ const SINGLE: [Color32; 6] = [
     Color32::from_rgb(0x8a, 0x98, 0xa8),
 ];
 
-/// The part of the panel in which curves are drawn.
+/// The area in which curves are drawn.
 pub(super) struct Plot {
     pub rect: Rect,
     time: Span,
@@ -65,12 +65,12 @@ impl Plot {
         self.rect.bottom() - (part.clamp(-1e4, 1e4) * f64::from(self.rect.height())) as f32
     }
 
-    /// The difference of values that one pixel of the screen means.
+    /// Difference in value per pixel of the screen.
     pub fn value_of_pixel(&self, ui: &Ui) -> f64 {
         self.value_of(1.0 / ui.ctx().pixels_per_point())
     }
 
-    /// The difference of values that a height in points means.
+    /// Difference in value for a height in points.
     pub fn value_of(&self, points: f32) -> f64 {
         f64::from(points / self.rect.height().max(1.0)) * (self.values.to - self.values.from)
     }
@@ -137,7 +137,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     ui.allocate_rect(area, Sense::hover());
 }
 
-/// The selection whose curves are shown, and its properties that have keys.
+/// The object whose curves are shown, and its properties that have keys.
 fn shown(viewer: &mut Viewer) -> Option<(Selected, Arc<Vec<KeyedProperty>>)> {
     let what = viewer.keyed_selection()?;
     let (_, keyed) = viewer.known_properties(&what)?;
@@ -148,7 +148,7 @@ enum Act {
     Key(KeyAct),
     Click(KeyRef, bool),
     Drop(KeyDrag),
-    /// The easing into a key, with its control points.
+    /// Sets the Bézier easing of the span before a key: its control points.
     Ease(KeyRef, [f64; 4]),
 }
 
@@ -200,7 +200,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
         bar.toggle(viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
         let hint = "keys at the playhead, of the curves that are shown (K)";
         bar.button("Set key", hint, key_menu::set_keys);
-        // The name stands after the buttons, whose places do not depend on it.
+        // The name follows the buttons, so that its length does not move them.
         bar.widget("name", true, move |ui, _| drop(ui.strong(name)));
         let frame = viewer.playhead.frame();
         let time = format!("{:.3} s   frame {frame}", viewer.playhead.time().as_secs());
@@ -209,7 +209,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
     });
 }
 
-/// Shows all keys, or those that are selected, with some room around them.
+/// Fits the view to all keys, or to the selected ones, with a margin.
 fn fit(viewer: &mut Viewer, all: &[KeyedProperty]) {
     viewer.curves.fit = false;
     let selected: Vec<Time> = viewer.selected_keys().iter().map(|key| key.at).collect();
@@ -225,7 +225,7 @@ fn fit(viewer: &mut Viewer, all: &[KeyedProperty]) {
     viewer.curves.fit_values(all, Time::ZERO, Some((first, last)));
 }
 
-/// The curves of something are shown for the first time: their values, and their keys where those lie outside the times that are shown.
+/// Fits the view when curves are shown for the first time: the values, and the times if a key is outside the visible range.
 fn fit_first(viewer: &mut Viewer, all: &[KeyedProperty]) {
     viewer.curves.fit_values(all, Time::ZERO, None);
     let keys = || all.iter().flat_map(|property| &property.keys);
@@ -236,13 +236,13 @@ fn fit_first(viewer: &mut Viewer, all: &[KeyedProperty]) {
     }
 }
 
-/// A part of the timeline with some room around it.
+/// A time span with a margin.
 fn around(first: Time, last: Time) -> Span {
     let margin = ((last - first).as_secs() * 0.06).max(0.2);
     Span { from: first.as_secs() - margin, to: last.as_secs() + margin }
 }
 
-/// The wheel zooms time, as in the sequencer; with Ctrl the values, with Shift it pans.
+/// The wheel zooms time, as in the sequencer; with Ctrl it zooms values, with Shift it pans.
 fn wheel(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
     let Some(pointer) = ui.ctx().pointer_hover_pos().filter(|p| rect.contains(*p) && viewer.curves.hovered)
     else {
@@ -264,7 +264,7 @@ fn wheel(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
     }
 }
 
-/// Lines at round values, with the unit.
+/// Draws lines at round values, with the unit.
 fn grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
     let painter = ui.painter_at(plot.rect);
     let visuals = ui.visuals();
@@ -305,7 +305,7 @@ fn grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
     }
 }
 
-/// The curves' names: a click hides one or shows it, with Ctrl alone.
+/// Draws the names of the curves: a click hides or shows a curve, with Ctrl it is shown alone.
 fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
     let mut toggled = None;
     let mut ui = ui.new_child(UiBuilder::new().max_rect(rect));
@@ -374,10 +374,10 @@ fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
     viewer.curves.fit_values(all, Time::ZERO, None);
 }
 
-/// Numbers of a color and of axes are red, green and blue.
+/// Color of a component: red, green and blue for colors and axes.
 pub(super) fn color(ui: &Ui, property: &KeyedProperty, index: usize, part: usize) -> Color32 {
     let color = match (property.width(), part) {
-        // A single angle turns about y.
+        // A single angle is about y.
         (1, _) if property.kind == ValueKind::Rotation => Y,
         (1, _) => SINGLE[index % SINGLE.len()],
         (_, 0) => X,
@@ -388,7 +388,7 @@ pub(super) fn color(ui: &Ui, property: &KeyedProperty, index: usize, part: usize
     shaded(color, property.kind == ValueKind::Rotation, ui.visuals().dark_mode)
 }
 
-/// The color on the ground of a theme. Rotations stand out more from it than places along the same axis.
+/// Color adapted to the theme. Rotations contrast more with the background than positions along the same axis.
 fn shaded(color: Color32, is_rotation: bool, dark_mode: bool) -> Color32 {
     let of = |value: u8| match (dark_mode, is_rotation) {
         (true, false) => value,
@@ -399,7 +399,7 @@ fn shaded(color: Color32, is_rotation: bool, dark_mode: bool) -> Color32 {
     Color32::from_rgb(of(color.r()), of(color.g()), of(color.b()))
 }
 
-/// A drag over free places selects the keys in a box, the middle button pans, a double click on a curve sets a key.
+/// A drag over empty places selects keys in a box, the middle button pans, a double click on a curve sets a key.
 fn background(ui: &Ui, viewer: &mut Viewer, plot: &Plot, what: &Selected, all: &[KeyedProperty]) {
     let response = ui.interact(plot.rect, ui.id().with("plot"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Other, true, "curves"));
@@ -460,7 +460,7 @@ pub(super) fn key_of(property: &KeyedProperty, at: Time) -> KeyRef {
     KeyRef { what: property.what.clone(), property: property.name.clone(), at }
 }
 
-/// The property whose curve passes the pointer.
+/// The property whose curve is under the pointer.
 fn curve_at<'p>(
     viewer: &Viewer,
     plot: &Plot,
@@ -475,7 +475,7 @@ fn curve_at<'p>(
     })
 }
 
-/// The curves of one property, sampled as the stage has them.
+/// Draws the curves of one property, sampled from the stage.
 fn lines(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, index: usize) {
     let painter = ui.painter_at(plot.rect);
     let from = Time::from_secs(plot.time.from.max(0.0));
@@ -489,7 +489,7 @@ fn lines(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, index:
     }
 }
 
-/// The keys of one property as points; gives what the user does with them.
+/// Draws the keys of one property as points, and returns the user's action.
 fn points(ui: &Ui, viewer: &mut Viewer, plot: &Plot, property: &KeyedProperty, index: usize) -> Option<Act> {
     let mut act = None;
     let (fps, scale) = (viewer.playhead.fps(), viewer.curves.scale(property));
@@ -540,7 +540,7 @@ fn point(ui: &Ui, plot: &Plot, at: Pos2, color: Color32, strong: bool) {
     painter.add(Shape::convex_polygon(around(half + 1.0), fill, line));
 }
 
-/// The place of a key that goes along with a drag.
+/// Position of a selected key during a drag.
 fn moved(
     viewer: &Viewer,
     plot: &Plot,
@@ -561,7 +561,7 @@ fn moved(
     pos2(plot.x(at + Time::from_secs(drag.by)), plot.y(drawn))
 }
 
-/// A key that is dragged: time in frames, value; with Shift along one axis.
+/// Handles the drag of a key in time and value; with Shift only along one axis.
 fn dragged(
     ui: &Ui,
     viewer: &mut Viewer,
@@ -614,7 +614,7 @@ fn dragged(
     None
 }
 
-/// The control points of Bézier easings at selected keys, to be dragged.
+/// Draws the control points of Bézier easings at selected keys, which can be dragged.
 fn handles(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, index: usize) -> Option<Act> {
     let written = property.written.as_ref().filter(|_| !viewer.curves.speed)?;
     let (mut act, scale) = (None, viewer.curves.scale(property));
@@ -641,7 +641,7 @@ fn handles(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, inde
     act
 }
 
-/// One of the two control points of an easing between two ends; once it is let go, gives the new points.
+/// One of the two control points of an easing between two keys. At the end of a drag, returns the new control points.
 fn handle(
     ui: &Ui,
     plot: &Plot,
@@ -675,7 +675,7 @@ fn handle(
     (response.drag_stopped() && now != ease).then_some(now)
 }
 
-/// The control points of an easing that is written as a Bézier curve.
+/// Control points of an easing that is written as a Bézier curve.
 fn bezier(ease: &str) -> Option<[f64; 4]> {
     let inside = ease.strip_prefix('[')?.strip_suffix(']')?;
     let numbers: Vec<f64> = inside.split(',').map(|part| part.trim().parse().ok()).collect::<Option<_>>()?;

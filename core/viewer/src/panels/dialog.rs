@@ -1,12 +1,12 @@
-//! Dialogs: questions over everything else, which take all clicks until they are answered.
+//! Modal dialogs: questions over everything else that take all clicks until they are answered.
 
 use egui::accesskit::Role;
 use egui::{Align2, Id, Key, Modal, ModalResponse, Modifiers, RichText, TextStyle, Ui, Vec2, WidgetText};
 
-/// Shows a dialog; gives whether it is left by Escape.
+/// Shows a dialog. Returns whether the user left it with Escape.
 pub fn show(ui: &Ui, title: &str, content: impl FnOnce(&mut Ui)) -> bool {
     let dialog = modal(ui, title, (Align2::CENTER_CENTER, Vec2::ZERO), |ui| {
-        // The dialog itself has the title as its name.
+        // The title is also the accessible name of the dialog.
         let words = WidgetText::from(RichText::new(title).strong());
         let words = words.into_galley(ui, None, f32::INFINITY, TextStyle::Heading);
         let place = ui.allocate_space(words.size()).1;
@@ -18,7 +18,7 @@ pub fn show(ui: &Ui, title: &str, content: impl FnOnce(&mut Ui)) -> bool {
     is_first && ui.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Escape))
 }
 
-/// Shows something over everything else that takes all clicks; `anchor`: its place in the window, and points from there.
+/// Shows content over everything else that takes all clicks. `anchor`: alignment in the window, and offset from there in points.
 pub fn modal<T>(
     ui: &Ui,
     name: &str,

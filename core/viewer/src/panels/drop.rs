@@ -1,4 +1,4 @@
-//! Files that are dropped on the window: models on a viewport are put on stage under the pointer; all others are shown alone.
+//! Files dropped on the window: models dropped on a viewport are added to the scene under the pointer; all others are previewed.
 
 use crate::app::Viewer;
 use crate::geometry::projection::Lens;
@@ -7,15 +7,15 @@ use egui::{Event, Pos2, Rect, Ui};
 use glam::{DVec2, DVec3};
 use std::path::PathBuf;
 
-/// Seconds after which the last known place of the pointer counts. While files are dragged it belongs to their source, and it is known
-/// again when it moves.
+/// Seconds to wait for the position of the pointer, after which the last known one is used. While files are dragged, the pointer belongs to their
+/// source; its position is known again when it moves.
 const PATIENCE: f64 = 0.4;
-/// Metres; the ground further away is taken for the sky.
+/// Distance beyond which the ground counts as sky, metres.
 const FARTHEST: f64 = 500.0;
-/// Sine of the angle to the ground from which a view without perspective shows it.
+/// Smallest sine of the angle between an orthographic view and the ground at which the ground counts as visible.
 const STEEP_ENOUGH: f64 = 0.05;
 
-/// Files whose place is not known yet, and since when.
+/// Dropped files whose position is not known yet, and the time of the drop in seconds.
 #[derive(Default)]
 pub struct Waiting {
     files: Vec<PathBuf>,
@@ -26,7 +26,7 @@ pub fn take(waiting: &mut Waiting, ui: &Ui, viewer: &mut Viewer) {
     let (dropped, now) = ui.input(|i| (i.raw.dropped_files.clone(), i.time));
     for file in dropped {
         let path = file.path().to_path_buf();
-        // An object that is no file has no path.
+        // A dropped object that is not a file has an empty path.
         if !path.as_os_str().is_empty() {
             waiting.files.push(path);
             waiting.since = now;
@@ -51,7 +51,8 @@ pub fn take(waiting: &mut Waiting, ui: &Ui, viewer: &mut Viewer) {
     }
 }
 
-/// The place on the ground under a point of a viewport; where that is the sky, below that point at the distance of what the view is about.
+/// World position on the ground under a point of a viewport. If that is the sky, the point below it at the distance of the view's center of
+/// interest.
 pub(super) fn ground(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     let scene = viewer.scene.as_ref()?;
     let inside = |view: &&crate::state::view::View| {
@@ -66,13 +67,13 @@ pub(super) fn ground(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     let far = -origin.y / direction.y;
     let meets = match lens.is_perspective() {
         true => far > 0.0 && far < FARTHEST,
-        // Its rays begin beside the camera, on either side of the ground.
+        // Orthographic rays begin next to the camera, on either side of the ground.
         false => direction.y.abs() > STEEP_ENOUGH,
     };
     if far.is_finite() && meets {
         return Some(origin + direction * far);
     }
-    // Where the ray goes along the ground or to the sky: as far away as what the view is about.
+    // The ray misses the ground or is parallel to it, so the distance of the center of interest is used.
     let middle = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
     let forward = lens.forward();
     let far = (middle - origin).dot(forward) / direction.dot(forward);

@@ -1,4 +1,4 @@
-//! The parts of the shown frame, and those left out; the work done so far.
+//! Panel that lists the parts of the displayed frame, those left out, and the work done so far.
 
 use crate::app::Viewer;
 use egui::{Grid, Ui};

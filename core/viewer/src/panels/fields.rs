@@ -1,5 +1,5 @@
-//! Fields for everything that the script can state of the selection, made of the stage's descriptions of its types. The menu of the right
-//! mouse button takes a value away, so that its default counts.
+//! Inspector fields for everything that the script can state about the selection, built from the stage's descriptions of its types. The context
+//! menu of a name resets the value.
 
 use super::hint::Hint;
 use super::values::{self, Number};
@@ -17,22 +17,22 @@ use egui::{Grid, Response, RichText, Ui};
 use glam::DVec3;
 use std::collections::BTreeMap;
 
-/// Seconds of a clip at most, and of a part of one at least.
+/// Largest time, and smallest length of a trimmed part, seconds.
 const LONGEST: f64 = 1e6;
 const LEAST: f64 = 0.01;
-/// Numbers of a shape's metallic-roughness material, with the least, the greatest and the default value.
+/// Parameters of a shape's metallic-roughness material: name, minimum, maximum and default.
 const SURFACE: [(&str, f64, f64, f64); 2] = [("roughness", 0.0, 1.0, 0.9), ("metallic", 0.0, 1.0, 0.0)];
 
-/// Everything that the script states of the selection, by name.
+/// Source text of everything that the script states about an object, by name.
 pub type Stated = BTreeMap<String, String>;
 
-/// The thing whose fields are shown.
+/// The object whose fields are shown.
 pub struct Form<'f> {
     pub stated: &'f Stated,
-    /// Prefix of the names of its fields, which tells them from those of the same name beside them.
+    /// Prefix of the names of its fields, to distinguish them from fields with the same name.
     pub owner: &'f str,
     pub is_cue: bool,
-    /// When it ends where the script states no end, seconds.
+    /// End of the object if the script states none, seconds.
     pub end: Option<f64>,
 }
 
@@ -41,14 +41,14 @@ impl Form<'_> {
         Form { stated, owner: "", is_cue: matches!(what, Selected::Cue { .. }), end: None }
     }
 
-    /// The same form, which knows the end of the bar.
+    /// The same form with the end of the object's bar.
     fn with_end(self, viewer: &Viewer, what: &Selected) -> Self {
         let bar = viewer.bars().find(|bar| bar.what == *what);
         Form { end: bar.map(|bar| bar.until.as_secs()), ..self }
     }
 }
 
-/// The change that the user makes in the fields of the selection.
+/// Shows the fields of the selection, and returns the user's edit.
 pub fn show(
     ui: &mut Ui,
     viewer: &Viewer,
@@ -73,7 +73,7 @@ pub fn show(
     }
 }
 
-/// The menu of a field's name that takes values away: "Reset to default". The numbers beside the name open it, too.
+/// Context menu of a field's name with the entry "Reset to default". It also opens on the numbers next to the name.
 pub fn reset(name: &Response, names: &[&'static str]) -> Option<FieldChange> {
     let mut wanted = None;
     values::menu_of_name(name).show(|ui| {
@@ -85,7 +85,7 @@ pub fn reset(name: &Response, names: &[&'static str]) -> Option<FieldChange> {
     wanted
 }
 
-/// The name of a field, with the menu; strong where the script states it.
+/// Name of a field with its context menu; strong if the script states the value.
 pub fn label(ui: &mut Ui, stated: &Stated, name: &'static str, about: &str) -> Option<FieldChange> {
     let is_stated = stated.contains_key(name);
     let response = ui.add(egui::Label::new(name_text(name, is_stated)).sense(egui::Sense::click()));
@@ -94,16 +94,16 @@ pub fn label(ui: &mut Ui, stated: &Stated, name: &'static str, about: &str) -> O
     reset(&response.hint(hint), &[name])
 }
 
-/// The name of a field: strong where the script states its value, else weak.
+/// Name of a field: strong if the script states its value, else weak.
 pub(super) fn name_text(name: &str, is_stated: bool) -> RichText {
     let text = RichText::new(name.replace('_', " "));
     if is_stated { text.strong() } else { text.weak() }
 }
 
-/// How a field of a type is written where it is not stated yet.
+/// Syntax of a value that the script does not state yet.
 fn anew_of(form: &Form, name: &str) -> Anew {
     match name {
-        // No method has its name.
+        // No method has this name.
         "inertial" => Anew::Option,
         _ if form.is_cue => Anew::Alike,
         "scale" | "near" | "far" | "from" | "until" => Anew::Method,
@@ -111,7 +111,7 @@ fn anew_of(form: &Form, name: &str) -> Anew {
     }
 }
 
-/// A described field, in a row of a grid with two columns.
+/// A field of a described type, as a row of a grid with two columns.
 pub fn described<T: Described>(
     ui: &mut Ui,
     form: &Form,
@@ -161,7 +161,7 @@ pub fn described<T: Described>(
                     if let Some(to) = values::number(ui, &label, pair[axis], 0.01, -1e5..=1e5) {
                         let stated = form.stated.get(name).map(String::as_str);
                         let text = values::list(ui, stated, &pair.to_array(), axis, to);
-                        // `.at(x, y)` and `at: [x, y]` are written in different ways.
+                        // `.at(x, y)` and `at: [x, y]` have different syntax.
                         let is_method = stated.is_some_and(|stated| !stated.starts_with('['));
                         let text = if is_method { text } else { format!("[{text}]") };
                         set = Some(FieldChange::Value(name, text, Anew::Option));
@@ -187,15 +187,15 @@ fn flag(ui: &mut Ui, name: &'static str, shown: &str, on: bool) -> Option<FieldC
         egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, now, format!("{shown} field"))
     });
     response.changed().then(|| match now {
-        // The default is not always off.
+        // The default of `keep` is not always `false`.
         now if name == "keep" => FieldChange::Text(name, now.to_string(), Anew::Option),
-        // A method without an argument says so.
+        // A method without an argument switches the flag on.
         true => FieldChange::Text(name, String::new(), Anew::Method),
         false => FieldChange::Reset(vec![name]),
     })
 }
 
-/// A number as it is written into the script, `1.0 / 3.0` where that was typed, with its unit and the value as the script states it.
+/// A number field that returns source text, which is an expression if one was typed. `unit`, `stated`: unit, and present source text.
 fn written(
     ui: &mut Ui,
     name: &str,
@@ -222,7 +222,7 @@ fn number(
     unit: &str,
 ) -> Option<f64> {
     let mut set = None;
-    // The label beside it has the name alone.
+    // The label next to it has the plain name.
     let name = format!("{name} field");
     ui.horizontal(|ui| {
         let is_time = unit == "s";
@@ -232,7 +232,7 @@ fn number(
     set
 }
 
-/// A list of names, the present one first shown.
+/// Combo box of names with the present one selected.
 pub(super) fn choice<'n>(
     ui: &mut Ui,
     id: &str,
@@ -252,7 +252,7 @@ pub(super) fn choice<'n>(
     chosen
 }
 
-/// A text of the script, taken when the field is left.
+/// Text field for source text, taken when the field is left.
 pub(super) fn source(ui: &mut Ui, name: &'static str, now: &str, hint: &str) -> Option<String> {
     let id = ui.id().with(("source", name));
     let mut text: String = ui.data(|d| d.get_temp(id)).unwrap_or_else(|| now.to_string());
@@ -285,7 +285,7 @@ fn clip(
         wanted = choice(ui, "clip", &played.clip.name, names).map(FieldChange::Clip);
         ui.end_row();
         let form = Form::of(stated, what).with_end(viewer, what);
-        // Clips of upper layers fade in.
+        // Clips on upper layers fade in and have no inertial transition.
         let suits = |field: &&Field<Cue>| layer == 0 || field.name != "inertial";
         for field in Cue::FIELDS.iter().filter(|field| (field.lacks)(played).is_none()).filter(suits) {
             wanted = match keys_of(viewer, what, played, field.name) {
@@ -321,9 +321,9 @@ fn clip(
     wanted
 }
 
-/// The keys of a value of a clip as the script states them, in words; `None` where it has none.
+/// Description of the keys of a cue's value, if it has keys.
 fn keys_of(viewer: &Viewer, what: &Selected, played: &Cue, name: &str) -> Option<String> {
-    // Keys of the clip's time take the place of its speed.
+    // Keys of the clip's time replace its speed.
     let is_it = |keyed: &str| keyed == name || (name, keyed) == ("speed", "clip_time");
     let mut keyed = Cue::keyed_options().filter(|(_, property)| played.keys(*property).is_some());
     let method = keyed.find(|(keyed, _)| is_it(keyed)).map(|(keyed, _)| format!(".{keyed}"))?;
@@ -332,7 +332,7 @@ fn keys_of(viewer: &Viewer, what: &Selected, played: &Cue, name: &str) -> Option
     Some(format!("{} keys, {:.2} to {:.2} s", keys.len(), first.as_secs(), last.as_secs()))
 }
 
-/// A value that keys state, in place of its field: a number would take their place.
+/// Row of a keyed value, without a field, since a number would replace the keys.
 fn keyed(ui: &mut Ui, stated: &Stated, name: &'static str, keys: &str) -> Option<FieldChange> {
     let wanted = label(ui, stated, name, "keyed in the script");
     ui.monospace(keys);
@@ -346,7 +346,7 @@ fn trim(ui: &mut Ui, stated: &Stated, played: &Cue) -> Option<FieldChange> {
     let whole = played.clip.duration.as_secs();
     ui.horizontal(|ui| {
         for (end, name) in ["trim start", "trim end"].into_iter().enumerate() {
-            // Something is left to be played.
+            // Some of the clip must remain.
             let range =
                 if end == 0 { 0.0..=(now[1] - LEAST).max(0.0) } else { (now[0] + LEAST).min(whole)..=whole };
             if let Some(to) = values::time(ui, name, now[end], 0.01, range) {
@@ -371,8 +371,8 @@ fn ease(ui: &mut Ui, stated: &Stated) -> Option<FieldChange> {
     wanted
 }
 
-/// The mask of a layer: a text to type, a joint and those below it to choose. One text is shown without its quotes. `now`: as it is
-/// written; empty: the clip has none, and one makes it, with those that follow it, a layer of their own.
+/// Field for the mask of a layer: a text to type, or a branch of the skeleton to choose. A single string is displayed without quotes. `now`: source
+/// text; empty: the clip has no mask, and setting one moves it and the clips that follow it to a layer of their own.
 fn mask(ui: &mut Ui, now: &str, asset: &Asset) -> Option<FieldChange> {
     let one = now.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).filter(|one| !one.contains('"'));
     let is_text = now.is_empty() || one.is_some();
@@ -390,7 +390,7 @@ fn mask(ui: &mut Ui, now: &str, asset: &Asset) -> Option<FieldChange> {
     Some(FieldChange::Text("on", text, Anew::Method))
 }
 
-/// Mask, priority and weight of the layer, on the clip that states them.
+/// Fields for mask, priority and weight of a layer, on the clip that states them.
 fn layer_fields(ui: &mut Ui, stated: &Stated, asset: &Asset) -> Option<FieldChange> {
     let mut wanted = None;
     if let Some(now) = stated.get("on") {
@@ -398,7 +398,7 @@ fn layer_fields(ui: &mut Ui, stated: &Stated, asset: &Asset) -> Option<FieldChan
         wanted = mask(ui, now, asset).or(wanted);
     }
     for (name, hint) in [("priority", "0 to 1000"), ("layer_weight", "0 to 1")] {
-        // Those are said once a layer, by its first clip.
+        // Only the first clip of a layer states these.
         let Some(now) = stated.get(name) else { continue };
         if now.starts_with("[[") {
             wanted = keyed(ui, stated, name, "by keys").or(wanted);
@@ -451,24 +451,24 @@ fn lens(
     wanted
 }
 
-/// Numbers in brackets, as a script states a list.
+/// Parses a list of numbers in brackets.
 fn numbers(text: &str) -> Option<Vec<f64>> {
     let inside = text.trim().strip_prefix('[')?.strip_suffix(']')?;
     inside.split(',').map(number_of).collect()
 }
 
-/// A number of a script, also calculated: `1.0 / 3.0`.
+/// Parses a number or a calculation of a script, such as `1.0 / 3.0`.
 fn number_of(text: &str) -> Option<f64> {
     let number = text.trim().parse().ok();
     number.or_else(|| expression::value(&expression::script_text(text)?, 1.0))
 }
 
-/// Three numbers in brackets, as a script states a point.
+/// Parses a point: three numbers in brackets.
 pub fn point(text: &str) -> Option<DVec3> {
     <[f64; 3]>::try_from(numbers(text)?).ok().map(DVec3::from_array)
 }
 
-/// The shadow of a light.
+/// Fields of a light's shadow.
 fn shadow(
     ui: &mut Ui,
     viewer: &Viewer,
@@ -493,7 +493,7 @@ fn shadow(
         for field in Shadow::FIELDS {
             let set = match described(ui, &form, &shadow, field) {
                 Some(FieldChange::Value(name, value, _)) if name == "size" => {
-                    // Texels are whole.
+                    // The number of texels is whole.
                     Some(FieldChange::Within("shadow", name, value.split('.').next().map(str::to_string)))
                 }
                 Some(FieldChange::Value(name, value, _)) => {
@@ -567,7 +567,7 @@ fn color_row(ui: &mut Ui, stated: &Stated, name: &'static str, linear: glam::Vec
     wanted
 }
 
-/// The tint of an actor, and what its shape or built-in character is made with.
+/// Fields for the tint of an actor, and for the options of its shape or built-in character.
 fn surface(
     ui: &mut Ui,
     viewer: &Viewer,
@@ -601,7 +601,7 @@ fn surface(
     wanted
 }
 
-/// The name of an option of an asset, with the menu that takes it away; strong where it is written.
+/// Name of an asset's option with the context menu that resets it; strong if the script states it.
 fn option_label(ui: &mut Ui, written: &Stated, name: &'static str) -> Option<FieldChange> {
     let text = name_text(name, written.contains_key(name));
     let response = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
@@ -612,7 +612,7 @@ fn option_label(ui: &mut Ui, written: &Stated, name: &'static str) -> Option<Fie
     .map(|_| FieldChange::Material(name, None))
 }
 
-/// The size of a shape along each of its axes, metres. `kind`: with its quotes, as the script writes it.
+/// Fields for the size of a shape along its axes, metres. `kind`: source text with quotes.
 fn size(ui: &mut Ui, written: &Stated, kind: &str, asset: &Asset) -> Option<FieldChange> {
     let axes: &[usize] = match kind {
         "\"plane\"" => &[0, 2],
@@ -639,8 +639,8 @@ fn size(ui: &mut Ui, written: &Stated, kind: &str, asset: &Asset) -> Option<Fiel
     wanted
 }
 
-/// Metres that a shape can have along an axis beside its other sizes: a capsule is as high as it is wide at least, a torus half as high at
-/// most.
+/// Range of a shape's size along an axis, given its other sizes, metres: a capsule is at least as high as it is wide, and a torus at most half as
+/// high.
 fn size_range(kind: &str, axis: usize, now: &[f64]) -> std::ops::RangeInclusive<f64> {
     let (least, most) = (1e-4, 1e6);
     match (kind, axis, now) {
@@ -652,7 +652,7 @@ fn size_range(kind: &str, axis: usize, now: &[f64]) -> std::ops::RangeInclusive<
     }
 }
 
-/// A color of what an actor is made of, in a row of a grid.
+/// Row with a color of an actor's asset.
 fn asset_color(ui: &mut Ui, written: &Stated, name: &'static str, linear: glam::Vec3) -> Option<FieldChange> {
     let wanted = option_label(ui, written, name);
     let shown = linear.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)));
@@ -662,7 +662,7 @@ fn asset_color(ui: &mut Ui, written: &Stated, name: &'static str, linear: glam::
     set.map(|color| FieldChange::Material(name, Some(text(color)))).or(wanted)
 }
 
-/// A shape's material. Options that exclude each other, or need another one, are offered where the script takes them.
+/// Fields of a shape's material. Options that exclude each other or require another one are only offered where the script accepts them.
 fn material(ui: &mut Ui, viewer: &Viewer, written: &Stated, made: &Material) -> Option<FieldChange> {
     let (fps, mut wanted) = (viewer.playhead.fps().as_fps(), None);
     let row = |ui: &mut Ui, (name, low, high, usual): (&'static str, f64, f64, f64)| {
@@ -673,7 +673,7 @@ fn material(ui: &mut Ui, viewer: &Viewer, written: &Stated, made: &Material) -> 
         let set = set.map(|to| FieldChange::Material(name, Some(values::text(ui, to))));
         (set.or(label), value)
     };
-    // Blinn–Phong has neither.
+    // Blinn–Phong materials have neither.
     for option in SURFACE.into_iter().filter(|_| !written.contains_key("shininess")) {
         wanted = row(ui, option).0.or(wanted);
     }

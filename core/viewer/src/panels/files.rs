@@ -1,4 +1,4 @@
-//! The menu of files, the list from which one is chosen, and the question about a script that is not there.
+//! Menu File, the file dialog, and the question about a missing script.
 
 use super::dialog;
 use super::hint::Hint;
@@ -8,7 +8,7 @@ use crate::library::folder::{Entry, FileKind};
 use crate::library::templates::TEMPLATES;
 use egui::{Key, RichText, ScrollArea, TextEdit, Ui};
 
-/// The entries of the menu.
+/// Entries of the menu.
 pub fn entries(ui: &mut Ui, viewer: &mut Viewer) {
     let shown = viewer.path.clone();
     ui.menu_button("New", |ui| {
@@ -31,7 +31,7 @@ pub fn entries(ui: &mut Ui, viewer: &mut Viewer) {
             }
         });
     });
-    // There is nothing to save.
+    // Edits are saved at once, so there is never anything to save.
     ui.add_enabled(false, egui::Button::new("Saved"))
         .on_disabled_hover_text("each change is written at once");
     if ui.add_enabled(shown.is_some(), egui::Button::new("Save as…")).clicked() {
@@ -48,7 +48,7 @@ pub fn entries(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-/// The open list of files, and what is asked about a missing script.
+/// The open file dialog, and the question about a missing script.
 pub(crate) fn dialogs(ui: &mut Ui, viewer: &mut Viewer) {
     missing(ui, viewer);
     let Some(mut dialog) = viewer.documents.dialog.take() else { return };
@@ -144,11 +144,11 @@ fn list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
     if is_left { Answer::Cancel } else { answer }
 }
 
-/// Offers to create the script that was to be shown.
+/// Offers to create a missing script.
 fn missing(ui: &Ui, viewer: &mut Viewer) {
     let Some(path) = viewer.documents.missing.clone() else { return };
     if path.exists() {
-        // An editor has made it.
+        // The file was created meanwhile.
         viewer.documents.missing = None;
         return;
     }

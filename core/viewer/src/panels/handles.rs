@@ -1,4 +1,4 @@
-//! The gizmo of the selected actor in a viewport: drawn, and dragged.
+//! Gizmo of the selected actor in a viewport: draws and drags it.
 
 use super::canvas::Canvas;
 use super::held;
@@ -12,7 +12,7 @@ use glam::{DAffine3, DVec2};
 
 const COLORS: [Color32; 3] = [X, Y, Z];
 
-/// Gives whether the mouse is at it, and belongs to nothing else.
+/// Draws the gizmo and handles the mouse. Returns whether the mouse is over it or drags it.
 pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     let Some(Selected::Actor(name)) = viewer.selection.clone() else { return false };
     let (Some(scene), Some(shown)) = (&viewer.scene, &viewer.views[canvas.index].shown) else { return false };
@@ -42,14 +42,14 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
         dragging.change = dragging.drag.change(lens, at, in_steps);
     }
     let text = report(&dragging.change);
-    // The text that names what the image lacks is above.
+    // The text about reduced quality is above.
     let corner = canvas.place.left_top() + vec2(8.0, 8.0 + super::viewport::REDUCED);
     painter.text(corner, egui::Align2::LEFT_TOP, text, egui::FontId::monospace(13.0), Color32::WHITE);
     if ui.input(|i| i.key_pressed(egui::Key::Escape)) {
         viewer.dragging = None;
     } else if response.drag_stopped() {
         let change = dragging.change;
-        // It stays where it was put until the reload shows it.
+        // The object stays at its new transform until the reload shows it.
         if change == Change::none(dragging.drag.tool) {
             viewer.dragging = None;
         } else {

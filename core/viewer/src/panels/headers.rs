@@ -1,4 +1,4 @@
-//! Heads of the sequencer's rows: collapse, expand, mute, solo, lock. They change what this window shows, never the script.
+//! Row headers of the sequencer: collapse, expand, mute, solo, lock. They change what this window shows, never the script.
 
 use super::bar_menu::{self, Command};
 use super::hint::Hint;
@@ -10,23 +10,23 @@ use crate::state::selection::Selected;
 use crate::state::timeline::Timeline;
 use egui::{Align2, FontId, Rect, Response, Sense, Ui, pos2, vec2};
 
-/// Points of a button.
+/// Width of a button, points.
 const WIDTH: f32 = 16.0;
-/// Points of the triangle that collapses.
+/// Width of the triangle that collapses, points.
 const FOLD: f32 = 13.0;
 
-/// A button of a row's head that was pressed.
+/// A button in a row header that was pressed.
 pub enum Toggle {
     Collapse(String),
-    /// The keyed properties of a row get rows of their own.
+    /// Shows or hides a row for each keyed property.
     Expand((String, Option<usize>)),
-    /// A layer of an actor's clips does not play.
+    /// Mutes or unmutes a layer of an actor.
     Mute(String, usize),
     Solo(String),
     Lock(String),
 }
 
-/// The menu of a row, or of an entry of the stage's tree: what is done to the thing that it is for.
+/// Context menu of a row, or of an entry of the stage tree.
 pub fn menu(response: &Response, viewer: &Viewer, what: &Selected) -> Option<Command> {
     let mut command = None;
     response.context_menu(|ui| {
@@ -35,7 +35,7 @@ pub fn menu(response: &Response, viewer: &Viewer, what: &Selected) -> Option<Com
     command
 }
 
-/// Refuses a change of what is selected where its row is locked; whether it does.
+/// Refuses an edit of the selection if its row is locked. Returns whether it is.
 pub(super) fn refuses_locked(viewer: &mut Viewer) -> bool {
     let why = viewer.locked_selection().map(is_locked);
     let is_refused = why.is_some();
@@ -51,14 +51,14 @@ fn has_layers(timeline: &Timeline, index: usize) -> bool {
     row.layer == Some(0) && below.is_some_and(|next| next.what == row.what && next.layer > Some(0))
 }
 
-/// The triangle that opens a row for each keyed property: after that of the layers, if there is one.
+/// Rectangle of the triangle that shows a row for each keyed property; next to that of the layers, if there is one.
 fn expand_place(timeline: &Timeline, index: usize, label: Rect) -> Rect {
     let is_indented = has_layers(timeline, index) || timeline.rows[index].layer > Some(0);
     let left = if is_indented { FOLD - 2.0 } else { 0.0 };
     Rect::from_min_size(label.min + vec2(left, 0.0), vec2(FOLD, label.height()))
 }
 
-/// The room that is left for the name.
+/// Rectangle left for the name of the row.
 pub(crate) fn name_place(timeline: &Timeline, index: usize, label: Rect) -> Rect {
     let row = &timeline.rows[index];
     let left = match row.parts.is_empty() {

@@ -1,9 +1,9 @@
-//! The modifier keys and the way of a gesture of the mouse.
+//! Modifier keys and positions of mouse gestures.
 
 use egui::{Event, Modifiers, Pos2, Response, Ui, Vec2};
 
-/// Ctrl, Shift and Alt as they were when a button of the mouse was released in this frame, else as they are held at its end. A key that is
-/// let go right after the button, within the same frame, still counts for the gesture.
+/// Ctrl, Shift and Alt when a mouse button was released in this frame, else at the end of the frame. A key released right after the button, within
+/// the same frame, still counts.
 pub(super) fn modifiers(ui: &Ui) -> Modifiers {
     ui.input(|i| {
         let released = i.events.iter().rev().find_map(|event| match event {
@@ -14,14 +14,14 @@ pub(super) fn modifiers(ui: &Ui) -> Modifiers {
     })
 }
 
-/// Whether a click or a box adds to what is selected: Ctrl or Shift.
+/// Whether a click or a box adds to the selection: with Ctrl or Shift.
 pub(super) fn adds(ui: &Ui) -> bool {
     let modifiers = modifiers(ui);
     modifiers.command || modifiers.shift
 }
 
-/// The place to which a point (`anchor`) is dragged: as far as the pointer has moved since it took hold beside it. A press that does not
-/// move is a click and drags nothing.
+/// Position of a point (`anchor`) during a drag: it moves as far as the pointer has since the press. A press without movement is a click and drags
+/// nothing.
 pub(super) fn dragged(ui: &Ui, response: &Response, anchor: Pos2) -> Option<Pos2> {
     let id = response.id.with("grabbed");
     if response.drag_started()

@@ -1,13 +1,13 @@
-//! Hints under the mouse, which are away while a button is down and until the mouse has left the place where it was let go, so that what is
-//! dragged is seen, and while a text stands at the mouse.
+//! Tooltips that are hidden while a mouse button is down, until the mouse has moved away from the place of the release, and while a text is
+//! displayed at the mouse, so that they do not cover what is dragged.
 
 use egui::{Context, Id, Pos2, Response, WidgetText};
 
-/// Points that the mouse moves before hints come again.
+/// Distance that the mouse must move until tooltips appear again, points.
 const LEFT: f32 = 6.0;
 
 pub trait Hint {
-    /// Shows a text while the mouse rests on it.
+    /// Shows a tooltip while the mouse rests on the widget.
     fn hint(self, text: impl Into<WidgetText>) -> Response;
 }
 
@@ -20,12 +20,12 @@ impl Hint for Response {
     }
 }
 
-/// Keeps hints away, or lets them come again.
+/// Hides tooltips, or allows them again.
 pub(super) fn hold(context: &Context, held: bool) {
     context.data_mut(|d| d.insert_temp(id(), held));
 }
 
-/// Notes, once a frame before all hints, where a button is down or was let go last.
+/// Records the mouse position while a button is down or at its release; called once per frame before all tooltips.
 pub(super) fn watch(context: &Context) {
     let (at, is_used) =
         context.input(|i| (i.pointer.latest_pos(), i.pointer.any_down() || i.pointer.any_released()));

@@ -1,4 +1,4 @@
-//! Icons of buttons: some signs of the Phosphor font. Each has a name for screen readers and tests, and a hint under the mouse.
+//! Icons of buttons, from the Phosphor font. Each has a name for screen readers and tests, and a tooltip.
 
 use super::hint::Hint;
 use egui::{Button, FontDefinitions, Response, RichText, Ui, WidgetInfo, WidgetType};
@@ -16,7 +16,7 @@ egui_phosphor::subset! {
 }
 pub(super) use font::regular::*;
 
-/// The fonts of the window: egui's, and the icons for all that those lack.
+/// Fonts of the window: those of egui, and the icons for characters that these lack.
 pub fn fonts() -> FontDefinitions {
     let mut fonts = FontDefinitions::default();
     font::regular::add_to_fonts(&mut fonts);
@@ -28,7 +28,7 @@ pub fn small(ui: &mut Ui, icon: &str, name: &str, hint: &str) -> Response {
     named(ui.small_button(icon), name, hint)
 }
 
-/// A small button that is on or off, which is faint while it is off.
+/// A small toggle button, which is faint while it is off.
 pub fn small_toggle(ui: &mut Ui, icon: &str, on: bool, name: &str, hint: &str) -> Response {
     let text = RichText::new(icon).size(12.0);
     let text = if on { text.strong() } else { text.weak() };
@@ -43,7 +43,7 @@ fn named(response: Response, name: &str, hint: &str) -> Response {
     response.hint(hinted(name, hint))
 }
 
-/// The name and what it does, in a line.
+/// Name and hint in one line.
 pub(super) fn hinted(name: &str, hint: &str) -> String {
     if hint.is_empty() { name.to_string() } else { format!("{name}: {hint}") }
 }
@@ -54,8 +54,8 @@ mod tests {
 
     #[test]
     fn every_icon_has_a_glyph_and_text_keeps_its_own() {
-        // The icons behind one text font, since egui counts no glyph of the font that its replacement glyph comes from.
-        // The other fonts of egui have signs at some of the icons' places.
+        // The icon font comes after a single text font, since egui ignores glyphs of the font that its replacement glyph comes from.
+        // Other fonts of egui have glyphs at some of the icons' code points.
         let mut text_and_icons = fonts();
         let is_kept = |name: &String| name == "Ubuntu-Light" || name == font::regular::FONT_NAME;
         text_and_icons.families.values_mut().for_each(|names| names.retain(is_kept));

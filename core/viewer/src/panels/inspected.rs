@@ -1,19 +1,20 @@
-//! The inspector shows the selection, else the stage; while a field of it is being edited it goes on showing what the text was typed for, until the field has
-//! taken it.
+//! Decides what the inspector shows: the selection, else the stage. While one of its fields is being edited, it keeps the object of that field
+//! until the field has taken its text.
 
 use super::{inspector, stage_fields, values};
 use crate::app::Viewer;
 use crate::state::selection::Selected;
 use egui::{Response, Ui};
 
-/// Frames after the last one in which a field had the keyboard: a field takes its text in the frame after it has lost it.
+/// Number of frames for which a field counts as edited after it had the keyboard focus: a field takes its text in the frame after it has lost the
+/// focus.
 const FRAMES: u64 = 2;
 
 fn held_id() -> egui::Id {
     egui::Id::new("a field of the inspector is edited")
 }
 
-/// Notes that a field has the keyboard; each field calls it.
+/// Records that a field has the keyboard focus; must be called for each field.
 pub fn hold(ui: &Ui, field: &Response) {
     if field.has_focus() {
         let now = ui.ctx().cumulative_pass_nr();
@@ -29,13 +30,13 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let inspected = before.filter(|_| is_held).unwrap_or_else(|| viewer.selection.clone());
     ui.data_mut(|d| d.insert_temp(id, inspected.clone()));
     let selection = std::mem::replace(&mut viewer.selection, inspected.clone());
-    // Each thing has fields of its own.
+    // Fields of different objects have different identities.
     ui.push_id(&inspected, |ui| match (&inspected, &viewer.scene) {
         (None, Some(_)) => stage_fields::show(ui, viewer),
         _ => inspector::show(ui, viewer),
     });
     values::forget_name(ui);
-    // What was clicked meanwhile counts.
+    // A selection made meanwhile takes precedence.
     if viewer.selection == inspected || selection != inspected {
         viewer.selection = selection;
     }

@@ -1,4 +1,4 @@
-//! Everything about the selection at the playhead; the script's own values can be changed here.
+//! Inspector: everything about the selection at the playhead. Values stated by the script can be edited.
 
 use super::camera_fields::{self, CameraChange};
 use super::hint::Hint;
@@ -24,32 +24,32 @@ use glam::{DQuat, DVec3, Vec3};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
-/// A clip that is dragged onto the sequencer.
+/// Payload of a clip dragged onto the sequencer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ClipDrag {
     pub of: ClipOf,
     pub clip: String,
 }
 
-/// The change that the user makes here, applied once everything has been drawn.
+/// An edit by the user, made after all fields have been drawn.
 enum Wanted {
-    /// Change of an actor's transform, and the number that was typed.
+    /// A change of an actor's transform, and the number that was typed.
     Actor(Change, Typed),
     Value(&'static str, String),
     Parameter(String, String),
-    /// A parameter of an effect gets its default, which the script need not state.
+    /// Removes a parameter of an effect from the script, since it has its default value.
     Unstated(String),
     Clip(String, f64),
-    /// Degrees.
+    /// Field of view in degrees, and its source text.
     FieldOfView(f64, String),
-    /// A key of a property at the playhead; `true`: it is there, and is deleted.
+    /// Sets a key of a property at the playhead; `true`: deletes the existing one.
     Key(String, bool),
     Field(FieldChange),
     Call(CallChange),
     Name(String),
 }
 
-/// The properties of the selection that have keys or could have some.
+/// Properties of the selection that have keys or can have keys.
 type Keyable<'k> = &'k [KeyedProperty];
 
 const MOST_CLIPS: usize = 200;
@@ -135,7 +135,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 fn apply(viewer: &mut Viewer, selection: Selected, wanted: Wanted, known: &[KeyedProperty]) {
     viewer.note = None;
     let locked = selection.actor().filter(|name| viewer.toggles.locked.contains(*name));
-    // The lock keeps the row, and not its name.
+    // The lock protects the row, but not its name.
     if let Some(name) = locked.filter(|_| !matches!(wanted, Wanted::Name(_))) {
         return viewer.report(Err(EditError::refused(headers::is_locked(name))));
     }
@@ -167,7 +167,7 @@ fn apply(viewer: &mut Viewer, selection: Selected, wanted: Wanted, known: &[Keye
     viewer.report(change);
 }
 
-/// The diamond beside a value: full where a key is at the playhead, which a click deletes; else a click sets one.
+/// The diamond next to a value. It is filled if there is a key at the playhead, which a click deletes; otherwise a click sets one.
 fn key_button(ui: &mut Ui, viewer: &Viewer, keyable: Keyable, name: &str) -> Option<Wanted> {
     let property = keyable.iter().find(|property| property.name == name)?;
     let here = property.key_at(viewer.playhead.time(), viewer.playhead.fps()).is_some();
@@ -192,7 +192,7 @@ fn key_button(ui: &mut Ui, viewer: &Viewer, keyable: Keyable, name: &str) -> Opt
     response.hint(hint).clicked().then(|| Wanted::Key(name.to_string(), here))
 }
 
-/// Keys of everything that can have some, also of what has no field here.
+/// Menu of keys for all properties that can have them, including those without a field.
 fn keys_menu(ui: &mut Ui, viewer: &Viewer, keyable: Keyable) -> Option<Wanted> {
     if keyable.is_empty() {
         return None;
@@ -213,12 +213,12 @@ fn keys_menu(ui: &mut Ui, viewer: &Viewer, keyable: Keyable) -> Option<Wanted> {
     wanted
 }
 
-/// A number with a default.
+/// A number field with a default.
 fn field(name: &str, value: f64, speed: f64, range: RangeInclusive<f64>, default: f64) -> values::Number<'_> {
     values::Number { name, value, speed, range, default: Some(default), is_time: false }
 }
 
-/// The transform as the script places it, relative to its parent, at the playhead if it is keyed.
+/// Fields of the transform relative to the parent, as stated by the script; at the playhead if it has keys.
 fn transform(
     ui: &mut Ui,
     viewer: &Viewer,
@@ -255,7 +255,7 @@ fn transform(
         wanted = name_with_menu(ui, written, ["scaled", about], &["scale"]).or(wanted.take());
         for (axis, name) in ["scale x", "scale y", "scale z"].into_iter().enumerate() {
             if let Some(to) = field(name, placed.scale[axis], 0.01, -1e3..=1e3, 1.0).show(ui) {
-                // Nothing is left of a thing that is scaled by 0.
+                // An object with a scale of 0 would vanish.
                 let to = if to.abs() < 1e-3 { 1e-3_f64.copysign(to) } else { to };
                 let by = to / placed.scale[axis];
                 let all = super::held::modifiers(ui).shift;
@@ -270,14 +270,14 @@ fn transform(
     wanted
 }
 
-/// The projection of a camera at the playhead, if it is the active one; else its first.
+/// Projection of a camera at the playhead if it is active, else its initial one.
 fn projection(viewer: &Viewer, stage: &Stage, name: &str) -> Option<Projection> {
     let index = stage.cameras.iter().position(|c| c.name == name)?;
     let shown = viewer.shown().map(|shown| shown.snapshot.camera).filter(|c| c.camera == Some(index));
     Some(shown.map_or(stage.cameras[index].projection, |camera| camera.projection))
 }
 
-/// The field of view that a camera has by the script's keys, else by its call, degrees; `None` where a file gives it.
+/// Vertical field of view by the script's keys, else by its calls, degrees. `None` if a file defines it.
 fn stated_field_of_view(camera: &Camera, time: Time, keyable: Keyable) -> Option<f64> {
     let keyed = |name: &str| {
         let property = keyable.iter().find(|property| property.name == name && property.has_keys())?;
@@ -292,7 +292,7 @@ fn stated_field_of_view(camera: &Camera, time: Time, keyable: Keyable) -> Option
     }
 }
 
-/// The field of view at the playhead, in words, where a callback sets it.
+/// Text for the field of view at the playhead, if a callback sets it.
 fn field_of_view_by_callback(
     viewer: &Viewer,
     scene: &Scene,
@@ -336,7 +336,7 @@ fn lens(
     wanted
 }
 
-/// Place and target of a camera, or its motion with a target.
+/// Fields of a camera: position and target, or its motion with a target.
 fn camera(
     ui: &mut Ui,
     viewer: &Viewer,
@@ -360,7 +360,7 @@ fn srgb(linear: Vec3) -> [u8; 3] {
     linear.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)))
 }
 
-/// The light at the playhead.
+/// Fields of a light at the playhead.
 fn light(
     ui: &mut Ui,
     viewer: &Viewer,
@@ -400,7 +400,7 @@ fn light(
             true => ("shines along", "direction", light.direction.as_dvec3(), 0.01),
             false => ("stands at", "position", light.position, 0.01),
         };
-        // A direction as the script states it, which need not have the length 1.
+        // A direction as stated by the script, which need not be a unit vector.
         let text = written.get(name).map(String::as_str);
         let stated = text.and_then(super::fields::point);
         let is_keyed = keyable.iter().any(|property| property.name == name && property.has_keys());
@@ -417,25 +417,25 @@ fn light(
     wanted
 }
 
-/// Degrees that an angle of a spot's cone can have: the inner one is less than the outer one.
+/// Range of a spot's cone angle, degrees: the inner angle is smaller than the outer one.
 fn cone_range(light: &StageLight, name: &str, written: &stated::Stated) -> Option<RangeInclusive<f64>> {
     const APART: f64 = 0.01;
     let LightKind::Spot { inner, outer } = light.light.kind else { return None };
     let [inner, outer] = [inner, outer].map(|angle| f64::from(angle).to_degrees());
     match name {
         "inner" => Some(0.0..=(outer - APART).max(0.0)),
-        // One that is not stated follows the outer one.
+        // An inner angle that is not stated follows the outer one.
         "outer" if written.contains_key("inner") => Some((inner + APART).min(90.0)..=90.0),
         _ => None,
     }
 }
 
-/// Whether keys turn a light.
+/// Whether keys rotate a light.
 fn is_aimed(keyable: Keyable) -> bool {
     keyable.iter().any(|property| property.name == "direction" && property.has_keys())
 }
 
-/// The point or the direction in which a spot shines, and the color temperature of a light without a color.
+/// Fields of a spot's target or direction, and of the color temperature.
 fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -> Option<Wanted> {
     let mut wanted = None;
     if matches!(light.light.kind, LightKind::Spot { .. }) && !keyed {
@@ -453,6 +453,7 @@ fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -
     }
     wanted = default_menu(ui, written, "kelvin").or(wanted);
     let now = written.get("kelvin").and_then(|text| expression::value(text, 1.0));
+    // Range of temperatures that scripts have colors for, kelvin.
     let range = choreo_script::KELVIN.0..=choreo_script::KELVIN.1;
     let set = match now {
         _ if written.contains_key("color") => {
@@ -467,7 +468,7 @@ fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -
     wanted
 }
 
-/// Three numbers in one cell: the text of a point or a direction; `stated`: as the script has it.
+/// Three number fields in one cell, which return the source text of a point or a direction. `stated`: the present source text.
 fn vector_field(
     ui: &mut Ui,
     names: [&str; 3],
@@ -486,7 +487,7 @@ fn vector_field(
     wanted
 }
 
-/// The sky at the playhead.
+/// Fields of the sky at the playhead.
 fn sky(ui: &mut Ui, viewer: &Viewer, stage: &Stage, keyable: Keyable) -> Option<Wanted> {
     let (sky, mut wanted) = (stage.sky.as_ref()?, None);
     Grid::new("sky").num_columns(3).show(ui, |ui| {
@@ -510,13 +511,13 @@ fn sky(ui: &mut Ui, viewer: &Viewer, stage: &Stage, keyable: Keyable) -> Option<
     wanted
 }
 
-/// The name of a light's field, with a menu that takes the script's value away; strong where there is one.
+/// Name of a light's field with a context menu that resets it; strong if the script states the value.
 fn default_menu(ui: &mut Ui, written: &stated::Stated, name: &'static str) -> Option<Wanted> {
     let names: &[&'static str] = if name == "color" { &["color", "kelvin"] } else { &[name] };
     name_with_menu(ui, written, [name, ""], names)
 }
 
-/// A name with a menu that takes the script's values away; strong where there is one of them. `about`: lines before the hint.
+/// A name with a context menu that resets the values `names`; strong if the script states one of them. `about`: text before the hint.
 fn name_with_menu(
     ui: &mut Ui,
     written: &stated::Stated,
@@ -529,7 +530,7 @@ fn name_with_menu(
     stated::reset(&response.hint(format!("{about}{hint}")), names).map(Wanted::Field)
 }
 
-/// A slider each, as its manifest has it.
+/// Fields of an effect's parameters, as described by its manifest.
 fn parameters(
     ui: &mut Ui,
     viewer: &Viewer,
@@ -558,7 +559,7 @@ fn parameters(
             let label = label.interact(egui::Sense::click()).hint(&option.about);
             let set = match now == value {
                 true => parameter(ui, used, option, &label, (value, usual)),
-                // A literal would not change what a callback sets.
+                // A literal in the script would not change a value that a callback sets.
                 false => {
                     let now: Vec<String> = now.iter().map(|n| format!("{n:.3}")).collect();
                     ui.monospace(format!("{} ({})", now.join(" "), by_callback(scene)));
@@ -581,18 +582,18 @@ fn parameters(
     wanted
 }
 
-/// The frame that is shown, where callbacks may have set values in it. One of an older version says nothing about those.
+/// The displayed frame, if it belongs to this version and callbacks may have set values in it.
 fn frame_of_callbacks<'v>(viewer: &'v Viewer, scene: &Scene) -> Option<&'v FrameInfo> {
     viewer.shown().filter(|shown| shown.number == scene.number && !scene.places.callbacks.is_empty())
 }
 
-/// The origin of a value that a callback sets: the lines of the first calls of `on_frame`, each of which may be the one.
+/// Origin of a value that a callback sets: lines of the first calls of `on_frame`, any of which may set it.
 fn by_callback(scene: &Scene) -> String {
-    /// Lines that are named.
+    /// Largest number of lines listed.
     const MOST: usize = 3;
     let mut all: Vec<&Place> = Vec::new();
     for place in &scene.places.callbacks {
-        // A loop makes several in one line.
+        // A loop may register several callbacks in one line.
         if !all.iter().any(|known| (&known.file, known.line) == (&place.file, place.line)) {
             all.push(place);
         }
@@ -617,7 +618,7 @@ fn by_callback(scene: &Scene) -> String {
     format!("by on_frame, {unit}{listed}")
 }
 
-/// The field of one parameter, with its numbers and those by default: the name and the text to write.
+/// Field of one parameter. `value`, `usual`: its present components and the default ones. Returns the name and the source text.
 fn parameter(
     ui: &mut Ui,
     used: &EffectUse,
@@ -687,7 +688,7 @@ fn parameter(
     wanted
 }
 
-/// Lists clips to be dragged onto a row of the sequencer, or added at the playhead.
+/// List of clips that can be dragged onto a row of the sequencer, or added at the playhead.
 fn clips(ui: &mut Ui, viewer: &Viewer, name: &str, asset: &Asset) -> Option<Wanted> {
     if asset.clips.is_empty() {
         return None;
@@ -728,7 +729,7 @@ fn materials(ui: &mut Ui, asset: &Asset) {
     });
 }
 
-/// How far each joint is turned from its parent and from rest, degrees.
+/// List of joints: rotation angle from the rest pose in degrees, and position in model space.
 fn joints(ui: &mut Ui, asset: &Asset, state: &ActorState) {
     let count = asset.skeleton.len();
     if state.model_from_joint.len() < count {
@@ -763,7 +764,7 @@ fn point(p: DVec3) -> String {
     format!("{x:.3} {y:.3} {z:.3}")
 }
 
-/// Angles about x, y and z.
+/// Text of angles about x, y and z.
 fn degrees(angles: DVec3) -> String {
     let [x, y, z] = angles.to_array().map(|v| super::rounded(v, 10.0));
     format!("{x:.1}° {y:.1}° {z:.1}°")
@@ -843,7 +844,7 @@ fn of_cue(
     }
 }
 
-/// The share of each cue in a layer's pose, the last cue first: upper ones leave the rest to those below.
+/// Effective weight of each cue in a layer's pose, the last cue first: each leaves the rest to the ones below.
 fn shares(active: &[ActiveClip], layer: usize) -> impl Iterator<Item = (&ActiveClip, f32)> {
     let of_layer = active.iter().filter(move |h| h.layer == layer).rev();
     of_layer.scan(1.0, |rest, h| {

@@ -1,4 +1,4 @@
-//! The list of keys, in which those of each action can be chosen.
+//! List of keyboard shortcuts, in which the keys of each action can be changed.
 
 use super::actions::{self, Keyed};
 use super::hint::Hint;
@@ -7,18 +7,18 @@ use crate::app::Viewer;
 use crate::state::shortcuts::{Chord, PRESETS};
 use egui::{Event, Grid, Key, Label, Modifiers, RichText, ScrollArea, Ui, WidgetType};
 
-/// Points after which a line goes on in the next one.
+/// Width at which a line wraps, points.
 const TEXT_WIDTH: f32 = 600.0;
 
 /// State of the list.
 #[derive(Default)]
 pub struct KeyList {
     pub open: bool,
-    /// The action whose next keys are pressed, by its name in the file.
+    /// Id of the action whose new keys are being pressed.
     choosing: Option<String>,
 }
 
-/// Rows that are no actions: keys of the toolkit, and the mouse.
+/// Rows that are not actions: keys of the toolkit, and the mouse.
 const MOUSE: [(&str, &str); 22] = [
     ("Ctrl click", "selects one more clip or key, as with Shift; a drag over free rows selects a box"),
     ("Esc", "select nothing; close a question"),
@@ -50,7 +50,7 @@ const MOUSE: [(&str, &str); 22] = [
     ("drop", "a model or clip from a file manager: shows it"),
 ];
 
-/// Takes a key that is pressed for an action of the list; gives whether one is waited for.
+/// Takes a pressed key as the shortcut of the chosen action. Returns whether the list waits for a key.
 pub(super) fn takes_key(list: &mut KeyList, ui: &Ui, viewer: &mut Viewer) -> bool {
     let Some(action) = list.choosing.take().filter(|_| list.open) else { return false };
     let mut pressed = None;
@@ -80,7 +80,7 @@ pub(super) fn takes_key(list: &mut KeyList, ui: &Ui, viewer: &mut Viewer) -> boo
     true
 }
 
-/// Whether a key is one that is held with others.
+/// Whether a key is a modifier.
 fn is_held(key: Key) -> bool {
     use Key::{AltLeft, AltRight, ControlLeft, ControlRight, ShiftLeft, ShiftRight, SuperLeft, SuperRight};
     let held = [AltLeft, AltRight, ControlLeft, ControlRight, ShiftLeft, ShiftRight, SuperLeft, SuperRight];
@@ -88,7 +88,7 @@ fn is_held(key: Key) -> bool {
 }
 
 pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
-    // All of them where there is room; egui would give a window 400 points.
+    // The list uses all available height; egui would limit a window to 400 points.
     let room = ui.ctx().content_rect().height() - 80.0;
     let KeyList { open, choosing } = list;
     let window = egui::Window::new("Keys").open(open).resizable(false).collapsible(false);
@@ -136,7 +136,7 @@ pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
     }
 }
 
-/// The keys of an action, which a click chooses anew, and a way back to the usual ones where they are the user's own.
+/// Keys of an action; a click changes them, and a button resets keys of the user's own.
 fn key(ui: &mut Ui, choosing: &mut Option<String>, keyed: &Keyed, viewer: &mut Viewer) {
     let Keyed { id, title, chords } = keyed;
     let is_chosen = choosing.as_ref() == Some(id);
@@ -159,7 +159,7 @@ fn key(ui: &mut Ui, choosing: &mut Option<String>, keyed: &Keyed, viewer: &mut V
     }
 }
 
-/// The other actions that have a key of this one.
+/// Names of other actions with one of these keys.
 fn others(keyed: &Keyed, all: &[Keyed]) -> Option<String> {
     let own: Vec<_> = keyed.chords.iter().filter_map(actions::pressed).collect();
     let has_one = |other: &&Keyed| {

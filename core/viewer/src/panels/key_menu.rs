@@ -1,4 +1,4 @@
-//! Commands for the selected keys: the menu of the right mouse button on a key, and their keys on the keyboard.
+//! Commands for the selected keys: their context menu and keyboard shortcuts.
 
 use super::{headers, tangents, values};
 use crate::app::Viewer;
@@ -14,32 +14,32 @@ use egui::{
     Align, Button, Event, Id, Layout, Popup, PopupAnchor, PopupCloseBehavior, PopupKind, Pos2, Response, Ui,
 };
 
-/// A change of keys by the user.
+/// An action of the user on keys.
 #[derive(Clone, Debug, PartialEq)]
 pub enum KeyAct {
     Select(Vec<KeyRef>),
     Run(KeyCommand),
-    /// The easing into the selected keys, as source text.
+    /// Sets the easing of the spans before the selected keys, as source text.
     Ease(Option<String>),
-    /// The interpolation of all keys of their properties.
+    /// Sets the interpolation of all keys of their properties, as source text.
     How(Option<String>),
-    /// Seconds.
+    /// Moves a key to a time in seconds.
     Time(KeyRef, Typed),
-    /// All numbers of the value, and the one that was typed.
+    /// Sets all components of a key's value; the last field is the one that was typed.
     Value(KeyRef, Vec<f64>, Typed),
-    /// The tangents of the selected keys.
+    /// Sets the tangents of the selected keys.
     Tangents(TangentChoice),
-    /// The easing and the tangents, and the number of them that was typed.
+    /// Sets easing and tangents of a key; the last field is the number that was typed.
     Shape(KeyRef, KeyShape, Option<Typed>),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KeyCommand {
-    /// A copy at the playhead.
+    /// Copies the keys to the playhead.
     Duplicate,
     Copy,
     Cut,
-    /// Sets keys of the selection at the playhead.
+    /// Adds copied keys to the selection at the playhead.
     Paste,
     Delete,
     GoToLine,
@@ -54,7 +54,7 @@ const COMMANDS: [(KeyCommand, &str, &str); 6] = [
     (KeyCommand::GoToLine, "Go to its line", ""),
 ];
 
-/// The curve that is written where a Bézier curve is chosen: ease, as in CSS.
+/// Initial curve when a Bézier easing is chosen.
 const BEZIER: &str = "[0.42, 0.0, 0.58, 1.0]";
 
 /// Opens the menu of a mark that holds keys.
@@ -69,7 +69,7 @@ pub fn show(response: &Response, viewer: &Viewer, keys: &[KeyRef]) -> Option<Key
     (!is_selected).then(|| KeyAct::Select(keys.to_vec()))
 }
 
-/// The keys whose menu is open, and where it was opened. It belongs to no mark: those are others once a time is typed.
+/// Keys whose menu is open, and its position. The menu does not belong to a mark, since the marks change when a time is typed.
 #[derive(Clone)]
 struct OpenMenu {
     keys: Vec<KeyRef>,
@@ -80,7 +80,7 @@ fn menu_id() -> Id {
     Id::new("menu of keys")
 }
 
-/// The open menu; it stays until something else is clicked, a command is chosen or Escape is pressed.
+/// Shows the open menu, which stays until something else is clicked, a command is chosen or Escape is pressed.
 pub fn popup(ui: &Ui, viewer: &mut Viewer) {
     let Some(mut menu) = ui.data(|d| d.get_temp::<OpenMenu>(menu_id())) else { return };
     menu.keys.iter_mut().for_each(|key| find_again(viewer, key));
@@ -105,7 +105,7 @@ pub fn popup(ui: &Ui, viewer: &mut Viewer) {
     }
 }
 
-/// A key that has moved is written in the digits of the script: the time that the stage has counts.
+/// Finds a key again after it was moved: the script has fewer digits, so its time on stage may differ slightly.
 fn find_again(viewer: &Viewer, key: &mut KeyRef) {
     let near = viewer.playhead.fps().time_of(1).0 / 4;
     let property = viewer.keyed_properties(&key.what).into_iter().find(|p| p.name == key.property);
@@ -143,7 +143,7 @@ fn entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
     act.or(typed)
 }
 
-/// Time and value of a key, to be typed or dragged.
+/// Number fields for the time and value of a key.
 fn numbers(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct> {
     let mut act = None;
     ui.horizontal(|ui| {
@@ -170,7 +170,7 @@ fn numbers(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct
     index.and_then(|index| tangents::numbers(ui, property, index)).or(act)
 }
 
-/// Names to choose from, with one for none: those of easings in a column for each way, so that all are seen at once.
+/// List of names with an entry for none. Easings are in one column for each direction, so that all are visible at once.
 fn choice(ui: &mut Ui, none: &str, names: &[String]) -> Option<Option<String>> {
     const WAYS: [&str; 3] = ["in_out_", "in_", "out_"];
     let way_of = |name: &str| WAYS.iter().position(|way| name.starts_with(way));
@@ -192,7 +192,7 @@ fn choice(ui: &mut Ui, none: &str, names: &[String]) -> Option<Option<String>> {
     chosen
 }
 
-/// Copies and cuts keys where they alone are selected.
+/// Handles copy and cut events if only keys are selected.
 pub fn clipboard(ui: &Ui, viewer: &mut Viewer) {
     if !viewer.has_only_keys_selected() {
         return;
@@ -212,7 +212,7 @@ pub fn clipboard(ui: &Ui, viewer: &mut Viewer) {
     asked.into_iter().for_each(|command| run(ui, viewer, KeyAct::Run(command)));
 }
 
-/// Does it to the script, or to the selection.
+/// Performs an action.
 pub fn run(ui: &Ui, viewer: &mut Viewer, act: KeyAct) {
     let keeps = matches!(act, KeyAct::Select(_) | KeyAct::Run(KeyCommand::Copy | KeyCommand::GoToLine));
     if !keeps && headers::refuses_locked(viewer) {

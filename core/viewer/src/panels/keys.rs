@@ -1,4 +1,4 @@
-//! Keys that hold everywhere.
+//! Keyboard handling of the window.
 
 use super::Panels;
 use super::actions::{self, Context};
@@ -9,7 +9,7 @@ use crate::state::selection::Selected;
 use choreo_session::edit::CueTime;
 use egui::{Key, Modifiers, Ui};
 
-/// Acts on the keys that were pressed: some always, others unless a text field or a widget takes them.
+/// Handles pressed keys: some always, others unless a text field or a widget uses them.
 pub fn handle(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
     if panels.is_asking(viewer) || key_list::takes_key(&mut panels.key_list, ui, viewer) {
         return;
@@ -22,7 +22,7 @@ pub fn handle(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
     if !(ui.input(|i| i.events.iter().any(pastes)) && super::script::refuses_keys(viewer)) {
         super::bar_menu::clipboard(ui, viewer);
     }
-    // An open menu is closed first, and so is the question about a missing file.
+    // Escape first closes an open menu or the question about a missing file.
     let is_covered = egui::Popup::is_any_open(ui.ctx()) || viewer.documents.missing.is_some();
     let is_free = !ui.ctx().egui_wants_keyboard_input() && !is_covered;
     if is_free && ui.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Escape)) {
@@ -34,7 +34,7 @@ pub fn handle(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
     }
 }
 
-/// Moves the selected bars, or the end of the selected one, by this number of frames, as the mouse does.
+/// Moves the selected bars, or the end of the selected bar, by a number of frames, as by dragging.
 pub(crate) fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
     if super::headers::refuses_locked(viewer) {
         return;
@@ -45,7 +45,7 @@ pub(crate) fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
         Err(why) => return viewer.edit(|_| Err(why)),
     };
     if matches!(bar.what, Selected::Camera(_)) {
-        // The shot stays the one that is moved, also where it leaves the playhead.
+        // The moved shot stays selected, even if it leaves the playhead.
         viewer.shot = Some(bar.clone());
     }
     let time = if part == CueTime::End { bar.until } else { bar.start };
@@ -60,7 +60,7 @@ pub(crate) fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
     });
 }
 
-/// The part that is played begins or ends here; pressed again there, it is the whole once more.
+/// Sets the start or the end of the playback range at the playhead; at the same position again, removes the range.
 pub fn range(viewer: &mut Viewer, out: bool) {
     let (now, length) = (viewer.playhead.time(), viewer.playhead.length());
     let (from, to) = viewer.playhead.range().unwrap_or((choreo_motion::Time::ZERO, length));
@@ -81,7 +81,7 @@ pub fn hide(viewer: &mut Viewer) {
     }
 }
 
-/// Shows the selected actor alone, or others again.
+/// Toggles whether the selected actor is shown alone (solo).
 pub(super) fn isolate(viewer: &mut Viewer) {
     if let Some(name) = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string)
         && !viewer.toggles.solo.remove(&name)

@@ -1,18 +1,18 @@
-//! Layout of the panels as JSON: a tree of splits, `{"below": 0.66, "first": …, "second": …}`, and leaves, `{"tabs": ["Viewport"],
-//! "active": 0}`. Panels in windows of their own come back into the last leaf.
+//! Layout of the panels as JSON: a tree of splits, `{"below": 0.66, "first": …, "second": …}`, and leaves, `{"tabs": ["Viewport"], "active": 0}`.
+//! Floating panels are restored in a leaf of the main window.
 
 use super::Tab;
 use egui_dock::{DockState, Node, NodeIndex, Split, TabIndex, Tree};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
-/// A layout of more splits is no layout of ours.
+/// Deepest nesting of splits that is accepted.
 const DEEPEST: usize = 12;
 
-/// The fractions of splits that the user chose. The dock clamps its own where the window is small, and does not take that back.
+/// Fractions of splits chosen by the user. The dock clamps its own fractions in a small window and does not restore them.
 #[derive(Default)]
 pub(crate) struct SplitFractions {
-    /// One for each node of the main surface; `None` for leaves.
+    /// Fraction of each node of the main surface; `None` for leaves.
     chosen: Vec<Option<f32>>,
     /// Size of the window, points.
     size: egui::Vec2,
@@ -27,7 +27,7 @@ impl SplitFractions {
         dock.main_surface().iter().map(fraction).collect()
     }
 
-    /// Puts the chosen fractions back where the window has another size than in the last frame.
+    /// Restores the chosen fractions if the size of the window has changed since the last frame.
     pub fn restore(&mut self, dock: &mut DockState<Tab>, size: egui::Vec2) {
         if size != self.size {
             self.size = size;
@@ -43,7 +43,7 @@ impl SplitFractions {
         }
     }
 
-    /// Takes over what the user has changed in a frame; `before`: the fractions ahead of it, `acts` where a button or key is down.
+    /// Records fractions that the user has changed in a frame. `before`: fractions before the frame; `acts`: whether a button or key is down.
     pub fn keep(&mut self, dock: &DockState<Tab>, before: &[Option<f32>], acts: bool) {
         let now = SplitFractions::of(dock);
         let same_nodes = self.chosen.len() == now.len()
@@ -59,7 +59,7 @@ impl SplitFractions {
         }
     }
 
-    /// The dock's layout with the chosen fractions.
+    /// JSON of the dock's layout with the chosen fractions.
     pub fn write(&self, dock: &DockState<Tab>) -> Value {
         let mut written = dock.clone();
         self.put_into(&mut written);
@@ -92,7 +92,7 @@ fn node(tree: &Tree<Tab>, at: NodeIndex) -> Value {
     }
 }
 
-/// `None` where it is no layout.
+/// Parses a layout. `None` if it is invalid.
 pub fn read(layout: &Value) -> Option<DockState<Tab>> {
     let mut seen = BTreeSet::new();
     let first = tabs(first_leaf(layout, 0)?, &mut BTreeSet::new())?;
@@ -111,7 +111,7 @@ fn tab(title: &Value) -> Option<Tab> {
     Tab::ALL.into_iter().find(|t| t.title() == title)
 }
 
-/// Each panel once.
+/// Panels of a leaf, each only once in the layout.
 fn tabs(leaf: &Value, seen: &mut BTreeSet<&'static str>) -> Option<Vec<Tab>> {
     let all: Vec<Tab> =
         leaf["tabs"].as_array()?.iter().filter_map(tab).filter(|t| seen.insert(t.title())).collect();
@@ -128,7 +128,7 @@ fn first_leaf(layout: &Value, depth: usize) -> Option<&Value> {
     }
 }
 
-/// `at` holds the first leaf of this part already.
+/// Builds the part of the tree at `at`, which already holds the first leaf of that part.
 fn place(
     tree: &mut Tree<Tab>,
     at: NodeIndex,
@@ -144,7 +144,7 @@ fn place(
         if !(0.01..=0.99).contains(&fraction) {
             return None;
         }
-        // Read twice: here to be put there, and in its own turn.
+        // The first leaf of the second part is read here for the split, and again when that part is built.
         let second = tabs(first_leaf(&layout["second"], depth)?, &mut BTreeSet::new())?;
         let [old, new] = tree.split(at, split, fraction as f32, Node::leaf_with(second));
         place(tree, old, &layout["first"], seen, depth + 1)?;
@@ -177,7 +177,7 @@ mod tests {
         assert_eq!(again.leaf(place.node_path()).unwrap().active, place.tab);
     }
 
-    /// A window made small and large again has the sizes that the user chose, on the screen and in the settings.
+    /// A window made small and then large again has the sizes that the user chose, on the screen and in the settings.
     #[test]
     fn a_small_window_does_not_change_the_layout() {
         let mut panels = Panels::default();
@@ -215,7 +215,7 @@ mod tests {
             json!({ "tabs": ["Nothing"] }),
             json!({ "right": 7.0, "first": leaf, "second": leaf }),
             json!({ "right": 0.5, "first": leaf }),
-            // The same panel twice.
+            // The same panel occurs twice.
             json!({ "right": 0.5, "first": leaf, "second": leaf }),
             nested,
         ] {

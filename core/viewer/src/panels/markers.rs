@@ -1,4 +1,4 @@
-//! Named times: lines over all rows of the sequencer, each with a flag that can be dragged.
+//! Markers: lines over all rows of the sequencer, each with a flag that can be dragged.
 
 use super::held;
 use super::hint::Hint;
@@ -7,9 +7,9 @@ use choreo_motion::Time;
 use egui::{Rect, Sense, Stroke, Ui, pos2, vec2};
 
 const SIZE: f32 = 11.5;
-/// Rows of names, one above the other, where they would overlap.
+/// Number of lines of flags, which are stacked where their names would overlap.
 const LEVELS: usize = 4;
-/// Points; what is longer is read where the mouse is.
+/// Largest width of a name, points; longer ones are shown in a tooltip.
 const WIDEST: f32 = 180.0;
 
 pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
@@ -20,21 +20,21 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
     let place = |time: Time| ruler.left() + viewer.span.x_of(time.as_secs(), ruler.width());
     let mut in_order: Vec<usize> = (0..viewer.timeline.markers.len()).collect();
     in_order.sort_by_key(|index| viewer.timeline.markers[*index].1);
-    // Where the names of each level end so far.
+    // Right end of the last flag in each line.
     let mut ends = [f32::NEG_INFINITY; LEVELS];
     let mut moved = None;
     for index in in_order {
         let (name, time) = &viewer.timeline.markers[index];
         let x = place(*time);
-        // Below the ruler, whose times are read.
+        // The line begins below the ruler, so that its numbers stay readable.
         painter.vline(x, ruler.bottom()..=lanes.bottom(), Stroke::new(1.0, color));
-        // A name near the end stands before its line.
+        // A name near the right end is placed before its line.
         let galley = super::elided(&painter, name, SIZE, color, WIDEST.min(lanes.width()));
         let size = galley.size();
         let left = (x + 3.0).min(lanes.right() - size.x - 2.0);
         let level = ends.iter().position(|end| *end + 4.0 < left).unwrap_or(0);
         ends[level] = left + size.x;
-        // Below the rows, where no bar is in the way unless there are many.
+        // Flags are below the rows, where they cover no bar unless there are many rows.
         let at = pos2(left, lanes.bottom() - (size.y + 2.0) * (level + 1) as f32);
         let flag = Rect::from_min_size(pos2(left - 3.0, at.y), size + vec2(6.0, 2.0)).intersect(lanes);
         if flag.width() <= 0.0 || !(lanes.left()..=lanes.right()).contains(&x) {

@@ -1,4 +1,4 @@
-//! Marks in a row of the sequencer beside its bars: events, and feet on the floor. A click goes there.
+//! Marks in a row of the sequencer in addition to its bars: events and foot contacts. A click moves the playhead there.
 
 use super::bars::beside;
 use super::held;
@@ -16,38 +16,38 @@ use choreo_motion::Time;
 use choreo_script::{Place, Severity};
 use egui::{Color32, Rect, Sense, Shape, Stroke, Ui, pos2, vec2};
 
-/// Half of a mark's width, points.
+/// Half width of a mark, points.
 const HALF: f32 = 4.0;
-/// Height of the part at the top of a row with bars in which its marks take the pointer, points. It ends above the middle of the bars:
-/// below it their handles are taken, where a mark lies on an edge.
+/// Height of the part at the top of a row with bars where marks take the pointer, points. It ends above the middle of the bars, so that handles can
+/// be grabbed below it if a mark lies on an edge.
 pub(super) const BAND: f32 = 2.0 * HALF;
-/// A selected key.
+/// Color of a selected key.
 pub(super) const SELECTED: Color32 = Color32::from_rgb(0xff, 0x8a, 0x2a);
-/// Marks in one row that can be pointed at.
+/// Largest number of marks in one row that can be pointed at.
 const MOST: usize = 400;
 
-/// The file's name and the line.
+/// File name and line of a position: `dance.rhai:12`.
 pub fn report(place: &Place) -> String {
     format!("{}:{}", file_name(&place.file), place.line)
 }
 
-/// A change of a mark by the user.
+/// An action of the user on a mark.
 pub enum MarkAct {
-    /// Clicked; with Ctrl or Shift: beside what is selected.
+    /// A click; `true`: adds to the selection, with Ctrl or Shift.
     Click(Event, bool),
-    /// Dragged by seconds.
+    /// A drag by seconds.
     Move(Event, f64),
     Key(KeyAct),
 }
 
-/// The time by which keys are dragged in this frame, seconds: the other selected ones are drawn there, too.
+/// Key of the time by which keys are dragged in this frame, seconds; other selected keys are drawn with the same offset.
 fn dragged_id() -> egui::Id {
     egui::Id::new("keys dragged")
 }
 
-/// Draws the marks of a row; gives what the user does.
+/// Draws the marks of a row, and returns the user's action.
 pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect) -> Option<MarkAct> {
-    // Above the names of bars, where there are any.
+    // Marks are above the names of bars.
     let y = key_height(row, lane);
     let painter = ui.painter_at(lane);
     let wrong = viewer.severity(&row.place);
@@ -67,7 +67,7 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect
         if !row.bars.is_empty() {
             place.max.y = lane.top() + BAND;
         }
-        // A drag, too: else it would reach what lies below.
+        // Drags are sensed, too; otherwise they would reach the widget below.
         let sense = Sense::click_and_drag();
         let response = ui.interact(place.intersect(lane), ui.id().with(("event", number, count)), sense);
         let label = format!("event {} on {of}", event.label.replace('\n', ", "));
@@ -112,12 +112,12 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect
     acted
 }
 
-/// The height of the marks of a row.
+/// Height of the marks of a row.
 fn key_height(row: &Row, lane: Rect) -> f32 {
     if row.bars.is_empty() { lane.center().y } else { lane.top() + 1.0 + HALF }
 }
 
-/// The keys of a row whose marks lie in a rectangle.
+/// Keys of a row whose marks lie in a rectangle.
 pub(crate) fn keys_within(viewer: &Viewer, row: &Row, lane: Rect, area: Rect) -> Vec<KeyRef> {
     let y = key_height(row, lane);
     if area.bottom() < y - HALF || area.top() > y + HALF {
@@ -127,7 +127,7 @@ pub(crate) fn keys_within(viewer: &Viewer, row: &Row, lane: Rect, area: Rect) ->
     row.events.iter().filter(|event| area.x_range().contains(x(event))).flat_map(Event::key_refs).collect()
 }
 
-/// A dragged mark's new time in seconds: snapped to what is near, else to frames.
+/// New time of a dragged mark, seconds, snapped to nearby times, else to frames.
 fn dragged_to(viewer: &Viewer, event: &Event, lane: Rect, x: f32) -> f64 {
     let secs = |x: f32| viewer.span.secs_at(x, lane.width());
     let wanted = secs(x - lane.left());
@@ -144,7 +144,7 @@ fn hover(viewer: &Viewer, event: &Event) -> String {
     text
 }
 
-/// A key is a diamond, as everywhere; an appearance or disappearance a circle, an actor's event a square, a named time a flag.
+/// Shape of a mark: a diamond for a key, a circle for an entrance, a square for an actor's event, a flag for a marker.
 fn shape(kind: EventKind, at: egui::Pos2, fill: Color32) -> Shape {
     let line = Stroke::new(1.0, Color32::from_gray(20));
     let points = |all: &[(f32, f32)]| all.iter().map(|(x, y)| at + vec2(*x, *y) * HALF).collect();
@@ -165,7 +165,7 @@ fn shape(kind: EventKind, at: egui::Pos2, fill: Color32) -> Shape {
     }
 }
 
-/// Draws foot contacts, a line for each foot. Gives the time at which the clicked one comes down.
+/// Draws foot contacts, a line for each foot. Returns the start of a clicked contact.
 pub fn feet(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
     let (Some(scene), Some(Selected::Actor(name))) = (&viewer.scene, &row.what) else { return None };
     let is_base = row.bars.iter().any(|b| matches!(b.what, Selected::Cue { layer: 0, .. }));
@@ -186,7 +186,7 @@ pub fn feet(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
             painter.rect_filled(part.intersect(lane), 0.0, Color32::from_rgb(r, g, b).gamma_multiply(1.4));
         }
     }
-    // A little higher than it is drawn, to be hit.
+    // The clickable area is a little higher than the lines.
     let band = Rect::from_min_max(pos2(lane.left(), lane.bottom() - STRIP - 1.0), lane.max);
     let response = ui.interact(band, ui.id().with(("feet", index)), Sense::click());
     let label = format!("feet of {name}");
@@ -203,7 +203,7 @@ pub fn feet(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
         format!("{name} on the floor, {from} to {to}")
     });
     let text = text.collect::<Vec<_>>().join("\n");
-    // The one that came down last.
+    // The latest contact decides.
     let down = standing.iter().map(|(_, (from, _))| *from).max_by(f64::total_cmp);
     let clicked = response.clicked();
     if !text.is_empty() {

@@ -1,11 +1,11 @@
-//! Problems with their places, and the lines that the script printed. A click goes to the line.
+//! Panel of problems with their positions, and of the lines that the script printed. A click goes to the line.
 
 use crate::app::Viewer;
 use choreo_script::Severity;
 use choreo_session::Problem;
 use egui::{RichText, Sense, Ui};
 
-/// Messages that are shown at most: the window draws all of them in each of its frames.
+/// Largest number of displayed messages, since the window draws all of them in each frame.
 const MOST: usize = 100;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
@@ -29,7 +29,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             Severity::Warning => visuals.warn_fg_color,
             Severity::Note => visuals.text_color(),
         };
-        // The text is that of the command line, with the line and a caret.
+        // The same text as on the command line, with the source line and a caret.
         let text = RichText::new(problem.to_string()).color(color).monospace();
         let placed = problem.line > 0;
         let label =
@@ -57,7 +57,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-/// The worst ones, in their order.
+/// The most severe problems, in their order.
 fn shown(problems: &[Problem]) -> Vec<&Problem> {
     let mut worst: Vec<usize> = (0..problems.len()).collect();
     worst.sort_by_key(|index| problems[*index].severity);

@@ -1,4 +1,4 @@
-//! The panels, and how they lie beside each other.
+//! The panels and their arrangement.
 
 mod actions;
 mod add_menu;
@@ -71,7 +71,7 @@ use std::sync::Arc;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tab {
-    /// A viewport by number, from 0.
+    /// A viewport, by its index.
     Viewport(u8),
     Sequencer,
     Tree,
@@ -125,13 +125,13 @@ impl Tab {
     }
 }
 
-/// Dark, as images are judged in the dark, or light; text that can be read for hours in both.
+/// Sets the colors of the window: dark, for judging images, or light. Text is comfortable to read in both.
 pub fn set_colors(context: &egui::Context, light: bool) {
     context.set_fonts(icons::fonts());
     context.options_mut(|options| {
-        // Ours is remembered, and has ends.
+        // The viewer has its own zoom, which is limited and saved.
         options.zoom_with_keyboard = false;
-        // egui measures from frame to frame. Where one takes a second, as on a busy machine without a GPU, no click would be one.
+        // egui measures time from frame to frame. If a frame takes a second, as on a busy machine without a GPU, no press would count as a click.
         options.input_options.max_click_duration = f64::INFINITY;
     });
     let mut dark = egui::Visuals::dark();
@@ -140,7 +140,7 @@ pub fn set_colors(context: &egui::Context, light: bool) {
     dark.weak_text_color = Some(egui::Color32::from_gray(140));
     dark.error_fg_color = egui::Color32::from_rgb(0xff, 0x80, 0x70);
     dark.warn_fg_color = egui::Color32::from_rgb(0xf0, 0xb0, 0x50);
-    // A cursor that blinks draws the window twice a second for as long as a field has the keyboard.
+    // A blinking cursor would redraw the window twice a second while a field has the keyboard focus.
     dark.text_cursor.blink = false;
     let dark_text = dark.text_options.color_transfer_function;
     context.set_visuals_of(egui::Theme::Dark, dark);
@@ -152,13 +152,13 @@ pub fn set_colors(context: &egui::Context, light: bool) {
     bright.warn_fg_color = egui::Color32::from_rgb(0x8a, 0x55, 0x00);
     bright.hyperlink_color = egui::Color32::from_rgb(0x00, 0x5f, 0xb0);
     bright.text_cursor.blink = false;
-    // Mixed with light by amounts of light, thin dark strokes fade: as much stronger as egui makes light ones on dark.
+    // Blended in linear light, thin dark strokes look faint; they are strengthened as egui does for light text on dark.
     bright.text_options.color_transfer_function = dark_text;
     context.set_visuals_of(egui::Theme::Light, bright);
     context.set_theme(if light { egui::Theme::Light } else { egui::Theme::Dark });
 }
 
-/// All that is drawn into the window.
+/// Everything that is drawn in the window.
 pub struct Panels {
     dock: DockState<Tab>,
     splits: layout::SplitFractions,
@@ -170,11 +170,11 @@ pub struct Panels {
     refusals: refusal::Refusals,
     name_field: rename::NameField,
     pub light: bool,
-    /// 1 to 2.
+    /// Scale of the user interface, 1 to 2.
     pub scale: f32,
-    /// Overlays of the first viewport's image, which new viewports take over.
+    /// Overlays of the first viewport, which new viewports inherit.
     overlays: Overlays,
-    /// The colors and scale that were last given to egui's context.
+    /// Theme and scale that were last set in egui's context.
     applied: Option<(bool, f32)>,
 }
 
@@ -208,7 +208,7 @@ impl Panels {
         panels
     }
 
-    /// A new context knows neither colors nor scale.
+    /// Sets the theme and scale again, since a new context has neither.
     pub(crate) fn forget_context(&mut self) {
         self.applied = None;
         self.pictures = Default::default();
@@ -220,7 +220,7 @@ impl Panels {
         Settings { light, scale, layout, overlays, ..Settings::default() }
     }
 
-    /// `pictures`: by view, the texture with the frame that is shown; `now`: the clock, seconds.
+    /// Draws all panels. `pictures`: texture with the displayed frame of each view; `now`: clock, seconds.
     pub fn show(&mut self, ui: &mut Ui, viewer: &mut Viewer, pictures: &[Option<TextureId>], now: f64) {
         if self.applied != Some((self.light, self.scale)) {
             set_colors(ui.ctx(), self.light);
@@ -230,7 +230,7 @@ impl Panels {
         hint::watch(ui.ctx());
         values::set_rate(ui, viewer.playhead.fps().as_fps());
         drop::take(&mut self.waiting, ui, viewer);
-        // A slow frame may hold the release of the button and Ctrl+Z: the drag is done before it is undone.
+        // A slow frame may contain both the release of the mouse button and Ctrl+Z: the drag is completed before it is undone.
         let after_drag = !viewer.documents.start && ui.input(|i| i.pointer.any_released());
         if !after_drag {
             keys::handle(self, ui, viewer, now);
@@ -240,7 +240,7 @@ impl Panels {
         files::dialogs(ui, viewer);
         palette::show(self, ui, viewer, now);
         if self.is_asking(viewer) {
-            // The rest of the wheel is for no panel below the question.
+            // The mouse wheel must not scroll panels below the dialog.
             ui.input_mut(|i| i.smooth_scroll_delta = egui::Vec2::ZERO);
         }
         if self.key_list.open {
@@ -257,7 +257,7 @@ impl Panels {
         self.overlays = viewer.views[0].overlays;
         viewer.scrubs = false;
         (viewer.curves.hovered, viewer.curves.seen) = (false, false);
-        // Between the rounded corners of the panels.
+        // Fills the gaps at the rounded corners of the panels.
         ui.painter().rect_filled(ui.available_rect_before_wrap(), 0.0, ui.visuals().panel_fill);
         let style = Style::from_egui(ui.style());
         let (own_pictures, browser) = (&mut self.pictures, &mut self.browser);
@@ -283,7 +283,7 @@ impl Panels {
         hovering(ui, viewer);
     }
 
-    /// Whether a question or the palette has the keyboard.
+    /// Whether a dialog or the command palette has the keyboard.
     fn is_asking(&self, viewer: &Viewer) -> bool {
         self.palette.is_open() || viewer.documents.dialog.is_some() || viewer.offer.is_some()
     }
@@ -292,7 +292,7 @@ impl Panels {
         self.dock.find_tab(&tab).is_some()
     }
 
-    /// Opens it, or closes it.
+    /// Opens or closes a panel.
     fn set_open(&mut self, tab: Tab, open: bool) {
         match (self.dock.find_tab(&tab), open) {
             (Some(place), false) => drop(self.dock.remove_tab(place)),
@@ -306,7 +306,7 @@ impl Panels {
         }
     }
 
-    /// Place at which a viewport opens, so that four are two by two: the node of another one, and the side.
+    /// Position of a new viewport, so that four are arranged two by two: the node of another viewport, and the side.
     fn beside(&self, tab: Tab) -> Option<(NodeIndex, Split)> {
         let Tab::Viewport(number) = tab else { return None };
         let (right, below) = (Split::Right, Split::Below);
@@ -322,18 +322,18 @@ impl Panels {
         places.iter().find_map(found)
     }
 
-    /// Opens it where it is closed, and brings it to the front.
+    /// Opens a panel if it is closed, and brings it to the front.
     fn bring(&mut self, tab: Tab) {
         self.set_open(tab, true);
         if let Some(place) = self.dock.find_tab(&tab) {
-            // It was found just now.
+            // The panel was found just before.
             let _ = self.dock.set_active_tab(place);
             self.dock.set_focused_node_and_surface(place.node_path());
         }
     }
 }
 
-/// A hint while files are dragged over the window: what dropping them does.
+/// Hint about the effect of a drop, while files are dragged over the window.
 fn hovering(ui: &Ui, viewer: &Viewer) {
     let files = ui.input(|i| i.raw.hovered_files.clone());
     if files.is_empty() {
@@ -366,7 +366,7 @@ fn hovering(ui: &Ui, viewer: &Viewer) {
 struct Tabs<'a> {
     viewer: &'a mut Viewer,
     pictures: &'a [Option<TextureId>],
-    /// Images of files.
+    /// Thumbnail textures.
     own_pictures: &'a mut pictures::Pictures,
     browser: &'a mut assets::Browser,
     now: f64,
@@ -426,17 +426,17 @@ impl TabViewer for Tabs<'_> {
     }
 }
 
-/// Rounds to this many parts of one, for display: what rounds to nothing has no sign.
+/// Rounds to multiples of 1/`parts` for display; a value that rounds to zero has no sign.
 fn rounded(value: f64, parts: f64) -> f64 {
     (value * parts).round() / parts + 0.0
 }
 
-/// A number with as many digits behind the point; what rounds to nothing has no sign.
+/// A number with a fixed number of decimal places; a value that rounds to zero has no sign.
 fn fixed_digits(value: f64, digits: usize) -> String {
     format!("{:.digits$}", rounded(value, libm::pow(10.0, digits as f64)))
 }
 
-/// A line of text that ends with … where it is wider than there is room for.
+/// A line of text that is truncated with … if it is too wide.
 fn elided(painter: &Painter, text: &str, size: f32, color: Color32, width: f32) -> Arc<Galley> {
     let mut job = LayoutJob::simple_singleline(text.to_string(), FontId::proportional(size), color);
     job.wrap = TextWrapping::truncate_at_width(width.max(1.0));
@@ -449,7 +449,7 @@ mod digits {
 
     #[test]
     fn a_number_that_rounds_to_nothing_has_no_sign() {
-        // A line at nothing that is reached by adding steps is a little beside it.
+        // Adding steps gives grid lines that are slightly off zero.
         for (value, digits, text) in [
             (-1e-17, 1, "0.0"),
             (-0.0, 2, "0.00"),

@@ -1,5 +1,4 @@
-//! Overlays over the image: skeletons, bounds, safe areas. Lines of the window, not of the scene: they are
-//! visible through everything.
+//! Overlays on the image: skeletons, bounds, safe areas. The window draws them and not the renderer, so that they are visible through all objects.
 
 use super::canvas::Canvas;
 use crate::app::Viewer;
@@ -9,7 +8,7 @@ use crate::state::selection::Selected;
 use egui::{Align2, Color32, FontId, Painter, Rect, Stroke, StrokeKind, Ui, pos2, vec2};
 use glam::{DVec2, DVec3};
 
-/// Joints in all that are drawn.
+/// Largest total number of joints that are drawn.
 const MOST_JOINTS: usize = 20_000;
 
 pub const X: Color32 = Color32::from_rgb(0xe0, 0x55, 0x4d);
@@ -28,7 +27,7 @@ pub fn line(painter: &Painter, lens: &Lens, a: DVec3, b: DVec3, stroke: Stroke) 
     }
 }
 
-/// The part of a line inside a rectangle (Liang and Barsky 1984). A line close to the camera could extend for kilometres.
+/// The part of a line inside a rectangle (Liang and Barsky 1984). Without clipping, a line close to the camera could extend for kilometres.
 fn clipped([a, b]: [DVec2; 2], to: Rect) -> Option<[DVec2; 2]> {
     let by = b - a;
     let (mut from, mut until) = (0.0_f64, 1.0_f64);
@@ -106,7 +105,7 @@ fn bounds(painter: &Painter, lens: &Lens, low: DVec3, high: DVec3, stroke: Strok
     }
 }
 
-/// 93 % for action and 90 % for titles (EBU R 95), the middle, and the size that render gives it.
+/// Safe areas of 93 % for action and 90 % for titles (EBU R 95), the center, and the size of the rendered image.
 fn safe_areas(painter: &Painter, place: Rect, size: [u32; 2]) {
     let stroke = Stroke::new(1.0, Color32::from_white_alpha(150));
     for share in [0.93, 0.90] {

@@ -1,4 +1,4 @@
-//! The command palette: a field that finds every action, panel, actor, clip and line of the script.
+//! Command palette: a search field for all actions, panels, actors, clips and lines of the script.
 
 use super::actions::{self, ACTIONS, Context};
 use super::{Panels, Tab, dialog};
@@ -12,12 +12,12 @@ use choreo_session::edit::Addition;
 use egui::{Align2, Key, Modifiers, RichText, ScrollArea, TextEdit, Ui, vec2};
 use std::path::PathBuf;
 
-/// Entries that are shown.
+/// Largest number of displayed entries.
 const MOST_SHOWN: usize = 60;
-/// Points of the list, where it is long.
+/// Largest height of the list, points.
 const HEIGHT: f32 = 420.0;
 
-/// The effect of an entry.
+/// Effect of an entry.
 #[derive(Clone, Debug)]
 enum Target {
     Action(&'static str),
@@ -25,17 +25,17 @@ enum Target {
     New(usize),
     Open(PathBuf),
     Select(Selected, Option<Time>),
-    /// A new thing; a camera where `None`.
+    /// Adds an object. `None`: a camera at the view.
     Add(Option<Addition>),
-    /// A constraint of the selected actor.
+    /// Adds a constraint to the selected actor.
     Constrain(NewConstraint),
-    /// The selected actor plays a clip of its file.
+    /// Plays a clip of the actor's own file: name of the actor, and of the clip.
     Play(String, String),
     Line(usize),
 }
 
 impl Target {
-    /// Words by which it is found beside those that are shown.
+    /// Additional words to find the entry by.
     fn other_words(&self) -> &'static str {
         match self {
             Target::Action(id) => actions::other_words(id),
@@ -48,7 +48,7 @@ impl Target {
 #[derive(Clone, Debug)]
 struct Entry {
     text: String,
-    /// The kind of thing that it is, or its keys.
+    /// Kind of the entry, or its shortcut.
     note: String,
     target: Target,
 }
@@ -56,10 +56,10 @@ struct Entry {
 #[derive(Default)]
 pub struct Palette {
     open: bool,
-    /// The field gets the keyboard.
+    /// Whether the text field gets the keyboard focus.
     fresh: bool,
     text: String,
-    /// The entry that Enter takes.
+    /// Index of the entry that Enter chooses.
     at: usize,
     all: Vec<Entry>,
 }
@@ -73,7 +73,7 @@ impl Palette {
         *self = Palette { open: !self.open, fresh: true, ..Palette::default() };
     }
 
-    /// The entries that a text finds, the best first.
+    /// Entries that match the text, the best first.
     fn found(&self) -> Vec<Entry> {
         let text = self.text.to_lowercase();
         let words: Vec<&str> = text.split_whitespace().collect();
@@ -86,7 +86,7 @@ impl Palette {
                 found.push((usize::from(first > 0), number, entry));
             }
         }
-        // Where the first word begins an entry before others; else as they are listed.
+        // Entries that begin with the first word come first; otherwise the order of the list is kept.
         found.sort_by_key(|(behind, number, _)| (*behind, *number));
         found.into_iter().take(MOST_SHOWN).map(|(_, _, entry)| entry.clone()).collect()
     }
@@ -99,7 +99,7 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
     if panels.palette.fresh {
         panels.palette.all = entries(viewer);
     }
-    // Keys of the list, before the field takes them.
+    // Keys of the list are handled before the text field.
     let pressed = |key| ui.input_mut(|i| i.consume_key(Modifiers::NONE, key));
     let (down, up) = (pressed(Key::ArrowDown), pressed(Key::ArrowUp));
     let (enter, escape) = (pressed(Key::Enter), pressed(Key::Escape));
@@ -124,7 +124,7 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
             _ => palette.at.min(last),
         };
         ui.separator();
-        // The list grows again after few entries were found.
+        // The list grows again after a search with few results.
         let list = ScrollArea::vertical().max_height(HEIGHT).min_scrolled_height(HEIGHT);
         list.auto_shrink([false, true]).show(ui, |ui| {
             for (number, entry) in found.iter().enumerate() {
@@ -186,7 +186,7 @@ fn run(c: &mut Context, target: Target) {
     }
 }
 
-/// Everything that can be found.
+/// All entries that can be found.
 fn entries(viewer: &Viewer) -> Vec<Entry> {
     let entry = |text: String, note: String, target: Target| Entry { text, note, target };
     let mut all: Vec<Entry> = ACTIONS
@@ -222,7 +222,7 @@ fn entries(viewer: &Viewer) -> Vec<Entry> {
     all
 }
 
-/// Objects of the stage, clips on the timeline, and clips that the selected actor could play.
+/// Entries for objects of the stage, clips on the timeline, and clips that the selected actor could play.
 fn objects(viewer: &Viewer, all: &mut Vec<Entry>) {
     let Some(scene) = &viewer.scene else { return };
     let stage = &scene.stage;

@@ -1,10 +1,10 @@
-//! Times of the last frames by stage, and what the renderer holds.
+//! Panel of frame times by stage, and of the objects that the renderer holds.
 
 use crate::app::Viewer;
 use crate::state::performance::FRAMES;
 use egui::{Color32, Grid, Rect, Sense, Ui, pos2, vec2};
 
-/// Poses, plan, drawing.
+/// Colors of the stages: poses, plan, drawing.
 const COLORS: [Color32; 3] = [
     Color32::from_rgb(0x00, 0x8a, 0x66),
     Color32::from_rgb(0xd0, 0x8a, 0x20),
@@ -55,7 +55,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     });
 }
 
-/// A column a frame, the newest on the right.
+/// A column per frame, the newest on the right.
 fn graph(ui: &mut Ui, viewer: &Viewer) {
     let (rect, response) =
         ui.allocate_exact_size(vec2(ui.available_width().min(720.0), 70.0), Sense::hover());

@@ -1,4 +1,4 @@
-//! Images of files as textures.
+//! Thumbnails as textures.
 
 use crate::app::Viewer;
 use crate::library::thumbnails::{Made, SIZE, Subject, Thumbnail};
@@ -9,15 +9,15 @@ use egui::{
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Textures that are kept; beyond that all are uploaded again.
+/// Largest number of textures; beyond it all are freed and uploaded again.
 const MOST_TEXTURES: usize = 256;
 
-/// Textures of images, each with the image that it was made of.
+/// Textures with the images that they were made from.
 #[derive(Default)]
 pub struct Pictures(BTreeMap<Subject, (Arc<Thumbnail>, Vec<TextureHandle>)>);
 
 impl Pictures {
-    /// Draws the image of a subject into a rectangle, and gives what is known of it. A preview goes on by itself.
+    /// Draws the thumbnail of a subject into a rectangle, and returns its state. Previews play continuously.
     pub fn show(
         &mut self,
         ui: &Ui,
@@ -64,7 +64,7 @@ impl Pictures {
     }
 }
 
-/// The height of an image of some width.
+/// Height of a thumbnail with a given width.
 pub fn height(width: f32) -> f32 {
     (width * SIZE[1] as f32 / SIZE[0] as f32).round()
 }
@@ -78,7 +78,7 @@ fn word(painter: &Painter, place: Rect, text: &str, color: Color32) {
     painter.text(place.center(), Align2::CENTER_CENTER, text, FontId::proportional(12.0), color);
 }
 
-/// The image of a preview that is due at the window's time.
+/// Index of the image of a preview that is due now.
 fn shown_frame(ui: &Ui, thumbnail: &Thumbnail) -> usize {
     let count = thumbnail.frames.len();
     if count < 2 {

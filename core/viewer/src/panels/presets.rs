@@ -1,11 +1,11 @@
-//! Layouts of the panels for what somebody does.
+//! Panel layouts for different tasks.
 
 use super::Tab;
 use egui_dock::{DockState, NodeIndex};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
-    /// As at first.
+    /// The initial layout.
     General,
     Scripting,
     Animating,
@@ -42,19 +42,19 @@ impl Preset {
                 let [middle, _] = surface.split_right(above, 0.72, vec![Inspector, Script, Render, Tests]);
                 surface.split_left(middle, 0.2, vec![Tree, Assets]);
             }
-            // The text beside the image; messages below the text.
+            // The script next to the image, with messages below the script.
             Preset::Scripting => {
                 let [image, text] = surface.split_right(root, 0.5, vec![Script]);
                 surface.split_below(text, 0.72, vec![Messages, Explain, Performance]);
                 surface.split_below(image, 0.7, vec![Sequencer]);
             }
-            // The timeline and its curves have half of the window.
+            // The timeline and its curves take half of the window.
             Preset::Animating => {
                 let [above, below] = surface.split_below(root, 0.5, vec![Sequencer]);
                 surface.split_below(below, 0.5, vec![Curves]);
                 surface.split_right(above, 0.72, vec![Inspector, Tree]);
             }
-            // A second viewport to look at the lights from, beside the camera's image.
+            // A second viewport to inspect the lights, next to the image of the camera.
             Preset::Lighting => {
                 let [above, _] = surface.split_below(root, 0.8, vec![Sequencer]);
                 let [image, _] = surface.split_right(above, 0.74, vec![Inspector]);

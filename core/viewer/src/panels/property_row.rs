@@ -1,4 +1,4 @@
-//! The row of one keyed property, below the row that has the keys of all: its diamonds are selected, moved and deleted by themselves.
+//! Row of one keyed property, below the row with the keys of all properties. Its diamonds are selected, moved and deleted independently.
 
 use super::hint::Hint;
 use super::marks::{self, MarkAct};
@@ -8,10 +8,10 @@ use crate::state::events::Event;
 use crate::state::timeline::RowNumber;
 use egui::{Rect, Sense, Ui, vec2};
 
-/// Points by which its name stands farther right than those of whole rows.
+/// Additional indentation of its name, points.
 const INDENT: f32 = 24.0;
 
-/// Draws the row, and does what the user does there. A click on its name selects all of its keys.
+/// Draws the row, and performs the user's actions. A click on its name selects all of its keys.
 pub fn show(ui: &mut Ui, viewer: &mut Viewer, number: RowNumber, ruler: Rect) {
     let (label, lane) = next_row(ui, number, ruler);
     let Some(row) = viewer.timeline.row(number) else { return };

@@ -1,4 +1,4 @@
-//! Why a change was not made, beside the pointer that made it, with the line that decides as a link. A dialog says it itself.
+//! Text next to the pointer that says why an edit was refused, with a link to the line that caused it. Not used while a dialog shows the reason.
 
 use super::hint;
 use crate::app::Viewer;
@@ -7,10 +7,10 @@ use egui::{
     WidgetText, WidgetType, vec2,
 };
 
-/// Points.
+/// Largest width, points.
 const WIDEST: f32 = 420.0;
 
-/// The place at which a refusal is read, and how many there were.
+/// Position of the displayed refusal, and number of refusals seen so far.
 #[derive(Default)]
 pub struct Refusals {
     seen: u64,
@@ -27,14 +27,14 @@ pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
         refusals.at = None;
     }
     let shown = refusals.at.zip(viewer.message.clone());
-    // A hint at the mouse would cover the text.
+    // A tooltip at the mouse would cover the text.
     hint::hold(ui.ctx(), shown.is_some());
     let Some((at, why)) = shown else {
         refusals.at = None;
         return;
     };
     let place = at + vec2(14.0, 18.0);
-    // Clicks go through the text to what it covers; the line alone takes them.
+    // Clicks pass through the text to the widgets below it; only the link takes clicks.
     let area = Area::new(egui::Id::new("refusal")).order(Order::Foreground).fixed_pos(place);
     let room = area.constrain(true).interactable(false).show(ui.ctx(), |ui| {
         let popup = Frame::popup(ui.style()).show(ui, |ui| {
@@ -49,7 +49,8 @@ pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
     });
     let mut pressed_link = false;
     if let Some((place, text, galley, painter)) = room.inner {
-        // It takes clicks alone and draws nothing: egui remembers the order of areas, by which the text could cover it.
+        // The link is an area of its own that takes clicks and draws nothing, because egui remembers the order of areas and could put the text
+        // above it.
         let link = Area::new(egui::Id::new("refusal line")).order(Order::Foreground).fixed_pos(place.min);
         let link = link.constrain(false).show(ui.ctx(), |ui| {
             let link = ui.allocate_response(place.size(), Sense::click());

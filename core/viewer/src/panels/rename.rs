@@ -1,4 +1,4 @@
-//! A field for the name of an actor, a camera, a light or a title, at its row.
+//! Text field that renames an actor, a camera, a light or a title, at its row.
 
 use super::sequencer;
 use crate::app::Viewer;
@@ -7,7 +7,7 @@ use crate::state::selection::Selected;
 use egui::text::{CCursor, CCursorRange};
 use egui::{Area, Frame, Key, Order, Pos2, TextEdit, Ui};
 
-/// The thing that is renamed, and the text that was typed so far.
+/// Object being renamed, and the text typed so far.
 #[derive(Default)]
 pub struct NameField {
     what: Option<Selected>,

@@ -1,4 +1,4 @@
-//! Renders and exports from within: what, where to, and the queue.
+//! Panel for renders and exports: what to render, the output, and the queue.
 
 use super::hint::Hint;
 use super::icons;
@@ -10,7 +10,7 @@ use crate::state::render_form::{FormScene, Range, RenderForm, Size, free_output}
 use egui::{Button, ComboBox, DragValue, Grid, Label, ProgressBar, RichText, TextEdit, Ui, WidgetType};
 use std::path::Path;
 
-/// Sides in pixels that a render may have.
+/// Range of a render's width and height, pixels.
 const SIDES: std::ops::RangeInclusive<u32> = 1..=16_384;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
@@ -167,7 +167,7 @@ fn name(format: &Format) -> String {
     format!(".{} ({what})", format.extension)
 }
 
-/// The reason why nothing else may write what a job writes.
+/// Message that another job already writes to the output.
 fn is_written(job: &Job) -> String {
     let name = shown_name(&job.output);
     match job.state {
@@ -176,7 +176,7 @@ fn is_written(job: &Job) -> String {
     }
 }
 
-/// The jobs, the newest below; a click on the cross stops one, or takes it off the list.
+/// List of jobs, the newest at the bottom. A click on the cross cancels a job, or removes a finished one.
 fn queue(ui: &mut Ui, viewer: &Viewer) {
     let jobs = viewer.renders.jobs();
     if jobs.is_empty() {
@@ -200,7 +200,7 @@ fn queue(ui: &mut Ui, viewer: &Viewer) {
     }
 }
 
-/// The name of a file; of numbered images with their folder, which tells them from others.
+/// Displayed name of an output. Numbered images include their folder, which distinguishes them.
 fn shown_name(output: &Path) -> String {
     let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     match output.parent().map(name).filter(|folder| !folder.is_empty() && name(output).contains('%')) {

@@ -1,5 +1,5 @@
-//! Fields of an actor's attachments, constraints and spring bones: of each call in the script that states one. Where the stage knows the
-//! values they are its own, else those that are written.
+//! Inspector fields of an actor's attachments, constraints and spring bones, for each call in the script that states one. Values are those of the
+//! stage if it has them, else those in the script.
 
 use super::fields::{Form, described};
 use super::hint::Hint;
@@ -13,13 +13,13 @@ use choreo_stage::{
 };
 use egui::{Grid, RichText, Ui};
 
-/// Calls of one actor that are shown.
+/// Largest number of displayed calls of one kind for an actor.
 const MOST: usize = 40;
 
-/// The change of a call that the user makes here.
+/// A user's edit of a call.
 pub struct CallChange(pub StatedCall, pub FieldChange);
 
-/// Everything that holds or moves an actor beside its clips. `index`: of the stage's actors.
+/// Shows everything that places or moves an actor in addition to its clips. `index`: index of the actor on stage.
 pub fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option<CallChange> {
     let places = &viewer.scene.as_ref()?.places;
     let shown = |calls: &[Vec<Place>], number: usize, name: &str| {
@@ -68,7 +68,7 @@ pub fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option
     wanted
 }
 
-/// A call with its name and arguments above its fields.
+/// A call with its name and arguments, followed by its fields.
 fn section(
     ui: &mut Ui,
     call: &StatedCall,
@@ -98,7 +98,7 @@ fn fields<T: Described>(ui: &mut Ui, form: &Form, of: &T) -> Option<FieldChange>
     wanted
 }
 
-/// The values that a call states as literals; the others as by default.
+/// Values that a call states as literals; others have their defaults.
 fn written<T: Described>(mut of: T, viewer: &Viewer, call: &StatedCall) -> T {
     let fps = viewer.playhead.fps().as_fps();
     for field in T::FIELDS {

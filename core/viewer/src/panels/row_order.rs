@@ -1,11 +1,11 @@
-//! Rows of the sequencer that are dragged by their names to another place among the rows.
+//! Reordering of the sequencer's rows by dragging their names.
 
 use super::sequencer::row_places;
 use crate::app::Viewer;
 use choreo_session::edit::RowSide;
 use egui::{Id, LayerId, Order, Rect, Response, Stroke, Ui};
 
-/// Marks where a dragged row would come; at the end of the drag, the row that it comes beside, and the side.
+/// Marks the target of a dragged row; at the end of the drag, returns the row next to it and the side.
 pub fn drag(ui: &Ui, viewer: &Viewer, row: usize, response: &Response) -> Option<(usize, RowSide)> {
     if !response.dragged() && !response.drag_stopped() {
         return None;

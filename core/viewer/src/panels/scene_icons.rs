@@ -1,4 +1,4 @@
-//! Icons for the lights and the cameras, over the image: clicked they are selected, dragged they are moved in the script.
+//! Icons of lights, cameras and IK targets over the image: a click selects an object, a drag moves it in the script.
 
 use super::canvas::Canvas;
 use super::overlay::{line, point};
@@ -14,14 +14,14 @@ use choreo_stage::{ConstraintKind, Target};
 use egui::{Color32, Painter, Rect, Stroke, Ui};
 use glam::{DVec2, DVec3};
 
-/// Points around a icon's middle in which the mouse takes it.
+/// Distance from the center of an icon within which the mouse picks it, points.
 const REACH: f64 = 14.0;
-/// The same beside a line of it.
+/// Distance from a line of an icon within which the mouse picks it, points.
 const REACH_OF_LINE: f64 = 5.0;
-/// Metres from what a sun shines on to its icon.
+/// Distance of a sun's icon from the point that it shines on, metres.
 const SUN: f64 = 3.0;
 
-/// A light or camera in the viewport.
+/// An icon in the viewport.
 #[derive(Clone, Debug)]
 struct SceneIcon {
     what: IconOf,
@@ -31,14 +31,14 @@ struct SceneIcon {
 
 #[derive(Clone, Debug)]
 enum IconKind {
-    /// Place that it shines on.
+    /// World position that it shines on.
     Sun(DVec3),
     Point,
-    /// Unit vector, and half the angle of its cone, radians.
+    /// Direction as a unit vector in world space, and half the cone's angle, radians.
     Spot(DVec3, f64),
-    /// Place that it looks at, and its image's angle, radians.
+    /// World position of the target, and the vertical field of view, radians.
     Camera(DVec3, f64),
-    /// A point of inverse kinematics, and the joint that reaches for it.
+    /// IK target; holds the world position of the joint that reaches for it.
     Reach(DVec3),
 }
 
@@ -67,7 +67,7 @@ fn icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon> {
     lights.chain(cameras).chain(targets(scene, shown)).collect()
 }
 
-/// Points that joints reach for at the time of the image.
+/// Icons of points that joints reach for at the time of the image.
 fn targets(scene: &Scene, shown: &FrameInfo) -> Vec<SceneIcon> {
     let mut icons = Vec::new();
     for (actor, state) in scene.stage.actors.iter().zip(&shown.snapshot.actors).filter(|(_, s)| s.visible) {
@@ -87,7 +87,7 @@ fn targets(scene: &Scene, shown: &FrameInfo) -> Vec<SceneIcon> {
     icons
 }
 
-/// The part of an icon that the mouse takes: its disc, and the cone of a spot.
+/// Parts of an icon that the mouse picks: its disc, and the cone of a spot light.
 struct Handle {
     disc: Option<DVec2>,
     lines: Vec<[DVec2; 2]>,
@@ -101,7 +101,7 @@ impl Handle {
         Handle { disc: lens.point(icon.at), lines: lines.collect() }
     }
 
-    /// How far away a point is, where the mouse takes it there; lines are further than discs.
+    /// Distance of a pointer position in points, or `None` if it is out of reach. Lines count as farther away than discs.
     fn to(&self, at: DVec2) -> Option<f64> {
         let to_disc = self.disc.map(|disc| (disc - at).length()).filter(|d| *d <= REACH);
         let to_line = self.lines.iter().map(|[a, b]| to_segment(at, *a, *b)).min_by(f64::total_cmp);
@@ -110,17 +110,17 @@ impl Handle {
 }
 
 impl SceneIcon {
-    /// The cone of a spot, as it is drawn.
+    /// The cone of a spot light, as drawn.
     fn beam(&self, chosen: bool) -> Option<Beam> {
         let IconKind::Spot(along, angle) = self.kind else { return None };
         Some(Beam { at: self.at, along, angle, length: if chosen { 1.0 } else { 0.4 } })
     }
 }
 
-/// Gives whether the mouse is at one, and belongs to nothing else.
+/// Draws the icons and handles the mouse. Returns whether the mouse is over one of them or drags it.
 pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     let Canvas { index, response, lens, .. } = canvas;
-    // An image through a camera of the script is looked at as it will be.
+    // The image of a camera of the script has no icons, since it is shown as it will be rendered.
     let view = &viewer.views[*index];
     if !view.overlays.icons || matches!(view.camera, ViewCamera::Script | ViewCamera::Named(_)) {
         return false;
@@ -150,7 +150,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     drag(ui, viewer, canvas, &scene, near) || hot.is_some()
 }
 
-/// Gives whether one is being dragged. It moves in the plane of the image, at its own distance.
+/// Drags an icon in the plane of the image, at its own depth. Returns whether one is being dragged.
 fn drag(
     ui: &Ui,
     viewer: &mut Viewer,
@@ -166,7 +166,7 @@ fn drag(
         viewer.selection = Some(what.selected());
         viewer.dragged_icon = Some(DraggedIcon { view: *index, what, from, to: from, taken_at });
     }
-    // One that is dragged in another viewport is moved there.
+    // An icon dragged in another viewport is handled there.
     let Some(dragged) = viewer.dragged_icon.as_mut().filter(|dragged| dragged.view == *index) else {
         return false;
     };
@@ -188,7 +188,7 @@ fn drag(
     true
 }
 
-/// The place of the world at a point of the screen that is as far away as another place.
+/// World position under a point of the window, at the same depth as another position.
 fn beside(lens: &Lens, place: DVec3, at: DVec2) -> Option<DVec3> {
     let (origin, direction) = lens.ray(at);
     let normal = lens.forward();
@@ -196,13 +196,13 @@ fn beside(lens: &Lens, place: DVec3, at: DVec2) -> Option<DVec3> {
     (along.is_finite() && along > 0.0).then(|| origin + direction * along)
 }
 
-/// Writes a icon's new place into the script.
+/// Writes the new position of an icon into the script.
 fn put(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedIcon, at: DVec3) {
     let list = |v: DVec3| {
         let [x, y, z] = v.to_array().map(|v| super::rounded(v, 1e3));
         format!("[{x:?}, {y:?}, {z:?}]")
     };
-    // It stays where it was put until the reload shows it.
+    // The object stays at its new position until the reload shows it.
     viewer.placed = viewer.place_of_icon(&scene.stage, dragged);
     match &dragged.what {
         IconOf::Light(number) => {
@@ -239,7 +239,7 @@ fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, lens: &Len
     };
     let stroke = Stroke::new(1.5, color);
     let thin = Stroke::new(1.0, color.gamma_multiply(0.6));
-    // On dark and on light ground.
+    // A dark disc makes the icon visible on dark and on light backgrounds.
     painter.circle_filled(at, 9.0, Color32::from_black_alpha(150));
     let ray = |angle: f32, from: f32, to: f32| {
         let along = egui::Vec2::angled(angle);
@@ -279,25 +279,25 @@ fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, lens: &Len
     }
 }
 
-/// A cone of light, or the view of a camera.
+/// A cone of light, or the view frustum of a camera.
 struct Beam {
     at: DVec3,
-    /// Unit vector.
+    /// Direction, unit vector in world space.
     along: DVec3,
-    /// Radians.
+    /// Half angle of the cone, or field of view of the camera, radians.
     angle: f64,
-    /// Metres that are drawn.
+    /// Length as drawn, metres.
     length: f64,
 }
 
-/// Two unit vectors across a direction: to the right and up, where it is level.
+/// Two unit vectors perpendicular to a direction: right and up.
 fn across(direction: DVec3) -> [DVec3; 2] {
     let right = direction.cross(DVec3::Y).normalize_or(DVec3::X);
     [right, right.cross(direction)]
 }
 
 impl Beam {
-    /// The lines of a cone: its ring and its sides.
+    /// Lines of a cone: its ring and its sides.
     fn cone(&self) -> Vec<[DVec3; 2]> {
         let Beam { at, along, angle, length } = *self;
         let [right, up] = across(along);
@@ -312,7 +312,7 @@ impl Beam {
     }
 }
 
-/// The pyramid that a camera sees, for an image of 16 to 9.
+/// Draws the view frustum of a camera, with an aspect ratio of 16:9.
 fn frame(painter: &Painter, lens: &Lens, beam: &Beam, stroke: Stroke) {
     let Beam { at, along, angle, length } = *beam;
     let [right, up] = across(along);

@@ -1,4 +1,4 @@
-//! The script's text, read-only; lines of what is on at the playhead, of the selection and of problems are marked.
+//! Read-only text of the script. Lines that are active at the playhead, selected, or have problems are marked.
 
 use super::hint::Hint;
 use crate::app::Viewer;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let places = viewer.scene.as_ref().map(|s| s.places.clone());
     let shown = places.as_ref().and_then(|p| p.sources.get(&p.main).cloned());
-    // Where the newest version is faulty, its own text is what the messages are about.
+    // The messages of a faulty version refer to its own text.
     let newest = viewer.faulty.then(|| viewer.path.as_ref().and_then(|p| read(p).ok())).flatten();
     let Some(text) = newest.map(Arc::<str>::from).or(shown) else {
         ui.label("there is no script");
@@ -49,11 +49,11 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             let text =
                 RichText::new(format!("{line:4} {}", lines[row])).font(font.clone()).background_color(back);
             let label = ui.add(egui::Label::new(text).extend().sense(Sense::click()));
-            // No text cursor, which stands for a text that can be typed into.
+            // The pointer is not a text cursor, which would suggest that text can be typed.
             let label = label.on_hover_cursor(CursorIcon::PointingHand);
             has_focus |= label.has_focus();
             if label.clicked() {
-                // Only where it is meant: a double click selects, as elsewhere.
+                // Only a click with Ctrl opens the editor; a double click selects text, as elsewhere.
                 clicked = Some((line, super::held::modifiers(ui).command));
             }
             label.context_menu(|ui| {
@@ -91,7 +91,7 @@ impl MarkedLines {
             problems.filter_map(|p| here(&p.file, p.line)).collect()
         };
         let (errors, warnings) = (with(Severity::Error), with(Severity::Warning));
-        // A faulty version is not the one on the timeline: its lines may be others.
+        // The timeline shows the last good version, whose lines may differ from the faulty text.
         if viewer.faulty {
             return MarkedLines { selected: None, errors, warnings, active: BTreeSet::new() };
         }
@@ -119,7 +119,7 @@ impl MarkedLines {
     }
 }
 
-/// Refuses a change of the selection by a key while the panel has the pointer or the keyboard; gives whether it does.
+/// Refuses an edit of the selection by a key while the panel has the pointer or the keyboard. Returns whether it does.
 pub(super) fn refuses_keys(viewer: &mut Viewer) -> bool {
     const WHY: &str = "the script is read only here: open it in the editor to type; \
         with the pointer elsewhere, the key changes what is selected";
@@ -136,7 +136,7 @@ pub(crate) fn open_in_editor(viewer: &mut Viewer, line: usize) {
     }
 }
 
-/// Selects what a line of the script makes.
+/// Selects the object that a line of the script creates.
 fn select_line(viewer: &mut Viewer, line: usize) {
     let Some(scene) = viewer.scene.clone().filter(|_| !viewer.faulty) else { return };
     let bars = viewer.timeline.rows.iter().flat_map(|r| &r.bars).map(|b| b.what.clone());
@@ -148,7 +148,7 @@ fn select_line(viewer: &mut Viewer, line: usize) {
     }
 }
 
-/// The line of the script that made it.
+/// Line of the script that creates an object.
 pub fn line_of(viewer: &Viewer, what: &Selected) -> Option<usize> {
     let scene = viewer.scene.as_ref()?;
     let (stage, places) = (&scene.stage, &scene.places);

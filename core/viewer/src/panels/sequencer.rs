@@ -1,4 +1,4 @@
-//! Rows of bars over time: cues, active cameras; the playhead, and how to move it.
+//! Sequencer: rows of bars over time for cues and active cameras, the playhead, and its controls.
 
 use super::actions::hint_of;
 use super::hint::Hint;
@@ -22,13 +22,13 @@ use egui::{Color32, FontId, Rect, Response, Sense, Stroke, StrokeKind, Ui, pos2,
 
 pub(super) const LABELS: f32 = 150.0;
 const ROW: f32 = 22.0;
-/// Height of the strip of feet at a row's bottom.
+/// Height of the foot contacts at the bottom of a row, points.
 pub(crate) const STRIP: f32 = 3.0;
 pub(super) const RULER: f32 = 22.0;
-/// Points between beats from which on they are drawn.
+/// Smallest distance of beats that are drawn, points.
 const BEATS: f32 = 6.0;
 
-/// Colors that can also be distinguished with a red-green deficiency (after Okabe and Ito, "Color Universal Design").
+/// Colors that remain distinguishable with a red-green color vision deficiency (after Okabe and Ito, "Color Universal Design").
 pub const COLORS: [[u8; 3]; 8] = [
     [0x00, 0x72, 0xb2],
     [0x00, 0x86, 0x62],
@@ -40,7 +40,7 @@ pub const COLORS: [[u8; 3]; 8] = [
     [0x5b, 0x64, 0x70],
 ];
 
-/// The color of bars of a kind: those of a hue are bright or dark.
+/// Color of a bar by its number: eight hues, each bright or dark.
 pub(super) fn color_of(kind: usize) -> Color32 {
     let [r, g, b] = COLORS[kind % COLORS.len()];
     let is_dark = kind / COLORS.len() % 2 == 1;
@@ -48,7 +48,7 @@ pub(super) fn color_of(kind: usize) -> Color32 {
     Color32::from_rgb(shade(r), shade(g), shade(b))
 }
 
-/// The red, green and blue of bars of a clip.
+/// Color of a clip's bars, sRGB.
 pub fn color_of_clip(name: &str) -> [u8; 3] {
     let [r, g, b, _] = color_of(kind(name)).to_array();
     [r, g, b]
@@ -68,7 +68,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     let rows = viewer.shown_rows();
     let spacing = std::mem::replace(&mut ui.spacing_mut().item_spacing.y, 0.0);
     if let Some((camera, _)) = rows.split_first() {
-        // The camera row stays where it is while the others scroll.
+        // The camera row does not scroll with the others.
         row(ui, viewer, camera.row, ruler);
     }
     let others = rows.get(1..).unwrap_or_default();
@@ -101,7 +101,7 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
                 playhead.seek(Time::from_secs(nearest_frame(playhead.fps().as_fps(), to)));
             }
         });
-        // The text is equally wide in each frame, so that what follows keeps its place.
+        // The text has the same width in each frame, so that the entries after it do not move.
         let width = playhead.frames().to_string().len();
         let text = format!(
             "s   frame {:>width$} of {}   {} frames a second",
@@ -130,13 +130,13 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     });
 }
 
-/// The tempo of the music, to whose beats dragged times snap.
+/// Fields for the tempo of the music, whose beats dragged times snap to.
 fn beats(ui: &mut Ui, viewer: &mut Viewer) {
     let mut tempo = viewer.tempo;
     let set = values::number(ui, "beats a minute", tempo.per_minute, 0.5, 0.0..=Tempo::FASTEST);
     tempo.per_minute = set.unwrap_or(tempo.per_minute);
     ui.weak("bpm").hint("beats a minute of the music; dragged times snap to beats. 0: none");
-    // The field keeps its place without a tempo, so that the entries after it stay where they are.
+    // The field is also there without a tempo, so that the entries after it do not move.
     ui.add_enabled_ui(tempo.per_minute > 0.0, |ui| {
         let set = values::time(ui, "first beat", tempo.first, 0.01, 0.0..=Tempo::LATEST);
         tempo.first = set.unwrap_or(tempo.first);
@@ -150,7 +150,7 @@ fn beats(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-/// The buttons that move the playhead, and how it moves.
+/// Buttons that move the playhead and control playback.
 fn moves(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
     let playhead = &viewer.playhead;
     let keys = |id| hint_of(viewer, id, "");
@@ -181,7 +181,7 @@ fn moves(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
     };
     bar.button(&text(from, to), hint, |viewer| viewer.playhead.set_range(None));
     bar.enabled(playhead.range().is_some());
-    // The button is as wide as its widest text, so that the entries after it stay where they are.
+    // The button is as wide as its longest text, so that the entries after it do not move.
     let widest = text(length, length).replace(|c: char| c.is_ascii_digit(), "8");
     bar.other_faces([widest.as_str()].into_iter());
     let hint = "dragged times are whole frames (N)";
@@ -189,7 +189,7 @@ fn moves(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
     bar.widget("tempo", true, beats);
 }
 
-/// The menu of the speed of playback.
+/// Menu of the playback speed.
 fn speeds(bar: &mut Toolbar<Viewer>, now: f64) {
     let name = |speed: f64| format!("{speed}×");
     bar.menu(&name(now), "speed of playback; the script stays as it is", move |ui, viewer| {
@@ -202,13 +202,13 @@ fn speeds(bar: &mut Toolbar<Viewer>, now: f64) {
     bar.other_faces(SPEEDS.map(name).iter().map(String::as_str));
 }
 
-/// The time of the frame that is nearest to a time, seconds.
+/// Time of the frame nearest to a time, seconds.
 fn nearest_frame(fps: f64, secs: f64) -> f64 {
-    // A little later: a frame begins at the tick that is nearest to its time.
+    // A frame begins at the nearest tick, so a small offset makes sure that it has begun.
     (secs * fps).round() / fps + 1e-6
 }
 
-/// The ruler: a press or a drag on it moves the playhead.
+/// Draws the ruler; a press or a drag on it moves the playhead.
 pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span), label: &str) {
     let response = ui.interact(ruler, ui.id().with("ruler"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label));
@@ -237,7 +237,7 @@ pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span
     }
     let font = FontId::proportional(10.5);
     let fps = viewer.playhead.fps().as_fps();
-    // If times are shown as frames, the lines lie on whole frames.
+    // If times are displayed as frames, the lines are at whole frames.
     let unit = if viewer.in_seconds { 1.0 } else { 1.0 / fps };
     let in_units = Span { from: span.from / unit, to: span.to / unit };
     let step = in_units.ruler(ruler.width(), 56.0);
@@ -253,7 +253,7 @@ pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span
             _ => 0,
         };
         let text = super::fixed_digits(line * step, digits);
-        // The first and the last are read whole, too.
+        // The first and the last number stay completely visible.
         let galley = painter.layout_no_wrap(text, font.clone(), visuals.weak_text_color());
         let half = galley.size().x / 2.0;
         let middle = x.min(ruler.right() - half).max(ruler.left() + half);
@@ -262,7 +262,7 @@ pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span
     }
 }
 
-/// The place of the next row: its label's and its lane's.
+/// Allocates the next row: the rectangles of its label and of its lane.
 pub(super) fn next_row(ui: &mut Ui, number: RowNumber, ruler: Rect) -> (Rect, Rect) {
     let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::hover());
     let pass = ui.ctx().cumulative_pass_nr();
@@ -339,7 +339,7 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     }
 }
 
-/// Does a command of the menu of a row.
+/// Performs a command of a row's menu.
 fn run_command(ui: &Ui, viewer: &mut Viewer, index: usize, command: bar_menu::Command, what: Selected) {
     viewer.selection = Some(what);
     match command.side() {
@@ -348,7 +348,7 @@ fn run_command(ui: &Ui, viewer: &mut Viewer, index: usize, command: bar_menu::Co
     }
 }
 
-/// The menu of a row where nothing lies in it, for the thing whose row it is.
+/// Menu of an empty place in a row, which applies to the object of the row.
 fn menu_of_free_place(ui: &Ui, viewer: &mut Viewer, response: &Response, rows: &[RowNumber]) {
     let id = response.id.with("menu of row");
     if let Some(at) = response.interact_pointer_pos().filter(|_| response.secondary_clicked()) {
@@ -366,7 +366,7 @@ fn menu_of_free_place(ui: &Ui, viewer: &mut Viewer, response: &Response, rows: &
     }
 }
 
-/// Does it to the script, or to the selection.
+/// Performs an action on a mark.
 pub(super) fn run_mark(ui: &Ui, viewer: &mut Viewer, act: MarkAct) {
     match act {
         MarkAct::Click(event, add) => match (event.key_refs(), add) {
@@ -385,7 +385,7 @@ pub(super) fn run_mark(ui: &Ui, viewer: &mut Viewer, act: MarkAct) {
             if let Some(why) = locked.map(headers::is_locked) {
                 return viewer.edit(|_| Err(EditError::refused(why)));
             }
-            // A diamond of which only some keys are selected moves all of its keys.
+            // If only some keys of a diamond are selected, all of its keys are moved.
             let is_selected = keys.iter().all(|key| viewer.is_key_selected(key));
             match is_selected {
                 true => viewer.edit(|v| v.move_selected(by)),
@@ -396,7 +396,7 @@ pub(super) fn run_mark(ui: &Ui, viewer: &mut Viewer, act: MarkAct) {
     }
 }
 
-/// A drag over free places of the rows selects the bars and keys that it touches; with Shift, beside those that are selected.
+/// Box selection: a drag over empty places selects the bars and keys that it touches; with Shift, it adds them to the selection.
 fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[RowNumber]) {
     let response = ui.interact(lanes, ui.id().with("box"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Other, true, "rows"));
@@ -445,19 +445,19 @@ fn row_id(number: RowNumber) -> egui::Id {
     egui::Id::new("sequencer row").with(number)
 }
 
-/// The place of a row that is drawn in this frame or was in the last one.
+/// Rectangle of a row, if it was drawn in this frame or in the last one.
 fn drawn_at(ui: &Ui, number: RowNumber) -> Option<Rect> {
     let (drawn, rect): (u64, Rect) = ui.data(|d| d.get_temp(row_id(number)))?;
     (drawn + 1 >= ui.ctx().cumulative_pass_nr()).then_some(rect)
 }
 
-/// The rows that are seen, by number, with their places: those that are drawn in this frame or were in the last one.
+/// Visible rows with their rectangles: those drawn in this frame or in the last one.
 pub(super) fn row_places(ui: &Ui, viewer: &Viewer) -> Vec<(usize, Rect)> {
     let place = |index: usize| Some((index, drawn_at(ui, RowNumber::whole(index))?));
     (0..viewer.timeline.rows.len()).filter_map(place).collect()
 }
 
-/// The place of the row of something, where it is seen.
+/// Rectangle of an object's row, if it is visible.
 pub(super) fn place_of(ui: &Ui, viewer: &Viewer, what: &Selected) -> Option<Rect> {
     let is_of_it = |(index, _): &(usize, Rect)| {
         let row = &viewer.timeline.rows[*index];
@@ -466,7 +466,7 @@ pub(super) fn place_of(ui: &Ui, viewer: &Viewer, what: &Selected) -> Option<Rect
     row_places(ui, viewer).into_iter().find(is_of_it).map(|(_, rect)| rect)
 }
 
-/// The name of a row; which layer it is stays to be seen however long the actor's name is.
+/// Draws the name of a row. The number of the layer stays visible for long names.
 pub(super) fn name(ui: &Ui, name: &str, place: Rect, color: Color32) {
     let painter = ui.painter_at(place);
     let (name, layer) = match name.rsplit_once(" +") {
@@ -482,14 +482,14 @@ pub(super) fn name(ui: &Ui, name: &str, place: Rect, color: Color32) {
     painter.galley(at(left + width, height), layer, color);
 }
 
-/// Adds a clip that was let go over a lane to the actor of its row.
+/// Adds a clip that was dropped on a lane to the actor of its row.
 pub(super) fn take_dropped(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) {
     let Some((clip, on, secs)) = dropped(ui, viewer, number, lane) else { return };
     let layer = viewer.timeline.rows.get(number.row).and_then(|row| row.layer).unwrap_or(0);
     viewer.edit(|v| v.add_clip_to_layer(&on, &clip.of, &clip.clip, Some(secs), layer));
 }
 
-/// A clip that was let go over a lane: the clip, the actor of the row, and when.
+/// A clip that was dropped on a lane: the clip, the actor of the row, and the time in seconds.
 fn dropped(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) -> Option<(ClipDrag, String, f64)> {
     let response = ui.interact(lane, ui.id().with(("lane", number)), Sense::hover());
     let index = number.row;
@@ -515,7 +515,7 @@ fn dropped(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) -> Optio
     }
 }
 
-/// How many joints of an actor follow a dragged clip, found once a drag.
+/// Number of an actor's joints that follow a dragged clip, and number of joints that the clip moves; computed once per drag.
 pub(super) fn followed(ui: &Ui, viewer: &Viewer, clip: &ClipDrag, on: &str) -> Option<(usize, usize)> {
     let ClipOf::Actor(of) = &clip.of else { return None };
     let number = viewer.scene.as_ref()?.number;
@@ -533,7 +533,7 @@ fn wheel(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
     else {
         return;
     };
-    // The wheel over the names of the rows scrolls them.
+    // The wheel over the names of rows scrolls them.
     let (scroll, zoom) = ui.input_mut(|i| {
         let scroll = std::mem::take(&mut i.smooth_scroll_delta);
         (scroll, f64::from(i.zoom_delta()) * libm::exp(f64::from(scroll.y) / 200.0))
@@ -548,12 +548,12 @@ fn wheel(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
     }
 }
 
-/// Markers and the playhead, over all rows.
+/// Draws the beats and the playhead over all rows.
 pub(super) fn over_all(ui: &Ui, viewer: &Viewer, area: Rect, (ruler, span): (Rect, Span)) {
     let lanes = Rect::from_min_max(ruler.min, area.max);
     let painter = ui.painter_at(lanes);
     let x = |time: Time| ruler.left() + span.x_of(time.as_secs(), ruler.width());
-    // The range after the end of the scene is darkened.
+    // The time after the end of the scene is darkened.
     let after = Rect::from_min_max(pos2(x(viewer.timeline.length), lanes.top()), lanes.max);
     painter.rect_filled(after.intersect(lanes), 0.0, Color32::from_black_alpha(110));
     let faint = Stroke::new(1.0, ui.visuals().weak_text_color().gamma_multiply(0.35));
@@ -568,7 +568,7 @@ pub(super) fn over_all(ui: &Ui, viewer: &Viewer, area: Rect, (ruler, span): (Rec
     painter.add(egui::Shape::convex_polygon(tip, Color32::from_rgb(0xff, 0x6a, 0x3d), Stroke::NONE));
 }
 
-/// How many errors and warnings there are, until they are mended; a click goes to the first.
+/// Number of errors or warnings, if there are any; a click goes to the first.
 fn wrong(ui: &Ui, viewer: &mut Viewer, place: Rect) {
     let of = |severity| viewer.problems.iter().filter(move |p| p.severity == severity);
     let worst = [Severity::Error, Severity::Warning].into_iter().find(|worst| of(*worst).next().is_some());

@@ -1,4 +1,4 @@
-//! Settings of the stage as a whole, in the inspector while nothing is selected.
+//! Settings of the stage, which the inspector shows while nothing is selected.
 
 use super::fields::{self, Stated};
 use super::hint::Hint;
@@ -32,7 +32,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-/// The light from all around: ambient, and the sky.
+/// Fields of ambient light and of the sky.
 fn light(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(now) = viewer.ambient() else { return };
     let mut wanted = None;
@@ -92,7 +92,7 @@ fn rows(ui: &mut Ui, stated: &Stated, settings: &Settings) -> Option<FieldChange
             is_time: true,
         };
         let set = number.show_stated(ui, stated)?;
-        // Frames are no time before the rate is stated, which is beside it; those of the script are counted again.
+        // A length typed as frames is written in seconds, since the same call states the frame rate, unless the script already counts frames.
         let in_frames = stated.is_some_and(expression::counts_frames);
         Some(values::text(ui, set))
             .filter(|text| in_frames || !expression::counts_frames(text))
@@ -133,7 +133,7 @@ fn rows(ui: &mut Ui, stated: &Stated, settings: &Settings) -> Option<FieldChange
     wanted
 }
 
-/// One color where both are the same.
+/// Fields for the background colors above and below; equal colors are written as one.
 fn background(ui: &mut Ui, background: &Background) -> Option<String> {
     let srgb =
         |linear: Vec3| linear.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)));

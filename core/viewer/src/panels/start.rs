@@ -1,4 +1,4 @@
-//! The start page: recent files, new ones from templates, and the lessons as images.
+//! Start page: recent files, templates, and the lessons as images.
 
 use super::Panels;
 use super::hint::Hint;
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 const TILE: f32 = 200.0;
 
 pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
-    // Files that are dropped here are opened.
+    // Files dropped on this page are opened.
     if let Some(file) = viewer.dropped.drain(..).next() {
         viewer.documents.open = Some(file);
     }
@@ -56,7 +56,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
                 .collect();
             if !lessons.is_empty() {
                 section(ui, "Lessons");
-                // Each is tried out in a copy: an edit must not change the lesson for good.
+                // A lesson is opened as a copy, so that an edit does not change the lesson itself.
                 if let Some(clicked) = tiles(ui, viewer, &mut panels.pictures, &lessons) {
                     viewer.documents.ask(Purpose::Lesson(clicked), None);
                 }
@@ -75,7 +75,7 @@ fn file_name(file: &Path) -> String {
     file.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// Files as images with names; gives the number of the one that was clicked.
+/// Draws files as images with names. Returns the index of the one that was clicked.
 fn tiles(
     ui: &mut Ui,
     viewer: &mut Viewer,
@@ -89,7 +89,7 @@ fn tiles(
             let size = vec2(TILE, pictures::height(TILE) + 22.0);
             let (place, response) = ui.allocate_exact_size(size, Sense::click());
             response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, title.clone()));
-            // Images of tiles that are not seen are not made.
+            // Images outside the visible area are not drawn.
             if !ui.is_rect_visible(place) {
                 continue;
             }

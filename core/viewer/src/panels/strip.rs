@@ -1,4 +1,4 @@
-//! When an actor's feet are on the floor, as its clips have them: a strip under its row.
+//! Foot contacts of actors, from their clips, for the strip at the bottom of a row.
 
 use choreo_motion::contacts::{Contacts, find_feet};
 use choreo_motion::{Clip, Time};
@@ -6,23 +6,23 @@ use choreo_stage::{Actor, Stage};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Frames that are looked at; longer scenes are looked at less closely.
+/// Largest number of sampled frames; longer scenes are sampled less densely.
 const MOST_LOOKS: i64 = 2000;
-/// Actors whose feet are looked for.
+/// Largest number of actors whose foot contacts are computed.
 const MOST_ACTORS: usize = 64;
 
-/// The feet of one actor.
+/// Foot contacts of one actor.
 pub type Feet = Vec<Foot>;
 
-/// When a foot is on the floor: from and to, seconds on stage.
+/// Contacts of a foot with the floor: start and end of each, stage seconds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Foot {
-    /// Name of its joint.
+    /// Short name of the foot joint.
     pub name: String,
     pub spans: Vec<(f64, f64)>,
 }
 
-/// Foot strips of one version of the scene, computed actor by actor when requested.
+/// Foot contacts of one version of the scene, computed for each actor on request.
 #[derive(Clone, Default)]
 pub struct Strips {
     number: u64,
@@ -71,7 +71,7 @@ fn feet(stage: &Stage, actor: &Actor) -> Feet {
     while frame < frames {
         let (from, to) = (settings.fps.time_of(frame), settings.fps.time_of((frame + stride).min(frames)));
         frame += stride;
-        // The clip with the greatest weight decides.
+        // The clip with the largest weight decides.
         let active = actor.active_clips(from);
         let Some(strongest) =
             active.iter().filter(|h| h.layer == 0).max_by(|a, b| a.weight.total_cmp(&b.weight))

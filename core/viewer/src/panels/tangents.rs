@@ -1,4 +1,4 @@
-//! Handles of the tangents of selected keys in the curve editor: drawn, dragged, chosen from a menu, or stated as numbers.
+//! Tangent handles of selected keys in the curve editor: drawn, dragged, chosen from a menu, or edited as numbers.
 
 use super::curves::{MOST, Plot, color, key_of};
 use super::held;
@@ -13,21 +13,21 @@ use choreo_session::edit::KeyShape;
 use egui::epaint::CubicBezierShape;
 use egui::{Color32, CursorIcon, Id, Pos2, Rect, Response, Sense, Stroke, Ui, pos2, vec2};
 
-/// The part of a span from its key that a dragged handle has at least.
+/// Smallest length of a dragged handle, as a fraction of the span.
 const SHORTEST: f64 = 0.02;
 
-/// The place of one handle: which key, which number, which side.
+/// One handle: its key, component and side.
 struct HandlePlace<'p> {
     property: &'p KeyedProperty,
     key: usize,
     part: usize,
     side: usize,
     color: Color32,
-    /// Value and offset of the common scale.
+    /// Offset and divisor of the common scale, as in [`crate::state::curves::Curves::scale`].
     scale: (f64, f64),
 }
 
-/// The handles at the selected keys of one property; gives a key with its new tangents once one is let go.
+/// Draws the handles at the selected keys of one property. At the end of a drag, returns the key with its new tangents.
 pub fn show(
     ui: &Ui,
     viewer: &Viewer,
@@ -62,7 +62,7 @@ impl HandlePlace<'_> {
         if self.side == 0 { -1.0 } else { 1.0 }
     }
 
-    /// A point of the plot beside the key, by seconds and the change of the value.
+    /// Position in the plot relative to a key: `secs` later, and `change` above its value.
     fn point(&self, plot: &Plot, key: usize, secs: f64, change: f64) -> Pos2 {
         let at = self.property.keys[key];
         let value = self.property.at(at).get(self.part).copied().unwrap_or_default() + change;
@@ -109,7 +109,7 @@ impl HandlePlace<'_> {
         shape.filter(|_| now != tangent || length != weight)
     }
 
-    /// The drag of the pointer; with Ctrl the length changes, too, with Alt the other side stays.
+    /// The drag of a handle. With Ctrl its length changes, too; with Alt the other side stays.
     fn drag(
         &self,
         ui: &Ui,
@@ -125,7 +125,7 @@ impl HandlePlace<'_> {
             ui.data_mut(|d| d.insert_temp(id, from));
         }
         let from: Pos2 = ui.data(|d| d.get_temp(id)).unwrap_or(at);
-        // The handle goes as far as the pointer, wherever it was taken.
+        // The handle moves as far as the pointer, independent of where it was grabbed.
         let by = at - from;
         let secs = self.sign() * weight * span + plot.secs(by.x) - plot.secs(0.0);
         let change = self.sign() * weight * span * tangent - plot.value_of(by.y) * self.scale.1;
@@ -138,7 +138,7 @@ impl HandlePlace<'_> {
         Some(HandleDrag { side, part, tangent: resolved(slope, pixel), weight, breaks: modifiers.alt })
     }
 
-    /// The spans beside the key as they will be.
+    /// Draws the spans next to the key as they will be.
     fn preview(&self, ui: &Ui, plot: &Plot, shape: &KeyShape) {
         let handles = self.property.handles(self.key);
         let sides = [(&shape.incoming, self.key.checked_sub(1)), (&shape.outgoing, Some(self.key + 1))];
@@ -166,7 +166,7 @@ impl HandlePlace<'_> {
     }
 }
 
-/// The choices for the selected keys.
+/// Menu of tangent choices for the selected keys.
 pub fn menu(ui: &mut Ui) -> Option<KeyAct> {
     let mut act = None;
     ui.menu_button("Tangents", |ui| {
@@ -179,7 +179,7 @@ pub fn menu(ui: &mut Ui) -> Option<KeyAct> {
     act
 }
 
-/// The tangents of a key as numbers, to be typed or dragged.
+/// Number fields for the tangents of a key.
 pub fn numbers(ui: &mut Ui, property: &KeyedProperty, key: usize) -> Option<KeyAct> {
     let mut act = None;
     for (side, handle) in property.handles(key).iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Sections of a test script: their states, what was expected and what came, images side by side, and accepting them.
+//! Panel of test sections: their states, expected and actual values, images side by side, and accepting images.
 
 use super::hint::Hint;
 use crate::app::Viewer;
@@ -9,9 +9,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Points of an image's longer side, as there is room for those that are compared.
+/// Size of the longer side of an image, points, depending on the room for all compared images.
 const IMAGES: std::ops::RangeInclusive<f32> = 96.0..=220.0;
-/// Points before the title of a section.
+/// Indentation of the title of a section, points.
 const INDENT: f32 = 24.0;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
@@ -77,7 +77,7 @@ fn one(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, choice: &m
     };
     let name = if section.name.is_empty() { &section.file } else { &section.name };
     let reused = if section.reused { ", as before" } else { "" };
-    // The time stays to be seen however long the name is, and nothing is wider than the panel.
+    // The duration stays visible for long names, and nothing is wider than the panel.
     let taken = format!(" ({:.1} s{reused})", section.seconds);
     let font = egui::TextStyle::Button.resolve(ui.style());
     let end = ui.painter().layout_no_wrap(taken.clone(), font.clone(), color).size().x;
@@ -110,7 +110,7 @@ fn one(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, choice: &m
     }
 }
 
-/// Goes to a line of the script that is shown; another one is opened in the editor.
+/// Goes to a line of the open script; a line of another file opens in the external editor.
 fn go_to(viewer: &mut Viewer, section: &Section, line: usize) {
     let shown = viewer.path.as_ref().and_then(|path| path.canonicalize().ok());
     if shown.is_some() && Path::new(&section.file).canonicalize().ok() == shown {
@@ -150,7 +150,7 @@ fn judged(
     }
 }
 
-/// The golden image, what was drawn and their difference, side by side.
+/// Draws the golden image, the rendered image and their difference, side by side.
 fn compared(ui: &mut Ui, images: &Images, run: u64) {
     let files = [
         ("expected", images.expected.as_ref()),
@@ -185,7 +185,7 @@ fn compared(ui: &mut Ui, images: &Images, run: u64) {
     });
 }
 
-/// Images that were read for the last results.
+/// Textures of the images of the last results.
 #[derive(Clone, Default)]
 struct Read {
     run: u64,

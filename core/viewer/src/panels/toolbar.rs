@@ -1,4 +1,4 @@
-//! A line of buttons. Entries that have no room in it are in a menu at its end, with the same names, hints and states.
+//! Toolbar in one line. Entries without room are in a menu at its end, with the same names, hints and states.
 
 use super::hint::Hint;
 use super::icons;
@@ -8,11 +8,11 @@ use egui::{
     WidgetText, WidgetType, vec2,
 };
 
-/// Width of a vertical line between groups, points.
+/// Width of a separator, points.
 const SEPARATOR: f32 = 6.0;
-/// Width of a widget that was not drawn yet.
+/// Assumed width of a widget that was not drawn yet, points.
 const UNKNOWN: f32 = 60.0;
-/// Fractions of a point by which egui rounds places.
+/// Allowance for egui's rounding of positions, points.
 const ROUNDED: f32 = 1.0;
 const MORE: &str = "»";
 
@@ -24,24 +24,24 @@ enum EntryKind<'a, C> {
     /// A button that is on or off.
     Toggle(bool, Act<'a, C>),
     Menu(Show<'a, C>),
-    /// Something else, which draws itself.
+    /// Another widget, which draws itself.
     Widget(Show<'a, C>),
     Text(TextStyle),
     Separator,
 }
 
 struct Entry<'a, C> {
-    /// An icon or a text, as the line shows it.
+    /// Displayed icon or text.
     face: String,
-    /// Its name in the menu and for screen readers.
+    /// Name in the menu and for screen readers.
     name: String,
     hint: String,
     enabled: bool,
-    /// Faces that it has at other times: it keeps room for the widest.
+    /// Faces that the entry has at other times; it is as wide as the widest of them.
     other_faces: Vec<String>,
-    /// A click in its menu does not close it.
+    /// Whether clicks in its menu leave the menu open.
     stays_open: bool,
-    /// It leaves the line before those that do not.
+    /// Whether the entry moves to the menu before those that do not yield.
     yields: bool,
     kind: EntryKind<'a, C>,
 }
@@ -55,7 +55,7 @@ impl<C> Entry<'_, C> {
         self.face != self.name
     }
 
-    /// How its menu closes.
+    /// Closing behavior of the entry's menu.
     fn menu(&self) -> MenuConfig {
         MenuConfig::new().close_behavior(match self.stays_open {
             true => PopupCloseBehavior::CloseOnClickOutside,
@@ -64,14 +64,14 @@ impl<C> Entry<'_, C> {
     }
 }
 
-/// Entries in their order; `C` is what their actions act on.
+/// A toolbar being built. `C`: type of the context that actions get.
 pub(super) struct Toolbar<'a, C> {
     id: egui::Id,
     entries: Vec<Entry<'a, C>>,
 }
 
 impl<'a, C> Toolbar<'a, C> {
-    /// `id`: by which it differs from other toolbars.
+    /// `id`: distinguishes the toolbar from others.
     pub fn new(id: impl std::hash::Hash + std::fmt::Debug) -> Toolbar<'a, C> {
         Toolbar { id: egui::Id::new(("toolbar", id)), entries: Vec::new() }
     }
@@ -91,21 +91,21 @@ impl<'a, C> Toolbar<'a, C> {
         });
     }
 
-    /// The last entry has room for these faces, too, so that the entries after it stay where they are.
+    /// Reserves room in the last entry for these faces, so that the entries after it do not move.
     pub fn other_faces<'f>(&mut self, faces: impl Iterator<Item = &'f str>) {
         if let Some(last) = self.entries.last_mut() {
             last.other_faces = faces.map(str::to_string).collect();
         }
     }
 
-    /// The menu of the last entry is closed by a click beside it alone.
+    /// Keeps the menu of the last entry open until a click outside it.
     pub fn stays_open(&mut self) {
         if let Some(last) = self.entries.last_mut() {
             last.stays_open = true;
         }
     }
 
-    /// The last entry is enabled or not.
+    /// Enables or disables the last entry.
     pub fn enabled(&mut self, enabled: bool) {
         if let Some(last) = self.entries.last_mut() {
             last.enabled = enabled;
@@ -139,7 +139,7 @@ impl<'a, C> Toolbar<'a, C> {
         self.add(text, text, hint, EntryKind::Menu(Box::new(show)));
     }
 
-    /// `name`: by which it differs from the others.
+    /// Adds a widget. `name`: distinguishes it from others.
     pub fn widget(&mut self, name: &str, yields: bool, show: impl FnOnce(&mut Ui, &mut C) + 'a) {
         self.add(name, name, "", EntryKind::Widget(Box::new(show)));
         if let Some(last) = self.entries.last_mut() {
@@ -147,7 +147,7 @@ impl<'a, C> Toolbar<'a, C> {
         }
     }
 
-    /// A text, which leaves the line before buttons do.
+    /// Adds a text, which moves to the menu before buttons do.
     pub fn text(&mut self, text: &str, hint: &str, style: TextStyle) {
         self.add(text, text, hint, EntryKind::Text(style));
         if let Some(last) = self.entries.last_mut() {
@@ -159,7 +159,7 @@ impl<'a, C> Toolbar<'a, C> {
         self.add("", "", "", EntryKind::Separator);
     }
 
-    /// Points of the whole line.
+    /// Width of all entries in one line, points.
     pub fn width(&self, ui: &Ui) -> f32 {
         let spacing = ui.spacing().item_spacing.x;
         self.widths(ui).iter().map(|width| width + spacing).sum::<f32>() - spacing + ROUNDED
@@ -180,7 +180,7 @@ impl<'a, C> Toolbar<'a, C> {
         self.entries.iter().map(width).collect()
     }
 
-    /// Draws the line; `reserved`: points at its end that it leaves to others.
+    /// Draws the toolbar. `reserved`: width at its end that it leaves free, points.
     pub fn show(self, ui: &mut Ui, context: &mut C, reserved: f32) {
         let spacing = ui.spacing().item_spacing.x;
         let more = text_width(ui, MORE, TextStyle::Button) + 2.0 * ui.spacing().button_padding.x;
@@ -207,7 +207,7 @@ impl<'a, C> Toolbar<'a, C> {
         if rest.iter().all(Entry::is_separator) {
             return;
         }
-        // A field in the menu is clicked to type into it.
+        // A click into a text field of the menu must not close it.
         let config = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
         let (response, _) = MenuButton::new(MORE).config(config).ui(ui, |ui| {
             ui.style_mut().wrap_mode = Some(TextWrapMode::Extend);
@@ -221,14 +221,14 @@ impl<'a, C> Toolbar<'a, C> {
     }
 }
 
-/// Points of a text on one line.
+/// Width of a text in one line, points.
 pub(super) fn text_width(ui: &Ui, text: &str, style: TextStyle) -> f32 {
     let text = WidgetText::from(text);
     let font = FontSelection::Style(style);
     text.into_galley(ui, Some(TextWrapMode::Extend), f32::INFINITY, font).size().x.ceil()
 }
 
-/// `id`: of the toolbar, with the number of the entry.
+/// Draws an entry in the line. `id`: id of the toolbar, and index of the entry.
 fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width: f32, context: &mut C) {
     let (is_icon, menu) = (entry.is_icon(), entry.menu());
     let Entry { face, name, hint, enabled, kind, other_faces, .. } = entry;
@@ -267,7 +267,7 @@ fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width:
             described(response, false, &name, &hint, None);
         }
     };
-    // Each has an identity of its own, whichever entries are beside it.
+    // An entry has the same identity no matter which entries are next to it.
     ui.push_id(id, |ui| if enabled { add(ui) } else { ui.add_enabled_ui(false, add).inner });
 }
 
@@ -314,7 +314,7 @@ fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
     }
 }
 
-/// The name and the hint of an entry, and whether it is on.
+/// Adds the name, the hint and the state of an entry.
 fn described(response: Response, is_icon: bool, name: &str, hint: &str, on: Option<bool>) -> Response {
     let enabled = response.enabled();
     if is_icon {
@@ -331,15 +331,15 @@ fn described(response: Response, is_icon: bool, name: &str, hint: &str, on: Opti
     }
 }
 
-/// The properties of an entry that decide about its place.
+/// Properties of an entry that decide where it is placed.
 struct EntryLayout {
     width: f32,
     yields: bool,
     is_separator: bool,
 }
 
-/// Whether each entry is on the line. Where not all have room, those that yield leave first, then the others, the last ones first, until
-/// the rest has room beside the menu, which is `more` wide. Separators between nothing leave, too.
+/// Whether each entry is in the line. If there is no room for all, those that yield leave first, then the others, from the last to the first, until
+/// the rest fits next to the menu button, which is `more` wide. Separators without neighbors leave, too.
 fn placed(parts: &[EntryLayout], spacing: f32, room: f32, more: f32) -> Vec<bool> {
     let mut on_line = vec![true; parts.len()];
     let taken = |on_line: &[bool]| {
@@ -355,7 +355,7 @@ fn placed(parts: &[EntryLayout], spacing: f32, room: f32, more: f32) -> Vec<bool
     };
     for leaving in order(true).chain(order(false)) {
         on_line[leaving] = false;
-        // A separator stays between two entries of the line.
+        // A separator stays if entries of the line are on both sides.
         let mut is_behind = false;
         let mut last = None;
         for (i, part) in parts.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Joints over the image: picked by the mouse where skeletons are shown, their motion trails, and onion skins of the selected actor.
+//! Joints over the image: picking where skeletons are shown, motion trails, and onion skins of the selected actor.
 
 use super::canvas::Canvas;
 use super::overlay::{line, point};
@@ -10,15 +10,15 @@ use choreo_motion::Time;
 use egui::{Color32, Painter, Stroke, Ui};
 use glam::{DVec2, DVec3};
 
-/// Points around a joint in which the mouse takes it.
+/// Distance within which the mouse picks a joint, points.
 const REACH: f64 = 7.0;
-/// Frames from the playhead to the skins of an onion.
+/// Offsets of the onion skins from the playhead, frames.
 const SKINS: [i64; 4] = [-10, -5, 5, 10];
 pub(crate) const BEFORE: Color32 = Color32::from_rgb(0x5a, 0xa9, 0xf0);
 pub const AFTER: Color32 = Color32::from_rgb(0xf0, 0x9a, 0x4a);
 const NOW: Color32 = Color32::from_rgb(0xff, 0xe0, 0x70);
 
-/// Gives whether the mouse is at a joint.
+/// Draws the overlays and handles the mouse. Returns whether the mouse is over a joint.
 pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     let lens = &canvas.lens;
     let overlays = viewer.views[canvas.index].overlays;
@@ -45,7 +45,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     if overlays.skeletons { pick(viewer, canvas, &painter) } else { false }
 }
 
-/// The joint under the mouse is named, and a click selects it.
+/// Shows the name of the joint under the mouse; a click selects it.
 fn pick(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
     let shown = &viewer.views[canvas.index].shown;
     let (Some(scene), Some(shown)) = (viewer.scene.clone(), shown) else { return false };
@@ -86,7 +86,7 @@ fn pick(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
     true
 }
 
-/// The way of a joint: a line from frame to frame, a dot for each, the present one larger.
+/// Draws the trail of a joint: a line through all frames, with a dot for each and a larger one for the present frame.
 fn path(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, joint: usize) {
     let at = |index: usize| -> Option<DVec3> { trail.frames.get(index)?.1.get(joint).copied() };
     for index in 0..trail.frames.len() {
@@ -104,7 +104,7 @@ fn path(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, joint: usize) 
     }
 }
 
-/// Skeletons some frames before and after the present one, fainter the farther.
+/// Draws skeletons some frames before and after the present one; farther ones are fainter.
 fn skins(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, parents: &[Option<u32>], frame: Time) {
     for skin in SKINS {
         let time = Time(now.0 + skin * frame.0);

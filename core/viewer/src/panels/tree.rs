@@ -1,4 +1,4 @@
-//! Actors and other things on stage; which are hidden, solo or locked here, whatever the script says.
+//! Tree of the stage: actors and other objects, with toggles to hide, solo or lock them in this window, independent of the script.
 
 use super::bar_menu;
 use super::headers;
@@ -11,7 +11,7 @@ use choreo_stage::Stage;
 use egui::{RichText, Ui};
 use std::collections::BTreeSet;
 
-/// Joints that a search shows at most.
+/// Largest number of joints that a search shows.
 const MOST_JOINTS: usize = 40;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
@@ -74,7 +74,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 fn actors(ui: &mut Ui, viewer: &mut Viewer, stage: &Stage, wanted: &str) {
     section(ui, "actors", stage.actors.len());
     for (index, actor) in stage.actors.iter().enumerate() {
-        // A search finds joints, too.
+        // A search also finds joints.
         let names = actor.asset.skeleton.names();
         let found = |n: &&String| !wanted.is_empty() && n.to_lowercase().contains(wanted);
         let joints: Vec<&String> = names.iter().filter(found).take(MOST_JOINTS).collect();
@@ -106,7 +106,7 @@ fn actors(ui: &mut Ui, viewer: &mut Viewer, stage: &Stage, wanted: &str) {
     }
 }
 
-/// Whether a row with some joints under it lies outside what is seen of the list; then it takes its place and no more is made of it.
+/// Whether a row with its joints lies outside the visible part of the list; then only its space is allocated.
 fn is_skipped(ui: &mut Ui, joints: usize) -> bool {
     let (text, between) = (ui.text_style_height(&egui::TextStyle::Body), ui.spacing().item_spacing.y);
     let height = ui.spacing().interact_size.y + joints as f32 * (text + between);
@@ -118,7 +118,7 @@ fn is_skipped(ui: &mut Ui, joints: usize) -> bool {
     is_skipped
 }
 
-/// Draws one of the small buttons before a name. `icons`: while it is off, and on.
+/// Draws a small toggle button before a name. `icons`: icons for off and on.
 fn toggle(
     ui: &mut Ui,
     set: &mut BTreeSet<String>,
@@ -157,7 +157,7 @@ fn select(ui: &mut Ui, viewer: &mut Viewer, text: RichText, what: Selected) {
 
 fn entry(ui: &mut Ui, selected: bool, text: RichText) -> egui::Response {
     let name = text.text().to_string();
-    // A name that is cut off is shown whole under the mouse.
+    // A truncated name is shown completely in a tooltip.
     let response = ui.add(egui::Button::selectable(selected, text).truncate());
     let is_cut = response.intrinsic_size().is_some_and(|whole| whole.x > response.rect.width() + 0.5);
     if is_cut { response.hint(name) } else { response }

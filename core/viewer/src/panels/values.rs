@@ -1,4 +1,5 @@
-//! Numbers that are dragged or typed, also as expressions, and taken once the hand lets go: each is one change of the script.
+//! Number fields that are dragged or typed, also as expressions. The value is taken when the pointer or the keyboard is released: each is one edit
+//! of the script.
 
 use crate::editing::expression;
 use choreo_session::edit::{Typed, format_number};
@@ -6,23 +7,23 @@ use egui::emath::format_with_decimals_in_range;
 use egui::{DragValue, Id, Key, Popup, Rect, Response, SetOpenCommand, Slider, Ui, WidgetInfo, WidgetType};
 use std::ops::RangeInclusive;
 
-/// A number in a field.
+/// A number field.
 pub struct Number<'n> {
     pub name: &'n str,
     pub value: f64,
-    /// Change of the value a point of a drag where the number is 0; see [`speed_of_drag`].
+    /// Change of the value per point of a drag if the number is 0; see [`speed_of_drag`].
     pub speed: f64,
     pub range: RangeInclusive<f64>,
-    /// The value to which the menu of the right mouse button sets it.
+    /// Value that the context menu resets the number to.
     pub default: Option<f64>,
-    /// A time, which can be typed as frames: `f(12)`.
+    /// Whether the number is a time, which can be typed as frames: `f(12)`.
     pub is_time: bool,
 }
 
-/// The reason why a number is refused that was typed as frames.
+/// Message for a number that is not a time but was typed as frames.
 pub(super) const NO_TIME: &str = "f(…) gives a time, and this is none: write a number";
 
-/// Frames a second, for what is typed as frames.
+/// Sets the frame rate for times typed as frames, frames per second.
 pub(crate) fn set_rate(ui: &Ui, fps: f64) {
     ui.data_mut(|d| d.insert_temp(rate_id(), fps));
 }
@@ -31,7 +32,7 @@ fn rate_id() -> Id {
     Id::new("frames a second")
 }
 
-/// Reads what is typed: `1/3`, and of a time `f(12)`; keeps it, with its value, for [`typed`].
+/// Parser of typed text, `1/3`, or `f(12)` for times. Keeps the text and its value for [`typed`].
 fn parser(ui: &Ui, id: Id, is_time: bool) -> impl Fn(&str) -> Option<f64> + 'static {
     let fps: f64 = ui.data(|d| d.get_temp(rate_id())).unwrap_or(30.0);
     let context = ui.ctx().clone();
@@ -51,30 +52,30 @@ fn typed_id() -> Id {
     Id::new("typed last")
 }
 
-/// Whether the text of a field counts frames and must not.
+/// Key of a flag: whether the text of a field counts frames although it is not a time.
 fn refused_id(id: Id) -> Id {
     id.with("frames")
 }
 
-/// Whether a field was left in this frame with [`NO_TIME`] in it.
+/// Whether a field was left in this frame with an input that [`NO_TIME`] refuses. Resets the flag.
 pub(super) fn takes_refused(ui: &Ui) -> bool {
     ui.data_mut(|d| d.remove_temp(refused_id(rate_id()))).unwrap_or(false)
 }
 
-/// A number of a field with its text in a script: the expression that was typed, `1.0 / 3.0` or `f(12)`.
+/// A number with the text that was typed for it, if that was an expression: `1.0 / 3.0` or `f(12)`.
 pub fn typed(ui: &Ui, value: f64) -> Typed {
     let last = ui.data(|d| d.get_temp::<(String, f64)>(typed_id())).filter(|(_, meant)| *meant == value);
     let text = last.and_then(|(text, _)| expression::script_text(&text));
     text.map_or_else(|| Typed::from(value), |text| Typed { value, text })
 }
 
-/// The text of [`typed`].
+/// Source text of a number; see [`typed`].
 pub fn text(ui: &Ui, value: f64) -> String {
     typed(ui, value).text
 }
 
-/// The numbers of a list as they are written into a script, with a comma between them, of which the one with this index was typed. `stated`:
-/// the list as the script has it, whose other numbers stay as they are written or computed.
+/// Source text of a list of numbers, separated by commas, of which the one at `index` was changed to `to`. `stated`: the present source text, whose
+/// other numbers stay as they are written or computed.
 pub fn list(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize, to: f64) -> String {
     let inside = stated.unwrap_or_default().trim();
     let inside = inside.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(inside);
@@ -91,15 +92,15 @@ pub fn list(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize, to: f64) -
     now.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
 }
 
-/// Ranges that are no wider are small: a drag goes through them at the same speed everywhere.
+/// Largest width of a small range, in which dragging has the same speed everywhere.
 const SMALL_RANGE: f64 = 2.0;
-/// Ranges that are wider have no slider, of which a point would be too much.
+/// Largest width of a range with a slider; in wider ranges a point of the slider would be too large a step.
 const WIDE_RANGE: f64 = 10.0;
-/// Decimals of a number at most.
+/// Largest number of decimal places.
 const MOST_DECIMALS: usize = 3;
 
-/// Change of a number a point of a drag (with Shift a tenth of it): of a small range 1/200, else 1/100 of the number. `step`: that of a number
-/// that is 0, of which numbers near 0 have a tenth.
+/// Change of a number per point of a drag (with Shift a tenth of it): 1/200 of a small range, else 1/100 of the number. `step`: change for the
+/// number 0; numbers near 0 change by at least a tenth of it.
 fn speed_of_drag(value: f64, step: f64, range: &RangeInclusive<f64>) -> f64 {
     let width = range.end() - range.start();
     if width <= SMALL_RANGE {
@@ -111,15 +112,15 @@ fn speed_of_drag(value: f64, step: f64, range: &RangeInclusive<f64>) -> f64 {
     }
 }
 
-/// A number as a field shows it: what rounds to nothing has no sign.
+/// Displayed text of a number; a number that rounds to zero has no sign.
 fn number_text(value: f64, decimals: RangeInclusive<usize>) -> String {
     let value = if super::rounded(value, 1e3) == 0.0 { 0.0 } else { value };
     format_with_decimals_in_range(value, decimals)
 }
 
-/// A field for a number, to the thousandth; expressions can be typed into it. `now`: the number during a drag.
+/// A number field with 3 decimal places that accepts expressions. `now`: the number during a drag.
 fn field<'n>(ui: &Ui, id: Id, number: &Number, now: &'n mut f64) -> DragValue<'n> {
-    // The number of decimals does not depend on the value.
+    // The number of decimal places does not depend on the value.
     let least = libm::log10(1.0 / number.speed).ceil().clamp(0.0, MOST_DECIMALS as f64) as usize;
     DragValue::new(now)
         .speed(speed_of_drag(number.value, number.speed, &number.range))
@@ -129,7 +130,7 @@ fn field<'n>(ui: &Ui, id: Id, number: &Number, now: &'n mut f64) -> DragValue<'n
         .custom_parser(parser(ui, id, number.is_time))
 }
 
-/// The new value, once it is meant.
+/// Shows a field, and returns the new value at the end of a drag or of typing.
 fn settled(
     ui: &mut Ui,
     id: Id,
@@ -154,7 +155,7 @@ fn settled(
     } else {
         ui.data_mut(|d| d.remove::<f64>(id));
     }
-    // A field that is left as it was holds the digits that it shows, and not all of them.
+    // A field that was left unchanged holds the rounded digits that it displays.
     let is_as_shown = response.lost_focus() && (super::rounded(value, 1e3) - now).abs() < 1e-9;
     if default.is_none() {
         ask_name(&response);
@@ -164,13 +165,13 @@ fn settled(
         // A dragged number is not the one that was typed last, even if the values are equal.
         ui.data_mut(|d| d.remove::<(String, f64)>(typed_id()));
     }
-    // An expression takes the place of digits of the same value, once: a field is left for two passes.
+    // An expression replaces digits with the same value, but only once: leaving a field takes two passes.
     let is_expression = done && held.is_some() && typed(ui, now).text != format_number(now);
     let set = reset.or_else(|| (done && (!is_as_shown || is_expression)).then_some(now));
     set.filter(|now| (*now != value || is_expression) && now.is_finite())
 }
 
-/// The name of a field, whose menu the numbers beside it open.
+/// The name of a field, whose context menu also opens on the numbers next to it.
 #[derive(Clone, Copy)]
 struct Name {
     id: Id,
@@ -181,12 +182,12 @@ fn name_id() -> Id {
     Id::new("name of a field")
 }
 
-/// Whether a number has asked for the menu of a name.
+/// Key of a flag: whether a number has requested the context menu of a name.
 fn asked_id(name: Id) -> Id {
     name.with("menu")
 }
 
-/// The menu of the right mouse button on the name of a field, and on the numbers that follow beside it.
+/// Context menu of a field's name and of the numbers next to it.
 pub(super) fn menu_of_name(name: &Response) -> Popup<'_> {
     let of_row = Name { id: name.id, rect: name.rect };
     let is_asked = name.ctx.data_mut(|d| {
@@ -197,7 +198,7 @@ pub(super) fn menu_of_name(name: &Response) -> Popup<'_> {
     if is_asked { menu.open_memory(Some(SetOpenCommand::Bool(true))) } else { menu }
 }
 
-/// Opens the menu of the name beside a number that is clicked with the right mouse button.
+/// Opens the context menu of the name if a number next to it is clicked with the right button.
 fn ask_name(number: &Response) {
     let name: Option<Name> = number.ctx.data(|d| d.get_temp(name_id()));
     let is_beside = |name: &Name| {
@@ -210,12 +211,12 @@ fn ask_name(number: &Response) {
     }
 }
 
-/// Forgets the last name, beside which there are no more numbers.
+/// Forgets the last name, since no more numbers follow it.
 pub(super) fn forget_name(ui: &Ui) {
     ui.data_mut(|d| d.remove::<Name>(name_id()));
 }
 
-/// A menu of the right mouse button that gives the default.
+/// Context menu that resets a number. Returns the default if it was chosen.
 pub fn reset(response: &Response, default: f64) -> Option<f64> {
     let mut chosen = None;
     response.context_menu(|ui| {
@@ -228,7 +229,8 @@ pub fn reset(response: &Response, default: f64) -> Option<f64> {
     chosen
 }
 
-/// A number that is stated nowhere: weak where another one counts instead (`derived`), else empty, until something is typed.
+/// A number that the script does not state: displays `derived`, the value that applies instead, in a weak color, or nothing, until something is
+/// typed.
 pub fn unstated(
     ui: &mut Ui,
     name: &str,
@@ -267,12 +269,12 @@ pub fn number(ui: &mut Ui, name: &str, value: f64, speed: f64, range: RangeInclu
     Number { name, value, speed, range, default: None, is_time: false }.show(ui)
 }
 
-/// A time in seconds; frames can be typed, too.
+/// A time in seconds, which can also be typed as frames.
 pub fn time(ui: &mut Ui, name: &str, value: f64, speed: f64, range: RangeInclusive<f64>) -> Option<f64> {
     Number { name, value, speed, range, default: None, is_time: true }.show(ui)
 }
 
-/// A number as it is written into a script; see [`Number::show_written`].
+/// A number that returns source text; see [`Number::show_written`].
 pub fn written(
     ui: &mut Ui,
     name: &str,
@@ -290,13 +292,13 @@ impl Number<'_> {
         self.show_as(ui, None)
     }
 
-    /// The new value as it is written into a script, an expression where one was typed; see [`Number::show_stated`].
+    /// Shows the field and returns the new value as source text, which is an expression if one was typed; see [`Number::show_stated`].
     pub fn show_written(self, ui: &mut Ui, stated: Option<&str>) -> Option<String> {
         let now = self.show_stated(ui, stated)?;
         Some(text(ui, now))
     }
 
-    /// The new value. `stated`: the value as the script has it, which is shown where it is an expression.
+    /// Shows the field and returns the new value. `stated`: source text of the value, displayed if it is an expression.
     pub fn show_stated(self, ui: &mut Ui, stated: Option<&str>) -> Option<f64> {
         let fps: f64 = ui.data(|d| d.get_temp(rate_id())).unwrap_or(30.0);
         let is_it = |text: &&str| {
@@ -318,12 +320,12 @@ impl Number<'_> {
             }
             named(ui.add(widget), WidgetType::DragValue, name)
         });
-        // The expression that it shows stands there already.
+        // The displayed expression is already in the script.
         let there = shown.and_then(expression::script_text);
         set.filter(|now| *now != value || there.is_none_or(|there| there != typed(ui, *now).text))
     }
 
-    /// The same with a slider, where its range is not wide.
+    /// The same field with a slider, unless the range is wide.
     pub fn slider(self, ui: &mut Ui) -> Option<f64> {
         let Number { name, value, default, .. } = self;
         let id = ui.id().with(("slider", name));
@@ -348,7 +350,7 @@ impl Number<'_> {
     }
 }
 
-/// sRGB bytes, as it was and as it is now meant: a picker, and the digits as text.
+/// A color as sRGB bytes: a color picker, and hexadecimal digits as text.
 pub fn color(ui: &mut Ui, name: &str, value: [u8; 3]) -> Option<[u8; 3]> {
     ui.horizontal(|ui| {
         let picked = picker(ui, name, value);
@@ -357,13 +359,13 @@ pub fn color(ui: &mut Ui, name: &str, value: [u8; 3]) -> Option<[u8; 3]> {
     .inner
 }
 
-/// `#rrggbb` or `rrggbb`, taken when the field is left.
+/// A field for `#rrggbb` or `rrggbb`, taken when the field is left.
 fn hex(ui: &mut Ui, name: &str, [r, g, b]: [u8; 3]) -> Option<[u8; 3]> {
     let id = ui.id().with(("hex", name));
     let now = format!("#{r:02x}{g:02x}{b:02x}");
     let mut text: String = ui.data(|d| d.get_temp(id)).unwrap_or_else(|| now.clone());
     let field = egui::TextEdit::singleline(&mut text).font(egui::TextStyle::Monospace);
-    // Columns can be narrower than the digits.
+    // A grid column may be narrower than the digits.
     let response = ui.add_sized([66.0, ui.spacing().interact_size.y], field);
     let response = named(response, WidgetType::TextEdit, &format!("{name} hex"));
     super::inspected::hold(ui, &response);
@@ -384,7 +386,7 @@ fn picker(ui: &mut Ui, name: &str, value: [u8; 3]) -> Option<[u8; 3]> {
     let mut now: [u8; 3] = ui.data(|d| d.get_temp(id)).unwrap_or(value);
     let response = egui::color_picker::color_edit_button_srgb(ui, &mut now);
     let response = named(response, WidgetType::ColorButton, name);
-    // The picker is a window of its own: it is over when it is closed.
+    // The picker is a popup; the color is taken when it closes.
     let is_open = egui::Popup::is_any_open(ui.ctx());
     if response.changed() || (now != value && is_open) {
         ui.data_mut(|d| d.insert_temp(id, now));
@@ -404,7 +406,7 @@ mod tests {
     #[test]
     fn a_drag_is_as_fast_as_the_number_is_large() {
         let speed = |value, step, range| speed_of_drag(value, step, &range);
-        // An opacity, a threshold, the size of a title, an intensity, a place.
+        // An opacity, a threshold, the size of a title, an intensity, and a position.
         for (speed, expected) in [
             (speed(0.5, 0.01, 0.0..=1.0), 0.005),
             (speed(0.0, 0.01, 0.0..=1.0), 0.005),

@@ -1,4 +1,4 @@
-//! The image, the camera that the mouse moves, and what is picked in it.
+//! Viewport: the image, the camera moved by the mouse, and picking.
 
 use super::assets::ModelDrag;
 use super::canvas::Canvas;
@@ -15,9 +15,9 @@ use crate::state::view::{Resolution, ViewCamera};
 use egui::{Color32, Key, PointerButton, Rect, Sense, Stroke, StrokeKind, TextureId, Ui, Vec2, pos2};
 use glam::{DVec2, DVec3};
 
-/// Metres a second on foot.
+/// Walking speed, metres per second.
 const PACE: f64 = 3.0;
-/// Height of the text at the top of an image that names what the image lacks, points.
+/// Height of the text at the top of an image about its reduced quality, points.
 pub(super) const REDUCED: f32 = 22.0;
 
 pub(crate) fn toggle_camera(viewer: &mut Viewer) {
@@ -28,7 +28,7 @@ pub(crate) fn toggle_camera(viewer: &mut Viewer) {
     }
 }
 
-/// The free camera turns around what is selected.
+/// Centers the orbit of the free camera on the selection.
 pub fn focus(viewer: &mut Viewer) {
     let Some(point) = viewer.point_of_interest() else { return };
     let active = viewer.active.min(viewer.views.len() - 1);
@@ -38,12 +38,12 @@ pub fn focus(viewer: &mut Viewer) {
     }
 }
 
-/// The next image of the active viewport goes into a file beside the script: `NAME_12.png`, by its frame.
+/// Saves the next image of the active viewport next to the script: `NAME_12.png`, numbered by frame.
 pub fn screenshot(viewer: &mut Viewer) {
     let folder = viewer.path.as_ref().and_then(|p| p.parent()).unwrap_or(std::path::Path::new(""));
     let stem = viewer.name.rsplit_once('.').map_or(viewer.name.as_str(), |(stem, _)| stem).to_string();
     viewer.screenshot = Some(folder.join(format!("{stem}_{}.png", viewer.playhead.frame())));
-    // Drawn once more, so that there is one.
+    // The frame is requested again, so that there is an image to save.
     viewer.view_mut().asked = None;
 }
 
@@ -178,7 +178,7 @@ fn cameras(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
     bar.other_faces(names.stage.cameras.iter().map(|camera| camera.name.as_str()).chain([NONE]));
 }
 
-/// Writes the free camera into the script: into one of its cameras, or as a new one.
+/// Menu that writes the free camera into the script: into one of its cameras, or as a new one.
 fn into_script(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
     let Some(scene) = viewer.scene.clone().filter(|_| viewer.path.is_some()) else { return };
     let orbit = match viewer.views[index].camera {
@@ -201,7 +201,7 @@ fn into_script(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
             viewer.edit(|v| v.add_camera(&orbit));
         }
     });
-    // A disabled entry keeps its place, so that the entries after it stay where they are.
+    // The entry is disabled and not hidden, so that the entries after it do not move.
     bar.enabled(orbit.is_some());
 }
 
@@ -216,7 +216,7 @@ fn follow(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
     bar.enabled(following || selected);
 }
 
-/// The camera of a view goes with the selected actor, or stays.
+/// Starts or stops following the selected actor with the camera of a view.
 fn toggle_follow(viewer: &mut Viewer, index: usize) {
     let Some(scene) = viewer.scene.clone() else { return };
     let find = |name: &str| actor(&scene.stage, name).map(|i| (name.to_string(), i));
@@ -229,7 +229,7 @@ fn toggle_follow(viewer: &mut Viewer, index: usize) {
     let view = &mut viewer.views[index];
     match (following, selected) {
         (Some(name), _) => {
-            // Where it is by now, and stays.
+            // The orbit is converted to world space, so that the camera stays where it is.
             view.follow(find(&name), near);
             if let (ViewCamera::Follow { orbit, .. }, Some(shown), Some((_, index))) =
                 (&view.camera, &view.shown, find(&name))
@@ -245,7 +245,7 @@ fn toggle_follow(viewer: &mut Viewer, index: usize) {
     }
 }
 
-/// Selects the actor whose surface is there; nothing, where there is none.
+/// Selects the actor under the pointer, or nothing.
 fn click(viewer: &mut Viewer, index: usize, lens: &Lens, at: DVec2) {
     let (Some(scene), Some(shown)) = (viewer.scene.clone(), &viewer.views[index].shown) else { return };
     let toggles = &viewer.toggles;
@@ -255,7 +255,7 @@ fn click(viewer: &mut Viewer, index: usize, lens: &Lens, at: DVec2) {
     viewer.select_all(picked.into_iter().collect());
 }
 
-/// Names what the image lacks while the view moves: pixels, effects, frames.
+/// Text about the reduced quality of the image while the view moves: resolution, effects, frames.
 fn reduced(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
     let view = &viewer.views[index];
     let Some(asked) = view.asked.as_ref().filter(|asked| asked.moving) else { return };
@@ -281,7 +281,7 @@ fn reduced(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
     let response = ui.interact(label, ui.id().with(("reduced", index)), Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, text.clone()));
     let painter = ui.painter_at(place);
-    // The axes are beside it.
+    // The axes are to the right of the text.
     let right = axes::place_of(viewer, index, place).map_or(place.right(), |axes| axes.left());
     let galley = super::elided(&painter, &text, 11.5, Color32::WHITE, right - place.left() - 12.0);
     if galley.elided {
@@ -292,8 +292,8 @@ fn reduced(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
     painter.galley(back.min + egui::vec2(3.0, 3.0), galley, Color32::WHITE);
 }
 
-/// The centered rectangle of an image: as large as possible if it fills the room, else pixel on pixel where there is room. Edges lie on
-/// the screen's pixels.
+/// Centered rectangle of an image: as large as possible if `fills`, else at most one screen pixel per pixel of the image. Edges are aligned to
+/// screen pixels.
 fn placed(room: Rect, size: [u32; 2], pixels_per_point: f32, fills: bool) -> Rect {
     let size = Vec2::new(size[0] as f32, size[1] as f32) / pixels_per_point;
     let largest = if fills { f32::INFINITY } else { 1.0 };
@@ -330,7 +330,7 @@ fn mouse(ui: &Ui, viewer: &mut Viewer, index: usize, response: &egui::Response, 
     }
     let held = |a, b| ui.input(|i| f64::from(i8::from(i.key_down(a)) - i8::from(i.key_down(b))));
     let step = DVec3::new(held(Key::D, Key::A), held(Key::E, Key::Q), held(Key::W, Key::S));
-    // Letters that are keys of actions walk while the right button is held.
+    // If letters are shortcuts, they walk only while the right button is held.
     let command = ui.input(|i| i.modifiers.command)
         || super::actions::takes_walking_keys(viewer) && !ui.input(|i| i.pointer.secondary_down());
     if step != DVec3::ZERO && !command && !ui.ctx().egui_wants_keyboard_input() {

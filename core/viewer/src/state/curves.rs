@@ -1,4 +1,4 @@
-//! State of the curve editor: which values it shows, and what is dragged there.
+//! State of the curve editor: its visible range, hidden curves, and dragged keys.
 
 use crate::state::keyed::{KeyRef, KeyedProperty};
 use crate::state::selection::Selected;
@@ -7,41 +7,41 @@ use choreo_motion::Time;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Samples of one curve at most.
+/// Largest number of samples of a curve.
 const MOST_SAMPLES: usize = 4000;
 
 pub struct Curves {
-    /// Times at the left and the right edge, of this view alone.
+    /// Times at the left and the right edge, independent of the sequencer.
     pub time: Span,
-    /// Values at the lower and the upper edge.
+    /// Values at the bottom and the top edge.
     pub values: Span,
-    /// Numbers that are not shown, by what has them, property and index.
+    /// Hidden curves: object, property and component.
     pub hidden: BTreeSet<(Selected, String, usize)>,
-    /// Changes a second instead of values.
+    /// Whether rates of change per second are displayed in place of values.
     pub speed: bool,
-    /// Each property fills the height by itself.
+    /// Whether each property is scaled to the full height.
     pub normalized: bool,
-    /// Times and values are fitted to the keys in the next frame.
+    /// Whether times and values are fitted to the keys in the next frame.
     pub fit: bool,
-    /// The thing whose curves were shown last.
+    /// Object whose curves were displayed last.
     shown: Option<Selected>,
-    /// The pointer was over it in the last frame: some keys are for it.
+    /// Whether the pointer was over the editor in the last frame, so that some shortcuts apply to it.
     pub hovered: bool,
-    /// It was drawn in the last frame.
+    /// Whether the editor was drawn in the last frame.
     pub seen: bool,
     pub drag: Option<KeyDrag>,
     known: Option<Known>,
 }
 
-/// All properties of something that can have keys, and those that have some.
+/// Properties of an object that can have keys, and those that do.
 pub type KnownProperties = (Arc<Vec<KeyedProperty>>, Arc<Vec<KeyedProperty>>);
 
-/// The properties of something in a version of the scene.
+/// Cached properties of an object in one version of the scene.
 struct Known {
     number: u64,
     what: Selected,
     all: Arc<Vec<KeyedProperty>>,
-    /// The properties that have keys.
+    /// Properties that have keys.
     keyed: Arc<Vec<KeyedProperty>>,
 }
 
@@ -63,20 +63,20 @@ impl Default for Curves {
     }
 }
 
-/// Keys on their way.
+/// Keys that are being dragged.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KeyDrag {
     pub key: KeyRef,
-    /// Which number of its value was taken.
+    /// Component of the value that was grabbed.
     pub part: usize,
-    /// Seconds.
+    /// Change of the time, seconds.
     pub by: f64,
-    /// The change in the unit of the value.
+    /// Change of the component, in the unit of the value.
     pub value: f64,
 }
 
 impl Curves {
-    /// The properties of something in a version of the scene, and those of them that have keys, kept from frame to frame.
+    /// Properties of an object in a version of the scene that can have keys, and those that do. The result is cached between frames.
     pub fn properties(
         &mut self,
         number: u64,
@@ -94,7 +94,7 @@ impl Curves {
         (all, keyed)
     }
 
-    /// Whether the curves of something are shown for the first time since those of something else were.
+    /// Whether the object of the curves has changed since the last call.
     pub(crate) fn shows_first(&mut self, what: &Selected, keyed: &[KeyedProperty]) -> bool {
         let is_other = self.shown.as_ref() != Some(what);
         self.shown = Some(what.clone()).filter(|_| !keyed.is_empty());
@@ -105,12 +105,12 @@ impl Curves {
         !self.hidden.contains(&(property.what.clone(), property.name.clone(), part))
     }
 
-    /// Whether all curves of a property are hidden in the curve editor, and that is open.
+    /// Whether the curve editor is open and hides all curves of a property.
     pub(crate) fn hides(&self, property: &KeyedProperty) -> bool {
         self.seen && !(0..property.width()).any(|part| self.is_shown(property, part))
     }
 
-    /// Fits the values to the curves from the first to the last key, or in a span of time.
+    /// Fits the value range to the curves, from the first to the last key or within `span`.
     pub(crate) fn fit_values(
         &mut self,
         properties: &[KeyedProperty],
@@ -136,7 +136,7 @@ impl Curves {
         self.values = Span { from: low - margin, to: high + margin };
     }
 
-    /// The offset that is added to a value and the divisor after it, so that it is drawn on the common scale.
+    /// Offset to add to a value, and divisor to apply afterwards, to draw it on the common scale.
     pub fn scale(&self, property: &KeyedProperty) -> (f64, f64) {
         if !self.normalized || self.speed {
             return (0.0, 1.0);
@@ -150,7 +150,7 @@ impl Curves {
         if high - low < 1e-9 { (-low, 1.0) } else { (-low, high - low) }
     }
 
-    /// Times and what is drawn then, from a time to another: values, or their change a second, on the common scale.
+    /// Samples of a curve between two times: values on the common scale, or their change per second.
     pub fn sampled(
         &self,
         property: &KeyedProperty,
@@ -163,7 +163,7 @@ impl Curves {
         let mut times: Vec<Time> = (0..=count)
             .map(|n| Time(from.0 + (i128::from(length) * i128::from(n) / i128::from(count)) as i64))
             .collect();
-        // Keys and the ticks before them, so that bends and jumps are where they are; the speed ends after the last key.
+        // Keys and the ticks before them are sampled, too, so that bends and jumps are exact; the speed ends after the last key.
         let bends = property.keys.iter().flat_map(|key| [*key - Time(1), *key]);
         let bends = bends.chain(property.keys.last().map(|key| *key + Time(1)));
         times.extend(bends.filter(|time| from <= *time && *time <= to).take(2 * MOST_SAMPLES));
@@ -173,7 +173,7 @@ impl Curves {
         times.into_iter().map(|time| (time, self.drawn(property, time, scale))).collect()
     }
 
-    /// The numbers that are drawn of a property at a time, on a scale as [`Curves::scale`] gives it.
+    /// Components of a property at a time as drawn. The last argument is the result of [`Curves::scale`].
     pub fn drawn(&self, property: &KeyedProperty, time: Time, (add, divide): (f64, f64)) -> Vec<f64> {
         match self.speed {
             true => speed(property, time),
@@ -182,16 +182,16 @@ impl Curves {
     }
 }
 
-/// The change of a value a second, within a thousandth of a second before and after and between the keys around: at a key, that behind it; at
-/// the last key, that before it.
+/// Change of a value per second, measured over at most a thousandth of a second before and after `time` and between the surrounding keys. At a key
+/// it is that after the key; at the last key that before it.
 fn speed(property: &KeyedProperty, time: Time) -> Vec<f64> {
     let (step, keys) = (Time::from_secs(1e-3), &property.keys);
     let next = keys.partition_point(|key| *key <= time) - usize::from(keys.last() == Some(&time));
     let (mut from, mut to) = (time - step, time + step);
     let start = next.checked_sub(1).map_or(from, |before| from.max(keys[before]));
-    // The value of a step is there at its key.
+    // A stepped value changes exactly at its key.
     let end = keys.get(next).map_or(to, |key| to.min(*key - Time(1)));
-    // Keys that are nearer are a jump.
+    // Keys closer together are a jump.
     if (end - start).0 > step.0 / 4 {
         (from, to) = (start, end);
     }
@@ -200,7 +200,7 @@ fn speed(property: &KeyedProperty, time: Time) -> Vec<f64> {
 }
 
 impl Span {
-    /// A factor above 1 shows less; the value at a part of the height stays there.
+    /// Zooms the values. A factor above 1 shows less; the value at the fraction `part` of the height stays in place.
     pub(crate) fn zoom_values(&mut self, factor: f64, part: f64) {
         let at = self.from + (self.to - self.from) * part;
         let size = ((self.to - self.from) / factor.max(1e-6)).clamp(1e-6, 1e9);

@@ -1,4 +1,4 @@
-//! The icon of a light, a camera or a target of inverse kinematics, while it is dragged in a viewport.
+//! The icon of a light, a camera or an IK target while it is dragged in a viewport.
 
 use crate::state::selection::Selected;
 use glam::DVec3;
@@ -7,7 +7,7 @@ use glam::DVec3;
 pub enum IconOf {
     Light(usize),
     Camera(String),
-    /// A point that a joint of an actor reaches for: the actor, and the number of the constraint.
+    /// A target point of inverse kinematics: name of the actor, and index of the constraint.
     Reach(String, usize),
 }
 
@@ -24,12 +24,12 @@ impl IconOf {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct DraggedIcon {
-    /// Number of the viewport in which it is dragged.
+    /// Index of the viewport.
     pub view: usize,
     pub what: IconOf,
-    /// Place at which it was, and at which it is by now.
+    /// World positions of the icon: before the drag, and now.
     pub from: DVec3,
     pub to: DVec3,
-    /// Place of the world at which the mouse took it: as far away as the icon, also beside it.
+    /// World position under the pointer at the start of the drag, in the plane of the icon.
     pub taken_at: DVec3,
 }

@@ -1,4 +1,4 @@
-//! Events at a time: keys, actors that appear and go, what an actor begins to do, named times of clips.
+//! Events on the timeline: keys, appearing and disappearing actors, starts and ends of constraints, and markers of clips.
 
 use crate::state::keyed::{self, KeyedProperty};
 use crate::state::keyed_parts;
@@ -10,20 +10,20 @@ use choreo_session::Scene;
 use choreo_stage::{Actor, Channel, Cue, Layer2d, Layer2dContent, Property};
 use std::sync::Arc;
 
-/// Events in one row at most; further ones would not be told apart.
+/// Largest number of events in a row; more could not be distinguished.
 const MOST: usize = 2000;
-/// The script's name of the property by which an actor appears and goes.
+/// Script name of the property that makes an actor appear and disappear.
 const VISIBLE: &str = "visible";
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum EventKind {
-    /// A value of its own is given for this time.
+    /// A key.
     Key,
-    /// An actor or a 2D layer appears or goes.
+    /// An actor or a 2D layer appears or disappears.
     Entrance,
-    /// A reach, an aim, a look begins or ends.
+    /// A constraint (reach, aim, look) begins or ends.
     Body,
-    /// A named time of a clip.
+    /// A marker of a clip.
     Mark,
 }
 
@@ -35,20 +35,20 @@ pub struct Event {
     pub label: String,
     pub what: Option<Selected>,
     pub place: Place,
-    /// Keys of `.key(…)` that are there.
+    /// Keys at that time.
     pub keys: Vec<KeyOf>,
 }
 
-/// A property that has a key, by the script's name for it.
+/// A property that has a key.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KeyOf {
     pub what: Selected,
     pub property: String,
-    /// Its name as it is read, after the name of what has it where a row has several.
+    /// Displayed name of the property, after the name of its object if the row has several objects.
     pub label: String,
 }
 
-/// The events of one row, gathered: those of one time are one.
+/// Events of a row that are being collected; events at the same time are merged.
 #[derive(Default)]
 pub(crate) struct Gathered {
     all: Vec<(Time, EventKind, String, Option<KeyOf>)>,
@@ -67,7 +67,7 @@ impl Gathered {
         }
     }
 
-    /// Each key that the script states; `of`: what of, before its name.
+    /// Adds the keys of properties. `of`: prefix of their names.
     pub fn keys(&mut self, all: &[KeyedProperty], of: &str) {
         for keyed in all {
             if keyed.property().is_none_or(|property| property == Property::Visible) {
@@ -79,7 +79,7 @@ impl Gathered {
         }
     }
 
-    /// The keys of a layer's weight, by the cue of it that states them.
+    /// Adds the keys of a layer's weight, which one of its cues states.
     pub(crate) fn layer_weight(&mut self, keys: &Channel, cues: &[Bar], scene: &Scene) {
         let of =
             |bar: &Bar| keyed::properties(scene, &bar.what).into_iter().find(|k| k.name == ".layer_weight");
@@ -92,7 +92,7 @@ impl Gathered {
     }
 
     fn spans(&mut self, what: &str, start: Time, end: Option<Time>) {
-        // A state from the start is no event.
+        // A state that exists from the start is not an event.
         if start > Time::ZERO {
             self.add(start, EventKind::Body, format!("{what} begins"));
         }
@@ -101,7 +101,7 @@ impl Gathered {
         }
     }
 
-    /// Events of an actor, without its cues.
+    /// Adds the events of an actor, except for its cues.
     pub fn actor(&mut self, actor: &Actor, scene: &Scene) {
         let what = Selected::Actor(actor.name.clone());
         let joints = keyed_parts::keys_of_joints(actor).is_some();
@@ -125,7 +125,7 @@ impl Gathered {
         actor.look_at.iter().for_each(|look| self.spans("look", look.start, look.end));
     }
 
-    /// The keys of a cue, and named times of its clip, each time that it gets there until `end`.
+    /// Adds the keys of a cue, and the markers of its clip whenever they are played before `end`.
     pub fn cue(&mut self, (cue, what): (&Cue, &Selected), scene: &Scene, end: Time, markers: &[ClipMarkers]) {
         if Cue::keyed_options().any(|(_, property)| cue.keys(property).is_some()) {
             let mut keyed = keyed::properties(scene, what);
@@ -157,7 +157,7 @@ impl Gathered {
         }
     }
 
-    /// Within the scene, in the order of time.
+    /// Events within the scene, sorted by time.
     pub fn events(mut self, length: Time, what: Option<&Selected>, place: &Place) -> Vec<Event> {
         self.all.retain(|(at, ..)| Time::ZERO <= *at && *at <= length);
         self.all.sort_by(|a, b| (a.0, a.1, &a.2).cmp(&(b.0, b.1, &b.2)));
@@ -180,7 +180,7 @@ impl Gathered {
     }
 }
 
-/// The keys among events by their properties, each with its label and its events, where there are several properties.
+/// Events of each keyed property, if there are several.
 pub(crate) fn by_property(events: &[Event]) -> Vec<(&KeyOf, Vec<Event>)> {
     let is_same = |a: &KeyOf, b: &KeyOf| a.property == b.property && a.what == b.what;
     let keys = || events.iter().flat_map(|event| event.keys.iter().map(move |key| (event, key)));
@@ -199,12 +199,12 @@ pub(crate) fn by_property(events: &[Event]) -> Vec<(&KeyOf, Vec<Event>)> {
             None => all.push((key, vec![one])),
         }
     }
-    // The order by label stays while keys are dragged.
+    // The order by label does not change while keys are dragged.
     all.sort_by(|(a, _), (b, _)| a.label.cmp(&b.label));
     all
 }
 
-/// Events of cameras, lights and effects: rows of things that have keys.
+/// Keys of all cameras.
 pub(crate) fn of_cameras(scene: &Scene) -> Vec<Event> {
     let mut gathered = Gathered::default();
     for camera in &scene.stage.cameras {
@@ -215,7 +215,7 @@ pub(crate) fn of_cameras(scene: &Scene) -> Vec<Event> {
     gathered.events(scene.stage.settings.length, None, &Place::default())
 }
 
-/// Keys of one light.
+/// Keys of a light.
 pub(crate) fn of_light(scene: &Scene, index: usize, place: &Place) -> Vec<Event> {
     let (mut gathered, what) = (Gathered::default(), Selected::Light(index));
     gathered.keys(&keyed::properties_of(scene, &what, scene.stage.lights[index].channels.iter()), "");
@@ -229,7 +229,7 @@ pub(crate) fn of_sky(scene: &Scene, place: &Place) -> Vec<Event> {
     gathered.events(scene.stage.settings.length, Some(&Selected::Sky), place)
 }
 
-/// Keys of some of the texts, images and panels, by their numbers.
+/// Keys of some titles, images and panels, given by their indices.
 pub(crate) fn of_titles(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
     let mut gathered = Gathered::default();
     for &index in numbers {
@@ -240,7 +240,7 @@ pub(crate) fn of_titles(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
     gathered.events(scene.stage.settings.length, None, &Place::default())
 }
 
-/// The first words of a text, or the kind of another 2D layer.
+/// First words of a text in quotes, or the kind of another 2D layer.
 pub(crate) fn title(layer: &Layer2d) -> String {
     match &layer.content {
         Layer2dContent::Text { words, .. } => {
@@ -253,7 +253,7 @@ pub(crate) fn title(layer: &Layer2d) -> String {
     }
 }
 
-/// Keys of some of the effects, by their numbers.
+/// Keys of some effects, given by their indices.
 pub(crate) fn of_effects(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
     let mut gathered = Gathered::default();
     for &index in numbers {

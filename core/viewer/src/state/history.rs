@@ -1,4 +1,4 @@
-//! Edits of the script that can be undone and redone, and what is pending of them.
+//! Undo and redo of script edits, and pending effects of edits.
 
 use crate::state::keyed::KeyRef;
 use crate::state::selection::Selected;
@@ -7,60 +7,60 @@ use choreo_session::edit::Edit;
 use glam::{DQuat, DVec3};
 use std::path::PathBuf;
 
-/// Changes that can be taken back and made again, the newest last.
+/// Edits that can be undone and redone, the newest last.
 #[derive(Default)]
 pub struct History {
     pub(crate) done: Vec<Done>,
     pub(crate) undone: Vec<Done>,
-    /// The text of the newest change, until a version shows it.
+    /// Text after the newest edit, until a version of it is displayed.
     pub(crate) unshown: Option<String>,
-    /// The text that an undo has brought back, until it is shown, and the keys that were selected in it.
+    /// Text that an undo has restored, until it is displayed, and the keys to select then.
     pub(crate) restored: Option<(String, Vec<KeyRef>)>,
-    /// The placement that the next version must show, if the change had its effect.
+    /// Expected placement of an actor in the next version, to detect an edit without effect.
     pub(crate) wanted: Option<ExpectedPlacement>,
 }
 
 pub(crate) struct Done {
-    /// The edit that undoes it.
+    /// The inverse edit.
     pub(crate) back: Edit,
-    /// The text that it takes back from.
+    /// The text that `back` applies to.
     pub(crate) text: String,
-    /// The selection before the change, and the keys that were selected beside it.
+    /// The selection before the edit, and the keys that were selected.
     pub(crate) keys: (Option<Selected>, Vec<KeyRef>),
 }
 
-/// A change that is made if the user agrees.
+/// An edit that is made if the user agrees.
 #[derive(Default)]
 pub struct Offer {
     pub why: String,
     /// Label of the button.
     pub agree: String,
-    /// Lines that go (`-`), come (`+`) and stay (` `).
+    /// Lines of the difference: removed (`-`), added (`+`) and unchanged (` `).
     pub difference: Vec<(char, String)>,
-    /// Files that are copied first, from and to.
+    /// Files to copy before the edit: source and destination.
     pub(crate) copies: Vec<(PathBuf, PathBuf)>,
     pub(crate) edit: Edit,
-    /// Another change in place of it.
+    /// An alternative edit.
     pub other: Option<Alternative>,
     /// The text that the edit was made for.
     pub(crate) text: String,
-    /// Object that is selected once the change is made; `None`: the selection stays.
+    /// Object to select after the edit. `None`: the selection stays.
     pub(crate) selects: Option<Selected>,
 }
 
-/// The second of two changes that are offered.
+/// The second of two offered edits.
 pub struct Alternative {
     /// Label of the button.
     pub agree: String,
-    /// Lines that go (`-`), come (`+`) and stay (` `).
+    /// Lines of the difference: removed (`-`), added (`+`) and unchanged (` `).
     pub difference: Vec<(char, String)>,
     pub(crate) edit: Edit,
 }
 
-/// The placement of an actor that the next version must show.
+/// Expected placement of an actor in the next version.
 pub(crate) struct ExpectedPlacement {
     pub(crate) actor: String,
-    /// Time of the keys.
+    /// Time at which the placement is compared.
     pub(crate) time: Time,
     pub(crate) at: DVec3,
     pub(crate) rotation: DQuat,

@@ -1,5 +1,5 @@
-//! Properties that keys animate, of what is on stage: their values over time as the stage has them, in the units of scripts, and their
-//! keys as the script states them.
+//! Animated properties of objects on stage: their values over time as evaluated by the stage, in the units of scripts, and their keys as stated by
+//! the script.
 
 use crate::state::keyed_parts;
 use crate::state::selection::{Selected, actor};
@@ -14,62 +14,62 @@ use choreo_session::edit::{
 use choreo_stage::{Channel, Described, EffectUse, Field, FieldType, FieldValue, Property};
 use glam::{DQuat, DVec3};
 
-/// A key, by the time at which the stage has it.
+/// A key, identified by its object, its property and its time on stage.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct KeyRef {
     pub what: Selected,
-    /// The script's name of the property; `morph:NAME` for a morph target, `joint:NAME:PROPERTY` for a joint, `.weight` for what a method
-    /// of a cue states.
+    /// Name of the property in scripts; `morph:NAME` for a morph target, `joint:NAME:PROPERTY` for a joint, `.weight` for keys stated by a method
+    /// of a cue.
     pub property: String,
     pub at: Time,
 }
 
-/// How the value of a property is written and shown.
+/// Kind of a property's value, which decides how it is written and displayed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ValueKind {
-    /// A fixed number of numbers, one after the other.
+    /// A fixed number of components.
     Numbers(usize),
     Degrees,
-    /// Degrees about y, or about x, y and z.
+    /// Angle about y, or angles about x, y and z, degrees.
     Rotation,
     /// A unit vector.
     Direction,
-    /// One factor, or one for each axis.
+    /// One factor, or one per axis.
     Scale,
-    /// Linear red, green and blue, and alpha.
+    /// Linear RGB, optionally with alpha.
     Color,
-    /// A color that the script states in kelvin.
+    /// A color that the script states as a color temperature, kelvin.
     Kelvin,
     Flag,
 }
 
-/// A property that keys animate or could animate.
+/// A property that has keys or can have keys.
 #[derive(Clone, Debug)]
 pub struct KeyedProperty {
     pub what: Selected,
-    /// The script's name of it, as in [`KeyRef`].
+    /// Name of the property, as in [`KeyRef`].
     pub name: String,
     pub kind: ValueKind,
     pub unit: &'static str,
-    /// Smallest and largest number.
+    /// Smallest and largest value of a component.
     pub range: [f64; 2],
-    /// Its keys as the stage has them, easings sampled: one list, or one for each number of an effect; none where it has no keys.
+    /// Keys as the stage has them, with easings sampled: one channel, or one per component for an effect. Empty without keys.
     pub(super) channels: Vec<Channel>,
-    /// Its value without keys.
+    /// Value without keys.
     pub(super) rest: Vec<f64>,
     /// Times of the keys that the script states.
     pub keys: Vec<Time>,
-    /// Angles about x, y and z at `keys`, each near the one before.
+    /// Angles about x, y and z at the times `keys`, degrees; each is chosen near the previous one.
     pub(super) angles: Vec<DVec3>,
-    /// The keys in the text; `None` where they are computed, stand elsewhere or are those of several things.
+    /// Keys as parsed from the script. `None` if they are computed, stated elsewhere or shared by several objects.
     pub written: Option<WrittenKeys>,
 }
 
-/// The text of a value in a script, made of numbers.
+/// A value in the form in which it is written into the script.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ValueText {
     Point(DVec3),
-    /// Numbers as they were and as they are now.
+    /// Components before and after a change.
     Numbers {
         before: Vec<f64>,
         now: Vec<f64>,
@@ -98,7 +98,7 @@ impl KeyedProperty {
         !self.channels.is_empty()
     }
 
-    /// How many numbers its value has.
+    /// Number of components of the value.
     pub fn width(&self) -> usize {
         match self.kind {
             ValueKind::Numbers(count) => count,
@@ -109,7 +109,7 @@ impl KeyedProperty {
         }
     }
 
-    /// The name of one of its numbers; empty where it has only one.
+    /// Name of a component; empty if the value has only one.
     pub fn part(&self, index: usize) -> &'static str {
         let names = match self.kind {
             _ if self.width() == 1 => return "",
@@ -119,7 +119,7 @@ impl KeyedProperty {
         names[index.min(3)]
     }
 
-    /// The name as it is read, in rows, curves and fields alike: `morph smile`.
+    /// Displayed name, the same in rows, curves and fields: `morph smile`.
     pub fn title(&self) -> String {
         match (self.name.as_str(), &self.what) {
             ("fov", Selected::Camera(_)) => "field of view".into(),
@@ -127,12 +127,12 @@ impl KeyedProperty {
         }
     }
 
-    /// The property of the stage that its keys animate.
+    /// Property of the stage that the keys animate.
     pub(crate) fn property(&self) -> Option<Property> {
         self.channels.first().map(|channel| channel.property)
     }
 
-    /// How the stage interpolates its keys.
+    /// Interpolation of the keys on stage.
     pub(crate) fn interpolation(&self) -> Option<Interpolation> {
         self.channels.first().map(|channel| channel.interpolation)
     }
@@ -147,7 +147,7 @@ impl KeyedProperty {
         all.chunks_exact(3).all(|v| v[0] == v[1] && v[1] == v[2])
     }
 
-    /// Its numbers at a time.
+    /// Components of the value at a time.
     pub fn at(&self, time: Time) -> Vec<f64> {
         let Some(channel) = self.channels.first() else { return self.rest.clone() };
         let raw = channel.at(time).unwrap_or_default();
@@ -171,7 +171,7 @@ impl KeyedProperty {
         }
     }
 
-    /// The angles of a rotation at a time, with as many whole turns as the keys around it have.
+    /// Angles of a rotation at a time, degrees, with as many full turns as the surrounding keys.
     fn turned(&self, time: Time, rotation: DQuat) -> Vec<f64> {
         let next = self.keys.partition_point(|key| *key <= time);
         let near = match (next.checked_sub(1), self.keys.get(next)) {
@@ -187,7 +187,7 @@ impl KeyedProperty {
         if self.is_upright() { vec![angles[1]] } else { angles.to_vec() }
     }
 
-    /// The text for a value of these numbers at a time.
+    /// A value in the form in which the script states it. `numbers`: its components at `time`.
     pub fn text(&self, time: Time, numbers: &[f64]) -> ValueText {
         let three = || DVec3::from_slice(&[numbers[0], numbers[1], numbers[2]]);
         let each = || ValueText::Numbers { before: self.at(time), now: numbers.to_vec() };
@@ -201,13 +201,13 @@ impl KeyedProperty {
             ValueKind::Rotation if numbers.len() > 1 && !self.states_angles() => {
                 ValueText::Turn(choreo_session::edit::rotation_of(three()))
             }
-            // The length of a direction is free.
+            // A direction need not be a unit vector.
             ValueKind::Direction => ValueText::Point(three()),
             _ => each(),
         }
     }
 
-    /// The text for its value at a time that needs no key near it: angles with all their turns.
+    /// The value at a time, written without relation to a neighboring key: angles include all turns.
     pub(crate) fn stated_text(&self, time: Time) -> ValueText {
         match (self.kind, self.at(time).as_slice()) {
             (ValueKind::Rotation, [x, y, z]) if *x == 0.0 && *z == 0.0 => ValueText::Text(format_number(*y)),
@@ -216,18 +216,18 @@ impl KeyedProperty {
         }
     }
 
-    /// Whether its keys are written as three angles.
+    /// Whether all keys are written as three angles.
     fn states_angles(&self) -> bool {
         let three = |all: &Option<Vec<f64>>| all.as_ref().is_some_and(|numbers| numbers.len() == 3);
         self.written.as_ref().is_some_and(|written| written.keys.iter().all(|key| three(&key.numbers)))
     }
 
-    /// Whether its numbers can be changed one by one.
+    /// Whether single components can be edited.
     pub fn is_plain(&self) -> bool {
         self.kind != ValueKind::Kelvin
     }
 
-    /// The key of its own at a time, to a quarter of a frame.
+    /// Index of the key within a quarter of a frame of a time.
     pub fn key_at(&self, time: Time, fps: FrameRate) -> Option<usize> {
         let near = Time(fps.time_of(1).0 / 4);
         let distance = |index: &usize| (self.keys[*index] - time).0.abs();
@@ -235,7 +235,7 @@ impl KeyedProperty {
         (distance(&index) <= near.0).then_some(index)
     }
 
-    /// Takes the keys of the text over where they are those of the stage.
+    /// Uses the keys of the script if all of them exist on stage.
     fn read(mut self, object: Option<&ScriptObject>, fps: FrameRate) -> KeyedProperty {
         let Some(channel) = self.channels.first() else { return self };
         self.keys = channel.times.clone();
@@ -261,7 +261,7 @@ impl KeyedProperty {
     }
 }
 
-/// The times of written keys as the stage has them; of two at one time the first is a tick earlier.
+/// Times of the script's keys as the stage has them. Of two keys at the same time, the first is a tick earlier.
 fn written_times(written: &WrittenKeys, fps: FrameRate) -> Vec<Time> {
     let time = |key: &choreo_session::edit::WrittenKey| match key.frame {
         Some(frame) => fps.time_of(frame as i64),
@@ -276,7 +276,7 @@ fn written_times(written: &WrittenKeys, fps: FrameRate) -> Vec<Time> {
     times
 }
 
-/// The angles at keys: those that are written, else followed along the stage's keys from the first on.
+/// Angles at the times `keys`: those that the script states, else followed along the stage's keys from the first one on.
 fn angles(channel: &Channel, keys: &[Time], written: Option<&WrittenKeys>) -> Vec<DVec3> {
     let rotation = |time| DQuat::from_array(channel.at(time).unwrap_or([0.0, 0.0, 0.0, 1.0]));
     let stated = |index: usize| match written?.keys.get(index)?.numbers.as_deref()? {
@@ -286,7 +286,7 @@ fn angles(channel: &Channel, keys: &[Time], written: Option<&WrittenKeys>) -> Ve
     };
     let (mut near, mut from) = (DVec3::ZERO, 0);
     let of_key = |(index, key): (usize, &Time)| {
-        // The turns of what lies between this key and the one before are followed where the key does not state them.
+        // If a key does not state its angles, the turns between it and the previous key are followed.
         while from < channel.times.len() && channel.times[from] <= *key {
             near = euler_degrees_near(rotation(channel.times[from]), near);
             from += 1;
@@ -297,9 +297,9 @@ fn angles(channel: &Channel, keys: &[Time], written: Option<&WrittenKeys>) -> Ve
     keys.iter().enumerate().map(of_key).collect()
 }
 
-/// `"#rrggbb"` of a linear color, with two more digits for alpha where there is some.
+/// `"#rrggbb"` of a linear color, with two more digits if it is not opaque.
 fn color_text(linear: &[f64]) -> String {
-    // IEC 61966-2-1.
+    // sRGB transfer function (IEC 61966-2-1).
     let byte = |value: f64| {
         let value = value.clamp(0.0, 1.0);
         let curve =
@@ -313,7 +313,7 @@ fn color_text(linear: &[f64]) -> String {
     format!("\"#{r:02x}{g:02x}{b:02x}{alpha}\"")
 }
 
-/// The place in the script that makes something, and how many things that place makes.
+/// Position in the script of the call that creates an object, and the number of objects that it creates.
 pub fn place_of(scene: &Scene, what: &Selected) -> Option<(Place, usize)> {
     let (stage, places) = (&scene.stage, &scene.places);
     let (all, index) = match what {
@@ -335,12 +335,12 @@ pub fn place_of(scene: &Scene, what: &Selected) -> Option<(Place, usize)> {
     Some((place, siblings))
 }
 
-/// The properties of something that keys animate or could animate, with their keys as the script states them.
+/// Properties of an object that have keys or can have keys, with the keys that the script states.
 pub fn properties(scene: &Scene, what: &Selected) -> Vec<KeyedProperty> {
     properties_in(scene, scene.script_text(), what)
 }
 
-/// The properties of something that has these channels; the script is read only where they may be samples of its keys.
+/// Properties of an object with these channels. The script is only parsed if the channels may be samples of its keys.
 pub(super) fn properties_of<'c>(
     scene: &Scene,
     what: &Selected,
@@ -369,7 +369,7 @@ fn properties_in(scene: &Scene, text: Option<&ScriptText>, what: &Selected) -> V
         }),
         Selected::Camera(name) => stage.cameras.iter().find(|camera| camera.name == *name).map(|camera| {
             let mut all = described(what, camera, &camera.channels, object.as_ref());
-            // One of them decides about the angle.
+            // Either the focal length or the field of view is keyed.
             let in_millimetres = all.iter().any(|p| p.name == "focal_length" && p.has_keys());
             all.retain(|p| p.name != if in_millimetres { "fov" } else { "focal_length" });
             all
@@ -390,7 +390,7 @@ fn properties_in(scene: &Scene, text: Option<&ScriptText>, what: &Selected) -> V
     found.unwrap_or_default().into_iter().map(read).collect()
 }
 
-/// The properties of a cue that methods of it key, without the places of their keys in the text.
+/// Properties of a cue that its methods can key, without the keys in the script.
 pub fn of_cue(scene: &Scene, what: &Selected) -> Vec<KeyedProperty> {
     let Selected::Cue { actor: name, layer, cue } = what else { return Vec::new() };
     let Some(index) = actor(&scene.stage, name) else { return Vec::new() };
@@ -409,7 +409,7 @@ fn described<T: Described>(
         let Some((name, property)) = field.keyed else { continue };
         let keys: Vec<Channel> =
             channels.iter().rev().find(|c| c.property == property).cloned().into_iter().collect();
-        // Two names of one property: the color of a light is that of its kelvin where those have the keys.
+        // The color and the kelvin of a light share one property; only the one that states the keys is listed.
         let mut names = T::FIELDS.iter().filter_map(|other| other.keyed);
         let alias = names.find(|(other, same)| *same == property && *other != name).map(|(other, _)| other);
         let is_named = |name: &str| object.is_some_and(|object| object.has_keys(name));
@@ -455,7 +455,7 @@ pub(super) fn of_field<T>(
         FieldValue::Vector(v) => v.to_array().to_vec(),
         FieldValue::Rotation(q) => euler_degrees_near(q, DVec3::ZERO).to_array().to_vec(),
         FieldValue::Pair(v) => v.to_array().to_vec(),
-        // Nobody knows what it is without keys.
+        // The value is unknown if there are no keys.
         FieldValue::Unset | FieldValue::Time(_) if channels.is_empty() => return None,
         FieldValue::Unset | FieldValue::Time(_) => Vec::new(),
     };
@@ -477,7 +477,7 @@ pub(super) fn named(what: &Selected, name: &str, channels: Vec<Channel>, rest: V
     }
 }
 
-/// Morph targets and expressions that have keys, each name once.
+/// Weights of morph targets and expressions that have keys, each name once.
 fn morphs(what: &Selected, asset: &Asset, channels: &[Channel]) -> Vec<KeyedProperty> {
     let mut all: Vec<KeyedProperty> = Vec::new();
     for channel in channels {
@@ -500,7 +500,7 @@ fn morphs(what: &Selected, asset: &Asset, channels: &[Channel]) -> Vec<KeyedProp
     all
 }
 
-/// The parameters of an effect.
+/// Parameters of an effect.
 fn parameters(scene: &Scene, what: &Selected, used: &EffectUse) -> Vec<KeyedProperty> {
     let Some(plugin) = scene.registry.effect(&used.plugin) else { return Vec::new() };
     let given = choreo_render::effect_parameters(plugin, &used.parameters);
@@ -516,7 +516,7 @@ fn parameters(scene: &Scene, what: &Selected, used: &EffectUse) -> Vec<KeyedProp
         let range = option.bounds().unwrap_or([0.0, 1.0]);
         let is_whole = channels.len() == option.number_count();
         if !is_whole {
-            // Numbers of it have keys under names of their own.
+            // Some components have keys of their own.
             for (name, channel) in used.keys.iter().filter(|(name, _)| option.number_of(name).is_some()) {
                 all.push(KeyedProperty { range, ..named(what, name, vec![channel.clone()], Vec::new()) });
             }
@@ -537,7 +537,7 @@ fn kind_of(option: &OptionSpec) -> Option<ValueKind> {
     })
 }
 
-/// Whether the interpolation of a property was replaced by samples in the stage, so that its keys are known from the text alone.
+/// Whether the stage may hold samples of a property in place of its interpolation, so that only the script has its keys.
 fn may_be_sampled<'c>(mut channels: impl Iterator<Item = &'c Channel>) -> bool {
     let sampled = |c: &Channel| c.interpolation == Interpolation::Linear || c.property == Property::Rotation;
     // The color of a light may be stated in kelvin.

@@ -1,4 +1,4 @@
-//! Keys of parts: of an actor's joints, and of the weight, the speed and the time of a cue.
+//! Keyed properties of an actor's joints, and of a cue: weight, speed and time.
 
 use crate::state::keyed::{KeyedProperty, ValueKind, named, of_field};
 use crate::state::selection::Selected;
@@ -8,13 +8,13 @@ use choreo_session::edit::ScriptObject;
 use choreo_stage::{Actor, Channel, Cue, Described, Property};
 use glam::{DMat3, DQuat, DVec3};
 
-/// Joints of an actor that have keys, as the script states them: relative to the rest pose.
+/// Joint properties that have keys, relative to the rest pose as in scripts.
 pub(super) fn joints(what: &Selected, actor: &Actor, object: Option<&ScriptObject>) -> Vec<KeyedProperty> {
     let Some(cue) = keys_of_joints(actor) else { return Vec::new() };
     let skeleton = &actor.asset.skeleton;
     let stated: Vec<&str> = object.into_iter().flat_map(ScriptObject::keyed_joints).collect();
     let of = |curve: &Curve| {
-        // The script's name of it counts, which may be a short one.
+        // The name in the script is used, which may be a short one.
         let joint = curve.joint as usize;
         let short = stated.iter().find(|name| skeleton.find(name) == Some(joint));
         let name =
@@ -31,13 +31,13 @@ pub(super) fn joints(what: &Selected, actor: &Actor, object: Option<&ScriptObjec
     cue.clip.curves().iter().filter_map(of).collect()
 }
 
-/// The clip of an actor that holds the keys of its joints.
+/// The cue of an actor that holds the keys of its joints.
 pub(super) fn keys_of_joints(actor: &Actor) -> Option<&Cue> {
     let layer = actor.layers.iter().find(|layer| layer.rank == u32::MAX)?;
     layer.cues.first()
 }
 
-/// A curve in the space of a joint's parent as keys relative to the rest pose.
+/// Converts a curve in the space of a joint's parent to keys relative to the rest pose.
 fn relative(skeleton: &Skeleton, curve: &Curve) -> Option<Channel> {
     let rest = skeleton.rest().get(curve.joint as usize)?;
     let cubic = curve.interpolation == Interpolation::CubicSpline;
@@ -69,7 +69,7 @@ fn relative(skeleton: &Skeleton, curve: &Curve) -> Option<Channel> {
     Some(Channel { property, interpolation: curve.interpolation, times, values })
 }
 
-/// The weight, the speed and the time of a cue, and the weight of its layer.
+/// Weight, speed and time of a cue, and the weight of its layer.
 pub(super) fn cue(what: &Selected, actor: &Actor, [layer, cue]: [usize; 2]) -> Vec<KeyedProperty> {
     let Some(layer) = actor.layers.get(layer).filter(|layer| layer.rank != u32::MAX) else {
         return Vec::new();
@@ -80,7 +80,7 @@ pub(super) fn cue(what: &Selected, actor: &Actor, [layer, cue]: [usize; 2]) -> V
         let method = format!(".{name}");
         match Cue::field(name) {
             Some(field) => of_field(what, field, cue, &method, keys),
-            // Which time of the clip is shown is known where it has keys.
+            // The displayed time of the clip is unknown if there are no keys.
             None if keys.is_empty() => None,
             None => {
                 Some(KeyedProperty { unit: "s", range: [-1e6, 1e6], ..named(what, &method, keys, vec![0.0]) })

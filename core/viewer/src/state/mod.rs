@@ -1,4 +1,4 @@
-//! The state of the viewer: plain data without a toolkit, tested without a window.
+//! State of the viewer: plain data without a UI toolkit, tested without a window.
 
 pub mod curves;
 pub mod dragged_icon;

@@ -1,34 +1,34 @@
-//! A camera moved with the mouse: around a point, with it, towards it, or on foot.
+//! Camera moved by the mouse: orbit, pan, zoom, and walk.
 
 use choreo_asset::Projection;
 use choreo_stage::CameraState;
 use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 
-/// Straight up and down are left out: there "sideways" has no meaning.
+/// Largest elevation, radians. Straight up and down are excluded, where "sideways" is undefined.
 const STEEPEST: f64 = 1.55;
 const NEAREST: f64 = 0.01;
 const FARTHEST: f64 = 1e7;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
-    /// World, metres.
+    /// Center of the orbit, world space, metres.
     pub center: DVec3,
     pub distance: f64,
-    /// Radians; 0 looks along −Z.
+    /// Angle about the y axis, radians; at 0 the camera looks along −Z.
     pub azimuth: f64,
-    /// Radians above the horizon.
+    /// Angle above the horizon, radians.
     pub elevation: f64,
-    /// Radians by which the camera is turned about its own axis.
+    /// Rotation about the viewing axis, radians.
     pub roll: f64,
-    /// An orthographic one has the height of the image a metre of distance.
+    /// Projection. `height` of an orthographic one is per metre of `distance`.
     pub projection: Projection,
 }
 
-/// Height of an image without perspective, metres a metre of distance.
+/// Height of the orthographic image per metre of distance, metres.
 pub(crate) const FLAT_HEIGHT: f32 = 0.7;
 
 impl Orbit {
-    /// Takes over from any camera: the same place and direction, around the point in front of it that is nearest to `near`.
+    /// An orbit with the position and direction of a camera. Its center is the point in front of the camera that is nearest to `near`.
     pub(crate) fn from_camera(camera: &CameraState, near: DVec3) -> Orbit {
         let axes = camera.world_from_view.matrix3;
         let back = axes.z_axis.normalize_or(DVec3::Z);
@@ -40,7 +40,7 @@ impl Orbit {
             }
             perspective => perspective,
         };
-        // Straight up and down, what lies to the right says how it is turned.
+        // The right vector of a camera that looks straight up or down determines its azimuth.
         let level = DVec2::new(back.x, back.z).length() > 1e-6;
         let azimuth = match level {
             true => libm::atan2(back.x, back.z),
@@ -51,7 +51,7 @@ impl Orbit {
         let mut orbit = Orbit { center, distance, azimuth, elevation, roll: 0.0, projection };
         let right = orbit.rotation().inverse() * axes.x_axis.normalize_or(DVec3::X);
         let roll = libm::atan2(right.y, right.x);
-        // Rounding is no roll.
+        // Rounding errors must not become a roll.
         orbit.roll = if roll.abs() < 1e-9 { 0.0 } else { roll };
         orbit
     }
@@ -68,13 +68,13 @@ impl Orbit {
         let rotation = self.rotation();
         let position = self.center + rotation * DVec3::new(0.0, 0.0, self.distance);
         let world_from_view = DAffine3 { matrix3: DMat3::from_quat(rotation), translation: position };
-        // The near plane comes closer, so that objects viewed from close by are not clipped.
+        // The near plane moves closer for near objects, so that they are not clipped.
         let near_limit = (self.distance * 0.01) as f32;
         let projection = match self.projection {
             Projection::Perspective { yfov, near, far } => {
                 Projection::Perspective { yfov, near: near.min(near_limit.max(1e-4)), far }
             }
-            // Going nearer is seeing less of it.
+            // A shorter distance shows a smaller area in parallel projection.
             Projection::Orthographic { height, near, .. } => {
                 let height = (self.distance * f64::from(height)) as f32;
                 Projection::Orthographic { height, near, far: 10_000.0 }
@@ -83,14 +83,14 @@ impl Orbit {
         CameraState { camera: None, world_from_view, projection }
     }
 
-    /// Turns by a distance in heights of the view: right and down are positive, as the mouse goes.
+    /// Rotates the camera about the center. `by`: drag in heights of the view, right and down positive.
     pub fn turn(&mut self, by: DVec2) {
         const TURN: f64 = core::f64::consts::PI;
         self.azimuth = (self.azimuth - by.x * TURN) % (2.0 * core::f64::consts::PI);
         self.elevation = (self.elevation + by.y * TURN).clamp(-STEEPEST, STEEPEST);
     }
 
-    /// Moves the view so that points at the distance of the center follow the mouse.
+    /// Pans the camera, so that points at the distance of the center follow the mouse. `by`: drag in heights of the view.
     pub fn pan(&mut self, by: DVec2) {
         let height = match self.projection {
             Projection::Perspective { yfov, .. } => 2.0 * libm::tan(f64::from(yfov) / 2.0) * self.distance,
@@ -99,19 +99,19 @@ impl Orbit {
         self.center += self.rotation() * DVec3::new(-by.x * height, by.y * height, 0.0);
     }
 
-    /// Above 0 nearer; one notch of a wheel is 1.
+    /// Zooms by notches of the mouse wheel; positive is closer.
     pub fn zoom(&mut self, notches: f64) {
         self.distance = (self.distance * libm::pow(0.85, notches)).clamp(NEAREST, FARTHEST);
     }
 
-    /// Looks around: the camera turns and keeps its position.
+    /// Rotates the camera in place. `by`: drag in heights of the view.
     pub fn look(&mut self, by: DVec2) {
         let eye = self.center + self.rotation() * DVec3::new(0.0, 0.0, self.distance);
         self.turn(DVec2::new(by.x, by.y));
         self.center = eye - self.rotation() * DVec3::new(0.0, 0.0, self.distance);
     }
 
-    /// Walks: moves the camera right, up and forward, metres.
+    /// Moves the camera right, up and forward, metres.
     pub fn walk(&mut self, by: DVec3) {
         self.center += self.rotation() * DVec3::new(by.x, by.y, -by.z);
     }
@@ -149,7 +149,7 @@ mod tests {
         assert!(close(a.z_axis, b.z_axis) && close(a.x_axis, b.x_axis));
     }
 
-    /// Any camera, also one that is turned about its axis, looks straight down or has no perspective.
+    /// Works for any camera, including rolled ones, ones that look straight down, and orthographic ones.
     #[test]
     fn the_image_stays_when_a_view_is_taken_over() {
         let rotations = [

@@ -1,18 +1,18 @@
-//! How long the last frames took, and how often one is drawn at most.
+//! Durations of the last frames, and the limit of the frame rate.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// Frames that are remembered.
+/// Number of frames that are remembered.
 pub const FRAMES: usize = 240;
 
-/// Times of one frame in milliseconds: poses, plan, drawing.
+/// Durations of one frame, milliseconds: evaluation of poses, planning, drawing.
 pub(crate) type Millis = [f32; 3];
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Performance {
     pub frames: VecDeque<Millis>,
-    /// Frames a second while it plays; `None`: as many as the scene has.
+    /// Limit of frames per second while playing. `None`: the rate of the scene.
     pub cap: Option<u32>,
 }
 
@@ -24,7 +24,7 @@ impl Performance {
         self.frames.push_back([poses, plan, drawing].map(|d| d.as_secs_f32() * 1e3));
     }
 
-    /// Median and 95th percentile of whole frames, milliseconds.
+    /// Median and 95th percentile of total frame times, milliseconds.
     pub fn typical(&self) -> Option<[f32; 2]> {
         let mut all: Vec<f32> = self.frames.iter().map(|f| f.iter().sum()).collect();
         all.sort_by(f32::total_cmp);

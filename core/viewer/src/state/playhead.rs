@@ -1,23 +1,23 @@
-//! The playhead: playing, looping, scrubbing, stepping. Moves by the caller's clock.
+//! The playhead: playing, looping, scrubbing, stepping. Time passes by the clock of the caller.
 
 use choreo_motion::{FrameRate, Time};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Playhead {
-    /// Start of the frame that is shown.
+    /// Start of the displayed frame.
     time: Time,
     fps: FrameRate,
     length: Time,
     pub looping: bool,
-    /// The part that is played, from and to; all of it where there is none.
+    /// Range of playback: start and end. `None`: the whole scene.
     range: Option<(Time, Time)>,
-    /// The clock when playing began, seconds, and the time on stage then.
+    /// Clock when playback began, seconds, and the time on stage then. `None`: paused.
     began: Option<(f64, Time)>,
-    /// Seconds on stage for each second of the clock while it plays.
+    /// Stage seconds per second of the clock.
     speed: f64,
 }
 
-/// Speeds of playback that are offered.
+/// Playback speeds that are offered.
 pub(crate) const SPEEDS: [f64; 5] = [0.1, 0.25, 0.5, 1.0, 2.0];
 
 impl Default for Playhead {
@@ -49,7 +49,7 @@ impl Playhead {
         self.frame_at(self.time)
     }
 
-    /// The frame that is on at a time; before the first it is the first, after the last the last.
+    /// Number of the frame displayed at a time, clamped to the scene.
     pub(crate) fn frame_at(&self, time: Time) -> i64 {
         let (mut low, mut high) = (0, self.frames() - 1);
         while low < high {
@@ -62,13 +62,13 @@ impl Playhead {
         low
     }
 
-    /// Another version of the scene: the time stays where it still is one.
+    /// Takes the frame rate and length of another version; the time is kept if it still exists.
     pub fn set_scene(&mut self, fps: FrameRate, length: Time) {
         if (self.fps, self.length) != (fps, length) {
             (self.fps, self.length) = (fps, length);
             let (time, range) = (self.time, self.range.take());
             self.seek(time);
-            // One that lies behind the end goes.
+            // A range beyond the new end is dropped.
             self.set_range(range.filter(|(from, _)| *from < length).map(|(a, b)| (a, b - Time(1))));
         }
     }
@@ -77,7 +77,7 @@ impl Playhead {
         self.range
     }
 
-    /// Limits playing to whole frames, at least one; a part outside the scene is cut off.
+    /// Limits playback to whole frames, at least one, within the scene.
     pub(crate) fn set_range(&mut self, range: Option<(Time, Time)>) {
         self.range = range.map(|(a, b)| {
             let first = self.frame_at(a.min(b));
@@ -95,7 +95,7 @@ impl Playhead {
         self.speed
     }
 
-    /// Sets the speed of playback; a playhead that plays goes on from its frame.
+    /// Sets the playback speed; playback continues from the present frame.
     pub(crate) fn set_speed(&mut self, speed: f64) {
         self.speed = speed;
         self.seek(self.time);
@@ -105,9 +105,9 @@ impl Playhead {
         self.began.is_some()
     }
 
-    /// `now`: the caller's clock, seconds.
+    /// Starts playback. `now`: clock of the caller, seconds.
     pub fn play(&mut self, now: f64) {
-        // At the end, playing starts again from the beginning.
+        // Playback starts again from the beginning if the playhead is at the end.
         let (first, end) = self.ends();
         if self.time < first || self.fps.time_of(self.frame() + 1) >= end {
             self.time = first;
@@ -126,23 +126,23 @@ impl Playhead {
         }
     }
 
-    /// Moves to the frame at a time; a playhead that plays goes on from there at the next tick.
+    /// Moves to the frame at a time; playback continues from there at the next tick.
     pub fn seek(&mut self, time: Time) {
         self.time = self.fps.time_of(self.frame_at(time));
         if self.is_playing() {
-            // The clock is known at the next tick only: begun at no time means then.
+            // The clock is only known at the next tick; NaN stands for that.
             self.began = Some((f64::NAN, self.time));
         }
     }
 
-    /// Stops, and moves on by a number of frames.
+    /// Pauses, and moves by a number of frames.
     pub fn step(&mut self, frames: i64) {
         self.pause();
         let frame = (self.frame() + frames).clamp(0, self.frames() - 1);
         self.time = self.fps.time_of(frame);
     }
 
-    /// Moves on to the time of the clock. Returns the seconds until the next frame is due, while it plays.
+    /// Advances to the time of the clock. Returns the seconds until the next frame is due, or `None` if paused.
     pub fn tick(&mut self, now: f64) -> Option<f64> {
         let (began, from) = self.began?;
         let began = if began.is_nan() { now } else { began };
@@ -192,7 +192,7 @@ mod tests {
         assert_eq!(p.tick(100.0), Some(0.04));
         assert!((p.tick(100.09).unwrap() - 0.03).abs() < 1e-9);
         assert_eq!(p.frame(), 2);
-        // Looping: 2.05 s on are 0.05 s.
+        // Looping: 2.05 s of playback end at 0.05 s.
         p.tick(102.05);
         assert_eq!(p.frame(), 1);
         p.looping = false;
@@ -220,7 +220,7 @@ mod tests {
         let mut p = playhead();
         p.set_speed(0.5);
         p.play(0.0);
-        // Half a second of the clock is a quarter on stage, in frame 6, which ends at 0.28 s.
+        // Half a second of the clock is a quarter on stage: frame 6, which ends at 0.28 s.
         assert!((p.tick(0.5).unwrap() - 0.06).abs() < 1e-9);
         assert_eq!(p.frame(), 6);
         p.set_speed(2.0);

@@ -1,18 +1,18 @@
-//! Resolution while the view moves: a half or a quarter where whole images take longer than the scene's rate allows, and how many
-//! frames are passed over all the same.
+//! Adaptive resolution while the view moves: a half or a quarter of each side if full images take longer than the scene's frame rate allows. Also
+//! counts the frames that are dropped nevertheless.
 
-/// The smallest part of a side: a quarter.
+/// Largest divisor of a side.
 const LEAST: u32 = 4;
-/// Share of a frame's time that the next larger images may take before they are tried again.
+/// Fraction of a frame's time that larger images may take before they are tried again.
 const ROOM: f64 = 0.7;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reduction {
-    /// A side of the image is this part of the whole: 1, 2 or 4.
+    /// Divisor of the sides of the image: 1, 2 or 4.
     divisor: u32,
-    /// Number of the frame that was shown last while it plays.
+    /// Number of the frame displayed last during playback.
     last: Option<i64>,
-    /// Frames that were passed over since it plays.
+    /// Number of dropped frames since playback began.
     pub dropped: i64,
 }
 
@@ -23,25 +23,25 @@ impl Default for Reduction {
 }
 
 impl Reduction {
-    /// Images that rest are whole.
+    /// Divisor of the sides; images at rest have full resolution.
     pub fn divisor(&self, moving: bool) -> u32 {
         if moving { self.divisor } else { 1 }
     }
 
-    /// An image of a moving view took this long, of the time that the scene's rate gives it; both in milliseconds.
+    /// Records the duration of a moving image and the time that the frame rate allows for it, both in milliseconds.
     pub fn took(&mut self, millis: f64, budget: f64) {
         if millis > budget {
             self.divisor = (self.divisor * 2).min(LEAST);
         } else if self.divisor > 1 && millis * 4.0 < budget * ROOM {
-            // Four times the pixels.
+            // Images with half the divisor have four times as many pixels.
             self.divisor /= 2;
         }
     }
 
-    /// A frame is on the screen; `playing`: the next one should be the frame after it.
+    /// Records a displayed frame. `playing`: whether the next one should be its successor.
     pub fn shown(&mut self, frame: i64, playing: bool) {
         match (self.last, playing) {
-            // A loop begins again.
+            // The difference is negative at the start of a loop.
             (Some(last), true) => self.dropped += (frame - last - 1).max(0),
             (None, true) => self.dropped = 0,
             (_, false) => {}

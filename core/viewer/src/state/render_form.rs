@@ -1,4 +1,4 @@
-//! Choices of a render or export, as they stand in the panel, and the words of the command that does it.
+//! Form of a render or export, and the command line that it stands for.
 
 use crate::commands::queue::Request;
 use crate::commands::{Format, OutputKind};
@@ -8,34 +8,34 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Range {
     Whole,
-    /// The frames that the timeline shows.
+    /// Frames visible in the timeline.
     Shown,
-    /// The one at the playhead.
+    /// The frame at the playhead.
     Playhead,
     Chosen,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Size {
-    /// The script's, by a numerator and a denominator.
+    /// Size of the script, scaled by a numerator and a denominator.
     Scaled(u32, u32),
     Chosen,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RenderForm {
-    /// Index into the formats.
+    /// Index of the format.
     pub format: usize,
-    /// The file, where it is not the one that is proposed.
+    /// Output file; empty: the proposed one.
     pub output: String,
     pub range: Range,
-    /// The first frame and the last one.
+    /// First and last frame.
     pub chosen: [i64; 2],
     pub size: Size,
     pub chosen_size: [u32; 2],
-    /// Samples a pixel; `None`: as the script has it.
+    /// Samples per pixel. `None`: those of the script.
     pub samples: Option<u32>,
-    /// Options of the format: `NAME=VALUE`, between blanks.
+    /// Options of the format, `NAME=VALUE` separated by blanks.
     pub options: String,
 }
 
@@ -54,19 +54,19 @@ impl Default for RenderForm {
     }
 }
 
-/// The scene that the form is about.
+/// Data of the scene that the form needs.
 #[derive(Clone, Debug)]
 pub struct FormScene<'a> {
     pub input: &'a Path,
-    /// Frames in all.
+    /// Number of frames.
     pub frames: i64,
-    /// The first frame that the timeline shows, and the last one.
+    /// First and last frame visible in the timeline.
     pub shown: [i64; 2],
     pub playhead: i64,
     pub size: [u32; 2],
 }
 
-/// The same output with the first number, from 2 on, whose name is free: `film_2.mp4`; the folder of numbered images gets the number.
+/// The output with the first number, from 2 on, that makes its name free: `film_2.mp4`. Of numbered images the folder gets the number.
 pub(crate) fn free_output(output: &Path, is_taken: impl Fn(&Path) -> bool) -> PathBuf {
     let text = |part: Option<&OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
     let file = text(output.file_name());
@@ -88,7 +88,7 @@ pub(crate) fn free_output(output: &Path, is_taken: impl Fn(&Path) -> bool) -> Pa
 }
 
 impl RenderForm {
-    /// The frames that are drawn, the last one included.
+    /// First and last frame to draw.
     pub fn frames(&self, scene: &FormScene) -> [i64; 2] {
         let last = (scene.frames - 1).max(0);
         let [first, until] = match self.range {
@@ -101,7 +101,7 @@ impl RenderForm {
         [first, until.clamp(first, last)]
     }
 
-    /// Pixels. Even numbers, which films need.
+    /// Size of the image, pixels. A scaled size is even, as films require.
     pub fn pixels(&self, scene: &FormScene) -> [u32; 2] {
         match self.size {
             Size::Scaled(1, 1) => scene.size,
@@ -113,7 +113,7 @@ impl RenderForm {
         }
     }
 
-    /// The file that is proposed: beside the script, with its name; images in a folder.
+    /// Proposed output: next to the script and with its name; images in a folder.
     pub(crate) fn proposed(&self, scene: &FormScene, format: &Format) -> PathBuf {
         let stem = scene.input.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let extension = &format.extension;
@@ -194,7 +194,7 @@ mod tests {
         std::fs::write(folder.path().join("film_2.mp4"), "").unwrap();
         assert_eq!(free("film.mp4", "film_3.mp4"), "film_4.mp4");
         assert_eq!(free("film", ""), "film_2");
-        // Numbered images get another folder.
+        // Numbered images go to another folder.
         assert_eq!(free("a_frames/%04d.png", ""), "a_frames_2/%04d.png");
         std::fs::create_dir(folder.path().join("a_frames_2")).unwrap();
         assert_eq!(free("a_frames/%04d.png", "a_frames_3/%04d.png"), "a_frames_4/%04d.png");

@@ -1,4 +1,4 @@
-//! The selection, by name: it survives a reload if the script still makes the object.
+//! The selection. Objects are identified by name where they have one, so that it survives a reload if the script still creates the object.
 
 use choreo_stage::Stage;
 
@@ -13,14 +13,14 @@ pub enum Selected {
     Camera(String),
     Light(usize),
     Effect(usize),
-    /// A text, an image or a panel over the frame.
+    /// A 2D layer: a text, an image or a panel.
     Title(usize),
-    /// The light from all around.
+    /// The sky, an environment light.
     Sky,
 }
 
 impl Selected {
-    /// Whether the stage has it.
+    /// Whether the object is on the stage.
     pub fn is_on(&self, stage: &Stage) -> bool {
         match self {
             Selected::Actor(name) => actor(stage, name).is_some(),
@@ -36,7 +36,7 @@ impl Selected {
         }
     }
 
-    /// The actor that it is, or is of.
+    /// Name of the actor that is selected, or that the cue belongs to.
     pub fn actor(&self) -> Option<&str> {
         match self {
             Selected::Actor(name) | Selected::Cue { actor: name, .. } => Some(name),

@@ -1,5 +1,5 @@
-//! Settings that the window keeps between runs: where its panels lie, light or dark, how large. A small JSON file in the user's state
-//! folder; one that cannot be read counts as none.
+//! Settings kept between runs: layout, theme, scale, recent files, overlays. They are a small JSON file in the user's state folder; an unreadable
+//! file is ignored.
 
 use crate::state::tempo::Tempo;
 use crate::state::view::Overlays;
@@ -13,11 +13,11 @@ pub(crate) const SCALES: (f32, f32) = (1.0, 2.0);
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     pub light: bool,
-    /// Scale of everything drawn, 1 to 2, beyond what the system requests.
+    /// Scale of the user interface, 1 to 2, on top of the system's scale.
     pub scale: f32,
-    /// The layout as [`crate::panels::Panels`] writes it.
+    /// Layout as written by [`crate::panels::Panels`].
     pub layout: Option<Value>,
-    /// Files that were shown last, the newest first.
+    /// Recent files, the newest first.
     pub recent: Vec<PathBuf>,
     /// Overlays of new viewports.
     pub overlays: Overlays,
@@ -33,7 +33,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// `$XDG_STATE_HOME/choreo/view.json`, as the XDG base directory specification has it; else in the user's own folder.
+    /// `$XDG_STATE_HOME/choreo/view.json` (XDG base directory specification), else a file below the user's home folder.
     pub fn file() -> Option<PathBuf> {
         let folder = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
         let state = folder("XDG_STATE_HOME").or_else(|| folder("HOME").map(|h| h.join(".local/state")));
@@ -69,7 +69,7 @@ impl Settings {
         }
     }
 
-    /// Failure is no reason to stop: the next window looks as at first.
+    /// Writes the settings. Failure is ignored: the next window then has the former settings.
     pub fn write(&self, file: &Path) {
         let recent: Vec<&str> = self.recent.iter().filter_map(|file| file.to_str()).collect();
         let mut overlays = self.overlays;
@@ -89,21 +89,21 @@ impl Settings {
     }
 }
 
-/// Seconds that settings rest before they are written, so that a panel that is dragged does not write at every point.
+/// Seconds without a change after which settings are written, so that dragging a panel does not write continuously.
 const REST: f64 = 3.0;
 
-/// Settings as they are in their file, and when those of the window are to be written there.
+/// Settings in the file, and pending changes of the window's settings.
 #[derive(Default)]
 pub struct Writing {
     written: Settings,
-    /// The newest ones, and the time since when they are so.
+    /// The changed settings, and the time since when they have not changed again, seconds.
     changed: Option<(Settings, f64)>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Due {
     Now,
-    /// Seconds.
+    /// Remaining time, seconds.
     In(f64),
     Never,
 }
@@ -113,7 +113,7 @@ impl Writing {
         Writing { written, changed: None }
     }
 
-    /// When to write settings that are so at a time, seconds.
+    /// When to write these settings. `now`: seconds.
     pub fn due(&mut self, settings: &Settings, now: f64) -> Due {
         if *settings == self.written {
             self.changed = None;
@@ -128,7 +128,7 @@ impl Writing {
         if left <= 0.0 { Due::Now } else { Due::In(left) }
     }
 
-    /// Writes settings that are not in the file.
+    /// Writes settings if they differ from those in the file.
     pub fn write(&mut self, settings: Settings, file: &Path) {
         if settings != self.written {
             settings.write(file);
@@ -185,7 +185,7 @@ mod tests {
         writing.write(wide(1.3), &file);
         assert_eq!(Settings::read(&file), wide(1.3));
         assert_eq!(writing.due(&wide(1.3), 30.0), Due::Never);
-        // Changed and changed back.
+        // A change that was reverted is not written.
         assert_eq!(writing.due(&wide(1.4), 31.0), Due::In(REST));
         assert_eq!(writing.due(&wide(1.3), 32.0), Due::Never);
         assert_eq!(writing.due(&wide(1.4), 40.0), Due::In(REST));

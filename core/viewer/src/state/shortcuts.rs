@@ -1,9 +1,9 @@
-//! Keys of actions: those of a preset, and the user's own, from a small JSON file beside the settings:
+//! Keyboard shortcuts: those of a preset, and the user's own from a small JSON file next to the settings:
 //!
 //! ```json
 //! { "preset": "blender", "keys": { "split": "Shift+Y", "hide": "" } }
 //! ```
-//! A value is one key or several, separated by a comma and a blank; an empty one takes the key away. `PRESETS` lists the presets.
+//! A value is one key or several, separated by a comma and a blank; an empty value removes the key. `PRESETS` lists the presets.
 
 use choreo_files::write_whole_beneath;
 use serde_json::{Value, json};
@@ -11,19 +11,19 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::Path;
 
-/// A key with the keys that are held with it.
+/// A key with modifiers.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Chord {
-    /// Ctrl, on a Mac Command.
+    /// Ctrl, or Command on a Mac.
     pub ctrl: bool,
     pub shift: bool,
     pub alt: bool,
-    /// Name of the key, as the toolkit has it.
+    /// Name of the key in the toolkit.
     pub key: String,
 }
 
 impl Chord {
-    /// Reads `Ctrl+Shift+Z`.
+    /// Parses a text such as `Ctrl+Shift+Z`.
     pub fn read(text: &str) -> Option<Chord> {
         let mut chord = Chord { ctrl: false, shift: false, alt: false, key: String::new() };
         let (held, key) = text.trim().rsplit_once('+').unwrap_or(("", text.trim()));
@@ -39,14 +39,14 @@ impl Chord {
         (!chord.key.is_empty()).then_some(chord)
     }
 
-    /// The text that [`Chord::read`] reads.
+    /// Text that [`Chord::read`] parses.
     pub fn written(&self) -> String {
         let held = [(self.ctrl, "Ctrl+"), (self.alt, "Alt+"), (self.shift, "Shift+")];
         let held: String = held.into_iter().filter(|(is_held, _)| *is_held).map(|(_, name)| name).collect();
         held + self.key.as_str()
     }
 
-    /// How many keys are held with it.
+    /// Number of modifiers.
     pub fn held(&self) -> usize {
         [self.ctrl, self.shift, self.alt].into_iter().filter(|held| *held).count()
     }
@@ -75,7 +75,7 @@ fn chords(text: &str) -> Vec<Chord> {
     text.split(", ").filter_map(Chord::read).collect()
 }
 
-/// Name in the file, title, and keys in place of the usual ones.
+/// Name in the file, title, and keys that replace the default ones.
 pub type Preset = (&'static str, &'static str, &'static [(&'static str, &'static str)]);
 
 pub(crate) const PRESETS: [Preset; 3] = [
@@ -121,14 +121,14 @@ pub(crate) const PRESETS: [Preset; 3] = [
     ),
 ];
 
-/// The user's keys.
+/// The user's keyboard shortcuts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shortcuts {
     /// Name of the preset.
     pub preset: String,
-    /// The user's own keys, by action, as they are written.
+    /// The user's own keys by action, as written in the file.
     pub own: BTreeMap<String, String>,
-    /// Actions whose keys were changed here and are not in the file yet.
+    /// Actions whose keys were changed in this window and are not saved yet.
     pub changed: BTreeSet<String>,
 }
 
@@ -140,10 +140,10 @@ impl Default for Shortcuts {
 }
 
 impl Shortcuts {
-    /// Name of the file beside the settings.
+    /// Name of the file next to the settings.
     pub const FILE: &'static str = "shortcuts.json";
 
-    /// The keys of an action whose usual ones are given.
+    /// Keys of an action. `usual`: its default keys.
     pub fn of(&self, action: &str, usual: &str) -> Vec<Chord> {
         let preset = PRESETS.iter().find(|(name, ..)| *name == self.preset);
         let preset = preset.and_then(|(.., keys)| keys.iter().find(|(name, _)| *name == action));
@@ -151,7 +151,7 @@ impl Shortcuts {
         chords(self.own.get(action).map_or(preset, String::as_str))
     }
 
-    /// Gives an action keys of the user's own, as they are written; `None`: those of the preset again.
+    /// Sets the user's own keys of an action. `None`: those of the preset.
     pub fn set(&mut self, action: &str, keys: Option<String>) {
         match keys {
             Some(keys) => drop(self.own.insert(action.to_string(), keys)),
@@ -160,12 +160,12 @@ impl Shortcuts {
         self.changed.insert(action.to_string());
     }
 
-    /// The keys of an action, to be read.
+    /// Keys of an action for display. `usual`: its default keys.
     pub fn text(&self, action: &str, usual: &str) -> String {
         self.of(action, usual).iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
     }
 
-    /// The keys in a file, and what is wrong with it. One that is not there gives the usual keys.
+    /// Reads a file, and returns a message if it has an error. A missing file gives the default shortcuts.
     pub fn read(file: &Path) -> (Shortcuts, Option<String>) {
         let bytes = match choreo_files::read(file, 1 << 20) {
             Ok(bytes) => bytes,
@@ -202,9 +202,9 @@ impl Shortcuts {
         (shortcuts, problem)
     }
 
-    /// Writes the preset and the keys that were changed here into the file, whose other keys may have been edited since it was read: those
-    /// count. A file with an error stays as it is; gives the error. Failure to write is no reason to stop: the next window has the keys of
-    /// before.
+    /// Writes the preset and the keys that were changed in this window. Other keys in the file may have been edited since it was read and are kept.
+    /// Returns the error of a file that cannot be parsed, which is not overwritten. Failure to write is ignored: the next window then has the
+    /// former keys.
     pub fn write(&mut self, file: &Path) -> Option<String> {
         let changed = std::mem::take(&mut self.changed);
         let (in_file, problem) = Shortcuts::read(file);
@@ -231,7 +231,7 @@ impl Shortcuts {
 mod tests {
     use super::*;
 
-    /// The user edits the file while a window is open; the window changes its preset and the keys that were chosen in it alone.
+    /// The user edits the file while a window is open: the window only changes its preset and the keys that were chosen in it.
     #[test]
     fn own_keys_in_the_file_stay_when_others_are_chosen() {
         let folder = tempfile::tempdir().unwrap();
@@ -245,7 +245,7 @@ mod tests {
         let (kept, problem) = Shortcuts::read(&file);
         assert_eq!((kept.preset.as_str(), kept.own["split"].as_str(), problem), ("blender", "Shift+U", None));
         assert_eq!(shortcuts, kept);
-        // The user chooses one key, resets another to the preset, and edits a third in the file.
+        // The user sets one key in the window, resets another to the preset, and edits a third in the file.
         std::fs::write(&file, r#"{ "keys": { "split": "Shift+U", "hide": "F7", "turn": "F8" } }"#).unwrap();
         let (mut shortcuts, _) = Shortcuts::read(&file);
         let chord = Chord::read("shift+alt+ctrl+Z").unwrap();
@@ -258,7 +258,7 @@ mod tests {
             [("hide", "Ctrl+Alt+Shift+Z"), ("split", "Y")].map(|(a, keys)| (a.to_string(), keys.to_string()));
         assert_eq!(Shortcuts::read(&file).0.own, BTreeMap::from(own));
         assert_eq!(shortcuts, Shortcuts::read(&file).0);
-        // What cannot be read is not written over.
+        // A file that cannot be parsed is not overwritten.
         std::fs::write(&file, "{ half").unwrap();
         shortcuts.set("hide", None);
         assert!(shortcuts.write(&file).is_some());

@@ -1,11 +1,11 @@
-//! Views along the axes: from above, from the front, from the side.
+//! Orthographic views along the axes: top, front, side.
 
 use crate::state::orbit::{FLAT_HEIGHT, Orbit};
 use choreo_asset::Projection;
 use core::f64::consts::{FRAC_PI_2, PI};
 use glam::DVec3;
 
-/// The side from which a view looks. Characters face +Z, so that "front" shows their faces.
+/// Side of a view. Characters face +Z, so that "front" shows their faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
     Right,
@@ -30,7 +30,7 @@ impl Side {
         }
     }
 
-    /// Unit vector to where the camera stands.
+    /// Unit vector from the center to the camera.
     pub fn direction(self) -> DVec3 {
         match self {
             Side::Right => DVec3::X,
@@ -42,7 +42,7 @@ impl Side {
         }
     }
 
-    /// Azimuth and elevation of an orbit, radians.
+    /// Azimuth and elevation of the orbit, radians.
     fn angles(self) -> [f64; 2] {
         match self {
             Side::Right => [FRAC_PI_2, 0.0],
@@ -54,7 +54,7 @@ impl Side {
         }
     }
 
-    /// The opposite side, which lies behind it in the corner of the axes.
+    /// The opposite side, whose axis end lies behind this one in the corner of the viewport.
     pub fn opposite(self) -> Side {
         match self {
             Side::Right => Side::Left,
@@ -66,7 +66,7 @@ impl Side {
         }
     }
 
-    /// The side from which an orbit looks without perspective.
+    /// The side of an orbit without perspective.
     pub fn of(orbit: &Orbit) -> Option<Side> {
         let flat = matches!(orbit.projection, Projection::Orthographic { .. });
         let same = |side: &Side| side.angles() == [orbit.azimuth, orbit.elevation];
@@ -75,7 +75,7 @@ impl Side {
 }
 
 impl Orbit {
-    /// Looks from a side, without perspective, at what it turned around.
+    /// Looks from a side in parallel projection, at the center of the orbit.
     pub fn look_from(&mut self, side: Side) {
         [self.azimuth, self.elevation] = side.angles();
         self.roll = 0.0;
@@ -83,7 +83,7 @@ impl Orbit {
         self.projection = Projection::Orthographic { height: FLAT_HEIGHT, near, far: 10_000.0 };
     }
 
-    /// Has perspective again.
+    /// Returns to perspective projection.
     pub(crate) fn look_in_perspective(&mut self) {
         if matches!(self.projection, Projection::Orthographic { .. }) {
             self.projection = Projection::default();
@@ -95,7 +95,7 @@ impl Orbit {
 mod tests {
     use super::*;
 
-    /// Truth: the directions as they are named.
+    /// Ground truth: the names of the directions.
     #[test]
     fn a_side_looks_along_its_axis() {
         for side in Side::ALL {
@@ -112,7 +112,7 @@ mod tests {
             let camera = orbit.camera();
             let eye = orbit.center + side.direction() * 5.0;
             assert!((camera.world_from_view.translation - eye).length() < 1e-12, "{side:?}");
-            // Heads are up; from above and below the side that faces the viewer's far edge is −Z and +Z.
+            // Heads point up. From above and below, the far edge of the image is −Z and +Z.
             let up = match side {
                 Side::Top => -DVec3::Z,
                 Side::Bottom => DVec3::Z,

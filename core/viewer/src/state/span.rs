@@ -1,8 +1,8 @@
-//! The part of the timeline that the sequencer shows, between times and points on the screen.
+//! Time span that the sequencer shows, with conversion between times and positions on the screen.
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
-    /// Seconds at the left and right edge.
+    /// Times at the left and the right edge, seconds.
     pub from: f64,
     pub to: f64,
 }
@@ -12,7 +12,7 @@ impl Span {
         Span { from: 0.0, to: length.max(1e-3) }
     }
 
-    /// `width` in points, here and below.
+    /// Position of a time. `width`: width of the lane in points, here and below.
     pub(crate) fn x_of(&self, secs: f64, width: f32) -> f32 {
         ((secs - self.from) / (self.to - self.from) * f64::from(width)) as f32
     }
@@ -21,7 +21,7 @@ impl Span {
         self.from + f64::from(x) / f64::from(width.max(1.0)) * (self.to - self.from)
     }
 
-    /// Above 1 shows less; what is at `x` stays there.
+    /// Zooms about the position `x`. A factor above 1 shows less.
     pub fn zoom(&mut self, factor: f64, x: f32, width: f32, length: f64) {
         let at = self.secs_at(x, width);
         let (longest, shortest) = (length.max(1e-3) * 2.0, 1e-2_f64.min(length.max(1e-3)));
@@ -37,14 +37,14 @@ impl Span {
         self.keep_inside(length);
     }
 
-    /// Keeps at least half of the visible span inside the scene.
+    /// Keeps at least half of the span inside the scene.
     fn keep_inside(&mut self, length: f64) {
         let half = (self.to - self.from) / 2.0;
         let shift = (-half - self.from).max(0.0) - (self.to - length - half).max(0.0);
         *self = Span { from: self.from + shift, to: self.to + shift };
     }
 
-    /// Distance of the ruler's lines in seconds: 1, 2 or 5 times a power of ten, at least `points` apart.
+    /// Distance of the ruler's lines, seconds: 1, 2 or 5 times a power of ten, at least `points` apart.
     pub fn ruler(&self, width: f32, points: f32) -> f64 {
         let least = f64::from(points / width.max(1.0)) * (self.to - self.from);
         let mut step = 1e-3;

@@ -1,35 +1,35 @@
-//! Tangents of keys, in the units in which curves are drawn: those that the script states, and those that follow from the interpolation.
+//! Tangents of keys in the units of curves: those that the script states, and those that follow from the interpolation.
 
 use crate::state::keyed::{KeyedProperty, ValueKind};
 use choreo_motion::{Interpolation, Time};
 use choreo_session::edit::{KeyShape, KeySide, WrittenKey, WrittenKeys};
 use choreo_stage::{Property, Tangents};
 
-/// The length of a handle that states none, as a share of the span.
+/// Default length of a handle, as a fraction of the span.
 pub const EVEN: f64 = 1.0 / 3.0;
 
-/// A handle of a key: how its curves leave it on one side.
+/// A tangent handle on one side of a key.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KeyHandle {
-    /// The change of each number a second.
+    /// Slope of each component, units per second.
     pub tangent: Vec<f64>,
-    /// Length of the handle for each number, as a share of the span.
+    /// Length of the handle of each component, as a fraction of the span.
     pub weight: Vec<f64>,
-    /// The length of the span in seconds.
+    /// Length of the span, seconds.
     pub span: f64,
 }
 
 /// A choice for the tangents of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TangentChoice {
-    /// As the interpolation of all keys has them.
+    /// Tangents of the interpolation of all keys.
     Automatic,
-    /// Tangents of a curve that stays within the range of each span.
+    /// Tangents that keep the curve within the range of each span.
     Monotone,
     Flat,
-    /// Straight to the keys beside it.
+    /// Straight lines to the neighboring keys.
     Linear,
-    /// One direction on both sides, to be dragged.
+    /// One direction for both sides, to be dragged.
     Aligned,
     /// A direction for each side.
     Broken,
@@ -47,7 +47,7 @@ impl TangentChoice {
 }
 
 impl KeyedProperty {
-    /// The keys of the text, where they can have tangents.
+    /// The script's keys, if they can have tangents.
     fn with_tangents(&self) -> Option<&WrittenKeys> {
         let written = self.written.as_ref()?;
         let is_quaternion = |key: &WrittenKey| key.numbers.as_ref().is_some_and(|all| all.len() == 4);
@@ -59,12 +59,12 @@ impl KeyedProperty {
         (can && self.interpolation() != Some(Interpolation::Step)).then_some(written)
     }
 
-    /// How a key is reached and left, as the script states it; `None` where it can have no tangents.
+    /// Easing and tangents of a key, as the script states them. `None` if the key cannot have tangents.
     pub fn shape(&self, key: usize) -> Option<KeyShape> {
         self.with_tangents()?.keys.get(key)?.shape.clone()
     }
 
-    /// The handles of a key before and after it; none where nothing is there, or an easing forms the span.
+    /// Incoming and outgoing handle of a key. `None` for a side without a span, or whose span has an easing.
     pub fn handles(&self, key: usize) -> [Option<KeyHandle>; 2] {
         [self.handle(key, 0), self.handle(key, 1)]
     }
@@ -94,11 +94,11 @@ impl KeyedProperty {
         Some(KeyHandle { tangent, weight, span })
     }
 
-    /// A tangent as the script states it, with as many numbers as the value has.
+    /// A stated tangent with as many components as the value.
     fn all_numbers(&self, stated: &[f64]) -> Vec<f64> {
         let mut all = match (stated, self.kind) {
             ([y], ValueKind::Rotation) if self.width() == 3 => vec![0.0, *y, 0.0],
-            // The only angle that is shown is the one about y.
+            // Only the angle about y is displayed.
             ([_, y, _], ValueKind::Rotation) if self.width() == 1 => vec![*y],
             ([one], _) => vec![*one; self.width()],
             (all, _) => all.to_vec(),
@@ -107,14 +107,14 @@ impl KeyedProperty {
         all
     }
 
-    /// The numbers at a time that have curves.
+    /// Components at a time that have curves.
     fn numbers(&self, at: &Time) -> Vec<f64> {
         let mut numbers = self.at(*at);
         numbers.truncate(self.width());
         numbers
     }
 
-    /// The tangent that the interpolation gives a key, where `span` are the ends of what is straight otherwise.
+    /// Tangent that the interpolation gives a key. `span`: the keys whose straight connection is used for linear keys.
     fn automatic(&self, how: &str, key: usize, span: [usize; 2]) -> Vec<f64> {
         let tangents = match how {
             "\"smooth\"" => Some(Tangents::Flat),
@@ -130,7 +130,7 @@ impl KeyedProperty {
 
     fn tangents(&self, tangents: Tangents, key: usize) -> Vec<f64> {
         let vector = self.property() == Some(Property::Translation);
-        // A tangent depends on the keys beside its own; those at the ends are flat.
+        // A tangent depends on the neighboring keys; at both ends it is flat.
         let near = key.checked_sub(1).and_then(|before| self.keys.get(before..before + 3));
         let Some(near) = near else { return vec![0.0; self.width()] };
         let values: Vec<Vec<f64>> = near.iter().map(|at| self.numbers(at)).collect();
@@ -143,7 +143,7 @@ impl KeyedProperty {
         a.iter().zip(&b).take(self.width()).map(|(a, b)| (b - a) / secs).collect()
     }
 
-    /// How a key is reached and left after a choice; `None` where it can have no tangents.
+    /// Tangents of a key after a choice. `None` if it cannot have tangents.
     pub fn chosen(&self, key: usize, choice: TangentChoice) -> Option<KeyShape> {
         let now = self.shape(key)?;
         let [before, after] = self.handles(key);
@@ -178,8 +178,8 @@ impl KeyedProperty {
         })
     }
 
-    /// How a key is reached and left after the handle of one number was put elsewhere; the other side is aligned unless the key is
-    /// broken. `None` where it can have no tangents.
+    /// Tangents of a key after one of its handles was dragged. The other side is aligned unless the key is broken. `None` if it cannot have
+    /// tangents.
     pub fn dragged_handle(&self, key: usize, drag: &HandleDrag) -> Option<KeyShape> {
         let mut shape = self.shape(key)?;
         let handles = self.handles(key);
@@ -204,17 +204,17 @@ impl KeyedProperty {
     }
 }
 
-/// How the keys around a new one and that itself are reached and left, so that the curves stay what they are.
+/// Tangents that keep the curves unchanged when a key is inserted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SplitSpan {
-    /// The index of the key before the new one.
+    /// Index of the key before the new one.
     pub before: usize,
-    /// The key before it, the new one, and the one behind it.
+    /// Tangents of the previous key, the new key and the next key.
     pub shapes: [KeyShape; 3],
 }
 
 impl KeyedProperty {
-    /// How a new key splits a span that has tangents of its own; `None` where there is no such span.
+    /// Splits a span with tangents at a new key. `None` if there is no such span.
     pub fn split(&self, at: Time) -> Option<SplitSpan> {
         let next = self.keys.partition_point(|key| *key <= at);
         let before = next.checked_sub(1)?;
@@ -246,16 +246,17 @@ impl KeyedProperty {
     }
 }
 
-/// The two halves of a Bézier curve over the time, by de Casteljau's construction.
+/// Two halves of a cubic Bézier curve over time, split by de Casteljau's algorithm.
 struct Halves {
-    /// The change a second where they meet.
+    /// Slope at the split, units per second.
     tangent: f64,
-    /// The lengths of the four handles, each as a share of its half.
+    /// Lengths of the four handles, each as a fraction of its half.
     weights: [f64; 4],
 }
 
 impl Halves {
-    /// `share`: where they meet, of a span of `span` seconds; `times`: the control points' shares of it.
+    /// Splits a curve. `times`, `values`: its control points, times as fractions of the span; `share`: time of the split as a fraction; `span`:
+    /// seconds.
     fn of(times: [f64; 4], values: [f64; 4], share: f64, span: f64) -> Halves {
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..60 {
@@ -271,8 +272,8 @@ impl Halves {
     }
 }
 
-/// The two halves of a Bézier curve: how far the first handle reaches, the points before, at and behind the place where they
-/// meet, and how far the last handle reaches.
+/// De Casteljau's algorithm at the parameter `u`: length of the first handle, control point before the split, split point, control point after it,
+/// and length of the last handle.
 fn construct([a, b, c, d]: [f64; 4], u: f64) -> [f64; 5] {
     let mix = |a: f64, b: f64| a + (b - a) * u;
     let (ab, bc, cd) = (mix(a, b), mix(b, c), mix(c, d));
@@ -280,17 +281,17 @@ fn construct([a, b, c, d]: [f64; 4], u: f64) -> [f64; 5] {
     [ab - a, abc, mix(abc, bcd), bcd, d - cd]
 }
 
-/// A handle on its way.
+/// Drag of a tangent handle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandleDrag {
-    /// 0: before the key, 1: after it.
+    /// 0: incoming side, 1: outgoing side.
     pub side: usize,
-    /// Which number of the value.
+    /// Index of the component.
     pub part: usize,
-    /// The change of that number a second.
+    /// New slope of the component, units per second.
     pub tangent: f64,
-    /// The length as a share of the span, if that changes, too.
+    /// New length as a fraction of the span, if that changes, too.
     pub weight: Option<f64>,
-    /// The other side stays.
+    /// Whether the other side stays as it is.
     pub breaks: bool,
 }

@@ -1,23 +1,23 @@
-//! Beats of the music that a scene is made for, to which dragged times snap.
+//! Beats of a scene's music, which dragged times snap to.
 
 use serde_json::{Value, json};
 
-/// Beats a minute; 0 for a scene without music.
+/// Tempo in beats per minute; 0 without music.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tempo {
     pub per_minute: f64,
-    /// Seconds of the stage at which the first beat is.
+    /// Time of the first beat on stage, seconds.
     pub first: f64,
 }
 
 impl Tempo {
-    /// Beats a minute at most.
+    /// Largest number of beats per minute.
     pub const FASTEST: f64 = 1000.0;
 
-    /// Seconds at which the first beat is at most.
+    /// Latest time of the first beat, seconds.
     pub const LATEST: f64 = 1e4;
 
-    /// Reads what [`Tempo::to_json`] writes; `None` without beats.
+    /// Parses the output of [`Tempo::to_json`]. `None` without beats.
     pub fn from_json(value: &Value) -> Option<Tempo> {
         let number = |name: &str, most: f64| value[name].as_f64().filter(|n| (0.0..=most).contains(n));
         let tempo =
@@ -29,18 +29,18 @@ impl Tempo {
         json!({ "bpm": self.per_minute, "first": self.first })
     }
 
-    /// Seconds from one beat to the next; `None` without beats.
+    /// Duration of a beat, seconds. `None` without beats.
     pub fn beat(&self) -> Option<f64> {
         (self.per_minute > 0.0).then(|| 60.0 / self.per_minute)
     }
 
-    /// The beat that is nearest to a time, seconds.
+    /// Time of the beat nearest to a time, seconds.
     pub fn nearest(&self, secs: f64) -> Option<f64> {
         let beat = self.beat()?;
         Some(self.first + ((secs - self.first) / beat).round().max(0.0) * beat)
     }
 
-    /// Beats between two times, seconds; none where they are closer than `least`.
+    /// Times of the beats between two times, seconds. None if the beats are closer together than `least`.
     pub fn between(&self, from: f64, to: f64, least: f64) -> impl Iterator<Item = f64> {
         let beat = self.beat().filter(|beat| *beat >= least);
         let (first, step) = (self.first, beat.unwrap_or(1.0));

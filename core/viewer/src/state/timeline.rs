@@ -1,4 +1,4 @@
-//! The stage as rows of a sequencer: cues over time, active cameras.
+//! The stage as rows of a sequencer: cues, active cameras and other objects over time.
 
 use crate::state::events::{self, Event, Gathered, KeyOf};
 use crate::state::selection::Selected;
@@ -8,52 +8,52 @@ use choreo_script::Place;
 use choreo_session::Scene;
 use choreo_stage::{Camera, Cue, Layer, Stage};
 
-/// A bar of the timeline: something that the script made, and its place there.
+/// A bar of the timeline, which stands for an object created by the script.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bar {
     pub label: String,
     pub what: Selected,
     pub start: Time,
     pub end: Time,
-    /// Start of what follows, under whose fade it goes on; else its end. The mouse drags it.
+    /// The end that the mouse drags: the start of the next bar, under whose fade-in this one continues; else `end`.
     pub until: Time,
     pub fade_in: Time,
     pub fade_out: Time,
-    /// Time at which a clip that is played once ends; its last pose is held from there on.
+    /// Time at which a clip played once ends; its last pose is held from then on.
     pub holds_from: Option<Time>,
     pub place: Place,
-    /// The cut of the stage that begins it, if any.
+    /// Index of the stage's cut that begins the bar, if one does.
     pub cut: Option<usize>,
-    /// Number of its color: equal for equal clips, and the same whatever else is there.
+    /// Number that selects the color: equal for equal clips, and independent of other objects.
     pub kind: usize,
-    /// How a clip is played, if it is one.
+    /// Playback of the clip, if the bar is one.
     pub strip: Option<Strip>,
 }
 
 impl Bar {
-    /// Whether the next bar of its row begins where this one ends. A cut is no end of its own.
+    /// Whether the next bar of the row begins where this one ends. Bars of cameras do not count, since their boundary is a cut.
     pub fn meets(&self, next: &Bar) -> bool {
         next.cut.is_none() && self.until == next.start
     }
 
-    /// The time at which its clip is over or the next begins: the end that a change of its speed moves.
+    /// End of playback, where the last pose begins to be held or the next clip begins; a change of the speed moves it.
     pub fn played_until(&self) -> Time {
         self.holds_from.map_or(self.until, |holds| holds.min(self.until))
     }
 }
 
-/// How the clip of a bar is played.
+/// Playback of a bar's clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Strip {
-    /// The part that is played, seconds of the clip.
+    /// Trimmed part, clip seconds.
     pub trim: [f64; 2],
-    /// Seconds of the whole clip.
+    /// Length of the whole clip, seconds.
     pub clip: f64,
-    /// Clip seconds a second; negative plays backwards.
+    /// Clip seconds per second; negative plays backwards.
     pub speed: f64,
     pub repeat: Repeat,
     pub weight: f64,
-    /// Keys or freezes say which time of the clip is shown when.
+    /// Whether keys or freezes determine the displayed time of the clip.
     pub is_keyed: bool,
 }
 
@@ -69,12 +69,12 @@ impl Strip {
         }
     }
 
-    /// Seconds of the clip before what is played first, in the direction in which it is played.
+    /// Clip seconds before the trimmed part, in playing direction.
     pub fn before(&self) -> f64 {
         if self.speed < 0.0 { self.clip - self.trim[1] } else { self.trim[0] }
     }
 
-    /// Seconds that the clip takes once.
+    /// Duration of one round, seconds.
     pub fn length(&self) -> f64 {
         (self.trim[1] - self.trim[0]) / self.speed.abs().max(1e-9)
     }
@@ -84,18 +84,18 @@ impl Strip {
 pub struct Row {
     pub label: String,
     pub what: Option<Selected>,
-    /// Number of the layer of clips, from 0.
+    /// Index of the actor's layer.
     pub layer: Option<usize>,
     pub bars: Vec<Bar>,
-    /// Events sorted by time.
+    /// Events, sorted by time.
     pub events: Vec<Event>,
     pub place: Place,
-    /// A row for each keyed property, where this one has keys of several.
+    /// A row for each keyed property, if there are several.
     pub parts: Vec<Row>,
 }
 
 impl Row {
-    /// The name under which the window keeps whether its parts are shown: an actor's with the layer, else the row's own.
+    /// Key of the row in [`crate::app::Toggles::expanded`]: name of the actor and the layer, else the label of the row.
     pub(crate) fn key(&self) -> (String, Option<usize>) {
         match &self.what {
             Some(Selected::Actor(name)) => (name.clone(), Some(self.layer.unwrap_or(0))),
@@ -103,7 +103,7 @@ impl Row {
         }
     }
 
-    /// The row with a part for each of its keyed properties.
+    /// Adds a part for each keyed property.
     fn with_parts(self) -> Row {
         let part = |(key, events): (&KeyOf, Vec<Event>)| Row {
             label: key.label.clone(),
@@ -119,7 +119,7 @@ impl Row {
     }
 }
 
-/// The number of a row, or of a part of it.
+/// Index of a row, or of a part of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RowNumber {
     pub row: usize,
@@ -127,7 +127,7 @@ pub struct RowNumber {
 }
 
 impl RowNumber {
-    /// The number of a whole row.
+    /// A row as a whole.
     pub fn whole(row: usize) -> RowNumber {
         RowNumber { row, part: None }
     }
@@ -136,7 +136,7 @@ impl RowNumber {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timeline {
     pub rows: Vec<Row>,
-    /// Names of the lights.
+    /// Displayed names of the lights.
     pub lights: Vec<String>,
     pub markers: Vec<(String, Time)>,
     pub length: Time,
@@ -194,19 +194,19 @@ impl Timeline {
         number.part.map_or(Some(row), |part| row.parts.get(part))
     }
 
-    /// The name of a row; that of a part follows its row's.
+    /// Name of a row; that of a part follows the name of its row.
     pub fn row_name(&self, number: RowNumber) -> String {
         let label = |number| self.row(number).map_or("", |row| &row.label);
         let whole = label(RowNumber::whole(number.row));
         if number.part.is_none() { whole.to_string() } else { format!("{whole}: {}", label(number)) }
     }
 
-    /// The time of the next thing that begins, ends or happens after the frame at `now`, or of the last one before it.
+    /// Time of the next start, end, event or marker after the frame at `now`, or of the previous one before it if `back`.
     pub fn next(&self, now: Time, fps: FrameRate, back: bool) -> Option<Time> {
         let bars = self.rows.iter().flat_map(|row| &row.bars).flat_map(|bar| [bar.start, bar.until]);
         let events = self.rows.iter().flat_map(|row| &row.events).map(|event| event.at);
         let all = bars.chain(events).chain(self.markers.iter().map(|m| m.1)).filter(|t| *t <= self.length);
-        // The frame that is on then.
+        // Number of the frame that is displayed at that time.
         let of = |t: &Time| fps.frames_in(*t + Time(1)) - 1;
         let frame = of(&now);
         match back {
@@ -215,13 +215,13 @@ impl Timeline {
         }
     }
 
-    /// The bars at a time, for the line of the script that is marked.
+    /// Bars that are active at a time, whose lines in the script are highlighted.
     pub fn on_at(&self, time: Time) -> impl Iterator<Item = &Bar> {
         self.rows.iter().flat_map(|row| &row.bars).filter(move |bar| bar.start <= time && time < bar.end)
     }
 }
 
-/// A row for each layer of an actor; one without layers has a row of events alone.
+/// Rows of an actor, one for each layer; an actor without layers has one row of events.
 fn actor_rows(scene: &Scene, index: usize) -> Vec<Row> {
     let (stage, places) = (&scene.stage, &scene.places);
     let (actor, length) = (&stage.actors[index], stage.settings.length);
@@ -277,7 +277,7 @@ fn effect(scene: &Scene, index: usize) -> Bar {
     }
 }
 
-/// Rows for bars that may overlap: each lies in the first row with room for it, with the events of what it is for. `events`: of bars by their numbers.
+/// Rows for bars that may overlap: each bar is put into the first row with room for it. `events`: events of the bars with these indices.
 fn lanes(label: &str, bars: Vec<Bar>, events: impl Fn(&[usize]) -> Vec<Event>) -> Vec<Row> {
     let mut bars: Vec<(usize, Bar)> = bars.into_iter().enumerate().collect();
     bars.sort_by_key(|(_, bar)| bar.start);
@@ -303,7 +303,7 @@ fn lanes(label: &str, bars: Vec<Bar>, events: impl Fn(&[usize]) -> Vec<Event>) -
     rows.into_iter().enumerate().map(row).collect()
 }
 
-/// The name of a light: the one that the script states, else its variable, else its kind and number.
+/// Displayed name of a light: the one that the script states, else its variable, else its kind and number.
 fn light_name(scene: &Scene, index: usize, place: &Place) -> String {
     let light = &scene.stage.lights[index];
     let made_by = match light.light.kind {
@@ -337,19 +337,19 @@ fn title(scene: &Scene, index: usize) -> Bar {
     }
 }
 
-/// A number for the color of what has this name, whatever else is on stage (FNV-1a).
+/// Number that selects a color for a name, independent of other names (FNV-1a hash).
 pub(crate) fn kind(name: &str) -> usize {
     let hash =
         name.bytes().fold(0x811c_9dc5_u32, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193));
     (hash >> 16) as usize
 }
 
-/// `at`: index of the cue in its layer.
+/// The bar of a cue. `at`: index of the cue in its layer.
 fn bar(stage: &Stage, layer: &Layer, at: usize, cue: &Cue, what: Selected, place: Place, kind: usize) -> Bar {
     let length = stage.settings.length;
     let is_base = matches!(what, Selected::Cue { layer: 0, .. });
     let end = match layer.cues.get(at + 1) {
-        // It goes on playing while the next one fades in over it.
+        // The clip continues while the next one fades in.
         Some(next) if cue.end.is_none_or(|end| end >= next.start) => next.start + next.fade_in,
         _ => cue.end.unwrap_or(length),
     };
@@ -366,7 +366,7 @@ fn bar(stage: &Stage, layer: &Layer, at: usize, cue: &Cue, what: Selected, place
         end,
         until,
         fade_in: if cue.inertialization > Time::ZERO { cue.inertialization } else { cue.fade_in },
-        // The base layer does not fade out: its last pose is held.
+        // The base layer does not fade out, but holds its last pose.
         fade_out: if is_base { Time::ZERO } else { cue.fade_out },
         holds_from,
         place,
@@ -398,7 +398,7 @@ fn cameras(scene: &Scene) -> Vec<Bar> {
         holds_from: None,
         place: place.cloned().unwrap_or_default(),
         cut,
-        // Shots beside each other differ.
+        // Adjacent shots have different colors.
         kind: camera,
         strip: None,
     };

@@ -1,5 +1,5 @@
-//! Places of an actor's joints at every frame: for motion trails and onion skins. Computed on a thread of its own, because the
-//! scene is evaluated once for each frame.
+//! Positions of an actor's joints at all frames, for motion trails and onion skins. Computed on a thread of its own, because the scene is evaluated
+//! once per frame.
 
 use choreo_motion::Time;
 use choreo_session::Scene;
@@ -7,25 +7,25 @@ use glam::DVec3;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Frames at most: those of a longer scene are farther apart.
+/// Largest number of frames; longer scenes are sampled less densely.
 const MOST: i64 = 600;
 
-/// A joint of an actor that is selected.
+/// A selected joint of an actor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct JointRef {
     pub actor: String,
     pub joint: usize,
 }
 
-/// Places of an actor's joints, in the world.
+/// Positions of an actor's joints over time, world space.
 #[derive(Clone, Debug, Default)]
 pub struct Trail {
-    /// Frames in order of time; where the actor is not there, no joints.
+    /// Times with the positions of all joints, in order of time. No positions while the actor is invisible.
     pub frames: Vec<(Time, Vec<DVec3>)>,
 }
 
 impl Trail {
-    /// The frame next to a time.
+    /// Index of the frame nearest to a time.
     pub fn near(&self, time: Time) -> Option<usize> {
         let after = self.frames.partition_point(|(at, _)| *at < time);
         let before = after.saturating_sub(1);
@@ -34,7 +34,7 @@ impl Trail {
     }
 }
 
-/// The trail of one actor in one version, once it is there.
+/// The trail of one actor in one version of the scene, once it is computed.
 #[derive(Default)]
 pub struct Trails {
     of: Option<(u64, String)>,
@@ -43,7 +43,7 @@ pub struct Trails {
 }
 
 impl Trails {
-    /// The trail of an actor; `None` until it is computed. `changed`: called then.
+    /// The trail of an actor. `None` until it is computed; then `changed` is called.
     pub fn of(
         &mut self,
         scene: &Arc<Scene>,
@@ -58,7 +58,7 @@ impl Trails {
             let (scene, actor) = (scene.clone(), actor.to_string());
             let (found, stop) = (self.found.clone(), self.stop.clone());
             let thread = std::thread::Builder::new().name("trail".into());
-            // Where no thread starts, there is no trail.
+            // If no thread can be started, there is no trail.
             let _ = thread.spawn(move || {
                 if let Some(trail) = computed(&scene, &actor, &stop) {
                     *found.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(trail));

@@ -1,4 +1,4 @@
-//! One viewport: from where it looks, what is laid over the image, and which frame it shows and wishes for.
+//! State of one viewport: its camera, its overlays, and the displayed and the requested frame.
 
 use crate::state::orbit::Orbit;
 use choreo_motion::Time;
@@ -6,48 +6,48 @@ use choreo_session::{FrameInfo, ViewOverrides, ViewportCamera};
 use choreo_stage::{CameraState, Snapshot, Stage};
 use glam::DVec3;
 
-/// Viewports at once.
+/// Largest number of viewports.
 pub(crate) const MOST_VIEWS: usize = 4;
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum ViewCamera {
-    /// The camera that the script uses.
+    /// The camera that the script has active.
     Script,
-    /// A camera of the script, on or not.
+    /// A camera of the script by name, active or not.
     Named(String),
     Free(Orbit),
-    /// A camera that moves with an actor: the orbit is around where it stands.
+    /// A camera that moves with an actor; the orbit is relative to the actor's position.
     Follow {
         actor: String,
         orbit: Orbit,
     },
 }
 
-/// How large the image is drawn.
+/// Resolution of the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Resolution {
-    /// As many pixels as the panel has on the screen; fewer while the view moves, to hold the scene's rate.
+    /// Fills the panel, with fewer pixels while the view moves, to keep the scene's frame rate.
     Fitted,
     /// The size that `render` uses.
     Full,
 }
 
-/// The overlays that are drawn over the image.
+/// Overlays of a viewport.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Overlays {
-    /// The ground's grid, which the renderer draws: it is hidden by what is nearer.
+    /// Grid on the ground. The renderer draws it, so that nearer surfaces hide it.
     pub grid: bool,
-    /// Signs for lights and cameras.
+    /// Icons of lights and cameras.
     pub icons: bool,
-    /// The directions of the axes, in a corner.
+    /// Directions of the axes, in a corner of the image.
     pub axes: bool,
-    /// The path of the selected joint, else of the selected actor.
+    /// Motion trail of the selected joint, else of the selected actor.
     pub trail: bool,
-    /// Skeletons of the selected actor before and after the playhead.
+    /// Onion skins: skeletons of the selected actor before and after the playhead.
     pub onion: bool,
     pub skeletons: bool,
     pub bounds: bool,
-    /// Action and title safe areas, and the middle.
+    /// Action and title safe areas, and the center.
     pub safe: bool,
 }
 
@@ -67,7 +67,7 @@ impl Default for Overlays {
 }
 
 impl Overlays {
-    /// Each with its name in the settings and its name for people.
+    /// All overlays with their names in the settings and their labels.
     pub fn all(&mut self) -> [(&'static str, &'static str, &mut bool); 8] {
         [
             ("grid", "Grid", &mut self.grid),
@@ -82,7 +82,7 @@ impl Overlays {
     }
 }
 
-/// Everything that a requested image depends on: an equal request is drawn once.
+/// Everything that a frame depends on. A frame is only requested again if this has changed.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Wish {
     pub number: u64,
@@ -99,13 +99,13 @@ pub struct View {
     pub camera: ViewCamera,
     pub resolution: Resolution,
     pub overlays: Overlays,
-    /// The image on the screen.
+    /// The frame on the screen.
     pub shown: Option<FrameInfo>,
-    /// Pixels that there is room for, as the panel had it last.
+    /// Size of the panel, pixels, as drawn last.
     pub room: [u32; 2],
-    /// Left, top, right and bottom of the image on the screen, points.
+    /// Left, top, right and bottom of the image in the window, points.
     pub place: [f32; 4],
-    /// Its panel was drawn in the last round: others wish for nothing.
+    /// Whether the panel of the view was drawn in the last window frame; other views request no frames.
     pub seen: bool,
     pub(crate) asked: Option<Wish>,
     pub waiting: bool,
@@ -130,12 +130,12 @@ impl Default for View {
 }
 
 impl View {
-    /// Whether the image that was requested last has neither grid nor outline, as one that is saved.
+    /// Whether the last requested image has neither grid nor outline, like one that is saved.
     pub(crate) fn is_plain(&self) -> bool {
         self.asked.as_ref().is_some_and(|wish| !wish.overrides.grid && wish.overrides.outlined.is_none())
     }
 
-    /// The viewport camera for the renderer.
+    /// Camera of the view for the renderer.
     pub fn viewport_camera(&self, stage: &Stage) -> ViewportCamera {
         let actor = |name: &str| stage.actors.iter().position(|a| a.name == name);
         match &self.camera {
@@ -153,7 +153,7 @@ impl View {
         }
     }
 
-    /// The camera of the image on the screen, as it is now where the mouse moves it.
+    /// Camera of the displayed image, with movements by the mouse already applied.
     pub fn now(&self, stage: &Stage) -> Option<CameraState> {
         let shown = self.shown.as_ref()?;
         Some(match self.viewport_camera(stage) {
@@ -166,14 +166,14 @@ impl View {
         })
     }
 
-    /// Follows an actor from where the camera stands now; `None`: stops following.
+    /// Follows an actor from the present camera position. `None`: stops following. `near`: world position that a new orbit is centered near.
     pub fn follow(&mut self, actor: Option<(String, usize)>, near: DVec3) {
         let Some(shown) = &self.shown else { return };
         let mut orbit = match &self.camera {
             ViewCamera::Free(orbit) => *orbit,
             ViewCamera::Follow { actor: name, orbit } => {
                 let mut orbit = *orbit;
-                // Back into the world; one that has gone was at the origin.
+                // Converts the center to world space. If the followed actor no longer exists, it counted as standing at the origin.
                 if let Some((_, index)) = actor.as_ref().filter(|(n, _)| n == name) {
                     orbit.center += place(&shown.snapshot, *index);
                 }
@@ -195,7 +195,7 @@ fn place(snapshot: &Snapshot, actor: usize) -> DVec3 {
     snapshot.actors.get(actor).map_or(DVec3::ZERO, |a| a.world_from_model.translation)
 }
 
-/// The largest size of the same shape with room for it, a side divided by `divisor`; no smaller than a pixel.
+/// The largest size with the same aspect ratio that fits into `room`, divided by `divisor`, pixels; at least one pixel.
 pub fn fitted(size: [u32; 2], room: [u32; 2], divisor: u32, largest: u32) -> [u32; 2] {
     let [width, height] = size.map(|s| f64::from(s.max(1)));
     let scale = (f64::from(room[0]) / width).min(f64::from(room[1]) / height);

@@ -1,11 +1,11 @@
-//! Screen readers and other assistive technologies read the window and act in it by AccessKit: AT-SPI on Linux, UI Automation on Windows,
-//! NSAccessibility on macOS. The tree of the window is made once one of them asks for it, and no longer than it is there.
+//! Accessibility by AccessKit, for screen readers and other assistive technologies: AT-SPI on Linux, UI Automation on Windows, NSAccessibility on
+//! macOS. The accessibility tree is only built while one of them is active.
 
 use super::News;
 use super::open::Open;
 use egui_winit::accesskit_winit::{Event, WindowEvent};
 
-/// The connection of a window with them: one for each window, made before the window is visible.
+/// Connection of a window to assistive technologies, created before the window is visible.
 pub(super) use egui_winit::accesskit_winit::Adapter;
 
 impl From<Event> for News {
@@ -14,13 +14,13 @@ impl From<Event> for News {
     }
 }
 
-/// Gives the window in the tree the name that its title has.
+/// Names the window's node in the accessibility tree after its title.
 pub(super) fn name_window(ui: &egui::Ui, title: &str) {
     ui.ctx().accesskit_node_builder(egui::accesskit_root_id(), |node| node.set_label(title));
 }
 
 impl Open {
-    /// The tree is requested, an action is done as if by mouse or keyboard, or nobody listens any more.
+    /// Handles an event: activation, an action to be done as if by mouse or keyboard, or deactivation.
     pub(super) fn take_assistance(&mut self, event: WindowEvent) {
         match event {
             WindowEvent::InitialTreeRequested => {

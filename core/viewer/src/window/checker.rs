@@ -1,4 +1,4 @@
-//! The messages of `choreo check` about the newest version, found on a thread of its own that comes after the window's.
+//! Runs `choreo check` on the newest scene, on a low-priority thread.
 
 use super::priority;
 use crate::commands::check;
@@ -9,9 +9,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 pub(super) struct Checker {
-    /// One thread, which shares no work with those that draw. Where it cannot be started, the messages are those of the run.
+    /// Pool of one thread, separate from the drawing threads. `None` if it cannot be started; then only the problems of the script's run are
+    /// reported.
     thread: Option<ThreadPool>,
-    /// Number of the scene that is wanted; an earlier one is given up.
+    /// Number of the newest check; earlier ones are abandoned.
     wanted: Arc<AtomicU64>,
 }
 
@@ -22,12 +23,12 @@ impl Checker {
         Checker { thread, wanted: Arc::default() }
     }
 
-    /// Gives up what is being examined.
+    /// Abandons the current check.
     pub fn cancel(&self) -> u64 {
         self.wanted.fetch_add(1, Ordering::SeqCst) + 1
     }
 
-    /// Examines a scene in place of the one before; `report` is called on its thread, unless another is wanted meanwhile.
+    /// Checks a scene, and abandons the previous check. `report` is called on the worker thread, unless another check starts meanwhile.
     pub fn start(
         &self,
         scene: Arc<Scene>,
@@ -38,7 +39,7 @@ impl Checker {
         let Some(thread) = &self.thread else { return };
         thread.spawn(move || {
             let goes_on = || wanted.load(Ordering::SeqCst) == number;
-            // A plugin that fails has said so on its thread, and leaves the scene without these messages.
+            // A plugin that panics is already reported on its thread; the scene then gets no messages.
             let found = catch_unwind(AssertUnwindSafe(|| check::messages(&scene, &source, &goes_on)));
             if let Ok(Some(messages)) = found {
                 report(messages);

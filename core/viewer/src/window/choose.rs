@@ -1,10 +1,11 @@
-//! The choice of the device that draws the window.
+//! Choice of the device that draws the window.
 
 use super::gpu_error::{GpuError, Named};
 use ash::{khr, vk};
 use choreo_command_line::slower_than_the_cpu;
 
-/// A device that can show images in the window; a GPU before a driver that draws on the CPU, which is refused where none is named.
+/// The best device that can present to the surface. A GPU is preferred to a driver that draws on the CPU, which is refused unless the user asked
+/// for Vulkan by name.
 pub fn choose(
     instance: &ash::Instance,
     surfaces: &khr::surface::Instance,

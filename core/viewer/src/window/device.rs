@@ -1,5 +1,5 @@
-//! Objects of the window's Vulkan device, and how a frame of the window is recorded. One frame in flight: the window draws a
-//! few thousand triangles and one texture a view, and waiting for the last of them costs less than keeping everything twice.
+//! Objects of the window's Vulkan device, and the recording of a frame of the window. Only one frame is in flight: the window draws a few thousand
+//! triangles and one texture per view, and waiting for the previous frame costs less than keeping all resources twice.
 
 use super::gpu_error::{GpuError, Named};
 use super::image::{WindowImage, whole};
@@ -14,11 +14,11 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// A driver that hangs must not hang the program.
+/// Timeout of the wait for a frame, so that a driver that hangs does not hang the program.
 const TIMEOUT_NS: u64 = 60_000_000_000;
 const VIEWS: u32 = crate::state::view::MOST_VIEWS as u32;
 
-/// Everything made from the device, in one place so that it goes in order.
+/// All objects created from the device, in one struct so that they are freed in order.
 pub struct Device {
     raw: ash::Device,
     pub queue: vk::Queue,
@@ -35,14 +35,14 @@ pub struct Device {
     sets: vk::DescriptorPool,
     allocator: Option<Arc<Mutex<Allocator>>>,
     egui: Option<Renderer<GpuAllocator>>,
-    /// Images by view.
+    /// Images of the views, by view.
     pub pictures: Vec<Slot>,
     /// Textures that the frame in flight may still use.
     to_free: Vec<TextureId>,
     pub largest_texture: usize,
 }
 
-/// A view's image, once there was one, and what egui calls it.
+/// Image of a view, if it has one, and its texture in egui.
 pub struct Slot {
     set: vk::DescriptorSet,
     picture: Option<WindowImage>,
@@ -50,7 +50,7 @@ pub struct Slot {
 }
 
 impl Device {
-    /// A device from which nothing is made yet.
+    /// Creates the objects that do not depend on the window's size.
     pub fn new(
         instance: &ash::Instance,
         raw: ash::Device,
@@ -142,7 +142,7 @@ impl Device {
         Ok(())
     }
 
-    /// Waits for the last frame.
+    /// Waits until the last frame is done.
     pub fn wait(&mut self) -> Result<(), GpuError> {
         // SAFETY: the fence is alive; it is signalled at first.
         unsafe { self.raw.wait_for_fences(&[self.done], true, TIMEOUT_NS) }.named("last frame")?;
@@ -155,7 +155,7 @@ impl Device {
     }
 
     pub fn textures(&mut self, mut textures: TexturesDelta) -> Result<(), GpuError> {
-        // Emptied at once: egui takes it for a fault if one is dropped with something left in it.
+        // The list is emptied at once: egui reports an error if it is dropped with content.
         let set = std::mem::take(&mut textures.set);
         self.to_free.extend(std::mem::take(&mut textures.free));
         let Some(egui) = &mut self.egui else { return Ok(()) };
@@ -321,7 +321,7 @@ impl Drop for Device {
                 picture.destroy(&self.raw, &mut locked(allocator));
             }
         }
-        // Its buffers before the allocator, that before the device.
+        // Buffers are freed before the allocator, and the allocator before the device.
         self.egui = None;
         self.allocator = None;
         // SAFETY: made from this device, no longer used; null handles are ignored.

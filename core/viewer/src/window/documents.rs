@@ -1,4 +1,4 @@
-//! The window goes over to another file.
+//! Opens another file in the window.
 
 use super::{News, ViewerWindow, watched};
 use crate::app::Viewer;
@@ -12,7 +12,7 @@ use choreo_plugin::Registry;
 use choreo_session::SceneSource;
 use std::path::Path;
 
-/// The viewer of the first file, else of the start page, with what the window could show beside it.
+/// The viewer of the first file, or of the start page if there is none.
 pub(crate) fn first_viewer(
     source: Option<&SceneSource>,
     registry: &Registry,
@@ -35,25 +35,25 @@ pub(crate) fn first_viewer(
     viewer
 }
 
-/// The user's keys; says what is wrong with them.
+/// Reads the user's keyboard shortcuts. Returns a message if the file has an error.
 pub(crate) fn read_shortcuts(viewer: &mut Viewer, file: Option<&Path>) -> Option<String> {
     let (shortcuts, problem) = file.map(Shortcuts::read).unwrap_or_default();
     viewer.shortcuts = shortcuts;
     problem.or_else(|| crate::panels::shortcut_problem(viewer))
 }
 
-/// The name of a file for titles.
+/// File name for titles.
 pub fn name_of(source: &SceneSource) -> String {
     source.input.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 impl ViewerWindow {
-    /// Shows the file that was asked for in place of the present one, which stays where it cannot be watched.
+    /// Opens the requested file in place of the present one, which stays if the new file cannot be watched.
     pub(super) fn open_document(&mut self) {
         let Some(file) = self.viewer.documents.open.take() else { return };
         let opened =
             self.options.source(file.clone()).map_err(|error| error.to_string()).and_then(|mut source| {
-                // Those of the command line are for its own file.
+                // Clip and parameters of the command line belong to its own file.
                 if source.input != self.source.input {
                     (source.clip, source.set) = (None, Vec::new());
                 }
@@ -86,7 +86,7 @@ impl ViewerWindow {
             open.window.set_title(&format!("{} – {}", self.viewer.name, self.program));
         }
         self.remember();
-        // The window is drawn anew without what was shown.
+        // The window is drawn again without the former content.
         let _ = self.proxy.send_event(News::Repaint(std::time::Duration::ZERO));
     }
 }

@@ -1,4 +1,4 @@
-//! Why the window cannot be opened, or ends, and why an image of it is not saved.
+//! Errors of opening or running the window, and of saving an image.
 
 use choreo_files::WriteError;
 use choreo_plugin::ExportError;
@@ -9,7 +9,7 @@ pub(crate) enum ViewerError {
     /// The project's `choreo.toml` has an error.
     #[error(transparent)]
     Project(#[from] crate::args::ProjectError),
-    /// The text has a hint where a package is missing.
+    /// The window cannot be opened; the text has a hint if a package is missing.
     #[error("{0}")]
     NoWindow(String),
     #[error("cannot start a thread: {0}")]
@@ -34,7 +34,7 @@ impl ViewerError {
     }
 }
 
-/// Why an image is not saved; there is no incomplete file.
+/// Reason why an image was not saved; no incomplete file is left.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum SaveError {
     #[error("no exporter writes such files")]

@@ -1,5 +1,5 @@
-//! Output for tests and measurements: what the window has done and when, a line of JSON each on standard output. Hidden behind
-//! `--event-log`, since users of the viewer do not need it.
+//! Event log for tests and measurements: what the window did and when, as one line of JSON per event on standard output. The option `--event-log`
+//! is hidden, since users of the viewer do not need it.
 
 use choreo_render::DeviceUsage;
 use choreo_session::{FrameInfo, SceneVersion};
@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::time::{Duration, Instant};
 
-/// Prints nothing unless it is switched on.
+/// Log that prints nothing unless it is switched on.
 #[derive(Clone, Copy)]
 pub(crate) struct EventLog {
     since: Option<Instant>,
@@ -18,12 +18,12 @@ impl EventLog {
         EventLog { since: on.then(Instant::now) }
     }
 
-    /// Reports an event that happens once, as the program starts.
+    /// Reports a step of the program's start.
     pub fn done(&self, what: &str) {
         self.say(|| json!({ "event": what }));
     }
 
-    /// A version that is there, good or not; `problems`: errors where it is not, else warnings.
+    /// Reports a version; its problems are errors if it is faulty, else warnings.
     pub fn version(&self, version: &SceneVersion) {
         let (number, faulty) = (version.number, version.scene.is_none());
         self.say(|| {
@@ -31,12 +31,12 @@ impl EventLog {
         });
     }
 
-    /// The messages of `check` about a version are there.
+    /// Reports that the messages of `check` about a version have arrived.
     pub fn checked(&self, version: u64, messages: usize) {
         self.say(|| json!({ "event": "checked", "version": version, "messages": messages }));
     }
 
-    /// An image that has gone to the screen, with what its frame took and what the renderer holds.
+    /// Reports an image on the screen, with the durations of its frame and the objects that the renderer holds.
     pub fn shown(&self, view: usize, shown: &FrameInfo, held: &DeviceUsage) {
         let frame = shown.evaluated_in + shown.planned_in + shown.drawn_in;
         self.say(|| {
@@ -54,7 +54,7 @@ impl EventLog {
         });
     }
 
-    /// A frame of the window: what its panels took on the CPU, and the whole of it with what draws them.
+    /// Reports a frame of the window: CPU time of its panels, and total time including drawing.
     pub fn painted(&self, panels: Duration, whole: Duration) {
         self.say(|| {
             json!({
@@ -70,7 +70,7 @@ impl EventLog {
         let mut line = line();
         line["ms"] = json!(since.elapsed().as_secs_f64() * 1e3);
         let mut out = std::io::stdout().lock();
-        // The reader has gone: there is nobody to report to.
+        // Fails if the reader is gone, when nobody needs the report.
         let _ = writeln!(out, "{line}").and_then(|()| out.flush());
     }
 }

@@ -1,5 +1,5 @@
-//! The window's own Vulkan: instance, surface and device, and a frame of the window from its triangles. With `device`, the only other
-//! place beside `choreo_render::vulkan` that knows ash.
+//! The window's own Vulkan instance, surface and device; draws a frame of the window from triangles. With `device`, this is the only place besides
+//! `choreo_render::vulkan` that uses ash.
 
 use super::choose::choose;
 use super::device::Device;
@@ -22,7 +22,7 @@ pub(crate) struct Gpu {
 }
 
 impl Gpu {
-    /// `named`: a driver that draws on the CPU is taken, too.
+    /// Opens a device for a window. `named`: whether a driver that draws on the CPU is accepted, too.
     pub fn new(window: &Window, named: bool) -> Result<Gpu, GpuError> {
         let other = |object: &'static str, text: String| GpuError::Other { object, text };
         // SAFETY: loading libvulkan runs its own initialisers, as every Vulkan program does.
@@ -51,7 +51,7 @@ impl Gpu {
             physical: vk::PhysicalDevice::null(),
             device: None,
         };
-        // From here on `drop` frees everything.
+        // `drop` frees everything that is created below.
         // SAFETY: the handles are the window's, which outlives this.
         gpu.surface =
             unsafe { ash_window::create_surface(&gpu._entry, &gpu.instance, display, handle, None) }
@@ -85,7 +85,7 @@ impl Gpu {
         // SAFETY: the device belongs to the instance, which is alive.
         let limits = unsafe { self.instance.get_physical_device_properties(self.physical) }.limits;
         let mut device = Device::new(&self.instance, raw, queue, limits.max_image_dimension2_d as usize);
-        // From here on `drop` frees everything.
+        // `drop` frees everything that is created below.
         let formats = formats.named("formats of the window")?;
         device.format = surface_format(&formats)
             .ok_or(GpuError::Other { object: "window", text: "it has no format".into() })?;
@@ -93,18 +93,18 @@ impl Gpu {
         Ok(device)
     }
 
-    /// Pixels of the largest texture's side.
+    /// Largest width or height of a texture, pixels.
     pub(crate) fn largest_texture(&self) -> usize {
         self.device.as_ref().map_or(2048, |d| d.largest_texture)
     }
 
-    /// Textures with the last frame of each view, once there was one.
+    /// Texture with the last frame of each view, if it has one.
     pub fn pictures(&self) -> Vec<Option<TextureId>> {
         self.device.iter().flat_map(|d| &d.pictures).map(|slot| slot.id).collect()
     }
 
-    /// Draws one frame of the window. `frames`: new images of views; `before`: called right before it is shown. Gives whether
-    /// it was drawn: a window without a pixel, as one that is minimised can be, keeps its images waiting.
+    /// Draws one frame of the window. `frames`: new images of views; `before`: called directly before presenting. Returns whether the frame was
+    /// drawn: a window without pixels, such as a minimized one, keeps its images waiting.
     pub fn draw(
         &mut self,
         window: [u32; 2],
@@ -118,7 +118,7 @@ impl Gpu {
         let ready = device.and_then(|d| d.wait().map(|()| d));
         let device = ready.inspect_err(|_| textures.clear())?;
         device.textures(textures)?;
-        // A window that is being resized may need a second swapchain before one fits.
+        // While a window is being resized, the first new swapchain may not fit.
         for _ in 0..3 {
             if device.swapchain.as_ref().is_none_or(|s| s.window != window) {
                 // SAFETY: surface and device are alive.
@@ -136,7 +136,7 @@ impl Gpu {
                 device.drop_swapchain()?;
                 continue;
             };
-            // Only what is uploaded with it: a texture that was never written may not be looked at.
+            // Only uploaded images are shown, since a texture that was never written must not be sampled.
             for (view, frame) in frames {
                 device.prepare_picture(*view, [frame.width, frame.height])?;
             }

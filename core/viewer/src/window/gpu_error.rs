@@ -1,4 +1,4 @@
-//! Vulkan results with the name of what failed.
+//! Vulkan errors with the name of the operation or object that failed.
 
 use ash::vk;
 use thiserror::Error;
@@ -7,7 +7,7 @@ use thiserror::Error;
 pub(crate) enum GpuError {
     #[error("Vulkan is not available: {0}")]
     Missing(String),
-    /// A driver that draws on the CPU, where none is named.
+    /// The only driver draws on the CPU, and the user did not ask for Vulkan by name.
     #[error("{0}")]
     Slower(String),
     #[error("Vulkan: {object}: {result:?}")]

@@ -1,7 +1,7 @@
-//! The frame as a texture of the window's own device.
+//! The rendered frame as a texture of the window's own device.
 //!
-//! It comes through memory: the renderer has a device of its own, which can be lost, changed or be no Vulkan device at all
-//! without the window noticing, and draws on a thread of its own. At 1280×720 that is 3.7 MB a frame.
+//! The frame is copied through host memory: the renderer has a device of its own, which can be lost, replaced or not be a Vulkan device at all
+//! without an effect on the window, and draws on a thread of its own. At 1280×720 the copy is 3.7 MB per frame.
 
 use super::gpu_error::{GpuError, Named};
 use ash::vk;
@@ -16,7 +16,7 @@ pub(crate) struct WindowImage {
     memory: Option<Allocation>,
     staging: vk::Buffer,
     staging_memory: Option<Allocation>,
-    /// The image has never been written.
+    /// Whether the image has never been written.
     fresh: bool,
 }
 
@@ -46,7 +46,7 @@ impl WindowImage {
 
     fn make(&mut self, device: &ash::Device, allocator: &mut Allocator) -> Result<(), GpuError> {
         let [width, height] = self.size;
-        // sRGB: what is sampled is linear, and encoded again as it is written: the same bytes.
+        // The format is sRGB: sampling decodes and writing encodes again, so that the bytes do not change.
         let info = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
             .format(vk::Format::R8G8B8A8_SRGB)
@@ -104,7 +104,7 @@ impl WindowImage {
         self.view
     }
 
-    /// Records the upload of a frame of the image's size. Nothing that uses the image may be in flight.
+    /// Records the upload of a frame with the size of the image. The image must not be in use by a frame in flight.
     pub fn upload(&mut self, device: &ash::Device, commands: vk::CommandBuffer, frame: &Frame) {
         let Some(to) = self.staging_memory.as_mut().and_then(Allocation::mapped_slice_mut) else { return };
         let bytes = frame.rgba.len().min(to.len());
@@ -157,7 +157,7 @@ impl WindowImage {
         }
     }
 
-    /// Nothing that uses it may be in flight.
+    /// Frees the image, which must not be in use by a frame in flight.
     pub fn destroy(&mut self, device: &ash::Device, allocator: &mut Allocator) {
         // SAFETY: made from this device, no longer used; null handles are ignored.
         unsafe {
@@ -166,7 +166,7 @@ impl WindowImage {
             device.destroy_buffer(self.staging, None);
         }
         for memory in self.memory.take().into_iter().chain(self.staging_memory.take()) {
-            // Only fails for memory of another allocator.
+            // Freeing only fails for memory of another allocator.
             let _ = allocator.free(memory);
         }
     }

@@ -1,5 +1,5 @@
-//! The end of the program where its X server goes. libX11 then calls `exit`, which runs the destructors of the Vulkan driver while
-//! the threads that draw still use it: one time in fifteen that was a segmentation fault.
+//! Ends the program when its X server is gone. libX11 would call `exit`, which runs the destructors of the Vulkan driver while other threads still
+//! draw: one time in fifteen that was a segmentation fault.
 
 use super::error::ViewerError;
 use signal_hook::low_level;
@@ -8,10 +8,10 @@ use winit::event_loop::EventLoop;
 use winit::platform::x11::EventLoopExtX11;
 use x11_dl::xlib::{Display, Xlib};
 
-/// The exit code of a window that cannot be shown any longer.
+/// Exit code when the window can no longer be displayed.
 const FAILED: c_int = 4;
 
-/// Has a lost connection end the program with a message.
+/// Installs a handler that ends the program with a message when the connection is lost.
 pub(super) fn watch<T>(events: &EventLoop<T>) {
     if events.is_x11()
         && let Ok(xlib) = Xlib::open()
@@ -22,12 +22,12 @@ pub(super) fn watch<T>(events: &EventLoop<T>) {
     }
 }
 
-/// libX11 requires that it does not return.
+/// Handler for a lost connection; libX11 requires that it does not return.
 unsafe extern "C" fn lost(_: *mut Display) -> c_int {
     leave(&ViewerError::WindowSystemGone("the X server no longer answers".into()))
 }
 
-/// Ends the program at once: neither destructors of libraries nor objects of the window system are run.
+/// Ends the program at once, without running destructors of libraries or freeing objects of the window system.
 pub(super) fn leave(error: &ViewerError) -> ! {
     eprintln!("{error}");
     low_level::exit(FAILED)

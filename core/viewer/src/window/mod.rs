@@ -1,4 +1,4 @@
-//! The window: events in, frames out. It sleeps unless something has happened.
+//! The window: handles events and draws frames. Its thread sleeps unless something has happened.
 
 #[cfg(feature = "accesskit")]
 mod assistance;
@@ -54,26 +54,26 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
 use winit::platform::wayland::WindowAttributesExtWayland;
 use winit::window::{Window, WindowId};
 
-/// Messages of other threads to the window.
+/// Messages from other threads to the window.
 enum News {
-    /// A version of the script, or of the dropped file with this number.
+    /// A version of the file with this number: the open file, or dropped files.
     Version(u64, Box<SceneVersion>),
     Frame(Box<FrameReply>),
-    /// Messages of `check` about a version of the script with this number.
+    /// Messages of `check`: number of the file, number of the version, and the problems.
     Checked(u64, u64, Vec<Problem>),
-    /// The window is to be closed.
+    /// Request to close the window.
     Close,
-    /// egui wants to be drawn again after this time.
+    /// Request of egui to be drawn again after this time.
     Repaint(Duration),
-    /// An assistive technology wants to read the window or to act in it.
+    /// An assistive technology reads the window or acts in it.
     #[cfg(feature = "accesskit")]
     Assistance(egui_winit::accesskit_winit::WindowEvent),
 }
 
-/// The first file; dropped files and further ones count from 1.
+/// Number of the first file; dropped files and further opened ones count from 1.
 const FIRST: u64 = 0;
 
-/// Opens the window and stays until it is closed. The text says what is missing.
+/// Opens the window, and returns when it is closed. The error says what is missing.
 pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     let source = asked.first.map(|input| asked.files.source(input)).transpose()?;
     let event_log = EventLog::new(asked.event_log);
@@ -85,7 +85,7 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     #[cfg(unix)]
     {
         let proxy = proxy.clone();
-        // Without it the signal ends the program as usual.
+        // The signal ends the program as usual if it cannot be watched.
         let _ = termination::watch(move || drop(proxy.send_event(News::Close)));
     }
     let registry = program.registry.clone();
@@ -143,7 +143,7 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     let ran = start::run(events, &mut app);
     app.remember();
     if let Err(error) = ran {
-        // After an error the objects of the window system can no longer be freed.
+        // The objects of the window system can no longer be freed after an error.
         #[cfg(target_os = "linux")]
         lost_display::leave(&error);
         #[cfg(not(target_os = "linux"))]
@@ -161,7 +161,7 @@ fn sending_frames(
     proxy: &EventLoopProxy<News>,
 ) -> Result<FrameRenderer, ViewerError> {
     let proxy = proxy.clone();
-    // After the window is closed, nothing receives the image; here and below.
+    // Sending fails only if the window no longer exists; here and below.
     let report = move |reply| drop(proxy.send_event(News::Frame(Box::new(reply))));
     FrameRenderer::start(renderer, report).map_err(ViewerError::Thread)
 }
@@ -184,48 +184,48 @@ struct ViewerWindow {
     panels: Panels,
     settings: Writing,
     settings_file: Option<PathBuf>,
-    /// The preset of keys as it is in their file.
+    /// Preset of the keyboard shortcuts in their file.
     written_preset: String,
-    /// Time and play state to begin with, until the first version is there.
+    /// Initial time in seconds and play state, until the first version arrives.
     begin: Option<(f64, bool)>,
     frame_renderer: FrameRenderer,
     source: SceneSource,
     options: FileOptions,
     device: Device,
     registry: Registry,
-    /// The session of the file that is shown; `None` on the start page.
+    /// Session of the open file. `None` on the start page.
     live: Option<SessionThread>,
-    /// Its number.
+    /// Number of the open file.
     own_number: u64,
-    /// The session that shows dropped files.
+    /// Session that previews dropped files.
     guest: Option<SessionThread>,
-    /// The session that reads models which were dropped on a viewport, and its number.
+    /// Session that reads models dropped on a viewport, with its number and the models.
     placing: Option<(u64, SessionThread, DroppedModels)>,
-    /// How many there were: versions of those before are late.
+    /// Number of the newest session; versions of older dropped files are outdated.
     guests: u64,
-    /// The script's newest version, to come back to when the guest leaves.
+    /// Newest good version of the script, displayed again when the preview of dropped files is closed.
     own: Option<SceneVersion>,
     checker: Checker,
-    /// The newest scene of the script, to be examined once it is seen.
+    /// Newest scene of the script that was not checked yet; checked after its first image.
     unchecked: Option<Arc<Scene>>,
     proxy: EventLoopProxy<News>,
     open: Option<Open>,
-    /// Frames that are drawn and not yet on the screen, by view.
+    /// Rendered frames that are not on the screen yet, by view.
     frames: BTreeMap<usize, Frame>,
-    /// Changes of shaders that the painter knows of.
+    /// Number of shader changes that were passed on to the renderer.
     reloads: u64,
     clock: Instant,
     last_asked: Option<Instant>,
     wake_at: Option<Instant>,
-    /// Frames of the window so far.
+    /// Number of frames of the window so far.
     drawn: u64,
-    /// A button of the mouse went down or up since the panels were drawn last.
+    /// Whether a mouse button was pressed or released since the panels were drawn last.
     pressed: bool,
     /// Whether something else covers the window.
     covered: bool,
     lose: Vec<u64>,
     event_log: EventLog,
-    /// Failures in a row.
+    /// Number of consecutive failures.
     failures: u32,
     failed: Option<ViewerError>,
 }
@@ -241,13 +241,13 @@ impl ViewerWindow {
         }
     }
 
-    /// Minimised or covered: nothing is drawn, and none is requested, until the window is seen again.
+    /// Whether the window is minimized or covered. A hidden window is not drawn, and no frames are requested for it.
     fn is_hidden(&self) -> bool {
         let minimized = |open: &Open| open.window.is_minimized() == Some(true);
         self.covered || self.open.as_ref().is_some_and(minimized)
     }
 
-    /// Remembers the layout of the panels for the next window.
+    /// Saves the settings, including the layout of the panels, and the shortcuts.
     fn remember(&mut self) {
         self.keep_shortcuts();
         let now = self.present_settings();
@@ -256,7 +256,7 @@ impl ViewerWindow {
         }
     }
 
-    /// Writes keys that were chosen, each at once.
+    /// Saves changed keyboard shortcuts at once.
     fn keep_shortcuts(&mut self) {
         let Some(file) = &self.settings_file else { return };
         let shortcuts = &mut self.viewer.shortcuts;
@@ -276,7 +276,7 @@ impl ViewerWindow {
         Settings { recent: recent.clone(), tempos: tempos.clone(), ..self.panels.settings() }
     }
 
-    /// Writes the layout once it has rested, so that it is not lost with a program that is killed.
+    /// Saves the settings when they have not changed for some time, so that they are not lost if the program is killed.
     fn keep_settings(&mut self) {
         if self.settings_file.is_none() {
             return;
@@ -290,7 +290,7 @@ impl ViewerWindow {
         }
     }
 
-    /// Moves the playhead on and requests the frames that are due.
+    /// Advances the playhead, and requests the frames that are due.
     fn advance(&mut self) {
         if self.is_hidden() {
             return;
@@ -311,7 +311,7 @@ impl ViewerWindow {
             self.last_asked = Some(Instant::now());
             self.frame_renderer.ask(asked);
         }
-        // A frame on its way wakes us itself.
+        // A frame that is being rendered wakes the window itself.
         if let Some(due) = due.filter(|_| !self.viewer.is_waiting()) {
             self.wake_in(Duration::from_secs_f64(due.clamp(0.001, 1.0)));
         }
@@ -374,7 +374,7 @@ impl ViewerWindow {
                     }
                 }
                 if open.painter.pictures() != textures {
-                    // The panels did not know it yet.
+                    // The panels do not show the new texture yet.
                     self.redraw();
                 }
             }
@@ -392,7 +392,7 @@ impl ViewerWindow {
         }
     }
 
-    /// Reads models that were dropped on a viewport, to put them on stage.
+    /// Starts a session that reads models dropped on a viewport, to add them to the scene.
     fn place_models(&mut self) {
         let Some(models) = self.viewer.dropped_models.take() else { return };
         let Some((source, _)) = SceneSource::of_models(models.files.clone(), &self.source) else { return };
@@ -403,7 +403,7 @@ impl ViewerWindow {
         }
     }
 
-    /// Shows files that were dropped; sends them away again.
+    /// Previews dropped files, and closes the preview on request.
     fn guests(&mut self) {
         self.place_models();
         let dropped = SceneSource::of_models(std::mem::take(&mut self.viewer.dropped), &self.source);
@@ -435,7 +435,7 @@ impl ViewerWindow {
             return self.viewer.edit(|v| v.add_models(&models, &version));
         }
         if whose == self.own_number {
-            // A faulty one leaves the last good one to come back to.
+            // A faulty version does not replace the last good one.
             if version.scene.is_some() || self.own.is_none() {
                 self.own = Some(version.clone());
             }
@@ -459,7 +459,7 @@ impl ViewerWindow {
         }
     }
 
-    /// Examines the newest scene once an image has come, so that it is seen no later.
+    /// Checks the newest scene after its first image, so that the check does not delay the image.
     fn check(&mut self) {
         let Some(scene) = self.unchecked.take() else { return };
         let (proxy, whose, number) = (self.proxy.clone(), self.own_number, scene.number);
@@ -499,10 +499,10 @@ impl ViewerWindow {
         }
     }
 
-    /// Takes a window that has just been opened, and says so where its panels are drawn on the CPU.
+    /// Takes a newly opened window, and tells the user if its panels are drawn on the CPU.
     fn opened(&mut self, open: Open) {
         let why = open.no_vulkan.as_ref();
-        // A driver that draws on the CPU is not missed.
+        // Drawing on the CPU by choice, because the Vulkan driver would do the same, is not reported.
         let missed = why.filter(|why| !matches!(why, GpuError::Slower(_)));
         self.viewer.without_vulkan = missed.map(|why| format!("the window is drawn on the CPU: {why}"));
         self.viewer.window_device = match (&open.painter, why) {
@@ -513,10 +513,10 @@ impl ViewerWindow {
         self.open = Some(open);
     }
 
-    /// A lost device or surface: made afresh once; what is shown and where stays.
+    /// Handles a lost device or surface: creates a new one, up to two times in a row. The displayed state is kept.
     fn begin_again(&mut self, error: &str, events: &ActiveEventLoop) {
         self.failures += 1;
-        // A window has one surface at a time: the old one goes here.
+        // A window has only one surface at a time, so the old one is dropped first.
         let shown = self.open.take().and_then(Open::close);
         let again = match shown {
             Some(shown) if self.failures < 3 => {
@@ -527,7 +527,7 @@ impl ViewerWindow {
         match again {
             Ok(open) => {
                 self.opened(open);
-                // The new device has no image yet, and its context no colors.
+                // The new device has no images yet, and the new egui context no colors.
                 self.viewer.views.iter_mut().for_each(|view| view.asked = None);
                 self.panels.forget_context();
                 self.redraw();
@@ -544,7 +544,7 @@ impl ApplicationHandler<News> for ViewerWindow {
     fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
         if matches!(cause, StartCause::ResumeTimeReached { .. }) {
             self.wake_at = None;
-            // A window that is not seen is not drawn.
+            // A hidden window is not drawn, so the settings are saved here.
             self.keep_settings();
             self.redraw();
         }
@@ -559,7 +559,7 @@ impl ApplicationHandler<News> for ViewerWindow {
             .with_inner_size(LogicalSize::new(1280.0, 860.0))
             .with_min_inner_size(LogicalSize::new(320.0, 200.0))
             .with_visible(false);
-        // The name of the desktop entry, by which desktops find the window's icon.
+        // Name of the desktop entry, by which desktops find the icon of the window.
         #[cfg(target_os = "linux")]
         let attributes = attributes.with_name(format!("{}-view", self.program), self.program);
         let window = events.create_window(attributes).map_err(|e| e.to_string());
@@ -589,7 +589,7 @@ impl ApplicationHandler<News> for ViewerWindow {
             }
             News::Frame(reply) => {
                 self.take_frame(*reply);
-                // The next is drawn while this one goes to the screen.
+                // The next frame is rendered while this one is presented.
                 self.advance();
                 self.redraw();
             }
@@ -609,8 +609,8 @@ impl ApplicationHandler<News> for ViewerWindow {
 
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, mut event: WindowEvent) {
         if let WindowEvent::MouseInput { .. } | WindowEvent::CursorMoved { .. } = event {
-            // egui asks where the mouse is at the end of a frame, not where it was when a button went down or up: on a busy machine a
-            // drag would take hold of what lies further on, or of nothing.
+            // egui reads the position of the mouse at the end of a frame, not at the press or release of a button: on a busy machine a drag would
+            // grab the wrong object or none.
             if std::mem::take(&mut self.pressed) {
                 self.draw(events);
             }
@@ -618,7 +618,7 @@ impl ApplicationHandler<News> for ViewerWindow {
         }
         let Some(open) = &mut self.open else { return };
         if matches!(event, WindowEvent::CursorMoved { .. }) {
-            // While a file is dragged the mouse belongs to where it comes from, which may have ended without a word.
+            // While a file is dragged, its source owns the mouse, and may end the drag without an event.
             open.input.egui_input_mut().hovered_files.clear();
         }
         match &mut event {
@@ -653,7 +653,7 @@ impl ApplicationHandler<News> for ViewerWindow {
     }
 
     fn exiting(&mut self, _: &ActiveEventLoop) {
-        // While the window system is still there.
+        // The window must be dropped while the window system still exists.
         self.open = None;
     }
 }

@@ -1,4 +1,4 @@
-//! The window with what belongs to it; its scale, which can change while it is open.
+//! The open window: its input, its painter and its scale factor, which can change.
 
 use super::News;
 #[cfg(feature = "accesskit")]
@@ -11,34 +11,34 @@ use winit::event::InnerSizeWriter;
 use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
 use winit::window::Window;
 
-/// The window, what translates its events, and what draws into it.
+/// The window, the translation of its events, and the painter that draws into it.
 pub struct Open {
     pub egui: egui::Context,
     pub input: egui_winit::State,
-    // Before the window, whose surface it draws on.
+    // Dropped before the window, whose surface it draws on.
     pub painter: Painter,
     pub window: Arc<Window>,
-    /// Pixels a point of the screen, as reported last: on X11 `Window::scale_factor` may know it only after the window was moved.
+    /// Scale factor, pixels per point, as reported last. On X11 `Window::scale_factor` may return it only after the window was moved.
     pub scale: f64,
-    /// Why Vulkan does not draw the window, where it was wanted and does not.
+    /// Reason why Vulkan does not draw the window, although it was wanted.
     pub no_vulkan: Option<GpuError>,
-    /// Whether an assistive technology has asked for what is in the window.
+    /// Whether an assistive technology has requested the content of the window.
     #[cfg(feature = "accesskit")]
     pub is_read: bool,
 }
 
-/// A window on the screen, before anything draws into it. It outlives a lost device.
+/// A window on the screen without a painter. It survives the loss of a device.
 pub struct Shown {
     window: Arc<Window>,
     #[cfg(feature = "accesskit")]
     adapter: Adapter,
-    /// Whether an assistive technology has asked for what is in the window.
+    /// Whether an assistive technology has requested the content of the window.
     #[cfg(feature = "accesskit")]
     is_read: bool,
 }
 
 impl Shown {
-    /// `window`: not visible yet.
+    /// Shows a window. `window`: not visible yet.
     #[cfg_attr(not(feature = "accesskit"), expect(unused_variables))]
     pub fn new(window: Window, events: &ActiveEventLoop, proxy: &EventLoopProxy<News>) -> Shown {
         #[cfg(feature = "accesskit")]
@@ -55,7 +55,7 @@ impl Shown {
 }
 
 impl Open {
-    /// Lets go of everything that draws into the window; `None` where it has none left.
+    /// Drops everything that draws into the window. `None` if the accessibility adapter is missing.
     #[cfg_attr(not(feature = "accesskit"), expect(unused_mut))]
     pub fn close(mut self) -> Option<Shown> {
         Some(Shown {
@@ -105,7 +105,7 @@ impl Open {
         })
     }
 
-    /// The input events since the last call, in points of the current scale.
+    /// Input events since the last call, in points of the current scale.
     pub fn taken(&mut self) -> egui::RawInput {
         let mut input = self.input.take_egui_input(&self.window);
         if self.scale != self.window.scale_factor() {
@@ -119,10 +119,10 @@ impl Open {
         input
     }
 
-    /// Takes another scale; the window keeps its size in points. X11 may report a change twice, and would enlarge the window twice.
+    /// Sets another scale factor; the window keeps its size in points. X11 may report a change twice, which must not enlarge the window twice.
     pub(crate) fn rescale(&mut self, scale: f64, size: &mut InnerSizeWriter) {
         if scale == self.scale {
-            // One that comes too late leaves it as it is.
+            // A request that comes too late has no effect.
             let _ = size.request_inner_size(self.window.inner_size());
         }
         self.scale = scale;

@@ -1,4 +1,4 @@
-//! The two ways in which the window is drawn: by Vulkan, else on the CPU.
+//! Draws the window by Vulkan, or else on the CPU.
 
 use super::gpu::Gpu;
 use super::gpu_error::GpuError;
@@ -17,7 +17,7 @@ pub(crate) enum PaintError {
     Gpu(#[from] GpuError),
     #[error("pixels of the window: {0}")]
     Software(#[from] SoftBufferError),
-    /// Neither way is open.
+    /// Neither Vulkan nor the CPU can draw the window.
     #[error("{gpu}; pixels of the window: {software}")]
     Neither { gpu: GpuError, software: SoftBufferError },
 }
@@ -28,7 +28,7 @@ pub(crate) enum Painter {
 }
 
 impl Painter {
-    /// Gives it with the reason, where Vulkan was wanted and does not draw.
+    /// Also returns the reason if Vulkan was wanted but cannot draw the window.
     pub fn new(window: &Arc<Window>, device: Device) -> Result<(Painter, Option<GpuError>), PaintError> {
         if device == Device::Cpu {
             return Ok((Painter::Software(Box::new(Software::new(window)?)), None));
@@ -36,7 +36,7 @@ impl Painter {
         let named = device == Device::Vulkan;
         match Gpu::new(window, named) {
             Ok(gpu) => Ok((Painter::Vulkan(Box::new(gpu)), None)),
-            // A device that is named is the only one wanted.
+            // Vulkan was requested by name, so there is no fallback.
             Err(gpu) if named => Err(gpu.into()),
             Err(gpu) => match Software::new(window) {
                 Ok(software) => Ok((Painter::Software(Box::new(software)), Some(gpu))),
@@ -45,7 +45,7 @@ impl Painter {
         }
     }
 
-    /// Pixels of the largest texture's side.
+    /// Largest width or height of a texture, pixels.
     pub(crate) fn largest_texture(&self) -> usize {
         match self {
             Painter::Vulkan(gpu) => gpu.largest_texture(),
@@ -53,7 +53,7 @@ impl Painter {
         }
     }
 
-    /// Textures with the last frame of each view, once there was one.
+    /// Texture with the last frame of each view, if it has one.
     pub fn pictures(&self) -> Vec<Option<TextureId>> {
         match self {
             Painter::Vulkan(gpu) => gpu.pictures(),
@@ -61,8 +61,8 @@ impl Painter {
         }
     }
 
-    /// Draws one frame of the window. `frames`: new images of views; `before`: called right before it is shown. Gives whether
-    /// it was drawn: a window without a pixel, as one that is minimised can be, keeps its images waiting.
+    /// Draws one frame of the window. `frames`: new images of views; `before`: called directly before presenting. Returns whether the frame was
+    /// drawn: a window without pixels, such as a minimized one, keeps its images waiting.
     pub fn draw(
         &mut self,
         window: [u32; 2],

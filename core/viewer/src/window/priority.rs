@@ -1,10 +1,10 @@
-//! Threads that compute images come after the thread of the window, which then answers the mouse while a frame takes a second.
+//! Lowers the priority of rendering threads, so that the window's thread answers the mouse while a frame takes a second.
 
-/// Steps of niceness (`man 7 sched`): beside a thread of the window that has something to do, another gets a quarter of a core.
+/// Increase of the nice value (`man 7 sched`): next to a busy window thread, such a thread gets a quarter of a core.
 #[cfg(target_os = "linux")]
 const STEPS: i32 = 5;
 
-/// Lowers the priority of the calling thread and of those that share parallel work.
+/// Lowers the priority of the calling thread and of the thread pool for parallel work.
 pub(crate) fn after_the_window() {
     lower();
     #[cfg(target_os = "linux")]
@@ -13,7 +13,7 @@ pub(crate) fn after_the_window() {
 
 /// Lowers the priority of the calling thread.
 pub(crate) fn lower() {
-    // On Linux niceness is that of a thread. Where it cannot be changed, all are equals.
+    // Each thread has its own nice value on Linux. If it cannot be changed, all threads have equal priority.
     #[cfg(target_os = "linux")]
     let _ = rustix::process::nice(STEPS);
 }

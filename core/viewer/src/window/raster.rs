@@ -1,6 +1,6 @@
-//! Triangles of egui as pixels, on the CPU, for a window that no Vulkan driver can draw. Colors are blended as egui intends it: premultiplied,
-//! in sRGB. A pixel belongs to a triangle that holds its center; of two triangles with a common edge it belongs to exactly one, because
-//! both compute the same end of a row from that edge, and rows are half-open.
+//! CPU rasterizer of egui's triangles, for a window that no Vulkan driver can draw. Colors are blended as egui expects: premultiplied alpha, in
+//! sRGB. A pixel belongs to a triangle that contains its center. Of two triangles with a common edge it belongs to exactly one, because both
+//! compute the same end of a row from that edge, and the spans of rows are half-open.
 
 use egui::epaint::{ImageDelta, Primitive, Vertex};
 use egui::{ClippedPrimitive, Color32, ImageData, Pos2, Rect, TextureFilter, TextureId, TexturesDelta};
@@ -16,7 +16,7 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// An opaque image of rows of red, green, blue and alpha. `old`: a texture whose memory is taken.
+    /// An opaque texture from rows of RGBA bytes, whose alpha is ignored. `old`: a texture whose memory is reused.
     pub fn opaque(old: Option<Texture>, width: u32, height: u32, rgba: &[u8]) -> Texture {
         let mut pixels = old.map(|old| old.pixels).unwrap_or_default();
         pixels.clear();
@@ -24,7 +24,7 @@ impl Texture {
         Texture { width: width as usize, height: height as usize, pixels, nearest: false }
     }
 
-    /// The color at a place, 0 to 1, between the four nearest pixels; the edge goes on outside.
+    /// Bilinear sample at texture coordinates from 0 to 1, clamped to the edge. RGBA, 0 to 255.
     fn color(&self, at: Vec2) -> Vec4 {
         let (x, y) = (at.x * self.width as f32 - 0.5, at.y * self.height as f32 - 0.5);
         let part = |at: f32, size: usize| {
@@ -35,7 +35,7 @@ impl Texture {
         let (x0, x1, fx) = part(x, self.width);
         let (y0, y1, fy) = part(y, self.height);
         let at = |x: usize, y: usize| color(self.pixels[y * self.width + x]);
-        // A pixel of the image for each of the screen: the same bytes.
+        // If texels map to pixels one to one, the bytes are used unchanged.
         const EXACT: f32 = 1.0 / 256.0;
         let near = |f: f32| !(EXACT..=1.0 - EXACT).contains(&f);
         if self.nearest || (near(fx) && near(fy)) {
@@ -60,9 +60,9 @@ impl Textures {
         self.0.insert(id, make(old));
     }
 
-    /// Takes over what has changed, and empties the list but for textures to free, which the frame may still use.
+    /// Applies changed textures and empties their list. Textures to free stay in the list, since the frame may still use them.
     pub fn change(&mut self, delta: &mut TexturesDelta) {
-        // Emptied at once: egui takes it for a fault if one is dropped with something left in it.
+        // The list is emptied at once: egui reports an error if it is dropped with content.
         for (id, deltas) in std::mem::take(&mut delta.set) {
             deltas.into_iter().for_each(|delta| self.set(id, delta));
         }
@@ -96,15 +96,15 @@ impl Textures {
     }
 }
 
-/// The pixels of some rows of a window, 0x00RRGGBB.
+/// Some rows of pixels of a window, 0x00RRGGBB.
 struct Target<'a> {
     width: usize,
-    /// The number of the first row.
+    /// Index of the first row.
     top: usize,
     pixels: &'a mut [u32],
 }
 
-/// Draws triangles over all pixels of a window of this width; its rows are shared by threads.
+/// Draws triangles into a window, with its rows divided among threads.
 pub fn draw(
     pixels: &mut [u32],
     width: usize,
@@ -125,11 +125,11 @@ pub fn draw(
     });
 }
 
-/// Further threads find little to do.
+/// More threads find little to do.
 const MOST_THREADS: usize = 8;
 
 impl Target<'_> {
-    /// Draws triangles over what is there.
+    /// Draws triangles over the existing pixels.
     fn draw(&mut self, primitives: &[ClippedPrimitive], pixels_per_point: f32, textures: &Textures) {
         for ClippedPrimitive { clip_rect, primitive } in primitives {
             let Primitive::Mesh(mesh) = primitive else { continue };
@@ -152,7 +152,7 @@ impl Target<'_> {
         }
     }
 
-    /// Left, top, right and bottom in whole pixels of the window, within this target.
+    /// Left, top, right and bottom of a clip rectangle in whole pixels of the window, limited to this target.
     fn clip(&self, rect: Rect) -> [usize; 4] {
         let within = |at: f32, [low, high]: [usize; 2]| at.round().clamp(low as f32, high as f32) as usize;
         let (columns, rows) = ([0, self.width], [self.top, self.top + self.pixels.len() / self.width.max(1)]);
@@ -188,7 +188,7 @@ impl Target<'_> {
     }
 }
 
-/// The pixels whose centers lie in [low, high), and within the clipped range.
+/// Pixels whose centers lie in [low, high), limited to `from..until`.
 fn pixels(low: f32, high: f32, from: usize, until: usize) -> std::ops::Range<usize> {
     let first = |at: f32| {
         let at = (at - 0.5).clamp(from as f32, until.max(from) as f32);
@@ -198,29 +198,29 @@ fn pixels(low: f32, high: f32, from: usize, until: usize) -> std::ops::Range<usi
     first(low)..first(high)
 }
 
-/// An edge of a triangle, by its upper end.
+/// An edge of a triangle, given by its upper end.
 struct Edge {
     from: Pos2,
-    /// Change of x in a row.
+    /// Change of x per row.
     slope: f32,
 }
 
 impl Edge {
-    /// The same of both triangles that have the edge, whichever end is first.
+    /// The edge between two vertices, the same for both triangles that share it.
     fn new(a: Pos2, b: Pos2) -> Edge {
-        // Vertices at the same height come in any order, and have no crossing between them.
+        // A horizontal edge may have its vertices in any order, and is crossed by no row center.
         let (a, b) = if (a.y, a.x) <= (b.y, b.x) { (a, b) } else { (b, a) };
         let slope = if b.y <= a.y { 0.0 } else { (b.x - a.x) / (b.y - a.y) };
         Edge { from: a, slope }
     }
 
-    /// Place at which it crosses the middle of a row.
+    /// X coordinate of the edge at the center of a row.
     fn crossing(&self, y: f32) -> f32 {
         self.from.x + (y - self.from.y) * self.slope
     }
 }
 
-/// A value over a triangle: at a vertex, and its change a pixel to the right and down.
+/// Linear interpolation over a triangle: the value at a vertex, and its change per pixel to the right and down.
 #[derive(Clone, Copy)]
 struct Plane<T> {
     at: T,
@@ -228,7 +228,7 @@ struct Plane<T> {
     down: T,
 }
 
-/// The area of a triangle by its edges from the first vertex.
+/// Edges of a triangle from its first vertex, and its area.
 struct Area {
     to_b: egui::Vec2,
     to_c: egui::Vec2,
@@ -241,7 +241,7 @@ where
     T: Copy + PartialEq + std::ops::Sub<Output = T> + std::ops::Add<Output = T>,
     T: std::ops::Mul<f32, Output = T> + std::ops::Div<f32, Output = T>,
 {
-    /// `None` where the value is the same at all vertices.
+    /// Interpolation of values at the vertices. `None` if they are all equal.
     fn new([a, b, c]: [T; 3], area: &Area) -> Option<Plane<T>> {
         if a == b && a == c {
             return None;
@@ -257,19 +257,19 @@ where
     }
 }
 
-/// Colors of one triangle.
+/// Interpolated colors of one triangle.
 struct Paint<'a> {
     origin: Pos2,
     texture: &'a Texture,
-    /// Premultiplied, 0 to 255; `None` where it is the same everywhere.
+    /// Vertex colors, premultiplied, 0 to 255. `None` if they are all equal.
     tint: Option<Plane<Vec4>>,
     place: Option<Plane<Vec2>>,
-    /// Values at the first vertex: the tint and the texture's color.
+    /// Vertex color and texel at the first vertex.
     first: (Vec4, Vec4),
 }
 
 impl Paint<'_> {
-    /// `None` for a triangle without an area.
+    /// `None` for a triangle without area.
     fn new<'a>(vertices: &[Vertex; 3], texture: &'a Texture) -> Option<Paint<'a>> {
         let [a, b, c] = vertices;
         let (to_b, to_c) = (b.pos - a.pos, c.pos - a.pos);
@@ -287,7 +287,7 @@ impl Paint<'_> {
         })
     }
 
-    /// Draws pixels beside each other, the first of them with its center at `x`.
+    /// Draws a row of pixels, the first with its center at `x`.
     fn row(&self, row: &mut [u32], x: f32, y: f32) {
         let (dx, dy) = (x - self.origin.x, y - self.origin.y);
         let (tint, texel) = self.first;
@@ -314,7 +314,7 @@ impl Paint<'_> {
     }
 }
 
-/// Alpha from which a color covers all that is below it.
+/// Alpha above which a color is drawn as opaque.
 const OPAQUE: f32 = 254.5;
 
 fn product(a: Vec4, b: Vec4) -> Vec4 {
@@ -322,7 +322,7 @@ fn product(a: Vec4, b: Vec4) -> Vec4 {
 }
 
 fn paint(pixel: &mut u32, color: Vec4) {
-    // Most of a letter's square is empty.
+    // Most pixels of a glyph's quad are empty.
     if color != Vec4::ZERO {
         *pixel = if color.w >= OPAQUE { packed(color) } else { over(color, *pixel) };
     }
@@ -364,7 +364,7 @@ mod tests {
         pixels
     }
 
-    /// Marsaglia's xorshift (2003), 0 to 1.
+    /// Random numbers from 0 to 1 (Marsaglia's xorshift, 2003).
     struct Chance(u64);
 
     impl Chance {
@@ -376,7 +376,7 @@ mod tests {
         }
     }
 
-    /// Truth: the sign of three cross products in f64. Centers within a hair of an edge may go either way.
+    /// Ground truth: the signs of three cross products in f64. Centers extremely close to an edge may go either way.
     #[test]
     fn a_triangle_covers_the_pixels_whose_centers_it_holds() {
         let mut chance = Chance(7);
@@ -403,7 +403,7 @@ mod tests {
         }
     }
 
-    /// Triangles around a point, half transparent: where two of them covered a pixel it would be brighter, and where none did, dark.
+    /// Half-transparent triangles around a point: a pixel covered by two of them would be brighter, and one covered by none darker.
     #[test]
     fn triangles_with_common_edges_cover_each_pixel_once() {
         let mut chance = Chance(99);
@@ -420,7 +420,7 @@ mod tests {
         }
     }
 
-    /// Truth: the closed form of a gradient, and of blending, in f64.
+    /// Ground truth: the closed forms of a gradient and of blending, in f64.
     #[test]
     fn colors_are_interpolated_and_blended() {
         let mut mesh = Mesh::default();
@@ -447,7 +447,7 @@ mod tests {
         }
     }
 
-    /// An image pixel on pixel keeps its bytes, also beside the origin; one drawn twice as large has the means between its pixels.
+    /// An image drawn pixel by pixel keeps its bytes, also away from the origin; at twice the size it has the means of neighboring pixels.
     #[test]
     fn images_keep_their_bytes() {
         let rgba: Vec<u8> = (0..64).flat_map(|i| [i as u8 * 4, 255 - i as u8, 7, 0]).collect();

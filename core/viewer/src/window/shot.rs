@@ -1,4 +1,4 @@
-//! A viewport's image as a file, whole or not at all.
+//! Saves the image of a viewport to a file, completely or not at all.
 
 use super::error::SaveError;
 use choreo_files::PartFile;

@@ -1,5 +1,5 @@
-//! Frames of the window without Vulkan: egui's triangles as pixels, which go to the window system as they are. On the window's own
-//! thread and helpers of its own, because the threads of the pool may draw a frame of the scene for a second.
+//! Draws the window without Vulkan: egui's triangles are rasterized and handed to the window system. It uses the window's thread and its own helper
+//! threads, because the thread pool may be busy with a frame of the scene for a second.
 
 use super::raster::{self, Texture, Textures};
 use choreo_plugin::Frame;
@@ -10,13 +10,13 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 use winit::window::Window;
 
-/// Pixels of the largest texture's side: that of egui's letters.
+/// Largest width or height of a texture, pixels: that of egui's font atlas.
 pub(crate) const LARGEST_TEXTURE: usize = 4096;
 
 pub struct Software {
     surface: Surface<Arc<Window>, Arc<Window>>,
     textures: Textures,
-    /// Textures with the last frame of each view, once there was one.
+    /// Texture with the last frame of each view, if it has one.
     pictures: Vec<Option<TextureId>>,
 }
 
@@ -31,7 +31,7 @@ impl Software {
         self.pictures.clone()
     }
 
-    /// Draws one frame of the window, as [`super::gpu::Gpu::draw`].
+    /// Draws one frame of the window, like [`super::gpu::Gpu::draw`].
     pub fn draw(
         &mut self,
         size: [u32; 2],

@@ -1,4 +1,4 @@
-//! Messages about libraries that are missing when a window is to be opened, with the package that has them.
+//! Event loop and renderer at startup, with messages that name the package of a missing library.
 
 use super::News;
 use super::error::ViewerError;
@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use winit::application::ApplicationHandler;
 use winit::event_loop::EventLoop;
 
-/// (part of the system's words, Debian and Ubuntu packages)
+/// Part of the system's error message, and the Debian and Ubuntu packages that fix it.
 const PACKAGES: [(&str, &str); 8] = [
     ("xkbcommon-x11", "libxkbcommon-x11-0 libxkbcommon0"),
     ("xkbcommon", "libxkbcommon0 libxkbcommon-x11-0"),
@@ -24,7 +24,7 @@ const PACKAGES: [(&str, &str); 8] = [
     ("libXi", "libxi6"),
     ("libX11-xcb", "libx11-xcb1"),
     ("libX11", "libx11-6 libx11-xcb1 libxcursor1 libxi6"),
-    // winit does not say which of them.
+    // The message of winit does not name the missing library.
     ("xlib's shared libraries", "libx11-6 libx11-xcb1 libxcursor1 libxi6"),
     ("wayland library", "libwayland-client0"),
 ];
@@ -35,14 +35,14 @@ pub(crate) fn event_loop() -> Result<EventLoop<News>, ViewerError> {
     if !windows && !set("DISPLAY") && !set("WAYLAND_DISPLAY") && !set("WAYLAND_SOCKET") {
         return Err(no_window("there is no display: neither WAYLAND_DISPLAY nor DISPLAY is set"));
     }
-    // xkbcommon-dl panics where the library is missing; its words are ours.
+    // xkbcommon-dl panics if the library is missing; the panic is reported as our own error.
     let hook = take_hook();
     set_hook(Box::new(|_| ()));
     let made = catch_unwind(|| {
         let mut builder = EventLoop::<News>::with_user_event();
         #[cfg(target_os = "linux")]
         if set("DISPLAY") && !set("WAYLAND_SOCKET") && set("WAYLAND_DISPLAY") && !wayland_answers() {
-            // winit takes Wayland for there where its variable is set, and may be asked only once.
+            // winit chooses Wayland if its variable is set, and an event loop can only be created once.
             winit::platform::x11::EventLoopBuilderExtX11::with_x11(&mut builder);
         }
         builder.build()
@@ -55,8 +55,8 @@ pub(crate) fn event_loop() -> Result<EventLoop<News>, ViewerError> {
     }
 }
 
-/// Whether a compositor listens where `WAYLAND_DISPLAY` has it (`man wl_display_connect`): a variable that is left over, or passed on into a
-/// container without the socket, is no Wayland.
+/// Whether a compositor listens at the socket of `WAYLAND_DISPLAY` (`man wl_display_connect`). The variable may be left over, or passed into a
+/// container without the socket.
 #[cfg(target_os = "linux")]
 fn wayland_answers() -> bool {
     let name = PathBuf::from(std::env::var_os("WAYLAND_DISPLAY").unwrap_or_default());
@@ -64,8 +64,8 @@ fn wayland_answers() -> bool {
     std::os::unix::net::UnixStream::connect(folder.join(name)).is_ok()
 }
 
-/// Runs the window. A display that goes away is a panic inside winit (its X11 window unwraps every answer of the server); here it is
-/// an error, whose text names what is missing.
+/// Runs the event loop. If the display disappears, winit panics (its X11 window unwraps every reply of the server); this function returns an error
+/// instead.
 pub fn run(events: EventLoop<News>, app: &mut impl ApplicationHandler<News>) -> Result<(), ViewerError> {
     let gone = Arc::new(AtomicBool::new(false));
     let usual = take_hook();
@@ -93,7 +93,7 @@ fn panic_message(panic: &(dyn Any + Send)) -> &str {
     text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("a library is missing")
 }
 
-/// `why`: in the system's words, or with a hint of its own.
+/// Error about a window that cannot be opened. `why`: message of the system.
 pub(crate) fn no_window(why: &str) -> ViewerError {
     let why = without_place(why);
     let package = PACKAGES.iter().find(|(part, _)| why.contains(part));
@@ -103,13 +103,13 @@ pub(crate) fn no_window(why: &str) -> ViewerError {
     ))
 }
 
-/// winit reports where in its own source an error was met.
+/// The message without the position in winit's source, which winit prepends.
 fn without_place(why: &str) -> &str {
     let place = why.strip_prefix("os error at ").and_then(|rest| rest.split_once(".rs:"));
     place.and_then(|(_, rest)| rest.split_once(": ")).map_or(why, |(_, words)| words)
 }
 
-/// The renderer that `choreo render` would use. Own shaders are Vulkan's, so that they take its software driver, too.
+/// Starts the renderer that `choreo render` would use. Custom shaders require Vulkan, so that a software driver is accepted for them, too.
 pub fn renderer(
     effects: Vec<Effect>,
     shaders: Option<PathBuf>,
@@ -155,7 +155,7 @@ mod tests {
         assert!(text.contains("apt install libx11-6 libx11-xcb1 libxcursor1 libxi6\n"), "{text}");
         assert!(no_window("libX11.so.6: cannot open").contains("libx11-6"));
         assert!(no_window("The wayland library could not be loaded").contains("libwayland-client0"));
-        // Nothing is missing but what would show the window.
+        // No library is missing here, only a compositor.
         assert!(!no_window("Could not find wayland compositor").contains("apt"));
         assert!(!no_window("something else").contains("apt"));
     }

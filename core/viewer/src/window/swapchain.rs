@@ -1,4 +1,4 @@
-//! The images that the window shows.
+//! Swapchain of the window.
 
 use super::gpu_error::{GpuError, Named};
 use super::image::whole;
@@ -9,14 +9,14 @@ pub(crate) struct Swapchain {
     raw: vk::SwapchainKHR,
     pub images: Vec<vk::Image>,
     pub views: Vec<vk::ImageView>,
-    /// Semaphores, one an image: signalled when it has been drawn.
+    /// One semaphore per image, signalled when the image has been drawn.
     pub drawn: Vec<vk::Semaphore>,
     pub extent: vk::Extent2D,
-    /// Size of the window for which it was made.
+    /// Size of the window that the swapchain was created for, pixels.
     pub window: [u32; 2],
 }
 
-/// The format of a surface: sRGB if it has one, so that blending is linear and the image's bytes are shown unchanged.
+/// Format of a surface, sRGB if available, so that blending is linear and the bytes of images are shown unchanged.
 pub(crate) fn surface_format(formats: &[vk::SurfaceFormatKHR]) -> Option<vk::SurfaceFormatKHR> {
     let wanted = [
         vk::Format::B8G8R8A8_SRGB,
@@ -38,7 +38,7 @@ impl Swapchain {
         format: vk::SurfaceFormatKHR,
         window: [u32; 2],
     ) -> Result<Swapchain, GpuError> {
-        // A surface whose size we choose reports the greatest number.
+        // A surface whose size the application chooses reports the maximum value.
         let extent = match capabilities.current_extent {
             vk::Extent2D { width: u32::MAX, .. } => vk::Extent2D {
                 width: window[0]
@@ -106,19 +106,19 @@ impl Swapchain {
         Ok(())
     }
 
-    /// The next image; `None` where the surface has changed and a new swapchain is needed.
+    /// Acquires the next image. `None` if the surface has changed and a new swapchain is needed.
     pub fn next(&self, signal: vk::Semaphore) -> Result<Option<u32>, GpuError> {
         const SECOND: u64 = 1_000_000_000;
         // SAFETY: the semaphore is unsignalled and no frame waits for it.
         match unsafe { self.loader.acquire_next_image(self.raw, 5 * SECOND, signal, vk::Fence::null()) } {
-            // One that merely no longer fits is shown, and replaced after.
+            // A suboptimal swapchain is still presented, and replaced afterwards.
             Ok((index, _)) => Ok(Some(index)),
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(None),
             Err(e) => Err(e).named("next image of the window"),
         }
     }
 
-    /// Gives whether it still fits the window.
+    /// Presents an image. Returns whether the swapchain still fits the window.
     pub fn present(&self, queue: vk::Queue, index: u32) -> Result<bool, GpuError> {
         let (chains, indices, wait) = ([self.raw], [index], [self.drawn[index as usize]]);
         let info =
@@ -131,7 +131,7 @@ impl Swapchain {
         }
     }
 
-    /// No frame may be in flight.
+    /// Frees all objects. No frame may be in flight.
     pub fn destroy(&mut self, device: &ash::Device) {
         // SAFETY: made from this device, no longer used.
         unsafe {

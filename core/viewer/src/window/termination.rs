@@ -1,4 +1,4 @@
-//! SIGTERM closes the window as Quit does; a second one ends the program at once.
+//! SIGTERM closes the window like Quit; a second SIGTERM ends the program at once.
 
 use signal_hook::consts::SIGTERM;
 use signal_hook::{flag, low_level};
@@ -7,7 +7,7 @@ use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Calls `close` on a thread of its own, once.
+/// Calls `close` once on the first signal, on a thread of its own.
 pub(super) fn watch(close: impl FnOnce() + Send + 'static) -> io::Result<()> {
     let closes = Arc::new(AtomicBool::new(false));
     flag::register_conditional_default(SIGTERM, closes.clone())?;
