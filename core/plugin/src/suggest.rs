@@ -27,8 +27,8 @@ pub fn distance(a: &str, b: &str) -> usize {
     back[b.len()]
 }
 
-/// The known name closest to `wanted`, where it is close enough to be a slip of the hand: a third of its letters,
-/// or one name being a part of the other. The first of equals.
+/// The known name closest to `wanted`, if it can be a typing mistake: at most a third of the letters differ, or one name is part of the
+/// other. Of equally close names, the first.
 ///
 /// ```
 /// use choreo_plugin::suggest::closest;
@@ -70,7 +70,7 @@ pub fn did_you_mean<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) 
     closest(wanted, known).map_or_else(String::new, |name| format!("; did you mean \"{name}\"?"))
 }
 
-/// `a, b, c` of at most `most` names, then how many more.
+/// At most `most` names with commas between them, then how many more there are.
 ///
 /// ```
 /// assert_eq!(choreo_plugin::suggest::list(["a", "b", "c", "d"], 2), "a, b, and 2 more");

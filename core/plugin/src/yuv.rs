@@ -16,7 +16,7 @@ pub enum Matrix {
 /// Three planes, each row `width` or `(width + 1) / 2` bytes, no padding. Reused from frame to frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Yuv420 {
-    /// Even where `pad_to_even` was requested.
+    /// Width in pixels; even where `pad_to_even` was requested.
     pub width: usize,
     /// Rows; even where `pad_to_even` was requested.
     pub height: usize,
@@ -48,8 +48,8 @@ const BT601: Weights =
     Weights { y: [8415, 16519, 3208], u: [-4857, -9535, 14392], v: [14392, -12051, -2341] };
 
 impl Yuv420 {
-    /// `rgba` holds `width × height` pixels (both at least 1; rows beyond its end are left as they were).
-    /// If `pad_to_even` is set, odd sizes grow by one column or row, repeated from the edge.
+    /// Converts an image of sRGB-encoded RGBA. `rgba` holds `width × height` pixels (both at least 1; rows beyond its end are left as they
+    /// were). If `pad_to_even` is set, odd sizes grow by one column or row, repeated from the edge.
     ///
     /// ```
     /// use choreo_plugin::yuv::{Matrix, Yuv420};
@@ -162,7 +162,7 @@ fn luma_row([r, g, b]: &[Vec<i16>; 3], w: [i16; 3], out: &mut [u8]) {
     }
 }
 
-/// `halves` are 8 times the mean.
+/// Converts one row of chroma. The channels hold 8 times the mean, as [`halve`] writes them.
 #[inline(always)]
 fn chroma_row([r, g, b]: &[Vec<i16>; 3], w: [i16; 3], out: &mut [u8]) {
     for (((c, &r), &g), &b) in out.iter_mut().zip(r).zip(g).zip(b) {

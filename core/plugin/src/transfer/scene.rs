@@ -21,7 +21,7 @@ pub struct TransferredScene {
     size: [u32; 2],
     stage_fps: FrameRate,
     length: Time,
-    /// Each once.
+    /// The assets of the actors, each once.
     assets: Vec<Arc<Asset>>,
     /// Name, and index into the assets.
     actors: Vec<(String, usize)>,
@@ -68,7 +68,7 @@ impl TransferredScene {
         }
     }
 
-    /// A scene whose stage has these parts and no others, and whose snapshots come from elsewhere.
+    /// A scene whose stage has only these parts. `snapshots` returns the state at a time.
     ///
     /// # Errors
     /// An actor without an asset.
