@@ -1,4 +1,4 @@
-//! Numbers for people: three significant digits, and units that fit.
+//! Numbers as text for people: three significant digits, and units that fit.
 
 /// Three significant digits; `1.2e-7` where that needs no long row of zeros.
 pub fn quantity(value: f64) -> String {
