@@ -60,7 +60,7 @@ pub(crate) enum HeadMistake {
     NoCount,
     #[error("{name} is {allowed}")]
     Allowed { name: String, allowed: String },
-    /// `near`: a guess at what was meant.
+    /// `near`: a suggestion.
     #[error("{name} is {allowed}, not \"{value}\"{near}")]
     Value { name: String, allowed: String, value: String, near: String },
     #[error("the program has a function {function}; give the pass {name} another name")]
