@@ -151,12 +151,12 @@ mod tests {
         Arc::new(Image { name: "i".into(), width: 1, height: 1, rgba: vec![9, 8, 7, 255], file })
     }
 
-    /// The head of a PNG with a color type.
+    /// The first bytes of a PNG with a color type.
     fn png(color_type: u8) -> Vec<u8> {
         [&b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x01\0\0\0\x01\x08"[..], &[color_type, 0, 0, 0]].concat()
     }
 
-    /// The head of a JPEG with a comment, a Huffman table and some components.
+    /// The first bytes of a JPEG with a comment, a Huffman table and some components.
     fn jpeg(components: u8) -> Vec<u8> {
         let segments = [
             &b"\xff\xd8\xff\xfe\0\x04hi\xff\xc4\0\x03\0\xff\xff\xc2\0\x0b\x08\0\x01\0\x01"[..],

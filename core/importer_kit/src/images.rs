@@ -371,7 +371,7 @@ mod tests {
     #[test]
     fn pictures_that_nobody_wants_are_not_begun() {
         let bar = Bar(RefCell::default(), 0);
-        // More than can be done before the first progress report is read.
+        // More images than can be decoded before the first progress report is read.
         let (images, _) = decode_beside(&pictures(4000), ImportScope::ALL, &bar, || ());
         let left = images.iter().filter(|i| i.as_ref().is_err_and(|p| p.what == CANCELLED)).count();
         assert!(left > 0, "{left}");

@@ -221,7 +221,8 @@ mod tests {
             / 2.0
     }
 
-    /// All triangles wound as the polygon, their areas adding up to its own: they cover it without overlap.
+    /// Checks that all triangles have the winding of the polygon, and that their areas add up to that of the polygon: they cover it without
+    /// overlap.
     fn covers(vertices: &[[f64; 2]]) {
         let (triangles, how) = cut(vertices);
         let areas: Vec<f64> = triangles.iter().map(|t| area(vertices, *t)).collect();
@@ -233,7 +234,7 @@ mod tests {
     #[test]
     fn dents_stars_and_holes_with_seams() {
         covers(&[[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]);
-        // A dent at each of the four vertices of a quad in turn.
+        // A reflex vertex at each of the four vertices of a quad in turn.
         let arrow = [[0.0, 0.0], [2.0, 1.0], [0.0, 2.0], [0.5, 1.0]];
         for turn in 0..4 {
             covers(&[0, 1, 2, 3].map(|i| arrow[(i + turn) % 4]));
@@ -248,7 +249,7 @@ mod tests {
             [1.0, 3.0],
             [0.0, 3.0],
         ]);
-        // A square with a square hole, the seam run there and back.
+        // A square with a square hole; the seam is run there and back.
         covers(&[
             [0.0, 0.0],
             [4.0, 0.0],
@@ -269,7 +270,7 @@ mod tests {
             })
             .collect();
         covers(&star);
-        // Points in line and repeated.
+        // Collinear and repeated points.
         covers(&[[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 1.0], [0.0, 2.0]]);
     }
 

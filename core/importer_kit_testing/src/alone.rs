@@ -29,7 +29,7 @@ pub fn elsewhere() -> bool {
 
 /// The lines that the test itself printed, without those of libtest.
 fn own_lines(output: &str, name: &str) -> String {
-    // With one thread, libtest writes a test's name before it runs, and its output continues on that line.
+    // libtest with one thread writes a test's name before it runs, and its output continues on that line.
     let begun = format!("test {name} ... ");
     let lines = output.lines().map(|line| line.strip_prefix(&begun).unwrap_or(line));
     let of_libtest = |line: &str| line.is_empty() || line == "ok" || line.starts_with("running 1 test");

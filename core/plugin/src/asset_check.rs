@@ -424,7 +424,7 @@ mod tests {
         assert_eq!(warnings, expected);
     }
 
-    /// A million vertices with all that they can have take some milliseconds; the bound is for busy machines.
+    /// A million vertices with all attributes take some milliseconds; the bound allows for busy machines.
     #[test]
     fn a_large_mesh_is_checked_quickly() {
         let mut asset = sound();

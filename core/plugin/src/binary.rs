@@ -40,7 +40,7 @@ pub struct BinaryError {
 }
 
 impl BinaryError {
-    /// This error as the [`ImportError`] of the file with this name.
+    /// Converts this error to the [`ImportError`] of the file with this name.
     pub fn of_file(self, name: &str) -> ImportError {
         let BinaryError { at, what } = self;
         ImportError { file: name.to_string(), place: format!("byte {at}"), what, hint: None }

@@ -392,7 +392,7 @@ mod tests {
     use super::*;
     use crate::{MemoryFiles, Registry};
 
-    /// Fails in each call that a plugin may fail in.
+    /// A plugin that fails in every call that can fail.
     struct Faulty(Manifest);
 
     impl Importer for Faulty {

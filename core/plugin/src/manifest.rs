@@ -358,7 +358,7 @@ impl Manifest {
         }
     }
 
-    /// The options given, checked for name, kind and range, and the defaults of the others. Names of colors become numbers.
+    /// Checks the given options for name, kind and range, and adds the defaults of the others. Names of colors become numbers.
     ///
     /// # Errors
     /// An option that does not exist, or a value that it does not allow.

@@ -169,8 +169,8 @@ impl Manifest {
         all
     }
 
-    /// Scales the numbers whose unit is "px" within their ranges, for an image that is `scale` times as large as the one that
-    /// they were meant for. Whole numbers stay whole.
+    /// Scales the numbers whose unit is "px" within their ranges, for an image that is `scale` times as large as intended. Whole numbers
+    /// stay whole.
     ///
     /// ```
     /// use choreo_plugin::Manifest;

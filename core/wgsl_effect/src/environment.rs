@@ -40,7 +40,7 @@ pub enum Host {
 
 /// The functions and images that are available to an effect's function while it runs.
 pub trait Environment {
-    /// The image that `host` reads by pixel, if it is such a function.
+    /// The image that `host` reads by pixel; `None` for all other functions.
     fn image(&self, _host: Host) -> Option<EffectImage<'_>> {
         None
     }

@@ -21,9 +21,9 @@
 //! // texture bumps = bumps.png as data: heights
 //! ```
 //!
-//! With `hook: vertex` also `reach: METRES or PARAMETER` and `space: model`; with `hook: image` `passes: 2`, `halve: radius to 8` and
-//! `history: 3`, or `pass bright = 1/2: ABOUT` for passes with textures (`passes.rs`); with `hook: overlay` `count: NUMBER or PARAMETER`, `over: true or PARAMETER`, `of: scene`, `history: 64` and
-//! `joint hand = RightHand|hand.r: where it burns`.
+//! Further words: `hook: vertex` has `reach: METRES or PARAMETER` and `space: model`; `hook: image` has `passes: 2`, `halve: radius to 8`
+//! and `history: 3`, or `pass bright = 1/2: ABOUT` for passes with textures (`passes.rs`); `hook: overlay` has
+//! `count: NUMBER or PARAMETER`, `over: true or PARAMETER`, `of: scene`, `history: 64` and `joint hand = RightHand|hand.r: where it burns`.
 
 use crate::head_error::{HeadError, HeadMistake};
 use crate::parameters::{argument, identifier, image_of};

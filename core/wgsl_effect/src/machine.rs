@@ -46,7 +46,7 @@ pub struct Machine<const N: usize> {
     registers: Vec<Column<N>>,
     /// Steps of the last run: exact for one lane, an upper bound for each of several lanes.
     pub steps: u32,
-    /// By lane, the number of the loop that took too many rounds in the last run; 0 for none.
+    /// Number of the loop that took too many rounds in the last run, by lane; 0 for none.
     pub endless: [u32; N],
 }
 

@@ -44,7 +44,7 @@ pub enum Conversion {
     ToBool,
 }
 
-/// One component in all lanes, as bits.
+/// A component in all lanes, as bits.
 #[derive(Clone, Copy)]
 #[repr(align(16))]
 pub struct Column<const N: usize>(pub [u32; N]);
@@ -395,7 +395,7 @@ mod tests {
     fn rounding_gives_the_bits_of_libm() {
         let special =
             [0.0, -0.0, 0.5, -0.5, 1.0, -1.0, 8_388_607.5, -8_388_608.0, f32::MAX, f32::INFINITY, f32::NAN];
-        // The bits of what is no number may differ.
+        // The bits of NaN may differ.
         let bits = |x: f32| if x.is_nan() { 0 } else { x.to_bits() };
         let many = (0..200_000u32).map(|i| f32::from_bits(i.wrapping_mul(2_654_435_761)));
         for x in special.into_iter().chain(many) {

@@ -42,7 +42,7 @@ pub struct Program {
     pub routines: Vec<Routine>,
     /// Index of the entry function.
     pub entry: usize,
-    /// For each parameter of the entry function, the components that the program reads.
+    /// Components that the program reads, for each parameter of the entry function.
     pub inputs: Vec<Vec<u32>>,
     /// Types of the components of the last parameter of the entry function, which are the effect's parameters.
     pub parameters: Vec<ComponentKind>,

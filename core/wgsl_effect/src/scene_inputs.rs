@@ -193,7 +193,7 @@ mod tests {
         assert!(calls.wgsl.contains("fn view_at(") && !calls.wgsl.contains("fn time("));
         assert_eq!(calls.supplied().len(), 1 + EffectFrame::ROWS);
         assert_eq!(SceneCalls::of("fn effect() { let time = p[time]; }", Hook::Image).inputs, NONE);
-        // A function of the author's own is no input.
+        // A function that the author declares is no input.
         assert_eq!(
             SceneCalls::of("fn time() -> f32 { return 1.0; } fn effect() { time(); }", Hook::Image).inputs,
             NONE

@@ -287,7 +287,7 @@ impl KeyTracks<'_> {
             (Some(curve), Key::At(at)) if *cubic => match key_at(curve, at, stretch.rate) {
                 Ok(key) => spline_key(curve, key, stretch.rate as f32, out),
                 Err(next) => {
-                    // Before the first and after the last key, its value is held.
+                    // The value of the first or last key is held outside of the keys.
                     let key = next.min(curve.times.len() - 1);
                     let value = &curve.values[key * 3 * width + width..][..width];
                     out.extend(std::iter::repeat_n(0.0, width).chain(value.iter().copied()));
@@ -325,7 +325,7 @@ fn key_at(curve: &Curve, at: Time, rate: f64) -> Result<usize, usize> {
 fn spline_key(curve: &Curve, key: usize, rate: f32, out: &mut Vec<f32>) {
     let width = curve.path.width();
     let parts: Vec<&[f32]> = curve.values[key * 3 * width..][..3 * width].chunks(width).collect();
-    // Before the first and after the last key, its value is held.
+    // The value of the first or last key is held outside of the keys.
     let before = if key == 0 { 0.0 } else { rate };
     let after = if key + 1 == curve.times.len() { 0.0 } else { rate };
     let (mut into, mut away) = ((parts[0], before), (parts[2], after));

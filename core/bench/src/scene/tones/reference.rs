@@ -186,7 +186,7 @@ mod tests {
         assert!(sigmoid(0.0).abs() < 1e-12 && (sigmoid(1.0) - 1.0).abs() < 1e-12);
     }
 
-    /// Published as AP0_2_AP1_MAT, to ten places.
+    /// The matrix that ACES publishes as AP0_2_AP1_MAT, to ten places.
     #[test]
     fn matrices_are_the_published_ones() {
         let m = to_xyz(AP1, D60).inverse() * to_xyz(AP0, D60);
