@@ -24,8 +24,8 @@ fn snorm(n: Vec3, steps: f32) -> Vec3 {
     Vec3::new(round(n.x, steps), round(n.y, steps), round(n.z, steps)).normalize_or(Vec3::Z)
 }
 
-/// Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 2014, listing 1 (rounded, not
-/// searched for the best neighbour).
+/// Octahedral encoding of a unit vector (Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 2014,
+/// listing 1; rounded, without the search for the best neighbor).
 fn octahedron(n: Vec3, steps: f32) -> Vec3 {
     let sign = |v: f32| if v < 0.0 { -1.0 } else { 1.0 };
     let wrap = |p: Vec2| Vec2::new((1.0 - p.y.abs()) * sign(p.x), (1.0 - p.x.abs()) * sign(p.y));

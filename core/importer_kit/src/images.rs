@@ -13,7 +13,7 @@ use std::sync::{Arc, OnceLock};
 
 pub(crate) const MAX_IMAGE_SIDE: u32 = 16384;
 pub(crate) const MAX_IMAGE_PIXELS: u64 = 64 << 20;
-/// Images decoded at once; each can take a gigabyte while it is decoded.
+/// Largest number of images that are decoded at once; each can take a gigabyte while it is decoded.
 const MAX_WORKERS: usize = 4;
 
 /// An image whose header has been read. `B` holds its bytes.

@@ -96,7 +96,7 @@ impl Triangulator {
         let mut cut = Cut::Whole;
         let mut left = n;
         let mut at = first;
-        // Vertices looked at since the last ear.
+        // Number of vertices tested since the last ear.
         let mut in_vain = 0;
         while left > 3 {
             let (before, after) = (self.previous[at as usize], self.next[at as usize]);

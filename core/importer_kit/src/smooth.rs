@@ -29,7 +29,7 @@ pub fn normals(p: &mut Primitive, limit_rad: f64, group: Option<&[u32]>) {
     let cos_limit = libm::cos(limit_rad);
     let together = |a: usize, b: usize| match group {
         Some(group) => group[a] == group[b] && group[a] != 0,
-        // A little more than the angle itself, for faces that meet exactly at it.
+        // The limit is slightly larger than the angle, so that faces which meet exactly at it are smooth.
         None => face_normals[a].dot(face_normals[b]) >= cos_limit - 1e-9,
     };
     // Normals are computed one by one as face vertices are split, because a list of all would be as large as the mesh.

@@ -16,10 +16,10 @@ choreo_motion::error_texts! { AssetFault:
     Self { place, what } => "{place}: {what}";
 }
 
-/// How far the weights of a vertex may sum to another number than 1; beyond, they are normalized.
+/// Largest deviation of the sum of a vertex's weights from 1; beyond it, the weights are normalized.
 const WEIGHT_SUM_TOLERANCE: f32 = 1e-3;
 
-/// The asset, with normalized weights and with a warning for each mesh that is not drawn.
+/// Checks an asset. Returns it with normalized weights, and with a warning for each mesh that is not drawn.
 pub(crate) fn checked(mut asset: Asset, scope: ImportScope) -> Result<Asset, AssetFault> {
     places(&asset, scope)?;
     if !scope.geometry {

@@ -96,7 +96,7 @@ impl Passes {
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownPass {
-    /// The name as it was given.
+    /// The unknown name.
     pub name: String,
 }
 
@@ -171,7 +171,7 @@ impl FloatFrame {
     /// The depth where there is no surface.
     pub const NO_DEPTH: f32 = 1e10;
 
-    /// A frame of a size without images.
+    /// A frame of this size without images.
     pub fn new([width, height]: [u32; 2]) -> FloatFrame {
         FloatFrame { width, height, ..FloatFrame::default() }
     }

@@ -119,7 +119,7 @@ pub(crate) struct AfterFailures {
     pub failures: Vec<PluginPanic>,
 }
 
-/// The failure of a claim in a sentence.
+/// A sentence about the failure of a claim.
 pub(crate) fn failed_claim(panic: &PluginPanic) -> String {
     format!("{panic} (when it was asked whether the file is its own; the other importers were asked)")
 }
@@ -264,7 +264,7 @@ impl SceneExporter for IsolatedSceneExporter {
     }
 }
 
-/// An effect whose panics go on as [`PluginPanic`].
+/// Isolates an effect: its panics continue as [`PluginPanic`].
 pub(crate) fn isolated_effect(effect: Effect) -> Effect {
     match effect {
         Effect::Pixel(effect) => Effect::Pixel(Arc::new(Isolated(effect))),

@@ -88,7 +88,7 @@ pub struct OptionSpec {
     pub name: String,
     /// Description in one line.
     pub about: String,
-    /// Unit of its numbers ("m", "px", "degrees"); empty where it has none.
+    /// Unit of the option's numbers ("m", "px", "degrees"); empty if there is none.
     pub unit: String,
     /// Type, default and allowed values.
     pub kind: OptionKind,
@@ -160,7 +160,7 @@ pub enum OptionKind {
     /// An image that the function of an effect reads by the option's name, as one of its [`EffectTexture`](crate::EffectTexture)s. It takes
     /// none of the parameter numbers.
     Texture {
-        /// A file beside the effect where none is given; empty: white.
+        /// The file beside the effect that is used if none is given; empty: white.
         default: String,
         /// Whether red, green and blue of the image are encoded as sRGB, rather than data.
         srgb: bool,
@@ -300,7 +300,7 @@ impl Manifest {
         }
     }
 
-    /// The option `name`; the error says which there are.
+    /// The option `name`; the error lists all options.
     ///
     /// # Errors
     /// No such option.

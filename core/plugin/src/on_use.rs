@@ -1,4 +1,4 @@
-//! Effects of plugin files: a name from the start, the rest when something uses them first.
+//! Effects of plugin files, which have a name from the start and are compiled at their first use.
 
 use crate::Effect;
 use std::path::PathBuf;

@@ -178,7 +178,7 @@ pub struct Triangle {
     pub color: Vec4,
 }
 
-/// A line with round ends; where both ends are one, a disc.
+/// A line with round ends, or a disc if both ends are equal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stroke {
     /// World, metres.

@@ -108,7 +108,7 @@ pub struct Registry {
     effects: Vec<Effect>,
     /// Effects of plugin files. Clones of the registry share the compiled effects.
     on_use: Vec<Arc<LazyEffect>>,
-    /// Files that are no plugins, as messages name them, and why.
+    /// Faulty plugin files: the name in messages, and the reason.
     faulty: Vec<(String, String)>,
     /// Messages about plugins that replaced others of the same name.
     replaced: Vec<String>,

@@ -91,7 +91,7 @@ pub struct ExportedScene {
     pub(crate) snapshots: Option<fn(Time) -> Snapshot>,
 }
 
-/// Poses of a scene at any time, of hidden actors too. Clones can be used on several threads.
+/// Evaluator of a scene's poses at any time, including hidden actors. Clones can be used on several threads.
 ///
 /// ```
 /// use choreo_plugin::motion::Time;

@@ -35,7 +35,7 @@ pub fn distance(a: &str, b: &str) -> usize {
 /// assert_eq!((closest("rnu", ["walk", "run"]), closest("fly", ["walk", "run"])), (Some("run"), None));
 /// ```
 pub fn closest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // Names longer than this are not typed by hand, and the distance costs their product.
+    // Longer names are not typed by hand, and the cost of the distance is the product of both lengths.
     const LONGEST: usize = 128;
     if wanted.is_empty() || wanted.len() > LONGEST {
         return None;

@@ -115,7 +115,7 @@ pub struct TextNumbers<'t> {
 }
 
 impl<'t> TextNumbers<'t> {
-    /// Begins at a byte of a text.
+    /// Reads the numbers of a text from the byte `at` on.
     pub fn new(text: &'t [u8], at: usize) -> TextNumbers<'t> {
         let (values, ends) = (vec![0; BLOCK], vec![0; BLOCK]);
         let at = at.min(text.len());

@@ -126,7 +126,7 @@ fn split_row(pixels: &[u8], padded: usize, out: &mut [Vec<i16>; 3]) {
         plane.resize(padded, 0);
     }
     for (((p, r), g), b) in pixels.as_chunks::<4>().0.iter().zip(&mut *r).zip(&mut *g).zip(&mut *b) {
-        // Shifts of whole pixels: four at once in SIMD registers, where single bytes would be gathered.
+        // Shifts of whole pixels process four at once in SIMD registers; single bytes would have to be gathered.
         let p = u32::from_le_bytes(*p) as i32;
         *r = (p & 255) as i16;
         *g = (p >> 8 & 255) as i16;
@@ -139,7 +139,7 @@ fn split_row(pixels: &[u8], padded: usize, out: &mut [Vec<i16>; 3]) {
     }
 }
 
-/// Two rows added and filtered [1 2 1] at every second column: 8 times the mean. The edges repeat their last column.
+/// Adds two rows and filters them [1 2 1] at every second column: 8 times the mean. The edges repeat their last column.
 fn halve(upper: &[i16], lower: &[i16], sums: &mut Vec<i16>, out: &mut [i16]) {
     sums.clear();
     sums.extend(upper.iter().zip(lower).map(|(a, b)| a + b));

@@ -205,7 +205,7 @@ pub fn is_meant(text: &str) -> bool {
 
 /// The effect's name, even if the head has other mistakes. `None`: no name can refer to the effect.
 pub fn name(text: &str) -> Option<String> {
-    // The last one counts, as in the manifest.
+    // The last `effect` line counts, as in the manifest.
     let named = fields(without_mark(text)).filter(|(_, name, _)| *name == "effect").last();
     named.and_then(|(_, _, value)| Some(identifier(value).ok()?.to_string()))
 }

@@ -74,7 +74,7 @@ pub(crate) enum HeadMistake {
 }
 
 impl HeadMistake {
-    /// The mistake with its line, counted from 0.
+    /// The mistake at a line; `line` is counted from 0.
     pub fn at(self, line: usize) -> HeadError {
         HeadError { line: line + 1, mistake: self }
     }

@@ -188,7 +188,7 @@ impl Words<'_> {
             ("<", 1..) => bound - first,
             ("<=", 1..) => bound - first + 1,
             (">", ..0) => first - bound,
-            // An unsigned number is never below 0.
+            // An unsigned number is never below 0, so that a loop with `>= 0` may not end.
             (">=", ..0) if bound > 0 => first - bound + 1,
             _ => return None,
         };

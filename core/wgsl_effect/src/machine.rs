@@ -144,7 +144,7 @@ where
         if component < result.count { self.registers[(result.first + component) as usize].0[lane] } else { 0 }
     }
 
-    /// Calls the entry function for the first `lanes` lanes.
+    /// Runs the entry function for the first `lanes` lanes.
     pub fn run(
         &mut self,
         program: &Program,

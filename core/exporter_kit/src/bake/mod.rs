@@ -1,4 +1,4 @@
-//! A scene over time as curves (decision 61): clips that play unchanged with their own keys, the rest sampled and reduced.
+//! A scene over time as curves (decision 61): clips that play unchanged keep their own keys, everything else is sampled and reduced.
 
 pub mod check;
 mod keys;

@@ -11,7 +11,7 @@ pub const STRIDE: usize = 10;
 /// Smallest distance, in metres, of the points that show the rotation of a joint: fingertips and a hat turn with it, too.
 const SHELL: f32 = 0.1;
 
-/// Appends the rig's transforms: the actor in the world, then, with `pose`, its joints in their parents.
+/// Appends the rig's transforms: world-from-actor, then, with `pose`, parent-from-joint of each joint.
 pub fn append(actor: &Actor, state: &ActorState, pose: bool, out: &mut Vec<f32>) {
     // Hidden actors have a scale of zero: glTF has no visibility, and importers of other formats ignore it.
     let mut world = parts(&state.world_from_model, &Transform::IDENTITY);

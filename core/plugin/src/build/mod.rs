@@ -27,7 +27,7 @@ choreo_motion::error_texts! { BuildError:
 }
 
 impl BuildError {
-    /// The error of an import of the file with this name.
+    /// Converts this error to the [`ImportError`] of the file with this name.
     ///
     /// ```
     /// let error = choreo_plugin::BuildError("mesh \"leaf\": no positions".into());

@@ -28,7 +28,7 @@ pub struct TransferredScene {
     cameras: Vec<String>,
 }
 
-/// A scene with an actor that has no asset.
+/// Error: an actor of the scene has no asset.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NoAsset {
     /// The actor's name.
