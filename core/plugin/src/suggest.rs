@@ -70,7 +70,7 @@ pub fn did_you_mean<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) 
     closest(wanted, known).map_or_else(String::new, |name| format!("; did you mean \"{name}\"?"))
 }
 
-/// At most `most` names with commas between them, then how many more there are.
+/// Lists at most `most` names with commas between them, then says how many more there are.
 ///
 /// ```
 /// assert_eq!(choreo_plugin::suggest::list(["a", "b", "c", "d"], 2), "a, b, and 2 more");

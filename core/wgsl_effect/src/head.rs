@@ -45,7 +45,7 @@ pub struct Head {
     pub hook: Hook,
     /// The effect on surfaces returns alpha.
     pub see_through: bool,
-    /// Whether an effect on surfaces also changes the background: if the value is not 0.
+    /// Whether an effect on surfaces also changes the background: if the value is above 0.5.
     pub background: Amount,
     /// Inputs of a surface in addition to those that the text names.
     pub inputs: SurfaceInputs,
@@ -67,7 +67,7 @@ pub struct Head {
     pub history: u32,
     /// Number of lines or triangles around each actor.
     pub count: Amount,
-    /// Whether the overlay is drawn over everything else: if the value is not 0.
+    /// Whether the overlay is drawn over everything else: if the value is above 0.5.
     pub over: Amount,
     /// The overlay is made once for the scene, not around each actor.
     pub of_scene: bool,

@@ -357,8 +357,8 @@ fn value_at(curve: &Curve, time: Time, out: &mut Vec<f32>) {
     }
 }
 
-/// Adds the stage times of the keys of an actor's clips, where the slope of LINEAR curves jumps. Cues with keyed or phase-matched clip time
-/// are left out.
+/// Adds the stage times of the keys of an actor's clips, where the slope of LINEAR curves jumps. Cues with time
+/// remapping, freezes or phase matching are left out.
 pub(crate) fn add_key_times(actor: &Actor, start: Time, end: Time, out: &mut Vec<Time>) {
     for (number, layer) in actor.layers.iter().enumerate() {
         for (index, cue) in layer.cues.iter().enumerate() {
