@@ -1,10 +1,10 @@
-//! The truth of a blend of two poses, and how far others are from it.
+//! Reference blend of two poses in f64, and the error of other blends against it.
 
 use crate::truth::{self, Local, Spread};
 use choreo_motion::{Pose, Skeleton, Transform};
 use glam::{Affine3A, DAffine3, DVec3, Vec3};
 
-/// Two poses blended in f64, rotations by slerp, to model space.
+/// Blends two poses in f64, rotations by slerp. Model-from-joint transforms.
 pub(crate) fn exact(skeleton: &Skeleton, from: &Pose, to: &Pose, weight: f64) -> Vec<DAffine3> {
     let local = |t: Transform| Local {
         translation: t.translation.as_dvec3(),
@@ -16,7 +16,8 @@ pub(crate) fn exact(skeleton: &Skeleton, from: &Pose, to: &Pose, weight: f64) ->
     truth::model_from_joint(skeleton, &mixed)
 }
 
-/// How far each joint is from where it should be, millimetres of the model; true where one is the worst so far.
+/// Adds the distance of each joint from its exact position, in millimetres of model space. Returns the joint with the worst error so far,
+/// `None` if no joint exceeds earlier errors.
 pub(crate) fn add_errors(errors: &mut Spread, got: &[Affine3A], exact: &[DAffine3]) -> Option<usize> {
     let mut worst = None;
     for (joint, (got, exact)) in got.iter().zip(exact).enumerate() {

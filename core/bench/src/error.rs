@@ -1,4 +1,4 @@
-//! Why a choice could not be measured.
+//! Errors of measuring a choice.
 
 use choreo_image_diff::CompareError;
 use choreo_plugin::ExportError;

@@ -1,7 +1,7 @@
-//! Error against run time: what a numerical choice costs, how far each way is from the truth, and where.
+//! Benchmarks of error against run time: what each method of a numerical choice costs, how far it is from the reference, and where.
 //!
-//! The truth is always a closed form, f64 or an image of many more samples, never our own earlier output. [`scene`] measures
-//! the choices that one scene could make (`choreo measure`); `tests/report` measures the project's own, with the same parts.
+//! The reference is always a closed form, f64 or an image of many more samples, never our own earlier output. [`scene`] measures the
+//! choices that one scene could make (`choreo measure`); `tests/report` measures those of the project itself, with the same parts.
 
 pub mod blend;
 mod error;

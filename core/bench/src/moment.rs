@@ -1,4 +1,4 @@
-//! Images of a stage, and what they would be with many more samples.
+//! Images of a stage, and reference images of it with many more samples.
 
 use choreo_motion::Time;
 use choreo_plugin::{Effect, Frame};
@@ -7,7 +7,7 @@ use choreo_render::{CpuRenderer, Plan, PlanOptions, RenderError, Renderer, Scene
 use choreo_stage::{Snapshot, Stage, StageError};
 use std::sync::Arc;
 
-/// Steps per side of a pixel that the reference is drawn in, each with four samples: 64 samples per pixel.
+/// Pixels of the reference per side of a pixel of the image, each with four samples: 64 samples per pixel.
 pub(crate) const FINER: u32 = 4;
 
 /// One moment of a stage, ready to be drawn in any size.
@@ -29,7 +29,7 @@ impl Moment {
         Plan::new(&self.resources, &self.stage, &self.snapshot, &options)
     }
 
-    /// Draws a frame by a renderer that has loaded the scene resources.
+    /// Draws a frame with a renderer that has loaded the scene resources.
     pub fn draw(
         &self,
         renderer: &mut dyn Renderer,
@@ -40,8 +40,8 @@ impl Moment {
         renderer.collect(None)
     }
 
-    /// 64 samples per pixel, textures included: drawn by the CPU renderer at four times the size with four samples, and
-    /// averaged in linear light.
+    /// Reference image with 64 samples per pixel, textures included: the CPU renderer draws it at four times the size with four samples,
+    /// and the result is averaged in linear light.
     pub fn supersampled(&self, size: [u32; 2]) -> Result<Frame, RenderError> {
         let mut renderer = CpuRenderer::new(&self.effects);
         renderer.load(self.resources.clone())?;
@@ -50,7 +50,7 @@ impl Moment {
     }
 }
 
-/// Each square of `step` pixels becomes one, in linear light. The sides are multiples of the step.
+/// Averages each square of `step` pixels to one pixel, in linear light. The sides are multiples of the step.
 pub fn averaged(frame: &Frame, step: u32) -> Frame {
     let linear = srgb_to_linear_table();
     let (width, height) = (frame.width / step, frame.height / step);

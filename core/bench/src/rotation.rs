@@ -1,16 +1,16 @@
-//! Ways to find rotations between two, in f32, eight at once: to compare, and to time against each other. All are loops over eight
-//! numbers, which compilers turn into the same vector instructions, as they do [`choreo_motion::Sample`] on `Level::Portable`.
+//! Methods of interpolating rotations, in f32, eight pairs at once, to compare their errors and times. All are loops over eight numbers,
+//! which compilers turn into vector instructions, as with [`choreo_motion::Sample`] on `Level::Portable`.
 
 use glam::Quat;
 
 pub type Eight = [f32; 8];
-/// Rows of x, y, z and w.
+/// Eight quaternions as rows of x, y, z and w.
 pub type Rotations = [Eight; 4];
 
-/// A way to interpolate eight pairs at one time: each of the second lies in the hemisphere of the first.
+/// A method that interpolates eight pairs at one time. The second quaternion of a pair lies in the hemisphere of the first.
 pub type Interpolate = fn(&Rotations, &Rotations, f32) -> Rotations;
 
-/// Name and way.
+/// Name and function of each method.
 pub const WAYS: [(&str, Interpolate); 4] = [
     ("slerp, sines by polynomials", slerp),
     ("slerp, power series of 26 terms", slerp_series),
@@ -23,7 +23,7 @@ pub fn rows(quats: &[Quat; 8]) -> Rotations {
     std::array::from_fn(|row| std::array::from_fn(|lane| quats[lane].to_array()[row]))
 }
 
-/// One of the rotations.
+/// One of the eight rotations.
 pub fn lane(rows: &Rotations, lane: usize) -> Quat {
     Quat::from_array(rows.map(|row| row[lane]))
 }
@@ -38,13 +38,13 @@ fn dot(a: &Rotations, b: &Rotations) -> Eight {
     each(|i| (a[0][i] * b[0][i] + a[1][i] * b[1][i]) + (a[2][i] * b[2][i] + a[3][i] * b[3][i]))
 }
 
-/// Sums with a weight a lane.
+/// Weighted sum of two, with a weight per lane.
 #[inline(always)]
 fn sum(a: &Rotations, of_a: &Eight, b: &Rotations, of_b: &Eight) -> Rotations {
     std::array::from_fn(|row| each(|i| a[row][i] * of_a[i] + b[row][i] * of_b[i]))
 }
 
-/// Back at unit length.
+/// Normalizes the quaternions.
 #[inline(always)]
 pub fn unit(q: &Rotations) -> Rotations {
     let squared = dot(q, q);
@@ -52,7 +52,7 @@ pub fn unit(q: &Rotations) -> Rotations {
     std::array::from_fn(|row| each(|i| q[row][i] * scale[i]))
 }
 
-/// 1 − cos θ of each pair, from the difference instead of the product, because small angles then keep their digits.
+/// 1 − cos θ of each pair, from the difference instead of the dot product, which keeps the digits of small angles.
 #[inline(always)]
 fn one_minus_cos(a: &Rotations, b: &Rotations) -> Eight {
     let way: Rotations = std::array::from_fn(|row| each(|i| b[row][i] - a[row][i]));
@@ -80,7 +80,8 @@ const ARC_SINE: [f32; 9] = [
 /// sin(√y) / √y for y up to (π/2)², within 5e-9.
 const SINE: [f32; 5] = [1.0, -0.166_666_58, 0.008_333_05, -0.000_198_090_11, 2.605_093e-6];
 
-/// The textbook, sin((1 − t) θ) / sin θ, without its division of 0 by 0: θ from half of the chord, all sines divided by their angles.
+/// The textbook formula, sin((1 − t) θ) / sin θ, without its division of 0 by 0: θ comes from half of the chord, and all sines are divided
+/// by their angles.
 pub fn slerp(a: &Rotations, b: &Rotations, t: f32) -> Rotations {
     let d = one_minus_cos(a, b);
     let u = 1.0 - t;
@@ -95,8 +96,8 @@ pub fn slerp(a: &Rotations, b: &Rotations, t: f32) -> Rotations {
     unit(&sum(a, &weight(u), b, &weight(t)))
 }
 
-/// Eberly's series in d = 1 − cos θ ("A Fast and Accurate Algorithm for Computing SLERP", 2011, eq. 8), as long as f32 needs for turns
-/// of 180°: `choreo_motion::Sample` knows how far apart its keys are, and takes fewer terms.
+/// Eberly's series in d = 1 − cos θ ("A Fast and Accurate Algorithm for Computing SLERP", 2011, eq. 8), with as many terms as f32 needs for
+/// turns of 180°. `choreo_motion::Sample` knows the distance of its keys, and takes fewer terms.
 pub fn slerp_series(a: &Rotations, b: &Rotations, t: f32) -> Rotations {
     const TERMS: usize = 26;
     let d = one_minus_cos(a, b);
@@ -117,12 +118,12 @@ pub fn slerp_series(a: &Rotations, b: &Rotations, t: f32) -> Rotations {
     sum(a, &weight(0), b, &weight(1))
 }
 
-/// The straight line, back at unit length.
+/// Normalized linear interpolation (nlerp).
 pub fn nlerp(a: &Rotations, b: &Rotations, t: f32) -> Rotations {
     unit(&sum(a, &[1.0 - t; 8], b, &[t; 8]))
 }
 
-/// nlerp at a time bent by a cubic, so that it keeps slerp's speed (A. Kapoulkine, "Approximating slerp", 2015, the
+/// Corrected nlerp: a cubic remaps `t`, so that the speed is that of slerp (A. Kapoulkine, "Approximating slerp", 2015, with the
 /// coefficients of its `onlerp`, fitted for arcs of up to 180°).
 pub(crate) fn nlerp_corrected(a: &Rotations, b: &Rotations, t: f32) -> Rotations {
     let d = dot(a, b);

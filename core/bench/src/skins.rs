@@ -1,16 +1,16 @@
-//! The truth of skins, in f64, written apart from the skinning of `choreo_motion`: the two formulas that it has, and the mean motion of a
-//! vertex's joints, by which both are judged.
+//! Reference skinning in f64, written independently of the skinning of `choreo_motion`: linear and dual-quaternion blending, and the mean
+//! motion of a vertex's joints, against which both are measured.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-/// x ↦ R x + t.
+/// Rigid motion x ↦ R x + t.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
     turn: DQuat,
     shift: DVec3,
 }
 
-/// The map of a joint: a symmetric stretch, then a motion.
+/// Transform of a joint in two parts: a symmetric stretch, then a rigid motion.
 #[derive(Clone, Copy, Debug)]
 pub struct Parted {
     motion: Motion,
@@ -18,8 +18,8 @@ pub struct Parted {
 }
 
 impl Parted {
-    /// The polar decomposition by Newton's method (N. Higham, "Computing the polar decomposition", 1986); a map that mirrors has a negative
-    /// stretch. One without an inverse keeps its matrix as the stretch.
+    /// Polar decomposition by Newton's method (N. Higham, "Computing the polar decomposition", 1986). A map that mirrors has a negative
+    /// stretch. A map without an inverse keeps its matrix as the stretch.
     pub fn of(map: &DAffine3) -> Parted {
         let m = map.matrix3;
         let sign = if m.determinant() < 0.0 { -1.0 } else { 1.0 };
@@ -35,10 +35,10 @@ impl Parted {
     }
 }
 
-/// A joint by its number, and its weight.
+/// Number of a joint, and its weight.
 type Influence = (usize, f64);
 
-/// glTF 2.0 §3.7.3.3: the weighted sum of where the joints take the point.
+/// Linear blend skinning (glTF 2.0 §3.7.3.3): the weighted sum of the positions to which the joints move the point.
 pub fn linear(maps: &[DAffine3], influences: &[Influence], point: DVec3) -> DVec3 {
     let column =
         |of: fn(&DAffine3) -> DVec3| -> DVec3 { influences.iter().map(|(j, w)| of(&maps[*j]) * *w).sum() };
@@ -47,14 +47,14 @@ pub fn linear(maps: &[DAffine3], influences: &[Influence], point: DVec3) -> DVec
     x * point.x + y * point.y + z * point.z + column(|m| m.translation)
 }
 
-/// Dual-quaternion linear blending (Kavan et al. 2008, §4), after the sum of the stretches.
+/// Dual-quaternion linear blending (Kavan et al. 2008, §4) of the motions, after the weighted sum of the stretches.
 pub fn dual(parts: &[Parted], influences: &[Influence], point: DVec3) -> DVec3 {
     let stretched = stretched(parts, influences, point);
     blended(parts, influences).map_or(stretched, |motion| motion.turn * stretched + motion.shift)
 }
 
-/// After the sum of the stretches, the mean of the motions on their group: the motion from which the weighted sum of the screws that lead to
-/// all of them is nothing, found by steps along that sum ("dual quaternion iterative blending" of the same paper, §5).
+/// Mean of the rigid motions in their group, after the weighted sum of the stretches. The weighted sum of the screws from this mean to all
+/// motions is zero; it is found by steps along that sum ("dual quaternion iterative blending" of the same paper, §5).
 pub(crate) fn mean_motion(parts: &[Parted], influences: &[Influence], point: DVec3) -> DVec3 {
     let stretched = stretched(parts, influences, point);
     let Some(mut mean) = blended(parts, influences) else { return stretched };
@@ -76,7 +76,7 @@ fn stretched(parts: &[Parted], influences: &[Influence], point: DVec3) -> DVec3 
     influences.iter().map(|(joint, weight)| parts[*joint].stretch * point * *weight).sum()
 }
 
-/// The sum of dual quaternions, made unit, on the side of the heaviest; `None` where nothing weighs anything.
+/// Normalized weighted sum of dual quaternions, in the hemisphere of the heaviest; `None` if no weight is positive.
 fn blended(parts: &[Parted], influences: &[Influence]) -> Option<Motion> {
     let heaviest = influences.iter().rev().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|i| i.1 > 0.0)?;
     let pivot = parts[heaviest.0].motion.turn;
@@ -98,12 +98,12 @@ impl Motion {
         Motion { turn, shift: -(turn * self.shift) }
     }
 
-    /// The other motion, then this one.
+    /// Composition: applies the other motion, then this one.
     fn then_before(&self, other: &Motion) -> Motion {
         Motion { turn: (self.turn * other.turn).normalize(), shift: self.turn * other.shift + self.shift }
     }
 
-    /// The motion as a turn about an axis and a shift at even speeds, both for one unit of time.
+    /// Logarithm of the motion: a rotation vector and a shift, the constant velocities that reach it in one unit of time.
     fn screw(&self) -> [DVec3; 2] {
         let q = if self.turn.w < 0.0 { -self.turn } else { self.turn };
         let sine = q.xyz().length();
@@ -119,7 +119,7 @@ impl Motion {
         [turn, self.shift - across * 0.5 + turn.cross(across) * factor]
     }
 
-    /// The inverse of [`Motion::screw`].
+    /// Exponential map, the inverse of [`Motion::screw`].
     fn along([turn, shift]: [DVec3; 2]) -> Motion {
         let angle = turn.length();
         let squared = angle * angle;

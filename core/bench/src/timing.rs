@@ -1,4 +1,4 @@
-//! Times that other work on the machine disturbs little: CPU time, ways measured in turn, medians.
+//! Timings that other work on the machine disturbs little: CPU time, methods measured in turn, medians.
 
 use std::time::Instant;
 
@@ -6,9 +6,9 @@ use std::time::Instant;
 pub enum Clock {
     /// CPU time of this thread.
     Thread,
-    /// CPU time of all threads of the process: for work that is shared out.
+    /// CPU time of all threads of the process: for work on several threads.
     Process,
-    /// A device of its own does the work.
+    /// Wall-clock time: for work on a device of its own.
     Wall,
 }
 
@@ -21,7 +21,7 @@ impl Clock {
         }
     }
 
-    /// Nanoseconds since some start.
+    /// Nanoseconds since an arbitrary start.
     pub fn now(self) -> f64 {
         #[cfg(unix)]
         {
@@ -42,11 +42,11 @@ impl Clock {
     }
 }
 
-/// Nanoseconds of one item over all rounds.
+/// Nanoseconds per item over all rounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Nanos {
     pub median: f64,
-    /// A quarter of the rounds take less than the first, a quarter more than the second.
+    /// First and third quartile of the rounds.
     pub quartiles: [f64; 2],
 }
 
@@ -58,8 +58,8 @@ impl Nanos {
         Nanos { median: at(2), quartiles: [at(1), at(3)] }
     }
 
-    /// Whether it takes less time than another, and not by chance: by more than 5 %, and three quarters of its rounds less than three quarters
-    /// of the other's.
+    /// Whether this time is shorter than another, and not by chance: by more than 5 %, and with the third quartile below the first quartile
+    /// of the other.
     pub(crate) fn is_less(&self, other: &Nanos) -> bool {
         self.median * 1.05 < other.median && self.quartiles[1] < other.quartiles[0]
     }
@@ -72,14 +72,14 @@ impl Nanos {
     }
 }
 
-/// A time that is known without a spread.
+/// A known time, without spread.
 impl From<f64> for Nanos {
     fn from(nanos: f64) -> Nanos {
         Nanos { median: nanos, quartiles: [nanos; 2] }
     }
 }
 
-/// One way to be timed: how many items one run makes, and the run.
+/// A method to be timed: the number of items of one run, and the run.
 pub struct Case<'a> {
     pub items: usize,
     pub run: Box<dyn FnMut() + 'a>,
@@ -91,10 +91,10 @@ impl<'a> Case<'a> {
     }
 }
 
-/// Nanoseconds an item of each case. Each round runs all cases one after the other, so that what else the machine
-/// does falls on all of them alike; `budget_secs` is for all together. At least three rounds, at most 400.
+/// Nanoseconds per item of each case. Each round runs all cases one after the other, so that other work of the machine affects all of them
+/// alike. `budget_secs` is for all rounds together. At least three rounds, at most 400.
 pub fn interleaved(clock: Clock, budget_secs: f64, cases: &mut [Case]) -> Vec<Nanos> {
-    /// Shorter runs are repeated until the clock's own grain does not count.
+    /// Shorter runs are repeated until they take this many nanoseconds, so that the clock's resolution does not matter.
     const LEAST: f64 = 100_000.0;
     let begun = Instant::now();
     let mut repeats = Vec::with_capacity(cases.len());

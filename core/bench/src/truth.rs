@@ -1,10 +1,10 @@
-//! The reference: curves, poses and chains in f64, written from the glTF specification (2.0 §3.11, Appendix C), with
-//! trigonometry and without shortcuts. Slow.
+//! Reference curves, poses and chains in f64, written from the glTF specification (2.0 §3.11, Appendix C) with trigonometry and without
+//! shortcuts; slow.
 
 use choreo_motion::{Clip, Curve, Interpolation, Path, Skeleton, Time};
 use glam::{DAffine3, DQuat, DVec3};
 
-/// Along the shorter arc, by its angle. Kahan's formula finds the angle exactly where the cosine cannot.
+/// Slerp along the shorter arc, by its angle. Kahan's formula is accurate for angles at which the cosine is not.
 pub fn slerp(a: DQuat, b: DQuat, t: f64) -> DQuat {
     let b = if a.dot(b) < 0.0 { -b } else { b };
     let angle = 2.0 * libm::atan2((a - b).length(), (a + b).length());
@@ -35,7 +35,7 @@ impl Local {
         DAffine3::from_scale_rotation_translation(self.scale, self.rotation, self.translation)
     }
 
-    /// Translation and scale by a line, rotation along the arc.
+    /// Interpolates translation and scale linearly, rotation by slerp.
     pub fn mixed(&self, to: &Local, weight: f64) -> Local {
         Local {
             translation: self.translation.lerp(to.translation, weight),
@@ -122,7 +122,7 @@ pub fn evaluate(curve: &Curve, time: Time) -> [f64; 4] {
     }
 }
 
-/// Largest and mean of some errors, and which was the largest.
+/// Largest and mean value of some errors, and which one is the largest.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Spread {
     pub worst: f64,

@@ -1,11 +1,11 @@
-//! Ways to pack unit vectors and weights into few bits.
+//! Packings of unit vectors and weights into few bits.
 
 use glam::{DVec3, Vec2, Vec3};
 
-/// A way to write a unit vector: name, bytes, and what comes back.
+/// A packing of unit vectors: name, size in bytes, and a function that packs and unpacks.
 pub(crate) type NormalPacking = (&'static str, usize, fn(Vec3) -> Vec3);
 
-/// A way to write the weights of a vertex: name, bytes of four, and what comes back, with the sum 1.
+/// A packing of the weights of a vertex: name, size in bytes of four weights, and a function that packs and unpacks.
 pub(crate) type WeightPacking = (&'static str, usize, fn(&[f32]) -> Vec<f32>);
 
 pub const NORMALS: [NormalPacking; 5] = [
@@ -24,8 +24,8 @@ fn snorm(n: Vec3, steps: f32) -> Vec3 {
     Vec3::new(round(n.x, steps), round(n.y, steps), round(n.z, steps)).normalize_or(Vec3::Z)
 }
 
-/// Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 2014, listing 1 (rounded, not
-/// searched for the best neighbour).
+/// Octahedral encoding of a unit vector (Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 2014,
+/// listing 1; rounded, without the search for the best neighbor).
 fn octahedron(n: Vec3, steps: f32) -> Vec3 {
     let sign = |v: f32| if v < 0.0 { -1.0 } else { 1.0 };
     let wrap = |p: Vec2| Vec2::new((1.0 - p.y.abs()) * sign(p.x), (1.0 - p.x.abs()) * sign(p.y));
@@ -54,7 +54,7 @@ pub const WEIGHTS: [WeightPacking; 4] = [
 fn unorm(weights: &[f32], steps: f32, sum_kept: bool) -> Vec<f32> {
     let mut codes: Vec<f32> = weights.iter().map(|w| libm::roundf(w.clamp(0.0, 1.0) * steps)).collect();
     if sum_kept {
-        // The largest takes the rounding of the others.
+        // The largest weight takes the rounding of the others.
         let largest = (0..codes.len()).max_by(|a, b| codes[*a].total_cmp(&codes[*b])).unwrap_or(0);
         let others: f32 = codes.iter().enumerate().filter(|(i, _)| *i != largest).map(|(_, c)| c).sum();
         if let Some(code) = codes.get_mut(largest) {

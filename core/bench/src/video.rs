@@ -54,14 +54,14 @@ fn planes(picture: &impl YUVSource) -> Planes {
     }
 }
 
-/// Content of a box after its name, to its end; boxes are searched for anywhere.
+/// Content of the first box with this name; boxes are searched for at any depth.
 fn find<'a>(file: &'a [u8], name: &[u8; 4]) -> Option<&'a [u8]> {
     let at = file.windows(4).position(|w| w == name)?;
     let size = u32::from_be_bytes(*file.get(at.checked_sub(4)?..at)?.first_chunk::<4>()?) as usize;
     file.get(at + 4..(at - 4 + size).min(file.len()))
 }
 
-/// ISO/IEC 14496-15 §5.3.3.1.2: one of each, with 16-bit lengths.
+/// Sequence and picture parameter set of the `avcC` box (ISO/IEC 14496-15 §5.3.3.1.2): one of each, with 16-bit lengths.
 fn parameter_sets(file: &[u8]) -> Option<(&[u8], &[u8])> {
     let avcc = find(file, b"avcC")?;
     let set = |from: &mut usize| {
@@ -77,7 +77,7 @@ fn parameter_sets(file: &[u8]) -> Option<(&[u8], &[u8])> {
     Some((sps, pps))
 }
 
-/// Back to sRGB by the definition of BT.709, in f64; chroma by a straight line between its samples, which sit on the left
+/// Converts planes to sRGB by the definition of BT.709, in f64. Chroma is interpolated linearly between its samples, which sit on the left
 /// column of each pair and between its rows.
 pub(crate) fn to_rgb(planes: &Planes, width: u32, height: u32) -> Frame {
     let (w, h) = (width as usize, height as usize);

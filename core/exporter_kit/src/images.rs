@@ -1,4 +1,4 @@
-//! Images of assets as files: unchanged where an importer has kept the file, else as PNG; each content once.
+//! Image files of assets: unchanged if an importer has kept the file, else as PNG; equal contents only once.
 
 use crate::parallel::in_parallel;
 use choreo_plugin::ExportError;
@@ -10,23 +10,23 @@ use std::sync::Arc;
 /// The images of a scene, numbered in the order in which they are first used.
 #[derive(Default)]
 pub struct ImageFiles {
-    /// Formats that may stay as they are.
+    /// Formats that are kept unchanged.
     formats: &'static [ImageFileFormat],
     /// Gray images are written with three channels.
     in_color: bool,
     images: Vec<Arc<Image>>,
     by_content: BTreeMap<ContentHash, usize>,
-    /// Images by the address of what holds them, so that each is hashed once.
+    /// Numbers by the address of the image, so that each is hashed once.
     by_address: BTreeMap<usize, usize>,
 }
 
 impl ImageFiles {
-    /// `formats`: those that readers of the scene's format know.
+    /// `formats` are those that readers of the scene's format know.
     pub fn new(formats: &'static [ImageFileFormat]) -> ImageFiles {
         ImageFiles { formats, ..ImageFiles::default() }
     }
 
-    /// Gray images are written with three channels, for readers that expect as many.
+    /// Writes gray images with three channels, for readers that expect three.
     pub fn in_color(self) -> ImageFiles {
         ImageFiles { in_color: true, ..self }
     }
@@ -49,12 +49,12 @@ impl ImageFiles {
         number
     }
 
-    /// The file of an image, where it may stay as it is.
+    /// The file of an image, if it may be written unchanged.
     fn unchanged<'i>(&self, image: &'i Image) -> Option<&'i ImageFile> {
         let file = image.file.as_ref().filter(|file| self.formats.contains(&file.format))?;
         match color_channels(file)? {
             1 => (!self.in_color).then_some(file),
-            // Few programs read JPEG in CMYK.
+            // Few programs read CMYK JPEG.
             count => (count == 3).then_some(file),
         }
     }
@@ -76,12 +76,12 @@ impl ImageFiles {
         self.unchanged(&self.images[number]).map_or(ImageFileFormat::Png, |file| file.format)
     }
 
-    /// The end of the name of an image beside the scene: `_0.png`.
+    /// The ending of the image's file name beside the scene: `_0.png`.
     pub fn ending(&self, number: usize) -> String {
         format!("_{number}.{}", self.format(number).extension())
     }
 
-    /// The files of all images, in order; what is not there yet is made on all cores.
+    /// The files of all images, in order; missing ones are made on all cores.
     ///
     /// # Errors
     /// An image that cannot be written as PNG.
@@ -94,7 +94,7 @@ impl ImageFiles {
     }
 }
 
-/// Channels of a file, alpha aside; `None` where its head does not state them.
+/// Channels of a file, without alpha; `None` if its header does not state them.
 fn color_channels(file: &ImageFile) -> Option<u8> {
     match file.format {
         // The color type in the header (PNG, §11.2.1).
@@ -151,12 +151,12 @@ mod tests {
         Arc::new(Image { name: "i".into(), width: 1, height: 1, rgba: vec![9, 8, 7, 255], file })
     }
 
-    /// The head of a PNG with a color type.
+    /// The first bytes of a PNG with a color type.
     fn png(color_type: u8) -> Vec<u8> {
         [&b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x01\0\0\0\x01\x08"[..], &[color_type, 0, 0, 0]].concat()
     }
 
-    /// The head of a JPEG with a comment, a Huffman table and some components.
+    /// The first bytes of a JPEG with a comment, a Huffman table and some components.
     fn jpeg(components: u8) -> Vec<u8> {
         let segments = [
             &b"\xff\xd8\xff\xfe\0\x04hi\xff\xc4\0\x03\0\xff\xff\xc2\0\x0b\x08\0\x01\0\x01"[..],

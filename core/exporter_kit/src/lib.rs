@@ -1,5 +1,5 @@
-//! Parts that scene exporters share: the timeline as curves with a stated error, images as files, transforms of texture coordinates,
-//! and words for what formats have no place for.
+//! Parts that scene exporters share: the timeline as curves with a stated error, images as files, transforms of texture coordinates, and
+//! notes about what formats cannot hold.
 
 pub mod bake;
 mod images;

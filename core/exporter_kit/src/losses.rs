@@ -1,14 +1,14 @@
-//! Parts of a scene that other programs' formats have no place for, for the note of an export.
+//! Losses of an export: parts of a scene that the formats of other programs cannot hold.
 
 use choreo_plugin::asset::Material;
 use choreo_plugin::motion::PropertyTarget;
 use choreo_plugin::stage::{Property, Stage, ViewTransform};
 use std::collections::BTreeSet;
 
-/// Words for what is lost, once each.
+/// Names of the lost parts, each once.
 pub type Losses = BTreeSet<&'static str>;
 
-/// Adds what a stage has and no format of scenes holds; what one format alone lacks is added by its exporter.
+/// Adds the parts of a stage that no scene format can hold. Exporters add those that only their own format lacks.
 pub fn of_stage(stage: &Stage, out: &mut Losses) {
     let settings = &stage.settings;
     let lights = |target: PropertyTarget| {
@@ -30,7 +30,7 @@ pub fn of_stage(stage: &Stage, out: &mut Losses) {
     add(&all, out);
 }
 
-/// Adds what a material has and no format of scenes holds.
+/// Adds the parts of a material that no scene format can hold.
 pub fn of_material(material: &Material, out: &mut Losses) {
     let all = [
         (material.relief != 0.0, "relief of normal maps"),
@@ -42,12 +42,12 @@ pub fn of_material(material: &Material, out: &mut Losses) {
     add(&all, out);
 }
 
-/// Adds the words whose condition holds.
+/// Adds the names whose condition holds.
 pub fn add(all: &[(bool, &'static str)], out: &mut Losses) {
     out.extend(all.iter().filter(|(is_there, _)| *is_there).map(|(_, what)| *what));
 }
 
-/// The note about all of it. `always`: what the format never holds.
+/// The note about all losses. `always`: the parts that the format never holds.
 pub fn note(format: &str, always: &str, losses: &Losses) -> String {
     let all: Vec<&str> = losses.iter().copied().chain([always]).collect();
     format!("{format} has no place for these, which are left out: {}", all.join(", "))

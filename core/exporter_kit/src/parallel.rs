@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// The results of a job for each of some things, in order, on as many threads as there are cores.
+/// Runs `job` for each of `things`, on as many threads as there are cores, and returns the results in order.
 pub(crate) fn in_parallel<T: Sync, R: Send>(things: &[T], job: impl Fn(&T) -> R + Sync) -> Vec<R> {
     if things.len() < 2 {
         return things.iter().map(job).collect();

@@ -1,4 +1,4 @@
-//! Transforms of texture coordinates in parts.
+//! Decomposition of transforms of texture coordinates.
 
 use choreo_plugin::glam::{Affine2, Vec2};
 
@@ -11,7 +11,7 @@ pub struct UvParts {
 }
 
 impl UvParts {
-    /// Shear is lost.
+    /// Decomposes a transform; shear is lost.
     pub fn of(a: &Affine2) -> UvParts {
         let (x, y) = (a.matrix2.x_axis, a.matrix2.y_axis);
         let rotation = libm::atan2f(-x.y, x.x);

@@ -5,14 +5,14 @@ use choreo_motion::Skeleton;
 use glam::{DAffine3, DVec3, Mat4, Vec3};
 use std::sync::Arc;
 
-/// Limit of the joints: a skin cannot number more.
+/// Largest number of joints that a skin can index.
 const MAX_JOINTS: usize = 1 << 16;
-/// Place at which a bone is thickest, as a fraction of its length; its half width there, as a fraction of its length, and the
-/// bounds of that as fractions of the skeleton's size: neither hair nor barrels.
+/// Shape of a bone: the place at which it is thickest, and its half width there, as fractions of its length; and bounds of the half width
+/// as fractions of the skeleton's size, so that a bone is neither a hair nor a barrel.
 const WAIST: f64 = 0.15;
 const WIDTH: f64 = 0.12;
 const WIDTH_OF_SIZE: (f64, f64) = (0.004, 0.03);
-/// Metres of the mark for a skeleton without extent.
+/// Length in metres of the marker for a skeleton without extent.
 const MARK: f64 = 0.1;
 
 /// Adds the bones of `asset.skeleton` as a mesh with a skin and a material. Does nothing for no joints, and for more than
@@ -56,7 +56,7 @@ pub fn add_bones(asset: &mut Asset) {
     });
     let inverse = |m: &DAffine3| {
         let inverse = m.inverse();
-        // A joint of scale zero has none; it shows nothing anyway.
+        // A joint of scale zero has no inverse; it shows nothing anyway.
         if inverse.is_finite() {
             Mat4::from_cols_array(&glam::DMat4::from(inverse).to_cols_array().map(|v| v as f32))
         } else {

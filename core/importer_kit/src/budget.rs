@@ -4,7 +4,7 @@ use crate::problem::Result;
 use choreo_asset::Warning;
 use std::cell::{Cell, RefCell};
 
-/// Warnings of one file; more are counted in one line.
+/// Largest number of warnings of one file; further ones are counted in one line.
 const MAX_WARNINGS: usize = 100;
 
 /// Bytes that may still be decoded from one file.
@@ -19,7 +19,7 @@ impl Budget {
         Budget { limit, left: Cell::new(limit) }
     }
 
-    /// Takes `count` things of `size` bytes, before they are allocated. The error names the limit.
+    /// Takes `count` elements of `size` bytes from the budget, before they are allocated. The error names the limit.
     pub fn charge(&self, count: u64, size: usize) -> Result<()> {
         match self.left.get().checked_sub(count.saturating_mul(size as u64)) {
             Some(left) => {

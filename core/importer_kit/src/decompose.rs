@@ -1,4 +1,4 @@
-//! A matrix to translation, rotation and scale, in f64.
+//! Decomposition of a matrix into translation, rotation and scale, in f64.
 
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
@@ -6,13 +6,14 @@ use glam::{DMat3, DMat4, DQuat, DVec3};
 pub struct Trs {
     pub translation: DVec3,
     pub rotation: DQuat,
-    /// A mirror is a negative x.
+    /// Scale of each axis; x is negative for a matrix that mirrors.
     pub scale: DVec3,
-    /// How far the parts are from the matrix, relative to its largest column: what shear is lost.
+    /// Largest column error of the parts against the matrix, relative to its longest column: the shear that is lost.
     pub error: f64,
 }
 
-/// The nearest parts by Gram–Schmidt, x first. Columns of length zero (flattened models) get axes that fit the others.
+/// Decomposes a matrix by Gram–Schmidt orthogonalization, x axis first. Columns of length zero (flattened models) get axes that fit the
+/// others.
 pub fn decompose(m: &DMat4) -> Trs {
     let columns = [m.x_axis, m.y_axis, m.z_axis].map(|c| c.truncate());
     let translation = m.w_axis.truncate();

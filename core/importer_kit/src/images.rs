@@ -1,4 +1,4 @@
-//! Images of a model file: sized from their headers, then decoded beside the rest of the import.
+//! Images of a model file: sized from their headers, then decoded in parallel with the rest of the import.
 
 use crate::budget::Notes;
 use crate::ktx2;
@@ -13,13 +13,13 @@ use std::sync::{Arc, OnceLock};
 
 pub(crate) const MAX_IMAGE_SIDE: u32 = 16384;
 pub(crate) const MAX_IMAGE_PIXELS: u64 = 64 << 20;
-/// Images decoded at once; each can take a gigabyte while it is decoded.
+/// Largest number of images that are decoded at once; each can take a gigabyte while it is decoded.
 const MAX_WORKERS: usize = 4;
 
 /// An image whose header has been read. `B` holds its bytes.
 #[derive(Debug)]
 pub struct Encoded<B> {
-    /// Place at which the file names it: `images[3]`.
+    /// Element of the file that refers to the image: `images[3]`.
     pub place: String,
     pub name: String,
     pub width: u32,
@@ -52,7 +52,7 @@ struct Header {
 }
 
 impl<B: AsRef<[u8]>> Encoded<B> {
-    /// Format and size from the header alone.
+    /// Reads format and size from the header alone.
     pub fn examine(place: String, name: String, bytes: B, formats: Formats) -> Result<Encoded<B>> {
         let fail = |what: String| Problem::new(place.clone(), format!("\"{name}\" {what}"));
         let Header { format, width, height } = header(&name, bytes.as_ref(), formats, &fail)?;
@@ -81,7 +81,7 @@ impl<B: AsRef<[u8]>> Encoded<B> {
         }
     }
 
-    /// Decodes to 8-bit RGBA. Needs nothing of the file, so images can be decoded beside the rest of the import.
+    /// Decodes to 8-bit RGBA. Only the image's own bytes are needed, so images can be decoded in parallel with the rest of the import.
     pub fn decode(&self) -> Result<Arc<Image>> {
         let fail = |what: String| {
             Problem::new(self.place.clone(), format!("\"{}\" cannot be decoded: {what}", self.name))
@@ -91,7 +91,8 @@ impl<B: AsRef<[u8]>> Encoded<B> {
         Ok(Arc::new(Image { name: self.name.clone(), width, height, rgba, file: None }))
     }
 
-    /// Decodes to 8-bit RGBA. Where files are asked for, the file is kept beside the pixels if its format is one that other programs read.
+    /// Decodes to 8-bit RGBA. If `needs` asks for image files, the file is kept beside the pixels, provided that other programs read its
+    /// format.
     pub fn decode_for(&self, needs: ImportScope) -> Result<Arc<Image>> {
         let image = self.decode()?;
         let Some(format) = self.file_format().filter(|_| needs.image_files) else { return Ok(image) };
@@ -173,7 +174,7 @@ fn decoded(bytes: &[u8], header: &Header, fail: &dyn Fn(String) -> Problem) -> R
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(MAX_IMAGE_SIDE);
     limits.max_image_height = Some(MAX_IMAGE_SIDE);
-    // A 16-bit RGBA image and the decoder's own rows.
+    // Enough for a 16-bit RGBA image and the decoder's own rows.
     limits.max_alloc = Some(MAX_IMAGE_PIXELS * 16);
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(|e| fail(e.to_string()))?;
@@ -183,7 +184,7 @@ fn decoded(bytes: &[u8], header: &Header, fail: &dyn Fn(String) -> Problem) -> R
     rgba(decoder).map_err(|e| fail(e.to_string()))
 }
 
-/// Decodes to 8-bit RGBA. Colors of 8 bits are widened where they lie, so that no second image is in memory.
+/// Decodes to 8-bit RGBA. 8-bit colors are widened in place, so that no second image is in memory.
 fn rgba(decoder: impl ImageDecoder) -> ImageResult<Vec<u8>> {
     let (width, height) = decoder.dimensions();
     let channels = match decoder.color_type() {
@@ -197,7 +198,7 @@ fn rgba(decoder: impl ImageDecoder) -> ImageResult<Vec<u8>> {
     let mut rgba = vec![0; 4 * pixels];
     decoder.read_image(&mut rgba[..channels * pixels])?;
     if channels < 4 {
-        // From the end: a pixel is never written over one that is still to be read.
+        // Pixels are widened from the end, so that none is overwritten before it is read.
         for pixel in (0..pixels).rev() {
             let from: [u8; 3] = std::array::from_fn(|i| rgba[channels * pixel + i.min(channels - 1)]);
             let wide = match channels {
@@ -214,12 +215,11 @@ fn rgba(decoder: impl ImageDecoder) -> ImageResult<Vec<u8>> {
 /// The error of an import that was cancelled.
 pub const CANCELLED: &str = "the import was cancelled";
 
-/// Share of an import that is done when its images begin to be waited for: they take most of the rest.
+/// Progress of an import, 0 to 1, when it begins to wait for its images, which take most of the rest.
 const BEFORE_PICTURES: f32 = 0.5;
 
-/// Decodes images on threads of their own while `rest` runs here; one result an image, in order. Where no pixels are needed
-/// they have a name and a size. `files` receives the number of decoded pixels; where it calls the import off, the images that are
-/// left are not begun.
+/// Decodes images on worker threads while `rest` runs on this one; one result per image, in order. If no pixels are needed, the images have
+/// only a name and a size. `files` gets the progress by decoded pixels; if it cancels the import, the remaining images are not decoded.
 pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
     entries: &[Encoded<B>],
     needs: ImportScope,
@@ -230,7 +230,7 @@ pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
         return (entries.iter().map(|e| Ok(Arc::new(e.without_pixels()))).collect(), rest());
     }
     if entries.is_empty() {
-        // Asking for the number of cores reads files of the system: a tenth of the time that a small model takes.
+        // The query of the number of cores reads system files, which takes a tenth of the time of importing a small model.
         return (Vec::new(), rest());
     }
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
@@ -240,9 +240,9 @@ pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
         loop {
             let at = next.fetch_add(1, Ordering::Relaxed);
             let (Some(entry), Some(slot)) = (entries.get(at), slots.get(at)) else { return };
-            // Each number is given out once, so the slot is empty.
+            // Each index is handed out once, so the slot is empty.
             let _ = slot.set(entry.decode_for(needs));
-            // Nobody listens any more where `rest` has panicked.
+            // The receiver is gone if `rest` has panicked.
             let _ = done.send(entry.pixels());
         }
     };
@@ -258,7 +258,7 @@ pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
             .collect();
         let rest = rest();
         if workers.is_empty() {
-            // No thread could be had.
+            // No thread could be started.
             work(done.clone());
         }
         drop(done);
@@ -286,8 +286,7 @@ pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
     (images.collect(), rest)
 }
 
-/// Decoded images, with one white pixel and a warning in place of each that cannot be decoded. An error where the import was
-/// called off.
+/// Decoded images, with one white pixel and a warning in place of each image that cannot be decoded. An error if the import was cancelled.
 pub fn or_white<B>(
     decoded: Vec<Result<Arc<Image>>>,
     entries: &[Encoded<B>],
@@ -372,7 +371,7 @@ mod tests {
     #[test]
     fn pictures_that_nobody_wants_are_not_begun() {
         let bar = Bar(RefCell::default(), 0);
-        // More than can be done before the first progress report is read.
+        // More images than can be decoded before the first progress report is read.
         let (images, _) = decode_beside(&pictures(4000), ImportScope::ALL, &bar, || ());
         let left = images.iter().filter(|i| i.as_ref().is_err_and(|p| p.what == CANCELLED)).count();
         assert!(left > 0, "{left}");

@@ -7,12 +7,12 @@ const MAGIC: &[u8] = b"\xABKTX 20\xBB\r\n\x1A\n";
 /// Color models of the data format descriptor.
 const ETC1S: u8 = 163;
 const UASTC: u8 = 166;
-/// Scheme of supercompression.
+/// Supercompression scheme.
 const ZSTANDARD: u32 = 2;
-/// More levels than the largest texture has.
+/// Limit of the number of mip levels, above that of the largest texture.
 const MAX_LEVELS: u32 = 16;
 
-/// A file that is not read.
+/// Error of a file that cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum Ktx2Error {
     #[error("is cut off")]
@@ -35,7 +35,7 @@ pub(crate) fn is_ktx2(bytes: &[u8]) -> bool {
     bytes.starts_with(MAGIC)
 }
 
-/// Width and height, where the header is that of one 2D image in a format that is read (KTX 2.0 §3).
+/// Checks the header and returns width and height. The file must hold one 2D image in a supported format (KTX 2.0 §3).
 pub(crate) fn size(bytes: &[u8]) -> Result<[u32; 2], Ktx2Error> {
     let word = |at: usize| bytes.get(at..)?.first_chunk::<4>().map(|b| u32::from_le_bytes(*b));
     let long = |at: usize| bytes.get(at..)?.first_chunk::<8>().map(|b| u64::from_le_bytes(*b));
@@ -55,7 +55,7 @@ pub(crate) fn size(bytes: &[u8]) -> Result<[u32; 2], Ktx2Error> {
     if model != ETC1S && model != UASTC {
         return Err(Ktx2Error::ColorModel(model));
     }
-    // Ranges of the codebooks and of the first level: the transcoder trusts them.
+    // Ranges of the codebooks and of the first level, which the transcoder does not check.
     let ranges = [(long(64), long(72)), (long(80), long(88))];
     let fits = |range: &(Option<u64>, Option<u64>)| {
         let (Some(start), Some(length)) = *range else { return false };
@@ -72,7 +72,7 @@ pub(crate) fn size(bytes: &[u8]) -> Result<[u32; 2], Ktx2Error> {
     Ok([width, height])
 }
 
-/// The pixels of the first level as 8-bit RGBA, where `size` has accepted the file.
+/// Decodes the first level to 8-bit RGBA. [`size`] must have accepted the file.
 pub(crate) fn decode(bytes: &[u8]) -> Result<Vec<u8>, Ktx2Error> {
     let pixels = Transcoder::new(bytes)
         .and_then(|texture| texture.transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE));

@@ -8,7 +8,7 @@ use exr::prelude::{ReadChannels, ReadLayers, Vec2};
 use image::{ImageFormat, ImageReader};
 use std::io::Cursor;
 
-/// Pixels of an equirectangular panorama at most: 8192 × 4096.
+/// Largest number of pixels of an equirectangular panorama: 8192 × 4096.
 pub(crate) const MAX_PANORAMA_PIXELS: u64 = 32 << 20;
 
 /// Reads a panorama from the bytes of a Radiance or OpenEXR file.
@@ -39,7 +39,7 @@ pub fn panorama(name: &str, bytes: &[u8]) -> Result<Panorama> {
     })
 }
 
-/// Width, height and red, green, blue of an image; or what is wrong with it, and a hint.
+/// Width, height and RGB texels of an image; or the problem, and a hint.
 type Read = std::result::Result<(u32, u32, Vec<f32>), (String, Option<&'static str>)>;
 
 /// Checks a size before anything is decoded.
@@ -61,7 +61,7 @@ fn radiance(bytes: &[u8]) -> Read {
     let reader = || {
         let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Hdr);
         let mut limits = image::Limits::default();
-        // Decoded as three 32-bit floats per pixel, and the decoder's own rows.
+        // Enough for three 32-bit floats per pixel and the decoder's own rows.
         limits.max_alloc = Some(MAX_PANORAMA_PIXELS * 16);
         reader.limits(limits);
         reader
@@ -73,7 +73,7 @@ fn radiance(bytes: &[u8]) -> Read {
     Ok((width, height, decoded.into_rgb32f().into_raw()))
 }
 
-/// The first layer with channels R, G and B. Negative values, which filters leave at bright edges, count as 0.
+/// Reads the first layer with channels R, G and B. Negative values, which filters leave at bright edges, count as 0.
 fn open_exr(bytes: &[u8]) -> Read {
     let metadata = MetaData::read_from_buffered(Cursor::new(bytes), false);
     let metadata = metadata.map_err(|e| (format!("has a damaged header: {e}"), None))?;

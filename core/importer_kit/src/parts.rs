@@ -1,4 +1,4 @@
-//! Files of named parts without a node tree, as OBJ's groups and STL's solids.
+//! Files of named parts without a node tree, such as OBJ's groups and STL's solids.
 
 use crate::text::stem;
 use crate::{Problem, Result};
@@ -6,8 +6,8 @@ use choreo_asset::{Asset, Mesh, MeshInstance, Primitive};
 use choreo_motion::{Skeleton, Transform};
 use std::sync::Arc;
 
-/// Gives an asset a joint for each part. A single part is the root; several hang on a root with the name of the file. Parts without
-/// a name get the file's, or `kind` and their number. Returns the joint of the first part.
+/// Gives an asset a joint for each part. A single part is the root; several are children of a root with the name of the file. A single part
+/// without a name gets the file's name, one of several gets `kind` and its number. Returns the joint of the first part.
 pub fn add_joints(asset: &mut Asset, kind: &str, parts: &[String]) -> Result<u32> {
     let root = stem(&asset.name);
     let first = usize::from(parts.len() > 1);
@@ -27,7 +27,7 @@ pub fn add_joints(asset: &mut Asset, kind: &str, parts: &[String]) -> Result<u32
     Ok(first as u32)
 }
 
-/// Adds a mesh with the name of its joint, at rest there.
+/// Adds a mesh that is attached to a joint and has the joint's name.
 pub fn add_mesh(asset: &mut Asset, joint: u32, primitives: Vec<Primitive>) {
     let name = asset.skeleton.names()[joint as usize].clone();
     asset.instances.push(MeshInstance { joint, mesh: asset.meshes.len() as u32, ..MeshInstance::default() });

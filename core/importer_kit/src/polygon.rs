@@ -1,12 +1,12 @@
-//! Polygons of any shape to triangles, by ear clipping.
+//! Triangulation of polygons of any shape, by ear clipping.
 
 use glam::{DVec2, DVec3};
 
-/// Point tests that one file may spend: ear clipping of a polygon with r dents takes at least n · r of them. A file beyond it
-/// gets fans.
+/// Largest number of point tests for the polygons of one file. Ear clipping of n vertices, r of them reflex, takes at least n · r tests.
+/// Beyond this budget, polygons become triangle fans.
 const BUDGET: u64 = 50_000_000;
 
-/// Cuts the polygons of one file; keeps its lists from one to the next.
+/// Triangulates the polygons of one file, and reuses its buffers from one to the next.
 #[derive(Debug, Default)]
 pub struct Triangulator {
     spent: u64,
@@ -20,19 +20,19 @@ pub struct Triangulator {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cut {
     Whole,
-    /// It crosses itself, or has no area: the triangles are a guess.
+    /// The polygon crosses itself, or has no area: the triangles are a guess.
     Crossing,
-    /// The budget of the file is spent: a fan.
+    /// The budget of the file is spent: the polygon, or the rest of it, is a triangle fan.
     TooMuch,
 }
 
-/// Lists for polygons of more vertices are not kept from one to the next.
+/// Buffers for polygons of more vertices are freed instead of reused.
 const KEPT: usize = 1 << 16;
 
 impl Triangulator {
-    /// Hands out the triangles of a polygon, as numbers of its vertices, wound as the polygon is: always `count − 2` of them; none
-    /// for fewer than three vertices. `vertex` gives the place of a vertex: nothing is copied of a polygon without dents, so that
-    /// one of any size takes no memory.
+    /// Passes the triangles of a polygon to `out`, as numbers of its vertices, with the winding of the polygon: always `count − 2` of them;
+    /// none for fewer than three vertices. `vertex` returns the position of a vertex. Convex polygons and quads are not copied, so that
+    /// they take no memory, whatever their size.
     pub fn cut(
         &mut self,
         count: usize,
@@ -52,7 +52,8 @@ impl Triangulator {
         if count == 4 {
             let quad = [0, 1, 2, 3].map(flat);
             let turn = |a: usize, b: usize, c: usize| orient(quad[a], quad[b], quad[c]);
-            // Either diagonal, where both of its triangles are wound right; the one from the first vertex where both do.
+            // A diagonal fits if both of its triangles have the right winding. If both diagonals fit, the one from the first vertex is
+            // taken.
             let (a, b) = ((turn(0, 1, 2), turn(0, 2, 3)), (turn(0, 1, 3), turn(1, 2, 3)));
             if a.0 >= 0.0 && a.1 >= 0.0 && (a.0 > 0.0 || a.1 > 0.0) {
                 [[0, 1, 2], [0, 2, 3]].into_iter().for_each(out);
@@ -95,7 +96,7 @@ impl Triangulator {
         let mut cut = Cut::Whole;
         let mut left = n;
         let mut at = first;
-        // Vertices looked at since the last ear.
+        // Number of vertices tested since the last ear.
         let mut in_vain = 0;
         while left > 3 {
             let (before, after) = (self.previous[at as usize], self.next[at as usize]);
@@ -109,7 +110,7 @@ impl Triangulator {
                 self.previous[after as usize] = before;
                 left -= 1;
                 in_vain = 0;
-                // A dent may have become straight or an ear.
+                // A reflex vertex may have become straight or convex.
                 self.refresh(before, after, at);
                 at = after;
                 if self.spent > BUDGET {
@@ -125,7 +126,7 @@ impl Triangulator {
         cut
     }
 
-    /// Takes off the list of dents what is none any more.
+    /// Removes the vertices that are no longer reflex from the list of reflex vertices.
     fn refresh(&mut self, before: u32, after: u32, removed: u32) {
         let (flat, next, previous) = (&self.flat, &self.next, &self.previous);
         self.spent += self.dents.len() as u64;
@@ -137,8 +138,7 @@ impl Triangulator {
         });
     }
 
-    /// Whether a vertex is an ear: convex, with no reflex vertex in its triangle. A reflex vertex at the very place of one of the
-    /// triangle's
+    /// Whether a vertex is an ear: convex, with no reflex vertex in its triangle. A reflex vertex at the position of one of the triangle's
     /// vertices does not count: polygons with holes run along a seam there and back.
     fn is_ear(&mut self, before: u32, at: u32, after: u32) -> bool {
         let [a, b, c] = [before, at, after].map(|i| self.flat[i as usize]);
@@ -168,8 +168,8 @@ impl Triangulator {
     }
 }
 
-/// Two axes that show most of the polygon, counter-clockwise: exact, as coordinates are only left out. The sum of the cross
-/// products is twice the area's vector (Newell), right for polygons with dents too.
+/// Projection onto the two axes in which the polygon's area is largest, counter-clockwise; exact, because it only drops a coordinate. The
+/// sum of the cross products is twice the area vector (Newell), which is right for concave polygons, too.
 fn plane(count: usize, vertex: &impl Fn(usize) -> DVec3) -> fn(DVec3) -> DVec2 {
     let first = vertex(0);
     let mut before = DVec3::ZERO;
@@ -221,7 +221,8 @@ mod tests {
             / 2.0
     }
 
-    /// All triangles wound as the polygon, their areas adding up to its own: they cover it without overlap.
+    /// Checks that all triangles have the winding of the polygon, and that their areas add up to that of the polygon: they cover it without
+    /// overlap.
     fn covers(vertices: &[[f64; 2]]) {
         let (triangles, how) = cut(vertices);
         let areas: Vec<f64> = triangles.iter().map(|t| area(vertices, *t)).collect();
@@ -233,7 +234,7 @@ mod tests {
     #[test]
     fn dents_stars_and_holes_with_seams() {
         covers(&[[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]);
-        // A dent at each of the four vertices of a quad in turn.
+        // A reflex vertex at each of the four vertices of a quad in turn.
         let arrow = [[0.0, 0.0], [2.0, 1.0], [0.0, 2.0], [0.5, 1.0]];
         for turn in 0..4 {
             covers(&[0, 1, 2, 3].map(|i| arrow[(i + turn) % 4]));
@@ -248,7 +249,7 @@ mod tests {
             [1.0, 3.0],
             [0.0, 3.0],
         ]);
-        // A square with a square hole, the seam run there and back.
+        // A square with a square hole; the seam is run there and back.
         covers(&[
             [0.0, 0.0],
             [4.0, 0.0],
@@ -269,7 +270,7 @@ mod tests {
             })
             .collect();
         covers(&star);
-        // Points in line and repeated.
+        // Collinear and repeated points.
         covers(&[[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 1.0], [0.0, 2.0]]);
     }
 

@@ -5,7 +5,7 @@ use choreo_plugin::ImportError;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{place}: {what}")]
 pub struct Problem {
-    /// The element of the file. Empty where only the caller knows it and adds it by [`WithPlace::at`].
+    /// The element of the file. Empty if only the caller knows the element; the caller then adds it by [`WithPlace::at`].
     pub place: String,
     pub what: String,
     pub hint: Option<String>,
@@ -23,7 +23,7 @@ impl Problem {
         self
     }
 
-    /// Adds the element for which the failing one was read: `meshes[0].primitives[1].NORMAL (accessors[7])`.
+    /// Adds the element that refers to the failing one: `meshes[0].primitives[1].NORMAL (accessors[7])`.
     pub fn used_by(mut self, user: String) -> Problem {
         self.place = if self.place.is_empty() { user } else { format!("{user} ({})", self.place) };
         self
@@ -57,7 +57,7 @@ impl<T, E: Into<Problem>> WithPlace<T> for std::result::Result<T, E> {
     }
 }
 
-/// The element of a list of the file at an index. The error names the list and its last element.
+/// Element of a list in the file, by its index. The error names the list and its last element.
 pub fn element<'a, T>(
     list: &'a [T],
     index: usize,

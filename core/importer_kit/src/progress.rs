@@ -1,11 +1,11 @@
-//! How far an import is, for a bar; and its end where nobody wants it any more.
+//! Progress of an import for a progress bar, and its cancellation.
 
 use crate::images::CANCELLED;
 use crate::{Problem, Result};
 use choreo_plugin::Files;
 use std::cell::Cell;
 
-/// Smaller steps cannot be seen.
+/// Number of progress steps; smaller steps would be invisible.
 const STEPS: usize = 256;
 
 /// Progress of reading a file from its beginning to its end.
@@ -20,7 +20,7 @@ impl<'f> Progress<'f> {
         Progress { files, total, next: Cell::new(0) }
     }
 
-    /// Reports the number of bytes done, where that is a step further. An error where the import was cancelled.
+    /// Reports progress when `done` bytes reach the next step. An error if the import was cancelled.
     #[inline]
     pub fn reach(&self, done: usize) -> Result<()> {
         if done < self.next.get() { Ok(()) } else { self.tell(done) }

@@ -1,23 +1,23 @@
-//! Numbers that change over time as keys with straight lines between: at the keys of what drives them and, between those, where straight
-//! lines are not near enough.
+//! Samples numbers that change over time as keys with linear interpolation: at the keys of the curves that drive them and, between those,
+//! where linear interpolation is not accurate enough.
 
 use choreo_motion::Time;
 
-/// How near straight lines come.
+/// Accuracy and limits of the sampling.
 #[derive(Clone, Copy, Debug)]
 pub struct Nearness {
-    /// Share of its largest value that a number may be off.
+    /// Largest error of a number, as a share of its largest value.
     pub tolerance: f32,
-    /// Halvings of an interval between two keys.
+    /// Largest number of times that an interval between two keys is halved.
     pub depth: u32,
-    /// Rows at most.
+    /// Largest number of rows.
     pub rows: usize,
 }
 
-/// A time, and the numbers then.
+/// A time, and the numbers at that time.
 pub type Row = (Time, Vec<f32>);
 
-/// Rows at these rising times and between them; `None` where they are more than allowed.
+/// Samples `at` at these ascending times and, where needed, between them. `None` if this takes more rows than allowed.
 pub fn rows(times: &[Time], nearness: Nearness, mut at: impl FnMut(Time) -> Vec<f32>) -> Option<Vec<Row>> {
     let at_keys: Vec<Row> = times.iter().map(|time| (*time, at(*time))).collect();
     let mut allowed: Vec<f32> = Vec::new();
@@ -39,7 +39,7 @@ pub fn rows(times: &[Time], nearness: Nearness, mut at: impl FnMut(Time) -> Vec<
     Some(out)
 }
 
-/// Adds rows between two until straight lines are near enough.
+/// Adds rows between two rows until linear interpolation is accurate enough.
 fn refine(
     (a, b): (&Row, &Row),
     (nearness, allowed): (Nearness, &[f32]),
@@ -59,7 +59,7 @@ fn refine(
         let way = a.1.iter().zip(&b.1).map(|(a, b)| a + (b - a) * part);
         way.zip(truth).zip(allowed).any(|((way, truth), allowed)| (way - truth).abs() > *allowed)
     };
-    // A curve like an S may leave the line beside a middle that is near enough.
+    // An S-shaped curve may leave the line although its middle is near the line.
     let middle = row(2);
     if off(&middle) || off(&row(1)) || off(&row(3)) {
         let half = (Nearness { depth: nearness.depth - 1, ..nearness }, allowed);

@@ -1,7 +1,7 @@
 //! Search for files that another file names by a path of its author's machine.
 //!
-//! Nothing is listed and nothing is opened but through [`Files`], which keeps to the folders that the user gave: each place is
-//! tried beside the file first, then in every search path.
+//! Files are opened only through [`Files`], which keeps to the folders that the user gave, and no folder is listed. Each place is tried
+//! beside the file first, then in every search path.
 
 use crate::text::shown;
 use choreo_plugin::Files;
@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 /// Folders that exporters put images in, beside the model.
 const FOLDERS: [&str; 3] = ["textures", "images", "maps"];
-/// Folders at the end of an absolute path that are tried with the name.
+/// Largest number of folders at the end of a path that are tried with the name.
 const MOST_FOLDERS: usize = 3;
 
 /// The last part of a path of any system.
@@ -53,7 +53,7 @@ pub fn places(written: &[&str]) -> Vec<String> {
     out
 }
 
-/// The first of these places that has a file; else why the first could not be read.
+/// Reads the first of these places that has a file. The error says why the first place could not be read.
 pub fn read_first(files: &dyn Files, places: &[String]) -> Result<Arc<Vec<u8>>, String> {
     let mut first = None;
     for place in places {

@@ -1,4 +1,4 @@
-//! Normals for surfaces that come without: smooth across edges that are flatter than an angle.
+//! Normals for surfaces without normals: smooth across edges that are flatter than an angle.
 
 use crate::normals::split_vertices;
 use choreo_asset::Primitive;
@@ -6,8 +6,8 @@ use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Triangles around one vertex that are compared with each other, all pairs. Beyond it (more than any modelled surface has)
-/// the face vertices keep their triangles' normals, so that time stays proportional to the file.
+/// Largest number of triangles around one vertex that are compared with each other, in all pairs. Beyond it (more than any modeled surface
+/// has) the face vertices keep their triangles' normals, so that time stays proportional to the file.
 const MAX_AROUND: usize = 256;
 
 /// Replaces the normals of a triangle list. Each face vertex gets the mean, weighted by angle, of the normals of the triangles
@@ -23,16 +23,16 @@ pub fn normals(p: &mut Primitive, limit_rad: f64, group: Option<&[u32]>) {
         })
         .collect();
     let around = Around::new(p);
-    // Each angle is a weight of all normals around: it is taken once.
+    // Each angle weights all normals around it, so it is computed only once.
     let angles: Vec<f64> =
         around.face_vertices.iter().map(|face_vertex| angle(p, *face_vertex as usize)).collect();
     let cos_limit = libm::cos(limit_rad);
     let together = |a: usize, b: usize| match group {
         Some(group) => group[a] == group[b] && group[a] != 0,
-        // A little more than the angle itself, for faces that meet exactly at it.
+        // The limit is slightly larger than the angle, so that faces which meet exactly at it are smooth.
         None => face_normals[a].dot(face_normals[b]) >= cos_limit - 1e-9,
     };
-    // One face vertex after the other, as it is split off: a list of all would be as large as the mesh.
+    // Normals are computed one by one as face vertices are split, because a list of all would be as large as the mesh.
     let normal = |p: &Primitive, face_vertex: usize| {
         let face = face_vertex / 3;
         let own = face_normals[face];
@@ -44,7 +44,7 @@ pub fn normals(p: &mut Primitive, limit_rad: f64, group: Option<&[u32]>) {
                 sum += face_normals[other] * *angle;
             }
         }
-        // A triangle without area is not seen; any unit vector does.
+        // A triangle without area is invisible, so any unit vector is right.
         sum.try_normalize().unwrap_or(own.normalize_or(DVec3::Y)).as_vec3().normalize_or(Vec3::Y)
     };
     p.normals = vec![Vec3::Y; p.positions.len()];
@@ -60,18 +60,18 @@ fn angle(p: &Primitive, face_vertex: usize) -> f64 {
     libm::acos(a.dot(b).clamp(-1.0, 1.0))
 }
 
-/// Face vertices by position: equal bits are the same place, whatever the vertex.
+/// Face vertices by position. Equal bits are the same position, even of different vertices.
 struct Around {
     place_of_vertex: Vec<u32>,
     /// Index of the first entry of each position in `face_vertices`; one entry more than positions.
     start: Vec<u32>,
-    /// None for a place with more than [`MAX_AROUND`].
+    /// Face vertices, sorted by position; positions with more than [`MAX_AROUND`] have none here.
     face_vertices: Vec<u32>,
 }
 
 impl Around {
     fn new(p: &Primitive) -> Around {
-        // Only looked up, never walked: the map's order reaches nothing.
+        // The map is never iterated, so its random order has no effect.
         let mut places: HashMap<[u32; 3], u32> = HashMap::with_capacity(p.positions.len());
         let mut place_of_vertex = Vec::with_capacity(p.positions.len());
         for v in &p.positions {
@@ -100,7 +100,7 @@ impl Around {
         Around { place_of_vertex, start, face_vertices }
     }
 
-    /// Range of the list of vertices at the place of a vertex; empty where they are too many to be compared.
+    /// Range in `face_vertices` of the face vertices at the position of a vertex; empty if there are too many to compare.
     fn range(&self, vertex: u32) -> Range<usize> {
         let place = self.place_of_vertex[vertex as usize] as usize;
         self.start[place] as usize..self.start[place + 1] as usize

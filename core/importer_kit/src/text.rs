@@ -1,4 +1,4 @@
-//! Text formats, fast: lines with their numbers, words, and numbers as exact as the standard library reads them.
+//! Fast parsing of text formats: lines with their numbers, words, and numbers as exact as the standard library reads them.
 
 use memchr::memchr2;
 
@@ -43,7 +43,7 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// Words of a line, apart at spaces and tabs.
+/// Words of a line, separated by spaces and tabs.
 pub fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     let mut rest = line;
     std::iter::from_fn(move || next_word(&mut rest))
@@ -65,7 +65,7 @@ fn is_space(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t' | 0x0b | 0x0c)
 }
 
-/// Not a `const`: indexed by what is not known, that would be copied for every number.
+/// Powers of ten that f64 holds exactly. A `const` would be copied for every number, because the index is not known in advance.
 static POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18,
     1e19, 1e20, 1e21, 1e22,
@@ -73,16 +73,16 @@ static POWERS: [f64; 23] = [
 
 /// A finite decimal number: `-1.5`, `.5`, `1.`, `1e-007`. Neither "nan" nor "inf".
 ///
-/// Up to 2^53 and 22 places, a quotient or product of two exact numbers is the correctly rounded result (Clinger 1990); the
-/// rest goes to the standard library, so that all results are the same as its.
+/// Up to 2^53 and 22 places, the quotient or product of two exact numbers is the correctly rounded result (Clinger 1990). All other numbers
+/// go to the standard library, so that every result equals that of the library.
 #[inline]
 pub fn number(word: &[u8]) -> Option<f64> {
     let decimal = Decimal::before(word).filter(|d| d.length == word.len())?;
     decimal.value(word)
 }
 
-/// Takes the next number off text where white space of any kind, ends of lines too, lies between numbers: faster than word by
-/// word. `Err` is a word that is none.
+/// Takes the next number off a text whose numbers are separated by white space of any kind, line ends included; faster than word by word.
+/// `Err` is a word that is no number.
 #[inline(always)]
 pub fn next_number<'a>(rest: &mut &'a [u8]) -> Option<Result<f64, &'a [u8]>> {
     skip_white(rest)?;
@@ -139,15 +139,15 @@ fn white_word<'a>(rest: &mut &'a [u8]) -> &'a [u8] {
     word
 }
 
-/// The number at the beginning of a text.
+/// A decimal number at the beginning of a text.
 struct Decimal {
     negative: bool,
-    /// Digits without the point; wrapped where there are more than 19.
+    /// Digits without the point; wrapped around if there are more than 19.
     mantissa: u64,
     digits: usize,
     /// Power of ten.
     power: i32,
-    /// Bytes of the text.
+    /// Length of the number in bytes.
     length: usize,
 }
 
@@ -191,7 +191,7 @@ impl Decimal {
         Some(Decimal { negative, mantissa, digits: count, power, length: at })
     }
 
-    /// Value of the text from which it was read; `None` beyond the range of f64.
+    /// Value of the number, which was read from `word`; `None` beyond the range of f64.
     #[inline(always)]
     fn value(&self, word: &[u8]) -> Option<f64> {
         if self.digits > 19 || self.mantissa > 1 << 53 || self.power.unsigned_abs() > 22 {
@@ -208,9 +208,9 @@ fn of_library(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok().filter(|v: &f64| v.is_finite())
 }
 
-/// Appends the digits at a place to a number; how many there are. Eight at a time: the digits of eight bytes are found by
-/// one comparison, brought behind leading zeros, and added up in pairs, pairs of pairs, and fours (Lemire 2022, "Number
-/// parsing at a gigabyte per second", section 3).
+/// Appends the digits at a position to a number, and returns how many there are. Eight at a time: the digits of eight bytes are found by
+/// one comparison, shifted behind leading zeros, and added up in pairs, pairs of pairs, and fours (Lemire 2022, "Number parsing at a
+/// gigabyte per second", section 3).
 #[inline(always)]
 fn digits(text: &[u8], at: &mut usize, value: &mut u64) -> usize {
     const ZEROS: u64 = 0x3030_3030_3030_3030;
@@ -218,7 +218,7 @@ fn digits(text: &[u8], at: &mut usize, value: &mut u64) -> usize {
     let from = *at;
     while let Some(eight) = text.get(*at..).and_then(|t| t.first_chunk::<8>()) {
         let bytes = u64::from_le_bytes(*eight) ^ ZEROS;
-        // The lowest byte above nine gets its highest bit; what the sum carries reaches later ones only.
+        // The lowest byte above nine gets its highest bit set; carries of the sum reach only later bytes.
         let others = (bytes.wrapping_add(0x7676_7676_7676_7676) | bytes) & 0x8080_8080_8080_8080;
         let count = others.trailing_zeros() / 8;
         if count == 0 {
@@ -282,7 +282,7 @@ pub fn shown(bytes: &[u8]) -> String {
     out
 }
 
-/// Bytes of a text with `%20` and the like decoded; what is no valid encoding stays as it is.
+/// Bytes of a text with `%20` and the like decoded; invalid encodings stay as they are.
 pub fn percent_decoded(text: &str) -> Vec<u8> {
     let hex = |b: u8| char::from(b).to_digit(16).map(|d| d as u8);
     let mut rest = text.as_bytes();
@@ -303,7 +303,7 @@ pub fn percent_decoded(text: &str) -> Vec<u8> {
     out
 }
 
-/// The name of a file without folders and extension: what a clip without a name of its own is called.
+/// File name without folders and extension: the name of a clip that has no name of its own.
 pub fn stem(file: &str) -> &str {
     let name = file.rsplit(['/', '\\']).next().unwrap_or(file);
     match name.rsplit_once('.') {

@@ -29,8 +29,8 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// Index of the image at the path that the file gives: with either slash, percent-encoded, as a `file:` URI; absolute
-    /// ones and those that are not there are looked for as [`search::places`] says.
+    /// Index of the image at a path as the file gives it: with either slash, percent-encoded, or as a `file:` URI. Absolute paths and
+    /// missing files are searched for as [`search::places`] describes. `None`, with a warning, if no image is found.
     pub fn find(
         &mut self,
         written: &str,
@@ -61,7 +61,7 @@ impl Textures {
         }
         let bytes =
             search::read_first(files, &search::places(&[&path])).map_err(|e| search::missing(&path, &e))?;
-        // Comparing and keeping cost as decoding does: they come out of the same budget.
+        // Comparing and keeping the bytes is charged to the same budget as decoding.
         budget.charge(bytes.len() as u64, 1)?;
         let same = self.entries.iter().position(|e| e.bytes.as_ref() == bytes.as_slice());
         if let Some(same) = same {
@@ -73,7 +73,8 @@ impl Textures {
         Ok(self.entries.len() as u32 - 1)
     }
 
-    /// Decodes while `rest` runs. What cannot be decoded is one white pixel, with a warning. An error where `files` called it off.
+    /// Decodes the images while `rest` runs. An image that cannot be decoded becomes one white pixel, with a warning. An error if `files`
+    /// cancelled the import.
     pub fn decode_beside<R>(
         self,
         notes: &Notes,
@@ -86,14 +87,14 @@ impl Textures {
     }
 }
 
-/// The path as a path, and the file name in it.
+/// A path without URI scheme and percent encoding, with forward slashes; and its file name.
 fn plain_path(written: &str) -> (String, String) {
     let uri = written.trim().strip_prefix("file://").or_else(|| written.trim().strip_prefix("file:"));
     let written = uri.unwrap_or(written.trim());
     let path = String::from_utf8(percent_decoded(written)).unwrap_or_else(|_| written.to_string());
     let path = path.replace('\\', "/");
     let path = match uri {
-        // `/C:/art`, `/art`, `host/art`: never beside the file.
+        // All of these (`/C:/art`, `/art`, `host/art`) are absolute, never relative to the file.
         Some(_) => format!("/{}", path.trim_start_matches('/')),
         None => path,
     };
@@ -101,7 +102,7 @@ fn plain_path(written: &str) -> (String, String) {
     (path, name)
 }
 
-/// A bump map of a material. Whether it is a normal map shows in the decoded image.
+/// A bump map of a material. Only the decoded image shows whether it is a normal map.
 pub struct BumpMap {
     /// Index of the material.
     pub material: usize,
@@ -109,7 +110,7 @@ pub struct BumpMap {
     pub strength: f32,
 }
 
-/// Uses bump maps that hold directions as the normal maps that they are; warns of the others.
+/// Uses bump maps that hold directions as normal maps, and leaves out the others; warns about both.
 pub fn use_normal_maps(
     materials: &mut [Material],
     images: &[Arc<Image>],
@@ -140,7 +141,7 @@ pub fn use_normal_maps(
 fn is_normal_map(image: &Image) -> bool {
     let mut sums = [0u64; 3];
     let mut count = 0;
-    // Some thousands of pixels say enough.
+    // Some thousands of pixels are enough.
     let step = (image.rgba.len() / 4 / 4096).max(1);
     for pixel in image.rgba.chunks_exact(4).step_by(step) {
         for (sum, value) in sums.iter_mut().zip(pixel) {

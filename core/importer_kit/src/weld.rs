@@ -1,11 +1,11 @@
 //! Welding: face vertices with the same values become one vertex, found without hashing.
 
-/// Vertices at one point that a face vertex is compared with; beyond that it gets a vertex of its own, so that the time stays
-/// proportional to the file whatever is in it.
+/// Largest number of vertices at one point with which a face vertex is compared. Beyond it, the face vertex gets a vertex of its own, so
+/// that the time stays proportional to the file, whatever the file contains.
 const MAX_COMPARED: usize = 64;
 const NONE: u32 = u32::MAX;
 
-/// The vertices of one primitive by the point of the file that they stand at: those at one point are few.
+/// The vertices of one primitive, by the point of the file at which they are. Few vertices share a point.
 #[derive(Clone, Debug, Default)]
 pub struct Welder {
     /// Number of the primitive, counted from 1.
@@ -17,7 +17,7 @@ pub struct Welder {
 }
 
 impl Welder {
-    /// Begins the next primitive, whose points are below `points`.
+    /// Begins the next primitive, whose point numbers are below `points`.
     pub fn start(&mut self, points: usize) {
         self.before.clear();
         self.primitive += 1;
@@ -26,8 +26,8 @@ impl Welder {
         }
     }
 
-    /// The vertex of a face vertex at a point, and whether it is a new one, which gets the next number. `same` compares the
-    /// face vertex with a vertex.
+    /// The vertex for a face vertex at a point, and whether it is new; a new vertex gets the next number. `same` compares the face vertex
+    /// with an existing vertex.
     #[inline]
     pub fn vertex(&mut self, point: u32, same: impl Fn(u32) -> bool) -> (u32, bool) {
         let latest = &mut self.latest[point as usize];

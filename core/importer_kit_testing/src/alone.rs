@@ -1,15 +1,15 @@
-//! Tests that measure their process: run in one of their own, so that they do not see what the other tests of their binary do.
+//! Runs tests that measure their process in a process of their own, so that other tests of the same binary do not disturb them.
 
 use std::process::Command;
 
-/// Set in the process that runs one test alone.
+/// Environment variable that is set in the process of one test.
 const MARK: &str = "CHOREO_ALONE";
 
-/// Runs the test that calls it in a process of its own: this test binary again, with that test only. True once that is done and
-/// nothing is left to do here; false in the process itself. Panics with the test's output where it fails there.
+/// Runs the calling test in a process of its own: this test binary again, with that test only. Returns true in the calling process, where
+/// nothing is left to do; false in the new process, or if the test is alone already. Panics with the test's output if it fails there.
 pub fn elsewhere() -> bool {
     let thread = std::thread::current();
-    // libtest names a thread after its test. Without threads it has one test at a time, which is alone as it is.
+    // libtest names a thread after its test. Without threads it runs one test at a time, which is alone already.
     let Some(name) = thread.name().filter(|name| *name != "main") else { return false };
     if std::env::var_os(MARK).is_some() {
         return false;
@@ -29,7 +29,7 @@ pub fn elsewhere() -> bool {
 
 /// The lines that the test itself printed, without those of libtest.
 fn own_lines(output: &str, name: &str) -> String {
-    // With one thread, libtest writes a test's name before it runs, and its output continues on that line.
+    // libtest with one thread writes a test's name before it runs, and its output continues on that line.
     let begun = format!("test {name} ... ");
     let lines = output.lines().map(|line| line.strip_prefix(&begun).unwrap_or(line));
     let of_libtest = |line: &str| line.is_empty() || line == "ok" || line.starts_with("running 1 test");

@@ -18,7 +18,7 @@ pub struct Info {
     pub max: [f32; 3],
 }
 
-/// `None` where assimp is not installed; an error's text where it cannot read the file.
+/// Counts of a file. `None` if assimp is not installed; an error's text if it cannot read the file.
 pub fn info(path: &Path) -> Option<Result<Info, String>> {
     let output = Command::new("assimp").arg("info").arg(path).output().ok()?;
     let text = String::from_utf8_lossy(&output.stdout).into_owned();

@@ -1,15 +1,15 @@
-//! Files cut off and with single bits turned over: no panic, bounded memory, an error with a place or a valid asset.
+//! Imports of truncated files and of files with flipped bits: no panic, bounded memory, an error with a place or a valid asset.
 
 use crate::{Companions, import, sound, source};
 use choreo_plugin::{Files, ImportScope, Importer};
 use std::time::Instant;
 
-/// Flips of an everyday run; `$CHOREO_FLIPS` requests more.
+/// Number of bit flips: 100, or `$CHOREO_FLIPS`.
 pub fn flips() -> usize {
     std::env::var("CHOREO_FLIPS").ok().and_then(|n| n.parse().ok()).unwrap_or(100)
 }
 
-/// SplitMix64: the same places in every run.
+/// Next number of a SplitMix64 generator: the same bits are flipped in every run.
 pub fn random(state: &mut u64) -> u64 {
     *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
     let mut z = *state;
@@ -23,11 +23,12 @@ pub fn random(state: &mut u64) -> u64 {
 pub struct Outcome {
     pub refused: usize,
     pub read: usize,
-    /// Seconds that the slowest import computed.
+    /// Processor time of the slowest import, seconds.
     pub slowest_secs: f64,
 }
 
-/// Damages each file, (name, bytes, flips), in a process of its own; of each, some variants must be refused and some read.
+/// Damages each file, given as (name, bytes, flips), all in one separate process. Of each file, some variants must be refused and some
+/// read.
 pub fn run_cases(importer: &dyn Importer, cases: impl FnOnce() -> Vec<(&'static str, Vec<u8>, usize)>) {
     if crate::alone::elsewhere() {
         return;
@@ -38,18 +39,17 @@ pub fn run_cases(importer: &dyn Importer, cases: impl FnOnce() -> Vec<(&'static 
     }
 }
 
-/// Runs [`run_slice`] at 50 places.
+/// Runs [`run_slice`] with 50 cuts and no further files.
 pub fn run(importer: &dyn Importer, name: &str, bytes: &[u8], flips: usize) -> Outcome {
     run_slice(importer, name, bytes, &Companions::none(), 50, flips)
 }
 
-/// The longest that one import may compute, seconds: far beyond what any takes, so that only one that does not end reaches it, on
-/// any machine.
+/// Largest processor time of one import, seconds: far beyond that of any import, so that only an endless one reaches it, on any machine.
 const MOST_SECS: f64 = 30.0;
 
-/// Cuts the file at that many places and turns over `flips` seeded bits, one at a time. Panics with the name and the place
-/// where an error has none, where an import computed for more than half a minute, or where the whole took more memory at once
-/// than 16 times the file and 64 MiB: the test begins with [`crate::alone::elsewhere`]. What lies beside the file is as it should be.
+/// Truncates the file at `cuts` places and flips `flips` pseudo-random bits, one at a time. Panics with the name and the place if an error
+/// has no place, if an import computes for more than half a minute, or if all of it takes more memory at once than 16 times the file and 64
+/// MiB: the test begins with [`crate::alone::elsewhere`]. The files of `beside` are not damaged.
 pub fn run_slice(
     importer: &dyn Importer,
     name: &str,
@@ -105,13 +105,13 @@ pub fn run_slice(
     outcome
 }
 
-/// Processor time of this thread so far (Linux), which unlike the clock does not depend on the load.
+/// Processor time of this thread so far, seconds (Linux), which unlike the clock does not depend on the load.
 fn computed_secs() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-9)
 }
 
-/// The process's greatest resident memory since the start (Linux). Other tests of the process count too: the caller is
+/// The process's greatest resident memory since the start (Linux). Other tests of the process would count, too, so the caller begins with
 /// [`crate::alone::elsewhere`].
 struct Memory {
     before: Option<u64>,

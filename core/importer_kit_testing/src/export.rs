@@ -1,4 +1,4 @@
-//! Tests of exporters: what they write, and a render that was stopped and goes on.
+//! Tests of exporters: bytes that they write, resumed renders, and joined pieces.
 
 use choreo_plugin::{Exporter, Frame, Mark, VideoInfo};
 use std::io::Write;
@@ -25,8 +25,8 @@ impl Write for SharedBytes {
     }
 }
 
-/// Encodes a video whose render is stopped after `cut` frames and goes on from what was settled then. `None` where nothing was
-/// settled. Panics where the exporter cannot go on.
+/// Encodes a video whose render is stopped after `cut` frames and resumed from its last settled mark. `None` if nothing was settled by
+/// then. Panics if the exporter cannot resume.
 pub fn resumed(exporter: &dyn Exporter, info: &VideoInfo, frames: &[Frame], cut: usize) -> Option<Vec<u8>> {
     let out = SharedBytes::default();
     let mut sink = exporter.begin(info, Box::new(out.clone())).unwrap();
@@ -64,8 +64,8 @@ pub fn resumed(exporter: &dyn Exporter, info: &VideoInfo, frames: &[Frame], cut:
     Some(bytes)
 }
 
-/// Encodes a video whose pieces are made alone, the last first, and joined: the bytes of one render, unless a frame depends on
-/// another piece. The frames behind the last whole piece follow the joined ones. Panics where the format has no pieces.
+/// Encodes the pieces of a video separately, the last first, and joins them; the frames behind the last whole piece follow. The bytes are
+/// those of one render, unless a frame depends on another piece. Panics if the format has no pieces.
 pub fn joined_pieces(exporter: &dyn Exporter, info: &VideoInfo, frames: &[Frame]) -> Vec<u8> {
     let length = exporter.piece(info).expect("the format has pieces").get() as usize;
     let mut out = SharedBytes::default();

@@ -1,5 +1,6 @@
-//! Shared by the tests of importers and exporters: sample files, companions that are counted, what every asset must be, damaged files,
-//! tests in a process of their own, crates outside the workspace, packages from npm and PyPI, and assimp's command line as a second opinion. A dependency of tests only.
+//! Helpers for tests of importers and exporters: sample files, companion files that are counted, rules for every asset, damaged files,
+//! tests in a process of their own, crates outside the workspace, packages from npm and PyPI, and assimp's command line as a second
+//! opinion. Only tests depend on this crate.
 
 pub mod alone;
 pub mod assimp;
@@ -18,7 +19,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// `$CHOREO_ASSETS`, or `../shared/assets` beside the workspace; `None` (and a line that says so) where missing.
+/// The folder of sample files: `$CHOREO_ASSETS`, or `../shared/assets` beside the workspace. `None` if it is missing, with a printed line
+/// that says so.
 pub fn assets(cases: usize) -> Option<PathBuf> {
     let folder = match std::env::var_os("CHOREO_ASSETS") {
         Some(folder) => PathBuf::from(folder),
@@ -31,11 +33,11 @@ pub fn assets(cases: usize) -> Option<PathBuf> {
     None
 }
 
-/// Files beside the source, as the program would hand them over; counts what is requested.
+/// Files beside the source, as the program would hand them over; counts the reads.
 #[derive(Debug, Default)]
 pub struct Companions {
     pub folder: Option<PathBuf>,
-    /// Held in memory, by name.
+    /// Files in memory, by name.
     pub files: Vec<(String, Vec<u8>)>,
     pub reads: AtomicUsize,
     /// The only clip that is played; `None`: all.
@@ -86,7 +88,7 @@ pub fn source(name: &str, bytes: impl Into<Vec<u8>>) -> Source {
     Source { name: name.to_string(), bytes: Arc::new(bytes.into()) }
 }
 
-/// The options given and the manifest's defaults for the rest. Panics where the manifest refuses one.
+/// The options given and the manifest's defaults for the rest. Panics if the manifest refuses one.
 pub fn options(importer: &dyn Importer, given: &[(&str, OptionValue)]) -> ImportOptions {
     let given = ImportOptions(given.iter().map(|(name, value)| (name.to_string(), value.clone())).collect());
     importer.manifest().complete(&given).unwrap_or_else(|e| panic!("{e}"))
@@ -102,7 +104,7 @@ pub fn import(
     importer.import(source, files, needs, &options(importer, &[]))
 }
 
-/// A file without companions.
+/// Imports a file without companions.
 pub fn import_bytes(
     importer: &dyn Importer,
     name: &str,
@@ -111,7 +113,7 @@ pub fn import_bytes(
     import(importer, &source(name, bytes), &Companions::none(), ImportScope::ALL)
 }
 
-/// A file with what lies beside it.
+/// Imports a file, with the files beside it as companions.
 pub fn import_path(importer: &dyn Importer, path: &Path) -> Result<Asset, ImportError> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let bytes = std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));

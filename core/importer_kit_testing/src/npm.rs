@@ -34,10 +34,10 @@ fn install(outputs: &Path, name: &str, packages: &[&str]) -> Result<PathBuf, Str
     let folder = outputs.join(name);
     std::fs::create_dir_all(&folder).map_err(|e| e.to_string())?;
     let list = packages.join(" ");
-    // Tests beside this one wait until it is filled.
+    // Tests that run at the same time wait until the folder is filled.
     let lock = File::create(outputs.join(format!("{name}.lock"))).map_err(|e| e.to_string())?;
     lock.lock().map_err(|e| e.to_string())?;
-    // Written at the end: an installation that was stopped is done again.
+    // This file is written at the end: an installation that was stopped is done again.
     let done = folder.join("installed");
     if std::fs::read_to_string(&done).is_ok_and(|installed| installed == list) {
         return Ok(folder);

@@ -9,8 +9,8 @@ pub fn sources() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().expect("the workspace")
 }
 
-/// An empty folder, the same each time: cargo keeps what it builds by where it lies, and outputs of other folders would stay. It lies in the
-/// workspace's folder, so that what is written there needs a workspace of its own.
+/// An empty folder, the same for every run: cargo keys its outputs by the path of a crate, and outputs of other folders would stay. The
+/// folder is inside that of the workspace, so that a crate in it needs a workspace of its own.
 pub fn folder(outputs: &str, name: &str) -> PathBuf {
     let folder = Path::new(outputs).join("outside").join(name);
     if folder.exists() {
@@ -25,9 +25,9 @@ pub fn target(outputs: &str) -> PathBuf {
     Path::new(outputs).parent().expect("a folder of outputs").to_path_buf()
 }
 
-/// Cargo in `folder`, whose crates depend on the workspace's by their paths. No registry is asked: versions are those of the workspace, and
-/// its packages from registries are built as there, so that none is built once more. The workspace's own crates are others to cargo
-/// when they are built from outside, and are not optimized there.
+/// A `cargo` command in `folder`, whose crates depend on the workspace's crates by their paths. No registry is asked: versions are those of
+/// the workspace, and its packages from registries are built with the same settings, so that none is built again. Cargo treats the
+/// workspace's own crates as different ones when they are built from outside; they are not optimized there.
 pub fn cargo(outputs: &str, folder: &Path) -> Command {
     let read = |name: &str| fs::read_to_string(sources().join(name)).expect("a file of the workspace");
     let lock = read("Cargo.lock");

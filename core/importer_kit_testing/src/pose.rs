@@ -1,4 +1,4 @@
-//! An asset's clip at a time, through the jobs that the program uses.
+//! Pose and vertices of an asset's clip at a time, through the jobs that the program uses.
 
 use choreo_asset::{Asset, Primitive};
 use choreo_motion::{LocalToModel, Pose, Sample, Time};

@@ -1,4 +1,4 @@
-//! Python packages, in environments in the folder of build outputs that are made once.
+//! Python packages, in environments that are made once in the folder of build outputs.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ const BLENDER: &str = "bpy==5.0.1";
 pub fn python_with(outputs: &str, module: &str, requirement: &str) -> Option<PathBuf> {
     let name: String = requirement.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     let folder = Path::new(outputs).join(format!("python_{name}"));
-    // Tests beside this one wait until it is made.
+    // Tests that run at the same time wait until the environment is made.
     let lock = File::create(folder.with_extension("lock")).and_then(|file| file.lock().map(|()| file));
     let python = folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
     let works = |program: &Path, args: &[&str]| {
@@ -30,7 +30,7 @@ pub fn python_with(outputs: &str, module: &str, requirement: &str) -> Option<Pat
     made.then_some(python)
 }
 
-/// A Python with Blender (the package `bpy`, which wants the version of Python that it was built for); `CHOREO_BPY` names another one.
+/// A Python with Blender (the package `bpy`, which requires the version of Python that it was built for); `CHOREO_BPY` names another one.
 pub fn blender(outputs: &str) -> Option<PathBuf> {
     let named = std::env::var_os("CHOREO_BPY").map(PathBuf::from);
     named.or_else(|| python_with(outputs, "bpy", BLENDER))

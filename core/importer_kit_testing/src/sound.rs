@@ -1,8 +1,8 @@
-//! The promises of the comments of `Asset`, checked for any file.
+//! Checks of any asset against the rules in the doc comments of `Asset`.
 
 use choreo_asset::{Asset, Topology};
 
-/// Panics with `name` where the asset breaks a promise.
+/// Panics with `name` if the asset breaks a rule.
 pub fn check(name: &str, asset: &Asset) {
     let joints = asset.skeleton.len() as u32;
     for mesh in &asset.meshes {

@@ -1,4 +1,4 @@
-//! Crates built to plugins in WebAssembly, as an author builds them: outside of the workspace.
+//! Builds crates to WebAssembly plugins as an author does: outside of the workspace.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -6,8 +6,8 @@ use std::process::Command;
 /// The Rust target that plugins are built for.
 const TARGET: &str = "wasm32-unknown-unknown";
 
-/// The plugin that the crate in a folder is built to, `CRATE.wasm`. The versions of other crates are those that are here already; what
-/// the plugin is built from is kept between runs.
+/// Builds the crate in a folder to a plugin and returns the path of `CRATE.wasm`. The versions of dependencies are those of the workspace;
+/// build outputs are kept between runs.
 ///
 /// # Panics
 /// The build fails; where Rust's target is not installed, its message says how to install it.
@@ -37,7 +37,7 @@ pub fn import_ply(folder: &Path) -> PathBuf {
 /// The exporter of CSV, built in a folder from a copy of `plugins/export-csv` as a crate of its own.
 pub fn export_csv(folder: &Path) -> PathBuf {
     let ply = sources().join("core/wasm_plugin/tests/import-ply");
-    // The other crate's manifest fits it, but for names.
+    // The other crate's manifest fits, apart from names.
     copied(&ply, folder, |text| text.replace("import-ply", "export-csv").replace("1.0.0", "0.1.0"));
     let source = std::fs::read_to_string(sources().join("plugins/export-csv/src/lib.rs"));
     let source = source.expect("a source").replace("pub mod files;\n", "mod files {}\n");

@@ -1,4 +1,4 @@
-//! Straight alpha of frames, whose colors are multiplied by alpha.
+//! Conversion of frames from premultiplied to straight alpha, and to 16-bit sRGB.
 
 use crate::{FloatFrame, Frame};
 use choreo_asset::{linear_from_srgb, srgb_from_linear};
@@ -32,7 +32,8 @@ impl Frame {
 }
 
 impl FloatFrame {
-    /// The codes of the image in sRGB with 16 bits: colors encoded, alpha not. `straight`: colors are divided by alpha first.
+    /// Pixels as sRGB-encoded RGBA with 16 bits per channel; alpha is linear. `straight`: colors are divided by alpha before they are
+    /// encoded.
     ///
     /// ```
     /// use choreo_plugin::{FloatFrame, glam::Vec4};

@@ -16,10 +16,10 @@ choreo_motion::error_texts! { AssetFault:
     Self { place, what } => "{place}: {what}";
 }
 
-/// How far the weights of a vertex may sum to another number than 1; beyond, they are normalized.
+/// Largest deviation of the sum of a vertex's weights from 1; beyond it, the weights are normalized.
 const WEIGHT_SUM_TOLERANCE: f32 = 1e-3;
 
-/// The asset, with normalized weights and with a warning for each mesh that is not drawn.
+/// Checks an asset. Returns it with normalized weights, and with a warning for each mesh that is not drawn.
 pub(crate) fn checked(mut asset: Asset, scope: ImportScope) -> Result<Asset, AssetFault> {
     places(&asset, scope)?;
     if !scope.geometry {
@@ -64,7 +64,7 @@ fn fault(place: String, what: impl Into<String>) -> AssetFault {
     AssetFault { place, what: what.into() }
 }
 
-/// Everything that refers to something else.
+/// Checks the indices that refer to other parts of the asset, and that numbers are finite.
 fn places(asset: &Asset, scope: ImportScope) -> Result<(), AssetFault> {
     let joints = asset.skeleton.len();
     let rest = asset.skeleton.rest().iter().position(|rest| !rest.is_finite());
@@ -151,7 +151,7 @@ fn check_expressions(asset: &Asset) -> Result<(), AssetFault> {
     Ok(())
 }
 
-/// The materials' textures and colors, and the sizes of the images.
+/// Checks the materials' textures and colors, and that images have as many bytes as their sizes need.
 fn check_materials(asset: &Asset, scope: ImportScope) -> Result<(), AssetFault> {
     for (i, material) in asset.materials.iter().enumerate() {
         let textures =
@@ -255,7 +255,7 @@ fn check_primitive(
     }
 }
 
-/// The number of vertices whose weights do not sum to 1.
+/// Checks the joint indices and skin weights of a primitive. Returns the number of vertices whose weights do not sum to 1.
 fn check_weights(
     primitive: &Primitive,
     joints: Option<usize>,
@@ -295,7 +295,7 @@ fn check_weights(
     Ok(sums.filter(|sum| (sum - 1.0).abs() > WEIGHT_SUM_TOLERANCE).count())
 }
 
-/// A vertex without a weight follows its first joint.
+/// Scales the weights of each vertex to the sum 1. A vertex whose weights are all zero follows its first joint.
 fn normalize_weights(mesh: &mut Mesh) {
     for primitive in mesh.primitives.iter_mut().filter(|primitive| primitive.influences > 0) {
         for weights in primitive.joint_weights.chunks_exact_mut(primitive.influences) {
@@ -424,7 +424,7 @@ mod tests {
         assert_eq!(warnings, expected);
     }
 
-    /// A million vertices with all that they can have take some milliseconds; the bound is for busy machines.
+    /// A million vertices with all attributes take some milliseconds; the bound allows for busy machines.
     #[test]
     fn a_large_mesh_is_checked_quickly() {
         let mut asset = sound();

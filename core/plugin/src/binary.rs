@@ -30,7 +30,7 @@ pub struct Binary<'b> {
     big: bool,
 }
 
-/// A part that a file does not have.
+/// Error of [`Binary`]: bytes beyond the end of the file, or rows that overlap.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BinaryError {
     /// Offset of the part.
@@ -40,7 +40,7 @@ pub struct BinaryError {
 }
 
 impl BinaryError {
-    /// The error of an import of the file with this name.
+    /// Converts this error to the [`ImportError`] of the file with this name.
     pub fn of_file(self, name: &str) -> ImportError {
         let BinaryError { at, what } = self;
         ImportError { file: name.to_string(), place: format!("byte {at}"), what, hint: None }
@@ -56,7 +56,7 @@ type Result<T> = std::result::Result<T, BinaryError>;
 mod sealed {
     pub trait Sealed: Sized {
         const SIZE: usize;
-        /// The number of as many bytes as its size.
+        /// Decodes the number from `SIZE` bytes, big-endian if `big` is set.
         fn of(bytes: &[u8], big: bool) -> Self;
     }
 }
@@ -93,12 +93,12 @@ macro_rules! numbers {
 numbers!(u8, i8, u16, i16, u32, i32, u64, i64, f32, f64);
 
 impl<'b> Binary<'b> {
-    /// Bytes whose numbers begin with their lowest byte.
+    /// A file of little-endian numbers.
     pub fn little_endian(bytes: &'b [u8]) -> Binary<'b> {
         Binary { bytes, big: false }
     }
 
-    /// Bytes whose numbers begin with their highest byte.
+    /// A file of big-endian numbers.
     pub fn big_endian(bytes: &'b [u8]) -> Binary<'b> {
         Binary { bytes, big: true }
     }
@@ -106,7 +106,7 @@ impl<'b> Binary<'b> {
     /// Bytes at an offset.
     ///
     /// # Errors
-    /// The file ends before.
+    /// The bytes reach beyond the end of the file.
     #[inline]
     pub fn part(&self, at: usize, count: usize) -> Result<&'b [u8]> {
         let part = at.checked_add(count).and_then(|end| self.bytes.get(at..end));
@@ -122,26 +122,26 @@ impl<'b> Binary<'b> {
     /// The number at an offset.
     ///
     /// # Errors
-    /// The file ends before.
+    /// The bytes reach beyond the end of the file.
     #[inline]
     pub fn number<T: BinaryNumber>(&self, at: usize) -> Result<T> {
         Ok(T::of(self.part(at, T::SIZE)?, self.big))
     }
 
-    /// Numbers one after the other, as many as the type says.
+    /// `N` consecutive numbers at an offset.
     ///
     /// # Errors
-    /// The file ends before.
+    /// The numbers reach beyond the end of the file.
     #[inline]
     pub fn array<T: BinaryNumber, const N: usize>(&self, at: usize) -> Result<[T; N]> {
         let part = self.part(at, N.saturating_mul(T::SIZE))?;
         Ok(std::array::from_fn(|i| T::of(&part[i * T::SIZE..(i + 1) * T::SIZE], self.big)))
     }
 
-    /// Numbers one after the other.
+    /// `count` consecutive numbers at an offset.
     ///
     /// # Errors
-    /// The file ends before; then nothing is reserved, whatever the count.
+    /// The numbers reach beyond the end of the file; no memory is allocated then, whatever the count.
     #[inline]
     pub fn numbers<T: BinaryNumber>(&self, at: usize, count: usize) -> Result<Vec<T>> {
         let part = self.part(at, count.saturating_mul(T::SIZE))?;
@@ -151,7 +151,7 @@ impl<'b> Binary<'b> {
     /// Rows of `N` numbers, each `stride` bytes after the one before, in one list.
     ///
     /// # Errors
-    /// The file ends before, or rows overlap.
+    /// The rows reach beyond the end of the file, or they overlap.
     pub fn rows<T: BinaryNumber, const N: usize>(
         &self,
         at: usize,

@@ -1,7 +1,7 @@
 //! The area in which two frames differ.
 
-/// The smallest rectangle that holds all pixels that differ between two images of the same size, RGBA: left, top, and right and
-/// bottom behind it. `None` where none differ.
+/// The smallest rectangle that holds all differing pixels of two RGBA images of the same size: left, top, and the exclusive right and
+/// bottom. `None` if all pixels are equal.
 ///
 /// ```
 /// use choreo_plugin::changed_area;

@@ -29,7 +29,7 @@ pub fn parse(text: &str) -> Result<Vec4, OptionError> {
     Err(error(format!("unknown color \"{shown}\"{meant}")))
 }
 
-/// sRGB red, green, blue and alpha of such a text.
+/// sRGB red, green, blue and alpha (0 to 255) of a CSS name, `#rgb`, `#rrggbb` or `#rrggbbaa`; `None` for any other text.
 ///
 /// ```
 /// use choreo_plugin::color::bytes;
@@ -45,7 +45,7 @@ pub fn bytes(text: &str) -> Option<[u8; 4]> {
     Some([(rgb >> 16) as u8, (rgb >> 8) as u8, *rgb as u8, 255])
 }
 
-/// `#rrggbb` of a linear color, and its CSS name where it has one; `None` where eight bits of sRGB do not hold the color.
+/// `#rrggbb` of a linear color, and its CSS name if it has one; `None` if 8-bit sRGB cannot represent the color.
 ///
 /// ```
 /// use choreo_plugin::color::{hex, parse};
@@ -56,7 +56,7 @@ pub fn bytes(text: &str) -> Option<[u8; 4]> {
 /// ```
 pub fn hex(linear: [f64; 3]) -> Option<(String, Option<&'static str>)> {
     let bytes = linear.map(|c| libm::round(srgb_from_linear(c) * 255.0).clamp(0.0, 255.0) as u8);
-    // A color of a script has been rounded to f32.
+    // Colors of scripts were rounded to f32, hence the tolerance.
     let same = |(c, byte): (f64, u8)| (c - linear_from_srgb(f64::from(byte) / 255.0)).abs() < 1e-6;
     if !linear.into_iter().zip(bytes).all(same) {
         return None;

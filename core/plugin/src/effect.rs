@@ -33,7 +33,7 @@ pub enum Hook {
     Surface,
     /// A function of one vertex: how far it is displaced.
     Vertex,
-    /// A function of one light at one point on a surface: what the surface reflects of it.
+    /// A function of one light at one point on a surface: the light that the surface reflects.
     Lighting,
     /// An inverted hull around surfaces, or the edges of their triangles: [`OutlineEffect`].
     Outline,
@@ -62,7 +62,7 @@ impl Hook {
 
 /// An effect of any hook. Clones share it.
 ///
-/// Most effects are one file, read by the crate `choreo-wgsl-effect`; a type of one's own implements the trait of its hook.
+/// Most effects are one file, read by the crate `choreo-wgsl-effect`; an effect in Rust implements the trait of its hook.
 ///
 /// ```
 /// use choreo_plugin::{Effect, EffectPlugin, Hook, Manifest, Registry, Shutter, ShutterEffect};
@@ -102,7 +102,7 @@ pub enum Effect {
     Lighting(Arc<dyn LightingEffect>),
     /// An inverted hull or edges.
     Outline(Arc<dyn OutlineEffect>),
-    /// Geometry of the effect's own.
+    /// Geometry that the effect generates.
     Overlay(Arc<dyn OverlayEffect>),
     /// How long the shutter is open.
     Shutter(Arc<dyn ShutterEffect>),
@@ -133,7 +133,7 @@ impl Effect {
         lighting: Lighting, LightingEffect;
         /// An effect that outlines surfaces.
         outline: Outline, OutlineEffect;
-        /// An effect with geometry of its own.
+        /// An effect that generates geometry.
         overlay: Overlay, OverlayEffect;
         /// An effect on the shutter.
         shutter: Shutter, ShutterEffect;
@@ -153,7 +153,7 @@ impl Effect {
         }
     }
 
-    /// The methods of all hooks.
+    /// The methods that effects of all hooks have in common.
     fn plugin(&self) -> &dyn EffectPlugin {
         match self {
             Effect::Pixel(effect) => &**effect,
@@ -167,7 +167,7 @@ impl Effect {
         }
     }
 
-    /// Whether both are the same plugin, not only equal ones.
+    /// Whether both are clones of one effect.
     pub fn is_same(&self, other: &Effect) -> bool {
         std::ptr::addr_eq(self.plugin(), other.plugin())
     }
@@ -217,7 +217,7 @@ impl Effect {
         self.shader().map_or(&[], |shader| shader.textures())
     }
 
-    /// Whether [`EffectFrame::numbers`](crate::EffectFrame::numbers) follow the parameters of the function.
+    /// Whether [`EffectFrame::numbers`](crate::EffectFrame::numbers) follow the function's parameters.
     pub fn reads_frame(&self) -> bool {
         self.hook() != Hook::Image && self.shader().is_some_and(|shader| shader.reads_frame())
     }
@@ -240,7 +240,7 @@ impl Effect {
         }
     }
 
-    /// The side of the view transform on which an effect on images runs.
+    /// Whether an effect on pixels or images runs before, after or in place of the view transform; `After` for all other effects.
     pub fn view_order(&self) -> ViewOrder {
         match self {
             Effect::Pixel(effect) => effect.view_order(),
@@ -266,8 +266,8 @@ impl Effect {
         }
     }
 
-    /// The result of all passes of an effect on images, on the CPU, for an image without frames before it: what an effect's test compares.
-    /// The image itself for other hooks. `scene`: what it reads of the scene.
+    /// Runs all passes of an effect on images on the CPU, without previous frames, as tests of effects do. Returns the image unchanged for
+    /// other hooks. `scene`: the parts of the scene that the effect reads.
     ///
     /// ```
     /// use choreo_plugin::glam::Vec4;
@@ -307,7 +307,7 @@ impl Effect {
         now
     }
 
-    /// Factor by which the image that a pass makes is smaller, each way; 1 for all effects but those on images.
+    /// Downscale factor of the image that a pass writes, per axis; 1 for all effects but those on images.
     pub fn shrink(&self, pass_number: u32, size: [u32; 2], parameters: &[f32]) -> u32 {
         match self {
             Effect::Image(effect) => effect.shrink(pass_number, size, parameters),
@@ -315,7 +315,7 @@ impl Effect {
         }
     }
 
-    /// How many frames back the effect looks; 0 for hooks without a history.
+    /// Number of previous frames that the effect reads; 0 for hooks without a history.
     pub fn history(&self, parameters: &[f32]) -> u32 {
         match self {
             Effect::Image(effect) => effect.history(parameters),
@@ -342,7 +342,7 @@ impl Effect {
         matches!(self, Effect::Vertex(effect) if effect.in_model_space())
     }
 
-    /// The largest displacement of an effect on vertices, metres; 0 for others.
+    /// The largest displacement of an effect on vertices, metres; 0 for other effects.
     pub fn reach(&self, parameters: &[f32]) -> f32 {
         match self {
             Effect::Vertex(effect) => effect.reach(parameters),
@@ -350,7 +350,7 @@ impl Effect {
         }
     }
 
-    /// Whether an effect on surfaces changes the background, too.
+    /// Whether an effect on surfaces also changes the background.
     pub fn changes_background(&self, parameters: &[f32]) -> bool {
         matches!(self, Effect::Surface(effect) if effect.changes_background(parameters))
     }

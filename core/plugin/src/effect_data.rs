@@ -3,12 +3,12 @@
 use crate::SceneImages;
 use glam::{Vec2, Vec3, Vec4};
 
-/// The order of an effect on images and the stage's view transform. The view transform brings scene-linear light to the colors
-/// of a display.
+/// Whether an effect on images runs before, after or in place of the stage's view transform, which maps scene-linear light to display
+/// colors.
 ///
 /// ```
 /// use choreo_plugin::ViewOrder;
-/// // Glow of bright light needs it as it is, before the view transform brings it to the colors of a display.
+/// // A glow needs bright light as it is, before the view transform maps it to display colors.
 /// let glow = ViewOrder::Before;
 /// assert_ne!(glow, ViewOrder::default());
 /// ```
@@ -18,9 +18,9 @@ pub enum ViewOrder {
     /// The effect runs on the colors that the view transform gives.
     #[default]
     After,
-    /// The effect runs on light of any strength; the view transform follows as a pass over the whole image.
+    /// The effect runs on scene-linear light of any strength; the view transform follows as a pass over the whole image.
     Before,
-    /// The effect takes the place of the view transform: it brings light to colors itself.
+    /// The effect takes the place of the view transform: it maps light to display colors itself.
     Replaces,
 }
 
@@ -38,7 +38,7 @@ pub struct Shutter {
     pub samples: u32,
     /// How long the shutter is open, as a share of the time between frames.
     pub open: f64,
-    /// How much of that lies before the frame's own time, 0 to 1.
+    /// Share of the open time that lies before the frame's own time, 0 to 1.
     pub before: f64,
 }
 
@@ -56,7 +56,7 @@ pub struct InvertedHull {
     pub width: f32,
     /// Linear color.
     pub color: Vec3,
-    /// 0: the color as it is; 1: multiplied by the lit surface.
+    /// Mix of the plain color (0) and the color multiplied by the lit surface (1).
     pub lighting_mix: f32,
 }
 
@@ -72,22 +72,22 @@ pub struct InvertedHull {
 pub struct SurfaceSample {
     /// Position in the world in metres; f32, so accurate near the origin.
     pub world: Vec3,
-    /// Distance from the camera in metres; of orthographic cameras along their view.
+    /// Distance from the camera in metres; for orthographic cameras, the depth along the view direction.
     pub distance: f32,
-    /// Unit normal towards the viewer's side; zero without [`SurfaceInputs::normals`] and of meshes without normals.
+    /// Unit normal towards the viewer's side; zero without [`SurfaceInputs::normals`] and for meshes without normals.
     pub normal: Vec3,
     /// Cosine between the normal and the direction to the viewer.
     pub facing: f32,
     /// The stage's background at this pixel, linear.
     pub background: Vec3,
-    /// Colors of the joints that move the point, weighted; with [`SurfaceInputs::joints`].
+    /// Colors of the joints that move the point, weighted by their skin weights; with [`SurfaceInputs::joints`].
     pub joints: Vec3,
-    /// Texture coordinates with [`SurfaceInputs::uvs`]; zero of meshes without them.
+    /// Texture coordinates with [`SurfaceInputs::uvs`]; zero for meshes without them.
     pub uv: Vec2,
-    /// Share of the light that a white matte surface would reflect here and that shadows take, by luminance; with
-    /// [`SurfaceInputs::shadow`]. Zero of unlit materials.
+    /// Share of the light on a white matte surface here that shadows block, by luminance; with [`SurfaceInputs::shadow`]. Zero for unlit
+    /// materials.
     pub shadow: f32,
-    /// Position of the viewer in the world; of orthographic cameras where the ray to the point begins.
+    /// World position of the viewer, metres; for orthographic cameras, the origin of the ray to the point.
     pub viewer: Vec3,
 }
 
@@ -96,24 +96,24 @@ pub struct SurfaceSample {
 pub struct VertexSample {
     /// Posed position in the world in metres; f32, so accurate near the origin.
     pub world: Vec3,
-    /// Unit normal in the world; zero of meshes without normals, and where neither [`SurfaceInputs::normals`] nor light needs it.
+    /// Unit normal in the world; zero for meshes without normals, and where neither [`SurfaceInputs::normals`] nor lighting needs it.
     pub normal: Vec3,
-    /// Texture coordinates with [`SurfaceInputs::uvs`]; zero of meshes without them.
+    /// Texture coordinates with [`SurfaceInputs::uvs`]; zero for meshes without them.
     pub uv: Vec2,
-    /// Position in model space, after morph targets and before skinning: a pattern by it moves with the character.
+    /// Position in model space, after morph targets and before skinning. Patterns based on it move with the character.
     pub model: Vec3,
 }
 
-/// Input of a [`Hook::Lighting`](crate::Hook::Lighting) function: one light at one point on a surface. Same layout as the struct `Falling` of the
-/// shaders.
+/// Input of a [`Hook::Lighting`](crate::Hook::Lighting) function: one light at one point on a surface. Same layout as the struct `Falling`
+/// of the shaders.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LightSample {
     /// Cosine between the normal and the direction to the light, −1 to 1.
     pub cosine: f32,
     /// Share of the light that shadows let through, 0 to 1.
     pub share: f32,
-    /// The light as it arrives, after distance and cone, linear, without [`LightSample::share`]: lux over π, so that base color ·
-    /// this · cosine is the light of a matte surface.
+    /// Incident light, linear, after distance and cone attenuation, without [`LightSample::share`]: illuminance in lux over π, so that
+    /// `base` · `color` · `cosine` is the light that a matte surface reflects.
     pub color: Vec3,
     /// Base color of the surface, linear.
     pub base: Vec3,
@@ -123,7 +123,7 @@ pub struct LightSample {
     pub viewer: Vec3,
     /// Unit direction to the light.
     pub light: Vec3,
-    /// The reflected light by the surface's own shading model: to be added to, or replaced.
+    /// Reflected light of the surface's own shading model. The effect adds to it or replaces it.
     pub lit: Vec3,
 }
 
@@ -162,14 +162,14 @@ pub struct EffectImage<'a> {
 }
 
 impl EffectImage<'_> {
-    /// A pixel; beyond the border the nearest one.
+    /// A pixel; coordinates beyond the border read the nearest pixel.
     pub fn at(&self, x: i32, y: i32) -> Vec4 {
         let [w, h] = self.size.map(|s| s as i32);
         let (x, y) = (x.clamp(0, w - 1), y.clamp(0, h - 1));
         self.rgba[y as usize * w as usize + x as usize]
     }
 
-    /// The image between the middles of its pixels, which lie at halves: `place` is in pixels from the top left.
+    /// Bilinear sample at `place`, in pixels from the top left; pixel centers lie at half-integers.
     ///
     /// ```
     /// # use choreo_plugin::EffectImage;
@@ -189,7 +189,7 @@ impl EffectImage<'_> {
     }
 }
 
-/// A pass of an effect on images whose passes have textures.
+/// A named pass of an effect on images, which writes a texture for the passes after it.
 ///
 /// ```
 /// use choreo_plugin::ImagePass;
@@ -227,26 +227,27 @@ impl ImagePass {
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct EffectImages<'a> {
-    /// Result of the pass before.
+    /// Result of the previous pass.
     pub now: EffectImage<'a>,
     /// Input of the effect's first pass.
     pub original: EffectImage<'a>,
     /// The textures of the effect's earlier passes by their number, where passes have textures
     /// ([`ImageEffect::named_passes`](crate::ImageEffect::named_passes)); `None` for one that nothing reads.
     pub passes: &'a [Option<EffectImage<'a>>],
-    /// The scene one frame ago, two frames ago and so on, before any effect on images; as many as [`ImageEffect::history`](crate::ImageEffect::history), or more.
+    /// The scene one frame ago, two frames ago and so on, before any effect on images; at least as many as
+    /// [`ImageEffect::history`](crate::ImageEffect::history).
     pub before: &'a [EffectImage<'a>],
-    /// The scene behind the image; `None` where it is not known: then no surface is anywhere, and every number is 0.
+    /// Scene inputs of the frame. `None` if they are unknown: effects then find no surfaces, and every number is 0.
     pub scene: Option<SceneImages<'a>>,
 }
 
-/// Steps that one call of an effect's function may take: rounds of its loops, each times the statements of the loop's body.
+/// Step limit of one call of an effect's function. A round of a loop counts the statements of the loop's body.
 pub const MAX_EFFECT_STEPS: u32 = 100_000;
 
-/// Bits of a NaN that stands for a result that took more than [`MAX_EFFECT_STEPS`], without the loop's number.
+/// Bits of the NaN that marks a result which took more than [`MAX_EFFECT_STEPS`]; the lower 16 bits hold the loop's number.
 const ENDLESS: u32 = 0x7fc1_0000;
 
-/// The result of a call that took too many steps, in its first component: a NaN with the number of the loop, 0 for none.
+/// NaN for the first component of the result of a call that took too many steps. It holds the number of the loop; 0: no loop.
 ///
 /// ```
 /// use choreo_plugin::effect::{endless, endless_loop};
@@ -256,7 +257,7 @@ pub fn endless(loop_number: u32) -> f32 {
     f32::from_bits(ENDLESS | loop_number & 0xffff)
 }
 
-/// The number of the loop, where a value is one of [`endless`].
+/// Loop number of a NaN made by [`endless`]; `None` for any other value.
 pub fn endless_loop(value: f32) -> Option<u32> {
     (value.to_bits() & 0xffff_0000 == ENDLESS).then_some(value.to_bits() & 0xffff)
 }

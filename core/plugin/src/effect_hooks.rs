@@ -44,8 +44,8 @@ pub trait EffectPlugin: Send + Sync {
         None
     }
 
-    /// Places (`my.wgsl:3:5`) of the loops in the effect's WGSL that count their rounds, in [`EffectShader::wgsl`] with
-    /// `effect_round(cost, number)`, in the order of their numbers, which begin at 1. Warnings about endless loops name them.
+    /// Places (`my.wgsl:3:5`) of the counted loops in the effect's WGSL, in the order of their numbers, which begin at 1.
+    /// [`EffectShader::wgsl`] counts their rounds by `effect_round(cost, number)`. Warnings about endless loops name the places.
     fn loops(&self) -> &[String] {
         &[]
     }
@@ -106,21 +106,21 @@ pub trait EffectShader: EffectPlugin {
     /// numbers. The function may call `NAME(uv)` of its [`EffectShader::textures`].
     fn wgsl(&self) -> &str;
 
-    /// Whether the function reads the time, the number of the frame or the size of the image; for effects on images
-    /// [`ImageEffect::scene_inputs`] says so. Behind its parameters the CPU's function then gets
-    /// [`EffectFrame::numbers`](crate::EffectFrame::numbers), and WGSL may call `effect_frame_row_0()` and `effect_frame_row_1()`, four of them
-    /// each. A scene with such an effect is drawn anew for each frame.
+    /// Whether the function reads the time, the frame number or the image size. (Effects on images state this in
+    /// [`ImageEffect::scene_inputs`].) On the CPU, [`EffectFrame::numbers`](crate::EffectFrame::numbers) then follow the function's
+    /// parameters; in WGSL, `effect_frame_row_0()` and `effect_frame_row_1()` return four of these numbers each. A scene with such an
+    /// effect is drawn again for each frame.
     fn reads_frame(&self) -> bool {
         false
     }
 
-    /// Images that the function reads, those of [`OptionKind::Texture`](crate::OptionKind::Texture) among them.
+    /// Images that the function reads, including those of [`OptionKind::Texture`](crate::OptionKind::Texture).
     fn textures(&self) -> &[EffectTexture] {
         &[]
     }
 
-    /// The same effect with other images in place of those of the same names, under a name of its own. `None` where it has none of
-    /// the names, or does not allow that.
+    /// A copy of the effect with another name, in which `images` replace the textures of the same names. `None` if the effect has no
+    /// texture of these names, or does not support this.
     fn with_images(&self, _name: &str, _images: &[EffectTexture]) -> Option<Effect> {
         None
     }
@@ -159,7 +159,7 @@ pub trait EffectShader: EffectPlugin {
 /// assert_eq!((colors, Effect::pixel(fade).hook()), ([Vec4::splat(0.5)], Hook::Pixel));
 /// ```
 pub trait PixelEffect: EffectShader {
-    /// The side of the view transform on which it runs.
+    /// Whether the effect runs before, after or in place of the view transform.
     fn view_order(&self) -> ViewOrder {
         ViewOrder::After
     }
@@ -271,32 +271,32 @@ pub trait PixelEffect: EffectShader {
 /// assert_eq!(trail.over_image(image, None, &[]), [Vec4::ONE; 4]);
 /// ```
 pub trait ImageEffect: EffectShader {
-    /// The side of the view transform on which it runs.
+    /// Whether the effect runs before, after or in place of the view transform.
     fn view_order(&self) -> ViewOrder {
         ViewOrder::After
     }
 
-    /// Number of passes, each over the result of the one before; 1 or more. Not asked for where passes have textures.
+    /// Number of passes, 1 or more; each reads the result of the pass before. Not called for effects with [`ImageEffect::named_passes`].
     fn passes(&self) -> u32 {
         1
     }
 
-    /// The passes of an effect each of which writes a texture of its own, in the order in which they run; empty for all others.
-    /// `picture(at)` is the input of the effect in all of them. A pass whose texture nothing reads is left out. Of a texture `NAME` the
-    /// function may call `NAME_at(at)`, one of its pixels, `NAME_uv(uv)`, bilinear, where `uv` is 0 to 1 over the whole image, and
-    /// `NAME_size()`, in pixels. [`ImageEffect::shrink`] is the scale of each.
+    /// Named passes in the order in which they run, each of which writes its own texture; empty for effects without named passes.
+    /// `picture(at)` is the input of the effect in all of them. A pass whose texture nothing reads is skipped. To read a texture `NAME`,
+    /// the function calls `NAME_at(at)` for one pixel, `NAME_uv(uv)` for a bilinear sample with `uv` from 0 to 1 over the whole image, and
+    /// `NAME_size()` for the size in pixels. [`ImageEffect::shrink`] is the scale of each pass.
     fn named_passes(&self) -> &[ImagePass] {
         &[]
     }
 
-    /// Factor by which the image that a pass makes is smaller, each way; 1 or more. The last pass makes the whole image, of this size.
-    /// `at` counts the pixels that a pass makes, `picture(at)` those of the pass before, `original(at)` those of the whole image.
+    /// Downscale factor of a pass's image, per axis, 1 or more. The last pass always writes the whole image; `_size` is its size in pixels.
+    /// `at` counts pixels of the pass's own image, `picture(at)` those of the pass before, `original(at)` those of the whole image.
     fn shrink(&self, _pass_number: u32, _size: [u32; 2], _parameters: &[f32]) -> u32 {
         1
     }
 
-    /// How many frames back the effect looks. They are drawn for each frame, so that a frame is the same whether those before it were
-    /// rendered or not; before the first frame stands the first.
+    /// Number of previous frames that the effect reads. They are drawn again for each frame, so that a frame is the same whether its
+    /// predecessors were rendered or not. Before the first frame, the first frame is repeated.
     fn history(&self, _parameters: &[f32]) -> u32 {
         0
     }
@@ -306,7 +306,7 @@ pub trait ImageEffect: EffectShader {
         SceneInputs::default()
     }
 
-    /// Writes row `y` of what a pass makes.
+    /// Writes row `y` of a pass's image.
     fn image_row(
         &self,
         images: &EffectImages,
@@ -363,8 +363,8 @@ pub trait SurfaceEffect: EffectShader {
         SurfaceInputs::default()
     }
 
-    /// Whether it changes the background too where it is on everything, as a surface without a normal at
-    /// [`BACKGROUND_DISTANCE`](crate::BACKGROUND_DISTANCE).
+    /// Whether the effect also changes the background when it applies to the whole scene. The background counts as a surface without a
+    /// normal at [`BACKGROUND_DISTANCE`](crate::BACKGROUND_DISTANCE).
     fn changes_background(&self, _parameters: &[f32]) -> bool {
         false
     }
@@ -373,7 +373,7 @@ pub trait SurfaceEffect: EffectShader {
     fn surfaces(&self, colors: &mut [Vec4], samples: &[SurfaceSample], parameters: &[f32]);
 }
 
-/// A function of one vertex: `fn effect(place: Place, p: array<f32, N>) -> vec3<f32>`, how far it is displaced. Normals follow it.
+/// A function of one vertex: `fn effect(place: Place, p: array<f32, N>) -> vec3<f32>`, its displacement. Normals follow the displacement.
 ///
 /// ```
 /// use choreo_plugin::glam::{Vec3};
@@ -418,7 +418,7 @@ pub trait VertexEffect: EffectShader {
         SurfaceInputs::default()
     }
 
-    /// The largest displacement in metres; longer ones are cut off.
+    /// The largest displacement in metres; longer ones are cut off at this length.
     fn reach(&self, parameters: &[f32]) -> f32;
 
     /// Whether the displacement is in model space, not in the world.
@@ -451,7 +451,7 @@ pub trait VertexEffect: EffectShader {
 /// }
 ///
 /// impl LightingEffect for Mine {
-///     /// Light whatever the angle, as on felt.
+///     /// Light that does not depend on the angle, as on felt.
 ///     fn lights(&self, samples: &mut [LightSample], _: &[f32]) {
 ///         for sample in samples {
 ///             sample.lit = sample.base * sample.color * sample.share;
@@ -474,7 +474,7 @@ pub trait LightingEffect: EffectShader {
     fn lights(&self, samples: &mut [LightSample], parameters: &[f32]);
 }
 
-/// An inverted hull around surfaces, or the edges of their triangles.
+/// An effect that draws an inverted hull around surfaces, or a wireframe of their triangles.
 ///
 /// ```
 /// use choreo_plugin::glam::Vec3;
@@ -505,13 +505,13 @@ pub trait OutlineEffect: EffectPlugin {
         None
     }
 
-    /// Color of lines along the edges of triangles; `None` draws none.
+    /// Wireframe color of the edges of triangles, linear; `None` draws none.
     fn wireframe(&self, _parameters: &[f32]) -> Option<Vec3> {
         None
     }
 }
 
-/// Triangles, lines, points, lattices and labels.
+/// An effect that draws triangles, lines, points, lattices and labels.
 ///
 /// ```
 /// use choreo_plugin::glam::Vec4;
@@ -546,12 +546,13 @@ pub trait OutlineEffect: EffectPlugin {
 /// assert!(names.applies_to_actors() && names.shader().is_none());
 /// ```
 pub trait OverlayEffect: EffectPlugin {
-    /// Whether single actors can have it.
+    /// Whether the effect can be put on single actors.
     fn applies_to_actors(&self) -> bool {
         true
     }
 
-    /// How many frames back the effect looks. They are posed for each frame; before the first frame stands the first.
+    /// Number of previous frames that the effect reads. They are posed again for each frame; before the first frame, the first frame is
+    /// repeated.
     fn history(&self, _parameters: &[f32]) -> u32 {
         0
     }
@@ -560,8 +561,8 @@ pub trait OverlayEffect: EffectPlugin {
     fn overlay(&self, scene: &EffectScene, parameters: &[f32]) -> Overlay;
 }
 
-/// How long the shutter is open.
+/// An effect that opens the shutter for a time (motion blur).
 pub trait ShutterEffect: EffectPlugin {
-    /// How the frame is exposed; `None`: at one time.
+    /// Exposure of the frame; `None`: no motion blur.
     fn shutter(&self, parameters: &[f32]) -> Option<Shutter>;
 }

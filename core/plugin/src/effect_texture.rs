@@ -3,27 +3,27 @@
 use choreo_asset::linear_from_srgb_f32;
 use glam::{IVec2, UVec2, Vec2, Vec4};
 
-/// An image, repeated without end, without smaller copies of itself: for grain, paper, ramps and noise.
-/// Linear RGBA in 16-bit floats (IEEE 754 binary16), which both renderers read.
+/// A tiling image without mipmaps, for grain, paper, ramps and noise. Linear RGBA in 16-bit floats (IEEE 754 binary16), which both
+/// renderers read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffectTexture {
     /// Name of the function that reads it in WGSL: `NAME(uv: vec2<f32>) -> vec4<f32>`, bilinear.
     pub name: String,
-    /// Its file, where it is from one.
+    /// The file that the image was read from, if any.
     pub file: Option<std::path::PathBuf>,
     /// Width and height in texels.
     pub size: [u32; 2],
-    /// Row by row from the top.
+    /// Texels as the bits of 16-bit floats, row by row from the top.
     pub halves: Vec<[u16; 4]>,
     texels: Vec<Vec4>,
 }
 
 impl EffectTexture {
-    /// Most texels on a side.
+    /// Largest width and height in texels.
     pub const MOST: u32 = 2048;
 
-    /// Makes a texture of bytes, RGBA, row by row from the top. `srgb`: red, green and blue are encoded as sRGB. `None` if
-    /// `size` is zero or too large, or the number of bytes is another.
+    /// Makes a texture from 8-bit RGBA, row by row from the top. `srgb`: red, green and blue are sRGB-encoded. `None` if `size` is zero or
+    /// too large, or `rgba` does not have the length for it.
     pub fn new(name: &str, size: [u32; 2], rgba: &[u8], srgb: bool) -> Option<EffectTexture> {
         let fits = size.iter().all(|s| (1..=Self::MOST).contains(s));
         if !fits || rgba.len() != size[0] as usize * size[1] as usize * 4 {
@@ -45,12 +45,12 @@ impl EffectTexture {
         Some(EffectTexture { name: name.into(), file: None, size, halves, texels })
     }
 
-    /// Sets the file that it was read from.
+    /// Sets the file that the texture was read from.
     pub fn of_file(self, file: Option<std::path::PathBuf>) -> EffectTexture {
         EffectTexture { file, ..self }
     }
 
-    /// The texture at `uv`, like the shaders' `effect_texture`: from 0 to 1 from the top left, repeated beyond.
+    /// Bilinear sample at `uv`, which is 0 to 1 from the top left and repeats beyond; the shaders' `effect_texture` does the same.
     ///
     /// ```
     /// use choreo_plugin::EffectTexture;

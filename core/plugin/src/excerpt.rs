@@ -1,6 +1,7 @@
 //! Lines of source below messages, with a caret.
 
-/// Control characters, and those of Unicode's bidirectional algorithm (UAX #9), which show a text in another order than it has.
+/// Whether a character steers the terminal: a control character, or one of Unicode's bidirectional algorithm (UAX #9), which changes the
+/// order in which text is displayed.
 ///
 /// ```
 /// use choreo_plugin::excerpt::steers_terminal;

@@ -55,7 +55,7 @@ pub trait Exporter: Send + Sync {
     /// threads at once, and numbers the files.
     fn one_frame_per_file(&self) -> bool;
 
-    /// The pixels that the format holds with these options. An error is a text for the user about an option.
+    /// The kind of pixels that the exporter needs with these options. An error is a text for the user about an option.
     fn wish(&self, options: &ExportOptions) -> Result<FrameWish, ExportError> {
         let _ = options;
         Ok(FrameWish::Bytes)
@@ -68,8 +68,8 @@ pub trait Exporter: Send + Sync {
         Vec::new()
     }
 
-    /// True where the first bytes of the file are known only when all frames are: `finish` then gives them, and the
-    /// program puts them before what was written.
+    /// True if the first bytes of the file are known only after the last frame: `finish` then returns them, and the program puts them
+    /// before the bytes that were written.
     fn head_comes_last(&self) -> bool {
         false
     }
@@ -77,9 +77,9 @@ pub trait Exporter: Send + Sync {
     /// Starts a file. The program gives a writer onto a temporary file and renames it when `finish` succeeded.
     fn begin(&self, info: &VideoInfo, out: Box<dyn Write + Send>) -> Result<Box<dyn FrameSink>, ExportError>;
 
-    /// Copies a file with another provenance, in formats of one image per file: writes the image of `made`, a whole file of this
-    /// exporter with the same options, with the provenance of `info`; the bytes are those that encoding the image would give.
-    /// False where the format cannot: nothing is written then.
+    /// Copies a file with new provenance, for formats of one image per file. `made` is a whole file of this exporter with the same options.
+    /// The copy has the provenance of `info`, and the bytes that encoding the image again would give. Returns false and writes nothing if
+    /// the format does not support this.
     fn with_provenance(
         &self,
         info: &VideoInfo,
@@ -90,18 +90,18 @@ pub trait Exporter: Send + Sync {
         Ok(false)
     }
 
-    /// Frames of a piece, in formats whose files are made of pieces that depend on their own frames only: the frames from `k * n` to
-    /// `(k + 1) * n` have the same bytes whatever stands before them, and several machines can make them. The mark is
-    /// [`Mark::Settled`] at the end of each piece and [`Mark::Open`] within it. `None` where a frame depends on all those before.
+    /// Number of frames of a piece, for formats whose files consist of independently encoded pieces. The frames from `k * n` to
+    /// `(k + 1) * n` then have the same bytes whatever precedes them, so that several machines can encode them. The mark is
+    /// [`Mark::Settled`] at the end of each piece and [`Mark::Open`] within it. `None` if each frame depends on all frames before it.
     fn piece(&self, info: &VideoInfo) -> Option<NonZeroU64> {
         let _ = info;
         None
     }
 
-    /// Goes on with a file whose making was ended from outside. `so_far` is all that was written until the last
-    /// [`Mark::Settled`], `states` what every one of them held, in order; `out` writes on from there. The frames that follow must give
-    /// the bytes that they would have given undisturbed. Formats of pieces ([`Exporter::piece`]) also get the states of pieces that
-    /// other machines made, or none for a piece alone, and `so_far` is empty then.
+    /// Continues a file whose export was interrupted. `so_far` is all that was written until the last [`Mark::Settled`]; `states` are the
+    /// states of all settled marks, in order; `out` continues the file from there. The frames that follow must give the bytes of an
+    /// uninterrupted export. Formats of pieces ([`Exporter::piece`]) also get the states of pieces that other machines encoded, or none if
+    /// a piece is encoded alone; `so_far` is empty then.
     fn resume(
         &self,
         info: &VideoInfo,
@@ -180,7 +180,7 @@ pub trait Exporter: Send + Sync {
 ///     fn again(&mut self, _: &[u8]) -> Result<(), ExportError> {
 ///         Err(ExportError::Format("no frame stays in the encoder".into()))
 ///     }
-///     /// The number of frames stands in front of them.
+///     /// The file begins with the number of frames.
 ///     fn finish(self: Box<Self>) -> Result<Vec<u8>, ExportError> {
 ///         Ok(self.frames.to_le_bytes().to_vec())
 ///     }
@@ -206,14 +206,13 @@ pub trait FrameSink: Send {
         Err(ExportError::Format("this format holds no floats".into()))
     }
 
-    /// A frame with the pixels of the one given to this sink before: the bytes of [`FrameSink::frame`], for less where the format
-    /// allows it.
+    /// Writes a frame with the same pixels as the frame before. The bytes are those of [`FrameSink::frame`], made at less cost where the
+    /// format allows it.
     fn repeat(&mut self, frame: &Frame) -> Result<(), ExportError> {
         self.frame(frame)
     }
 
-    /// Writes what is left and flushes. Gives what stands before it in the file: nothing, unless
-    /// [`Exporter::head_comes_last`].
+    /// Writes the rest of the file and flushes. Returns the first bytes of the file if [`Exporter::head_comes_last`], else nothing.
     fn finish(self: Box<Self>) -> Result<Vec<u8>, ExportError>;
 
     /// The state that must be stored after each frame, so that a killed program can resume the file.
@@ -221,7 +220,7 @@ pub trait FrameSink: Send {
         Mark::Nothing
     }
 
-    /// A frame once more from what [`Mark::Open`] gave of it, its parts one after the other.
+    /// Replays a frame after [`Exporter::resume`]. `kept` holds the parts that [`Mark::Open`] returned for the frame, one after the other.
     fn again(&mut self, kept: &[u8]) -> Result<(), ExportError> {
         let _ = kept;
         Err(ExportError::Format("this format keeps no frames".into()))
@@ -231,13 +230,13 @@ pub trait FrameSink: Send {
 /// State of a file after its last frame.
 #[derive(Debug)]
 pub enum Mark<'a> {
-    /// It cannot be resumed.
+    /// The file cannot be resumed.
     Nothing,
-    /// The bytes written so far are final, and these bytes hold the other state that [`Exporter::resume`] needs: of this mark alone
-    /// or since the mark before, as the format likes.
+    /// The bytes written so far are final. The value holds the other state that [`Exporter::resume`] needs: the whole state, or its change
+    /// since the mark before, as the format chooses.
     Settled(Vec<u8>),
-    /// The encoder still holds the frames since the last settled mark and cannot be stored. These bytes hold the last
-    /// frame as it was given to the encoder, for [`FrameSink::again`]; always of the same length in one file.
+    /// The encoder still holds the frames since the last settled mark, and its state cannot be stored. These bytes hold the last frame as
+    /// it was given to the encoder, for [`FrameSink::again`]; their length is the same for all frames of a file.
     Open([&'a [u8]; 3]),
 }
 
@@ -266,7 +265,7 @@ pub struct VideoInfo {
     pub options: ExportOptions,
 }
 
-/// sRGB-encoded RGBA, 8 bits a channel, rows from the top, no padding. Light is multiplied by alpha before it is encoded;
+/// Premultiplied, sRGB-encoded RGBA, 8 bits a channel, rows from the top, no padding. Light is multiplied by alpha before it is encoded;
 /// [`Frame::straight`] divides.
 ///
 /// ```

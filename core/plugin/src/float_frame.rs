@@ -6,17 +6,17 @@ use glam::{Vec2, Vec3, Vec4};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum FrameWish {
-    /// Bytes, as they are shown: [`FrameSink::frame`](crate::FrameSink::frame).
+    /// 8-bit display colors: [`FrameSink::frame`](crate::FrameSink::frame).
     #[default]
     Bytes,
     /// The finished image in floats, after the view transform and with the 2D layers:
     /// [`FrameSink::float_frame`](crate::FrameSink::float_frame).
     Finished,
-    /// Light of the scene before the view transform, and other passes: [`FrameSink::float_frame`](crate::FrameSink::float_frame).
+    /// Scene-linear light before the view transform, and other render passes: [`FrameSink::float_frame`](crate::FrameSink::float_frame).
     Scene(Passes),
 }
 
-/// The passes of a frame that are drawn; the others cost nothing.
+/// The render passes of a frame that are drawn; the others cost nothing.
 ///
 /// ```
 /// use choreo_plugin::Passes;
@@ -48,7 +48,7 @@ impl Passes {
     /// The names of all passes.
     pub const NAMES: [&'static str; 6] = ["color", "depth", "normal", "motion", "albedo", "id"];
 
-    /// The passes of a list of names with commas.
+    /// Parses a list of pass names with commas between them.
     ///
     /// # Errors
     /// A name is none of [`Passes::NAMES`].
@@ -69,7 +69,7 @@ impl Passes {
         Ok(passes)
     }
 
-    /// Whether depth, normals or motion vectors are drawn for them.
+    /// Whether depth, normals, motion vectors or ids are drawn for these passes.
     pub fn reads_inputs(self) -> bool {
         self.depth || self.normal || self.motion || self.id
     }
@@ -87,7 +87,7 @@ impl Passes {
     }
 }
 
-/// A name in a list of passes that no pass has.
+/// Error of a list of passes: no pass has this name.
 ///
 /// ```
 /// use choreo_plugin::Passes;
@@ -96,7 +96,7 @@ impl Passes {
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownPass {
-    /// The name as it was given.
+    /// The unknown name.
     pub name: String,
 }
 
@@ -104,7 +104,7 @@ choreo_motion::error_texts! { UnknownPass:
     Self { name, .. } => "\"{}\" is no pass; the passes are {}", name, Passes::NAMES.join(", ");
 }
 
-/// Images of one frame, each with a value per pixel, rows from the top; those that were not asked for are empty.
+/// Images of one frame, each with a value per pixel, rows from the top; images that were not requested are empty.
 ///
 /// ```
 /// use choreo_plugin::FloatFrame;
@@ -119,21 +119,21 @@ pub struct FloatFrame {
     pub height: u32,
     /// Linear RGBA with the primaries of sRGB, premultiplied alpha.
     pub color: Vec<Vec4>,
-    /// Metres before the camera along its view; [`FloatFrame::NO_DEPTH`] where no surface is.
+    /// Depth in metres along the view direction of the camera; [`FloatFrame::NO_DEPTH`] where there is no surface.
     pub depth: Vec<f32>,
-    /// World normals of length 1; zero where no surface is.
+    /// World normals of length 1; zero where there is no surface.
     pub normal: Vec<Vec3>,
     /// Pixels by which a surface has moved since the frame before, right and down.
     pub motion: Vec<Vec2>,
     /// Base colors without light: linear RGBA with the primaries of sRGB, premultiplied alpha.
     pub albedo: Vec<Vec4>,
-    /// Which actors a pixel shows.
+    /// Actors that each pixel shows.
     pub actors: Option<IdMatte>,
-    /// Which materials a pixel shows.
+    /// Materials that each pixel shows.
     pub materials: Option<IdMatte>,
 }
 
-/// The names that pixels show, each with its share of the pixel: what Cryptomatte stores.
+/// The names that pixels show, each with its share of the pixel, as Cryptomatte stores them.
 ///
 /// ```
 /// use choreo_plugin::{IdMatte, IdShare, Passes};
@@ -148,13 +148,13 @@ pub struct FloatFrame {
 pub struct IdMatte {
     /// All names of the scene, shown or not. Several may be equal.
     pub names: Vec<String>,
-    /// Images of the name with the largest share of each pixel, of the name with the second largest, and so on; at most
-    /// [`IdMatte::MOST_RANKS`], as many in every frame.
+    /// One image per rank: the name with the largest share of each pixel, the name with the second largest, and so on. At most
+    /// [`IdMatte::MOST_RANKS`], the same number in every frame.
     pub ranks: Vec<Vec<IdShare>>,
 }
 
 impl IdMatte {
-    /// Names of one pixel beyond these are left out.
+    /// Largest number of names per pixel; names with smaller shares are left out.
     pub const MOST_RANKS: usize = 6;
 }
 
@@ -168,10 +168,10 @@ pub struct IdShare {
 }
 
 impl FloatFrame {
-    /// The depth where no surface is.
+    /// The depth where there is no surface.
     pub const NO_DEPTH: f32 = 1e10;
 
-    /// A frame of a size without images.
+    /// A frame of this size without images.
     pub fn new([width, height]: [u32; 2]) -> FloatFrame {
         FloatFrame { width, height, ..FloatFrame::default() }
     }

@@ -18,7 +18,7 @@ pub const ABI: u32 = 2;
 /// The argument of the next call.
 static ARGUMENT: Mutex<Vec<u8>> = Mutex::new(Vec::new());
 
-/// Makes room for an argument of that many bytes; its place.
+/// Allocates an argument of `length` bytes and returns its address.
 pub fn argument_place(length: u32) -> u32 {
     report_panics();
     let mut argument = ARGUMENT.lock().unwrap_or_else(PoisonError::into_inner);
@@ -31,8 +31,8 @@ fn argument<T: Transfer>() -> Result<T, TransferError> {
     from_bytes(&bytes)
 }
 
-/// The place of a result in the upper half, its length in the lower one. The program reads it, and what it refers to, after the call, and
-/// makes no further one in this memory: nothing is freed.
+/// Leaks a result and returns its address in the upper 32 bits and its length in the lower 32. After the call the program reads the result
+/// and the lists that it refers to. Nothing is freed, because the program makes no further call in this memory.
 fn reply<T: Transfer>(value: T) -> u64 {
     let mut out = Written::by_place();
     value.write(&mut out);
@@ -57,12 +57,12 @@ fn source(request: &ImportRequest) -> Source {
     Source { name: request.name.clone(), bytes: Arc::new(taken(request.length)) }
 }
 
-/// Bytes that the program has ready.
+/// Copies the bytes that the program holds ready: the file of an import, or the result of the last `read` or `snapshot`.
 fn taken(length: usize) -> Vec<u8> {
     host::taken(length)
 }
 
-/// Numbers of a text, which the program reads: see [`read_block`](crate::text_numbers::read_block).
+/// Lets the program parse the numbers of a text: see [`read_block`](crate::text_numbers::read_block).
 pub(crate) fn numbers(kind: u32, text: &[u8], values: &mut [u64], ends: &mut [u32]) -> usize {
     host::numbers(kind, text, values, ends)
 }
@@ -109,11 +109,11 @@ mod host {
     #[allow(unsafe_code)]
     #[link(wasm_import_module = "choreo")]
     unsafe extern "C" {
-        /// Reads a file by its name: its length, or −1 − the length of the text that says why it cannot be read.
+        /// Reads a file by its name. Returns its length, or on failure −1 − the length of the error text.
         pub safe fn read(name: *const u8, length: usize) -> i64;
-        /// Copies the bytes that are ready (the file of an import, the last `read` or `snapshot`) to a place.
+        /// Copies the bytes that are ready (the file of an import, the last `read` or `snapshot`) to an address.
         fn take(to: *mut u8);
-        /// Numbers of a type in a text, and where each ends: how many.
+        /// Parses the numbers of one type in a text, and writes each number and the byte behind it. Returns how many there were.
         #[link_name = "numbers"]
         safe fn numbers_of(
             kind: u32,
@@ -127,17 +127,17 @@ mod host {
         pub safe fn progress(part: f32) -> i32;
         /// `Files::wants_clip`.
         pub safe fn wants_clip(index: usize, name: *const u8, length: usize) -> i32;
-        /// The snapshot at a time: its length.
+        /// Makes the snapshot at a time and returns its length in bytes.
         pub safe fn snapshot(time: i64) -> usize;
-        /// The number of the file beside the main one whose name ends so; the main one is 0.
+        /// Opens the file beside the main one that has this ending, and returns its number. The main file is number 0.
         pub safe fn beside(ending: *const u8, length: usize) -> u32;
         /// Appends bytes to a file.
         pub safe fn write(file: u32, bytes: *const u8, length: usize);
-        /// The text of a panic, before it ends the call.
+        /// Reports the text of a panic, before the panic ends the call.
         pub safe fn panicked(text: *const u8, length: usize);
     }
 
-    /// The bytes that are ready, as many as their length says.
+    /// Copies the `length` bytes that the program holds ready.
     pub fn taken(length: usize) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(length);
         // SAFETY: the program writes as many bytes as it has stated, from the place on; bytes that nothing has written are never read.
@@ -155,7 +155,7 @@ mod host {
     }
 }
 
-/// Calls that do nothing: in tests of the plugin's crate there is no program around it.
+/// Stubs for tests of the plugin's crate, in which no program hosts the plugin.
 #[cfg(not(target_arch = "wasm32"))]
 mod host {
     pub fn read(_: *const u8, _: usize) -> i64 {
@@ -250,7 +250,7 @@ impl Write for HostFile {
     }
 }
 
-/// Panics end in a trap, which has no text: it is handed over before.
+/// Reports panics to the program before they end in a trap, which has no text.
 fn report_panics() {
     std::panic::set_hook(Box::new(|panic| {
         let text = panic.to_string();

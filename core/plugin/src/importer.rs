@@ -60,8 +60,8 @@ pub trait Importer: Send + Sync {
         self.manifest().claim(source)
     }
 
-    /// [`Importer::claim`], or why it has failed: only importers that run in an engine of their own implement it. The
-    /// [`Registry`](crate::Registry) catches panics of others, and reports them; the other importers answer.
+    /// [`Importer::claim`], or the reason why it failed. Only importers that run in an interpreter or in WebAssembly implement this. The
+    /// [`Registry`](crate::Registry) catches and reports the panics of all importers, and asks the remaining ones.
     ///
     /// ```
     /// use choreo_plugin::asset::Asset;
@@ -93,13 +93,13 @@ pub trait Importer: Send + Sync {
         Ok(self.claim(source))
     }
 
-    /// The file that it was read from, where it is no part of the program: what it makes depends on that file too.
+    /// The plugin file that the importer was read from, unless the importer is part of the program. Its assets depend on that file, too.
     fn file(&self) -> Option<&PluginFile> {
         None
     }
 
-    /// `options` are those of the manifest, all of them: the caller has checked the given ones and added the
-    /// defaults ([`Manifest::complete`]).
+    /// Reads a file. `needs` are the parts that the caller will use. `options` holds all options of the manifest: the caller has checked
+    /// the given ones and added the defaults ([`Manifest::complete`]).
     fn import(
         &self,
         source: &Source,
@@ -109,7 +109,7 @@ pub trait Importer: Send + Sync {
     ) -> Result<Asset, ImportError>;
 }
 
-/// An importer's claim on a file: the greatest claim reads it. Claims by content are greater than those by name.
+/// An importer's claim on a file: the importer with the greatest claim reads it. Claims by content are greater than claims by name.
 ///
 /// ```
 /// use choreo_plugin::Claim;
@@ -118,11 +118,11 @@ pub trait Importer: Send + Sync {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Claim {
-    /// Another format.
+    /// The file has another format.
     NotMine,
-    /// The name ends as such files do, and the bytes do not say that they are something else.
+    /// The file name has an extension of the format, and the content does not contradict it.
     Extension,
-    /// The bytes say so: 100 = there is no doubt, 50 = other formats could begin like this too.
+    /// The content shows the format: 100 = there is no doubt, 50 = other formats could begin like this, too.
     Content(u8),
 }
 
@@ -193,15 +193,14 @@ pub trait Files {
     /// Reads a file; the error names it and gives the reason.
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String>;
 
-    /// Reported by importers that take long, from 0 to 1. False: nobody wants the asset any more, so that it can be given up with
-    /// any error.
+    /// Reports the progress of a long import, from 0 to 1. False: the import was cancelled, so that it may stop with any error.
     fn progress(&self, part: f32) -> bool {
         let _ = part;
         true
     }
 
-    /// Whether the caller will play a clip of the file, where it has `ImportScope::clips`; `index` counts the clips that the asset has so far.
-    /// For a clip that it does not play, an importer may give the name alone ([`Clip::new`](crate::motion::Clip::new) without curves).
+    /// Whether the caller will play a clip of the file; only asked with `ImportScope::clips`. `index` is the number of clips that the asset
+    /// has so far. If the answer is false, an importer may add the name alone ([`Clip::new`](crate::motion::Clip::new) without curves).
     fn wants_clip(&self, index: usize, name: &str) -> bool {
         let _ = (index, name);
         true
@@ -225,7 +224,7 @@ pub struct ImportScope {
     pub textures: bool,
     /// The pixels of these images. Otherwise their `rgba` is empty and nothing is decoded; their headers are read all the same.
     pub pixels: bool,
-    /// The files that these images were decoded from ([`Image::file`](crate::asset::Image::file)), for an export that writes them unchanged.
+    /// The original files of these images ([`Image::file`](crate::asset::Image::file)), for an export that writes them unchanged.
     pub image_files: bool,
 }
 
@@ -263,7 +262,7 @@ impl ImportScope {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImportOptions(pub BTreeMap<String, OptionValue>);
 
-/// The same for exporters.
+/// Option values of exporters, by name.
 ///
 /// ```
 /// use choreo_plugin::{ExportOptions, ImportOptions, OptionValue};
@@ -334,7 +333,7 @@ impl ImportOptions {
     }
 }
 
-/// `NAME: PLACE: WHAT` and what to do, where there is something to do.
+/// Error of an import, shown as `FILE: PLACE: WHAT`; the hint says what to do.
 ///
 /// ```
 /// use choreo_plugin::ImportError;

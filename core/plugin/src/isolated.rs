@@ -1,5 +1,5 @@
-//! A panic of a plugin ends its call, not the program: importers and exporters return an error, and a panic of an effect goes on as a
-//! [`PluginPanic`], which callers report. The message names the plugin and its version.
+//! Isolation of plugins: a panic ends the plugin's call, not the program. Importers and exporters return an error; a panic of an effect
+//! continues as a [`PluginPanic`], which callers report. The message names the plugin and its version.
 
 use crate::asset_check::{AssetFault, checked};
 use crate::effect_hooks::{
@@ -21,7 +21,7 @@ use std::num::NonZeroU64;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
 
-/// A panic of a plugin: payload of the panic that goes on.
+/// A panic of a plugin, and the payload with which the panic continues.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct PluginPanic {
@@ -50,7 +50,7 @@ impl PluginPanic {
         PluginPanic { plugin: name.clone(), version: version.clone(), text: text.into() }
     }
 
-    /// `payload`: of a caught panic, of the plugin or already with its name.
+    /// Makes the error from the payload of a caught panic. A payload that already is a `PluginPanic` is returned as it is.
     fn caught(manifest: &Manifest, payload: &(dyn Any + Send)) -> PluginPanic {
         let known = payload.downcast_ref::<PluginPanic>().cloned();
         known.unwrap_or_else(|| PluginPanic::new(manifest, panic_text(payload)))
@@ -68,7 +68,7 @@ fn isolated<T>(manifest: &Manifest, call: impl FnOnce() -> T) -> Result<T, Plugi
     catch_unwind(AssertUnwindSafe(call)).map_err(|payload| PluginPanic::caught(manifest, &*payload))
 }
 
-/// An importer whose panics and faulty assets are import errors, and whose assets say who made them.
+/// An importer whose panics and faulty assets become import errors. Its assets name the importer in their origin.
 pub(crate) struct IsolatedImporter(pub Arc<dyn Importer>);
 
 impl Importer for IsolatedImporter {
@@ -76,7 +76,7 @@ impl Importer for IsolatedImporter {
         self.0.manifest()
     }
 
-    /// A claim that fails claims nothing.
+    /// A claim that fails counts as [`Claim::NotMine`].
     fn claim(&self, source: &Source) -> Claim {
         self.checked_claim(source).unwrap_or(Claim::NotMine)
     }
@@ -113,13 +113,13 @@ impl Importer for IsolatedImporter {
     }
 }
 
-/// An importer that reads a file which others have failed to claim: its assets have warnings about them.
+/// An importer of a file that other importers have failed to claim. It adds a warning about each of them to its assets.
 pub(crate) struct AfterFailures {
     pub importer: Arc<dyn Importer>,
     pub failures: Vec<PluginPanic>,
 }
 
-/// The failure of a claim in a sentence.
+/// A sentence about the failure of a claim.
 pub(crate) fn failed_claim(panic: &PluginPanic) -> String {
     format!("{panic} (when it was asked whether the file is its own; the other importers were asked)")
 }
@@ -264,7 +264,7 @@ impl SceneExporter for IsolatedSceneExporter {
     }
 }
 
-/// An effect whose panics go on as [`PluginPanic`].
+/// Isolates an effect: its panics continue as [`PluginPanic`].
 pub(crate) fn isolated_effect(effect: Effect) -> Effect {
     match effect {
         Effect::Pixel(effect) => Effect::Pixel(Arc::new(Isolated(effect))),
@@ -287,7 +287,7 @@ impl<T: EffectPlugin + ?Sized> Isolated<T> {
     }
 }
 
-/// Methods that pass their arguments on.
+/// Implements methods that forward their arguments to the isolated plugin.
 macro_rules! forward {
     ($(fn $name:ident(&self $(, $argument:ident: $type:ty)* $(,)?) $(-> $result:ty)?;)*) => {
         $(fn $name(&self $(, $argument: $type)*) $(-> $result)? {
@@ -392,7 +392,7 @@ mod tests {
     use super::*;
     use crate::{MemoryFiles, Registry};
 
-    /// Fails in each call that a plugin may fail in.
+    /// A plugin that fails in every call that can fail.
     struct Faulty(Manifest);
 
     impl Importer for Faulty {

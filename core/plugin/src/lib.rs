@@ -1,6 +1,6 @@
-//! The kinds of plugins: an [`Importer`], an [`Effect`] with the trait of its hook, an [`Exporter`] of frames or a [`SceneExporter`]; manifests as data; the
-//! [`Registry`]. The only crate that a plugin needs: `glam`, [`asset`], [`motion`] (transforms, curves, clips, time) and [`stage`] are
-//! reached through it.
+//! The interface of plugins: an [`Importer`], an [`Effect`] with the trait of its hook, an [`Exporter`] of frames or a [`SceneExporter`];
+//! manifests as data; the [`Registry`]. A plugin needs no other crate of the program: `glam`, [`asset`], [`motion`] (transforms, curves,
+//! clips, time) and [`stage`] are reached through this one.
 //!
 //! Everywhere: metres, +Y up, right-handed, counter-clockwise front faces, seconds as integer [`motion::Time`], radians, colors
 //! linear unless a field states sRGB, texture v pointing down.

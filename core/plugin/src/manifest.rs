@@ -1,11 +1,12 @@
-//! The description of a plugin by itself, as data: `choreo plugins`, `--help` and the script read it from here.
+//! The manifest of a plugin: its description of itself as data, which `choreo plugins`, `--help` and scripts read.
 
 use crate::parameters::is_curve;
 use crate::suggest::{did_you_mean, list};
 use crate::{Claim, ImportOptions, OptionValue, Source};
 use std::ops::RangeInclusive;
 
-/// Owned text, so that it can come from a file as well as from a crate. A crate keeps one in a `LazyLock`:
+/// Manifest of a plugin. The texts are owned, because they can come from a file as well as from a crate. A crate keeps its manifest in a
+/// `LazyLock`:
 ///
 /// ```
 /// # use choreo_plugin::Manifest;
@@ -26,9 +27,9 @@ pub struct Manifest {
     pub name: String,
     /// Version of the plugin.
     pub version: String,
-    /// One line.
+    /// Description in one line.
     pub about: String,
-    /// Lower case, without the dot. Empty for effects.
+    /// File extensions in lower case, without the dot. Empty for effects.
     pub extensions: Vec<String>,
     /// First bytes of files that are certainly this format.
     pub magic: Vec<Vec<u8>>,
@@ -36,7 +37,7 @@ pub struct Manifest {
     pub options: Vec<OptionSpec>,
 }
 
-/// A plugin's own file: with its contents, scripts that use it know when it has changed.
+/// A plugin's own file. Scripts that use the plugin compare its content to know when it has changed.
 ///
 /// ```
 /// use choreo_plugin::{BesideFile, PluginFile};
@@ -46,20 +47,20 @@ pub struct Manifest {
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PluginFile {
-    /// Canonical.
+    /// Canonical path.
     pub path: std::path::PathBuf,
-    /// Its contents.
+    /// Content of the file.
     pub bytes: std::sync::Arc<[u8]>,
-    /// Files that it reads, in its own folder.
+    /// Files in the same folder that the plugin reads.
     pub beside: Vec<BesideFile>,
 }
 
-/// A file that a plugin's own file names.
+/// A further file that a plugin's own file refers to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BesideFile {
     /// The name in the plugin's file.
     pub name: String,
-    /// Its path.
+    /// Path of the file.
     pub path: std::path::PathBuf,
     /// The content, or why it could not be read.
     pub bytes: Result<std::sync::Arc<[u8]>, String>,
@@ -85,9 +86,9 @@ pub struct BesideFile {
 pub struct OptionSpec {
     /// Name in scripts and on the command line.
     pub name: String,
-    /// One line.
+    /// Description in one line.
     pub about: String,
-    /// Unit of its numbers ("m", "px", "degrees"); empty where it has none.
+    /// Unit of the option's numbers ("m", "px", "degrees"); empty if there is none.
     pub unit: String,
     /// Type, default and allowed values.
     pub kind: OptionKind,
@@ -126,7 +127,7 @@ pub enum OptionKind {
         /// Value where none is given.
         default: bool,
     },
-    /// Any text where `one_of` is empty.
+    /// A text: one of `one_of`, or any text if that list is empty.
     Text {
         /// Value where none is given.
         default: String,
@@ -156,20 +157,20 @@ pub enum OptionKind {
         /// Largest y.
         max: f64,
     },
-    /// An image that the function of an effect reads by the option's name, as one of its [`EffectTexture`](crate::EffectTexture)s. It
-    /// takes no number of the parameters.
+    /// An image that the function of an effect reads by the option's name, as one of its [`EffectTexture`](crate::EffectTexture)s. It takes
+    /// none of the parameter numbers.
     Texture {
-        /// A file beside the effect where none is given; empty: white.
+        /// The file beside the effect that is used if none is given; empty: white.
         default: String,
         /// Whether red, green and blue of the image are encoded as sRGB, rather than data.
         srgb: bool,
     },
 }
 
-/// Largest component of a color: 1 is the white of a display, more is light.
+/// Largest component of a color: 1 is the white of a display, greater values are brighter light.
 pub const MAX_COLOR: f64 = 100.0;
 
-/// Why a value is not taken: complete but for the name of the plugin.
+/// Error of an option: an unknown name, or a value that is not allowed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OptionError {
     /// The problem, and the allowed values.
@@ -201,7 +202,7 @@ impl Manifest {
         self
     }
 
-    /// Call it once for each way in which files begin.
+    /// Adds magic bytes, with which files of the format begin. Formats with several beginnings call this once for each.
     pub fn magic(mut self, first_bytes: impl Into<Vec<u8>>) -> Manifest {
         self.magic.push(first_bytes.into());
         self
@@ -253,7 +254,7 @@ impl Manifest {
         self.with(name, about, OptionKind::Bool { default })
     }
 
-    /// Any text where `one_of` is empty.
+    /// Adds an option that is a text: one of `one_of`, or any text if that list is empty.
     pub fn text(self, name: &str, about: &str, default: &str, one_of: &[&str]) -> Manifest {
         let one_of = one_of.iter().map(ToString::to_string).collect();
         self.with(name, about, OptionKind::Text { default: default.into(), one_of })
@@ -299,7 +300,7 @@ impl Manifest {
         }
     }
 
-    /// The option `name`; the error says which there are.
+    /// The option `name`; the error lists all options.
     ///
     /// # Errors
     /// No such option.
@@ -357,7 +358,7 @@ impl Manifest {
         }
     }
 
-    /// The options given, checked for name, kind and range, and the defaults of the others. Names of colors become numbers.
+    /// Checks the given options for name, kind and range, and adds the defaults of the others. Names of colors become numbers.
     ///
     /// # Errors
     /// An option that does not exist, or a value that it does not allow.
@@ -397,7 +398,7 @@ impl OptionSpec {
         Ok(OptionValue::Numbers(color.truncate().to_array().map(f64::from).to_vec()))
     }
 
-    /// Value where none is given.
+    /// The default value.
     pub fn default(&self) -> OptionValue {
         match &self.kind {
             OptionKind::Number { default, .. } => OptionValue::Number(*default),
@@ -438,8 +439,8 @@ impl OptionSpec {
         }
     }
 
-    /// "a number from 0 to 1", "a number from 0 to 2 m", "true or false", "text", "one of auto, bt601", "a color", "[x, y] with numbers
-    /// from 0 to 1", "keys [x, y] with x from 0 to 1 and y from 0 to 1".
+    /// The allowed values in words: "a number from 0 to 1", "a number from 0 to 2 m", "true or false", "text", "one of auto, bt601", "a
+    /// color", "[x, y] with numbers from 0 to 1", "keys [x, y] with x from 0 to 1 and y from 0 to 1".
     pub fn allowed(&self) -> String {
         let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
         match &self.kind {

@@ -1,4 +1,4 @@
-//! Effects of plugin files: a name from the start, the rest when something uses them first.
+//! Effects of plugin files, which have a name from the start and are compiled at their first use.
 
 use crate::Effect;
 use std::path::PathBuf;
@@ -7,13 +7,13 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 /// Why a plugin file cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PluginError {
-    /// Complete with its place.
+    /// The message, with its place.
     pub text: String,
-    /// The files on which that depends.
+    /// Files on which the error depends.
     pub files: Vec<PathBuf>,
 }
 
-/// An effect that is read and compiled when it is used first. What nothing uses costs nothing and breaks nothing.
+/// An effect that is read and compiled at its first use. An unused effect costs nothing, and its faults cause no errors.
 ///
 /// ```
 /// use choreo_plugin::{LazyEffect, PluginError};
@@ -26,7 +26,7 @@ pub struct LazyEffect {
     made: LazyPlugin<Effect>,
 }
 
-/// A value that is made at its first use. What making it needs (an open folder) is freed then.
+/// A value that is made at its first use. The closure that makes it, and anything that the closure holds (an open folder), is freed then.
 ///
 /// ```
 /// use choreo_plugin::LazyPlugin;
@@ -47,7 +47,7 @@ impl<T> LazyPlugin<T> {
         LazyPlugin { make: Mutex::new(Some(Box::new(make))), made: OnceLock::new() }
     }
 
-    /// The value, made now where it was not made before; other threads that use it wait.
+    /// The value. The first call makes it; other threads wait meanwhile.
     pub fn get(&self) -> Result<&T, &PluginError> {
         let make = || {
             let make = self.make.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -58,14 +58,14 @@ impl<T> LazyPlugin<T> {
         self.made.get_or_init(make).as_ref()
     }
 
-    /// The value, where it was made without a fault.
+    /// The value, if it was already made without an error.
     pub fn made(&self) -> Option<&T> {
         self.made.get()?.as_ref().ok()
     }
 }
 
 impl LazyEffect {
-    /// `name`: as in the manifest of the effect that `make` gives.
+    /// `name` is the name in the manifest of the effect that `make` returns.
     pub fn new(
         name: &str,
         make: impl FnOnce() -> Result<Effect, PluginError> + Send + 'static,
@@ -78,12 +78,12 @@ impl LazyEffect {
         &self.name
     }
 
-    /// The effect, made now where it was not made before; other threads that use it wait.
+    /// The effect. The first call makes it; other threads wait meanwhile.
     pub fn get(&self) -> Result<&Effect, &PluginError> {
         self.made.get()
     }
 
-    /// The effect, where it was made without a fault.
+    /// The effect, if it was already made without an error.
     pub fn made(&self) -> Option<&Effect> {
         self.made.made()
     }

@@ -1,6 +1,5 @@
-//! Geometry that effects draw beside the meshes of the stage: triangles, lines and points with a width in pixels, and lattices.
-//! Both renderers draw it after everything else of the scene; lines, points and lattices with smooth edges whatever the number of
-//! samples.
+//! Geometry that effects draw beside the meshes of the stage: triangles, lines and points with a width in pixels, and lattices. Both
+//! renderers draw it after the rest of the scene. Lines, points and lattices are antialiased, whatever the number of samples.
 
 use choreo_asset::{Asset, DAabb};
 use choreo_stage::{ActorState, EffectTarget, Snapshot, Stage};
@@ -26,7 +25,7 @@ use glam::{DAffine3, DVec3, Vec4};
 /// let stick = scene.instances().next().unwrap();
 /// assert_eq!((stick.bones(), stick.joint(1)), (vec![(0, None), (1, Some(0))], Some(DVec3::Y)));
 /// assert_eq!(scene.earlier(&stick, 1).and_then(|then| then.joint(1)), Some(DVec3::Y));
-/// // From a bone to the one above it.
+/// // A triangle with a vertex at the upper bone.
 /// let flag = Triangle { vertices: [DVec3::ZERO, DVec3::Y, DVec3::X], color: Vec4::ONE };
 /// assert_eq!(flag.vertices[1], stick.joint(1).unwrap());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -64,7 +63,8 @@ impl<'a> EffectScene<'a> {
         })
     }
 
-    /// The actor N frames ago, 1 or more, or as many as are known; `None` where none is, or it was not seen then.
+    /// The actor `frames` frames ago (1 or more), or at the earliest frame that is known. `None` if no earlier frame is known, or the actor
+    /// was hidden then.
     pub fn earlier(&self, body: &ActorInstance<'a>, frames: usize) -> Option<ActorInstance<'a>> {
         let before = self.before.get(frames.checked_sub(1)?).or(self.before.last())?;
         let state = before.actors.get(body.actor).filter(|state| state.visible)?;
@@ -72,17 +72,17 @@ impl<'a> EffectScene<'a> {
     }
 }
 
-/// An actor that is seen, or one of the places where its body stands.
+/// A visible actor, or one of several placements of its model.
 #[derive(Clone, Copy)]
 #[non_exhaustive]
 pub struct ActorInstance<'a> {
     /// Index into `Stage::actors`.
     pub actor: usize,
-    /// The asset that it is cast from.
+    /// The asset of the actor.
     pub asset: &'a Asset,
-    /// Its pose and transform at the time.
+    /// Pose and transform of the actor at the time.
     pub state: &'a ActorState,
-    /// model-from-model of the place where its body stands; the identity where it stands where it is cast.
+    /// Placement of the model within the actor (model from model); the identity for a model without placements.
     pub place: DAffine3,
     /// Transform of the model into the world.
     pub world_from_model: DAffine3,
@@ -99,7 +99,7 @@ impl<'a> ActorInstance<'a> {
         Some(self.world_from_model.transform_point3(at)).filter(|at| at.is_finite())
     }
 
-    /// The joints of its skins, or all where it has none, each with the nearest of them above it; parents first.
+    /// Joints of the actor's skins, or all joints if it has no skin, each with its nearest ancestor among them; parents first.
     pub fn bones(&self) -> Vec<(u32, Option<u32>)> {
         let skeleton = &self.asset.skeleton;
         let mut shown = vec![self.asset.skins.is_empty(); skeleton.len()];
@@ -121,7 +121,8 @@ impl<'a> ActorInstance<'a> {
         (0..skeleton.len()).filter(|j| shown[*j]).map(|joint| (joint as u32, above(joint))).collect()
     }
 
-    /// A box in the world around it as posed; around its joints where it has no mesh, and its place where it has neither.
+    /// Bounding box of the posed actor in the world, metres. Without a mesh it encloses the joints, without joints only the actor's
+    /// position.
     pub fn bounds(&self) -> DAabb {
         let mut all = DAabb::EMPTY;
         for (reach, weights) in self.asset.instance_bounds().iter().zip(&self.state.morph_weights) {
@@ -157,18 +158,18 @@ pub struct Overlay {
     pub lattices: Vec<Lattice>,
     /// Words.
     pub labels: Vec<Label>,
-    /// Whether it is drawn over everything, rather than hidden by what is nearer.
+    /// Whether the overlay is drawn over everything, rather than hidden by nearer surfaces.
     pub over: bool,
     /// The parts that could not be made, and why; `choreo explain` prints them.
     pub left_out: Vec<String>,
 }
 
 impl Overlay {
-    /// Strokes, and triangles, of one effect in a frame at most.
+    /// Largest number of strokes, and of triangles, of one effect in a frame.
     pub const MOST: usize = 100_000;
 }
 
-/// Both its faces are seen, in its color as it is: no light falls on it, and it casts no shadow.
+/// A two-sided, unlit triangle that casts no shadow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangle {
     /// World, metres.
@@ -177,20 +178,20 @@ pub struct Triangle {
     pub color: Vec4,
 }
 
-/// A line with round ends; where both ends are one, a disc.
+/// A line with round ends, or a disc if both ends are equal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stroke {
     /// World, metres.
     pub from: DVec3,
     /// The other end; world, metres.
     pub to: DVec3,
-    /// Pixels of the image, 1 to 64.
+    /// Width in pixels of the image, 1 to 64.
     pub width: f32,
     /// Linear, straight alpha.
     pub color: Vec4,
 }
 
-/// Words right of a place, over everything.
+/// Text right of a point, drawn over everything.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Label {
     /// World, metres.
@@ -199,13 +200,13 @@ pub struct Label {
     pub text: String,
     /// Font size in pixels.
     pub size: f32,
-    /// How far right of the place they begin, pixels.
+    /// Distance from the point to the beginning of the text, pixels.
     pub beside: f32,
     /// Linear, straight alpha.
     pub color: Vec4,
 }
 
-/// A plane of lines at right angles, without end, of which a disc around the point below the viewer is seen.
+/// An infinite plane of perpendicular lines, visible within a disc around the point below the viewer.
 ///
 /// ```
 /// use choreo_plugin::Lattice;
@@ -219,16 +220,16 @@ pub struct Label {
 pub struct Lattice {
     /// Point at which two lines meet; world space, metres.
     pub origin: DVec3,
-    /// Unit, at right angles: along the lines.
+    /// Unit directions of the lines, perpendicular to each other.
     pub along: [DVec3; 2],
     /// Metres from line to line.
     pub cell: f64,
-    /// Each Nth line is a thick one, and stays where there are too many thin ones for the pixels.
+    /// Every Nth line is thick, and remains visible where thin lines are too dense for the pixels.
     pub every: u32,
     /// Widths of thin and of thick lines, pixels.
     pub widths: [f32; 2],
     /// Linear, straight alpha.
     pub color: Vec4,
-    /// Metres from the middle at which it has faded out.
+    /// Radius in metres at which the lattice has faded out.
     pub fade: f64,
 }

@@ -12,13 +12,13 @@
 
 use crate::{Manifest, OptionKind, OptionSpec};
 
-/// Most numbers that the parameters of one effect take together.
+/// Largest number of numbers that the parameters of one effect take together.
 pub const MAX_PARAMETER_NUMBERS: usize = 64;
 
 /// Samples of a curve, at x = 0, 1/15, … 1.
 pub const CURVE_SAMPLES: usize = 16;
 
-/// Most keys of a curve.
+/// Largest number of keys of a curve.
 pub const MAX_CURVE_KEYS: usize = 64;
 
 const COLOR: [&str; 3] = ["_r", "_g", "_b"];
@@ -66,7 +66,7 @@ pub fn curve_table(keys: &[[f64; 2]]) -> [f64; CURVE_SAMPLES] {
 }
 
 impl OptionSpec {
-    /// Endings of the names of its numbers; one empty ending for a single number.
+    /// Suffixes of the names of the option's numbers; one empty suffix for a single number.
     fn endings(&self) -> &'static [&'static str] {
         match &self.kind {
             OptionKind::Color { .. } => &COLOR,
@@ -77,7 +77,7 @@ impl OptionSpec {
         }
     }
 
-    /// Names of the numbers that an effect receives for it.
+    /// Names of the numbers that an effect receives for the option.
     ///
     /// ```
     /// let manifest = choreo_plugin::Manifest::new("glow", "1", "").color("tint", "its color", [1.0, 0.5, 0.0]);
@@ -87,18 +87,18 @@ impl OptionSpec {
         self.endings().iter().map(|ending| format!("{}{ending}", self.name))
     }
 
-    /// How many numbers an effect receives for it.
+    /// Number of numbers that an effect receives for the option.
     pub fn number_count(&self) -> usize {
         self.endings().len()
     }
 
-    /// The index of its number with a name, counted from its first.
+    /// Index of the number with this name among the option's numbers.
     pub fn number_of(&self, name: &str) -> Option<usize> {
         let ending = name.strip_prefix(self.name.as_str())?;
         self.endings().iter().position(|e| *e == ending)
     }
 
-    /// Smallest and largest value of its numbers; `None` for texts and flags.
+    /// Smallest and largest value of the option's numbers; `None` for flags, texts and textures.
     pub fn bounds(&self) -> Option<[f64; 2]> {
         match &self.kind {
             OptionKind::Number { min, max, .. }
@@ -110,7 +110,7 @@ impl OptionSpec {
         }
     }
 
-    /// A default as an effect receives it.
+    /// Default of one of the option's numbers, as an effect receives it.
     fn default_number(&self, index: usize) -> f64 {
         match &self.kind {
             OptionKind::Number { default, .. } => *default,
@@ -129,8 +129,8 @@ impl OptionSpec {
 }
 
 impl Manifest {
-    /// Length of the array in which an effect receives its parameters: 8, or as many numbers as they have, rounded up to a multiple
-    /// of 4. What no parameter uses is 0.
+    /// Length of the array in which an effect receives its parameters: 8, or the count of their numbers, rounded up to a multiple of 4.
+    /// Unused numbers are 0.
     pub fn parameter_length(&self) -> usize {
         let count: usize = self.options.iter().map(OptionSpec::number_count).sum();
         count.next_multiple_of(4).max(8)
@@ -141,8 +141,8 @@ impl Manifest {
         self.options.iter().take(index).map(OptionSpec::number_count).sum()
     }
 
-    /// An effect's parameters in the order of the manifest, clamped to their ranges: `given` by the names of their numbers, where a
-    /// later one counts, and the defaults of the others.
+    /// An effect's parameters in the order of the manifest, clamped to their ranges. `given` holds values by the names of numbers, where
+    /// the last one of a name counts; all other numbers have their defaults.
     ///
     /// ```
     /// use choreo_plugin::Manifest;
@@ -169,8 +169,8 @@ impl Manifest {
         all
     }
 
-    /// Scales the numbers whose unit is "px" within their ranges, for an image that is `scale` times as large as the one that
-    /// they were meant for. Whole numbers stay whole.
+    /// Scales the numbers whose unit is "px" within their ranges, for an image that is `scale` times as large as intended. Whole numbers
+    /// stay whole.
     ///
     /// ```
     /// use choreo_plugin::Manifest;

@@ -12,9 +12,9 @@ use choreo_asset::Asset;
 use choreo_stage::{EffectImageUse, EffectUse, Stage};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Files that are no plugins, in one hint.
+/// Largest number of faulty plugin files that one hint names.
 const MOST_FAULTY: usize = 4;
-/// A part of the names of files that are importers, in Rhai and in WebAssembly.
+/// Part of the file name of every importer in Rhai or WebAssembly.
 const IMPORTERS: &str = ".importer.";
 
 /// Importers, exporters of frames and of scenes, and effects, by name.
@@ -37,7 +37,7 @@ const IMPORTERS: &str = ".importer.";
 /// assert_eq!(registry.effect_names().collect::<Vec<_>>(), ["nothing"]);
 /// ```
 ///
-/// All kinds, and plugins that are looked for:
+/// Plugins of all kinds, and how they are found:
 ///
 /// ```
 /// use choreo_plugin::asset::Asset;
@@ -87,14 +87,14 @@ const IMPORTERS: &str = ".importer.";
 /// let fault = PluginError { text: "glow.wgsl:3:5: unknown type".into(), files: Vec::new() };
 /// registry.add_lazy_effect(Arc::new(LazyEffect::new("glow", move || Err(fault))));
 /// registry.add_faulty("plugins/a.importer.rhai".into(), "no function load");
-/// // Of each name the last one counts.
+/// // The last plugin of a name counts.
 /// assert_eq!((registry.importers().len(), registry.exporters().len(), registry.scene_exporters().len()), (1, 1, 1));
 /// assert_eq!(registry.replaced()[0], "the importer mine takes the place of another of this name");
 /// assert!(registry.exporter_for("a.mine").is_some() && registry.scene_exporter_for("a.MINE").is_some());
 /// let source = Source { name: "a.mine".into(), bytes: Default::default() };
 /// assert_eq!(registry.claims(&source)[0].0, Claim::Extension);
 /// assert!(registry.failed_claims(&source).is_empty());
-/// // An effect of a file is compiled when it is used; what is faulty is named where something is not found.
+/// // An effect of a file is compiled when it is used; faulty files are named when a plugin is not found.
 /// assert!(registry.use_effect("glow").is_err() && registry.use_effect("glw").is_ok_and(|found| found.is_none()));
 /// assert_eq!(registry.faulty_hint(".importer."), "\nno plugin: plugins/a.importer.rhai: no function load");
 /// assert!(registry.effects().is_empty() && registry.settled().effects().is_empty());
@@ -106,13 +106,13 @@ pub struct Registry {
     exporters: Vec<Arc<dyn Exporter>>,
     scene_exporters: Vec<Arc<dyn SceneExporter>>,
     effects: Vec<Effect>,
-    /// Clones share what was made of them.
+    /// Effects of plugin files. Clones of the registry share the compiled effects.
     on_use: Vec<Arc<LazyEffect>>,
-    /// Files that are no plugins, as messages name them, and why.
+    /// Faulty plugin files: the name in messages, and the reason.
     faulty: Vec<(String, String)>,
-    /// Plugins that took the place of others of their name.
+    /// Messages about plugins that replaced others of the same name.
     replaced: Vec<String>,
-    /// Effects with images of a stage, those of the last [`Registry::settled_for`]. Clones share them.
+    /// Effects whose images a stage has chosen, as of the last [`Registry::settled_for`]. Clones of the registry share them.
     with_images: Arc<Mutex<Vec<EffectWithImages>>>,
 }
 
@@ -127,11 +127,12 @@ struct EffectWithImages {
 type Claimed<'r> = (Claim, &'r Arc<dyn Importer>);
 
 impl Registry {
-    /// One of the same name is replaced, here and below: a plugin of the user's own comes in place of ours.
+    /// Adds an importer. It replaces one of the same name, here and in the methods below, so that a user's plugin can take the place of a
+    /// built-in one.
     pub fn add_importer(&mut self, plugin: impl Importer + 'static) {
         self.add_shared_importer(Arc::new(plugin));
     }
-    /// Adds an importer that others hold, too.
+    /// Adds an importer that has further owners.
     pub fn add_shared_importer(&mut self, plugin: Arc<dyn Importer>) {
         let name = plugin.manifest().name.clone();
         let before = self.importers.len();
@@ -151,7 +152,7 @@ impl Registry {
     pub fn add_scene_exporter(&mut self, plugin: impl SceneExporter + 'static) {
         self.add_shared_scene_exporter(Arc::new(plugin));
     }
-    /// Adds an exporter of scenes that others hold, too.
+    /// Adds an exporter of scenes that has further owners.
     pub fn add_shared_scene_exporter(&mut self, plugin: Arc<dyn SceneExporter>) {
         let name = plugin.manifest().name.clone();
         let before = self.scene_exporters.len();
@@ -165,7 +166,7 @@ impl Registry {
         self.forget_effect(&effect.manifest().name);
         self.effects.push(isolated_effect(effect));
     }
-    /// An effect of a plugin file, made when it is used first.
+    /// Adds an effect of a plugin file, which is compiled at its first use.
     pub fn add_lazy_effect(&mut self, plugin: Arc<LazyEffect>) {
         self.forget_effect(plugin.name());
         self.on_use.push(plugin);
@@ -181,11 +182,11 @@ impl Registry {
             self.replaced.push(format!("the {kind} {name} takes the place of another of this name"));
         }
     }
-    /// Plugins that took the place of others of their name, one sentence each, in the order in which they were added.
+    /// Messages about plugins that replaced others of the same name, one sentence each, in the order in which the plugins were added.
     pub fn replaced(&self) -> &[String] {
         &self.replaced
     }
-    /// A file that is no plugin, though its name is that of one, and the reason. It is named in the hint when a plugin is not found.
+    /// Notes a file that has the name of a plugin and is not a valid one, with the reason. Hints about plugins that were not found name it.
     pub fn add_faulty(&mut self, file: String, reason: &str) {
         // Code and caret below the message are for `choreo plugins`.
         let first = reason.lines().next().unwrap_or_default();
@@ -203,16 +204,16 @@ impl Registry {
     pub fn scene_exporters(&self) -> &[Arc<dyn SceneExporter>] {
         &self.scene_exporters
     }
-    /// The effects that are ready. Those of plugin files that were used are among them after [`Registry::settled`].
+    /// The effects that are ready. Effects of plugin files are among them only after [`Registry::settled`], and only if they were used.
     pub fn effects(&self) -> &[Effect] {
         &self.effects
     }
-    /// An effect that is ready, or was made of a plugin file.
+    /// An effect that is ready, or that was already made from a plugin file.
     pub fn effect(&self, name: &str) -> Option<&Effect> {
         let made = || self.on_use.iter().find(|e| e.name() == name)?.made();
         self.effects.iter().find(|e| e.manifest().name == name).or_else(made)
     }
-    /// An effect to be used: that of a plugin file is made now. `None` where no effect has the name.
+    /// An effect to be used: an effect of a plugin file is compiled now. `None` if no effect has the name.
     pub fn use_effect(&self, name: &str) -> Result<Option<&Effect>, &PluginError> {
         let of_file = || self.on_use.iter().find(|e| e.name() == name).map(|e| e.get()).transpose();
         self.effects.iter().find(|e| e.manifest().name == name).map_or_else(of_file, |e| Ok(Some(e)))
@@ -221,15 +222,14 @@ impl Registry {
     pub fn effect_names(&self) -> impl Iterator<Item = &str> {
         self.effects.iter().map(|e| e.manifest().name.as_str()).chain(self.on_use.iter().map(|e| e.name()))
     }
-    /// The same plugins, with the effects of plugin files that were used so far among those that are ready: for renderers,
-    /// after a script has run. Effects that nothing used have no place in it.
+    /// A copy for renderers, after a script has run: effects of plugin files that were used so far are ready, and unused ones are left out.
     pub fn settled(&self) -> Registry {
         let mut settled = Registry { on_use: Vec::new(), ..self.clone() };
         settled.effects.extend(self.on_use.iter().filter_map(|e| e.made()).cloned());
         settled
     }
-    /// [`Registry::settled`], and for each effect of the stages with images of its own one that reads them, by the name
-    /// [`EffectUse::drawn_by`](choreo_stage::EffectUse::drawn_by). One whose images are as before is the same as before.
+    /// [`Registry::settled`], with an additional effect for each use in the stages that chooses its own images, under the name
+    /// [`EffectUse::drawn_by`](choreo_stage::EffectUse::drawn_by). While a use keeps its images, it keeps the same effect.
     pub fn settled_for<'s>(&self, stages: impl IntoIterator<Item = &'s Stage>) -> Registry {
         let mut settled = self.settled();
         let mut known = self.with_images.lock().unwrap_or_else(PoisonError::into_inner);
@@ -250,8 +250,8 @@ impl Registry {
         settled
     }
 
-    /// Names the files that are no plugins and why, for the hint of something that was not found. `part`: of the names of files that could have had it;
-    /// faulty descriptions of packages are always among them. Empty where there is none.
+    /// Hint that lists faulty plugin files and the reasons, for a plugin that was not found. Only files whose names contain `part` are
+    /// listed, and all faulty package manifests (`.toml`). Empty if there are none.
     pub fn faulty_hint(&self, part: &str) -> String {
         let of_kind = |file: &str| file.contains(part) || file.ends_with(".toml");
         let faulty = self.faulty.iter().filter(|(file, _)| of_kind(file));
@@ -279,13 +279,13 @@ impl Registry {
         self.scene_exporters.iter().rfind(|e| e.manifest().writes(file_name))
     }
 
-    /// Every importer's claim on a file, that of the reader first. Greater claims come first; of equal ones those
-    /// whose manifest has the file's extension; then those added later, so that a user's own plugin wins over ours.
+    /// The claims of all importers on a file, the greatest first. Of equal claims, those of importers whose manifest has the file's
+    /// extension come first, then those of importers added later, so that a user's own plugin wins over ours.
     pub fn claims(&self, source: &Source) -> Vec<(Claim, &Arc<dyn Importer>)> {
         self.ask(source).0
     }
 
-    /// The importers that have failed when they were asked whether the file is their own. They claim nothing.
+    /// The failures of importers that were asked whether the file is their own. These importers claim nothing.
     pub fn failed_claims(&self, source: &Source) -> Vec<PluginPanic> {
         self.ask(source).1
     }
@@ -303,8 +303,8 @@ impl Registry {
         (claims, failures)
     }
 
-    /// The importer that reads the file ([`Registry::claims`]), or the one named. Its assets have a warning about each importer that has
-    /// failed to claim the file.
+    /// The importer with the greatest claim on the file ([`Registry::claims`]), or the one with the name `named`. Its assets have a warning
+    /// about each importer that has failed to claim the file.
     ///
     /// # Errors
     /// No importer claims the file, or none has the name.
@@ -355,7 +355,7 @@ impl Registry {
         }
     }
 
-    /// Imports with the importer of the file or the one named; options are checked and completed.
+    /// Imports a file by the importer that claims it, or by the one with the name `named`. Options are checked and completed.
     pub fn import(
         &self,
         source: &Source,
@@ -375,7 +375,7 @@ impl Registry {
     }
 }
 
-/// An effect with the images of its use.
+/// A copy of an effect that reads the images which its use has chosen.
 fn with_images(effect: &Effect, name: &str, used: &EffectUse) -> Option<Effect> {
     let texture = |chosen: &EffectImageUse| {
         let OptionKind::Texture { srgb, .. } = effect.manifest().option(&chosen.parameter).ok()?.kind else {

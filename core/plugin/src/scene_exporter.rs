@@ -50,8 +50,7 @@ pub trait SceneExporter: Send + Sync {
         None
     }
 
-    /// Writes the scene, and returns notes for the user, a sentence each: what the format cannot hold, the largest error of what was
-    /// sampled.
+    /// Writes the scene, and returns notes for the user, a sentence each: what the format cannot hold, the largest error of sampled curves.
     fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError>;
 }
 
@@ -88,11 +87,11 @@ pub struct ExportedScene {
     pub provenance: Vec<(String, String)>,
     /// Option values by name, complete and checked against the exporter's manifest.
     pub options: ExportOptions,
-    /// Function of a plugin in WebAssembly that asks the program, which has the whole stage.
+    /// Function of a plugin in WebAssembly that requests snapshots from the program, which has the whole stage.
     pub(crate) snapshots: Option<fn(Time) -> Snapshot>,
 }
 
-/// Poses of a scene at any time, of hidden actors too. Clones can be used on several threads.
+/// Evaluator of a scene's poses at any time, including hidden actors. Clones can be used on several threads.
 ///
 /// ```
 /// use choreo_plugin::motion::Time;
@@ -190,7 +189,7 @@ pub trait SceneFiles {
         Err(ExportError::Io(ErrorKind::NotSeekable.into()))
     }
 
-    /// Reports how far what was sampled or reduced is from the scene, for the summary.
+    /// Reports the largest deviation of sampled or reduced curves from the scene, for the summary.
     fn deviation(&mut self, worst: ExportDeviation) {
         let _ = worst;
     }

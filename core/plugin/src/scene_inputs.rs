@@ -25,7 +25,7 @@ pub struct SceneInputs {
 }
 
 impl SceneInputs {
-    /// The inputs that either reads.
+    /// The inputs that either of both reads.
     pub fn union(self, other: SceneInputs) -> SceneInputs {
         SceneInputs {
             surface: self.surface || other.surface,
@@ -36,7 +36,7 @@ impl SceneInputs {
         }
     }
 
-    /// Whether the scene is drawn once more for it.
+    /// Whether the inputs need an additional pass over the scene.
     pub fn is_drawn(self) -> bool {
         self.surface || self.motion
     }
@@ -72,8 +72,9 @@ impl EffectFrame {
     /// Number of [`EffectFrame::numbers`].
     pub const NUMBERS: usize = 8;
 
-    /// The numbers behind the parameters of an effect with [`EffectShader::reads_frame`](crate::EffectShader::reads_frame), as the shaders
-    /// read them: time, delta, the frame number in two halves of 16 bits; width and height of the image in pixels; two zeros.
+    /// The numbers that follow the parameters of an effect with [`EffectShader::reads_frame`](crate::EffectShader::reads_frame), in the
+    /// order in which the shaders read them: time, delta, the frame number in two halves of 16 bits; width and height of the image in
+    /// pixels; two zeros.
     ///
     /// ```
     /// use choreo_plugin::EffectFrame;
@@ -90,8 +91,9 @@ impl EffectFrame {
         [(self.frame & 0xffff) as f32, (self.frame >> 16) as f32]
     }
 
-    /// As the shaders read it: time and delta; the frame number in two halves of 16 bits; the sun, with 1 in w where one shines;
-    /// then the columns of view-from-world, world-from-view, clip-from-view and view-from-clip.
+    /// The frame as rows, in the order in which the shaders read them: time and delta; the frame number in two halves of 16 bits; the
+    /// direction of the sun, with 1 in w if one shines; then the columns of view-from-world, world-from-view, clip-from-view and
+    /// view-from-clip.
     pub fn rows(&self) -> [Vec4; EffectFrame::ROWS] {
         let mut rows = [Vec4::ZERO; EffectFrame::ROWS];
         rows[0] = Vec4::new(self.time, self.delta, 0.0, 0.0);
@@ -100,7 +102,7 @@ impl EffectFrame {
         rows[2] = self.sun.map_or(Vec4::ZERO, |sun| sun.extend(1.0));
         let inverse = |m: Mat4| match m == Mat4::ZERO {
             true => m,
-            // In f64, because f32 would lose most digits for a far plane that is near.
+            // The inverse is computed in f64, because f32 would lose most digits if the far plane is near.
             false => m.as_dmat4().inverse().as_mat4(),
         };
         let (view, clip) = (self.view_from_world, self.clip_from_view);
@@ -113,8 +115,8 @@ impl EffectFrame {
     }
 }
 
-/// Images of the scene that a [`crate::Hook::Image`] function reads, each of the size of the frame. Opaque and cut-out triangles
-/// are in them, without outlines, lines, points, overlays and 2D layers; one sample a pixel, in its middle.
+/// Images of the scene that a [`crate::Hook::Image`] function reads, each of the size of the frame. They show opaque and alpha-tested
+/// triangles, without outlines, lines, points, overlays and 2D layers; one sample per pixel, at its center.
 ///
 /// ```
 /// use choreo_plugin::glam::Vec4;
@@ -127,15 +129,15 @@ impl EffectFrame {
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct SceneImages<'a> {
-    /// World normal in xyz and depth in w: metres before the camera along its view. [`SceneImages::NO_SURFACE`] where nothing is.
+    /// World normal in xyz and depth in w: metres along the view direction. [`SceneImages::NO_SURFACE`] where there is no surface.
     pub surface: Option<EffectImage<'a>>,
-    /// Motion in pixels since the frame before in xy, and the number of the actor, from 1, in z; zero where nothing is.
+    /// Motion in pixels since the frame before in xy, and the number of the actor, from 1, in z; zero where there is no surface.
     pub motion: Option<EffectImage<'a>>,
     /// [`EffectFrame::rows`].
     pub rows: &'a [Vec4; EffectFrame::ROWS],
 }
 
 impl SceneImages<'_> {
-    /// The value of [`SceneImages::surface`] where nothing is: no normal, at [`BACKGROUND_DISTANCE`].
+    /// The value of [`SceneImages::surface`] where there is no surface: no normal, at [`BACKGROUND_DISTANCE`].
     pub const NO_SURFACE: Vec4 = Vec4::new(0.0, 0.0, 0.0, BACKGROUND_DISTANCE);
 }

@@ -27,15 +27,15 @@ pub fn distance(a: &str, b: &str) -> usize {
     back[b.len()]
 }
 
-/// The known name closest to `wanted`, where it is close enough to be a slip of the hand: a third of its letters,
-/// or one name being a part of the other. The first of equals.
+/// The known name closest to `wanted`, if it can be a typing mistake: at most a third of the letters differ, or one name is part of the
+/// other. Of equally close names, the first.
 ///
 /// ```
 /// use choreo_plugin::suggest::closest;
 /// assert_eq!((closest("rnu", ["walk", "run"]), closest("fly", ["walk", "run"])), (Some("run"), None));
 /// ```
 pub fn closest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // Names longer than this are not typed by hand, and the distance costs their product.
+    // Longer names are not typed by hand, and the cost of the distance is the product of both lengths.
     const LONGEST: usize = 128;
     if wanted.is_empty() || wanted.len() > LONGEST {
         return None;
@@ -70,7 +70,7 @@ pub fn did_you_mean<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) 
     closest(wanted, known).map_or_else(String::new, |name| format!("; did you mean \"{name}\"?"))
 }
 
-/// `a, b, c` of at most `most` names, then how many more.
+/// Lists at most `most` names with commas between them, then says how many more there are.
 ///
 /// ```
 /// assert_eq!(choreo_plugin::suggest::list(["a", "b", "c", "d"], 2), "a, b, and 2 more");

@@ -1,11 +1,11 @@
-//! The numbers of a text. A plugin in WebAssembly leaves them to the program, many at a time, which reads them as fast as a crate does.
+//! Parses the numbers of a text. A plugin in WebAssembly lets the program parse them, many at a time, at native speed.
 
 use crate::guest;
 
-/// Numbers that are read at a time.
+/// Largest number of numbers that are read at a time.
 pub(crate) const BLOCK: usize = 1024;
 
-/// A longer word is no number.
+/// Longest word that can be a number, in bytes.
 const LONGEST: usize = 1024;
 
 /// A type of numbers in texts: `f32`, `f64`, `i32` or `u32`.
@@ -74,7 +74,8 @@ fn next_word(text: &[u8], at: usize) -> (usize, usize) {
     (start, start + word.iter().position(u8::is_ascii_whitespace).unwrap_or(word.len()))
 }
 
-/// Reads numbers of one type until a word is none, the text ends, or the lists are full: how many. `ends`: where each ends.
+/// Reads numbers of one type until a word is no number, the text ends, or the lists are full. Returns how many. `ends`: the byte behind
+/// each number.
 #[doc(hidden)]
 pub fn read_block(kind: u32, text: &[u8], values: &mut [u64], ends: &mut [u32]) -> usize {
     let mut at = 0;
@@ -95,7 +96,7 @@ pub fn read_block(kind: u32, text: &[u8], values: &mut [u64], ends: &mut [u32]) 
 /// let mut numbers = TextNumbers::new(b"3 0.5 -1e3\n7 eight", 0);
 /// assert_eq!((numbers.next::<u32>(), numbers.next::<f32>(), numbers.next::<f32>()), (Ok(3), Ok(0.5), Ok(-1000.0)));
 /// assert_eq!((numbers.next::<u32>(), numbers.at()), (Ok(7), 12));
-/// // The place of what is no number, or the end of the text.
+/// // The error is the place of the word that is no number, or the end of the text.
 /// assert_eq!(numbers.next::<u32>(), Err(13));
 /// ```
 pub struct TextNumbers<'t> {
@@ -105,7 +106,7 @@ pub struct TextNumbers<'t> {
     values: Vec<u64>,
     ends: Vec<u32>,
     base: usize,
-    /// The next of them, and how many there are.
+    /// Index of the next of these numbers, and how many there are.
     next: usize,
     count: usize,
     kind: u32,
@@ -114,7 +115,7 @@ pub struct TextNumbers<'t> {
 }
 
 impl<'t> TextNumbers<'t> {
-    /// Begins at a byte of a text.
+    /// Reads the numbers of a text from the byte `at` on.
     pub fn new(text: &'t [u8], at: usize) -> TextNumbers<'t> {
         let (values, ends) = (vec![0; BLOCK], vec![0; BLOCK]);
         let at = at.min(text.len());

@@ -16,7 +16,7 @@ pub enum Matrix {
 /// Three planes, each row `width` or `(width + 1) / 2` bytes, no padding. Reused from frame to frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Yuv420 {
-    /// Even where `pad_to_even` was requested.
+    /// Width in pixels; even where `pad_to_even` was requested.
     pub width: usize,
     /// Rows; even where `pad_to_even` was requested.
     pub height: usize,
@@ -48,8 +48,8 @@ const BT601: Weights =
     Weights { y: [8415, 16519, 3208], u: [-4857, -9535, 14392], v: [14392, -12051, -2341] };
 
 impl Yuv420 {
-    /// `rgba` holds `width × height` pixels (both at least 1; rows beyond its end are left as they were).
-    /// If `pad_to_even` is set, odd sizes grow by one column or row, repeated from the edge.
+    /// Converts an image of sRGB-encoded RGBA. `rgba` holds `width × height` pixels (both at least 1; rows beyond its end are left as they
+    /// were). If `pad_to_even` is set, odd sizes grow by one column or row, repeated from the edge.
     ///
     /// ```
     /// use choreo_plugin::yuv::{Matrix, Yuv420};
@@ -126,7 +126,7 @@ fn split_row(pixels: &[u8], padded: usize, out: &mut [Vec<i16>; 3]) {
         plane.resize(padded, 0);
     }
     for (((p, r), g), b) in pixels.as_chunks::<4>().0.iter().zip(&mut *r).zip(&mut *g).zip(&mut *b) {
-        // Shifts of whole pixels: four at once in SIMD registers, where single bytes would be gathered.
+        // Shifts of whole pixels process four at once in SIMD registers; single bytes would have to be gathered.
         let p = u32::from_le_bytes(*p) as i32;
         *r = (p & 255) as i16;
         *g = (p >> 8 & 255) as i16;
@@ -139,7 +139,7 @@ fn split_row(pixels: &[u8], padded: usize, out: &mut [Vec<i16>; 3]) {
     }
 }
 
-/// Two rows added and filtered [1 2 1] at every second column: 8 times the mean. The edges repeat their last column.
+/// Adds two rows and filters them [1 2 1] at every second column: 8 times the mean. The edges repeat their last column.
 fn halve(upper: &[i16], lower: &[i16], sums: &mut Vec<i16>, out: &mut [i16]) {
     sums.clear();
     sums.extend(upper.iter().zip(lower).map(|(a, b)| a + b));
@@ -162,7 +162,7 @@ fn luma_row([r, g, b]: &[Vec<i16>; 3], w: [i16; 3], out: &mut [u8]) {
     }
 }
 
-/// `halves` are 8 times the mean.
+/// Converts one row of chroma. The channels hold 8 times the mean, as [`halve`] writes them.
 #[inline(always)]
 fn chroma_row([r, g, b]: &[Vec<i16>; 3], w: [i16; 3], out: &mut [u8]) {
     for (((c, &r), &g), &b) in out.iter_mut().zip(r).zip(g).zip(b) {

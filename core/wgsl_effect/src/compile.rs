@@ -1,4 +1,4 @@
-//! Compiles an author's text to a program: parses and validates it, compares it with the form of its hook, and tries it.
+//! Compiles an author's text to a program: parses and validates the text, compares it with the signature of its hook, and tries it.
 
 use crate::environment::Host;
 use crate::error::EffectError;
@@ -16,24 +16,24 @@ use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{Function, Handle, Module};
 use std::ops::Range;
 
-/// Longer texts are no effect of one pixel.
+/// Largest length of a text in bytes.
 const MAX_BYTES: usize = 256 << 10;
 
-/// Length of the array in which a function may take its parameters in place of the struct.
+/// Length of the array in which a function may take its parameters instead of the struct.
 const MAX_ARRAY: usize = 8;
 
-/// The compiled function.
+/// A compiled effect.
 pub struct Code {
     pub program: Program,
-    /// The functions of passes before the last, where passes have textures.
+    /// The functions of the passes before the last, if the passes have textures.
     pub passes: Vec<Program>,
     pub output: Output,
 }
 
-/// Type of the function's result.
+/// Type of the result of an effect's function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
-    /// Numbers, as its hook requires.
+    /// Numbers, as the hook requires.
     Numbers,
     Strokes,
     Triangles,
@@ -42,27 +42,28 @@ pub enum Output {
     Edges,
 }
 
-/// A function of the shader around the author's: its name, a text that stands for it, what runs in its place.
+/// A function that the shader around the author's text supplies: its name, a WGSL declaration that stands for it, and the code that runs on
+/// the CPU.
 pub(crate) type Declared = (String, String, Host);
 
-/// The author's text.
+/// The author's text, and the texts that are made from it.
 pub struct Text {
-    /// The name in messages.
+    /// Name of the text in messages.
     pub file: String,
     /// The text without a byte order mark.
     pub author: String,
-    /// The text as the CPU runs it: with counted loops, and the declarations of the parameters below it.
+    /// The text as the CPU runs it: with counted loops, and with the declarations of the parameters below it.
     run: String,
-    /// The text as shaders have it; its function `effect` takes the parameters as an array of numbers.
+    /// The text as shaders use it: its function `effect` takes the parameters as an array of numbers.
     pub wgsl: String,
     /// Places of the counted loops, by number from 1.
     pub loops: Vec<(usize, usize)>,
-    /// The struct of the parameters, or a constant for each number of them, and the functions of the scene that the text calls.
+    /// The struct of the parameters, or a constant for the index of each number; and the functions of the scene that the text calls.
     appended: String,
-    /// Parameters come as a struct.
+    /// The function takes its parameters as a struct.
     is_typed: bool,
     pub scene: SceneCalls,
-    /// Passes that have textures, and what they read.
+    /// The passes that have textures, and the textures that they read.
     pub passes: Vec<ImagePass>,
 }
 
@@ -121,7 +122,7 @@ impl Text {
     }
 }
 
-/// The text that is parsed, and where its mistakes are.
+/// The text that is parsed. It places mistakes in the author's part.
 struct Source<'a> {
     text: &'a Text,
     /// The text with all declarations below it.
@@ -129,13 +130,13 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
-    /// `span`: bytes of the whole text; the first line where there are none, or none that the author wrote.
+    /// `span` is a range of bytes of `whole`. Without a span, or outside of the author's text, the error is at the first line.
     fn error(&self, span: Option<Range<usize>>, message: String) -> EffectError {
         let own = span.filter(|span| span.start < self.text.author.len());
         self.text.error(own.map_or((1, 1), |span| place(&self.text.author, span.start)), message)
     }
 
-    /// The error of a text that ends within braces, where the parser goes on into what follows the text.
+    /// The error of a text that ends within braces, where the parser continues into the declarations below the text.
     fn unclosed(&self, mistake: &Mistake) -> Option<EffectError> {
         let author = &self.text.author;
         if mistake.span.as_ref().is_some_and(|span| span.start < author.len()) {
@@ -167,13 +168,13 @@ impl Source<'_> {
         })
     }
 
-    /// The statement of a mistake that the parser gives no place for. It is found by leaving out the end of each function and then
-    /// of one, from statement to statement, until the mistake is gone.
+    /// The statement of a mistake for which the parser gives no place. Leaves out the end of each function, and then the end of the faulty
+    /// function from statement to statement, until the mistake is gone.
     fn culprit(&self) -> Option<Range<usize>> {
         let fails = |text: &str| {
             naga::front::wgsl::parse_str(text).is_err_and(|e| e.labels().all(|(span, _)| !span.is_defined()))
         };
-        // A text of many functions takes long; then the function alone is not looked for.
+        // The search takes long in a text of many functions, so it is limited to this number of them.
         const MOST: usize = 200;
         let without = |body: &FunctionBody, at: usize, open: usize| {
             let (head, tail) = (&self.whole[..at], &self.whole[body.end..]);
@@ -181,7 +182,7 @@ impl Source<'_> {
         };
         let bodies = bodies(&self.text.author);
         let body = bodies.iter().take(MOST).find(|body| !fails(&without(body, body.start, 1)))?;
-        // The mistake is in the statement before the first cut with which it is there.
+        // The mistake is in the statement before the first cut that has it.
         let first = body.cuts.partition_point(|(at, open)| !fails(&without(body, *at, *open)));
         let start = first.checked_sub(1).map_or(body.start, |before| body.cuts[before].0);
         let (token, _) = Tokens::of(&self.whole[start..]).next()?;
@@ -191,10 +192,10 @@ impl Source<'_> {
 
 /// The body of a function.
 struct FunctionBody {
-    /// Behind its opening brace, and at its closing one.
+    /// Bytes behind the opening and behind the closing brace.
     start: usize,
     end: usize,
-    /// Ends of statements, and braces that are open there.
+    /// Bytes behind statements, and the number of braces that are open there.
     cuts: Vec<(usize, usize)>,
 }
 
@@ -229,10 +230,11 @@ fn bodies(text: &str) -> Vec<FunctionBody> {
     all
 }
 
-/// The parser and the validator go down trees, whatever thread they are called on: as deep as [`depth`] lets pass, many times over.
+/// Stack size in bytes. The parser and the validator recurse through trees; this is many times what the deepest text that
+/// [`nesting::check`] accepts needs.
 const STACK: usize = 64 << 20;
 
-/// Compiles the function of a text whose head was read, and tries it.
+/// Compiles the function of a text whose head is read, and tries it.
 pub fn compile(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, EffectError> {
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new().name("effect".into()).stack_size(STACK);
@@ -251,7 +253,8 @@ fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, E
     if let Some((line, message)) = taken(text, signature, &declared, manifest) {
         return Err(text.error((line, 1), message));
     }
-    // The shader that calls it declares what it sees; below the author's text, so that lines stay.
+    // The shader that calls the function declares these types and functions. They are below the author's text, so that its line numbers
+    // stay.
     let functions: String = declared.iter().map(|(_, text, _)| text.as_str()).collect();
     let below = format!("{}{}{functions}", text.appended, signature.declared);
     let source = Source { text, whole: format!("{}\n{below}", text.author) };
@@ -316,13 +319,13 @@ fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, E
     Ok(Code { program, passes: programs, output: output.unwrap_or(Output::Numbers) })
 }
 
-/// A function of a module, and its place.
+/// A function of a module, and its span.
 fn function(module: &Module, name: &str) -> Option<(Handle<Function>, naga::Span)> {
     let (found, _) = module.functions.iter().find(|(_, f)| f.name.as_deref() == Some(name))?;
     Some((found, module.functions.get_span(found)))
 }
 
-/// The programs of an effect's functions, that of `effect` last. `run`: the text as it is run, with counted loops.
+/// The programs of an effect's functions, that of `effect` last. `run` is the text with counted loops, as the CPU runs it.
 fn programs(
     source: &Source,
     valid: (&Module, &ModuleInfo),
@@ -340,12 +343,12 @@ fn programs(
     if source.text.loops.is_empty() {
         return Ok(programs);
     }
-    // The code that runs counts the rounds of loops; the places of mistakes are those of the author's text.
+    // The text that runs counts the rounds of loops; mistakes are placed in the author's text.
     let (module, info) = counted(run, source)?;
     lowered((&module, &info)).map_err(|e| source.error(None, format!("a loop cannot be counted: {}", e.what)))
 }
 
-/// The module of a text with counted loops, whose author's text is valid.
+/// The module of a text with counted loops, whose author's part is valid.
 fn counted(text: &str, source: &Source) -> Result<(Module, ModuleInfo), EffectError> {
     let faulty = |what: String| source.error(None, format!("a loop cannot be counted: {what}"));
     let module = naga::front::wgsl::parse_str(text).map_err(|e| faulty(e.message().into()))?;
@@ -377,7 +380,7 @@ fn declared(signature: &Signature, head: &Head, scene: &SceneCalls) -> Vec<Decla
     all
 }
 
-/// The first line (from 1) that declares what the program does.
+/// The first line (from 1) that declares a name which the program declares, and the message about it.
 fn taken(
     text: &Text,
     signature: &Signature,
@@ -395,7 +398,7 @@ fn taken(
             "fn" if is_function() => of_program("a function"),
             "param" if signature.functions.iter().any(|(n, ..)| *n == name) => of_program("a function"),
             "struct" if signature.structs().any(|n| n == name) => of_program("a type"),
-            // Shaders give each declared name an ending of its own, but not the members of `Parameters`.
+            // Shaders rename everything that they declare, but not the members of `Parameters`.
             _ if is_declaration && text.is_typed && manifest.options.iter().any(|o| o.name == name) => {
                 of_program("a parameter")
             }

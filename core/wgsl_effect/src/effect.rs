@@ -1,4 +1,4 @@
-//! `NAME.wgsl` as an [`Effect`].
+//! An [`Effect`] from a file `NAME.wgsl`.
 
 use crate::compile::{self, Code, Output, Text};
 use crate::environment::{Environment, InFrame, PassImages, Textures};
@@ -18,28 +18,28 @@ use choreo_plugin::{
 use glam::{Vec2, Vec3, Vec4};
 use std::sync::{Arc, OnceLock};
 
-/// Names of effect files end so.
+/// Ending of the names of effect files.
 pub const ENDING: &str = ".wgsl";
 
-/// Widest outline in pixels.
+/// Largest width of an outline in pixels.
 const MAX_WIDTH: f32 = 256.0;
 
-/// An effect in one WGSL file. It has the methods of all hooks, of which only those of its own may be called; [`Effect::from`] gives the
-/// effect of its hook.
+/// An effect in one WGSL file. It implements the traits of all hooks, but only the methods of its own hook may be called; [`Effect::from`]
+/// makes the effect of that hook.
 #[derive(Clone)]
 pub struct WgslEffect {
     text: Arc<Text>,
     manifest: Manifest,
-    /// Number of the parameters, behind which the numbers of the frame follow.
+    /// Count of the parameter numbers; the numbers of the frame follow them.
     length: usize,
     head: Arc<Head>,
-    /// Shared by effects that differ in their images alone.
+    /// Compiled code, shared by effects that differ only in their images.
     code: Arc<OnceLock<Code>>,
     textures: Vec<EffectTexture>,
     inputs: SurfaceInputs,
-    /// Places of the loops that are counted.
+    /// Places of the counted loops.
     loops: Vec<String>,
-    /// The text reads the boxes around actors.
+    /// The text reads the bounding boxes of actors.
     boxes: bool,
     file: Option<PluginFile>,
 }
@@ -63,8 +63,8 @@ impl WgslEffect {
         Self::with_textures(file, text, |_| Err("a text alone has no files beside it".into()))
     }
 
-    /// Reads the head comment, compiles the text, and tries it. `file` is its name in messages; `picture` reads the files that
-    /// the head names, or gives the reason why it cannot.
+    /// Reads the head comment, compiles the text, and tries it. `file` is the name of the text in messages. `picture` reads the image files
+    /// that the head names, or returns the reason why it cannot.
     pub fn with_textures(
         file: &str,
         text: &str,
@@ -91,11 +91,11 @@ impl WgslEffect {
         Ok(effect)
     }
 
-    /// An effect of the program, without textures: its function is compiled when the CPU runs it first. The program's tests
-    /// compile all of them.
+    /// A built-in effect without textures. Its function is compiled when the CPU first runs it; the program's tests compile all built-in
+    /// effects.
     ///
     /// # Panics
-    /// The place of the fault in the head comment, and later that in the function.
+    /// The head comment has a mistake; later, when the function is compiled, the function has one. The message has the place.
     pub fn built_in(file: &str, text: &str, version: &str) -> WgslEffect {
         let mut effect = Self::read(file, text).unwrap_or_else(|e| panic!("{e}"));
         effect.manifest.version = version.into();
@@ -125,7 +125,7 @@ impl WgslEffect {
         self.head.hook
     }
 
-    /// Sets where the text came from.
+    /// Sets the file from which the text was read.
     pub fn with_file(mut self, file: PluginFile) -> WgslEffect {
         self.file = Some(file);
         self
@@ -138,7 +138,7 @@ impl WgslEffect {
         })
     }
 
-    /// Calls a function that has no arguments but the parameters; [`endless`] where it takes more than its steps.
+    /// Calls a function without arguments other than the parameters. The result is [`endless`] if it takes too many steps.
     fn call(&self, parameters: &[f32]) -> [f32; 5] {
         let program = &self.code().program;
         let mut machine = Machine::<1>::new(program, parameters);
@@ -149,13 +149,13 @@ impl WgslEffect {
         }
     }
 
-    /// The functions of a shader around the effect's, for hooks whose parameters the numbers of the frame may follow.
+    /// The environment of hooks whose parameters the numbers of the frame may follow.
     fn in_frame<'a>(&'a self, parameters: &'a [f32]) -> InFrame<'a> {
         let numbers = if self.text.scene.reads_frame { parameters.get(self.length..) } else { None };
         InFrame { textures: &self.textures, numbers: numbers.unwrap_or_default() }
     }
 
-    /// Runs the function for each color and its sample, `N` at a time; `component` gives a number of a sample.
+    /// Runs the function for each color and its sample, `N` at a time; `component` returns one number of a sample.
     fn color_batches<const N: usize, S>(
         &self,
         colors: &mut [Vec4],
@@ -179,8 +179,8 @@ impl WgslEffect {
         );
     }
 
-    /// Runs the function for each item, `N` at a time. `set` writes the arguments of a part of the items, which begins at a
-    /// number, and `get` takes what came out.
+    /// Runs the function for each item, `N` at a time. `set` writes the arguments of a part of the items, given the index of its first
+    /// item; `get` stores the result of an item.
     fn batches<const N: usize, T>(
         &self,
         program: &Program,
@@ -203,7 +203,7 @@ impl WgslEffect {
                     }
                     continue;
                 }
-                // Together their branches took too many steps; alone each may not.
+                // Together, the branches of all lanes took too many steps; each lane alone may not.
                 for (lane, item) in part.iter_mut().enumerate() {
                     let mut alone = machine.lane(program, lane);
                     match alone.run(program, 1, environment) {
@@ -218,21 +218,21 @@ impl WgslEffect {
     }
 }
 
-/// An image that a head names, as bytes of RGBA.
+/// An image that a head names, as 8-bit RGBA.
 pub struct TextureImage {
     /// Width and height.
     pub size: [u32; 2],
-    /// Row by row from the top.
+    /// Pixels, row by row from the top.
     pub rgba: Vec<u8>,
     /// The file that it was read from.
     pub file: Option<std::path::PathBuf>,
 }
 
-/// Pixels at a time where many come together, and in quads of transparent surfaces.
+/// Number of items that run at once: `ROW` where there are many, else `QUAD`, such as a quad of a transparent surface.
 const ROW: usize = 32;
 const QUAD: usize = 4;
 
-/// A component of a sample in the order of the struct `Seen`.
+/// A component of a sample, in the order of the struct `Seen`.
 #[inline(always)]
 fn surface_component(s: &SurfaceSample, i: usize) -> f32 {
     match i {
@@ -338,7 +338,7 @@ impl ImageEffect for WgslEffect {
         row: &mut [Vec4],
     ) {
         let named = self.head.pass_lines.len() as u32;
-        // Without textures of their own the passes have one scale, and the last one reads the texture of that scale.
+        // Passes without textures of their own have one scale, and the last one reads the texture of that scale.
         let shrinks: Vec<u32> = (0..=named)
             .map(|pass| ImageEffect::shrink(self, pass, images.original.size, parameters))
             .collect();
@@ -437,14 +437,14 @@ impl LightingEffect for WgslEffect {
 }
 
 impl OutlineEffect for WgslEffect {
-    /// The hull. The caller finds numbers that are not finite.
+    /// The hull. Values that are not finite are kept: the caller reports them.
     fn inverted_hull(&self, parameters: &[f32]) -> Option<InvertedHull> {
         if self.code().output != Output::Hull {
             return None;
         }
         let [width, r, g, b, lighting_mix] = self.call(parameters);
         let hull = InvertedHull {
-            // No `min` here: it makes a number of NaN.
+            // `min` would turn NaN into a number.
             width: if width > MAX_WIDTH { MAX_WIDTH } else { width },
             color: Vec3::new(r, g, b),
             lighting_mix: lighting_mix.clamp(0.0, 1.0),
@@ -462,7 +462,7 @@ impl OutlineEffect for WgslEffect {
 }
 
 impl OverlayEffect for WgslEffect {
-    /// An overlay that is drawn once for the scene belongs to no actor.
+    /// An overlay that is drawn once for the scene cannot be put on actors.
     fn applies_to_actors(&self) -> bool {
         !self.head.of_scene
     }
@@ -485,7 +485,7 @@ impl ShutterEffect for WgslEffect {
     }
 }
 
-/// The effect of the hook that the head names.
+/// Makes the effect of the hook that the head names.
 impl From<WgslEffect> for Effect {
     fn from(effect: WgslEffect) -> Effect {
         match effect.hook() {
@@ -496,7 +496,7 @@ impl From<WgslEffect> for Effect {
             Hook::Lighting => Effect::lighting(effect),
             Hook::Outline => Effect::outline(effect),
             Hook::Overlay => Effect::overlay(effect),
-            // `Hook` may grow.
+            // `Hook` is non-exhaustive; here only the shutter is left.
             _ => Effect::shutter(effect),
         }
     }

@@ -1,13 +1,13 @@
-//! Functions of the shader around an effect's, on the CPU.
+//! CPU versions of the shader functions that an effect's function may call.
 
 use crate::overlay::{Bone, Bones};
 use choreo_plugin::{ActorInstance, EffectImage, EffectImages, EffectScene, EffectTexture, SceneImages};
 use glam::{DVec3, Vec2, Vec4};
 
-/// A function of the shader that calls the effect's.
+/// A function that the shader supplies to the effect's function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Host {
-    /// Counts a round of a loop; the machine runs it itself.
+    /// Counts a round of a loop; implemented in the machine.
     Round,
     Picture,
     Original,
@@ -15,7 +15,7 @@ pub enum Host {
     OriginalSize,
     Shrink,
     Previous,
-    /// The texture of a pass: one of its pixels, between them, and its size.
+    /// The texture of a pass: one pixel, a bilinear sample, and the size.
     PassTexture(usize),
     PassBetween(usize),
     PassSize(usize),
@@ -26,26 +26,26 @@ pub enum Host {
     SceneRow(usize),
     /// Four of [`choreo_plugin::EffectFrame::numbers`].
     FrameRow(usize),
-    /// Position of a joint of the actor that an overlay is drawn around; which bone is its parent; a point of its model space.
+    /// The actor around which an overlay is drawn: position of a joint, parent of a bone, and a point of model space in the world.
     Joint,
     Parent,
     InWorld,
     PreviousJoint,
     PreviousInWorld,
-    /// The number of a bone that the head names.
+    /// Number of a bone that the head names.
     Named(usize),
     /// One of the effect's textures.
     Texture(usize),
 }
 
-/// The functions and images that an effect's function can use while it runs.
+/// The functions and images that are available to an effect's function while it runs.
 pub trait Environment {
-    /// The image that a function of a pixel's place reads, where it is one.
+    /// The image that `host` reads by pixel; `None` for all other functions.
     fn image(&self, _host: Host) -> Option<EffectImage<'_>> {
         None
     }
 
-    /// Calls a function: bits of its arguments, and of what it returns.
+    /// Calls a function. Arguments and result are the bits of their components.
     fn call(&self, host: Host, arguments: &[u32]) -> [u32; 4];
 }
 
@@ -57,7 +57,7 @@ fn ints(values: [i32; 2]) -> [u32; 4] {
     [values[0] as u32, values[1] as u32, 0, 0]
 }
 
-/// Colors made of the arguments: for trials, before there is anything to see.
+/// Placeholder for trials: returns colors made from the arguments.
 pub(crate) struct Placeholder;
 
 impl Environment for Placeholder {
@@ -103,9 +103,9 @@ impl Environment for InFrame<'_> {
 pub(crate) struct PassImages<'a> {
     pub images: &'a EffectImages<'a>,
     pub textures: &'a [EffectTexture],
-    /// Frames back that it may request.
+    /// Number of previous frames that the pass may request.
     pub history: u32,
-    /// How much smaller what each pass makes is, and which of them runs.
+    /// Downscale factor of each pass, and the number of the pass that runs.
     pub shrinks: &'a [u32],
     pub pass_number: u32,
 }
@@ -119,7 +119,7 @@ impl PassImages<'_> {
         self.images.passes.get(pass).copied().flatten()
     }
 
-    /// The texture of a pass at a place of the whole image, 0 to 1.
+    /// Bilinear sample of the texture of a pass; `uv` is 0 to 1 over the whole image.
     fn between(&self, pass: usize, uv: Vec2) -> Vec4 {
         let [width, height] = self.images.original.size.map(|s| s as f32);
         let shrink = self.shrinks.get(pass).copied().unwrap_or(1) as f32;
@@ -154,11 +154,11 @@ impl Environment for PassImages<'_> {
                 ints(self.images.original.size.map(|s| s.div_ceil(shrink) as i32))
             }
             (Host::SceneRow(i), _) => self.images.scene.map_or([0; 4], |scene| floats(scene.rows[i])),
-            // Where no image of the scene is known.
+            // This branch runs only if the scene's image is unknown.
             (Host::SceneSurface, _) => floats(SceneImages::NO_SURFACE),
             (Host::Previous, [frames, x, y]) => {
-                // Farther back than the head allows is the farthest frame. A plan of one time alone has no frames before it:
-                // the image stands for them.
+                // Frames farther back than the head allows read the farthest frame. A plan of a single time has no previous frames: the
+                // original image is read instead.
                 let frames = (*frames).clamp(1, self.history.max(1));
                 let before = self.images.before;
                 let image =
@@ -170,10 +170,10 @@ impl Environment for PassImages<'_> {
     }
 }
 
-/// The actor that an overlay is drawn around, and textures.
+/// The actor around which an overlay is drawn, and textures.
 pub(crate) struct Surroundings<'a> {
     pub scene: &'a EffectScene<'a>,
-    /// `None`: the scene.
+    /// The actor; `None` for an overlay of the scene.
     pub actor: Option<&'a ActorInstance<'a>>,
     pub bones: &'a Bones,
     pub textures: &'a [EffectTexture],
@@ -203,13 +203,13 @@ impl Environment for Surroundings<'_> {
     }
 }
 
-/// A bone that does not exist stands where the actor does.
+/// World position of a bone; the actor's position for a bone that does not exist.
 fn joint(actor: Option<&ActorInstance>, bone: Option<&Bone>) -> DVec3 {
     let Some(actor) = actor else { return DVec3::ZERO };
     bone.and_then(|(joint, _)| actor.joint(*joint)).unwrap_or(actor.world_from_model.translation)
 }
 
-/// The last three arguments are the point.
+/// World position of a point in model space, which is the last three arguments.
 fn in_world(actor: Option<&ActorInstance>, arguments: &[u32]) -> DVec3 {
     let Some(point) = arguments.last_chunk::<3>() else { return DVec3::ZERO };
     let at = DVec3::from(point.map(|bits| f64::from(f32::from_bits(bits))));

@@ -1,10 +1,10 @@
-//! Errors of an effect's text, with their place.
+//! Errors in an effect's text, with their place.
 
 use choreo_plugin::excerpt;
 use std::fmt;
 use thiserror::Error;
 
-/// Error of an effect's text. Shown with the line and a caret below the place:
+/// Error in an effect's text. It is shown with the line and a caret below the place:
 /// ```text
 /// my.wgsl:3:10: no definition in scope for identifier: `colr`
 ///     return colr;

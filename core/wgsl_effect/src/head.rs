@@ -21,9 +21,9 @@
 //! // texture bumps = bumps.png as data: heights
 //! ```
 //!
-//! With `hook: vertex` also `reach: METRES or PARAMETER` and `space: model`; with `hook: image` `passes: 2`, `halve: radius to 8` and
-//! `history: 3`, or `pass bright = 1/2: ABOUT` for passes with textures (`passes.rs`); with `hook: overlay` `count: NUMBER or PARAMETER`, `over: true or PARAMETER`, `of: scene`, `history: 64` and
-//! `joint hand = RightHand|hand.r: where it burns`.
+//! Further words: `hook: vertex` has `reach: METRES or PARAMETER` and `space: model`; `hook: image` has `passes: 2`, `halve: radius to 8`
+//! and `history: 3`, or `pass bright = 1/2: ABOUT` for passes with textures (`passes.rs`); `hook: overlay` has
+//! `count: NUMBER or PARAMETER`, `over: true or PARAMETER`, `of: scene`, `history: 64` and `joint hand = RightHand|hand.r: where it burns`.
 
 use crate::head_error::{HeadError, HeadMistake};
 use crate::parameters::{argument, identifier, image_of};
@@ -34,40 +34,40 @@ use choreo_plugin::{Hook, Manifest, OptionKind, OptionSpec, Overlay, SurfaceInpu
 
 pub(crate) const MOST_TEXTURES: usize = 4;
 const MOST_JOINTS: usize = 16;
-/// Frames back; each is one more to draw for every frame.
+/// Largest number of previous frames; each is drawn again for every frame.
 const MOST_HISTORY: u32 = 16;
-/// Frames back of an overlay; each is one more to pose.
+/// Largest number of previous frames of an overlay; each is posed again for every frame.
 const MOST_POSES: u32 = 64;
 
-/// The hook of an effect, and what its head states of it.
+/// The hook of an effect, and the settings of its head comment.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Head {
     pub hook: Hook,
-    /// A surface makes alpha.
+    /// The effect on surfaces returns alpha.
     pub see_through: bool,
-    /// Whether an effect on surfaces changes the background too, where it is not 0.
+    /// Whether an effect on surfaces also changes the background: if the value is above 0.5.
     pub background: Amount,
-    /// Inputs of a surface beyond those that the text names.
+    /// Inputs of a surface in addition to those that the text names.
     pub inputs: SurfaceInputs,
-    /// A text parameter whose choices name inputs: of these only the chosen one is read.
+    /// A text parameter whose choices name inputs: only the chosen input is read.
     pub chosen_input: Option<(usize, Vec<String>)>,
     /// Vertices are displaced in model space.
     pub in_model_space: bool,
     /// The largest displacement, metres.
     pub reach: Amount,
-    /// How much smaller the passes before the last are, where they have no textures of their own.
+    /// Scale of the passes before the last, if they have no textures of their own.
     pub shrink: Option<Scale>,
-    /// The parameter with a value with which the effect changes nothing.
+    /// The parameter value with which the effect changes nothing.
     pub off: Option<Off>,
     pub passes: u32,
-    /// The passes before the last, where they have textures of their own.
+    /// The passes before the last, if they have textures of their own.
     pub pass_lines: Vec<PassLine>,
-    /// The order of an effect on images and the view transform.
+    /// Whether an effect on images runs before, after or in place of the view transform.
     pub view: ViewOrder,
     pub history: u32,
-    /// Lines or triangles around each actor.
+    /// Number of lines or triangles around each actor.
     pub count: Amount,
-    /// Whether it is drawn over everything else: if not 0.
+    /// Whether the overlay is drawn over everything else: if the value is above 0.5.
     pub over: Amount,
     /// The overlay is made once for the scene, not around each actor.
     pub of_scene: bool,
@@ -79,7 +79,7 @@ pub struct Head {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Off {
     pub name: String,
-    /// The index of its number.
+    /// Index of the parameter's number.
     pub index: usize,
     pub value: f32,
 }
@@ -88,9 +88,9 @@ pub(crate) struct Off {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Amount {
     Number(f32),
-    /// A number of the parameters, by its index.
+    /// Index of a parameter number.
     Parameter(usize),
-    /// 1 minus the value of a flag.
+    /// Index of a flag: 1 minus its value.
     Not(usize),
 }
 
@@ -112,17 +112,17 @@ impl Amount {
 }
 
 impl Head {
-    /// The form of the effect's function.
+    /// The signature of the effect's function.
     pub fn signature(&self) -> &'static Signature {
         if self.pass_lines.is_empty() { signature(self.hook) } else { &NAMED_PASS }
     }
 
-    /// The functions that are called from outside, `effect` last.
+    /// Names of the functions that the renderers call, `effect` last.
     pub fn functions(&self) -> impl Iterator<Item = &str> {
         self.pass_lines.iter().map(|line| line.name.as_str()).chain(["effect"])
     }
 
-    /// The inputs of a surface that the effect reads, where its function reads `text`.
+    /// The surface inputs that the effect reads; `text` are those that its function names.
     pub fn inputs(&self, text: SurfaceInputs, parameters: &[f32]) -> SurfaceInputs {
         let mut inputs = SurfaceInputs {
             normals: text.normals || self.inputs.normals,
@@ -154,29 +154,29 @@ fn input<'a>(inputs: &'a mut SurfaceInputs, name: &str) -> Option<&'a mut bool> 
     }
 }
 
-/// An image that the functions read.
+/// An image that the functions read, as a line of the head.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct TextureLine {
     pub name: String,
     /// Path relative to the effect's own file.
     pub file: String,
-    /// Its numbers are colors, encoded as sRGB.
+    /// The image has colors that are encoded as sRGB, rather than data.
     pub srgb: bool,
     /// Line, from 1.
     pub line: usize,
 }
 
-/// A joint that an overlay requests by name.
+/// A joint that an overlay requests by name, as a line of the head.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct JointLine {
     pub name: String,
-    /// The first of these that a body has.
+    /// Names of the joint; the first one that an actor has is used.
     pub of: Vec<String>,
     /// Line, from 1.
     pub line: usize,
 }
 
-/// The values of fields, by line.
+/// The fields of the head comment: line (from 1), name and value.
 fn fields(text: &str) -> impl Iterator<Item = (usize, &str, &str)> {
     comment(text).filter_map(|(i, line)| {
         let (name, value) = line.trim().trim_start_matches('/').trim().split_once(':')?;
@@ -184,7 +184,7 @@ fn fields(text: &str) -> impl Iterator<Item = (usize, &str, &str)> {
     })
 }
 
-/// Files that the head names, whatever else is wrong with it.
+/// Files that the head names, even if the head has mistakes.
 pub fn files(text: &str) -> Vec<String> {
     let lines = comment(without_mark(text)).filter_map(|(_, line)| {
         let line = line.trim().trim_start_matches('/').trim();
@@ -198,14 +198,14 @@ pub fn files(text: &str) -> Vec<String> {
     lines.take(MOST_TEXTURES).collect()
 }
 
-/// Whether a text is meant as an effect: its head has a line `// effect: NAME`, right or wrong.
+/// Whether a text is meant as an effect: its head has a line `// effect: NAME`, valid or not.
 pub fn is_meant(text: &str) -> bool {
     fields(without_mark(text)).any(|(_, name, _)| name == "effect")
 }
 
-/// The effect's name, whatever else is wrong with its head. `None`: it cannot be used by any name.
+/// The effect's name, even if the head has other mistakes. `None`: no name can refer to the effect.
 pub fn name(text: &str) -> Option<String> {
-    // The last one counts, as in the manifest.
+    // The last `effect` line counts, as in the manifest.
     let named = fields(without_mark(text)).filter(|(_, name, _)| *name == "effect").last();
     named.and_then(|(_, _, value)| Some(identifier(value).ok()?.to_string()))
 }
@@ -255,7 +255,7 @@ pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
 }
 
 impl Head {
-    /// Sets what a word stands for, and gives the hook that it belongs to. Words of the author's own are passed over.
+    /// Sets the field of a word, and returns the hook to which the word belongs. Unknown words are the author's own, and are ignored.
     fn set(&mut self, name: &str, value: &str, manifest: &Manifest) -> Result<Option<Hook>, HeadMistake> {
         let allowed = |allowed: String| HeadMistake::Allowed { name: name.into(), allowed };
         let flag = || value.parse::<bool>().map_err(|_| allowed("true or false".into()));
@@ -296,7 +296,7 @@ impl Head {
             "view" => {
                 let replaces = one_of("before", "replaced")?;
                 self.view = if replaces { ViewOrder::Replaces } else { ViewOrder::Before };
-                // Both hooks for images are possible.
+                // Both hooks for images are possible here.
                 if self.hook == Hook::Pixel { Hook::Pixel } else { Hook::Image }
             }
             "halve" => {
@@ -365,7 +365,7 @@ const HOOKS: [(&str, Hook); 8] = [
     ("shutter", Hook::Shutter),
 ];
 
-/// `near`: a guess at what was meant.
+/// The error of a value that is not allowed. `near`: a suggestion.
 fn refused(name: &str, allowed: impl Into<String>, value: &str, near: String) -> HeadMistake {
     HeadMistake::Value { name: name.into(), allowed: allowed.into(), value: value.into(), near }
 }
@@ -417,7 +417,7 @@ const WORDS: [&str; 17] = [
     "off",
 ];
 
-/// The word that a slip of the hand stands for. Other words are the author's own.
+/// The known word of which `name` is a typing mistake. All other words are the author's own.
 fn slip(name: &str) -> Option<&'static str> {
     if WORDS.contains(&name) || name.contains(char::is_whitespace) {
         return None;
@@ -425,7 +425,7 @@ fn slip(name: &str) -> Option<&'static str> {
     closest(name, WORDS).filter(|word| word.len().abs_diff(name.len()) <= 2)
 }
 
-/// The parameter with a name that is one number, and the index of that number.
+/// The parameter with this name, if it is one number, and the index of that number.
 fn number_of<'a>(name: &str, manifest: &'a Manifest) -> Option<(&'a OptionKind, usize)> {
     let place = manifest.options.iter().position(|o| o.name == name)?;
     let kind = &manifest.options[place].kind;
@@ -498,12 +498,12 @@ fn off(value: &str, manifest: &Manifest) -> Result<Off, HeadMistake> {
     Ok(Off { name: name.into(), index, value })
 }
 
-/// Did it mean a parameter?
+/// Suggestion of a parameter whose name is similar to the value.
 fn near(value: &str, manifest: &Manifest) -> String {
     did_you_mean(value, manifest.options.iter().map(|o| o.name.as_str()).filter(|name| *name != value))
 }
 
-/// `// texture paper = paper.png as data: what it is printed on`
+/// Reads lines such as `// texture paper = paper.png as data: what it is printed on`.
 fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadError> {
     const FORM: HeadMistake = HeadMistake::Form("texture NAME = FILE: ABOUT, or = FILE as data: ABOUT");
     let mut all: Vec<TextureLine> = Vec::new();
@@ -527,7 +527,7 @@ fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadErr
         let Some(rest) = line.strip_prefix("texture ") else { continue };
         let (name, rest) = rest.split_once('=').ok_or_else(form)?;
         let name = identifier(name.trim()).map_err(at)?;
-        // The description is for readers of the file.
+        // The description is not used; it is for readers of the file.
         let (file, _) = rest.split_once(':').ok_or_else(form)?;
         let (file, srgb) = image_of(file);
         if file.is_empty() {
@@ -544,7 +544,7 @@ fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadErr
     Ok(all)
 }
 
-/// `// joint hand = RightHand|hand.r: where it burns`
+/// Reads lines such as `// joint hand = RightHand|hand.r: where it burns`.
 fn joints(text: &str, manifest: &Manifest) -> Result<Vec<JointLine>, HeadError> {
     const FORM: HeadMistake = HeadMistake::Form("joint NAME = JOINT: ABOUT, or = JOINT|OTHER: ABOUT");
     let mut all: Vec<JointLine> = Vec::new();
@@ -553,7 +553,7 @@ fn joints(text: &str, manifest: &Manifest) -> Result<Vec<JointLine>, HeadError> 
         let at = |mistake: HeadMistake| mistake.at(i);
         let (name, rest) = rest.split_once('=').ok_or_else(|| at(FORM))?;
         let name = identifier(name.trim()).map_err(at)?;
-        // Names of joints have colons too.
+        // Names of joints can have colons, too, so the separator has a blank.
         let (of, _) = rest.split_once(": ").ok_or_else(|| at(FORM))?;
         let of: Vec<String> =
             of.split('|').map(|joint| joint.trim().to_string()).filter(|joint| !joint.is_empty()).collect();
@@ -571,7 +571,7 @@ fn joints(text: &str, manifest: &Manifest) -> Result<Vec<JointLine>, HeadError> 
     Ok(all)
 }
 
-/// Its lines, from 0.
+/// Lines of the head comment, numbered from 0.
 pub fn comment(text: &str) -> impl Iterator<Item = (usize, &str)> {
     text.lines().enumerate().take_while(|(_, l)| l.trim().is_empty() || l.trim_start().starts_with("//"))
 }

@@ -60,7 +60,7 @@ pub(crate) enum HeadMistake {
     NoCount,
     #[error("{name} is {allowed}")]
     Allowed { name: String, allowed: String },
-    /// `near`: a guess at what was meant.
+    /// `near`: a suggestion.
     #[error("{name} is {allowed}, not \"{value}\"{near}")]
     Value { name: String, allowed: String, value: String, near: String },
     #[error("the program has a function {function}; give the pass {name} another name")]
@@ -74,7 +74,7 @@ pub(crate) enum HeadMistake {
 }
 
 impl HeadMistake {
-    /// The mistake with its line, counted from 0.
+    /// The mistake at a line; `line` is counted from 0.
     pub fn at(self, line: usize) -> HeadError {
         HeadError { line: line + 1, mistake: self }
     }

@@ -35,5 +35,5 @@ pub use effect::{ENDING, TextureImage, WgslEffect};
 pub use error::EffectError;
 pub use head::{files, hook_named, hooks, is_meant, name, word as hook_word};
 
-/// The page of the documentation.
+/// The documentation page.
 pub const README: &str = include_str!("../README.md");

@@ -1,24 +1,24 @@
-//! Loops whose end cannot be shown. Each round of one is counted, on every device by the same text: `effect_round` stands at the
-//! beginning of its body and ends it where a call of the effect took too many steps (decision 41). Other loops stay as they are.
+//! Loops that cannot be shown to end. Their rounds are counted, by the same text on every device: `effect_round` stands at the beginning of
+//! the body, and ends the loop if a call of the effect took too many steps (decision 41). All other loops stay as they are.
 
 use crate::tokens::{Tokens, place};
 use std::collections::HashSet;
 use std::ops::Range;
 
-/// Rounds of a loop that is not counted, together with those of the loops around it.
+/// Largest number of rounds of an uncounted loop, multiplied by the rounds of the loops around it.
 const MOST_ROUNDS: u64 = 1024;
-/// Largest number in the head of a loop that is not counted: additions are far from an integer's ends.
+/// Largest number in the head of an uncounted loop, so that additions cannot overflow an integer.
 const MOST_BOUND: i64 = 1_000_000;
 
-/// A text in which loops are counted.
+/// A text whose loops are counted where needed.
 pub struct Bounded {
-    /// The text; line breaks stay.
+    /// The text; its line breaks are unchanged.
     pub text: String,
     /// Places of the counted loops, lines and columns from 1, in the order of their numbers.
     pub loops: Vec<(usize, usize)>,
 }
 
-/// Counts the loops of a text that the parser accepts.
+/// Adds counting to the loops of a text that the parser accepts.
 pub fn bounded(text: &str) -> Bounded {
     let tokens: Vec<(usize, &str)> = Tokens::of(text).collect();
     let words = Words { constants: constants(&tokens), looping: looping(&tokens), tokens: &tokens };
@@ -28,7 +28,8 @@ pub fn bounded(text: &str) -> Bounded {
     let mut inserts: Vec<(usize, String)> = Vec::new();
     for (number, head) in (1..).zip(&counted) {
         let body = words.body(*head);
-        // The round itself is a step, too: lavapipe leaves loops after 65,535 rounds without a word.
+        // The round itself is a step, too, so that a loop of one statement reaches the limit before lavapipe leaves it, without an error,
+        // after 65,535 rounds.
         let cost = words.tokens[body.clone()].iter().filter(|(_, t)| *t == ";").count() + 1;
         let at = tokens[body.start].0 + 1;
         inserts.push((at, format!(" if effect_round({cost}u, {number}u) {{ break; }}")));
@@ -48,7 +49,7 @@ fn is_loop(token: &str) -> bool {
     matches!(token, "loop" | "while" | "for")
 }
 
-/// The token behind the brace that closes the one at `open`.
+/// Index of the token behind the brace that closes the one at `open`.
 fn closed(tokens: &[(usize, &str)], open: usize) -> usize {
     let mut depth = 0usize;
     for (i, (_, token)) in tokens.iter().enumerate().skip(open) {
@@ -64,7 +65,7 @@ fn closed(tokens: &[(usize, &str)], open: usize) -> usize {
     tokens.len()
 }
 
-/// Functions: the name, and the tokens from the opening brace to behind the closing one.
+/// Functions: the name, and the range of tokens from the opening brace to behind the closing one.
 fn functions<'a>(tokens: &[(usize, &'a str)]) -> Vec<(&'a str, Range<usize>)> {
     let starts = (0..tokens.len()).filter(|i| tokens[*i].1 == "fn");
     let function = |at: usize| {
@@ -74,7 +75,7 @@ fn functions<'a>(tokens: &[(usize, &'a str)]) -> Vec<(&'a str, Range<usize>)> {
     starts.filter_map(function).collect()
 }
 
-/// Functions that have a loop or call one that has.
+/// Names of functions that have a loop, or call a function that has one.
 fn looping<'a>(tokens: &[(usize, &'a str)]) -> HashSet<&'a str> {
     let functions = functions(tokens);
     let mut known: HashSet<&str> = HashSet::new();
@@ -91,7 +92,7 @@ fn looping<'a>(tokens: &[(usize, &'a str)]) -> HashSet<&'a str> {
     }
 }
 
-/// Integer constants of the module whose names mean nothing else anywhere.
+/// Integer constants of the module, whose names are declared only once in the text.
 fn constants<'a>(tokens: &[(usize, &'a str)]) -> Vec<(&'a str, i64)> {
     let token = |i: usize| tokens.get(i).map_or("", |(_, t)| *t);
     let mut found = Vec::new();
@@ -112,7 +113,7 @@ fn constants<'a>(tokens: &[(usize, &'a str)]) -> Vec<(&'a str, i64)> {
     found
 }
 
-/// `12`, `12i` or `12u`.
+/// Value of `12`, `12i` or `12u`.
 fn integer(token: &str) -> Option<i64> {
     token.strip_suffix(['i', 'u']).unwrap_or(token).parse().ok().filter(|n: &i64| *n <= MOST_BOUND)
 }
@@ -128,13 +129,13 @@ impl Words<'_> {
         self.tokens.get(i).map_or("", |(_, t)| *t)
     }
 
-    /// Bytes from the opening brace of a loop's body to behind the closing one.
+    /// Range of tokens from the opening brace of a loop's body to behind the closing one.
     fn body(&self, head: usize) -> Range<usize> {
         let open = (head..self.tokens.len()).find(|i| self.token(*i) == "{").unwrap_or(head);
         open..closed(self.tokens, open)
     }
 
-    /// Adds the loops of a range that must be counted; `rounds`: of the loops around it.
+    /// Adds the loops of a range of tokens that must be counted. `rounds`: product of the rounds of the uncounted loops around the range.
     fn count(&self, range: Range<usize>, rounds: u64, counted: &mut Vec<usize>) {
         let mut at = range.start;
         while at < range.end {
@@ -147,7 +148,7 @@ impl Words<'_> {
             let own = self.rounds(at, &body).map(|own| own.max(1) * rounds);
             let inner = match own {
                 Some(together) if together <= MOST_ROUNDS && !calls_loops => together,
-                // Each of its rounds counts with the rounds of the inner loops that are not counted themselves.
+                // Each round of a counted loop also stands for the rounds of its uncounted inner loops.
                 _ => {
                     counted.push(at);
                     1
@@ -158,7 +159,7 @@ impl Words<'_> {
         }
     }
 
-    /// Rounds of `for (var i = 0; i < 8; i++)`, where nothing in its body changes `i`. `None`: they cannot be shown.
+    /// Rounds of `for (var i = 0; i < 8; i++)`, if nothing in its body changes `i`. `None`: the number of rounds cannot be shown.
     fn rounds(&self, head: usize, body: &Range<usize>) -> Option<u64> {
         let t = |i: usize| self.token(head + i);
         let starts = (t(0), t(1), t(2)) == ("for", "(", "var");
@@ -187,20 +188,20 @@ impl Words<'_> {
             ("<", 1..) => bound - first,
             ("<=", 1..) => bound - first + 1,
             (">", ..0) => first - bound,
-            // An unsigned number is never below 0.
+            // An unsigned number is never below 0, so that a loop with `>= 0` may not end.
             (">=", ..0) if bound > 0 => first - bound + 1,
             _ => return None,
         };
         Some((span.max(0) as u64).div_ceil(step.unsigned_abs()))
     }
 
-    /// A number, or a constant's.
+    /// Value of a number or of a known constant.
     fn number(&self, token: &str) -> Option<i64> {
         let constant = || self.constants.iter().find(|(name, _)| *name == token).map(|(_, value)| *value);
         integer(token).or_else(constant)
     }
 
-    /// Whether a variable may get another value in a range.
+    /// Whether a variable may get another value in a range of tokens.
     fn changes(&self, name: &str, range: &Range<usize>) -> bool {
         let changed = |i: usize| {
             let (next, after) = (self.token(i + 1), self.token(i + 2));

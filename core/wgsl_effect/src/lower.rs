@@ -1,4 +1,4 @@
-//! Lowers a validated naga module to register code. What the machine does not support is refused here, with its place.
+//! Lowers a validated naga module to register code. Features that the machine does not support are refused here, with their place.
 
 use crate::environment::Host;
 use crate::operators::{
@@ -14,7 +14,7 @@ use naga::{
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Lowers a module. `host`: what runs in place of a function of a name.
+/// Lowers a module. `host` returns the code that runs in place of a function with this name.
 pub fn lower(
     module: &Module,
     info: &ModuleInfo,
@@ -31,13 +31,13 @@ pub fn lower(
             span: module.global_variables.get_span(handle),
         });
     }
-    // naga orders functions so that those that are called come first.
+    // naga orders functions so that callees come before their callers.
     let mut levels = Vec::with_capacity(module.functions.len());
     for (_, function) in module.functions.iter() {
         levels.push(nesting(function, &levels)?);
     }
     let mut code = Code::default();
-    // Register 0 stands for operands that an operator does not have.
+    // Register 0 is the operand of operators that have fewer operands.
     code.constant(0);
     let globals = globals(module)?;
     let mut routines: Vec<Routine> = Vec::with_capacity(module.functions.len());
@@ -81,7 +81,7 @@ fn mark_read(nodes: &[Node], read: &mut [bool]) {
             }
             Node::LoadElement { first, offset, .. } => {
                 mark(*offset);
-                // Any element of what begins there.
+                // Any element from this register on may be read.
                 let end = (*first as usize + MAX_COMPONENTS).min(read.len());
                 read[*first as usize..end].fill(true);
             }
@@ -109,11 +109,11 @@ fn mark_read(nodes: &[Node], read: &mut [bool]) {
     }
 }
 
-/// Statements and calls within one another that a run may be in: the machine goes down by recursion.
+/// Largest nesting of statements and calls: the machine recurses through them.
 const MAX_NESTING: usize = 200;
 
-/// Refuses a function whose statements, with those of the functions that they call, are nested too deeply. `known`: the levels
-/// of the functions before it, which are those that it can call.
+/// Refuses a function whose statements, together with those of the functions that they call, are nested too deeply. `known`: the levels of
+/// the functions before it, which are the only ones that it can call.
 fn nesting(function: &Function, known: &[usize]) -> Result<usize, Unsupported> {
     let mut deepest = 0;
     nested(&function.body, 1, known, &mut deepest)?;
@@ -151,7 +151,7 @@ fn nested(block: &Block, level: usize, known: &[usize], deepest: &mut usize) -> 
     Ok(())
 }
 
-/// Bits of the module's constant expressions, by index. Constants stand before what uses them; naga has folded everything else.
+/// Bits of the module's constant expressions, by index. Constants come before their uses, and naga has folded all other expressions.
 fn globals(module: &Module) -> Result<Vec<Vec<u32>>, Unsupported> {
     let mut all: Vec<Vec<u32>> = Vec::with_capacity(module.global_expressions.len());
     for (handle, expression) in module.global_expressions.iter() {
@@ -187,14 +187,14 @@ fn bits_of(literal: Literal) -> u32 {
     }
 }
 
-/// Registers that are given out, and what is known of them.
+/// The registers that are allocated, and their known properties.
 #[derive(Default)]
 struct Code {
     registers: u32,
-    /// Scalars and vectors that lie one component behind the other.
+    /// First registers of constant scalars and vectors, by their bits; the components of a vector are in consecutive registers.
     constants: HashMap<Vec<u32>, Register>,
     bits: HashMap<Register, u32>,
-    /// Registers of parameters and of what is computed of these and constants alone: the same in all lanes and batches.
+    /// Registers of parameters, and of results that depend only on parameters and constants: they are the same in all lanes and batches.
     invariant: HashSet<Register>,
     prologue: Vec<Compute>,
 }
@@ -224,7 +224,7 @@ impl Code {
         self.bits.contains_key(&register) || self.invariant.contains(&register)
     }
 
-    /// The same components, one register behind the other if they are constants.
+    /// The same components, in consecutive registers if they are constants.
     fn side_by_side(&mut self, components: Vec<Register>) -> Vec<Register> {
         let bits: Option<Vec<u32>> = components.iter().map(|r| self.bits.get(r).copied()).collect();
         match bits {
@@ -237,16 +237,16 @@ impl Code {
     }
 }
 
-/// The places of an expression's components.
+/// The value of an expression during lowering.
 #[derive(Clone)]
 enum Value {
-    /// One register per component; swizzles and members share those of what they are taken from.
+    /// One register per component. Swizzles and members share the registers of the value from which they are taken.
     Components(Vec<Register>),
-    /// A variable or a part of it: its first register, and each lane's own offset from it.
+    /// A variable or a part of it: its first register, and an offset that can differ in each lane.
     Pointer { first: Register, offset: Option<Register> },
 }
 
-/// One function on its way.
+/// The function that is being lowered.
 struct Lowering<'a> {
     module: &'a Module,
     function: &'a Function,
@@ -259,15 +259,15 @@ struct Lowering<'a> {
     /// Values of the expressions lowered so far.
     values: Vec<Option<Value>>,
     parameters: Vec<Registers>,
-    /// The parameters' components, or a caller's where the function is lowered into it.
+    /// Registers of the parameters; those of the caller if the function is inlined.
     arguments: Vec<Vec<Register>>,
     result: Registers,
-    /// The returned value where the function is lowered into its caller.
+    /// The returned value, if the function is inlined.
     returned: Option<Vec<Register>>,
     is_inlined: bool,
     locals: Vec<Registers>,
-    /// Vectors of this block and those around it whose components lie apart: the first of copies that lie side by side, made at
-    /// the second use.
+    /// Vectors of this block and the blocks around it whose components are in separate registers. At the second use they are copied to
+    /// consecutive registers; the value is the first of these.
     gathered: HashMap<Vec<Register>, Option<Register>>,
     nodes: Vec<Node>,
 }
@@ -336,7 +336,7 @@ impl<'a> Lowering<'a> {
         })
     }
 
-    /// `host` runs in place of the function: only its parameters and result are needed.
+    /// Finishes the routine. With `host`, the routine only calls the supplied function, and needs no body.
     fn routine(mut self, host: Option<Host>, is_entry: bool) -> Result<Routine, Unsupported> {
         if let Some(host) = host {
             let arguments: Vec<Register> = self.arguments.concat();
@@ -350,7 +350,7 @@ impl<'a> Lowering<'a> {
         Ok(Routine { arguments: self.parameters, result: self.result, body: self.nodes })
     }
 
-    /// The first values of variables, and the statements.
+    /// Lowers the initial values of variables, and the statements.
     fn body(&mut self) -> Result<(), Unsupported> {
         for (handle, variable) in self.function.local_variables.iter() {
             let to = self.locals[handle.index()];
@@ -367,7 +367,7 @@ impl<'a> Lowering<'a> {
         Ok(())
     }
 
-    /// A call: in place where the function ends with its only `return` and calls none but the shader's.
+    /// Lowers a call. A function is inlined if its only `return` is at the end, and if it calls only functions of the shader.
     fn call(
         &mut self,
         handle: Handle<Function>,
@@ -390,7 +390,7 @@ impl<'a> Lowering<'a> {
             return Ok(returned);
         }
         self.nodes.push(Node::Call { routine: handle.index(), arguments: arguments.concat() });
-        // The next call of the function writes its registers again.
+        // The result is copied, because the next call of the function overwrites its registers.
         let (to, from) = (own(self.code), routine.result);
         if to.count > 0 {
             self.nodes.push(Node::Copy { to: to.first, from: from.first, count: to.count });
@@ -402,7 +402,7 @@ impl<'a> Lowering<'a> {
         let before = std::mem::take(&mut self.nodes);
         let gathered = self.gathered.clone();
         let statements: Vec<(&Statement, &Span)> = block.span_iter().collect();
-        // Steps are counted together up to the next statement at which lanes may part.
+        // Steps are counted together up to the next statement at which lanes may diverge.
         for straight in statements.split_inclusive(|(statement, _)| branches(statement)) {
             self.nodes.push(Node::Steps(straight.len() as u32));
             straight.iter().try_for_each(|(statement, span)| self.statement(statement, **span))?;
@@ -484,7 +484,7 @@ impl<'a> Lowering<'a> {
         }));
     }
 
-    /// An expression's value: computed where it was emitted, or what needs no computing.
+    /// The value of an expression: as computed where it was emitted, or evaluated here if it needs no computation.
     fn value(&mut self, handle: Handle<Expression>) -> Value {
         match &self.values[handle.index()] {
             Some(value) => value.clone(),
@@ -512,7 +512,7 @@ impl<'a> Lowering<'a> {
         out
     }
 
-    /// An operation on vectors; scalars meet every component.
+    /// An operation on vectors; a scalar operand is used for every component.
     fn compute_vector(&mut self, operator: Operator, operands: &[&[Register]]) -> Vec<Register> {
         let count = operands.iter().map(|operand| operand.len()).max().unwrap_or(0);
         let mut together = Operands { count: count as u32, ..Operands::default() };
@@ -550,7 +550,8 @@ impl<'a> Lowering<'a> {
         }
     }
 
-    /// The first register of a vector and the step to the next, with copies where its components lie apart and it is used again.
+    /// The first register of a vector and the step to the next. If the components are in separate registers, a vector that is used again is
+    /// copied.
     fn side_by_side(&mut self, vector: &[Register]) -> Option<(Register, u32)> {
         if let Some(found) = run(vector) {
             return Some(found);
@@ -610,13 +611,13 @@ impl<'a> Lowering<'a> {
                 self.math(*fun, &arguments)
             }
             Expression::As { expr, kind, convert } => self.convert(*expr, *kind, convert.is_none()),
-            // Results of calls are set where the call is; the rest is refused.
+            // Results of calls are set at the call; all other expressions were refused.
             _ => vec![self.code.constant(0); shape.size],
         };
         Value::Components(components)
     }
 
-    /// `base[index]` with an index that is computed: beyond the end, the last element's, as WGSL allows.
+    /// `base[index]` with a computed index. An index beyond the end reads the last element, as WGSL allows.
     fn access(&mut self, base: Handle<Expression>, index: Handle<Expression>, shape: Shape) -> Value {
         let of = self.shapes[base.index()];
         let step = of.step.max(1);
@@ -648,7 +649,7 @@ impl<'a> Lowering<'a> {
         }
     }
 
-    /// The first of registers that lie one behind the other with these values.
+    /// Copies these values to consecutive registers, and returns the first one.
     fn contiguous(&mut self, registers: &[Register]) -> Register {
         let first = registers.first().copied().unwrap_or(0);
         if registers.iter().copied().eq(first..first + registers.len() as u32) {
@@ -715,7 +716,7 @@ impl<'a> Lowering<'a> {
         self.compute_vector(operator, &[&a, &b])
     }
 
-    /// Matrices lie column by column; a vector left of one is a row.
+    /// Matrices are stored column by column; a vector to the left of one is a row vector.
     fn matrix_product(
         &mut self,
         (a, sa): (&[Register], &Shape),
@@ -732,7 +733,7 @@ impl<'a> Lowering<'a> {
         (0..rows * columns).map(entry).collect()
     }
 
-    /// Sum of products, from the first component on.
+    /// Dot product, summed from the first component on.
     fn dot(&mut self, a: &[Register], b: &[Register]) -> Register {
         let multiply = Operator::Float(FloatOperator::Binary(BinaryOperator::Multiply));
         let products = self.compute_vector(multiply, &[a, b]).into_iter();
@@ -830,7 +831,7 @@ impl<'a> Lowering<'a> {
     }
 }
 
-/// The first of registers that lie one behind the other or are all the same, and the step from each to the next.
+/// The first of registers that are consecutive or all the same, and the step from each to the next. `None` for other registers.
 fn run(registers: &[Register]) -> Option<(Register, u32)> {
     let first = *registers.first()?;
     let step = registers.get(1).map_or(0, |second| second.wrapping_sub(first));
@@ -839,7 +840,7 @@ fn run(registers: &[Register]) -> Option<(Register, u32)> {
     (step <= 1 && is_run).then_some((first, step))
 }
 
-/// Whether a function returns at its end alone and calls no function but those of the shader.
+/// Whether a function returns only at its end, and calls only functions of the shader.
 fn is_straight(function: &Function, routines: &[Routine]) -> bool {
     fn is_inner(block: &Block, routines: &[Routine]) -> bool {
         block.iter().all(|statement| match statement {
@@ -863,7 +864,7 @@ fn is_straight(function: &Function, routines: &[Routine]) -> bool {
     })
 }
 
-/// Whether lanes may leave or part at a statement.
+/// Whether lanes may diverge or end at a statement.
 fn branches(statement: &Statement) -> bool {
     !matches!(statement, Statement::Emit(_) | Statement::Store { .. })
 }
@@ -905,7 +906,7 @@ fn unknown(expression: &Expression) -> Option<&'static str> {
     }
 }
 
-/// Whether a parameter of a function is a pointer: its place would be in another function's variables.
+/// Whether a parameter of a function is a pointer. Pointers are not supported, because they would refer to registers of another function.
 pub(crate) fn has_pointer_arguments(module: &Module, function: &Function) -> bool {
     let is_pointer = |ty: Handle<naga::Type>| {
         matches!(module.types[ty].inner, TypeInner::Pointer { .. } | TypeInner::ValuePointer { .. })

@@ -1,6 +1,6 @@
 //! Runs a [`Program`] over up to `N` pixels at a time.
 //!
-//! Lanes that a branch leaves are masked out; a branch that no lane takes is skipped. Every lane gets the bits that it would get
+//! Lanes that do not take a branch are masked out; a branch that no lane takes is skipped. Every lane gets the bits that it would get
 //! alone, because each operation is one IEEE operation per lane.
 
 use crate::environment::{Environment, Host};
@@ -11,16 +11,16 @@ use crate::program::{
 use choreo_plugin::EffectImage;
 use glam::Vec4;
 
-/// The step limit was reached. With one lane that lane took too many steps; with several their branches together may have.
+/// The step limit was reached. A single lane took too many steps itself; several lanes may have reached the limit only together.
 #[derive(Debug)]
 pub struct TooLong;
 
-/// Numbers of lanes that there are kernels for.
+/// Numbers of lanes for which there are kernels.
 pub trait Width<const N: usize> {
     fn kernel(kernels: &Kernels) -> Kernel<N>;
 }
 
-/// One pixel, a quad of a surface, and a part of a row.
+/// Supported widths: one pixel, a quad of a surface, and a part of a row.
 pub struct Lanes;
 
 impl Width<1> for Lanes {
@@ -41,16 +41,16 @@ impl Width<32> for Lanes {
     }
 }
 
-/// The registers of a program in use. Lanes are bits of a mask, so `N` is at most 32.
+/// The registers of a running program. Lanes are bits of a mask, so `N` is at most 32.
 pub struct Machine<const N: usize> {
     registers: Vec<Column<N>>,
-    /// Steps of the last run: exact for one lane, an upper bound for each of several.
+    /// Steps of the last run: exact for one lane, an upper bound for each of several lanes.
     pub steps: u32,
-    /// Loops that took too many rounds in the last run, by number; 0 for none.
+    /// Number of the loop that took too many rounds in the last run, by lane; 0 for none.
     pub endless: [u32; N],
 }
 
-/// Lanes that left a loop's body or a switch.
+/// Lanes that have left a loop's body or a switch.
 #[derive(Default)]
 struct Left {
     broken: u32,
@@ -62,7 +62,7 @@ struct Run<'a, const N: usize> {
     environment: &'a dyn Environment,
     registers: &'a mut [Column<N>],
     steps: u32,
-    /// Costs of the rounds of counted loops so far.
+    /// Steps of counted loops so far, by lane.
     spent: [u32; N],
     endless: [u32; N],
 }
@@ -71,7 +71,7 @@ impl<const N: usize> Machine<N>
 where
     Lanes: Width<N>,
 {
-    /// All lanes have the same parameters, as the numbers of the manifest.
+    /// Makes a machine whose lanes all have the same parameters, given as the numbers of the manifest.
     pub fn new(program: &Program, parameters: &[f32]) -> Machine<N> {
         const { assert!(N <= 32) };
         let mut registers = vec![Column::ZERO; program.registers as usize];
@@ -89,7 +89,7 @@ where
         Machine { registers, steps: 0, endless: [0; N] }
     }
 
-    /// Sets a parameter of the entry function in one lane: those of its components that anything reads.
+    /// Sets an argument of the entry function in one lane. Only components that the program reads are set.
     pub fn set(&mut self, program: &Program, argument: usize, lane: usize, bits: &[u32]) {
         let first = program.entry().arguments[argument].first;
         for component in &program.inputs[argument] {
@@ -97,7 +97,7 @@ where
         }
     }
 
-    /// Sets a parameter in many lanes. `component` gives one component of a lane's value.
+    /// Sets an argument in many lanes. `component` returns one component of a lane's value.
     #[inline(always)]
     pub fn fill<T>(
         &mut self,
@@ -115,7 +115,7 @@ where
         }
     }
 
-    /// The first four components of what the entry function returned, in as many lanes as `out` has.
+    /// Passes the first four components of the entry function's result to `set`, for as many lanes as `out` has.
     #[inline(always)]
     pub fn read<T>(&self, program: &Program, out: &mut [T], set: impl Fn(&mut T, [f32; 4])) {
         let Registers { first, count } = program.entry().result;
@@ -127,14 +127,14 @@ where
         }
     }
 
-    /// One lane alone, with its arguments.
+    /// A machine with one lane of this one, with its arguments.
     pub fn lane(&self, program: &Program, lane: usize) -> Machine<1> {
         let registers = self.registers.iter().map(|column| Column([column.0[lane]])).collect();
         debug_assert_eq!(self.registers.len(), program.registers as usize);
         Machine { registers, steps: 0, endless: [0; 1] }
     }
 
-    /// A component of what the entry function returned.
+    /// A component of the entry function's result.
     pub fn float(&self, program: &Program, lane: usize, component: u32) -> f32 {
         f32::from_bits(self.bits(program, lane, component))
     }
@@ -144,7 +144,7 @@ where
         if component < result.count { self.registers[(result.first + component) as usize].0[lane] } else { 0 }
     }
 
-    /// Calls the entry function for the first `lanes` lanes.
+    /// Runs the entry function for the first `lanes` lanes.
     pub fn run(
         &mut self,
         program: &Program,
@@ -173,7 +173,7 @@ where
         &self.registers[register as usize]
     }
 
-    /// The lanes in which a register is not 0.
+    /// Mask of the lanes in which a register is not 0.
     fn lanes(&self, register: Register) -> u32 {
         self.column(register).0.iter().enumerate().fold(0, |lanes, (i, v)| lanes | u32::from(*v != 0) << i)
     }
@@ -189,7 +189,7 @@ where
         }
     }
 
-    /// Runs statements; gives the lanes that reach their end.
+    /// Runs statements, and returns the lanes that reach their end.
     fn block(
         &mut self,
         nodes: &[Node],
@@ -256,7 +256,7 @@ where
         Ok(mask)
     }
 
-    /// Loads or stores an element of an array at each lane's own offset.
+    /// Loads or stores an array element, at each lane's own offset.
     fn element(&mut self, node: &Node, mask: u32) {
         let active = (0..N).filter(|i| mask >> i & 1 == 1);
         match node {
@@ -294,7 +294,7 @@ where
                 starts[hit] |= 1 << i;
             }
         }
-        // Lanes without a case, and those that came to the end of one.
+        // Lanes that match no case, and lanes that reach the end of a case.
         let mut after = mask & !starts.iter().fold(0, |all, lanes| all | lanes);
         let (mut inner, mut falling) = (Left::default(), 0);
         for (case, start) in cases.iter().zip(starts) {
@@ -307,7 +307,7 @@ where
         Ok(after | falling | inner.broken)
     }
 
-    /// All rounds of a loop.
+    /// Runs all rounds of a loop.
     fn rounds(&mut self, node: &Node, mask: u32, routine: &Routine) -> Result<u32, TooLong> {
         let Node::Loop { body, continuing, break_if } = node else { return Ok(mask) };
         let (mut live, mut after) = (mask, 0);
@@ -329,7 +329,7 @@ where
         Ok(after)
     }
 
-    /// `effect_round` of effect_faults.wgsl: whether lanes took too many steps.
+    /// `effect_round` of effect_faults.wgsl: 1 in the lanes that took too many steps.
     fn round(&mut self, cost: [u32; N], number: [u32; N], mask: u32) -> Column<N> {
         let mut over = Column::ZERO;
         for i in (0..N).filter(|i| mask >> i & 1 == 1) {
@@ -395,7 +395,7 @@ where
     Lanes::kernel(&node.kernels)(&node.operands, &mut Columns { low, high, mask });
 }
 
-/// The pixels of an image at the place of each active lane.
+/// Reads the pixels of an image at the coordinates of each active lane.
 fn fetch<const N: usize>(
     image: EffectImage,
     x: &Column<N>,
@@ -405,7 +405,7 @@ fn fetch<const N: usize>(
 ) {
     let (first, row) = (x.0[0] as i32, y.0[0] as i32);
     let [width, height] = image.size.map(|s| s as i32);
-    // Most calls read neighbours in a row.
+    // Most calls read neighboring pixels of a row.
     let off = |i: usize| x.0[i].wrapping_sub(i as u32) ^ x.0[0] | y.0[i] ^ y.0[0];
     let in_row = (0..N).fold(0, |all, i| all | off(i)) == 0;
     if in_row && first >= 0 && i64::from(first) + N as i64 <= i64::from(width) {

@@ -1,5 +1,5 @@
-//! Messages of naga's parser and validator in the author's terms: the types as WGSL writes them, the place, and nothing of naga's
-//! own numbering.
+//! Rewords messages of naga's parser and validator in the author's terms: types as WGSL writes them, the place, and no numbering of naga's
+//! own.
 
 use naga::common::wgsl::TypeContext;
 use naga::front::Typifier;
@@ -16,7 +16,7 @@ use naga::{
 /// A mistake in a WGSL text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mistake {
-    /// The bytes that it is about; `None` where naga does not tell.
+    /// Bytes of the text that are wrong; `None` if naga does not report them.
     pub span: Option<std::ops::Range<usize>>,
     /// The problem.
     pub text: String,
@@ -28,11 +28,11 @@ impl Mistake {
     }
 }
 
-/// A mistake that the parser found. `end`: the bytes before it are the author's, those behind it are the program's.
+/// A mistake that the parser found. `end`: bytes before it are the author's, all others are the program's.
 pub fn of_parser(error: &ParseError, end: usize) -> Mistake {
     let labels: Vec<(Span, String)> = error.labels().map(|(span, text)| (span, in_wgsl(text))).collect();
     let start = |span: &Span| span.to_range().map_or(usize::MAX, |range| range.start);
-    // The place of a parameter's value is where it is declared; its call is better.
+    // The span of a parameter's value is its declaration; the place of the call is better.
     let first = labels.first().map_or(0, |(span, _)| start(span));
     let tells_type = |(span, text): &&(Span, String)| {
         text.starts_with("this expression has type") || text.starts_with("argument #") && start(span) >= first
@@ -50,7 +50,7 @@ pub fn of_parser(error: &ParseError, end: usize) -> Mistake {
     if !allowed.is_empty() {
         text.push_str(&format!("; allowed: {}", allowed.join(", ")));
     }
-    // Notes for users of wgpu are none for authors, and those of allowed types are in the text.
+    // Notes for users of wgpu do not concern authors, and allowed types are already in the text.
     let is_left_out = |note: &str| {
         let words =
             ["http", "wgpu", "aga", "`enable", "allowed type", "accepted for", "accepts the", "Because"];
@@ -62,14 +62,14 @@ pub fn of_parser(error: &ParseError, end: usize) -> Mistake {
     Mistake { span: at.and_then(|(span, _)| span.to_range()), text }
 }
 
-/// A type of a note "allowed type: …" that an effect can have.
+/// A type from a note "allowed type: …", if effects can have this type.
 fn allowed_type(note: &str) -> Option<String> {
     let ty = note.strip_prefix("allowed type: ")?;
     let foreign = ["Abstract", "f16", "f64", "i64", "u64", "i16", "u16"].iter().any(|word| ty.contains(word));
     (!foreign).then(|| ty.to_string())
 }
 
-/// Words for what naga writes of an expression whose type or constant value it cannot find, in the author's terms.
+/// Text in the author's terms for a message of naga about an expression without a type or a constant value.
 fn reworded(message: &str) -> Option<&'static str> {
     let table = [
         ("index ", "the index is out of bounds"),
@@ -92,17 +92,17 @@ fn reworded(message: &str) -> Option<&'static str> {
     table.iter().find(|(start, _)| message.starts_with(start)).map(|(_, text)| *text)
 }
 
-/// A message without naga's own names.
+/// A message without naga's internal names.
 fn in_wgsl(text: &str) -> String {
     if let Some(text) = reworded(text) {
         return text.into();
     }
     let mut out = text.replace("{AbstractFloat}", "float").replace("{AbstractInt}", "integer");
-    // Handles are printed as `[4]`.
+    // naga prints handles as `[4]`.
     while let Some((start, end)) = handle_in(&out) {
         out.replace_range(start..end, "this value");
     }
-    // Messages follow a colon.
+    // The message follows a colon, so it begins in lower case.
     if out.starts_with(|c: char| c.is_ascii_uppercase()) && !out[1..].starts_with(|c: char| c.is_uppercase())
     {
         out[..1].make_ascii_lowercase();
@@ -110,7 +110,7 @@ fn in_wgsl(text: &str) -> String {
     out
 }
 
-/// The bytes of the first `[4]` that follows a blank.
+/// Bytes of the first handle, such as `[4]`, that follows a blank.
 fn handle_in(text: &str) -> Option<(usize, usize)> {
     text.match_indices(" [").find_map(|(at, _)| {
         let digits = text[at + 2..].bytes().take_while(u8::is_ascii_digit).count();
@@ -160,7 +160,7 @@ pub fn of_validator(error: &WithSpan<ValidationError>, module: &Module) -> Mista
     Mistake { span: mistake.span.or(innermost.to_range()), ..mistake }
 }
 
-/// An error with its causes.
+/// The text of an error and its causes.
 fn chain(error: &dyn std::error::Error) -> String {
     let causes = std::iter::successors(Some(error), |e| e.source()).map(|e| e.to_string());
     causes.collect::<Vec<_>>().join("; ")
@@ -173,7 +173,7 @@ struct InFunction<'a> {
     types: Typifier,
     /// Number of expressions whose types are known.
     known: usize,
-    /// The innermost place that the validator gives, and the function's.
+    /// The innermost span that the validator gives, and that of the function.
     innermost: Span,
     whole: Span,
 }
@@ -198,7 +198,7 @@ impl<'a> InFunction<'a> {
 
     fn resolved(&self, resolution: &TypeResolution) -> String {
         let text = self.module.to_ctx().type_resolution_to_string(resolution);
-        // A value that is read from a variable has the variable's type.
+        // A value that is read from a variable has the type of the variable.
         let pointee = text.strip_prefix("ptr<function, ").and_then(|rest| rest.strip_suffix('>'));
         in_wgsl(pointee.unwrap_or(&text))
     }
@@ -212,7 +212,7 @@ impl<'a> InFunction<'a> {
     }
 
     fn at(&self, value: Handle<Expression>, text: String) -> Mistake {
-        // The place of a parameter's value is where it is declared; the statement is better.
+        // The span of a parameter's value is its declaration; the statement is better.
         let span = match &self.function.expressions[value] {
             Expression::FunctionArgument(_) => user_of(&self.function.body, value).unwrap_or(self.innermost),
             _ => self.function.expressions.get_span(value),
@@ -390,7 +390,7 @@ impl<'a> InFunction<'a> {
     }
 }
 
-/// The blocks inside of a statement.
+/// The blocks within a statement.
 fn blocks_of(statement: &Statement) -> Vec<&Block> {
     match statement {
         Statement::Block(block) => vec![block],
@@ -401,7 +401,7 @@ fn blocks_of(statement: &Statement) -> Vec<&Block> {
     }
 }
 
-/// The first statement that a condition holds for, those inside of others first.
+/// The first statement that fulfills a condition; inner statements come before those around them.
 fn find_statement(block: &Block, is_it: &dyn Fn(&Statement) -> bool) -> Option<Span> {
     block.span_iter().find_map(|(statement, span)| {
         let inside = blocks_of(statement).into_iter().find_map(|block| find_statement(block, is_it));
@@ -409,7 +409,7 @@ fn find_statement(block: &Block, is_it: &dyn Fn(&Statement) -> bool) -> Option<S
     })
 }
 
-/// The statement that uses a value itself.
+/// The statement that uses a value directly.
 fn user_of(body: &Block, value: Handle<Expression>) -> Option<Span> {
     find_statement(body, &|statement| match statement {
         Statement::Return { value: returned } => *returned == Some(value),
@@ -421,7 +421,7 @@ fn user_of(body: &Block, value: Handle<Expression>) -> Option<Span> {
     })
 }
 
-/// The switch that has a value twice.
+/// The switch that has two cases for one value.
 fn double_case(body: &Block) -> Option<Span> {
     find_statement(body, &|statement| {
         let Statement::Switch { cases, .. } = statement else { return false };
@@ -434,7 +434,7 @@ fn name_of(function: MathFunction) -> String {
     function.try_to_wgsl().map_or_else(|| "the built-in function".into(), str::to_string)
 }
 
-/// The operator as WGSL writes it.
+/// The operator in WGSL.
 fn sign(operator: BinaryOperator) -> &'static str {
     use BinaryOperator as B;
     match operator {

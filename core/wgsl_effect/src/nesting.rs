@@ -1,15 +1,15 @@
-//! How deeply a text is nested, found before it is parsed: naga's parser hands on trees that its other parts walk by
-//! recursion, and so does the evaluator here. A text of a few kilobytes could use up a thread's stack, which ends the program.
+//! Limits the nesting of a text before it is parsed: naga's other parts, and the evaluator here, walk the parser's trees by recursion. A
+//! text of a few kilobytes could overflow a thread's stack, which ends the program.
 
 use crate::tokens::Tokens;
 
-/// Levels of nesting of an expression or statement: brackets, operators (of `a + b + c` each is one level more), members,
-/// `else if`s. In builds for tests `else if`s overflow 2 MiB of stack at 1,500 levels, the others at 4,000 (`tests/effects/deep.rs`).
+/// Largest nesting of an expression or statement, in levels: brackets, operators (each of those in `a + b + c` is one level), members,
+/// `else if`s. In builds for tests, `else if`s overflow 2 MiB of stack at 1,500 levels, the others at 4,000 (`tests/effects/deep.rs`).
 pub(crate) const MOST_LEVELS: usize = 350;
-/// Levels of a bracket, and of a `<`, which can be one: the parser goes down a dozen functions for each. At its own limit of 200 it
-/// takes up to 1 MiB.
+/// Levels of a bracket, and of `<`, which can be a bracket: the parser calls a dozen nested functions for each. At its own limit of 200
+/// brackets it takes up to 1 MiB.
 const BRACKET: usize = 5;
-/// Declarations of a text. Each can use another, and naga orders them by recursion: 4,200 structs overflow 2 MiB.
+/// Largest number of declarations of a text. Each can use another, and naga orders them by recursion: 4,200 structs overflow 2 MiB.
 pub(crate) const MOST_DECLARATIONS: usize = 1_000;
 
 /// The place where a text is nested too deeply, with the message.
@@ -23,18 +23,18 @@ pub(crate) struct TooDeep {
 /// The state between an opening and a closing bracket.
 #[derive(Clone, Copy, Default)]
 struct Level {
-    /// Levels of the expression so far.
+    /// Levels of the current expression so far.
     expression: usize,
-    /// The deepest expression before it, among those that commas part.
+    /// Levels of the deepest expression before it; commas separate expressions.
     deepest: usize,
-    /// `else if`s of the statement so far.
+    /// Number of `else if`s of the current statement so far.
     else_ifs: usize,
 }
 
 #[derive(Default)]
 struct Scan {
     open: Vec<Level>,
-    /// Levels of all that is open.
+    /// Levels of all open brackets, expressions and statements together.
     levels: usize,
     declarations: usize,
 }
@@ -66,7 +66,7 @@ impl Scan {
         let is_global = self.open.len() == 1;
         let Some(level) = self.open.last_mut() else { return };
         if before == "}" && token != "else" {
-            // Another statement.
+            // Another statement begins.
             self.levels -= std::mem::take(&mut level.else_ifs);
         }
         match token {
@@ -96,7 +96,7 @@ impl Scan {
         }
     }
 
-    /// The content of a bracket is one level deeper than its deepest part; a block ends the statement that it belongs to.
+    /// A bracket is one level deeper than the deepest expression in it; a block ends the statement to which it belongs.
     fn close(&mut self, is_block: bool) {
         let Some(inner) = self.open.pop() else { return };
         let Some(level) = self.open.last_mut() else { return };

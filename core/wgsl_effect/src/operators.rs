@@ -44,7 +44,7 @@ pub enum Conversion {
     ToBool,
 }
 
-/// One component in all lanes, as bits.
+/// A component in all lanes, as bits.
 #[derive(Clone, Copy)]
 #[repr(align(16))]
 pub struct Column<const N: usize>(pub [u32; N]);
@@ -65,8 +65,8 @@ impl<const N: usize> Column<N> {
     }
 }
 
-/// Operands of an operation on a few components: for each operand its first column, and whether each component has the next
-/// one or all have the same.
+/// Operands of an operation on a few components. Each operand has its first column, and a step: 1 if each component has a column of its
+/// own, 0 if all share one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Operands {
     pub first: [u32; 3],
@@ -74,7 +74,7 @@ pub(crate) struct Operands {
     pub count: u32,
 }
 
-/// The columns of an operation: operands lie in `low`, results in `high` from its start on.
+/// The columns of an operation: operands are in `low`, results at the beginning of `high`.
 pub struct Columns<'a, const N: usize> {
     pub low: &'a [Column<N>],
     pub high: &'a mut [Column<N>],
@@ -83,7 +83,7 @@ pub struct Columns<'a, const N: usize> {
 }
 
 impl<const N: usize> Columns<'_, N> {
-    /// Calls `f` with the result and the operands of each component.
+    /// Calls `f` with the result column and the operand columns of each component.
     #[inline(always)]
     fn components<const K: usize>(&mut self, of: &Operands, f: impl Fn(&mut Column<N>, [&Column<N>; K])) {
         for (i, out) in (0..).zip(self.high.iter_mut().take(of.count as usize)) {
@@ -126,7 +126,7 @@ impl<const N: usize> Columns<'_, N> {
         });
     }
 
-    /// Evaluates a function that costs more than a comparison of all lanes: once if all lanes are equal, else in active lanes.
+    /// Evaluates a function that costs more than comparing all lanes: once if all lanes are equal, else for each active lane.
     #[inline(always)]
     fn slow(&mut self, of: &Operands, f: impl Fn(f32, f32) -> f32) {
         let mask = self.mask;
@@ -141,14 +141,15 @@ impl<const N: usize> Columns<'_, N> {
         });
     }
 
-    /// Like [`Columns::slow`], with one operand: the second is register 0, a constant.
+    /// [`Columns::slow`] with one operand; the second operand is register 0, a constant.
     #[inline(always)]
     fn slow_one(&mut self, of: &Operands, f: impl Fn(f32) -> f32) {
         self.slow(of, |a, _| f(a));
     }
 }
 
-/// Sets all lanes. Four at a time are computed before they are written: one vector instruction, whatever `out` may overlap.
+/// Sets all lanes. Four lanes at a time are computed before they are written, which allows one vector instruction, whatever `out` may
+/// overlap.
 #[inline(always)]
 fn lanes<const N: usize>(out: &mut Column<N>, f: impl Fn(usize) -> u32) {
     let (fours, rest) = out.0.as_chunks_mut::<4>();
@@ -163,7 +164,7 @@ fn lanes<const N: usize>(out: &mut Column<N>, f: impl Fn(usize) -> u32) {
 /// A function that applies an operator lane by lane.
 pub type Kernel<const N: usize> = fn(&Operands, &mut Columns<N>);
 
-/// The kernel of an operator: chosen once, so that running it costs one call.
+/// The kernel of an operator. It is chosen once, so that running it costs only a call.
 pub fn kernel<const N: usize>(operator: Operator) -> Kernel<N> {
     match operator {
         Operator::Float(FloatOperator::Negate) => |of, columns| columns.one(of, |a| -a),
@@ -213,7 +214,7 @@ fn integer<const N: usize>(signed: bool, operator: IntegerOperator) -> Kernel<N>
         (B::Add, _) => |of, columns| columns.each(of, |a, b, _| a.wrapping_add(b)),
         (B::Subtract, _) => |of, columns| columns.each(of, |a, b, _| a.wrapping_sub(b)),
         (B::Multiply, _) => |of, columns| columns.each(of, |a, b, _| a.wrapping_mul(b)),
-        // WGSL: x / 0 is x, x % 0 is 0.
+        // WGSL defines x / 0 as x, and x % 0 as 0.
         (B::Divide, true) => |of, columns| {
             columns.each(of, |a, b, _| match b {
                 0 => a,
@@ -260,7 +261,7 @@ fn convert<const N: usize>(conversion: Conversion) -> Kernel<N> {
     }
 }
 
-/// Whether [`apply`] knows the function for single components; those of whole vectors are lowered to it.
+/// Whether [`apply`] supports the function on single components. Functions of whole vectors are lowered to operations on components.
 pub(crate) fn is_component_function(function: MathFunction) -> bool {
     use MathFunction as M;
     matches!(
@@ -367,19 +368,19 @@ fn integer_math<const N: usize>(signed: bool, function: MathFunction) -> Kernel<
 
 #[inline(always)]
 fn clamp(x: f32, low: f32, high: f32) -> f32 {
-    // Not `f32::clamp`, which ends the program where low > high.
+    // `f32::clamp` would panic if low > high.
     x.max(low).min(high)
 }
 
-/// Rounds towards zero, in instructions that every x86-64 has for several lanes; exact.
+/// Rounds towards zero, exactly, with instructions that every x86-64 has for several lanes.
 #[inline(always)]
 fn trunc(x: f32) -> f32 {
-    // Larger numbers are whole, and NaN stays.
+    // Larger numbers are whole, and NaN is kept.
     let whole = if x.abs() < 8_388_608.0 { x as i32 as f32 } else { x };
     whole.copysign(x)
 }
 
-/// Like [`trunc`], downwards.
+/// Rounds down; see [`trunc`].
 #[inline(always)]
 fn floor(x: f32) -> f32 {
     let whole = trunc(x);
@@ -394,7 +395,7 @@ mod tests {
     fn rounding_gives_the_bits_of_libm() {
         let special =
             [0.0, -0.0, 0.5, -0.5, 1.0, -1.0, 8_388_607.5, -8_388_608.0, f32::MAX, f32::INFINITY, f32::NAN];
-        // The bits of what is no number may differ.
+        // The bits of NaN may differ.
         let bits = |x: f32| if x.is_nan() { 0 } else { x.to_bits() };
         let many = (0..200_000u32).map(|i| f32::from_bits(i.wrapping_mul(2_654_435_761)));
         for x in special.into_iter().chain(many) {

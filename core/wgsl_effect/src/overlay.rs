@@ -1,4 +1,4 @@
-//! Lines and triangles of an effect's own: its function is asked for each, on the CPU, for both renderers.
+//! Lines and triangles that an effect draws. The function is called for each of them, on the CPU, for both renderers.
 
 use crate::compile::Output;
 use crate::environment::Surroundings;
@@ -11,16 +11,16 @@ use choreo_plugin::suggest::did_you_mean;
 use choreo_plugin::{ActorInstance, EffectScene, EffectTexture, Lattice, Overlay, Stroke, Triangle};
 use glam::{DVec3, Vec4};
 
-/// Steps of all of an effect's lines or triangles in a frame, some tenths of a second; what comes after is not drawn.
+/// Largest number of steps of all lines or triangles of an effect in a frame, some tenths of a second; the remaining ones are not drawn.
 pub(crate) const MAX_FRAME_STEPS: u32 = 20_000_000;
 
-/// All that an effect draws in a frame.
+/// The inputs of an overlay in a frame.
 pub struct Drawing<'a> {
     pub program: &'a Program,
     pub head: &'a Head,
     pub textures: &'a [EffectTexture],
     pub output: Output,
-    /// The text reads the boxes around actors.
+    /// The text reads the bounding boxes of actors.
     pub boxes: bool,
     pub parameters: &'a [f32],
 }
@@ -30,11 +30,11 @@ pub struct Drawing<'a> {
 struct Made {
     out: Overlay,
     steps: u32,
-    /// How many were requested; of those, which cannot be drawn.
+    /// How many elements were requested, and how many of them cannot be drawn.
     asked: u64,
     not_finite: u32,
     too_long: u32,
-    /// There is no room or time for more.
+    /// The limit of elements or steps is reached.
     full: bool,
 }
 
@@ -61,7 +61,7 @@ impl Drawing<'_> {
         } else {
             let mut known: Option<(&Asset, Bones)> = None;
             for (number, body) in scene.instances().enumerate() {
-                // Many actors of one file follow each other.
+                // Actors with the same asset often follow each other.
                 let bones = match known.take() {
                     Some((asset, bones)) if std::ptr::eq(asset, body.asset) => bones,
                     _ => Bones::of(&body, &self.head.joints, &mut made.out.left_out),
@@ -78,7 +78,7 @@ impl Drawing<'_> {
         self.finished(made)
     }
 
-    /// All around one body.
+    /// Adds all elements around one actor.
     fn one(&self, body: [u32; 12], around: &Surroundings, made: &mut Made) {
         let count = self.head.count.of(self.parameters).clamp(0.0, Overlay::MOST as f32) as u32;
         made.asked += u64::from(count);
@@ -106,7 +106,7 @@ impl Drawing<'_> {
         }
     }
 
-    /// Adds the function's result, if it is visible.
+    /// Adds the result of the function, if it is visible.
     fn add(&self, machine: &Machine<1>, made: &mut Made) {
         let f = |i: u32| machine.float(self.program, 0, i);
         let place = |i: u32| DVec3::new(f(i).into(), f(i + 1).into(), f(i + 2).into());
@@ -136,7 +136,7 @@ impl Drawing<'_> {
         }
     }
 
-    /// Adds a part whose color is a fault, which the renderers report.
+    /// Adds an element whose color marks a fault, which the renderers report.
     fn add_faulty(&self, fault: f32, made: &mut Made) {
         let (color, zero) = (Vec4::splat(fault), DVec3::ZERO);
         match self.output {
@@ -181,21 +181,21 @@ impl Drawing<'_> {
     }
 }
 
-/// Its joint, and the number of the bone above it.
+/// Joint of a bone, and the number of its parent bone.
 pub type Bone = (u32, Option<u32>);
 
-/// The bones of a body, by number.
+/// The bones of an actor, by number.
 #[derive(Default)]
 pub struct Bones {
-    /// The bones, then joints that are no bones and that the head names.
+    /// The bones, then further joints that the head names.
     pub all: Vec<Bone>,
     pub count: u32,
-    /// The number of each joint that the head names; beyond the end where the body has none.
+    /// Number of each joint that the head names; `u32::MAX` if the actor has no such joint.
     pub named: Vec<u32>,
 }
 
 impl Bones {
-    /// Finds the bones; a missing joint is reported once for each file.
+    /// Finds the bones of an actor; a missing joint is reported once for each asset.
     fn of(body: &ActorInstance, joints: &[JointLine], left_out: &mut Vec<String>) -> Bones {
         let shown = body.bones();
         let skeleton = &body.asset.skeleton;
@@ -232,7 +232,7 @@ impl Bones {
     }
 }
 
-/// Bits of the struct `Body`.
+/// Bits of the struct `Body` of the shaders.
 fn body_of(time: f32, place: DVec3, bounds: DAabb, counts: [u32; 2]) -> [u32; 12] {
     let [p, low, high] = [place, bounds.min, bounds.max].map(|v| v.as_vec3().to_array().map(f32::to_bits));
     let mut bits = [0; 12];
@@ -242,7 +242,7 @@ fn body_of(time: f32, place: DVec3, bounds: DAabb, counts: [u32; 2]) -> [u32; 12
     bits
 }
 
-/// An actor for a trial, between two points.
+/// The bits of an actor for a trial, whose box lies between two points.
 pub(crate) fn trial_body(time: f32, [low, high]: [DVec3; 2], counts: [u32; 2]) -> [u32; 12] {
     body_of(time, low, DAabb { min: low, max: high }, counts)
 }

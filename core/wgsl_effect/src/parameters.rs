@@ -1,4 +1,4 @@
-//! The manifest in the head comment of an effect: its name, what it is, its parameters.
+//! Reads the manifest from the head comment of an effect: name, description and parameters.
 
 use crate::head::comment;
 use crate::head_error::{HeadError, HeadMistake};
@@ -6,7 +6,7 @@ use choreo_plugin::parameters::{MAX_CURVE_KEYS, MAX_PARAMETER_NUMBERS, is_curve}
 use choreo_plugin::suggest::closest;
 use choreo_plugin::{MAX_COLOR, Manifest};
 
-/// Largest whole number of a parameter: f32 holds all below exactly.
+/// Largest whole number of a parameter: f32 holds all whole numbers up to it exactly.
 const MOST_WHOLE: f64 = 16_777_216.0;
 
 pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
@@ -39,7 +39,7 @@ pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
     Ok(manifest)
 }
 
-/// A line that was meant to declare something: `parm amount = 0.1 in 0..1: how strong`.
+/// The mistake of a line with a misspelt first word: `parm amount = 0.1 in 0..1: how strong`.
 fn misspelt(line: &str) -> Option<HeadMistake> {
     let (word, rest) = line.split_once(' ')?;
     let (_, value) = rest.split_once('=')?;
@@ -52,7 +52,7 @@ fn slip(word: &str, known: &[&str]) -> Option<HeadMistake> {
     near.then(|| HeadMistake::Misspelt { word: word.into(), meant: meant.into() })
 }
 
-/// `amount = 0.1 m in 0..1: how strong`
+/// Reads a parameter: `amount = 0.1 m in 0..1: how strong`.
 fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeadMistake> {
     const FORM: HeadMistake = HeadMistake::Form(
         "param NAME = 0.5 in 0..1: ABOUT, or = 0.5 m in 0..1 (with a unit), = int(3) in 1..9, = false, = A of A|B, = color(gold), \
@@ -92,7 +92,7 @@ fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeadMistake> {
     }
 }
 
-/// A file, and whether its colors are sRGB: `paper.png`, `bumps.png as data`, or neither or only `data` for white.
+/// Reads a file name, and whether its colors are sRGB: `paper.png` or `bumps.png as data`. White has no file name, or only `data`.
 pub fn image_of(text: &str) -> (&str, bool) {
     let text = text.trim();
     match text.strip_suffix("data").map(str::trim_end) {
@@ -113,7 +113,7 @@ fn number(name: &str, text: &str) -> Result<f64, HeadMistake> {
     number.ok_or_else(|| HeadMistake::NoNumber { name: name.into(), value: text.into() })
 }
 
-/// `soft` of `soft|hard`.
+/// Reads a choice: `soft of soft|hard`.
 fn choice(
     manifest: Manifest,
     [name, about]: [&str; 2],
@@ -129,7 +129,7 @@ fn choice(
     }
 }
 
-/// A type with a range, `VALUE UNIT in MIN..MAX`; `None` where the text is of another form.
+/// Reads a value with a range, `VALUE UNIT in MIN..MAX`; `None` if the text has another form.
 fn ranged(manifest: Manifest, [name, about]: [&str; 2], text: &str) -> Result<Option<Manifest>, HeadMistake> {
     let Some((given, range)) = text.rsplit_once(" in ") else { return Ok(None) };
     let Some((min, max)) = range.split_once("..") else { return Ok(None) };
@@ -139,7 +139,7 @@ fn ranged(manifest: Manifest, [name, about]: [&str; 2], text: &str) -> Result<Op
         false => Err(HeadMistake::OutOfRange { name: name.into(), value, min, max }),
     };
     let given = given.trim();
-    // The unit stands behind the bracket, or behind the number.
+    // The unit follows the bracket, or the number.
     let end = given.find(')').map(|at| at + 1).or_else(|| given.find(' ')).unwrap_or(given.len());
     let (value, unit) = (&given[..end], given[end..].trim());
     if unit.contains(char::is_whitespace) || unit.len() > 16 {

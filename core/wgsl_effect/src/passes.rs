@@ -1,5 +1,5 @@
-//! Passes that write textures of their own, for later passes to read by name: their lines in the head comment, which of them read
-//! which, and the functions around them.
+//! Passes that write textures of their own, which later passes read by name: their lines in the head comment, the textures that each pass
+//! reads, and the functions that are supplied for them.
 //!
 //! ```text
 //! // pass bright = 1/2: the light that spills over
@@ -16,22 +16,22 @@ use crate::tokens::{Tokens, place};
 use choreo_plugin::{Hook, ImagePass, Manifest};
 use std::collections::BTreeMap;
 
-/// Most passes of one effect, the last one included.
+/// Largest number of passes of one effect, the last one included.
 pub(crate) const MOST_PASSES: u32 = 16;
-/// Largest N of a texture of 1/N.
+/// Largest N of the scale 1/N of a texture.
 const MOST_PARTS: u32 = 64;
 
-/// How much smaller an image is than the whole.
+/// Scale of a pass's image against the whole image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Scale {
     /// `1/N`.
     Part(u32),
-    /// Halved until a length, as a share of the image's height, is at most that many pixels.
+    /// Halved until the length, a share of the image's height, is at most this number of pixels.
     Halved(Amount, u32),
 }
 
 impl Scale {
-    /// The factor by which it is smaller, each way.
+    /// Downscale factor, per axis.
     pub fn factor(self, size: [u32; 2], parameters: &[f32]) -> u32 {
         match self {
             Scale::Part(parts) => parts,
@@ -56,12 +56,12 @@ pub(crate) struct PassLine {
     pub at: (usize, usize),
 }
 
-/// Names of the functions that read a texture.
+/// Names of the functions that read the texture `name`.
 fn functions_of(name: &str) -> [String; 3] {
     ["at", "uv", "size"].map(|what| format!("{name}_{what}"))
 }
 
-/// The passes of a head comment. `taken`: names of its textures.
+/// Reads the passes of a head comment. `taken`: names of the effect's textures.
 pub(crate) fn lines(text: &str, manifest: &Manifest, taken: &[&str]) -> Result<Vec<PassLine>, HeadError> {
     const FORM: HeadMistake = HeadMistake::Form(
         "pass NAME = 1/2: ABOUT, with 1 or 1/2 to 1/64, or = halve PARAMETER to PIXELS: ABOUT",
@@ -90,7 +90,7 @@ pub(crate) fn lines(text: &str, manifest: &Manifest, taken: &[&str]) -> Result<V
                 what: "passes with textures",
             }));
         }
-        // The name is a part of the line, behind "pass ".
+        // The name follows "pass " in the line.
         let column = line.find("pass ").and_then(|start| Some(start + 5 + line[start + 5..].find(name)?));
         let column = column.map_or(1, |byte| line[..byte].chars().count() + 1);
         all.push(PassLine { name: name.into(), scale, at: (i + 1, column) });
@@ -105,7 +105,7 @@ fn is_of_program(function: &str) -> bool {
     scene_inputs::names(Hook::Image).chain(supplied).chain(others).any(|name| name == function)
 }
 
-/// `1`, `1/4` or `halve radius to 8`.
+/// Reads a scale: `1`, `1/4` or `halve radius to 8`.
 fn scale_of(text: &str, manifest: &Manifest) -> Option<Scale> {
     if let Some(halved) = text.strip_prefix("halve ") {
         return halve(halved, manifest).ok();
@@ -114,7 +114,7 @@ fn scale_of(text: &str, manifest: &Manifest) -> Option<Scale> {
     (1..=MOST_PARTS).contains(&parts).then_some(Scale::Part(parts))
 }
 
-/// Functions that texts with such passes may call beside those of all effects on images.
+/// Functions that texts with such passes may call in addition to those of all effects on images.
 const HELPERS: [(&str, &str); 2] = [
     (
         "uv_at",
@@ -139,7 +139,7 @@ pub(crate) fn helpers() -> impl Iterator<Item = &'static str> {
     HELPERS.iter().map(|(name, _)| *name)
 }
 
-/// The helpers that a text calls and does not declare itself, as WGSL.
+/// WGSL of the helpers that a text calls and does not declare itself.
 pub(crate) fn helpers_called(author: &str) -> String {
     let functions = functions(author);
     let is_called = |name: &str| functions.iter().any(|f| f.calls.iter().any(|(called, _)| *called == name));
@@ -148,7 +148,7 @@ pub(crate) fn helpers_called(author: &str) -> String {
     own.map(|(_, wgsl)| format!("{wgsl}\n")).collect()
 }
 
-/// The functions that read textures: name, a declaration that stands for it, and the code that runs in its place.
+/// The functions that read textures of passes: name, a declaration that stands for it, and the code that runs on the CPU.
 pub(crate) fn supplied(lines: &[PassLine]) -> impl Iterator<Item = (String, String, Host)> + '_ {
     lines.iter().enumerate().flat_map(|(i, line)| {
         let [at, uv, size] = functions_of(&line.name);
@@ -163,7 +163,7 @@ pub(crate) fn supplied(lines: &[PassLine]) -> impl Iterator<Item = (String, Stri
     })
 }
 
-/// A function of a text, and the names that it calls, with their bytes.
+/// A function of a text: its name, and the functions that it calls, with the byte of each call.
 struct Function<'a> {
     name: &'a str,
     calls: Vec<(&'a str, usize)>,
@@ -184,7 +184,7 @@ fn functions(text: &str) -> Vec<Function<'_>> {
     all
 }
 
-/// The textures that the function of a pass reads, itself or through others: number, and byte of the first call.
+/// The textures that the function of a pass reads, directly or through other functions: number, and byte of the first call.
 fn reads_of(entry: &str, text: &str, lines: &[PassLine]) -> BTreeMap<u32, usize> {
     let functions = functions(text);
     let (mut reached, mut reads) = (vec![entry], BTreeMap::new());
@@ -198,7 +198,7 @@ fn reads_of(entry: &str, text: &str, lines: &[PassLine]) -> BTreeMap<u32, usize>
             let read =
                 (0..).zip(lines).find(|(_, line)| functions_of(&line.name).iter().any(|f| f == called));
             if let Some((number, line)) = read {
-                // A pass may ask for the size of what it makes.
+                // A pass may ask for the size of its own texture.
                 let own_size = line.name == entry && called.ends_with("_size");
                 if !own_size {
                     reads.entry(number).or_insert(*byte);
@@ -209,7 +209,7 @@ fn reads_of(entry: &str, text: &str, lines: &[PassLine]) -> BTreeMap<u32, usize>
     reads
 }
 
-/// All passes with what they read of those before them, the last one included; none where the head declares none.
+/// All passes, the last one included, with the earlier textures that they read; empty if the head declares no passes.
 pub(crate) fn passes(text: &str, lines: &[PassLine]) -> Vec<ImagePass> {
     if lines.is_empty() {
         return Vec::new();
@@ -222,7 +222,7 @@ pub(crate) fn passes(text: &str, lines: &[PassLine]) -> Vec<ImagePass> {
     (0..).zip(names).map(pass).collect()
 }
 
-/// The first mistake in how passes read each other, with its line and column.
+/// The first mistake in how passes read each other's textures, with its line and column.
 pub(crate) fn mistake(text: &str, lines: &[PassLine]) -> Option<((usize, usize), String)> {
     if lines.is_empty() {
         return None;
@@ -271,7 +271,7 @@ pub(crate) fn mistake(text: &str, lines: &[PassLine]) -> Option<((usize, usize),
     Some((line.at, what))
 }
 
-/// Whether a pass reads another one's texture, itself or through others.
+/// Whether a pass reads the texture of another pass, directly or through other passes.
 fn reaches(reads: &[BTreeMap<u32, usize>], from: usize, to: usize) -> bool {
     let mut reached = vec![from];
     let mut next = 0;

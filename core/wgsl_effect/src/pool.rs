@@ -1,11 +1,11 @@
-//! Machines that a thread keeps between calls, with their constants and parameters in place.
+//! Pool of machines: each thread keeps machines between calls, with their constants and parameters in place.
 
 use crate::machine::Machine;
 use crate::program::Program;
 use std::cell::RefCell;
 use std::thread::LocalKey;
 
-/// A machine, and what it was made for: program and bits of the parameters.
+/// A machine, and the program and the bits of the parameters for which it was made.
 pub struct Kept<M> {
     program: u64,
     parameters: Vec<u32>,
@@ -14,9 +14,9 @@ pub struct Kept<M> {
 
 type Pool<M> = RefCell<Vec<Kept<M>>>;
 
-/// Machines that have a pool.
+/// Machines of a width that has a pool.
 pub(crate) trait Pooled: Sized + 'static {
-    /// Each thread's own.
+    /// The pool of the current thread.
     fn pool() -> &'static LocalKey<Pool<Self>>;
     /// A new machine.
     fn new(program: &Program, parameters: &[f32]) -> Self;
@@ -38,7 +38,7 @@ macro_rules! pooled {
 pooled!(4, QUADS);
 pooled!(32, ROWS);
 
-/// Machines that a thread keeps; a frame has a few effects.
+/// Largest number of machines that a thread keeps; a frame has only a few effects.
 const MAX_KEPT: usize = 12;
 
 /// Lends a machine for a program and its parameters.

@@ -1,23 +1,23 @@
-//! Register code: what a WGSL module is lowered to once, and what [`crate::machine::Machine`] runs over many pixels at a time.
+//! Register code, to which a WGSL module is lowered once, and which [`crate::machine::Machine`] runs over many pixels at a time.
 //!
-//! Every component of every value has a register of its own, a column with one entry per lane. WGSL forbids recursion, so each
-//! function has its registers to itself: a call copies arguments and needs no stack.
+//! Every component of every value has its own register, a column with one entry per lane. WGSL forbids recursion, so each function has its
+//! own registers: a call copies its arguments and needs no stack.
 
 use crate::environment::Host;
 use crate::operators::{Kernel, Operands, Operator, kernel};
 use crate::shape::ComponentKind;
 use naga::Span;
 
-/// Steps (statements and loop rounds) that one call may take. Loops count the same number by their rounds (`loops.rs`).
+/// Step limit (statements and loop rounds) of one call. Counted loops have the same limit for their own steps (`loops.rs`).
 pub(crate) const MAX_STEPS: u32 = choreo_plugin::MAX_EFFECT_STEPS;
 
-/// Steps after which a call is given up that no counted loop ends: functions that call each other without end in sight.
+/// Step limit of a call without counted loops that take too long, such as a long chain of functions that call each other.
 pub(crate) const MOST_STEPS: u32 = 64 * MAX_STEPS;
 
-/// Index of a column.
+/// Index of a register, which is a column of lanes.
 pub(crate) type Register = u32;
 
-/// A run of registers that holds the components of one value.
+/// Consecutive registers that hold the components of one value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Registers {
     pub first: Register,
@@ -30,21 +30,21 @@ impl Registers {
     }
 }
 
-/// The lowered module.
+/// A lowered module.
 pub struct Program {
-    /// Different for each program of the process.
+    /// Number that is unique among all programs of the process.
     pub id: u64,
     pub registers: u32,
     /// Registers that hold the same bits in all lanes and are never written.
     pub constants: Vec<(Register, u32)>,
-    /// Operations on parameters and constants alone: run once for each set of parameters.
+    /// Operations that depend only on parameters and constants: they run once for each set of parameters.
     pub prologue: Vec<Compute>,
     pub routines: Vec<Routine>,
     /// Index of the entry function.
     pub entry: usize,
-    /// The components of each of its parameters that anything reads.
+    /// Components that the program reads, for each parameter of the entry function.
     pub inputs: Vec<Vec<u32>>,
-    /// Types of the components of its last parameter: the effect's own.
+    /// Types of the components of the last parameter of the entry function, which are the effect's parameters.
     pub parameters: Vec<ComponentKind>,
 }
 
@@ -54,15 +54,15 @@ impl Program {
     }
 }
 
-/// A function.
+/// A lowered function.
 pub(crate) struct Routine {
-    /// One value for each parameter.
+    /// Registers of each parameter.
     pub arguments: Vec<Registers>,
     pub result: Registers,
     pub body: Vec<Node>,
 }
 
-/// An operation for each number of lanes that machines have.
+/// Kernels of an operation, one for each width of machines.
 #[derive(Clone, Copy)]
 pub struct Kernels {
     pub one: Kernel<1>,
@@ -76,18 +76,18 @@ impl Kernels {
     }
 }
 
-/// An operation on a few components, written in all lanes: inactive lanes never read what they did not compute.
+/// An operation on a few components. It writes all lanes; inactive lanes never read such a result.
 #[derive(Clone, Copy)]
 pub struct Compute {
     pub kernels: Kernels,
-    /// The first result; it lies behind the operands, and the others follow it.
+    /// The first result; the others follow it. Results are behind the operands.
     pub out: Register,
     pub operands: Operands,
 }
 
 /// A statement, or an operation.
 pub enum Node {
-    /// This number of statements follows, up to the next one that branches.
+    /// This number of statements follows, up to the next one at which lanes may diverge.
     Steps(u32),
     Compute(Compute),
     /// Copies this number of registers in all lanes.
@@ -102,13 +102,13 @@ pub enum Node {
         from: Register,
         count: u32,
     },
-    /// Copies the register `first + offset`, with each lane's own offset. Lowering keeps offsets in range.
+    /// Copies the register `first + offset`, with each lane's own offset. The lowered code keeps offsets in range.
     LoadElement {
         to: Register,
         first: Register,
         offset: Register,
     },
-    /// Like `LoadElement` in the other direction, in active lanes only.
+    /// Copies to the register `first + offset`, in active lanes only.
     StoreElement {
         first: Register,
         offset: Register,
@@ -135,7 +135,7 @@ pub enum Node {
         routine: usize,
         arguments: Vec<Register>,
     },
-    /// Calls a function of the shader around the effect's.
+    /// Calls a function that the shader supplies.
     Host {
         host: Host,
         arguments: Vec<Register>,
@@ -150,7 +150,7 @@ pub struct Case {
     pub fall_through: bool,
 }
 
-/// Something that the evaluator does not support, and its place.
+/// A feature that the evaluator does not support, and its place.
 pub struct Unsupported {
     pub what: String,
     pub span: Span,

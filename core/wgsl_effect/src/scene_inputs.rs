@@ -1,7 +1,7 @@
-//! The functions with which an effect on images reads the scene: depth, normals, motion, actors, time, camera and sun; and those with
-//! which effects on pixels, surfaces, vertices and light read the time and the size of the image. Their WGSL is
-//! appended to the author's text where that calls them, the same on both devices; the renderers supply the pixels and rows below
-//! them (`scene_surface`, `scene_motion`, `scene_row_0` and so on).
+//! The functions with which effects on images read the scene (depth, normals, motion, actors, time, camera and sun), and those with which
+//! effects on pixels, surfaces, vertices and light read the time and the size of the image. Their WGSL is appended to an author's text that
+//! calls them, the same on both devices. The renderers supply the functions that they call (`scene_surface`, `scene_motion`, `scene_row_0`
+//! and so on).
 
 use crate::environment::Host;
 use crate::tokens::Tokens;
@@ -27,7 +27,7 @@ const fn function(name: &'static str, reads: SceneInputs, wgsl: &'static str) ->
     SceneFunction { name, wgsl, reads }
 }
 
-/// All of them; the table of README.md lists them in this order. They call only what the renderers supply, not each other, because an
+/// All functions, in the order of the table in README.md. They call only functions that the renderers supply, not each other, because an
 /// author may declare any of their names.
 const FUNCTIONS: [SceneFunction; 16] = [
     function("depth_at", SURFACE, "fn depth_at(at: vec2<i32>) -> f32 { return scene_surface(at).w; }"),
@@ -35,7 +35,7 @@ const FUNCTIONS: [SceneFunction; 16] = [
     function(
         "view_at",
         SceneInputs { camera: true, ..SURFACE },
-        // The inverse of the projection row by row, exact for perspective and orthographic cameras.
+        // The projection is inverted row by row, which is exact for perspective and orthographic cameras.
         "fn view_at(at: vec2<i32>) -> vec3<f32> {
     let m = mat4x4<f32>(scene_row_11(), scene_row_12(), scene_row_13(), scene_row_14());
     let z = -scene_surface(at).w;
@@ -83,7 +83,7 @@ const FUNCTIONS: [SceneFunction; 16] = [
     function(
         "sun_at",
         SceneInputs { camera: true, ..SUN },
-        // A direction: a point infinitely far away.
+        // The direction is a point infinitely far away.
         "fn sun_at() -> vec3<f32> {
     let view = mat4x4<f32>(scene_row_3(), scene_row_4(), scene_row_5(), scene_row_6()) * vec4<f32>(scene_row_2().xyz, 0.0);
     let clip = mat4x4<f32>(scene_row_11(), scene_row_12(), scene_row_13(), scene_row_14()) * view;
@@ -104,14 +104,14 @@ const OF_FRAME: [(&str, &str); 4] = [
     ("resolution", "fn resolution() -> vec2<f32> { return effect_frame_row_1().xy; }"),
 ];
 
-/// The functions of the scene that a text calls.
+/// The functions of the scene that a text calls, and their inputs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SceneCalls {
     /// Inputs of an effect on images.
     pub inputs: SceneInputs,
     /// An effect of another hook reads the numbers of the frame.
     pub reads_frame: bool,
-    /// Their WGSL.
+    /// WGSL of these functions.
     pub wgsl: String,
 }
 
@@ -137,7 +137,7 @@ impl SceneCalls {
         calls
     }
 
-    /// The functions that the renderers supply below them: name, a declaration that stands for it, and the code that runs in its place.
+    /// The functions that the renderers supply to this WGSL: name, a declaration that stands for it, and the code that runs on the CPU.
     pub(crate) fn supplied(&self) -> Vec<(String, String, Host)> {
         let image = |name: &str, host: Host| {
             let text = format!("fn {name}(at: vec2<i32>) -> vec4<f32> {{ return vec4(f32(at.x)); }}\n");
@@ -193,7 +193,7 @@ mod tests {
         assert!(calls.wgsl.contains("fn view_at(") && !calls.wgsl.contains("fn time("));
         assert_eq!(calls.supplied().len(), 1 + EffectFrame::ROWS);
         assert_eq!(SceneCalls::of("fn effect() { let time = p[time]; }", Hook::Image).inputs, NONE);
-        // A function of the author's own is no input.
+        // A function that the author declares is no input.
         assert_eq!(
             SceneCalls::of("fn time() -> f32 { return 1.0; } fn effect() { time(); }", Hook::Image).inputs,
             NONE

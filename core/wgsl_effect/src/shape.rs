@@ -1,9 +1,9 @@
-//! Types of a shader as flat lists of 32-bit components: scalars, vectors, matrices by columns, arrays, structs.
+//! Types of a shader as flat lists of 32-bit components: scalars, vectors, matrices column by column, arrays and structs.
 
 use naga::{ScalarKind, TypeInner, UniqueArena};
 
-/// Most components of a value held at once (a 4×4 matrix, a surface sample, all parameters); larger arrays are read through their
-/// variable.
+/// Largest number of components of a value in registers (a 4×4 matrix, a surface sample, all parameters); larger arrays are read through
+/// their variable.
 pub(crate) const MAX_COMPONENTS: usize = choreo_plugin::parameters::MAX_PARAMETER_NUMBERS;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,7 +15,7 @@ pub enum ComponentKind {
 }
 
 impl ComponentKind {
-    /// Bits of a component of this type for a number of an effect's parameters.
+    /// Bits of a component of this type, made from a number of an effect's parameters.
     pub fn bits_of(self, number: f32) -> u32 {
         match self {
             ComponentKind::Float => number.to_bits(),
@@ -26,7 +26,7 @@ impl ComponentKind {
     }
 }
 
-/// The types of the components of a type, one after the other.
+/// Types of all components of a type, in order.
 pub(crate) fn component_kinds(inner: &TypeInner, types: &UniqueArena<naga::Type>) -> Vec<ComponentKind> {
     match inner {
         TypeInner::Struct { members, .. } => {
@@ -36,15 +36,16 @@ pub(crate) fn component_kinds(inner: &TypeInner, types: &UniqueArena<naga::Type>
     }
 }
 
-/// A type as components.
+/// Layout of a type in components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
     /// Kind of scalars, vectors and matrices.
     pub kind: ComponentKind,
     pub size: usize,
-    /// Columns of a matrix, else 0.
+    /// Number of columns of a matrix, else 0.
     pub columns: usize,
-    /// Components that one index step skips: 1 in a vector, a column's, an array element's; 0 for structs and scalars.
+    /// Components that one index step skips: 1 in a vector, the size of a column in a matrix, that of an element in an array; 0 for structs
+    /// and scalars.
     pub step: usize,
     pub is_pointer: bool,
 }
@@ -59,7 +60,7 @@ fn kind(scalar: naga::Scalar) -> Option<ComponentKind> {
     }
 }
 
-/// `None`: a type that an effect does not need (textures, 16- and 64-bit numbers, arrays without a size).
+/// Shape of a type; `None` for a type that effects do not need (textures, 16- and 64-bit numbers, arrays without a size).
 pub fn shape(inner: &TypeInner, types: &UniqueArena<naga::Type>) -> Option<Shape> {
     let plain = |kind, size, columns, step| Some(Shape { kind, size, columns, step, is_pointer: false });
     match *inner {
@@ -70,7 +71,7 @@ pub fn shape(inner: &TypeInner, types: &UniqueArena<naga::Type>) -> Option<Shape
         }
         TypeInner::Array { base, size: naga::ArraySize::Constant(count), .. } => {
             let element = shape(&types[base].inner, types)?;
-            // Longer arrays have no business in a function of one pixel.
+            // Longer arrays are not needed in a function of one pixel.
             let size = element.size.checked_mul(count.get() as usize).filter(|s| *s <= 4096)?;
             plain(element.kind, size, 0, element.size)
         }
@@ -91,7 +92,7 @@ pub fn shape(inner: &TypeInner, types: &UniqueArena<naga::Type>) -> Option<Shape
     }
 }
 
-/// Components before a member of a struct, or of a struct that is pointed to.
+/// Number of components before a member of a struct, or of a struct behind a pointer.
 pub(crate) fn member_offset(
     inner: &TypeInner,
     index: usize,

@@ -3,12 +3,12 @@
 use crate::environment::Host;
 use naga::{Module, ScalarKind, TypeInner, VectorSize};
 
-/// A parameter of an effect's function, or what it gives.
+/// Type of a parameter or of the result of an effect's function.
 #[derive(Clone, Copy)]
 enum ValueType {
     Scalar(ScalarKind),
     Vector(ScalarKind, VectorSize),
-    /// A struct with this name.
+    /// The struct with this name.
     Struct(&'static str),
     /// The struct `Parameters`, or `array<f32, 8>`.
     Parameters,
@@ -18,17 +18,17 @@ enum ValueType {
 pub(crate) struct Signature {
     pub text: &'static str,
     parts: &'static [ValueType],
-    /// One of these.
+    /// The result has one of these types.
     gives: &'static [ValueType],
-    /// Declared by the shader that calls the function; appended below the author's text, so that lines stay.
+    /// Types that the shader declares; appended below the author's text, so that its line numbers stay.
     pub declared: &'static str,
-    /// Functions of the shader that it may call, as [`Host`] lists them. Their code is never run.
+    /// Functions that the shader supplies, as [`Host`] lists them. Their WGSL is only parsed, never run.
     pub functions: &'static [Declared],
-    /// Further functions if the head requests a history.
+    /// Further functions, if the head requests a history.
     pub with_history: &'static [Declared],
 }
 
-/// Name, text, what runs in its place.
+/// Name, WGSL declaration, and the code that runs on the CPU.
 type Declared = (&'static str, &'static str, Host);
 
 const F: ScalarKind = ScalarKind::Float;
@@ -100,7 +100,7 @@ const PICTURE: Signature = Signature {
     )],
 };
 
-/// A pass of an effect whose passes have textures of their own. The name stands for that of the pass.
+/// Signature of a pass of an effect whose passes have textures. The name of the pass replaces `effect`.
 pub(crate) const NAMED_PASS: Signature = Signature {
     text: "fn effect(at: vec2<i32>, p: Parameters) -> vec4<f32>",
     parts: &[ValueType::Vector(I, VectorSize::Bi), ValueType::Parameters],
@@ -152,7 +152,7 @@ const SHELL: Signature = Signature {
 pub const PARAMETERS: &str = "Parameters";
 pub const EDGES: &str = "Edges";
 
-/// The exposure of a frame: number of images, how long the shutter is open, and which share of that lies before the frame.
+/// The shutter of a frame: number of images, how long it is open, and the share of that before the frame.
 const SHUTTER: Signature = Signature {
     text: "fn effect(p: Parameters) -> Shutter",
     parts: &[ValueType::Parameters],
@@ -172,13 +172,13 @@ pub fn signature(hook: choreo_plugin::Hook) -> &'static Signature {
         Hook::Overlay => &OVERLAY,
         Hook::Outline => &SHELL,
         Hook::Shutter => &SHUTTER,
-        // `Hook` may grow.
+        // `Hook` is non-exhaustive; here only pixels are left.
         _ => &PIXEL,
     }
 }
 
 impl Signature {
-    /// The types that it declares.
+    /// Names of the types that the shader declares.
     pub fn structs(&self) -> impl Iterator<Item = &'static str> {
         self.declared
             .split("struct ")
@@ -186,7 +186,7 @@ impl Signature {
             .filter(|name| !name.is_empty())
     }
 
-    /// Whether a function is of this form.
+    /// Whether a function has this signature.
     pub fn fits(&self, module: &Module, function: &naga::Function) -> bool {
         let types = &module.types;
         let is = |part: &ValueType, ty: naga::Handle<naga::Type>| match (part, &types[ty].inner) {

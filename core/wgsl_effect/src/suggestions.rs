@@ -7,12 +7,12 @@ use crate::signature::signature;
 use choreo_plugin::suggest::{did_you_mean, list};
 use choreo_plugin::{Hook, Manifest};
 
-/// The name that a message of the parser does not find.
+/// The name that, according to a message of the parser, is not defined.
 fn not_found(message: &str) -> Option<&str> {
     message.strip_prefix("no definition in scope")?.split('`').nth(1)
 }
 
-/// The line of the head comment that an unknown name needs: it is a function or a type of another hook, or of a history.
+/// Suggests the line of the head comment that an undefined name needs: a function or a type of another hook, or of a history.
 pub(crate) fn of_other_hook(message: &str, head: &Head, declared: &[Declared]) -> Option<String> {
     let wanted = not_found(message)?;
     if declared.iter().any(|(name, ..)| name == wanted) {
@@ -34,7 +34,7 @@ pub(crate) fn of_other_hook(message: &str, head: &Head, declared: &[Declared]) -
     of.map(|(name, hook)| format!("; {name} needs // hook: {hook}"))
 }
 
-/// The line of the head comment that an unknown `halo_at` needs: it reads the texture of a pass.
+/// Suggests the line of the head comment that an undefined `halo_at` needs: it reads the texture of a pass.
 pub fn texture(message: &str, head: &Head) -> String {
     let endings = ["_at", "_uv", "_size"];
     let texture = not_found(message).and_then(|name| endings.iter().find_map(|e| name.strip_suffix(e)));
@@ -44,14 +44,14 @@ pub fn texture(message: &str, head: &Head) -> String {
     }
 }
 
-/// `p.slope` is no member, but `p[slope]` is a parameter.
+/// Suggests `p[slope]` in place of `p.slope`, if `slope` is a parameter.
 pub fn parameter(message: &str, manifest: &Manifest) -> Option<String> {
     let name = message.strip_prefix("invalid field accessor `")?.split('`').next()?;
     let is_one = manifest.options.iter().any(|option| option.name == name);
     is_one.then(|| format!("; write p[{name}], or declare p: Parameters"))
 }
 
-/// Built-in functions and types that are written often.
+/// Built-in functions and types that are often used.
 const BUILT_IN: [&str; 46] = [
     "abs",
     "acos",
@@ -101,8 +101,8 @@ const BUILT_IN: [&str; 46] = [
     "array",
 ];
 
-/// `; did you mean "amount"?` where a name is a slip of one that is known: of the program, of the text, or built in.
-/// `declared`: what the program declares below the text.
+/// `; did you mean "amount"?` if a name is similar to one of the program, of the text, or a built-in one. `declared`: declarations of the
+/// program below the text.
 pub fn near<'a>(
     message: &str,
     text: &'a str,
@@ -126,10 +126,10 @@ pub fn near<'a>(
     String::new()
 }
 
-/// Functions of the scene that have a word in common with an unknown name: `normal_at` for `world_normal`. `known`: the names of the
-/// hook.
+/// Suggests functions of the scene that share a word with an undefined name: `normal_at` for `world_normal`. `known`: all names that the
+/// text can use.
 fn of_same_word(wanted: &str, known: &[&str]) -> String {
-    // "at" and "from" are in many names.
+    // Words as short as "at" and "from" are in many names.
     let words = |name: &'static str| name.split('_').filter(|word| word.len() > 4);
     let alike = scene_inputs::names(Hook::Image)
         .filter(|name| known.contains(name) && words(name).any(|word| wanted.split('_').any(|w| w == word)));
@@ -145,7 +145,7 @@ enum How {
     Typed,
 }
 
-/// Names that a text declares, comments left out.
+/// Names that a text declares, except in comments.
 fn names_of(text: &str) -> Vec<(&str, How)> {
     let code = text.lines().map(|line| line.split("//").next().unwrap_or(""));
     let mut out = Vec::new();

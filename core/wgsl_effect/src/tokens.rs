@@ -1,12 +1,12 @@
-//! The tokens of a WGSL text, and places in it. Comments are passed over.
+//! Tokenizer of WGSL texts, and places in them. Comments are skipped.
 
 /// The characters that end a line comment: all line breaks of WGSL, so that no code hides behind one.
 const LINE_ENDS: [char; 7] = ['\n', '\u{b}', '\u{c}', '\r', '\u{85}', '\u{2028}', '\u{2029}'];
 
-/// Tokens with the byte where each begins.
+/// Iterator of tokens, each with the byte at which it begins.
 pub(crate) struct Tokens<'a> {
     text: &'a str,
-    /// Byte.
+    /// Byte of the next token.
     at: usize,
 }
 
@@ -33,7 +33,7 @@ impl<'a> Iterator for Tokens<'a> {
                 let word =
                     |text: &str| text.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(text.len());
                 let mut length = word(rest);
-                // 1.5, and not 1.x
+                // A number has a point before a digit (1.5), unlike a member access (1.x).
                 if first.is_ascii_digit() && rest[length..].starts_with('.') {
                     let behind = &rest[length + 1..];
                     length +=
@@ -52,14 +52,14 @@ impl<'a> Iterator for Tokens<'a> {
     }
 }
 
-/// Line, and column in characters, of a byte; both from 1.
+/// Line and column of a byte, both from 1; columns are counted in characters.
 pub fn place(text: &str, byte: usize) -> (usize, usize) {
     let before = &text[..byte];
     let line_start = before.rfind('\n').map_or(0, |n| n + 1);
     (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
 }
 
-/// Bytes of a comment, in which others may begin and end.
+/// Length in bytes of a block comment, which can contain further block comments.
 fn end_of_comment(text: &str) -> usize {
     let (mut depth, mut at) = (0usize, 0);
     while let Some(next) = text[at..].find(['/', '*']) {

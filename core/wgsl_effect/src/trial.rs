@@ -1,4 +1,4 @@
-//! An effect is tried before it is used: an endless loop would hang the GPU.
+//! Tries an effect before it is used, because an endless loop would hang the GPU.
 
 use crate::environment::Placeholder;
 use crate::head::Head;
@@ -8,14 +8,14 @@ use crate::program::{MAX_STEPS, Program};
 use choreo_plugin::{Hook, Manifest, OptionKind, OptionSpec};
 use glam::DVec3;
 
-/// A part of an effect that takes too long, and its place.
+/// The part of an effect that takes too long.
 pub struct Slow {
     pub what: String,
-    /// The number of a counted loop; `None`: the function as a whole.
+    /// Number of the counted loop; `None`: the whole function.
     pub in_loop: Option<u32>,
 }
 
-/// Tries a few pixels (places, vertices, lights, lines) at the least, the usual and the largest parameters.
+/// Runs the function for a few pixels (places, vertices, lights, lines), with the smallest, the default and the largest parameters.
 pub fn ends(program: &Program, head: &Head, manifest: &Manifest) -> Result<(), Slow> {
     for p in sets(manifest) {
         let mut most = 0;
@@ -53,7 +53,7 @@ fn what(hook: Hook) -> &'static str {
     }
 }
 
-/// The least, the usual and the largest parameters.
+/// The smallest, the default and the largest parameters.
 fn sets(manifest: &Manifest) -> [Vec<f32>; 3] {
     let ends = |end: fn(&OptionSpec) -> f64| {
         let numbers =
@@ -70,7 +70,7 @@ fn sets(manifest: &Manifest) -> [Vec<f32>; 3] {
     [least, manifest.parameters(&[]), most]
 }
 
-/// Arguments of the function before the parameters: dark and bright, near and far, of every facing, the first and the last.
+/// Arguments of the function before the parameters: dark and bright, near and far, facing all directions, the first and the last element.
 fn trials(head: &Head, p: &[f32]) -> Vec<Vec<Vec<u32>>> {
     let colors = [[0.0, 0.0, 0.0, 1.0], [1.0, 0.5, 0.25, 1.0], [8.0, 8.0, 8.0, 1.0]];
     let samples = [
@@ -101,7 +101,7 @@ fn trials(head: &Head, p: &[f32]) -> Vec<Vec<Vec<u32>>> {
             [(0, 0), (40, 3)].iter().flat_map(|b| indices.map(|i| vec![vec![i], body(*b)])).collect()
         }
         Hook::Outline | Hook::Shutter => vec![Vec::new()],
-        // The effect runs on pixels or surfaces.
+        // This branch is for effects on pixels and surfaces.
         _ => {
             let pairs = colors.iter().flat_map(|c| samples.iter().map(move |s| (c, s)));
             pairs.map(|(color, sample)| vec![bits(color), bits(sample)]).collect()

@@ -1,5 +1,5 @@
-//! The struct `Parameters`: an effect's parameters by name and type, in place of an array of numbers. On the CPU the function gets
-//! the struct itself; shaders get a function `effect` that takes the array of numbers and calls the author's.
+//! The struct `Parameters` holds an effect's parameters by name and type, instead of an array of numbers. On the CPU the function gets the
+//! struct; shaders get a function `effect` that takes the array of numbers and calls the author's function.
 
 use crate::signature::{PARAMETERS, Signature, signature};
 use crate::tokens::Tokens;
@@ -9,7 +9,7 @@ use choreo_plugin::{Hook, ImagePass, Manifest, OptionKind, OptionSpec};
 /// The name of the author's function in shaders.
 const RENAMED: &str = "effect_of_author";
 
-/// Names that are declared around a text with the struct.
+/// Names that the program declares around a text with the struct.
 pub(crate) const DECLARED: [&str; 4] = [PARAMETERS, RENAMED, "parameters_of", "curve_at"];
 
 /// Whether a text takes its parameters as the struct.
@@ -17,7 +17,7 @@ pub(crate) fn is_typed(text: &str) -> bool {
     Tokens::of(text).any(|(_, token)| token == PARAMETERS)
 }
 
-/// The struct, a constant for each choice of a text, and the function of curves.
+/// WGSL of the struct, of a constant for each choice of a text parameter, and of the function that reads curves.
 pub fn declarations(manifest: &Manifest) -> String {
     let numbers = manifest.options.iter().filter(|o| o.number_count() > 0);
     let members: Vec<String> = numbers.map(|o| format!("{}: {}", o.name, type_of(o))).collect();
@@ -39,7 +39,7 @@ pub fn declarations(manifest: &Manifest) -> String {
     text
 }
 
-/// The constants of texts, `MODE_SOFT`, with their values.
+/// Constants for the choices of text parameters, such as `MODE_SOFT`, with their values.
 pub fn choices(manifest: &Manifest) -> impl Iterator<Item = (String, usize)> {
     manifest.options.iter().flat_map(|option| {
         let one_of: &[String] = match &option.kind {
@@ -54,7 +54,7 @@ pub fn choices(manifest: &Manifest) -> impl Iterator<Item = (String, usize)> {
     })
 }
 
-/// The text as shaders have it: the author's function by another name, and the function `effect` of its hook around it.
+/// The text as shaders use it: the author's function is renamed, and called by a function `effect` with the signature of the hook.
 pub fn adapted(text: &str, manifest: &Manifest, signature: &Signature) -> String {
     let head = signature.text.replace(PARAMETERS, &array(manifest));
     let arguments: Vec<&str> =
@@ -68,7 +68,7 @@ pub fn adapted(text: &str, manifest: &Manifest, signature: &Signature) -> String
     )
 }
 
-/// The text as shaders have it where passes have textures: the function `effect` of an effect on images calls that of the pass that runs.
+/// The text as shaders use it if passes have textures: the function `effect` calls the function of the pass that runs.
 pub(crate) fn adapted_passes(text: &str, manifest: &Manifest, passes: &[ImagePass]) -> String {
     let head = signature(Hook::Image).text.replace(PARAMETERS, &array(manifest));
     let before = &passes[..passes.len().saturating_sub(1)];
@@ -83,12 +83,12 @@ pub(crate) fn adapted_passes(text: &str, manifest: &Manifest, passes: &[ImagePas
     )
 }
 
-/// The type of the numbers that shaders have.
+/// WGSL type of the array of numbers in shaders.
 fn array(manifest: &Manifest) -> String {
     format!("array<f32, {}>", manifest.parameter_length())
 }
 
-/// The function that makes the struct of the numbers.
+/// WGSL function that makes the struct from the array of numbers.
 fn made_of_array(manifest: &Manifest) -> String {
     let values: Vec<String> = (0..)
         .zip(&manifest.options)
@@ -108,12 +108,12 @@ fn type_of(option: &OptionSpec) -> String {
         OptionKind::Text { .. } => "u32".into(),
         OptionKind::Color { .. } => "vec3<f32>".into(),
         OptionKind::Vector { default, .. } => format!("vec{}<f32>", default.len()),
-        // A curve.
+        // The remaining kind is a curve.
         _ => format!("array<f32, {}>", option.number_count()),
     }
 }
 
-/// A member made of the array of numbers.
+/// WGSL expression of a member, made from the array of numbers.
 fn value_of(option: &OptionSpec, first: usize) -> String {
     match &option.kind {
         OptionKind::Number { .. } => format!("p[{first}]"),
@@ -132,7 +132,7 @@ fn has_curve(manifest: &Manifest) -> bool {
     manifest.options.iter().any(|o| matches!(o.kind, OptionKind::Curve { .. }))
 }
 
-/// The text with its function `effect` renamed; lines stay.
+/// The text with its function `effect` renamed; line numbers stay.
 fn renamed(text: &str) -> String {
     let mut out = String::with_capacity(text.len() + 16);
     let (mut copied, mut before) = (0, "");

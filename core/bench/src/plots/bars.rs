@@ -1,4 +1,4 @@
-//! Amounts as bars, the largest first.
+//! Bar charts of amounts, the largest first.
 
 use super::number::bytes;
 use super::svg::{Anchor, BLUE, GREY, INK, Svg, text_width};
@@ -6,10 +6,10 @@ use super::svg::{Anchor, BLUE, GREY, INK, Svg, text_width};
 const WIDTH: f64 = 900.0;
 const ROW: f64 = 22.0;
 const TOP: f64 = 60.0;
-/// Bars beyond these are summed up in one.
+/// Largest number of bars; the last one sums up the remaining amounts.
 const MOST: usize = 24;
 
-/// Bytes by what needs them: (name, bytes). SVG.
+/// Bar chart of memory by its use, as (name, bytes). SVG.
 pub fn byte_bars(title: &str, amounts: &[(String, u64)]) -> String {
     let mut sorted: Vec<(String, u64)> = amounts.iter().filter(|a| a.1 > 0).cloned().collect();
     sorted.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));

@@ -1,21 +1,21 @@
-//! One numerical choice: what each way costs and how far it is from the truth, and which is taken.
+//! A numerical choice between methods: the cost and the error of each, and the one that was chosen.
 
 use super::number::{bytes, duration, quantity};
 use super::table::{Cell, Table};
 use crate::timing::Nanos;
 use serde_json::{Value, json};
 
-/// One way to do it.
+/// One method.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     pub name: String,
     /// Worst error in the choice's unit; 0 is exact.
     pub worst: f64,
-    /// Mean error over all cases in the same unit; NaN where it was not taken.
+    /// Mean error over all cases in the same unit; NaN if it was not measured.
     pub mean: f64,
     /// Place and time of the worst error.
     pub at: String,
-    /// Time of one item; `None` where time is not the price.
+    /// Time of one item; `None` if the cost is not a time.
     pub nanos: Option<Nanos>,
     pub bytes: Option<f64>,
     /// A remark about the row.
@@ -55,22 +55,22 @@ impl Row {
         self
     }
 
-    /// The cost on the axis of the image: time, else size.
+    /// The cost on the plot's axis: the time, or else the size in bytes.
     pub fn cost(&self) -> Option<f64> {
         self.nanos.map(|nanos| nanos.median).or(self.bytes)
     }
 }
 
-/// Ways to do one thing, compared.
+/// Methods for one task, compared.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Choice {
-    /// A word for files and machines: `bake`.
+    /// One word for file names and programs: `bake`.
     pub key: String,
     pub question: String,
     /// The reference that the error is measured against, and its extent.
     pub reference: String,
     pub error_unit: &'static str,
-    /// The mean decides, not the worst: of images, whose worst pixel is one pixel.
+    /// The mean error decides, not the worst: for images, whose worst error is that of one pixel.
     pub by_mean: bool,
     /// One item, in words: "sample of 41 joints".
     pub per: String,
@@ -84,7 +84,7 @@ impl Choice {
         Choice { key: key.into(), question: question.into(), ..Choice::default() }
     }
 
-    /// Marks the row of a name.
+    /// Marks the row with this name as chosen.
     pub fn choose(&mut self, name: &str, why: impl Into<String>) {
         self.chosen = self.rows.iter().position(|r| r.name == name);
         self.why = why.into();
@@ -95,8 +95,8 @@ impl Choice {
         if self.by_mean { row.mean } else { row.worst }
     }
 
-    /// Rows that no other beats in both error and cost, in the order of the rows. A row at the same place as another is on
-    /// the front with it. Times that differ by chance count as equal (`Nanos::is_less`).
+    /// The Pareto front: rows that no other row beats in both error and cost, in the order of the rows. Of rows with the same error and
+    /// cost, all are on the front. Times that differ only by chance count as equal (`Nanos::is_less`).
     pub fn front(&self) -> Vec<usize> {
         let on_front = |i: &usize| {
             let row = &self.rows[*i];
@@ -200,16 +200,16 @@ pub fn time(nanos: Nanos) -> Cell {
     Cell::number(text + &spread, median)
 }
 
-/// Stands where a difference may be chance.
+/// Text in place of a difference that may be chance.
 const WITHIN_NOISE: &str = "within the noise";
 
-/// How many times as long a way takes as another, where they do not differ by chance.
+/// How many times as long `way` takes as `of`, unless they may differ by chance.
 pub fn ratio(of: &Nanos, way: &Nanos) -> Cell {
     let times = way.median / of.median;
     if of.differs(way) { Cell::number(format!("{times:.2}"), times) } else { Cell::text(WITHIN_NOISE) }
 }
 
-/// The time that a way takes beyond another, where they do not differ by chance.
+/// The time that `beyond` takes more than `of`, unless they may differ by chance.
 pub fn difference(of: &Nanos, beyond: &Nanos) -> Cell {
     if !of.differs(beyond) {
         return Cell::text(WITHIN_NOISE);

@@ -1,4 +1,4 @@
-//! Lines over a logarithmic axis, with shares from 0 to 1 upwards.
+//! Line plot: shares from 0 to 1 over a logarithmic axis.
 
 use super::number::quantity;
 use super::svg::{Anchor, BLUE, GREY, GRID, INK, RED, Svg};
@@ -17,7 +17,7 @@ pub struct Lines {
     /// Names of the axes.
     pub x: String,
     pub y: String,
-    /// Each with its name: (x above 0, y from 0 to 1), x rising.
+    /// Lines by name: points (x above 0, y from 0 to 1), x increasing.
     pub lines: Vec<(String, Vec<(f64, f64)>)>,
 }
 
@@ -54,7 +54,7 @@ impl Lines {
             for pair in points.windows(2) {
                 svg.line(place(pair[0]), place(pair[1]), color, 2.0, "");
             }
-            // Names stand in the order of the lines, since their ends may lie over each other.
+            // The names are listed in the order of the lines, because the ends of lines may overlap.
             let at = TOP + 14.0 + 20.0 * number as f64;
             svg.line((RIGHT + 12.0, at - 4.0), (RIGHT + 28.0, at - 4.0), color, 2.0, "");
             svg.text((RIGHT + 34.0, at), name, 11.0, color, Anchor::Start);

@@ -1,5 +1,5 @@
-//! One style of report for every command: a table for the terminal and for Markdown, JSON for machines, an image as SVG.
-//! Knows nothing of scenes.
+//! Reports of all commands in one style: a table for the terminal and for Markdown, JSON for programs, an image as SVG. This module knows
+//! nothing of scenes.
 //!
 //! ```
 //! use choreo_bench::plots::{Choice, Row};

@@ -1,6 +1,6 @@
-//! Numbers for people: three significant digits, and units that fit.
+//! Numbers as text for people: three significant digits, and units that fit.
 
-/// Three significant digits; `1.2e-7` where that needs no long row of zeros.
+/// Three significant digits; `1.20e-7` below 0.001, and from a million on.
 pub fn quantity(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 {

@@ -1,4 +1,5 @@
-//! Error against cost, both logarithmic: each way a labelled point, the front a dashed line, the chosen one filled.
+//! Plot of error against cost, both logarithmic: each method is a labelled point, the Pareto front a dashed line, the chosen method a
+//! filled point.
 
 use super::choice::{Choice, Row};
 use super::number::{bytes, duration, quantity};
@@ -6,9 +7,9 @@ use super::svg::{Anchor, BLUE, GREY, GRID, INK, RED, Room, Svg, fitting, text_wi
 
 const WIDTH: f64 = 720.0;
 const HEIGHT: f64 = 440.0;
-/// Left, top, right, bottom.
+/// Left, top, right and bottom margin, pixels.
 const MARGIN: [f64; 4] = [78.0, 54.0, 24.0, 58.0];
-/// Width for exact ways: a zero has no place on a logarithmic axis.
+/// Height of the strip for exact methods: an error of zero has no place on a logarithmic axis.
 const EXACT: f64 = 26.0;
 const LABEL: f64 = 12.0;
 
@@ -20,7 +21,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// Decades around the values, at least one.
+    /// Range that holds the values, at least one decade.
     fn new(values: impl Iterator<Item = f64> + Clone, pixels: (f64, f64)) -> Axis {
         let logs = values.filter(|v| *v > 0.0 && v.is_finite()).map(libm::log10);
         let low = logs.clone().fold(f64::INFINITY, f64::min);
@@ -28,7 +29,7 @@ impl Axis {
         if low > high {
             return Axis { low: 0.0, high: 1.0, pixels };
         }
-        // A little air on both sides; a whole decade where all are nearly equal.
+        // A margin on both sides; a whole decade if all values are nearly equal.
         let air = ((high - low) * 0.08).max(0.12);
         let (mut low, mut high) = (low - air, high + air);
         if high - low < 1.0 {
@@ -43,7 +44,7 @@ impl Axis {
         self.pixels.0 + share * (self.pixels.1 - self.pixels.0)
     }
 
-    /// Whole decades, with 2 and 5 where there are few.
+    /// Ticks at whole decades, and at 2 and 5 times them if there are few.
     fn ticks(&self) -> Vec<f64> {
         let steps: &[f64] = if self.high - self.low < 2.2 { &[1.0, 2.0, 5.0] } else { &[1.0] };
         let every = ((self.high - self.low) / 8.0).ceil().max(1.0) as i32;
@@ -58,16 +59,16 @@ impl Axis {
     }
 }
 
-/// Surroundings of the points: the question, the axes and their labels.
+/// Frame around the points: the question, the axes and their labels.
 struct Frame<'a> {
     choice: &'a Choice,
     x: &'a Axis,
     y: &'a Axis,
     /// The cost is a time, else a size in bytes.
     timed: bool,
-    /// Some points have no error.
+    /// Some methods are exact: their error is 0.
     exact: bool,
-    /// Lowest place of the axis of errors.
+    /// Lowest y of the axis of errors, pixels.
     floor: f64,
 }
 
@@ -158,7 +159,7 @@ pub fn plot(choice: &Choice) -> Option<String> {
         let at = place(row, *cost);
         room.take((at.0 - 6.0, at.1 - 6.0), (12.0, 12.0));
     }
-    // The chosen one last: it lies over those that are as good.
+    // The chosen point is drawn last, so that it covers points that are as good.
     let (last, first): (Vec<_>, Vec<_>) = points.iter().partition(|p| choice.chosen == Some(p.0));
     for (i, row, cost) in first.into_iter().chain(last).copied() {
         let at = place(row, cost);
@@ -226,7 +227,7 @@ fn label(
     }
 }
 
-/// Ticks are round numbers: "1.00 ms" is "1 ms".
+/// Text of a tick, which is a round number: "1.00 ms" becomes "1 ms".
 fn plain(text: &str) -> String {
     let (number, unit) = text.split_once(' ').unwrap_or((text, ""));
     let number = match number.split_once('e') {

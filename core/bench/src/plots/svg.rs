@@ -1,4 +1,4 @@
-//! A few shapes as SVG text, and where there is room for a label.
+//! A few shapes as SVG text, and the free room for labels.
 
 use std::fmt::Write;
 
@@ -82,7 +82,7 @@ impl Svg {
         );
     }
 
-    /// Reads upwards.
+    /// Draws text that reads upwards.
     pub(crate) fn text_up(&mut self, at: (f64, f64), text: &str, size: f64, color: &str) {
         let (x, y) = at;
         let _ = writeln!(
@@ -103,7 +103,7 @@ impl Svg {
     }
 }
 
-/// The text for XML, without control characters, which names in files may contain.
+/// Escapes text for XML, and replaces control characters, which names in files may contain.
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -119,12 +119,12 @@ fn escaped(text: &str) -> String {
     out
 }
 
-/// About as wide as a sans-serif font of this size draws it.
+/// Approximate width of a text in a sans-serif font of this size, pixels.
 pub(crate) fn text_width(text: &str, size: f64) -> f64 {
     text.chars().map(|c| if "iljt.,:'|! ".contains(c) { 0.34 } else { 0.63 }).sum::<f64>() * size
 }
 
-/// Cut with a mark where it is wider.
+/// Cuts a text that is wider than `width`, and marks the cut.
 fn shortened(text: &str, size: f64, width: f64) -> String {
     let mut text = text.to_string();
     if text_width(&text, size) <= width {
@@ -136,7 +136,7 @@ fn shortened(text: &str, size: f64, width: f64) -> String {
     text + "…"
 }
 
-/// Smaller where it is wider, down to three quarters, and cut beyond that. Gives the text and its size.
+/// Shrinks a text that is wider than `width`, down to three quarters of its size, and cuts it beyond that. Returns the text and its size.
 pub fn fitting(text: &str, size: f64, width: f64) -> (String, f64) {
     let fits = |size: f64| text_width(text, size) <= width;
     let sizes = [1.0, 0.95, 0.9, 0.85, 0.8, 0.75].map(|share| share * size);
@@ -144,7 +144,7 @@ pub fn fitting(text: &str, size: f64, width: f64) -> (String, f64) {
     (shortened(text, size, width), size)
 }
 
-/// Boxes that are taken.
+/// Boxes that labels already take, in pixels.
 #[derive(Default)]
 pub struct Room(Vec<[f64; 4]>);
 
@@ -153,7 +153,7 @@ impl Room {
         self.0.push([at.0, at.1, at.0 + size.0, at.1 + size.1]);
     }
 
-    /// How much of a box is taken, in square pixels.
+    /// Area of a box that is already taken, in square pixels.
     pub fn overlap(&self, at: (f64, f64), size: (f64, f64)) -> f64 {
         let side = |a: f64, b: f64, c: f64, d: f64| (b.min(d) - a.max(c)).max(0.0);
         self.0

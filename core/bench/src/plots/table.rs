@@ -1,14 +1,14 @@
-//! Tables: for the terminal, for Markdown, as JSON.
+//! Tables for the terminal, for Markdown and as JSON.
 
 use serde_json::{Map, Value, json};
 use unicode_width::{UnicodeWidthChar, UnicodeWidthStr};
 
-/// Name for people, and key in JSON.
+/// Column of a table: title for people, and key in JSON.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
     pub title: String,
     pub key: &'static str,
-    /// Numbers line up on the right.
+    /// Numbers are aligned to the right.
     pub right: bool,
 }
 
@@ -28,7 +28,7 @@ impl Cell {
         Cell { text: String::new(), value: Value::Null }
     }
 
-    /// Text for people, and the exact number.
+    /// Cell of a number: text for people, and the exact number for JSON.
     pub fn number(text: impl Into<String>, value: f64) -> Cell {
         Cell { text: text.into(), value: json!(value) }
     }
@@ -38,7 +38,7 @@ impl Cell {
     }
 }
 
-/// Rows of as many cells as there are columns.
+/// A table, whose rows have as many cells as there are columns.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
     pub title: String,
@@ -49,7 +49,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// Columns as (title, key); a `>` before the title lines numbers up on the right.
+    /// Makes a table without rows. Columns are (title, key); a `>` before the title aligns numbers to the right.
     pub fn new(title: impl Into<String>, columns: &[(&str, &'static str)]) -> Table {
         let column = |(title, key): &(&str, &'static str)| Column {
             title: title.trim_start_matches('>').to_string(),
@@ -59,7 +59,7 @@ impl Table {
         Table { title: title.into(), columns: columns.iter().map(column).collect(), ..Table::default() }
     }
 
-    /// Leaves out columns in which no row has anything.
+    /// Leaves out columns that are empty in all rows.
     pub fn without_empty_columns(mut self) -> Table {
         let used = |i: usize| self.rows.iter().any(|r| r.get(i).is_some_and(|c| !c.text.is_empty()));
         let keep: Vec<bool> = (0..self.columns.len()).map(used).collect();
@@ -78,12 +78,13 @@ impl Table {
         self
     }
 
-    /// Columns lined up by blanks; the last one may be long.
+    /// The table as text, with columns aligned by blanks; the last column may be long.
     pub fn text(&self) -> String {
         self.text_within(usize::MAX)
     }
 
-    /// The text of [`Table::text`] in lines of this many characters where words allow it: longer cells go on in lines of their own.
+    /// The text of [`Table::text`] in lines of at most `width` characters where words allow it; longer cells continue on lines of their
+    /// own.
     pub fn text_within(&self, width: usize) -> String {
         let widths = self.fitted(width);
         let mut out = String::new();
@@ -118,7 +119,7 @@ impl Table {
 
     /// Widths of the columns: the widest are narrowed until a line fits.
     fn fitted(&self, width: usize) -> Vec<usize> {
-        /// A column of texts is not narrower.
+        /// Columns of text are not narrowed below this width.
         const LEAST: usize = 16;
         let mut widths = self.widths(|cell| cell.text.width());
         let mut over = (widths.iter().map(|width| width + 2).sum::<usize>()).saturating_sub(width);
@@ -153,7 +154,7 @@ impl Table {
         out
     }
 
-    /// An object a row, by the columns' keys.
+    /// The table as JSON: one object per row, with the keys of the columns.
     pub fn json(&self) -> Value {
         let row = |row: &Vec<Cell>| {
             let cells = self.columns.iter().zip(row);
@@ -165,7 +166,7 @@ impl Table {
     }
 }
 
-/// The lines of a text of at most this width each, broken between words, or inside a word that is longer. Further lines are set in.
+/// Breaks a text into lines of at most this width, between words, or inside a word that is longer. All lines but the first are indented.
 fn wrapped(text: &str, width: usize) -> Vec<String> {
     const INSET: &str = "  ";
     if text.width() <= width {

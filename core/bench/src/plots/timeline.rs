@@ -1,19 +1,19 @@
-//! Bars on tracks over time: a cue sheet as an image.
+//! Cue sheet as an image: bars on tracks over time.
 
 use super::svg::{Anchor, GREY, GRID, INK, RED, Svg, fitting, text_width};
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bar {
     pub label: String,
-    /// Seconds.
+    /// Start and end in seconds.
     pub start: f64,
     pub end: f64,
-    /// Seconds from the start over which it comes in.
+    /// Duration of the fade-in, seconds.
     pub fade: f64,
     pub color: &'static str,
 }
 
-/// Something to look at.
+/// A moment of a track that is marked with a label.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mark {
     pub at: f64,
@@ -30,7 +30,7 @@ pub struct Track {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timeline {
     pub title: String,
-    /// Seconds; bars beyond it are cut.
+    /// Length in seconds; bars beyond it are cut.
     pub length: f64,
     pub tracks: Vec<Track>,
 }
@@ -94,7 +94,7 @@ impl Timeline {
     }
 }
 
-/// About ten round steps: 1, 2 or 5 times a power of ten.
+/// Step between about ten ticks: 1, 2 or 5 times a power of ten.
 fn round_step(length: f64) -> f64 {
     let rough = length / 10.0;
     let decade = libm::pow(10.0, libm::log10(rough).floor());

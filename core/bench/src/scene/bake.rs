@@ -1,4 +1,4 @@
-//! Clips as authored, resampled to an even rate, or compressed.
+//! The choice between clips as authored, resampled to an even rate, or compressed.
 
 use super::{Limits, MeasuredScene, SceneChoices, pick};
 use crate::plots::{Choice, Row};
@@ -8,12 +8,11 @@ use choreo_motion::{Clip, FrameRate, LocalToModel, Path, Pose, Sample, Skeleton,
 use glam::{Affine3A, Vec3};
 use std::sync::Arc;
 
-/// Clips measured, and times looked at in each.
+/// Largest numbers of measured clips, and of times in each.
 const MOST_CLIPS: usize = 12;
 const MOST_TIMES: usize = 240;
 const RATES: [u32; 3] = [30, 60, 120];
-/// A tenth of a millimetre at a joint is a small part of a pixel in any shot of a whole character; a micrometre is f32's
-/// own rounding.
+/// A tenth of a millimetre at a joint is a small part of a pixel in any shot of a whole character. A micrometre is the rounding of f32.
 const LIMITS: Limits = Limits { rounding: 0.001, seen: 0.1, words: "0.1 mm" };
 
 /// A clip with the skeleton that it is played on.
@@ -44,7 +43,7 @@ pub fn choices(scene: &MeasuredScene) -> SceneChoices {
     SceneChoices::Choices(vec![bake(&clips, scene.budget_secs)])
 }
 
-/// The choice for these clips, each equally long in use.
+/// Compares the methods on these clips, each of which is sampled equally often.
 pub fn bake(clips: &[Played], budget_secs: f64) -> Choice {
     let mut choice =
         Choice::new("bake", "Are clips sampled as authored, baked to an even rate, or compressed?");
@@ -63,7 +62,7 @@ pub fn bake(clips: &[Played], budget_secs: f64) -> Choice {
                 Ok((Arc::new(baked), skeleton.clone()))
             })
             .collect::<Result<_, choreo_motion::BakeError>>();
-        // A clip of hours, too large to be baked at this rate.
+        // A clip of hours can be too long to be baked at this rate.
         if let Ok(baked) = baked {
             ways.push((format!("baked at {rate} Hz"), baked));
         }
@@ -112,13 +111,13 @@ pub fn bake(clips: &[Played], budget_secs: f64) -> Choice {
     choice
 }
 
-/// Keys, the middles between them, and the middles of frames: where errors are largest.
+/// Keys, the middles between them, and times at no frame: errors are largest between keys.
 fn times(clip: &Clip) -> Vec<Time> {
     let mut keys: Vec<Time> = clip.curves().iter().flat_map(|c| c.times.iter().copied()).collect();
     keys.sort_unstable();
     keys.dedup();
     let middles: Vec<Time> = keys.windows(2).map(|p| Time(p[0].0 + (p[1].0 - p[0].0) / 2)).collect();
-    // Times that are in step with no frame rate.
+    // Times at irregular places, which fall on no frame rate.
     let odd = (0..60).map(|i| clip.duration.scaled((f64::from(i) * 0.618_034) % 1.0));
     let mut all: Vec<Time> = keys.into_iter().chain(middles).chain(odd).collect();
     all.sort_unstable();
@@ -135,14 +134,14 @@ pub fn sampled(clip: &Clip, skeleton: &Skeleton, time: Time) -> Vec<Affine3A> {
     out
 }
 
-/// 32 samples of each clip, all over its length.
+/// Times 32 samples of each clip, spread over its length.
 fn timed(clips: &[Played]) -> Case<'_> {
     const TIMES: usize = 32;
     let mut poses: Vec<Pose> = clips.iter().map(|(_, skeleton)| Pose::rest(skeleton)).collect();
     Case::new(TIMES * clips.len(), move || {
         for ((clip, _), pose) in clips.iter().zip(&mut poses) {
             for i in 0..TIMES {
-                // A permutation of the 32nds, so that no time is near the one before.
+                // A permutation of the 32 times, so that no time is near the one before.
                 let time = Time(clip.duration.0 / TIMES as i64 * ((i * 13 + 5) % TIMES) as i64);
                 Sample { clip, time, pose }.run();
             }

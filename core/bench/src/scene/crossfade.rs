@@ -1,4 +1,4 @@
-//! How two poses are blended while one clip fades into the next.
+//! The choice of the method that blends two poses while one clip fades into the next.
 
 use super::{Limits, MeasuredScene, SceneChoices, pick};
 use crate::blend::{add_errors, exact};
@@ -13,13 +13,13 @@ use std::sync::Arc;
 const MOST_FADES: usize = 16;
 const WEIGHTS: [f32; 5] = [0.1, 0.25, 0.4, 0.7, 0.9];
 const LIMITS: Limits = Limits { rounding: 0.01, seen: 1.0, words: "1 mm" };
-/// Eight joints at once, each.
+/// Methods; each blends eight joints at once.
 const WAYS: [(&str, RotationBlend); 3] = [
     ("nlerp", RotationBlend::Nlerp),
     (NOW, RotationBlend::CorrectedNlerp),
     ("slerp, power series", RotationBlend::Slerp),
 ];
-/// The method that blends use.
+/// The method that the program uses.
 pub const NOW: &str = "nlerp, corrected";
 
 /// Two poses that are blended somewhere in the scene.
@@ -27,7 +27,7 @@ pub struct Fade {
     pub from: Pose,
     pub to: Pose,
     pub skeleton: Arc<Skeleton>,
-    /// The place in words: `anna, Walk → Run at 2.25 s`.
+    /// Place of the fade in words: `anna, Walk → Run at 2.25 s`.
     pub place: String,
 }
 
@@ -39,7 +39,7 @@ pub fn choices(scene: &MeasuredScene) -> SceneChoices {
     SceneChoices::Choices(vec![crossfade(&fades, scene.budget_secs)])
 }
 
-/// The middle of every fade of a base layer.
+/// Poses in the middle of every fade of a base layer.
 fn fades(scene: &MeasuredScene) -> Vec<Fade> {
     let mut fades = Vec::new();
     for actor in &scene.stage.actors {
@@ -69,7 +69,7 @@ fn fades(scene: &MeasuredScene) -> Vec<Fade> {
     fades
 }
 
-/// The choice for these pairs of poses.
+/// Compares the methods on these pairs of poses.
 pub fn crossfade(fades: &[Fade], budget_secs: f64) -> Choice {
     let mut choice = Choice::new("crossfade", "How are rotations blended in a crossfade?");
     choice.error_unit = "mm";

@@ -1,4 +1,4 @@
-//! How the levels of a texture are made.
+//! The choice of the method that makes the mipmaps of a texture.
 
 use super::{MeasuredScene, SceneChoices};
 use crate::moment::Moment;
@@ -8,10 +8,10 @@ use crate::truth::Spread;
 use choreo_asset::Image;
 use choreo_render::scene_resources::mipmap::{levels_below, linear_to_srgb8, srgb_to_linear_table};
 
-/// Larger ones are judged by a part of this many pixels a side.
+/// Side in pixels of the part by which a larger texture is judged.
 const MOST_SIDE: u32 = 512;
 
-/// Names of the ways; the first is what runs.
+/// Names of the methods; the program uses the first.
 const WAYS: [&str; 3] = ["linear light, unrounded levels", "linear light, rounded levels", "sRGB codes"];
 
 pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
@@ -23,7 +23,7 @@ pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
     SceneChoices::Choices(vec![mips(&part(&texture.image), scene.budget_secs)])
 }
 
-/// The top left corner.
+/// The top left part of an image, at most [`MOST_SIDE`] pixels a side.
 fn part(image: &Image) -> Image {
     let (width, height) = (image.width.min(MOST_SIDE), image.height.min(MOST_SIDE));
     let row = |y: u32| {
@@ -33,7 +33,7 @@ fn part(image: &Image) -> Image {
     Image { name: image.name.clone(), width, height, rgba: (0..height).flat_map(row).collect(), file: None }
 }
 
-/// The choice for this image.
+/// Compares the methods on this image.
 pub fn mips(image: &Image, budget_secs: f64) -> Choice {
     let mut choice = Choice::new("mips", "In what light, and from what, are mipmaps averaged?");
     choice.error_unit = "steps of 255";
@@ -60,7 +60,7 @@ pub fn mips(image: &Image, budget_secs: f64) -> Choice {
     let pixels = (image.width * image.height) as usize;
     let case = |way: usize| Case::new(pixels, move || drop(std::hint::black_box(levels(image, way))));
     let mut cases: Vec<Case> = (0..WAYS.len()).map(case).collect();
-    // The first is made by all threads.
+    // The first method uses all threads.
     let nanos = interleaved(Clock::Process, budget_secs, &mut cases);
     drop(cases);
     for (((name, error), place), nanos) in WAYS.iter().zip(&errors).zip(places).zip(nanos) {
@@ -88,7 +88,7 @@ fn levels(image: &Image, way: usize) -> Vec<Level> {
     levels
 }
 
-/// Two by two, dropping what is odd, as the simplest code does; each level rounded to bytes.
+/// Halves an image by averaging two by two pixels, dropping an odd row or column, as the simplest code does. The level is rounded to bytes.
 fn halved(rgba: &[u8], width: u32, height: u32, linear: bool) -> Vec<u8> {
     let table = srgb_to_linear_table();
     let (w, h) = ((width / 2).max(1), (height / 2).max(1));
@@ -111,10 +111,10 @@ fn halved(rgba: &[u8], width: u32, height: u32, linear: bool) -> Vec<u8> {
     out
 }
 
-/// The level averaged by area from the image itself, in sRGB steps but not rounded.
+/// Reference level: the area average of the image itself, in sRGB codes of 0 to 255, not rounded.
 fn exact_level(image: &Image, width: u32, height: u32) -> Vec<[f64; 3]> {
     let table = srgb_to_linear_table();
-    // How much of each pixel of a side every texel covers.
+    // Share of each texel that each pixel of a side covers.
     let shares = |size: u32, level: u32| -> Vec<Vec<(u32, f64)>> {
         let scale = f64::from(size) / f64::from(level);
         let of_texel = |i: u32| {
@@ -144,7 +144,7 @@ fn exact_level(image: &Image, width: u32, height: u32) -> Vec<[f64; 3]> {
     out
 }
 
-/// IEC 61966-2-1, times 255.
+/// sRGB code (IEC 61966-2-1) of a linear value, times 255.
 fn encoded(linear: f64) -> f64 {
     255.0 * choreo_asset::srgb_from_linear(linear)
 }

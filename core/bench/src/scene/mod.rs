@@ -1,4 +1,5 @@
-//! The numerical choices that one scene could make. One file per choice: each gives a [`Choice`], or says why there is none.
+//! The numerical choices that one scene could make. Each file has one choice, and returns a [`Choice`] or the reason why the scene has
+//! none.
 
 pub mod bake;
 pub mod crossfade;
@@ -21,23 +22,23 @@ use choreo_render::Renderer;
 use choreo_stage::Stage;
 use std::sync::Arc;
 
-/// The scene that is measured, and how thoroughly.
+/// The scene that is measured, with the devices and the time for it.
 pub struct MeasuredScene<'a> {
     pub stage: &'a Arc<Stage>,
     pub registry: &'a Registry,
-    /// The times at which images are taken.
+    /// Stage time at which images are taken.
     pub at: Time,
-    /// Pixels.
+    /// Size of the images in pixels.
     pub size: [u32; 2],
-    /// The first is the CPU renderer.
+    /// Renderers to compare; the first is the CPU renderer.
     pub renderers: Vec<Box<dyn Renderer>>,
-    /// Whether a Vulkan device was asked for: then it is taken, whatever it is.
+    /// Whether a Vulkan device was requested: then it is chosen, whatever kind it is.
     pub asks_for_vulkan: bool,
     /// Seconds for the timings of one choice.
     pub budget_secs: f64,
 }
 
-/// Choices measured, and those that the scene does not have: (key, why).
+/// The measured choices, and those that the scene does not have, as (key, reason).
 #[derive(Default)]
 pub struct Measured {
     pub choices: Vec<Choice>,
@@ -61,7 +62,7 @@ pub const KEYS: [&str; 13] = [
     "video",
 ];
 
-/// Measures the choices of these keys; errors are of the scene or of a device.
+/// Measures the choices with these keys. Errors come from the scene, a renderer or the video decoder.
 pub fn measure(scene: &mut MeasuredScene, keys: &[&str]) -> Result<Measured, BenchError> {
     let moment = Moment::new(scene.stage, scene.at, scene.registry.effects())?;
     let mut measured = Measured::default();
@@ -94,22 +95,22 @@ pub fn measure(scene: &mut MeasuredScene, keys: &[&str]) -> Result<Measured, Ben
 
 pub enum SceneChoices {
     Choices(Vec<Choice>),
-    /// Why there is nothing to choose.
+    /// The reason why there is nothing to choose.
     None(String),
 }
 
 /// Bounds for the errors of the compared methods.
 struct Limits {
-    /// Below it ways are equally exact: rounding.
+    /// Largest error that counts as rounding: below it, methods are equally exact.
     rounding: f64,
-    /// Beyond it an error may be seen.
+    /// Smallest error that may be visible.
     seen: f64,
     /// The bound `seen` in words.
     words: &'static str,
 }
 
-/// The row that is taken: the cheapest within the limit; but the most exact one where it costs at most half as much again.
-/// Without a row within the limit, the most exact one. Of rows that are equal to rounding and within a tenth of the cost, the first.
+/// Chooses a row: the cheapest within the limit, or the most exact one if it costs at most half as much again. If no row is within the
+/// limit, the most exact one. Of rows that are equal to rounding and within a tenth of the cost, the first.
 fn pick(choice: &mut Choice, limits: &Limits) {
     const WORTH: f64 = 1.5;
     const EQUAL: f64 = 1.1;

@@ -10,9 +10,9 @@ use choreo_plugin::Frame;
 use choreo_render::{DeviceKind, RenderError};
 use std::cell::RefCell;
 
-/// The reference draws 16 times as many pixels as the image.
+/// Largest size of the image; the reference draws 16 times as many pixels.
 const MOST_PIXELS: u32 = 1280 * 720;
-/// Differences beyond this many steps are seen side by side.
+/// Larger differences, in steps of 255, are visible side by side.
 const TOLERANCE: u8 = 8;
 
 pub fn choices(scene: &mut MeasuredScene, moment: &Moment) -> Result<SceneChoices, BenchError> {
@@ -20,7 +20,7 @@ pub fn choices(scene: &mut MeasuredScene, moment: &Moment) -> Result<SceneChoice
         return Ok(SceneChoices::None("there is nothing to draw".into()));
     }
     let [width, height] = scene.size;
-    // The size is reduced by a whole divisor, so that the aspect ratio stays.
+    // The size is divided by a whole number, so that the aspect ratio stays.
     let smaller = (1..=64).find(|n| (width / n) * (height / n) <= MOST_PIXELS).unwrap_or(64);
     let size = [width / smaller, height / smaller].map(|n| n.max(16));
     let truth = moment.supersampled(size)?;
@@ -48,7 +48,7 @@ pub fn choices(scene: &mut MeasuredScene, moment: &Moment) -> Result<SceneChoice
     let gpu = scene.renderers.iter().any(|r| r.device().kind == DeviceKind::VulkanGpu);
     let clock = if gpu { Clock::Wall } else { Clock::Process };
     choice.per = format!("image, {}", clock.words());
-    // A failure after the first image went well is not expected; it must not be timed as if it were fast.
+    // Drawing is not expected to fail after the first image; a failure must not be timed as a fast image.
     let failed: RefCell<Option<RenderError>> = RefCell::new(None);
     let cells: Vec<RefCell<_>> = scene.renderers.iter_mut().map(RefCell::new).collect();
     let mut cases: Vec<Case> = Vec::new();
@@ -72,7 +72,7 @@ pub fn choices(scene: &mut MeasuredScene, moment: &Moment) -> Result<SceneChoice
     choice.rows = rows.iter().zip(nanos).map(|((_, row), nanos)| row.clone().nanos(nanos)).collect();
     let kinds: Vec<DeviceKind> = scene.renderers.iter().map(|r| r.device().kind).collect();
     let (taken, reason) = taken(&kinds, scene.asks_for_vulkan);
-    // Two rows a renderer.
+    // There are two rows per renderer.
     let of_taken = |samples: u32| (2 * taken..2 * taken + 2).find(|i| rows[*i].0 == samples);
     if let (Some(chosen), Some(one), Some(four)) = (of_taken(wanted), of_taken(1), of_taken(4)) {
         let [one, four] = [one, four].map(|row| choice.rows[row].clone());
@@ -88,7 +88,7 @@ pub fn choices(scene: &mut MeasuredScene, moment: &Moment) -> Result<SceneChoice
     Ok(SceneChoices::Choices(vec![choice]))
 }
 
-/// The renderer that the program takes of these, and why: a driver that draws on the CPU, too, only where it is asked for (decision 30).
+/// The renderer that the program would use, and why. A Vulkan driver that draws on the CPU is used only if it was requested (decision 30).
 fn taken(kinds: &[DeviceKind], asks_for_vulkan: bool) -> (usize, &'static str) {
     let of = |kind: DeviceKind| kinds.iter().position(|k| *k == kind);
     match (of(DeviceKind::VulkanGpu), of(DeviceKind::VulkanCpu)) {
@@ -109,7 +109,7 @@ fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, BenchError> {
         .note(share))
 }
 
-/// "llvmpipe (LLVM 15.0.6, 256 bits)" is llvmpipe.
+/// Short name of a device: "llvmpipe" for "llvmpipe (LLVM 15.0.6, 256 bits)".
 fn short(device: &str) -> &str {
     device.split(" (").next().unwrap_or(device)
 }

@@ -1,4 +1,4 @@
-//! Linear or dual-quaternion skinning: how much they differ on this scene's characters, and what each costs.
+//! The choice between linear and dual-quaternion skinning: their difference on this scene's characters, and their costs.
 
 use super::vertices::model_from_mesh;
 use super::{MeasuredScene, SceneChoices};
@@ -15,14 +15,14 @@ use glam::{Affine3A, DAffine3, DVec3, Mat3A, Vec3A};
 
 const NAMES: [&str; 2] = ["linear", "dual quaternions"];
 
-/// One skinned primitive as one actor holds it.
+/// One skinned primitive in the pose of one actor.
 struct Posed<'a> {
     primitive: &'a Primitive,
     place: String,
     maps: Vec<DAffine3>,
     matrices: Vec<Affine3A>,
     motions: Vec<DualQuaternion>,
-    /// Empty where nothing is scaled.
+    /// Stretch of each joint; empty if no joint is scaled.
     stretches: Vec<Affine3A>,
 }
 
@@ -119,7 +119,7 @@ fn narrow(map: &DAffine3) -> Affine3A {
 }
 
 impl Posed<'_> {
-    /// Positions in the model: by the mean motion, by linear blending, and by dual quaternions.
+    /// Exact positions in model space: by the mean motion, by linear blend skinning, and by dual quaternions.
     fn exact(&self) -> [Vec<DVec3>; 3] {
         let p = self.primitive;
         let parts: Vec<Parted> = self.maps.iter().map(Parted::of).collect();
@@ -136,7 +136,7 @@ impl Posed<'_> {
         out
     }
 
-    /// Positions in the model.
+    /// Positions in model space, as the program skins them.
     fn skinned(&self, how: Skinning) -> Vec<glam::Vec3> {
         let p = self.primitive;
         let (mut positions, mut normals) = (p.positions.clone(), p.normals.clone());

@@ -1,4 +1,4 @@
-//! The maps of a sky for mirrors, and the form in which its diffuse light is stored.
+//! Choices about skies: the reflection maps, and the form in which diffuse light is stored.
 
 use super::{MeasuredScene, SceneChoices};
 use crate::plots::{Choice, Row};
@@ -21,7 +21,7 @@ pub fn choices(scene: &MeasuredScene) -> SceneChoices {
     SceneChoices::Choices(vec![mirrored(sky, budget), diffuse(sky, budget)])
 }
 
-/// Even directions: a spiral of equal areas.
+/// Evenly distributed directions: a spiral of equal areas.
 fn directions(count: u32) -> Vec<DVec3> {
     let direction = |i: u32| {
         let y = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(count);
@@ -31,7 +31,8 @@ fn directions(count: u32) -> Vec<DVec3> {
     (0..count).map(direction).collect()
 }
 
-/// (way, roughness, mean of the GGX lobe about it weighted with the cosine) with N = V, in f64, by 2^14 points of the lobe.
+/// Reference reflections: (direction, roughness, mean light of the GGX lobe around the direction, weighted with the cosine), for N = V, in
+/// f64, by 2^14 points of each lobe.
 fn lobes(sky: &Panorama) -> Vec<(DVec3, f64, DVec3)> {
     let ways = directions(40);
     let mut all = Vec::new();
@@ -61,7 +62,7 @@ fn lobes(sky: &Panorama) -> Vec<(DVec3, f64, DVec3)> {
     all
 }
 
-/// Sizes and samples of the maps of a sky.
+/// Compares sizes and sample counts of the reflection maps of a sky.
 pub fn mirrored(sky: &Panorama, budget_secs: f64) -> Choice {
     let mut choice =
         Choice::new("sky_maps", "How large are the maps of a sky, and of how many samples a texel?");
@@ -109,7 +110,7 @@ fn name(o: &SkyOptions) -> String {
     format!("{} texels a side, {} roughnesses, {} samples", o.size, o.levels, o.samples)
 }
 
-/// The form in which the diffuse light of a sky is stored.
+/// Compares forms in which the diffuse light of a sky is stored.
 pub fn diffuse(sky: &Panorama, budget_secs: f64) -> Choice {
     let mut choice = Choice::new("sky_diffuse", "What is the diffuse light of a sky kept as?");
     choice.error_unit = "of the sky's mean radiance";

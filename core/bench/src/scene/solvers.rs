@@ -1,4 +1,4 @@
-//! Spring bones and chains that reach, with other steps and iterations than the scene has.
+//! Choices about spring bones and IK chains: steps per second, solvers and iterations.
 
 use super::{Limits, MeasuredScene, SceneChoices, pick};
 use crate::error::BenchError;
@@ -11,9 +11,9 @@ use choreo_stage::{Actor, ConstraintKind, Evaluator, ReachConstraint, Snapshot, 
 use glam::DVec3;
 use std::sync::Arc;
 
-/// A simulation is followed for at most this long from its beginning, seconds.
+/// Longest time from its beginning over which a simulation is followed, seconds.
 const MOST_SECS: f64 = 10.0;
-/// Times at which joints are compared.
+/// Number of times at which joints are compared.
 const MOMENTS: i64 = 8;
 const RATES: [i64; 4] = [30, 60, 120, 240];
 const EXACT_RATE: i64 = 960;
@@ -22,7 +22,7 @@ const SOLVERS: [(Solver, &str); 3] =
 const ITERATIONS: [usize; 4] = [4, 8, 24, 64];
 const LIMITS: Limits = Limits { rounding: 0.01, seen: 1.0, words: "1 mm" };
 
-/// (actor, joint) whose places are compared.
+/// (actor, joint) pairs whose positions are compared.
 type Joints = Vec<(usize, u32)>;
 
 pub fn springs(scene: &MeasuredScene) -> Result<SceneChoices, BenchError> {
@@ -76,7 +76,7 @@ pub fn chains(scene: &MeasuredScene) -> Result<SceneChoices, BenchError> {
     Ok(SceneChoices::Choices(vec![choice]))
 }
 
-/// Last joints of the chains that have no closed form.
+/// End joints of the IK chains that have no closed form: more than three joints, or joint limits.
 fn reached(actor: &Actor) -> impl Iterator<Item = u32> {
     let limited =
         |reach: &ReachConstraint| reach.joints.iter().any(|j| actor.limits.iter().any(|(l, _)| l == j));
@@ -93,7 +93,7 @@ fn joints_of(stage: &Stage, of: impl Fn(&Actor) -> Vec<u32>) -> Joints {
     actors.flat_map(|(index, actor)| of(actor).into_iter().map(move |joint| (index, joint))).collect()
 }
 
-/// Rows with the distance of the joints from where the exact settings have them, and the time of the poses.
+/// Adds a row for each of `ways`: the distance of the joints from their places with the exact settings, and the time that the poses take.
 fn fill(
     choice: &mut Choice,
     scene: &MeasuredScene,
@@ -131,7 +131,7 @@ fn fill(
     Ok(())
 }
 
-/// World places of the joints at each time, from a new evaluator, that is: springs from the beginning.
+/// World positions of the joints at each time, from a new evaluator, so that springs are simulated from the beginning.
 fn places(stage: &Arc<Stage>, times: &[Time], joints: &Joints) -> Result<Vec<DVec3>, BenchError> {
     let mut evaluator = Evaluator::new(stage.clone()).posing_hidden();
     let (mut snapshot, mut out) = (Snapshot::default(), Vec::new());

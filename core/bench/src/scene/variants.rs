@@ -1,4 +1,4 @@
-//! Choices that show in images: the same moment drawn from variants of the stage, against one with many more samples.
+//! Choices that show in images: the same moment is drawn from variants of the stage, and compared with an image of many more samples.
 
 use super::{MeasuredScene, SceneChoices};
 use crate::error::BenchError;
@@ -14,12 +14,12 @@ use choreo_stage::{Evaluator, Shadow, Stage, StageError};
 use std::cell::RefCell;
 use std::sync::Arc;
 
-/// The reference takes many times the samples of the image.
+/// Largest size of the image, because the reference takes many times its samples.
 const MOST_PIXELS: u32 = 320 * 180;
-/// Differences beyond this many steps are seen side by side.
+/// Larger differences, in steps of 255, are visible side by side.
 const TOLERANCE: u8 = 8;
 
-/// A stage that is drawn, and its name in the table.
+/// A stage to draw, and its name in the table.
 struct Variant {
     name: String,
     stage: Stage,
@@ -27,7 +27,7 @@ struct Variant {
     all_sub_frames: bool,
 }
 
-/// Sub-frames of motion blur.
+/// Compares numbers of sub-frames of motion blur.
 pub fn motion_blur(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoices, BenchError> {
     let is_blur = |e: &&choreo_stage::EffectState| scene.stage.effects[e.effect].plugin == "motion_blur";
     let Some(blur) = moment.snapshot.effects.iter().find(is_blur) else {
@@ -59,7 +59,7 @@ pub fn motion_blur(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoice
     Ok(SceneChoices::Choices(vec![choice]))
 }
 
-/// Texels of shadow maps.
+/// Compares sizes of shadow maps.
 pub fn shadows(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoices, BenchError> {
     let sizes: Vec<u32> = scene.stage.lights.iter().filter_map(|light| Some(light.shadow?.size)).collect();
     let Some(given) = sizes.iter().copied().max() else {
@@ -86,7 +86,7 @@ pub fn shadows(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoices, B
     Ok(SceneChoices::Choices(vec![choice]))
 }
 
-/// The stage that is the reference, drawn `finer` times as large with four samples per pixel.
+/// The reference: a stage that is drawn `finer` times as large with four samples per pixel.
 struct Reference {
     stage: Stage,
     finer: u32,

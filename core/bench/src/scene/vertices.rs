@@ -1,4 +1,4 @@
-//! How normals and skin weights are packed for the GPU.
+//! The choice of the packing of normals and skin weights for the GPU.
 
 use super::{MeasuredScene, SceneChoices};
 use crate::moment::Moment;
@@ -9,7 +9,7 @@ use choreo_asset::{Asset, Skin};
 use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
 use std::sync::Arc;
 
-/// Vertices of one mesh at most, taken evenly.
+/// Largest number of vertices of one mesh that are measured, taken evenly.
 const MOST_VERTICES: usize = 20_000;
 
 pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
@@ -112,7 +112,7 @@ fn weights(assets: &[(&Arc<Asset>, usize)], moment: &Moment) -> Option<Choice> {
     Some(choice)
 }
 
-/// The matrix of each joint of a skin, from the mesh to the model.
+/// Model-from-mesh matrices of the joints of a skin, for a pose.
 pub(super) fn model_from_mesh(skin: &Skin, posed: &[Affine3A]) -> Vec<DAffine3> {
     let pairs = skin.joints.iter().zip(&skin.inverse_bind);
     let map = |(joint, bind): (&u32, &Mat4)| {

@@ -1,4 +1,4 @@
-//! The quality at which a frame is written as MP4.
+//! The choice of the quality at which a frame is written as MP4.
 
 use super::{MeasuredScene, SceneChoices};
 use crate::error::BenchError;
@@ -19,7 +19,7 @@ pub fn choices(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoices, B
     let Some(exporter) = scene.registry.exporters().iter().find(|e| e.manifest().name == "mp4") else {
         return Ok(SceneChoices::None("this program has no exporter \"mp4\"".into()));
     };
-    // Even sides, as the format needs.
+    // The format needs even sides.
     let size = scene.size.map(|n| (n & !1).clamp(16, 1920));
     let mut renderer = CpuRenderer::new(&moment.effects);
     renderer.load(moment.resources.clone())?;
@@ -27,7 +27,7 @@ pub fn choices(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoices, B
     Ok(SceneChoices::Choices(vec![video(&frame, exporter.as_ref())?]))
 }
 
-/// The choice for this frame, as the first of a video. Its sides are even.
+/// Compares qualities on this frame as the first of a video. Its sides are even.
 pub fn video(frame: &Frame, exporter: &dyn Exporter) -> Result<Choice, BenchError> {
     let mut choice = Choice::new("video", "At which quality is a frame written as MP4?");
     choice.error_unit = "steps of 255";
@@ -84,7 +84,7 @@ fn encoded(frame: &Frame, exporter: &dyn Exporter, quality: u32) -> Result<Vec<u
     let bytes = Bytes::default();
     let mut sink = exporter.begin(&info, Box::new(bytes.clone()))?;
     sink.frame(frame)?;
-    // The head of the file is known last.
+    // The head of the file is known only at the end.
     let mut file = sink.finish()?;
     file.append(&mut bytes.0.lock().unwrap_or_else(PoisonError::into_inner));
     Ok(file)

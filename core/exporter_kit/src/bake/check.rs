@@ -1,4 +1,4 @@
-//! The error of what is written: the curves with the times of the file, as a player has them, against the scene.
+//! Error of the exported curves, as a player of the file evaluates them, against the scene.
 
 use crate::bake::tracks::seconds;
 use crate::bake::{Baked, rig};
@@ -8,14 +8,14 @@ use choreo_plugin::motion::{Clip, Path, Pose, Sample, Skeleton, Time, Transform}
 use choreo_plugin::stage::{Actor, Snapshot, StageError};
 use choreo_plugin::{ExportDeviation, ExportedScene};
 
-/// Joints that are compared, at most: large scenes are looked at less often.
+/// Largest number of joints that are compared, summed over all times: large scenes are compared at fewer times.
 const MOST_JOINTS: usize = 400_000;
 
-/// The changes that a file makes to the numbers that it gets.
+/// Changes of times and numbers by a file format.
 pub struct AsWritten {
-    /// Key times, from the start of the export.
+    /// Key times as the file holds them, from the start of the export.
     pub times: fn(&[Time], Time) -> Vec<Time>,
-    /// A number of a curve.
+    /// Number of a curve as the file holds it.
     pub number: fn(Path, f32) -> f32,
 }
 
@@ -27,7 +27,7 @@ pub const SINGLE_SECONDS: AsWritten = AsWritten {
     number: |_, number| number,
 };
 
-/// The largest distance of a joint. Times are spread evenly, off the frames; hidden actors have no joints.
+/// The largest distance of a joint in the file from the scene. Times are spread evenly, between the frames; hidden actors are left out.
 ///
 /// # Errors
 /// The stage cannot be evaluated at a time.
@@ -40,7 +40,7 @@ pub fn worst(
     let joints: usize = stage.actors.iter().map(|a| a.asset.skeleton.len() + 1).sum();
     let count = (MOST_JOINTS / joints.max(1)).clamp(12, 97) as i64;
     let length = (baked.end - baked.start).0 as f64;
-    // The golden section meets neither frames nor round times.
+    // An offset by the golden section avoids frames and round times.
     let share = |i: i64| (i as f64 + 0.381_966) / count as f64;
     let times: Vec<Time> = (0..count).map(|i| baked.start + Time((length * share(i)) as i64)).collect();
     let evaluator = scene.evaluator();
@@ -91,7 +91,7 @@ fn written(baked: &Baked<'_>, (actor, index): (&Actor, usize), file: &AsWritten)
     let mut still = baked.still_rig(actor, index);
     let tracks = baked.motions[index].sets.iter().flat_map(|set| &baked.sets[*set].tracks);
     for track in tracks.filter(|track| track.joint > 0) {
-        // Formats that hold whole transforms of what moves write its size, too.
+        // Formats that store whole transforms of moving joints also store, and round, their scale.
         let scale = &mut still[track.joint as usize].scale;
         *scale = scale.to_array().map(|v| (file.number)(Path::Scale, v)).into();
     }

@@ -1,4 +1,4 @@
-//! Clips that play unchanged keep their keys: the timeline as stretches in which clip time is a straight line of stage time.
+//! Clips that play unchanged keep their keys. The timeline is split into stretches in which clip time is a linear function of stage time.
 
 use crate::bake::tracks::{JUMP_TICKS, Track};
 use choreo_plugin::glam::Quat;
@@ -14,7 +14,7 @@ struct Stretch {
     to: Time,
     /// Clip time at `from`.
     at: Time,
-    /// Clip seconds a stage second.
+    /// Clip seconds per stage second.
     rate: f64,
 }
 
@@ -25,7 +25,7 @@ pub struct KeyTracks<'a> {
 }
 
 struct KeyTrack<'a> {
-    /// One a cue; `None` where its clip leaves the joint at rest.
+    /// One per cue; `None` where the clip leaves the joint at rest.
     curves: Vec<Option<&'a Curve>>,
     rest: Vec<f32>,
     cubic: bool,
@@ -48,7 +48,7 @@ pub(crate) fn plays_unchanged(stage: &Stage, actor: &Actor) -> bool {
 }
 
 fn is_plain(actor: &Actor, index: usize, cue: &Cue) -> bool {
-    // All are named, so that the compiler asks whether poses remain those of the keys with a new one.
+    // All fields are named, so that a new one is a compile error until it is clear whether poses are still those of the keys.
     let Cue {
         clip,
         fade_in,
@@ -57,7 +57,7 @@ fn is_plain(actor: &Actor, index: usize, cue: &Cue) -> bool {
         in_step,
         inertialization,
         root,
-        // `is_even` is about these two, `play` about the others.
+        // `is_even` checks these two fields; `play` handles the others.
         time_remapping: _,
         freezes: _,
         start: _,
@@ -68,7 +68,7 @@ fn is_plain(actor: &Actor, index: usize, cue: &Cue) -> bool {
         speed: _,
         repeat: _,
     } = cue;
-    // The first cue has all the weight.
+    // The first cue always has full weight.
     let whole = index == 0 || (*weight >= 1.0 && weight_keys.is_none() && *fade_in <= Time::ZERO);
     whole
         && *inertialization <= Time::ZERO
@@ -79,8 +79,8 @@ fn is_plain(actor: &Actor, index: usize, cue: &Cue) -> bool {
         && clip.joint_count() == actor.asset.skeleton.len()
 }
 
-/// The base layer's clips from a time to another, as (key times, tracks, still values, numbers). `None` where a spline would have to
-/// be cut within a segment, or where curves of one joint differ in interpolation.
+/// Keys of the base layer's clips between two times, as (key times, tracks, constant values, numbers). `None` if a spline would have to be
+/// cut within a segment, or if curves of one joint differ in interpolation.
 type Keys<'a> = (Vec<Vec<Time>>, Vec<Track>, Vec<(u32, Path, Vec<f32>)>, KeyTracks<'a>);
 
 pub fn keys<'a>(actor: &'a Actor, start: Time, end: Time) -> Option<Keys<'a>> {
@@ -130,7 +130,7 @@ pub fn keys<'a>(actor: &'a Actor, start: Time, end: Time) -> Option<Keys<'a>> {
     Some((times, tracks, still, out))
 }
 
-/// The value of a joint that no clip drives. `None`: weights of a mesh that is not there, or has another number of targets.
+/// The value of a joint that no clip drives. `None`: weights of a mesh that does not exist or has another number of targets.
 fn rest_of(actor: &Actor, joint: u32, path: Path) -> Option<Vec<f32>> {
     let rest = actor.asset.skeleton.rest().get(joint as usize)?;
     Some(match path {
@@ -145,7 +145,7 @@ fn rest_of(actor: &Actor, joint: u32, path: Path) -> Option<Vec<f32>> {
     })
 }
 
-/// The value of curves that never change.
+/// The value that all curves have all the time; `None` if one of them changes.
 fn constant<'a>(mut curves: impl Iterator<Item = Option<&'a Curve>>, rest: &[f32]) -> Option<Vec<f32>> {
     let width = rest.len();
     let mut known: Option<Vec<f32>> = None;
@@ -173,7 +173,7 @@ fn stretches(layer: &Layer, start: Time, end: Time) -> Vec<Stretch> {
     for (index, cue) in layer.cues.iter().enumerate() {
         let next = layer.cues.get(index + 1).map(|next| next.start);
         let from = if index == 0 { start } else { cue.start.max(start) };
-        // The cue's own pose at the start of the next one is a tick before.
+        // The cue's last pose is one tick before the next cue starts.
         let to = next.filter(|next| *next <= end).map_or(end, |next| next - Time(1));
         if from > to || cue.start > end && index > 0 {
             continue;
@@ -184,7 +184,7 @@ fn stretches(layer: &Layer, start: Time, end: Time) -> Vec<Stretch> {
     out
 }
 
-/// Stretches of a cue from a time to another; it stands still from `held` on.
+/// Adds the stretches of a cue between two times; the cue stands still from `held` on.
 fn play(cue: &Cue, index: usize, [mut from, to, held]: [Time; 3], out: &mut Vec<Stretch>) {
     let playback = cue.playback();
     let length = i128::from((cue.trim.1 - cue.trim.0).0.max(0));
@@ -205,7 +205,7 @@ fn play(cue: &Cue, index: usize, [mut from, to, held]: [Time; 3], out: &mut Vec<
         if from >= held {
             let (first, last) = if cue.speed < 0.0 { (cue.trim.1, cue.trim.0) } else { cue.trim };
             let at = clip_time(held);
-            // The last pose of a round, not the first of one that never comes.
+            // The last pose of the round is held, not the first pose of a next round that never comes.
             let at =
                 if at == first && cue.played(held) > 0 && cue.repeat == Repeat::Loop { last } else { at };
             out.push(still(from, to, at));
@@ -215,21 +215,22 @@ fn play(cue: &Cue, index: usize, [mut from, to, held]: [Time; 3], out: &mut Vec<
         let turned = cue.repeat == Repeat::PingPong && round % 2 != 0;
         let rate = if turned { -cue.speed } else { cue.speed };
         let boundary = cue.time_of_played((round + 1) * length).unwrap_or(Time::MAX);
-        // The next span begins a tick later: a loop jumps to its start there, and a spline may leave a key otherwise than it came.
+        // The next stretch begins a tick later: a loop jumps to its start there, and a spline may leave a key with another tangent than it
+        // arrived.
         let until = (boundary - Time(1)).min(to).min(held - Time(1)).max(from);
         out.push(Stretch { cue: index, from, to: until, at: clip_time(from), rate });
         from = until + Time(1);
     }
 }
 
-/// A key of a stretch: at a clip time, or one of the curve's own.
+/// A key of a stretch: at a clip time, or the key of the curve with an index.
 enum Key {
     At(Time),
     Own(usize),
 }
 
 impl KeyTracks<'_> {
-    /// Calls with each key of a track: stage time, stretch, and where in the clip. `times`: of the clip's curve.
+    /// Calls `each` for every key of a track, with the stage time, the stretch, and the place in the clip.
     fn each_key(&self, curves: &[Option<&Curve>], mut each: impl FnMut(Time, &Stretch, Key)) {
         for (number, stretch) in self.stretches.iter().enumerate() {
             let Stretch { cue, from, to, at, rate } = *stretch;
@@ -275,7 +276,7 @@ impl KeyTracks<'_> {
             (None, _) => out.extend_from_slice(rest),
             (Some(curve), Key::Own(key)) if *cubic => spline_key(curve, key, stretch.rate as f32, out),
             (Some(curve), key) if curve.interpolation == Interpolation::Step && stretch.rate < 0.0 => {
-                // Backwards, a key is where the value before it begins.
+                // Played backwards, a STEP key is where the value before it begins.
                 let at = match key {
                     Key::Own(key) => curve.times[key],
                     Key::At(at) => at,
@@ -286,7 +287,7 @@ impl KeyTracks<'_> {
             (Some(curve), Key::At(at)) if *cubic => match key_at(curve, at, stretch.rate) {
                 Ok(key) => spline_key(curve, key, stretch.rate as f32, out),
                 Err(next) => {
-                    // Beyond the keys: their end value stands.
+                    // The value of the first or last key is held outside of the keys.
                     let key = next.min(curve.times.len() - 1);
                     let value = &curve.values[key * 3 * width + width..][..width];
                     out.extend(std::iter::repeat_n(0.0, width).chain(value.iter().copied()));
@@ -310,7 +311,7 @@ impl KeyTracks<'_> {
     }
 }
 
-/// The key at a time, to a few ticks of the stage, or the index of the next one.
+/// Index of the key at a clip time, to a few ticks of the stage; else, as the error, the index of the next key.
 fn key_at(curve: &Curve, at: Time, rate: f64) -> Result<usize, usize> {
     let next = curve.times.partition_point(|t| *t < at);
     let near = [next.checked_sub(1), Some(next)].into_iter().flatten();
@@ -320,11 +321,11 @@ fn key_at(curve: &Curve, at: Time, rate: f64) -> Result<usize, usize> {
     near.next().ok_or(next)
 }
 
-/// A key of a spline that is played at a rate: tangents are per second, and change places backwards.
+/// Appends a key of a spline that is played at a rate: tangents are scaled to stage seconds, and swapped if the clip plays backwards.
 fn spline_key(curve: &Curve, key: usize, rate: f32, out: &mut Vec<f32>) {
     let width = curve.path.width();
     let parts: Vec<&[f32]> = curve.values[key * 3 * width..][..3 * width].chunks(width).collect();
-    // Beyond the first and the last key the value stands.
+    // The value of the first or last key is held outside of the keys.
     let before = if key == 0 { 0.0 } else { rate };
     let after = if key + 1 == curve.times.len() { 0.0 } else { rate };
     let (mut into, mut away) = ((parts[0], before), (parts[2], after));
@@ -356,7 +357,8 @@ fn value_at(curve: &Curve, time: Time, out: &mut Vec<f32>) {
     }
 }
 
-/// Adds the stage times of the keys of an actor's clips: there the slope of LINEAR curves jumps. Clips whose time is keyed are left out.
+/// Adds the stage times of the keys of an actor's clips, where the slope of LINEAR curves jumps. Cues with time
+/// remapping, freezes or phase matching are left out.
 pub(crate) fn add_key_times(actor: &Actor, start: Time, end: Time, out: &mut Vec<Time>) {
     for (number, layer) in actor.layers.iter().enumerate() {
         for (index, cue) in layer.cues.iter().enumerate() {
@@ -386,7 +388,7 @@ pub(crate) fn add_key_times(actor: &Actor, start: Time, end: Time, out: &mut Vec
     }
 }
 
-/// Distinguishes the motion of two actors of one asset that play their clips unchanged.
+/// Identifies the motion of an actor that plays its clips unchanged: two actors of one asset that move alike have the same identity.
 pub fn identity(actor: &Actor) -> Vec<u64> {
     let mut out = vec![std::sync::Arc::as_ptr(&actor.asset) as u64];
     for cue in actor.layers.first().iter().flat_map(|layer| &layer.cues) {

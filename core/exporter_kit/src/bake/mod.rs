@@ -1,4 +1,4 @@
-//! A scene over time as curves (decision 61): clips that play unchanged with their own keys, the rest sampled and reduced.
+//! A scene over time as curves (decision 61): clips that play unchanged keep their own keys, everything else is sampled and reduced.
 
 pub mod check;
 mod keys;
@@ -22,7 +22,7 @@ use choreo_plugin::stage::{Actor, LightState, Property, Snapshot, Stage, StageEr
 use choreo_plugin::{ExportedScene, glam};
 use std::collections::BTreeMap;
 
-/// Numbers that rows of samples may hold together; scenes with more are sampled in parts.
+/// Largest count of numbers in the rows of samples together; scenes with more are sampled in parts.
 const MOST_NUMBERS: usize = 32 << 20;
 
 pub struct Baked<'a> {
@@ -32,18 +32,18 @@ pub struct Baked<'a> {
     pub first: Snapshot,
     pub lights: Vec<Option<LightState>>,
     pub sets: Vec<TrackSet<'a>>,
-    /// One an actor.
+    /// One per actor.
     pub motions: Vec<Motion>,
-    /// Signals that change, those of cameras aside, and those that do not.
+    /// Signals except those of cameras; one that never changes has a single key.
     pub series: Vec<(Signal, Series)>,
     pub shots: Vec<Shot>,
 }
 
 #[derive(Clone, Debug, Default)]
 pub struct Motion {
-    /// Indices into [`Baked::sets`]: keys of clips, and what was sampled.
+    /// Indices into [`Baked::sets`]: keys of clips, and sampled curves.
     pub sets: Vec<usize>,
-    /// The actor is seen at no time.
+    /// The actor is never visible.
     pub hidden: bool,
 }
 
@@ -56,7 +56,7 @@ pub enum Style {
     Common,
 }
 
-/// How an actor is baked.
+/// The part of an actor that must be sampled.
 #[derive(Clone, Copy, PartialEq)]
 enum Need {
     Nothing,
@@ -64,7 +64,7 @@ enum Need {
     Pose,
 }
 
-/// `tolerance`: metres that a joint may be off.
+/// Bakes a scene to curves. `tolerance`: largest error of a joint, metres.
 ///
 /// # Errors
 /// The stage cannot be evaluated at a time.
@@ -86,14 +86,15 @@ pub fn bake<'a>(scene: &'a ExportedScene, tolerance: f64, style: Style) -> Resul
         shots: shots::of_stage(stage, start, end),
     };
     let needs = take_keys(stage, style, &mut baked);
-    // Half for what lies between samples, half for the keys that go.
+    // Half of the tolerance is for errors between samples, half for keys that are removed.
     let signals = signals::of_stage(stage, tolerance as f32 * 0.5, |actor| needs[actor] == Need::Pose);
     sample(scene, &needs, signals, (tolerance, style), &mut baked)?;
     shots::place_still(scene, &mut baked)?;
     Ok(baked)
 }
 
-/// The time from the first frame to the end of the last one, or of the stage.
+/// Start and end of the export: the time of the first frame, and the time of the last frame or, if no frame of the stage follows, the end
+/// of the stage.
 fn span(scene: &ExportedScene) -> (Time, Time) {
     let first = scene.times.first().copied().unwrap_or(Time::ZERO);
     let last = scene.times.last().copied().unwrap_or(first);
@@ -101,7 +102,7 @@ fn span(scene: &ExportedScene) -> (Time, Time) {
     (first, if whole { scene.stage.settings.length.max(last) } else { last })
 }
 
-/// Takes the keys of clips that play unchanged; what is left to be sampled of each actor.
+/// Takes the keys of clips that play unchanged. Returns the part of each actor that remains to be sampled.
 fn take_keys<'a>(stage: &'a Stage, style: Style, baked: &mut Baked<'a>) -> Vec<Need> {
     let mut known: BTreeMap<Vec<u64>, Option<usize>> = BTreeMap::new();
     let mut needs = Vec::with_capacity(stage.actors.len());
@@ -142,7 +143,7 @@ fn stands_still(stage: &Stage, actor: &Actor) -> bool {
         && !actor.channels.iter().any(|c| moves(c.property))
 }
 
-/// Samples what needs it, in parts that fit into memory.
+/// Samples the actors and signals that need it, in parts that fit into memory.
 fn sample(
     scene: &ExportedScene,
     needs: &[Need],
@@ -199,7 +200,8 @@ fn sample(
 }
 
 impl Baked<'_> {
-    /// The rig of an actor where no curve moves it: as placed at the start, joints at rest, and what its sets keep still.
+    /// Local transforms of an actor's rig where no curve moves it: the actor as placed at the start, joints at rest, and the constant
+    /// values of its sets.
     pub fn still_rig(&self, actor: &Actor, index: usize) -> Vec<Transform> {
         let state = &self.first.actors[index];
         let mut rows = Vec::with_capacity(STRIDE);
@@ -209,7 +211,7 @@ impl Baked<'_> {
         for set in &self.motions[index].sets {
             for (joint, path, value) in &self.sets[*set].still {
                 let Some(t) = out.get_mut(*joint as usize) else { continue };
-                // Differences from rest by rounding are none.
+                // Differences from the rest pose within rounding are ignored.
                 let near = |rest: &[f32]| rest.iter().zip(value).all(|(a, b)| (a - b).abs() <= 1e-6);
                 match path {
                     Path::Translation if !near(&t.translation.to_array()) => {
@@ -226,7 +228,7 @@ impl Baked<'_> {
         out
     }
 
-    /// The series of a quantity that was sampled.
+    /// The series of a quantity that was sampled; `None` if it was not.
     pub fn series_of(&self, quantity: Quantity) -> Option<&Series> {
         self.series.iter().find(|(signal, _)| signal.quantity == quantity).map(|(_, series)| series)
     }

@@ -1,4 +1,4 @@
-//! Fewer keys: rows of samples as curves of a rig, of which those keys go that follow from the others.
+//! Key reduction: rows of samples become curves of a rig, without the keys that follow from the others.
 
 use crate::bake::rig::{self, STRIDE};
 use crate::bake::sample::{Row, Sampled};
@@ -10,7 +10,7 @@ use choreo_plugin::motion::{Clip, Curve, Interpolation, Path, Skeleton, Time};
 use choreo_plugin::stage::Actor;
 use std::sync::Arc;
 
-/// Curves of an actor. `tolerance`: metres in the world.
+/// Reduced curves of an actor, each with its own key times. `tolerance`: metres in the world.
 pub(crate) fn actor_tracks(
     actor: &Actor,
     sampled: &Sampled,
@@ -32,7 +32,8 @@ pub(crate) fn actor_tracks(
     out
 }
 
-/// Curves of an actor that all have the same key times: whole rows go, where all joints stay within the tolerance in the world.
+/// Reduced curves of an actor that all have the same key times: whole rows are removed where all joints stay within the tolerance in the
+/// world.
 pub(crate) fn common_tracks(
     actor: &Actor,
     sampled: &Sampled,
@@ -61,7 +62,7 @@ pub(crate) fn common_tracks(
     out
 }
 
-/// The largest difference of numbers that differ by the rounding of a pose alone.
+/// Largest difference of numbers that differ only by the rounding of a pose.
 const ROUNDING: f32 = 1e-6;
 
 fn none() -> TrackSet<'static> {
@@ -69,7 +70,7 @@ fn none() -> TrackSet<'static> {
     TrackSet { times, tracks, still, values: Values::Lists(Vec::new()) }
 }
 
-/// The curves of a rig in some rows; those that differ by no more than some number go to what is still.
+/// The curves of a rig in some rows. Curves whose numbers differ by at most `rounding` are constant and go to `still`.
 fn curves(
     sampled: &Sampled,
     rows: &[&Row],
@@ -99,14 +100,14 @@ fn curves(
     curves
 }
 
-/// The largest angle between two rotations for which a player that normalizes the straight line between the quaternions, as Blender does,
-/// stays within some radians of slerp. The largest difference of both is 0.032 · h³ for quaternions that are h apart, which is half of the angle.
+/// The largest angle between two rotation keys for which nlerp, as in Blender, stays within `allowed` radians of slerp. Their largest
+/// difference is 0.032 · h³, where h is the distance of the quaternions, which is half of the angle.
 fn most_radians(allowed: f64) -> f64 {
-    // A quarter: joints above each other add up.
+    // Only a quarter of the error is allowed, because the errors of joints above each other add up.
     2.0 * libm::cbrt(0.25 * allowed / 0.032)
 }
 
-/// Metres from each joint to the farthest one below it at rest, and 10 cm.
+/// Length of the longest chain of bones below each joint at rest, plus 10 cm, in metres.
 fn reaches(skeleton: &Skeleton) -> Vec<f64> {
     let places = rig::places(skeleton, skeleton.rest().iter().copied());
     let mut out = vec![0.0f64; skeleton.len()];
@@ -120,7 +121,7 @@ fn reaches(skeleton: &Skeleton) -> Vec<f64> {
     out
 }
 
-/// A curve of rotations with keys on the way between those that are farther apart than an angle.
+/// A rotation curve with additional keys on the arc between keys that are more than `most` radians apart. Other curves stay as they are.
 fn subdivided(curve: &Curve, most: f64) -> Curve {
     if curve.path != Path::Rotation || curve.times.len() < 2 {
         return curve.clone();
@@ -134,7 +135,7 @@ fn subdivided(curve: &Curve, most: f64) -> Curve {
         let chord = f64::from((a - b).length().min((a + b).length()));
         let angle = 4.0 * libm::asin((chord / 2.0).min(1.0));
         let ticks = (to - from).0;
-        // Not within a jump.
+        // A jump gets no additional keys.
         let parts = ((angle / most).ceil() as i64).clamp(1, (ticks / MIN_TICKS).max(1));
         for part in 1..parts {
             let time = from + Time(ticks / parts * part);
@@ -147,10 +148,10 @@ fn subdivided(curve: &Curve, most: f64) -> Curve {
     Curve { times: times.into(), values: values.into(), ..curve.clone() }
 }
 
-/// Keys are not added nearer to each other than a millisecond.
+/// Smallest distance of additional keys: a millisecond.
 const MIN_TICKS: i64 = Time::TICKS_PER_SECOND / 1000;
 
-/// The rig that errors are measured on; of an actor without its pose, one joint as far away as its farthest vertex.
+/// The skeleton on which errors are measured; for an actor without pose, a root and one joint as far away as its farthest vertex.
 fn skeleton(actor: &Actor, sampled: &Sampled, world: choreo_plugin::motion::Transform) -> Option<Skeleton> {
     if sampled.pose {
         return rig::skeleton(actor, world);
@@ -182,7 +183,7 @@ fn add_curves(curves: &[Curve], out: &mut TrackSet<'_>) {
     out.values = Values::Lists(lists);
 }
 
-/// A signal over time: LINEAR keys, one where it never changes.
+/// A signal over time: LINEAR keys, a single one if the signal never changes.
 #[derive(Clone, Debug, Default)]
 pub struct Series {
     pub times: Vec<Time>,
@@ -199,7 +200,7 @@ impl Series {
         self.times.len() < 2
     }
 
-    /// The value at a time, of a signal that is no rotation.
+    /// The value at a time; only for signals that are not rotations.
     pub fn at(&self, time: Time) -> Vec<f32> {
         let value = |key: usize| &self.values[key * self.width..][..self.width];
         let next = self.times.partition_point(|key| *key <= time);
@@ -211,11 +212,11 @@ impl Series {
     }
 }
 
-/// Indices from the first to the last, from each the longest way to the next that fits.
+/// Indices from the first to the last: from each, the farthest next one that `fits` accepts.
 fn longest_ways(count: usize, mut fits: impl FnMut(usize, usize) -> bool) -> Vec<usize> {
     let (mut out, last, mut at) = (vec![0], count.saturating_sub(1), 0);
     while at < last {
-        // Doubling, then halving: few looks along a long way.
+        // Galloping search (doubling, then bisection) needs few tests for a long way.
         let (mut good, mut step) = (at + 1, 2);
         while at + step <= last && fits(at, at + step) {
             good = at + step;
@@ -232,7 +233,7 @@ fn longest_ways(count: usize, mut fits: impl FnMut(usize, usize) -> bool) -> Vec
     out
 }
 
-/// Keys of a signal in some rows: from each, the longest way to the next that keeps all between near enough.
+/// Keys of a signal in some rows: each is as far from the one before as linear interpolation between both stays near enough.
 pub fn series(signal: &Signal, rows: &[&Row]) -> Series {
     let value = |row: usize| &rows[row].values[signal.offset..][..signal.width];
     let mut out = Series { width: signal.width, ..Series::default() };

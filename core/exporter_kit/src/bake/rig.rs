@@ -8,10 +8,10 @@ use choreo_plugin::stage::{Actor, ActorState};
 /// Numbers of a joint in a row.
 pub const STRIDE: usize = 10;
 
-/// A point that turns with a joint is at least this far from it, metres: fingertips and a hat also turn.
+/// Smallest distance, in metres, of the points that show the rotation of a joint: fingertips and a hat turn with it, too.
 const SHELL: f32 = 0.1;
 
-/// Appends the rig's transforms: the actor in the world, then, with `pose`, its joints in their parents.
+/// Appends the rig's transforms: world-from-actor, then, with `pose`, parent-from-joint of each joint.
 pub fn append(actor: &Actor, state: &ActorState, pose: bool, out: &mut Vec<f32>) {
     // Hidden actors have a scale of zero: glTF has no visibility, and importers of other formats ignore it.
     let mut world = parts(&state.world_from_model, &Transform::IDENTITY);
@@ -35,7 +35,7 @@ pub fn append(actor: &Actor, state: &ActorState, pose: bool, out: &mut Vec<f32>)
     }
 }
 
-/// Translation, rotation and scale of a map; `otherwise` where it has none, because a parent has no size.
+/// Translation, rotation and scale of an affine map; `otherwise` if the map has none, because a parent has the scale zero.
 pub fn parts(map: &DAffine3, otherwise: &Transform) -> Transform {
     let (scale, rotation, translation) = map.to_scale_rotation_translation();
     let out = Transform {
@@ -64,7 +64,7 @@ pub fn transform(row: &[f32]) -> Transform {
     }
 }
 
-/// Transform of a joint between two rows: LINEAR interpolation, as glTF has it.
+/// Transform of a joint between two rows: LINEAR interpolation, as in glTF.
 fn between(a: &[f32], b: &[f32], t: f32) -> Transform {
     let (a, b) = (transform(a), transform(b));
     Transform {
@@ -74,8 +74,8 @@ fn between(a: &[f32], b: &[f32], t: f32) -> Transform {
     }
 }
 
-/// The largest distance between a row and the one that two others have between them: of any joint, or of a point that turns with it.
-/// `reach`: of a rig of the actor alone, the metres to its farthest vertex.
+/// The largest distance between the row `truth` and the interpolation of the rows `a` and `b` at `t`, in metres: of any joint, or of a
+/// point that turns with it. `reach`: metres to the farthest vertex, for a rig of the actor alone.
 pub fn apart(
     parents: &[Option<u32>],
     [a, b, truth]: [&[f32]; 3],
@@ -97,7 +97,7 @@ pub fn apart(
         };
         let parent = if joint == 0 { None } else { Some(parents[joint - 1].map_or(0, |p| p as usize + 1)) };
         let (one, other) = (between(&row(a), &row(b), t).to_affine(), transform(&row(truth)).to_affine());
-        // The actor's own place cancels out of f32, so that a far one is as exact.
+        // The actor's position is subtracted, so that f32 is as accurate far from the origin.
         let (one, other) = match parent {
             Some(parent) => (spaces.0[parent].0 * one, spaces.0[parent].1 * other),
             None => {
@@ -109,7 +109,7 @@ pub fn apart(
         let arm = if joints == 1 { reach.max(SHELL) } else { SHELL };
         let moved = |point: Vec3| (one.transform_point3(point) - other.transform_point3(point)).length();
         let scale = Vec3::from(other.matrix3.x_axis).length().max(1e-6);
-        // Arms have a length in the world.
+        // The points have a fixed distance in the world, whatever the scale.
         let arm = if joint == 0 { arm } else { arm / scale };
         for point in [Vec3::ZERO, Vec3::X * arm, Vec3::Y * arm, Vec3::Z * arm] {
             worst = worst.max(moved(point));
@@ -123,7 +123,7 @@ pub fn apart(
 #[derive(Default)]
 pub struct Spaces(Vec<(Affine3A, Affine3A)>);
 
-/// The skeleton of a rig: the actor's own, hung on the actor as it is placed.
+/// The skeleton of a rig: joint 0 is the actor with the transform `world`; the joints of its own skeleton are below.
 pub fn skeleton(actor: &Actor, world: Transform) -> Option<Skeleton> {
     let own = &actor.asset.skeleton;
     let names = std::iter::once(String::new()).chain(own.names().iter().cloned()).collect();
@@ -133,7 +133,7 @@ pub fn skeleton(actor: &Actor, world: Transform) -> Option<Skeleton> {
     Skeleton::new(names, parents, rest).ok()
 }
 
-/// World from each joint of a rig, in f64.
+/// World-from-joint transforms of a rig, in f64.
 pub fn places(skeleton: &Skeleton, local: impl Iterator<Item = Transform>) -> Vec<DAffine3> {
     let mut out: Vec<DAffine3> = Vec::with_capacity(skeleton.len());
     for (joint, t) in local.enumerate() {

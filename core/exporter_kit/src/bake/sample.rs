@@ -1,7 +1,7 @@
-//! Samples of a scene, denser where straight lines between them are too far from it.
+//! Adaptive sampling of a scene: denser where linear interpolation between samples is too far from it.
 //!
-//! The first samples are at all frames and where something is known to begin or end. Then the middle of each interval is compared with
-//! what lies between its ends, and the interval is halved until that is near enough; a jump is halved down to a tick.
+//! The first samples are at all frames and where something is known to begin or end. Then the middle of each interval is compared with the
+//! interpolation of its ends, and the interval is halved until both are near enough; a jump is halved down to a tick.
 
 use crate::bake::keys;
 use crate::bake::rig::{self, STRIDE, Spaces};
@@ -16,12 +16,12 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug)]
 pub struct Sampled {
     pub actor: usize,
-    /// The joints are sampled as well, not only the place.
+    /// The joints are sampled as well, not only the actor's transform.
     pub pose: bool,
-    /// First number in a row.
+    /// Index of its first number in a row.
     pub offset: usize,
     pub joints: usize,
-    /// Metres to its farthest vertex in rest pose.
+    /// Distance of its farthest vertex in rest pose, metres.
     pub reach: f32,
 }
 
@@ -35,7 +35,7 @@ pub struct Sampler<'a> {
     evaluator: Evaluator,
     pub signals: Vec<Signal>,
     pub actors: Vec<Sampled>,
-    /// Metres that a joint may be off halfway.
+    /// Largest error of a joint in the middle between samples, metres.
     tolerance: f32,
 }
 
@@ -47,13 +47,13 @@ struct Worker<'s> {
     spaces: Spaces,
 }
 
-/// Parts that the timeline is sampled in: more than cores, because some take longer than others.
+/// Number of parts in which the timeline is sampled: more than cores, because some parts take longer than others.
 const PARTS: usize = 32;
 
-/// Key times of clips that count as places to begin with, at most.
+/// Largest number of clip keys per frame; with more, clip keys are no first times of samples.
 const MOST_KEYS_A_FRAME: usize = 8;
 
-/// Most samples between two of the first ones: one jump takes 24. What changes faster is not followed, and counts as error.
+/// Largest number of samples between two of the first ones; one jump takes 24. Faster changes are not followed, and count as error.
 const MOST_BETWEEN: usize = 128;
 
 impl<'a> Sampler<'a> {
@@ -70,14 +70,14 @@ impl<'a> Sampler<'a> {
         Sampler { stage, evaluator, signals, actors, tolerance }
     }
 
-    /// Numbers of a row.
+    /// Count of numbers in a row.
     pub fn width(signals: &[Signal], actors: &[Sampled]) -> usize {
         let of_signals = signals.last().map_or(0, |last| last.offset + last.width);
         actors.last().map_or(of_signals, |last| last.offset + last.joints * STRIDE)
     }
 
-    /// Rows at these times, which increase, and where more are needed. Parts of the timeline are sampled on all cores: the rows between two
-    /// of the times depend on nothing else.
+    /// Rows at these times, which increase, and between them where needed. Parts of the timeline are sampled on all cores: the rows between
+    /// two of the times depend on nothing else.
     pub fn rows(&self, times: &[Time]) -> Result<Vec<Row>, StageError> {
         let last = times.len().saturating_sub(1);
         let step = last.div_ceil(PARTS).max(1);
@@ -112,7 +112,7 @@ impl Worker<'_> {
         Ok(Row { time, values })
     }
 
-    /// Rows at these times and where more are needed.
+    /// Rows at these times, and between them where needed.
     fn rows(&mut self, times: &[Time]) -> Result<Vec<Row>, StageError> {
         let mut out: Vec<Row> = Vec::with_capacity(2 * times.len());
         for time in times {
@@ -126,8 +126,8 @@ impl Worker<'_> {
         Ok(out)
     }
 
-    /// The rows of an interval. The part with the largest error is halved first, so that noise in one part takes nothing from a jump in
-    /// another.
+    /// The rows of an interval. The part with the largest error is halved first, so that noise in one part does not use up the samples for
+    /// a jump in another.
     fn refined(&mut self, start: Row, end: Row) -> Result<Vec<Row>, StageError> {
         let mut done = vec![start, end];
         let mut parts: Vec<Interval> = Vec::new();
@@ -135,7 +135,7 @@ impl Worker<'_> {
         parts.extend(self.interval(&done[0], &done[1])?);
         while left > 0 {
             left -= 1;
-            // Few are open at a time.
+            // Few intervals are open at a time, so they are searched one by one.
             let worst = (0..parts.len()).max_by(|a, b| parts[*a].error.total_cmp(&parts[*b].error));
             let Some(worst) = worst.filter(|worst| parts[*worst].error > 1.0) else { break };
             let Interval { middle, .. } = parts.swap_remove(worst);
@@ -147,7 +147,7 @@ impl Worker<'_> {
         Ok(done)
     }
 
-    /// The row halfway between two and its error; `None` where they are a tick apart.
+    /// The row halfway between two rows, and its error; `None` if they are one tick apart.
     fn interval(&mut self, a: &Row, b: &Row) -> Result<Option<Interval>, StageError> {
         if (b.time - a.time).0 <= 1 {
             return Ok(None);
@@ -157,7 +157,7 @@ impl Worker<'_> {
         Ok(Some(Interval { middle, error }))
     }
 
-    /// How far the middle of two rows is from the straight line between them, in what is allowed.
+    /// Error of linear interpolation in the middle of two rows, as a multiple of the allowed error.
     fn error(&mut self, a: &Row, b: &Row, middle: &Row) -> f32 {
         let t = middle.time.fraction(a.time, b.time);
         let (mut value, mut worst) = (Vec::new(), 0.0f32);
@@ -170,7 +170,7 @@ impl Worker<'_> {
         for sampled in &self.sampler.actors {
             let rows = [a, b, middle].map(|row| &row.values[sampled.offset..][..sampled.joints * STRIDE]);
             let parents = self.sampler.stage.actors[sampled.actor].asset.skeleton.parents();
-            // f32 cannot place what is far from the origin any better.
+            // Far from the origin, f32 cannot place anything more accurately.
             let far = rows[2][..3].iter().fold(0.0f32, |most, v| most.max(v.abs()));
             let allowed = self.sampler.tolerance.max(far * 4.0 * f32::EPSILON);
             worst = worst.max(rig::apart(parents, rows, t, sampled.reach, &mut self.spaces) / allowed);
@@ -182,12 +182,12 @@ impl Worker<'_> {
 /// A part of the timeline between two rows.
 struct Interval {
     middle: Row,
-    /// How far the straight line between the rows is from the middle, in what is allowed.
+    /// Error of linear interpolation in the middle, as a multiple of the allowed error.
     error: f32,
 }
 
-/// The stage with all actors hidden that are not sampled, so that they are not posed. `None` where they might be missed: by a callback,
-/// a camera that frames all that is visible, or what is attached to them.
+/// The stage with all actors hidden that are neither sampled nor parents of anything, so that they are not posed. `None` if hiding them
+/// could change the rest: with callbacks, without cameras, or with a camera that frames all visible actors.
 fn without_others(stage: &Stage, signals: &[Signal], sampled: &[Sampled]) -> Option<Stage> {
     let frames = |camera: &Camera| matches!(camera.rig, Rig::Frame { .. });
     if !stage.hooks.is_empty() || stage.cameras.is_empty() || stage.cameras.iter().any(frames) {
@@ -209,8 +209,8 @@ fn without_others(stage: &Stage, signals: &[Signal], sampled: &[Sampled]) -> Opt
     Some(fewer)
 }
 
-/// Times at which something begins, ends or jumps, each with the tick before it, the frames, and the keys of the clips of these actors,
-/// where the slope of curves jumps; increasing, from start to end.
+/// First times of samples, increasing, from `start` to `end`: times at which something begins, ends or jumps, each with the tick before it;
+/// the frames; and the keys of the clips of the `posed` actors, where the slope of curves jumps.
 pub(crate) fn first_times(scene: &ExportedScene, start: Time, end: Time, posed: &[usize]) -> Vec<Time> {
     let stage = &scene.stage;
     let mut jumps: Vec<Time> = stage.cuts.iter().map(|cut| cut.at).collect();
@@ -249,7 +249,7 @@ pub(crate) fn first_times(scene: &ExportedScene, start: Time, end: Time, posed: 
     out.extend(jumps.iter().flat_map(|jump| [*jump - Time(1), *jump]));
     out.extend([start, end]);
     out.sort_unstable();
-    // Some players take keys that are less than a hundredth of a frame apart for one.
+    // Some players merge keys that are less than a hundredth of a frame apart.
     let near = Time(scene.fps.time_of(1).0 / 64);
     let is_alone = |frame: &&Time| {
         let next = out.partition_point(|time| time < *frame);

@@ -14,10 +14,10 @@ pub struct Shot {
     pub from: Time,
     /// The next cut, or the end.
     pub to: Time,
-    /// How long it is still seen, while it dissolves into the next one.
+    /// How long the shot stays visible while it dissolves into the next one.
     pub fading: Time,
     pub name: String,
-    /// The camera stands still: its place is that of its start.
+    /// The camera stands still: the shot has only its transform at the start.
     still: bool,
     pub projection: Projection,
     /// Position, rotation, lens.
@@ -56,7 +56,7 @@ fn shot(stage: &Stage, from: Time, camera: Option<usize>) -> Shot {
     }
 }
 
-/// Takes the moves of shots from the rows of a sampler that has the signals of cameras.
+/// Sets the camera curves of shots from sampled rows of camera signals.
 pub(crate) fn take_moves(signals: &[Signal], rows: &[Row], shots: &mut [Shot]) {
     let find = |dissolving: bool, part: CameraPart| {
         let quantity = Quantity::Camera { dissolving, part };
@@ -81,7 +81,7 @@ pub(crate) fn take_moves(signals: &[Signal], rows: &[Row], shots: &mut [Shot]) {
     }
 }
 
-/// Finds out how the shots begin: the projection of all, and the place of those that stand still.
+/// Evaluates the start of each shot: sets the projection of all shots, and the transform of those whose camera stands still.
 pub(crate) fn place_still(scene: &ExportedScene, baked: &mut Baked<'_>) -> Result<(), StageError> {
     let mut evaluator = Evaluator::new(scene.stage.clone());
     for shot in &mut baked.shots {

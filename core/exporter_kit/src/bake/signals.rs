@@ -1,4 +1,4 @@
-//! Numbers of a scene beside joints that change with time: cameras, lights, materials, morph weights.
+//! Signals: numbers of a scene, apart from joints, that change with time: cameras, lights, materials, morph weights.
 
 use crate::uv::UvParts;
 use choreo_plugin::asset::{AlphaMode, Asset, Material, Projection, Shading, TextureRef};
@@ -7,10 +7,10 @@ use choreo_plugin::stage::{
     ActorState, Camera, CameraState, LightState, Property, Rig, Snapshot, Stage, Target,
 };
 
-/// The number that a signal is.
+/// The quantity that a signal holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quantity {
-    /// A part of the camera that is on, or of the one that dissolves into it.
+    /// A part of the active camera, or, if `dissolving`, of the outgoing camera of a dissolve.
     Camera {
         dissolving: bool,
         part: CameraPart,
@@ -36,7 +36,7 @@ pub enum Quantity {
 pub enum CameraPart {
     Position,
     Rotation,
-    /// Vertical angle of view in radians, or height in metres.
+    /// Vertical angle of view in radians (perspective), or height in metres (orthographic).
     Lens,
 }
 
@@ -69,10 +69,10 @@ pub enum MaterialPart {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Signal {
     pub quantity: Quantity,
-    /// First number in a row.
+    /// Index of its first number in a row.
     pub offset: usize,
     pub width: usize,
-    /// Radians of a rotation, else the largest difference of a number.
+    /// Largest error: radians for a rotation, else the difference of each number.
     pub allowed: f32,
 }
 
@@ -85,7 +85,7 @@ impl Signal {
         )
     }
 
-    /// How far a value is from another, in what is allowed.
+    /// Difference of two values, as a multiple of the allowed error.
     pub fn error(&self, a: &[f32], b: &[f32]) -> f32 {
         if self.is_rotation() {
             let (a, b) = (Quat::from_slice(a), Quat::from_slice(b));
@@ -99,7 +99,7 @@ impl Signal {
         self.error(a, b) <= 1.0
     }
 
-    /// The value between two.
+    /// Interpolates between two values: slerp for rotations, else linear.
     pub fn between(&self, a: &[f32], b: &[f32], t: f32, out: &mut [f32]) {
         if self.is_rotation() {
             out.copy_from_slice(&Quat::from_slice(a).slerp(Quat::from_slice(b), t).to_array());
@@ -166,7 +166,7 @@ pub fn of_stage(stage: &Stage, tolerance: f32, sampled_weights: impl Fn(usize) -
     out.0
 }
 
-/// Whether a camera stands still however long it is on.
+/// Whether a camera stands still, however long it is active.
 pub fn is_still(stage: &Stage, camera: &Camera) -> bool {
     let still = match &camera.rig {
         Rig::Fixed { look_at, .. } => matches!(look_at, None | Some(Target::Point(_))),
@@ -318,7 +318,7 @@ pub fn camera(state: &CameraState, part: CameraPart, out: &mut Vec<f32>) {
     }
 }
 
-/// Rotation that turns −Z into a direction, +Y up where it can.
+/// Rotation that turns −Z into a direction, with +Y up where possible.
 pub fn rotation_towards(direction: Vec3) -> Quat {
     let back = -direction.normalize_or(Vec3::NEG_Y);
     let right = Vec3::Y.cross(back);
@@ -359,7 +359,7 @@ fn of_material(m: &Material, part: MaterialPart, out: &mut Vec<f32>) {
     }
 }
 
-/// Gives a part of a material a value.
+/// Sets a part of a material.
 pub fn set_material_part(m: &mut Material, part: MaterialPart, value: &[f32]) {
     match part {
         MaterialPart::BaseColor => m.base_color = Vec4::from_slice(value),

@@ -1,11 +1,11 @@
-//! Curves of one rig over the timeline, as they are written: key times, which curves use them, and their numbers, which are made when
-//! they are needed where a clip has them.
+//! Curves of one rig over the timeline, as they are written: key times, the curves that use them, and their numbers. Numbers of clips are
+//! computed when they are requested.
 
 use crate::bake::keys::KeyTracks;
 use choreo_plugin::motion::{Curve, Interpolation, Path, Time};
 use std::sync::Arc;
 
-/// The rig of an actor: joint 0 is the actor itself, joint n + 1 is joint n of its skeleton.
+/// A curve of an actor's rig. Joint 0 is the actor itself, joint n + 1 is joint n of its skeleton.
 #[derive(Clone, Copy, Debug)]
 pub struct Track {
     pub joint: u32,
@@ -20,7 +20,7 @@ pub struct TrackSet<'a> {
     /// Key times on the stage, strictly increasing.
     pub times: Vec<Vec<Time>>,
     pub tracks: Vec<Track>,
-    /// Values that stay as they are all the time, by joint of the rig, where that may not be the rest pose.
+    /// Constant values by joint of the rig, which can differ from the rest pose.
     pub still: Vec<(u32, Path, Vec<f32>)>,
     pub values: Values<'a>,
 }
@@ -28,7 +28,7 @@ pub struct TrackSet<'a> {
 pub enum Values<'a> {
     /// Keys of clips.
     Keys(KeyTracks<'a>),
-    /// One list a track.
+    /// One list per track.
     Lists(Vec<Vec<f32>>),
 }
 
@@ -41,7 +41,7 @@ impl TrackSet<'_> {
         }
     }
 
-    /// How many numbers a track has.
+    /// Count of numbers in a track.
     pub fn numbers(&self, track: usize) -> usize {
         let Track { path, interpolation, times, .. } = self.tracks[track];
         let parts = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
@@ -50,7 +50,8 @@ impl TrackSet<'_> {
 }
 
 impl TrackSet<'_> {
-    /// Adds the curves of joints; morph weights aside. `on_file` changes lists of key times, `number` the numbers.
+    /// Adds the curves of joints, without morph weights. `on_file` converts lists of key times, and `number` single numbers, to those of
+    /// the file.
     pub fn add_curves(
         &self,
         on_file: impl Fn(&[Time]) -> Vec<Time>,
@@ -72,7 +73,8 @@ impl TrackSet<'_> {
         }
     }
 
-    /// The curves of one part of all joints but the actor itself, where each has a key at each of these times and nowhere else.
+    /// The curves of one path of all joints but the actor itself, as (joint, numbers). `None` if one of them is a spline, or has keys at
+    /// other times than these.
     pub fn aligned(&self, path: Path, times: &[Time]) -> Option<Vec<(u32, Vec<f32>)>> {
         let own = |(_, track): &(usize, &Track)| track.joint > 0 && track.path == path;
         let tracks: Vec<(usize, &Track)> = self.tracks.iter().enumerate().filter(own).collect();
@@ -89,7 +91,7 @@ impl TrackSet<'_> {
         })
     }
 
-    /// All key times of some tracks, increasing. Before a key of STEP is the tick at which the value before it ends.
+    /// All key times of the tracks that `of` selects, increasing. The tick before a STEP key, at which the value before it ends, is added.
     pub fn common_times(&self, of: impl Fn(&Track) -> bool) -> Vec<Time> {
         let mut out: Vec<Time> = Vec::new();
         let mut taken = vec![[false; 2]; self.times.len()];
@@ -112,8 +114,8 @@ impl TrackSet<'_> {
 
 /// Key times as a file has them: seconds from the start of the export, as f32, strictly increasing.
 ///
-/// A jump is two keys one tick apart. The later one must not be after its time, so that the frame of that time shows the new value;
-/// f32 cannot tell ticks apart, so the earlier one is as much before as it can.
+/// A jump is two keys one tick apart. The later one must not be after its time, so that the frame of that time shows the new value. f32
+/// cannot resolve ticks, so the earlier one is moved before it by an f32 step, and at least 3 ticks.
 pub fn seconds(times: &[Time], start: Time) -> Vec<f32> {
     let secs = |time: Time| (time - start).as_secs();
     let mut out: Vec<f32> = Vec::with_capacity(times.len());
@@ -122,7 +124,7 @@ pub fn seconds(times: &[Time], start: Time) -> Vec<f32> {
         let at = match times.get(i + 1) {
             Some(next) if is_jump(*next, *time) => {
                 let landing = not_after(secs(*next));
-                // Ticks of an importer must differ, too.
+                // The ticks that an importer makes of both must differ, too.
                 landing.next_down().min((f64::from(landing) - 3.0 / Time::TICKS_PER_SECOND as f64) as f32)
             }
             _ if i > 0 && is_jump(*time, times[i - 1]) => not_after(secs(*time)),
@@ -134,7 +136,7 @@ pub fn seconds(times: &[Time], start: Time) -> Vec<f32> {
     out
 }
 
-/// Times that are no farther apart are a jump.
+/// Keys that are at most this far apart are a jump.
 pub(crate) const JUMP_TICKS: i64 = 2;
 
 fn not_after(secs: f64) -> f32 {

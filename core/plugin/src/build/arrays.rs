@@ -1,4 +1,4 @@
-//! Flat arrays of numbers as the vertices of a primitive, checked.
+//! Conversion of flat arrays of numbers to the vertices of a primitive, with checks.
 
 use super::parts::morphs;
 use super::{MOST, MeshData, Result, fail};
@@ -20,7 +20,7 @@ pub fn primitive(data: &MeshData) -> Result<Primitive> {
     taken(&mut data.clone())
 }
 
-/// [`primitive`] of arrays that are taken out of `data`: those of positions, normals, uvs and indices are not copied.
+/// Does what [`primitive`] does, but takes the arrays out of `data`: positions, normals, uvs and indices are not copied.
 pub(super) fn taken(data: &mut MeshData) -> Result<Primitive> {
     let vertices = vectors::<3>(&data.positions, "positions", None)?.len();
     if vertices > MOST || data.indices.len() > MOST {
@@ -90,7 +90,8 @@ pub(super) fn taken(data: &mut MeshData) -> Result<Primitive> {
     })
 }
 
-/// The rows of a list, which is empty afterwards. Where its capacity is a multiple of a row, rows that are collected take its place.
+/// Takes a flat list as rows of `N` numbers and leaves it empty. The memory is reused if length and capacity are multiples of `N`; else the
+/// rows are copied.
 fn rows<const N: usize>(list: &mut Vec<f32>) -> std::vec::IntoIter<[f32; N]> {
     let rows = bytemuck::allocation::try_cast_vec(std::mem::take(list));
     rows.unwrap_or_else(|(_, list)| list.as_chunks().0.to_vec()).into_iter()
@@ -119,7 +120,7 @@ pub(super) fn vectors<'a, const N: usize>(
     }
 }
 
-/// The mean of its triangles' normals for each vertex, weighted by area: flat where triangles share no vertices.
+/// Vertex normals: the mean of the normals of a vertex's triangles, weighted by area. Triangles that share no vertices are flat-shaded.
 pub(super) fn normals(positions: &[Vec3], indices: &[u32]) -> Vec<Vec3> {
     let mut sums = vec![Vec3::ZERO; positions.len()];
     for triangle in indices.as_chunks::<3>().0 {

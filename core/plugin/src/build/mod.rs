@@ -1,4 +1,4 @@
-//! An asset put together from arrays: the checks that every importer of plain meshes would otherwise write again.
+//! Builds an asset from flat arrays, with the checks that every importer of plain meshes would otherwise repeat.
 //!
 //! Used by the example importer, by importers in a script, and by `mesh(…)`, `lines(…)`, `points(…)` and `image(…)` of scripts.
 
@@ -27,7 +27,7 @@ choreo_motion::error_texts! { BuildError:
 }
 
 impl BuildError {
-    /// The error of an import of the file with this name.
+    /// Converts this error to the [`ImportError`] of the file with this name.
     ///
     /// ```
     /// let error = choreo_plugin::BuildError("mesh \"leaf\": no positions".into());
@@ -44,7 +44,8 @@ fn fail<T>(text: String) -> Result<T> {
     Err(BuildError(text))
 }
 
-/// Joints, meshes, materials, images, cameras, lights and clips, each known by the number that its function returned.
+/// Builder of an [`Asset`]: joints, meshes, materials, images, cameras, lights and clips. Each is referred to by the number that its method
+/// returned.
 ///
 /// ```
 /// use choreo_plugin::asset::{Material, Topology};
@@ -84,30 +85,31 @@ pub struct AssetBuilder {
 pub struct MeshData {
     /// Name of the mesh; empty: `mesh N`.
     pub name: String,
-    /// The joint it hangs on; without one, a joint at the origin that is added for it.
+    /// Joint that the mesh is attached to; `None` adds a joint at the origin for it.
     pub joint: Option<u32>,
-    /// Metres, x y z.
+    /// Vertex positions, x y z in metres.
     pub positions: Vec<f32>,
     /// Topology of the indices: triangles by default.
     pub topology: Topology,
-    /// Three a triangle, counter-clockwise from outside; two a line; one a point. Empty: the vertices in their order.
+    /// Vertex indices: three per triangle, counter-clockwise seen from outside; two per line; one per point. Empty: the vertices in their
+    /// order.
     pub indices: Vec<u32>,
-    /// x y z, any length; empty: for each vertex the mean of its triangles' normals by area. Lines and points without are not lit.
+    /// Vertex normals, x y z of any length. Empty: the mean of the normals of a vertex's triangles, weighted by area; lines and points
+    /// without normals are unlit.
     pub normals: Vec<f32>,
-    /// u v, v down.
+    /// Texture coordinates u v; v points down.
     pub uvs: Vec<f32>,
-    /// Linear red green blue, or red green blue alpha.
+    /// Vertex colors: linear RGB, or RGBA.
     pub colors: Vec<f32>,
-    /// Numbers of joints, as many a vertex as `weights` has: 1 to 8. The mesh then follows these joints, and `joint` has no effect.
-    /// Without `inverse_bind` its vertices lie at rest where `positions` says, in model space: a file with +Z up needs both, a joint
-    /// above all others that is turned, and vertices and normals turned.
+    /// Joint numbers of the skin: 1 to 8 per vertex, one for each of `weights`. The mesh then follows these joints, and `joint` has no
+    /// effect. Without `inverse_bind`, `positions` are in model space at rest. A file with +Z up then needs two rotations: of a root joint
+    /// above all others, and of the vertices and normals.
     pub joints: Vec<u32>,
     /// Weights of the joints, not negative; they need not add up to 1.
     pub weights: Vec<f32>,
-    /// joint-from-mesh matrices at bind time by joint number, 16 numbers each, column by column; empty: the mesh lies as
-    /// the joints rest.
+    /// Inverse bind matrices (joint from mesh) by joint number: 16 numbers each, column-major. Empty: the bind pose is the rest pose.
     pub inverse_bind: Vec<f32>,
-    /// Number of its material; without one, the default material.
+    /// Number of the material; `None`: the default material.
     pub material: Option<u32>,
     /// Parts with a material each, in place of `indices` and `material`.
     pub parts: Vec<MeshPart>,
@@ -118,9 +120,9 @@ pub struct MeshData {
 /// A part of a mesh with a material of its own.
 #[derive(Clone, Debug, Default)]
 pub struct MeshPart {
-    /// Indices like [`MeshData::indices`], of vertices of the whole mesh; not empty.
+    /// Vertex indices of the whole mesh, as in [`MeshData::indices`]; not empty.
     pub indices: Vec<u32>,
-    /// Number of its material; without one, the default material.
+    /// Number of the material; `None`: the default material.
     pub material: Option<u32>,
 }
 
@@ -135,11 +137,11 @@ pub struct MorphData {
     pub normals: Vec<f32>,
 }
 
-/// Most vertices or indices of one mesh.
+/// Largest number of vertices, and of indices, of one mesh.
 pub const MOST: usize = 1 << 27;
 
 impl AssetBuilder {
-    /// A node; its parent must have been made before. `rest` is parent-from-joint.
+    /// Adds a joint and returns its number. The parent must have been added before. `rest` is the parent-from-joint transform at rest.
     ///
     /// # Errors
     /// A parent that does not exist yet, a transform that is not finite, a rotation whose length is not 1.
@@ -185,10 +187,10 @@ impl AssetBuilder {
         &self.names
     }
 
-    /// 8 bits per channel, rows from the top: 1 (gray), 3 (RGB) or 4 (RGBA) bytes per pixel.
+    /// Adds an image with 8 bits per channel, rows from the top, and 1 (gray), 3 (RGB) or 4 (RGBA) bytes per pixel. Returns its number.
     ///
     /// # Errors
-    /// Another number of bytes, or no pixels.
+    /// The number of bytes does not fit the size, or there are no pixels.
     ///
     /// ```
     /// # let mut builder = choreo_plugin::AssetBuilder::default();
@@ -202,8 +204,8 @@ impl AssetBuilder {
         Ok(self.decoded_image(Arc::new(image(name, width, height, pixels)?)))
     }
 
-    /// Adds an image that was decoded before, with its file where [`ImportScope::image_files`](crate::ImportScope::image_files) asks for
-    /// it; returns its number.
+    /// Adds an image that is already decoded, with its file where [`ImportScope::image_files`](crate::ImportScope::image_files) asks for
+    /// it. Returns its number.
     ///
     /// ```
     /// # let mut builder = choreo_plugin::AssetBuilder::default();
@@ -218,7 +220,7 @@ impl AssetBuilder {
         self.asset.images.len() as u32 - 1
     }
 
-    /// Its textures must have been made before. Meshes whose material has a normal map get tangents.
+    /// Adds a material and returns its number. Its images must have been added before. Meshes whose material has a normal map get tangents.
     ///
     /// # Errors
     /// A texture of an image that does not exist yet.
@@ -255,7 +257,7 @@ impl AssetBuilder {
         Ok(self.asset.materials.len() as u32 - 1)
     }
 
-    /// Checks the arrays and adds the mesh. The error names the array and the element.
+    /// Checks the arrays, adds the mesh and returns its number. The error names the array and the element.
     ///
     /// # Errors
     /// An array of the wrong length, a number that is not finite, an index, joint or material that does not exist.
@@ -301,7 +303,7 @@ impl AssetBuilder {
         Ok(mesh)
     }
 
-    /// The joint given, which must exist, or one at the origin that is added.
+    /// Returns `joint`, which must exist; for `None` adds a joint at the origin.
     fn joint_of(&mut self, what: &str, name: &str, joint: Option<u32>) -> Result<u32> {
         let count = self.names.len();
         match joint {
@@ -313,7 +315,7 @@ impl AssetBuilder {
         }
     }
 
-    /// Tangents for the normal map of the primitive's material.
+    /// Adds tangents if the primitive's material has a normal map, or a warning if the primitive then has no texture coordinates.
     fn add_tangents(&mut self, primitive: &mut Primitive) {
         let material = primitive.material.and_then(|m| self.asset.materials.get(m as usize));
         let Some((material, map)) = material.and_then(|m| Some((m, m.normal_texture.as_ref()?))) else {
@@ -328,7 +330,7 @@ impl AssetBuilder {
         }
     }
 
-    /// A camera that looks along the −Z of its joint, +Y up; without a joint, one at the origin is added.
+    /// Adds a camera that looks along −Z of its joint, +Y up. `None` adds a joint at the origin for it.
     ///
     /// # Errors
     /// A joint that does not exist.
@@ -346,10 +348,10 @@ impl AssetBuilder {
         Ok(self.asset.cameras.len() as u32 - 1)
     }
 
-    /// A light that shines along the −Z of its joint; without a joint, one at the origin is added.
+    /// Adds a light that shines along −Z of its joint. `None` adds a joint at the origin for it.
     ///
     /// # Errors
-    /// A joint that does not exist, a cone or an intensity that no light can have.
+    /// A joint that does not exist, or a cone or an intensity that no light can have.
     ///
     /// ```
     /// use choreo_plugin::asset::{Light, LightKind};
@@ -377,7 +379,7 @@ impl AssetBuilder {
         Ok(self.asset.lights.len() as u32 - 1)
     }
 
-    /// Curves are checked when the asset is finished, when all joints are known.
+    /// Adds an animation clip. Its curves are checked in [`AssetBuilder::finish`], when all joints are known.
     ///
     /// ```
     /// use choreo_plugin::motion::{Curve, Interpolation, Path, Time, Transform};
@@ -397,7 +399,7 @@ impl AssetBuilder {
         self.clips.push((name.to_string(), curves));
     }
 
-    /// How many warnings there are so far.
+    /// Number of warnings so far.
     pub fn warnings(&self) -> usize {
         self.asset.warnings.len()
     }
@@ -414,7 +416,7 @@ impl AssetBuilder {
         self.asset.warnings.push(Warning { place: place.to_string(), text: text.to_string() });
     }
 
-    /// Checks the skeleton and the clips, and gives the asset.
+    /// Checks the skeleton and the clips, and returns the asset.
     ///
     /// # Errors
     /// A clip whose curves do not fit the joints, or keys that are not finite or out of order.
@@ -440,7 +442,7 @@ impl AssetBuilder {
         Ok(Asset { name: name.to_string(), skeleton: Arc::new(skeleton), ..self.asset })
     }
 
-    /// The skin's joints are those that the mesh uses, in the order of the skeleton.
+    /// Makes the skin of a mesh. Its joints are those that the mesh uses, in the order of the skeleton.
     fn skin(&mut self, data: &MeshData, primitive: &mut Primitive, name: &str) -> Result<Skin> {
         let vertices = primitive.positions.len();
         let each = data.weights.len() / vertices.max(1);
@@ -505,7 +507,7 @@ impl AssetBuilder {
     }
 }
 
-/// 8 bits per channel, rows from the top: 1 (gray), 3 (RGB) or 4 (RGBA) bytes per pixel.
+/// Makes an image with 8 bits per channel, rows from the top, and 1 (gray), 3 (RGB) or 4 (RGBA) bytes per pixel.
 pub fn image(name: &str, width: u32, height: u32, pixels: &[u8]) -> Result<Image> {
     let count = width as usize * height as usize;
     let channels = pixels.len().checked_div(count).unwrap_or(0);

@@ -4,9 +4,9 @@ use choreo_asset::{Primitive, Topology};
 use glam::{DVec3, Vec3, Vec4};
 use std::collections::HashMap;
 
-/// Gives each face vertex of the index list its own value of one attribute. A vertex keeps its place for the
-/// first value it gets; further values get copies appended, so that the file's vertex order stays.
-/// `value_of` sees the primitive as far as it is split: positions of face vertices stay. `store` writes a value to a vertex.
+/// Gives each face vertex of the index list its own value of one attribute. The first value of a vertex is stored in place; each further
+/// value goes to a copy at the end of the lists, so that the file's vertex order stays. `value_of` gets the primitive as split so far, in
+/// which the positions of face vertices do not change. `store` writes a value to a vertex.
 ///
 /// ```
 /// use choreo_plugin::{MeshData, build, glam::Vec2};
@@ -31,7 +31,7 @@ pub fn split_vertices<K: std::hash::Hash + Eq, V: Copy>(
     key: impl Fn(V) -> K,
     store: impl Fn(&mut Primitive, usize, V),
 ) {
-    // Only looked up, never walked: the map's order reaches nothing.
+    // The map is never iterated, so its random order has no effect.
     let mut vertex_of: HashMap<(u32, K), u32> = HashMap::new();
     let mut taken = vec![false; primitive.positions.len()];
     for face_vertex in 0..primitive.indices.len() {
@@ -47,7 +47,7 @@ pub fn split_vertices<K: std::hash::Hash + Eq, V: Copy>(
     }
 }
 
-/// Appends a copy of a vertex with everything it has.
+/// Appends a copy of a vertex with all its attributes.
 fn copy_vertex(p: &mut Primitive, vertex: usize) -> u32 {
     fn copy<T: Copy>(list: &mut Vec<T>, from: usize, width: usize) {
         if !list.is_empty() {
@@ -71,8 +71,8 @@ fn copy_vertex(p: &mut Primitive, vertex: usize) -> u32 {
     new
 }
 
-/// The vector at length 1; `None` for a zero vector and for values that are not finite. Lengths whose square does not fit a
-/// 32-bit float are computed in double precision.
+/// The normalized vector; `None` for a zero vector and for values that are not finite. If the squared length does not fit an f32, the
+/// result is computed in f64.
 ///
 /// ```
 /// use choreo_plugin::{build::normals::unit, glam::Vec3};
@@ -83,13 +83,14 @@ pub fn unit(v: Vec3) -> Option<Vec3> {
     near.or_else(|| v.as_dvec3().try_normalize().map(|n| n.as_vec3()))
 }
 
-/// The unit normal of a triangle of vertex indices. +Y where it has no area: such a triangle is not visible.
+/// The unit normal of a triangle of vertex indices. +Y if the triangle has no area, which makes it invisible.
 fn of_triangle(positions: &[Vec3], triangle: &[u32]) -> Vec3 {
     let [a, b, c] = [0, 1, 2].map(|i| positions[triangle[i] as usize].as_dvec3());
     (b - a).cross(c - a).normalize_or(DVec3::Y).as_vec3().normalize_or(Vec3::Y)
 }
 
-/// Gives vertices whose normal has length zero that of a triangle that uses them. Lines and points lose such normals.
+/// Replaces zero-length vertex normals by the normal of a triangle that uses the vertex. Lines and points with such a normal lose all
+/// normals.
 ///
 /// ```
 /// use choreo_plugin::{MeshData, build, glam::Vec3};
@@ -120,7 +121,7 @@ pub fn replace_zero(p: &mut Primitive) {
     p.normals.iter_mut().filter(|n| **n == Vec3::ZERO).for_each(|n| *n = Vec3::Y);
 }
 
-/// glTF 2.0 §3.7.2.1: without normals, a client must compute flat ones.
+/// Computes flat normals, which glTF 2.0 §3.7.2.1 requires for meshes without normals.
 ///
 /// ```
 /// use choreo_plugin::{MeshData, build, glam::Vec3};
@@ -141,7 +142,7 @@ pub fn flat(p: &mut Primitive) {
     );
 }
 
-/// Writes one tangent a face vertex into the vertices.
+/// Stores one tangent per face vertex. Vertices that need several tangents are split.
 ///
 /// ```
 /// use choreo_plugin::{MeshData, build, glam::Vec4};

@@ -1,4 +1,4 @@
-//! A mesh of several materials: one primitive for each, with the vertices that it uses.
+//! Splits a mesh of several materials into one primitive per part, with the vertices that the part uses.
 
 use super::{MeshPart, MorphData, Result, arrays::vectors, fail};
 use choreo_asset::{MorphTarget, Primitive};
@@ -20,7 +20,7 @@ pub(super) fn morphs(given: &[MorphData], vertices: usize) -> Result<Vec<MorphTa
     given.iter().enumerate().map(morph).collect()
 }
 
-/// Splits a primitive, whose indices are those of the parts in their order.
+/// Splits a primitive into one per part. The primitive's indices are the indices of all parts, one part after the other.
 pub(super) fn split(whole: Primitive, parts: &[MeshPart], materials: usize) -> Result<Vec<Primitive>> {
     if parts.is_empty() {
         return Ok(vec![whole]);
@@ -38,7 +38,7 @@ pub(super) fn split(whole: Primitive, parts: &[MeshPart], materials: usize) -> R
         .collect())
 }
 
-/// The vertices that the indices use, in the order of their first use.
+/// A primitive with only the vertices that the indices use, in the order of their first use.
 fn used(whole: &Primitive, indices: &[u32]) -> Primitive {
     let mut number: Vec<Option<u32>> = vec![None; whole.positions.len()];
     let mut vertices: Vec<usize> = Vec::new();

@@ -33,7 +33,7 @@ pub fn add(p: &mut Primitive, uv_set: usize) {
     normals::apply_tangents(p, &tangents);
 }
 
-/// One tangent a face vertex of the triangle list: xyz unit, w the sign of the bitangent.
+/// One tangent per face vertex of the triangle list: xyz is a unit vector, w the sign of the bitangent.
 ///
 /// ```
 /// use choreo_plugin::glam::{Vec2, Vec3, Vec4};
@@ -78,7 +78,7 @@ pub fn triangle_tangents(indices: &[u32], positions: &[Vec3], normals: &[Vec3], 
         out[face_vertex] = tangent.extend(sign);
         of_vertex.entry(vertex[face_vertex]).or_insert(out[face_vertex]);
     }
-    // Triangles without area take what their vertices have elsewhere.
+    // Triangles without area take the tangent that their vertex has in another triangle.
     for face_vertex in (0..vertex.len()).filter(|c| faces[c / 3].degenerate) {
         let normal = normals[vertex[face_vertex] as usize];
         out[face_vertex] =
@@ -161,7 +161,7 @@ fn join(run: &[Edge], faces: &mut [Face], groups: &mut Groups) {
         let orientation = faces[model].keeps_orientation;
         for edge in run {
             let face = &mut faces[edge.face_vertex_low as usize / 3];
-            // The mark stays, as the face has no direction to add.
+            // `no_uv_area` stays set, because the face has no tangent direction to add.
             if face.no_uv_area {
                 face.keeps_orientation = orientation;
             }
@@ -183,7 +183,7 @@ fn join(run: &[Edge], faces: &mut [Face], groups: &mut Groups) {
     }
 }
 
-/// Union-find with path halving; the smallest face vertex of a group stands for it.
+/// Union-find with path halving; the smallest face vertex of a group represents it.
 struct Groups(Vec<u32>);
 
 impl Groups {

@@ -1,5 +1,5 @@
-//! An asset as bytes. Skeletons and clips are made anew by their own checks, everything else is checked after the import as every
-//! importer's asset is.
+//! Assets as bytes. Skeletons and clips are rebuilt by constructors that check them; everything else is checked after the import, as the
+//! asset of any importer.
 
 use super::{Bytes, Result, Transfer, Written, fields, variants};
 use choreo_asset::{
@@ -12,8 +12,8 @@ use choreo_motion::{Clip, Curve, Interpolation, Path, Skeleton, Time, Transform}
 use glam::{Affine2, Affine3A, DAffine3};
 use std::sync::Arc;
 
-/// A part that an asset has and that its bytes leave out: expressions, springs, gaze, placements, image sequences, a humanoid, or clips
-/// that move expressions or properties.
+/// Name of a part that the asset has and its bytes leave out: expressions, springs, gaze, placements, image sequences, a humanoid, or clips
+/// that move expressions or properties. `None` if nothing is left out.
 pub fn missing_parts(asset: &Asset) -> Option<&'static str> {
     let clips = || asset.clips.iter();
     let missing = [
@@ -30,7 +30,7 @@ pub fn missing_parts(asset: &Asset) -> Option<&'static str> {
     missing.into_iter().find(|(_, there)| *there).map(|(part, _)| part)
 }
 
-/// The asset is yet to be checked as a whole.
+/// An asset that was read must still be checked as a whole.
 impl Transfer for Asset {
     fn write(&self, out: &mut Written) {
         self.name.write(out);
@@ -76,7 +76,7 @@ impl Transfer for Asset {
             let curves = Vec::<Curve>::read(from)?;
             let clip = Clip::new(name.clone(), skeleton.len(), curves);
             let mut clip = clip.map_err(|e| from.wrong(format!("clip \"{name}\": {e}")))?;
-            // Longer than its keys where the file says so.
+            // A clip may be longer than its keys.
             clip.duration = clip.duration.max(duration);
             asset.clips.push(Arc::new(clip));
         }

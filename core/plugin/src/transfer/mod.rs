@@ -1,6 +1,6 @@
-//! Values as bytes, for plugins in WebAssembly, whose memory is not the program's: little-endian, without padding, lists with their
-//! length first. A long list of numbers may be a place in the plugin's memory instead, so that only the program copies it. Bytes come
-//! from strangers: whatever they are, reading gives a value or an error, and takes memory in proportion to them.
+//! Values as bytes, for plugins in WebAssembly, which have a memory of their own: little-endian, without padding, lists with their length
+//! first. A long list of numbers may be an address in the plugin's memory instead, so that only the program copies it. The bytes are
+//! untrusted: whatever they are, reading returns a value or an error, and takes memory in proportion to them.
 
 mod asset;
 mod request;
@@ -13,7 +13,7 @@ pub use scene::{NoAsset, TransferredScene, snapshot_bytes};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Bytes that are no such value.
+/// Error: the bytes are no value of the expected type.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TransferError {
     /// Offset of the part that is wrong.
@@ -28,7 +28,7 @@ choreo_motion::error_texts! { TransferError:
 
 type Result<T> = std::result::Result<T, TransferError>;
 
-/// A value that is handed over as bytes.
+/// A value that can be written as bytes and read back.
 pub trait Transfer: Sized {
     /// Appends the bytes of the value.
     fn write(&self, out: &mut Written);
@@ -36,7 +36,7 @@ pub trait Transfer: Sized {
     /// Reads the value.
     fn read(from: &mut Bytes<'_>) -> Result<Self>;
 
-    /// Appends the elements of a list; numbers in one piece.
+    /// Appends the elements of a list; numbers are copied in one block.
     fn write_all(list: &[Self], out: &mut Written) {
         list.iter().for_each(|element| element.write(out));
     }
@@ -68,12 +68,12 @@ pub trait Transfer: Sized {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Written {
     bytes: Vec<u8>,
-    /// Long lists of numbers stay where they are, and their places are written.
+    /// Whether long lists of numbers are written as addresses in memory.
     by_place: bool,
 }
 
 impl Written {
-    /// Bytes that refer to the memory of the writer, which must stay as it is until they are read.
+    /// Bytes that refer to lists in the memory of the writer, which must not change until the bytes are read.
     pub fn by_place() -> Written {
         Written { bytes: Vec::new(), by_place: true }
     }
@@ -84,10 +84,10 @@ impl Written {
     }
 }
 
-/// The length of a list that is elsewhere has this bit; its place follows.
+/// Bit of a list's length which means that the list is elsewhere in memory; its address follows.
 const ELSEWHERE: u64 = 1 << 63;
 
-/// Bytes of the shortest list that stays where it is.
+/// Size in bytes of the shortest list that is written as an address.
 const LONG: usize = 1024;
 
 /// The bytes of a value.
@@ -97,10 +97,10 @@ pub fn to_bytes(value: &impl Transfer) -> Vec<u8> {
     out.bytes
 }
 
-/// The value of all these bytes.
+/// Reads a value that takes up all these bytes.
 ///
 /// # Errors
-/// Bytes that are no such value, or too many.
+/// The bytes are no such value, or some are left over.
 ///
 /// ```
 /// use choreo_plugin::transfer::{from_bytes, to_bytes};
@@ -113,8 +113,8 @@ pub fn from_bytes<T: Transfer>(bytes: &[u8]) -> Result<T> {
     from_memory(bytes, &[])
 }
 
-/// The value of all these bytes; long lists may be in the memory of the plugin that has written them. All lists together are at most
-/// as long as the memory.
+/// Reads a value that takes up all these bytes. Long lists may lie in `memory`, the memory of the plugin that has written the value. All
+/// such lists together are at most as long as the memory.
 pub fn from_memory<T: Transfer>(bytes: &[u8], memory: &[u8]) -> Result<T> {
     let mut from = Bytes { bytes, at: 0, memory, budget: memory.len() };
     let value = T::read(&mut from)?;
@@ -129,7 +129,7 @@ pub struct Bytes<'b> {
     bytes: &'b [u8],
     at: usize,
     memory: &'b [u8],
-    /// Bytes that lists elsewhere in the memory may still have.
+    /// Bytes that further lists in `memory` may still take.
     budget: usize,
 }
 
@@ -151,7 +151,7 @@ impl<'b> Bytes<'b> {
         Ok(taken)
     }
 
-    /// Bytes at a place of the memory.
+    /// Bytes at an address of the memory.
     fn elsewhere(&mut self, place: usize, count: usize) -> Result<&'b [u8]> {
         let found = self.memory.get(place..place.saturating_add(count));
         let found = found.ok_or_else(|| {
@@ -163,7 +163,7 @@ impl<'b> Bytes<'b> {
     }
 }
 
-/// Numbers of bytes that may lie at any place.
+/// Numbers from bytes of any alignment.
 fn numbers<T: bytemuck::Pod>(bytes: &[u8]) -> Vec<T> {
     match bytemuck::try_cast_slice::<u8, T>(bytes) {
         Ok(list) => list.to_vec(),
@@ -171,13 +171,13 @@ fn numbers<T: bytemuck::Pod>(bytes: &[u8]) -> Vec<T> {
     }
 }
 
-/// Bytes of a number of values without padding.
+/// Takes the bytes of `count` values without padding.
 fn bytes_of_all<'b, T>(count: usize, from: &mut Bytes<'b>) -> Result<&'b [u8]> {
     let size = count.checked_mul(size_of::<T>());
     from.take(size.ok_or_else(|| from.wrong("a list without end"))?)
 }
 
-/// Bytes of a list of values without padding, which begins with its length.
+/// Takes the bytes of a list of values without padding, which begins with its length.
 fn bytes_of_list<'b, T>(from: &mut Bytes<'b>) -> Result<&'b [u8]> {
     let length = u64::read(from)?;
     let count = usize::try_from(length & !ELSEWHERE).map_err(|_| from.wrong("a list without end"))?;
@@ -189,7 +189,7 @@ fn bytes_of_list<'b, T>(from: &mut Bytes<'b>) -> Result<&'b [u8]> {
     from.elsewhere(place, size.ok_or_else(|| from.wrong("a list without end"))?)
 }
 
-/// Writes a list of values without padding: its bytes, or its place where it is long and may stay there.
+/// Writes a list of values without padding: its bytes, or its address if it is long and the writer allows that.
 fn write_plain_list<T: Transfer>(list: &[T], out: &mut Written) {
     if !out.by_place || size_of_val(list) < LONG {
         list.len().write(out);
@@ -199,7 +199,7 @@ fn write_plain_list<T: Transfer>(list: &[T], out: &mut Written) {
     (list.as_ptr().addr() as u64).write(out);
 }
 
-/// The methods for lists of values without padding, given the function that makes a list of bytes.
+/// Implements the methods for lists of values without padding. `$list` is the function that makes a list from bytes.
 macro_rules! plain_lists {
     ($list:expr) => {
         fn read_all(count: usize, from: &mut Bytes<'_>) -> Result<Vec<Self>> {
@@ -214,7 +214,7 @@ macro_rules! plain_lists {
     };
 }
 
-/// Numbers, which lists hold as one piece.
+/// Implements [`Transfer`] for numbers, whose lists are one block of bytes.
 macro_rules! numbers {
     ($($type:ty),*) => {$(
         impl Transfer for $type {
@@ -233,8 +233,8 @@ macro_rules! numbers {
 }
 numbers!(u8, u16, u32, u64, i64, f32, f64);
 
-/// Vectors and matrices, which lists hold as one piece: as arrays of numbers. (They are plain bytes only with glam's feature bytemuck,
-/// which brings procedural macros to every plugin.)
+/// Implements [`Transfer`] for vectors and matrices as arrays of numbers, whose lists are one block of bytes. (They are plain bytes only
+/// with glam's feature bytemuck, which brings procedural macros to every plugin.)
 macro_rules! vectors {
     ($($type:ident: $array:ty, $to:ident, $from:expr;)*) => {$(
         impl Transfer for glam::$type {
@@ -298,7 +298,7 @@ impl<T: Transfer> Transfer for Arc<[T]> {
     }
 }
 
-/// Texts are short, and often made for the occasion: they are never elsewhere.
+/// Texts are short and often temporary, so they are never written as addresses.
 impl Transfer for String {
     fn write(&self, out: &mut Written) {
         self.len().write(out);
@@ -320,7 +320,7 @@ impl<T: Transfer> Transfer for Option<T> {
     }
 }
 
-/// Values behind pointers.
+/// Implements [`Transfer`] for pointers, as the value behind them.
 macro_rules! pointers {
     ($($pointer:ident),*) => {$(
         impl<T: Transfer> Transfer for $pointer<T> {
@@ -367,8 +367,8 @@ impl<K: Transfer + Ord, V: Transfer> Transfer for BTreeMap<K, V> {
     }
 }
 
-/// Structs, field by field; fields that are not handed over have their default. A field that is added to a struct is an error here until
-/// it is listed.
+/// Implements [`Transfer`] for structs, field by field; fields after `without` are left out and have their default. A field that is added
+/// to a struct is an error here until it is listed.
 macro_rules! fields {
     ($($type:ident { $($field:ident),* $(,)? $(; without $($without:ident),*)? })*) => {$(
         impl Transfer for $type {
@@ -383,7 +383,7 @@ macro_rules! fields {
     )*};
 }
 
-/// Enums: the number of the variant in this list, then its fields.
+/// Implements [`Transfer`] for enums: the number of the variant in this list, then its fields.
 macro_rules! variants {
     ($($type:ident { $($number:literal $variant:ident $(($($value:ident),*))? $({ $($field:ident),* })?),* $(,)? })*) => {$(
         impl Transfer for $type {

@@ -5,7 +5,7 @@ use super::{Bytes, Result, Transfer, Written, fields, variants};
 use crate::{Claim, ImportError, ImportOptions, ImportScope, Manifest, OptionKind, OptionSpec, OptionValue};
 use choreo_asset::Asset;
 
-/// The arguments of an import. The plugin takes the bytes of the file by itself, so that they are copied once.
+/// The arguments of an import. The plugin fetches the bytes of the file separately, so that they are copied only once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportRequest {
     /// Name of the file.

@@ -21,14 +21,14 @@ pub struct TransferredScene {
     size: [u32; 2],
     stage_fps: FrameRate,
     length: Time,
-    /// Each once.
+    /// The assets of the actors, each once.
     assets: Vec<Arc<Asset>>,
     /// Name, and index into the assets.
     actors: Vec<(String, usize)>,
     cameras: Vec<String>,
 }
 
-/// A scene with an actor that has no asset.
+/// Error: an actor of the scene has no asset.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NoAsset {
     /// The actor's name.
@@ -68,7 +68,7 @@ impl TransferredScene {
         }
     }
 
-    /// A scene whose stage has these parts and no others, and whose snapshots come from elsewhere.
+    /// A scene whose stage has only these parts. `snapshots` returns the state at a time.
     ///
     /// # Errors
     /// An actor without an asset.

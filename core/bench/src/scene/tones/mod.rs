@@ -1,4 +1,4 @@
-//! Tone mapping: curves fitted to the transforms of ACES and AgX, against those transforms in f64.
+//! The choice of tone mapping: curves fitted to the transforms of ACES and AgX, against those transforms in f64.
 
 mod reference;
 
@@ -19,12 +19,12 @@ use std::sync::Arc;
 /// A color in linear sRGB, and its name.
 pub type Light = (String, Vec3);
 
-/// Pixels of the image that is read for its colors.
+/// Largest size in pixels of the image from which colors are taken.
 const MOST_PIXELS: u32 = 160 * 90;
-/// Stops below the scene's exposure at which it is drawn, so that no pixel is cut off in all of them.
+/// Stops below the scene's exposure at which images are drawn, so that every pixel is unclipped in one of them.
 const BRACKETS: [f32; 3] = [0.0, 4.0, 8.0];
 
-/// The transforms that the scene uses, at the colors of its image.
+/// Compares the transforms that the scene uses, on the colors of its image.
 pub fn choices(scene: &MeasuredScene) -> Result<SceneChoices, BenchError> {
     let snapshot = scene.stage.at(scene.at)?;
     let tonemap = snapshot.effects.iter().find(|e| scene.stage.effects[e.effect].plugin == "tonemap");
@@ -74,7 +74,7 @@ fn lights(scene: &MeasuredScene, further: f64) -> Result<Vec<Light>, BenchError>
             let place = || format!("pixel {}, {}", pixel as u32 % size[0], pixel as u32 / size[0]);
             match lights.get_mut(pixel) {
                 None => lights.push((place(), light)),
-                // Cut off at the exposure before.
+                // The pixel was clipped at the exposure before.
                 Some(known) if known.1.max_element() >= libm::exp2f(BRACKETS[i - 1]) => known.1 = light,
                 Some(_) => {}
             }
@@ -88,7 +88,7 @@ fn code(linear: f64) -> f64 {
     255.0 * srgb_from_linear(linear.clamp(0.0, 1.0))
 }
 
-/// Rows for ways to do one transform, their errors in codes, and what a pixel of each costs.
+/// Adds a row for each method of one transform: its errors in codes, and its cost per pixel.
 fn compare(
     choice: &mut Choice,
     lights: &[Light],
@@ -122,14 +122,14 @@ fn compare(
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
 }
 
-/// The formulas of the effect, with the curve of that number.
+/// The formulas of the effect `tonemap`: ACES for a curve below 0.5, else AgX.
 pub fn effect(curve: f32, light: Vec3) -> Vec3 {
     let light = light.clamp(Vec3::ZERO, Vec3::splat(16_777_216.0));
     let mapped = if curve < 0.5 { hill(light) } else { wrensch(light) };
     mapped.clamp(Vec3::ZERO, Vec3::ONE)
 }
 
-/// [`effect`] with curve 0 of many colors, in loops over eight, which compilers turn into vector instructions.
+/// Evaluates [`effect`] with curve 0 for many colors, in loops over eight, which compilers turn into vector instructions.
 pub fn effect_of_eights(colors: &[Vec4]) -> Vec<Vec4> {
     type Eight = [f32; 8];
     fn rows(m: &[[f32; 3]; 3], [x, y, z]: &[Eight; 3]) -> [Eight; 3] {
@@ -194,12 +194,12 @@ fn wrensch(color: Vec3) -> Vec3 {
         ],
         y,
     );
-    // The curve gives codes of a 2.2 display; the image is linear.
+    // The curve gives codes of a display with gamma 2.2; the image is linear.
     let linear = |v: f32| libm::powf(v.max(0.0), 2.2);
     Vec3::new(linear(out.x), linear(out.y), linear(out.z))
 }
 
-/// The way to ACES.
+/// Compares approximations of ACES.
 pub fn aces(lights: &[Light], of: &str, budget_secs: f64) -> Choice {
     let mut choice = Choice::new("aces", "How is light brought onto the screen as ACES does it?");
     choice.reference = format!(
@@ -223,14 +223,14 @@ pub fn aces(lights: &[Light], of: &str, budget_secs: f64) -> Choice {
     choice
 }
 
-/// Krzysztof Narkowicz, "ACES Filmic Tone Mapping Curve" (2016), with the exposure that he gives.
+/// Krzysztof Narkowicz, "ACES Filmic Tone Mapping Curve" (2016), with the exposure of the article.
 fn narkowicz(light: Vec3) -> Vec3 {
     let x = light * 0.6;
     let y = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14);
     y.clamp(Vec3::ZERO, Vec3::ONE)
 }
 
-/// The way to the sigmoid of AgX.
+/// Compares approximations of the sigmoid of AgX.
 pub fn agx(lights: &[Light], of: &str, budget_secs: f64) -> Choice {
     let mut choice = Choice::new("agx", "How is the sigmoid of AgX found?");
     choice.reference = format!(
@@ -262,7 +262,7 @@ pub fn agx(lights: &[Light], of: &str, budget_secs: f64) -> Choice {
     choice
 }
 
-/// Chebyshev series of a function on 0..1, interpolated at the roots of the polynomial of the next degree.
+/// Chebyshev series of a function on 0..1, interpolated at the Chebyshev nodes.
 struct Chebyshev(Vec<f32>);
 
 impl Chebyshev {
@@ -277,7 +277,7 @@ impl Chebyshev {
         Chebyshev((0..n).map(term).collect())
     }
 
-    /// Clenshaw's recurrence.
+    /// Evaluates the series by Clenshaw's recurrence.
     fn at(&self, x: f32) -> f32 {
         let t = 2.0 * x - 1.0;
         let (mut b, mut before) = (0.0, 0.0);

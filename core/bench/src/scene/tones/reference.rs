@@ -1,4 +1,4 @@
-//! The transforms as their makers give them, in f64.
+//! Reference tone mapping in f64: the transforms as their authors publish them.
 
 use glam::{DMat3, DVec3};
 
@@ -22,17 +22,18 @@ const D65: [f64; 2] = [0.3127, 0.3290];
 const SRGB: [[f64; 2]; 3] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]];
 const AP0: [[f64; 2]; 3] = [[0.7347, 0.2653], [0.0, 1.0], [0.0001, -0.0770]];
 const AP1: [[f64; 2]; 3] = [[0.713, 0.293], [0.165, 0.830], [0.128, 0.044]];
-/// Luminance of AP1.
+/// Luminance weights of AP1.
 const LUMA: DVec3 = DVec3::new(0.272_228_716_8, 0.674_081_765_8, 0.053_689_517_4);
 
-/// Bradford's adaptation of XYZ from one white to another.
+/// Bradford chromatic adaptation of XYZ from one white point to another.
 fn adapted(from: [f64; 2], to: [f64; 2]) -> DMat3 {
     let cone = rows([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]);
     let white = |[x, y]: [f64; 2]| cone * DVec3::new(x / y, 1.0, (1.0 - x - y) / y);
     cone.inverse() * DMat3::from_diagonal(white(to) / white(from)) * cone
 }
 
-/// A uniform quadratic B-spline through log10, between three points (x, y), with slopes beyond.
+/// A uniform quadratic B-spline in log10 space between three points (x, y); constant below the first, and with the slope `slope_high` above
+/// the last.
 fn spline(x: f64, points: [[f64; 2]; 3], low: &[f64], high: &[f64], slope_high: f64) -> f64 {
     let x = libm::log10(x.max(6.103_515_625e-5));
     let [[x0, y0], [x1, _], [x2, y2]] = points.map(|p| p.map(libm::log10));
@@ -96,10 +97,10 @@ fn saturated(v: DVec3, factor: f64) -> DVec3 {
     DVec3::splat(v.dot(LUMA)).lerp(v, factor)
 }
 
-/// How far to the red it is: a cubic B-spline of the hue's distance, 135° wide.
+/// Weight of the red modifier: a cubic B-spline of the distance of the hue from red, 135° wide.
 fn redness(v: DVec3) -> f64 {
     let hue = libm::atan2(3f64.sqrt() * (v.y - v.z), 2.0 * v.x - v.y - v.z).to_degrees();
-    // Knots a fourth of the width apart; 1 in the middle.
+    // The knots are a fourth of the width apart; the weight is 1 in the middle.
     let t = (hue / (135.0 / 4.0)).abs();
     match t {
         t if t < 1.0 => 1.0 - 1.5 * t * t + 0.75 * t * t * t,
@@ -108,11 +109,11 @@ fn redness(v: DVec3) -> f64 {
     }
 }
 
-/// Linear sRGB of a scene to linear sRGB of a screen.
+/// ACES: linear sRGB of the scene to linear sRGB of the display, 0 to 1.
 pub fn aces(light: DVec3) -> DVec3 {
     let (ap0, ap1, srgb) = (to_xyz(AP0, D60), to_xyz(AP1, D60), to_xyz(SRGB, D65));
     let mut c = ap0.inverse() * adapted(D65, D60) * srgb * light;
-    // Glow: dark saturated colors are lifted a little.
+    // The glow module lifts dark saturated colors a little.
     let (least, most) = (c.min_element(), c.max_element());
     let saturation = (most.max(1e-10) - least.max(1e-10)) / most.max(1e-2);
     let chroma = (c.z * (c.z - c.y) + c.y * (c.y - c.x) + c.x * (c.x - c.z)).max(0.0).sqrt();
@@ -131,9 +132,9 @@ pub fn aces(light: DVec3) -> DVec3 {
     let ap1_from_ap0 = ap1.inverse() * ap0;
     let c = (ap1_from_ap0 * c.max(DVec3::ZERO)).max(DVec3::ZERO);
     let c = each(saturated(c, 0.96), scene_curve);
-    // The output transform, for 48 nits of a cinema, where black is 0.02.
+    // The output transform is that of a cinema of 48 nits, where black is 0.02 nits.
     let c = (each(c, output_curve) - 0.02) / (48.0 - 0.02);
-    // Adaptation from a dark room to a dim one, by luminance.
+    // The surround correction, by luminance, adapts from a dark room to a dim one.
     let xyz = ap1 * c;
     let dim = libm::pow(xyz.y.max(0.0), 0.9811) / xyz.y.max(1e-10);
     let c = saturated(ap1.inverse() * (xyz * dim), 0.93);
@@ -146,7 +147,7 @@ const INSET: DMat3 = rows([
     [0.042_375_654_905_709_9, 0.078_433_600_000_000_2, 0.879_142_973_793_104],
 ]);
 
-/// Linear sRGB to parts of 16.5 stops, of which 10 are below middle gray.
+/// Linear sRGB to the log encoding of AgX, 0 to 1 over 16.5 stops, of which 10 are below middle gray.
 pub(crate) fn agx_stops(light: DVec3) -> DVec3 {
     let v = INSET * light;
     let stops = |v: f64| ((libm::log2(v.max(1e-10)) + 12.47393) / 16.5).clamp(0.0, 1.0);
@@ -166,7 +167,7 @@ pub fn sigmoid(x: f64) -> f64 {
     scale * term / libm::pow(1.0 + libm::pow(term, power), 1.0 / power) + value
 }
 
-/// The linear sRGB that a screen of gamma 2.2 shows for the curve's result.
+/// Linear sRGB that a display of gamma 2.2 shows for the result of the AgX curve.
 pub(crate) fn agx_shown(curve: DVec3) -> DVec3 {
     each(INSET.inverse() * curve, |v| libm::pow(v.clamp(0.0, 1.0), 2.2))
 }
@@ -185,7 +186,7 @@ mod tests {
         assert!(sigmoid(0.0).abs() < 1e-12 && (sigmoid(1.0) - 1.0).abs() < 1e-12);
     }
 
-    /// Published as AP0_2_AP1_MAT, to ten places.
+    /// The matrix that ACES publishes as AP0_2_AP1_MAT, to ten places.
     #[test]
     fn matrices_are_the_published_ones() {
         let m = to_xyz(AP1, D60).inverse() * to_xyz(AP0, D60);
