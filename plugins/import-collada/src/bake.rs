@@ -316,15 +316,17 @@ pub fn weights(
     (start, end): (Time, Time),
 ) -> Result<Vec<Curve>> {
     let count = morph.weights.len();
-    let mut times = key_times(samplers.iter().map(|s| &*s.1), start, end);
-    if samplers.iter().any(|s| !s.1.is_plain() || s.1.steps().0) {
-        // Curved and stepped weights are sampled at 60 Hz.
+    let all = || samplers.iter().map(|s| &*s.1);
+    let mut times = key_times(all(), start, end);
+    if !all().all(Sampler::is_plain) {
+        // Curved weights are sampled at 60 Hz.
         let frame = Time::TICKS_PER_SECOND / 60;
         let frames = ((end.0 - start.0) / frame).clamp(0, MAX_KEYS as i64);
         times.extend((0..frames).map(|i| Time(start.0 + i * frame)));
         times.sort_unstable();
         times.dedup();
     }
+    let times = held_keys(&times, all);
     let place = || format!("morph of node {}", morph.joint);
     xml.budget.charge(times.len() as u64, count * 4 + 8).at(place)?;
     let mut values = Vec::with_capacity(times.len() * count);
@@ -341,7 +343,7 @@ pub fn weights(
     Ok(vec![Curve {
         joint: morph.joint,
         path: Path::Weights(count as u32),
-        interpolation: Interpolation::Linear,
+        interpolation: if all().all(|s| s.steps().1) { Interpolation::Step } else { Interpolation::Linear },
         times,
         values: values.into(),
     }])

@@ -102,7 +102,7 @@ const MAX_OFFSET: usize = 255;
 /// The inputs of an element. `VERTEX` is replaced by the inputs of `<vertices>`, at its offset.
 pub fn inputs<'a>(xml: &Xml<'a>, element: Node<'a>) -> Result<Vec<Input<'a>>> {
     let mut out = Vec::new();
-    for (index, input) in children(element, "input").enumerate() {
+    for input in children(element, "input") {
         let number = |name: &str, default: usize| match input.attribute(name) {
             None => Ok(default),
             Some(text) => text.trim().parse().ok().filter(|n| *n <= MAX_OFFSET).ok_or_else(|| {
@@ -110,7 +110,7 @@ pub fn inputs<'a>(xml: &Xml<'a>, element: Node<'a>) -> Result<Vec<Input<'a>>> {
             }),
         };
         // Inputs without an offset (of vertices, joints and samplers) share one stream.
-        let offset = number("offset", if input.attribute("offset").is_some() { index } else { 0 })?;
+        let offset = number("offset", 0)?;
         let set = number("set", 0)?;
         let semantic = input.attribute("semantic").unwrap_or_default();
         let source = xml.follow(input, "source")?;

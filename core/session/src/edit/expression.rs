@@ -13,7 +13,8 @@ pub fn value(text: &str, fps: f64) -> Option<f64> {
 
 /// Whether a typed text counts frames, `f(12)`, and so is a time.
 pub fn counts_frames(text: &str) -> bool {
-    text.contains("f(")
+    let is_name = |c: char| c.is_alphanumeric() || c == '_';
+    text.match_indices("f(").any(|(at, _)| !text[..at].ends_with(is_name))
 }
 
 /// A typed expression in script syntax: `1.0 / 3.0` for `1/3`, since a script divides numbers without a point as integers; `f(12)` for `f( 12 )`.
@@ -146,6 +147,12 @@ mod tests {
         for number in ["", "0.5", "-2", "(3)", "f(12)/3", "f(1.5)", "1,5"] {
             assert_eq!(script_text(number), None, "{number}");
         }
+    }
+
+    #[test]
+    fn only_calls_of_f_count_frames() {
+        assert!(["f(12)", "f(12) / 3", "2 * f(1)"].into_iter().all(counts_frames));
+        assert!(!["half(3)", "my_f(2)", "f", "12"].into_iter().any(counts_frames));
     }
 
     /// A script divides whole numbers into whole ones.

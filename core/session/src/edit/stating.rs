@@ -158,18 +158,12 @@ impl<'a> ScriptObject<'a> {
     /// # Errors
     /// The script computes an argument.
     pub fn state_inside(&self, value: &str) -> Result<Edit, EditRefused> {
-        let (range, mut quoted) = (self.text.trimmed(&self.made.inside), false);
-        let outside: String = self.text[range.clone()]
-            .chars()
-            .filter(|c| {
-                quoted ^= *c == '"';
-                !quoted
-            })
-            .collect();
-        let mut words = outside.split(|c: char| !c.is_alphanumeric() && c != '_' && c != '.');
-        let is_name = |word: &str| word.starts_with(|c: char| c.is_alphabetic() || c == '_');
+        let range = self.text.trimmed(&self.made.inside);
+        let tokens: Vec<&str> = self.text.tokens_within(&range).collect();
+        let is_name = |token: &str| token.starts_with(|c: char| c.is_alphabetic() || c == '_');
         // Names of map entries are not variables.
-        if words.any(|word| is_name(word) && !is_entry(&outside, word)) {
+        let is_entry = |index: usize| tokens.get(index + 1) == Some(&":");
+        if tokens.iter().enumerate().any(|(index, token)| is_name(token) && !is_entry(index)) {
             let name = &self.text[self.made.name.clone()];
             let why = format!("{name}({}) is computed; change it there", &self.text[range]);
             return Err(EditRefused::at(self.line, &why));
@@ -327,9 +321,4 @@ impl<'a> ScriptObject<'a> {
     pub fn made_by(&self) -> &str {
         &self.text[self.made.name.clone()]
     }
-}
-
-/// Whether every occurrence of a word is the name of a map entry.
-fn is_entry(text: &str, word: &str) -> bool {
-    text.match_indices(word).all(|(at, _)| text[at + word.len()..].trim_start().starts_with(':'))
 }

@@ -228,12 +228,15 @@ fn morphs_and_their_weights() {
         <source id=\"w-out\"><float_array count=\"2\">0 1</float_array></source>\
         <sampler id=\"w\"><input semantic=\"INPUT\" source=\"#w-in\"/><input semantic=\"OUTPUT\" source=\"#w-out\"/></sampler>\
         <channel source=\"#w\" target=\"face-weights(0)\"/></animation>";
-    let asset = with(&[
-        ("</library_geometries>", &target),
-        ("<library_controllers>", morph),
-        ("<skin source=\"#strip\">", "<skin source=\"#face\">"),
-        ("</animation>", drive),
-    ]);
+    let asset_driven_by = |drive: &str| {
+        with(&[
+            ("</library_geometries>", &target),
+            ("<library_controllers>", morph),
+            ("<skin source=\"#strip\">", "<skin source=\"#face\">"),
+            ("</animation>", drive),
+        ])
+    };
+    let asset = asset_driven_by(drive);
     let mesh = &asset.meshes[0];
     assert_eq!((mesh.morph_targets, mesh.morph_names.as_slice()), (1, &["Raised".to_string()][..]));
     let moved: Vec<Vec3> =
@@ -246,6 +249,14 @@ fn morphs_and_their_weights() {
     let mut weights = [0.0];
     assert!(asset.clips[0].sample_weights(2, choreo_motion::Time::from_secs(0.5), &mut weights));
     assert_eq!(weights, [0.5]);
+    // STEP holds the value until the next key.
+    let steps = "<source id=\"w-how\"><Name_array count=\"2\">STEP STEP</Name_array></source>\
+        <sampler id=\"w\"><input semantic=\"INTERPOLATION\" source=\"#w-how\"/>";
+    let asset = asset_driven_by(&drive.replace("<sampler id=\"w\">", steps));
+    for (secs, weight) in [(0.5, 0.0), (0.999, 0.0), (1.0, 1.0)] {
+        assert!(asset.clips[0].sample_weights(2, choreo_motion::Time::from_secs(secs), &mut weights));
+        assert_eq!(weights, [weight], "{secs} s");
+    }
 }
 
 #[test]
