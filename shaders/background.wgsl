@@ -44,12 +44,12 @@ fn background_effects(color: vec4<f32>, pixel: vec2<f32>) -> vec4<f32> {
     let beside = select(x + y, vec3<f32>(0.0), frame.eye.w > 0.5);
     let way = ahead * inverseSqrt(max(dot(ahead, ahead), 1e-20));
     effect_at(pixel);
-    var seen: Seen;
-    seen.viewer = frame.camera.xyz + beside;
+    var surface: SurfaceSample;
+    surface.viewer = frame.camera.xyz + beside;
     // BACKGROUND_DISTANCE of core/plugin/src/effect_data.rs.
-    seen.distance = 1e9;
-    seen.world = seen.viewer + way * seen.distance;
-    seen.background = color.rgb;
-    return surface_effects(color, seen);
+    surface.distance = 1e9;
+    surface.world = surface.viewer + way * surface.distance;
+    surface.background = color.rgb;
+    return surface_effects(color, surface);
 }
 @end

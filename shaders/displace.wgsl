@@ -2,7 +2,7 @@
 // CPU reference: core/render/src/cpu/displace.rs.
 
 @if(DISPLACED)
-struct Place {
+struct VertexSample {
     world: vec3<f32>,
     normal: vec3<f32>,
     uv: vec2<f32>,
@@ -25,8 +25,8 @@ fn within_reach(offset: vec3<f32>, index: u32) -> vec3<f32> {
 // Step of the finite differences in meters: a power of two, so that adding it rounds little.
 const DISPLACED_STEP: f32 = 0.00390625;
 
-fn shifted(place: Place, m: Rows, way: vec3<f32>) -> Place {
-    var there = place;
+fn shifted(vertex: VertexSample, m: Rows, way: vec3<f32>) -> VertexSample {
+    var there = vertex;
     there.world += way * DISPLACED_STEP;
     // Inverse of the transform's linear part, by cofactors.
     let x = cross(m.y.xyz, m.z.xyz);
@@ -40,16 +40,16 @@ fn shifted(place: Place, m: Rows, way: vec3<f32>) -> Place {
 }
 
 // Normal of the displaced surface: the cross product of the displaced steps along two tangents.
-fn displaced_normal(place: Place, m: Rows, offset: vec3<f32>) -> vec3<f32> {
+fn displaced_normal(vertex: VertexSample, m: Rows, offset: vec3<f32>) -> vec3<f32> {
     // Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
-    let n = place.normal;
+    let n = vertex.normal;
     let s = select(-1.0, 1.0, n.z >= 0.0);
     let a = -1.0 / (s + n.z);
     let b = n.x * n.y * a;
     let t = vec3(1.0 + s * n.x * n.x * a, s * b, -s * n.x);
     let u = vec3(b, s + n.y * n.y * a, -n.y);
-    let along = t * DISPLACED_STEP + (vertex_effects(shifted(place, m, t), m) - offset);
-    let across = u * DISPLACED_STEP + (vertex_effects(shifted(place, m, u), m) - offset);
+    let along = t * DISPLACED_STEP + (vertex_effects(shifted(vertex, m, t), m) - offset);
+    let across = u * DISPLACED_STEP + (vertex_effects(shifted(vertex, m, u), m) - offset);
     // Both steps are normalized first, so that the product of two small steps does not vanish.
     return unit(cross(unit(along), unit(across)));
 }

@@ -24,12 +24,12 @@ fn clip_before(in: VertexIn) -> vec4<f32> {
     @if(!SKIN) let m = instances[then].relative_from_mesh;
     var relative = placed(m, shape.position);
     @if(DISPLACED)
-    var place: Place;
-    place.world = relative + frame.camera_before.xyz;
-    place.model = shape.position;
-    @if(NORMAL) place.normal = turned_normal(m, shape.normal).xyz;
-    @if(UV0) place.uv = in.uv0;
-    relative += vertex_effects(place, m);
+    var vertex: VertexSample;
+    vertex.world = relative + frame.camera_before.xyz;
+    vertex.model = shape.position;
+    @if(NORMAL) vertex.normal = turned_normal(m, shape.normal).xyz;
+    @if(UV0) vertex.uv = in.uv0;
+    relative += vertex_effects(vertex, m);
     @end
     return frame.clip_before * vec4(relative, 1.0);
 }

@@ -317,8 +317,8 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
         @if(CLEARCOAT) coat += coat_lobe(coat_roughness, coat_n, v, l, coat_nv, coat_nl) * light_color * coat_nl;
         @if(BLINN_PHONG) let lit = reflect_light(base.rgb, specular_color, n, v, l) * light_color * nl;
         @if(!TOON && !LIGHTING) color += lit;
-        @if(LIGHTING && SHADOW) color += light_effects(Falling(dot(n, l), share, arrived, base.rgb, n, v, l, lit));
-        @if(LIGHTING && !SHADOW) color += light_effects(Falling(dot(n, l), 1.0, arrived, base.rgb, n, v, l, lit));
+        @if(LIGHTING && SHADOW) color += light_effects(LightSample(dot(n, l), share, arrived, base.rgb, n, v, l, lit));
+        @if(LIGHTING && !SHADOW) color += light_effects(LightSample(dot(n, l), 1.0, arrived, base.rgb, n, v, l, lit));
     }
     @end
 
@@ -348,12 +348,12 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @if(OUTLINE || WIREFRAME) color = material.outline.color * mix(vec3(1.0), color, material.outline.lighting_mix);
     @if(LIGHTING) if (effect_light_failed) { color = vec3(1.0, 0.0, 1.0); }
     @if(!GLASS && !SURFACE) return vec4(color, alpha);
-    @if(!GLASS && SURFACE && !COVERAGE) return surface_effects(vec4(color, alpha), seen_of(in, front));
-    @if(SURFACE && COVERAGE) return vec4(surface_effects(vec4(color, 1.0), seen_of(in, front)).rgb, alpha);
+    @if(!GLASS && SURFACE && !COVERAGE) return surface_effects(vec4(color, alpha), surface_sample(in, front));
+    @if(SURFACE && COVERAGE) return vec4(surface_effects(vec4(color, 1.0), surface_sample(in, front)).rgb, alpha);
     // Thin glass is drawn twice: first the image behind is multiplied by the transmitted color, then the light of the surface is
     // added.
     @if(GLASS_LIGHT && !SURFACE) return vec4(color * alpha, alpha);
-    @if(GLASS_LIGHT && SURFACE) return vec4(surface_effects(vec4(color, alpha), seen_of(in, front)).rgb * alpha, alpha);
+    @if(GLASS_LIGHT && SURFACE) return vec4(surface_effects(vec4(color, alpha), surface_sample(in, front)).rgb * alpha, alpha);
     @if(GLASS_FILTER)
     through *= 1.0 - blurred;
     @if(SHEEN) through *= below_sheen;

@@ -3,7 +3,7 @@
 // core/render/src/cpu/surface.rs.
 
 @if(SURFACE)
-struct Seen {
+struct SurfaceSample {
     world: vec3<f32>,
     distance: f32,
     normal: vec3<f32>,
@@ -17,7 +17,7 @@ struct Seen {
 @end
 
 @if(LIGHTING)
-struct Falling {
+struct LightSample {
     cosine: f32,
     share: f32,
     color: vec3<f32>,
@@ -44,26 +44,26 @@ struct Falling {
 @if(EFFECT_SHADOW) var<private> light_whole: f32;
 @if(EFFECT_SHADOW) var<private> light_lost: f32;
 
-fn seen_of(in: VertexOut, front: bool) -> Seen {
-    var seen: Seen;
-    seen.world = in.relative + frame.camera.xyz;
-    seen.distance = select(-dot(in.relative, frame.eye.xyz), length(in.relative), frame.eye.w > 0.5);
+fn surface_sample(in: VertexOut, front: bool) -> SurfaceSample {
+    var surface: SurfaceSample;
+    surface.world = in.relative + frame.camera.xyz;
+    surface.distance = select(-dot(in.relative, frame.eye.xyz), length(in.relative), frame.eye.w > 0.5);
     @if(NORMAL_OUT)
-    seen.normal = unit(in.normal);
-    seen.normal = select(-seen.normal, seen.normal, front);
-    seen.facing = dot(seen.normal, unit(frame.eye.xyz - in.relative * frame.eye.w));
+    surface.normal = unit(in.normal);
+    surface.normal = select(-surface.normal, surface.normal, front);
+    surface.facing = dot(surface.normal, unit(frame.eye.xyz - in.relative * frame.eye.w));
     @end
-    seen.background = mix(frame.background_top.xyz, frame.background_bottom.xyz, in.position.y / frame.size.y);
+    surface.background = mix(frame.background_top.xyz, frame.background_bottom.xyz, in.position.y / frame.size.y);
     @if(SKY)
     if (sky.texel.z > 0.5) {
-        seen.background = sky_mirrored(select(-frame.eye.xyz, in.relative, frame.eye.w > 0.5), 0.0);
-        @if(EXPOSURE || VIEW_TRANSFORM) seen.background = displayed(seen.background);
+        surface.background = sky_mirrored(select(-frame.eye.xyz, in.relative, frame.eye.w > 0.5), 0.0);
+        @if(EXPOSURE || VIEW_TRANSFORM) surface.background = displayed(surface.background);
     }
     @end
-    @if(EFFECT_JOINTS) seen.joints = in.joints;
-    @if(UV0) seen.uv = in.uv0;
-    @if(EFFECT_SHADOW) seen.shadow = light_lost / max(light_whole, 1e-6);
-    seen.viewer = seen.world - in.relative * frame.eye.w + frame.eye.xyz * seen.distance;
-    return seen;
+    @if(EFFECT_JOINTS) surface.joints = in.joints;
+    @if(UV0) surface.uv = in.uv0;
+    @if(EFFECT_SHADOW) surface.shadow = light_lost / max(light_whole, 1e-6);
+    surface.viewer = surface.world - in.relative * frame.eye.w + frame.eye.xyz * surface.distance;
+    return surface;
 }
 @end

@@ -91,13 +91,13 @@ fn vs(in: VertexIn) -> VertexOut {
     let unit_normal = vec3(posed[at_normal], posed[at_normal + 1u], posed[at_normal + 2u]);
     @end
     @if(DISPLACED)
-    var place: Place;
-    place.world = relative + frame.camera.xyz;
-    place.model = position;
-    @if(NORMAL) place.normal = unit_normal;
-    @if(UV0) place.uv = in.uv0;
-    let moved = vertex_effects(place, m);
-    @if(NORMAL) unit_normal = displaced_normal(place, m, moved);
+    var vertex: VertexSample;
+    vertex.world = relative + frame.camera.xyz;
+    vertex.model = position;
+    @if(NORMAL) vertex.normal = unit_normal;
+    @if(UV0) vertex.uv = in.uv0;
+    let moved = vertex_effects(vertex, m);
+    @if(NORMAL) unit_normal = displaced_normal(vertex, m, moved);
     relative += moved;
     @end
     @if(OUTLINE)
@@ -111,9 +111,9 @@ fn vs(in: VertexIn) -> VertexOut {
     var relative_other = vec3(dot(m.x, at_other), dot(m.y, at_other), dot(m.z, at_other));
     @end
     @if(THICK_LINES && DISPLACED)
-    place.world = relative_other + frame.camera.xyz;
-    place.model = in.other;
-    relative_other += vertex_effects(place, m);
+    vertex.world = relative_other + frame.camera.xyz;
+    vertex.model = in.other;
+    relative_other += vertex_effects(vertex, m);
     @end
     @if(THICK_LINES)
     let other = frame.clip_from_relative * vec4(relative_other, 1.0);

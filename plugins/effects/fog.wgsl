@@ -27,11 +27,11 @@ fn mean_density(low: f32, high: f32, falloff: f32) -> f32 {
     return (fog_up_to(high, falloff) - fog_up_to(low, falloff)) / rise;
 }
 
-fn effect(color: vec4<f32>, seen: Seen, p: Parameters) -> vec4<f32> {
-    let metres = max(seen.distance - p.start, 0.0);
-    let share = min(p.start / max(seen.distance, 1e-6), 1.0);
-    let y = seen.viewer.y + (seen.world.y - seen.viewer.y) * share;
-    let left = exp(-p.density * metres * mean_density(y - p.height, seen.world.y - p.height, p.falloff));
-    let fog = select(p.color, seen.background, p.sky);
+fn effect(color: vec4<f32>, surface: SurfaceSample, p: Parameters) -> vec4<f32> {
+    let metres = max(surface.distance - p.start, 0.0);
+    let share = min(p.start / max(surface.distance, 1e-6), 1.0);
+    let y = surface.viewer.y + (surface.world.y - surface.viewer.y) * share;
+    let left = exp(-p.density * metres * mean_density(y - p.height, surface.world.y - p.height, p.falloff));
+    let fog = select(p.color, surface.background, p.sky);
     return vec4<f32>(fog + (color.rgb - fog) * left, color.a);
 }

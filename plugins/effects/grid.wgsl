@@ -11,7 +11,7 @@
 // param opacity = 0.5 in 0..1: of the lines
 // param color = rgb(0.02, 0.02, 0.03): of the lines
 // param over = false: over the image, rather than hidden by what is nearer
-fn effect(index: u32, body: Body, p: Parameters) -> Lattice {
+fn effect(index: u32, actor: ActorSample, p: Parameters) -> Lattice {
     let color = vec4(p.color, p.opacity);
     let x = vec3(1.0, 0.0, 0.0);
     let z = vec3(0.0, 0.0, 1.0);

@@ -8,7 +8,7 @@
 // The brightest channel goes to the middle of its step, and the hue stays. Steps are even to the eye, which sees about the
 // square root of light.
 
-fn effect(color: vec4<f32>, seen: Seen, p: Parameters) -> vec4<f32> {
+fn effect(color: vec4<f32>, surface: SurfaceSample, p: Parameters) -> vec4<f32> {
     let light = max(max(color.r, max(color.g, color.b)), 1e-6);
     let at = sqrt(min(light / p.white, 1.0)) * p.steps;
     let step = min(floor(at), p.steps - 1.0);

@@ -60,13 +60,13 @@ pub struct InvertedHull {
     pub lighting_mix: f32,
 }
 
-/// Input of a [`Hook::Surface`](crate::Hook::Surface) function: one point on a surface. Same layout as the struct `Seen` of the shaders.
+/// Input of a [`Hook::Surface`](crate::Hook::Surface) function: one point on a surface. Same layout as the struct `SurfaceSample` of the shaders.
 ///
 /// ```
 /// use choreo_plugin::SurfaceSample;
 /// use choreo_plugin::glam::Vec3;
 /// let seen = SurfaceSample { normal: Vec3::Z, facing: 1.0, distance: 5.0, ..SurfaceSample::default() };
-/// # assert_eq!(seen.shadow, 0.0);
+/// # assert_eq!(surface.shadow, 0.0);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SurfaceSample {
@@ -104,7 +104,7 @@ pub struct VertexSample {
     pub model: Vec3,
 }
 
-/// Input of a [`Hook::Lighting`](crate::Hook::Lighting) function: one light at one point on a surface. Same layout as the struct `Falling`
+/// Input of a [`Hook::Lighting`](crate::Hook::Lighting) function: one light at one point on a surface. Same layout as the struct `LightSample`
 /// of the shaders.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LightSample {

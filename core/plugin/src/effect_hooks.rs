@@ -317,7 +317,7 @@ pub trait ImageEffect: EffectShader {
     );
 }
 
-/// A function of one point on a surface, after lighting: `fn effect(color: vec4<f32>, seen: Seen, p: array<f32, N>) -> vec4<f32>`.
+/// A function of one point on a surface, after lighting: `fn effect(color: vec4<f32>, surface: SurfaceSample, p: array<f32, N>) -> vec4<f32>`.
 ///
 /// ```
 /// use choreo_plugin::glam::{Vec4};
@@ -333,7 +333,7 @@ pub trait ImageEffect: EffectShader {
 ///
 /// impl EffectShader for Mine {
 ///     fn wgsl(&self) -> &str {
-///         "fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32> { return vec4<f32>(vec3<f32>(seen.facing), color.w); }"
+///         "fn effect(color: vec4<f32>, surface: SurfaceSample, p: array<f32, 8>) -> vec4<f32> { return vec4<f32>(vec3<f32>(surface.facing), color.w); }"
 ///     }
 /// }
 ///
@@ -373,7 +373,7 @@ pub trait SurfaceEffect: EffectShader {
     fn surfaces(&self, colors: &mut [Vec4], samples: &[SurfaceSample], parameters: &[f32]);
 }
 
-/// A function of one vertex: `fn effect(place: Place, p: array<f32, N>) -> vec3<f32>`, its displacement. Normals follow the displacement.
+/// A function of one vertex: `fn effect(vertex: VertexSample, p: array<f32, N>) -> vec3<f32>`, its displacement. Normals follow the displacement.
 ///
 /// ```
 /// use choreo_plugin::glam::{Vec3};
@@ -389,7 +389,7 @@ pub trait SurfaceEffect: EffectShader {
 ///
 /// impl EffectShader for Mine {
 ///     fn wgsl(&self) -> &str {
-///         "fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> { return place.normal * 0.1; }"
+///         "fn effect(vertex: VertexSample, p: array<f32, 8>) -> vec3<f32> { return vertex.normal * 0.1; }"
 ///     }
 /// }
 ///
@@ -430,7 +430,7 @@ pub trait VertexEffect: EffectShader {
     fn vertex(&self, sample: &VertexSample, parameters: &[f32]) -> Vec3;
 }
 
-/// A function of one light at one point on a surface: `fn effect(falling: Falling, p: array<f32, N>) -> vec3<f32>`, the reflected light.
+/// A function of one light at one point on a surface: `fn effect(sample: LightSample, p: array<f32, N>) -> vec3<f32>`, the reflected light.
 ///
 /// ```
 /// use choreo_plugin::glam::{Vec3};
@@ -446,7 +446,7 @@ pub trait VertexEffect: EffectShader {
 ///
 /// impl EffectShader for Mine {
 ///     fn wgsl(&self) -> &str {
-///         "fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32> { return falling.base * falling.color * falling.share; }"
+///         "fn effect(sample: LightSample, p: array<f32, 8>) -> vec3<f32> { return sample.base * sample.color * sample.share; }"
 ///     }
 /// }
 ///

@@ -8,7 +8,7 @@ use crate::lower::{has_pointer_arguments, lower};
 use crate::mistakes::Mistake;
 use crate::program::{Program, Unsupported};
 use crate::scene_inputs::{self, SceneCalls};
-use crate::signature::{EDGES, LATTICE, LINE, PARAMETERS, Signature, TRIANGLE, signature};
+use crate::signature::{LATTICE, LINE, PARAMETERS, Signature, TRIANGLE, WIREFRAME, signature};
 use crate::tokens::{Tokens, place};
 use crate::{loops, mistakes, nesting, parameters, passes, suggestions, trial, typed_parameters};
 use choreo_plugin::{Hook, ImagePass, Manifest};
@@ -39,7 +39,7 @@ pub enum Output {
     Triangles,
     Lattices,
     Hull,
-    Edges,
+    Wireframe,
 }
 
 /// A function that the shader around the author's text supplies: its name, a WGSL declaration that stands for it, and the code that runs on
@@ -432,7 +432,7 @@ fn output(hook: Hook, module: &Module, function: &Function) -> Output {
         (Hook::Overlay, Some(LINE)) => Output::Strokes,
         (Hook::Overlay, Some(TRIANGLE)) => Output::Triangles,
         (Hook::Overlay, Some(LATTICE)) => Output::Lattices,
-        (Hook::Outline, Some(EDGES)) => Output::Edges,
+        (Hook::Outline, Some(WIREFRAME)) => Output::Wireframe,
         (Hook::Outline, _) => Output::Hull,
         _ => Output::Numbers,
     }

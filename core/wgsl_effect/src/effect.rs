@@ -232,7 +232,7 @@ pub struct TextureImage {
 const ROW: usize = 32;
 const QUAD: usize = 4;
 
-/// A component of a sample, in the order of the struct `Seen`.
+/// A component of a sample, in the order of the struct `SurfaceSample`.
 #[inline(always)]
 fn surface_component(s: &SurfaceSample, i: usize) -> f32 {
     match i {
@@ -453,7 +453,7 @@ impl OutlineEffect for WgslEffect {
     }
 
     fn wireframe(&self, parameters: &[f32]) -> Option<Vec3> {
-        if self.code().output != Output::Edges {
+        if self.code().output != Output::Wireframe {
             return None;
         }
         let [r, g, b, ..] = self.call(parameters);

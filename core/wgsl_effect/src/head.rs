@@ -360,7 +360,7 @@ const HOOKS: [(&str, Hook); 8] = [
     ("surface", Hook::Surface),
     ("vertex", Hook::Vertex),
     ("lighting", Hook::Lighting),
-    ("shell", Hook::Outline),
+    ("outline", Hook::Outline),
     ("overlay", Hook::Overlay),
     ("shutter", Hook::Shutter),
 ];
@@ -374,7 +374,7 @@ fn refused(name: &str, allowed: impl Into<String>, value: &str, near: String) ->
 pub fn hook_named(word: &str) -> Option<Hook> {
     let named = match word {
         "picture" => "image",
-        "outline" => "shell",
+        "shell" => "outline",
         other => other,
     };
     HOOKS.iter().find(|(word, _)| *word == named).map(|(_, hook)| *hook)
@@ -595,7 +595,7 @@ mod tests {
         assert_eq!(hook("// background: true\n// hook: surface"), Ok((Hook::Surface, false, 1.0)));
         assert_eq!(hook("// hook: lighting"), Ok((Hook::Lighting, false, 0.0)));
         let error = |text: &str| head_of(text).unwrap_err();
-        let known = "hook is one of pixel, image, surface, vertex, lighting, shell, overlay, shutter, not ";
+        let known = "hook is one of pixel, image, surface, vertex, lighting, outline, overlay, shutter, not ";
         let unknown = format!("{known}\"overlai\"; did you mean \"overlay\"?");
         assert_eq!(error("// effect: a\n// hook: overlai"), (2, unknown));
         assert_eq!(error("// see_through: true").1, "see_through is of effects with hook: surface");

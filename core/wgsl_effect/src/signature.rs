@@ -50,10 +50,10 @@ const PIXEL: Signature = Signature {
 
 /// The signature of shaders/surface.wgsl, and the order of `choreo_plugin::SurfaceSample`.
 const SURFACE: Signature = Signature {
-    text: "fn effect(color: vec4<f32>, seen: Seen, p: Parameters) -> vec4<f32>",
-    parts: &[ValueType::Vector(F, VectorSize::Quad), ValueType::Struct("Seen"), ValueType::Parameters],
+    text: "fn effect(color: vec4<f32>, surface: SurfaceSample, p: Parameters) -> vec4<f32>",
+    parts: &[ValueType::Vector(F, VectorSize::Quad), ValueType::Struct("SurfaceSample"), ValueType::Parameters],
     gives: &[ValueType::Vector(F, VectorSize::Quad)],
-    declared: "struct Seen { world: vec3<f32>, distance: f32, normal: vec3<f32>, facing: f32, background: vec3<f32>, \
+    declared: "struct SurfaceSample { world: vec3<f32>, distance: f32, normal: vec3<f32>, facing: f32, background: vec3<f32>, \
         joints: vec3<f32>, uv: vec2<f32>, shadow: f32, viewer: vec3<f32> }\n",
     functions: &[],
     with_history: &[],
@@ -61,20 +61,20 @@ const SURFACE: Signature = Signature {
 
 /// The signature of shaders/displace.wgsl, and the order of `choreo_plugin::VertexSample`.
 const VERTEX: Signature = Signature {
-    text: "fn effect(place: Place, p: Parameters) -> vec3<f32>",
-    parts: &[ValueType::Struct("Place"), ValueType::Parameters],
+    text: "fn effect(vertex: VertexSample, p: Parameters) -> vec3<f32>",
+    parts: &[ValueType::Struct("VertexSample"), ValueType::Parameters],
     gives: &[ValueType::Vector(F, VectorSize::Tri)],
-    declared: "struct Place { world: vec3<f32>, normal: vec3<f32>, uv: vec2<f32>, model: vec3<f32> }\n",
+    declared: "struct VertexSample { world: vec3<f32>, normal: vec3<f32>, uv: vec2<f32>, model: vec3<f32> }\n",
     functions: &[],
     with_history: &[],
 };
 
 /// The signature of shaders/surface.wgsl, and the order of `choreo_plugin::LightSample`.
 const LIGHTING: Signature = Signature {
-    text: "fn effect(falling: Falling, p: Parameters) -> vec3<f32>",
-    parts: &[ValueType::Struct("Falling"), ValueType::Parameters],
+    text: "fn effect(sample: LightSample, p: Parameters) -> vec3<f32>",
+    parts: &[ValueType::Struct("LightSample"), ValueType::Parameters],
     gives: &[ValueType::Vector(F, VectorSize::Tri)],
-    declared: "struct Falling { cosine: f32, share: f32, color: vec3<f32>, base: vec3<f32>, normal: vec3<f32>, \
+    declared: "struct LightSample { cosine: f32, share: f32, color: vec3<f32>, base: vec3<f32>, normal: vec3<f32>, \
         viewer: vec3<f32>, light: vec3<f32>, lit: vec3<f32> }\n",
     functions: &[],
     with_history: &[],
@@ -109,10 +109,10 @@ pub(crate) const NAMED_PASS: Signature = Signature {
 
 /// The order of the members of [`choreo_plugin::Stroke`] and [`choreo_plugin::Triangle`].
 const OVERLAY: Signature = Signature {
-    text: "fn effect(index: u32, body: Body, p: Parameters) -> Line, or -> Triangle, or -> Lattice",
-    parts: &[ValueType::Scalar(U), ValueType::Struct("Body"), ValueType::Parameters],
+    text: "fn effect(index: u32, actor: ActorSample, p: Parameters) -> Line, or -> Triangle, or -> Lattice",
+    parts: &[ValueType::Scalar(U), ValueType::Struct("ActorSample"), ValueType::Parameters],
     gives: &[ValueType::Struct(LINE), ValueType::Struct(TRIANGLE), ValueType::Struct(LATTICE)],
-    declared: "struct Body { time: f32, place: vec3<f32>, low: vec3<f32>, high: vec3<f32>, joints: u32, number: u32 }\n\
+    declared: "struct ActorSample { time: f32, position: vec3<f32>, low: vec3<f32>, high: vec3<f32>, joints: u32, number: u32 }\n\
         struct Line { a: vec3<f32>, b: vec3<f32>, width: f32, color: vec4<f32> }\n\
         struct Triangle { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, color: vec4<f32> }\n\
         struct Lattice { origin: vec3<f32>, along: vec3<f32>, across: vec3<f32>, cell: f32, every: u32, widths: vec2<f32>, \
@@ -141,16 +141,16 @@ pub(crate) const LATTICE: &str = "Lattice";
 
 /// The order of the members of [`choreo_plugin::InvertedHull`].
 const SHELL: Signature = Signature {
-    text: "fn effect(p: Parameters) -> Shell, or -> Edges",
+    text: "fn effect(p: Parameters) -> InvertedHull, or -> Wireframe",
     parts: &[ValueType::Parameters],
-    gives: &[ValueType::Struct("Shell"), ValueType::Struct(EDGES)],
-    declared: "struct Shell { width: f32, color: vec3<f32>, lighting_mix: f32 }\nstruct Edges { color: vec3<f32> }\n",
+    gives: &[ValueType::Struct("InvertedHull"), ValueType::Struct(WIREFRAME)],
+    declared: "struct InvertedHull { width: f32, color: vec3<f32>, lighting_mix: f32 }\nstruct Wireframe { color: vec3<f32> }\n",
     functions: &[],
     with_history: &[],
 };
 /// The struct of an effect's parameters.
 pub const PARAMETERS: &str = "Parameters";
-pub const EDGES: &str = "Edges";
+pub const WIREFRAME: &str = "Wireframe";
 
 /// The shutter of a frame: number of images, how long it is open, and the share of that before the frame.
 const SHUTTER: Signature = Signature {

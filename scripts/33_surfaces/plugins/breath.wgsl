@@ -9,8 +9,8 @@
 // param high = 1.4 in 0..10: metres above its feet where it ends
 //
 // By the place in the body, not in the world: it moves as the body moves.
-fn effect(place: Place, p: Parameters) -> vec3<f32> {
-    let t = clamp((place.model.y - p.low) / (p.high - p.low), 0.0, 1.0);
+fn effect(vertex: VertexSample, p: Parameters) -> vec3<f32> {
+    let t = clamp((vertex.model.y - p.low) / (p.high - p.low), 0.0, 1.0);
     let swell = 4.0 * t * (1.0 - t);
-    return p.deep * swell * swell * normalize(vec3(place.model.x, 0.0, place.model.z + 0.001));
+    return p.deep * swell * swell * normalize(vec3(vertex.model.x, 0.0, vertex.model.z + 0.001));
 }

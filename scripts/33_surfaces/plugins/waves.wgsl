@@ -14,10 +14,10 @@ fn wave(place: vec3<f32>, way: vec2<f32>, phase: f32) -> f32 {
     return sin(TURN * (dot(place.xz, way) - phase));
 }
 
-fn effect(place: Place, p: Parameters) -> vec3<f32> {
+fn effect(vertex: VertexSample, p: Parameters) -> vec3<f32> {
     let k = 1.0 / p.length;
-    let rise = 0.5 * wave(place.world, k * vec2(0.8, 0.6), p.phase)
-        + 0.3 * wave(place.world, 1.7 * k * vec2(-0.3, 0.95), 1.3 * p.phase)
-        + 0.2 * wave(place.world, 2.9 * k * vec2(1.0, -0.1), 1.7 * p.phase);
+    let rise = 0.5 * wave(vertex.world, k * vec2(0.8, 0.6), p.phase)
+        + 0.3 * wave(vertex.world, 1.7 * k * vec2(-0.3, 0.95), 1.3 * p.phase)
+        + 0.2 * wave(vertex.world, 2.9 * k * vec2(1.0, -0.1), 1.7 * p.phase);
     return vec3(0.0, p.height * rise, 0.0);
 }

@@ -1,9 +1,9 @@
 // effect: halo
 // about: a line around actors that widens
 // version: 1
-// hook: shell
+// hook: outline
 // param width = 2 px in 0..30: of the line
 // param color = rgb(0.9, 0.8, 0.3): of the line
-fn effect(p: Parameters) -> Shell {
-    return Shell(p.width, p.color, 0.0);
+fn effect(p: Parameters) -> InvertedHull {
+    return InvertedHull(p.width, p.color, 0.0);
 }

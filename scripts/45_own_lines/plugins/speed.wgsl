@@ -9,9 +9,9 @@
 // param fps = 30 in 1..240: frames a second of the scene
 //
 // Three lines a joint: the shaft and two barbs; none where the joint stands still.
-fn effect(index: u32, body: Body, p: Parameters) -> Line {
+fn effect(index: u32, actor: ActorSample, p: Parameters) -> Line {
     let bone = index / 3u;
-    if bone >= body.joints {
+    if bone >= actor.joints {
         return Line();
     }
     let from_here = joint(bone);

@@ -14,7 +14,7 @@ fn edge(frames: u32, p: Parameters) -> vec3<f32> {
     return mix(previous_joint(frames, hand()), previous_joint(frames, arm()), p.width);
 }
 
-fn effect(index: u32, body: Body, p: Parameters) -> Triangle {
+fn effect(index: u32, actor: ActorSample, p: Parameters) -> Triangle {
     let frames = index / 2u;
     let tip = previous_joint(frames, hand());
     let inner = edge(frames + 1u, p);

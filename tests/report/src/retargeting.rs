@@ -18,7 +18,7 @@ const CLIPS: [&str; 2] = ["Walk", "Dance_Groove"];
 const TIMES: u32 = 211;
 
 /// Another skeleton with the same joint positions at rest, other joint axes, and one joint fewer.
-struct Body {
+struct ActorSample {
     skeleton: Skeleton,
     /// Joint of the source that each joint follows, and the rotation of its axes in the space of that joint.
     follows: Vec<(usize, DQuat)>,

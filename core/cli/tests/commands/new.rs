@@ -57,7 +57,7 @@ fn cargo(folder: &Path, arguments: &[&str]) -> String {
     text
 }
 
-const HOOKS: [&str; 7] = ["image", "surface", "vertex", "lighting", "shell", "overlay", "shutter"];
+const HOOKS: [&str; 7] = ["image", "surface", "vertex", "lighting", "outline", "overlay", "shutter"];
 
 /// A crate of each kind and an effect of each hook, members of one workspace, with their own tests.
 #[test]

@@ -693,9 +693,9 @@ pub(crate) enum HookArg {
     Vertex,
     /// Changes how surfaces reflect each light
     Lighting,
-    /// Draws outlines: an inverted hull around surfaces, or their edges; also called outline
-    #[value(alias = "outline")]
-    Shell,
+    /// Draws outlines: an inverted hull around surfaces, or the edges of their triangles
+    #[value(alias = "shell")]
+    Outline,
     /// Draws triangles, lines, points or lattices
     Overlay,
     /// Sets how long the shutter is open: motion blur

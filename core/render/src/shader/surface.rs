@@ -72,12 +72,12 @@ fn call(effect: &SceneEffect) -> String {
     let p = format!("surface_parameters_{bit}()");
     let call = match effect.hook {
         Hook::Vertex => {
-            let offset = format!("effect_offset(effect_s{bit}(place, {p}), {faults}u)");
+            let offset = format!("effect_offset(effect_s{bit}(vertex, {p}), {faults}u)");
             let offset = if effect.in_model_space { format!("turned_by(m, {offset})") } else { offset };
             format!("    sum += within_reach({offset}, {bit}u);\n")
         }
         Hook::Lighting => format!("    f.lit = effect_light(effect_s{bit}(f, {p}), {faults}u);\n"),
-        _ => format!("    c = effect_color(effect_s{bit}(c, seen, {p}), {faults}u);\n"),
+        _ => format!("    c = effect_color(effect_s{bit}(c, surface, {p}), {faults}u);\n"),
     };
     format!("    effect_begin();\n{call}")
 }
@@ -89,17 +89,17 @@ pub fn surface_files(effects: &[SceneEffect]) -> Vec<SourceFile> {
     let functions = [
         (
             Hook::Surface,
-            "fn surface_effects(color: vec4<f32>, seen: Seen) -> vec4<f32> {\n    var c = color;\n",
+            "fn surface_effects(color: vec4<f32>, surface: SurfaceSample) -> vec4<f32> {\n    var c = color;\n",
             "    return c;\n}\n",
         ),
         (
             Hook::Vertex,
-            "fn vertex_effects(place: Place, m: Rows) -> vec3<f32> {\n    var sum = vec3(0.0);\n",
+            "fn vertex_effects(vertex: VertexSample, m: Rows) -> vec3<f32> {\n    var sum = vec3(0.0);\n",
             "    return sum;\n}\n",
         ),
         (
             Hook::Lighting,
-            "fn light_effects(falling: Falling) -> vec3<f32> {\n    var f = falling;\n",
+            "fn light_effects(sample: LightSample) -> vec3<f32> {\n    var f = sample;\n",
             "    return f.lit;\n}\n",
         ),
     ];

@@ -8,9 +8,9 @@ use choreo_wgsl_effect::WgslEffect;
 use glam::{DAffine3, Vec3, Vec4};
 
 const PIXEL: &str = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>";
-const SURFACE: &str = "fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32>";
-const LIGHTING: &str = "fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32>";
-const VERTEX: &str = "fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>";
+const SURFACE: &str = "fn effect(color: vec4<f32>, surface: SurfaceSample, p: array<f32, 8>) -> vec4<f32>";
+const LIGHTING: &str = "fn effect(sample: LightSample, p: array<f32, 8>) -> vec3<f32>";
+const VERTEX: &str = "fn effect(vertex: VertexSample, p: array<f32, 8>) -> vec3<f32>";
 const IMAGE: &str = "fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>";
 
 /// Name, lines of the head, declaration, body on line 5, and the warning with `PIXEL` for the first magenta pixel.
@@ -31,20 +31,20 @@ const CASES: &[Case] = &[
         "return picture(at) / f32(max(at.y - 9, 0));",
         NOT_FINITE,
     ),
-    ("surface", "// hook: surface", SURFACE, "return vec4(color.rgb, sqrt(seen.world.y));", NOT_FINITE),
+    ("surface", "// hook: surface", SURFACE, "return vec4(color.rgb, sqrt(surface.world.y));", NOT_FINITE),
     (
         "background",
         "// hook: surface\n// background: true",
         SURFACE,
-        "return sqrt(-seen.world.x) * color;",
+        "return sqrt(-surface.world.x) * color;",
         NOT_FINITE,
     ),
-    ("light", "// hook: lighting", LIGHTING, "return falling.lit * sqrt(falling.light.x - 0.1);", NOT_FINITE),
+    ("light", "// hook: lighting", LIGHTING, "return sample.lit * sqrt(sample.light.x - 0.1);", NOT_FINITE),
     (
         "moved",
         "// hook: vertex\n// reach: 0.4",
         VERTEX,
-        "return vec3(sqrt(-place.world.x), 0.0, 0.0);",
+        "return vec3(sqrt(-vertex.world.x), 0.0, 0.0);",
         "the result at a vertex is NaN or infinite; such vertices stay in their places",
     ),
     ("endless", "", PIXEL, "loop { if uv.x < 0.6 || uv.x > 0.62 { break; } }\nreturn color;", ENDLESS),
@@ -59,7 +59,7 @@ const CASES: &[Case] = &[
         "endless_surface",
         "// hook: surface",
         SURFACE,
-        "var x = seen.world.x; loop { if x < 0.11 || x > 0.187 { break; } }\nreturn vec4(x, color.gba);",
+        "var x = surface.world.x; loop { if x < 0.11 || x > 0.187 { break; } }\nreturn vec4(x, color.gba);",
         ENDLESS,
     ),
     (
@@ -73,7 +73,7 @@ const CASES: &[Case] = &[
         "endless_light",
         "// hook: lighting",
         LIGHTING,
-        "var x = falling.light.y; while x > 0.55 && x < 0.65 { x *= 1.0; }\nreturn falling.lit;",
+        "var x = sample.light.y; while x > 0.55 && x < 0.65 { x *= 1.0; }\nreturn sample.lit;",
         ENDLESS,
     ),
 ];
@@ -166,33 +166,33 @@ type PartCase = (&'static str, &'static str, &'static str, &'static str, &'stati
 const PARTS: &[PartCase] = &[
     (
         "hull",
-        "// hook: shell",
-        "fn effect(p: array<f32, 8>) -> Shell",
-        "return Shell(9.0, vec3(1.0, 0.0, sqrt(-p[0])), 0.0);",
+        "// hook: outline",
+        "fn effect(p: array<f32, 8>) -> InvertedHull",
+        "return InvertedHull(9.0, vec3(1.0, 0.0, sqrt(-p[0])), 0.0);",
         "the result for the outline is NaN or infinite; none is drawn",
         true,
     ),
     (
         "wide",
-        "// hook: shell",
-        "fn effect(p: array<f32, 8>) -> Shell",
-        "return Shell(9.0 / (0.5 - p[0]), vec3(1.0, 0.0, 0.0), 0.0);",
+        "// hook: outline",
+        "fn effect(p: array<f32, 8>) -> InvertedHull",
+        "return InvertedHull(9.0 / (0.5 - p[0]), vec3(1.0, 0.0, 0.0), 0.0);",
         "",
         false,
     ),
     (
         "width",
-        "// hook: shell",
-        "fn effect(p: array<f32, 8>) -> Shell",
-        "return Shell(9.0 + sqrt(-p[0]), vec3(1.0, 0.0, 0.0), 0.0);",
+        "// hook: outline",
+        "fn effect(p: array<f32, 8>) -> InvertedHull",
+        "return InvertedHull(9.0 + sqrt(-p[0]), vec3(1.0, 0.0, 0.0), 0.0);",
         "the result for the outline is NaN or infinite; none is drawn",
         true,
     ),
     (
         "edges",
-        "// hook: shell",
-        "fn effect(p: array<f32, 8>) -> Edges",
-        "return Edges(vec3(1.0, sqrt(-p[0]), 0.0));",
+        "// hook: outline",
+        "fn effect(p: array<f32, 8>) -> Wireframe",
+        "return Wireframe(vec3(1.0, sqrt(-p[0]), 0.0));",
         "the result for the edges is NaN or infinite; none are drawn",
         true,
     ),
@@ -207,7 +207,7 @@ const PARTS: &[PartCase] = &[
     (
         "lines",
         "// hook: overlay\n// count: 3",
-        "fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line",
+        "fn effect(index: u32, actor: ActorSample, p: array<f32, 8>) -> Line",
         "let bad = select(0.0, sqrt(-p[0]), index == 1u);\nreturn Line(vec3(f32(index) * 0.1 + bad, -1.0, 0.0), vec3(f32(index) * 0.1, 1.0, 0.0), 2.0, vec4(1.0, 0.0, 0.0, 1.0));",
         "the result for a line or point is NaN or infinite; such lines are not drawn",
         false,
@@ -215,16 +215,16 @@ const PARTS: &[PartCase] = &[
     (
         "fan",
         "// hook: overlay\n// count: 3",
-        "fn effect(index: u32, body: Body, p: array<f32, 8>) -> Triangle",
+        "fn effect(index: u32, actor: ActorSample, p: array<f32, 8>) -> Triangle",
         "return Triangle(vec3(0.0), vec3(1.0, 0.0, 0.0), vec3(0.0, 1.0, 0.0), vec4(1.0, 0.0, 0.0, 1.0 + sqrt(-p[0])));",
         "the result for a triangle is NaN or infinite; such triangles are not drawn",
         true,
     ),
     (
         "slow_hull",
-        "// hook: shell",
-        "fn effect(p: array<f32, 8>) -> Shell",
-        "var x = 0.0; loop { x += 1.0; if x > 3.0 && abs(p[0] - 0.5) > 0.2 { break; } }\nreturn Shell(9.0, vec3(x, 0.0, 0.0), 0.0);",
+        "// hook: outline",
+        "fn effect(p: array<f32, 8>) -> InvertedHull",
+        "var x = 0.0; loop { x += 1.0; if x > 3.0 && abs(p[0] - 0.5) > 0.2 { break; } }\nreturn InvertedHull(9.0, vec3(x, 0.0, 0.0), 0.0);",
         "this loop takes more than 100000 steps for the outline; none is drawn",
         true,
     ),

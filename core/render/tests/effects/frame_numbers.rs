@@ -63,24 +63,24 @@ fn effects() -> Vec<Effect> {
             "before",
             "// hook: surface\n// param a = vec4(1, 1, 1, 1) in 0..1: a\n// param b = vec4(1, 1, 1, 1) in 0..1: b\n\
              // param c = vec3(1, 1, 1) in 0..1: c\n",
-            "fn effect(color: vec4<f32>, seen: Seen, p: Parameters) -> vec4<f32> {
+            "fn effect(color: vec4<f32>, surface: SurfaceSample, p: Parameters) -> vec4<f32> {
     return color * p.c.z * step(0.1, value(1u)); }",
         ),
         effect(
             "on_surfaces",
             "// hook: surface\n// param gain = 1 in 0..1: gain\n",
-            "fn effect(color: vec4<f32>, seen: Seen, p: Parameters) -> vec4<f32> {
-    return vec4(color.xyz * p.gain * value(u32((seen.world.x + 4.0 / 3.0) * 7.5)), 1.0); }",
+            "fn effect(color: vec4<f32>, surface: SurfaceSample, p: Parameters) -> vec4<f32> {
+    return vec4(color.xyz * p.gain * value(u32((surface.world.x + 4.0 / 3.0) * 7.5)), 1.0); }",
         ),
         effect(
             "on_light",
             "// hook: lighting\n// param show = int(0) in 0..9: which\n",
-            "fn effect(falling: Falling, p: Parameters) -> vec3<f32> { return vec3(value(u32(p.show))); }",
+            "fn effect(sample: LightSample, p: Parameters) -> vec3<f32> { return vec3(value(u32(p.show))); }",
         ),
         effect(
             "on_vertices",
             "// hook: vertex\n// reach: 1\n// param show = int(0) in 0..9: which\n",
-            "fn effect(place: Place, p: Parameters) -> vec3<f32> { return vec3(0.0, 0.5 * value(u32(p.show)), 0.0); }",
+            "fn effect(vertex: VertexSample, p: Parameters) -> vec3<f32> { return vec3(0.0, 0.5 * value(u32(p.show)), 0.0); }",
         ),
         still(
             "still",
@@ -89,7 +89,7 @@ fn effects() -> Vec<Effect> {
         still(
             "still_surface",
             "// hook: surface\nfn time() -> f32 { return 1.0; }\n\
-             fn effect(color: vec4<f32>, seen: Seen, p: Parameters) -> vec4<f32> { return color * time(); }",
+             fn effect(color: vec4<f32>, surface: SurfaceSample, p: Parameters) -> vec4<f32> { return color * time(); }",
         ),
     ]
 }

@@ -22,40 +22,40 @@ fn effect(name: &str, head: &str, gives: &str, body: &str) -> Effect {
     WgslEffect::with_textures("my.wgsl", &text, paper).unwrap_or_else(|e| panic!("{e}\n{text}")).into()
 }
 
-const VERTEX: &str = "fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>";
-const LIGHTING: &str = "fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32>";
+const VERTEX: &str = "fn effect(vertex: VertexSample, p: array<f32, 8>) -> vec3<f32>";
+const LIGHTING: &str = "fn effect(sample: LightSample, p: array<f32, 8>) -> vec3<f32>";
 const PIXEL: &str = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>";
-const SURFACE: &str = "fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32>";
+const SURFACE: &str = "fn effect(color: vec4<f32>, surface: SurfaceSample, p: array<f32, 8>) -> vec4<f32>";
 const PICTURE: &str = "fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>";
 
 fn all() -> Vec<Effect> {
     let vertex = "// hook: vertex\n// reach: 0.4";
     vec![
         effect("lift", vertex, VERTEX, "return vec3(0.0, p[amount], 0.0);"),
-        effect("slope", vertex, VERTEX, "return vec3(0.0, 0.0, p[amount] * place.world.x);"),
+        effect("slope", vertex, VERTEX, "return vec3(0.0, 0.0, p[amount] * vertex.world.x);"),
         effect(
             "along",
             &format!("{vertex}\n// space: model"),
             VERTEX,
-            "return vec3(0.0, 0.0, p[amount] * place.model.x);",
+            "return vec3(0.0, 0.0, p[amount] * vertex.model.x);",
         ),
         effect(
             "waves",
             vertex,
             VERTEX,
-            "return place.normal * 0.1 * sin(9.0 * place.world.x + 7.0 * place.world.y) + vec3(0.02 * place.uv, 0.0);",
+            "return vertex.normal * 0.1 * sin(9.0 * vertex.world.x + 7.0 * vertex.world.y) + vec3(0.02 * vertex.uv, 0.0);",
         ),
         effect(
             "half",
             "// hook: lighting",
             LIGHTING,
-            "let h = 0.5 * falling.cosine + 0.5;\nreturn falling.base * falling.color * falling.share * h * h;",
+            "let h = 0.5 * sample.cosine + 0.5;\nreturn sample.base * sample.color * sample.share * h * h;",
         ),
         effect(
             "rim",
             "// hook: lighting",
             LIGHTING,
-            "return falling.lit + p[amount] * (1.0 - clamp(dot(falling.normal, falling.viewer), 0.0, 1.0)) * falling.light;",
+            "return sample.lit + p[amount] * (1.0 - clamp(dot(sample.normal, sample.viewer), 0.0, 1.0)) * sample.light;",
         ),
         effect(
             "paper_on_picture",
@@ -67,7 +67,7 @@ fn all() -> Vec<Effect> {
             "paper_on_surface",
             "// hook: surface\n// texture paper = paper.png as data: t",
             SURFACE,
-            "return vec4(color.rgb * paper(seen.world.xy).rgb, color.a);",
+            "return vec4(color.rgb * paper(surface.world.xy).rgb, color.a);",
         ),
         effect(
             "smear",

@@ -92,20 +92,20 @@ fn registry() -> Registry {
         (
             "on_surfaces",
             "// hook: surface\n",
-            "fn effect(color: vec4<f32>, seen: Seen, p: Parameters) -> vec4<f32> {
-    let uv = vec2(0.375 * seen.world.x + 0.5, 0.5 - 0.5 * seen.world.y);
+            "fn effect(color: vec4<f32>, surface: SurfaceSample, p: Parameters) -> vec4<f32> {
+    let uv = vec2(0.375 * surface.world.x + 0.5, 0.5 - 0.5 * surface.world.y);
     return color * map(1.5 * uv - 0.25) * tint(uv) * p.share; }",
         ),
         (
             "on_light",
             "// hook: lighting\n",
-            "fn effect(falling: Falling, p: Parameters) -> vec3<f32> {
+            "fn effect(sample: LightSample, p: Parameters) -> vec3<f32> {
     return map(vec2(0.25, 0.5)).xyz * tint(vec2(0.0)).xyz * p.share; }",
         ),
         (
             "on_vertices",
             "// hook: vertex\n// reach: 1\n",
-            "fn effect(place: Place, p: Parameters) -> vec3<f32> {
+            "fn effect(vertex: VertexSample, p: Parameters) -> vec3<f32> {
     return vec3(0.0, 0.5 * map(vec2(0.75, 5.0 / 6.0)).z * tint(vec2(0.0)).y * p.share, 0.0); }",
         ),
     ] {

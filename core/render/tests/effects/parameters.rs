@@ -121,23 +121,23 @@ fn effects() -> Vec<Effect> {
         effect(
             "before",
             "// hook: surface\n",
-            "fn effect(color: vec4<f32>, seen: Seen, p: Parameters) -> vec4<f32> { return color * p.d.z; }",
+            "fn effect(color: vec4<f32>, surface: SurfaceSample, p: Parameters) -> vec4<f32> { return color * p.d.z; }",
         ),
         effect(
             "on_surfaces",
             "// hook: surface\n",
-            "fn effect(color: vec4<f32>, seen: Seen, p: Parameters) -> vec4<f32> {
-    return vec4(vec3(value(u32((seen.world.x + 4.0 / 3.0) * 7.5), p)), 1.0); }",
+            "fn effect(color: vec4<f32>, surface: SurfaceSample, p: Parameters) -> vec4<f32> {
+    return vec4(vec3(value(u32((surface.world.x + 4.0 / 3.0) * 7.5), p)), 1.0); }",
         ),
         effect(
             "on_light",
             "// hook: lighting\n",
-            "fn effect(falling: Falling, p: Parameters) -> vec3<f32> { return vec3(value(u32(p.show), p)); }",
+            "fn effect(sample: LightSample, p: Parameters) -> vec3<f32> { return vec3(value(u32(p.show), p)); }",
         ),
         effect(
             "on_vertices",
             "// hook: vertex\n// reach: 1\n",
-            "fn effect(place: Place, p: Parameters) -> vec3<f32> { return vec3(0.0, 0.5 * value(u32(p.show), p), 0.0); }",
+            "fn effect(vertex: VertexSample, p: Parameters) -> vec3<f32> { return vec3(0.0, 0.5 * value(u32(p.show), p), 0.0); }",
         ),
     ]
 }
@@ -219,7 +219,7 @@ fn uniform_bytes_grow_with_declared_parameters() {
     let small = WgslEffect::from_text(
         "small.wgsl",
         "// effect: small\n// hook: surface\n// param gain = 0.5 in 0..1: a number\n\
-         fn effect(color: vec4<f32>, seen: Seen, p: Parameters) -> vec4<f32> { return color * p.gain; }",
+         fn effect(color: vec4<f32>, surface: SurfaceSample, p: Parameters) -> vec4<f32> { return color * p.gain; }",
     );
     let mut effects = effects();
     effects.push(small.unwrap().into());

@@ -281,7 +281,7 @@ fn time_frame_and_sun_are_those_of_the_stage() {
 fn both_renderers_agree_on_skins_cut_outs_and_displaced_surfaces() {
     let mut effects = probes();
     let waves = "// effect: waves\n// hook: vertex\n// reach: 0.2\n\
-        fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> { return place.normal * 0.1 * sin(9.0 * place.world.x); }";
+        fn effect(vertex: VertexSample, p: array<f32, 8>) -> vec3<f32> { return vertex.normal * 0.1 * sin(9.0 * vertex.world.x); }";
     effects.push(WgslEffect::from_text("waves.wgsl", waves).unwrap().into());
     let given = GpuOptions { effects: effects.clone(), ..GpuOptions::default() };
     let Some(mut renderer) = vulkan(given) else { return };

@@ -341,18 +341,18 @@ fn effects(on: &[&str]) -> Vec<SceneEffect> {
     let surface = |k: &str| {
         format!(
             "const k = {k};\nfn part(x: f32) -> f32 {{ return x * k; }}\n\
-             fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32> {{\n\
-             return color * part(seen.distance) * effect_frame_row_1().x + vec4<f32>(seen.normal + seen.joints + seen.background, seen.uv.x * p[0]); }}"
+             fn effect(color: vec4<f32>, surface: SurfaceSample, p: array<f32, 8>) -> vec4<f32> {{\n\
+             return color * part(surface.distance) * effect_frame_row_1().x + vec4<f32>(surface.normal + surface.joints + surface.background, surface.uv.x * p[0]); }}"
         )
     };
-    let vertex = "fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> {\n\
-                  return place.normal * place.world.x + place.model + vec3(place.uv, paper(place.uv).x); }\n";
+    let vertex = "fn effect(vertex: VertexSample, p: array<f32, 8>) -> vec3<f32> {\n\
+                  return vertex.normal * vertex.world.x + vertex.model + vec3(vertex.uv, paper(vertex.uv).x); }\n";
     let paper = match textured {
         true => "fn paper(uv: vec2<f32>) -> vec4<f32> { return effect_texture(0u, vec2(2u, 2u), uv); }",
         false => "fn paper(uv: vec2<f32>) -> vec4<f32> { return vec4(uv, uv); }",
     };
-    let lighting = "fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32> {\n\
-                    return falling.lit + effect_frame_row_0().xyz + falling.cosine * falling.share * falling.color * falling.base * falling.light; }";
+    let lighting = "fn effect(sample: LightSample, p: array<f32, 8>) -> vec3<f32> {\n\
+                    return sample.lit + effect_frame_row_0().xyz + sample.cosine * sample.share * sample.color * sample.base * sample.light; }";
     let all = [
         ("SURFACE", Hook::Surface, surface("0.5")),
         ("DISPLACED", Hook::Vertex, format!("{vertex}{paper}")),

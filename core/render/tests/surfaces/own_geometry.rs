@@ -14,8 +14,8 @@ use choreo_wgsl_effect::WgslEffect;
 use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
 use std::sync::Arc;
 
-const LINE: &str = "fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line";
-const TRIANGLE: &str = "fn effect(index: u32, body: Body, p: array<f32, 8>) -> Triangle";
+const LINE: &str = "fn effect(index: u32, actor: ActorSample, p: array<f32, 8>) -> Line";
+const TRIANGLE: &str = "fn effect(index: u32, actor: ActorSample, p: array<f32, 8>) -> Triangle";
 const RED: [f64; 3] = [1.0, 0.0, 0.0];
 const GREEN: [f64; 3] = [0.0, 1.0, 0.0];
 
@@ -29,16 +29,16 @@ fn effect(name: &str, head: &str, gives: &str, body: &str) -> Effect {
 fn all() -> Vec<Effect> {
     // A square metre in two triangles, the first index nearer by `amount`, red and green.
     let square = "let half = index / 2u;\n\
-        let z = body.place.z + select(0.0, p[amount], half == 0u);\n\
+        let z = actor.position.z + select(0.0, p[amount], half == 0u);\n\
         let color = select(vec4(0.0, 1.0, 0.0, 1.0), vec4(1.0, 0.0, 0.0, 1.0), half == 0u);\n\
         let side = select(-0.5, 0.5, index % 2u == 0u);\n\
-        return Triangle(body.place.xyz * vec3(1.0, 1.0, 0.0) + vec3(-0.5, -0.5, z), \
-            body.place.xyz * vec3(1.0, 1.0, 0.0) + vec3(0.5, 0.5, z), \
-            body.place.xyz * vec3(1.0, 1.0, 0.0) + vec3(side, -side, z), color);";
+        return Triangle(actor.position.xyz * vec3(1.0, 1.0, 0.0) + vec3(-0.5, -0.5, z), \
+            actor.position.xyz * vec3(1.0, 1.0, 0.0) + vec3(0.5, 0.5, z), \
+            actor.position.xyz * vec3(1.0, 1.0, 0.0) + vec3(side, -side, z), color);";
     let fan = "let t = 6.2831853 * f32(index) / 24.0;\n\
-        let at = body.place + vec3(0.9 * cos(t), 0.7 * sin(t), 0.6 * sin(2.0 * t));\n\
-        let next = body.place + vec3(0.9 * cos(t + 0.3), 0.7 * sin(t + 0.3), 0.2);\n\
-        return Triangle(body.place, at, next, vec4(0.5 + 0.5 * cos(t), 0.4, 0.5 + 0.5 * sin(t), p[amount]));";
+        let at = actor.position + vec3(0.9 * cos(t), 0.7 * sin(t), 0.6 * sin(2.0 * t));\n\
+        let next = actor.position + vec3(0.9 * cos(t + 0.3), 0.7 * sin(t + 0.3), 0.2);\n\
+        return Triangle(actor.position, at, next, vec4(0.5 + 0.5 * cos(t), 0.4, 0.5 + 0.5 * sin(t), p[amount]));";
     vec![
         effect("square", "// hook: overlay\n// count: 4", TRIANGLE, square),
         effect("square_over", "// hook: overlay\n// count: 4\n// over: true", TRIANGLE, square),
@@ -55,7 +55,7 @@ fn all() -> Vec<Effect> {
             "// hook: overlay\n// count: 40",
             LINE,
             "let t = 6.2831853 * f32(index) / 40.0;\n\
-             return Line(body.place + 0.8 * vec3(cos(t), 0.0, sin(t)), body.place + 0.8 * vec3(cos(t + 0.15), 0.0, sin(t + 0.15)), 3.0, vec4(1.0, 0.9, 0.2, p[amount]));",
+             return Line(actor.position + 0.8 * vec3(cos(t), 0.0, sin(t)), actor.position + 0.8 * vec3(cos(t + 0.15), 0.0, sin(t + 0.15)), 3.0, vec4(1.0, 0.9, 0.2, p[amount]));",
         ),
         effect(
             "wake",
@@ -65,15 +65,15 @@ fn all() -> Vec<Effect> {
         ),
         effect(
             "hull",
-            "// hook: shell",
-            "fn effect(p: array<f32, 8>) -> Shell",
-            "return Shell(8.0 * p[amount], vec3(0.1, 0.8, 0.2), 0.0);",
+            "// hook: outline",
+            "fn effect(p: array<f32, 8>) -> InvertedHull",
+            "return InvertedHull(8.0 * p[amount], vec3(0.1, 0.8, 0.2), 0.0);",
         ),
         effect(
             "net",
-            "// hook: shell",
-            "fn effect(p: array<f32, 8>) -> Edges",
-            "return Edges(vec3(p[amount], 0.0, 1.0));",
+            "// hook: outline",
+            "fn effect(p: array<f32, 8>) -> Wireframe",
+            "return Wireframe(vec3(p[amount], 0.0, 1.0));",
         ),
     ]
 }

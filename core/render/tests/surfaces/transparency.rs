@@ -245,7 +245,7 @@ fn displaced_meshes_count_with_their_displacement() {
         scene.at(&made, 0.0, 0.0, 0.0);
         scene.at(&made, apart, 0.0, 0.0);
         let text = "// effect: sway\n// hook: vertex\n// reach: far\n// param far = 0 in 0..1: metres\n\
-            fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> { return vec3(0.0, 0.0, p[far]); }";
+            fn effect(vertex: VertexSample, p: array<f32, 8>) -> vec3<f32> { return vec3(0.0, 0.0, p[far]); }";
         let all: [Effect; 1] = [WgslEffect::from_text("s", text).unwrap().into()];
         if let Some(far) = reach {
             use_effect(&mut scene, "sway", &[("far", far)], &[]);

@@ -38,7 +38,7 @@ fn every_part_of_a_surface_is_where_its_name_says() {
     let part = |part: &str| {
         let text = format!(
             "// effect: s\n// hook: surface\n// param k = 2 in 0..4: times\n\
-             fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32> {{ return p[k] * vec4<f32>({part}); }}"
+             fn effect(color: vec4<f32>, surface: SurfaceSample, p: array<f32, 8>) -> vec4<f32> {{ return p[k] * vec4<f32>({part}); }}"
         );
         let made = effect(&text);
         let seen = SurfaceSample {
@@ -56,19 +56,19 @@ fn every_part_of_a_surface_is_where_its_name_says() {
         made.surfaces(&mut colors, &[seen], &[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         (colors[0].to_array(), SurfaceEffect::surface_inputs(&made, &[0.0; 8]))
     };
-    assert_eq!(part("seen.world, seen.distance").0, [2.0, 4.0, 6.0, 8.0]);
-    let (got, needs) = part("seen.normal, seen.facing");
+    assert_eq!(part("surface.world, surface.distance").0, [2.0, 4.0, 6.0, 8.0]);
+    let (got, needs) = part("surface.normal, surface.facing");
     assert_eq!((got, needs.normals, needs.uvs), ([10.0, 12.0, 14.0, 16.0], true, false));
-    assert_eq!(part("seen.background, 1.0").0, [18.0, 20.0, 22.0, 2.0]);
-    let (got, needs) = part("seen.shadow");
+    assert_eq!(part("surface.background, 1.0").0, [18.0, 20.0, 22.0, 2.0]);
+    let (got, needs) = part("surface.shadow");
     assert_eq!((got, needs.shadow, needs.normals), ([34.0; 4], true, false));
-    assert_eq!(part("seen.viewer, 1.0").0, [36.0, 38.0, 40.0, 2.0]);
-    assert_eq!(part("seen.joints, 1.0").0, [24.0, 26.0, 28.0, 2.0]);
-    let (got, needs) = part("seen.uv, 0.0, 1.0");
+    assert_eq!(part("surface.viewer, 1.0").0, [36.0, 38.0, 40.0, 2.0]);
+    assert_eq!(part("surface.joints, 1.0").0, [24.0, 26.0, 28.0, 2.0]);
+    let (got, needs) = part("surface.uv, 0.0, 1.0");
     assert_eq!((got, needs.uvs), ([30.0, 32.0, 0.0, 2.0], true));
     let wrong = "// effect: s\n// hook: surface\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color; }";
     assert!(
-        error(wrong).contains("effect must be fn effect(color: vec4<f32>, seen: Seen,"),
+        error(wrong).contains("effect must be fn effect(color: vec4<f32>, surface: SurfaceSample,"),
         "{}",
         error(wrong)
     );
@@ -81,7 +81,7 @@ fn corners_lights_and_pictures_are_where_their_names_say() {
     let vertex = |part: &str| {
         effect(&format!(
             "// effect: v\n// hook: vertex\n// reach: k\n// param k = 2 in 0..4: times\n\
-             fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> {{ return p[k] * vec3<f32>({part}); }}"
+             fn effect(vertex: VertexSample, p: array<f32, 8>) -> vec3<f32> {{ return p[k] * vec3<f32>({part}); }}"
         ))
     };
     let place = VertexSample {
@@ -90,18 +90,18 @@ fn corners_lights_and_pictures_are_where_their_names_say() {
         uv: Vec2::new(7.0, 8.0),
         model: Vec3::new(9.0, 10.0, 11.0),
     };
-    let parts = ["place.world", "place.normal", "place.uv, 0.0", "place.model"];
+    let parts = ["vertex.world", "vertex.normal", "vertex.uv, 0.0", "vertex.model"];
     let expected = [[2.0, 4.0, 6.0], [8.0, 10.0, 12.0], [14.0, 16.0, 0.0], [18.0, 20.0, 22.0]];
     for (part, expected) in parts.iter().zip(expected) {
         assert_eq!(vertex(part).vertex(&place, &p).to_array(), expected, "{part}");
     }
-    let made = vertex("place.uv, 0.0");
+    let made = vertex("vertex.uv, 0.0");
     let needs = VertexEffect::surface_inputs(&made, &p);
     assert_eq!((made.reach(&p), made.in_model_space(), needs.uvs, needs.normals), (2.0, false, true, false));
 
     let lighting = |part: &str| {
         let text = format!(
-            "// effect: l\n// hook: lighting\nfn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32> {{ return vec3<f32>({part}); }}"
+            "// effect: l\n// hook: lighting\nfn effect(sample: LightSample, p: array<f32, 8>) -> vec3<f32> {{ return vec3<f32>({part}); }}"
         );
         let v = |x: f32| Vec3::new(x, x + 1.0, x + 2.0);
         let falling = LightSample {
@@ -118,11 +118,11 @@ fn corners_lights_and_pictures_are_where_their_names_say() {
         effect(&text).lights(&mut samples, &p);
         samples[0].lit.to_array()
     };
-    assert_eq!(lighting("falling.cosine, falling.share, 0.0"), [1.0, 2.0, 0.0]);
+    assert_eq!(lighting("sample.cosine, sample.share, 0.0"), [1.0, 2.0, 0.0]);
     for (name, x) in
         [("color", 3.0), ("base", 6.0), ("normal", 9.0), ("viewer", 12.0), ("light", 15.0), ("lit", 18.0)]
     {
-        assert_eq!(lighting(&format!("falling.{name}")), [x, x + 1.0, x + 2.0], "{name}");
+        assert_eq!(lighting(&format!("sample.{name}")), [x, x + 1.0, x + 2.0], "{name}");
     }
 
     let made = effect(
@@ -152,7 +152,7 @@ fn names_of_the_program_are_not_declared_again() {
     assert_eq!(error(text), "my.wgsl:2:1: texture ink: \"ink.png\": a text alone has no files beside it");
     let text = "// effect: w\n// hook: vertex\n// reach: 1\n\
          fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color; }";
-    assert!(error(text).contains("effect must be fn effect(place: Place, p: Parameters) -> vec3<f32>"));
+    assert!(error(text).contains("effect must be fn effect(vertex: VertexSample, p: Parameters) -> vec3<f32>"));
 }
 
 #[test]

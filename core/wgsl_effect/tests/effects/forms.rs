@@ -9,8 +9,8 @@ use choreo_wgsl_effect::WgslEffect;
 use glam::{Affine3A, DAffine3, DVec3, Mat4, Vec3, Vec4};
 use std::sync::Arc;
 
-const LINE: &str = "fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line";
-const TRIANGLE: &str = "fn effect(index: u32, body: Body, p: array<f32, 8>) -> Triangle";
+const LINE: &str = "fn effect(index: u32, actor: ActorSample, p: array<f32, 8>) -> Line";
+const TRIANGLE: &str = "fn effect(index: u32, actor: ActorSample, p: array<f32, 8>) -> Triangle";
 
 fn effect(text: &str) -> WgslEffect {
     WgslEffect::from_text("my.wgsl", text).unwrap_or_else(|e| panic!("{e}\n{text}"))
@@ -81,22 +81,22 @@ fn lines_know_the_body_they_are_around() {
     let quarter = DAffine3::from_rotation_y(std::f64::consts::FRAC_PI_2);
     let scene = seen(&[(&asset, moved(5.0, 0.0, 0.0)), (&asset, moved(0.0, 0.0, 7.0) * quarter)]);
     let all = |from: &str, to: &str, width: &str| {
-        let body = format!("return Line({from}, {to}, {width}, vec4(f32(index), p[n], body.time, 0.5));");
+        let body = format!("return Line({from}, {to}, {width}, vec4(f32(index), p[n], actor.time, 0.5));");
         scene.draw(&overlay("// count: n", LINE, &body), &[2.0])
     };
-    let made = all("body.place", "body.high - body.low", "f32(body.number) + 1.0");
+    let made = all("actor.position", "actor.high - actor.low", "f32(actor.number) + 1.0");
     assert_eq!((made.strokes.len(), made.over, made.left_out.len()), (4, false, 0));
     let [first, .., last] = made.strokes[..] else { panic!() };
     assert_eq!((first.from, first.to, first.width), (DVec3::X * 5.0, DVec3::Y * 2.0, 1.0));
     assert_eq!((last.from, last.to, last.width), (DVec3::Z * 7.0, DVec3::Y * 2.0, 2.0));
     assert_eq!(last.color, Vec4::new(1.0, 2.0, 1.5, 0.5));
     // Two bones of three joints: the nearest above the tip is the root. A bone that is not there stands where the body does.
-    let made = all("joint(index)", "vec3(f32(parent(index)), f32(parent(7u)), f32(body.joints))", "1.0");
+    let made = all("joint(index)", "vec3(f32(parent(index)), f32(parent(7u)), f32(actor.joints))", "1.0");
     let got: Vec<_> = made.strokes[..2].iter().map(|s| (s.from, s.to)).collect();
     let (root, tip) = (DVec3::new(5.0, 0.0, 0.0), DVec3::new(5.0, 2.0, 0.0));
     assert_eq!(got, [(root, DVec3::new(-1.0, -1.0, 2.0)), (tip, DVec3::new(0.0, -1.0, 2.0))]);
-    assert_eq!(all("joint(9u)", "body.low", "1.0").strokes[0].from, root);
-    let made = all("in_world(vec3(1.0, 2.0, 0.0))", "body.place", "1.0");
+    assert_eq!(all("joint(9u)", "actor.low", "1.0").strokes[0].from, root);
+    let made = all("in_world(vec3(1.0, 2.0, 0.0))", "actor.position", "1.0");
     assert_eq!(made.strokes[0].from, DVec3::new(6.0, 2.0, 0.0));
     assert!(made.strokes[2].from.abs_diff_eq(DVec3::new(0.0, 2.0, 6.0), 1e-6), "{:?}", made.strokes[2]);
 }
@@ -105,7 +105,7 @@ fn lines_know_the_body_they_are_around() {
 fn bodies_at_places_have_lines_each() {
     let places = [1.0, 2.0, 3.0].map(|x| Affine3A::from_translation(Vec3::X * x));
     let mut scene = seen(&[(&body(&places), moved(0.0, 0.0, 4.0))]);
-    let dots = overlay("// count: 1", LINE, "return Line(joint(1u), body.place, 3.0, vec4(1.0));");
+    let dots = overlay("// count: 1", LINE, "return Line(joint(1u), actor.position, 3.0, vec4(1.0));");
     let at = |made: Overlay| made.strokes.iter().map(|s| [s.from.x, s.from.y, s.to.z]).collect::<Vec<_>>();
     assert_eq!(at(scene.draw(&dots, &[])), [[1.0, 2.0, 4.0], [2.0, 2.0, 4.0], [3.0, 2.0, 4.0]]);
     scene.snapshot.actors[0].copies = Some(2);
@@ -153,7 +153,7 @@ fn lines_know_where_bodies_were() {
 fn joints_are_found_by_their_names() {
     let scene = seen(&[(&body(&[]), moved(5.0, 0.0, 0.0))]);
     let head = "// count: 1\n// joint end = no_such|tip: a bone\n// joint middle = between: none of the bones\n// joint tail = tail: not there";
-    let text = "return Line(joint(end()), joint(middle()) + joint(tail()), 1.0, vec4(f32(end()), f32(middle()), f32(parent(middle())), f32(body.joints) / 4.0));";
+    let text = "return Line(joint(end()), joint(middle()) + joint(tail()), 1.0, vec4(f32(end()), f32(middle()), f32(parent(middle())), f32(actor.joints) / 4.0));";
     let made = scene.draw(&overlay(head, LINE, text), &[]);
     let line = made.strokes[0];
     assert_eq!((line.from, line.to), (DVec3::new(5.0, 2.0, 0.0), DVec3::new(10.0, 1.0, 0.0)));
@@ -166,7 +166,7 @@ fn triangles_over_all_and_once_for_the_scene() {
     let asset = body(&[]);
     let scene = seen(&[(&asset, moved(-3.0, 0.0, 0.0)), (&asset, moved(4.0, 0.0, 1.0))]);
     let text =
-        "return Triangle(body.low, body.high, vec3(f32(index)), vec4(0.1, 0.2, 0.3, 2.0 - f32(index)));";
+        "return Triangle(actor.low, actor.high, vec3(f32(index)), vec4(0.1, 0.2, 0.3, 2.0 - f32(index)));";
     let made = scene.draw(&overlay("// count: n\n// over: thru\n// of: scene", TRIANGLE, text), &[3.0, 1.0]);
     // Opacities are cut off at 1, and what is not seen is not made.
     assert_eq!((made.triangles.len(), made.strokes.len(), made.over), (2, 0, true));
@@ -192,7 +192,7 @@ fn what_cannot_be_drawn_is_said() {
         (10, 5, &["5 of 10 lines have numbers that are not finite".into()][..])
     );
     // Endless from a place on that no trial looks at.
-    let ends = "var x = 0.0; loop { x += 1.0; if x > 9.0 && body.time < 1.2 || body.time > 2.0 { break; } }\nreturn Line(vec3(x), vec3(0.0), 1.0, vec4(1.0));";
+    let ends = "var x = 0.0; loop { x += 1.0; if x > 9.0 && actor.time < 1.2 || actor.time > 2.0 { break; } }\nreturn Line(vec3(x), vec3(0.0), 1.0, vec4(1.0));";
     let slow = made(ends, 3.0);
     assert_eq!(
         (slow.strokes.len(), faulty(&slow), &slow.left_out[..]),
@@ -213,11 +213,11 @@ fn what_cannot_be_drawn_is_said() {
 fn hulls_and_edges() {
     let shell = |gives: &str, body: &str| {
         effect(&format!(
-            "// effect: s\n// hook: shell\n// param width = 2 in 0..9: pixels\nfn effect(p: array<f32, 8>) -> {gives} {{ {body} }}"
+            "// effect: s\n// hook: outline\n// param width = 2 in 0..9: pixels\nfn effect(p: array<f32, 8>) -> {gives} {{ {body} }}"
         ))
     };
     let p = [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-    let hull = shell("Shell", "return Shell(2.0 * p[width], vec3(0.1, 0.2, 0.3), 1.5);");
+    let hull = shell("InvertedHull", "return InvertedHull(2.0 * p[width], vec3(0.1, 0.2, 0.3), 1.5);");
     let expected = InvertedHull { width: 6.0, color: Vec3::new(0.1, 0.2, 0.3), lighting_mix: 1.0 };
     assert_eq!(
         (hull.hook(), hull.inverted_hull(&p), hull.wireframe(&p)),
@@ -225,13 +225,13 @@ fn hulls_and_edges() {
     );
     assert!(hull.applies_to_actors());
     assert_eq!(hull.inverted_hull(&[0.0; 8]), None);
-    let edges = shell("Edges", "return Edges(vec3(p[width], 1.0, 0.5));");
+    let edges = shell("Wireframe", "return Wireframe(vec3(p[width], 1.0, 0.5));");
     assert_eq!((edges.inverted_hull(&p), edges.wireframe(&p)), (None, Some(Vec3::new(3.0, 1.0, 0.5))));
     // Renderers find and report numbers that are not finite.
-    let bad = shell("Shell", "return Shell(2.0, vec3(0.0, 1.0 / (p[width] - 3.0), 0.0), 0.0);");
+    let bad = shell("InvertedHull", "return InvertedHull(2.0, vec3(0.0, 1.0 / (p[width] - 3.0), 0.0), 0.0);");
     assert_eq!(bad.inverted_hull(&p).map(|hull| hull.color.y), Some(f32::INFINITY));
     assert!(bad.inverted_hull(&[1.0; 8]).is_some_and(|hull| hull.color.is_finite()));
-    let bad = shell("Shell", "return Shell(sqrt(2.0 - p[width]), vec3(0.0), 0.0);");
+    let bad = shell("InvertedHull", "return InvertedHull(sqrt(2.0 - p[width]), vec3(0.0), 0.0);");
     assert!(bad.inverted_hull(&p).is_some_and(|hull| hull.width.is_nan()));
 }
 
@@ -245,15 +245,15 @@ fn mistakes_have_their_line_and_what_was_meant() {
         )
     };
     assert_eq!(
-        line("  return Line(body.place, body.plase, 1.0, vec4(1.0));"),
+        line("  return Line(actor.position, actor.positoin, 1.0, vec4(1.0));"),
         "my.wgsl:6:32: invalid field accessor `plase`; did you mean \"place\"?"
     );
-    let text = line("  return Line(joint(index), body.place, p[amuont], vec4(1.0));");
+    let text = line("  return Line(joint(index), actor.position, p[amuont], vec4(1.0));");
     assert_eq!(
         text,
         "my.wgsl:6:43: no definition in scope for identifier: `amuont`; did you mean \"amount\"?"
     );
-    let text = line("  return Line(jiont(index), body.place, 1.0, vec4(1.0));");
+    let text = line("  return Line(jiont(index), actor.position, 1.0, vec4(1.0));");
     assert_eq!(text, "my.wgsl:6:15: no definition in scope for identifier: `jiont`; did you mean \"joint\"?");
     let endless = "  var x = 0u;\n  for (var i = 0; i < 4; i++) {\n    loop { x += 1u; if x == 0u { break; } }\n  }\n  return Line();";
     assert_eq!(
@@ -266,16 +266,16 @@ fn mistakes_have_their_line_and_what_was_meant() {
         many.starts_with("my.wgsl:4:1: 9000 times up to ") && many.ends_with("give it a smaller count"),
         "{many}"
     );
-    let form = "effect must be fn effect(index: u32, body: Body, p: Parameters) -> Line, or -> Triangle, or -> Lattice";
+    let form = "effect must be fn effect(index: u32, actor: ActorSample, p: Parameters) -> Line, or -> Triangle, or -> Lattice";
     let wrong =
         of("// hook: overlay\n// count: 4", "fn effect(p: array<f32, 8>) -> vec4<f32> { return vec4(0.0); }");
     assert_eq!(wrong, format!("my.wgsl:4:1: {form}"));
-    let taken = of("// hook: overlay\n// count: 4", "struct Body { x: f32 }");
-    assert_eq!(taken, "my.wgsl:4:1: Body is a type that the program declares; take another name");
+    let taken = of("// hook: overlay\n// count: 4", "struct ActorSample { x: f32 }");
+    assert_eq!(taken, "my.wgsl:4:1: ActorSample is a type that the program declares; take another name");
     let taken = of("// hook: overlay\n// count: 4\n// param joint = 1 in 0..2: x", "");
     assert_eq!(taken, "my.wgsl:4:1: joint is a function that the program declares; take another name");
-    let shell = of("// hook: shell", "fn effect(p: array<f32, 8>) -> Shel { return Shel(); }");
-    assert_eq!(shell, "my.wgsl:3:32: no definition in scope for identifier: `Shel`; did you mean \"Shell\"?");
+    let hull = of("// hook: outline", "fn effect(p: array<f32, 8>) -> InvertedHul { return InvertedHul(); }");
+    assert_eq!(hull, "my.wgsl:3:32: no definition in scope for identifier: `InvertedHul`; did you mean \"InvertedHull\"?");
 }
 
 /// The README's examples compile as they stand, but for their names.

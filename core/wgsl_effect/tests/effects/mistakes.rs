@@ -270,8 +270,8 @@ fn misspelt_and_misplaced_inputs_of_the_scene_are_named() {
     let hint = "3:17: no definition in scope for identifier: `depth_at`; depth_at() is an input of effects with // hook: image";
     assert!(text.contains(hint), "{text}");
     // Functions and types of another hook name the line that brings them; a parameter is an element of p.
-    let seen = error(&pixel("    return vec4(color.rgb, f32(Seen(color.rgb).x));")).to_string();
-    assert!(seen.contains("`Seen`; Seen needs // hook: surface"), "{seen}");
+    let seen = error(&pixel("    return vec4(color.rgb, f32(SurfaceSample(color.rgb).x));")).to_string();
+    assert!(seen.contains("`SurfaceSample`; SurfaceSample needs // hook: surface"), "{seen}");
     let picture = error(&pixel("    return picture(vec2(1));")).to_string();
     assert!(
         picture.contains(

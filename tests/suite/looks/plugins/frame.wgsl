@@ -3,12 +3,12 @@
 // hook: overlay
 // of: scene
 // count: 12
-fn corner(body: Body, bits: u32) -> vec3<f32> {
+fn corner(actor: ActorSample, bits: u32) -> vec3<f32> {
     let high = vec3((bits & 1u) != 0u, (bits & 2u) != 0u, (bits & 4u) != 0u);
-    return select(body.low, body.high, high);
+    return select(actor.low, actor.high, high);
 }
 
-fn effect(index: u32, body: Body, p: Parameters) -> Line {
+fn effect(index: u32, actor: ActorSample, p: Parameters) -> Line {
     // Four edges along each axis: the corner without that axis' bit, and with it.
     let axis = index / 4u;
     let others = index % 4u;

@@ -1,6 +1,6 @@
 // effect: net
 // about: the edges of triangles
-// hook: shell
-fn effect(p: Parameters) -> Edges {
-    return Edges(vec3(0.0, 0.02, 0.2));
+// hook: outline
+fn effect(p: Parameters) -> Wireframe {
+    return Wireframe(vec3(0.0, 0.02, 0.2));
 }

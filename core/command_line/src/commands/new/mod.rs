@@ -85,7 +85,7 @@ fn hook_text(hook: Option<HookArg>) -> &'static str {
         HookArg::Surface => include_str!("hooks/surface.wgsl"),
         HookArg::Vertex => include_str!("hooks/vertex.wgsl"),
         HookArg::Lighting => include_str!("hooks/lighting.wgsl"),
-        HookArg::Shell => include_str!("hooks/shell.wgsl"),
+        HookArg::Outline => include_str!("hooks/outline.wgsl"),
         HookArg::Overlay => include_str!("hooks/overlay.wgsl"),
         HookArg::Shutter => include_str!("hooks/shutter.wgsl"),
     }
@@ -207,7 +207,7 @@ fn hook_crate(hook: HookArg, name: &str) -> [(String, String); 3] {
         HookArg::Surface => ("Surface", include_str!("crate_tests/surface.txt")),
         HookArg::Vertex => ("Vertex", include_str!("crate_tests/vertex.txt")),
         HookArg::Lighting => ("Lighting", include_str!("crate_tests/lighting.txt")),
-        HookArg::Shell => ("Outline", include_str!("crate_tests/shell.txt")),
+        HookArg::Outline => ("Outline", include_str!("crate_tests/outline.txt")),
         HookArg::Overlay => ("Overlay", include_str!("crate_tests/overlay.txt")),
         HookArg::Shutter => ("Shutter", include_str!("crate_tests/shutter.txt")),
     };
@@ -345,6 +345,6 @@ mod tests {
             WgslEffect::from_text("mine.wgsl", &text).unwrap_or_else(|e| panic!("{hook:?}: {e}")).hook()
         });
         assert_eq!(templates.collect::<BTreeSet<Hook>>(), choreo_wgsl_effect::hooks().collect());
-        assert_eq!(HookArg::from_str("outline", true), Ok(HookArg::Shell));
+        assert_eq!(HookArg::from_str("shell", true), Ok(HookArg::Outline));
     }
 }

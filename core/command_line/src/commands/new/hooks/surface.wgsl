@@ -2,13 +2,14 @@
 // about: edges that glow
 // version: 0.1.0
 // hook: surface
-// param strength = 1.0 in 0..4: how bright they are
-// param width = 3.0 in 0.5..8: how narrow, higher is narrower
+// param strength = 1.0 in 0..4: brightness of the edges
+// param width = 3.0 in 0.5..8: exponent, higher is narrower
 //
-// A function of a place on a surface after light has fallen on it. seen: world, distance, normal, facing, uv, joints,
-// background, viewer, shadow; // see_through: true lets its alpha mix with what is behind; // background: true has it called there, too.
-// Put it beside the script, into a folder plugins there, or name its folder with --plugins; then: effect("NAME").on(anna)
-fn effect(color: vec4<f32>, seen: Seen, p: Parameters) -> vec4<f32> {
-    let edge = pow(1.0 - abs(seen.facing), p.width);
+// Returns the color of one point of a surface, after lighting. surface: world, distance, normal, facing, uv, joints, background, viewer,
+// shadow. With // see_through: true the returned alpha blends the surface with the colors behind it; with // background: true the function
+// is also called for the background.
+// Put the file beside the script or into its folder plugins, or name its folder with --plugins; then: effect("NAME").on(anna)
+fn effect(color: vec4<f32>, surface: SurfaceSample, p: Parameters) -> vec4<f32> {
+    let edge = pow(1.0 - abs(surface.facing), p.width);
     return vec4(color.rgb + p.strength * edge * vec3(0.4, 0.7, 1.0), color.a);
 }
