@@ -16,7 +16,7 @@ static REGISTRY: LazyLock<Registry> = LazyLock::new(|| {
     let mut registry = choreo::registry();
     for text in [
         "// effect: pushed\n// hook: vertex\n// reach: 3\n\
-            fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> { return vec3<f32>(-3.0, 0.0, 0.0); }",
+            fn effect(vertex: VertexSample, p: array<f32, 8>) -> vec3<f32> { return vec3<f32>(-3.0, 0.0, 0.0); }",
         "// effect: moved\n// hook: image\n\
             fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> \
             { return vec4<f32>(0.02 * motion_at(at) + 0.5, 0.0, 1.0); }",
