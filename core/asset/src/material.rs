@@ -58,7 +58,8 @@ pub struct Material {
     pub normal_texture: Option<TextureRef>,
     /// Factor of the normal map's x and y.
     pub normal_scale: f32,
-    /// Depth of the surface where the normal texture's alpha is 0, in widths of the texture. 0: alpha is ignored.
+    /// Parallax depth: distance below the surface where the normal texture's alpha is 0, in widths of the texture. 0: alpha is
+    /// ignored.
     pub relief: f32,
     /// Ambient occlusion in R, linear.
     pub occlusion_texture: Option<TextureRef>,

@@ -1,7 +1,7 @@
 //! Mirroring: exchanges left and right in a pose, or in a clip key by key.
 //!
-//! With M the reflection in the character's middle plane, p(j) the partner of joint j and G₀ rotations of the rest pose in
-//! model space, a joint turns away from its rest pose as its partner does, reflected: G′ⱼ G₀ⱼ⁻¹ = M G_p(j) G₀_p(j)⁻¹ M. In the
+//! M is the reflection in the character's middle plane, p(j) the partner of joint j, and G₀ the rotations of the rest pose in
+//! model space. A joint turns away from its rest pose as its partner does, reflected: G′ⱼ G₀ⱼ⁻¹ = M G_p(j) G₀_p(j)⁻¹ M. In the
 //! joints' own spaces that is q′ⱼ = C_parent(j)⁻¹ · m(q_p(j)) · Cⱼ with Cⱼ = m(G₀_p(j))⁻¹ G₀ⱼ and m(q) the reflected rotation.
 //! Each key is mapped alone and q′ is linear in q, so that slerp and cubics between keys are mirrored exactly. The rest pose is
 //! mapped to itself, and mirroring twice gives the original, whatever the joints' axes are.
