@@ -76,7 +76,7 @@ impl Timeline {
             let (low, high) = (self.buckets[bucket] as usize, self.buckets[bucket + 1] as usize);
             (low + times[low..high].partition_point(|t| *t <= time)).min(last - 1)
         };
-        // At most two steps if keys are evenly spaced; with buckets, at most one step back.
+        // Evenly spaced keys take at most two steps; buckets, at most one step back.
         while times[key] > time {
             key -= 1;
         }

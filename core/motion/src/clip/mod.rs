@@ -184,8 +184,8 @@ pub struct CompressionReport {
     pub bytes: [usize; 2],
     /// Size of translation, rotation and scale of every joint at 30 Hz in f32: 40 bytes per joint and key.
     pub dense_bytes: usize,
-    /// Metres of the model, of any joint's place and of points 10 cm from it along each axis: at all keys and halfway between,
-    /// 4,000 times at most. Zero where the clip stays as it was, since it would not have become smaller.
+    /// Largest error in model space, metres, of any joint and of points 10 cm from it along each axis: at all keys and halfway
+    /// between, at most 4,000 times. Zero if the clip stays as it was, since it would not have become smaller.
     pub worst_m: f64,
 }
 
@@ -421,8 +421,8 @@ impl Clip {
         self.animated.get(joint as usize / 64).is_some_and(|bits| bits >> (joint % 64) & 1 == 1)
     }
 
-    /// Morph weights of the mesh at `joint` at a time. False, and `out` untouched, where the clip does not
-    /// drive them. Where the counts differ the shorter one counts.
+    /// Samples the morph weights of the mesh at `joint` into `out`. Returns false and leaves `out` unchanged if the clip does not
+    /// drive them. If the counts differ, the shorter one counts.
     pub fn sample_weights(&self, joint: u32, time: Time, out: &mut [f32]) -> bool {
         let at = self.weight_curves.partition_point(|(j, _)| *j < joint);
         let Some((_, curve)) = self.weight_curves.get(at).filter(|(j, _)| *j == joint) else { return false };

@@ -1,11 +1,11 @@
-//! Sixteen floats in a register of AVX-512: for vertices alone, where a matrix fills one.
+//! Sixteen floats in an AVX-512 register, only for skinning of vertices: a matrix fills one register.
 
 use super::avx::Avx;
 use super::vertices::{BLOCK, Lanes, Rows, Vertices};
 use glam::Affine3A;
 use std::arch::x86_64::*;
 
-/// Only ever made inside `run_avx512`, which is entered after asking the processor: that is what makes the calls of intrinsics
+/// Values exist only inside `run_avx512`, which is entered after a check of the processor: that makes the calls of intrinsics
 /// below sound. They work on values, or load and store whole references.
 #[derive(Clone, Copy)]
 pub(crate) struct Avx512(__m512);
@@ -167,7 +167,7 @@ impl Avx512 {
     }
 }
 
-/// The quarters of four registers, the firsts together, and so on.
+/// Transposes the quarters of four registers: all first quarters together, all second ones, and so on.
 #[inline(always)]
 unsafe fn quarters([a, b, c, d]: [__m512; 4]) -> [__m512; 4] {
     // SAFETY: on values alone; the caller is inside `run_avx512`.
