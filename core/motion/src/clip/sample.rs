@@ -13,7 +13,8 @@ use crate::time::Time;
 
 /// Evaluates a clip at a time. Joints and properties that the clip does not animate keep what is in the pose.
 ///
-/// At the time of a key the pose equals that key bit for bit, except for the sign of a quaternion and the normalization of CUBICSPLINE.
+/// The pose at the time of a key equals that key bit for bit, except for the sign of a quaternion and the normalization of
+/// CUBICSPLINE.
 pub struct Sample<'a> {
     /// The clip that is evaluated.
     pub clip: &'a Clip,

@@ -208,7 +208,7 @@ impl F8 for Avx {
     }
     #[inline(always)]
     fn of_matrix(matrix: &Affine3A) -> [Self; 2] {
-        // On x86-64 a `Vec3A` is an SSE register: four floats, none of them padding.
+        // A `Vec3A` is an SSE register on x86-64: four floats, none of them padding.
         let from: *const f32 = std::ptr::from_ref(matrix).cast();
         // SAFETY: inside `run_avx2`; 16 floats are borrowed, as `local_to_model.rs` asserts of an `Affine3A`, and two times eight are read.
         unsafe { [Avx(_mm256_loadu_ps(from)), Avx(_mm256_loadu_ps(from.add(8)))] }

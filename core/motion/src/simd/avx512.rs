@@ -160,7 +160,7 @@ impl Vertices for Avx512 {
 impl Avx512 {
     #[inline(always)]
     fn of_matrix(matrix: &Affine3A) -> Self {
-        // On x86-64 a `Vec3A` is an SSE register: four floats, none of them padding, and an `Affine3A` four of them.
+        // A `Vec3A` is an SSE register on x86-64: four floats, none of them padding. An `Affine3A` is four of them.
         let from: *const f32 = std::ptr::from_ref(matrix).cast();
         // SAFETY: inside `run_avx512`; a borrowed matrix is as large as the register, as asserted above.
         Avx512(unsafe { _mm512_loadu_ps(from) })

@@ -19,7 +19,7 @@
 //! ([`SpringBone::energy`]). At the end of a step the tangent plane and that spring have more energy than the sphere and the
 //! load; without damping the difference is added to the velocity, since otherwise the swing would come to rest.
 //!
-//! In a chain, each bone is pulled towards its animated direction as the bone before it has turned it, and exerts no force back.
+//! Each bone of a chain is pulled towards its animated direction as the bone before it has turned it, and exerts no force back.
 //! Motion that is passed on this way must not grow: bones of one frequency, each driven at its resonance by the one before, turn
 //! a shake of the root into a whip whose end depends on the last digit, and smaller steps do not converge. (Letting each bone
 //! also feel how the bone before moves its head multiplies a swing by up to 1 / ζ per bone; tried, and 4 bones did not converge.)
