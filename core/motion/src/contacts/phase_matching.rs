@@ -1,6 +1,6 @@
 //! Phase-matched crossfades: while one gait fades into another, both take the same step at the same time.
 //!
-//! A clip's phase counts its steps: it is a whole number where a foot comes down or is in the middle of its stand, and goes
+//! A clip's phase counts its steps: it is a whole number where a foot comes down or is in the middle of a contact, and goes
 //! evenly between (a registration curve: L. Kovar, M. Gleicher, "Flexible Automatic Motion Blending with Registration
 //! Curves", SCA 2003, §3.1, with the steps as its points). During the fade the common phase goes at the mean of the two
 //! clips' own rates by their weights, φ' = (1 − w) a(φ) + w b(φ): it begins as the first clip alone would go on and ends as

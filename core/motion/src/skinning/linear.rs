@@ -129,7 +129,7 @@ impl VertexKernel for SkinVertices<'_, '_> {
 pub(crate) struct Palette([Affine3A; Palette::MOST]);
 
 impl Palette {
-    /// 128 matrices of 8 kB, which the L1 cache holds beside the vertices. Larger palettes are not copied.
+    /// 128 matrices take 8 kB, which the L1 cache holds beside the vertices. Larger palettes are not copied.
     const MOST: usize = 128;
 
     #[inline(always)]

@@ -24,9 +24,9 @@
 //! a shake of the root into a whip whose end depends on the last digit, and smaller steps do not converge. (Letting each bone
 //! also feel how the bone before moves its head multiplies a swing by up to 1 / ζ per bone; tried, and 4 bones did not converge.)
 //! Hence two rules for a bone that [`Drive::follows`] another that swings: its head moves as animated, so that only this motion
-//! is felt as inertia; and it is damped at least so much that at no frequency it swings farther than the bone that it follows, |K
-//! / (K + s − ω² + iωκ)| ≤ 1 where s is the load's part in the stiffness. So the end of a chain swings later and softer than its
-//! beginning, and chains of any length converge.
+//! is felt as inertia; and it is damped at least so much that at no frequency it swings farther than the bone that it follows,
+//! |K / (K + s − ω² + iωκ)| ≤ 1 where s is the load's part in the stiffness. So the end of a chain swings later and softer than
+//! its beginning, and chains of any length converge.
 
 use super::oscillator::Response;
 use super::sphere::{exp, log, sinc, tangent};

@@ -33,7 +33,7 @@ impl SpringState {
     }
 }
 
-/// Buffers; what is in them on entry does not matter.
+/// Buffers; their content on entry does not matter.
 #[derive(Clone, Debug, Default)]
 pub struct SpringScratch {
     /// Rigid motion of each joint by the springs so far.
