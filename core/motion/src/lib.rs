@@ -24,7 +24,7 @@
 //! };
 //! let clip = Clip::new("bend".into(), skeleton.len(), vec![bend])?;
 //!
-//! // There and back for ever, at double speed; after 0.75 s on stage the clip is on its way back, at 0.5 s.
+//! // Forwards and backwards forever, at double speed; after 0.75 s on stage the clip is on its way back, at 0.5 s.
 //! let play = Playback { speed: 2.0, repeat: Repeat::PingPong, ..Playback::whole(clip.duration) };
 //! let time = play.clip_time(Time::from_secs(0.75));
 //! assert_eq!(time, Time::from_secs(0.5));

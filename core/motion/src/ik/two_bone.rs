@@ -39,8 +39,8 @@ const CORE: f64 = 0.06;
 /// Weight of the bend direction in the direction to which the limb leans within the core; the limb's own direction has weight 1.
 /// A straight path through the start hardly ever runs along this mixture.
 const BY_WAY: f64 = 0.6;
-/// Cosines of the angles (162° and 174°) by which the limb turns and between which its bend plane goes over from being turned
-/// with it, on the shortest arc, to staying: a half turn has no shortest arc.
+/// Cosines of the angles 162° and 174° by which a limb turns. Between them, the bend plane changes from turning with the limb, on
+/// the shortest arc, to staying: a half turn has no unique shortest arc.
 const STAYING: [f64; 2] = [-0.951, -0.9945];
 
 /// Rotations of the two bones in the space of the positions, each about its own start, and the resulting positions.
