@@ -8,7 +8,8 @@ use choreo_motion::PropertyTarget;
 use std::collections::BTreeSet;
 
 impl Asset {
-    /// Whether something in the file can change more than its base color, for each material. Empty where nothing can.
+    /// Whether each material can be changed by a clip, an expression or UV animation. Base color curves of clips do not count:
+    /// see [`Asset::animated_base_colors`]. Empty if no material can be changed.
     pub fn changing_materials(&self) -> Vec<bool> {
         let mut all: BTreeSet<u32> = BTreeSet::new();
         let properties = self.clips.iter().flat_map(|clip| clip.properties());
@@ -26,7 +27,7 @@ impl Asset {
         out
     }
 
-    /// Whether some clip of the file animates its base color, for each material. Empty where none does.
+    /// Whether a clip of the file animates each material's base color. Empty if none is animated.
     pub fn animated_base_colors(&self) -> Vec<bool> {
         let mut out = Vec::new();
         for (target, _) in self.clips.iter().flat_map(|clip| clip.properties()) {
@@ -42,7 +43,7 @@ impl Asset {
 }
 
 impl Expression {
-    /// The materials whose colors or texture coordinates it changes.
+    /// Materials whose colors or texture coordinates the expression changes.
     pub fn changed_materials(&self) -> impl Iterator<Item = u32> {
         let uvs = self.uvs.iter().map(|b| b.material);
         self.colors.iter().map(|b| b.material).chain(uvs)
@@ -50,7 +51,7 @@ impl Expression {
 }
 
 impl Material {
-    /// The UV animation that its shading model uses.
+    /// UV animation that the material's shading model uses.
     pub fn active_uv_motion(&self) -> Option<UvMotion> {
         match self.shading {
             Shading::Toon => self.toon.as_ref()?.uv_motion,
@@ -58,7 +59,7 @@ impl Material {
         }
     }
 
-    /// Whether its textures move or play frames without any clip.
+    /// Whether the material's textures move or play frames without any clip.
     pub fn has_uv_animation(&self) -> bool {
         self.active_uv_motion().is_some() || self.strip.is_some()
     }

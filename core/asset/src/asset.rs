@@ -26,7 +26,8 @@ pub struct Asset {
     pub skins: Vec<Skin>,
     /// Mesh instances: the mesh, its node and its skin.
     pub instances: Vec<MeshInstance>,
-    /// model-from-model of every placement of the whole character, which is evaluated once for all of them. Empty: where it is cast.
+    /// Placements of the whole character, model-from-model: the pose is evaluated once for all of them. Empty: one placement, the
+    /// identity.
     pub placements: Arc<[Affine3A]>,
     /// Materials of primitives.
     pub materials: Vec<Material>,
@@ -36,19 +37,20 @@ pub struct Asset {
     pub cameras: Vec<AssetCamera>,
     /// Lights of the file, each on a joint.
     pub lights: Vec<AssetLight>,
-    /// Light from all sides, linear RGB: a white surface in it is as bright. It is that of the stage, unless the script gives another.
+    /// Ambient light, linear RGB: the brightness of a white surface in it. The stage takes it over, unless the script sets
+    /// another.
     pub ambient: Vec3,
     /// Animation clips; times begin at the clip's own 0 s.
     pub clips: Vec<Arc<Clip>>,
-    /// Named faces, each name once.
+    /// Facial expressions; names are unique.
     pub expressions: Vec<Expression>,
-    /// Hair, skirts and tails that swing.
+    /// Spring bones: hair, skirts, tails.
     pub springs: Springs,
-    /// How the eyes follow a target, where the file states.
+    /// How the eyes follow a target, if the file specifies it.
     pub eyes: Option<Eyes>,
-    /// The front, if the script gives it; else [`Asset::facing`] finds it.
+    /// Front of the character, if the script gives it; otherwise [`Asset::facing`] detects it.
     pub front: Option<Front>,
-    /// The file's own convention, which was converted.
+    /// Format, unit and axes of the file before conversion.
     pub origin: Origin,
     /// Warnings of the importer: what it guessed or left out.
     pub warnings: Vec<Warning>,
@@ -56,18 +58,18 @@ pub struct Asset {
     pub derived: Derived,
 }
 
-/// How the file itself states what the asset holds in choreo's convention; shown by `choreo info`, used by nothing else.
+/// Format, unit and axes of the file before conversion to choreo's convention; shown by `choreo info`, used by nothing else.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Origin {
-    /// "COLLADA 1.4.1"; empty where the importer does not say.
+    /// Format and version of the file, such as "COLLADA 1.4.1"; empty if the importer does not state it.
     pub format: String,
-    /// Name and version of the importer, "collada 0.1.0"; empty of assets that no file gave.
+    /// Name and version of the importer, such as "collada 0.1.0"; empty for assets that no file gave.
     pub importer: String,
     /// The program that wrote the file, as it calls itself; may be empty.
     pub writer: String,
-    /// Metres a unit of the file; `None` where it is not known.
+    /// Length of the file's unit in metres; `None` if unknown.
     pub metres_per_unit: Option<f64>,
-    /// The format has no unit: the importer's option, or its guess.
+    /// Whether the file states no unit, so that `metres_per_unit` is an option of the importer or its guess.
     pub unit_is_assumed: bool,
     /// The file's upward axis: "+Y", "+Z"; may be empty.
     pub up: String,
@@ -80,7 +82,7 @@ pub struct Origin {
 pub struct Warning {
     /// Element path or byte offset in the file; may be empty.
     pub place: String,
-    /// The guess or what was left out, in a sentence.
+    /// The guess or the omission, as a sentence.
     pub text: String,
 }
 
@@ -96,27 +98,27 @@ pub struct Skin {
 /// A mesh at a joint of the skeleton.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshInstance {
-    /// Joint whose transform places the mesh, where no skin does.
+    /// Joint whose transform places the mesh, unless it is skinned.
     pub joint: u32,
     /// Index into the asset's meshes.
     pub mesh: u32,
     /// The skin. If there is one, the node's own transform is ignored (glTF 2.0 §3.7.3.3).
     pub skin: Option<u32>,
-    /// Morph weights where no clip drives them; length = the mesh's `morph_targets`.
+    /// Morph weights that apply where no clip drives them; length = the mesh's `morph_targets`.
     pub weights: Vec<f32>,
-    /// joint-from-mesh of every copy that is drawn (EXT_mesh_gpu_instancing): a field of grass is one instance. Empty: one, at
-    /// the joint itself. Without meaning for skinned instances: `Asset::places` has one for them.
+    /// Copies of the mesh, joint-from-mesh (EXT_mesh_gpu_instancing): a field of grass is one instance. Empty: one copy, at the
+    /// joint itself. Not meant for skinned instances, for which there is [`Asset::placements`].
     pub copies: Arc<[Affine3A]>,
 }
 
 impl MeshInstance {
-    /// joint-from-mesh of each thing drawn: of the copies, or the identity.
+    /// joint-from-mesh of each copy; the identity if there are no copies.
     pub(crate) fn joint_from_copies(&self) -> impl Iterator<Item = Affine3A> + '_ {
         let own = if self.copies.is_empty() { Some(Affine3A::IDENTITY) } else { None };
         own.into_iter().chain(self.copies.iter().copied())
     }
 
-    /// The first N of the copies, all where there is no number; without copies the one.
+    /// joint-from-mesh of the first `count` copies (`None`: all); the identity if there are no copies.
     pub(crate) fn joint_from_first(&self, count: Option<u32>) -> impl Iterator<Item = Affine3A> + '_ {
         let most = count.filter(|_| !self.copies.is_empty()).map_or(usize::MAX, |n| n as usize);
         self.joint_from_copies().take(most)

@@ -9,12 +9,12 @@ use choreo_motion::{Facing, Front, Pose, Skeleton, Skinning};
 use glam::{Affine3A, Mat4, Vec3};
 
 impl Asset {
-    /// The front of the character, found by its skeleton and clips.
+    /// Front of the character, detected from its skeleton and clips.
     pub fn facing(&self) -> &Facing {
         self.derived.facing.get_or_init(|| Facing::of(&self.skeleton, &self.clips))
     }
 
-    /// The front: as given, else as found.
+    /// Front of the character: the given one, otherwise the detected one.
     pub fn front(&self) -> Front {
         self.front.unwrap_or_else(|| self.facing().front)
     }
@@ -29,14 +29,14 @@ impl Asset {
         self.derived.rest_model_from_joint.get_or_init(|| model_from_rest(&self.skeleton))
     }
 
-    /// How far each mesh instance reaches from the joints that move it; see [`InstanceBounds::posed`].
+    /// Bounds of each mesh instance relative to the joints that move it; see [`InstanceBounds::posed`].
     pub fn instance_bounds(&self) -> &[InstanceBounds] {
         self.derived
             .instance_bounds
             .get_or_init(|| self.instances.iter().map(|instance| instance_bounds(self, instance)).collect())
     }
 
-    /// Tight box of all vertices in rest pose, in model space, without morphs; empty where there is no mesh.
+    /// Tight box of all vertices in rest pose, in model space, without morphs; empty if there is no mesh.
     pub fn rest_bounds(&self) -> Aabb {
         *self.derived.rest_bounds.get_or_init(|| rest_bounds(self))
     }
@@ -70,7 +70,7 @@ const OUTLINE_DIRECTIONS: [Vec3; 7] = [
     Vec3::new(-1.0, 1.0, 1.0),
 ];
 
-/// The farthest vertex each way from one joint.
+/// The farthest vertex, as (primitive, vertex), from one joint along each of `OUTLINE_DIRECTIONS` and its opposite.
 #[derive(Clone, Copy)]
 struct Farthest([(f32, Option<(u32, u32)>); 14]);
 
@@ -155,7 +155,8 @@ fn instance_bounds(asset: &Asset, instance: &MeshInstance) -> InstanceBounds {
     InstanceBounds { parts, outline }
 }
 
-/// Every vertex in rest pose, without morphs: tight, unlike [`InstanceBounds::posed`]. Of copies and places the box of the mesh or body counts.
+/// Box of all vertices in rest pose, without morphs: tight, unlike [`InstanceBounds::posed`]. Copies and placements contribute
+/// transformed boxes.
 fn rest_bounds(asset: &Asset) -> Aabb {
     let mut bounds = Aabb::EMPTY;
     for instance in &asset.instances {

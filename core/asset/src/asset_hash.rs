@@ -1,4 +1,4 @@
-//! Content hashes of assets and of what they hold. The order of members stays, so that hashes do.
+//! Content hashes of assets and their parts. Members must keep their order, so that hashes stay valid.
 
 use crate::asset::{Asset, MeshInstance, Skin};
 use crate::camera::{AssetCamera, Projection};
@@ -32,7 +32,7 @@ impl Primitive {
 }
 
 impl Mesh {
-    /// Its primitives with their material indices; names are left out.
+    /// Hash of the primitives, their material indices and the number of morph targets, without names.
     pub fn content_hash(&self) -> ContentHash {
         hash_of(|w| self.write(w))
     }
@@ -44,14 +44,14 @@ impl Mesh {
 }
 
 impl Image {
-    /// Size and pixels; the name is left out.
+    /// Hash of size and pixels, without the name.
     pub fn content_hash(&self) -> ContentHash {
         hash_of(|w| (self.width, self.height, &self.rgba).hash(w))
     }
 }
 
 impl Material {
-    /// Hash of everything except the name and the textures, of which only the slots count.
+    /// Hash of everything except the name and the textures; it does count which texture slots are used.
     pub fn hash_without_textures(&self) -> ContentHash {
         hash_of(|w| {
             w.without_textures = true;
@@ -60,7 +60,7 @@ impl Material {
     }
 }
 
-/// Name, duration and authored curves.
+/// Hash of name, duration and authored curves.
 pub fn clip_hash(clip: &Clip) -> ContentHash {
     hash_of(|w| {
         w.text(&clip.name);
@@ -76,7 +76,7 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
     w.images.clone_from(&images);
     let Asset { name, skeleton, meshes, skins, instances, placements, materials, images: _, .. } = asset;
     let Asset { cameras, lights, ambient, clips, expressions, springs, eyes, front, .. } = asset;
-    // Neither the file's origin nor warnings, nor what follows from the rest.
+    // The file's origin, warnings and derived data do not count.
     let Asset { origin: _, warnings: _, derived: _, .. } = asset;
     name.hash(&mut w);
     w.bytes(&skeleton_hash(skeleton));
@@ -101,7 +101,7 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
     w.finish()
 }
 
-/// Name, tree, rest pose and the bones of a human body.
+/// Hash of joint names, hierarchy, rest pose and humanoid bones.
 fn skeleton_hash(skeleton: &Skeleton) -> ContentHash {
     let tree = (skeleton.names(), skeleton.parents(), skeleton.rest());
     hash_of(|w| (tree, skeleton.humanoid()).hash(w))
@@ -275,7 +275,7 @@ written! {
     Toon: |v, w| {
         let Toon { shade_color, shading_shift, shading_shift_scale, shading_toony, gi_equalization, matcap, .. } = v;
         let Toon { rim_color, rim_fresnel_power, rim_lift, rim_lighting_mix, outline, uv_motion, uv_moved, .. } = v;
-        // The textures, which come as a list.
+        // Textures are hashed as a list below.
         let Toon { shade_texture: _, shading_shift_texture: _, matcap_texture: _, rim_texture: _, uv_mask: _, .. } = v;
         let motion = |m: &UvMotion| vec![m.scroll.x, m.scroll.y, m.rotation];
         uv_motion.as_ref().map(motion).hash(w);
@@ -311,8 +311,8 @@ written! {
     };
     Shape: |v, w| w.count(Shape::ALL.iter().position(|(_, s)| s == v).unwrap_or(Shape::ALL.len()));
     Skinning: |v, w| (*v == Skinning::DualQuaternion).hash(w);
-    // All that it holds is numbers and names, which Debug writes to the last bit; under the types' first names, so that the hashes of
-    // older outputs stay valid.
+    // Debug writes these numbers and names without loss. The types appear under their former names, so that the hashes of older
+    // outputs stay valid.
     PhaseMatchedFade: |v, w| {
         w.text(&format!("{v:?}").replace("PhaseMatchedFade", "PhaseFade").replace("Footsteps", "Steps"))
     };

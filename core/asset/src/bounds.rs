@@ -1,11 +1,12 @@
-//! Boxes: of an asset at rest, and of a mesh instance in any pose without touching its vertices.
+//! Bounding boxes of an asset at rest, and of a mesh instance in any pose without touching its vertices.
 //!
-//! A skinned vertex is a convex combination of where each of its joints carries it (weights ≥ 0, sum 1), so it lies in the
-//! hull of the joints' boxes: one box a joint, around the vertices it influences and in its own space, bounds every pose.
+//! A linearly skinned vertex is a convex combination of its positions under each of its joints (weights ≥ 0, sum 1), so it lies
+//! in the convex hull of the joints' boxes. Boxes around the vertices that each joint influences, in the joint's space, therefore
+//! bound every pose.
 
 use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec3A};
 
-/// Axis-aligned box; empty where `min > max`.
+/// Axis-aligned bounding box; empty if `min > max` on any axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
     /// Smallest coordinates.
@@ -15,23 +16,23 @@ pub struct Aabb {
 }
 
 impl Aabb {
-    /// The box of no points: its union with another one is the other.
+    /// The empty box; its union with another box is that box.
     pub const EMPTY: Aabb = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// Whether it has no points.
+    /// Whether the box contains no points.
     #[inline]
     pub fn is_empty(&self) -> bool {
         !self.min.cmple(self.max).all()
     }
 
-    /// The smallest box around points.
+    /// The smallest box around the points that are finite.
     pub fn of(points: impl IntoIterator<Item = Vec3>) -> Aabb {
         let mut all = Aabb::EMPTY;
         points.into_iter().for_each(|p| all.add(p));
         all
     }
 
-    /// Points that are not finite are left out.
+    /// Extends the box to a point. Points that are not finite are ignored.
     pub fn add(&mut self, point: Vec3) {
         if point.is_finite() {
             self.min = self.min.min(point);
@@ -39,19 +40,19 @@ impl Aabb {
         }
     }
 
-    /// The smallest box around both.
+    /// The smallest box around both boxes.
     #[inline]
     pub fn union(self, other: Aabb) -> Aabb {
         Aabb { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// The origin where empty.
+    /// Center of the box; the origin if it is empty.
     #[inline]
     pub fn center(&self) -> Vec3 {
         if self.is_empty() { Vec3::ZERO } else { self.min * 0.5 + self.max * 0.5 }
     }
 
-    /// The box around this one moved by an affine map, widened by the rounding of f32.
+    /// Box around this one under an affine map, widened by the rounding error of f32.
     pub fn transformed(&self, a_from_b: &Affine3A) -> Aabb {
         if self.is_empty() {
             return Aabb::EMPTY;
@@ -93,10 +94,10 @@ pub struct DAabb {
 }
 
 impl DAabb {
-    /// The box of no points.
+    /// The empty box.
     pub const EMPTY: DAabb = DAabb { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
-    /// Points that are not finite add nothing.
+    /// Extends the box to a point. Points that are not finite are ignored.
     pub fn add(&mut self, p: DVec3) {
         if p.is_finite() {
             self.min = self.min.min(p);
@@ -104,12 +105,12 @@ impl DAabb {
         }
     }
 
-    /// Whether it has no points.
+    /// Whether the box contains no points.
     pub fn is_empty(&self) -> bool {
         !self.min.cmple(self.max).all()
     }
 
-    /// Boxes that are empty or not finite add nothing.
+    /// Extends the box to a box in model space. Boxes that are empty or not finite are ignored.
     pub fn add_box(&mut self, world_from_model: &DAffine3, model: &Aabb) {
         if model.is_empty() {
             return;
@@ -120,31 +121,32 @@ impl DAabb {
     }
 }
 
-/// The reach of one mesh instance from the joints that move it.
+/// Bounds of one mesh instance relative to the joints that move it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct InstanceBounds {
     /// The boxes, one for each joint that moves vertices.
     pub parts: Vec<BoundsPart>,
-    /// (primitive, vertex) of the vertices that reach farthest from each joint in 14 directions: with them posed, a still
-    /// image of the instance is framed more closely than by boxes, and all but exactly. Sorted. Empty where morphs move them,
-    /// of instances with copies, and of instanced characters.
+    /// Vertices, as (primitive, vertex), that are farthest from each joint in 14 directions, sorted. Once posed, they frame a
+    /// still image of the instance almost exactly, more closely than boxes. Empty for meshes with morphs, instances with copies,
+    /// and instanced characters.
     pub outline: Vec<(u32, u32)>,
 }
 
-/// The vertices that one joint moves.
+/// Bounds of the vertices that one joint moves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoundsPart {
     /// Joint of the asset's skeleton.
     pub joint: u32,
-    /// Around the vertices that the joint moves, in the joint's space.
+    /// Box around the vertices that the joint moves, in the joint's space.
     pub reach: Aabb,
-    /// Offsets at weight 1 of those vertices for each morph target, zero included; empty list: no morphs.
+    /// Box around those vertices' offsets at weight 1, zero included, for each morph target; empty list: no morphs.
     pub morphs: Vec<Aabb>,
 }
 
 impl InstanceBounds {
-    /// A box in model space that holds the instance in this pose with these morph weights, where the body stands once
-    /// (`Asset::spread` goes on to its places): conservative, never smaller than the mesh, at a few ns a joint. Empty where the mesh has no vertices or nothing is finite.
+    /// Box in model space around one placement of the instance in this pose with these morph weights (`Asset::spread` extends it
+    /// to all placements). Conservative: never smaller than the mesh, at a few ns per joint. Empty if the mesh has no vertices or
+    /// nothing is finite.
     pub fn posed(&self, model_from_joint: &[Affine3A], morph_weights: &[f32]) -> Aabb {
         let mut bounds = Aabb::EMPTY;
         for part in &self.parts {
@@ -159,7 +161,7 @@ impl InstanceBounds {
 }
 
 impl BoundsPart {
-    /// Around all copies of what it was around.
+    /// Extends the boxes to all copies of the mesh.
     pub(crate) fn spread(&mut self, joint_from_copies: &[Affine3A]) {
         let over = |one: &Aabb, place: fn(&Affine3A) -> Affine3A| {
             let boxes = joint_from_copies.iter().map(|copy| one.transformed(&place(copy)));
@@ -184,7 +186,7 @@ impl BoundsPart {
     }
 }
 
-/// The smallest and the largest value of each number of some maps.
+/// Smallest and largest value of each matrix element over several affine maps.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AffineRange {
     low: Affine3A,
@@ -205,8 +207,8 @@ impl AffineRange {
         Some(range)
     }
 
-    /// A box that holds the images of another under each of the maps, by interval arithmetic: exact where they only move,
-    /// somewhat wide where they turn.
+    /// Box around the images of a box under each of the maps, by interval arithmetic: exact for translations, somewhat large for
+    /// rotations.
     pub(crate) fn image(&self, of: &Aabb) -> Aabb {
         let (mut min, mut max) = (self.low.translation, self.high.translation);
         let (low, high) = (self.low.matrix3, self.high.matrix3);

@@ -21,8 +21,8 @@ impl Default for Projection {
 pub struct AssetCamera {
     /// Name in the file.
     pub name: String,
-    /// Joint that carries it.
+    /// Joint that carries the camera.
     pub joint: u32,
-    /// How it projects.
+    /// Projection with its parameters.
     pub projection: Projection,
 }

@@ -6,8 +6,8 @@ use choreo_motion::{Facing, Pose};
 use glam::Affine3A;
 use std::sync::OnceLock;
 
-/// Caches of one `Asset`. A clone starts empty, so an asset changed through `Arc::make_mut` never shows stale values;
-/// whoever changes an asset in place after asking for its bounds must reset this field.
+/// Caches of one `Asset`. A clone starts empty, so an asset changed through `Arc::make_mut` never shows stale values; code that
+/// changes an asset in place after requesting its bounds must reset this field.
 #[derive(Default)]
 pub struct Derived {
     pub(crate) rest_pose: OnceLock<Pose>,

@@ -1,29 +1,29 @@
-//! Facial expressions: named groups of morph weights, and what they do to each other.
+//! Facial expressions: named groups of morph weights, and how they suppress each other.
 //!
 //! VRM 1.0, "expressions.md"; `blendShapeMaster` of VRM 0.x in the same form, under 1.0's names.
 
 use glam::{Vec2, Vec4};
 
-/// A named face: `happy`, `aa`, `blink`. Its weight is 0..=1; at 1 it adds its binds to the morph weights.
+/// A named facial expression: `happy`, `aa`, `blink`. Its weight is 0..=1; at 1 it adds its binds to the morph weights.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Expression {
     /// Name in the file.
     pub name: String,
-    /// All or nothing: a weight above 0.5 is 1, any other 0.
+    /// Whether the expression is all or nothing: a weight above 0.5 is 1, any other 0.
     pub binary: bool,
-    /// The kind of expression, which says what it excludes.
+    /// Group of the expression: overrides of other expressions act on groups.
     pub group: ExpressionGroup,
-    /// Morph targets that it moves.
+    /// Morph targets that the expression moves.
     pub morphs: Vec<MorphBind>,
-    /// Colors that it changes.
+    /// Colors that the expression changes.
     pub colors: Vec<ColorBind>,
-    /// Textures that it moves.
+    /// Textures that the expression moves.
     pub uvs: Vec<UvBind>,
-    /// The effect on expressions of the other groups while its own weight is above 0.
+    /// The effect on expressions of the group mouth while this one's weight is above 0.
     pub over_mouth: Override,
-    /// The effect on expressions of the group blink while this one is on.
+    /// The effect on expressions of the group blink while this one's weight is above 0.
     pub over_blink: Override,
-    /// The effect on expressions of the group gaze while this one is on.
+    /// The effect on expressions of the group gaze while this one's weight is above 0.
     pub over_gaze: Override,
 }
 
@@ -32,20 +32,20 @@ pub struct Expression {
 pub struct MorphBind {
     /// Index into the asset's instances.
     pub instance: u32,
-    /// Number of the morph target.
+    /// Index of the morph target.
     pub target: u32,
     /// Weight of the target at the full expression.
     pub weight: f32,
 }
 
-/// Takes one color of a material towards `to`.
+/// Blends one color of a material towards `to`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColorBind {
     /// Index into the asset's materials.
     pub material: u32,
     /// The color of the material that changes.
     pub color: MaterialColor,
-    /// Linear; alpha counts for the base color alone.
+    /// Color at the full expression, linear; alpha has an effect on the base color only.
     pub to: Vec4,
 }
 
@@ -64,7 +64,7 @@ pub enum MaterialColor {
     Rim,
 }
 
-/// Takes offset and scale of all textures of a material towards these.
+/// Blends offset and scale of all textures of a material towards these.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UvBind {
     /// Index into the asset's materials.
@@ -75,10 +75,10 @@ pub struct UvBind {
     pub scale: Vec2,
 }
 
-/// Kinds of expressions that programs make by themselves, and that others can hold down.
+/// Groups of expressions that programs drive procedurally (lip sync, blinking, gaze), and that others can suppress.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ExpressionGroup {
-    /// None of the kinds above.
+    /// None of the other groups.
     #[default]
     Other,
     /// aa, ih, ou, ee, oh.
@@ -101,22 +101,23 @@ impl ExpressionGroup {
     }
 }
 
-/// How an expression weakens those of another group while it is on.
+/// How an expression suppresses those of another group while its weight is above 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Override {
-    /// The other stays as it is.
+    /// The others stay as they are.
     #[default]
     None,
-    /// The others are 0 while its weight is above 0.
+    /// The others are 0.
     Block,
-    /// The others are times one minus this weight.
+    /// The others are multiplied by one minus this expression's weight.
     Blend,
 }
 
-/// Turns requested weights into shown ones: clamped, all or nothing, suppressed by each other ("Procedural override").
+/// Turns requested weights into effective ones, in place: clamped, all or nothing, suppressed by each other (VRM 1.0, "Procedural
+/// override").
 pub fn settle(expressions: &[Expression], weights: &mut [f32]) {
     for (expression, weight) in expressions.iter().zip(&mut *weights) {
-        // Also takes what is not a number for 0.
+        // NaN becomes 0, too.
         let clamped = if *weight > 0.0 { weight.min(1.0) } else { 0.0 };
         *weight = match expression.binary {
             true => f32::from(u8::from(clamped > 0.5)),
@@ -137,7 +138,7 @@ pub fn settle(expressions: &[Expression], weights: &mut [f32]) {
         }
         1.0 - held.min(1.0)
     };
-    // All from the weights before any is held down.
+    // All factors come from the weights before any is suppressed.
     let factors = [
         (ExpressionGroup::Mouth, factor(ExpressionGroup::Mouth, |e| e.over_mouth, weights)),
         (ExpressionGroup::Blink, factor(ExpressionGroup::Blink, |e| e.over_blink, weights)),
@@ -152,7 +153,7 @@ pub fn settle(expressions: &[Expression], weights: &mut [f32]) {
     }
 }
 
-/// Adds the binds of settled weights, or of changes of them, to the morph weights of the mesh instances.
+/// Adds the morph binds of settled weights, or of changes in weights, to the morph weights of the mesh instances.
 pub fn add(expressions: &[Expression], weights: &[f32], morph_weights: &mut [Vec<f32>]) {
     for (expression, weight) in expressions.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
         for bind in &expression.morphs {

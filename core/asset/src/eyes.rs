@@ -4,19 +4,19 @@ use crate::expression::Expression;
 use glam::{DVec3, Vec3};
 use std::f64::consts::FRAC_PI_2;
 
-/// Expressions of every character that has [`Eyes`], without binds: clips and scripts set the direction of the eyes by them,
-/// as a VRM animation's `lookAt` does. Seen from the head to its left, its right, up and down; 1 is a right angle.
+/// Expressions without binds that every character with [`Eyes`] has: clips and scripts set the gaze direction by their weights,
+/// as `lookAt` of a VRM animation does. Left and right are the head's own; weight 1 is a right angle.
 pub const GAZE: [&str; 4] = ["gazeLeft", "gazeRight", "gazeUp", "gazeDown"];
 
-/// A character's own word on how far its eyes turn. The direction to the target is measured as yaw and pitch from the head's
-/// forward direction at `offset_from_head`.
+/// How far a character's eyes turn, as specified by its file. The direction to the target is measured as yaw and pitch from the
+/// head's forward direction at `offset_from_head`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Eyes {
     /// Position of the eyes in the head joint's space, metres.
     pub offset_from_head: Vec3,
-    /// Joints or expressions.
+    /// Whether bones or expressions move the eyes.
     pub moved_by: EyesMovedBy,
-    /// Towards the nose, away from it, down and up.
+    /// Turn towards the nose.
     pub inner: RangeMap,
     /// Turn away from the nose.
     pub outer: RangeMap,
@@ -36,14 +36,14 @@ pub enum EyesMovedBy {
 }
 
 impl Eyes {
-    /// How far an eye turns for a target in a direction seen from the head (+Z forward, +Y up, so that +X is its left): yaw to
-    /// its left and pitch up, radians. For eyes that are [`EyesMovedBy::Bones`].
+    /// Rotation of the left or right eye towards a target: yaw to the head's left and pitch up, radians. `way`: direction of the
+    /// target in head space (+Z forward, +Y up, +X to the head's left). Only for eyes that are [`EyesMovedBy::Bones`].
     pub fn turn_of(&self, left: bool, way: DVec3) -> (f64, f64) {
         let (yaw, pitch) = angles_of(way);
         self.turn_by(left, yaw, pitch)
     }
 
-    /// The same for a direction given by its angles.
+    /// Rotation of an eye like [`Eyes::turn_of`], for a direction given as yaw and pitch in radians.
     pub fn turn_by(&self, left: bool, yaw: f64, pitch: f64) -> (f64, f64) {
         let outwards = (yaw > 0.0) == left;
         let sideways = if outwards { &self.outer } else { &self.inner };
@@ -52,12 +52,12 @@ impl Eyes {
     }
 }
 
-/// Yaw to the left (+X) and pitch up, radians, of a direction seen from the head.
+/// Yaw to the left (+X) and pitch up, radians, of a direction in head space.
 pub fn angles_of(way: DVec3) -> (f64, f64) {
     (libm::atan2(way.x, way.z), libm::atan2(way.y, libm::hypot(way.x, way.z)))
 }
 
-/// Yaw to the left and pitch up, radians, that weights of [`GAZE`] request; `None` where the eyes are to rest.
+/// Yaw to the left and pitch up, radians, that the weights of [`GAZE`] request; `None` if both are 0.
 pub fn requested(expressions: &[Expression], weights: &[f32]) -> Option<(f64, f64)> {
     let (mut yaw, mut pitch) = (0.0, 0.0);
     for (expression, weight) in expressions.iter().zip(weights).filter(|(_, weight)| **weight > 0.0) {
@@ -74,7 +74,7 @@ pub fn requested(expressions: &[Expression], weights: &[f32]) -> Option<(f64, f6
 }
 
 impl RangeMap {
-    /// The mapped angle of an angle that is not negative.
+    /// Maps an angle ≥ 0, in radians, to an angle in radians or a weight.
     pub fn map(&self, angle: f64) -> f64 {
         let most = f64::from(self.input_max);
         if most > 0.0 { (angle / most).clamp(0.0, 1.0) * f64::from(self.output_scale) } else { 0.0 }
@@ -84,9 +84,9 @@ impl RangeMap {
 /// output = clamp(angle, 0, `input_max`) / `input_max` · `output_scale`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RangeMap {
-    /// Radians.
+    /// Angle at which the output is largest, radians.
     pub input_max: f32,
-    /// Radians or a weight.
+    /// Largest output, in radians or as a weight.
     pub output_scale: f32,
 }
 

@@ -7,19 +7,19 @@ use glam::{Affine2, Affine3A, DAffine3, DQuat, DVec2, DVec3, Mat4, Quat, Vec2, V
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// BLAKE3 of content.
+/// BLAKE3 hash of content.
 pub type ContentHash = [u8; 32];
 
-/// Numbers and vectors that are copied together to be hashed: 64 KiB of the largest.
+/// Elements of a list that are serialized together before they are hashed: 384 KiB of the largest type.
 const BLOCK: usize = 4096;
 
-/// Feeds a hasher with a length or tag before everything whose extent is not fixed, so that no two contents share a byte stream.
+/// A hasher that gets a length or tag before all data of variable size, so that no two contents share a byte stream.
 #[derive(Default)]
 pub struct Writer {
     hasher: blake3::Hasher,
     /// Hashes of the images that textures refer to. A texture whose image is not among them counts by its index.
     pub(crate) images: Vec<ContentHash>,
-    /// Textures count nothing.
+    /// Whether textures are left out of the hash.
     pub(crate) without_textures: bool,
     /// Hashes of contents that many values share, by address; the content outlives the writer.
     shared: BTreeMap<usize, ContentHash>,
@@ -39,12 +39,12 @@ pub trait Hashed {
 }
 
 impl Writer {
-    /// Adds bytes with their number.
+    /// Adds bytes, preceded by their number.
     pub fn bytes(&mut self, bytes: &[u8]) {
         self.count(bytes.len());
         self.hasher.update(bytes);
     }
-    /// Adds a text with its length.
+    /// Adds a text, preceded by its length in bytes.
     pub fn text(&mut self, text: &str) {
         self.bytes(text.as_bytes());
     }
@@ -68,7 +68,7 @@ impl Writer {
     }
 }
 
-/// The hash of what a function adds.
+/// Hash of everything that the function `write` adds.
 pub fn hash_of(write: impl FnOnce(&mut Writer)) -> ContentHash {
     let mut w = Writer::default();
     write(&mut w);
@@ -88,7 +88,8 @@ macro_rules! written {
     };
 }
 
-/// Hashes structs member by member and enums by number and members. The numbers stay, so that hashes do.
+/// Hashes structs member by member, and enums by a number and members. Variants must keep their numbers, so that hashes stay
+/// valid.
 #[macro_export]
 macro_rules! hashed {
     (@one struct $name:ident { $($member:ident),* $(; without $($skipped:ident),*)? }) => {
@@ -119,7 +120,7 @@ macro_rules! hashed {
     };
 }
 
-/// Numbers, and vectors of numbers: little-endian, lists of them block by block.
+/// Hashes numbers and vectors of numbers as little-endian bytes, lists of them block by block.
 macro_rules! numbers {
     ($($ty:ty: |$value:ident| $numbers:expr;)*) => {
         $(impl Hashed for $ty {
@@ -178,7 +179,7 @@ impl Hashed for u8 {
     }
 }
 
-/// Values behind pointers.
+/// Hashes pointers as the values behind them.
 macro_rules! passed_on {
     ($($ty:ty),*) => {
         $(impl<T: Hashed + ?Sized> Hashed for $ty {

@@ -1,4 +1,4 @@
-//! Images that follow each other on a surface, each made only when it is seen.
+//! Image sequences on a surface, decoded only when they are shown.
 
 use crate::hash::ContentHash;
 use crate::texture::Image;
@@ -8,11 +8,11 @@ use std::sync::Arc;
 
 /// Source of the images of a sequence.
 pub trait ImageSource: Debug + Send + Sync {
-    /// The image of an index. All have one size.
+    /// The image at an index. All images have the same size.
     fn image(&self, index: usize) -> Result<Arc<Image>, ImageSourceError>;
 }
 
-/// An image of a sequence that cannot be had.
+/// The reason why an image of a sequence is not available.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 pub enum ImageSourceError {
@@ -27,21 +27,21 @@ choreo_motion::error_texts! { ImageSourceError:
     Self::Undecodable { file, what } => "\"{file}\": {what}";
 }
 
-/// Images that replace textures of a material; the material's own images are the first of each. All change together.
+/// Image sequences that replace textures of a material, all at the same rate. The material's own images are the first ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageSequence {
-    /// Streams, one a texture slot, each with the same number of images.
+    /// Streams, one per texture slot, each with the same number of images.
     pub streams: Vec<ImageStream>,
-    /// Frames a second; after the last comes the first,
+    /// Frames per second.
     pub fps: f32,
-    /// or the last stays.
+    /// Whether the last image stays; otherwise the sequence repeats.
     pub once: bool,
 }
 
 /// The images of one texture.
 #[derive(Clone, Debug)]
 pub struct ImageStream {
-    /// Texture of the material that shows it.
+    /// Texture slot of the material that shows the images.
     pub slot: TextureSlot,
     /// The images, decoded when they are shown.
     pub pictures: Arc<dyn ImageSource>,
@@ -49,7 +49,7 @@ pub struct ImageStream {
     pub hashes: Vec<ContentHash>,
 }
 
-/// The textures of a material, by the words of glTF. As numbers, those of [`choreo_motion::MaterialProperty`].
+/// Texture slots of a material, named as in glTF. Their numbers are the slots of [`choreo_motion::MaterialProperty`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum TextureSlot {
     /// Base color and alpha.
@@ -75,7 +75,7 @@ impl PartialEq for ImageStream {
 }
 
 impl ImageSequence {
-    /// How many images all of its streams have.
+    /// Number of images that all streams have.
     pub fn count(&self) -> usize {
         self.streams.iter().map(|s| s.hashes.len()).min().unwrap_or(0)
     }

@@ -5,20 +5,19 @@ use crate::bounds::{Aabb, AffineRange};
 use crate::skinning::widen;
 use glam::{Affine3A, DAffine3, Vec3, Vec3A};
 
-/// Boxes at this number of places are joined one by one; more are bounded by the range of their maps.
+/// Up to this number of placements, boxes are joined one by one; more are bounded by the range of their transforms.
 const FEW: usize = 64;
 
 impl Asset {
-    /// model-from-model of each placement of the character, the first N where there is a number; the identity where it
-    /// stands where it is cast.
+    /// model-from-model of the character's first `count` placements (`None`: all); the identity if it has none.
     pub fn first_placements(&self, count: Option<u32>) -> impl Iterator<Item = Affine3A> + '_ {
         let own = if self.placements.is_empty() { Some(Affine3A::IDENTITY) } else { None };
         let most = count.filter(|_| !self.placements.is_empty()).map_or(usize::MAX, |n| n as usize);
         own.into_iter().chain(self.placements.iter().copied().take(most))
     }
 
-    /// Each thing that is drawn of an instance: model-from-model of the body's place, joint-from-mesh of the copy there.
-    /// `count`: of the places; where there are none, of the copies.
+    /// Every drawn copy of an instance: model-from-model of the character's placement, and joint-from-mesh of the copy. `count`
+    /// limits the placements, or the copies if there are no placements.
     pub fn standing<'a>(
         &'a self,
         instance: &'a MeshInstance,
@@ -29,17 +28,17 @@ impl Asset {
             .flat_map(move |place| instance.joint_from_first(copies).map(move |copy| (place, copy)))
     }
 
-    /// How often a mesh is drawn: 1 without places and copies.
+    /// Number of times that an instance is drawn: placements times copies, each at least 1.
     pub fn times(&self, instance: &MeshInstance) -> usize {
         self.placements.len().max(1).saturating_mul(instance.copies.len().max(1))
     }
 
-    /// Whether an actor's number of copies counts anything.
+    /// Whether there are placements or copies, so that an actor's number of copies has an effect.
     pub fn has_copies(&self) -> bool {
         !self.placements.is_empty() || self.instances.iter().any(|i| !i.copies.is_empty())
     }
 
-    /// A box that holds what is in a box of model space, at all places.
+    /// Box around the box `of_one` at all placements, model space.
     pub fn spread(&self, of_one: &Aabb) -> Aabb {
         match self.placements.len() {
             _ if of_one.is_empty() => Aabb::EMPTY,
@@ -56,7 +55,7 @@ impl Asset {
         *self.derived.range_of_placements.get_or_init(|| AffineRange::of(&self.placements))
     }
 
-    /// Boxes around all that is drawn of an instance in a pose, each with its map into model space.
+    /// Calls `each` with boxes around all drawn copies of an instance in a pose, each with its transform into model space.
     pub fn posed_boxes(
         &self,
         instance: usize,
@@ -79,8 +78,8 @@ impl Asset {
         }
     }
 
-    /// How far from the model's origin what is no farther than a radius of one body is at any of the places, metres, and how
-    /// much larger a place makes it at most.
+    /// Bounding radius around the model's origin, metres, of all placements of a character whose own bounding radius is `radius`;
+    /// and an upper bound of the placements' scale, at least 1.
     pub fn farthest(&self, radius: f64) -> (f64, f64) {
         if self.placements.is_empty() {
             return (radius, 1.0);

@@ -1,4 +1,4 @@
-//! The content of a file as importers return it: meshes, materials, images, cameras, lights, clips. Knows no timeline.
+//! The content of a file as importers return it: meshes, materials, images, cameras, lights, clips. Independent of timelines.
 //!
 //! Everything is in choreo's convention: metres, +Y up, right-handed, counter-clockwise front faces,
 //! texture v pointing down (glTF). Colors are linear unless a field states sRGB.

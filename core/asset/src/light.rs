@@ -7,23 +7,22 @@ use glam::Vec3;
 pub struct AssetLight {
     /// Name in the file.
     pub name: String,
-    /// Joint that carries it.
+    /// Joint that carries the light.
     pub joint: u32,
     /// The light; it shines along −Z of its joint.
     pub light: Light,
 }
 
-/// KHR_lights_punctual: color is linear and multiplied by intensity
-/// (lux for directional, candela for point and spot).
+/// Color, intensity and type of a light as in KHR_lights_punctual: the linear color is multiplied by the intensity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
-    /// The shape of its light.
+    /// Type of the light, with its parameters.
     pub kind: LightKind,
     /// Linear color, 1 = white.
     pub color: Vec3,
     /// Lux of directional lights, candela of others.
     pub intensity: f32,
-    /// Metres; `None` = unlimited. Point and spot only.
+    /// Range in metres; `None` = unlimited. Point and spot lights only.
     pub range: Option<f32>,
 }
 
@@ -44,7 +43,7 @@ pub enum LightKind {
 }
 
 impl LightKind {
-    /// Its name in reports, which is that of glTF's KHR_lights_punctual where it has the type.
+    /// Name in reports: that of glTF's KHR_lights_punctual if it has the type.
     pub fn name(&self) -> &'static str {
         match self {
             LightKind::Directional => "directional",
@@ -66,7 +65,8 @@ impl LightKind {
     pub const ALL: [LightKind; 3] =
         [LightKind::Directional, LightKind::Point, LightKind::Spot { inner: 0.0, outer: 0.0 }];
 
-    /// The number of the kind and its parameters, as content hashes and plugins in WebAssembly have them. The numbers stay, so that hashes do.
+    /// Number of the type, and its parameters, as used by content hashes and WebAssembly plugins. Types must keep their numbers,
+    /// so that hashes stay valid.
     pub fn numbered(&self) -> (u8, Vec<f32>) {
         match *self {
             LightKind::Directional => (0, Vec::new()),
@@ -75,7 +75,7 @@ impl LightKind {
         }
     }
 
-    /// The parameters of [`LightKind::numbered`], to be changed.
+    /// Mutable parameters, in the order of [`LightKind::numbered`].
     pub fn parameters_mut(&mut self) -> Vec<&mut f32> {
         match self {
             LightKind::Directional | LightKind::Point => Vec::new(),
@@ -83,7 +83,7 @@ impl LightKind {
         }
     }
 
-    /// Whether it shines from infinitely far away: without a position and a range, in lux.
+    /// Whether the light is infinitely far away: no position, no range, intensity in lux.
     pub fn is_directional(&self) -> bool {
         match self {
             LightKind::Directional => true,
@@ -91,7 +91,7 @@ impl LightKind {
         }
     }
 
-    /// Whether its direction has a meaning.
+    /// Whether the direction of the light has an effect.
     pub fn has_direction(&self) -> bool {
         match self {
             LightKind::Directional | LightKind::Spot { .. } => true,
@@ -99,12 +99,12 @@ impl LightKind {
         }
     }
 
-    /// Unit of its intensity.
+    /// Unit of the light's intensity.
     pub fn unit(&self) -> &'static str {
         if self.is_directional() { "lx" } else { "cd" }
     }
 
-    /// Half angles of the inner and the outer cone, radians.
+    /// Half angles of the inner and the outer cone, radians; `None` if the light is no spot.
     pub fn cone(&self) -> Option<[f32; 2]> {
         match *self {
             LightKind::Spot { inner, outer } => Some([inner, outer]),
@@ -112,7 +112,7 @@ impl LightKind {
         }
     }
 
-    /// The half angles of [`LightKind::cone`], to be changed.
+    /// Mutable half angles of [`LightKind::cone`].
     pub fn cone_mut(&mut self) -> Option<[&mut f32; 2]> {
         match self {
             LightKind::Spot { inner, outer } => Some([inner, outer]),
@@ -120,7 +120,7 @@ impl LightKind {
         }
     }
 
-    /// The error of its parameters, if any.
+    /// Describes invalid parameters; `None` if they are valid.
     pub fn problem(&self) -> Option<String> {
         let [inner, outer] = self.cone()?;
         let allowed = 0.0 <= inner && inner < outer && outer <= std::f32::consts::FRAC_PI_2 + 1e-6;

@@ -27,13 +27,13 @@ pub enum Shading {
     /// glTF 2.0 Appendix B (GGX, Smith, Schlick), with KHR_materials_specular.
     #[default]
     MetallicRoughness,
-    /// Lambert + normalised Blinn–Phong with `specular_color` and `shininess`.
+    /// Lambert + normalized Blinn–Phong with `specular_color` and `shininess`.
     BlinnPhong,
     /// Like Blinn–Phong, but the highlight falls off from the mirrored light's direction (Phong 1975).
     Phong,
-    /// The base color as it is, without light.
+    /// The base color itself, without lighting.
     Unlit,
-    /// Two colors with a boundary between: [`Toon`]. Vertex colors do not count.
+    /// Cel shading: two colors with a boundary between, see [`Toon`]. Vertex colors are ignored.
     Toon,
 }
 
@@ -58,17 +58,18 @@ pub struct Material {
     pub normal_texture: Option<TextureRef>,
     /// Factor of the normal map's x and y.
     pub normal_scale: f32,
-    /// How deep the surface lies where the normal texture's alpha is 0, in widths of the texture; 0: that alpha means nothing.
+    /// Parallax depth: distance below the surface where the normal texture's alpha is 0, in widths of the texture. 0: alpha is
+    /// ignored.
     pub relief: f32,
-    /// R, linear.
+    /// Ambient occlusion in R, linear.
     pub occlusion_texture: Option<TextureRef>,
     /// How much the occlusion texture darkens, 0 to 1.
     pub occlusion_strength: f32,
-    /// Linear, emissive strength already multiplied in.
+    /// Emitted light, linear RGB, emissive strength already multiplied in.
     pub emissive: Vec3,
     /// sRGB.
     pub emissive_texture: Option<TextureRef>,
-    /// KHR_materials_specular factor; A of the texture.
+    /// KHR_materials_specular factor, multiplied by A of its texture.
     pub specular: f32,
     /// Strength of the specular reflection in alpha.
     pub specular_texture: Option<TextureRef>,
@@ -80,61 +81,62 @@ pub struct Material {
     pub shininess: f32,
     /// The environment reflection of Blinn–Phong and Phong materials; `None`: no reflection.
     pub reflection: Option<Box<Reflection>>,
-    /// Read where the shading is [`Shading::Toon`]; defaults where it is missing.
+    /// Parameters of [`Shading::Toon`], ignored by other models; `None`: the defaults.
     pub toon: Option<Arc<Toon>>,
     /// How alpha is drawn.
     pub alpha_mode: AlphaMode,
-    /// Both faces are drawn.
+    /// Whether both faces are drawn.
     pub double_sided: bool,
-    /// All its textures move, of every shading but [`Shading::Toon`], which has a motion of its own.
+    /// UV animation of all textures. [`Shading::Toon`] ignores it and uses [`Toon::uv_motion`].
     pub uv_motion: Option<UvMotion>,
-    /// All its textures are frames side by side, of which one is seen at a time.
+    /// Flipbook: all textures hold frames side by side, of which one is shown at a time.
     pub strip: Option<FrameStrip>,
-    /// Some of its textures are the first of images that follow each other.
+    /// Image sequences whose first images are textures of this material.
     pub sequence: Option<Arc<ImageSequence>>,
-    /// Clearcoat, sheen, transmission; of metallic-roughness surfaces only.
+    /// Clearcoat, sheen, transmission and the like; metallic-roughness surfaces only.
     pub layers: Option<Box<MaterialLayers>>,
-    /// How wide lines and points are; `None`: a pixel. Without meaning for triangles, and for what has a skin or morphs.
+    /// Width and shape of lines and points; `None`: one pixel wide. Ignored for triangles, and for meshes with a skin or morphs.
     pub line_style: Option<LineStyle>,
-    /// Base color, normals and specular color are laid on from three sides, whatever texture coordinates there are; normals
-    /// need tangents, each at a right angle to its normal.
+    /// Triplanar mapping: base color, normals and specular color are projected from three sides, and texture coordinates are
+    /// ignored. Normals need tangents, each at a right angle to its normal.
     pub triplanar: Option<Triplanar>,
 }
 
-/// How textures are laid on a surface from the sides along x, y and z of its mesh.
+/// Triplanar mapping: textures are projected along the x, y and z axes of the mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triplanar {
     /// The center of the images, mesh space.
     pub middle: Vec3,
-    /// Metres that an image is wide.
+    /// Width of an image in metres.
     pub size: f32,
-    /// Power of the normal by which sides are mixed; the higher, the narrower the seams.
+    /// Exponent of the normal's components that weight the three projections; the higher, the narrower the transitions.
     pub sharpness: f32,
 }
 
 /// Style of lines and points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineStyle {
-    /// Across; nothing is drawn at 0, and never less than a pixel otherwise.
+    /// Width of lines and points, in the unit that `metres` selects; 0 draws nothing, other widths at least one pixel.
     pub width: f32,
-    /// Metres of the model, else pixels at any distance.
+    /// Whether `width` is in metres of the model; otherwise it is in pixels, at any distance.
     pub metres: bool,
-    /// Points are discs and lines have round ends; else squares along the image's edges, and ends that are cut off.
+    /// Whether points are discs and lines have round caps; otherwise points are squares along the image's edges, and lines have
+    /// butt caps.
     pub round: bool,
 }
 
-/// Frames of a texture in columns and rows, from the top left, row by row.
+/// Flipbook: frames of a texture in columns and rows, from the top left, row by row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameStrip {
     /// Number of images in a row.
     pub columns: u32,
     /// Number of rows.
     pub rows: u32,
-    /// How many of them there are; at most columns · rows.
+    /// Number of frames; at most columns · rows.
     pub count: u32,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f32,
-    /// The last frame stays; else the first follows it.
+    /// Whether the last frame stays; otherwise the first follows it.
     pub once: bool,
 }
 
@@ -188,15 +190,15 @@ impl Default for Material {
 }
 
 impl Material {
-    /// The reflection, if its shading model has one and it is not black.
+    /// The environment reflection, if the shading model has one and it is not black.
     pub fn mirrors(&self) -> Option<&Reflection> {
         let phong = matches!(self.shading, Shading::BlinnPhong | Shading::Phong);
         self.reflection.as_deref().filter(|r| phong && r.color.max_element() > 0.0)
     }
 
-    /// Roughness (the square root of GGX's α) of a mirror as sharp as its highlight is. Of Blinn–Phong α² = 2 / (s + 2) (Walter
-    /// et al. 2007, "Microfacet Models for Refraction through Rough Surfaces", 5.2); Phong's lobe is as wide as Blinn's with four
-    /// times the exponent (Fisher & Woo 1994, "R.E versus N.H Specular Highlights", Graphics Gems IV).
+    /// Roughness (the square root of GGX's α) of an environment reflection that is as sharp as the highlight. Blinn–Phong: α² = 2
+    /// / (s + 2) (Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces", 5.2); Phong: its lobe is as wide
+    /// as Blinn's with four times the exponent (Fisher & Woo 1994, "R.E versus N.H Specular Highlights", Graphics Gems IV).
     pub fn mirror_roughness(&self) -> f32 {
         let times = if self.shading == Shading::Phong { 4.0 } else { 1.0 };
         (2.0 / (self.shininess.max(0.0) * times + 2.0)).sqrt().sqrt()

@@ -4,14 +4,14 @@
 use crate::texture::TextureRef;
 use glam::Vec3;
 
-/// Every layer is neutral by default: it changes nothing.
+/// Layers of a metallic-roughness material. Every layer is neutral by default: it changes nothing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaterialLayers {
-    /// Share of the surface under a clear coat of index 1.5; R of the texture.
+    /// Share of the surface under a clear coat with index of refraction 1.5; multiplied by R of its texture.
     pub clearcoat: f32,
     /// Strength of the clear coat in red.
     pub clearcoat_texture: Option<TextureRef>,
-    /// G of the texture.
+    /// Roughness of the clear coat, multiplied by G of its texture.
     pub clearcoat_roughness: f32,
     /// Roughness of the clear coat in green.
     pub clearcoat_roughness_texture: Option<TextureRef>,
@@ -20,51 +20,52 @@ pub struct MaterialLayers {
     pub clearcoat_normal_texture: Option<TextureRef>,
     /// Factor of the clear coat's normal map.
     pub clearcoat_normal_scale: f32,
-    /// Linear color of the fibres' sheen; black: none. RGB of the texture, sRGB.
+    /// Linear color of the fibers' sheen; black: none. Multiplied by RGB of its texture, sRGB.
     pub sheen_color: Vec3,
     /// Color of the sheen.
     pub sheen_color_texture: Option<TextureRef>,
-    /// A of the texture.
+    /// Roughness of the sheen, multiplied by A of its texture.
     pub sheen_roughness: f32,
     /// Roughness of the sheen in alpha.
     pub sheen_roughness_texture: Option<TextureRef>,
-    /// Share of the light that is let through instead of scattered back; R of the texture.
+    /// Share of the light that is let through instead of scattered back; multiplied by R of its texture.
     pub transmission: f32,
     /// Share of transmitted light in red.
     pub transmission_texture: Option<TextureRef>,
-    /// Metres of the mesh's own space that light goes through below the surface; 0: a thin wall. G of the texture.
+    /// Thickness of the volume below the surface, metres in mesh space; 0: a thin wall. Multiplied by G of its texture.
     pub thickness: f32,
     /// Thickness in green.
     pub thickness_texture: Option<TextureRef>,
-    /// Index of refraction of the volume: what lies behind is seen displaced where there is one, and 1 bends nothing.
+    /// Index of refraction. It displaces the background if there is a volume (`thickness` above 0); 1 refracts nothing.
     pub ior: f32,
-    /// Dispersion: how far the colors of refracted light part: 20 ÷ Abbe number; 0: not at all.
+    /// Dispersion, 20 ÷ Abbe number; 0: the colors of refracted light do not separate.
     pub dispersion: f32,
-    /// Metres after which white light has the attenuation color; infinite: clear.
+    /// Distance in metres after which white light has the attenuation color; infinite: clear.
     pub attenuation_distance: f32,
     /// Color that white light has after the attenuation distance, linear.
     pub attenuation_color: Vec3,
-    /// Share of the surface under a thin film; R of the texture.
+    /// Share of the surface under a thin film; multiplied by R of its texture.
     pub iridescence: f32,
     /// Strength of the iridescence in red.
     pub iridescence_texture: Option<TextureRef>,
     /// Index of refraction of the film.
     pub iridescence_ior: f32,
-    /// Nanometres, where the texture's G is 0 and where it is 1; without a texture the second.
+    /// Thickness of the film in nanometres where the texture's G is 0 and where it is 1; without a texture, the second applies.
     pub iridescence_thickness: [f32; 2],
     /// Thickness of the film in green.
     pub iridescence_thickness_texture: Option<TextureRef>,
-    /// How far highlights are drawn out along a direction, 0 to 1; RG of the texture: that direction, B: times this.
+    /// Strength of anisotropy, 0 to 1: highlights are stretched along a direction. RG of its texture is that direction, B
+    /// multiplies the strength.
     pub anisotropy: f32,
-    /// Radians from the tangent towards the bitangent.
+    /// Rotation of that direction, radians from the tangent towards the bitangent.
     pub anisotropy_rotation: f32,
     /// Direction in red and green, strength in blue.
     pub anisotropy_texture: Option<TextureRef>,
-    /// Share of the diffuse light that comes out on the other side; A of the texture.
+    /// Share of the diffuse light that comes out on the other side; multiplied by A of its texture.
     pub diffuse_transmission: f32,
     /// Share of diffusely transmitted light in alpha.
     pub diffuse_transmission_texture: Option<TextureRef>,
-    /// Linear; its texture is sRGB.
+    /// Color of diffusely transmitted light, linear; its texture is sRGB.
     pub diffuse_transmission_color: Vec3,
     /// Color of diffusely transmitted light.
     pub diffuse_transmission_color_texture: Option<TextureRef>,
@@ -126,7 +127,7 @@ impl MaterialLayers {
         ]
     }
 
-    /// Light lost a metre, by Beer and Lambert: −ln(color) ÷ distance. A black channel lets nothing through after a millionth.
+    /// Extinction coefficients per metre (Beer–Lambert law): −ln(color) ÷ distance. A color channel counts as at least 1e-6.
     pub fn extinction(&self) -> Vec3 {
         if !(self.attenuation_distance > 0.0 && self.attenuation_distance.is_finite()) {
             return Vec3::ZERO;
@@ -136,7 +137,7 @@ impl MaterialLayers {
         Vec3::new(lost(x), lost(y), lost(z)).min(Vec3::splat(1e6))
     }
 
-    /// Whether what lies behind is seen where the refracted ray leaves the volume, rather than straight through.
+    /// Whether the background is looked up where the refracted ray leaves the volume, rather than straight through.
     pub fn refracts(&self) -> bool {
         self.transmission > 0.0 && self.thickness > 0.0 && self.ior > 0.0 && self.ior != 1.0
     }
@@ -147,7 +148,7 @@ impl MaterialLayers {
         Vec3::new(self.ior - half, self.ior, self.ior + half).max(Vec3::splat(1e-3))
     }
 
-    /// Whether the volume takes anything.
+    /// Whether the volume absorbs light.
     pub fn absorbs(&self) -> bool {
         (self.transmission > 0.0 || self.diffuse_transmission > 0.0)
             && self.thickness > 0.0

@@ -15,7 +15,7 @@ pub struct Mesh {
     pub morph_names: Vec<String>,
 }
 
-/// The elements that indices join.
+/// Type of the elements that indices form.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Topology {
     /// Three indices each; counter-clockwise front faces.
@@ -30,25 +30,27 @@ pub enum Topology {
 /// Vertex arrays of equal length and an index list. Every index is in range (importers check).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Primitive {
-    /// The elements that `indices` join.
+    /// Type of the elements that `indices` form.
     pub topology: Topology,
-    /// Always present: importers number the vertices of unindexed primitives.
+    /// Vertex indices, always present: importers number the vertices of unindexed primitives.
     pub indices: Vec<u32>,
-    /// Model space at rest, metres.
+    /// Undeformed positions in mesh space, metres.
     pub positions: Vec<Vec3>,
-    /// Unit length. Importers compute flat normals where the file has none (glTF 2.0 §3.7.2.1); empty for lines and points without.
+    /// Unit normals in mesh space. Importers compute flat normals if the file has none (glTF 2.0 §3.7.2.1); empty for lines and
+    /// points without normals.
     pub normals: Vec<Vec3>,
-    /// xyz unit, w = ±1 bitangent sign; present only where the material has a normal map.
+    /// Unit tangents in xyz, bitangent sign ±1 in w; present only if the material has a normal map.
     pub tangents: Vec<Vec4>,
     /// Two sets of texture coordinates, v down; empty where there are none.
     pub uvs: [Vec<Vec2>; 2],
     /// Linear RGBA, multiplied into the base color; empty = white.
     pub colors: Vec<Vec4>,
-    /// Indices into the skin's joint list, `influences` a vertex; 0, 4 or 8.
+    /// Number of joints that influence each vertex: 0, 4 or 8.
     pub influences: usize,
-    /// Joints of the skin, as many for each vertex as there are weights.
+    /// Indices into the skin's joint list, `influences` per vertex.
     pub joint_indices: Vec<u16>,
-    /// Sum 1 per vertex (importers normalise; a vertex whose weights sum to zero gets weight 1 on its first joint, with a warning).
+    /// Skinning weights, `influences` per vertex, with sum 1 (importers normalize; a vertex whose weights sum to zero gets weight
+    /// 1 on its first joint, with a warning).
     pub joint_weights: Vec<f32>,
     /// Morph targets; each has as many vertices as the primitive.
     pub morphs: Vec<MorphTarget>,

@@ -1,5 +1,5 @@
-//! The vertices of an actor as posed: morphed, skinned, in the file's own order, in f64 — for `choreo pose --mesh` and as the
-//! truth that renderers are compared with. Slow and plain.
+//! Posed vertices of an actor (morphed, skinned, in the file's own order) in f64, for `choreo pose --mesh` and as the reference
+//! that renderers are compared with. Not optimized.
 
 use crate::asset::Asset;
 use crate::mesh::Primitive;
@@ -7,12 +7,12 @@ use crate::skinning::{Carriers, widen};
 use choreo_motion::Skinning;
 use glam::{Affine3A, DAffine3, DMat3, DVec3};
 
-/// One mesh instance of an asset, or one of its copies, posed at one of the body's places.
+/// One mesh instance of an asset, or one of its copies, posed at one of the character's placements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PosedInstance {
     /// Index into `Asset::instances`.
     pub instance: usize,
-    /// One per primitive of its mesh.
+    /// Posed vertices, one element per primitive of the mesh.
     pub primitives: Vec<PosedPrimitive>,
 }
 
@@ -21,20 +21,20 @@ pub struct PosedInstance {
 pub struct PosedPrimitive {
     /// World space, metres.
     pub positions: Vec<DVec3>,
-    /// Unit (zero where the surface has collapsed); empty where the primitive has none.
+    /// Unit normals in world space (zero where the surface has collapsed); empty if the primitive has none.
     pub normals: Vec<DVec3>,
 }
 
-/// The placement and copy that are posed: the first placement of a copy, or the character once without placements.
+/// Selects the placements and copies that are posed.
 #[derive(Clone, Copy)]
 pub enum Standing {
-    /// The first placement of a copy; `None` where there is no copy.
+    /// The first N placements, or the first N copies if there are no placements; `None`: all.
     First(Option<u32>),
-    /// The character once, without placements.
+    /// The character once, without its placements, but with all copies.
     Once,
 }
 
-/// All mesh instances with linear skinning, moved by any map: identity gives model space.
+/// All mesh instances at all placements, with linear skinning, transformed by `world_from_model`; the identity gives model space.
 pub fn posed_meshes_in(
     asset: &Asset,
     model_from_joint: &[Affine3A],
@@ -50,7 +50,8 @@ pub fn posed_meshes_in(
     )
 }
 
-/// All mesh instances, posed and moved by any map.
+/// All mesh instances at the selected placements, transformed by `world_from_model`. Empty if `model_from_joint` has too few
+/// joints.
 pub fn posed_meshes_by(
     (skinning, standing): (Skinning, Standing),
     asset: &Asset,
@@ -111,7 +112,8 @@ fn pose_primitive(
     out
 }
 
-/// det(m) · m⁻ᵀ without the division: right up to length and for singular maps; the sign keeps mirrored normals outward.
+/// Normal matrix |det(m)| · m⁻ᵀ, computed from cofactors without a division: normals have the right direction but not unit
+/// length, and singular maps are allowed. The sign keeps mirrored normals outward.
 fn cofactor(m: DMat3) -> DMat3 {
     let c = DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
     if m.determinant() < 0.0 { -c } else { c }

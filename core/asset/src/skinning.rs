@@ -1,23 +1,23 @@
-//! Skinning on the CPU: what moves a vertex, by its joints and weights.
+//! CPU skinning in f64: the transform of a vertex, from its joints and weights.
 
 use crate::asset::{Asset, MeshInstance};
 use crate::mesh::Primitive;
 use choreo_motion::{Skinning, StretchedDualQuaternion};
 use glam::{Affine3A, DAffine3, DMat3, DMat4, Mat3, Vec3};
 
-/// A map in f64.
+/// Converts an affine transform to f64.
 pub fn widen(a: &Affine3A) -> DAffine3 {
     DAffine3 { matrix3: Mat3::from(a.matrix3).as_dmat3(), translation: Vec3::from(a.translation).as_dvec3() }
 }
 
-/// The matrices that move the vertices of one instance: those of its skin's joints, or of its node.
+/// Transforms that move the vertices of one mesh instance: those of its skin's joints, and that of its node for rigid primitives.
 #[derive(Clone)]
 pub struct Carriers {
     skin: Slots,
     rigid: DAffine3,
 }
 
-/// One a joint of the skin.
+/// One transform per joint of the skin.
 #[derive(Clone)]
 enum Slots {
     Linear(Vec<DMat4>),
@@ -25,7 +25,7 @@ enum Slots {
 }
 
 impl Carriers {
-    /// The matrices or dual quaternions of the instance's skin in a pose.
+    /// Transforms of an instance in a pose: matrices or dual quaternions of its skin.
     pub fn new(
         skinning: Skinning,
         asset: &Asset,
@@ -47,12 +47,12 @@ impl Carriers {
         Carriers { skin, rigid: joint(instance.joint) }
     }
 
-    /// The carriers of one copy. Skinned meshes have no copies.
+    /// Transforms of one copy of a rigid mesh. Skinned meshes have no copies.
     pub fn of_copy(&self, joint_from_copy: &Affine3A) -> Carriers {
         Carriers { skin: self.skin.clone(), rigid: self.rigid * widen(joint_from_copy) }
     }
 
-    /// model-from-mesh at a vertex: Σ weight · joint · inverse bind (glTF 2.0 §3.7.3.3), or its dual quaternion.
+    /// model-from-mesh of a vertex: Σ weight · joint · inverse bind (glTF 2.0 §3.7.3.3), or the blend of dual quaternions.
     pub fn at_vertex(&self, primitive: &Primitive, v: usize) -> DAffine3 {
         let n = primitive.influences;
         let slots = match &self.skin {

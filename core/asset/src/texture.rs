@@ -3,22 +3,22 @@
 use glam::Affine2;
 use std::sync::Arc;
 
-/// 8 bits a channel, RGBA, rows from the top. Whether the color channels are sRGB depends on the use.
+/// An RGBA image with 8 bits per channel, rows from the top. Whether the color channels are sRGB depends on the use.
 #[derive(Clone, Default, PartialEq)]
 pub struct Image {
     /// Name in the file.
     pub name: String,
-    /// Pixels.
+    /// Size in pixels.
     pub width: u32,
-    /// Pixels.
+    /// Size in pixels.
     pub height: u32,
-    /// Four bytes per pixel, row by row from the top; empty where pixels were not asked for.
+    /// Four bytes per pixel, row by row from the top; empty if the import did not request pixels.
     pub rgba: Vec<u8>,
-    /// The file that the pixels were decoded from, where an importer was asked to keep it; `None` for pixels that were made or changed.
+    /// File from which the pixels were decoded, if the importer was asked to keep it; `None` for generated or changed pixels.
     pub file: Option<ImageFile>,
 }
 
-/// An image as a file of a common format.
+/// An encoded image file of a common format.
 #[derive(Clone, PartialEq, Eq)]
 pub struct ImageFile {
     /// The format that the bytes have.
@@ -70,28 +70,28 @@ impl std::fmt::Debug for Image {
     }
 }
 
-/// The texture beyond its border.
+/// Addressing mode: the texture beyond its border.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
-    /// The texture again.
+    /// The texture repeats.
     #[default]
     Repeat,
-    /// The texture again, every other time mirrored.
+    /// The texture repeats, every other time mirrored.
     MirroredRepeat,
-    /// The pixels of the border.
+    /// The pixels of the border continue.
     ClampToEdge,
 }
 
-/// How a texture is read.
+/// Wrapping and filtering of a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Sampler {
-    /// The texture beyond its left and right border.
+    /// Addressing mode beyond the left and right border.
     pub wrap_u: Wrap,
-    /// The texture beyond its upper and lower border.
+    /// Addressing mode beyond the upper and lower border.
     pub wrap_v: Wrap,
-    /// Pixels of an enlarged texture are mixed (linear), or the nearest counts.
+    /// Whether a magnified texture is filtered linearly; otherwise the nearest pixel counts.
     pub mag_linear: bool,
-    /// Pixels of a texture that is made smaller are mixed (linear), or the nearest counts.
+    /// Whether a minified texture is filtered linearly; otherwise the nearest pixel counts.
     pub min_linear: bool,
     /// None: no mipmaps; Some(false): nearest level; Some(true): blend two levels.
     pub mip_linear: Option<bool>,
@@ -109,12 +109,12 @@ impl Default for Sampler {
     }
 }
 
-/// A texture of a material: an image and how it is read.
+/// A texture of a material: an image, its sampler and its texture coordinates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextureRef {
     /// Index into `Asset::images`.
     pub image: u32,
-    /// How it is read.
+    /// Wrapping and filtering.
     pub sampler: Sampler,
     /// Index of the primitive's uv set: 0 or 1.
     pub uv_set: u8,

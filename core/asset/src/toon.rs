@@ -1,4 +1,4 @@
-//! Toon shading: the parameters of MToon, VRM's own look (`VRMC_materials_mtoon` 1.0; 0.x is converted to it).
+//! Toon shading: the parameters of MToon, VRM's toon shader (`VRMC_materials_mtoon` 1.0; 0.x is converted to it).
 
 use crate::texture::TextureRef;
 use glam::{Vec2, Vec3};
@@ -7,50 +7,51 @@ use glam::{Vec2, Vec3};
 /// Defaults are those of `VRMC_materials_mtoon`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Toon {
-    /// Color where no light falls, times light all the same.
+    /// Color of the shaded side; it is multiplied by the light, too.
     pub shade_color: Vec3,
-    /// sRGB, multiplied into it.
+    /// Texture multiplied with the shade color, sRGB.
     pub shade_texture: Option<TextureRef>,
     /// Moves the boundary between lit and shade: added to the cosine between normal and light, −1..=1.
     pub shading_shift: f32,
-    /// R, linear, times `shading_shift_scale`: added to it.
+    /// Texture whose R (linear), times `shading_shift_scale`, is added to `shading_shift`.
     pub shading_shift_texture: Option<TextureRef>,
     /// Factor of the shading shift texture.
     pub shading_shift_scale: f32,
-    /// How sharp the boundary is, 0 (as wide as the whole ball) to 1 (a line).
+    /// Sharpness of the boundary: 0 (a gradient over the whole sphere) to 1 (a line).
     pub shading_toony: f32,
-    /// 0: ambient light as elsewhere, 1: the same from all sides.
+    /// Equalization of ambient light: 0, it depends on the normal as elsewhere; 1, it is the same from all sides.
     pub gi_equalization: f32,
     /// Factor of the matcap texture; no effect without one.
     pub matcap: Vec3,
-    /// sRGB, an image of a lit ball looked up by the normal as the camera sees it.
+    /// Matcap, sRGB: an image of a lit sphere, looked up by the normal in view space.
     pub matcap_texture: Option<TextureRef>,
     /// Linear color of the rim light.
     pub rim_color: Vec3,
     /// Exponent of the rim: larger is narrower.
     pub rim_fresnel_power: f32,
-    /// Added to the rim before its exponent.
+    /// Value that is added to the rim term before the exponent is applied.
     pub rim_lift: f32,
-    /// sRGB, multiplied into rim and matcap.
+    /// Texture multiplied with rim and matcap, sRGB.
     pub rim_texture: Option<TextureRef>,
-    /// How much light falls on the rim: 0, it glows by itself; 1, it is lit.
+    /// Effect of lights on the rim: 0, it glows independently of them; 1, it is lit.
     pub rim_lighting_mix: f32,
-    /// `None`: no outline.
+    /// Inverted-hull outline; `None`: no outline.
     pub outline: Option<Outline>,
-    /// Textures, the matcap aside, that move by themselves.
+    /// UV animation of all textures except the matcap.
     pub uv_motion: Option<UvMotion>,
-    /// B, linear: how much of the motion each place makes.
+    /// Mask of the UV animation: B, linear, scales the motion.
     pub uv_mask: Option<TextureRef>,
-    /// How far a masked motion has come at the time of a frame: textures, and radians; zero at rest.
+    /// Progress of a masked UV animation at the time of a frame: scroll in texture widths, then rotation in radians; zero at
+    /// rest.
     pub uv_moved: Vec3,
 }
 
-/// Texture coordinates that move with the time, about the texture's middle (MToon, "UV animation").
+/// Scrolling and rotation of texture coordinates over time, about the texture's center (MToon, "UV animation").
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UvMotion {
-    /// Textures a second.
+    /// Scroll velocity, texture widths and heights per second.
     pub scroll: Vec2,
-    /// Radians a second.
+    /// Angular velocity, radians per second.
     pub rotation: f32,
 }
 
@@ -80,7 +81,7 @@ impl Default for Toon {
 }
 
 impl Toon {
-    /// All its textures.
+    /// All textures, with `None` for missing ones.
     pub fn textures(&self) -> [&Option<TextureRef>; 6] {
         let width = self.outline.as_ref().map_or(&None, |o| &o.width_texture);
         [
@@ -118,17 +119,17 @@ impl Toon {
     }
 }
 
-/// A hull around the surface, of which the inside is seen.
+/// Inverted-hull outline: an expanded copy of the surface, of which only the inside is drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outline {
-    /// Metres, or a share of the image's height.
+    /// Width in metres, or as a share of the image's height if `on_screen`.
     pub width: f32,
-    /// Width is a share of the image's height, rather than metres.
+    /// Whether `width` is a share of the image's height rather than metres.
     pub on_screen: bool,
-    /// G, linear, times the width.
+    /// Texture whose G (linear) multiplies the width.
     pub width_texture: Option<TextureRef>,
     /// Linear color.
     pub color: Vec3,
-    /// 0: as it is, 1: times the surface's light.
+    /// Effect of light on the outline: 0, the plain color; 1, the color times the surface's light.
     pub lighting_mix: f32,
 }

@@ -4,10 +4,10 @@ use std::ffi::OsString;
 use std::fs::FileType;
 use std::path::Path;
 
-/// The names in a folder, in their order, with what each is; of a link, that it is one.
+/// Names and file types of a folder's entries, sorted by name. A symbolic link is reported as a link, not followed.
 ///
 /// # Errors
-/// Fails where the folder cannot be read.
+/// Fails if the folder cannot be read.
 pub fn entries(folder: &Path) -> std::io::Result<Vec<(OsString, FileType)>> {
     let mut entries = Vec::new();
     for entry in std::fs::read_dir(folder)? {

@@ -21,13 +21,13 @@ pub enum FileError {
 }
 
 impl FileError {
-    /// Whether nothing is there under that name.
+    /// Whether the file does not exist.
     pub fn is_missing(&self) -> bool {
         matches!(self, FileError::Io(e) if e.kind() == io::ErrorKind::NotFound)
     }
 }
 
-/// The system's words without "(os error 2)".
+/// Describes a system error in words, without its number ("os error 2").
 pub fn words(error: &io::Error) -> String {
     use io::ErrorKind as E;
     let text = match error.kind() {
@@ -45,7 +45,7 @@ pub fn words(error: &io::Error) -> String {
     text.split_once(" (os error").map_or(text.clone(), |(words, _)| words.to_string())
 }
 
-/// A path without characters that control a terminal: strangers choose the text of links.
+/// The path with control characters escaped: the target of a link may contain terminal escape sequences.
 pub(crate) fn shown(path: &Path) -> String {
     let text = path.to_string_lossy();
     text.chars().map(|c| if c.is_control() { c.escape_default().to_string() } else { c.into() }).collect()

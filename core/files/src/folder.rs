@@ -23,7 +23,7 @@ impl Folder {
         Ok(Folder { dir: Dir::open_ambient_dir(here, ambient_authority())?, path: path.to_path_buf() })
     }
 
-    /// The path it was opened by, for messages.
+    /// Path by which the folder was opened, for messages.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -46,7 +46,7 @@ impl Folder {
         self.dir.canonicalize(name).map_err(beneath)
     }
 
-    /// Names in the folder, of at most `most` of its entries, sorted.
+    /// Sorted names of at most `most` entries of the folder.
     pub fn names(&self, most: usize) -> io::Result<Vec<OsString>> {
         let entries = self.dir.entries()?.take(most);
         let mut names = entries.map(|entry| Ok(entry?.file_name())).collect::<io::Result<Vec<_>>>()?;
@@ -59,7 +59,8 @@ impl Folder {
         read_at_most(self.open_file(name)?, most)
     }
 
-    /// Creates a file that did not exist, for reading and writing. `name` is one component, as in all functions that write.
+    /// Creates a file for reading and writing; fails if the name exists. `name` must be a single path component, as in all
+    /// functions that write.
     pub fn create_new(&self, name: &Path) -> Result<File, FileError> {
         let mut options = OpenOptions::new();
         options.read(true).write(true).create_new(true).follow(FollowSymlinks::No);
@@ -67,7 +68,7 @@ impl Folder {
         Ok(file.into_std())
     }
 
-    /// Opens an existing regular file for reading and writing, and no link.
+    /// Opens an existing regular file for reading and writing. Refuses symbolic links.
     pub fn open_existing(&self, name: &Path) -> Result<File, FileError> {
         let mut options = OpenOptions::new();
         options.read(true).write(true).nonblock(true).follow(FollowSymlinks::No);
@@ -75,21 +76,21 @@ impl Folder {
         regular(file.into_std())
     }
 
-    /// Opens whatever has that name for writing, and no link; does not wait for the reader of a pipe.
+    /// Opens an existing file, device or pipe for writing. Refuses symbolic links, and does not block while a pipe has no reader.
     pub(crate) fn open_for_writing(&self, name: &Path) -> Result<File, FileError> {
         let mut options = OpenOptions::new();
         options.write(true).nonblock(true).follow(FollowSymlinks::No);
-        // The system's own reason tells a pipe that nobody reads.
+        // The system's error is kept as it is: it identifies a pipe without a reader.
         Ok(self.dir.open_with(name, &options)?.into_std())
     }
 
-    /// Opens a folder in this one, and no link to a folder.
+    /// Opens a folder in this one. Refuses a symbolic link.
     pub(crate) fn subfolder(&self, name: &Path) -> Result<Folder, FileError> {
         let dir = self.dir.open_dir_nofollow(name).map_err(|e| self.reason(name, e))?;
         Ok(Folder { dir, path: self.path.join(name) })
     }
 
-    /// Opens a folder in this one, and creates it where nothing has that name.
+    /// Opens a folder in this one, and creates it if nothing has that name. Refuses a symbolic link.
     pub fn create_subfolder(&self, name: &Path) -> Result<Folder, FileError> {
         match self.dir.create_dir(name) {
             Err(e) if e.kind() != io::ErrorKind::AlreadyExists => Err(e.into()),
@@ -97,7 +98,7 @@ impl Folder {
         }
     }
 
-    /// Opens the folder of this path beneath this one, creates what is missing, and follows no link on the way.
+    /// Opens the folder at `path` beneath this one and creates missing folders. Refuses symbolic links on the way.
     pub fn create_folders(self, path: &Path) -> Result<Folder, WriteError> {
         path.components().try_fold(self, |folder, component| {
             let name = Path::new(component.as_os_str());
@@ -105,19 +106,19 @@ impl Folder {
         })
     }
 
-    /// How many names the open file has.
+    /// Number of hard links to the open file.
     pub(crate) fn names_of(file: &File) -> io::Result<u64> {
         use cap_fs_ext::MetadataExt;
         Ok(cap_std::fs::File::from_std(file.try_clone()?).metadata()?.nlink())
     }
 
-    /// Gives an open file the permissions of the one of that name, where there is one.
+    /// Gives the open file `to` the permissions of the regular file `name`, if that exists.
     pub(crate) fn copy_permissions(&self, name: &Path, to: &File) -> io::Result<()> {
         let Some(there) = self.kind(name).filter(|m| m.is_file()) else { return Ok(()) };
         cap_std::fs::File::from_std(to.try_clone()?).set_permissions(there.permissions())
     }
 
-    /// Refuses a link of that name.
+    /// Fails if `name` is a symbolic link.
     pub(crate) fn no_link(&self, name: &Path) -> Result<(), WriteError> {
         match self.kind(name).is_some_and(|there| there.is_symlink()) {
             true => Err(WriteError::Link { at: self.path.join(name), to: self.link_target(name)? }),
@@ -125,12 +126,12 @@ impl Folder {
         }
     }
 
-    /// The target of the link of that name, as it is written.
+    /// Target of the symbolic link `name`, as stored in the link.
     fn link_target(&self, name: &Path) -> io::Result<PathBuf> {
         self.dir.read_link_contents(name)
     }
 
-    /// Whether the open file is the one of that name now.
+    /// Whether `name` in this folder is, at this moment, the open file `file`.
     pub fn contains(&self, name: &Path, file: &File) -> bool {
         use cap_fs_ext::MetadataExt;
         let there = self.dir.symlink_metadata(name);
@@ -138,17 +139,18 @@ impl Folder {
         matches!((there, open), (Ok(a), Ok(b)) if (a.dev(), a.ino()) == (b.dev(), b.ino()))
     }
 
-    /// Metadata of the file of that name, without following a link. `None` if there is none.
+    /// Metadata of the file `name`, without following a link. `None` if it does not exist or cannot be inspected.
     pub fn kind(&self, name: &Path) -> Option<cap_std::fs::Metadata> {
         self.dir.symlink_metadata(name).ok()
     }
 
-    /// Renames a file of this folder, over what `to_name` was in the folder `to`; a link there is replaced, not followed.
+    /// Moves the file `name` to `to_name` in the folder `to`. An existing file there is replaced; so is a link, which is not
+    /// followed.
     pub fn rename(&self, name: &Path, to: &Folder, to_name: &Path) -> io::Result<()> {
         self.dir.rename(name, &to.dir, to_name)
     }
 
-    /// Removes a file, or a link itself.
+    /// Removes a file or a symbolic link, not the link's target.
     pub fn remove_file(&self, name: &Path) -> io::Result<()> {
         self.dir.remove_file(name)
     }
@@ -158,13 +160,14 @@ impl Folder {
         self.dir.remove_dir(name)
     }
 
-    /// A link is named as such, whatever error the system gives for opening it.
+    /// The reason why `name` was not opened. Links, folders, pipes and devices are recognized, since the system's errors for them
+    /// vary.
     fn reason(&self, name: &Path, error: io::Error) -> FileError {
         match self.dir.read_link_contents(name) {
             Ok(target) => FileError::Link(target),
             Err(_) => match self.kind(name).map(|m| m.file_type()) {
                 Some(kind) if kind.is_dir() => FileError::NotRegular("a folder"),
-                // A pipe that nobody reads from: the system's own word is "no such device".
+                // The system reports a pipe without a reader as "no such device".
                 Some(kind) if !kind.is_file() => FileError::NotRegular("a pipe or device"),
                 _ => FileError::Io(error),
             },
@@ -184,7 +187,8 @@ pub fn read(path: &Path, most: u64) -> Result<Vec<u8>, FileError> {
     read_at_most(open_file(path)?, most)
 }
 
-/// Why a path beneath a folder was not opened. A refusal of cap-std itself carries no error number of the system.
+/// Error of opening a path beneath a folder. cap-std refuses a path that leads out of it with "permission denied", without a
+/// system error number.
 fn beneath(error: io::Error) -> FileError {
     match error.kind() == io::ErrorKind::PermissionDenied && error.raw_os_error().is_none() {
         true => FileError::Outside,

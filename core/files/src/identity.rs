@@ -1,8 +1,8 @@
-//! The file that a path names, whatever the path: links and hard links to one file have one identity.
+//! Identity of a file, independent of the path to it: symbolic and hard links to one file have one identity.
 
 use std::path::Path;
 
-/// Device and number of a file; on systems without them its canonical path.
+/// Device and inode number of a file; on systems without them, its canonical path.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg(unix)]
 pub struct Identity(u64, u64);

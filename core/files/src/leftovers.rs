@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// A file in a folder, or a folder with files of given names.
+/// An unfinished file in a folder, or an unfinished folder that holds files of the given names.
 #[derive(Clone, Debug)]
 pub enum Leftover {
     File(Arc<Folder>, PathBuf),
@@ -13,7 +13,7 @@ pub enum Leftover {
 }
 
 impl Leftover {
-    /// Removes it by its open folders, because another folder can have the path by now.
+    /// Removes the file or folder through the open folders, because another folder may have the path by now.
     pub fn remove(&self) {
         match self {
             Leftover::File(folder, name) => drop(folder.remove_file(name)),
@@ -27,7 +27,8 @@ impl Leftover {
     }
 }
 
-/// Locked while an unfinished file is made, renamed or removed, and for ever by [`remove_unfinished`].
+/// All unfinished files of this process. The lock is held while one is created, renamed or removed; [`remove_unfinished`] never
+/// releases it.
 #[derive(Debug, Default)]
 pub struct Leftovers {
     next: u64,
@@ -41,7 +42,7 @@ pub fn leftovers() -> MutexGuard<'static, Leftovers> {
 }
 
 impl Leftovers {
-    /// Gives its number.
+    /// Registers an unfinished file or folder and returns its number.
     pub fn add(&mut self, leftover: Leftover) -> u64 {
         self.next += 1;
         self.all.insert(self.next, leftover);
@@ -53,7 +54,7 @@ impl Leftovers {
     }
 }
 
-/// Removes every unfinished file and keeps others from making or finishing more: the program must end next.
+/// Removes every unfinished file, and blocks other threads that would create or finish one: the program must exit next.
 pub fn remove_unfinished() {
     let leftovers = leftovers();
     leftovers.all.values().for_each(Leftover::remove);

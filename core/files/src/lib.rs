@@ -1,15 +1,15 @@
-//! Access to files in folders that strangers may have filled.
+//! Access to files in folders whose contents are not trusted.
 //!
 //! A folder beside a script can contain symbolic links, pipes and devices under names that the program is about to read or
 //! write. Two rules follow from that, and this crate is the one place that holds them:
 //!
 //! - **Reading** follows a link only to a place beneath the folder that was opened ([`Folder::open_file`]).
 //! - **Writing** follows no link at all, and creates new files exclusively ([`PartFile`], [`PartFolder`], [`write_whole`]). A file
-//!   appears whole or not at all; what is unfinished when a signal ends the program goes by [`remove_unfinished`].
+//!   appears whole or not at all; when a signal ends the program, [`remove_unfinished`] removes unfinished files.
 //!
 //! Reading refuses everything but regular files, writing opens a pipe or device only under the name that the user gave, and
 //! neither waits for the other end of a pipe. Paths are resolved relative to an
-//! open folder (`openat2` on Linux, by cap-std elsewhere), so that a folder that is replaced meanwhile changes nothing.
+//! open folder (`openat2` on Linux, by cap-std elsewhere), so that replacing the folder meanwhile has no effect.
 
 mod entries;
 mod error;

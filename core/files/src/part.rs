@@ -9,25 +9,25 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// `o.png` → `o.png.part`.
+/// Name of the part file: `o.png` → `o.png.part`.
 pub fn part_of(name: &Path) -> PathBuf {
     let mut part = name.file_name().unwrap_or_default().to_os_string();
     part.push(".part");
     name.with_file_name(part)
 }
 
-/// `o.png` → `o.png.MACHINE.part`.
+/// Name of one machine's part file: `o.png` → `o.png.MACHINE.part`.
 pub(crate) fn part_of_machine(name: &Path, machine: &str) -> PathBuf {
     let mut named = name.as_os_str().to_os_string();
     named.push(format!(".{machine}"));
     part_of(Path::new(&named))
 }
 
-/// One file on its way to its place. Dropped, it is removed.
+/// An output file while it is written. Dropping it without [`PartFile::commit`] removes it.
 #[derive(Debug)]
 pub struct PartFile {
     file: File,
-    /// `None` where the place is a pipe or device, which is written directly.
+    /// `None` for a pipe or device, which is written directly.
     way: Option<Way>,
 }
 
@@ -40,14 +40,14 @@ struct Way {
 }
 
 impl PartFile {
-    /// Written as `NAME.part`, which is locked: a second writer gets [`WriteError::Busy`]. Where the file system refuses locks, each writer has a part of
-    /// its own, and the last one wins. The path is one that the user chose, see [`Destination::of`].
+    /// Creates `NAME.part` and locks it; a second writer gets [`WriteError::Busy`]. If the file system refuses locks, each writer
+    /// gets a part file with a unique name, and the last to commit wins. The user chose `path`, see [`Destination::of`].
     pub fn create(path: &Path) -> Result<PartFile, WriteError> {
         PartFile::create_as(path, part_of)
     }
 
-    /// Written as `NAME.MACHINE.part`, since locks may not reach from one machine to another. Of machines that write at the same time the last one
-    /// wins.
+    /// Creates `NAME.MACHINE.part`, because locks may not reach from one machine to another. If several machines write at the
+    /// same time, the last to commit wins.
     pub fn create_shared(path: &Path, machine: &str) -> Result<PartFile, WriteError> {
         PartFile::create_as(path, |name| part_of_machine(name, machine))
     }
@@ -67,7 +67,7 @@ impl PartFile {
         }
     }
 
-    /// A locked file of this name that never gets another: it shows that a process holds it.
+    /// Creates and locks a file under its final name, as a sign that a process holds it.
     pub fn claim(folder: Arc<Folder>, name: PathBuf) -> Result<PartFile, WriteError> {
         PartFile::take(folder, name.clone(), name).map(|(part, _)| part)
     }
@@ -79,7 +79,7 @@ impl PartFile {
         Ok((PartFile { file, way: Some(Way { folder, part, name, number }) }, lock))
     }
 
-    /// Creates a part under a name of its own, so that of several writers the last one wins.
+    /// Creates a part file with a unique name and without a lock: of several writers, the last to commit wins.
     fn unlocked(place: Destination) -> Result<PartFile, WriteError> {
         let (folder, name) = match place {
             Destination::File { folder, name } => (folder, name),
@@ -87,7 +87,7 @@ impl PartFile {
         };
         let mut leftovers = leftovers();
         static COUNT: AtomicU64 = AtomicU64::new(0);
-        // One that a killed process left, or that was put there, costs a number.
+        // A name that is taken, by a killed process or on purpose, costs one number.
         for _ in 0..100 {
             let number = COUNT.fetch_add(1, Ordering::Relaxed);
             let process = std::process::id();
@@ -105,15 +105,15 @@ impl PartFile {
         Err(io::Error::from(ErrorKind::AlreadyExists).into())
     }
 
-    /// A writer to its end. It must be flushed and dropped before [`PartFile::commit`].
+    /// A buffered writer at the end of the file. Flush and drop it before [`PartFile::commit`].
     pub fn writer(&self) -> io::Result<BufWriter<File>> {
         Ok(BufWriter::with_capacity(1 << 16, self.file.try_clone()?))
     }
 
-    /// Replaces bytes that are there already; what a writer holds back must be flushed before.
+    /// Overwrites bytes at an offset from the start of the file. Flush every [`PartFile::writer`] first.
     ///
     /// # Errors
-    /// A pipe or a device, or a place beyond the end.
+    /// Fails for a pipe or device, and for a range that reaches beyond the end of the file.
     pub fn replace(&self, at: u64, bytes: &[u8]) -> io::Result<()> {
         if self.way.is_none() {
             return Err(ErrorKind::NotSeekable.into());
@@ -132,7 +132,7 @@ impl PartFile {
     pub fn commit(mut self) -> Result<(), WriteError> {
         let Some(way) = &self.way else { return Ok(()) };
         let mut leftovers = leftovers();
-        // An error leaves the part to `drop`, which takes the lock again.
+        // After an error, `drop` removes the part file and takes this lock again.
         way.folder.rename(&way.part, &way.folder, &way.name)?;
         leftovers.forget(way.number);
         self.way = None;
@@ -150,14 +150,14 @@ impl Drop for PartFile {
     }
 }
 
-/// Writes a file whole or not at all, by a path that the user chose ([`Destination::of`]). A file that is there keeps its permissions.
-/// If there are several writers, the last one wins.
+/// Writes a file whole or not at all, by a path that the user chose ([`Destination::of`]). An existing file's permissions are
+/// kept. If there are several writers, the last one wins.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
     write(Destination::of(path)?, bytes)
 }
 
-/// Like [`write_whole`], beneath a folder that the user chose: the folders on the way of `name` are no links. Makes those that are
-/// missing.
+/// Like [`write_whole`], for a path beneath a folder that the user chose. Missing folders are created; symbolic links between
+/// `folder` and the file are refused.
 pub fn write_whole_beneath(folder: &Path, name: &Path, bytes: &[u8]) -> Result<(), WriteError> {
     let (above, name) = (name.parent().unwrap_or(Path::new("")), name.file_name());
     if !folder.as_os_str().is_empty() {
@@ -177,19 +177,19 @@ fn write(place: Destination, bytes: &[u8]) -> Result<(), WriteError> {
     part.commit()
 }
 
-/// Creates a file, and locks it for this process. One that a killed process left is replaced by a new one: nothing is written
-/// into a file that was there.
+/// Creates a file and locks it for this process. A file that a killed process left is removed first: nothing is written into an
+/// existing file.
 pub(crate) fn take(folder: &Folder, name: &Path) -> Result<(File, Lock), WriteError> {
     let at = || folder.path().join(name);
     loop {
         if folder.kind(name).is_some() {
             let stale = match folder.open_existing(name) {
-                // Its owner has just ended.
+                // The owner has just ended and removed it.
                 Err(e) if e.is_missing() => continue,
                 stale => stale.map_err(|e| WriteError::at(at(), e))?,
             };
             lock(&stale)?;
-            // Its owner may have renamed or removed it between the opening and the lock.
+            // The owner may have renamed or removed it between the opening and the lock.
             if folder.contains(name, &stale) {
                 folder.remove_file(name)?;
             } else {
@@ -197,7 +197,7 @@ pub(crate) fn take(folder: &Folder, name: &Path) -> Result<(File, Lock), WriteEr
             }
         }
         let file = match folder.create_new(name) {
-            // Another process was faster, and has the lock soon.
+            // Another process was faster and will soon hold the lock.
             Err(crate::FileError::Io(e)) if e.kind() == ErrorKind::AlreadyExists => continue,
             file => file.map_err(|e| WriteError::at(at(), e))?,
         };
@@ -208,11 +208,11 @@ pub(crate) fn take(folder: &Folder, name: &Path) -> Result<(File, Lock), WriteEr
     }
 }
 
-/// Whether a file system locks.
+/// Whether the file system granted a lock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Lock {
     Held,
-    /// It has no locks, as Lustre without `flock` or NFS without a lock manager.
+    /// The file system has no locks, such as Lustre without `flock` or NFS without a lock manager.
     Refused,
 }
 

@@ -1,4 +1,4 @@
-//! The folder `NAME.part` of an output that several files are made for, and that a later run can go on with.
+//! Part folders: `NAME.part` holds the unfinished files of one output, so that a later run can resume.
 
 use crate::leftovers::{Leftover, leftovers};
 use crate::part::{Lock, lock, part_of, part_of_machine, take};
@@ -10,7 +10,7 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A locked part folder. Dropped, it is removed with its files unless it is to be kept.
+/// A locked part folder. Dropping it removes it with its files, unless [`PartFolder::keep`] was set.
 #[derive(Debug)]
 pub struct PartFolder {
     parent: Arc<Folder>,
@@ -19,20 +19,20 @@ pub struct PartFolder {
     part: PathBuf,
     folder: Arc<Folder>,
     files: &'static [&'static str],
-    /// The last of the files, which is locked while it is open.
+    /// The last of `files`, open and locked.
     lock: File,
-    /// Whether the file system locks.
+    /// Whether the file system granted the lock.
     locks: Lock,
-    /// Whether machines have part folders of their own for the output.
+    /// Whether each machine has its own part folder for the output.
     shared: bool,
-    /// Its number among the leftovers, unless it is to be kept.
+    /// Number among the leftovers; `None` if the folder is to be kept.
     number: Option<u64>,
-    /// Dropped behind the lock.
+    /// The last field, so that it is dropped after the lock file is closed.
     emptied: Emptied,
 }
 
-/// A folder whose files were removed. NFS and FUSE keep a removed file under another name in it until it is closed, so that the folder itself goes
-/// last.
+/// A part folder whose files were removed; dropping this removes the folder itself. NFS and FUSE keep a removed file in it under
+/// another name until the file is closed, so the lock file must be closed first.
 #[derive(Debug, Default)]
 struct Emptied(Option<(Arc<Folder>, PathBuf)>);
 
@@ -44,12 +44,12 @@ impl Drop for Emptied {
     }
 }
 
-/// Names read of a folder to find part folders of other machines.
+/// Most names that are read from a folder to find part folders of other machines.
 const MOST_NAMES: usize = 1_000_000;
 
 impl PartFolder {
-    /// Opens the part folder of the output `name`, or makes it. `files`: all that it can hold; nothing else is ever removed from
-    /// it. The last of them is the lock.
+    /// Opens the part folder of the output `name`, or creates it. `files`: names of all files that it can hold, the lock file
+    /// last; nothing else is ever removed from it.
     pub fn open(
         parent: Arc<Folder>,
         name: &Path,
@@ -58,12 +58,12 @@ impl PartFolder {
         PartFolder::open_as(parent, name, part_of(name), files)
     }
 
-    /// Opens or makes the folder `NAME.MACHINE.part` of an output that several machines may make at once. `machine`: a name that no other
-    /// machine has. Locks save work there and nothing depends on them: machines that they do not reach have folders of their own, and so has each
-    /// process where the file system refuses them.
+    /// Opens or creates the folder `NAME.MACHINE.part` of an output that several machines may make at once. `machine`: a name
+    /// that no other machine has. Locks only save duplicate work here, the result does not depend on them: each machine has its
+    /// own folder, and so has each process if the file system refuses locks.
     ///
     /// # Errors
-    /// [`WriteError::Busy`] while another process is seen to make the output.
+    /// [`WriteError::Busy`] if another process is seen making the output.
     pub fn open_shared(
         parent: Arc<Folder>,
         name: &Path,
@@ -78,7 +78,8 @@ impl PartFolder {
                 PartFolder::open_as(parent.clone(), name, own(&format!("{machine}-{number:08x}")), files)?;
         }
         opened.shared = true;
-        // They are looked at while the own lock is held: of two that begin at once, one sees the other and gives way.
+        // The other folders are checked while this process holds its own lock: of two processes that begin at once, at least one
+        // sees the other and gives way.
         if opened.others().iter().any(|part| PartFolder::is_held(&parent, part, files)) {
             let kept = opened.lock.metadata()?.len() > 0;
             opened.keep(kept);
@@ -97,7 +98,7 @@ impl PartFolder {
         loop {
             let folder = parent.create_subfolder(&part);
             let folder = folder.map_err(|e| WriteError::at(parent.path().join(&part), e))?;
-            // All of them before any is written: a link that is found late costs the work until then.
+            // All names are checked before any file is written: a link that is found late costs the work done until then.
             for name in files {
                 folder.no_link(Path::new(name))?;
             }
@@ -108,7 +109,7 @@ impl PartFolder {
                 Ok(file) => lock(&file).map(|locks| (file, locks)),
             };
             let (lock, locks) = match opened {
-                // Another process has just ended and taken the folder away.
+                // Another process has just ended and removed the folder.
                 Err(WriteError::Io(e)) if e.kind() == ErrorKind::NotFound => continue,
                 opened => opened?,
             };
@@ -134,14 +135,14 @@ impl PartFolder {
         }
     }
 
-    /// Whether a process is seen to hold the part folder of this name. A process that opens it at this very moment gets
+    /// Whether a process holds the lock of the part folder `part`. A process that opens the folder during this check gets
     /// [`WriteError::Busy`].
     pub fn is_held(parent: &Folder, part: &Path, files: &'static [&'static str]) -> bool {
         let lock = parent.subfolder(part).and_then(|folder| folder.open_existing(lock_name(files)));
         lock.is_ok_and(|lock| matches!(lock.try_lock_shared(), Err(TryLockError::WouldBlock)))
     }
 
-    /// Names of the part folders that other machines have for the output, or processes where locks are refused.
+    /// Names of the output's other part folders: those of other machines, or of other processes if locks are refused.
     fn others(&self) -> Vec<PathBuf> {
         if !self.shared {
             return Vec::new();
@@ -155,39 +156,40 @@ impl PartFolder {
         names.into_iter().map(PathBuf::from).filter(is_other).collect()
     }
 
-    /// The part folders that others have for the output, to read what they finished. Their processes have ended, or cannot be seen.
+    /// The output's other part folders, opened to read their finished files. Their processes have ended or cannot be seen from
+    /// here.
     pub fn folders_of_others(&self) -> Vec<Folder> {
         self.others().iter().filter_map(|part| self.parent.subfolder(part).ok()).collect()
     }
 
-    /// Removes the part folders of others once the output is in its place. A process that makes it there without being seen notices that, and finds the
-    /// output.
+    /// Removes the output's other part folders once the output is in its place. A process that is making the output unseen
+    /// notices the removal and finds the output.
     pub fn remove_others(&self) {
         for part in self.others() {
             drop(PartFolder::open_as(self.parent.clone(), &self.name, part, self.files));
         }
     }
 
-    /// Name in messages.
+    /// Path of the part folder, for messages.
     pub fn path(&self) -> PathBuf {
         self.parent.path().join(&self.part)
     }
 
-    /// The locked file.
+    /// The lock file.
     pub fn lock_file(&self) -> &File {
         &self.lock
     }
 
-    /// Replaces the locked file by an empty one of its name.
+    /// Replaces the lock file by an empty one of the same name.
     pub fn renew_lock(&mut self) -> Result<(), WriteError> {
         let name = lock_name(self.files);
         self.folder.remove_file(name)?;
-        // The old lock is held until the new one is.
+        // The old lock is held until the new one is taken.
         (self.lock, self.locks) = take(&self.folder, name)?;
         Ok(())
     }
 
-    /// Creates one of the files in place of one that has its name.
+    /// Creates one of the files and replaces an existing one. Refuses a symbolic link.
     pub fn create(&self, name: &str) -> Result<File, WriteError> {
         self.folder.no_link(Path::new(name))?;
         match self.folder.remove_file(Path::new(name)) {
@@ -198,7 +200,8 @@ impl PartFolder {
         file.map_err(|e| WriteError::at(self.folder.path().join(name), e))
     }
 
-    /// Opens one of the files to go on with it, where it is there: no link, and a file without another name.
+    /// Opens one of the files to continue writing it. `None` if it does not exist. Refuses a symbolic link and a file with other
+    /// hard links.
     pub fn reopen(&self, name: &str) -> Result<Option<File>, WriteError> {
         let file = match self.folder.open_existing(Path::new(name)) {
             Err(e) if e.is_missing() => return Ok(None),
@@ -208,7 +211,7 @@ impl PartFolder {
         Ok(Some(file))
     }
 
-    /// Refuses the locked file where it has another name.
+    /// Fails if the lock file has other hard links.
     pub fn check_lock(&self) -> Result<(), WriteError> {
         self.only_name(self.files.last().copied().unwrap_or_default(), &self.lock)
     }
@@ -220,14 +223,14 @@ impl PartFolder {
         }
     }
 
-    /// Whether the folder still has its path and the locked file its name.
+    /// Whether the folder is still at its path, with the lock file in it.
     pub fn is_there(&self) -> bool {
         let now =
             Folder::open(self.parent.path()).map_err(FileError::Io).and_then(|p| p.subfolder(&self.part));
         now.is_ok_and(|folder| folder.contains(lock_name(self.files), &self.lock))
     }
 
-    /// Moves one of the files to the output's place. What is left is removed by `drop`.
+    /// Moves one of the files to the output's place; `drop` removes the rest.
     pub fn finish(&mut self, name: &str) -> io::Result<()> {
         let leftovers = leftovers();
         self.folder.rename(Path::new(name), &self.parent, &self.name)?;
@@ -236,7 +239,7 @@ impl PartFolder {
         Ok(())
     }
 
-    /// Whether the folder stays where it is when it is dropped, or when a signal ends the program.
+    /// Sets whether the folder stays when it is dropped, or when a signal ends the program.
     pub fn keep(&mut self, keep: bool) {
         let mut leftovers = leftovers();
         match self.number.take() {
@@ -257,7 +260,7 @@ impl PartFolder {
 }
 
 impl Drop for PartFolder {
-    /// The lock is given back after the files are gone.
+    /// Removes the files before the lock is released.
     fn drop(&mut self) {
         let mut leftovers = leftovers();
         if let Some(number) = self.number.take() {

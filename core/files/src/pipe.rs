@@ -1,5 +1,5 @@
-//! Pipes and devices as outputs. Opening a pipe for writing waits for its reader, for ever if none comes: here it is opened
-//! without waiting, and after that written to as any other.
+//! Pipes and devices as outputs. Opening a pipe for writing normally blocks until it has a reader, possibly forever. Here it is
+//! opened without blocking, and later writes block as usual.
 
 use crate::Folder;
 use crate::write_error::WriteError;
@@ -11,18 +11,18 @@ use std::time::{Duration, Instant};
 /// How long the reader of a pipe may take to start: a shell starts both ends of a pipe at once.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Opens what has this name in the folder and is no regular file.
+/// Opens the pipe or device `name` for writing. Fails if it is a regular file.
 pub fn open(folder: &Folder, name: &Path) -> Result<File, WriteError> {
     let file =
         patiently(|| folder.open_for_writing(name).map_err(|e| WriteError::at(folder.path().join(name), e)))?;
     match file.metadata()?.is_file() {
-        // Exchanged meanwhile.
+        // A regular file has taken its place meanwhile.
         true => Err(WriteError::InTheWay(folder.path().join(name))),
         false => waiting(file),
     }
 }
 
-/// Opens what a link of the system leads to, at its end where it is a regular file.
+/// Opens the target of a link of the system (such as `/dev/stdout`) for writing; a regular file is appended to.
 #[cfg(unix)]
 pub(crate) fn open_through(link: &Path) -> Result<File, WriteError> {
     use std::os::unix::fs::OpenOptionsExt;
@@ -57,7 +57,7 @@ fn has_no_reader(_: &io::Error) -> bool {
     false
 }
 
-/// The file, waiting from now on where its reader is slow.
+/// Makes writes to the file block again, so that they wait for a slow reader.
 #[cfg(unix)]
 fn waiting(file: File) -> Result<File, WriteError> {
     use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};

@@ -16,8 +16,8 @@ pub enum Destination {
 }
 
 impl Destination {
-    /// Looks at a path that the user chose: links on the way to its folder are followed, a link under its name is refused.
-    /// The exception are the links that the system itself keeps in `/dev` and `/proc`: `/dev/stdout`, `/proc/self/fd/3`.
+    /// Inspects a path that the user chose. Links on the way to its folder are followed; a link as the last component is refused,
+    /// except for those that the system itself keeps in `/dev` and `/proc` (`/dev/stdout`, `/proc/self/fd/3`).
     pub fn of(path: &Path) -> Result<Destination, WriteError> {
         let parent = path.parent().unwrap_or(Path::new(""));
         let name = path.file_name().ok_or(WriteError::IsFolder)?;
@@ -27,7 +27,7 @@ impl Destination {
         Destination::beneath(Folder::open(parent)?, name.as_ref())
     }
 
-    /// Like [`Destination::of`], in an open folder and without the exception for links of the system.
+    /// Like [`Destination::of`], for a name in an open folder. Links of the system are refused, too.
     pub fn beneath(folder: Folder, name: &Path) -> Result<Destination, WriteError> {
         folder.no_link(name)?;
         match folder.kind(name) {
@@ -39,8 +39,8 @@ impl Destination {
     }
 }
 
-/// Opens the target of a link of the system. Nobody but the system makes links in `/proc`; in `/dev`, which has folders that all users
-/// may write to, those of root count.
+/// Opens the target of a link of the system; `None` if `name` is no such link. Only the system creates links in `/proc`; in
+/// `/dev`, which has folders that all users may write to, only links owned by root count.
 #[cfg(unix)]
 fn system_link(parent: &Path, name: &Path) -> Option<Result<File, WriteError>> {
     use std::os::fd::AsFd;
@@ -50,7 +50,7 @@ fn system_link(parent: &Path, name: &Path) -> Option<Result<File, WriteError>> {
     if !parent.starts_with("/proc") && link.uid() != 0 {
         return None;
     }
-    // The program's own streams are not opened once more: a file would then be written from its start.
+    // The program's own streams are shared, not opened again: a second open file would have its own write position.
     let wanted = std::fs::metadata(parent.join(name)).ok()?;
     for stream in [std::io::stdout().as_fd(), std::io::stderr().as_fd()] {
         let Ok(stream) = stream.try_clone_to_owned().map(File::from) else { continue };

@@ -6,12 +6,12 @@ use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// The reason, without the output's name, which the caller's message starts with. What is in the way is named.
+/// The reason, without the output's name, with which the caller's message starts. A file or link that is in the way is named.
 #[derive(Debug, Error)]
 pub enum WriteError {
     #[error("{} is a symbolic link to {}; remove it", shown(at), shown(to))]
     Link { at: PathBuf, to: PathBuf },
-    /// A file with a second name would change under that name, too.
+    /// A hard link: writing to it would change the file under its other names, too.
     #[error("{} is a hard link to a file that has other names; remove it", shown(.0))]
     HardLink(PathBuf),
     #[error("{} is in the way; remove it", shown(.0))]
@@ -22,7 +22,7 @@ pub enum WriteError {
     ReadOnly,
     #[error("nobody reads from this pipe; start its reader first")]
     NoReader,
-    /// Another process has the lock of the part file.
+    /// Another process holds the lock of the part file.
     #[error("another program is writing it")]
     Busy,
     #[error("{}", words(.0))]
@@ -30,7 +30,7 @@ pub enum WriteError {
 }
 
 impl WriteError {
-    /// Makes the error of an attempt to open or create `at`.
+    /// Converts the error of an attempt to open or create `at`.
     pub fn at(at: PathBuf, error: FileError) -> WriteError {
         match error {
             FileError::Link(to) => WriteError::Link { at, to },

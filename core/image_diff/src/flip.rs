@@ -25,8 +25,8 @@ pub struct FlipDifference {
 }
 
 impl FlipDifference {
-    /// Meaning of the values to an observer, by the worst pixel, since one wrong spot is enough. The bounds were set by viewing
-    /// choreo's own images with known faults: the table is in core/test_runner/README.md.
+    /// Describes the difference to an observer, by the worst pixel, since one wrong spot is enough. The bounds were set by
+    /// viewing choreo's own images with known faults: the table is in core/test_runner/README.md.
     pub fn words(&self) -> &'static str {
         match self.worst {
             0.0 => "equal to the eye",
@@ -44,7 +44,7 @@ impl FlipDifference {
     }
 }
 
-/// Largest values for which the words of [`FlipDifference::words`] hold.
+/// Largest values of [`FlipDifference::worst`] for the texts of [`FlipDifference::words`].
 pub const NOT_VISIBLE: f64 = 0.05;
 pub const ALTERNATING: f64 = 0.12;
 pub const SIDE_BY_SIDE: f64 = 0.3;
@@ -142,10 +142,10 @@ impl PerceivedImage {
     fn difference(&self, other: &PerceivedImage) -> Vec<f32> {
         const COLOR_EXPONENT: f32 = 0.7;
         const FEATURE_EXPONENT: f32 = 0.5;
-        // Where the color difference is bent: the lower 0.4 of its range takes 0.95 of the result's.
+        // The color difference is remapped by two linear pieces: the lower 0.4 of its range takes 0.95 of the result's.
         const BEND_AT: f32 = 0.4;
         const BEND_TO: f32 = 0.95;
-        // The largest difference of the gamut: green and blue.
+        // The largest color difference in the gamut: between green and blue.
         let most = libm::powf(hyab(lab_hunt([0.0, 1.0, 0.0]), lab_hunt([0.0, 0.0, 1.0])), COLOR_EXPONENT);
         let bend = BEND_AT * most;
         (0..self.edges.len())
@@ -182,14 +182,14 @@ fn times(m: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
-/// XYZ relative to white: each 1 for white.
+/// CIE XYZ relative to white: [1, 1, 1] is white.
 fn relative_xyz(rgb: [f32; 3]) -> [f32; 3] {
     let white = times(&XYZ_FROM_RGB, [1.0; 3]);
     let xyz = times(&XYZ_FROM_RGB, rgb);
     [xyz[0] / white[0], xyz[1] / white[1], xyz[2] / white[2]]
 }
 
-/// YCxCz, the linear kin of L*a*b*: filters may be applied to it.
+/// YCxCz, a linear counterpart of L*a*b*, so that filters can be applied.
 fn opponent_from_rgb(rgb: [f32; 3]) -> [f32; 3] {
     let [x, y, z] = relative_xyz(rgb);
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
@@ -212,7 +212,7 @@ fn lab_hunt(rgb: [f32; 3]) -> [f32; 3] {
     [l, 0.01 * l * 500.0 * (x - y), 0.01 * l * 200.0 * (y - z)]
 }
 
-/// HyAB distance: city-block in lightness, Euclidean in color (Abasi et al. 2020): right for large differences too.
+/// HyAB distance: city-block in lightness, Euclidean in color (Abasi et al. 2020). Suited to large differences, too.
 fn hyab(p: [f32; 3], q: [f32; 3]) -> f32 {
     let [l, a, b] = [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
     l.abs() + libm::sqrtf(a * a + b * b)
@@ -241,7 +241,7 @@ fn filtered(plane: &[f32], size: [usize; 2], gaussians: &[(f32, f32)]) -> Vec<f3
     out
 }
 
-/// Strength of edges and of points at each pixel (section 4.2), of the luminance unfiltered, 0..=1.
+/// Strength of edges and of points at each pixel, 0..=1, from the unfiltered luminance (section 4.2).
 fn features(luminance: &[f32], size: [usize; 2]) -> [Vec<f32>; 2] {
     /// Peak of the eye's edge detector in degrees.
     const WIDTH: f32 = 0.082;

@@ -5,7 +5,7 @@ use crate::flip::{ALTERNATING, FlipDifference, flip};
 use crate::pixels::{CompareError, Comparison, compare};
 use choreo_plugin::Frame;
 
-/// Two images of one size, measured.
+/// Measured differences of two images of one size.
 pub struct ImageDifference {
     pub pixels: Comparison,
     pub visible: FlipDifference,
@@ -19,8 +19,7 @@ pub struct ImageMetric {
     pub name: &'static str,
     /// Name of the limited quantity, as in the API reference.
     pub doc: &'static str,
-    /// The limit where a test states none: a difference that is not visible side by side, and hardly when the images
-    /// alternate.
+    /// The limit if a test states none: a difference that is not visible side by side, and hardly when the images alternate.
     pub limit: f64,
     pub value: fn(&ImageDifference) -> f64,
     /// The allowed values, in words.
@@ -60,7 +59,7 @@ impl ImageDifference {
         Ok(ImageDifference { pixels: compare(a, b, tolerance)?, visible: flip(a, b)?, size })
     }
 
-    /// Whether no metric is above its limit; `limits` in the order of [`METRICS`].
+    /// Whether no metric is above its limit. `limits` are in the order of [`METRICS`].
     pub fn within(&self, limits: &[f64; METRICS.len()]) -> bool {
         METRICS.iter().zip(limits).all(|(metric, limit)| (metric.value)(self) <= *limit)
     }
@@ -71,7 +70,7 @@ impl ImageDifference {
         METRICS.iter().zip(limits).map(one).collect::<Vec<_>>().join(", ")
     }
 
-    /// Meaning of the difference to an observer, then each metric.
+    /// Describes the difference to an observer, then each metric.
     pub fn describe(&self) -> String {
         let found: Vec<String> = METRICS.iter().map(|metric| (metric.found)(self)).collect();
         format!("{}: {}", self.visible.words(), found.join("; "))

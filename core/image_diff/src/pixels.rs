@@ -3,7 +3,7 @@
 use choreo_plugin::Frame;
 use thiserror::Error;
 
-/// Differences are in 8-bit steps of the encoded image.
+/// Difference of two frames, in 8-bit steps of the encoded values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
     /// Mean over all pixels and channels.
@@ -17,11 +17,11 @@ pub struct Comparison {
     pub tolerance: u8,
     /// Peak signal-to-noise ratio in decibels; infinite for equal frames.
     pub psnr: f64,
-    /// Structural similarity of luma, 1 = equal: the mean over 8×8 windows, the coarser of two scales counting too.
+    /// Structural similarity (SSIM) of luma, 1 = equal: the mean over 8×8 windows at full size and at half.
     pub ssim: f64,
-    /// Structural similarity of the worst window: shows a small defect in a large image.
+    /// SSIM of the worst window: shows a small defect in a large image.
     pub worst_ssim: f64,
-    /// Smallest box with every pixel beyond the tolerance: x, y, width, height.
+    /// Smallest box that contains all pixels beyond the tolerance: x, y, width, height.
     pub region: Option<[u32; 4]>,
 }
 
@@ -33,7 +33,7 @@ pub enum CompareError {
     Length(u32, u32, usize, usize),
 }
 
-/// An error unless the sizes are equal and the buffers have as many bytes.
+/// Fails unless both frames have one size, and buffers of width × height × 4 bytes.
 pub(crate) fn check(a: &Frame, b: &Frame) -> Result<(), CompareError> {
     for f in [a, b] {
         let expected = f.width as usize * f.height as usize * 4;
@@ -89,7 +89,7 @@ pub fn compare(a: &Frame, b: &Frame, tolerance: u8) -> Result<Comparison, Compar
 }
 
 impl Comparison {
-    /// Meaning of the values to a viewer of the two images.
+    /// Describes the difference to a viewer of the two images.
     pub(crate) fn verdict(&self) -> &'static str {
         match self {
             c if c.worst == 0 => "equal, bit for bit",
@@ -129,7 +129,7 @@ impl std::fmt::Display for Comparison {
     }
 }
 
-/// The first frame in dim gray, with the difference over it: from blue (one step) over red to white.
+/// The first frame in dim gray, with the difference over it: blue (1 or 2 steps), orange, red, white (64 and more).
 pub fn difference_image(a: &Frame, b: &Frame) -> Result<Frame, CompareError> {
     compare(a, b, 0)?;
     let mut out = a.clone();
@@ -150,14 +150,14 @@ pub fn difference_image(a: &Frame, b: &Frame) -> Result<Frame, CompareError> {
     Ok(out)
 }
 
-/// ITU-R BT.709 weights, on the encoded values; alpha counts as a fourth color.
+/// Luma with ITU-R BT.709 weights on the encoded values, times 0.5 (transparent) to 1 (opaque), so that alpha counts.
 fn luma(p: &[u8]) -> f64 {
     (0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2]))
         * (0.5 + f64::from(p[3]) / 510.0)
 }
 
-/// Wang et al., "Image Quality Assessment: From Error Visibility to Structural Similarity", 2004, eq. 13, over 8×8
-/// windows every 4 pixels, at full size and at half: mean of both scales, and the worst window of either.
+/// Mean and worst SSIM (Wang et al., "Image Quality Assessment: From Error Visibility to Structural Similarity", 2004, eq. 13)
+/// over 8×8 windows every 4 pixels, at full size and at half: the mean of both scales, and the worst window of either.
 fn similarity(a: &Frame, b: &Frame) -> (f64, f64) {
     let (mut w, mut h) = (a.width as usize, a.height as usize);
     let mut planes: [Vec<f64>; 2] = [a, b].map(|f| f.rgba.chunks_exact(4).map(luma).collect());

@@ -1,9 +1,9 @@
-//! `cargo bench -p choreo-motion`: what the table in the design document measures, for us.
+//! `cargo bench -p choreo-motion` measures choreo's numbers for the table in the design document.
 //!
-//! A 67-joint skeleton of the shape of a Mixamo character and two 15 s clips, made here. Times are CPU time of the
-//! thread, medians over many runs, one core. The fastest run is printed beside, since other work on the machine
-//! shares caches and memory with this. `-- skinning`, `-- compression` and `-- sparse` measure that
-//! alone. Errors are those of the same clips against f64.
+//! The input is generated: a 67-joint skeleton shaped like a Mixamo character, and two 15 s clips. Times are CPU time of one
+//! thread, medians over many runs. The fastest run is printed in parentheses, since other work on the machine shares caches and
+//! memory. `-- skinning`, `-- compression` and `-- sparse` measure one part alone. Errors are measured against an f64 evaluation
+//! of the same clips.
 
 #[path = "../tests/support/mod.rs"]
 mod support;
@@ -108,7 +108,7 @@ fn compressed(skeleton: &Skeleton, sets: &[(&str, [Clip; 2])], quick: bool) {
     }
 }
 
-/// Clips with separate key times per joint against the same baked at 60 Hz, both measured in turns.
+/// Compares clips with separate key times per joint with the same clips baked at 60 Hz, measured alternately.
 fn sparse_keys(skeleton: &Skeleton, quick: bool) {
     println!("separate key times per joint against the same baked at 60 Hz, {JOINTS} joints, ns");
     println!("{:<12}{:<14}{:>10}{:>10}{:>10}", "keys", "what", "separate", "baked", "ratio");
@@ -169,7 +169,7 @@ fn sparse_keys(skeleton: &Skeleton, quick: bool) {
     }
 }
 
-/// Farthest that any joint of a clip is from an f64 evaluation of another, at 500 times.
+/// Largest distance in mm between a joint of `clip` and an f64 evaluation of `source`, over 500 times.
 fn lost_mm(skeleton: &Skeleton, source: &Clip, clip: &Clip) -> f64 {
     let mut random = Random(41);
     let mut pose = Pose::rest(skeleton);
@@ -188,7 +188,7 @@ fn lost_mm(skeleton: &Skeleton, source: &Clip, clip: &Clip) -> f64 {
     worst
 }
 
-/// Time of a sample at random times over that of the next frame, both taken in turns so that other work slows both.
+/// Ratio of the time per sample at random times to that at successive frames, measured alternately so that other work slows both.
 fn seek_ratio(clip: &Clip, quick: bool) -> f64 {
     let mut pose = Pose::identity(JOINTS);
     let [next, random] = [false, true].map(|random| sample_times(clip, random));

@@ -1,6 +1,6 @@
 //! Texts of errors without a procedural macro (decision 57).
 
-/// `Display` and `Error` of a type: each line is a pattern of the type and the text that it gives.
+/// Implements `Display` and `Error` for a type: each line is a pattern of the type and its text.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! error_texts {

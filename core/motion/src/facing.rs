@@ -1,4 +1,4 @@
-//! The front of a character in its file, found by its skeleton and its clips.
+//! Detects the front of a character from its skeleton and its clips.
 
 use crate::clip::{Clip, Curve, Path};
 use crate::contacts::find_feet;
@@ -13,31 +13,31 @@ use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
-/// The horizontal axis of the model that is its front.
+/// The horizontal axis of model space that a character faces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Front {
     /// glTF's convention.
     #[default]
     PlusZ,
-    /// The back, where +Z is the front.
+    /// The opposite of glTF's convention.
     MinusZ,
-    /// The model's left where +Z is its front.
+    /// The left of a character that faces +Z.
     PlusX,
-    /// The model's right where +Z is its front.
+    /// The right of a character that faces +Z.
     MinusX,
 }
 
 impl Front {
-    /// The names that scripts give them.
+    /// All fronts, with their names in scripts.
     pub const ALL: [(&str, Front); 4] =
         [("+z", Front::PlusZ), ("-z", Front::MinusZ), ("+x", Front::PlusX), ("-x", Front::MinusX)];
 
-    /// The name that scripts give it.
+    /// Name in scripts.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(_, front)| *front == self).map_or("", |(name, _)| name)
     }
 
-    /// Angle about +Y that brings +Z to it.
+    /// Angle about +Y that turns +Z to this front, radians.
     pub fn yaw_rad(self) -> f64 {
         match self {
             Front::PlusZ => 0.0,
@@ -47,7 +47,7 @@ impl Front {
         }
     }
 
-    /// Rotation about +Y that brings +Z to it.
+    /// Rotation about +Y that turns +Z to this front.
     pub fn rotation(self) -> DQuat {
         DQuat::from_rotation_y(self.yaw_rad())
     }
@@ -62,7 +62,7 @@ impl Front {
         }
     }
 
-    /// The axis that a direction lies along, within 35°.
+    /// The axis within 35° of a direction.
     fn along(direction: DVec3) -> Option<Front> {
         let level = direction.with_y(0.0).try_normalize()?;
         Self::ALL.iter().map(|(_, front)| *front).find(|front| front.direction().dot(level) > 0.819)
@@ -74,24 +74,24 @@ impl Front {
 pub struct Facing {
     /// The axis that the character faces.
     pub front: Front,
-    /// Parts that show it.
+    /// Parts of the character that indicate a front.
     pub evidence: Vec<FacingEvidence>,
-    /// The evidence contradicts itself; +Z is kept.
+    /// Whether the evidence contradicts itself, so that +Z is kept.
     pub doubtful: bool,
 }
 
-/// A part of a character, and the horizontal unit vector that it shows.
+/// A part of a character, and the direction that it indicates as the front.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FacingEvidence {
-    /// Toes, eyes, knees, sides or travel.
+    /// Name of the part: feet, eyes, knees, left and right, or travel of clips.
     pub part: &'static str,
     /// Horizontal unit vector in model space.
     pub direction: DVec3,
 }
 
 impl Facing {
-    /// Finds it by the toes, the eyes, the bend of the knees, and left and right by joints' names; where none of them shows anything, by where
-    /// clips travel. The front is what most of them show.
+    /// Detects the front from the toes, the eyes, the bend of the knees, and joints named as left and right; if none of them
+    /// indicates a direction, from the travel of clips. The front is the axis that most of them indicate.
     pub fn of(skeleton: &Skeleton, clips: &[Arc<Clip>]) -> Facing {
         let rest = ModelRestPose::of(skeleton);
         let at = |joint: u32| rest.positions[joint as usize];
@@ -133,7 +133,7 @@ fn toes(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
     find_feet(skeleton).iter().map(|foot| ahead(&foot.joints)).sum()
 }
 
-/// The way to the eyes from the joint that carries them.
+/// Direction from the parent joints of the eyes to the eyes.
 fn eyes(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
     let is_eye = |name: &str| {
         let name = name.to_lowercase();
@@ -145,7 +145,7 @@ fn eyes(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
     eyes.filter_map(|(eye, _)| Some(way(at(eye) - at(parents[eye as usize]?), 0.2))).sum()
 }
 
-/// How far the knees stand before the lines from hips to ankles, where they are bent.
+/// Direction in which bent knees lie off the lines from hips to ankles.
 fn knees(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
     let joints = HumanoidJoints::of(skeleton);
     let bend = |side: &str| {
@@ -160,7 +160,7 @@ fn knees(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
     bend("left") + bend("right")
 }
 
-/// Joints that are named as pairs: with +Y up, left × up is ahead.
+/// Forward direction from joints that are named as left and right: with +Y up, left × up is forward.
 fn sides(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
     let mut pairs: BTreeMap<String, [Vec<u32>; 2]> = BTreeMap::new();
     for (joint, name) in (0u32..).zip(skeleton.names()) {
@@ -173,20 +173,20 @@ fn sides(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
         _ => DVec3::ZERO,
     };
     let across: Vec<DVec3> = pairs.values().map(across).filter(|way| *way != DVec3::ZERO).collect();
-    // Where they contradict each other the names are not sides.
+    // If the pairs contradict each other, the names do not mean sides.
     together(&across).cross(DVec3::Y)
 }
 
-/// The sum of unit vectors; none where they contradict each other.
+/// Sum of unit vectors; zero if they contradict each other.
 fn together(directions: &[DVec3]) -> DVec3 {
     let sum: DVec3 = directions.iter().sum();
     if sum.length() > 0.5 * directions.len() as f64 { sum } else { DVec3::ZERO }
 }
 
-/// Limbs that turn in a clip of a walking character. Where fewer do, something slides: a door, a cart, a camera.
+/// Least number of joints that rotate in a clip of a walking character. With fewer, something slides: a door, a cart, a camera.
 const LIMBS: usize = 4;
 
-/// Direction in which most clips that get anywhere on limbs go.
+/// Direction of travel of clips in which limbs move; zero if the clips contradict each other.
 fn travel(skeleton: &Skeleton, clips: &[Arc<Clip>]) -> DVec3 {
     let limbs = |clip: &&Arc<Clip>| {
         let turns = |curve: &&Curve| curve.path == Path::Rotation && curve.times.len() > 1;
@@ -201,7 +201,7 @@ fn travel(skeleton: &Skeleton, clips: &[Arc<Clip>]) -> DVec3 {
     together(&moving.map(|v| v.normalize()).collect::<Vec<_>>())
 }
 
-/// The horizontal unit vector along a way; none where less than a share of it is horizontal.
+/// Horizontal unit vector along a displacement; zero unless its horizontal part is more than `share` of its length.
 fn way(way: DVec3, share: f64) -> DVec3 {
     let level = way.with_y(0.0);
     if level.length() > share * way.length() { level.normalize_or_zero() } else { DVec3::ZERO }

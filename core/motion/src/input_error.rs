@@ -1,6 +1,6 @@
 //! The error of a job's `check()`.
 
-/// A field whose length or value does not fit; the text names the field, what it holds and what it must hold.
+/// An input field whose length or value is invalid; the text names the field, its content and what is allowed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the messages name the fields")]
 pub enum InputError {
@@ -18,7 +18,7 @@ crate::error_texts! { InputError:
 }
 
 impl InputError {
-    /// The first field whose length is not the expected one, of (field, length, expected).
+    /// Fails at the first field whose length is not the expected one. `fields`: (field, length, expected).
     pub(crate) fn check_lengths(fields: &[(&'static str, usize, usize)]) -> Result<(), InputError> {
         match fields.iter().copied().find(|(_, length, expected)| length != expected) {
             Some((field, length, expected)) => Err(InputError::Length { field, length, expected }),
@@ -26,7 +26,7 @@ impl InputError {
         }
     }
 
-    /// An error unless `valid`.
+    /// Fails unless `valid`.
     pub(crate) fn check_value(
         valid: bool,
         field: &str,
@@ -39,7 +39,7 @@ impl InputError {
         }
     }
 
-    /// The first number of `list` that is not valid.
+    /// Fails at the first number of `list` that is not valid.
     pub(crate) fn check_each(
         list: &[f32],
         valid: impl Fn(&f32) -> bool,
@@ -52,7 +52,7 @@ impl InputError {
         }
     }
 
-    /// The first joint index of `list` beyond `count`.
+    /// Fails at the first joint index of `list` that is not below `count`.
     pub(crate) fn check_joints(
         mut list: impl Iterator<Item = usize>,
         field: &'static str,

@@ -5,7 +5,7 @@
 //! or not: one tree carries skins, meshes, cameras and lights, so one clip can move them all.
 //!
 //! Each step is a job: a struct of borrowed inputs and outputs, whose `check()` names the field that is wrong and whose
-//! `run()` allocates nothing. Nothing is remembered between frames, so any time costs what the next frame costs, and
+//! `run()` allocates nothing. No state is kept between frames, so that a seek costs as much as the next frame, and
 //! every machine gives the same bits (module `simd`).
 //!
 //! ```
@@ -24,7 +24,7 @@
 //! };
 //! let clip = Clip::new("bend".into(), skeleton.len(), vec![bend])?;
 //!
-//! // There and back for ever, at double speed; after 0.75 s on stage the clip is on its way back, at 0.5 s.
+//! // Forwards and backwards forever, at double speed; after 0.75 s on stage the clip is on its way back, at 0.5 s.
 //! let play = Playback { speed: 2.0, repeat: Repeat::PingPong, ..Playback::whole(clip.duration) };
 //! let time = play.clip_time(Time::from_secs(0.75));
 //! assert_eq!(time, Time::from_secs(0.5));
@@ -38,8 +38,9 @@
 //! # Ok(()) }
 //! ```
 //!
-//! Two clips at once: [`Crossfade`]; many, in any order: [`WeightedBlend`] and, on top, [`AdditiveLayers`]. Names of another skeleton: [`bind_clip`]. `cargo bench -p choreo-motion` measures how
-//! fast and how exact all this is.
+//! [`Crossfade`] blends two clips, [`WeightedBlend`] any number in any order, and [`AdditiveLayers`] are added on top.
+//! [`bind_clip`] binds a clip to another skeleton by joint names. `cargo bench -p choreo-motion` measures speed and error of all
+//! this.
 
 #![warn(missing_docs)]
 

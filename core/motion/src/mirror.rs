@@ -1,10 +1,10 @@
-//! Left and right exchanged: of a pose, or of a clip key by key.
+//! Mirroring: exchanges left and right in a pose, or in a clip key by key.
 //!
-//! With M the reflection in the character's middle plane, p(j) the partner of joint j and G₀ rotations of the rest pose in
-//! model space, a joint turns away from its rest pose as its partner does, reflected: G′ⱼ G₀ⱼ⁻¹ = M G_p(j) G₀_p(j)⁻¹ M. In the
+//! M is the reflection in the character's middle plane, p(j) the partner of joint j, and G₀ the rotations of the rest pose in
+//! model space. A joint turns away from its rest pose as its partner does, reflected: G′ⱼ G₀ⱼ⁻¹ = M G_p(j) G₀_p(j)⁻¹ M. In the
 //! joints' own spaces that is q′ⱼ = C_parent(j)⁻¹ · m(q_p(j)) · Cⱼ with Cⱼ = m(G₀_p(j))⁻¹ G₀ⱼ and m(q) the reflected rotation.
-//! Each key is mapped alone and q′ is linear in q, so that slerp and cubics between keys are mirrored exactly. The rest
-//! pose stays the rest pose, and mirrored twice is what was there, however the joints' axes lie.
+//! Each key is mapped alone and q′ is linear in q, so that slerp and cubics between keys are mirrored exactly. The rest pose is
+//! mapped to itself, and mirroring twice gives the original, whatever the joints' axes are.
 
 use crate::clip::{Clip, Curve, ExpressionCurve, Interpolation, Path};
 use crate::input_error::InputError;
@@ -13,8 +13,8 @@ use crate::skeleton::symmetry::{MirrorMap, MirroredJoint};
 use glam::DVec3;
 
 impl Clip {
-    /// The clip with left and right exchanged, key by key. Curves of joints without a partner are left out. Morph weights
-    /// go with their joints; the asset states which target is left and which is right.
+    /// The clip with left and right exchanged, key by key. Curves of joints without a partner are left out. Morph weights move to
+    /// the partner joint unchanged: the asset states which target is left and which is right.
     pub fn mirrored(&self, map: &MirrorMap) -> Clip {
         let curves = self.curves().iter().filter_map(|curve| {
             let joint = map.partner(curve.joint)?;
@@ -25,7 +25,7 @@ impl Clip {
             };
             Some(Curve { joint, values: values.into(), ..curve.clone() })
         });
-        // `blinkLeft` closes the other eye.
+        // Suffixes are exchanged: `blinkLeft` becomes `blinkRight`.
         let expressions = self.expressions().iter().map(|e| {
             let other = [("Left", "Right"), ("Right", "Left")];
             let flip =
@@ -68,9 +68,9 @@ fn mirrored_keys(
 pub struct Mirror<'a> {
     /// Left and right joints of the skeleton.
     pub map: &'a MirrorMap,
-    /// In: as many joints as the map's skeleton.
+    /// Input pose, with as many joints as the map's skeleton.
     pub from: &'a Pose,
-    /// Out: the mirrored pose.
+    /// Output: the mirrored pose.
     pub out: &'a mut Pose,
 }
 
@@ -80,7 +80,7 @@ impl Mirror<'_> {
         InputError::check_lengths(&[("Mirror.from", self.from.len(), self.map.joint_count())])
     }
 
-    /// Allocates only where `out` has had fewer joints than now.
+    /// Mirrors the pose. Allocates only if `out` has held fewer joints so far.
     pub fn run(&mut self) {
         self.out.copy_from(self.from);
         for joint in 0..self.from.len().min(self.map.joint_count()) {

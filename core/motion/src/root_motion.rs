@@ -1,9 +1,9 @@
 //! Root motion: how far a clip moves its character over the floor.
 //!
-//! The root's frame at a clip time is a [`Planar`]: the place of the root joint in model space, as far as it is requested,
-//! and its heading, the twist about +Y of its rotation since the rest pose (swing–twist decomposition: P. Dobrowolski,
-//! "Swing-twist decomposition in Clifford algebra", 2015, §3). From the keys in f64: what is accumulated must not drift.
-//! A clip that walks on the spot carries its character as fast as the floor passes under its planted feet.
+//! The root's frame at a clip time is a [`Planar`]: the requested components of the root joint's position in model space, and its
+//! heading, the twist about +Y of its rotation since the rest pose (swing–twist decomposition: P. Dobrowolski, "Swing-twist
+//! decomposition in Clifford algebra", 2015, §3). It is computed in f64 from the keys, so that accumulated motion does not drift.
+//! A clip that walks on the spot moves its character as fast as the floor passes under its planted feet.
 
 use crate::clip::sample_f64::curve_at;
 use crate::clip::{Clip, Path};
@@ -18,11 +18,11 @@ use std::sync::Arc;
 /// The parts of the root's motion that are extracted from the clip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RootParts {
-    /// Along the floor.
+    /// Motion along the floor.
     pub horizontal: bool,
-    /// Up and down.
+    /// Motion up and down.
     pub vertical: bool,
-    /// `None`: where the clip as a whole turns by more than `LEAST_TURN_RAD`; a walk's hips sway about their way.
+    /// Heading. `None`: only if the clip as a whole turns by more than `LEAST_TURN_RAD`, since hips sway in a straight walk.
     pub yaw: Option<bool>,
 }
 
@@ -32,21 +32,21 @@ impl Default for RootParts {
     }
 }
 
-/// 15°: more than hips are off their way at the ends of a straight walk.
+/// 15°: more than hips deviate from the direction of travel at the ends of a straight walk.
 pub(crate) const LEAST_TURN_RAD: f64 = std::f64::consts::PI / 12.0;
 
-/// A root that gets no farther than this share of a leg in a clip stays on the spot.
+/// A root that moves no farther than this share of the leg's length in a clip stays on the spot.
 const ON_THE_SPOT: f64 = 0.1;
-/// One that comes back to where it was may swing by as much, in a gallop, and
+/// The same limit for a root that returns to its start, as in a gallop on the spot. The gait must then be as fast as `GAIT`.
 const SWINGS: f64 = 0.6;
-/// legs a second are the least that such a gait makes.
+/// Least speed of the floor under such a gait, leg lengths per second.
 const GAIT: f64 = 1.0;
 
 #[derive(Clone, Debug)]
 struct Link {
     rest: DAffine3,
     parts: (DVec3, DQuat, DVec3),
-    /// Curves of translation, rotation and scale.
+    /// Indices of the clip's curves of translation, rotation and scale.
     curves: [Option<u32>; 3],
 }
 
@@ -69,7 +69,7 @@ pub struct RootMotion {
 }
 
 impl RootMotion {
-    /// Root motion of the trimmed part of a clip. `joint`: the root, else `find_root`.
+    /// Root motion of the trimmed part of a clip. `joint`: the root-motion joint; `None`: as `find_root` finds it.
     pub fn new(
         skeleton: &Skeleton,
         clip: &Arc<Clip>,
@@ -118,12 +118,12 @@ impl RootMotion {
         self.joint
     }
 
-    /// The clip without the extracted motion.
+    /// The clip from which the motion is extracted, unchanged.
     pub fn clip(&self) -> &Arc<Clip> {
         &self.clip
     }
 
-    /// How far the character gets a second of the clip, on the spot or not: metres, in the axes of the model at the start.
+    /// Mean velocity of the character, on the spot or not: metres per second of the clip, in the axes of the model at the start.
     pub fn velocity(&self) -> DVec3 {
         if let Some(velocity) = self.treadmill {
             return velocity;
@@ -133,7 +133,7 @@ impl RootMotion {
         if secs > 0.0 { way / secs } else { DVec3::ZERO }
     }
 
-    /// The velocity against the floor where the root stays where it is but the feet do not.
+    /// Velocity against the floor if the root stays on the spot while the feet walk.
     fn on_the_spot(&self, skeleton: &Skeleton) -> Option<DVec3> {
         let steps = 16;
         let span = (self.trim.1 - self.trim.0).0;
@@ -151,12 +151,12 @@ impl RootMotion {
         (reach <= ON_THE_SPOT * leg || floor_velocity.length() > GAIT * leg).then_some(-floor_velocity)
     }
 
-    /// The root's place in model space, metres.
+    /// Position of the root joint in model space, metres.
     pub fn place(&self, time: Time) -> DVec3 {
         self.root(time).0
     }
 
-    /// The frame that carries the character, in model space.
+    /// Frame that moves the character along, in model space.
     pub fn frame(&self, time: Time) -> Planar {
         if let Some(velocity) = self.treadmill {
             let secs = (time - self.trim.0).as_secs();
@@ -173,7 +173,7 @@ impl RootMotion {
         Planar { translation, yaw }
     }
 
-    /// Place and rotation of the root joint in model space.
+    /// Position and rotation of the root joint in model space.
     fn root(&self, time: Time) -> (DVec3, DQuat) {
         let mut model = DAffine3::IDENTITY;
         let mut turned = DQuat::IDENTITY;
@@ -202,13 +202,13 @@ impl RootMotion {
     }
 }
 
-/// The angle about +Y that is left when a rotation's tilt is taken away; 0 where it lies upside down.
+/// Twist of a rotation about +Y, radians, without its swing; 0 if the rotation turns +Y upside down.
 fn twist(q: DQuat) -> f64 {
     if q.y == 0.0 && q.w == 0.0 { 0.0 } else { wrapped(2.0 * libm::atan2(q.y, q.w)) }
 }
 
-/// The joint that carries a clip's character: the topmost from the hips upwards whose place the clip moves, else the hips.
-/// If no joint is named as the hips, it is the topmost joint that the clip moves, else the first.
+/// The root-motion joint of a clip: the topmost ancestor of the hips that the clip translates, else the hips. If no joint is
+/// named as the hips, the first joint that the clip translates, else the first joint.
 pub(crate) fn find_root(skeleton: &Skeleton, clip: &Clip) -> Option<u32> {
     let moves = |joint: u32| {
         clip.curves().iter().any(|c| {

@@ -26,7 +26,7 @@ const INVERSE: [f32; MAX_TERMS + 1] = {
 /// Truncation that is allowed, relative to unit length: half of f32's own rounding.
 const TOLERANCE: f64 = 3e-8;
 
-/// Terms beyond the first for intervals of at most this d.
+/// Number of terms beyond the first that intervals of at most this d need.
 pub(crate) fn terms_for(d: f64) -> usize {
     let d = d.clamp(0.0, 1.0);
     // The rest of the series after N terms is below (term N+1) / (1 − d/2), for every t.
@@ -59,7 +59,7 @@ pub(crate) fn one_minus_cos(a: [f32; 4], b: [f32; 4]) -> f64 {
 
 /// Coefficients of both weights at one t.
 pub(crate) struct Series {
-    /// (of the weight of the first key, of the second)
+    /// (coefficient of the first key's weight, coefficient of the second key's)
     coefficients: [(f32, f32); MAX_TERMS + 1],
 }
 

@@ -1,22 +1,22 @@
-//! Exact coverage of outlines: each edge adds the area that it cuts off to the pixels that it crosses, and rows are summed up
-//! afterwards (R. Levien's accumulation buffer, as in font-rs). Areas are exact, not sampled.
+//! Exact-area antialiasing of outlines: each edge adds its signed area to the pixels that it crosses, and a running sum along
+//! each row gives the coverage (R. Levien's accumulation buffer, as in font-rs).
 
 use ttf_parser::OutlineBuilder;
 
 /// Coverage of each pixel of a rectangle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coverage {
-    /// First pixel in the image, and size in pixels.
+    /// Top left pixel of the rectangle in the image.
     pub at: [u32; 2],
     pub size: [u32; 2],
-    /// One row has `size[0] + 2` entries; sums of the rows are the coverage.
+    /// Signed areas, `size[0] + 2` entries per row; their running sum along a row is the coverage.
     areas: Vec<f32>,
-    /// The entries are the coverage themselves.
+    /// Whether `areas` holds coverage itself, not areas to be summed.
     is_summed: bool,
 }
 
 impl Coverage {
-    /// Empty coverage of the part of an image between two corners of the image.
+    /// Zero coverage of the rectangle from `low` to `high` (pixels, y down), clipped to an image of size `picture`.
     pub fn new(low: [f32; 2], high: [f32; 2], picture: [u32; 2]) -> Coverage {
         let end = |v: f32, most: u32| (v.ceil().max(0.0) as u32).min(most);
         let begin = |v: f32, most: u32| (v.floor().max(0.0) as u32).min(most);
@@ -26,7 +26,7 @@ impl Coverage {
         Coverage { at, size, areas, is_summed: false }
     }
 
-    /// Coverage of a rectangle.
+    /// Coverage of the rectangle from `low` to `high`, pixels.
     pub fn rectangle(low: [f32; 2], high: [f32; 2], picture: [u32; 2]) -> Coverage {
         let mut coverage = Coverage::new(low, high, picture);
         let corners = [[low[0], low[1]], [low[0], high[1]], [high[0], high[1]], [high[0], low[1]]];
@@ -36,7 +36,7 @@ impl Coverage {
         coverage
     }
 
-    /// Coverage of a row's pixels, from 0 to 1. Overlapping shapes of the same direction count once.
+    /// Coverage, 0 to 1, of the pixels in row `y` of the rectangle. Overlapping outlines of the same direction count once.
     pub fn row(&self, y: u32) -> impl Iterator<Item = f32> + '_ {
         let stride = self.size[0] as usize + 2;
         let row = &self.areas[y as usize * stride..(y as usize + 1) * stride];
@@ -47,14 +47,14 @@ impl Coverage {
         })
     }
 
-    /// Coverage of a rounded rectangle.
+    /// Coverage of a rectangle with rounded corners; `radius` in pixels.
     pub fn rounded(low: [f32; 2], high: [f32; 2], radius: f32, picture: [u32; 2]) -> Coverage {
         let radius = radius.min(0.5 * (high[0] - low[0])).min(0.5 * (high[1] - low[1]));
         if radius.is_nan() || radius <= 0.0 {
             return Coverage::rectangle(low, high, picture);
         }
         let mut coverage = Coverage::new(low, high, picture);
-        // Quarters of a circle as cubic curves, off by 0.03 % of the radius at most.
+        // Quarter circles as cubic Bézier curves, off by 0.03 % of the radius at most.
         let near = radius * (1.0 - 0.552_284_8);
         let mut add = |a, b| coverage.line(a, b);
         let mut outline = Outline::new(&mut add, [0.0; 2], 1.0);
@@ -73,7 +73,8 @@ impl Coverage {
         coverage
     }
 
-    /// This shape and everything within a distance of its edges, in pixels, by the distance of pixel centers.
+    /// Coverage of this shape dilated by `distance` pixels. `edges`: the shape's edges; distances are measured from pixel
+    /// centers.
     pub(crate) fn grown(&self, edges: &[[[f32; 2]; 2]], distance: f32) -> Coverage {
         let [width, height] = self.size;
         let stride = width as usize + 2;
@@ -103,7 +104,7 @@ impl Coverage {
         Coverage { areas: nearest, is_summed: true, ..*self }
     }
 
-    /// Adds an edge of a closed outline.
+    /// Adds an edge of a closed outline, in pixels of the image.
     pub fn line(&mut self, from: [f32; 2], to: [f32; 2]) {
         if !from.iter().chain(&to).all(|v| v.is_finite()) {
             return;
@@ -133,7 +134,7 @@ impl Coverage {
     }
 }
 
-/// Square of the distance of a point from a line segment.
+/// Squared distance of a point from a line segment.
 fn squared_distance(p: [f32; 2], a: [f32; 2], b: [f32; 2]) -> f32 {
     let (along, to) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
     let length = along[0] * along[0] + along[1] * along[1];
@@ -142,7 +143,8 @@ fn squared_distance(p: [f32; 2], a: [f32; 2], b: [f32; 2]) -> f32 {
     off[0] * off[0] + off[1] * off[1]
 }
 
-/// Adds an edge in one row, from x0 to x1 and `height` high; left of the row's pixels it counts as at their left side.
+/// Adds the part of an edge that lies in one row, from `x0` to `x1` with the signed height `height`. Parts left of the row count
+/// at its left side.
 fn span(cells: &mut [f32], width: f32, [x0, x1]: [f32; 2], height: f32) {
     if x0 >= width {
         return;
@@ -152,7 +154,7 @@ fn span(cells: &mut [f32], width: f32, [x0, x1]: [f32; 2], height: f32) {
         return;
     }
     if x0 < 0.0 || x1 > width {
-        // Cut at the sides: each part by its share.
+        // Clip at both sides: each part gets its share of the height.
         let whole = x1 - x0;
         let left = (-x0).max(0.0) / whole;
         let right = (x1 - width).max(0.0) / whole;
@@ -164,13 +166,13 @@ fn span(cells: &mut [f32], width: f32, [x0, x1]: [f32; 2], height: f32) {
     let last = x1.ceil();
     let i = first as usize;
     if last <= first + 1.0 {
-        // Within one pixel: the area to the right of the middle of the edge.
+        // The edge crosses one pixel: the area right of the edge's midpoint counts.
         let mean = 0.5 * (x0 + x1) - first;
         cells[i] += height * (1.0 - mean);
         cells[i + 1] += height * mean;
         return;
     }
-    // Over several: a triangle, strips that grow evenly, and what is left.
+    // The edge crosses several pixels: a triangle, strips whose areas grow evenly, and the rest.
     let step = 1.0 / (x1 - x0);
     let into = 1.0 - (x0 - first);
     let begin = 0.5 * step * into * into;
@@ -192,7 +194,7 @@ fn span(cells: &mut [f32], width: f32, [x0, x1]: [f32; 2], height: f32) {
     cells[i + count] += height * end;
 }
 
-/// A glyph's curves as edges.
+/// Flattens a glyph's curves into straight edges.
 pub(crate) struct Outline<'a> {
     add: &'a mut dyn FnMut([f32; 2], [f32; 2]),
     origin: [f32; 2],
@@ -210,7 +212,7 @@ impl<'a> Outline<'a> {
         Outline { add, origin, scale, start: origin, at: origin }
     }
 
-    /// Font units, y up.
+    /// Pixel position of a point in font units, y up.
     fn place(&self, x: f32, y: f32) -> [f32; 2] {
         [self.origin[0] + x * self.scale, self.origin[1] - y * self.scale]
     }

@@ -9,11 +9,11 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fallback {
     pub font: Font,
-    /// The file, of a font of the system. Another machine may have another one, or none.
+    /// File of a system font; `None` for a built-in font. Another machine may have another font, or none.
     pub file: Option<PathBuf>,
 }
 
-/// The fonts for some characters, those of the system included. `None`: no font has it.
+/// Fallback font of each character, built-in or of the system. `None` if no font has the character.
 pub fn fallbacks(chars: &[char]) -> Vec<Option<Fallback>> {
     static KNOWN: Mutex<BTreeMap<char, Option<Fallback>>> = Mutex::new(BTreeMap::new());
     let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
@@ -57,7 +57,7 @@ fn built_in() -> &'static [Font] {
 
 /// Bytes of the largest font file that is read: fonts of all Chinese characters take 20 MB.
 const LARGEST: u64 = 64 << 20;
-/// Font files and folders that are looked at.
+/// Most files and folders that the search for fonts looks at.
 const MOST: usize = 5000;
 
 fn read(path: &Path) -> Option<Font> {

@@ -35,7 +35,7 @@ impl PartialEq for Font {
 }
 
 impl Font {
-    /// Reads a TrueType (`.ttf`) or OpenType (`.otf`) file; the first font of a collection.
+    /// Reads a TrueType (`.ttf`) or OpenType (`.otf`) file, or the first font of a collection.
     pub fn new(name: &str, bytes: impl Into<Arc<[u8]>>) -> Result<Font, FontError> {
         let bytes = bytes.into();
         let face = Face::parse(&bytes, 0).map_err(|e| FontError(format!("is not a font: {e}")))?;
@@ -77,7 +77,7 @@ impl Font {
     }
 }
 
-/// Kerning of two glyphs in font units: of the old table, else of GPOS pairs.
+/// Kerning of two glyphs in font units, from the `kern` table if the font has one, else from GPOS pairs.
 pub(crate) fn kerning(face: &Face, left: GlyphId, right: GlyphId) -> f32 {
     if let Some(kern) = face.tables().kern {
         let tables = kern.subtables.into_iter().filter(|t| t.horizontal && !t.variable);

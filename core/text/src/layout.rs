@@ -1,4 +1,4 @@
-//! Layout: words to lines.
+//! Text layout: line breaking, alignment and kerning.
 
 use crate::coverage::{Coverage, Outline};
 use crate::fallback::fallbacks;
@@ -7,12 +7,12 @@ use ttf_parser::{Face, GlyphId};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Style {
-    /// Size of the font's em.
+    /// Font size: height of the em square, pixels.
     pub size: f32,
-    /// Width at which lines are broken between words.
+    /// Width in pixels at which lines are broken between words; `None` breaks only at `\n`.
     pub width: Option<f32>,
     pub align: Align,
-    /// Distance between baselines, in font sizes.
+    /// Distance between baselines, as a multiple of `size`.
     pub line_height: f32,
 }
 
@@ -24,21 +24,21 @@ pub enum Align {
     Right,
 }
 
-/// Placed glyphs in a box whose top left is the origin.
+/// Placed glyphs in a box whose top left is the origin; lengths in pixels, y down.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Laid {
     pub size: [f32; 2],
     /// Glyphs with the positions of their origins on the baseline.
     glyphs: Vec<(Glyph, [f32; 2])>,
     size_of_em: f32,
-    /// Fonts for what the text's own font lacks.
+    /// Fonts for characters that the text's own font lacks.
     fallbacks: Vec<Font>,
     pub lines: usize,
     /// Left and right end of the longest line, within the box.
     pub ends: [f32; 2],
 }
 
-/// A glyph of the text's own font, or of the fallback with an index.
+/// Index of the fallback font (`None`: the text's own font) and glyph ID.
 type Glyph = (Option<u8>, u16);
 
 /// The fonts of a text, parsed.
@@ -57,7 +57,7 @@ impl<'f> Faces<'f> {
         let index = self.index_of.iter().find(|(known, _)| *known == c).map(|(_, index)| *index);
         let of_fallback =
             index.and_then(|i| Some((Some(i), self.fallbacks[usize::from(i)].glyph_index(c)?.0)));
-        // Glyph 0 is the font's sign for what it lacks.
+        // Glyph 0 (.notdef) stands for characters that a font lacks.
         of_fallback.unwrap_or((None, 0))
     }
 
@@ -70,7 +70,7 @@ impl<'f> Faces<'f> {
         f32::from(face.glyph_hor_advance(GlyphId(glyph)).unwrap_or(0)) * scale(face, size)
     }
 
-    /// Glyphs of two fonts have no kerning.
+    /// Kerning in pixels; zero between glyphs of different fonts.
     fn kerning(&self, left: Glyph, right: Glyph, size: f32) -> f32 {
         if left.0 != right.0 {
             return 0.0;
@@ -80,12 +80,12 @@ impl<'f> Faces<'f> {
     }
 }
 
-/// Pixels of a font unit.
+/// Pixels per font unit.
 fn scale(face: &Face, size: f32) -> f32 {
     size / f32::from(face.units_per_em().max(1))
 }
 
-/// The fonts for what a font lacks of a text, each once, and the index of that for each character.
+/// Fallback fonts for the characters of a text that `font` lacks, each once, and the index of the fallback for each character.
 fn fallbacks_of(font: &Font, text: &str) -> (Vec<Font>, Vec<(char, u8)>) {
     let (mut fonts, mut index_of) = (Vec::new(), Vec::new());
     let missing = font.missing(text);
@@ -108,7 +108,7 @@ fn fallbacks_of(font: &Font, text: &str) -> (Vec<Font>, Vec<(char, u8)>) {
 struct Word {
     glyphs: Vec<(Glyph, f32)>,
     width: f32,
-    /// Width of the space after it.
+    /// Width of the space after the word.
     space: f32,
 }
 
@@ -175,14 +175,14 @@ fn word(faces: &Faces, text: &str, size: f32) -> Word {
 }
 
 impl Laid {
-    /// Coverage of all glyphs in an image of a size, with the box's top left at a position, scaled by a factor.
+    /// Coverage of all glyphs in an image of size `picture`, scaled by `factor`, with the box's top left at `at` (pixels).
     pub fn coverage(&self, font: &Font, at: [f32; 2], factor: f32, picture: [u32; 2]) -> Coverage {
         let mut coverage = self.empty(at, factor, 0.0, picture);
         self.edges(font, at, factor, &mut |a, b| coverage.line(a, b));
         coverage
     }
 
-    /// The same with everything within a distance of the glyphs' edges, in pixels.
+    /// Coverage of all glyphs, dilated by `distance` pixels; otherwise like [`Laid::coverage`].
     pub fn outlined(
         &self,
         font: &Font,
@@ -200,7 +200,7 @@ impl Laid {
         coverage.grown(&edges, distance)
     }
 
-    /// Room for all glyphs and a margin.
+    /// Zero coverage with room for all glyphs and a margin in pixels.
     fn empty(&self, at: [f32; 2], factor: f32, margin: f32, picture: [u32; 2]) -> Coverage {
         let size = self.size.map(|s| s * factor);
         // Accents and slanted letters reach over the box.

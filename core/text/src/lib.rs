@@ -1,4 +1,4 @@
-//! Fonts, lines of text, and the exact coverage of their outlines. Knows nothing of stages, scripts or renderers.
+//! Fonts, lines of text, and the exact coverage of their outlines. Does not depend on stages, scripts or renderers.
 //! Lengths are pixels, y down.
 
 mod coverage;

@@ -7,13 +7,13 @@ use glam::Vec3;
 use std::fmt;
 use std::sync::Arc;
 
-/// Radiance from every direction, linear, as an equirectangular image: rows from straight up to straight down; the middle
-/// column is what is seen looking along −Z, columns to the right of it lie to the right.
+/// Radiance from every direction, linear, as an equirectangular image: rows from straight up to straight down. The middle column
+/// is the view along −Z; columns to the right of it lie to the right of that view.
 #[derive(Clone, PartialEq)]
 pub struct Panorama {
     /// Name for messages.
     pub name: String,
-    /// The Radiance file (`.hdr`) that it was read from, where an export may write it unchanged.
+    /// Radiance file (`.hdr`) from which the panorama was read, if an export may write it unchanged.
     pub file: Option<Arc<Vec<u8>>>,
     width: u32,
     height: u32,
@@ -26,7 +26,7 @@ pub struct Panorama {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 pub enum PanoramaError {
-    /// No columns or no rows, or another number of texels than they make.
+    /// The width or height is 0, or the number of values is not 3 · width · height.
     Size,
     /// The texel in column `x` of row `y` is negative or not finite.
     Texel { x: u32, y: u32 },
@@ -39,10 +39,10 @@ impl fmt::Debug for Panorama {
 }
 
 impl Panorama {
-    /// The most that a texel can be: the largest 16-bit float, as which devices keep it.
+    /// Largest value of a texel: the largest 16-bit float, the format in which GPUs store it.
     pub const BRIGHTEST: f32 = 65504.0;
 
-    /// Texels brighter than [`Panorama::BRIGHTEST`] are cut off there.
+    /// Makes a panorama from linear RGB texels, rows from the top. Values above [`Panorama::BRIGHTEST`] are clamped.
     pub fn new(name: &str, width: u32, height: u32, mut rgb: Vec<f32>) -> Result<Panorama, PanoramaError> {
         if width == 0 || height == 0 || rgb.len() as u64 != 3 * u64::from(width) * u64::from(height) {
             return Err(PanoramaError::Size);
@@ -70,7 +70,7 @@ impl Panorama {
         self.hash
     }
 
-    /// Columns go round, rows end at the poles.
+    /// The texel in column `x` of row `y`: columns wrap around, rows are clamped at the poles.
     pub fn texel(&self, x: i64, y: i64) -> Vec3 {
         let x = x.rem_euclid(i64::from(self.width)) as usize;
         let y = y.clamp(0, i64::from(self.height) - 1) as usize;

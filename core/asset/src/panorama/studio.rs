@@ -1,12 +1,12 @@
-//! A photographer's studio made of numbers: soft boxes before a wall of grays.
+//! Procedural environment map of a photo studio: soft boxes in a gray room.
 
 use super::Panorama;
 use glam::{DVec3, Vec3};
 use std::sync::{Arc, OnceLock};
 
-/// A glowing rectangle seen from the middle of the room: where it is, how large, how bright.
+/// An emissive rectangle, as seen from the center of the room.
 struct SoftBox {
-    /// Degrees: to the left of looking along −Z, as an azimuth counter-clockwise from above, and up.
+    /// Direction of the center, degrees: azimuth counter-clockwise from above, 0 along −Z, and elevation.
     azimuth: f64,
     elevation: f64,
     /// Half width and half height, degrees.
@@ -15,8 +15,8 @@ struct SoftBox {
     color: Vec3,
 }
 
-/// The subject faces +Z (azimuth 180): a large warm key before and left of a camera there, a cool fill on the other side, two
-/// strips behind for the rims, and a sheet overhead.
+/// Lights for a subject that faces +Z (azimuth 180): a large warm key light, left of a camera in front of it; a cool fill light
+/// on the other side; two strips behind for rim light; and a sheet overhead.
 const BOXES: [SoftBox; 5] = [
     SoftBox {
         azimuth: 138.0,
@@ -57,13 +57,13 @@ fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Unit; azimuth counter-clockwise from above, 0 along −Z.
+/// Unit direction from azimuth (counter-clockwise from above, 0 along −Z) and elevation in degrees.
 fn direction(azimuth: f64, elevation: f64) -> DVec3 {
     let (a, e) = (azimuth.to_radians(), elevation.to_radians());
     DVec3::new(-libm::sin(a) * libm::cos(e), libm::sin(e), -libm::cos(a) * libm::cos(e))
 }
 
-/// Walls and ceiling: dark floor, a bright horizon, gray above.
+/// Radiance of the room in a direction with the y component `up`: a dark floor, a bright horizon, gray above.
 fn room(up: f64) -> Vec3 {
     let floor = 0.12 + 0.10 * smoothstep(-1.0, -0.1, up);
     let wall = 0.38 - 0.20 * smoothstep(0.05, 0.9, up);
@@ -91,7 +91,7 @@ fn radiance(way: DVec3) -> Vec3 {
 }
 
 impl Panorama {
-    /// `sky("studio")`: the same bits on every machine, made once.
+    /// The panorama of `sky("studio")`, made once, with the same bits on every machine.
     pub fn studio() -> Arc<Panorama> {
         static STUDIO: OnceLock<Arc<Panorama>> = OnceLock::new();
         let made = || {

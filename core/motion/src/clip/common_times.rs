@@ -1,7 +1,7 @@
-//! Linear curves whose key times differ, on the key times of all of them.
+//! Resamples linear curves with different key times at the key times of all of them.
 //!
-//! Between two keys of its own a curve gets keys that lie on it, so that sampling gives the same but for rounding (below 1e-6; a test compares
-//! with f64). All are then found by one search and interpolated eight at a time.
+//! Added keys lie on the curve, so that sampling gives the same but for rounding (below 1e-6; a test compares with f64). One
+//! search then serves all curves, and they are interpolated eight at a time.
 
 use crate::clip::key_search::find_interval;
 use crate::clip::tracks::{Channel, Strays, key_value};
@@ -12,19 +12,19 @@ use crate::time::Time;
 use glam::DQuat;
 use std::sync::Arc;
 
-/// Rows take at most this many times the bytes of the keys, or this many bytes in all: curves of hundreds of keys each at times of their own
-/// would take the square.
+/// Limits of the resampled rows: this many times the bytes of the keys, or this many bytes in all. Without them, curves with
+/// hundreds of separate key times would take memory in the square of their number.
 const MOST_TIMES_THE_BYTES: usize = 16;
 const ALWAYS_BYTES: usize = 1 << 20;
 
 /// Curves on common key times.
 pub(crate) struct CommonTimes {
-    /// Their indices before, sorted.
+    /// Indices of the source curves, sorted.
     pub sources: Vec<usize>,
     pub curves: Vec<Curve>,
 }
 
-/// The linear ones of the curves that would stand alone; `None` where there are none, or the rows would be too large.
+/// Resamples the linear curves among `strays` at common times. `None` if there are none, or if the rows would be too large.
 pub(crate) fn common_times(curves: &[Curve], strays: &Strays) -> Option<CommonTimes> {
     let columns = || strays.iter().filter(|((interpolation, ..), _)| *interpolation == Interpolation::Linear);
     let mut sources: Vec<usize> = columns().flat_map(|(_, members)| members).copied().collect();
@@ -44,7 +44,7 @@ pub(crate) fn common_times(curves: &[Curve], strays: &Strays) -> Option<CommonTi
     Some(CommonTimes { sources, curves })
 }
 
-/// A linear curve with keys at other times, among them all of its own.
+/// Resamples a linear curve at `times`, which include all of its key times.
 fn at_times(curve: &Curve, times: &Arc<[Time]>) -> Curve {
     let width = curve.path.width();
     let mut values = Vec::with_capacity(times.len() * width);

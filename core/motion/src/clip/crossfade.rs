@@ -10,12 +10,12 @@ use crate::skeleton::Skeleton;
 use crate::time::Time;
 use glam::Affine3A;
 
-/// The result of two `Sample`, a `Blend` and `LocalToModel` (to the rounding of f32), without storing the
-/// blended pose. It can be run over many characters with the same scratch poses.
+/// Crossfade of two clips: the result of two `Sample`, a `Blend` and `LocalToModel` (to the rounding of f32), without storing the
+/// blended pose. The same scratch poses can serve many characters.
 pub struct Crossfade<'a> {
     /// Skeleton of both clips.
     pub skeleton: &'a Skeleton,
-    /// In: transforms of joints that a clip does not animate; as many joints as the skeleton.
+    /// Input: transforms of joints that a clip does not animate; as many joints as the skeleton.
     pub rest: &'a Pose,
     /// Clip at weight 0.
     pub from: &'a Clip,
@@ -25,11 +25,11 @@ pub struct Crossfade<'a> {
     pub to: &'a Clip,
     /// Clip time of `to`.
     pub to_time: Time,
-    /// 0..=1: 0 is `from` alone, 1 is `to` alone, exactly.
+    /// Blend weight, 0..=1: 0 is `from` alone, 1 is `to` alone, exactly.
     pub weight: f32,
     /// Scratch, overwritten: two poses of as many joints as the skeleton.
     pub scratch: &'a mut [Pose; 2],
-    /// Out: one per joint.
+    /// Output: one per joint.
     pub model_from_joint: &'a mut [Affine3A],
 }
 
@@ -48,12 +48,12 @@ impl Crossfade<'_> {
         InputError::check_value((0.0..=1.0).contains(&self.weight), "Crossfade.weight", self.weight, "0..=1")
     }
 
-    /// Allocates nothing, but each clip's tracks at its very first sampling.
+    /// Runs the crossfade. Allocates nothing except each clip's tracks, when it is first sampled.
     pub fn run(&mut self) {
         self.run_on(Level::best());
     }
 
-    /// The same bits at any level; for tests and benchmarks.
+    /// Runs at a SIMD level, for tests and benchmarks; the bits are the same at any.
     pub fn run_on(&mut self, level: Level) {
         if self.weight == 0.0 || self.weight == 1.0 {
             let (clip, time) =

@@ -1,4 +1,4 @@
-//! Key times with a way to find the interval of a time at once.
+//! Finds the two keys around a time without searching all of them.
 
 use crate::time::Time;
 use std::sync::Arc;
@@ -7,10 +7,10 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub(crate) struct Timeline {
     times: Arc<[Time]>,
-    /// Mean keys a tick.
+    /// Mean number of keys per tick.
     density: f64,
     /// Index for keys that are not evenly spaced: the first key in or after each of as many buckets as there are keys, and
-    /// the number of keys. Empty where key i lies in or next to bucket i.
+    /// the number of keys. Empty if every key i lies in or next to bucket i.
     buckets: Box<[u32]>,
 }
 
@@ -27,7 +27,7 @@ pub(crate) struct Interval {
 }
 
 impl Timeline {
-    /// Times are strictly increasing and at least one.
+    /// `times`: strictly increasing, at least one.
     pub fn new(times: Arc<[Time]>) -> Timeline {
         let count = times.len();
         let span = (times[count - 1] - times[0]).0;
@@ -36,7 +36,7 @@ impl Timeline {
         }
         let mut timeline =
             Timeline { times, density: (count - 1) as f64 / span as f64, buckets: Box::default() };
-        // Times that a file gave as f32 seconds are even to some hundred ticks, not to one.
+        // Times that a file states as f32 seconds are evenly spaced to some hundred ticks, not to one.
         let even = timeline.times.iter().enumerate().all(|(i, t)| timeline.bucket(*t).abs_diff(i) <= 1);
         if !even {
             let mut key = 0;
@@ -51,14 +51,14 @@ impl Timeline {
         timeline
     }
 
-    /// Never decreases with time; 0 at the first key, at most the last key's index.
+    /// Bucket of a time: never decreases with time, 0 at the first key, at most the last key's index.
     #[inline(always)]
     fn bucket(&self, time: Time) -> usize {
         let ticks = (time - self.times[0]).0.max(0);
         ((ticks as f64 * self.density) as usize).min(self.times.len() - 1)
     }
 
-    /// Inlined always: called from AVX code as plain SSE code it took half as long again.
+    /// Always inlined: as plain SSE code that is called from AVX code, it took 1.5 times as long.
     #[inline(always)]
     pub fn find(&self, time: Time) -> Interval {
         let times = &self.times;
@@ -76,7 +76,7 @@ impl Timeline {
             let (low, high) = (self.buckets[bucket] as usize, self.buckets[bucket + 1] as usize);
             (low + times[low..high].partition_point(|t| *t <= time)).min(last - 1)
         };
-        // Evenly spaced: at most two steps. Buckets: at most one, back.
+        // Evenly spaced keys take at most two steps; buckets, at most one step back.
         while times[key] > time {
             key -= 1;
         }

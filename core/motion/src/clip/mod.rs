@@ -58,7 +58,7 @@ impl Path {
         }
     }
 
-    /// Floats that a value takes.
+    /// Number of floats of a value.
     pub fn width(self) -> usize {
         match self {
             Path::Translation | Path::Scale => 3,
@@ -76,7 +76,7 @@ impl Path {
 pub struct Curve {
     /// Index into the skeleton that the clip was authored on.
     pub joint: u32,
-    /// The property that it animates.
+    /// The property that the curve animates.
     pub path: Path,
     /// How values between keys are found.
     pub interpolation: Interpolation,
@@ -87,13 +87,14 @@ pub struct Curve {
 }
 
 impl Curve {
-    /// Floats that one key takes in `values`.
+    /// Number of floats of one key in `values`.
     pub fn stride(&self) -> usize {
         self.path.width() * if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 }
     }
 }
 
-/// The authored weight of a facial expression over time, by the expression's name: whoever plays the clip looks it up among its own.
+/// The authored weight of a facial expression over time. A character that plays the clip looks up its own expression of this
+/// name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExpressionCurve {
     /// Name of the expression.
@@ -102,7 +103,7 @@ pub struct ExpressionCurve {
     pub interpolation: Interpolation,
     /// Key times as in [`Curve`].
     pub times: Arc<[Time]>,
-    /// One number a key (three if CubicSpline), 0..=1 where it means something.
+    /// One weight per key (three numbers if CubicSpline), meant to be 0..=1.
     pub values: Arc<[f32]>,
 }
 
@@ -119,7 +120,7 @@ impl ExpressionCurve {
     }
 }
 
-/// Why curves make no clip: a curve and what is wrong with it.
+/// The reason why curves do not form a clip: a curve and its error.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "the messages name the fields")]
 pub enum ClipError {
@@ -163,7 +164,7 @@ crate::error_texts! { CurveError:
     Self::TwoCurves => "it has two curves";
 }
 
-/// A curve of an expression that is unsound.
+/// Error of an expression's curve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExpressionError {
     /// Name of the expression.
@@ -183,8 +184,8 @@ pub struct CompressionReport {
     pub bytes: [usize; 2],
     /// Size of translation, rotation and scale of every joint at 30 Hz in f32: 40 bytes per joint and key.
     pub dense_bytes: usize,
-    /// Metres of the model, of any joint's place and of points 10 cm from it along each axis: at all keys and halfway between,
-    /// 4,000 times at most. Zero where the clip stays as it was, since it would not have become smaller.
+    /// Largest error in model space, metres, of any joint and of points 10 cm from it along each axis: at all keys and halfway
+    /// between, at most 4,000 times. Zero if the clip stays as it was, since it would not have become smaller.
     pub worst_m: f64,
 }
 
@@ -196,13 +197,13 @@ pub struct Clip {
     /// Time of the last key.
     pub duration: Time,
     joint_count: usize,
-    /// All curves, or those that are not packed.
+    /// All curves; of a compressed clip, those that are not packed.
     curves: Arc<[Curve]>,
     packed: Option<Arc<Packed>>,
     compression: Option<CompressionReport>,
-    /// All curves of a packed clip, on request.
+    /// All curves of a compressed clip, decoded on request.
     decoded: Arc<OnceLock<Box<[Curve]>>>,
-    /// Packed at the first sampling, shared by clones.
+    /// Data for sampling, made at the first sampling and shared by clones.
     tracks: Arc<OnceLock<Tracks>>,
     /// Joints with a transform curve, one bit each.
     animated: Arc<[u64]>,
@@ -213,14 +214,14 @@ pub struct Clip {
     properties: Arc<[property_curve::CheckedPropertyCurve]>,
 }
 
-/// Morph targets that one curve may drive; a file that states more is refused.
+/// Most morph targets that one curve may drive; a file with more is refused.
 pub const MAX_WEIGHTS: u32 = 65_536;
 
 /// The largest number a key may hold, so that interpolation stays within f32.
 pub(crate) const MAX_KEY: f32 = 1e15;
 
 impl Clip {
-    /// Checks the curves against a skeleton of `joint_count` joints: lengths, order, finiteness, unit rotations (renormalised).
+    /// Checks the curves against a skeleton of `joint_count` joints: lengths, order, finiteness, unit rotations (renormalized).
     pub fn new(name: String, joint_count: usize, mut curves: Vec<Curve>) -> Result<Clip, ClipError> {
         let mut driven = BTreeMap::new();
         for (index, curve) in curves.iter_mut().enumerate() {
@@ -242,7 +243,7 @@ impl Clip {
         Ok(Clip::from_checked(name, duration.max(Time::ZERO), joint_count, curves))
     }
 
-    /// Curves that are known to be sound.
+    /// Makes a clip of curves that are known to be valid.
     fn from_checked(name: String, duration: Time, joint_count: usize, curves: Vec<Curve>) -> Clip {
         let mut animated = vec![0u64; joint_count.div_ceil(64)];
         let mut weight_curves = Vec::new();
@@ -269,7 +270,7 @@ impl Clip {
         }
     }
 
-    /// Adds curves of expressions, checked as the others are; each name once. The clip lasts as long as its longest curve.
+    /// Sets the curves of expressions, checked like the others; each name once. The duration grows to the longest curve.
     pub fn with_expressions(mut self, mut curves: Vec<ExpressionCurve>) -> Result<Clip, ExpressionError> {
         curves.sort_by(|a, b| a.name.cmp(&b.name));
         for (index, curve) in curves.iter().enumerate() {
@@ -290,7 +291,7 @@ impl Clip {
         &self.expressions
     }
 
-    /// Weight of an expression at a time; `None` where the clip does not drive it.
+    /// Weight of an expression at a time; `None` if the clip does not drive it.
     pub fn sample_expression(&self, name: &str, time: Time) -> Option<f32> {
         let at = self.expressions.binary_search_by(|c| c.name.as_str().cmp(name)).ok()?;
         let curve = &self.expressions[at];
@@ -299,9 +300,7 @@ impl Clip {
         Some(weight[0])
     }
 
-    /// The same clip with other curves, which are known to be sound.
-    /// The same clip with other curves of as many joints, as long as it was; unsorted ones are sorted. `curves` must be such as
-    /// [`Clip::new`] takes.
+    /// The clip with other curves of the same joints, and its duration. `curves` must be valid, as [`Clip::new`] checks them.
     pub fn rekeyed(&self, curves: Vec<Curve>) -> Clip {
         self.with_curves(self.joint_count(), curves).with_duration(self.duration)
     }
@@ -311,7 +310,7 @@ impl Clip {
         Clip { expressions: self.expressions.clone(), ..clip }
     }
 
-    /// The same clip with each curve changed, those of expressions, seen as one morph weight, as well.
+    /// The clip with each curve changed, including those of expressions, which are passed as curves of one morph weight.
     pub(crate) fn try_each<E>(&self, mut change: impl FnMut(&Curve) -> Result<Curve, E>) -> Result<Clip, E> {
         let curves = self.curves().iter().map(&mut change).collect::<Result<Vec<_>, E>>()?;
         let expression = |e: &ExpressionCurve| Ok(e.changed(change(&e.as_curve())?));
@@ -319,18 +318,18 @@ impl Clip {
         Ok(self.with_curves(self.joint_count, curves).with_checked_expressions(expressions))
     }
 
-    /// Expressions that are known to be sound, by name.
+    /// Sets expression curves that are known to be valid, sorted by name.
     pub(crate) fn with_checked_expressions(self, expressions: Vec<ExpressionCurve>) -> Clip {
         Clip { expressions: expressions.into(), ..self }
     }
 
-    /// The same clip, as long as this.
+    /// Sets the duration.
     pub(crate) fn with_duration(mut self, duration: Time) -> Clip {
         self.duration = duration;
         self
     }
 
-    /// The clip with curves of its asset's cameras, lights and materials; it lasts as long as the longest of all.
+    /// The clip with curves of its asset's cameras, lights and materials. The duration grows to the longest curve.
     pub fn with_properties(mut self, curves: Vec<PropertyCurve>) -> Result<Clip, ClipError> {
         self.properties = property_curve::check(curves)?.into();
         let last = self.properties.iter().filter_map(|p| p.curve().times.last()).max();
@@ -338,18 +337,19 @@ impl Clip {
         Ok(self)
     }
 
-    /// The animated properties beside the skeleton, each with its curve (in the form of a weight curve).
+    /// Animated properties of cameras, lights and materials, each with its curve (in the form of a curve of morph weights).
     pub fn properties(&self) -> impl ExactSizeIterator<Item = (PropertyTarget, &Curve)> {
         self.properties.iter().map(|p| (p.target(), p.curve()))
     }
 
-    /// A property at a time, into the first of `out`. False, and `out` untouched, where the clip does not drive it.
+    /// Samples a property into the first elements of `out`. Returns false and leaves `out` unchanged if the clip does not drive
+    /// it.
     pub fn sample_property(&self, target: PropertyTarget, time: Time, out: &mut [f32]) -> bool {
         let found = self.properties.iter().find(|p| p.target() == target);
         found.inspect(|p| p.sample(time, out)).is_some()
     }
 
-    /// Lays the keys out for sampling, which else happens when the clip is first sampled.
+    /// Prepares the clip for sampling, which otherwise happens when it is first sampled.
     pub fn prepare(&self) {
         self.tracks();
     }
@@ -380,12 +380,12 @@ impl Clip {
         self.packed.as_deref()
     }
 
-    /// Whether it is compressed; see [`Clip::compressed`].
+    /// Whether the clip is compressed; see [`Clip::compressed`].
     pub fn is_compressed(&self) -> bool {
         self.packed.is_some()
     }
 
-    /// The result of its compression; `None` if it was not compressed, or would not have become smaller.
+    /// The result of the clip's compression; `None` if it was not compressed, or would not have become smaller.
     pub fn compression(&self) -> Option<CompressionReport> {
         self.compression
     }
@@ -394,7 +394,7 @@ impl Clip {
         Clip { compression: Some(compression), ..self }
     }
 
-    /// The clip with packed curves beside those that it has.
+    /// Adds packed curves to those of the clip.
     pub(crate) fn with_packed(self, packed: Arc<Packed>) -> Clip {
         let mut animated = self.animated.to_vec();
         for column in packed.columns() {
@@ -411,7 +411,7 @@ impl Clip {
         }
     }
 
-    /// Joints of the skeleton that the clip was checked against.
+    /// Number of joints of the skeleton that the clip was checked against.
     pub fn joint_count(&self) -> usize {
         self.joint_count
     }
@@ -421,8 +421,8 @@ impl Clip {
         self.animated.get(joint as usize / 64).is_some_and(|bits| bits >> (joint % 64) & 1 == 1)
     }
 
-    /// Morph weights of the mesh at `joint` at a time. False, and `out` untouched, where the clip does not
-    /// drive them. Where the counts differ the shorter one counts.
+    /// Samples the morph weights of the mesh at `joint` into `out`. Returns false and leaves `out` unchanged if the clip does not
+    /// drive them. If the counts differ, the shorter one counts.
     pub fn sample_weights(&self, joint: u32, time: Time, out: &mut [f32]) -> bool {
         let at = self.weight_curves.partition_point(|(j, _)| *j < joint);
         let Some((_, curve)) = self.weight_curves.get(at).filter(|(j, _)| *j == joint) else { return false };
@@ -457,7 +457,7 @@ fn check_keys(times: &[Time], values: &[f32], stride: usize) -> Result<(), Curve
     Ok(())
 }
 
-/// Checks one curve and renormalises its rotations; the text states which key is wrong.
+/// Checks one curve and renormalizes its rotations; the error states which key is wrong.
 pub(crate) fn check_curve(curve: &mut Curve, joint_count: usize) -> Result<(), CurveError> {
     if curve.joint as usize >= joint_count {
         return Err(CurveError::NoJoint(joint_count));
@@ -483,7 +483,7 @@ pub(crate) fn check_curve(curve: &mut Curve, joint_count: usize) -> Result<(), C
     Ok(())
 }
 
-/// The quaternion at unit length (computed in f64), unchanged where it is already as near as f32 gets; `None` at length zero.
+/// Normalizes a quaternion in f64; unchanged if it has unit length to the precision of f32, `None` at length zero.
 fn unit_rotation(q: [f32; 4]) -> Option<[f32; 4]> {
     let length_squared: f64 = q.iter().map(|&c| f64::from(c) * f64::from(c)).sum();
     if (length_squared - 1.0).abs() <= 3e-7 {

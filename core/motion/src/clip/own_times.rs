@@ -1,7 +1,7 @@
-//! Curves of neighbouring joints that have key times of their own: the keys of eight are found, gathered and interpolated at once.
+//! Sampling of curves with separate key times: the keys of eight neighboring joints are found, gathered and interpolated at once.
 //!
-//! A grid over the clip names the place of each curve at the start of each cell. The few keys within a cell are found by halving,
-//! so that a random time costs what the next frame costs; two neighbouring keys lie side by side, and one load reads both.
+//! A grid over the clip holds the place of each curve at the start of each cell. The few keys within a cell are found by
+//! bisection, so that a seek costs as much as the next frame. Neighboring keys lie side by side, so that one load reads both.
 
 use crate::clip::sample::{hermite_at, normalized, slerp_between, write};
 use crate::clip::tracks::{Channel, Column, Lanes, column, part};
@@ -15,17 +15,18 @@ use crate::time::Time;
 /// The largest number of ticks that f64 holds exactly.
 const MOST_TICKS: i64 = 1 << 53;
 
-/// Curves of one interpolation. A curve of N keys has N + 1 places: before its first key, after each of its keys, and from its last key on.
+/// Curves of one interpolation. A curve of N keys has N + 1 places: up to its first key, between each two keys, and from its last
+/// key on.
 #[derive(Debug, Default)]
 pub(crate) struct OwnTimes {
     columns: Vec<OwnColumn>,
     /// Entries of [`Self::keys`] that one key takes: 1, or 3 for in-tangent, value and out-tangent.
     parts: usize,
-    /// Ticks at which the grid starts, and cells a tick.
+    /// Start of the grid, ticks, and cells per tick.
     start: f64,
     density: f64,
     cells: usize,
-    /// A row of all columns a cell.
+    /// One row per cell, with an element per column.
     grid: Vec<Cell>,
     /// Ticks at which each place begins.
     begins: Vec<f64>,
@@ -45,23 +46,23 @@ struct OwnColumn {
 struct Cell {
     /// The place of each lane where the cell begins.
     places: [u32; LANES],
-    /// Number of halvings that tell the places in the cell apart.
+    /// Number of bisection steps that find a place in the cell.
     halvings: u32,
 }
 
 /// The time between two keys.
 #[derive(Clone, Copy, Debug)]
 struct Span {
-    /// Ticks.
+    /// Start, ticks.
     from: f64,
-    /// Shares of the span a tick; 0 beyond the ends of a curve.
+    /// 1 / duration in ticks; 0 beyond the ends of a curve.
     rate: f64,
     secs: f32,
 }
 
 const OUTSIDE: Span = Span { from: 0.0, rate: 0.0, secs: 0.0 };
 
-/// Whether curves of these key times can lie here.
+/// Whether [`OwnTimes`] can hold a curve: linear or cubic, several keys, times exact in f64.
 pub(crate) fn fits(curve: &Curve) -> bool {
     let exact = |time: Option<&Time>| time.is_some_and(|t| t.0.abs() < MOST_TICKS);
     curve.interpolation != Interpolation::Step
@@ -71,7 +72,8 @@ pub(crate) fn fits(curve: &Curve) -> bool {
 }
 
 impl OwnTimes {
-    /// Curves of the same interpolation, linear or cubic, all of which fit, by block and channel.
+    /// Packs curves of one interpolation, linear or cubic, all of which fit ([`fits`]). `members`: block, channel and curve
+    /// indices.
     pub fn pack<'a>(curves: &'a [Curve], members: impl Iterator<Item = (u32, Channel, &'a [usize])>) -> Self {
         let mut packed = OwnTimes { parts: 1, ..OwnTimes::default() };
         // The first place of each lane.
@@ -86,7 +88,7 @@ impl OwnTimes {
                 last[lane] = first[lane] + curve.times.len() as u32;
                 packed.add(curve);
             }
-            // Lanes without a curve follow another, and are not written.
+            // Lanes without a curve copy another lane, and are not written.
             let Some(driven) = lanes.iter().position(Option::is_some) else { continue };
             for lane in (0..LANES).filter(|lane| lanes[*lane].is_none()) {
                 (first[lane], last[lane]) = (first[driven], last[driven]);
@@ -101,7 +103,7 @@ impl OwnTimes {
     fn add(&mut self, curve: &Curve) {
         let ticks = |key: usize| curve.times[key].0 as f64;
         let count = curve.times.len();
-        // The first key holds at its time as before it.
+        // The first key's value holds up to its time, inclusive.
         self.begins.extend([f64::NEG_INFINITY, ticks(0) + 1.0]);
         self.begins.extend((1..count).map(ticks));
         self.begins.push(f64::INFINITY);
@@ -117,7 +119,7 @@ impl OwnTimes {
         }
     }
 
-    /// About four cells for each key of a curve in the mean.
+    /// Makes the grid, with about four cells per key of an average curve.
     fn lay_grid(&mut self, firsts: &[[u32; LANES]]) {
         let finite = self.begins.iter().copied().filter(|begin| begin.is_finite());
         let (start, end) = finite.fold((f64::MAX, f64::MIN), |(a, b), t| (a.min(t), b.max(t)));
@@ -140,7 +142,7 @@ impl OwnTimes {
         self.grid = grid;
     }
 
-    /// Never decreases with time.
+    /// Cell of a time; never decreases with time.
     #[inline(always)]
     fn cell(&self, ticks: f64) -> usize {
         (((ticks - self.start) * self.density) as usize).min(self.cells - 1)
@@ -165,7 +167,7 @@ impl OwnTimes {
         }
     }
 
-    /// The last places that have begun.
+    /// The last place of each lane that has begun at `ticks`.
     #[inline(always)]
     fn places(&self, cell: &Cell, last: &[u32; LANES], ticks: f64) -> [u32; LANES] {
         let mut places = cell.places;
@@ -193,7 +195,8 @@ impl OwnTimes {
         (F::load(&fraction), F::load(&secs))
     }
 
-    /// Component rows of two neighbouring entries of the keys of eight places; `at`: the first of them, of a place.
+    /// Component rows of two neighboring entries of the keys of eight places; `at`: offset of the first one from the place's
+    /// entries.
     #[inline(always)]
     fn gather<F: F8>(&self, places: &[u32; LANES], at: usize) -> Option<[[F; 4]; 2]> {
         let mut pairs = [F::splat(0.0); LANES];

@@ -1,4 +1,4 @@
-//! Knots of a compressed clip as integers of few bits, eight joints side by side, and the kernel that decodes them.
+//! Quantized B-spline knots of a compressed clip, eight joints side by side, and the kernel that decodes them.
 
 use crate::clip::sample::write;
 use crate::clip::tracks::{Channel, Column};
@@ -17,11 +17,11 @@ pub(crate) struct Packed {
     pub(crate) step: i64,
     pub(crate) frames: usize,
     pub(crate) strides: Vec<Stride>,
-    /// The most that a column needs.
+    /// Most terms of the slerp series that a column needs.
     pub(crate) terms: usize,
 }
 
-/// Columns that have one knot for as many frames.
+/// Columns that have one knot per `stride` frames.
 #[derive(Debug)]
 pub(crate) struct Stride {
     pub(crate) stride: usize,
@@ -29,19 +29,19 @@ pub(crate) struct Stride {
     pub(crate) row_bytes: usize,
     /// B-spline weights by frame modulo stride: those of five knots for that frame and for the next.
     pub(crate) weights: Vec<[[f32; 5]; 2]>,
-    /// Knot by knot, column by column, component by component; what a wide load may read beyond lies at the end.
+    /// Knot by knot, column by column, component by component, with padding at the end for wide loads.
     pub(crate) bytes: Vec<u8>,
 }
 
 #[derive(Debug)]
 pub(crate) struct PackedColumn {
     pub(crate) column: Column,
-    /// Whether neighbouring rotations are so near that normalized linear interpolation is as good as slerp.
+    /// Whether neighboring rotations are so close that normalized linear interpolation is as good as slerp.
     pub(crate) straight: bool,
     /// Layout and number of bits of each component's numbers.
     pub(crate) bits: [Bits; 4],
     pub(crate) bytes: [u8; 4],
-    /// Value of 0, and of one step.
+    /// Dequantization: the value of 0, and that of one step.
     pub(crate) low: [Lane; 4],
     pub(crate) step: [Lane; 4],
 }
@@ -108,7 +108,7 @@ impl Packed {
         curves
     }
 
-    /// The frame at or before a time that has one after it, and how far the time lies between.
+    /// The frame at or before a time, at most the last but one, and the fraction to the next frame.
     #[inline(always)]
     fn frame(&self, time: Time) -> (usize, f32) {
         let last = self.frames as i64 - 1;
@@ -149,7 +149,7 @@ pub(crate) fn read<F: F8>(packed: &Packed, time: Time, blocks: &mut [PoseBlock])
     }
 }
 
-/// All columns of a stride from N neighbouring knots.
+/// Decodes all columns of a stride from N neighboring knots.
 #[inline(always)]
 fn columns<F: F8, const N: usize>(
     stride: &Stride,
@@ -188,7 +188,7 @@ fn columns<F: F8, const N: usize>(
     }
 }
 
-/// The first `W` components on the straight way between frames; those that are not stored are as `low` states.
+/// The first `W` components, interpolated linearly between frames; components that are not stored have the value `low`.
 #[inline(always)]
 fn between_knots<F: F8, const N: usize, const W: usize>(
     column: &PackedColumn,
@@ -206,7 +206,7 @@ fn between_knots<F: F8, const N: usize, const W: usize>(
     Some(values)
 }
 
-/// Rotations at both frames, and the way between them on the sphere.
+/// Slerp between the rotations at both frames.
 #[inline(always)]
 fn slerped<F: F8, const N: usize>(
     column: &PackedColumn,
@@ -234,7 +234,7 @@ fn slerped<F: F8, const N: usize>(
     Some(a)
 }
 
-/// A component of neighbouring knots; in registers, since it is used up at once.
+/// One component of neighboring knots; in registers, since it is used at once.
 #[inline(always)]
 fn knots<F: F8, const N: usize>(from: &[u8], at: usize, row_bytes: usize, bits: &Bits) -> Option<[F; N]> {
     let unpacking = F::unpacking(bits);
@@ -254,7 +254,7 @@ fn weighed<F: F8, const N: usize>(knots: &[F; N], weights: &[F; N]) -> F {
     sum
 }
 
-/// Quaternions within a few hundredths of length 1 brought there: 1/√(1 + e) = 1 − e/2 + 3e²/8 − …, without root and division.
+/// Normalizes quaternions within a few hundredths of length 1: 1/√(1 + e) = 1 − e/2 + 3e²/8 − …, without root and division.
 #[inline(always)]
 fn near_unit<F: F8>(q: [F; 4]) -> [F; 4] {
     let one = F::splat(1.0);

@@ -1,5 +1,5 @@
-//! Curves of a clip beside joints and morph weights: properties of the cameras, lights and materials of its asset
-//! (KHR_animation_pointer). A clip for another skeleton has none: they name elements of one file.
+//! Animated properties of the cameras, lights and materials of a clip's asset (KHR_animation_pointer). A clip that is bound to
+//! another skeleton has none, since they refer to elements of one file.
 
 use crate::clip::key_search::find_interval;
 use crate::clip::{ClipError, Curve, CurveError, Interpolation, Path, check_curve};
@@ -13,29 +13,29 @@ pub enum PropertyTarget {
     CameraYfov(u32),
     /// Full height of an orthographic camera's view, metres.
     CameraHeight(u32),
-    /// Linear RGB.
+    /// Color of a light, linear RGB.
     LightColor(u32),
     /// Intensity in the file's unit (lux, candela).
     LightIntensity(u32),
-    /// Metres.
+    /// Range of a light, metres.
     LightRange(u32),
-    /// Half angles of a spot's cone, radians.
+    /// Inner half angle of a spot's cone, radians.
     SpotInner(u32),
     /// Outer half angle of a spot's cone, radians.
     SpotOuter(u32),
     /// Linear RGBA factor of a material.
     BaseColor(u32),
-    /// A number of a material.
+    /// Another property of a material.
     Material(u32, MaterialProperty),
 }
 
-/// Numbers of a material beside its base color. Textures by their slot: base color, metallic-roughness, normal, occlusion, emissive,
-/// specular, specular color.
+/// Properties of a material other than its base color. Texture slots, from 0: base color, metallic-roughness, normal, occlusion,
+/// emissive, specular, specular color.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum MaterialProperty {
-    /// Linear RGB, the file's strength multiplied in.
+    /// Emitted light, linear RGB, the file's emissive strength multiplied in.
     Emissive,
-    /// Factor on the file's own strength.
+    /// Factor of the file's own emissive strength.
     EmissiveStrength,
     /// 0 for dielectrics, 1 for metals.
     Metallic,
@@ -49,7 +49,7 @@ pub enum MaterialProperty {
     OcclusionStrength,
     /// Offset of the texture coordinates of a texture.
     UvOffset(u8),
-    /// Radians.
+    /// Rotation of the texture coordinates of a texture, radians.
     UvRotation(u8),
     /// Scale of the texture coordinates of a texture.
     UvScale(u8),
@@ -66,7 +66,7 @@ impl MaterialProperty {
 }
 
 impl PropertyTarget {
-    /// Numbers a key.
+    /// Number of floats per key.
     pub fn width(self) -> usize {
         match self {
             PropertyTarget::CameraYfov(_)
@@ -85,7 +85,7 @@ impl PropertyTarget {
 /// Keys of one property. `values.len() == times.len() * target.width() * (3 if CubicSpline else 1)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PropertyCurve {
-    /// The property that it animates.
+    /// The property that the curve animates.
     pub target: PropertyTarget,
     /// How values between keys are found.
     pub interpolation: Interpolation,

@@ -1,4 +1,4 @@
-//! Sampling: a clip at a time, into a pose.
+//! Sampling: evaluates a clip at a time, into a pose.
 
 use crate::clip::key_search::Interval;
 use crate::clip::tracks::{Channel, Column, Constant, Group, Rows, Single, Tracks};
@@ -13,7 +13,8 @@ use crate::time::Time;
 
 /// Evaluates a clip at a time. Joints and properties that the clip does not animate keep what is in the pose.
 ///
-/// At the time of a key the pose equals that key bit for bit, except for the sign of a quaternion and the normalization of CUBICSPLINE.
+/// The pose at the time of a key equals that key bit for bit, except for the sign of a quaternion and the normalization of
+/// CUBICSPLINE.
 pub struct Sample<'a> {
     /// The clip that is evaluated.
     pub clip: &'a Clip,
@@ -29,13 +30,13 @@ impl Sample<'_> {
         InputError::check_lengths(&[("Sample.pose", self.pose.len(), self.clip.joint_count())])
     }
 
-    /// Joints that the pose does not have are left out. Allocates nothing, but the clip's tracks at its very first
-    /// sampling (see [`Clip::prepare`]).
+    /// Samples the clip. Joints that the pose does not have are left out. Allocates nothing except the clip's tracks, when it is
+    /// first sampled (see [`Clip::prepare`]).
     pub fn run(&mut self) {
         self.run_on(Level::best());
     }
 
-    /// The same bits at any level; for tests and benchmarks.
+    /// Runs at a SIMD level, for tests and benchmarks; the bits are the same at any.
     pub fn run_on(&mut self, level: Level) {
         let (tracks, curves) = (self.clip.tracks(), self.clip.stored_curves());
         dispatch(level, SampleTracks { tracks, curves, time: self.time, blocks: self.pose.blocks_mut() });
@@ -161,7 +162,7 @@ fn linear<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
     }
 }
 
-/// glTF 2.0 Appendix C.4: weights of value, out-tangent, next in-tangent, next value; tangents are per second.
+/// Hermite basis (glTF 2.0 Appendix C.4): weights of value, out-tangent, next in-tangent, next value; tangents are per second.
 #[inline(always)]
 fn hermite(at: Interval) -> [f32; 4] {
     let (t, span) = (at.fraction, at.span.as_secs() as f32);
@@ -210,7 +211,7 @@ fn cubic<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
     }
 }
 
-/// Normalizes quaternions; `otherwise` where the length is zero or beyond f32: opposite keys without tangents meet in zero.
+/// Normalizes quaternions; gives `otherwise` if the length is zero (as between opposite keys without tangents) or beyond f32.
 #[inline(always)]
 pub(crate) fn normalized<F: F8>(q: [F; 4], otherwise: [F; 4]) -> [F; 4] {
     let square = dot(q, q);
@@ -231,7 +232,7 @@ impl Rows {
     }
 }
 
-/// Linear rotations of curves that stand alone, gathered until there are eight.
+/// Linear rotations of single curves, gathered until there are eight.
 #[derive(Default)]
 struct Batch {
     a: [Lane; 4],
@@ -285,11 +286,11 @@ impl Batch {
     }
 }
 
-/// Rotations between eight pairs of keys, on the shorter arc.
+/// Slerp between eight pairs of keys, on the shorter arc.
 #[inline(always)]
 pub(crate) fn slerp_between<F: F8>(a: [F; 4], b: [F; 4], t: F, terms: usize) -> [F; 4] {
     let cos = dot(a, b);
-    // 1 − cos from the chord: near zero the dot product has lost it.
+    // 1 − cos is computed from the chord: for small angles, rounding of the dot product loses it.
     let mut square = F::splat(0.0);
     for i in 0..4 {
         let chord = a[i].sub(b[i].flipped_by(cos));
@@ -304,7 +305,7 @@ pub(crate) fn slerp_between<F: F8>(a: [F; 4], b: [F; 4], t: F, terms: usize) -> 
     out
 }
 
-/// One channel of one joint.
+/// Stores one channel of one joint.
 #[inline(always)]
 fn put(blocks: &mut [PoseBlock], joint: u32, channel: Channel, value: [f32; 4]) {
     if let Some(block) = blocks.get_mut(joint as usize / LANES) {
@@ -335,7 +336,7 @@ fn singles<F: F8>(
     }
 }
 
-/// One curve in a known interval, any path but linear rotations.
+/// Evaluates one curve in a known interval; any but linear rotations.
 pub(crate) fn curve_between(curve: &Curve, at: Interval, out: &mut [f32]) {
     let (width, stride) = (curve.path.width(), curve.stride());
     let count = width.min(out.len());

@@ -1,4 +1,4 @@
-//! One curve at a time in f64, by the formulas of glTF 2.0 (Appendix C): for what is accumulated, where f32 would drift.
+//! Samples one curve in f64, by the formulas of glTF 2.0 (Appendix C): for accumulated values, which would drift in f32.
 
 use crate::clip::key_search::find_interval;
 use crate::clip::{Curve, Interpolation, Path};
@@ -6,7 +6,7 @@ use crate::math::rotation::slerp_sum;
 use crate::time::Time;
 use glam::{DQuat, DVec4};
 
-/// The first components of a curve at a time, four at most; rotations at unit length.
+/// The first four components, at most, of a curve at a time; rotations are normalized.
 pub(crate) fn curve_at(curve: &Curve, time: Time) -> [f64; 4] {
     let at = find_interval(&curve.times, time);
     let (width, stride) = (curve.path.width(), curve.stride());

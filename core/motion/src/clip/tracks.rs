@@ -1,12 +1,13 @@
-//! A clip's curves as the sampler wants them: exact to the authored keys, structure-of-arrays.
+//! A clip's curves, laid out for sampling as structure of arrays. The authored keys are kept exactly.
 //!
 //! - Curves whose keys are all equal are stored once.
 //! - Curves with the same key times share a [`Timeline`]: the interval is searched once for all of them.
-//! - Where a timeline drives enough joints of a pose block (eight neighbouring joints), their keys are laid out in
-//!   frame-major rows: all that one key time holds lies together, eight joints a register. Sampling reads two
-//!   neighbouring rows, so that a random time costs what the next frame costs.
-//! - Linear curves with key times of their own get the key times of all of them ([`crate::clip::common_times`]), so that they can lie in rows, too.
-//! - Where that takes too much memory, and of cubic curves, the keys of eight joints are gathered ([`crate::clip::own_times`]).
+//! - If a timeline drives enough joints of a pose block (eight neighboring joints), their keys are laid out in
+//!   frame-major rows: the keys of one time lie together, eight joints per register. Sampling reads two
+//!   neighboring rows, so that a seek costs as much as the next frame.
+//! - Linear curves with separate key times are resampled at common key times ([`crate::clip::common_times`]), so that they can
+//!   lie in rows, too.
+//! - If that takes too much memory, and for cubic curves, the keys of eight joints are gathered ([`crate::clip::own_times`]).
 //! - The few others ("singles") stay as authored.
 
 use crate::clip::common_times::{CommonTimes, common_times};
@@ -52,7 +53,7 @@ impl Channel {
         }
     }
 
-    /// Fills lanes that no joint uses.
+    /// Value of lanes that no joint uses.
     fn identity(self) -> [f32; 4] {
         match self {
             Channel::Translation => [0.0; 4],
@@ -88,11 +89,11 @@ pub(crate) struct Rows {
     /// angle to the next key. Cubic: all in-tangents, then all values, then all out-tangents.
     pub row_len: usize,
     pub lanes: Vec<Lane>,
-    /// The most that a column needs.
+    /// Most terms of the slerp series that a column needs.
     pub terms: usize,
 }
 
-/// A curve on its own: index into the clip's curves.
+/// A curve that is sampled alone; `curve` is an index into the clip's curves.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Single {
     pub curve: usize,
@@ -111,28 +112,29 @@ pub(crate) struct Group {
 
 #[derive(Debug, Default)]
 pub(crate) struct Tracks {
-    /// Translations, rotations, scales.
+    /// Constant columns: translations, then rotations, then scales.
     pub constants: Vec<Constant>,
     pub groups: Vec<Group>,
-    /// Linear and cubic curves with key times of their own.
+    /// Linear and cubic curves with separate key times.
     pub own: [OwnTimes; 2],
     /// Decoder data of a compressed clip.
     pub packed: Option<Arc<Packed>>,
     /// Whether every joint has a curve, by channel.
     pub covers: [bool; 3],
-    /// No curve makes a scale other than exactly 1.
+    /// Whether no curve makes a scale other than exactly 1.
     pub unit_scale: bool,
 }
 
-/// Below this share of a pose block's joints, curves stay single: rows would be mostly empty.
+/// Curves of fewer joints of a pose block than this stay single: rows would be mostly empty.
 pub(crate) const WORTH_A_COLUMN: usize = 4;
 
 pub(crate) type Lanes<'a> = [Option<&'a Curve>; LANES];
 
-/// Curves that would stand alone, where enough joints of a block have one: by interpolation, block and channel.
+/// Curves whose key times too few others share for a row, where enough joints of a block have one: by interpolation, block and
+/// channel.
 pub(crate) type Strays = BTreeMap<(Interpolation, u32, Channel), Vec<usize>>;
 
-/// `groups`: the curves of equal key times.
+/// Finds stray curves. `groups`: indices of curves with equal key times.
 fn strays<'a>(curves: &[Curve], groups: impl Iterator<Item = &'a Vec<usize>>) -> Strays {
     let mut columns = Strays::new();
     for members in groups {
@@ -142,7 +144,7 @@ fn strays<'a>(curves: &[Curve], groups: impl Iterator<Item = &'a Vec<usize>>) ->
             let key = (curves[index].interpolation, curves[index].joint / LANES as u32, channel);
             own.entry(key).or_default().push(index);
         }
-        // The others lie in rows already.
+        // The other curves lie in rows already.
         own.retain(|_, members| members.len() < WORTH_A_COLUMN);
         own.into_iter().for_each(|(column, members)| columns.entry(column).or_default().extend(members));
     }
@@ -151,7 +153,7 @@ fn strays<'a>(curves: &[Curve], groups: impl Iterator<Item = &'a Vec<usize>>) ->
 }
 
 impl Tracks {
-    /// All but scales.
+    /// Constant columns except scales.
     pub(crate) fn unscaled_constants(&self) -> &[Constant] {
         let scales = self.constants.partition_point(|c| c.column.channel != Channel::Scale);
         &self.constants[..scales]
@@ -260,7 +262,7 @@ impl Group {
     }
 }
 
-/// Keys all equal, tangents all zero: the same value at every time.
+/// Whether all keys are equal and all tangents zero, so that the curve has the same value at every time.
 fn is_constant(curve: &Curve) -> bool {
     let stride = curve.stride();
     let width = curve.path.width();
@@ -335,7 +337,7 @@ fn cubic_rows(keys: usize, columns: &[(Column, Lanes)]) -> Rows {
     rows
 }
 
-/// Rotations are written with the sign nearest to the key before, so that sampling need not ask for the shorter arc.
+/// Packs linear keys. Rotations get the sign nearest to the key before, so that sampling need not choose the shorter arc.
 fn linear_rows(keys: usize, columns: &[(Column, Lanes)]) -> Rows {
     let mut rows = Rows::with_columns(columns);
     let mut signs = vec![[1.0f32; LANES]; columns.len()];

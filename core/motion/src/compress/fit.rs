@@ -1,7 +1,7 @@
-//! Uniform cubic B-splines through the keys of a curve, by least squares.
+//! Fits uniform cubic B-splines to the keys of a curve, by least squares.
 //!
 //! L. Piegl, W. Tiller, "The NURBS Book", §9.4.1. The normal equations are the same for all curves of a clip: seven diagonals, factored
-//! once for each distance of the knots.
+//! once for each spacing of the knots.
 
 use super::grid::{Grid, packs};
 use crate::clip::{Clip, Curve, Path};
@@ -9,10 +9,10 @@ use crate::slerp_series::one_minus_cos;
 use crate::time::Time;
 use std::sync::Arc;
 
-/// Keys a knot. At 1 the knots are the keys.
+/// Numbers of keys per knot. At 1 the knots are the keys.
 pub(crate) const STRIDES: [usize; 6] = [1, 2, 3, 4, 6, 8];
 
-/// Weights of four knots at a fraction of the way from the second to the third.
+/// B-spline basis: weights of four knots at a fraction `s` of the way from the second to the third.
 pub(crate) fn basis(s: f64) -> [f64; 4] {
     let (r, s2, s3) = (1.0 - s, s * s, s * s * s);
     [
@@ -28,14 +28,14 @@ pub(crate) fn knot_count(frames: usize, stride: usize) -> usize {
     if stride == 1 { frames } else { (frames - 1) / stride + 4 }
 }
 
-/// Each curve's values on the grid, and their splines.
+/// Values of each curve on the grid, and their splines; `None` for curves that are not packed.
 pub(super) struct Fits(Vec<Option<Fit>>);
 
 pub(super) struct Fit {
-    /// 1 − cos of the widest interval between neighbours, of quaternions.
+    /// 1 − cos of the largest angle between neighboring quaternions; 0 for other curves.
     pub widest: f64,
     pub values: Vec<[f64; 4]>,
-    /// Knots by stride, and the farthest that the spline is from a value; rotations in radians.
+    /// Knots, and the largest error of the spline, for each of [`STRIDES`]; errors of rotations are in radians.
     pub splines: Vec<(Vec<[f64; 4]>, f64)>,
 }
 
@@ -62,7 +62,7 @@ impl Fits {
         self.0.get(curve)?.as_ref()
     }
 
-    /// A curve on the grid as it is, where packing does not pay.
+    /// A curve on the grid, not packed, for curves where packing does not pay.
     pub fn raw(&self, curve: &Curve, index: usize, times: &Arc<[Time]>) -> Curve {
         let width = curve.path.width();
         let Some(fit) = self.of(index) else { return curve.clone() };
@@ -73,7 +73,7 @@ impl Fits {
 }
 
 impl Fit {
-    /// The first value, where all are within the tolerance of it.
+    /// The first value, if all values are within the tolerance of it.
     pub fn constant(&self, allowed: f64) -> Option<&[f64]> {
         let first = self.values.first()?;
         let rests = self.values.iter().all(|v| apart(v, first) <= allowed);
@@ -99,7 +99,7 @@ fn worst(path: Path, stride: usize, knots: &[[f64; 4]], values: &[[f64; 4]]) -> 
         }
         worst = worst.max(apart(&at, value));
     }
-    // A quaternion's distance is half the angle.
+    // The distance between unit quaternions is half the angle.
     if path == Path::Rotation { worst } else { worst * 0.5 }
 }
 
@@ -110,7 +110,7 @@ struct Solver {
     factor: Vec<[f64; 4]>,
 }
 
-/// Pulls the few knots at the ends that no key determines to the line of their neighbours.
+/// Weight of the regularization that pulls the few knots at the ends, which no key determines, to the line of their neighbors.
 const STIFFNESS: f64 = 1e-9;
 
 impl Solver {

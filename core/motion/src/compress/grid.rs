@@ -1,4 +1,4 @@
-//! Even key times that hold those of a clip.
+//! Evenly spaced key times that contain those of a clip.
 
 use crate::clip::sample_f64::curve_at;
 use crate::clip::{Clip, Curve, Interpolation, Path};
@@ -11,20 +11,20 @@ pub(super) struct Grid {
     pub frames: usize,
 }
 
-/// Rates that files are made at, and those at which other keys are taken.
+/// Key rates to try, per second: those at which files are usually made, from low to high.
 const RATES: [i64; 9] = [24, 25, 30, 48, 50, 60, 100, 120, 240];
-/// Key times in files are f32 seconds: ticks that one may be beside the grid.
+/// Largest distance of a key time from the grid, ticks: files store times as f32 seconds.
 const BESIDE: i64 = Time::TICKS_PER_SECOND / 50_000;
 /// Limit of the frames that are tried: two hours at 120 Hz.
 const MOST_FRAMES: i64 = 1 << 20;
 
-/// Whether a curve is one that is packed.
+/// Whether a curve can be packed: LINEAR, and not of morph weights.
 pub(super) fn packs(curve: &Curve) -> bool {
     !matches!(curve.path, Path::Weights(_)) && curve.interpolation == Interpolation::Linear
 }
 
 impl Grid {
-    /// Grids to try, the coarsest that may do first.
+    /// Grids to try, the coarsest first.
     pub fn candidates(clip: &Clip) -> Vec<Grid> {
         let times = || clip.curves().iter().filter(|c| packs(c)).flat_map(|c| c.times.iter().copied());
         let (Some(start), Some(end)) = (times().min(), times().max()) else { return Vec::new() };
@@ -51,7 +51,7 @@ impl Grid {
         (0..self.frames).map(|frame| Time(self.start.0.saturating_add(frame as i64 * self.step)))
     }
 
-    /// A curve at all times, in f64; rotations in the hemisphere of the one before.
+    /// Values of a curve at all times, in f64; each rotation is in the hemisphere of the one before.
     pub fn values(&self, curve: &Curve) -> Vec<[f64; 4]> {
         let mut values: Vec<[f64; 4]> =
             self.times().map(|t| curve_at(curve, nearest_key(curve, t))).collect();
@@ -67,7 +67,7 @@ impl Grid {
     }
 }
 
-/// A time of the grid, or the key that it stands for.
+/// The key time that a time of the grid stands for, if any, else the time itself.
 fn nearest_key(curve: &Curve, time: Time) -> Time {
     let at = curve.times.partition_point(|t| *t < time);
     let near = |i: usize| curve.times.get(i).copied().filter(|t| (*t - time).0.abs() <= BESIDE);

@@ -1,18 +1,18 @@
-//! Compression of clips: fewer bytes within a stated distance of any joint in model space, sampled as fast as others.
+//! Compression of clips to fewer bytes, within a stated error of any joint in model space, sampled as fast as other clips.
 //!
 //! The ideas are ACL's (N. Frechette, "Animation Compression: Uniformly Sampled", nfrechette.github.io, 2016, and its series):
-//! even sampling, so that any time is found at once; ranges of each track; as few bits as the tolerance needs; an error that is
-//! measured in model space, on points beside the joints, on what is really decoded. Laid out for eight joints at once:
+//! uniform sampling, so that any time is found at once; range reduction of each track; as few bits as the tolerance needs; an
+//! error that is measured in model space, at points beside the joints, on decoded data. The layout is for eight joints at once:
 //!
-//! - Keys are taken at an even rate that holds all of the clip's own, so that what lies between keys stays as authored.
-//! - Curves that rest, within the tolerance, are stored once.
-//! - Others are the knots of uniform cubic B-splines, fitted by least squares, one knot for every 1 to 8 keys, whatever is fewest
-//!   bytes within the tolerance. One key is four knots; two neighbouring keys are decoded and interpolated as in any clip, so
-//!   that a random time costs what the next frame does.
-//! - Knots are whole numbers of 0 to 16 bits in the range of each joint's component.
+//! - Keys are taken at an even rate that contains all of the clip's own, so that interpolation between keys stays as authored.
+//! - Curves that are constant within the tolerance are stored once.
+//! - Other curves become uniform cubic B-splines, fitted by least squares, with one knot for every 1 to 8 keys, whichever takes
+//!   the fewest bytes within the tolerance. A key is decoded from four knots; two neighboring keys are decoded and interpolated
+//!   as in any clip, so that a seek costs as much as the next frame.
+//! - Knots are quantized to 0 to 16 bits in the range of each joint's component.
 //!
-//! The error allowed at a joint follows from the distance of the joints below it. Then all is decoded and measured, and the
-//! allowed errors are distributed anew, until the bound holds and little is left. The reported error is the measured one.
+//! The error allowed at a joint follows from the distance of the joints below it. Then the clip is decoded and measured, and the
+//! allowed errors are redistributed, until the bound holds and little is left. The reported error is the measured one.
 
 mod fit;
 mod grid;
@@ -26,7 +26,7 @@ use grid::Grid;
 use pack::pack;
 use std::sync::Arc;
 
-/// Why a clip cannot be compressed; the message has the numbers.
+/// The reason why a clip cannot be compressed; the message has the numbers.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "the messages name the fields")]
 pub enum CompressError {
@@ -39,14 +39,14 @@ crate::error_texts! { CompressError:
     Self::Joints { clip, joints, expected } => "the clip \"{clip}\" is of {joints} joints, the skeleton of {expected}";
 }
 
-/// How often the tolerances of single curves are lowered until all holds.
+/// Most times that the tolerances of all curves are lowered until the bound holds.
 const ROUNDS: usize = 13;
-/// Factor by which they are lowered each time.
+/// Factor by which tolerances are lowered each time.
 const LESS: f64 = 0.8;
-/// How often they are then shared out anew, for fewer bytes.
+/// Most times that tolerances are then redistributed, for fewer bytes.
 const ROUNDS_TO_SAVE: usize = 8;
 
-/// Joints below which nothing is as far off as it may be get more, those above what is too far off less.
+/// Redistributes tolerances: joints get more if all joints below them are within the bound, and less if one is beyond it.
 fn shared_out(skeleton: &Skeleton, lost_m: &[f64], tolerance_m: f64, allowed_m: &mut [f64]) {
     let mut below = lost_m.to_vec();
     for (joint, parent) in skeleton.parents().iter().enumerate().rev() {
@@ -55,7 +55,7 @@ fn shared_out(skeleton: &Skeleton, lost_m: &[f64], tolerance_m: f64, allowed_m: 
         }
     }
     for (allowed, lost) in allowed_m.iter_mut().zip(below) {
-        // Upwards slowly: bits and knots change by whole ones.
+        // Tolerances grow slowly, since numbers of bits and knots change in whole steps.
         let factor = 0.97 * tolerance_m / lost.max(1e-12);
         let factor = if factor > 1.0 { factor.sqrt().min(1.3) } else { factor.max(0.8) };
         *allowed = (*allowed * factor).min(10.0 * tolerance_m);
@@ -63,8 +63,8 @@ fn shared_out(skeleton: &Skeleton, lost_m: &[f64], tolerance_m: f64, allowed_m: 
 }
 
 impl Clip {
-    /// The clip in fewer bytes. Footsteps and splines, morph weights, expressions and properties stay as they are. What edits or exports the
-    /// clip sees the decoded keys.
+    /// The clip in fewer bytes, or the clip itself if that saves none. STEP and CUBICSPLINE curves, morph weights, expressions
+    /// and properties stay as they are. Edits and exports of the clip see the decoded keys.
     pub fn compressed(
         &self,
         skeleton: &Skeleton,
@@ -116,7 +116,7 @@ impl Clip {
         bytes(self) + self.packed().map_or(0, |p| p.stored_bytes())
     }
 
-    /// `allowed_m`: metres in the model that each joint's own curves may cost.
+    /// Packs the clip on a grid. `allowed_m`: error in model space, metres, that each joint's own curves may cause.
     fn packed_by(&self, grid: &Grid, fits: &Fits, reach: &Reach, allowed_m: &[f64]) -> Clip {
         let mut raw: Vec<Curve> = Vec::new();
         let still: Arc<[crate::time::Time]> = [grid.start].into();
@@ -146,7 +146,7 @@ impl Clip {
     }
 }
 
-/// Radians, metres of the parent or factors that a curve may be off.
+/// Allowed error of a curve, in radians, metres of the parent's space or scale factors.
 fn allowed(curve: &Curve, reach: &Reach, tolerance_m: f64) -> f64 {
     let joint = curve.joint as usize;
     match curve.path {

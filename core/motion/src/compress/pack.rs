@@ -10,13 +10,13 @@ use crate::simd::lane::{LANES, Lane};
 use crate::slerp_series::terms_for;
 use std::collections::BTreeMap;
 
-/// The widest numbers: eight of them are 16 bytes, one load.
+/// Most bits of a number: eight of them are 16 bytes, one load.
 const MOST_BITS: usize = 16;
 
-/// Curves of one channel of one pose block: index and what each may be off.
+/// Curves of one channel of one pose block: index and tolerance of each.
 type Lanes = [Option<(usize, f64)>; LANES];
 
-/// The moving curves (index, tolerance) packed, and those for which that does not pay.
+/// Packs the moving curves (index, tolerance); also returns the indices of those for which packing does not pay.
 pub(super) fn pack(clip: &Clip, grid: &Grid, fits: &Fits, moving: &[(usize, f64)]) -> (Packed, Vec<usize>) {
     let mut columns: BTreeMap<(u32, Channel), Lanes> = BTreeMap::new();
     for (index, allowed) in moving {
@@ -31,7 +31,7 @@ pub(super) fn pack(clip: &Clip, grid: &Grid, fits: &Fits, moving: &[(usize, f64)
         let drafts = STRIDES.iter().enumerate().filter_map(|(at, stride)| {
             Draft::new(block, channel, &lanes, fits, at).map(|draft| (*stride, draft))
         });
-        // Bytes a frame, times all frames: knots at the ends count too.
+        // Bytes of all knots, including those at the ends.
         let cost = |(stride, draft): &(usize, Draft)| draft.row_bytes() * knot_count(grid.frames, *stride);
         let best = drafts.min_by_key(cost);
         let curves = lanes.iter().flatten().count();
@@ -50,7 +50,8 @@ pub(super) fn pack(clip: &Clip, grid: &Grid, fits: &Fits, moving: &[(usize, f64)
     (Packed { start, step, frames, strides, terms }, left)
 }
 
-/// Largest error of nlerp against slerp, radians, over (1 − cos)^1.5 of the quaternions' angle: 0.004 θ³ of rotations θ apart.
+/// Largest error of nlerp against slerp, radians, divided by (1 − cos)^1.5 of the quaternions' angle: 0.004 θ³ for rotations θ
+/// apart.
 const STRAIGHT: f64 = 0.09;
 
 /// A column with the fewest bits at one stride.
@@ -68,7 +69,7 @@ struct Draft {
 }
 
 impl Draft {
-    /// `None` where the spline is too far off, or 16 bits are not enough.
+    /// Chooses the fewest bits. `None` if the error of the spline is too large, or 16 bits are not enough.
     fn new(block: u32, channel: Channel, lanes: &Lanes, fits: &Fits, stride: usize) -> Option<Draft> {
         let mut draft = Draft {
             block,
@@ -97,7 +98,7 @@ impl Draft {
                     .map(|k| k[c])
                     .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
                 if high - low <= step {
-                    // Its middle is as near as rounding would be.
+                    // The middle of the range is as close as rounding would be.
                     draft.low[c][lane] = low + (high - low) * 0.5;
                     continue;
                 }
@@ -130,7 +131,7 @@ impl Draft {
                 step[c].0[lane] = (self.range[c][lane] / self.highest(c, lane)) as f32;
             }
         }
-        // Lanes without a joint decode to something of length 1.
+        // Lanes without a joint decode to a quaternion of length 1.
         if self.channel == Channel::Rotation {
             for lane in (0..LANES).filter(|lane| self.lanes[*lane].is_none()) {
                 low[3].0[lane] = 1.0;
@@ -144,12 +145,12 @@ impl Draft {
         PackedColumn { column, straight: self.straight, bits, bytes, low, step }
     }
 
-    /// The largest number of a component and lane.
+    /// Largest integer of a component and lane.
     fn highest(&self, component: usize, lane: usize) -> f64 {
         ((1u64 << self.widths[component][lane].max(1)) - 1) as f64
     }
 
-    /// Component by component, eight numbers each, lowest bits first.
+    /// Appends the integers of a knot, component by component, eight each, lowest bits first.
     fn write(&self, knot: usize, fits: &Fits, out: &mut Vec<u8>) {
         for c in 0..self.channel.width() {
             let mut starts = [0; LANES];
@@ -178,7 +179,7 @@ impl Stride {
             drafts.iter().for_each(|draft| draft.write(knot, fits, &mut bytes));
         }
         let row_bytes = drafts.iter().map(Draft::row_bytes).sum();
-        // The row after the last, which weighs nothing, and the rest of a wide load.
+        // Padding: a row after the last, whose weight is zero, and the rest of a wide load.
         bytes.resize(bytes.len() + row_bytes + 16, 0);
         let weights = (0..stride).map(|phase| {
             let at = |frame: usize| -> [f32; 5] {

@@ -7,14 +7,14 @@ use crate::skeleton::humanoid_joints::{HumanoidJoints, is_below};
 use crate::skeleton::joint_names::humanoid_name;
 use crate::skeleton::model_rest_pose::ModelRestPose;
 
-/// Hands that rest at most this far above the feet are fore paws, in legs.
+/// Hands that rest at most this far above the feet are forepaws, in leg lengths.
 const PAW: f32 = 0.25;
-/// A foot that is a handle is nearer to the end of its leg than this, in lengths of the leg.
+/// Largest distance of a foot that is an IK control from the end of its leg, in leg lengths.
 const BESIDE: f64 = 0.1;
 
-/// The feet of a skeleton by their names, left before right: `left foot` with its toes, or with the one joint that hangs on it;
-/// else every joint called foot, toe, paw or hoof with no other below it, and hands that rest on the ground, as a fox's do. Where no joint is
-/// called so, the ends of both legs by their structure.
+/// Finds the feet of a skeleton by joint names, left before right: `left foot` with its toes, or with its only child; else every
+/// joint called foot, toe, paw or hoof with no other below it, and hands that rest near the ground, as a fox's do. If no joint
+/// has such a name, the ends of both legs by structure.
 pub fn find_feet(skeleton: &Skeleton) -> Vec<Foot> {
     let named = |wanted: &str| {
         skeleton.names().iter().position(|n| humanoid_name(n).as_deref() == Some(wanted)).map(|j| j as u32)
@@ -59,7 +59,8 @@ fn feet_of_legs(skeleton: &Skeleton) -> Vec<Foot> {
     [foot("left"), foot("right")].into_iter().collect::<Option<_>>().unwrap_or_default()
 }
 
-/// Thigh and shin of a foot that is a handle: it does not hang on them, and clips keep it at their end. `None` for other feet.
+/// Thigh and shin of a foot that is an IK control: it is no descendant of them, and clips keep it at their end. `None` for other
+/// feet.
 pub fn leg_of_handle(skeleton: &Skeleton, human: &HumanoidJoints, foot: u32) -> Option<[u32; 2]> {
     let side =
         ["left", "right"].into_iter().find(|side| human.joint(&format!("{side} foot")) == Some(foot))?;
@@ -73,7 +74,7 @@ pub fn leg_of_handle(skeleton: &Skeleton, human: &HumanoidJoints, foot: u32) -> 
     (beside && parents[knee as usize] == Some(hip) && !is_below(skeleton, foot, hip)).then_some([hip, knee])
 }
 
-/// The joint that hangs on another; a mesh that hangs there is often called like that, and does not count.
+/// The only child of a joint. Child meshes, which often have the joint's name, do not count.
 fn only_child(skeleton: &Skeleton, joint: u32) -> Option<u32> {
     let name = |joint: u32| humanoid_name(&skeleton.names()[joint as usize]);
     let hangs = |below: &u32| skeleton.parents()[*below as usize] == Some(joint);
@@ -83,7 +84,7 @@ fn only_child(skeleton: &Skeleton, joint: u32) -> Option<u32> {
     below.next().filter(|_| below.next().is_none())
 }
 
-/// Joints with one of the words in their names, and none of them below.
+/// Joints with one of the words in their names, and no such joint below them.
 fn ends_called(skeleton: &Skeleton, words: &[&str]) -> Vec<Foot> {
     let called = |name: &String| {
         let name = name.to_lowercase();
@@ -102,9 +103,8 @@ fn ends_called(skeleton: &Skeleton, words: &[&str]) -> Vec<Foot> {
     ends.map(|joint| Foot { joints: vec![joint as u32] }).collect()
 }
 
-/// Along the bones to a foot from the lowest joint that carries another foot, too, or where feet are handles from the thigh, the longest,
-/// metres: whatever pose the skeleton rests in.
-/// `None` without feet or length.
+/// Length of the longest leg, metres, whatever the rest pose: along the bones from the lowest joint that carries another foot,
+/// too, to the foot; from the thigh if feet are IK controls. `None` without feet or length.
 pub fn leg_length(skeleton: &Skeleton, feet: &[Foot]) -> Option<f64> {
     let model = model(skeleton, &Pose::rest(skeleton));
     let above = |joint: u32| {
@@ -114,7 +114,7 @@ pub fn leg_length(skeleton: &Skeleton, feet: &[Foot]) -> Option<f64> {
     let chains: Vec<Vec<u32>> = feet.iter().filter_map(|f| f.joints.first()).map(|j| above(*j)).collect();
     let apart =
         |a: u32, b: u32| Some(f64::from((*model.get(a as usize)? - *model.get(b as usize)?).length()));
-    // Joints of a leg alone, and the one that it hangs on.
+    // Joints of one leg only, and the joint that carries the leg.
     let own = |chain: &[u32]| {
         let shared = |joint: &u32| chains.iter().any(|other| other[0] != chain[0] && other.contains(joint));
         chain.iter().skip(1).position(shared).map(|at| chain[..at + 2].to_vec())

@@ -1,13 +1,14 @@
-//! Foot contacts: when which foot of a clip stands on the floor, and how fast the floor goes by.
+//! Foot contacts: the times at which each foot of a clip is on the floor, and the velocity of the floor.
 //!
-//! A foot stands where it is near the lowest place that it gets to, hardly rises or sinks, and moves with the floor ([`ContactThresholds`];
-//! thresholds on height and speed with hysteresis: L. Kovar, J. Schreiner, M. Gleicher, "Footskate Cleanup for Motion Capture
-//! Editing", SCA 2002, §4). All are shares of the length of a leg, so that they hold for mice and giants, and of the speed of the
-//! gait: a runner at 4 m/s lands hard, rolls fast and stands for a twentieth of a second.
+//! A foot is in contact while it is near its lowest position, hardly rises or sinks, and moves with the floor
+//! ([`ContactThresholds`]; thresholds on height and speed with hysteresis: L. Kovar, J. Schreiner, M. Gleicher, "Footskate
+//! Cleanup for Motion Capture Editing", SCA 2002, §4). Thresholds are shares of the leg's length, so that they hold for mice and
+//! giants, and of the gait's speed: a runner at 4 m/s lands hard, rolls fast and stands for a twentieth of a second.
 //!
-//! The floor's velocity is not known beforehand: of a clip with root motion it is zero, of one on the spot it is that of a
-//! treadmill. The lowest looks of each foot are at the floor, nearly always, so the median of their velocities is the floor's; then the median of
-//! the feet that stand by it. Authored clips move their feet by half more or less than that, and are still taken for standing.
+//! The floor's velocity is not known beforehand: zero for a clip with root motion, that of a treadmill for a clip on the spot.
+//! The lowest samples of each foot are nearly always on the floor, so the median of their velocities is a first estimate; the
+//! median over feet that are in contact by it is the second. Feet of authored clips move by half more or less than that, and
+//! still count as standing.
 
 mod feet;
 pub(crate) mod phase_matching;
@@ -32,16 +33,17 @@ const CLIMB_SHARE: f64 = 0.35;
 /// Horizontal speed limit of a contact against the floor, likewise.
 const SLIP: f64 = 0.5;
 const SLIP_SHARE: f64 = 0.35;
-/// Samples per second, and at most per clip.
+/// Samples per second, and most samples per clip.
 const RATE: f64 = 120.0;
 const MOST: usize = 4096;
-/// A foot is on the floor for at least this share of a clip in which it stands at all.
+/// A foot that stands at all is on the floor in at least one of this many samples of a clip.
 const LOWEST_SHARE: usize = 10;
 
-/// Thresholds below which a foot is in contact; above 0. A joint is in contact where `ContactThresholds::unrest` is at most 1.
+/// Thresholds below which a foot is in contact; above 0. A joint is in contact while [`ContactThresholds::motion_ratio`] is at
+/// most 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactThresholds {
-    /// Height above its lowest position, metres.
+    /// Height above the joint's lowest position, metres.
     pub height: f64,
     /// Vertical speed, metres per second.
     pub climb: f64,
@@ -50,7 +52,7 @@ pub struct ContactThresholds {
 }
 
 impl ContactThresholds {
-    /// `leg`: its length, metres; `gait`: how fast the body goes over the floor, metres a second.
+    /// Thresholds for a leg of `leg` metres and a character that moves over the floor at `gait` metres per second.
     pub fn new(leg: f64, gait: f64) -> ContactThresholds {
         let (climb, slip) = (CLIMB * leg + CLIMB_SHARE * gait, SLIP * leg + SLIP_SHARE * gait);
         ContactThresholds { height: HEIGHT * leg, climb, slip }
@@ -75,9 +77,9 @@ pub struct Foot {
 /// beginning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ContactInterval {
-    /// Clip time at which it touches the floor.
+    /// Clip time at which the foot touches the floor.
     pub from: Time,
-    /// Clip time at which it leaves the floor.
+    /// Clip time at which the foot leaves the floor.
     pub to: Time,
 }
 
@@ -99,14 +101,14 @@ fn model(skeleton: &Skeleton, pose: &Pose) -> Vec<Vec3> {
 /// A joint of a foot over the clip.
 struct Track {
     foot: usize,
-    /// Above its lowest, metres.
+    /// Heights above the joint's lowest position, metres.
     heights: Vec<f64>,
     velocities: Vec<DVec3>,
 }
 
 impl Contacts {
-    /// Detects the contacts in the trimmed part of a clip, which is a loop where it ends as it begins. `None` without feet, or where
-    /// nothing is as long as it must be.
+    /// Detects the contacts in the trimmed part of a clip, which counts as a loop if it ends as it begins. `None` without feet,
+    /// legs or duration, or if clip and skeleton differ in their number of joints.
     pub fn find(skeleton: &Skeleton, clip: &Clip, trim: (Time, Time), feet: &[Foot]) -> Option<Contacts> {
         let leg = leg_length(skeleton, feet)?;
         let span = (trim.1 - trim.0).as_secs();
@@ -137,7 +139,7 @@ impl Contacts {
             .collect();
         let mut floor = median(&lowest_looks(&tracks, leg))?;
         let mut unrest = vec![vec![f64::INFINITY; count + 1]; feet.len()];
-        // Once by low joints, once by those that stand.
+        // The floor's velocity comes from low joints first, then from joints in contact.
         for _ in 0..2 {
             let rule = ContactThresholds::new(leg, (floor - drift.with_y(0.0) / span).length());
             let mut stood = Vec::new();
@@ -163,7 +165,7 @@ impl Contacts {
 }
 
 impl Track {
-    /// `drift`: how far a loop gets in a round.
+    /// `drift`: displacement of a loop per cycle; `None` if the clip is no loop.
     fn new(foot: usize, places: &[DVec3], step: f64, drift: Option<DVec3>) -> Track {
         let lowest = places.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
         let count = places.len() - 1;
@@ -182,7 +184,8 @@ impl Track {
     }
 }
 
-/// Velocities where joints are really low, and of each the lowest tenth of its looks; in a run a foot stands for no longer.
+/// Velocities of joints while they are low: at least in the lowest tenth of their samples, since a foot stands no longer in a
+/// run.
 fn lowest_looks(tracks: &[Track], leg: f64) -> Vec<DVec3> {
     let mut found = Vec::new();
     for track in tracks {

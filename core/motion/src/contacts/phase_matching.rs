@@ -1,14 +1,14 @@
 //! Phase-matched crossfades: while one gait fades into another, both take the same step at the same time.
 //!
-//! A clip's phase counts its steps: it is a whole number where a foot comes down or is in the middle of its stand, and goes
+//! A clip's phase counts its steps: it is a whole number where a foot comes down or is in the middle of a contact, and goes
 //! evenly between (a registration curve: L. Kovar, M. Gleicher, "Flexible Automatic Motion Blending with Registration
 //! Curves", SCA 2003, §3.1, with the steps as its points). During the fade the common phase goes at the mean of the two
 //! clips' own rates by their weights, φ' = (1 − w) a(φ) + w b(φ): it begins as the first clip alone would go on and ends as
 //! the second alone. Between two steps a and b are constants, so φ has a closed form with the integral of the ease; the
 //! times of the steps are found once, by bisection.
 //!
-//! Two legs always come down in turns. Four do so in other orders in a walk, a trot and a gallop; then strides are matched as a whole, in that
-//! phase in which as many feet as possible are on the floor at the same time.
+//! Two feet always alternate. Four come down in other orders in a walk, a trot and a gallop; then whole strides are matched, at
+//! the phase shift at which as many feet as possible are on the floor at the same time.
 
 use crate::contacts::Contacts;
 use crate::time::Time;
@@ -17,9 +17,9 @@ use crate::time::ease::Ease;
 /// The steps of a looped part of a clip, in the order of time, at least two.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Footsteps {
-    /// (ticks since the part's start, what: twice the foot's number, one more in the middle of its stand)
+    /// (ticks since the part's start, event): twice the foot's number at a touch-down, one more in the middle of a contact.
     events: Vec<(i64, u32)>,
-    /// Ticks.
+    /// Duration of the part, ticks.
     length: i64,
     /// Contacts by foot: (touch-down, duration), ticks since the part's start.
     stands: Vec<Vec<(i64, i64)>>,
@@ -29,7 +29,7 @@ pub struct Footsteps {
 const PHASES: i64 = 96;
 
 impl Footsteps {
-    /// Footsteps of a clip's contacts; `None` where there are fewer than two.
+    /// Footsteps of a clip's contacts; `None` if there are fewer than two.
     pub fn of(contacts: &Contacts, trim: (Time, Time)) -> Option<Footsteps> {
         let length = (trim.1 - trim.0).0;
         let mut events = Vec::new();
@@ -67,7 +67,7 @@ impl Footsteps {
         (events.len() >= 2 && length > 0).then_some(Footsteps { events, length, stands: Vec::new() })
     }
 
-    /// The same with the feet's coming down alone.
+    /// The footsteps with touch-downs only.
     fn downs(&self) -> Option<Footsteps> {
         let downs = self.events.iter().filter(|(_, what)| what % 2 == 0).copied().collect();
         Footsteps::new(downs, self.length)
@@ -77,14 +77,14 @@ impl Footsteps {
         self.events.len() as i64
     }
 
-    /// How many strides it has: as often as most feet come down.
+    /// Number of strides: the median number of contacts per foot.
     fn strides(&self) -> i64 {
         let mut times: Vec<usize> = self.stands.iter().map(Vec::len).filter(|n| *n > 0).collect();
         times.sort_unstable();
         times.get(times.len() / 2).map_or(1, |n| *n as i64)
     }
 
-    /// Its strides alone, evenly, the first from a place in the part.
+    /// Footsteps with one event per stride, evenly spaced, the first at `from` ticks.
     fn evenly(&self, from: i64) -> Footsteps {
         let n = self.strides();
         let mut events: Vec<(i64, u32)> =
@@ -93,12 +93,13 @@ impl Footsteps {
         Footsteps { events, length: self.length, stands: Vec::new() }
     }
 
-    /// Whether a foot is down at a share of a stride.
+    /// Whether a foot is on the floor at a time, ticks since the part's start.
     fn is_down(&self, foot: usize, at: i64) -> bool {
         self.stands[foot].iter().any(|(from, long)| (at - from).rem_euclid(self.length) <= *long)
     }
 
-    /// Both clips' footsteps with one event a stride, so that the feet of both are on the floor together as much as they can.
+    /// Footsteps of both clips with one event per stride, shifted so that their feet are on the floor together as much as
+    /// possible. `None` for fewer than three feet, or different numbers of feet.
     fn by_strides(&self, other: &Footsteps) -> Option<[Footsteps; 2]> {
         let feet = self.stands.len();
         if feet < 3 || other.stands.len() != feet {
@@ -119,7 +120,7 @@ impl Footsteps {
         Some([self.evenly(0), other.evenly(at(other, best))])
     }
 
-    /// The time of step number `i`, whole rounds counted, in ticks that have been played.
+    /// Ticks that have been played at step number `i`, whole cycles counted.
     fn at_step(&self, i: i64) -> i128 {
         let n = self.count();
         i128::from(i.div_euclid(n)) * i128::from(self.length)
@@ -131,7 +132,7 @@ impl Footsteps {
         (self.at_step(i + 1) - self.at_step(i)) as f64
     }
 
-    /// Number of steps taken after a number of ticks.
+    /// Phase: the number of steps taken after a number of played ticks.
     pub fn phase(&self, played: i128) -> f64 {
         let round = played.div_euclid(i128::from(self.length));
         let into = played.rem_euclid(i128::from(self.length)) as i64;
@@ -141,7 +142,7 @@ impl Footsteps {
         step as f64 + (played - self.at_step(step)) as f64 / self.span(step)
     }
 
-    /// The ticks after which a number of steps has been taken.
+    /// Played ticks after which a number of steps has been taken.
     pub fn played(&self, phase: f64) -> i128 {
         let step = libm::floor(phase);
         let rest = phase - step;
@@ -149,7 +150,7 @@ impl Footsteps {
         self.at_step(step) + libm::round(rest * self.span(step)) as i128
     }
 
-    /// Smallest number of steps by which the other is shifted so that the same feet take them.
+    /// Smallest number of steps by which `other` is shifted so that the same feet step at the same time.
     fn shift_to(&self, other: &Footsteps) -> Option<i64> {
         let (n, m) = (self.events.len(), other.events.len());
         let what = |steps: &Footsteps, i: usize| steps.events[i % steps.events.len()].1;
@@ -165,18 +166,19 @@ pub struct PhaseMatchedFade {
     ease: Ease,
     from: Footsteps,
     to: Footsteps,
-    /// Clip ticks a tick, above 0.
+    /// Clip ticks per stage tick, above 0.
     speeds: [f64; 2],
     shift: i64,
-    /// The common phase at the start and whenever a step is taken.
+    /// (stage time, common phase) at the start and at every step.
     pieces: Vec<(Time, f64)>,
 }
 
-/// Limit of the steps of a fade.
+/// Most steps of a fade.
 const MOST_STEPS: usize = 100_000;
 
 impl PhaseMatchedFade {
-    /// `played`: of the first clip, at the start of the fade. `None` where the two do not take the same steps.
+    /// Matches the steps of two clips. `speeds`: clip ticks per stage tick. `played`: ticks of the first clip that have been
+    /// played at the start of the fade. `None` if the clips do not take the same steps.
     pub fn new(
         steps: [&Footsteps; 2],
         speeds: [f64; 2],
@@ -230,7 +232,7 @@ impl PhaseMatchedFade {
         self.start + self.fade
     }
 
-    /// The integral of the weight up to a time, ticks.
+    /// Integral of the fade's weight up to a time, ticks.
     fn area(&self, time: Time) -> f64 {
         let fade = self.fade.0 as f64;
         self.ease.area((time - self.start).0 as f64 / fade) * fade

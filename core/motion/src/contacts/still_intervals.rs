@@ -1,13 +1,15 @@
-//! Intervals in which something stays in place: a threshold with hysteresis, short stays and gaps left out, around the seam of a loop.
+//! Intervals in which a signal stays below a threshold with hysteresis. Short intervals and gaps are left out; intervals of a
+//! loop may cross its seam.
 
-/// A stay that has begun ends only beyond the threshold times this, so that it does not flicker.
+/// Hysteresis: an interval that has begun ends only above the threshold times this.
 pub(crate) const HOLD: f64 = 1.5;
-/// Stays and gaps shorter than these are noise, seconds.
+/// Intervals and gaps shorter than these are noise, seconds.
 const SHORTEST_STAY: f64 = 0.05;
 const SHORTEST_GAP: f64 = 0.05;
 
-/// First and last look of every stay, in the order of time. `unrest`: one a look, `step` seconds apart, at most 1 where a stay may
-/// begin. Of a `looped` row the last look is the first one again; a stay over the seam then ends at a number beyond the last.
+/// First and last sample of every interval, in the order of time. `unrest`: samples `step` seconds apart; an interval begins at a
+/// value of at most 1. The last sample of a `looped` signal is the first one again; an interval across the seam then ends at an
+/// index beyond the last.
 pub fn still_intervals(unrest: &[f64], step: f64, looped: bool) -> Vec<(usize, usize)> {
     let Some(count) = unrest.len().checked_sub(1) else { return Vec::new() };
     let mut down = false;
@@ -15,7 +17,7 @@ pub fn still_intervals(unrest: &[f64], step: f64, looped: bool) -> Vec<(usize, u
         down = *unrest <= if down { HOLD } else { 1.0 };
         down
     };
-    // Once around, to know what the beginning of a loop goes on from.
+    // A first pass over a loop gives the state in which it begins.
     if looped {
         unrest.iter().for_each(|u| _ = next(u));
     }
@@ -36,7 +38,7 @@ pub fn still_intervals(unrest: &[f64], step: f64, looped: bool) -> Vec<(usize, u
         last.1 = count + to;
         runs.remove(0);
     }
-    // Counts of steps, with a little for rounding.
+    // Durations in steps, with a margin for rounding.
     let steps = |secs: f64| secs / step - 1e-6;
     runs.dedup_by(|next, before| {
         let close = ((next.0 - before.1) as f64) < steps(SHORTEST_GAP);

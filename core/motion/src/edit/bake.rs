@@ -1,4 +1,4 @@
-//! Resampling a clip to an even rate: faster for clips whose joints have keys at times of their own, at a stated error.
+//! Baking: resamples a clip at an even rate. Clips with separate key times per joint become faster; the error is measured.
 
 use crate::clip::sample::Sample;
 use crate::clip::{Clip, Curve, Interpolation, Path};
@@ -6,25 +6,25 @@ use crate::pose::Pose;
 use crate::time::{FrameRate, Time};
 use std::sync::Arc;
 
-/// How far a baked clip is from its source, at worst; measured at every source key and between every two baked ones.
+/// Largest deviation of a baked clip from its source, measured at every source key and halfway between baked keys.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BakeDeviation {
-    /// Largest distance of a joint in its parent's space.
+    /// Largest distance of a joint in its parent's space, metres.
     pub translation_m: f64,
-    /// Largest angle of a joint in its parent's space.
+    /// Largest angle of a joint in its parent's space, radians.
     pub rotation_rad: f64,
     /// Largest difference of a scale component.
     pub scale: f64,
 }
 
-/// A clip that would become too large.
+/// Error of baking: the clip would become too large.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BakeError {
     /// Name of the clip.
     pub clip: String,
-    /// Keys a second that were asked for.
+    /// Requested keys per second.
     pub fps: f64,
-    /// Numbers that the clip would have.
+    /// Number of values that the clip would have.
     pub floats: u128,
 }
 
@@ -32,11 +32,11 @@ crate::error_texts! { BakeError:
     Self { clip, fps, floats } => "baking the clip \"{clip}\" at {fps} frames/s makes {floats} numbers, at most {MAX_BAKED_FLOATS} are allowed; choose a lower rate";
 }
 
-/// Numbers that a baked clip may hold: 256 MiB.
+/// Most values that a baked clip may hold: 256 MiB.
 pub(crate) const MAX_BAKED_FLOATS: u128 = 1 << 26;
 
 impl Clip {
-    /// The clip with its LINEAR and CUBICSPLINE transform curves resampled to LINEAR keys at a rate, the last one at its
+    /// The clip with its LINEAR and CUBICSPLINE transform curves resampled to LINEAR keys at `rate`, the last key at the clip's
     /// end. STEP curves and morph weights stay as authored.
     pub fn baked(&self, rate: FrameRate) -> Result<(Clip, BakeDeviation), BakeError> {
         let bakes = |curve: &Curve| {

@@ -9,8 +9,10 @@ use glam::{DQuat, DVec3, Vec3};
 impl Clip {
     /// A clip of each joint's motion relative to `reference`, applied to the rest pose. As an additive layer with the rest pose as
     /// reference ([`crate::AdditiveLayers`]) it adds the same as this clip does with `reference`; with `taken_away` it adds the opposite.
-    /// With q the clip's rotation, r the reference's and q₀ the one at rest, it is q₀ r⁻¹ q, or q₀ q⁻¹ r: linear in q, so that slerp and
-    /// cubics between keys stay exact. Scales are multiplied (their opposite is exact only at the keys), morph weights are subtracted.
+    /// With q the clip's rotation, r the reference's and q₀ that of the rest pose, the result is q₀ r⁻¹ q (q₀ q⁻¹ r if
+    /// `taken_away`): linear in q, so that slerp and
+    /// cubics between keys stay exact. Scales are multiplied (their opposite is exact only at the keys), morph weights are
+    /// subtracted.
     pub fn difference_from(
         &self,
         reference: &Pose,
@@ -59,7 +61,8 @@ impl Clip {
     }
 }
 
-/// 1 where there is no ratio to nothing, as in [`crate::AdditiveLayers`].
+/// Scale of the difference: rest · now / from, or rest · from / now. The ratio is 1 if its divisor is 0, as in
+/// [`crate::AdditiveLayers`].
 fn scale(now: f32, from: f32, rest: f32, tangent: bool, taken_away: bool) -> f32 {
     let (now, from, rest) = (f64::from(now), f64::from(from), f64::from(rest));
     let ratio = match (from.abs() < 1e-12, tangent, taken_away) {

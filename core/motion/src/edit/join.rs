@@ -1,4 +1,4 @@
-//! One clip after another.
+//! Joins two clips, one after the other.
 
 use super::{EditError, Values, key_at};
 use crate::clip::{Clip, Curve, ExpressionCurve, Interpolation, Path};
@@ -7,13 +7,13 @@ use crate::time::Time;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// Ticks between keys that stand for a cubic rotation where the other clip has slerp: 1/240 s.
+/// Ticks between the LINEAR keys that replace a cubic curve if the other clip's curve is not cubic: 1/240 s.
 const FINE: i64 = Time::TICKS_PER_SECOND / 240;
 
 impl Clip {
-    /// This clip, then the other: at t the first before its end, from there on the second. What only one of them moves is at
-    /// rest in the other, morph weights at zero. Where kinds of keys differ they become LINEAR: steps exactly, cubics to keys
-    /// 1/240 s apart.
+    /// This clip, followed by `next` from its end on. Properties that only one clip animates are at rest in the other, morph
+    /// weights at zero. If the interpolations of a property differ, it becomes LINEAR: STEP exactly, CUBICSPLINE with keys 1/240
+    /// s apart.
     pub fn joined(&self, next: &Clip, rest: &Skeleton) -> Result<Clip, EditError> {
         let names = || (self.name.clone(), next.name.clone());
         for clip in [self, next] {
@@ -74,7 +74,7 @@ impl Clip {
     }
 }
 
-/// One key of the rest pose.
+/// A curve with one key: the rest pose, or morph weights of zero.
 fn still(joint: u32, path: Path, interpolation: Interpolation, rest: &Skeleton) -> Curve {
     let rest = rest.rest().get(joint as usize).copied().unwrap_or_default();
     let value = match path {
@@ -93,7 +93,7 @@ fn still(joint: u32, path: Path, interpolation: Interpolation, rest: &Skeleton) 
     Curve { joint, path, interpolation, times: [Time::ZERO].into(), values: values.into() }
 }
 
-/// The curve in another kind of keys.
+/// The curve, converted to another interpolation.
 fn alike(curve: &Curve, interpolation: Interpolation, values: &mut Values) -> Curve {
     if curve.interpolation == interpolation {
         return curve.clone();
@@ -115,13 +115,13 @@ fn alike(curve: &Curve, interpolation: Interpolation, values: &mut Values) -> Cu
     Curve { interpolation, times: times.into(), values: keys, ..curve.clone() }
 }
 
-/// Both curves are of one kind; the second begins at `end` of the first.
+/// Joins two curves of the same interpolation; the second begins at the time `end` of the first.
 fn joined(first: &Curve, end: Time, second: &Curve, values: &mut [Values; 2]) -> Curve {
     let stride = first.stride();
     let cubic = first.interpolation == Interpolation::CubicSpline;
     let width = first.path.width();
     let held = |curve: &Curve, time: Time, values: &mut Values| match curve.times.len() {
-        // Also the rest pose, which no clip holds.
+        // This includes curves of the rest pose, which are in no clip.
         1 if cubic => {
             let mut key = curve.values.to_vec();
             key[..width].fill(0.0);
@@ -141,7 +141,7 @@ fn joined(first: &Curve, end: Time, second: &Curve, values: &mut [Values; 2]) ->
         times.push(*time);
         keys.extend(&first.values[i * stride..][..stride]);
     }
-    // A cubic that is held goes on level.
+    // A cubic that is held after its last key has slope zero there.
     let before = keys.len();
     if cubic && before > 0 && first.times[first.times.len() - 1] < end {
         keys[before - width..].fill(0.0);

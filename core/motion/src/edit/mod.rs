@@ -1,6 +1,7 @@
-//! Clips made from a clip: a part of it, backwards, faster, one after the other, offset, smoothed. All pure, all by its keys.
+//! Clip editing: cut, reverse, change speed, join, offset, smooth, bake and reduce. Each edit changes keys and returns a new
+//! clip.
 //!
-//! Each promise holds at every tick, to the rounding of f32: `clip.cut(a, b)` at t is the clip at a + t, `reversed` at t is
+//! Equations hold at every tick, to the rounding of f32: `clip.cut(a, b)` at t is the clip at a + t, `reversed` at t is
 //! the clip at its end − t, and so on (`tests/motion/edit.rs`).
 
 pub mod bake;
@@ -18,7 +19,7 @@ use crate::time::Time;
 
 pub use offset::{Offset, offset_in_parent};
 
-/// Why a clip cannot be changed so; the message has the numbers.
+/// The reason why a clip cannot be edited; the message has the numbers.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "the messages name the fields")]
 pub enum EditError {
@@ -42,8 +43,8 @@ crate::error_texts! { EditError:
 }
 
 impl Clip {
-    /// The part from one time to another, which then begins at 0. Keys are put at both ends where there are none: between them
-    /// slerp and cubics stay what they were.
+    /// The part of the clip between two times, moved to begin at 0. Keys are inserted at both ends if there are none, so that
+    /// slerp and cubics between keys are unchanged.
     pub fn cut(&self, from: Time, until: Time) -> Result<Clip, EditError> {
         if from < Time::ZERO || until > self.duration || from >= until {
             return Err(EditError::Cut {
@@ -57,7 +58,7 @@ impl Clip {
         Ok(self.try_each(|curve| Ok(part(curve, from, until, &mut pose)))?.with_duration(until - from))
     }
 
-    /// Backwards: at t what the clip is at its end − t, steps included.
+    /// The clip backwards: at t it equals the clip at its end − t, steps included.
     pub fn reversed(&self) -> Clip {
         let end = self.duration;
         let backwards = |curve: &Curve| {
@@ -124,7 +125,7 @@ impl<'a> Values<'a> {
         Values { clip, pose: Pose::identity(clip.joint_count()), at: None }
     }
 
-    /// The value that sampling the clip gives.
+    /// Value of a curve at a time, as sampling the clip gives it.
     fn at(&mut self, curve: &Curve, time: Time) -> Vec<f32> {
         if let Path::Weights(n) = curve.path {
             let mut out = vec![0.0; n as usize];
@@ -160,13 +161,13 @@ fn part(curve: &Curve, from: Time, until: Time, values: &mut Values) -> Curve {
         let begin = keys.len();
         times.push(curve.times[*i] - from);
         keys.extend(&curve.values[i * curve.stride()..][..curve.stride()]);
-        // Held until there, a cubic arrives level.
+        // A curve is held before its first key, so that a cubic arrives with slope zero.
         if *i == 0 && curve.times[0] > from && curve.interpolation == Interpolation::CubicSpline {
             keys[begin..begin + curve.path.width()].fill(0.0);
         }
     }
     let ends_before = inside.last().is_none_or(|i| curve.times[*i] < until);
-    // Held at the end, as it is anyway.
+    // A curve is held after its last key and needs no key at the end.
     let moves_on = curve.times.last().is_some_and(|last| *last > until);
     if ends_before && moves_on {
         border(until, &mut times, &mut keys);
@@ -174,7 +175,7 @@ fn part(curve: &Curve, from: Time, until: Time, values: &mut Values) -> Curve {
     Curve { times: times.into(), values: keys.into(), ..curve.clone() }
 }
 
-/// A curve's own key where it has one at a time, else one that fits in.
+/// The curve's own key at a time if it has one, else an inserted key.
 fn key_at(curve: &Curve, time: Time, values: &mut Values) -> Vec<f32> {
     match curve.times.binary_search(&time) {
         Ok(key) => curve.values[key * curve.stride()..][..curve.stride()].to_vec(),
@@ -182,8 +183,8 @@ fn key_at(curve: &Curve, time: Time, values: &mut Values) -> Vec<f32> {
     }
 }
 
-/// All numbers of a key at any time, so that the curve stays what it is on both sides. Of a cubic rotation it is the value
-/// before it is normalised: that is what the cubic goes on from.
+/// A key that can be inserted at any time and leaves the curve unchanged on both sides. The value of a cubic rotation is not
+/// normalized, since the cubic continues from the unnormalized value.
 fn border_key(curve: &Curve, time: Time, values: &mut Values) -> Vec<f32> {
     if curve.interpolation != Interpolation::CubicSpline {
         return values.at(curve, time);
@@ -193,7 +194,7 @@ fn border_key(curve: &Curve, time: Time, values: &mut Values) -> Vec<f32> {
     let (a, b) = (&curve.values[key * 3 * width..], &curve.values[next * 3 * width..]);
     let mut out = vec![0.0; 3 * width];
     if key == next {
-        // Beyond its ends a curve is held.
+        // A curve is held beyond its ends.
         out[width..2 * width].copy_from_slice(&a[width..2 * width]);
         return out;
     }
@@ -205,7 +206,7 @@ fn border_key(curve: &Curve, time: Time, values: &mut Values) -> Vec<f32> {
             + span * (t3 - 2.0 * t2 + t) * m
             + span * (t3 - t2) * n
             + (3.0 * t2 - 2.0 * t3) * q;
-        // Its derivative by seconds.
+        // The derivative of the value, per second.
         let slope =
             (6.0 * t2 - 6.0 * t) * (p - q) / span + (3.0 * t2 - 4.0 * t + 1.0) * m + (3.0 * t2 - 2.0 * t) * n;
         (out[i], out[width + i], out[2 * width + i]) = (slope as f32, value as f32, slope as f32);

@@ -1,4 +1,4 @@
-//! A joint moved and turned through a whole clip.
+//! Offsets a joint by a constant translation and rotation throughout a clip.
 
 use super::EditError;
 use crate::clip::{Clip, Curve, Interpolation, Path};
@@ -11,14 +11,15 @@ use std::sync::Arc;
 /// A constant translation and rotation of a joint, applied at every time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Offset {
-    /// Metres, along the model's axes where the parent rests.
+    /// Translation in metres, along the model's axes with the parent in rest pose.
     pub moved: DVec3,
     /// Rotation after the clip's own, about the joint's own axes.
     pub turned: DQuat,
 }
 
 impl Clip {
-    /// Key by key: interpolation between keys stays what it was. What the clip does not move is offset from the rest pose.
+    /// Applies `by` to each key of a joint; interpolation between keys is unchanged. Properties that the clip does not animate
+    /// are offset from the rest pose.
     pub fn offset(&self, joint: u32, by: Offset, skeleton: &Skeleton) -> Result<Clip, EditError> {
         if joint as usize >= self.joint_count().min(skeleton.len()) {
             return Err(EditError::Joint { joint, joints: self.joint_count() });
@@ -47,7 +48,7 @@ impl Clip {
     }
 }
 
-/// The curve of a property; where there is none, one that rests.
+/// The curve of a property; if there is none, a new one that holds the rest pose.
 fn find<'a>(curves: &'a mut Vec<Curve>, joint: u32, path: Path, rest: &[f32]) -> &'a mut Curve {
     let at = curves.iter().position(|c| c.joint == joint && c.path == path).unwrap_or_else(|| {
         let times: Arc<[Time]> = [Time::ZERO].into();
@@ -57,7 +58,7 @@ fn find<'a>(curves: &'a mut Vec<Curve>, joint: u32, path: Path, rest: &[f32]) ->
     &mut curves[at]
 }
 
-/// Metres along the model's axes as the joint's parent sees them at rest.
+/// Converts an offset along the model's axes, metres, to the space of the joint's parent in rest pose.
 pub fn offset_in_parent(skeleton: &Skeleton, joint: u32, moved: DVec3) -> DVec3 {
     let Some(parent) = skeleton.parents().get(joint as usize).copied().flatten() else { return moved };
     let (model, parent) = (ModelRestPose::of(skeleton), parent as usize);

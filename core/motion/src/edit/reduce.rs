@@ -1,9 +1,12 @@
-//! Key reduction: LINEAR keys that follow from the others are left out, within a stated distance of any joint in model space.
+//! Key reduction: LINEAR keys that interpolation of the others reproduces are left out, within a stated distance of any joint in
+//! model
+//! space.
 //!
-//! A key of a joint moves all that hangs below it, so that what it may be off is the tolerance over the distance to the farthest joint
-//! below, shared out over the joints above each other. Then the whole clip is compared with its source in model space, at all keys,
-//! and done again with less where that is not within the tolerance. The result's error is what was measured. Between two keys of the source
-//! both clips are straight lines (slerp) whose ends are that near, so that they are no farther apart there.
+//! A rotation error of a joint moves all joints below it, so that the tolerance of its keys is the distance tolerance divided by
+//! the distance to the farthest joint below. Curves begin with half of that. The whole clip is then compared with its source in
+//! model space, at all keys, and reduced again with half the tolerance per curve if it is too far off. The reported error is the
+//! measured one. Between two keys of the source, both clips interpolate linearly (slerp) between ends that are this close, so
+//! that they are no farther apart there.
 
 use crate::clip::sample::Sample;
 use crate::clip::sample_f64::curve_at;
@@ -19,16 +22,17 @@ use std::sync::Arc;
 /// Whether curves that share key times keep sharing them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum KeptTimes {
-    /// Whatever takes the fewest bytes: each curve keeps keys at times of its own, or shared ones, or all.
+    /// The smallest of three results: separate key times per curve, shared key times, or all keys.
     #[default]
     Fewest,
-    /// Curves that share their key times keep the same ones: sampled fastest.
+    /// Curves that share their key times keep the same keys: sampled fastest.
     Shared,
-    /// Each curve keeps keys at times of its own.
+    /// Each curve has its own key times.
     Own,
 }
 
-/// Result of a reduction. Errors are in metres of the model, of any joint's position and of a point 10 cm from it along each axis.
+/// Result of a reduction. Errors are distances in model space, metres, of every joint and of points 10 cm from it along each
+/// axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ReductionReport {
     /// Keys of all curves, before and after.
@@ -39,7 +43,7 @@ pub struct ReductionReport {
     pub worst_m: f64,
 }
 
-/// Why keys cannot be left out; the message has the numbers.
+/// The reason why keys cannot be reduced; the message has the numbers.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "the messages name the fields")]
 pub enum ReduceError {
@@ -52,14 +56,14 @@ crate::error_texts! { ReduceError:
     Self::Joints { clip, joints, expected } => "the clip \"{clip}\" is of {joints} joints, the skeleton of {expected}";
 }
 
-/// A point that turns with a joint is at least this far from it, metres: fingertips and a hat also turn.
+/// Distance from each joint of the points that show its rotation, metres: the last joints carry fingertips or a hat.
 const SHELL: f64 = 0.1;
 
-/// How often the tolerances of single curves are lowered.
+/// Most attempts; each halves the tolerances of the curves.
 const ROUNDS: usize = 12;
 
 impl Clip {
-    /// The clip with fewer keys. STEP, CUBICSPLINE and morph weights stay as authored.
+    /// The clip with fewer keys, or the clip itself if that saves no bytes. STEP, CUBICSPLINE and morph weights stay as authored.
     pub fn reduced(
         &self,
         skeleton: &Skeleton,
@@ -82,12 +86,12 @@ impl Clip {
         let reduced =
             ways.iter().filter_map(|shared| self.reduced_by(skeleton, &reach, tolerance_m, *shared));
         let all = ReductionReport { keys: [self.keys(); 2], bytes: [bytes(self); 2], worst_m: 0.0 };
-        // Times of a curve's own take as many bytes as three numbers; where few keys go, all of them take less.
+        // Separate times take 8 bytes per key: if few keys can be left out, keeping all of them takes less.
         let smaller = reduced.filter(|(_, report)| report.bytes[1] < report.bytes[0]);
         Ok(smaller.min_by_key(|(_, report)| report.bytes[1]).unwrap_or_else(|| (self.clone(), all)))
     }
 
-    /// `shared`: curves of equal key times keep the same keys.
+    /// Reduces keys until the measured error is within the tolerance. `shared`: curves with equal key times keep the same keys.
     fn reduced_by(
         &self,
         skeleton: &Skeleton,
@@ -108,7 +112,7 @@ impl Clip {
         None
     }
 
-    /// Keys of all curves.
+    /// Number of keys of all curves.
     pub fn keys(&self) -> usize {
         self.curves().iter().map(|c| c.times.len()).sum()
     }
@@ -159,9 +163,9 @@ impl Clip {
 
 /// The effect of a joint's error on positions in the model.
 pub(crate) struct Reach {
-    /// Metres to the farthest joint below it, at rest, and [`SHELL`].
+    /// Distance along the bones from each joint to the farthest joint below it, at rest, plus [`SHELL`]; metres.
     pub distance: Vec<f64>,
-    /// Metres of its parent's unit.
+    /// Length of one unit of the parent's space, metres, for each joint.
     pub unit: Vec<f64>,
 }
 
@@ -183,7 +187,7 @@ impl Reach {
     }
 }
 
-/// Indices of the keys that stay: greedily the longest way to the next that keeps all between within each curve's tolerance.
+/// Indices of the keys that are kept. Each is, greedily, the farthest one with all keys before it within each curve's tolerance.
 fn kept(curves: &[(&Curve, f64)]) -> Vec<usize> {
     let Some((first, _)) = curves.first() else { return Vec::new() };
     let last = first.times.len() - 1;
@@ -195,7 +199,7 @@ fn kept(curves: &[(&Curve, f64)]) -> Vec<usize> {
     let mut kept = vec![0];
     let mut at = 0;
     while at < last {
-        // Doubling, then halving: few looks along a long way.
+        // Exponential search, then bisection.
         let mut good = at + 1;
         let mut step = 2;
         while at + step <= last && all_fit(at, at + step) {
@@ -213,13 +217,13 @@ fn kept(curves: &[(&Curve, f64)]) -> Vec<usize> {
     kept
 }
 
-/// Whether the first key alone determines the curve.
+/// Whether all keys are within the tolerance of the first one.
 fn rests(curve: &Curve, allowed: f64) -> bool {
     let limit = most_apart(curve.path, allowed);
     (0..curve.times.len()).all(|key| apart_squared(curve, &value(curve, 0), key) <= limit * limit)
 }
 
-/// Whether all keys between two are within the tolerance of what lies between these.
+/// Whether all keys between two keys are within the tolerance of the interpolation between these.
 fn fits(curve: &Curve, from: usize, to: usize, allowed: f64) -> bool {
     let segment = Segment::new(curve.path, value(curve, from), value(curve, to));
     let (start, span) = (curve.times[from], (curve.times[to] - curve.times[from]).0 as f64);
@@ -230,15 +234,15 @@ fn fits(curve: &Curve, from: usize, to: usize, allowed: f64) -> bool {
     })
 }
 
-/// The values between two: a straight line, or slerp.
+/// Interpolation between two values: linear, or slerp for rotations.
 struct Segment {
     a: [f64; 4],
     b: [f64; 4],
-    /// The angle between the quaternions of slerp, and 1 over its sine.
+    /// Angle between the quaternions of slerp, radians, and 1 over its sine; `None`: linear.
     arc: Option<(f64, f64)>,
 }
 
-/// Below this angle between quaternions the straight line between them is within 1.3e-7 of slerp, which is a rounding of f32.
+/// Below this angle between quaternions, radians, linear interpolation is within 1.3e-7 of slerp, which is a rounding of f32.
 const STRAIGHT: f64 = 1e-3;
 
 impl Segment {
@@ -273,7 +277,7 @@ fn value(curve: &Curve, key: usize) -> [f64; 4] {
     out
 }
 
-/// The distance of two values, as [`apart_squared`] measures it, that is some radians, metres or factors.
+/// Converts a tolerance in radians, metres or scale factors to a distance as measured by [`apart_squared`].
 fn most_apart(path: Path, allowed: f64) -> f64 {
     match path {
         // Unit quaternions whose rotations are an angle apart have half of that angle between them.
@@ -282,7 +286,7 @@ fn most_apart(path: Path, allowed: f64) -> f64 {
     }
 }
 
-/// The squared distance between a value and a key, of rotations between the nearer quaternions.
+/// Squared distance between a value and a key; for rotations, between quaternions in the same hemisphere.
 fn apart_squared(curve: &Curve, value_there: &[f64; 4], key: usize) -> f64 {
     let own = value(curve, key);
     let sum = |sign: f64| (0..4).map(|i| own[i] - sign * value_there[i]).map(|d| d * d).sum::<f64>();
@@ -312,7 +316,8 @@ pub(crate) fn bytes(clip: &Clip) -> usize {
     clip.stored_curves().iter().map(of).sum()
 }
 
-/// Farthest that any joint, or a point that turns with it, is apart in a clip and one with some of its keys: at all keys.
+/// Largest distance in model space, over all key times, of any joint and the points that turn with it, between a clip and its
+/// reduction.
 fn farthest(skeleton: &Skeleton, all: &Clip, some: &Clip) -> f64 {
     let mut times: Vec<Time> = all.curves().iter().flat_map(|c| c.times.iter().copied()).collect();
     times.sort_unstable();
@@ -337,10 +342,10 @@ fn farthest(skeleton: &Skeleton, all: &Clip, some: &Clip) -> f64 {
     worst.sqrt()
 }
 
-/// A curve that is read at increasing times.
+/// Reads a curve at increasing times.
 struct Cursor<'a> {
     curve: &'a Curve,
-    /// The first key that is not before the last time.
+    /// First key that is not before the time that was read last.
     next: usize,
 }
 
@@ -374,7 +379,7 @@ impl Local {
     }
 }
 
-/// Model from each joint, in buffers that are used again.
+/// model-from-joint of a pose, in reused buffers.
 #[derive(Default)]
 struct Model {
     locals: Vec<Local>,
@@ -403,8 +408,8 @@ impl Model {
     }
 }
 
-/// Farthest that each joint, or a point that turns with it, is apart in two clips: at all keys of the first and halfway between, evenly
-/// chosen where that is more often than `most`.
+/// Largest distance in model space of each joint, and of points that turn with it, between two clips: at all keys of `a` and
+/// halfway between them, or at about `most` of these times, evenly chosen.
 pub(crate) fn distances(skeleton: &Skeleton, a: &Clip, b: &Clip, most: usize) -> Vec<f64> {
     let mut times: Vec<Time> = a.curves().iter().flat_map(|c| c.times.iter().copied()).collect();
     times.sort_unstable();

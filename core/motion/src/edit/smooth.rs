@@ -1,4 +1,4 @@
-//! Jitter taken out of a clip.
+//! Removes jitter from a clip.
 
 use super::{EditError, Values};
 use crate::clip::{Clip, Curve, Interpolation, Path};
@@ -12,9 +12,9 @@ const WEIGHTS: [f64; SIDE as usize + 1] =
     [1.0, 0.882496902584595, 0.606530659712633, 0.32465246735835, 0.135335283236613];
 
 impl Clip {
-    /// Each LINEAR key becomes the mean, weighted by a bell curve, of the clip within a window around it: rapid shaking goes, and
-    /// straight and even motion stays. The window shrinks towards the ends, which stay where they are. Footsteps and cubics
-    /// are intended, and stay.
+    /// Gaussian smoothing: each LINEAR key becomes the weighted mean of the clip within a window around it. Jitter disappears;
+    /// straight, even motion stays. The window shrinks towards the ends, which are unchanged. STEP and CUBICSPLINE curves are
+    /// intended, and stay.
     pub fn smoothed(&self, window: Time) -> Result<Clip, EditError> {
         if window <= Time::ZERO || window > Time::from_secs(10.0) {
             return Err(EditError::Window { seconds: window.as_secs() });

@@ -1,4 +1,5 @@
-//! Several joints that turn together until the last one points at a target: spine, neck and head, or an arm that points.
+//! Aim constraint: several joints turn together until the last one points at a target (spine, neck and head, or an arm that
+//! points).
 
 use crate::math::rotation::{rotation_between, rotation_fraction};
 use glam::{DQuat, DVec3};
@@ -9,41 +10,42 @@ use std::f64::consts::PI;
 pub struct AimJoint {
     /// Position, in the common space.
     pub position: DVec3,
-    /// How much of the turn this joint takes, beside the others'; ≥ 0, finite.
+    /// Share of the rotation that this joint takes, relative to the other joints; ≥ 0, finite.
     pub share: f64,
 }
 
 /// Turns joints until a direction of the last one points at a target. All in one space.
 #[derive(Debug)]
 pub struct Aim<'a> {
-    /// Each further out than the one before; the last one points. Positions are moved as the joints turn.
+    /// Joints from the root outwards; the last one points. `run` updates the positions.
     pub joints: &'a mut [AimJoint],
     /// Direction in which the last joint points now.
     pub forward: DVec3,
     /// The point to point at, in the common space.
     pub target: DVec3,
-    /// The last joint turns at most this far, radians, 0..=π. Beyond, the turn fades out until the target is straight behind, so
-    /// that one that passes behind does not whip it from side to side.
+    /// Largest rotation of the last joint, radians, 0..=π. For targets beyond it, the rotation fades out until the target is
+    /// straight behind, so that a target that passes behind does not whip the joint from side to side.
     pub limit: f64,
-    /// 0..=1
+    /// Weight of the constraint, 0..=1.
     pub weight: f64,
 }
 
 impl Aim<'_> {
-    /// How each joint is turned, all before it included; `turns` has one per joint. What does not point, or at nothing, is not turned.
+    /// Computes the rotation of each joint, including those of the joints before it; `turns` has one per joint. Nothing is turned
+    /// if `forward` is zero or the target is at the last joint.
     pub fn run(&mut self, turns: &mut [DQuat]) {
         turns.fill(DQuat::IDENTITY);
         let shares = |joints: &[AimJoint]| joints.iter().map(|j| j.share.max(0.0)).sum::<f64>();
         let Some(last) = self.joints.last().copied() else { return };
         let whole = limited(self.forward, self.target - last.position, self.limit, self.weight);
-        // The remaining turn is measured from the direction of the limited turn, at the target's distance.
+        // The goal lies in the direction of the limited rotation, at the target's distance.
         let Some(whole) = whole else { return };
         let goal = last.position + whole * self.forward.normalize() * (self.target - last.position).length();
         let mut forward = self.forward;
         let mut total = DQuat::IDENTITY;
         let count = self.joints.len();
-        // While the joints before it turn, the last one moves and its direction to the target changes: a few rounds for the others,
-        // then the last one makes up for what remains.
+        // Rotations of the other joints move the last one and change its direction to the target: each joint takes its share of
+        // the remaining rotation, and the last one all that is left.
         for (at, turned) in turns.iter_mut().enumerate().take(count) {
             let left = shares(&self.joints[at..]);
             let share =
@@ -63,7 +65,7 @@ impl Aim<'_> {
     }
 }
 
-/// The turn from one direction towards another, at most `limit`, fading out beyond it, times a weight.
+/// The rotation from one direction towards another, at most `limit`, fading out beyond it, times a weight.
 fn limited(now: DVec3, way: DVec3, limit: f64, weight: f64) -> Option<DQuat> {
     let (now, way) = (now.try_normalize()?, way.try_normalize()?);
     let cross = now.cross(way);

@@ -5,7 +5,7 @@ use super::chain::Scratch;
 use crate::math::rotation::rotation_between;
 use glam::DVec3;
 
-/// Each joint once, from the end inwards.
+/// One iteration: turns each joint once, from the end inwards.
 pub(super) fn iterate(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
     let Scratch { positions, rotations, .. } = scratch;
     let mut end = chain.frames(positions, rotations);

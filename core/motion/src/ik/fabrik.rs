@@ -1,12 +1,12 @@
-//! Forward and backward reaching.
+//! Forward and backward reaching inverse kinematics (FABRIK).
 
 use super::Chain;
 use super::chain::Scratch;
 use crate::math::rotation::rotation_between;
 use glam::DVec3;
 
-/// One iteration from the target back to the root, then from the root out again; on the way out each bone is turned towards the place found
-/// for its end, within its limits, so that what follows starts from where the bone really ends.
+/// One iteration: positions from the target back to the root, then bones from the root outwards. Each bone is turned within its
+/// limits towards the position found for its end, and the next bone starts where it really ends.
 pub(super) fn iterate(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
     let Scratch { positions, goals, .. } = scratch;
     chain.positions(positions);

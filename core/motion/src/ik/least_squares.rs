@@ -1,4 +1,4 @@
-//! Damped least squares.
+//! Damped least squares on the Jacobian.
 
 use super::Chain;
 use super::chain::Scratch;
@@ -7,7 +7,7 @@ use glam::{DMat3, DQuat, DVec3};
 /// One step of Levenberg–Marquardt. A joint at pᵢ turned by ωᵢ moves the end by ωᵢ × rᵢ, rᵢ = end − pᵢ, so that J Jᵀ is the 3×3
 /// sum of |rᵢ|² − rᵢ rᵢᵀ however long the chain, and the least-norm step is ωᵢ = rᵢ × (J Jᵀ + λ)⁻¹ e.
 pub(super) fn iterate(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
-    /// Turns are straight lines only as far as a good part of a radian.
+    /// Largest rotation in a step, radians: rotations are nearly linear only up to a good part of a radian.
     const LONGEST: f64 = 1.0;
     const TRIES: usize = 6;
     chain.positions(&mut scratch.positions);
@@ -31,7 +31,7 @@ pub(super) fn iterate(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
         for (index, bone) in chain.bones.iter_mut().enumerate() {
             *bone = scratch.before[index];
             let turn = (end - scratch.positions[index]).cross(solved).clamp_length_max(LONGEST);
-            // Meant beside the turns of the joints before it, as if they had not turned yet.
+            // The step is linear: each joint turns as if the joints before it had not turned yet.
             bone.turn(DQuat::from_scaled_axis(turn), parent);
             parent *= scratch.before[index].rotation;
         }

@@ -1,11 +1,11 @@
-//! How far a joint may turn from its rest pose.
+//! Limits of a joint's rotation from its rest pose.
 
 use crate::input_error::InputError;
 use crate::math::rotation::rotation_fraction;
 use glam::{DQuat, DVec3};
 use std::f64::consts::PI;
 
-/// Angles in radians; axes are unit vectors in the joint's own space at rest.
+/// Limit of a joint's rotation. Angles are in radians; axes are unit vectors in the joint's own space at rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 pub enum Limit {
@@ -37,8 +37,7 @@ impl Limit {
         InputError::check_value(within, "Limit", format!("{low} to {high}"), "an interval of -π..=π")
     }
 
-    /// The nearest rotation that is allowed, as far as swing and twist are counted each on its own. `rest` and `local` are
-    /// parent-from-joint, unit.
+    /// The nearest allowed rotation, with swing and twist clamped separately. `rest` and `local` are parent-from-joint, unit.
     pub fn clamp(&self, rest: DQuat, local: DQuat) -> DQuat {
         match *self {
             Limit::Free => local,
@@ -59,18 +58,18 @@ impl Limit {
         }
     }
 
-    /// Radians by which a rotation is beyond what is allowed.
+    /// Angle by which a rotation exceeds the limit, radians.
     pub fn excess(&self, rest: DQuat, local: DQuat) -> f64 {
         angle_of(local.inverse() * self.clamp(rest, local))
     }
 }
 
-/// A rotation as a tilt of the axis after a turn about it, −π..=π.
+/// Swing–twist decomposition: a swing of the axis, and the angle of the twist about it that comes before, −π..=π.
 pub(super) fn split(q: DQuat, axis: DVec3) -> (DQuat, f64) {
     let along = q.xyz().dot(axis);
     let size = (along * along + q.w * q.w).sqrt();
     if size < 1e-12 {
-        // The axis is turned right around: any twist is as good.
+        // The axis is reversed: any twist is as good.
         return (q, 0.0);
     }
     let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
@@ -78,7 +77,7 @@ pub(super) fn split(q: DQuat, axis: DVec3) -> (DQuat, f64) {
     (q * DQuat::from_axis_angle(axis, turn).inverse(), turn)
 }
 
-/// 0..=π
+/// Angle of a rotation, radians, 0..=π.
 pub(crate) fn angle_of(q: DQuat) -> f64 {
     2.0 * libm::atan2(q.xyz().length(), q.w.abs())
 }

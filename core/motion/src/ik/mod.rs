@@ -1,8 +1,8 @@
-//! Inverse kinematics: joints turned so that a point of the body goes where it should.
+//! Inverse kinematics (IK): joints are turned so that a point of the character reaches a target.
 //!
-//! All in f64 and in one space, usually the model's. [`TwoBone`] is a closed form; [`Chain`] holds any number of bones with
-//! limits, and three ways to solve it; [`Aim`] shares a turn among several joints. Nothing is remembered between frames: the
-//! answer depends on the pose before it and the goal alone, so that frames can be evaluated in any order.
+//! Solvers work in f64 and in one space, usually the model's. [`TwoBone`] is a closed form; [`Chain`] has any number of bones
+//! with limits, and three iterative solvers; [`Aim`] shares a rotation among several joints. No state is kept between frames: a
+//! result depends on the input pose and the target only, so that frames can be evaluated in any order.
 
 mod aim;
 mod ccd;

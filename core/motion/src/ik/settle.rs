@@ -1,4 +1,4 @@
-//! The last way to the nearest place that limits allow.
+//! Coordinate descent of a chain with limits, after a solver, to the nearest position that the limits allow.
 
 use super::chain::Scratch;
 use super::limit::split;
@@ -7,9 +7,10 @@ use crate::math::rotation::{rotation_between, rotation_fraction};
 use glam::{DQuat, DVec3};
 use std::f64::consts::{PI, TAU};
 
-/// Each joint once, from the end inwards, turned to where the end is nearest to the target within the joint's limit: a hinge and a twist
-/// in closed form, a cone as far as it goes that way. Nothing gets worse; where no joint alone can better the chain it stands still, which
-/// for hinges is a local optimum (coordinate descent on a smooth function in a box: D. Bertsekas, "Nonlinear Programming", 1999, §2.7).
+/// One sweep: turns each joint once, from the end inwards, to where the end is nearest to the target within the joint's limit:
+/// hinges and twists in closed form, swings by several attempts. The distance never grows. If no single joint can improve the
+/// chain, nothing changes, which for hinges is a local optimum (coordinate descent on a smooth function in a box: D. Bertsekas,
+/// "Nonlinear Programming", 1999, §2.7).
 pub(super) fn sweep(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
     let Scratch { positions, rotations, .. } = scratch;
     let mut end = chain.frames(positions, rotations);
@@ -41,7 +42,7 @@ pub(super) fn sweep(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
             }
             Limit::SwingTwist { axis, twist, .. } => {
                 let turn = parent.inverse() * rotation_between(arm, way) * parent;
-                // All the way, and shorter ones where that is over the edge of the cone.
+                // The whole swing, and parts of it in case that is beyond the cone.
                 for share in [1.0, 0.5, 0.125, 0.01] {
                     let wanted = (rotation_fraction(turn, share) * before.rotation).normalize();
                     try_out(bone, before.limit.clamp(before.rest, wanted));
@@ -55,14 +56,14 @@ pub(super) fn sweep(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
     }
 }
 
-/// The angle by which one direction is turned about an axis to be nearest to another.
+/// The angle about an axis that turns one direction nearest to another, radians.
 fn angle_about(axis: DVec3, from: DVec3, to: DVec3) -> f64 {
     let across = |v: DVec3| v - axis * v.dot(axis);
     let (from, to) = (across(from), across(to));
     libm::atan2(from.cross(to).dot(axis), from.dot(to))
 }
 
-/// The angle of an interval that is nearest to another, round the circle.
+/// The angle in an interval that is nearest to `angle`, around the circle.
 fn nearest(angle: f64, (low, high): (f64, f64)) -> f64 {
     let wrapped = |a: f64| a - TAU * libm::floor((a + PI) / TAU);
     let angle = wrapped(angle);

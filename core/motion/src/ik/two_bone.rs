@@ -1,17 +1,18 @@
-//! An arm or a leg: two bones, in closed form.
+//! Two-bone inverse kinematics, for an arm or a leg, in closed form.
 
 use crate::math::rotation::rotation_between;
 use glam::{DMat3, DQuat, DVec3};
 use std::f64::consts::FRAC_PI_2;
 
-/// Turns a limb of two bones so that its end comes to a target. All in one space; metres.
+/// Turns a limb of two bones so that its end reaches a target. All positions are in one space, metres.
 ///
-/// The triangle of shoulder, elbow and hand is given by its three sides (the law of cosines); it is laid towards the target, and
-/// turned about that line so that the elbow keeps its side, or goes to the side of the pole.
+/// The law of cosines gives the triangle of shoulder, elbow and hand. It is laid towards the target and turned about that line so
+/// that the elbow keeps its side, or bends towards the pole.
 ///
-/// Within 6 % of the limb's length from the start (`CORE`) the hand leaves the target, and the limb swings around at an even pace instead of turning over at once: where a
-/// target goes straight through the shoulder at 0.1 m/s, the elbow of an arm goes at up to 5.3 m/s. No limb follows every target without a jump: those left are one point of
-/// that core, and directions 13° to either side of the one opposite to where the limb points.
+/// A target within 6 % of the limb's length from the start (`CORE`) is not reached exactly: the limb swings around at an even
+/// pace instead of flipping at once. If a target passes straight through the shoulder at 0.1 m/s, the elbow of an arm moves at up
+/// to 5.3 m/s. No limb follows every target without a jump: jumps remain at one point of that core, and at directions 13° to
+/// either side of the one opposite to where the limb points.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoBone {
     /// Shoulder or hip.
@@ -22,39 +23,41 @@ pub struct TwoBone {
     pub end: DVec3,
     /// Target of the end.
     pub target: DVec3,
-    /// A point that the elbow bends towards. One in line with start and target gives no direction.
+    /// Pole target: a point that the elbow bends towards. A pole in line with start and target gives no direction.
     pub pole: Option<DVec3>,
-    /// Direction that a straight limb bends to, where there is no pole; zero: any, always the same.
+    /// Direction in which a straight limb without a pole bends; zero: any direction, always the same.
     pub hint: DVec3,
-    /// Share of the reach, 0..=1, within which the limb slows down instead of snapping straight: its end falls behind a target
-    /// that moves out of reach, smoothly. So does a limb of unequal bones that folds: its end comes no nearer than their difference.
+    /// Soft IK: share of the reach, 0..=1, within which the limb slows down instead of snapping straight; its end smoothly falls
+    /// behind a target that moves out of reach. A limb of unequal bones also slows down as it folds, since its end comes no
+    /// nearer to the start than their difference.
     pub soft: f64,
 }
 
-/// Radius of the core in lengths of the limb: 33 mm of an arm, less than a shoulder is thick. The elbow is slower the wider it is.
+/// Radius of the core around the start, in lengths of the limb: 33 mm for an arm, less than a shoulder is thick. A wider core
+/// slows the elbow.
 const CORE: f64 = 0.06;
-/// Share of the bend direction in the way that the limb swings within the core, beside the direction in which it points: a straight way
-/// through the start is hardly along it.
+/// Weight of the bend direction in the direction to which the limb leans within the core; the limb's own direction has weight 1.
+/// A straight path through the start hardly ever runs along this mixture.
 const BY_WAY: f64 = 0.6;
-/// Cosines of the directions, against the one in which the limb points, from and to which the plane of its bend stays instead of being turned
-/// on the shortest way, which has no axis for half a turn: 162° and 174°.
+/// Cosines of the angles 162° and 174° by which a limb turns. Between them, the bend plane changes from turning with the limb, on
+/// the shortest arc, to staying: a half turn has no unique shortest arc.
 const STAYING: [f64; 2] = [-0.951, -0.9945];
 
-/// How the two bones are turned in the space of the positions, each about its own start, and where the end comes to be.
+/// Rotations of the two bones in the space of the positions, each about its own start, and the resulting positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwoBoneSolution {
-    /// Turn of the first joint.
+    /// Rotation of the first joint.
     pub start: DQuat,
-    /// Turn of the middle joint.
+    /// Rotation of the middle joint.
     pub middle: DQuat,
-    /// Position of the middle joint then.
+    /// New position of the middle joint.
     pub new_middle: DVec3,
-    /// Position of the end then.
+    /// New position of the end.
     pub new_end: DVec3,
 }
 
 impl TwoBone {
-    /// `None` where there is nothing to turn: a bone without length, or a number that is not finite.
+    /// Solves the limb. `None` if a bone has no length, or a number is not finite.
     pub fn solve(&self) -> Option<TwoBoneSolution> {
         let (upper, lower) = (self.middle - self.start, self.end - self.middle);
         let (a, b) = (upper.length(), lower.length());
@@ -67,7 +70,8 @@ impl TwoBone {
         let line = before.try_normalize().unwrap_or_else(|| upper.any_orthonormal_vector().normalize());
         let across = |v: DVec3, line: DVec3| {
             let v_across = v - line * v.dot(line);
-            // f32 poses are as straight as this; what is less is rounding, which has a direction too, but means nothing.
+            // A straight limb of an f32 pose deviates by up to this; a smaller deviation is rounding, whose direction means
+            // nothing.
             (v_across.length() > 1e-5 * v.length()).then(|| v_across.normalize())
         };
         let pole = |line| self.pole.and_then(|p| across(p - self.start, line));
@@ -78,7 +82,7 @@ impl TwoBone {
         let kept = || across(towards.cross(carried(normal, line, towards)), towards);
         let new_bend = pole(towards).or_else(kept)?;
         // The angle at the start joint, between the line to the end and the upper bone.
-        // With equal bones rounding remains, which is large beside a short distance.
+        // Equal bones leave a rounding error, which is large relative to a short distance.
         let unlike = if (a - b).abs() > 1e-9 * (a + b) { a * a - b * b } else { 0.0 };
         let cos = if distance > 0.0 {
             ((unlike + distance * distance) / (2.0 * a * distance)).clamp(-1.0, 1.0)
@@ -90,7 +94,7 @@ impl TwoBone {
         let new_end = self.start + towards * distance;
         let new_normal = new_bend.cross(towards);
         let start = turn(upper, normal, new_middle - self.start, new_normal)?;
-        // Folded onto itself the lower bone runs back along the upper.
+        // The lower bone of a limb that is folded onto itself runs back along the upper.
         let new_lower = new_end - new_middle;
         let middle = turn(lower, normal, new_lower, new_normal)?;
         (start.is_finite() && middle.is_finite()).then_some(TwoBoneSolution {
@@ -102,8 +106,9 @@ impl TwoBone {
     }
 }
 
-/// Direction of a target, continuous but for one point: within the core it leans to `by_way`, and is that at the start itself. A target that
-/// passes through the start at right angles to that way turns it evenly, half a turn over the width of the core.
+/// Direction of a target, continuous except at one point: within the core it leans towards `by_way`, and is `by_way` at the start
+/// itself. As a target passes through the start at right angles to `by_way`, the direction turns evenly, by half a turn over the
+/// width of the core.
 fn direction(target: DVec3, core: f64, by_way: DVec3) -> DVec3 {
     let from_start = target.length();
     // The tangent is meaningless at 0 and beyond the core.
@@ -115,8 +120,8 @@ fn direction(target: DVec3, core: f64, by_way: DVec3) -> DVec3 {
     (target + by_way.normalize() * lean).try_normalize().unwrap_or_else(|| by_way.normalize())
 }
 
-/// The normal of the bend for a new direction: turned as the direction is, but where that is nearly half a turn as near to what it was as
-/// may be, so that rounding does not choose the axis.
+/// Normal of the bend for a new direction: turned like the direction, but if that is nearly half a turn, kept as close to the old
+/// normal as possible, so that rounding does not choose the axis.
 fn carried(normal: DVec3, line: DVec3, towards: DVec3) -> DVec3 {
     let turned = rotation_between(line, towards) * normal;
     let share = ((STAYING[0] - line.dot(towards)) / (STAYING[0] - STAYING[1])).clamp(0.0, 1.0);
@@ -137,8 +142,8 @@ fn turn(from: DVec3, normal: DVec3, to: DVec3, new_normal: DVec3) -> Option<DQua
     Some(DQuat::from_mat3(&(after * before.transpose())).normalize())
 }
 
-/// How far the end goes for a target at a distance: there, up to `reach · (1 − soft)`; from there on it comes ever nearer to the
-/// whole reach, at the same speed at first, and never gets there. The same towards the nearest that it can be.
+/// Distance of the end for a target at distance `wanted`: the same up to `reach · (1 − soft)`; beyond that, it approaches the
+/// whole reach exponentially, at the same speed at first, and never gets there. It approaches `nearest` likewise.
 fn soft_distance(wanted: f64, [nearest, reach]: [f64; 2], soft: f64) -> f64 {
     let softness = reach * soft.clamp(0.0, 1.0);
     let at_start = softness.min(0.5 * nearest);

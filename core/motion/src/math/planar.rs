@@ -1,37 +1,38 @@
-//! Rigid motions that keep +Y up: a turn about the vertical, then a step.
+//! Rigid motions that keep +Y up: a rotation about the vertical, then a translation.
 
 use glam::{DQuat, DVec3};
 
-/// `a_from_b`: turned by `yaw` about +Y, then moved. f64: accumulated over hours it is still exact to less than a micrometre.
+/// `a_from_b`: rotation by `yaw` about +Y, then translation. In f64, hours of accumulation are exact to less than a micrometre.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Planar {
-    /// Metres.
+    /// Translation, metres.
     pub translation: DVec3,
-    /// Radians, counter-clockwise from above, any number of turns.
+    /// Rotation about +Y, radians, counter-clockwise from above, any number of turns.
     pub yaw: f64,
 }
 
 impl Planar {
-    /// Neither turned nor moved.
+    /// The identity.
     pub const IDENTITY: Planar = Planar { translation: DVec3::ZERO, yaw: 0.0 };
 
-    /// The turn about +Y.
+    /// Rotation about +Y.
     pub fn rotation(self) -> DQuat {
         DQuat::from_rotation_y(self.yaw)
     }
 
-    /// First `other`, then this.
+    /// Composition: first `other`, then this motion.
     pub fn then_in(self, other: Planar) -> Planar {
         let turned = turned(other.translation, self.yaw);
         Planar { translation: self.translation + turned, yaw: self.yaw + other.yaw }
     }
 
-    /// The way back.
+    /// The inverse motion.
     pub fn inverse(self) -> Planar {
         Planar { translation: turned(-self.translation, -self.yaw), yaw: -self.yaw }
     }
 
-    /// This motion `times` times, in closed form: the steps of a circle sum to a chord, Σ R(iθ) = R((k − 1)θ/2) sin(kθ/2) / sin(θ/2).
+    /// This motion, repeated `times` times, in closed form: the steps of a circle sum to a chord, Σ R(iθ) = R((k − 1)θ/2)
+    /// sin(kθ/2) / sin(θ/2).
     /// Nothing is accumulated, so the millionth loop is as exact as the first.
     pub fn power(self, times: i64) -> Planar {
         let k = times as f64;
@@ -43,7 +44,8 @@ impl Planar {
         Planar { translation, yaw: self.yaw * k }
     }
 
-    /// The constant velocity (step, turn) in its own frame that leads there in a second, the shorter way round: the logarithm.
+    /// Logarithm: the constant velocity (linear, angular) in the moving frame that yields this motion in a second, turning the
+    /// shorter way.
     pub fn velocity(self) -> (DVec3, f64) {
         let yaw = wrapped(self.yaw);
         let half = yaw / 2.0;
@@ -54,7 +56,7 @@ impl Planar {
         (step, yaw)
     }
 
-    /// A second at a constant velocity in its own, turning frame: the exponential.
+    /// Exponential: the motion of one second at a constant velocity (linear, angular) in the moving frame.
     pub fn from_velocity((step, yaw): (DVec3, f64)) -> Planar {
         let half = yaw / 2.0;
         let chord = if half.abs() < 1e-9 { 1.0 } else { libm::sin(half) / half };
@@ -73,7 +75,7 @@ fn turned(v: DVec3, angle: f64) -> DVec3 {
     DVec3::new(cos * v.x + sin * v.z, v.y, cos * v.z - sin * v.x)
 }
 
-/// The same angle from −π to π.
+/// The equivalent angle from −π to π.
 pub fn wrapped(angle: f64) -> f64 {
     const TURN: f64 = std::f64::consts::TAU;
     let rest = angle % TURN;

@@ -45,7 +45,8 @@ pub fn rotation_fraction(rotation: DQuat, share: f64) -> DQuat {
     DQuat::from_xyzw(axis.x, axis.y, axis.z, libm::cos(half))
 }
 
-/// Axis times angle of a rotation, the shorter way round: the angle is from 0 to π. Need not be at unit length.
+/// Logarithm: axis times angle of a rotation, the shorter way round, so that the angle is from 0 to π. `q` need not have unit
+/// length.
 pub fn rotation_vector(q: DQuat) -> DVec3 {
     let v = DVec3::new(q.x, q.y, q.z);
     let sine = v.length();
@@ -57,7 +58,7 @@ pub fn rotation_vector(q: DQuat) -> DVec3 {
     v * (2.0 * libm::atan2(sine, w) / sine)
 }
 
-/// The rotation by `v.length()` radians about `v`, of any angle.
+/// Exponential: the rotation by `v.length()` radians about `v`.
 pub fn from_rotation_vector(v: DVec3) -> DQuat {
     let angle = v.length();
     if angle < 1e-300 || !angle.is_finite() {

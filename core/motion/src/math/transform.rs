@@ -9,16 +9,16 @@ pub struct Transform {
     pub translation: Vec3,
     /// Unit quaternion x y z w.
     pub rotation: Quat,
-    /// Factors along the own axes.
+    /// Scale factors along the local axes.
     pub scale: Vec3,
 }
 
 impl Transform {
-    /// Changes nothing.
+    /// The identity transform.
     pub const IDENTITY: Transform =
         Transform { translation: Vec3::ZERO, rotation: Quat::IDENTITY, scale: Vec3::ONE };
 
-    /// The same as an affine matrix.
+    /// Converts the transform to an affine matrix.
     pub fn to_affine(self) -> Affine3A {
         Affine3A::from_scale_rotation_translation(self.scale, self.rotation, self.translation)
     }

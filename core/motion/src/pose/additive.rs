@@ -1,11 +1,11 @@
-//! Additive and subtractive layers: what a pose does beyond a reference pose, on top of another.
+//! Additive and subtractive layers: the difference of a pose from a reference pose, applied to another pose.
 //!
-//! Of each joint: the rotation q_ref⁻¹ q in the joint's own space as a rotation vector (axis times angle, the logarithm of
-//! the quaternion: F. S. Grassia, "Practical Parameterization of Rotations Using the Exponential Map", 1998), the
-//! difference of translations, the ratio of scales. A weight w multiplies the vector, which is slerp from the identity; it
-//! multiplies the difference; and it takes the ratio to 1 + w (ratio − 1). Several layers are summed (ratios multiplied)
-//! before anything is applied, so that they come out the same in any order, and a layer subtracted takes away just what
-//! it adds. Products of quaternions would depend on the order: for two deltas of 30° about crossed axes by 7.6°.
+//! The difference of a joint consists of the rotation q_ref⁻¹ q in the joint's own space as a rotation vector (axis times angle,
+//! the logarithm of the quaternion: F. S. Grassia, "Practical Parameterization of Rotations Using the Exponential Map", 1998),
+//! the difference of translations, and the ratio of scales. A weight w multiplies the rotation vector, which is slerp from the
+//! identity, and the translation; it takes the ratio to 1 + w (ratio − 1). Layers are summed (ratios multiplied) before they are
+//! applied, so that their order does not matter, and a subtracted layer takes away exactly what it adds. Products of quaternions
+//! would depend on the order: for two deltas of 30° about crossed axes by 7.6°.
 
 use crate::math::rotation::{from_rotation_vector, rotation_vector};
 use crate::pose::Pose;
@@ -28,14 +28,14 @@ struct Delta {
 const NONE: Delta = Delta { rotation: DVec3::ZERO, translation: DVec3::ZERO, scale: DVec3::ONE };
 
 impl AdditiveLayers {
-    /// Begins a frame without layers.
+    /// Begins a frame of `joints` joints without layers.
     pub fn start(&mut self, joints: usize) {
         self.joints.clear();
         self.joints.resize(joints, NONE);
     }
 
-    /// Adds what `pose` does beyond `reference`. `weight` may be negative, which subtracts; times the mask's, one per joint
-    /// (`None` = 1). Poses of fewer joints add nothing to the rest.
+    /// Adds the difference of `pose` from `reference`. A negative `weight` subtracts; it is multiplied by the mask's weight of
+    /// each joint (`None` = 1). Joints that a pose lacks are unchanged.
     pub fn add(&mut self, reference: &Pose, pose: &Pose, weight: f32, mask: Option<&[f32]>) {
         let count = self.joints.len().min(reference.len()).min(pose.len());
         for (joint, delta) in self.joints.iter_mut().enumerate().take(count) {
@@ -57,7 +57,7 @@ impl AdditiveLayers {
         }
     }
 
-    /// Lays the sum over a pose of as many joints.
+    /// Applies the sum of the layers to a pose of as many joints.
     pub fn apply(&self, pose: &mut Pose) {
         for (joint, delta) in self.joints.iter().enumerate().take(pose.len()) {
             if delta.rotation == DVec3::ZERO && delta.translation == DVec3::ZERO && delta.scale == DVec3::ONE
@@ -78,7 +78,7 @@ impl AdditiveLayers {
     }
 }
 
-/// 1 where the reference is scaled to nothing: there is no ratio to nothing.
+/// Ratio of scales; 1 where the reference's scale is zero.
 fn ratio(from: Vec3, to: Vec3) -> DVec3 {
     let one = |from: f32, to: f32| if from.abs() < 1e-12 { 1.0 } else { f64::from(to) / f64::from(from) };
     DVec3::new(one(from.x, to.x), one(from.y, to.y), one(from.z, to.z))

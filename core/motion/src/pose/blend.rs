@@ -11,17 +11,18 @@ use crate::simd::{F8, Kernel, Level, dispatch, load4};
 use crate::slerp_series::{MAX_TERMS, weights_at};
 use std::marker::PhantomData;
 
-/// `out = from` at weight 0, `to` at weight 1 (exactly), joint by joint. All poses have equally many joints.
+/// Blends two poses joint by joint: `out` is `from` at weight 0 and `to` at weight 1, exactly. All poses have equally many
+/// joints.
 pub struct Blend<'a> {
     /// Pose at weight 0.
     pub from: &'a Pose,
     /// Pose at weight 1.
     pub to: &'a Pose,
-    /// 0..=1.
+    /// Blend weight, 0..=1.
     pub weight: f32,
-    /// Multiplies the weight, one per joint, 0..=1; `None` = 1.
+    /// Factors of the weight, one per joint, 0..=1; `None` = 1.
     pub mask: Option<&'a [f32]>,
-    /// Out: the blended pose.
+    /// Output: the blended pose.
     pub out: &'a mut Pose,
 }
 
@@ -37,7 +38,7 @@ impl Blend<'_> {
         )
     }
 
-    /// Allocates only where `out` has had fewer joints than now.
+    /// Blends the poses. Allocates only if `out` has held fewer joints so far.
     pub fn run(&mut self) {
         self.out.copy_from(self.from);
         BlendOnto { pose: self.out, to: self.to, weight: self.weight, mask: self.mask }.run();
@@ -50,9 +51,9 @@ pub struct BlendOnto<'a> {
     pub pose: &'a mut Pose,
     /// Pose at weight 1.
     pub to: &'a Pose,
-    /// 0..=1.
+    /// Blend weight, 0..=1.
     pub weight: f32,
-    /// Multiplies the weight, one per joint, 0..=1; `None` = 1.
+    /// Factors of the weight, one per joint, 0..=1; `None` = 1.
     pub mask: Option<&'a [f32]>,
 }
 
@@ -68,17 +69,17 @@ impl BlendOnto<'_> {
         )
     }
 
-    /// Allocates nothing.
+    /// Blends in place; allocates nothing.
     pub fn run(&mut self) {
         self.run_on(Level::best());
     }
 
-    /// The same bits at any level; for tests and benchmarks.
+    /// Runs at a SIMD level, for tests and benchmarks; the bits are the same at any.
     pub fn run_on(&mut self, level: Level) {
         self.run_kernel(level, CorrectedNlerp);
     }
 
-    /// Blends rotations in another way; for benchmarks.
+    /// Blends rotations by another method, for benchmarks.
     pub fn run_as(&mut self, rotations: RotationBlend) {
         match rotations {
             RotationBlend::Nlerp => self.run_kernel(Level::best(), Nlerp),
@@ -94,19 +95,20 @@ impl BlendOnto<'_> {
     }
 }
 
-/// A way to blend rotations, eight at once, along the shorter arc. All agree at 0, ½ and 1.
+/// Method to blend rotations, along the shorter arc. All agree at weights 0, ½ and 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RotationBlend {
-    /// The straight line, back at unit length.
+    /// Normalized linear interpolation (nlerp) of two quaternions.
     Nlerp,
-    /// nlerp at a corrected weight: what blends use.
+    /// Nlerp at a corrected weight: the method that blends use.
     CorrectedNlerp,
-    /// Exact up to f32 rounding, by a series of 26 terms, since two poses may be any angle apart.
+    /// Slerp, exact up to f32 rounding, by a series of 26 terms, since two poses may be any angle apart.
     Slerp,
 }
 
 pub(crate) trait Mix {
-    /// Along the shorter arc, not yet at unit length (which is at least √½); exact at weights 0 and 1 once scaled.
+    /// Mixes quaternions along the shorter arc. The result is not normalized (its length is at least √½), and exact at weights 0
+    /// and 1 once it is.
     fn mix<F: F8>(p: [F; 4], q: [F; 4], w: F) -> [F; 4];
 }
 
@@ -181,7 +183,7 @@ pub(crate) fn dot<F: F8>(a: [F; 4], b: [F; 4]) -> F {
     a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]).add(a[3].mul(b[3])))
 }
 
-/// Horner's scheme, highest power first.
+/// Evaluates a polynomial by Horner's scheme, highest power first.
 #[inline(always)]
 fn polynomial<F: F8, const N: usize>(x: F, coefficients: [f32; N]) -> F {
     let mut sum = F::splat(coefficients[0]);
@@ -191,7 +193,7 @@ fn polynomial<F: F8, const N: usize>(x: F, coefficients: [f32; N]) -> F {
     sum
 }
 
-/// The straight line from `p` to `q`, on the side of `p` that the sign says.
+/// Linear interpolation from `p` to `q`, which is negated if `side` is negative.
 #[inline(always)]
 fn straight<F: F8>(mut p: [F; 4], q: [F; 4], side: F, w: F) -> [F; 4] {
     for i in 0..4 {

@@ -1,12 +1,12 @@
 //! Inertialization: a transition switches to the new clip at once, and the offset from the old one decays.
 //!
-//! D. Bollo, "Inertialization: High-Performance Animation Transitions in Gears of War", GDC 2018. Of each joint the offset
-//! from the new pose at the switch, as a vector (rotations as rotation vectors), goes to zero along its own direction by the
-//! quintic of the talk, starting at the velocity of the offset, with no velocity or acceleration left at the end; where the
-//! velocity leads to zero sooner, sooner, so that it does not overshoot. A velocity that leads away, and that across that direction, which
-//! the talk leaves out, decay by the quintic through zero that begins with them, so that no joint's velocity jumps, and within a time in which
-//! clips turn theirs ([`LONGEST_AWAY`]): over half a second, hips on their way down sink 2 cm lower than either clip has them.
-//! The offset is a closed form of the time since the switch.
+//! D. Bollo, "Inertialization: High-Performance Animation Transitions in Gears of War", GDC 2018. The offset of each joint from
+//! the new pose at the switch, as a vector (rotations as rotation vectors), decays to zero along its own direction by the quintic
+//! of the talk, which starts at the velocity of the offset and ends without velocity and acceleration; it ends earlier if the
+//! velocity leads to zero earlier, so that it does not overshoot. A velocity that leads away, and one across that direction,
+//! which the talk leaves out, decay by a quintic that is zero at both ends and starts at this velocity, so that no joint's
+//! velocity jumps. This takes at most the time in which clips reverse their motion ([`LONGEST_AWAY`]): over half a second, hips
+//! on their way down would sink 2 cm lower than in either clip. The offset is a closed form of the time since the switch.
 
 use crate::math::rotation::{from_rotation_vector, rotation_vector};
 use crate::math::transform::Transform;
@@ -37,8 +37,8 @@ pub fn decay(x0: f64, v0: f64, duration: f64, t: f64) -> f64 {
     ((((a * t + b) * t + c) * t + a0 / 2.0) * t + v0) * t + x0
 }
 
-/// A velocity that begins at nothing: the quintic with this first derivative at 0 and none of value, first or second
-/// derivative left at the end.
+/// Offset that a unit velocity leads to: the quintic of value 0 and slope 1 at the start, with zero value, slope and second
+/// derivative at the end.
 fn fading_velocity(duration: f64, t: f64) -> f64 {
     let duration = duration.min(LONGEST_AWAY);
     if t >= duration || duration <= 0.0 {
@@ -74,14 +74,15 @@ impl DecayingOffset {
 /// Decaying offsets of all joints after a switch from one motion to another.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Inertialization {
-    /// Rotation vectors, translations, scales.
+    /// Offsets of rotation vector, translation and scale of each joint.
     joints: Vec<[DecayingOffset; 3]>,
-    /// How long the offsets last.
+    /// Duration of the decay.
     pub duration: Time,
 }
 
 impl Inertialization {
-    /// `from`: the old motion `step` before the switch and at it. `to`: the new one at the switch and `step` after it.
+    /// `from`: poses of the old motion, `step` before the switch and at it. `to`: poses of the new one, at the switch and `step`
+    /// after it.
     pub fn new(from: [&Pose; 2], to: [&Pose; 2], step: Time, duration: Time) -> Inertialization {
         let joints = from[1].len().min(to[0].len()).min(from[0].len()).min(to[1].len());
         let per_second = 1.0 / step.as_secs().max(1e-9);
@@ -107,7 +108,7 @@ impl Inertialization {
         Inertialization { joints: (0..joints).map(one).collect(), duration }
     }
 
-    /// Adds what is left `since` the switch to a pose of the new motion.
+    /// Adds the offsets that remain at a time `since` the switch to a pose of the new motion.
     pub fn apply(&self, since: Time, pose: &mut Pose) {
         if since >= self.duration || since < Time::ZERO {
             return;
@@ -133,12 +134,12 @@ impl Inertialization {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WeightInertialization {
     weights: Vec<DecayingOffset>,
-    /// How long the offsets last.
+    /// Duration of the decay.
     pub duration: Time,
 }
 
 impl WeightInertialization {
-    /// Like [`Inertialization::new`]; weights that one of them lacks are left out.
+    /// Like [`Inertialization::new`]; weights that are not in all lists are left out.
     pub fn new(from: [&[f32]; 2], to: [&[f32]; 2], step: Time, duration: Time) -> WeightInertialization {
         let per_second = 1.0 / step.as_secs().max(1e-9);
         let at = |of: &[f32], i: usize| f64::from(of[i]);
@@ -151,7 +152,7 @@ impl WeightInertialization {
         WeightInertialization { weights: (0..count).map(one).collect(), duration }
     }
 
-    /// Adds what is left `since` the switch to the weights of the new motion.
+    /// Adds the offsets that remain at a time `since` the switch to the weights of the new motion.
     pub fn apply(&self, since: Time, weights: &mut [f32]) {
         if since >= self.duration || since < Time::ZERO {
             return;

@@ -8,13 +8,13 @@ use crate::simd::{F8, Kernel, Level, dispatch, load3, load4};
 use crate::skeleton::Skeleton;
 use glam::Affine3A;
 
-/// `model_from_joint[i] = model_from_joint[parent(i)] * pose[i]`.
+/// Computes the model-space matrix of each joint: `model_from_joint[i] = model_from_joint[parent(i)] * pose[i]`.
 pub struct LocalToModel<'a> {
     /// Parents of the joints.
     pub skeleton: &'a Skeleton,
-    /// In: as many joints as the skeleton.
+    /// Input: local transforms of as many joints as the skeleton has.
     pub pose: &'a Pose,
-    /// Out: one per joint.
+    /// Output: one per joint.
     pub model_from_joint: &'a mut [Affine3A],
 }
 
@@ -28,12 +28,12 @@ impl LocalToModel<'_> {
         ])
     }
 
-    /// Allocates nothing.
+    /// Computes the matrices; allocates nothing.
     pub fn run(&mut self) {
         self.run_on(Level::best());
     }
 
-    /// The same bits at any level; for tests and benchmarks.
+    /// Runs at a SIMD level, for tests and benchmarks; the bits are the same at any.
     pub fn run_on(&mut self, level: Level) {
         dispatch(
             level,
@@ -53,7 +53,7 @@ pub(crate) trait Locals {
     fn blocks(&self) -> usize;
 }
 
-/// A pose as it is.
+/// One pose, unchanged.
 pub(crate) struct One<'a>(pub &'a [PoseBlock]);
 
 impl Locals for One<'_> {
@@ -68,12 +68,12 @@ impl Locals for One<'_> {
     }
 }
 
-/// Two poses blended on the way, as [`crate::Blend`] does.
+/// Two poses that are blended as they are read, like [`crate::Blend`] does.
 pub(crate) struct Two<'a> {
     pub a: &'a [PoseBlock],
     pub b: &'a [PoseBlock],
     pub weight: f32,
-    /// Scales are not read, they are 1.
+    /// Whether all scales are 1, so that they are not read.
     pub unit_scale: bool,
 }
 
@@ -112,7 +112,7 @@ impl<L: Locals> Matrices<'_, L> {
     pub fn compute<F: F8>(self) {
         let Matrices { by_depth, locals, out } = self;
         let out = columns_mut(out);
-        // Local matrices first, eight at a time, then each times its parent's: taking the joints by depth here made
+        // Local matrices come first, eight at a time; then each is multiplied by its parent's. Taking the joints by depth made
         // the whole a fifth faster than going down chain by chain in one pass.
         let (full, rest) = out.as_chunks_mut::<LANES>();
         let blocks = locals.blocks();
@@ -163,7 +163,7 @@ fn lerp3<F: F8>(a: &[Lane; 3], b: &[Lane; 3], w: F) -> [F; 3] {
     [lerp(a[0], b[0], w), lerp(a[1], b[1], w), lerp(a[2], b[2], w)]
 }
 
-/// Columns of R·S, component rows, from a quaternion of any length: 2/|q|² takes the place of normalising.
+/// Columns of R·S, component rows, from a quaternion of any length: 2/|q|² takes the place of normalizing.
 #[inline(always)]
 fn rotation_columns<F: F8>(q: [F; 4], scale: Option<[F; 3]>) -> [[F; 3]; 3] {
     let one = F::splat(1.0);

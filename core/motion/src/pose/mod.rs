@@ -58,7 +58,7 @@ impl Pose {
         self.len
     }
 
-    /// Whether it has no joints.
+    /// Whether the pose has no joints.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
@@ -100,14 +100,14 @@ impl Pose {
         }
     }
 
-    /// Becomes a copy of another pose; allocates only where that has more joints than ever before.
+    /// Copies another pose; allocates only if this one has held fewer joints so far.
     pub fn copy_from(&mut self, other: &Pose) {
         self.blocks.clear();
         self.blocks.extend_from_slice(&other.blocks);
         self.len = other.len;
     }
 
-    /// Translations, rotations, scales of a pose of as many joints, those that are requested.
+    /// Copies the requested channels (translations, rotations, scales) of a pose of as many joints.
     pub(crate) fn copy_channels(&mut self, other: &Pose, channels: [bool; 3]) {
         if channels == [false; 3] {
             return;
@@ -125,7 +125,7 @@ impl Pose {
         }
     }
 
-    /// Whether no joint is scaled.
+    /// Whether all scales are exactly 1.
     pub(crate) fn unit_scale(&self) -> bool {
         // The fold has no early exit, so that it is vectorized.
         let odd = |lane: &Lane| lane.0.iter().fold(false, |odd, v| odd | (*v != 1.0));

@@ -1,10 +1,10 @@
 //! Weighted blend of any number of poses over a base, independent of their order.
 //!
-//! `out = (max(0, 1 − W) base + Σ wᵢ poseᵢ) / max(1, W)` joint by joint, W = Σ wᵢ: weights that do not reach 1 leave the rest to
-//! the base, weights beyond 1 share it out in proportion (ozz-animation's `BlendingJob`, whose threshold is 1 here). Rotations go
-//! from the base to the mean of the poses as in [`crate::Blend`]. A sum
-//! does not depend on the order of its terms but for rounding. Quaternions are summed in the half space of the base's
-//! (q and −q are one rotation), which no order changes either; ozz takes the first pose's.
+//! `out = (max(0, 1 − W) base + Σ wᵢ poseᵢ) / max(1, W)` joint by joint, with W = Σ wᵢ: if the weights sum to less than 1, the
+//! base gets the rest; if to more, they are normalized (ozz-animation's `BlendingJob`, whose threshold is 1 here). Rotations are
+//! blended from the base to the mean of the poses as in [`crate::Blend`]. A sum does not depend on the order of its terms except
+//! for rounding. Quaternions are summed in the hemisphere of the base's (q and −q are one rotation), which does not depend on the
+//! order either; ozz takes the first pose's.
 
 use crate::pose::blend::{CorrectedNlerp, Mix, dot};
 use crate::pose::{Pose, PoseBlock};
@@ -33,7 +33,8 @@ impl WeightedBlend {
         self.sums.resize(joints.div_ceil(LANES), NOTHING);
     }
 
-    /// Adds a pose. `base` is the same for all of one sum; `weight` ≥ 0, times the mask's, one per joint (`None` = 1).
+    /// Adds a pose. `base` must be the same for all poses of a sum; `weight` ≥ 0 is multiplied by the mask's weight of each joint
+    /// (`None` = 1).
     pub fn add(&mut self, base: &Pose, pose: &Pose, weight: f32, mask: Option<&[f32]>) {
         let (base, pose) = (base.blocks(), pose.blocks());
         dispatch(Level::best(), Add { sums: &mut self.sums, base, pose, weight, mask });
@@ -106,7 +107,7 @@ impl Kernel for Finish<'_> {
             let kept: [F; 4] = load4(&base.rotation);
             let q: [F; 4] = load4(&sum.rotation);
             let square = dot(q, q);
-            // All lie within a quarter turn of the base in quaternion space, so a sum of nothing is rounding.
+            // All quaternions are in the hemisphere of the base, so that a sum near zero is only rounding.
             let usable = F::splat(1e-12).less(square);
             let length = one.div(square.sqrt());
             let mut mean = kept;

@@ -1,4 +1,4 @@
-//! The target in the source's rest pose.
+//! Aligns the target skeleton with the source's rest pose.
 
 use super::Side;
 use crate::math::rotation::unit;
@@ -8,7 +8,7 @@ use crate::skeleton::humanoid_joints::{HumanoidJoints, is_below};
 use crate::skeleton::model_rest_pose::ModelRestPose;
 use glam::{DQuat, DVec3};
 
-/// Mean length of the legs from hip to foot, metres; 0 where there are none.
+/// Mean length of the legs from hip to foot, metres; 0 if there are none.
 pub(super) fn leg_length(human: &HumanoidJoints, rest: &ModelRestPose) -> f64 {
     let leg = |side: &str| {
         let place = |name: &str| Some(rest.positions[human.joint(&format!("{side} {name}"))? as usize]);
@@ -21,7 +21,7 @@ pub(super) fn leg_length(human: &HumanoidJoints, rest: &ModelRestPose) -> f64 {
     }
 }
 
-/// The turn about the vertical, in quarters, that takes the source's left to the target's.
+/// Yaw, in quarter turns, that takes the source's left to the target's: as a rotation, and in degrees.
 pub(super) fn facing(source: &Side, target: &Side) -> (DQuat, f64) {
     let left = |side: &Side| {
         let across = |name: &str| {
@@ -53,17 +53,17 @@ pub(super) fn facing(source: &Side, target: &Side) -> (DQuat, f64) {
 
 /// How a joint of the target is aligned with the source's rest pose.
 enum How {
-    /// Its bone is laid along the source's by the shortest turn.
+    /// The bone is aligned with the source's by the shortest rotation.
     Limb(u32),
-    /// It is turned about the vertical only, so that a flat sole stays flat.
+    /// The foot is turned about the vertical only, so that a flat sole stays flat.
     Foot(Option<u32>),
-    /// Stays as it is: rigs put the joints of the trunk where they like, and nobody rests bent.
+    /// The rest rotation is kept: rigs place the joints of the trunk differently, and no character rests bent.
     Trunk,
-    /// Turns with its parent.
+    /// The joint turns with its parent.
     Rigid,
 }
 
-/// Rotations of the target's joints in model space where the source is at rest.
+/// Rotations of the target's joints in model space when the source is at rest.
 pub(super) fn aligned_rest(
     to: &Skeleton,
     map: &JointMap,
@@ -98,7 +98,7 @@ pub(super) fn aligned_rest(
     turns.iter().zip(&target.rest.rotations).map(|(turn, rest)| unit(*turn * *rest)).collect()
 }
 
-/// The shortest rotation from one direction to another; none where one of them has no length.
+/// The shortest rotation from one direction to another; the identity if one of them has no length.
 fn arc(from: DVec3, to: DVec3) -> DQuat {
     match (from.try_normalize(), to.try_normalize()) {
         (Some(from), Some(to)) => DQuat::from_rotation_arc(from, to),

@@ -1,4 +1,4 @@
-//! Clips on other skeletons: curves re-indexed by joint name.
+//! Binds clips to other skeletons: curves are re-indexed by joint name.
 
 use crate::clip::{Clip, Curve, Path};
 use crate::retarget::t_pose::HumanoidPair;
@@ -6,18 +6,18 @@ use crate::skeleton::Skeleton;
 use crate::skeleton::model_rest_pose::ModelRestPose;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-/// The clip's curves on the joints of another skeleton that have the same name, exactly or else without namespace
-/// prefixes (`crate::skeleton::plain_name`), or else by its place in a human body (`crate::skeleton::joint_names::humanoid_name`):
-/// that fits where both skeletons rest in the same pose with the same axes. Keys are shared with the given clip, not copied.
-/// Also returns the names of animated joints for which `to` has none, in skeleton order.
+/// Binds a clip to another skeleton: its curves go to the joints with the same name, exactly, else without namespace prefixes
+/// (`crate::skeleton::plain_name`), else with the same humanoid name (`crate::skeleton::joint_names::humanoid_name`). This fits
+/// if both skeletons rest in the same pose with the same axes. Keys are shared with the given clip, not copied. Also returns the
+/// names of animated joints for which `to` has none, in skeleton order.
 ///
-/// Where a skeleton has a `Humanoid` of its own, human bones are matched by that before any name, and their rotations are
-/// carried from T-pose to T-pose, the hips' place in proportion to their height (VRM Animation 1.0,
-/// "how_to_transform_human_pose.md"); other bones keep their own lengths. So the axes and sizes of the two may differ.
+/// If a skeleton has a `Humanoid`, humanoid bones are matched by that before any name. Their rotations are carried from T-pose to
+/// T-pose, the position of the hips in proportion to their height (VRM Animation 1.0, "how_to_transform_human_pose.md"); other
+/// bones keep their own lengths. So the axes and sizes of the two may differ.
 ///
-/// Where two joints of the clip's skeleton match one of the target's, the exactly named wins, else the first.
-/// Curves of expressions go along as they are. Places are in metres of the model: below a node that scales centimetres they are a hundred
-/// times as large as elsewhere.
+/// If two joints of the clip's skeleton match one of the target's, the exact name wins, else the first. Curves of expressions are
+/// unchanged. Translations keep their size in metres of the model: below a node that converts centimetres, the numbers are a
+/// hundred times as large as elsewhere.
 pub fn bind_clip(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<String>) {
     if from.names() == to.names() {
         return (clip.clone(), Vec::new());
@@ -52,8 +52,7 @@ pub fn bind_clip(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<Stri
 
 /// Raw binding: the clip's curves, bit for bit, on the joints of another skeleton that have exactly the same names. Nothing is
 /// retargeted or scaled, and the clip stays as long as it was. Joints of `to` that the clip does not move keep their rest (bind) pose.
-/// Of joints with one name, the first belongs to the first, the second to the second. Also returns the names of animated joints that
-/// `to` lacks, in skeleton order.
+/// Joints that share one name are paired in order. Also returns the names of animated joints that `to` lacks, in skeleton order.
 pub fn bind_by_name(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<String>) {
     let mut free: BTreeMap<&str, VecDeque<u32>> = BTreeMap::new();
     for (joint, name) in (0u32..).zip(to.names()) {
@@ -69,14 +68,14 @@ pub fn bind_by_name(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<S
     (clip.with_curves(to.len(), curves).with_duration(clip.duration), names)
 }
 
-/// Mean size of each joint's unit in the model.
+/// Mean scale of model-from-joint of each joint.
 struct Units {
     from: Vec<f64>,
     to: Vec<f64>,
 }
 
 impl Units {
-    /// A curve in the units of another parent; the same keys where these are equal, but for rounding.
+    /// Converts a curve to the units of another parent; the keys are unchanged if these are equal but for rounding.
     fn carry(&self, curve: &Curve, [from, to]: [Option<u32>; 2]) -> Curve {
         let unit = |scales: &[f64], parent: Option<u32>| parent.map_or(1.0, |p| scales[p as usize]);
         let ratio = unit(&self.from, from) / unit(&self.to, to);

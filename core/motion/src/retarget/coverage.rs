@@ -5,7 +5,7 @@ use crate::skeleton::Skeleton;
 use crate::skeleton::humanoid_joints::{HumanoidJoints, is_below};
 use std::collections::BTreeSet;
 
-/// Parts of the body by which messages name what does not follow, from the trunk outwards.
+/// Body parts that messages name if they do not follow, from the trunk outwards.
 const PARTS: [&str; 9] = [
     "hips",
     "spine",
@@ -38,7 +38,7 @@ pub(super) struct Partners {
     pub followed: BTreeSet<u32>,
     /// Joints of the target that follow one.
     pub following: BTreeSet<u32>,
-    /// Joints of the target that the caller wants to follow none.
+    /// Joints of the target that follow none by choice of the caller.
     pub forbidden: BTreeSet<u32>,
 }
 
@@ -76,7 +76,7 @@ impl Coverage {
                 return !moving.any(|j| partners.followed.contains(j))
                     && fingers.is_none_or(|side| has_fingers(to, target, side, partners));
             }
-            // A part that is known of the target alone: the source has it under a name that nothing is known of.
+            // The part is known in the target only: the source has it under a name that is not known.
             own.is_empty()
                 && !theirs.is_empty()
                 && !part.ends_with(" fingers")
@@ -87,7 +87,7 @@ impl Coverage {
     }
 }
 
-/// Each joint of a body that makes a part of it move. Collar bones and toes alone are no arm and no leg.
+/// Joints of each body part. Collarbones and toes alone are no arm and no leg.
 fn parts(human: &HumanoidJoints) -> Vec<(&'static str, u32)> {
     let mut out: Vec<(&'static str, u32)> = Vec::new();
     for (name, joint) in human.joints() {
@@ -109,7 +109,7 @@ fn parts(human: &HumanoidJoints) -> Vec<(&'static str, u32)> {
     out
 }
 
-/// Whether joints hang below a hand of the target, more than it could hold, none of which follows.
+/// Whether a hand of the target has more joints below it than a held prop has, none of which follows a source joint.
 fn has_fingers(to: &Skeleton, target: &HumanoidJoints, side: &str, partners: &Partners) -> bool {
     let Some(hand) = target.joint(&format!("{side} hand")) else { return false };
     let below: Vec<u32> = (0..to.len() as u32).filter(|j| *j != hand && is_below(to, *j, hand)).collect();

@@ -1,4 +1,4 @@
-//! Both skeletons at one time, in f64.
+//! Poses of both skeletons at one time, in f64.
 
 use super::lift::{Clearance, Lift};
 use super::{Retarget, Translations};
@@ -19,7 +19,7 @@ pub(super) struct Frame {
     pub locals: Vec<(DVec3, DQuat)>,
     /// Metres by which the hips were raised, so that the feet stay on the floor.
     pub raised: f64,
-    /// That height over the clip; none where the hips are not raised.
+    /// Height by which the hips are raised, over the clip; `None` if they are not raised.
     lift: Option<Lift>,
 }
 
@@ -64,7 +64,7 @@ impl Frame {
         frame
     }
 
-    /// The source at a time of the clip, and the target as it follows.
+    /// Poses the source at a time of the clip, and the target after it.
     pub fn at(&mut self, of: &Retarget, clip: &Clip, time: Time) {
         self.raised = self.lift.as_ref().map_or(0.0, |lift| lift.at(time));
         self.sample(of, clip, time);

@@ -19,7 +19,7 @@ pub enum MatchedBy {
 }
 
 impl MatchedBy {
-    /// The words of reports.
+    /// Text in reports.
     pub fn as_str(self) -> &'static str {
         match self {
             MatchedBy::Given => "as given",
@@ -37,7 +37,7 @@ pub struct JointMap {
 }
 
 impl JointMap {
-    /// `given` pairs a target joint with a source joint, or with none, whatever else speaks for it.
+    /// Matches the joints. `given` pairs a target joint with a source joint, or with none, and takes precedence over all else.
     pub fn new(
         [from, to]: [&Skeleton; 2],
         [source, target]: [&HumanoidJoints; 2],
@@ -60,7 +60,7 @@ impl JointMap {
                 *used = true;
             }
         };
-        // Where spines differ in number, names along them mean other places.
+        // If spines differ in their number of joints, equal names along them mean different positions.
         let trunks = [[source.spine(), target.spine()], [source.neck(), target.neck()]];
         let shared: Vec<u32> = trunks
             .iter()
@@ -72,8 +72,8 @@ impl JointMap {
                 t.iter().copied()
             })
             .collect();
-        // A body's joint goes to the same of the other body, whatever else bears its name: of one file "root" is the hips, of
-        // another what they stand on.
+        // A humanoid joint is matched with the same humanoid joint, whatever other joint has its name: "root" is the hips in one
+        // file, and the joint on the ground in another.
         let elsewhere = |joint: u32, other: u32| {
             let of_source = source
                 .joints()
@@ -85,7 +85,7 @@ impl JointMap {
                 .any(|(name, j)| *j == joint && source.joint(name).is_some_and(|theirs| theirs != other));
             of_source || of_target
         };
-        // What no character moves has other meanings: a mesh beside the bones may be called "Body", too.
+        // Joints outside a humanoid are not matched with joints inside: a mesh beside the bones may be called "Body", too.
         let bodies = source.is_humanoid() && target.is_humanoid();
         let own = bodies.then(|| [in_body(from, source), in_body(to, target)]);
         let is_mixed = |joint: u32, other: u32| {
@@ -114,7 +114,7 @@ impl JointMap {
         JointMap { sources }
     }
 
-    /// Joints of the target.
+    /// Number of joints of the target.
     pub fn len(&self) -> usize {
         self.sources.len()
     }
@@ -156,7 +156,7 @@ pub(super) fn in_body(skeleton: &Skeleton, human: &HumanoidJoints) -> Vec<bool> 
 /// Pairs two chains end to end: the first with the first, the last with the last, each at most once.
 fn shares(target: &[u32], source: &[u32]) -> Vec<(u32, u32)> {
     let (long, short) = (target.len().max(source.len()), target.len().min(source.len()));
-    // A lone joint goes with the other chain's end, which the limbs hang on.
+    // A single joint is paired with the end of the other chain, which carries the limbs.
     let at = |i: usize| match short {
         1 => long - 1,
         _ => (i * (long - 1) + (short - 1) / 2) / (short - 1),

@@ -1,4 +1,4 @@
-//! A retargeted clip's curves: key by key where the formula is, sampled elsewhere.
+//! Curves of a retargeted clip: mapped key by key where that is possible, sampled elsewhere.
 
 use super::frame::Frame;
 use super::sampler::Sampler;
@@ -16,17 +16,18 @@ use std::sync::Arc;
 pub struct RetargetReport {
     /// Target joints whose curves are sampled, rather than mapped key by key.
     pub sampled: Vec<String>,
-    /// Keys of each of these.
+    /// Number of keys of each sampled curve.
     pub sampled_keys: usize,
     /// Least and most that the hips were raised by so that feet stay on the floor, metres.
     pub raised: (f64, f64),
-    /// Joints that move within the body in the source but only turn in the target, and how far at most in the source, metres.
+    /// Joints that translate within the character in the source but only rotate in the target, and their largest displacement in
+    /// the source, metres.
     pub held: Vec<(String, f64)>,
     /// Whether the source rests on both feet ([`Retarget::rests_standing`]).
     pub rests_standing: bool,
-    /// Whether the target does ([`Retarget::target_stands`]).
+    /// Whether the target rests on both feet ([`Retarget::target_stands`]).
     pub target_stands: bool,
-    /// Sampling stopped at `MOST_KEYS` before the tolerance was reached.
+    /// Whether sampling stopped at `MOST_KEYS` before the tolerance was reached.
     pub coarse: bool,
 }
 
@@ -35,11 +36,11 @@ pub(crate) const MOST_KEYS: usize = 1 << 22;
 
 /// How a target joint's rotation follows from the source's curves.
 enum Rotation<'c> {
-    /// The clip does not move it.
+    /// The clip does not move the joint, whose rotation is constant.
     Still(DQuat),
-    /// before · q · after, or of q's inverse.
+    /// Each key q becomes before · q · after, or before · q⁻¹ · after if `inverse`.
     Keys { curve: &'c Curve, before: DQuat, after: DQuat, inverse: bool },
-    /// Several curves take part in it.
+    /// Several curves contribute to the rotation.
     Sampled,
 }
 
@@ -50,7 +51,7 @@ struct Curves<'c> {
 }
 
 impl Retarget<'_> {
-    /// The clip on the target's skeleton.
+    /// Retargets a clip to the target's skeleton.
     pub fn clip(&self, clip: &Clip) -> (Clip, RetargetReport) {
         let of = |path: Path| {
             let curves = clip.curves().iter().filter(move |c| c.path == path);
@@ -123,7 +124,7 @@ impl Retarget<'_> {
         }
     }
 
-    /// The nearest joint above that follows one, and the rotation at rest from it to the parent.
+    /// The nearest ancestor that follows a source joint, and the rest rotation from it to the joint's parent.
     fn leader(&self, joint: u32) -> (Option<u32>, DQuat) {
         let mut between = DQuat::IDENTITY;
         let mut above = self.to.parents()[joint as usize];
@@ -137,7 +138,7 @@ impl Retarget<'_> {
         (above, between)
     }
 
-    /// Source joints up from the leader's, then down to the joint's own, without the one where both ways meet.
+    /// Path between source joints: up from the leader's, then down to the joint's own, without their common ancestor.
     fn way(&self, leader: Option<u32>, source: u32) -> (Vec<u32>, Vec<u32>) {
         let up = |from: Option<u32>| std::iter::successors(from, |j| self.from.parents()[*j as usize]);
         let start = leader.and_then(|l| self.map.source(l));
@@ -153,7 +154,7 @@ impl Retarget<'_> {
         let (source, follow) = (self.map.source(joint)?, self.follow[joint as usize]?);
         let (leader, between) = self.leader(joint);
         let (ups, downs) = self.way(leader, source);
-        // G of the parent, inverted; the leader's own G begins with the yaw too.
+        // The inverse of the parent's G; the leader's own G begins with the yaw, too.
         let base = match leader.and_then(|l| self.follow[l as usize]) {
             Some(d) => between.conjugate() * d.conjugate(),
             None => between.conjugate() * self.yaw,
@@ -188,7 +189,7 @@ impl Retarget<'_> {
         }
     }
 
-    /// The translation of a joint that goes with its source's, where that alone moves it.
+    /// Translation curve of a joint, mapped key by key. `None` unless the curve of its source joint is all that moves it.
     fn translation_keys(&self, joint: u32, curves: &Curves) -> Option<Curve> {
         let source = self.map.source(joint)?;
         let curve = curves.translations.get(&source)?;
@@ -209,7 +210,7 @@ impl Retarget<'_> {
                 DAffine3::from_scale_rotation_translation(s, r, t) * below
             })
         };
-        // Joints above the target's that follow still ones do not move, but may be turned.
+        // Joints above the target's must not follow moving joints.
         let mut parents = self.to.parents()[joint as usize];
         while let Some(parent) = parents {
             if self.map.source(parent).is_some_and(|s| !still(s)) {
@@ -233,7 +234,7 @@ impl Retarget<'_> {
         Some(Curve { joint, values: values.collect(), ..(*curve).clone() })
     }
 
-    /// Keys of all that has a part in where a joint goes; false where the clip leaves it where it is.
+    /// Adds the key times of all curves that move a joint. Returns false if the clip does not move it.
     fn add_translation_times(&self, joint: u32, curves: &Curves, times: &mut BTreeSet<Time>) -> bool {
         let Some(source) = self.map.source(joint) else { return false };
         let up = |from: u32| std::iter::successors(Some(from), |j| self.from.parents()[*j as usize]);
@@ -254,7 +255,7 @@ impl Retarget<'_> {
         moves
     }
 
-    /// Scales, morph weights, and where requested translations within the body.
+    /// Adds curves of scales, morph weights and, if requested, translations within the character.
     fn other_curves(&self, clip: &Clip, out: &mut Vec<Curve>, report: &mut RetargetReport) {
         let followers: BTreeMap<u32, u32> =
             self.map.pairs().map(|(joint, source, _)| (source, joint)).collect();
@@ -328,7 +329,7 @@ impl Retarget<'_> {
         }
     }
 
-    /// Curves that share their key times: all that are given, and as many between as the tolerance requires.
+    /// Adds sampled curves that share their key times: the given times, and as many between as the tolerance requires.
     fn sampled(
         &self,
         clip: &Clip,
@@ -354,7 +355,7 @@ impl Retarget<'_> {
         for (i, joint) in turning.iter().enumerate() {
             let mut before = DQuat::IDENTITY;
             let values = keys.iter().flat_map(|key| {
-                // Of the two signs of the quaternion, the one nearer to the key before is taken.
+                // The quaternion gets the sign that is nearer to the key before.
                 let turn = if key.turns[i].dot(before) < 0.0 { -key.turns[i] } else { key.turns[i] };
                 before = turn;
                 turn.to_array().map(|v| v as f32)
@@ -381,7 +382,7 @@ impl Retarget<'_> {
     }
 }
 
-/// A curve's key times; of steps also the last moment before each.
+/// Adds a curve's key times; for STEP also the last tick before each key.
 fn add_times(curve: Option<&&Curve>, times: &mut BTreeSet<Time>) {
     let Some(curve) = curve else { return };
     times.extend(curve.times.iter().copied());
@@ -390,7 +391,7 @@ fn add_times(curve: Option<&&Curve>, times: &mut BTreeSet<Time>) {
     }
 }
 
-/// Whether a curve never leaves a value.
+/// Whether a curve stays at a value, within the tolerance.
 fn rests(curve: &Curve, value: [f32; 3], tolerance: f32) -> bool {
     let cubic = curve.interpolation == Interpolation::CubicSpline;
     curve.values.chunks_exact(3).enumerate().all(|(part, v)| {

@@ -1,62 +1,63 @@
-//! Height that the hips are raised by over a clip, so that feet stay on the floor.
+//! Height by which the hips are raised over a clip, so that feet stay on the floor.
 //!
-//! At each time the lowest foot asks for a height. Where a sole stands, that is where it must be. Where a heel rises over its toes, and in the
-//! air, the asked height follows the proportions of both feet instead, up and down by a tenth of a leg within a few frames, and a
-//! body that keeps to it jolts. The lift is the smoothest curve that keeps to what standing soles ask for: it minimizes
-//! Σ w (r − c)² + Σ (second difference of r)² + μ Σ (first difference of r)², with large weights w where a sole stands and small
-//! ones elsewhere (Whittaker 1923; a spline under tension, which does not swing beyond its ends). Where a foot would sink below the floor, the
-//! floor is a target of a large weight, too, until none does.
+//! At each time the lowest foot requires a height. While a sole stands, the hips must have it. While a heel rises over its toes,
+//! and in the air, the required height follows the proportions of both feet instead, up and down by a tenth of a leg within a few
+//! frames, and a character that kept to it would jolt. The lift is the smoothest curve that keeps to the heights that standing
+//! soles require: it minimizes Σ w (r − c)² + Σ (second difference of r)² + μ Σ (first difference of r)², with large weights w
+//! where a sole stands and small ones elsewhere (Whittaker 1923; a spline under tension, which does not overshoot its ends). If a
+//! foot would sink below the floor, the floor becomes a target of a large weight, too, until no foot does.
 
 use super::Retarget;
 use super::frame::Frame;
 use crate::clip::Clip;
 use crate::time::Time;
 
-/// Samples a second, and the most of a clip.
+/// Samples per second, and most samples of a clip.
 const RATE: f64 = 120.0;
 const MOST_SAMPLES: f64 = 262_144.0;
-/// Seconds over which the curve is smooth where a sole stands, and elsewhere: the fourth root of 1 / w.
+/// Smoothing time of the curve where a sole stands, and elsewhere, seconds: the fourth root of 1 / w.
 const STANDING_SECS: f64 = 0.015;
 const AIR_SECS: f64 = 1.0;
-/// Seconds over which the curve bends into the straight way from one stance to the next: the square root of 1 / μ.
+/// Time over which the curve bends into the straight line from one contact to the next, seconds: the square root of 1 / μ.
 const BEND_SECS: f64 = 0.1;
-/// An ankle stands up to the first height above its height at rest, and does not from the second on; in legs.
+/// Heights of an ankle above its height at rest, in leg lengths: it stands up to the first, and does not from the second on.
 const STANDS: f64 = 0.01;
 const FLIES: f64 = 0.05;
-/// An ankle stands, also on a step or on its toes, up to the first vertical speed, and does not from the second on; in legs a second.
+/// Vertical speeds of an ankle, in leg lengths per second: it stands, also on a step or on its toes, up to the first, and does
+/// not from the second on.
 const STILL: f64 = 0.05;
 const MOVES: f64 = 0.3;
-/// Seconds before and after, for which the ankle must be as slow.
+/// Time before and after for which the ankle must be as slow, seconds.
 const STILL_SECS: f64 = 0.04;
-/// Depth below the floor, in legs, to which a foot may sink.
+/// Depth below the floor to which a foot may sink, in leg lengths.
 const SINKS: f64 = 1e-3;
-/// The curve is computed again at most so often, with the floor as a target where a foot sinks.
+/// Most times that the curve is computed again with the floor as a target where a foot sinks.
 const MOST_ROUNDS: usize = 8;
 /// Seconds by which the curve is continued beyond both ends.
 const BEYOND_SECS: f64 = 1.0;
-/// Legs by which the ends of a clip that loops may differ.
+/// Largest difference between the ends of a clip that loops, in leg lengths.
 const LOOPS: f64 = 1e-3;
 
-/// The lift that the feet ask for at one time.
+/// The lift that the feet require at one time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Clearance {
     /// Metres by which the hips must be raised so that the lowest foot is where it should be.
     pub raised: f64,
-    /// Metres by which they must be raised at least, so that it is not below the floor.
+    /// Least metres by which the hips must be raised so that the lowest foot is not below the floor.
     pub least: f64,
-    /// The source's lower ankle above its height at rest, in lengths of its leg.
+    /// Height of the source's lower ankle above its height at rest, in leg lengths.
     pub ankle: f64,
 }
 
 /// The lift at equal steps of time.
 pub(super) struct Lift {
     step_secs: f64,
-    /// Metres.
+    /// Lift at each step, metres.
     raised: Vec<f64>,
 }
 
 impl Lift {
-    /// The lift of a clip, whose poses the frame finds.
+    /// Computes the lift of a clip, whose poses come from `frame`.
     pub fn new(of: &Retarget, clip: &Clip, frame: &mut Frame) -> Lift {
         let secs = clip.duration.as_secs();
         let steps = (secs * RATE).ceil().clamp(1.0, MOST_SAMPLES);
@@ -71,7 +72,7 @@ impl Lift {
         Lift { step_secs, raised }
     }
 
-    /// Metres at a time of the clip; a cubic through four samples between two.
+    /// Lift at a time of the clip, metres: a cubic between two samples, through four.
     pub fn at(&self, time: Time) -> f64 {
         let last = self.raised.len() - 1;
         if last == 0 {
@@ -81,7 +82,7 @@ impl Lift {
         let i = (place as usize).min(last - 1);
         let w = place - i as f64;
         let [b, c] = [self.raised[i], self.raised[i + 1]];
-        // Beyond the ends the curve goes on straight.
+        // The curve continues straight beyond its ends.
         let a = if i == 0 { 2.0 * b - c } else { self.raised[i - 1] };
         let d = if i + 2 > last { 2.0 * c - b } else { self.raised[i + 2] };
         let (from, to) = ((c - a) / 2.0, (d - b) / 2.0);
@@ -93,12 +94,12 @@ impl Lift {
     }
 }
 
-/// The smoothest curve that keeps to what standing soles ask for.
+/// The smoothest curve that keeps to the heights that standing soles require.
 fn smooth(asked: &[Clearance], step_secs: f64, leg: f64) -> Vec<f64> {
     let count = asked.len();
     let (first, last) = (asked[0], asked[count - 1]);
     let loops = (first.raised - last.raised).abs() < LOOPS * leg && (first.ankle - last.ankle).abs() < LOOPS;
-    // A clip that loops goes on with its beginning, another one is mirrored: the curve leaves its ends level.
+    // A clip that loops continues with its beginning; any other is mirrored, so that the curve has slope zero at its ends.
     let period = if loops { count - 1 } else { 2 * (count - 1) } as isize;
     let index = |i: isize| {
         let i = i.rem_euclid(period) as usize;
@@ -130,7 +131,7 @@ fn smooth(asked: &[Clearance], step_secs: f64, leg: f64) -> Vec<f64> {
     found[beyond as usize..][..count].to_vec()
 }
 
-/// How closely the curve keeps to each sample.
+/// Weight of each sample: how closely the curve keeps to it.
 fn weights(asked: &[Clearance], step_secs: f64, index: &dyn Fn(isize) -> usize) -> Vec<f64> {
     // Feet that never come down stand where they are lowest.
     let floor = asked.iter().map(|a| a.ankle).fold(f64::MAX, f64::min).max(0.0);
@@ -155,7 +156,8 @@ fn smoothstep(from: f64, to: f64, at: f64) -> f64 {
     w * w * (3.0 - 2.0 * w)
 }
 
-/// The curve of all samples' weights and weighted targets: (W + D₂ᵀD₂ + μ D₁ᵀD₁) r = W c, by LDLᵀ of five diagonals.
+/// Solves (W + D₂ᵀD₂ + μ D₁ᵀD₁) r = W c by LDLᵀ of five diagonals. `targets`: weight and weighted target of each sample;
+/// `tension`: μ.
 fn spline(targets: &[[f64; 2]], tension: f64) -> Vec<f64> {
     let n = targets.len();
     let (mut diagonal, mut first) = (vec![0.0; n], vec![0.0; n]);

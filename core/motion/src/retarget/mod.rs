@@ -1,19 +1,19 @@
-//! Clips on other skeletons: the same motion on a body of other proportions, whose joints have other names, axes and rest pose.
+//! Retargeting: the same motion on a character of other proportions, whose joints have other names, axes and rest pose.
 //!
-//! A joint t follows a joint s: from the rest pose it turns in model space as s does from its own. With G the rotations of joints
-//! in model space, G₀ those at rest, Y the turn that makes both look the same way, and A the rotation that lays the target's
-//! limbs at rest along the source's (a T-pose taken to an A-pose):
+//! A target joint t follows a source joint s: it turns in model space from its rest pose as s does from its own. With G the
+//! rotations of joints in model space, G₀ those at rest, Y the yaw that makes both face the same way, and A the rotation that
+//! aligns the target's limbs at rest with the source's (a T-pose taken to an A-pose):
 //!
 //! Gₜ = Y Gₛ Gₛ₀⁻¹ Y⁻¹ A Gₜ₀
 //!
 //! so that limbs point where the source's do, whatever the axes. (World-space, rest-relative deltas, as in the retargeters of
-//! game engines.) Relative to the parent that is Lq R with L and R constant wherever both parents follow each other: keys map one
-//! to one and interpolation between them is exact. Elsewhere, as where a spine has more joints than the other, the motion
-//! is sampled at all keys involved and between them until it is within [`RetargetOptions::tolerance_rad`].
+//! game engines.) Relative to the parent, this is L q R with L and R constant if the parents follow each other, too: keys map one
+//! to one, and interpolation between them is exact. Otherwise, as between spines of different numbers of joints, the motion is
+//! sampled at all keys involved and between them until it is within [`RetargetOptions::tolerance_rad`].
 //!
-//! The hips go the source's way, times the ratio of the legs' lengths, and then up or down so that the lowest foot is as far
-//! above its height at rest as the source's, times that ratio: what stands stays on the floor. Between two stances they go smoothly
-//! (`lift`).
+//! The hips follow the source's path, times the ratio of the leg lengths, and are then raised or lowered so that the lowest foot
+//! is as far above its height at rest as the source's, times that ratio: feet that stand stay on the floor. Between two contacts
+//! the height changes smoothly (`lift`).
 
 mod align;
 pub mod bind;
@@ -43,29 +43,30 @@ pub use same_joints::same_joints;
 /// The joints whose translations are retargeted, too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Translations {
-    /// The hips and what is above them.
+    /// The hips and their ancestors.
     #[default]
     Hips,
-    /// All that follow a joint, by as much as that moves from its rest, times the scale.
+    /// All joints that follow a source joint, by its displacement from rest times the scale.
     All,
     /// No translation.
     None,
 }
 
-/// How a clip is brought to another skeleton.
+/// Options of retargeting.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RetargetOptions {
     /// Target joint → source joint, or none.
     pub joints: BTreeMap<u32, Option<u32>>,
-    /// Metres of the target a metre of the source; the ratio of the legs' lengths where `None`.
+    /// Metres of the target per metre of the source; `None`: the ratio of the leg lengths.
     pub scale: Option<f64>,
     /// Joints whose translations are retargeted.
     pub translations: Translations,
     /// Whether the hips are raised and lowered so that feet stay on the floor.
     pub floor: bool,
-    /// Whether limbs at rest are laid along the source's; else rest poses are taken for the same.
+    /// Whether limbs at rest are aligned with the source's; otherwise rest poses count as the same.
     pub align: bool,
-    /// Largest error of sampled rotations between keys. For positions it is a tenth of this number times the leg's length, in metres.
+    /// Largest error of sampled rotations between keys, radians. For positions it is a tenth of this number times the leg length,
+    /// metres.
     pub tolerance_rad: f64,
 }
 
@@ -82,7 +83,7 @@ impl Default for RetargetOptions {
     }
 }
 
-/// How clips of one skeleton are put on another. Made once for two skeletons, used for any number of clips.
+/// Retargeting from one skeleton to another. Made once for two skeletons, used for any number of clips.
 pub struct Retarget<'a> {
     from: &'a Skeleton,
     to: &'a Skeleton,
@@ -90,14 +91,14 @@ pub struct Retarget<'a> {
     options: RetargetOptions,
     source: Side,
     target: Side,
-    /// Metres of the target a metre of the source.
+    /// Metres of the target per metre of the source.
     scale: f64,
-    /// Turns the source to look where the target does.
+    /// Rotation that makes the source face as the target does.
     yaw: DQuat,
     yaw_degrees: f64,
     /// Rotation of each target joint in model space while the source is at rest.
     aligned: Vec<DQuat>,
-    /// D of each target joint that follows one, so that G = yaw · G of the source · D.
+    /// D of each target joint that follows a source joint, so that G = yaw · G of the source · D.
     follow: Vec<Option<DQuat>>,
     hips: Option<u32>,
 }
@@ -107,11 +108,11 @@ struct Side {
     rest: ModelRestPose,
     /// y of the floor that the rest pose stands on.
     floor: f64,
-    /// Metres.
+    /// Mean leg length, metres.
     leg: f64,
-    /// Feet and all below them, and how high each is when it stands, from the floor.
+    /// Feet and all joints below them, and the height of each above the floor when it stands, metres.
     contacts: Vec<(u32, f64)>,
-    /// Whether both feet are about as high at rest: else it is no pose to go by for what stands.
+    /// Whether both feet are about equally high at rest; otherwise the rest pose does not show how the character stands.
     stands: bool,
 }
 
@@ -120,13 +121,13 @@ impl Side {
         let human = HumanoidJoints::of(skeleton);
         let rest = ModelRestPose::of(skeleton);
         let leg = leg_length(&human, &rest);
-        // A rest pose that does not stand near zero, as where the hips are the origin, stands on its lowest joint: of its own,
-        // since files have cameras and handles below the floor.
+        // A rest pose that does not stand near y = 0, as with the hips at the origin, stands on its lowest joint. Only joints of
+        // the character count, since files have cameras and IK controls below the floor.
         let own = in_body(skeleton, &human);
         let lowest = rest.positions.iter().zip(&own).filter(|(_, own)| **own);
         let lowest = lowest.map(|(p, _)| p.y).fold(f64::MAX, f64::min);
         let floor = if lowest.abs() > 0.25 * leg && leg > 0.0 { lowest } else { 0.0 };
-        // Feet that hang elsewhere, as handles of a rig, stay where they are however the hips are raised.
+        // Feet that are not below the hips, such as IK controls of a rig, do not move when the hips are raised.
         let goes_along = |foot: &u32| human.joint("hips").is_some_and(|hips| is_below(skeleton, *foot, hips));
         let feet = ["left foot", "right foot"].map(|name| human.joint(name).filter(goes_along));
         let height = |joint: u32| rest.positions[joint as usize].y - floor;
@@ -140,7 +141,7 @@ impl Side {
             [Some(left), Some(right)] => (height(left) - height(right)).abs() < 0.1 * leg,
             _ => true,
         };
-        // A character that rests in the middle of a stride stands on the lower foot, and on the other one where that is as low.
+        // A character that rests in the middle of a stride stands on its lower foot, and on the other one when that is as low.
         if let ([Some(left), Some(right)], false) = (feet, stands) {
             let low = height(left).min(height(right));
             for (joint, standing) in &mut contacts {
@@ -178,12 +179,12 @@ impl<'a> Retarget<'a> {
         Retarget { from, to, map, options, source, target, scale, yaw, yaw_degrees, aligned, follow, hips }
     }
 
-    /// The pairs of joints, followed and following.
+    /// Source joints that the target joints follow.
     pub fn map(&self) -> &JointMap {
         &self.map
     }
 
-    /// Metres of the target a metre of the source.
+    /// Metres of the target per metre of the source.
     pub fn scale(&self) -> f64 {
         self.scale
     }
@@ -193,7 +194,7 @@ impl<'a> Retarget<'a> {
         self.yaw_degrees
     }
 
-    /// How far each joint that follows is turned, in degrees, where the source is at rest.
+    /// Joints that alignment turns by more than 0.5° when the source is at rest, with the angle in degrees.
     pub fn alignment(&self) -> Vec<(u32, f64)> {
         let angle = |(joint, aligned): (u32, &DQuat)| {
             let turn = *aligned * self.target.rest.rotations[joint as usize].conjugate();
@@ -204,18 +205,18 @@ impl<'a> Retarget<'a> {
         (0u32..).zip(&self.aligned).filter_map(angle).collect()
     }
 
-    /// Whether the source rests on both feet. Where it does not, as in a file of a run alone that rests in its first frame, limbs
-    /// still point where they should, but the trunk and the feet are off by what the rest pose is off.
+    /// Whether the source rests on both feet. If it does not, as in a file of a run alone that rests in its first frame, limbs
+    /// still point where they should, but the trunk and the feet are off by the error of the rest pose.
     pub fn rests_standing(&self) -> bool {
         self.source.stands
     }
 
-    /// Whether the target does. Where it does not, what stands is counted from its lower foot.
+    /// Whether the target rests on both feet. If it does not, heights of its feet are measured from the lower one.
     pub fn target_stands(&self) -> bool {
         self.target.stands
     }
 
-    /// Whether both skeletons are characters, with hips, legs and arms: else there is nothing to go by but names.
+    /// Whether both skeletons are humanoids, with hips, legs and arms: otherwise little but names identifies joints.
     pub fn is_humanoid(&self) -> bool {
         self.source.human.is_humanoid() && self.target.human.is_humanoid() && self.hips.is_some()
     }
@@ -230,8 +231,8 @@ impl<'a> Retarget<'a> {
         Coverage::of(clip, [self.from, self.to], [&self.source.human, &self.target.human], &partners)
     }
 
-    /// Position of a target joint that translates, in model space, when its source joint stands there: rest places correspond, of the
-    /// hips their heights above the floors.
+    /// Position in model space of a target joint that translates, for a position of its source joint. Positions at rest
+    /// correspond; for the hips, their heights above the floors do.
     fn place(&self, joint: u32, source: DVec3) -> DVec3 {
         let s = self.map.source(joint).unwrap_or(0) as usize;
         let mut from_rest = source - self.source.rest.positions[s];
@@ -243,12 +244,13 @@ impl<'a> Retarget<'a> {
         rest + self.yaw * from_rest * self.scale
     }
 
-    /// Whether both have feet.
+    /// Whether both skeletons have feet.
     fn steps(&self) -> bool {
         !self.source.contacts.is_empty() && !self.target.contacts.is_empty()
     }
 
-    /// Whether a joint's place follows the source's: the hips and what is above them, and feet that do not hang on them, as handles of a rig.
+    /// Whether a joint's position follows the source's: the hips and their ancestors, and feet that are not below the hips, such
+    /// as IK controls of a rig.
     fn moves(&self, joint: u32) -> bool {
         let handle = || {
             let foot = ["left foot", "right foot"].iter().any(|f| self.target.human.joint(f) == Some(joint));
@@ -260,10 +262,10 @@ impl<'a> Retarget<'a> {
     }
 }
 
-/// The clip on another skeleton, and how much of it follows: copied curve by curve where joints mean the same there (see
-/// [`same_joints`]); between characters retargeted, with a report. Where the skeletons are no characters it is copied by names, or
-/// retargeted where structure identifies more joints than names do.
-/// Where both files name the bones of a humanoid, rotations go from T-pose to T-pose, as VRM has it ([`crate::bind_clip`]).
+/// Binds or retargets a clip to another skeleton, and returns how much of it follows. Curves are copied if joints mean the same
+/// there (see [`same_joints`]). If both files declare humanoid bones, rotations go from T-pose to T-pose, as in VRM
+/// ([`crate::bind_clip`]). Between other humanoids the clip is retargeted, with a report. Skeletons that are no humanoids are
+/// matched by names, or retargeted if structure identifies more joints than names do.
 pub fn bind_or_retarget(
     clip: &Clip,
     from: &Skeleton,

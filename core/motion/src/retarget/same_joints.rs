@@ -8,7 +8,8 @@ use crate::skeleton::humanoid_joints::HumanoidJoints;
 use crate::skeleton::model_rest_pose::ModelRestPose;
 use std::collections::BTreeMap;
 
-/// Whether the joints that a clip moves have the same places in their parents' axes in both skeletons, so that their curves can
+/// Whether the joints that a clip moves have the same positions in their parents' spaces in both skeletons, so that their curves
+/// can
 /// be copied. Rest poses may differ then: a file of a walk alone often rests in its first frame. Joints are those of
 /// [`crate::bind_clip`]; ones without a partner do not count.
 pub fn same_joints(clip: &Clip, from: &Skeleton, to: &Skeleton) -> bool {
@@ -48,7 +49,8 @@ pub fn same_joints(clip: &Clip, from: &Skeleton, to: &Skeleton) -> bool {
             let apart = f64::from(at.length()) * scale;
             return apart <= 2e-3 * size && (a.scales[p as usize] / b.scales[q as usize] - 1.0).abs() < 1e-3;
         }
-        // The uppermost joint: the axes and the unit that it is in must be the same. Its own place may differ, since clips move it.
+        // The topmost joint: axes and unit of its parent space must be the same. Its own position may differ, since clips move
+        // it.
         let of = |rest: &ModelRestPose, parent: Option<u32>| match parent {
             Some(p) => (rest.rotations[p as usize], rest.scales[p as usize]),
             None => (glam::DQuat::IDENTITY, 1.0),

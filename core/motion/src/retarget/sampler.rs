@@ -1,4 +1,4 @@
-//! Motion that no single curve describes, sampled as often as it takes.
+//! Samples motion that no single curve describes, as densely as the tolerance requires.
 
 use super::Retarget;
 use super::frame::Frame;
@@ -9,11 +9,11 @@ use crate::time::Time;
 use glam::{DQuat, DVec3};
 use std::collections::BTreeSet;
 
-/// Looks at both skeletons at one time after the other.
+/// Samples both skeletons at one time after the other.
 pub(super) struct Sampler<'a> {
     pub of: &'a Retarget<'a>,
     pub clip: &'a Clip,
-    /// Target joints whose rotation, and whose place, is sampled.
+    /// Target joints whose rotation, and whose position (`going`), is sampled.
     pub turning: &'a [u32],
     pub going: &'a [u32],
     pub frame: Frame,
@@ -22,7 +22,7 @@ pub(super) struct Sampler<'a> {
 }
 
 impl Sampler<'_> {
-    /// False where there was no room to reach the tolerance.
+    /// Samples at `times` and between them. Returns false if the limit of keys was reached before the tolerance.
     pub fn run(&mut self, times: BTreeSet<Time>) -> bool {
         let most = MOST_KEYS / (self.turning.len() + self.going.len()).max(1);
         let mut enough = true;
@@ -54,7 +54,7 @@ impl Sampler<'_> {
 
     /// Adds keys between two until the middle of each pair is within the tolerance.
     fn refine(&mut self, from: &Key, to: &Key, depth: usize, most: usize) -> bool {
-        /// 1/64 of the way between two keys of the source.
+        /// Most bisections: down to 1/64 of the span between two keys of the source.
         const DEEPEST: usize = 6;
         let span = to.time - from.time;
         if depth == DEEPEST || span.0 < 2 {

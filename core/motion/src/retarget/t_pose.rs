@@ -1,4 +1,4 @@
-//! Curves carried from one human body to another through their T-poses.
+//! Carries curves from one humanoid to another through their T-poses.
 //!
 //! VRM Animation 1.0, "how_to_transform_human_pose.md": with P and R the world rotations of a bone's parent and of the bone in
 //! the T-pose, a local rotation q of one body is P·q·R⁻¹ in the axes of the world, and P'⁻¹·(P·q·R⁻¹)·R' in another body. That is
@@ -10,7 +10,7 @@ use crate::skeleton::humanoid::{HumanBone, Humanoid};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::collections::BTreeMap;
 
-/// Rotations that differ by less turn nothing: the keys are then shared. About f32's resolution.
+/// Quaternions whose vector part is smaller than this turn nothing, and keys are then shared. About f32's resolution.
 const SAME: f64 = 3e-7;
 
 /// Hips lower than this have no height to compare with, metres.
@@ -33,7 +33,8 @@ struct Common {
 }
 
 impl HumanoidPair {
-    /// A skeleton without a [`Humanoid`] gets the one that follows from its names, at rest in a T-pose.
+    /// Pairs the bones of two skeletons. A skeleton without a [`Humanoid`] gets the one that its names indicate, at rest in a
+    /// T-pose.
     pub fn new(from: &Skeleton, to: &Skeleton) -> HumanoidPair {
         let humanoid = |s: &Skeleton| s.humanoid().cloned().unwrap_or_else(|| Humanoid::from_names(s));
         let (source, target) = (humanoid(from), humanoid(to));
@@ -61,17 +62,17 @@ impl HumanoidPair {
         HumanoidPair { bones }
     }
 
-    /// Joints of the source and of the target.
+    /// Pairs of source joint and target joint.
     pub fn pairs(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
         self.bones.iter().map(|(from, common)| (*from, common.to))
     }
 
-    /// The bone that a joint of the source is, and the target's joint for it.
+    /// The bone of a source joint, and the target's joint for it.
     pub fn bone(&self, from: u32) -> Option<(HumanBone, u32)> {
         self.bones.get(&from).map(|c| (c.bone, c.to))
     }
 
-    /// The curve on the target's joint; `None` for what would change the length of a bone, and where no finite key comes out.
+    /// Carries a curve to the target's joint. `None` if it would change the length of a bone, or if a key would not be finite.
     pub fn carry(&self, curve: &Curve, bone: HumanBone) -> Option<Curve> {
         let common = self.bones.get(&curve.joint).filter(|c| c.bone == bone)?;
         let joint = common.to;
@@ -84,7 +85,7 @@ impl HumanoidPair {
     }
 }
 
-/// Rotation part of a map with scale. Mirrors are not followed.
+/// Rotation part of a map with scale. Mirroring is ignored.
 fn rotation(m: &DAffine3) -> DQuat {
     let axes = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis].map(|a| a.normalize_or_zero());
     let mut turn = DMat3::from_cols(axes[0], axes[1], axes[2]);
@@ -95,7 +96,7 @@ fn rotation(m: &DAffine3) -> DQuat {
     if quat.is_finite() { quat } else { DQuat::IDENTITY }
 }
 
-/// Places in the model, times the ratio of the hips' heights.
+/// Map from the source's hips' parent space to the target's: positions in the model, times the ratio of the hips' heights.
 fn hips_place(p: &DAffine3, r: &DAffine3, p2: &DAffine3, r2: &DAffine3) -> DAffine3 {
     let (height, height2) = (r.translation.y, r2.translation.y);
     let known = height > LOWEST_HIPS && height2 > LOWEST_HIPS;
@@ -108,7 +109,7 @@ fn rotated(curve: &Curve, joint: u32, before: DQuat, after: DQuat) -> Curve {
     if !turns(before) && !turns(after) {
         return Curve { joint, ..curve.clone() };
     }
-    // A product of quaternions is linear in each: what holds of values holds of tangents.
+    // A product of quaternions is linear in each, so that tangents are transformed like values.
     let (keys, _) = curve.values.as_chunks::<4>();
     let turned = keys.iter().flat_map(|q| {
         let q = DQuat::from_array(q.map(f64::from));

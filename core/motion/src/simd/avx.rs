@@ -1,11 +1,11 @@
-//! Eight floats in a register of AVX.
+//! Eight floats in an AVX register.
 
 use super::{Bits, F8, Lanes};
 use crate::simd::lane::{LANES, Lane};
 use glam::Affine3A;
 use std::arch::x86_64::*;
 
-/// Only ever made inside `run_avx2`, which is entered after asking the processor: that is what makes the calls of AVX intrinsics
+/// Values exist only inside `run_avx2`, which is entered after a check of the processor: that makes the calls of AVX intrinsics
 /// below sound. They work on values, or load and store whole references.
 #[derive(Clone, Copy)]
 pub(crate) struct Avx(pub(super) __m256);
@@ -32,7 +32,7 @@ impl Lanes for Avx {
         // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_mul_ps(self.0, b.0) })
     }
-    // Only what skins vertices fuses, and that is entered after asking for FMA too.
+    // Only skinning of vertices uses fused operations, and it is entered after a check for FMA, too.
     #[inline(always)]
     fn fused_add(self, b: Self, c: Self) -> Self {
         // SAFETY: on values alone, inside the `run_avx2` of vertices, which requires FMA, too.
@@ -197,7 +197,7 @@ impl F8 for Avx {
             let b = _mm_mul_ps(_mm_loadu_ps(q[1].as_ptr()), pivot);
             let c = _mm_mul_ps(_mm_loadu_ps(q[2].as_ptr()), pivot);
             let d = _mm_mul_ps(_mm_loadu_ps(q[3].as_ptr()), pivot);
-            // a02 b02 a13 b13, and of c and d.
+            // Sums of components 0 + 2 and 1 + 3: a02 b02 a13 b13, and likewise for c and d.
             let ab = _mm_add_ps(_mm_unpacklo_ps(a, b), _mm_unpackhi_ps(a, b));
             let cd = _mm_add_ps(_mm_unpacklo_ps(c, d), _mm_unpackhi_ps(c, d));
             let dots = _mm_add_ps(_mm_movelh_ps(ab, cd), _mm_movehl_ps(cd, ab));
@@ -208,7 +208,7 @@ impl F8 for Avx {
     }
     #[inline(always)]
     fn of_matrix(matrix: &Affine3A) -> [Self; 2] {
-        // On x86-64 a `Vec3A` is an SSE register: four floats, none of them padding.
+        // A `Vec3A` is an SSE register on x86-64: four floats, none of them padding.
         let from: *const f32 = std::ptr::from_ref(matrix).cast();
         // SAFETY: inside `run_avx2`; 16 floats are borrowed, as `local_to_model.rs` asserts of an `Affine3A`, and two times eight are read.
         unsafe { [Avx(_mm256_loadu_ps(from)), Avx(_mm256_loadu_ps(from.add(8)))] }
@@ -261,7 +261,7 @@ impl F8 for Avx {
                 _mm256_and_si256(_mm256_cvtepu8_epi32(_mm_loadl_epi64(wide[1].as_ptr().cast())), below_32);
             let right =
                 _mm256_and_si256(_mm256_cvtepu8_epi32(_mm_loadl_epi64(wide[2].as_ptr().cast())), below_32);
-            // The same byte four times, and the three after it.
+            // Index of each lane's first byte, four times; then those of the three bytes after it.
             let first = _mm256_set_epi32(
                 0x0C0C_0C0C,
                 0x0808_0808,

@@ -1,11 +1,11 @@
-//! Sixteen floats in a register of AVX-512: for vertices alone, where a matrix fills one.
+//! Sixteen floats in an AVX-512 register, only for skinning of vertices: a matrix fills one register.
 
 use super::avx::Avx;
 use super::vertices::{BLOCK, Lanes, Rows, Vertices};
 use glam::Affine3A;
 use std::arch::x86_64::*;
 
-/// Only ever made inside `run_avx512`, which is entered after asking the processor: that is what makes the calls of intrinsics
+/// Values exist only inside `run_avx512`, which is entered after a check of the processor: that makes the calls of intrinsics
 /// below sound. They work on values, or load and store whole references.
 #[derive(Clone, Copy)]
 pub(crate) struct Avx512(__m512);
@@ -160,14 +160,14 @@ impl Vertices for Avx512 {
 impl Avx512 {
     #[inline(always)]
     fn of_matrix(matrix: &Affine3A) -> Self {
-        // On x86-64 a `Vec3A` is an SSE register: four floats, none of them padding, and an `Affine3A` four of them.
+        // A `Vec3A` is an SSE register on x86-64: four floats, none of them padding. An `Affine3A` is four of them.
         let from: *const f32 = std::ptr::from_ref(matrix).cast();
         // SAFETY: inside `run_avx512`; a borrowed matrix is as large as the register, as asserted above.
         Avx512(unsafe { _mm512_loadu_ps(from) })
     }
 }
 
-/// The quarters of four registers, the firsts together, and so on.
+/// Transposes the quarters of four registers: all first quarters together, all second ones, and so on.
 #[inline(always)]
 unsafe fn quarters([a, b, c, d]: [__m512; 4]) -> [__m512; 4] {
     // SAFETY: on values alone; the caller is inside `run_avx512`.

@@ -1,6 +1,6 @@
-//! Items by index, with one look at many indices instead of a branch for each.
+//! Indexing with one bounds check for many indices instead of a branch for each.
 
-/// Indices, and the largest of them or of more.
+/// Indices, and the largest index of the list that they are a part of.
 #[derive(Clone, Copy)]
 pub(crate) struct Indices<'a> {
     all: &'a [u16],
@@ -14,7 +14,7 @@ impl<'a> Indices<'a> {
         Indices { all, largest: all.iter().copied().fold(0, u16::max) }
     }
 
-    /// The part from one index to another. Panics beyond the last.
+    /// A part of the indices. Panics if the range is beyond the last one.
     #[inline(always)]
     pub fn part(&self, range: std::ops::Range<usize>) -> Self {
         Indices { all: &self.all[range], largest: self.largest }
@@ -26,7 +26,7 @@ impl<'a> Indices<'a> {
     }
 }
 
-/// Indices that are known to be within the list.
+/// Items, and indices that are known to be in range.
 #[derive(Clone, Copy)]
 pub(crate) struct Indexed<'a, T> {
     items: &'a [T],
@@ -34,7 +34,7 @@ pub(crate) struct Indexed<'a, T> {
 }
 
 impl<'a, T> Indexed<'a, T> {
-    /// Panics where the largest index is out of range.
+    /// Panics if the largest index is out of range.
     #[inline(always)]
     pub fn new(items: &'a [T], Indices { all, largest }: Indices<'a>) -> Self {
         assert!(
@@ -45,7 +45,7 @@ impl<'a, T> Indexed<'a, T> {
         Indexed { items, indices: all }
     }
 
-    /// The item of one index. Panics beyond the last index.
+    /// The item of index number `at`. Panics beyond the last index.
     #[inline(always)]
     pub fn one(&self, at: usize) -> &'a T {
         // SAFETY: as in `four`.

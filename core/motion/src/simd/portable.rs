@@ -4,7 +4,7 @@ use super::{Bits, F8, Lanes, fused::fused};
 use crate::simd::lane::{LANES, Lane};
 use glam::{Affine3A, Vec3A};
 
-/// The specification of [`F8`]: plain arrays.
+/// Reference implementation of [`F8`] on plain arrays.
 #[derive(Clone, Copy)]
 pub(crate) struct Array([f32; LANES]);
 

@@ -1,11 +1,11 @@
-//! Vertices that hang on joints, in blocks of as many as a register has lanes.
+//! Skinning of vertices in blocks of as many as a register has lanes.
 
 use super::{Indices, Vertices};
 
-/// How the vertices of a block follow their joints.
+/// Skinning method for a block of vertices.
 pub(crate) trait Deformer {
-    /// Positions, and normals at unit length, of as many vertices as there are lanes; N influences each, or any number, and
-    /// joints for fewer vertices, where N is 0.
+    /// Positions and unit normals of as many vertices as there are lanes, with N influences each. N = 0: any number of
+    /// influences, and possibly joints for fewer vertices.
     fn deformed<F: Vertices, const N: usize>(&self, block: Block) -> Deformed<F>;
 }
 
@@ -33,16 +33,16 @@ pub(crate) struct VertexStreams<'a> {
     pub out_normals: &'a mut [[f32; 3]],
 }
 
-/// The most lanes that a register has.
+/// Most lanes that a register has.
 const MOST: usize = 16;
 
 impl VertexStreams<'_> {
     #[inline(always)]
     pub fn run<F: Vertices, D: Deformer>(mut self, deformer: &D) {
-        // Whole blocks by themselves: a call in their loop, if only for the last vertices, would put all registers on the stack
-        // (2.8 ns a vertex instead of 1.9, once measured). Known counts are unrolled.
+        // Whole blocks have their own loop: a call in it, even if only for the last vertices, would put all registers on the
+        // stack (2.8 ns per vertex instead of 1.9, once measured). Known numbers of influences are unrolled.
         let whole = self.positions.len() / F::COUNT * F::COUNT;
-        // So is whether there are normals: a branch between positions and them would spill matrices.
+        // Whether there are normals is also known: a branch between positions and normals would spill matrices.
         let joints = Indices::new(self.joint_indices);
         match (self.influences, self.normals.is_empty()) {
             (4, false) => self.blocks::<F, D, 4, true>(deformer, joints, whole),
@@ -76,7 +76,7 @@ impl VertexStreams<'_> {
     ) {
         let influences = if N == 0 { self.influences } else { N };
         let range = first * influences..(first + F::COUNT) * influences;
-        // All looks at lengths come first: the compiler moves sums behind a branch that lies between them and their use, and
+        // All bounds checks come first: the compiler moves sums behind a branch that lies between them and their use, and
         // products, which stay, then go through memory.
         let end = first + F::COUNT;
         let block = Block {
@@ -95,7 +95,7 @@ impl VertexStreams<'_> {
         }
     }
 
-    /// Fewer vertices than lanes: with zeros behind them.
+    /// Skins the last vertices, fewer than lanes, padded with zeros.
     #[inline(always)]
     fn last<F: Vertices, D: Deformer>(&mut self, deformer: &D, joints: Indices, first: usize) {
         let count = self.positions.len() - first;

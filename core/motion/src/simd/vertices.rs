@@ -1,9 +1,9 @@
-//! Operations of a register that skinning needs: as many vertices at a time as it has lanes.
+//! Register operations for skinning, on as many vertices at a time as a register has lanes.
 
 use super::{F8, Level, portable::Array};
 use glam::{Affine3A, Vec3};
 
-/// Floats side by side.
+/// A register of floats.
 pub(crate) trait Lanes: Copy {
     const COUNT: usize;
     fn splat(v: f32) -> Self;
@@ -18,9 +18,9 @@ pub(crate) trait Lanes: Copy {
     fn sqrt(self) -> Self;
     /// `-self` in the lanes where `by` has its sign bit set.
     fn flipped_by(self, by: Self) -> Self;
-    /// All bits set where less; not where NaN.
+    /// Mask with all bits set in the lanes that are less; none in lanes with NaN.
     fn less(self, b: Self) -> Self;
-    /// The lanes that are in both masks.
+    /// Mask of the lanes that are set in both masks.
     fn and(self, b: Self) -> Self;
     /// Whether a mask is set in all lanes.
     fn all(mask: Self) -> bool;
@@ -28,10 +28,10 @@ pub(crate) trait Lanes: Copy {
     fn select(mask: Self, yes: Self, no: Self) -> Self;
 }
 
-/// Component rows of four matrix columns, a vertex a lane.
+/// Component rows of four matrix columns, one vertex per lane.
 pub(crate) type Rows<F> = [[F; 3]; 4];
 
-/// Lanes that are vertices: at most four times four.
+/// Registers with one vertex per lane, at most sixteen.
 pub(crate) trait Vertices: Lanes {
     /// Eight floats.
     type Eight: F8;
@@ -41,18 +41,19 @@ pub(crate) trait Vertices: Lanes {
     type Four: Copy;
 
     fn no_matrix() -> Self::Matrix;
-    /// The matrix, weighted.
+    /// Matrix times weight.
     fn weighted(matrix: &Affine3A, weight: f32) -> Self::Matrix;
-    /// The sum and the matrix, weighted, rounded once.
+    /// Sum plus matrix times weight, rounded once.
     fn with_weighted(sum: Self::Matrix, matrix: &Affine3A, weight: f32) -> Self::Matrix;
     fn four(matrices: [Self::Matrix; 4]) -> Self::Four;
-    /// Columns of four fours; the rest is not read.
+    /// Columns of all vertices, from groups of four; groups beyond the lanes are not read.
     fn columns(fours: [Self::Four; 4]) -> Rows<Self>;
-    /// Component rows of the first and the last four of eight floats, of as many fours as there are, each from [`F8::half_rows4`].
+    /// Component rows of the lower and of the upper four floats, from as many groups of four vertices as the lanes hold, each
+    /// from [`F8::half_rows4`].
     fn halves(fours: [[Self::Eight; 4]; 4]) -> [[Self; 4]; 2];
-    /// Component rows of the first points. Panics where there are fewer than lanes.
+    /// Component rows of the first points. Panics if there are fewer points than lanes.
     fn points(points: &[[f32; 3]]) -> [Self; 3];
-    /// Panics where there is no room for all.
+    /// Stores component rows to the first points. Panics if there are fewer points than lanes.
     fn put_points(rows: [Self; 3], points: &mut [[f32; 3]]);
 }
 
@@ -107,14 +108,14 @@ pub(crate) fn arrays(points: &[Vec3]) -> &[[f32; 3]] {
     unsafe { std::slice::from_raw_parts(points.as_ptr().cast(), points.len()) }
 }
 
-/// Points as arrays of their components, to be changed.
+/// Points as mutable arrays of their components.
 #[inline(always)]
 pub(crate) fn arrays_mut(points: &mut [Vec3]) -> &mut [[f32; 3]] {
     // SAFETY: as in `arrays`.
     unsafe { std::slice::from_raw_parts_mut(points.as_mut_ptr().cast(), points.len()) }
 }
 
-/// Panic message where a block of vertices is too short.
+/// Panic message for a block with too few vertices.
 pub(super) const BLOCK: &str = "a vertex for each lane";
 
 /// A [`super::Kernel`] over vertices.

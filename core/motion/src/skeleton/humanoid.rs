@@ -9,10 +9,11 @@ use glam::{DAffine3, DMat3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Names a bone once: variant, name in VRM 1.0, name in [`crate::skeleton::joint_names::humanoid_name`] ("" where that has none), parent.
+/// Declares the bones: variant, name in VRM 1.0, name in [`crate::skeleton::joint_names::humanoid_name`] ("" if that has none),
+/// parent.
 macro_rules! bones {
     ($(($variant:ident, $spec:literal, $ours:literal, $parent:ident)),* $(,)?) => {
-        /// A bone of a human body, as VRM 1.0 has them.
+        /// A humanoid bone of VRM 1.0.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
         #[allow(missing_docs, reason = "the variants are VRM's names")]
         pub enum HumanBone { $($variant),* }
@@ -26,7 +27,7 @@ macro_rules! bones {
                 match self { $(HumanBone::$variant => $spec),* }
             }
 
-            /// The bone above it in a body that has all of them; the hips' is the hips.
+            /// Parent bone in a humanoid that has all bones; the hips are their own parent.
             fn above(self) -> HumanBone {
                 match self { $(HumanBone::$variant => HumanBone::$parent),* }
             }
@@ -38,7 +39,7 @@ macro_rules! bones {
     };
 }
 
-/// Number of bones that a body can have.
+/// Number of bones that a humanoid can have.
 pub const BONES: usize = 55;
 
 bones![
@@ -113,13 +114,13 @@ impl HumanBone {
         })
     }
 
-    /// The short name as Mixamo has it, without its prefix: `LeftUpLeg`.
+    /// Short name as in Mixamo, without the prefix: `LeftUpLeg`.
     pub(crate) fn short_name(self) -> Option<String> {
         let capital = |word: &str| {
             let (first, rest) = word.split_at_checked(1)?;
             Some(format!("{}{rest}", first.to_ascii_uppercase()))
         };
-        // Words that consist of two.
+        // Compound words are split.
         let parts = |word: &str| {
             let split = ["up", "fore", "toe", "hand"].into_iter().find_map(|first| {
                 let rest = word.strip_prefix(first).filter(|rest| !rest.is_empty())?;
@@ -134,7 +135,7 @@ impl HumanBone {
             .filter(|name| !name.is_empty())
     }
 
-    /// The bone above it in a body that has all of them; bones that a body lacks are skipped with [`Humanoid::parent`].
+    /// Parent bone in a humanoid that has all bones; [`Humanoid::parent`] skips missing bones.
     pub fn parent(self) -> Option<HumanBone> {
         Some(self.above()).filter(|above| *above != self)
     }
@@ -144,11 +145,11 @@ impl HumanBone {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Humanoid {
     joints: [Option<u32>; BONES],
-    /// parent-from-joint of every joint of the skeleton; `None` where its rest pose is the T-pose, as in every VRM.
+    /// parent-from-joint of every joint of the skeleton; `None` if its rest pose is the T-pose, as in every VRM.
     t_pose: Option<Arc<[Transform]>>,
 }
 
-/// Why joints are no humanoid; the message has the names.
+/// The reason why joints do not form a humanoid; the message has the names.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "the messages name the fields")]
 pub enum HumanoidError {
@@ -166,7 +167,7 @@ crate::error_texts! { HumanoidError:
 }
 
 impl Humanoid {
-    /// Each bone and each joint at most once. The T-pose is the skeleton's rest pose.
+    /// Makes a humanoid of bones and their joints, each at most once. Its T-pose is the skeleton's rest pose.
     pub fn new(bones: impl IntoIterator<Item = (HumanBone, u32)>) -> Result<Humanoid, HumanoidError> {
         let mut joints = [None; BONES];
         let mut bone_of = BTreeMap::new();
@@ -186,8 +187,8 @@ impl Humanoid {
         Humanoid { t_pose: Some(t_pose.into()), ..self }
     }
 
-    /// The bones that follow from the joints' names ([`HumanBone::of_joint`]); a bone that several joints are named for is none of them.
-    /// The rest pose counts as T-pose.
+    /// The bones that joint names indicate ([`HumanBone::of_joint`]). A bone that several joints are named for is left out. The
+    /// rest pose counts as T-pose.
     pub(crate) fn from_names(skeleton: &Skeleton) -> Humanoid {
         let mut found: BTreeMap<HumanBone, Option<u32>> = BTreeMap::new();
         for (joint, name) in (0u32..).zip(skeleton.names()) {
@@ -214,22 +215,22 @@ impl Humanoid {
         }
     }
 
-    /// The joint that is this bone.
+    /// The joint of a bone, if any.
     pub fn joint(&self, bone: HumanBone) -> Option<u32> {
         self.joints[bone as usize]
     }
 
-    /// The bone that a joint is, if any.
+    /// The bone of a joint, if any.
     pub fn bone(&self, joint: u32) -> Option<HumanBone> {
         HumanBone::ALL.into_iter().find(|b| self.joints[*b as usize] == Some(joint))
     }
 
-    /// The nearest bone above that this body has.
+    /// The nearest ancestor of a bone that this humanoid has.
     pub fn parent(&self, bone: HumanBone) -> Option<HumanBone> {
         std::iter::successors(bone.parent(), |b| b.parent()).find(|b| self.joint(*b).is_some())
     }
 
-    /// The bones that there are and their joints, parents first.
+    /// Existing bones and their joints, parents first.
     pub fn bones(&self) -> impl Iterator<Item = (HumanBone, u32)> + '_ {
         HumanBone::ALL.into_iter().filter_map(|b| Some((b, self.joint(b)?)))
     }
@@ -239,7 +240,7 @@ impl Humanoid {
         self.t_pose.as_deref()
     }
 
-    /// model-from-joint of every joint in the T-pose, in f64. `skeleton`: the one that this belongs to.
+    /// model-from-joint of every joint in the T-pose, in f64. `skeleton`: the skeleton of this humanoid.
     pub(crate) fn model_from_t_pose(&self, skeleton: &Skeleton) -> Vec<DAffine3> {
         let local = self.t_pose().filter(|p| p.len() == skeleton.len()).unwrap_or(skeleton.rest());
         let mut model: Vec<DAffine3> = Vec::with_capacity(local.len());

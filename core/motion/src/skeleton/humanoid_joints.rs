@@ -11,9 +11,9 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HumanoidJoints {
     joints: BTreeMap<String, u32>,
-    /// Joints from the one above the hips to the one that carries the arms.
+    /// Spine joints, from above the hips to the joint that carries the arms.
     spine: Vec<u32>,
-    /// Joints from the one above the spine to the one below the head.
+    /// Neck joints, from above the spine to below the head.
     neck: Vec<u32>,
 }
 
@@ -22,8 +22,8 @@ const LEG: [&str; 3] = ["upleg", "leg", "foot"];
 const ARM: [&str; 3] = ["arm", "forearm", "hand"];
 
 impl HumanoidJoints {
-    /// First the bones that the file itself names, as VRM does ([`Skeleton::humanoid`]); then joints' own names, then the
-    /// structure: two legs, and above them two arms, whose chains go out from joints of the middle.
+    /// Finds joints first by the bones that the file itself declares, as VRM does ([`Skeleton::humanoid`]); then by joint names;
+    /// then by structure: two legs, and above them two arms, whose chains branch off central joints.
     pub fn of(skeleton: &Skeleton) -> HumanoidJoints {
         let mut human = HumanoidJoints::default();
         if let Some(given) = skeleton.humanoid() {
@@ -38,22 +38,22 @@ impl HumanoidJoints {
         human
     }
 
-    /// The joint of a bone of the human body, by its name as in VRM.
+    /// The joint with a name of `humanoid_name`, such as "left arm".
     pub fn joint(&self, name: &str) -> Option<u32> {
         self.joints.get(name).copied()
     }
 
-    /// All joints by the name of their bone.
+    /// All joints by their names of `humanoid_name`.
     pub fn joints(&self) -> &BTreeMap<String, u32> {
         &self.joints
     }
 
-    /// Above the hips, to the joint from which the arms go out.
+    /// Spine joints, from above the hips to the joint that carries the arms.
     pub fn spine(&self) -> &[u32] {
         &self.spine
     }
 
-    /// Joints above the trunk, up to the head.
+    /// Neck joints, from above the spine to below the head.
     pub fn neck(&self) -> &[u32] {
         &self.neck
     }
@@ -75,8 +75,8 @@ impl HumanoidJoints {
         let children = children(skeleton);
         for (joint, name) in (0u32..).zip(skeleton.names()) {
             let Some(name) = humanoid_name(name) else { continue };
-            // A mesh is often called like the joint that it hangs on, or lies beside: the upper one is meant, or the one on which
-            // more hangs. Else, nothing is guessed.
+            // A mesh often has the same name as its parent joint or a sibling joint. The ancestor is meant, or the sibling that
+            // has children; otherwise nothing is guessed.
             let other = |first: &mut Option<u32>| {
                 let ends = |j: u32| children[j as usize].is_empty();
                 let parent = |j: u32| skeleton.parents()[j as usize];
@@ -111,7 +111,7 @@ impl HumanoidJoints {
         self.offer("hips", hips);
     }
 
-    /// KayKit has a wrist before the hand; others' hands turn where that is.
+    /// KayKit has a wrist joint above the hand, where hands of other skeletons rotate: the wrist becomes the hand.
     fn wrists(&mut self, skeleton: &Skeleton) {
         for side in ["left", "right"] {
             let (Some(hand), Some(forearm)) =
@@ -128,7 +128,7 @@ impl HumanoidJoints {
         }
     }
 
-    /// Finds limbs that have no known names: pairs of chains that go out from one joint of the middle.
+    /// Finds limbs that have no known names: pairs of chains that branch off one central joint.
     fn by_structure(&mut self, skeleton: &Skeleton) {
         if self.is_complete() {
             return;
@@ -180,7 +180,7 @@ impl HumanoidJoints {
                 self.offer(&format!("{side} {name}"), *joint);
             }
         }
-        // The head: the highest of the middle above the arms.
+        // The head is the highest central joint above the arms.
         let above =
             (0u32..).zip(&partners).filter(|(j, p)| **p == Some(*j) && is_below(skeleton, *j, arms.middle));
         let leaves: Vec<u32> = above.map(|(j, _)| j).filter(|j| *j != arms.middle).collect();
@@ -224,7 +224,7 @@ impl HumanoidJoints {
         if !is_below(skeleton, chest, hips) {
             return Default::default();
         }
-        // And its legs on a pelvis, or on the first joint of the spine: what carries them is no spine.
+        // Biped's legs hang on a pelvis, or on the first joint of the spine: joints that carry legs are no part of the spine.
         let legs = ["left upleg", "right upleg"].map(|n| self.joint(n));
         let carries = |j: u32| legs.iter().flatten().any(|leg| is_below(skeleton, *leg, j));
         let mut spine: Vec<u32> = up(chest).take_while(|j| *j != hips && !carries(*j)).collect();
@@ -239,13 +239,13 @@ impl HumanoidJoints {
 
 struct Limb {
     middle: u32,
-    /// Left and right, from the middle outwards.
+    /// Left and right chain, from the central joint outwards.
     chains: [Vec<u32>; 2],
-    /// y of its lowest joint.
+    /// Smallest y of the limb's joints.
     low: f64,
 }
 
-/// Whether a joint is another or hangs below it.
+/// Whether `joint` is `above` or a descendant of it.
 pub(crate) fn is_below(skeleton: &Skeleton, joint: u32, above: u32) -> bool {
     std::iter::successors(Some(joint), |j| skeleton.parents()[*j as usize])
         .take_while(|j| *j >= above)

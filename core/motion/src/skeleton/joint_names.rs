@@ -3,7 +3,7 @@
 use crate::skeleton::own_part;
 use crate::skeleton::sides::words;
 
-/// Joints of the middle, as each family calls them: small letters, without separators. The first name is ours.
+/// Central joints with their names in each family, in lower case without separators. The first name is choreo's.
 const MIDDLE: &[&[&str]] = &[
     &["hips", "pelvis", "hip"],
     &["spine", "spine01", "abdomen", "abdomenlower", "lowerback"],
@@ -14,7 +14,7 @@ const MIDDLE: &[&[&str]] = &[
     &["jaw"],
 ];
 
-/// Joints that are there on the left and on the right.
+/// Joints that exist on the left and on the right, with their names without the side.
 const SIDES: &[&[&str]] = &[
     &["shoulder", "clavicle", "collar", "collarbone"],
     &["arm", "upperarm", "uparm", "armupper", "shldr", "shldrbend", "humerus"],
@@ -50,7 +50,7 @@ const PREFIXES: &[&[&str]] = &[&["valve", "biped"], &["j", "bip"], &["cc", "base
 /// `upperarm.l`, `armUpper_L`, `DEF-upper_arm.L`, `lShldr` and `lhumerus` are "left arm". `None` for joints that the table does
 /// not hold. The tests list the names of each family.
 pub(crate) fn humanoid_name(name: &str) -> Option<String> {
-    // Longer than any of the names, and the work stays bounded.
+    // All known names are shorter, and the work stays bounded.
     if name.len() > 96 {
         return None;
     }
@@ -84,7 +84,7 @@ pub(crate) fn humanoid_name(name: &str) -> Option<String> {
         words.remove(0);
     }
     let base = words.concat();
-    // Small letters throughout: "leftarm", "lhumerus".
+    // Lower case throughout: "leftarm", "lhumerus".
     ours(MIDDLE, &base).map(str::to_string).or_else(|| {
         let sides = [("left", "left"), ("right", "right"), ("l", "left"), ("r", "right")];
         sides.iter().find_map(|(prefix, side)| sided(side, base.strip_prefix(prefix)?))

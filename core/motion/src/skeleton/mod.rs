@@ -22,7 +22,7 @@ pub struct Skeleton {
     humanoid: Option<Arc<Humanoid>>,
 }
 
-/// Why joints make no skeleton; the message has the names.
+/// The reason why joints do not form a skeleton; the message has the names.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "the messages name the fields")]
 pub enum SkeletonError {
@@ -46,7 +46,7 @@ impl From<HumanoidError> for SkeletonError {
 }
 
 impl Skeleton {
-    /// Lists of equal length, one entry a joint, parents first. `rest[i]` is parent-from-joint.
+    /// Makes a skeleton of lists of equal length, one entry per joint, parents first. `rest[i]` is parent-from-joint.
     pub fn new(
         names: Vec<String>,
         parents: Vec<Option<u32>>,
@@ -73,13 +73,13 @@ impl Skeleton {
         Ok(Skeleton { names, parents, rest, by_depth, humanoid: None })
     }
 
-    /// The same skeleton with the human bones that its file states; they take precedence over names.
+    /// Sets the humanoid bones that the file declares; they take precedence over names.
     pub fn with_humanoid(self, humanoid: Humanoid) -> Result<Skeleton, SkeletonError> {
         humanoid.check(self.len())?;
         Ok(Skeleton { humanoid: Some(Arc::new(humanoid)), ..self })
     }
 
-    /// The bones of a human body, where the file names them; see `Humanoid::from_names` for others.
+    /// The humanoid bones, if the file declares them; `Humanoid::from_names` finds those of other files.
     pub fn humanoid(&self) -> Option<&Humanoid> {
         self.humanoid.as_deref()
     }
@@ -88,7 +88,7 @@ impl Skeleton {
     pub fn len(&self) -> usize {
         self.names.len()
     }
-    /// Whether it has no joints.
+    /// Whether there are no joints.
     pub fn is_empty(&self) -> bool {
         self.names.is_empty()
     }
@@ -105,20 +105,20 @@ impl Skeleton {
         &self.rest
     }
 
-    /// (joint, parent) of all joints but roots, parents still before children, neighbours mostly unrelated: a processor
-    /// that works ahead need not wait for the parent as it does along a chain.
+    /// (joint, parent) of all joints but roots, sorted by depth. Parents come before children, but neighbors are mostly
+    /// unrelated: out-of-order execution need not wait for the parent as it does along a chain.
     pub(crate) fn by_depth(&self) -> &[[u32; 2]] {
         &self.by_depth
     }
 
-    /// Short names of the joints of a human body that [`Skeleton::find`] takes: `Hips`, `LeftHand`, `RightUpLeg`.
+    /// Short names of humanoid joints that [`Skeleton::find`] accepts: `Hips`, `LeftHand`, `RightUpLeg`.
     pub fn short_names(&self) -> Vec<String> {
         let names = HumanBone::ALL.into_iter().filter_map(HumanBone::short_name);
         names.filter(|name| self.find(name).is_some()).collect()
     }
 
-    /// Index of the joint with this exact name, else of the only joint whose `plain_name` matches, else of the bone of this name
-    /// of the skeleton's [`Humanoid`], else of the only one that is the same joint of a human body
+    /// Index of the joint with this exact name; else of the only joint whose `plain_name` matches; else of the bone of this name
+    /// in the skeleton's [`Humanoid`]; else of the only joint with the same name in other families of skeletons
     /// (`crate::skeleton::joint_names::humanoid_name`).
     pub fn find(&self, name: &str) -> Option<usize> {
         if let Some(i) = self.names.iter().position(|n| n == name) {
@@ -144,8 +144,8 @@ impl Skeleton {
         }
     }
 
-    /// Name of a joint without that of its rig (`Hips` of `mixamorig:Hips`) where [`Skeleton::find`] gives the joint by it, else its
-    /// whole name; empty where there is no such joint.
+    /// Name of a joint without its rig's prefix (`Hips` of `mixamorig:Hips`) if [`Skeleton::find`] finds the joint by it, else
+    /// the whole name; empty if there is no such joint.
     pub fn short_name(&self, joint: usize) -> &str {
         let whole = self.names.get(joint).map_or("", String::as_str);
         let short = own_part(whole);

@@ -8,9 +8,9 @@ use glam::{DAffine3, DQuat, DVec3};
 pub(crate) struct ModelRestPose {
     /// model-from-joint rotations; scales, also negative ones, are left out.
     pub rotations: Vec<DQuat>,
-    /// Metres, with all scales.
+    /// Positions in model space, metres, with all scales applied.
     pub positions: Vec<DVec3>,
-    /// Mean size of a joint's unit in the model: 0.01 below a node that scales centimetres.
+    /// Mean scale of model-from-joint: 0.01 below a node that converts centimetres.
     pub scales: Vec<f64>,
 }
 
@@ -34,7 +34,7 @@ impl ModelRestPose {
         rest
     }
 
-    /// Height from the model's lowest joint to its highest.
+    /// Height from the model's lowest joint to its highest, metres.
     pub fn height(&self) -> f64 {
         let ys = || self.positions.iter().map(|p| p.y);
         (ys().fold(f64::MIN, f64::max) - ys().fold(f64::MAX, f64::min)).max(0.0)

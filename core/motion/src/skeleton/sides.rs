@@ -2,12 +2,12 @@
 
 use crate::skeleton::joint_names::humanoid_name;
 
-/// A side of the body, as its owner has it.
+/// A side of the body, from the character's own view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Side {
-    /// The owner's left.
+    /// The character's left.
     Left,
-    /// The owner's right.
+    /// The character's right.
     Right,
 }
 
@@ -23,7 +23,7 @@ impl Side {
 
 /// The side of a joint and its name without it: `mixamorig:LeftArm`, `Bip01 L UpperArm`, `upperarm.l`, `J_Bip_L_UpperArm`, `lShldr`
 /// and `arm_joint_L_1` are left. The first word that is `l`, `left`, `r` or `right` counts; words end at punctuation, at
-/// digits and where capitals begin. `None` for joints of the middle. At most 96 bytes are looked at.
+/// digits and where capitals begin. `None` for central joints, and for names of more than 96 bytes.
 pub fn side_of(name: &str) -> Option<(Side, String)> {
     if name.len() > 96 {
         return None;
@@ -39,7 +39,7 @@ pub fn side_of(name: &str) -> Option<(Side, String)> {
             words.iter().enumerate().filter(|(i, _)| *i != at).map(|(_, w)| w.as_str()).collect();
         return (!rest.is_empty()).then(|| (side, rest.join(" ")));
     }
-    // `leftarm`, in small letters, is left only where the rest is known to be a joint.
+    // `leftarm` in lower case is a left joint only if the rest is a known joint.
     let human = humanoid_name(name)?;
     let (side_word, rest) = human.split_once(' ')?;
     Some((side(side_word)?, rest.to_string()))

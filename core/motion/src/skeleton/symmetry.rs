@@ -19,13 +19,13 @@ crate::error_texts! { MirrorError:
     Self::NoPairs => "no joint of the left has a partner on the right by its name (LeftArm and RightArm, arm.l and arm.r, …)";
 }
 
-/// How the joints of a skeleton change sides.
+/// Mirroring of a skeleton: the partner of each joint, and the rotations between their axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MirrorMap {
-    /// The mirrored joint of each joint; `None` where it has no partner and stays at rest.
+    /// Mirroring of each joint; `None` if it has no partner and stays at rest.
     pub(crate) joints: Vec<Option<MirroredJoint>>,
     rest: Vec<Transform>,
-    /// 0 = x, 1 = y, 2 = z: across the character's middle plane.
+    /// Normal of the character's middle plane: 0 = x, 1 = y, 2 = z.
     axis: usize,
     unpaired: Vec<u32>,
     asymmetry: (f64, u32),
@@ -34,20 +34,20 @@ pub struct MirrorMap {
 /// How a joint takes its transform from its partner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MirroredJoint {
-    /// Index of the partner; the joint itself for joints of the middle.
+    /// Index of the partner; central joints are their own partners.
     pub(crate) partner: u32,
-    /// C_parent⁻¹ and C.
+    /// Rotations C_parent⁻¹ and C, see module `mirror`.
     before: DQuat,
     after: DQuat,
-    /// The partner's axis along which each own axis lies, reflected.
+    /// Axis of the partner that, reflected, lies along each axis of the joint.
     axes: [usize; 3],
-    /// The partner's parent's unit over the own parent's.
+    /// Unit of the partner's parent space divided by that of the joint's parent space.
     unit: f64,
 }
 
 impl MirrorMap {
-    /// Pairs joints by their names ([`side_of`]), and where names are not enough, by sides and place in the tree. A joint's parent is
-    /// always its partner's parent's partner.
+    /// Pairs joints by their names ([`side_of`]), and if names are not enough, by sides and position in the hierarchy. The
+    /// parents of two partners are always partners, too.
     pub fn new(skeleton: &Skeleton) -> Result<MirrorMap, MirrorError> {
         let partners = partners(skeleton);
         let pairs = || partners.iter().enumerate().filter_map(|(j, p)| Some((j, (*p)? as usize)));
@@ -55,7 +55,7 @@ impl MirrorMap {
             return Err(MirrorError::NoPairs);
         }
         let rest = ModelRestPose::of(skeleton);
-        // The axis along which partners lie apart. Of equal ones x.
+        // The axis along which partners are farthest apart; x if several are equal.
         let mut apart = DVec3::ZERO;
         for (joint, partner) in pairs() {
             apart += (rest.positions[joint] - rest.positions[partner]).abs();
@@ -107,7 +107,7 @@ impl MirrorMap {
         .collect()
     }
 
-    /// The joint that a joint changes with: itself in the middle, `None` where it has no partner and stays at rest.
+    /// Partner of a joint: a central joint itself; `None` if it has no partner and stays at rest.
     pub fn partner(&self, joint: u32) -> Option<u32> {
         self.joints.get(joint as usize)?.as_ref().map(|j| j.partner)
     }
@@ -117,13 +117,13 @@ impl MirrorMap {
         &self.unpaired
     }
 
-    /// Across the middle plane: 0 = x, 1 = y, 2 = z of the model.
+    /// Normal of the middle plane: 0 = x, 1 = y, 2 = z of the model.
     pub fn axis(&self) -> usize {
         self.axis
     }
 
-    /// How far, in metres, the joint that fits worst lies at rest from where its partner's reflection is. A rest pose that
-    /// is no mirror image of itself is kept all the same.
+    /// Largest distance at rest between a joint and its partner's reflection, metres, and that joint. An asymmetric rest pose is
+    /// kept all the same.
     pub fn asymmetry(&self) -> (f64, u32) {
         self.asymmetry
     }
@@ -154,7 +154,7 @@ impl MirrorMap {
         at.to_array().map(|v| v as f32)
     }
 
-    /// Scales count against those of the rest pose, where these are not zero.
+    /// Mirrors scales relative to those of the rest pose, unless these are zero.
     pub(crate) fn scale(&self, joint: usize, map: &MirroredJoint, s: [f32; 3]) -> [f32; 3] {
         let (own, partner) =
             (self.rest[joint].scale.to_array(), self.rest[map.partner as usize].scale.to_array());
@@ -173,14 +173,14 @@ fn reflect(v: DVec3, axis: usize) -> DVec3 {
     DVec3::from_array(v)
 }
 
-/// M R M: its axis reflected, turned the other way.
+/// Reflected rotation M R M: the axis is reflected, and the angle reversed.
 fn reflect_rotation(q: DQuat, axis: usize) -> DQuat {
     let q = q.to_array();
     let sign = |i: usize| if i == axis { 1.0 } else { -1.0 };
     DQuat::from_xyzw(q[0] * sign(0), q[1] * sign(1), q[2] * sign(2), q[3])
 }
 
-/// Along which axis each axis comes to lie, as nearly as it does.
+/// Axis that each rotated axis is nearest to; the identity if that is no permutation.
 pub(crate) fn nearest_axes(rotation: DQuat) -> [usize; 3] {
     let columns = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| (rotation * axis).abs().to_array());
     let largest =
@@ -191,7 +191,7 @@ pub(crate) fn nearest_axes(rotation: DQuat) -> [usize; 3] {
     if sorted == [0, 1, 2] { axes } else { [0, 1, 2] }
 }
 
-/// Partner of each joint: itself in the middle. Parents come first, so that a pair's parents are settled.
+/// Partner of each joint; central joints are their own. Parents come first, so that the parents of a pair are paired already.
 pub(crate) fn partners(skeleton: &Skeleton) -> Vec<Option<u32>> {
     let count = skeleton.len();
     let sides: Vec<Option<(Side, String)>> = skeleton.names().iter().map(|n| side_of(n)).collect();
@@ -215,7 +215,7 @@ pub(crate) fn partners(skeleton: &Skeleton) -> Vec<Option<u32>> {
     partners
 }
 
-/// Pairs the children of two partners, or of one joint of the middle (then `a` and `b` are the same).
+/// Pairs the children of two partners, or of one central joint (then `a` and `b` are the same).
 fn pair_up(a: &[u32], b: &[u32], sides: &[Option<(Side, String)>], partners: &mut [Option<u32>]) {
     let middle = a == b;
     // `None` = several of the same name and side.
@@ -260,7 +260,8 @@ fn pair_up(a: &[u32], b: &[u32], sides: &[Option<(Side, String)>], partners: &mu
             partners[partner as usize] = Some(joint);
         }
     }
-    // Joints without a side: below the middle each is its own partner; below a pair they are paired in order, if both sides have as many.
+    // Joints without a side: below a central joint each is its own partner; below a pair they are paired in order, if both sides
+    // have as many.
     let plain = |list: &[u32]| -> Vec<u32> {
         list.iter().copied().filter(|j| sides[*j as usize].is_none()).collect()
     };

@@ -17,7 +17,7 @@ use glam::{Affine3A, DQuat, Mat3A, Vec3, Vec3A};
 pub struct DualQuaternion(pub [[f32; 4]; 2]);
 
 impl DualQuaternion {
-    /// No motion.
+    /// The identity.
     pub const IDENTITY: DualQuaternion = DualQuaternion([[0.0, 0.0, 0.0, 1.0], [0.0; 4]]);
 }
 
@@ -30,26 +30,27 @@ impl From<&StretchedDualQuaternion> for DualQuaternion {
 
 /// Dual-quaternion skinning of positions and normals: stretches are blended first, as matrices, then rigid motions.
 ///
-/// Quaternions are summed on the side of a vertex's heaviest influence, the first of equals. Normals go through the blended
-/// stretch's cofactors and the blended rotation, then to unit length. A vertex without weight goes through the blended stretch.
+/// Quaternions are summed in the hemisphere of a vertex's heaviest influence, the first of equals. Normals are transformed by the
+/// cofactors of the blended stretch and by the blended rotation, then normalized. A vertex without weight is transformed by the
+/// blended stretch.
 pub struct DualQuaternionSkinning<'a> {
-    /// Model from mesh, without stretch, one per skin joint.
+    /// Rigid motions model-from-mesh, one per skin joint.
     pub motions: &'a [DualQuaternion],
-    /// Scale and shear before the motion, as many (translations are not read); empty where there is none.
+    /// Scale and shear before the motion, one per skin joint (translations are ignored); empty if there is none.
     pub stretches: &'a [Affine3A],
-    /// Influences a vertex, any number.
+    /// Influences per vertex, any number.
     pub influences: usize,
-    /// `influences` a vertex.
+    /// Indices into `motions`, `influences` per vertex.
     pub joint_indices: &'a [u16],
-    /// `influences` a vertex, sum 1.
+    /// Weights with sum 1, `influences` per vertex.
     pub joint_weights: &'a [f32],
-    /// Model space at bind time, metres.
+    /// Positions in mesh space at bind time, metres.
     pub positions: &'a [Vec3],
-    /// One per position, or none.
+    /// Normals, one per position, or none.
     pub normals: &'a [Vec3],
-    /// Out: one per position.
+    /// Output: positions in model space, one per position.
     pub out_positions: &'a mut [Vec3],
-    /// Out: one per normal.
+    /// Output: unit normals in model space, one per normal.
     pub out_normals: &'a mut [Vec3],
 }
 
@@ -63,18 +64,18 @@ impl DualQuaternionSkinning<'_> {
         check_vertices(joints, self.influences, self.joint_indices, self.joint_weights, lengths)
     }
 
-    /// Panics where a joint index is out of range, which `check` finds.
+    /// Skins the vertices. Panics if a joint index is out of range, which `check` finds.
     pub fn run(&mut self) {
         self.run_on(Level::best());
     }
 
-    /// The same bits at any level; for tests and benchmarks.
+    /// Runs at a SIMD level, for tests and benchmarks; the bits are the same at any.
     pub fn run_on(&mut self, level: Level) {
         dispatch_vertices(level, DualVertices(self));
     }
 }
 
-/// The stretch of a carrier as [`DualQuaternionSkinning::stretches`] wants it.
+/// Converts a stretch to an element of [`DualQuaternionSkinning::stretches`].
 pub fn stretch_matrix(carrier: &StretchedDualQuaternion) -> Affine3A {
     Affine3A { matrix3: Mat3A::from(carrier.stretch.as_mat3()), translation: Vec3A::ZERO }
 }
@@ -118,7 +119,7 @@ impl Deformer for Rigid<'_> {
     }
 }
 
-/// Stretches first, as matrices, then rigid motions.
+/// Applies the stretches, blended as matrices, and then the rigid motions.
 struct Stretched<'a> {
     motions: &'a [DualQuaternion],
     stretches: &'a [Affine3A],
@@ -143,7 +144,7 @@ impl Deformer for Stretched<'_> {
     }
 }
 
-/// The blended rigid motions of the vertices, component rows.
+/// Blended rigid motions of the vertices, as component rows.
 struct Motion<F> {
     vector: [F; 3],
     w: F,
@@ -243,7 +244,7 @@ fn heaviest(weights: &[f32]) -> usize {
     at
 }
 
-/// The weighted sum of one vertex's dual quaternions, all on the side of the heaviest; there is at least one.
+/// The weighted sum of one vertex's dual quaternions, all in the hemisphere of the heaviest; there is at least one.
 #[inline(always)]
 fn weighted<F: F8>(motions: &[DualQuaternion], joints: &[u16], weights: &[f32]) -> F {
     let pivot = &motions[usize::from(joints[heaviest(weights)])].0[0];
@@ -256,7 +257,7 @@ fn weighted<F: F8>(motions: &[DualQuaternion], joints: &[u16], weights: &[f32]) 
     sum
 }
 
-/// The same for a known number of influences, a multiple of four, from the given four indices on.
+/// Like [`weighted`], for a known number of influences that is a multiple of four. `first`: index of the first four.
 #[inline(always)]
 fn weighted_by<F: F8, const N: usize>(
     motions: &Indexed<DualQuaternion>,

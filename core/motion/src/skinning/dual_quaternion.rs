@@ -1,31 +1,31 @@
 //! Dual quaternions: affine maps that are blended without losing volume, one at a time in f64.
 //!
 //! L. Kavan, S. Collins, J. Žára, C. O'Sullivan, "Geometric Skinning with Approximate Dual Quaternion Blending", ACM
-//! Transactions on Graphics 27 (4), 2008: the weighted sum of unit dual quaternions, made unit again (§4), moves a point about
-//! the axis between the motions, where a weighted sum of matrices takes the straight way and thins the limb. Scale and shear
-//! have no place in a dual quaternion, so skinning has two phases (§4.5): each map is parted into a rotation, a translation and
-//! a stretch that comes before them; stretches are blended as matrices, rigid motions as dual quaternions.
+//! Transactions on Graphics 27 (4), 2008: the normalized sum of weighted unit dual quaternions (§4) moves a point about the
+//! axis between the motions, while a weighted sum of matrices moves it in a straight line and thins the limb. A dual
+//! quaternion has no scale or shear, so skinning has two phases (§4.5): each map is decomposed into a rotation, a translation
+//! and a stretch that comes before them; stretches are blended as matrices, rigid motions as dual quaternions.
 //!
-//! A rotation has two quaternions, q and −q, and only those of one hemisphere can be summed. All are taken on the side of the
-//! heaviest influence (the first of equals), so that the order in which a file lists influences, and those that weigh
-//! nothing, do not matter.
+//! A rotation has two quaternions, q and −q, and only those of one hemisphere can be summed. All are taken in that of the
+//! heaviest influence (the first of equals), so that neither the order of influences in a file nor influences without weight
+//! matter.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-/// How the vertices of a skin follow several joints.
+/// Method by which the vertices of a skin follow several joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Skinning {
-    /// The weighted sum of the joints' matrices, as glTF 2.0 §3.7.3.3 has it.
+    /// Linear blend skinning: the weighted sum of the joints' matrices, as in glTF 2.0 §3.7.3.3.
     #[default]
     Linear,
-    /// The weighted sum of their dual quaternions, after that of their stretches: twisted limbs keep their girth.
+    /// Dual-quaternion skinning: stretches are blended first, then dual quaternions. Twisted limbs keep their volume.
     DualQuaternion,
 }
 
-/// The map of the vertices of one joint: `x ↦ R (S x) + t`.
+/// Decomposed affine map of one joint: `x ↦ R (S x) + t`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StretchedDualQuaternion {
-    /// R, unit.
+    /// R, a unit quaternion.
     pub real: DQuat,
     /// ½ t R, as quaternions.
     pub dual: DQuat,
@@ -34,7 +34,7 @@ pub struct StretchedDualQuaternion {
 }
 
 impl StretchedDualQuaternion {
-    /// The parts of an affine map. Of one that is flat the rotation is any that fits.
+    /// Decomposes an affine map. The rotation of a singular map is not unique.
     pub fn of(map: DAffine3) -> StretchedDualQuaternion {
         let (rotation, stretch) = polar(map.matrix3);
         let real = DQuat::from_mat3(&rotation).normalize();
@@ -42,12 +42,12 @@ impl StretchedDualQuaternion {
         StretchedDualQuaternion { real, dual: DQuat::from_xyzw(t.x, t.y, t.z, 0.0) * real * 0.5, stretch }
     }
 
-    /// R and t alone.
+    /// The rigid motion: R and t without S.
     pub fn rigid(&self) -> DAffine3 {
         DAffine3 { matrix3: DMat3::from_quat(self.real), translation: translation(self.real, self.dual) }
     }
 
-    /// The map of a vertex that hangs on several joints, by weight; zero where nothing weighs anything.
+    /// Blended map of a vertex that several joints influence, from (map, weight); zero if no weight is above 0.
     pub fn blend<'a>(
         influences: impl Iterator<Item = (&'a StretchedDualQuaternion, f64)> + Clone,
     ) -> DAffine3 {
@@ -69,7 +69,7 @@ impl StretchedDualQuaternion {
             stretch += carrier.stretch * weight;
         }
         let length = real.length();
-        // Weights that are negative can sum to nothing.
+        // Negative weights can cancel others.
         if length < 1e-30 {
             return DAffine3 { matrix3: stretch, translation: DVec3::ZERO };
         }
@@ -78,13 +78,14 @@ impl StretchedDualQuaternion {
     }
 }
 
-/// t of a unit real part and ½ t R; what of the dual part is along the real part falls away (Kavan 2008, §3).
+/// Translation t from a unit real part and the dual part ½ t R; a component of the dual part along the real part has no effect
+/// (Kavan 2008, §3).
 fn translation(real: DQuat, dual: DQuat) -> DVec3 {
     (dual * real.conjugate()).xyz() * 2.0
 }
 
-/// A rotation and a symmetric stretch whose product is the matrix; the stretch is negative where the matrix mirrors, so that all
-/// joints of a mirrored body are mirrored alike.
+/// Polar decomposition into a rotation and a symmetric stretch. The stretch is negative if the matrix mirrors, so that all joints
+/// of a mirrored character are mirrored alike.
 fn polar(m: DMat3) -> (DMat3, DMat3) {
     let largest = m.to_cols_array().into_iter().fold(0.0f64, |a, v| a.max(v.abs()));
     if !largest.is_finite() || largest < 1e-150 {
@@ -97,12 +98,12 @@ fn polar(m: DMat3) -> (DMat3, DMat3) {
     (rotation, (stretch + stretch.transpose()) * 0.5)
 }
 
-/// R of R·S, from the eigenvectors of mᵀm.
+/// Rotation R of the polar decomposition m = R·S, from the eigenvectors of mᵀm.
 fn nearest_rotation(m: DMat3) -> DMat3 {
     let square = m.transpose() * m;
     let [xx, yy, zz] = [square.x_axis.x, square.y_axis.y, square.z_axis.z];
     let off = square.y_axis.x.abs().max(square.z_axis.x.abs()).max(square.z_axis.y.abs());
-    // The usual case: a rotation and one scale.
+    // The usual case is a rotation with a uniform scale.
     if off <= 1e-13 * xx && (xx - yy).abs() <= 1e-13 * xx && (xx - zz).abs() <= 1e-13 * xx {
         return m * (1.0 / xx.sqrt());
     }

@@ -1,4 +1,4 @@
-//! Skinning and morphing on the CPU.
+//! Skin matrices and linear blend skinning on the CPU.
 
 use crate::input_error::InputError;
 use crate::simd::{
@@ -7,7 +7,7 @@ use crate::simd::{
 };
 use glam::{Affine3A, Mat4, Vec3};
 
-/// Skin matrices: `out[i] = model_from_joint[joints[i]] * inverse_bind[i]`, model from the mesh at bind time.
+/// Skin matrices, model-from-mesh: `out[i] = model_from_joint[joints[i]] * inverse_bind[i]`.
 pub struct SkinMatrices<'a> {
     /// Input: one per joint of the skeleton.
     pub model_from_joint: &'a [Affine3A],
@@ -15,7 +15,7 @@ pub struct SkinMatrices<'a> {
     pub joints: &'a [u32],
     /// joint-from-mesh at bind time; the last row is taken as 0 0 0 1 (glTF 2.0 §3.7.3.1). Empty = identities.
     pub inverse_bind: &'a [Mat4],
-    /// Out: one per skin joint.
+    /// Output: one matrix per skin joint.
     pub out: &'a mut [Affine3A],
 }
 
@@ -31,7 +31,7 @@ impl SkinMatrices<'_> {
         InputError::check_joints(indices, "SkinMatrices.joints", self.model_from_joint.len())
     }
 
-    /// Allocates nothing.
+    /// Computes the matrices; allocates nothing.
     pub fn run(&mut self) {
         for (i, (joint, out)) in self.joints.iter().zip(self.out.iter_mut()).enumerate() {
             let joint = self.model_from_joint[*joint as usize];
@@ -43,7 +43,7 @@ impl SkinMatrices<'_> {
     }
 }
 
-/// Checks what every skinning method asks of its vertices: (positions, normals) in and out.
+/// Checks the vertex data that every skinning method needs. The last argument: lengths of positions and normals, in and out.
 pub(crate) fn check_vertices(
     joints: usize,
     influences: usize,
@@ -64,24 +64,24 @@ pub(crate) fn check_vertices(
 
 /// Linear blend skinning of positions and normals.
 ///
-/// Normals go through the blended matrix's cofactors (the inverse transpose but for a positive factor, finite for
-/// singular matrices too, and right for mirrored ones), then to unit length; a normal that collapses is left as it was.
+/// Normals are transformed by the blended matrix's cofactors (the inverse transpose up to a positive factor, finite for singular
+/// matrices and right for mirroring ones), then normalized; a normal that collapses is unchanged.
 pub struct LinearSkinning<'a> {
-    /// Model from mesh, one per skin joint (see [`SkinMatrices`]).
+    /// Skin matrices, model-from-mesh, one per skin joint (see [`SkinMatrices`]).
     pub matrices: &'a [Affine3A],
-    /// Influences a vertex, any number; 4 and 8 are fast.
+    /// Influences per vertex, any number; 4 and 8 are fast.
     pub influences: usize,
-    /// `influences` a vertex.
+    /// Indices into `matrices`, `influences` per vertex.
     pub joint_indices: &'a [u16],
-    /// `influences` a vertex, sum 1.
+    /// Weights with sum 1, `influences` per vertex.
     pub joint_weights: &'a [f32],
-    /// Model space at bind time, metres.
+    /// Positions in mesh space at bind time, metres.
     pub positions: &'a [Vec3],
-    /// One per position, or none.
+    /// Normals, one per position, or none.
     pub normals: &'a [Vec3],
-    /// Out: one per position.
+    /// Output: positions in model space, one per position.
     pub out_positions: &'a mut [Vec3],
-    /// Out: one per normal.
+    /// Output: unit normals in model space, one per normal.
     pub out_normals: &'a mut [Vec3],
 }
 
@@ -93,7 +93,7 @@ impl LinearSkinning<'_> {
         check_vertices(self.matrices.len(), self.influences, self.joint_indices, self.joint_weights, lengths)
     }
 
-    /// Panics where a joint index is out of range, which `check` finds.
+    /// Skins the vertices. Panics if a joint index is out of range, which `check` finds.
     pub fn run(&mut self) {
         self.run_on(Level::best());
     }
@@ -123,12 +123,13 @@ impl VertexKernel for SkinVertices<'_, '_> {
     }
 }
 
-/// Matrices on lines of the cache: one that lies across two takes two loads (2.6 ns a vertex instead of 1.9, once measured).
+/// Matrices aligned to cache lines: one that straddles two lines takes two loads (2.6 ns per vertex instead of 1.9, once
+/// measured).
 #[repr(C, align(64))]
 pub(crate) struct Palette([Affine3A; Palette::MOST]);
 
 impl Palette {
-    /// 8 kB, which the nearest cache holds beside the vertices. More joints are read where they are.
+    /// 128 matrices take 8 kB, which the L1 cache holds beside the vertices. Larger palettes are not copied.
     const MOST: usize = 128;
 
     #[inline(always)]
@@ -171,7 +172,7 @@ pub(crate) fn blended<F: Vertices, const N: usize>(
 ) -> Rows<F> {
     if N == 0 {
         let mut fours = [F::four([F::no_matrix(); 4]); 4];
-        // Not chunks of 0: no influences are no vertices here, and all matrices zeros.
+        // A chunk must not have 0 elements: without influences there are no vertices here, and all matrices are zero.
         let mut vertices =
             joints.as_slice().chunks_exact(influences.max(1)).zip(weights.chunks_exact(influences.max(1)));
         for four in fours.iter_mut().take(F::COUNT / 4) {
@@ -185,7 +186,7 @@ pub(crate) fn blended<F: Vertices, const N: usize>(
     }
     let (joints, weights) = (joints.part(0..F::COUNT * N), &weights[..F::COUNT * N]);
     let (matrices, weights) = (Indexed::new(matrices, joints), weights.as_chunks::<N>().0);
-    // No loop: its results would go through memory.
+    // A loop's results would go through memory.
     let [a, b] = [four::<F, N>(&matrices, 0, weights), four::<F, N>(&matrices, 1, weights)];
     F::columns(match F::COUNT {
         8 => [a, b, a, b],
@@ -219,7 +220,7 @@ fn weighted<F: Vertices>(matrices: &[Affine3A], joints: &[u16], weights: &[f32])
     sum
 }
 
-/// The same for a known number of influences, from the given four indices on.
+/// Like [`weighted`], for a known number of influences that is a multiple of four. `first`: index of the first four.
 #[inline(always)]
 fn weighted_by<F: Vertices, const N: usize>(
     matrices: &Indexed<Affine3A>,
@@ -247,12 +248,12 @@ pub(crate) fn transformed<F: Lanes>([c0, c1, c2, c3]: &Rows<F>, [x, y, z]: [F; 3
     out
 }
 
-/// Normals transformed by the cofactors, at unit length; unchanged where they collapse.
+/// Transforms normals by the cofactors and normalizes them; unchanged if they collapse.
 #[inline(always)]
 pub(crate) fn transformed_normals<F: Lanes>([c0, c1, c2, _]: &Rows<F>, normals: [F; 3]) -> [F; 3] {
     let [x, y, z] = normals;
-    // The cofactors times n: x c1 × c2 + y c2 × c0 + z c0 × c1 = x c1 × c2 + c0 × (z c1 - y c2), three multiplications in
-    // eight less.
+    // The cofactors times n: x c1 × c2 + y c2 × c0 + z c0 × c1 = x c1 × c2 + c0 × (z c1 - y c2), which saves three of eight
+    // multiplications.
     let a = cross(c1, c2);
     let mut inner = normals;
     for i in 0..3 {
@@ -263,7 +264,7 @@ pub(crate) fn transformed_normals<F: Lanes>([c0, c1, c2, _]: &Rows<F>, normals: 
         n[i] = x.fused_add(a[i], n[i]);
     }
     let square = dot3(&n, &n);
-    // The inverse transpose is cofactors / determinant: a mirroring matrix turns the cofactors round.
+    // The inverse transpose is cofactors / determinant: a mirroring matrix reverses the cofactors.
     let determinant = dot3(c0, &a);
     let k = F::splat(1.0).div(square.sqrt()).flipped_by(determinant);
     n = [n[0].mul(k), n[1].mul(k), n[2].mul(k)];

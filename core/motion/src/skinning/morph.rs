@@ -7,9 +7,9 @@ use glam::Vec3;
 pub struct Morph<'a> {
     /// Offsets at weight 1: one list per target, as long as `values` or empty.
     pub targets: &'a [&'a [Vec3]],
-    /// One per target; missing ones count as zero.
+    /// One weight per target; missing ones count as zero.
     pub weights: &'a [f32],
-    /// In: positions (or normals, tangents) of the mesh. Out: morphed; normals are not renormalised.
+    /// Input: positions (or normals, tangents) of the mesh. Output: morphed; normals are not renormalized.
     pub values: &'a mut [Vec3],
 }
 

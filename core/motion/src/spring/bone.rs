@@ -1,4 +1,4 @@
-//! One spring bone: a stick that turns about its head, pulled towards where the animation wants it.
+//! One spring bone: a rigid stick that turns about its head and is pulled towards its animated direction.
 //!
 //! The direction d of the stick is a point of the unit sphere and obeys
 //!
@@ -8,35 +8,36 @@
 //!
 //! with the stiffness K = (2π · frequency)², the damping κ = 2 · ratio · 2π · frequency, the load f (gravity, and the drag of
 //! moving air, an angle/s²), the acceleration A of its head and its length L. The pull grows with the angle, so that a swing
-//! in a plane is the linear oscillator at any width.
+//! in a plane is the linear oscillator at any amplitude.
 //!
-//! A step takes the equation in the tangent plane at d, where it is linear but for the load, solves it in closed form
-//! ([`Response`]) with the target moving evenly, and goes that way along the sphere. The load's pull towards its own direction
-//! is taken as a spring of the same force here. Two facts make this stable whatever the step, the stiffness and the damping:
-//! the exponential map of a sphere brings no two points farther apart than they are in the tangent plane (Toponogov's
-//! comparison, positive curvature), and the load's energy, −f cos φ, is concave in φ², so that the spring that touches it
-//! lies above it. Hence kinetic and potential energy together never grow while target, head and load are at rest
-//! ([`SpringBone::energy`]). At the end of a step the tangent plane and that spring have more energy than the sphere and the load; without
-//! damping the difference goes into the velocity, or else the swing would come to rest.
+//! A step solves the equation in the tangent plane at d, where it is linear but for the load, in closed form ([`Response`]) with
+//! a target of constant velocity, and follows the solution along the sphere (exponential map). The load's pull towards its own
+//! direction is replaced by a spring of the same force at d. Two facts make this stable whatever the step, the stiffness and the
+//! damping: the exponential map of a sphere brings no two points farther apart than they are in the tangent plane (Toponogov's
+//! comparison, positive curvature), and the load's energy, −f cos φ, is concave in φ², so that the spring that touches it lies
+//! above it. Hence kinetic and potential energy together never grow while target, head and load are at rest
+//! ([`SpringBone::energy`]). At the end of a step the tangent plane and that spring have more energy than the sphere and the
+//! load; without damping the difference is added to the velocity, since otherwise the swing would come to rest.
 //!
-//! In a chain each bone is pulled towards where the bone before it has turned its target, and gives nothing back. What is passed on
-//! that way must not grow: bones of one frequency, each driven at its resonance by the one before, make of a shake of the root a whip whose
-//! end depends on the last digit, and no finer step shows what it "really" does. (Feeling also how the bone before swings its head about
-//! multiplies a swing by up to 1 / ζ a bone; tried, and 4 bones did not converge.) Hence two rules for a bone that [`Drive::follows`]
-//! another that swings: its head moves as the body does, so that only that is felt as inertia; and it is damped at least so much that at no
-//! frequency it swings farther than what it follows, |K / (K + s − ω² + iωκ)| ≤ 1 where s is the load's part in the stiffness. So the end of a
-//! chain comes later and softer than its beginning, and chains of any length converge.
+//! Each bone of a chain is pulled towards its animated direction as the bone before it has turned it, and exerts no force back.
+//! Motion that is passed on this way must not grow: bones of one frequency, each driven at its resonance by the one before, turn
+//! a shake of the root into a whip whose end depends on the last digit, and smaller steps do not converge. (Letting each bone
+//! also feel how the bone before moves its head multiplies a swing by up to 1 / ζ per bone; tried, and 4 bones did not converge.)
+//! Hence two rules for a bone that [`Drive::follows`] another that swings: its head moves as animated, so that only this motion
+//! is felt as inertia; and it is damped at least so much that at no frequency it swings farther than the bone that it follows,
+//! |K / (K + s − ω² + iωκ)| ≤ 1 where s is the load's part in the stiffness. So the end of a chain swings later and softer than
+//! its beginning, and chains of any length converge.
 
 use super::oscillator::Response;
 use super::sphere::{exp, log, sinc, tangent};
 use glam::DVec3;
 use std::f64::consts::PI;
 
-/// Metres a second: a head whose speed changes by more in one step has been put elsewhere, and the stick goes with it,
-/// undisturbed. (At 60 steps a second that is an acceleration of 600 g.)
+/// Largest change of a head's velocity in one step, metres per second. Beyond it the head was teleported, and the stick goes with
+/// it, undisturbed. (At 60 steps per second that is an acceleration of 600 g.)
 pub(crate) const TELEPORT_SPEED: f64 = 100.0;
 
-/// How a bone swings; the numbers of the equation above.
+/// Parameters of a bone in the equation of the module.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SpringBone {
     /// K, 1/s², 0..=1e18.
@@ -49,52 +50,53 @@ pub struct SpringBone {
 /// of the joint against which inertia is measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoneState {
-    /// Unit.
+    /// Direction of the stick, unit.
     pub direction: DVec3,
-    /// Change of `direction`, across it, 1/s.
+    /// Derivative of `direction`, perpendicular to it, 1/s.
     pub velocity: DVec3,
-    /// Metres.
+    /// Position of the head, metres.
     pub head: DVec3,
-    /// Metres a second, over the last step.
+    /// Velocity of the head over the last step, metres per second.
     pub head_velocity: DVec3,
-    /// Direction in which the animation wants the bone, unit.
+    /// Animated direction of the bone, unit.
     pub target: DVec3,
 }
 
 /// Inputs of a step: the forces on a bone, and where the step ends.
 #[derive(Clone, Copy, Debug)]
 pub struct Drive {
-    /// Place of the head at the end of the step, metres; of a bone that follows another, as the body without swinging has it.
+    /// Position of the head at the end of the step, metres; for a bone that follows another, as animated, without springs.
     pub head: DVec3,
-    /// Whether a bone that it hangs on swings too.
+    /// Whether an ancestor of the bone swings, too.
     pub follows: bool,
-    /// Direction that the animation wants at the end of the step, unit.
+    /// Animated direction at the end of the step, unit.
     pub target: DVec3,
     /// Length of the stick, metres, > 0.
     pub length: f64,
     /// Gravity, metres/s².
     pub gravity: DVec3,
-    /// Acceleration of a stick, independent of its length, 1/s²: VRM's gravity.
+    /// Angular acceleration that does not depend on the stick's length, 1/s²: VRM's gravity.
     pub pull: DVec3,
-    /// Speed of the air, metres a second.
+    /// Velocity of the air, metres per second.
     pub wind: DVec3,
 }
 
 impl SpringBone {
-    /// `frequency` in Hz; `ratio` 0 swings for ever, 1 comes to rest soonest without overshoot. Out of range is brought into it.
+    /// Spring of a `frequency` in Hz and a damping `ratio`: 0 swings forever, 1 comes to rest soonest without overshoot. Values
+    /// out of range are clamped.
     pub fn new(frequency: f64, ratio: f64) -> SpringBone {
         let omega = 2.0 * PI * frequency.clamp(0.0, 1e8);
         SpringBone { stiffness: omega * omega, damping: (2.0 * ratio * omega).clamp(0.0, 1e18) }
     }
 
-    /// Rate in 1/s at which a swing decays in the end, under a load that pulls with `load` in 1/s²: 0 where it never does.
+    /// Rate at which a swing finally decays, 1/s, under a load of `load` 1/s²; 0 if it never decays.
     pub fn decay_rate(&self, load: f64) -> f64 {
         let (half, stiffness) = (0.5 * self.damping, self.stiffness + load);
         let discriminant = half * half - stiffness;
         if discriminant <= 0.0 { half } else { stiffness / (half + discriminant.sqrt()) }
     }
 
-    /// The state at rest: where target and load are in balance.
+    /// The state at rest, in which target and load are in balance.
     pub fn settled(&self, drive: &Drive) -> BoneState {
         let load = self.load(drive, DVec3::ZERO);
         let strength = load.length();
@@ -120,9 +122,9 @@ impl SpringBone {
         BoneState { direction, velocity, head: drive.head, head_velocity: DVec3::ZERO, target: drive.target }
     }
 
-    /// Moves a state on by `seconds` ≥ 0. A step of no time only takes over the target.
+    /// Advances a state by `seconds` ≥ 0. A step of zero length only takes over head and target.
     pub fn step(&self, state: &mut BoneState, drive: &Drive, seconds: f64) {
-        // NaN is no time either.
+        // NaN counts as zero.
         if seconds.is_nan() || seconds <= 0.0 {
             (state.head, state.target) = (drive.head, drive.target);
             return;
@@ -132,8 +134,8 @@ impl SpringBone {
         let jolt = head_velocity - state.head_velocity;
         let mut velocity = state.velocity;
         if jolt.length() <= TELEPORT_SPEED {
-            // An impulse between two steps of even motion: the average acceleration of both, at the time between them.
-            // More than half a turn a step could not be told from less the other way round.
+            // The change of the head's velocity acts as an impulse between two steps of constant velocity. It is limited to half
+            // a turn per step: more would be the same as less in the other direction.
             velocity -= tangent(d, jolt / drive.length).clamp_length_max(PI / seconds);
         } else {
             head_velocity = DVec3::ZERO;
@@ -171,14 +173,15 @@ impl SpringBone {
                 state.velocity = along * (state.velocity.length_squared() + 2.0 * left).sqrt();
             }
         }
-        // No bone can have more than it would have from half a turn away; a chain of undamped ones would feed on each other.
+        // A bone gets no faster than it would be from half a turn away; otherwise undamped bones of a chain would speed each
+        // other up.
         state.velocity = state.velocity.clamp_length_max((PI / seconds).max(PI * stiffness.sqrt()));
         state.head = drive.head;
         state.head_velocity = head_velocity;
         state.target = drive.target;
     }
 
-    /// Kinetic and potential energy for a unit of inertia, 1/s²: ½ d'² + ½ K φ² + f (1 − cos).
+    /// Kinetic and potential energy per unit of inertia, 1/s²: ½ d'² + ½ K φ² + f (1 − cos).
     pub fn energy(&self, state: &BoneState, drive: &Drive) -> f64 {
         let load = self.load(drive, DVec3::ZERO);
         let bent = log(state.direction, state.target).length();
@@ -186,30 +189,31 @@ impl SpringBone {
             - load.dot(state.direction)
     }
 
-    /// All that pulls evenly, 1/s².
+    /// Load on the stick, 1/s²: gravity of both kinds, and drag of the air.
     fn load(&self, drive: &Drive, head_velocity: DVec3) -> DVec3 {
         let load = drive.pull + (drive.gravity + (drive.wind - head_velocity) * self.damping) / drive.length;
         load.clamp_length_max(1e18)
     }
 }
 
-/// Energy that a spring in place of a load of strength 1 has more than the load at the end of a step.
-/// The ways from where the step begins to the load's direction and to where it ends, and from there to the load's direction.
+/// Excess energy, at the end of a step, of the spring that stands for a load of strength 1. Arguments, as tangent vectors: from
+/// the start of the step to the load's direction, the step itself, and from its end to the load's direction.
 fn load_energy_left([before, step, after]: [DVec3; 3]) -> f64 {
     let (from, to) = (before.length(), after.length());
-    // 1 − cos φ at both ends, and the spring that touches it at the first.
+    // 1 − cos φ at both ends, and the spring that touches this curve at the first.
     let height = |angle: f64| 2.0 * libm::sin(0.5 * angle) * libm::sin(0.5 * angle);
     let spring = 0.5 * sinc(from) * ((before - step).length_squared() - from * from);
     rounded_off(spring + height(from) - height(to))
 }
 
-/// Nothing where it is rounding.
+/// The energy, or zero if it is only a rounding error.
 fn rounded_off(energy: f64) -> f64 {
     if energy > 1e-14 { energy } else { 0.0 }
 }
 
 /// The least damping, 1/s, with which an oscillator of stiffness K + s amplifies no motion of the target that K pulls to: the
-/// smallest κ with κ²(K + s) − κ⁴/4 ≥ K², what is under the fraction above at its least; √(2K) without a load.
+/// smallest κ with κ²(K + s) − κ⁴/4 ≥ K², whose left side is the least squared denominator of the module's fraction; √(2K)
+/// without a load.
 fn passing_on(stiffness: f64, softening: f64) -> f64 {
     let whole = stiffness + softening;
     // (K + s) − √((K + s)² − K²), written so that nothing cancels.

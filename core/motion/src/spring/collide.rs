@@ -1,11 +1,11 @@
-//! Colliders that tails cannot enter. A tail moves on a sphere about its head, so that the part of it inside another sphere is a cone:
-//! every answer is exact, and the length of the stick stays.
+//! Colliders that tails of spring bones cannot enter. A tail moves on a sphere about its head, and its directions inside another
+//! sphere form a cone: results are exact, and keep the length of the stick.
 
 use super::ColliderShape;
 use super::sphere::tangent;
 use glam::{DAffine3, DVec3};
 
-/// A [`ColliderShape`] where it is now; metres.
+/// A [`ColliderShape`] in world space, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum WorldCollider {
     Sphere {
@@ -19,14 +19,14 @@ pub(crate) enum WorldCollider {
         radius: f64,
         inside: bool,
     },
-    /// Tails stay where `normal` (unit) points to.
+    /// Tails stay on the side that `normal` (unit) points to.
     Plane {
         point: DVec3,
         normal: DVec3,
     },
 }
 
-/// The directions that an obstacle leaves: those at least, or at most, this far from an axis.
+/// The directions that a collider allows: outside a cone about an axis, or inside it.
 struct Cone {
     axis: DVec3,
     cos: f64,
@@ -34,8 +34,8 @@ struct Cone {
 }
 
 impl WorldCollider {
-    /// The collider of a shape in a joint's space. The radius grows with the longest axis; `None` where a number is not finite or the plane has
-    /// no direction.
+    /// Transforms a shape from a joint's space to world space. The radius grows with the longest axis. `None` if a number is not
+    /// finite or the plane has no normal.
     pub fn new(shape: &ColliderShape, world_from_joint: &DAffine3) -> Option<WorldCollider> {
         let m = &world_from_joint.matrix3;
         let scale = m.x_axis.length().max(m.y_axis.length()).max(m.z_axis.length());
@@ -64,8 +64,9 @@ impl WorldCollider {
         finite.then_some(obstacle)
     }
 
-    /// Turns a stick so that its tail, a ball of `hit_radius`, does not enter, as little as may be, and takes from its velocity what
-    /// would lead in. Where no direction is free, the one that enters least. Whether anything had to be done.
+    /// Turns a stick as little as possible so that its tail, a ball of `hit_radius`, does not enter the collider, and removes the
+    /// velocity that leads into it. If no direction is free, the one that enters least is taken. Returns whether anything
+    /// changed.
     pub fn push_out(
         &self,
         head: DVec3,
@@ -115,7 +116,7 @@ impl WorldCollider {
 
 impl Cone {
     fn push(&self, direction: &mut DVec3, velocity: &mut DVec3) -> bool {
-        /// A tail that rests on a surface is on it but for rounding.
+        /// Rounding error of a tail that rests on a surface.
         const SLACK: f64 = 1e-12;
         let now = direction.dot(self.axis);
         let entered = if self.inside { now < self.cos - SLACK } else { now > self.cos + SLACK };
@@ -127,7 +128,7 @@ impl Cone {
         let cos = self.cos.clamp(-1.0, 1.0);
         let before = *direction;
         *direction = (self.axis * cos + across * (1.0 - cos * cos).max(0.0).sqrt()).normalize();
-        // Away from the axis without, towards it within.
+        // Outwards is away from the axis, or towards it if the collider keeps tails inside.
         let out = tangent(*direction, self.axis).normalize_or_zero() * if self.inside { 1.0 } else { -1.0 };
         *velocity = tangent(*direction, *velocity);
         *velocity -= out * velocity.dot(out).min(0.0);

@@ -1,11 +1,11 @@
 //! Spring bones (secondary motion): hair, skirts and tails that follow their character.
 //!
-//! [`SpringRig`] states which joints swing and how, from the parameters of a VRM file ([`parameters`]) or one's own numbers;
-//! [`SpringStep`] moves them on by a step of any length and turns the joints. [`bone`] has the equation, why it is stable and
+//! [`SpringRig`] states which joints swing and how, from the parameters of a VRM file ([`parameters`]) or other numbers;
+//! [`SpringStep`] advances them by a step of any length and turns the joints. [`bone`] has the equation, why it is stable and
 //! where it is exact.
 //!
-//! A step is exact for what it is given, but the pose is only looked at once per step: whoever wants the same motion at every
-//! frame rate steps on a grid of its own, and from the last point of the grid to the frame's time on a copy.
+//! A step is exact for its inputs, but the pose is read only once per step. For the same motion at every frame rate, step on a
+//! fixed grid of times, and from the last grid point to the frame's time on a copy of the state.
 
 pub mod bone;
 pub mod collide;

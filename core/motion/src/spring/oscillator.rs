@@ -1,4 +1,4 @@
-//! The damped oscillator under a load that changes evenly, solved exactly.
+//! Exact solution of the damped oscillator under a load that changes linearly in time.
 
 /// Response over a step of `h` seconds of `u'' + κ u' + K u = F₀ + F₁ t`, from `u(0) = 0` and `u'(0) = v`:
 ///
@@ -7,7 +7,7 @@
 /// u'(h) = v · g' + F₀ ·  g + F₁ · ∫g
 /// ```
 ///
-/// where g is the response to a unit impulse. No step is too long for it and no spring too stiff: the only error is rounding.
+/// where g is the response to a unit impulse. For steps of any length and springs of any stiffness, the only error is rounding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
     /// g', without unit.
@@ -23,8 +23,8 @@ pub struct Response {
 impl Response {
     /// `stiffness` K in 1/s², `damping` κ in 1/s, `seconds` h; all finite, ≥ 0 and at most 1e18.
     ///
-    /// Three formulas, each where it loses no digits: the power series for steps that are short beside everything, the two
-    /// exponentials where damping wins, and the damped sine else.
+    /// Three formulas are used, each where it loses no digits: the power series for short steps, two exponentials for strong
+    /// damping, and otherwise the damped sine.
     pub fn new(stiffness: f64, damping: f64, seconds: f64) -> Response {
         let (kh, kh2) = (damping * seconds, stiffness * seconds * seconds);
         let half = 0.5 * kh;

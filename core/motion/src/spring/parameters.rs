@@ -30,13 +30,13 @@ pub struct Springs {
 /// One strand: joints that swing, each parent before its children. A strand may branch (VRM 0.x swings whole subtrees).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SpringChain {
-    /// The file's name for it; may be empty.
+    /// Name in the file; may be empty.
     pub name: String,
     /// The joints of the strand.
     pub joints: Vec<SpringJoint>,
     /// Indices into [`Springs::colliders`], ascending, each once: the file's collider groups, put together.
     pub colliders: Vec<u32>,
-    /// Inertialization is measured in the space of this joint instead of the world's, so that a body that walks does not drag its hair
+    /// Joint in whose space inertia is measured instead of the world's, so that a character that walks does not drag its hair
     /// behind (§"Center space").
     pub center: Option<u32>,
 }
@@ -51,11 +51,11 @@ pub struct SpringJoint {
     pub tail: Vec3,
     /// Radius of the tail against colliders, metres, ≥ 0 (`hitRadius`).
     pub hit_radius: f32,
-    /// Pull towards the rest pose, metres a second, ≥ 0 (`stiffness`, 0.x `stiffiness`).
+    /// Pull towards the rest pose, metres per second, ≥ 0 (`stiffness`, 0.x `stiffiness`).
     pub stiffness: f32,
-    /// Metres a second along `gravity_direction` (`gravityPower`; a velocity, not an acceleration).
+    /// Gravity in metres per second along `gravity_direction` (`gravityPower`; a velocity, not an acceleration).
     pub gravity_power: f32,
-    /// Unit vector in world space (`gravityDir`).
+    /// Direction of gravity, a unit vector in world space (`gravityDir`).
     pub gravity_direction: Vec3,
     /// Share of the speed that is lost in a step of the specification's update, 0..=1 (`dragForce`).
     pub drag_force: f32,
@@ -78,7 +78,7 @@ impl Default for SpringJoint {
 /// A collider that tails cannot enter; it moves with a joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpringCollider {
-    /// Joint that carries it.
+    /// Joint that carries the collider.
     pub joint: u32,
     /// The shape, in the joint's space.
     pub shape: ColliderShape,
@@ -88,7 +88,7 @@ pub struct SpringCollider {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 pub enum ColliderShape {
-    /// A ball of a `radius` at an `offset`; `inside`: tails are kept within instead of without (extended collider).
+    /// A ball of `radius` at `offset`; `inside`: tails are kept inside instead of outside (extended collider).
     Sphere { offset: Vec3, radius: f32, inside: bool },
     /// Everything within `radius` of the segment from `offset` to `tail`.
     Capsule { offset: Vec3, tail: Vec3, radius: f32, inside: bool },
@@ -110,12 +110,12 @@ crate::error_texts! { SpringError:
 }
 
 impl Springs {
-    /// Whether nothing swings or is in the way.
+    /// Whether there are no chains and no colliders.
     pub fn is_empty(&self) -> bool {
         self.chains.is_empty() && self.colliders.is_empty()
     }
 
-    /// The first thing that does not hold of what the fields promise, for a skeleton of `joint_count` joints.
+    /// Checks all values for a skeleton of `joint_count` joints; fails at the first one that is out of its range.
     pub fn check(&self, joint_count: usize) -> Result<(), SpringError> {
         let need = |fine: bool, place: &dyn Fn() -> String, what: String| match fine {
             true => Ok(()),

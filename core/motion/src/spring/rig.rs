@@ -1,47 +1,47 @@
-//! The joints of a skeleton that swing, and their springs.
+//! The swinging joints of a skeleton, and their springs.
 
 use super::{SpringBone, SpringCollider, SpringError, SpringJoint, Springs};
 use crate::skeleton::Skeleton;
 use glam::{Affine3A, DVec3, Vec3};
 
-/// Footsteps a second of the update that VRM's parameters are tuned for.
+/// Steps per second of the update that VRM's parameters are tuned for.
 const VRM_RATE: f64 = 60.0;
 
-/// Springs made ready for a skeleton: one bone a joint, parents first.
+/// Springs of a skeleton: at most one bone per joint, parents first.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SpringRig {
-    /// Ascending by joint, none twice.
+    /// Bones, ascending by joint, at most one per joint.
     bones: Vec<RigBone>,
     colliders: Vec<SpringCollider>,
     /// Height of a floor that no tail sinks into, metres of the world.
     pub ground: Option<f64>,
 }
 
-/// A joint that swings. Directions are the world's.
+/// A joint that swings. Directions are in world space.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigBone {
     /// The joint that is turned.
     pub joint: u32,
     /// End of the stick in the joint's space, metres before its scale.
     pub tail: Vec3,
-    /// How it swings.
+    /// Stiffness and damping.
     pub spring: SpringBone,
-    /// Metres/s².
+    /// Gravity, metres/s².
     pub gravity: DVec3,
-    /// Acceleration independent of the length of the stick, 1/s²: VRM's gravity.
+    /// Angular acceleration that does not depend on the stick's length, 1/s²: VRM's gravity.
     pub pull: DVec3,
     /// Radius of the tail against colliders, metres before the joint's scale.
     pub hit_radius: f64,
-    /// Inertialization is measured in this joint's space instead of the world's.
+    /// Joint in whose space inertia is measured instead of the world's.
     pub center: Option<u32>,
     /// Indices into the rig's colliders.
     pub colliders: Vec<u32>,
 }
 
 impl SpringRig {
-    /// The springs of a VRM file. At 60 steps a second, small swings are those of the specification's update, to the digit
-    /// (its two poles are kept: matched z-transform), and so is where a stick comes to rest but for the law of the pull, which
-    /// is here the angle and there its sine. At other rates the specification's changes; this does not.
+    /// Springs of a VRM file. Small swings equal those of the specification's update at 60 steps per second, to the digit (its
+    /// two poles are kept: matched z-transform), and so does the position at rest, except that the pull grows here with the angle
+    /// and there with its sine. At other rates the specification's motion changes; this does not.
     pub fn from_vrm(springs: &Springs, skeleton: &Skeleton) -> Result<SpringRig, SpringError> {
         springs.check(skeleton.len())?;
         let rest = model_from_rest(skeleton);
@@ -73,18 +73,18 @@ impl SpringRig {
         }
     }
 
-    /// Adds a collider; its index for [`RigBone::colliders`].
+    /// Adds a collider and returns its index for [`RigBone::colliders`].
     pub fn add_collider(&mut self, collider: SpringCollider) -> u32 {
         self.colliders.push(collider);
         (self.colliders.len() - 1) as u32
     }
 
-    /// Ascending by joint, none twice.
+    /// Bones, ascending by joint, at most one per joint.
     pub fn bones(&self) -> &[RigBone] {
         &self.bones
     }
 
-    /// The bones, to be changed.
+    /// Mutable bones.
     pub fn bones_mut(&mut self) -> impl Iterator<Item = &mut RigBone> {
         self.bones.iter_mut()
     }
@@ -99,17 +99,17 @@ impl SpringRig {
         self.bones.len()
     }
 
-    /// Whether nothing swings.
+    /// Whether there are no bones.
     pub fn is_empty(&self) -> bool {
         self.bones.is_empty()
     }
 
-    /// Leaves out the bones of some joints.
+    /// Keeps the bones of the joints for which `keep` is true.
     pub fn retain(&mut self, keep: impl Fn(u32) -> bool) {
         self.bones.retain(|b| keep(b.joint));
     }
 
-    /// The first thing that does not fit a skeleton of `joint_count` joints, or is out of range.
+    /// Fails at the first value that does not fit a skeleton of `joint_count` joints, or is out of range.
     pub fn check(&self, joint_count: usize) -> Result<(), SpringError> {
         let bad = |place: String, what: String| Err(SpringError { place, what });
         for (index, collider) in self.colliders.iter().enumerate() {
@@ -157,7 +157,7 @@ impl SpringRig {
 fn of_vrm(joint: &SpringJoint, length: f64) -> (SpringBone, f64) {
     let dt = 1.0 / VRM_RATE;
     let pull = f64::from(joint.stiffness);
-    // All of the speed lost: gone within a step but for a billionth.
+    // A drag of 1 loses all speed; here a billionth is kept, so that the logarithm is finite.
     let kept = (1.0 - f64::from(joint.drag_force)).clamp(1e-9, 1.0);
     let rho = length / (length + pull * dt);
     if length <= 0.0 || rho <= 0.0 {

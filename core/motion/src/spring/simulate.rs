@@ -1,4 +1,4 @@
-//! All springs of a character, moved on by a step.
+//! Advances all springs of a character by a step.
 
 use super::{BoneState, Drive, RigBone, SpringRig, WorldCollider};
 use crate::input_error::InputError;
@@ -8,10 +8,10 @@ use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
 /// Sticks shorter than this, in metres, have no direction and stay as they are animated.
 const SHORTEST: f64 = 1e-7;
 
-/// Positions and velocities of a rig's bones. Empty: not begun, the first step settles them.
+/// Positions and velocities of a rig's bones. Empty: not begun; the first step puts the bones at rest.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SpringState {
-    /// One a bone of the rig; `None` = not begun, or without a direction.
+    /// One per bone of the rig; `None` = not begun, or without a direction.
     bones: Vec<Option<BoneState>>,
 }
 
@@ -21,7 +21,7 @@ impl SpringState {
         &self.bones
     }
 
-    /// Copies another state, without allocating where there is room.
+    /// Copies another state, without allocating if there is room.
     pub fn copy_from(&mut self, other: &SpringState) {
         self.bones.clear();
         self.bones.extend_from_slice(&other.bones);
@@ -33,7 +33,7 @@ impl SpringState {
     }
 }
 
-/// Buffers; what is in them on entry does not matter.
+/// Buffers; their content on entry does not matter.
 #[derive(Clone, Debug, Default)]
 pub struct SpringScratch {
     /// Rigid motion of each joint by the springs so far.
@@ -56,10 +56,9 @@ impl Moved {
     }
 }
 
-/// Moves the springs on by a step and turns their joints. Allocates only where the buffers have held less before.
+/// Advances the springs by a step and turns their joints. Allocates only if the buffers have held less so far.
 ///
-/// Colliders move with their joints as animated. Without a place in the world that can be inverted (a scale of 0) nothing
-/// swings.
+/// Colliders move with their joints as animated. If `world_from_model` cannot be inverted (a scale of 0), nothing swings.
 pub struct SpringStep<'a> {
     /// The springs.
     pub rig: &'a SpringRig,
@@ -67,15 +66,16 @@ pub struct SpringStep<'a> {
     pub skeleton: &'a Skeleton,
     /// Transform of the model at the end of the step.
     pub world_from_model: DAffine3,
-    /// Speed of the air, metres a second, in world space.
+    /// Velocity of the air, metres per second, in world space.
     pub wind: DVec3,
-    /// Length of the step, ≥ 0.
+    /// Length of the step, seconds, ≥ 0.
     pub seconds: f64,
-    /// Input and output: where the bones are.
+    /// Input and output: state of the bones.
     pub state: &'a mut SpringState,
     /// Buffers.
     pub scratch: &'a mut SpringScratch,
-    /// One a joint: in, as animated at the end of the step; out, with the springs' joints and all below them turned.
+    /// One per joint. Input: as animated at the end of the step. Output: with the springs' joints and all joints below them
+    /// turned.
     pub model_from_joint: &'a mut [Affine3A],
 }
 
@@ -92,7 +92,7 @@ impl SpringStep<'_> {
         InputError::check_value(self.wind.is_finite(), "SpringStep.wind", self.wind, "finite")
     }
 
-    /// Does the step.
+    /// Runs the step.
     pub fn run(&mut self) {
         let joints = self.skeleton.len().min(self.model_from_joint.len());
         self.state.bones.resize(self.rig.bones().len(), None);
@@ -220,7 +220,7 @@ impl SpringStep<'_> {
         }
     }
 
-    /// The space in which inertia is measured: turned and moved with a joint, never scaled.
+    /// The space in which inertia is measured: it turns and moves with a joint, but is never scaled.
     fn space(&self, center: Option<u32>) -> Space {
         let Some(joint) = center.and_then(|c| self.model_from_joint.get(c as usize)) else {
             return Space::WORLD;

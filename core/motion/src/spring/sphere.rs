@@ -1,10 +1,10 @@
-//! Directions as points of the unit sphere: straight on, how far, and what is carried along.
+//! Directions as points of the unit sphere: logarithm, exponential map and parallel transport.
 
 use glam::DVec3;
 use std::f64::consts::PI;
 
-/// The way from one direction to another along the great circle: tangent to the sphere at `from`, as long as the angle, 0..=π.
-/// For opposite directions any great circle is valid; the result is always the same one.
+/// Logarithm: the tangent vector at `from` along the great circle to `to`, as long as the angle, 0..=π. Opposite directions have
+/// many great circles; the result is always the same one.
 pub fn log(from: DVec3, to: DVec3) -> DVec3 {
     let cross = from.cross(to);
     let sin = cross.length();
@@ -30,7 +30,7 @@ pub fn exp(from: DVec3, way: DVec3, carried: DVec3) -> (DVec3, DVec3) {
     (to, tangent(to, carried))
 }
 
-/// The part of a vector across a direction.
+/// The component of a vector that is perpendicular to a direction.
 pub fn tangent(direction: DVec3, v: DVec3) -> DVec3 {
     v - direction * direction.dot(v)
 }

@@ -1,29 +1,29 @@
-//! Easing: how a weight goes from 0 to 1 as time does.
+//! Easing curves: a weight that goes from 0 to 1 over time.
 //!
-//! All start at 0, end at 1, stay between and never go back, so that they are weights; those that overshoot (back, elastic,
+//! All curves start at 0, end at 1 and never decrease, so that they are weights; curves that overshoot (back, elastic,
 //! bounce) are left out. The shapes are R. Penner's ("Motion, Tweening, and Easing", 2002); `Bezier` is CSS's
 //! `cubic-bezier` (CSS Easing Functions Level 2, §2.3).
 
 use crate::input_error::InputError;
-/// How a weight goes from 0 to 1.
+/// An easing curve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Ease {
-    /// Equal to the share of the time.
+    /// The weight equals the elapsed fraction w of the time.
     #[default]
     Linear,
-    /// 3w² − 2w³
+    /// Smoothstep: 3w² − 2w³.
     Smooth,
     /// Slow at the start.
     In(Shape),
     /// Slow at the end: `1 − in(1 − w)`.
     Out(Shape),
-    /// Slow at both ends: half as large in, then out.
+    /// Slow at both ends: `In` at half size, then `Out`.
     InOut(Shape),
     /// Bézier curve from (0, 0) to (1, 1) with the control points (x1, y1) and (x2, y2), all from 0 to 1.
     Bezier([f64; 4]),
 }
 
-/// How sharply an ease sets in; of `In`, as a function of w.
+/// Shape of an ease. Formulas are those of `In`, as functions of w.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// 1 − cos(wπ/2)
@@ -43,7 +43,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// All shapes by the names that scripts give them.
+    /// All shapes with their names in scripts.
     pub const ALL: [(&'static str, Shape); 7] = [
         ("sine", Shape::Sine),
         ("quad", Shape::Quad),
@@ -133,7 +133,7 @@ impl Ease {
         }
     }
 
-    /// Names a control point outside 0..=1.
+    /// Fails if a control point is outside 0..=1.
     pub fn check(self) -> Result<(), InputError> {
         let Ease::Bezier(points) = self else { return Ok(()) };
         match points.into_iter().find(|p| !(0.0..=1.0).contains(p)) {

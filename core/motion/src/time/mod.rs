@@ -13,19 +13,19 @@ pub struct Time(pub i64);
 impl Time {
     /// A multiple of all usual frame and sample rates.
     pub const TICKS_PER_SECOND: i64 = 705_600_000;
-    /// The beginning.
+    /// Time zero.
     pub const ZERO: Time = Time(0);
     /// The earliest time.
     pub const MIN: Time = Time(i64::MIN);
     /// The latest time.
     pub const MAX: Time = Time(i64::MAX);
 
-    /// Nearest tick; NaN gives zero and infinities saturate (callers that must refuse them check first).
+    /// Time of `secs`, to the nearest tick; NaN gives zero and infinities saturate (callers that must refuse them check first).
     pub fn from_secs(secs: f64) -> Time {
         Time((secs * Self::TICKS_PER_SECOND as f64).round() as i64)
     }
 
-    /// Seconds.
+    /// Time in seconds.
     #[inline(always)]
     pub fn as_secs(self) -> f64 {
         self.0 as f64 / Self::TICKS_PER_SECOND as f64
@@ -92,7 +92,7 @@ impl Neg for Time {
     }
 }
 
-/// The first convergent of the continued fraction of a number that is the number itself.
+/// The ratio that equals a number exactly: the first such convergent of its continued fraction.
 fn ratio(number: f64) -> Option<FrameRate> {
     const MOST: f64 = i32::MAX as f64;
     let (mut before, mut last, mut rest) = ([0.0, 1.0], [1.0, 0.0], number);
@@ -109,12 +109,12 @@ fn ratio(number: f64) -> Option<FrameRate> {
     }
 }
 
-/// Why a number is no frame rate.
+/// The reason why a number is not a frame rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameRateError {
-    /// Outside of 0.001 to 1000.
+    /// The number is outside of 0.001 to 1000.
     Range,
-    /// Video files hold such a ratio.
+    /// The number is no ratio of whole numbers below 2³¹, which video files require.
     Ratio,
 }
 
@@ -133,7 +133,7 @@ pub struct FrameRate {
 }
 
 impl FrameRate {
-    /// A rate in frames per second, 1/1000 ≤ fps ≤ 1000, as the ratio with the smallest numbers that is this `f64`. 23.976, 23.98, 29.97,
+    /// A rate in frames per second, 1/1000 ≤ fps ≤ 1000, as the smallest ratio that equals this `f64`. 23.976, 23.98, 29.97,
     /// 59.94 and 119.88 mean the NTSC ratios.
     pub fn from_fps(fps: f64) -> Result<FrameRate, FrameRateError> {
         if !(fps.is_finite() && (0.001..=1000.0).contains(&fps)) {
@@ -153,7 +153,7 @@ impl FrameRate {
         ratio(fps).ok_or(FrameRateError::Ratio)
     }
 
-    /// Frames a second.
+    /// Frames per second.
     pub fn as_fps(self) -> f64 {
         f64::from(self.num) / f64::from(self.den)
     }

@@ -6,19 +6,19 @@ use crate::time::Time;
 /// The continuation after the end of a clip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Repeat {
-    /// Played once, then the last pose is held.
+    /// The clip is played once, then the last pose is held.
     Once,
-    /// The start follows again.
+    /// The clip starts again.
     #[default]
     Loop,
-    /// There and back again, for ever.
+    /// The clip is played forwards and backwards in turn, forever.
     PingPong,
 }
 
 /// How a clip is played.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Playback {
-    /// Clip seconds a second; negative plays backwards from `trim.1`. Finite.
+    /// Clip seconds per stage second; negative plays backwards from `trim.1`. Finite.
     pub speed: f64,
     /// The part of the clip that is played. Empty or reversed: its start is held.
     pub trim: (Time, Time),
@@ -27,7 +27,7 @@ pub struct Playback {
 }
 
 impl Playback {
-    /// All of a clip, looped, at its own speed.
+    /// The whole clip, looped, at speed 1.
     pub fn whole(duration: Time) -> Playback {
         Playback { speed: 1.0, trim: (Time::ZERO, duration), repeat: Repeat::Loop }
     }
@@ -47,12 +47,12 @@ impl Playback {
         self.clip_time_at(self.played(elapsed))
     }
 
-    /// Ticks of the clip, whole rounds included, that `elapsed` of playing takes, forwards or backwards.
+    /// Clip ticks that have been played after `elapsed`, whole cycles included, forwards or backwards.
     pub fn played(&self, elapsed: Time) -> i128 {
         scaled_ticks(elapsed.0.max(0), self.speed.abs())
     }
 
-    /// The time in the clip after a number of its ticks; a negative number goes back from the start.
+    /// Clip time after a number of played ticks; a negative number goes back from the start.
     pub fn clip_time_at(&self, played: i128) -> Time {
         let (start, end) = self.trim;
         let length = (i128::from(end.0) - i128::from(start.0)).max(0);
@@ -70,7 +70,7 @@ impl Playback {
         } else {
             i128::from(start.0) + offset
         };
-        // Between the two ends of the trim, which are i64.
+        // The time lies between the two ends of the trim, which are i64.
         Time(at as i64)
     }
 }
