@@ -6,18 +6,18 @@
 @if(GEOMETRY)
 // G-buffer of nine words: two octahedral normals with 16 bits per component; roughness and occlusion; F90 and red of the
 // emission; diffuse color, F0 and the rest of the emission as 16-bit floats; depth as f32.
-struct Kept {
+struct GBuffer {
     @location(0) normals: vec4<u32>,
     @location(1) colors: vec4<u32>,
     @location(2) depth: f32,
 }
 
-fn keep(depth: f32, n: vec3<f32>, own_n: vec3<f32>, s: Surface, occlusion: f32, emitted: vec3<f32>) -> Kept {
+fn pack_gbuffer(depth: f32, n: vec3<f32>, own_n: vec3<f32>, s: Surface, occlusion: f32, emitted: vec3<f32>) -> GBuffer {
     // Clamped to the largest 16-bit float.
     let e = min(emitted, vec3(65504.0));
     let d = min(s.diffuse, vec3(65504.0));
     let f = min(s.f0, vec3(65504.0));
-    return Kept(
+    return GBuffer(
         vec4(
             octahedron(n),
             octahedron(own_n),
@@ -51,11 +51,11 @@ struct Rebuilt {
 }
 
 @group(3) @binding(0) var<uniform> rebuilt: Rebuilt;
-@group(3) @binding(1) var kept_normals: texture_2d<u32>;
-@group(3) @binding(2) var kept_colors: texture_2d<u32>;
-@group(3) @binding(3) var kept_depth: texture_2d<f32>;
+@group(3) @binding(1) var gbuffer_normals: texture_2d<u32>;
+@group(3) @binding(2) var gbuffer_colors: texture_2d<u32>;
+@group(3) @binding(3) var gbuffer_depth: texture_2d<f32>;
 
-struct KeptAt {
+struct GBufferSample {
     place: VertexOut,
     normal: vec3<f32>,
     surface: Surface,
@@ -83,13 +83,13 @@ fn from_octahedron(word: u32) -> vec3<f32> {
     return select(v, vec3(0.0), word == 0x80008000u);
 }
 
-fn kept_at(position: vec4<f32>) -> KeptAt {
+fn gbuffer_at(position: vec4<f32>) -> GBufferSample {
     let pixel = vec2<i32>(position.xy);
-    let normals = textureLoad(kept_normals, pixel, 0);
-    let colors = textureLoad(kept_colors, pixel, 0);
-    let clip = vec4(position.xy / frame.size * 2.0 - 1.0, textureLoad(kept_depth, pixel, 0).x, 1.0);
+    let normals = textureLoad(gbuffer_normals, pixel, 0);
+    let colors = textureLoad(gbuffer_colors, pixel, 0);
+    let clip = vec4(position.xy / frame.size * 2.0 - 1.0, textureLoad(gbuffer_depth, pixel, 0).x, 1.0);
     let relative = rebuilt.relative_from_clip * clip;
-    var at: KeptAt;
+    var at: GBufferSample;
     at.place.position = position;
     at.place.relative = relative.xyz / relative.w;
     at.place.normal = from_octahedron(normals.y);

@@ -69,7 +69,7 @@ fn read_parallax(in: VertexOut) {
 @if(FAULT_RECORDS && SURFACE && !ALPHA_MASK && !COVERAGE && !PEEL_PASS || FAULT_RECORDS && LIGHTING && !ALPHA_MASK && !COVERAGE && !PEEL_PASS) @early_depth_test(force)
 @fragment
 @if(!GEOMETRY) fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
-@if(GEOMETRY) fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> Kept {
+@if(GEOMETRY) fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> GBuffer {
     @if(SURFACE || LIGHTING) effect_at(in.position.xy);
     @if(UV_MOTION_MASK) read_uv_mask(in);
     @if(PARALLAX) read_parallax(in);
@@ -149,7 +149,7 @@ fn read_parallax(in: VertexOut) {
     @if(GEOMETRY)
     var emitted = material.emissive;
     @if(EMISSIVE_TEXTURE) emitted *= textureSample(emissive_texture, emissive_sampler, texture_uv(in, 4u)).rgb;
-    return keep(in.position.z, n, own_n, s, occlusion, emitted);
+    return pack_gbuffer(in.position.z, n, own_n, s, occlusion, emitted);
 }
     @end
     @end
@@ -158,14 +158,14 @@ fn read_parallax(in: VertexOut) {
 @fragment
 fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @if(SURFACE) effect_at(at.position.xy);
-    let kept = kept_at(at.position);
-    let in = kept.place;
+    let stored = gbuffer_at(at.position);
+    let in = stored.place;
     let front = true;
-    let n = kept.normal;
+    let n = stored.normal;
     @if(SHADOW) let own_n = in.normal;
     let v = unit(frame.eye.xyz - in.relative * frame.eye.w);
-    var s = kept.surface;
-    let occlusion = kept.occlusion;
+    var s = stored.surface;
+    let occlusion = stored.occlusion;
     let alpha = 1.0;
 @end
 
@@ -331,7 +331,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
 
     @if(TRANSMISSION && !REFRACTION) color += through * blurred * mirrored(-v, s.roughness);
     @if(SHEEN) color = color * below_sheen + sheen_color * sheen;
-    @if(EMISSIVE && LIGHT_PASS) color += kept.emitted;
+    @if(EMISSIVE && LIGHT_PASS) color += stored.emitted;
     @if(EMISSIVE && !EMISSIVE_TEXTURE && !LIGHT_PASS) color += material.emissive;
     @if(EMISSIVE_TEXTURE) color += material.emissive * textureSample(emissive_texture, emissive_sampler, texture_uv(in, 4u)).rgb;
     @if(CLEARCOAT) color = mix(color, coat, coat_weight);

@@ -29,4 +29,4 @@ pub use plan::build::effects::effect_parameters;
 pub use plan::options::PlanOptions;
 pub use renderer::{CreatedCounts, DeviceInfo, DeviceKind, DeviceUsage, Renderer};
 pub use scene_resources::SceneResources;
-pub use vulkan::{GpuOptions, SteadyRenderer, VulkanRenderer};
+pub use vulkan::{GpuOptions, RecoveringRenderer, VulkanRenderer};

@@ -3,7 +3,7 @@
 
 use choreo_motion::Time;
 use choreo_plugin::Registry;
-use choreo_render::vulkan::{GpuOptions, SteadyRenderer};
+use choreo_render::vulkan::{GpuOptions, RecoveringRenderer};
 use choreo_render::{DeviceUsage, RenderError};
 use choreo_session::{FrameRenderer, FrameReply, FrameRequest, SceneSource, Session, WatchEvent};
 use std::collections::BTreeSet;
@@ -72,7 +72,7 @@ struct Bench {
 impl Bench {
     /// `None`, with a word, where there is no Vulkan.
     fn new() -> Option<Bench> {
-        if let Err(RenderError::NoVulkan { why }) = SteadyRenderer::new(GpuOptions::default()) {
+        if let Err(RenderError::NoVulkan { why }) = RecoveringRenderer::new(GpuOptions::default()) {
             println!("SKIP 1: {why}");
             return None;
         }
@@ -86,7 +86,7 @@ impl Bench {
         let session = Session::new(SceneSource::new(folder.path().join("a.rhai")), &registry, true).unwrap();
         let (to, reply) = channel();
         let start = Box::new(|| {
-            let renderer = SteadyRenderer::new(GpuOptions::default())?;
+            let renderer = RecoveringRenderer::new(GpuOptions::default())?;
             Ok((Box::new(renderer) as Box<dyn choreo_render::Renderer>, None))
         });
         let renderer = FrameRenderer::start(start, move |p| drop(to.send(p))).unwrap();

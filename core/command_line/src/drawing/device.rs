@@ -8,7 +8,7 @@ use crate::failure::Failure;
 use crate::process::threads::{room_for_a_driver, too_few};
 use choreo_plugin::Effect;
 use choreo_render::cpu::{CpuRenderer, StageTimes};
-use choreo_render::vulkan::{DeviceTime, GpuOptions, SteadyRenderer, chosen_device};
+use choreo_render::vulkan::{DeviceTime, GpuOptions, RecoveringRenderer, chosen_device};
 use choreo_render::{DeviceInfo, DeviceKind, RenderError, Renderer};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -105,7 +105,7 @@ fn open(wanted: Wanted, effects: Vec<Effect>) -> Result<Started, Failure> {
         anisotropy: wanted.anisotropy.map(f32::from),
         ..GpuOptions::default()
     };
-    match SteadyRenderer::new(options) {
+    match RecoveringRenderer::new(options) {
         Ok(renderer) => {
             let reason = found.map(|_| "the fastest Vulkan device".to_string());
             Ok(Started { renderer: Box::new(renderer), time, stages: None, note: None, reason })

@@ -81,7 +81,7 @@ pub enum Command {
         depth: bool,
         part: PassPart,
         /// Whether the pass loads the depth of the G-buffer pass.
-        kept: bool,
+        loads_depth: bool,
         /// Render area: left, top, width and height, over the copied background; `None`: everything.
         area: Option<[u32; 4]>,
     },
@@ -220,7 +220,7 @@ const _: () = assert!(MAX_VIEWS <= u32::BITS as usize);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Target {
     /// sRGB-encoded 8 bits, which are read back.
-    Picture,
+    Image,
     /// Linear 16-bit floats, one of three.
     Float(u8),
     /// Linear 16-bit floats: the texture of an effect pass, with its own size.
@@ -295,7 +295,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     }
     record_shadow_maps(recorder, &mut commands);
     let scene = match plan.post.is_empty() && !plan.linear {
-        true => Target::Picture,
+        true => Target::Image,
         false => Target::Float(0),
     };
     record_scene(recorder, scene, &mut commands);
@@ -364,7 +364,7 @@ fn record_post_passes(plan: &Plan, scene: Target, commands: &mut Vec<Command>) {
         let textures = slots.read(&pass.reads);
         let to = match pass.texture {
             Some(_) => slots.write(pass.number, size),
-            None if index + 1 == plan.post.len() => Target::Picture,
+            None if index + 1 == plan.post.len() => Target::Image,
             None => free.unwrap_or(Target::Float(2)),
         };
         let (effect, number) = (pass.effect.clone(), pass.number);

@@ -17,7 +17,7 @@ pub(super) struct ScenePass {
     pub area: Option<[u32; 4]>,
     depth: bool,
     /// Whether the pass loads the depth of the G-buffer pass.
-    kept: bool,
+    loads_depth: bool,
     sky: bool,
     /// Whether the background is copied from the host instead of drawn.
     copied: bool,
@@ -32,8 +32,8 @@ impl ScenePass {
         let no_effects = plan.background_effects == 0;
         let no_overlay = plan.overlay.parts.is_empty();
         let copied =
-            gradient && no_effects && options.cpu_device && plan.samples == 1 && target == Target::Picture;
-        let resolves = plan.samples > 1 && target == Target::Picture && plan.scene_color_copy.is_none();
+            gradient && no_effects && options.cpu_device && plan.samples == 1 && target == Target::Image;
+        let resolves = plan.samples > 1 && target == Target::Image && plan.scene_color_copy.is_none();
         let only_draws = !sky && no_effects && plan.layers_behind.is_none() && no_overlay;
         let partial = options.cpu_device && resolves && only_draws;
         ScenePass {
@@ -42,7 +42,7 @@ impl ScenePass {
             area: if partial { plan.dirty_rect.part_of(plan.size) } else { None },
             // If nothing else is drawn, the gradient needs no depth test.
             depth: !plan.draws.is_empty() || !no_overlay,
-            kept: deferred,
+            loads_depth: deferred,
             sky,
             copied,
             gradient,
@@ -58,8 +58,8 @@ impl ScenePass {
     }
 
     fn begin(&self, clear: Option<Vec4>, part: PassPart) -> Command {
-        let ScenePass { target, samples, area, depth, kept, .. } = *self;
-        Command::BeginPass { target, samples, clear, depth, part, kept, area }
+        let ScenePass { target, samples, area, depth, loads_depth, .. } = *self;
+        Command::BeginPass { target, samples, clear, depth, part, loads_depth, area }
     }
 }
 

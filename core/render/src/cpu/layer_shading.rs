@@ -5,7 +5,7 @@ use super::brdf::{Surface, ambient_specular};
 use super::layers::{coat_fresnel, coat_lobe, let_through, sheen_albedo, sheen_lobe};
 use super::lighting::SurfacePoint;
 use super::shade::{Fragment, Quad, rgb};
-use super::sky::Around;
+use super::sky::EnvironmentLight;
 use super::thin_film::{film_f0, film_reflectance};
 use crate::lanes::{F4, V3};
 use crate::plan::Features;
@@ -13,13 +13,13 @@ use choreo_asset::MaterialLayers;
 use glam::Vec3;
 
 /// Contributions of a material's layers to a surface; by default none.
-pub struct Over {
+pub struct LayerContributions {
     /// Transmitted share of the scene behind.
     pub through: V3,
     /// Environment light transmitted by rough thin glass.
     pub blurred: V3,
     /// Transmitted part of the scene color copy, of refracting glass.
-    pub behind: V3,
+    pub refracted: V3,
     pub below_sheen: F4,
     pub sheen: V3,
     pub coat_weight: F4,
@@ -31,13 +31,13 @@ pub struct Over {
     pub mirror: Option<V3>,
 }
 
-impl Default for Over {
-    fn default() -> Over {
+impl Default for LayerContributions {
+    fn default() -> LayerContributions {
         let none = V3::splat(Vec3::ZERO);
-        Over {
+        LayerContributions {
             through: none,
             blurred: none,
-            behind: none,
+            refracted: none,
             below_sheen: F4::ONE,
             sheen: none,
             coat_weight: F4::ZERO,
@@ -56,7 +56,7 @@ pub(crate) struct LayeredPoint<'a> {
     pub point: &'a SurfacePoint,
     pub layers: &'a MaterialLayers,
     /// Environment light; `None` if there is none.
-    pub around: Option<&'a Around<'a>>,
+    pub environment: Option<&'a EnvironmentLight<'a>>,
     pub metallic: F4,
     pub roughness: F4,
     pub occlusion: F4,
@@ -65,9 +65,9 @@ pub(crate) struct LayeredPoint<'a> {
 
 impl LayeredPoint<'_> {
     /// Contributions of the layers. Also changes `s`, the surface below.
-    pub fn over(&self, s: &mut Surface) -> Over {
+    pub fn contributions(&self, s: &mut Surface) -> LayerContributions {
         let f = self.fragment.features;
-        let mut over = Over::default();
+        let mut over = LayerContributions::default();
         if f.has(Features::ANISOTROPY) {
             let (anisotropy, mirror) =
                 self.fragment.anisotropy(self.quad, self.layers, s.roughness, (self.point.n, self.point.v));
@@ -101,10 +101,10 @@ impl LayeredPoint<'_> {
 
     /// Environment light reflected along `way`; zero without environment light.
     fn mirrored(&self, way: V3, roughness: F4) -> V3 {
-        self.around.map_or(V3::splat(Vec3::ZERO), |around| around.mirrored(way, roughness))
+        self.environment.map_or(V3::splat(Vec3::ZERO), |environment| environment.mirrored(way, roughness))
     }
 
-    fn iridescence(&self, s: &mut Surface, over: &mut Over) {
+    fn iridescence(&self, s: &mut Surface, over: &mut LayerContributions) {
         let mut share = F4::splat(self.layers.iridescence);
         if let Some([r, ..]) = self.texel(Features::IRIDESCENCE_TEXTURE) {
             share *= r;
@@ -125,7 +125,13 @@ impl LayeredPoint<'_> {
         self.texel(Features::THICKNESS_TEXTURE).map_or(depth, |[_, g, ..]| depth * g)
     }
 
-    fn transmission(&self, s: &mut Surface, over: &mut Over, depth: Option<F4>, absorbed: Option<V3>) {
+    fn transmission(
+        &self,
+        s: &mut Surface,
+        over: &mut LayerContributions,
+        depth: Option<F4>,
+        absorbed: Option<V3>,
+    ) {
         let &SurfacePoint { relative, n, v, base, .. } = self.point;
         let mut transmission = (F4::ONE - self.metallic) * self.layers.transmission;
         if let Some([r, ..]) = self.texel(Features::TRANSMISSION_TEXTURE) {
@@ -138,7 +144,7 @@ impl LayeredPoint<'_> {
         }
         if let Some(depth) = depth.filter(|_| self.fragment.features.has(Features::REFRACTION)) {
             let seen = self.fragment.refracted(relative, [n, v], self.layers, depth, self.roughness);
-            over.behind = through * seen;
+            over.refracted = through * seen;
         } else {
             let blurred = self.roughness * self.roughness;
             over.blurred = through * self.mirrored(-v, s.roughness) * blurred;
@@ -147,7 +153,7 @@ impl LayeredPoint<'_> {
         s.diffuse = s.diffuse * (F4::ONE - transmission);
     }
 
-    fn diffuse_transmission(&self, s: &mut Surface, over: &mut Over, absorbed: Option<V3>) {
+    fn diffuse_transmission(&self, s: &mut Surface, over: &mut LayerContributions, absorbed: Option<V3>) {
         let mut share = F4::splat(self.layers.diffuse_transmission);
         if let Some([.., a]) = self.texel(Features::DIFFUSE_TRANSMISSION_TEXTURE) {
             share *= a;
@@ -167,7 +173,7 @@ impl LayeredPoint<'_> {
         s.diffuse = s.diffuse * (F4::ONE - share);
     }
 
-    fn sheen(&self, over: &mut Over) {
+    fn sheen(&self, over: &mut LayerContributions) {
         let &SurfacePoint { own_n, n, v, .. } = self.point;
         let mut color = V3::splat(self.layers.sheen_color);
         if let Some(texel) = self.texel(Features::SHEEN_COLOR_TEXTURE) {
@@ -179,7 +185,7 @@ impl LayeredPoint<'_> {
         }
         let roughness = roughness.max(F4::splat(0.07));
         let share = sheen_albedo(roughness, self.nv);
-        let sky = self.around.map_or(V3::splat(Vec3::ZERO), |around| around.diffuse(n));
+        let sky = self.environment.map_or(V3::splat(Vec3::ZERO), |environment| environment.diffuse(n));
         let mut sheen = sky * (share * self.occlusion);
         self.fragment.lights(self.point, [own_n, n], &mut sheen, |l, nl| {
             let nl = nl.max(F4::splat(0.001));
@@ -189,7 +195,7 @@ impl LayeredPoint<'_> {
         over.sheen = color * sheen;
     }
 
-    fn clearcoat(&self, over: &mut Over) {
+    fn clearcoat(&self, over: &mut LayerContributions) {
         let &SurfacePoint { own_n, v, .. } = self.point;
         let map = self.texel(Features::CLEARCOAT_NORMAL_TEXTURE);
         let n = self.fragment.normal(self.quad, map.map(|t| (t, self.layers.clearcoat_normal_scale)));

@@ -280,7 +280,11 @@ impl CpuRenderer {
     }
 
     /// Draws the mean of the sub-frames, then the full-screen passes over it.
-    fn expose<const S: usize>(&self, plan: &Plan, frame: &mut Frame) -> Result<(), RenderError> {
+    fn accumulate_sub_frames<const S: usize>(
+        &self,
+        plan: &Plan,
+        frame: &mut Frame,
+    ) -> Result<(), RenderError> {
         let count = plan.size[0] as usize * plan.size[1] as usize;
         let mut sum = Accumulated::new(count);
         let mut pixels = vec![Vec4::ZERO; count];
@@ -370,7 +374,7 @@ impl CpuRenderer {
             self.times.of(Stage::Pixels, before);
             let behind = Arc::new(SceneColorCopy::new(pixels, plan.size, behind.levels));
             let glass = batches[first..].iter_mut().filter(|b| refracting(b));
-            glass.for_each(|b| b.paint.sees_through(&behind));
+            glass.for_each(|b| b.paint.set_scene_color_copy(&behind));
         }
         // Overlays lie over all glass and are not part of the scene color copy.
         batches.extend(self.overlays(plan));
@@ -568,8 +572,8 @@ impl CpuRenderer {
         [frame.width, frame.height] = plan.size;
         frame.rgba.resize(plan.size[0] as usize * plan.size[1] as usize * 4, 0);
         match (plan.samples, plan.post.is_empty()) {
-            (1, _) if !plan.subframes.is_empty() => self.expose::<1>(plan, &mut frame)?,
-            _ if !plan.subframes.is_empty() => self.expose::<4>(plan, &mut frame)?,
+            (1, _) if !plan.subframes.is_empty() => self.accumulate_sub_frames::<1>(plan, &mut frame)?,
+            _ if !plan.subframes.is_empty() => self.accumulate_sub_frames::<4>(plan, &mut frame)?,
             (1, true) => self.draw::<Srgb8, 1>(plan, &mut frame)?,
             (1, false) => self.draw::<Float, 1>(plan, &mut frame)?,
             (_, true) => self.draw::<Srgb8, 4>(plan, &mut frame)?,

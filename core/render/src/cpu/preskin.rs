@@ -56,8 +56,8 @@ impl DeformedMeshes {
     /// Projected vertices of a draw: from the pre-skinned mesh if there is one, else skinned now.
     pub fn vertices(&self, draw: &Draw, stage: &VertexStage<'_>) -> Vec<Vertex> {
         match body(draw, stage.instance).and_then(|body| self.0.get(&body)) {
-            Some(posed) => stage.seen(posed.clone()),
-            None => stage.seen(stage.posed(stage.hull.as_ref().map(|hull: &Hull| &hull.normals[..]))),
+            Some(posed) => stage.project(posed.clone()),
+            None => stage.project(stage.posed(stage.hull.as_ref().map(|hull: &Hull| &hull.normals[..]))),
         }
     }
 }

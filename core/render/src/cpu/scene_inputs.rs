@@ -81,7 +81,7 @@ impl CpuRenderer {
             camera: pass.camera_before,
             ..VertexStage::new(entry, features, plan, instance, &pass.clip_before)
         };
-        stage.seen(stage.posed(None)).into_iter().map(|vertex| vertex.clip).collect()
+        stage.project(stage.posed(None)).into_iter().map(|vertex| vertex.clip).collect()
     }
 }
 

@@ -2,11 +2,11 @@
 
 use super::brdf::{ambient_specular, reflect_light, reflect_light_phong, surface_of};
 use super::coverage::covered;
-use super::layer_shading::{LayeredPoint, Over};
+use super::layer_shading::{LayerContributions, LayeredPoint};
 use super::lighting::SurfacePoint;
 use super::refraction::SceneColorCopy;
 use super::shadow::ShadowMaps;
-use super::sky::Around;
+use super::sky::EnvironmentLight;
 use super::texture::Texture;
 use super::toon::{ToonSurface, matcap_uv};
 use super::triplanar::Planes;
@@ -210,7 +210,9 @@ impl Fragment<'_> {
         let occlusion = occlusion.map_or(F4::ONE, |[r, ..]| F4::ONE + (r - F4::ONE) * m.occlusion_strength);
         let (mut color, over) = match self.features.has(Features::METALLIC_ROUGHNESS) {
             true => self.metallic_roughness(quad, point, specular_color, occlusion),
-            false => (self.blinn_phong(quad, point, specular_color, occlusion), Over::default()),
+            false => {
+                (self.blinn_phong(quad, point, specular_color, occlusion), LayerContributions::default())
+            }
         };
         let layered = self.features.has(Features::LAYERS);
         if layered {
@@ -225,7 +227,7 @@ impl Fragment<'_> {
         color = transformed(self.features, self.exposed(color));
         if self.features.has(Features::REFRACTION) {
             // The scene color copy holds display colors already.
-            color = color + over.behind * (over.below_sheen * (F4::ONE - over.coat_weight));
+            color = color + over.refracted * (over.below_sheen * (F4::ONE - over.coat_weight));
         }
         match self.glass {
             Glass::No | Glass::Refract => color,
@@ -250,7 +252,7 @@ impl Fragment<'_> {
         point: &SurfacePoint,
         specular_color: V3,
         occlusion: F4,
-    ) -> (V3, Over) {
+    ) -> (V3, LayerContributions) {
         let m = &self.material.factors.material;
         let &SurfacePoint { n, v, base, own_n, .. } = point;
         let (mut metallic, mut roughness) = (F4::splat(m.metallic), F4::splat(m.roughness));
@@ -264,32 +266,32 @@ impl Fragment<'_> {
         }
         let mut s = surface_of(base, metallic, roughness, specular, specular_color);
         let nv = n.dot(v).clamp(0.001, 1.0);
-        let around = self.around();
-        let dark = around.is_dark();
+        let environment = self.environment_light();
+        let dark = environment.is_dark();
         let layers = m.layers.as_deref().filter(|_| self.features.has(Features::LAYERS));
-        let over = layers.map_or_else(Over::default, |layers| {
-            let around = (!dark).then_some(&around);
+        let over = layers.map_or_else(LayerContributions::default, |layers| {
+            let environment = (!dark).then_some(&environment);
             let layered = LayeredPoint {
                 fragment: self,
                 quad,
                 point,
                 layers,
-                around,
+                environment,
                 metallic,
                 roughness,
                 occlusion,
                 nv,
             };
-            layered.over(&mut s)
+            layered.contributions(&mut s)
         });
         let mut color = V3::splat(Vec3::ZERO);
         if !dark {
             let mirrored = over.mirror.unwrap_or_else(|| n * (n.dot(v) * 2.0) - v);
             let f0 = over.sky_f0.unwrap_or(s.f0);
             let specular = ambient_specular(f0, s.f90, s.roughness, nv);
-            let reflected = around.mirrored(mirrored, s.roughness) * specular;
-            let behind = over.from_behind * around.diffuse(-n);
-            color = (s.diffuse * around.diffuse(n) + reflected + behind) * occlusion;
+            let reflected = environment.mirrored(mirrored, s.roughness) * specular;
+            let behind = over.from_behind * environment.diffuse(-n);
+            color = (s.diffuse * environment.diffuse(n) + reflected + behind) * occlusion;
         }
         self.all_lights(point, &mut color, |l, nl| reflect_light(&s, n, v, l, nv, nl));
         if self.features.has(Features::DIFFUSE_TRANSMISSION) {
@@ -303,7 +305,7 @@ impl Fragment<'_> {
         // A reflection replaces its share of the base color.
         let reflection = self.reflection(quad, [n, v]);
         let base = reflection.map_or(point.base, |[share, _]| point.base * (V3::splat(Vec3::ONE) - share));
-        let mut color = base * self.around().diffuse(n) * occlusion;
+        let mut color = base * self.environment_light().diffuse(n) * occlusion;
         if let Some([share, seen]) = reflection {
             color = color + share * seen * occlusion;
         }
@@ -348,14 +350,14 @@ impl Fragment<'_> {
             matcap,
             rim_mask: rgb_or_white(self.texel(quad, Features::RIM_TEXTURE)),
         };
-        let around = self.around();
-        surface.lit(self.plan, &around, relative, [n, v], |light, l| {
+        let environment = self.environment_light();
+        surface.lit(self.plan, &environment, relative, [n, v], |light, l| {
             self.share(light, [relative, own_n, l], seen)
         })
     }
 
-    pub fn around(&self) -> Around<'_> {
-        Around::new(self.plan, self.sky.filter(|_| self.features.has(Features::SKY)))
+    pub fn environment_light(&self) -> EnvironmentLight<'_> {
+        EnvironmentLight::new(self.plan, self.sky.filter(|_| self.features.has(Features::SKY)))
     }
 
     /// The texture of a feature, sampled at four pixels; `None` if the draw does not read it.

@@ -10,15 +10,15 @@ use std::f32::consts::PI;
 
 /// Ambient light of a surface: the hemisphere light, and a sky's maps if there is one.
 #[derive(Clone, Copy)]
-pub struct Around<'a> {
+pub struct EnvironmentLight<'a> {
     up: Vec3,
     down: Vec3,
     sky: Option<(&'a SkyMaps, &'a PlanSky)>,
 }
 
-impl<'a> Around<'a> {
-    pub fn new(plan: &'a Plan, maps: Option<&'a SkyMaps>) -> Around<'a> {
-        Around { up: plan.ambient_up, down: plan.ambient_down, sky: maps.zip(plan.sky.as_ref()) }
+impl<'a> EnvironmentLight<'a> {
+    pub fn new(plan: &'a Plan, maps: Option<&'a SkyMaps>) -> EnvironmentLight<'a> {
+        EnvironmentLight { up: plan.ambient_up, down: plan.ambient_down, sky: maps.zip(plan.sky.as_ref()) }
     }
 
     pub(crate) fn is_dark(&self) -> bool {

@@ -15,7 +15,7 @@ pub const QUADS: usize = 8;
 
 impl Fragment<'_> {
     /// Shades a quad and applies the effects on surfaces. `at` is its first pixel.
-    pub fn seen(
+    pub fn shade_with_effects(
         &self,
         vertices: &[Vertex],
         ids: [u32; 3],

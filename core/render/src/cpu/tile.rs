@@ -40,7 +40,7 @@ impl Paint<'_> {
     }
 
     /// Sets the scene color copy for refraction.
-    pub(crate) fn sees_through(&mut self, behind: &Arc<SceneColorCopy>) {
+    pub(crate) fn set_scene_color_copy(&mut self, behind: &Arc<SceneColorCopy>) {
         if let Paint::Surface(fragment) = self {
             fragment.behind = Some(behind.clone());
         }
@@ -371,7 +371,9 @@ impl Tile<'_, '_> {
         let t = &batch.triangles[id[1] as usize];
         let (weights, at) = self.weights(t, quad, seen);
         match &batch.paint {
-            Paint::Surface(fragment) => fragment.seen(&batch.vertices, t.vertices, t.front, &weights, at),
+            Paint::Surface(fragment) => {
+                fragment.shade_with_effects(&batch.vertices, t.vertices, t.front, &weights, at)
+            }
             Paint::Overlay { vertices, .. } => overlay::shade(vertices, t.vertices, &weights),
         }
     }

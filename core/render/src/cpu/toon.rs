@@ -1,6 +1,6 @@
 //! Toon shading: MToon (VRMC_materials_mtoon 1.0). CPU reference of toon.wgsl and of its part of scene.wgsl.
 
-use super::sky::Around;
+use super::sky::EnvironmentLight;
 use crate::lanes::{F4, V3};
 use crate::plan::{Plan, PlanLight};
 use choreo_asset::Toon;
@@ -25,14 +25,14 @@ impl ToonSurface<'_> {
     pub fn lit(
         &self,
         plan: &Plan,
-        around: &Around,
+        environment: &EnvironmentLight,
         relative: V3,
         [n, v]: [V3; 2],
         share: impl Fn(&PlanLight, V3) -> F4,
     ) -> V3 {
         let t = self.toon;
         // The sum of all light, for the rim.
-        let mut lighting = around.diffuse(n).mix(around.even(), F4::splat(t.gi_equalization));
+        let mut lighting = environment.diffuse(n).mix(environment.even(), F4::splat(t.gi_equalization));
         let mut color = self.base * lighting;
         for light in &plan.lights {
             let (l, strength) = light.incoming(relative);

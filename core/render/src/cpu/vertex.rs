@@ -88,7 +88,7 @@ impl VertexStage<'_> {
     }
 
     /// Projects posed vertices to clip space, and pushes out an outline's hull.
-    pub fn seen(&self, mut posed: Vec<Vertex>) -> Vec<Vertex> {
+    pub fn project(&self, mut posed: Vec<Vertex>) -> Vec<Vertex> {
         posed.par_iter_mut().with_min_len(2048).enumerate().for_each(|(i, out)| {
             out.clip = *self.clip_from_relative * out.relative.extend(1.0);
             if let Some(hull) = &self.hull {

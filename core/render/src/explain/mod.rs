@@ -411,7 +411,7 @@ fn plural(n: usize, one: &str) -> String {
 
 fn target_name(target: Target) -> String {
     match target {
-        Target::Picture => "image".into(),
+        Target::Image => "image".into(),
         Target::Float(i) => format!("linear image {i}"),
         Target::Texture(i) => format!("texture {i} of passes"),
     }

@@ -71,7 +71,7 @@ impl Costs<'_> {
             self.add(CostKind::Target, what, Some(8 * samples * pixels), self.peeled_by());
         }
         if samples > 1 {
-            let each = if target == Target::Picture { 4 } else { 8 };
+            let each = if target == Target::Image { 4 } else { 8 };
             let what = format!("multisampled image {size}, {samples} samples");
             let requested_by = RequestedBy::other("antialiasing: samples");
             self.add(CostKind::Target, what, Some(each * samples * pixels), requested_by);

@@ -270,7 +270,7 @@ pub struct Facts {
     pub lit_exist: bool,
     pub lights_exist: bool,
     /// 2D layers behind and in front of the scene.
-    pub flats: usize,
+    pub layers_2d: usize,
     pub lit_drawn: bool,
     pub blended: usize,
     pub copies: usize,
@@ -401,7 +401,7 @@ fn of_passes(all: Features, facts: &Facts) -> Reports {
     let (over_image, inputs) = (facts.post_passes > 0, facts.inputs);
     let alone = "no two drawn primitives are equal in shape, material and state";
     let reports = [
-        report(facts.flats == 0, "2D layers", "no text, image, panel or letterbox is seen"),
+        report(facts.layers_2d == 0, "2D layers", "no text, image, panel or letterbox is seen"),
         report(!uvs, "texture coordinates", "no drawn material has a texture"),
         report(facts.surface_effects == 0, "effects on surfaces", "none is on"),
         report(all.has(Features::ALPHA_MASK) && !facts.coverage, "alpha to coverage", whole),

@@ -3,7 +3,7 @@
 //!
 //! Earlier frames that an effect reads are also planned here, without motion blur.
 
-use crate::plan::build::effects::{exposure_of, history_of};
+use crate::plan::build::effects::{history_of, shutter_of};
 use crate::plan::build::scene_inputs::reads_motion;
 use crate::plan::options::PlanOptions;
 use crate::plan::shutter_motion::Shown;
@@ -81,18 +81,18 @@ fn plan_shot<E>(
     if matches!(options.wish, FrameWish::Scene(passes) if !passes.color) {
         return Ok(plan);
     }
-    if let Some(mut exposure) = exposure_of(stage, snapshot, options.effects) {
+    if let Some(mut shutter) = shutter_of(stage, snapshot, options.effects) {
         if !(options.all_sub_frames || options.force_all) {
             let shown = Shown { resources, stage, options, plan: &plan };
-            let motion = shown.motion(exposure.samples, time_of(stage, time, &exposure), &mut at)?;
-            exposure.samples = motion.sub_frames();
-            if exposure.samples < motion.most {
-                let why = format!("{} of {}: {motion}", exposure.samples, motion.most);
+            let motion = shown.motion(shutter.samples, time_of(stage, time, &shutter), &mut at)?;
+            shutter.samples = motion.sub_frames();
+            if shutter.samples < motion.most {
+                let why = format!("{} of {}: {motion}", shutter.samples, motion.most);
                 plan.left_out.push(LeftOut { what: "sub-frames".into(), why });
             }
             plan.shutter_motion = Some(motion);
         }
-        for time in times(stage, time, &exposure) {
+        for time in times(stage, time, &shutter) {
             let then = at(time)?;
             let part = plan_alone(resources, stage, &then, options, &mut at)?;
             plan.subframes.push(linear(part));
@@ -138,7 +138,7 @@ pub fn plan_alone<E>(
 /// Names of the parts of a frame that [`plan_alone`] leaves out because they need other frames.
 pub fn left_out_alone(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Vec<&'static str> {
     let parts = [
-        ("motion blur", exposure_of(stage, snapshot, options.effects).is_some()),
+        ("motion blur", shutter_of(stage, snapshot, options.effects).is_some()),
         ("effects of earlier frames", history_of(stage, snapshot, options.effects, Hook::Image) > 0),
         ("effects of motion", reads_motion(stage, snapshot, options)),
         ("dissolve", snapshot.dissolve.is_some()),
@@ -148,7 +148,7 @@ pub fn left_out_alone(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions)
 
 /// Times of the sub-frames: evenly spaced while the shutter is open, each in the middle of its interval.
 pub fn times(stage: &Stage, time: Time, exposure: &Shutter) -> Vec<Time> {
-    let samples = exposure.samples.max(1);
+    let samples = shutter.samples.max(1);
     let time_of = time_of(stage, time, exposure);
     (0..samples).map(|i| time_of((f64::from(i) + 0.5) / f64::from(samples))).collect()
 }

@@ -59,7 +59,7 @@ impl VulkanRenderer {
         };
         // The note answers a script that requests deferred shading; the planner's own choice needs none.
         let asked = plan.deferred.as_ref().is_some_and(|d| d.cause == DeferredCause::Requested);
-        if asked && no_deferred && !std::mem::replace(&mut self.told_forward, true) {
+        if asked && no_deferred && !std::mem::replace(&mut self.noted_forward, true) {
             let ability = Ability::ColorAttachments;
             let note = format!(
                 "pipeline \"deferred\": this device lacks {}: {}",
@@ -74,7 +74,7 @@ impl VulkanRenderer {
 
 impl FrameInFlight {
     /// Writes the G-buffer's descriptor set. `buffer`: buffer and offset of the [`RebuiltUniform`].
-    pub(super) fn write_kept(
+    pub(super) fn write_gbuffer(
         &mut self,
         gpu: &Context,
         layouts: &Layouts,
@@ -82,9 +82,9 @@ impl FrameInFlight {
         views: [vk::ImageView; 3],
         (buffer, at): (vk::Buffer, u64),
     ) -> Result<(), RenderError> {
-        let set = match self.kept_set {
+        let set = match self.gbuffer_set {
             Some(set) => set,
-            None => *self.kept_set.insert(pools.allocate(gpu, layouts.light()?.set, "kept set")?),
+            None => *self.gbuffer_set.insert(pools.allocate(gpu, layouts.light()?.set, "G-buffer set")?),
         };
         let (uniform, image) = (vk::DescriptorType::UNIFORM_BUFFER, vk::DescriptorType::SAMPLED_IMAGE);
         write_buffer(gpu, set.raw, 0, uniform, buffer, at, size_of::<RebuiltUniform>() as u64);
@@ -99,23 +99,25 @@ impl Execution<'_> {
     /// Begins the G-buffer pass. Pixels without a surface stay undefined; their depth stays 0, which marks them.
     pub(super) fn begin_geometry(&self) -> Result<(), RenderError> {
         let targets = self.targets;
-        let (Some(depth), true) = (&targets.depth, targets.needs.kept) else {
+        let (Some(depth), true) = (&targets.depth, targets.needs.gbuffer) else {
             return Err(RenderError::Usage("the G-buffer was not prepared".into()));
         };
-        let mut barriers: Vec<_> = targets.kept.iter().map(to_color).collect();
+        let mut barriers: Vec<_> = targets.gbuffer.iter().map(to_color).collect();
         barriers.push(to_depth(depth));
         self.barriers(&barriers);
         use vk::{AttachmentLoadOp as Load, AttachmentStoreOp as Store};
         let color = |image: &Image| color_attachment(image.view, Load::DONT_CARE, Store::STORE);
-        let colors: Vec<_> = targets.kept.iter().map(color).collect();
+        let colors: Vec<_> = targets.gbuffer.iter().map(color).collect();
         self.begin(&colors, Some(&depth_attachment(depth, Load::CLEAR, Store::STORE)), None);
         Ok(())
     }
 
     /// Lights the G-buffer with the pipeline that was bound before.
     pub(super) fn light(&self, area: Option<[u32; 4]>) -> Result<(), RenderError> {
-        let set =
-            self.slot.kept_set.ok_or_else(|| RenderError::Usage("the kept set was not prepared".into()))?;
+        let set = self
+            .slot
+            .gbuffer_set
+            .ok_or_else(|| RenderError::Usage("the G-buffer set was not prepared".into()))?;
         self.bind_set(self.layouts.light()?.pipeline, 3, set.raw);
         self.set_cull(Cull::None);
         let [width, height] = self.targets.needs.size;

@@ -50,8 +50,8 @@ pub(crate) struct Layouts {
     light: Option<MaterialLayout>,
     /// Meshes to pre-skin and their output vertices: set 3 of the compute stage, after the sets of the frame, the morph offsets
     /// and the source mesh.
-    pub posed: vk::DescriptorSetLayout,
-    pub posed_pipeline: vk::PipelineLayout,
+    pub preskin: vk::DescriptorSetLayout,
+    pub preskin_pipeline: vk::PipelineLayout,
 }
 
 /// Layout of materials whose shaders read the same textures.
@@ -95,8 +95,8 @@ impl Layouts {
             shadow: vk::DescriptorSetLayout::null(),
             post: vk::DescriptorSetLayout::null(),
             light: None,
-            posed: vk::DescriptorSetLayout::null(),
-            posed_pipeline: vk::PipelineLayout::null(),
+            preskin: vk::DescriptorSetLayout::null(),
+            preskin_pipeline: vk::PipelineLayout::null(),
         };
         let both = vertex | fragment;
         let compute = vk::ShaderStageFlags::COMPUTE;
@@ -122,16 +122,16 @@ impl Layouts {
             layouts.morphs = create(gpu, "morph set layout", &[(0, T::STORAGE_BUFFER, poses)])?;
             layouts.shadow = create(gpu, "shadow set layout", &SHADOW_SET)?;
             layouts.post = create(gpu, "post set layout", &post)?;
-            let posed = [(0, T::STORAGE_BUFFER, compute), (1, T::STORAGE_BUFFER, compute)];
-            layouts.posed = create(gpu, "set layout of meshes to be pre-skinned", &posed)?;
-            let sets = [layouts.frame, layouts.morphs, layouts.morphs, layouts.posed];
+            let preskin = [(0, T::STORAGE_BUFFER, compute), (1, T::STORAGE_BUFFER, compute)];
+            layouts.preskin = create(gpu, "set layout of meshes to be pre-skinned", &preskin)?;
+            let sets = [layouts.frame, layouts.morphs, layouts.morphs, layouts.preskin];
             let constants = [vk::PushConstantRange::default().stage_flags(compute).size(8)];
             let info =
                 vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&constants);
             // SAFETY: the set layouts belong to this device; destroyed by `destroy`.
-            layouts.posed_pipeline =
-                unsafe { gpu.device.create_pipeline_layout(&info, None) }.named("pose pipeline layout")?;
-            gpu.name(layouts.posed_pipeline, "pose pipeline layout");
+            layouts.preskin_pipeline = unsafe { gpu.device.create_pipeline_layout(&info, None) }
+                .named("pre-skinning pipeline layout")?;
+            gpu.name(layouts.preskin_pipeline, "pre-skinning pipeline layout");
             Ok(())
         })();
         match made {
@@ -169,7 +169,7 @@ impl Layouts {
     /// Creates the layout of the G-buffer, if a recording uses one and it does not exist.
     pub(crate) fn prepare_light(&mut self, gpu: &Context, recording: &Recording) -> Result<(), RenderError> {
         if self.light.is_none() && recording.commands.contains(&Command::BeginGeometry) {
-            self.light = Some(self.with_set(gpu, "kept set layout", &super::deferred::BINDINGS)?);
+            self.light = Some(self.with_set(gpu, "G-buffer set layout", &super::deferred::BINDINGS)?);
         }
         Ok(())
     }
@@ -220,8 +220,8 @@ impl Layouts {
             }
         }
         // SAFETY: made from this device (or null); no pipeline is created from it any more.
-        unsafe { gpu.device.destroy_pipeline_layout(self.posed_pipeline, None) };
-        for layout in [self.frame, self.morphs, self.shadow, self.post, self.posed] {
+        unsafe { gpu.device.destroy_pipeline_layout(self.preskin_pipeline, None) };
+        for layout in [self.frame, self.morphs, self.shadow, self.post, self.preskin] {
             // SAFETY: made from this device (or null); no pipeline or set is created from it any more.
             unsafe { gpu.device.destroy_descriptor_set_layout(layout, None) };
         }

@@ -11,7 +11,7 @@ use choreo_plugin::{Effect, FloatFrame, Frame};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-pub struct SteadyRenderer {
+pub struct RecoveringRenderer {
     options: GpuOptions,
     /// `None` only after a device could not be created again.
     inner: Option<VulkanRenderer>,
@@ -27,10 +27,10 @@ pub struct SteadyRenderer {
     notes: Vec<String>,
 }
 
-impl SteadyRenderer {
-    pub fn new(options: GpuOptions) -> Result<SteadyRenderer, RenderError> {
+impl RecoveringRenderer {
+    pub fn new(options: GpuOptions) -> Result<RecoveringRenderer, RenderError> {
         let inner = VulkanRenderer::new(options.clone())?;
-        Ok(SteadyRenderer {
+        Ok(RecoveringRenderer {
             options,
             info: inner.device().clone(),
             frames_in_flight: inner.frames_in_flight(),
@@ -62,20 +62,20 @@ impl SteadyRenderer {
     }
 
     /// Repeats an operation until it succeeds or has failed twice.
-    fn steadily<T>(
+    fn retry_once<T>(
         &mut self,
-        mut what: impl FnMut(&mut SteadyRenderer) -> Result<T, RenderError>,
+        mut what: impl FnMut(&mut RecoveringRenderer) -> Result<T, RenderError>,
     ) -> Result<T, RenderError> {
         loop {
             match what(self) {
-                Err(error) if is_mishap(&error) => self.start_again(error)?,
+                Err(error) if is_recoverable(&error) => self.start_again(error)?,
                 result => return result,
             }
         }
     }
 
     fn start_again(&mut self, error: RenderError) -> Result<(), RenderError> {
-        self.let_go(&error);
+        self.drop_device(&error);
         if let Some(first) = self.failed.take() {
             return Err(RenderError::Twice { first: Box::new(first), second: Box::new(error) });
         }
@@ -106,7 +106,7 @@ impl SteadyRenderer {
         self.failed = None;
     }
 
-    fn let_go(&mut self, error: &RenderError) {
+    fn drop_device(&mut self, error: &RenderError) {
         self.inside = 0;
         let Some(inner) = self.inner.take() else { return };
         if matches!(error, RenderError::TimedOut { .. }) {
@@ -118,14 +118,14 @@ impl SteadyRenderer {
 }
 
 /// Errors after which a new device and fewer frames in flight may succeed.
-fn is_mishap(error: &RenderError) -> bool {
+fn is_recoverable(error: &RenderError) -> bool {
     matches!(
         error,
         RenderError::DeviceLost { .. } | RenderError::OutOfMemory { .. } | RenderError::TimedOut { .. }
     )
 }
 
-impl Renderer for SteadyRenderer {
+impl Renderer for RecoveringRenderer {
     fn device(&self) -> &DeviceInfo {
         &self.info
     }
@@ -136,7 +136,7 @@ impl Renderer for SteadyRenderer {
 
     fn load(&mut self, resources: Arc<SceneResources>) -> Result<(), RenderError> {
         self.resources = Some(resources.clone());
-        self.steadily(|this| this.inner()?.load(resources.clone()))
+        self.retry_once(|this| this.inner()?.load(resources.clone()))
     }
 
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
@@ -147,7 +147,7 @@ impl Renderer for SteadyRenderer {
             )));
         }
         self.plans.push_back(plan);
-        let submitted = self.steadily(SteadyRenderer::feed);
+        let submitted = self.retry_once(RecoveringRenderer::feed);
         if submitted.is_err() {
             self.plans.pop_back();
             self.inside = self.inside.min(self.plans.len());
@@ -157,7 +157,7 @@ impl Renderer for SteadyRenderer {
 
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError> {
         let mut reuse = reuse;
-        let frame = self.steadily(|this| {
+        let frame = self.retry_once(|this| {
             this.feed()?;
             this.inner()?.collect(reuse.take())
         })?;
@@ -166,7 +166,7 @@ impl Renderer for SteadyRenderer {
     }
 
     fn collect_floats(&mut self) -> Result<FloatFrame, RenderError> {
-        let frame = self.steadily(|this| {
+        let frame = self.retry_once(|this| {
             this.feed()?;
             this.inner()?.collect_floats()
         })?;
@@ -177,11 +177,11 @@ impl Renderer for SteadyRenderer {
     fn set_effects(&mut self, effects: &[Effect]) -> Result<(), RenderError> {
         self.options.effects = effects.to_vec();
         // A new device gets the effects from the options.
-        self.steadily(|this| this.inner()?.set_effects(effects))
+        self.retry_once(|this| this.inner()?.set_effects(effects))
     }
 
     fn reload_shaders(&mut self) -> Result<(), RenderError> {
-        self.steadily(|this| this.inner()?.reload_shaders())
+        self.retry_once(|this| this.inner()?.reload_shaders())
     }
 
     fn created(&self) -> CreatedCounts {

@@ -107,9 +107,9 @@ impl Execution<'_> {
             Command::EndInputs => self.end_inputs(),
             Command::ReadBackInputs => self.read_back_inputs(),
             Command::DrawLight { area } => self.light(*area)?,
-            Command::CopySceneColor { from, .. } => self.copy_behind(*from)?,
-            Command::BeginPass { target, clear, part, kept, area, .. } => {
-                self.begin_scene(*target, *clear, (*part, *kept), *area);
+            Command::CopySceneColor { from, .. } => self.copy_scene_color(*from)?,
+            Command::BeginPass { target, clear, part, loads_depth, area, .. } => {
+                self.begin_scene(*target, *clear, (*part, *loads_depth), *area);
                 self.bind_scene_sets();
             }
             Command::BeginPeel { layer, area, .. } => {
@@ -128,7 +128,7 @@ impl Execution<'_> {
                 // SAFETY: `BeginPass` began it.
                 unsafe { self.gpu.device.cmd_end_rendering(self.slot.commands) };
             }
-            Command::ReadBack => self.read_back(Target::Picture),
+            Command::ReadBack => self.read_back(Target::Image),
             Command::ReadBackLinear => self.read_back(Target::Float(0)),
             // Uploaded before the recording, or executed in `run`.
             Command::UploadFrameData { .. }
@@ -357,7 +357,7 @@ impl Execution<'_> {
                 false => b,
             }));
             if after_geometry {
-                barriers.extend(self.targets.kept.iter().map(from_color));
+                barriers.extend(self.targets.gbuffer.iter().map(from_color));
             }
             let drawn = self.targets.shadow.as_ref().filter(|_| self.draws_shadows);
             barriers.extend(drawn.map(|s| from_depth(&s.image)));

@@ -142,7 +142,7 @@ impl<'a> FrameData<'a> {
                 .collect(),
             shadow_lookups: blocks.take_if::<ShadowUniform>(images.shadow.is_some(), MAX_VIEWS),
             sky: blocks.take_if::<SkyUniform>(sky, 1),
-            rebuilt: blocks.take_if::<RebuiltUniform>(images.kept.is_some(), 1),
+            rebuilt: blocks.take_if::<RebuiltUniform>(images.gbuffer.is_some(), 1),
             post: plan.post.iter().map(|pass| blocks.take(PostUniform::bytes(pass))).collect(),
             surface: blocks.take(plan.surface_rows() * size_of::<Vec4>()),
             instances,

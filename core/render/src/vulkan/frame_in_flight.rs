@@ -5,9 +5,9 @@ use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
 use super::error::Named;
 use super::frame_data::{Block, FrameData};
 use super::memory::{Buffer, Image};
-use super::preskin::Posing;
+use super::preskin::PreskinBuffers;
 use super::resources::Resources;
-use super::sky::flat_image;
+use super::sky::layer_image;
 use super::targets::FrameImages;
 use super::upload::Uploads;
 use crate::commands::{Command, Recording};
@@ -32,14 +32,14 @@ pub(crate) struct FrameInFlight {
     /// Sets with the same layout, with the depths of the scene, of even peeled layers and of odd ones.
     pub peel_sets: Vec<Set>,
     /// The G-buffer, for the pass that lights it.
-    pub kept_set: Option<Set>,
+    pub gbuffer_set: Option<Set>,
     /// Uniform blocks of the frame's overridden materials. `changed`, `changed_sets`: override and texture slots of each set, and
     /// the sets.
     changed_at: Vec<[Block; 2]>,
     /// 2D layers behind the scene, with their content hash.
-    under: Option<([u8; 32], Image)>,
+    layers_behind: Option<([u8; 32], Image)>,
     /// 2D layers over the frame.
-    pub over: Option<Arc<LayerImage>>,
+    pub layers_in_front: Option<Arc<LayerImage>>,
     changed: Vec<(u32, u32)>,
     changed_sets: Vec<Set>,
     pub post_sets: Vec<Set>,
@@ -47,7 +47,7 @@ pub(crate) struct FrameInFlight {
     /// Staging buffer, kept until the frame is done.
     pub staging: Option<Buffer>,
     /// Pre-skinned vertices.
-    pub posed: Posing,
+    pub preskin: PreskinBuffers,
     pub size: [u32; 2],
     /// Block of the fault records of effects in the frame's data.
     faults: Block,
@@ -101,16 +101,16 @@ impl FrameInFlight {
             view_sets: Vec::new(),
             light_set: None,
             peel_sets: Vec::new(),
-            kept_set: None,
-            under: None,
-            over: None,
+            gbuffer_set: None,
+            layers_behind: None,
+            layers_in_front: None,
             changed_at: Vec::new(),
             changed: Vec::new(),
             changed_sets: Vec::new(),
             post_sets: Vec::new(),
             readback: None,
             staging: None,
-            posed: Posing::default(),
+            preskin: PreskinBuffers::default(),
             size: [0; 2],
             faults: Block::default(),
             done_at: 0,
@@ -136,14 +136,14 @@ impl FrameInFlight {
         let mapped = ring.mapped_mut();
         data.write(plan, &images, mapped);
         let Block { at, bytes } = data.instances;
-        self.posed.place(&mut mapped[at as usize..][..bytes as usize]);
+        self.preskin.place(&mut mapped[at as usize..][..bytes as usize]);
         // If there are no effect textures, the binding points at the frame's own data: see `prepare_buffer`.
         let texels = images.texels.map_or((raw, 16), |b| (b.raw, b.size));
         self.write_frame_sets(gpu, &data, raw, texels);
         self.write_scene_set(gpu, layouts, pools, &images, &data, raw)?;
         self.write_peel_sets(gpu, layouts, pools, &images, raw)?;
-        if let Some(views) = images.kept {
-            self.write_kept(gpu, layouts, pools, views, (raw, data.rebuilt.at))?;
+        if let Some(views) = images.gbuffer {
+            self.write_gbuffer(gpu, layouts, pools, views, (raw, data.rebuilt.at))?;
         }
         while self.post_sets.len() < data.post.len() {
             self.post_sets.push(pools.allocate(gpu, layouts.post, "post set")?);
@@ -226,11 +226,17 @@ impl FrameInFlight {
         raw: vk::Buffer,
     ) -> Result<(), RenderError> {
         use vk::DescriptorType as T;
-        let under = self.under.as_ref().filter(|_| data.reads.layers_behind).map(|(_, image)| image.view);
+        let behind_scene =
+            self.layers_behind.as_ref().filter(|_| data.reads.layers_behind).map(|(_, image)| image.view);
         let sky = images.sky.filter(|_| data.sky.bytes > 0);
         // A new set is allocated if other images exist than before: lavapipe (22.3) dereferences all descriptors of a bound set,
         // read or not.
-        let has = [images.shadow.is_some(), images.behind.is_some(), sky.is_some(), under.is_some()];
+        let has = [
+            images.shadow.is_some(),
+            images.scene_color_copy.is_some(),
+            sky.is_some(),
+            behind_scene.is_some(),
+        ];
         if let Some((set, _)) = self.light_set.take_if(|(_, had)| *had != has) {
             pools.free(gpu, set);
         }
@@ -239,11 +245,11 @@ impl FrameInFlight {
         }
         // Every binding is written: an existing image takes the place of a missing one, and is not read.
         let shadows = images.shadow.map(|t| ([t.image.view; 2], t.sampler));
-        let glass = images.behind.map(|t| ([t.image.view; 2], t.sampler));
+        let glass = images.scene_color_copy.map(|t| ([t.image.view; 2], t.sampler));
         let of_sky = sky.and_then(|images| Some((images.views()?, images.sampler)));
         // The layers are read without a sampler.
-        let of_under = under.map(|view| ([view; 2], vk::Sampler::null()));
-        let any = shadows.or(glass).or(of_sky).or(of_under);
+        let layers = behind_scene.map(|view| ([view; 2], vk::Sampler::null()));
+        let any = shadows.or(glass).or(of_sky).or(layers);
         let (Some((set, _)), Some(any)) = (self.light_set, any) else { return Ok(()) };
         for (binding, block) in [(0, data.shadow_lookups.or_any()), (5, data.sky.or_any())] {
             write_buffer(gpu, set.raw, binding, T::UNIFORM_BUFFER, raw, block.at, block.bytes);
@@ -256,8 +262,8 @@ impl FrameInFlight {
             }
         }
         let ([_, picture], _) = of_sky.unwrap_or(any);
-        let ([under, _], _) = of_under.unwrap_or(any);
-        for (binding, view) in [(8, picture), (9, under), (10, under)] {
+        let ([layers_behind, _], _) = layers.unwrap_or(any);
+        for (binding, view) in [(8, picture), (9, layers_behind), (10, layers_behind)] {
             write_image(gpu, set.raw, binding, T::SAMPLED_IMAGE, view, vk::Sampler::null());
         }
         Ok(())
@@ -319,27 +325,27 @@ impl FrameInFlight {
     }
 
     /// Uploads the 2D layers behind the scene if this slot holds different ones, and keeps the layers in front for the host.
-    pub(crate) fn prepare_flats(
+    pub(crate) fn prepare_layers_2d(
         &mut self,
         gpu: &Context,
         plan: &Plan,
         uploads: &mut Uploads,
     ) -> Result<(), RenderError> {
-        self.over = plan.layers_in_front.clone();
-        let wanted = plan.layers_behind.as_ref().map(|flat| flat.hash);
-        if let Some((_, mut old)) = self.under.take_if(|(hash, _)| Some(*hash) != wanted) {
+        self.layers_in_front = plan.layers_in_front.clone();
+        let wanted = plan.layers_behind.as_ref().map(|layers| layers.hash);
+        if let Some((_, mut old)) = self.layers_behind.take_if(|(hash, _)| Some(*hash) != wanted) {
             old.destroy(gpu);
         }
-        if let (Some(flat), None) = (&plan.layers_behind, &self.under) {
-            let image = flat_image(gpu, flat, uploads)?;
-            self.under = Some((flat.hash, image));
+        if let (Some(layers), None) = (&plan.layers_behind, &self.layers_behind) {
+            let image = layer_image(gpu, layers, uploads)?;
+            self.layers_behind = Some((layers.hash, image));
         }
         Ok(())
     }
 
     /// Drops the image of the layers behind the scene, after its upload has failed.
-    pub(crate) fn forget_flats(&mut self, gpu: &Context) {
-        if let Some((_, mut image)) = self.under.take() {
+    pub(crate) fn forget_layers_2d(&mut self, gpu: &Context) {
+        if let Some((_, mut image)) = self.layers_behind.take() {
             image.destroy(gpu);
         }
     }
@@ -396,8 +402,8 @@ impl FrameInFlight {
     /// Destroys the objects. The frame must be done; its sets are destroyed with the pools.
     pub fn destroy(&mut self, gpu: &Context) {
         self.release_staging(gpu);
-        self.posed.destroy(gpu);
-        self.forget_flats(gpu);
+        self.preskin.destroy(gpu);
+        self.forget_layers_2d(gpu);
         for mut buffer in self.ring.take().into_iter().chain(self.readback.take()) {
             buffer.destroy(gpu);
         }

@@ -5,6 +5,7 @@
 //! when a frame first draws them and kept by content; `load` waits for the device. Failed operations are not repeated here:
 //! `device_recovery` does that, on a new device with reduced demands.
 
+mod accumulate;
 mod cache;
 mod clock;
 mod context;
@@ -15,14 +16,11 @@ mod device_recovery;
 mod effect_textures;
 mod error;
 mod execute;
-mod expose;
 pub mod faults;
 mod frame_data;
 mod frame_in_flight;
 mod memory;
-mod memory_budget;
 mod options;
-mod parts;
 mod peel;
 mod pipeline_ids;
 mod pipelines;
@@ -33,9 +31,11 @@ mod scene_color_copy;
 pub(crate) mod scene_inputs;
 mod shadow;
 mod sky;
+mod split_uploads;
 mod state;
 mod streams;
 mod targets;
+mod texture_budget;
 mod tiled;
 mod upload;
 
@@ -54,7 +54,7 @@ use context::{Context, ContextOptions};
 pub use context::{chosen_device, limit_software_threads};
 use descriptors::{Layouts, Pools};
 pub use device_features::Ability;
-pub use device_recovery::SteadyRenderer;
+pub use device_recovery::RecoveringRenderer;
 use error::Named;
 use execute::Execution;
 use faults::FaultPlace;
@@ -102,7 +102,7 @@ pub struct VulkanRenderer {
     faults: EffectFaults,
     most_textures: Option<u32>,
     /// Whether the note was given that the requested deferred shading is replaced by forward shading.
-    told_forward: bool,
+    noted_forward: bool,
     clock: Option<clock::Clock>,
     longest_side: u32,
 }
@@ -156,7 +156,7 @@ impl VulkanRenderer {
             notes: Vec::new(),
             faults: EffectFaults::default(),
             most_textures: options.textures,
-            told_forward: false,
+            noted_forward: false,
             clock: None,
             longest_side: options.longest_side.unwrap_or(u32::MAX).max(1),
             frugal: options.frugal,
@@ -389,7 +389,7 @@ impl VulkanRenderer {
             // The uploads were not executed: the resources are dropped, so that the next frame creates them again.
             self.wait_idle()?;
             self.resources.forget(&self.gpu);
-            self.slots[index].forget_flats(&self.gpu);
+            self.slots[index].forget_layers_2d(&self.gpu);
             self.slots[index].release_staging(&self.gpu);
             return Err(e);
         }
@@ -418,8 +418,8 @@ impl VulkanRenderer {
         let (gpu, layouts, pools) = (&self.gpu, &self.layouts, &mut self.pools);
         let (scene_resources, slot) = (&*self.scene_resources, &mut self.slots[index]);
         self.resources.prepare(gpu, layouts, scene_resources, recording, &mut uploads)?;
-        slot.prepare_flats(gpu, plan, &mut uploads)?;
-        slot.posed.prepare(gpu, layouts, pools, (scene_resources, &self.resources), plan, recording)?;
+        slot.prepare_layers_2d(gpu, plan, &mut uploads)?;
+        slot.preskin.prepare(gpu, layouts, pools, (scene_resources, &self.resources), plan, recording)?;
         let seen = self.targets.as_ref().map(Targets::seen).unwrap_or_default();
         let (sky, texels) = (self.resources.sky.as_ref(), self.texels.as_ref());
         let images = FrameImages { sky, texels, faults: self.pipelines.fault_bytes(), ..seen };

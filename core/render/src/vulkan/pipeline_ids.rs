@@ -33,7 +33,7 @@ pub(crate) enum Backdrop {
 /// The pipeline of each command of a recording, in order (`None` for commands that bind none).
 pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
     let (mut samples, mut float, mut depth) = (1, false, false);
-    let is_float = |t: &Target| *t != Target::Picture;
+    let is_float = |t: &Target| *t != Target::Image;
     let id = |command: &Command| match command {
         Command::BeginPass { target, samples: s, depth: d, .. } => {
             (samples, float, depth) = (*s, is_float(target), *d);

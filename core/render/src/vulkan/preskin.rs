@@ -39,7 +39,7 @@ pub struct Job {
 
 /// Pre-skinning buffers of one frame in flight.
 #[derive(Default)]
-pub struct Posing {
+pub struct PreskinBuffers {
     jobs: Option<Buffer>,
     vertices: Option<Buffer>,
     /// Descriptor sets: `write` has both buffers for the compute stage; `read` has the vertices for all passes.
@@ -69,7 +69,7 @@ fn grow(
     Ok(true)
 }
 
-impl Posing {
+impl PreskinBuffers {
     /// Assigns an output range to each pre-skinned mesh. Call it after the resources are prepared; the slot's last frame must be
     /// done.
     pub fn prepare(
@@ -111,16 +111,16 @@ impl Posing {
                 bytes.len() as u64,
                 MemoryLocation::CpuToGpu,
             )?,
-            grow(gpu, &mut self.vertices, "posed vertices", 4 * end, MemoryLocation::GpuOnly)?,
+            grow(gpu, &mut self.vertices, "pre-skinned vertices", 4 * end, MemoryLocation::GpuOnly)?,
         ];
         let (Some(jobs), Some(vertices)) = (&mut self.jobs, &self.vertices) else { return Ok(()) };
         jobs.mapped_mut()[..bytes.len()].copy_from_slice(bytes);
         let sets = [self.write.is_none(), self.read.is_none()];
         if self.write.is_none() {
-            self.write = Some(pools.allocate(gpu, layouts.posed, "set of meshes to be pre-skinned")?);
+            self.write = Some(pools.allocate(gpu, layouts.preskin, "set of meshes to be pre-skinned")?);
         }
         if self.read.is_none() {
-            self.read = Some(pools.allocate(gpu, layouts.morphs, "set of posed vertices")?);
+            self.read = Some(pools.allocate(gpu, layouts.morphs, "set of pre-skinned vertices")?);
         }
         if let (Some(write), Some(read), true) =
             (self.write, self.read, new.contains(&true) || sets.contains(&true))
@@ -232,9 +232,9 @@ impl Execution<'_> {
         let mesh = self.resources.mesh(hash, layout).ok_or_else(|| missing("a pre-skinned mesh"))?;
         let source =
             self.resources.sources.get(&(hash, layout)).ok_or_else(|| missing("a pre-skinned mesh"))?;
-        let write = self.slot.posed.write.ok_or_else(|| missing("a set of meshes to be pre-skinned"))?;
+        let write = self.slot.preskin.write.ok_or_else(|| missing("a set of meshes to be pre-skinned"))?;
         let bind = |index: u32, set: vk::DescriptorSet| {
-            let (point, layout) = (vk::PipelineBindPoint::COMPUTE, self.layouts.posed_pipeline);
+            let (point, layout) = (vk::PipelineBindPoint::COMPUTE, self.layouts.preskin_pipeline);
             // SAFETY: the command buffer is being recorded; the set fits the layout and outlives the frame.
             unsafe {
                 self.gpu.device.cmd_bind_descriptor_sets(
@@ -260,7 +260,7 @@ impl Execution<'_> {
         unsafe {
             let (device, commands) = (&self.gpu.device, self.slot.commands);
             device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, pipeline);
-            let (layout, stage) = (self.layouts.posed_pipeline, vk::ShaderStageFlags::COMPUTE);
+            let (layout, stage) = (self.layouts.preskin_pipeline, vk::ShaderStageFlags::COMPUTE);
             device.cmd_push_constants(commands, layout, stage, 0, bytemuck::cast_slice(&posing));
             device.cmd_dispatch(commands, mesh.vertex_count.div_ceil(GROUP), count, 1);
         }
@@ -281,7 +281,7 @@ impl Execution<'_> {
 
     /// Binds the pre-skinned vertices, in the place of morph targets.
     pub(super) fn bind_posed(&self) -> Result<(), RenderError> {
-        let set = self.slot.posed.read.ok_or_else(|| missing("a set of posed vertices"))?;
+        let set = self.slot.preskin.read.ok_or_else(|| missing("a set of pre-skinned vertices"))?;
         self.bind_set(self.pipelines.layout, 1, set.raw);
         Ok(())
     }
@@ -306,7 +306,7 @@ pub fn pipeline(
         .stage(vk::ShaderStageFlags::COMPUTE)
         .module(module)
         .name(c"pose");
-    let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layouts.posed_pipeline)];
+    let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layouts.preskin_pipeline)];
     // SAFETY: module, layout and cache belong to this device; a pipeline does not need its module once it is made.
     let made = unsafe {
         let made = gpu.device.create_compute_pipelines(cache, &info, None);

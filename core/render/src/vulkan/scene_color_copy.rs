@@ -10,14 +10,14 @@ use crate::error::RenderError;
 use ash::vk;
 
 /// Creates the copy. Its format is float, whatever the image's, so that the levels do not accumulate rounding.
-pub(crate) fn behind_glass(
+pub(crate) fn scene_color_image(
     gpu: &Context,
     [width, height]: [u32; 2],
     levels: u32,
 ) -> Result<SampledImage, RenderError> {
     use vk::ImageUsageFlags as U;
     let desc = ImageDesc {
-        name: "image behind glass",
+        name: "scene color copy",
         width,
         height,
         levels,
@@ -36,11 +36,13 @@ pub(crate) fn behind_glass(
 
 impl Execution<'_> {
     /// Copies the scene color between two passes. The target keeps its contents.
-    pub(super) fn copy_behind(&self, from: Target) -> Result<(), RenderError> {
-        let (Some(behind), Some(levels)) = (&self.targets.behind, self.targets.needs.behind) else {
-            return Err(RenderError::Usage("the image behind glass was not prepared".into()));
+    pub(super) fn copy_scene_color(&self, from: Target) -> Result<(), RenderError> {
+        let (Some(destination), Some(levels)) =
+            (&self.targets.scene_color_copy, self.targets.needs.scene_color_copy)
+        else {
+            return Err(RenderError::Usage("the scene color copy was not prepared".into()));
         };
-        let (source, copy) = (self.targets.image(from), &behind.image);
+        let (source, copy) = (self.targets.image(from), &destination.image);
         use vk::{AccessFlags2 as A, ImageLayout as L, PipelineStageFlags2 as S};
         self.barriers(&[
             color_barrier(source)

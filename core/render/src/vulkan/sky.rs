@@ -101,7 +101,7 @@ fn upload(
 }
 
 /// Image of all 2D layers behind the scene, at the size of the frame, with straight alpha.
-pub(crate) fn flat_image(
+pub(crate) fn layer_image(
     gpu: &Context,
     flat: &LayerImage,
     uploads: &mut Uploads,
@@ -113,5 +113,5 @@ pub(crate) fn flat_image(
         straight.extend(pixel.w).to_array().map(f16::from_f32)
     };
     let texels: Vec<[f16; 4]> = (0..height).flat_map(|y| (0..width).map(move |x| texel(x, y))).collect();
-    upload(gpu, "layers under the scene", flat.size, &texels, uploads)
+    upload(gpu, "layers behind the scene", flat.size, &texels, uploads)
 }

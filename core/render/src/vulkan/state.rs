@@ -176,7 +176,7 @@ impl PipelineState {
             topology: vk::PrimitiveTopology::TRIANGLE_LIST,
             clockwise: false,
             samples: 1,
-            color: Some(format(Target::Picture)),
+            color: Some(format(Target::Image)),
             gbuffer: false,
             inputs: 0,
             depth: None,
@@ -188,7 +188,7 @@ impl PipelineState {
 }
 
 pub(crate) fn format_of(float: bool) -> vk::Format {
-    format(if float { Target::Float(0) } else { Target::Picture })
+    format(if float { Target::Float(0) } else { Target::Image })
 }
 
 fn vertex_format(format: Format) -> vk::Format {

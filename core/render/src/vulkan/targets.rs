@@ -4,7 +4,7 @@ use super::context::Context;
 use super::error::Named;
 use super::memory::{Buffer, Image, ImageDesc};
 use super::sampled_image::SampledImage;
-use super::scene_color_copy::behind_glass;
+use super::scene_color_copy::scene_color_image;
 use super::shadow::{HeldMap, shadow_maps};
 use super::sky::SkyImages;
 use crate::commands::{Command, Recording, Target};
@@ -21,7 +21,7 @@ pub const DEPTH: vk::Format = vk::Format::D32_SFLOAT;
 
 pub fn format(target: Target) -> vk::Format {
     match target {
-        Target::Picture => PICTURE,
+        Target::Image => PICTURE,
         Target::Float(_) | Target::Texture(_) => FLOAT,
     }
 }
@@ -40,11 +40,11 @@ pub struct Needs {
     /// Size in texels of the image of shadow maps.
     pub shadow: Option<[u32; 2]>,
     /// Mip levels of the scene color copy.
-    pub behind: Option<u32>,
+    pub scene_color_copy: Option<u32>,
     /// Whether depths of peeled layers are needed.
     pub layers: bool,
     /// Whether a G-buffer is needed.
-    pub kept: bool,
+    pub gbuffer: bool,
     /// Number of color targets of effect inputs, 0 to 2.
     pub inputs: usize,
 }
@@ -54,29 +54,29 @@ impl Needs {
         let mut needs = Needs {
             size: recording.size,
             samples: 1,
-            scene: Target::Picture,
+            scene: Target::Image,
             depth: false,
             floats: 0,
             textures: Vec::new(),
             shadow: None,
-            behind: None,
+            scene_color_copy: None,
             layers: false,
-            kept: false,
+            gbuffer: false,
             inputs: 0,
         };
         for command in &recording.commands {
             let float = |t: &Target| match t {
                 Target::Float(i) => *i as usize + 1,
-                Target::Picture | Target::Texture(_) => 0,
+                Target::Image | Target::Texture(_) => 0,
             };
             match command {
                 Command::BeginShadows { image, .. } | Command::KeepShadows { image } => {
                     needs.shadow = Some(*image)
                 }
                 Command::BeginPeel { .. } => needs.layers = true,
-                Command::BeginGeometry => needs.kept = true,
+                Command::BeginGeometry => needs.gbuffer = true,
                 Command::BeginInputs { motion } => needs.inputs = 1 + usize::from(*motion),
-                Command::CopySceneColor { levels, .. } => needs.behind = Some(*levels),
+                Command::CopySceneColor { levels, .. } => needs.scene_color_copy = Some(*levels),
                 Command::BeginPass { target, samples, depth, .. } => {
                     (needs.scene, needs.samples, needs.depth) = (*target, *samples, *depth);
                     needs.floats = needs.floats.max(float(target));
@@ -105,7 +105,7 @@ pub struct Targets {
     /// Depths of two peeled layers, used alternately.
     pub layers: Vec<Image>,
     /// Images of the G-buffer.
-    pub kept: Vec<Image>,
+    pub gbuffer: Vec<Image>,
     /// Targets of effect inputs, and the depth image of their pass.
     pub inputs: Vec<Image>,
     pub input_depth: Option<Image>,
@@ -116,7 +116,7 @@ pub struct Targets {
     pub shadow: Option<SampledImage>,
     /// The shadow maps that the image holds.
     pub shadow_maps: Vec<HeldMap>,
-    pub behind: Option<SampledImage>,
+    pub scene_color_copy: Option<SampledImage>,
     /// Rows of the background as encoded bytes, and the two colors that they were made from.
     background: Option<(Buffer, [Vec4; 2])>,
 }
@@ -125,12 +125,12 @@ pub struct Targets {
 #[derive(Clone, Copy, Default)]
 pub(crate) struct FrameImages<'a> {
     pub shadow: Option<&'a SampledImage>,
-    pub behind: Option<&'a SampledImage>,
+    pub scene_color_copy: Option<&'a SampledImage>,
     pub sky: Option<&'a SkyImages>,
     /// Depths of the scene and of even and odd peeled layers.
     pub layers: Option<([vk::ImageView; 3], vk::Sampler)>,
     /// The G-buffer.
-    pub kept: Option<[vk::ImageView; 3]>,
+    pub gbuffer: Option<[vk::ImageView; 3]>,
     /// Textures of effects.
     pub texels: Option<&'a Buffer>,
     /// Size of the fault records of effects in bytes.
@@ -154,14 +154,14 @@ impl Targets {
             textures: Vec::new(),
             depth: None,
             layers: Vec::new(),
-            kept: Vec::new(),
+            gbuffer: Vec::new(),
             inputs: Vec::new(),
             input_depth: None,
             sampler: vk::Sampler::null(),
             multisampled: None,
             shadow: None,
             shadow_maps: Vec::new(),
-            behind: None,
+            scene_color_copy: None,
             background: None,
         };
         let made = (|| {
@@ -187,9 +187,9 @@ impl Targets {
                 let usage = U::DEPTH_STENCIL_ATTACHMENT | U::SAMPLED;
                 targets.layers.push(image(name, DEPTH, usage, needs.samples)?);
             }
-            for format in super::deferred::FORMATS.into_iter().filter(|_| needs.kept) {
+            for format in super::deferred::FORMATS.into_iter().filter(|_| needs.gbuffer) {
                 let usage = U::COLOR_ATTACHMENT | U::SAMPLED;
-                targets.kept.push(image("G-buffer", format, usage, 1)?);
+                targets.gbuffer.push(image("G-buffer", format, usage, 1)?);
             }
             for name in ["normals and depth", "motion and actors"].into_iter().take(needs.inputs) {
                 targets.inputs.push(image(name, super::scene_inputs::FORMAT, usage, 1)?);
@@ -203,8 +203,8 @@ impl Targets {
                 targets.multisampled = Some(made);
             }
             targets.shadow = needs.shadow.map(|size| shadow_maps(gpu, size)).transpose()?;
-            let behind = needs.behind.map(|levels| behind_glass(gpu, needs.size, levels));
-            targets.behind = behind.transpose()?;
+            let copy = needs.scene_color_copy.map(|levels| scene_color_image(gpu, needs.size, levels));
+            targets.scene_color_copy = copy.transpose()?;
             Ok(())
         })();
         match made {
@@ -222,17 +222,17 @@ impl Targets {
             (Some(depth), [even, odd]) => Some(([depth.view, even.view, odd.view], self.sampler)),
             _ => None,
         };
-        let kept = match &self.kept[..] {
+        let gbuffer = match &self.gbuffer[..] {
             [a, b, c] => Some([a.view, b.view, c.view]),
             _ => None,
         };
-        let (shadow, behind) = (self.shadow.as_ref(), self.behind.as_ref());
-        FrameImages { layers, kept, shadow, behind, sky: None, texels: None, faults: 0 }
+        let (shadow, scene_color_copy) = (self.shadow.as_ref(), self.scene_color_copy.as_ref());
+        FrameImages { layers, gbuffer, shadow, scene_color_copy, sky: None, texels: None, faults: 0 }
     }
 
     pub fn image(&self, target: Target) -> &Image {
         match target {
-            Target::Picture => &self.picture,
+            Target::Image => &self.picture,
             // `Needs::of` counted them from the same recording.
             Target::Float(i) => &self.floats[i as usize],
             Target::Texture(i) => &self.textures[i as usize],
@@ -297,7 +297,7 @@ impl Targets {
             .iter_mut()
             .chain(&mut self.textures)
             .chain(&mut self.layers)
-            .chain(&mut self.kept)
+            .chain(&mut self.gbuffer)
             .chain(&mut self.inputs)
             .chain(&mut self.input_depth)
             .chain(&mut self.depth)
@@ -307,7 +307,7 @@ impl Targets {
         }
         // SAFETY: made from this device (or null), no longer used.
         unsafe { gpu.device.destroy_sampler(self.sampler, None) };
-        for mut image in self.shadow.take().into_iter().chain(self.behind.take()) {
+        for mut image in self.shadow.take().into_iter().chain(self.scene_color_copy.take()) {
             image.destroy(gpu);
         }
     }

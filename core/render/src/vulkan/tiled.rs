@@ -53,8 +53,8 @@ impl VulkanRenderer {
             let scene = inputs.of(plan);
             image_passes::run(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
         }
-        if let Some(over) = &plan.layers_in_front {
-            over.over(&mut frame);
+        if let Some(layers) = &plan.layers_in_front {
+            layers.over(&mut frame);
         }
         Ok(frame)
     }

@@ -162,7 +162,7 @@ fn textures_share_images_and_the_effect_s_input_stays_readable() {
             (vec![texture(1)], texture(2), [32, 24]),
             // Nothing reads b after c, but a is read here.
             (vec![texture(0), texture(2)], texture(1), [32, 24]),
-            (vec![texture(1)], Target::Picture, size),
+            (vec![texture(1)], Target::Image, size),
         ]
     );
     let costs = explain::explain(&wall(&["chain"]).resources(), &plan, &recording);

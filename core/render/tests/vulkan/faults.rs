@@ -45,8 +45,8 @@ fn draw(renderer: &mut dyn Renderer) -> Result<Vec<Frame>, RenderError> {
     Ok(frames)
 }
 
-fn steady(faults: &Faults) -> Option<SteadyRenderer> {
-    match SteadyRenderer::new(options(faults)) {
+fn steady(faults: &Faults) -> Option<RecoveringRenderer> {
+    match RecoveringRenderer::new(options(faults)) {
         Ok(renderer) => Some(renderer),
         Err(RenderError::NoVulkan { why }) => {
             println!("SKIP 1: {}", why.lines().next().unwrap_or_default());

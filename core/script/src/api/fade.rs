@@ -59,7 +59,7 @@ fn add(c: &Call, color: Vec4, first: (Time, f64), second: (Time, f64), fade: Fad
         values: vec![first.1, second.1],
     }];
     let mut build = c.build();
-    room(build.layers_2d.len(), "flats", &c.shared.limits)?;
+    room(build.layers_2d.len(), "2D layers", &c.shared.limits)?;
     let ins = build.fades.iter().filter(|fade| !fade.out && fade.at >= second.0);
     layer.end = if fade.out { ins.map(|fade| fade.at).min() } else { Some(second.0) };
     let index = build.layers_2d.len();

@@ -97,7 +97,7 @@ fn add(c: &Call, o: &Options, content: Layer2dContent) -> Reply {
         flat.anchor = found.map_or(flat.anchor, |(_, at)| DVec2::from_array(*at));
     }
     let mut build = c.build();
-    room(build.layers_2d.len(), "flats", &c.shared.limits)?;
+    room(build.layers_2d.len(), "2D layers", &c.shared.limits)?;
     build.layers_2d.push(flat);
     build.layer_2d_places.push(c.place.clone());
     Ok(Dynamic::from(FlatRef(build.layers_2d.len() - 1)))

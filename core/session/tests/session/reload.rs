@@ -5,7 +5,7 @@ use choreo_plugin::{
     Effect, EffectPlugin, EffectShader, Frame, Manifest, PixelEffect, Registry, Shutter, ShutterEffect,
 };
 use choreo_render::renderer::CreatedCounts;
-use choreo_render::vulkan::{GpuOptions, SteadyRenderer};
+use choreo_render::vulkan::{GpuOptions, RecoveringRenderer};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, RenderError, Renderer};
 use choreo_session::edit::unroll;
 use choreo_session::{
@@ -475,11 +475,11 @@ fn an_effect_that_panics_leaves_the_renderer_at_work() {
 /// `None`, with a word, where there is no Vulkan.
 fn vulkan(shaders: Option<PathBuf>) -> Option<Studio> {
     let options = GpuOptions { shader_dir: shaders, ..GpuOptions::default() };
-    if let Err(RenderError::NoVulkan { why }) = SteadyRenderer::new(options.clone()) {
+    if let Err(RenderError::NoVulkan { why }) = RecoveringRenderer::new(options.clone()) {
         println!("SKIP 1: {why}");
         return None;
     }
-    Some(Studio::new(move || Ok(Box::new(SteadyRenderer::new(options)?))))
+    Some(Studio::new(move || Ok(Box::new(RecoveringRenderer::new(options)?))))
 }
 
 #[test]

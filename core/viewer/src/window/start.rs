@@ -5,7 +5,7 @@ use super::error::ViewerError;
 use super::event_log::EventLog;
 use choreo_command_line::Device;
 use choreo_plugin::Effect;
-use choreo_render::vulkan::{GpuOptions, SteadyRenderer, chosen_device};
+use choreo_render::vulkan::{GpuOptions, RecoveringRenderer, chosen_device};
 use choreo_render::{CpuRenderer, DeviceKind, Renderer};
 use choreo_session::StartRenderer;
 use std::any::Any;
@@ -127,7 +127,7 @@ pub fn renderer(
         let cache_dir = choreo_command_line::cache_dir();
         let options =
             GpuOptions { cache_dir, shader_dir: shaders, effects: effects.clone(), ..GpuOptions::default() };
-        let renderer: (Box<dyn Renderer>, Option<String>) = match SteadyRenderer::new(options) {
+        let renderer: (Box<dyn Renderer>, Option<String>) = match RecoveringRenderer::new(options) {
             Ok(renderer) => (Box::new(renderer), None),
             Err(error) if device == Device::Vulkan => return Err(error),
             Err(error) => {

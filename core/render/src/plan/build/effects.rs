@@ -106,7 +106,7 @@ pub(crate) fn uses<'a>(
 }
 
 /// The shutter of the last active effect that sets one.
-pub(crate) fn exposure_of(stage: &Stage, snapshot: &Snapshot, effects: &[Effect]) -> Option<Shutter> {
+pub(crate) fn shutter_of(stage: &Stage, snapshot: &Snapshot, effects: &[Effect]) -> Option<Shutter> {
     let last = shutters(stage, snapshot, effects).last().map(|(_, shutter)| shutter);
     last.filter(|s| s.samples > 1 && s.open > 0.0 && s.open.is_finite() && s.before.is_finite())
 }

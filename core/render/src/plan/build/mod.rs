@@ -253,7 +253,7 @@ impl<'a> Planner<'a> {
         let inputs = inputs_of(stage, snapshot, options);
         let effect_frame = effect_frame(stage, snapshot, inputs, &self.view, &lights);
         self.facts = Facts {
-            flats: usize::from(layers_behind.is_some()) + usize::from(layers_in_front.is_some()),
+            layers_2d: usize::from(layers_behind.is_some()) + usize::from(layers_in_front.is_some()),
             blended: self.items.len() - first_transparent,
             draws: draws.len(),
             drawn_copies: instances.len(),

@@ -67,8 +67,8 @@ impl VulkanRenderer {
         let passes = image_passes::passes(&plan.post, plan.size, self.pipelines.effects())?;
         let scene = inputs.of(&plan);
         image_passes::run(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
-        if let Some(over) = &plan.layers_in_front {
-            over.over(&mut frame);
+        if let Some(layers) = &plan.layers_in_front {
+            layers.over(&mut frame);
         }
         Ok(frame)
     }
@@ -113,12 +113,12 @@ impl VulkanRenderer {
         rgba.clear();
         let index = self.pending.front().copied().unwrap_or_default();
         rgba.extend_from_slice(self.finished(4, [0, 0])?);
-        let over = self.slots[index].over.take();
+        let layers = self.slots[index].layers_in_front.take();
         let [width, height] = self.slots[index].size;
         self.gpu.check_messages()?;
         let mut frame = Frame { width, height, rgba };
-        if let Some(over) = over {
-            over.over(&mut frame);
+        if let Some(layers) = layers {
+            layers.over(&mut frame);
         }
         Ok(frame)
     }

@@ -10,7 +10,8 @@ impl VulkanRenderer {
     pub(super) fn textures(&self) -> u32 {
         let limits = self.gpu.limits();
         let images = limits.max_per_stage_descriptor_sampled_images;
-        let room = images.min(limits.max_per_stage_descriptor_samplers).saturating_sub(images_beside_material());
+        let room =
+            images.min(limits.max_per_stage_descriptor_samplers).saturating_sub(images_beside_material());
         self.most_textures.map_or(room, |most| room.min(most))
     }
 
