@@ -22,7 +22,7 @@ fn within_reach(offset: vec3<f32>, index: u32) -> vec3<f32> {
 @end
 
 @if(DISPLACED && NORMAL)
-// Step of the finite differences in meters: a power of two, so that adding it rounds little.
+// Step of the finite differences in metres: a power of two, so that adding it rounds little.
 const DISPLACED_STEP: f32 = 0.00390625;
 
 fn shifted(vertex: VertexSample, m: Rows, way: vec3<f32>) -> VertexSample {

@@ -41,7 +41,7 @@ struct Instance {
     first_joint: u32,
     first_morph: u32,
     morph_count: u32,
-    // Width of lines and points in pixels; negative: in meters.
+    // Width of lines and points in pixels; negative: in metres.
     width: f32,
 }
 
@@ -90,7 +90,7 @@ struct Outline {
     color: vec3<f32>,
     // Share of the surface's lighting in the outline's color.
     lighting_mix: f32,
-    // Meters, or a share of the image's height where `on_screen` is 1.
+    // Metres, or a share of the image's height where `on_screen` is 1.
     width: f32,
     on_screen: f32,
     pad: vec2<f32>,
@@ -123,7 +123,7 @@ struct Material {
 struct Layers {
     sheen_color: vec3<f32>,
     sheen_roughness: f32,
-    // Volume: extinction per meter, and thickness in meters.
+    // Volume: extinction per metre, and thickness in metres.
     extinction: vec3<f32>,
     thickness: f32,
     clearcoat: f32,
@@ -155,7 +155,7 @@ struct ShadowView {
     texel_from_relative: mat4x4<f32>,
     // Rectangle in which all texels of the filter lie inside the map: from (xy), to (zw).
     inside: vec4<f32>,
-    // x = size of a texel in meters where w is 1, y = penumbra in texels per depth, zw = 1 / texels of the image
+    // x = size of a texel in metres where w is 1, y = penumbra in texels per depth, zw = 1 / texels of the image
     texel: vec4<f32>,
 }
 

@@ -3,7 +3,7 @@
 
 @if(INPUT_PASS)
 struct Inputs {
-    // World-space normal, and depth in meters in front of the camera.
+    // World-space normal, and depth in metres in front of the camera.
     @location(0) surface: vec4<f32>,
     // Motion in pixels since the frame before, and the numbers of actor and material.
     @if(MOTION) @location(1) motion: vec4<f32>,

@@ -46,7 +46,7 @@ fn squared(v: f32) -> f32 {
 }
 
 // Color of one interference term: sensitivity of the eye in Fourier space, as sums of Gaussians (Belcour & Barla, "A Practical
-// Extension to Microfacet Theory for the Modeling of Varying Iridescence", 2017, §4), in linear sRGB. `path`: meters; `shift`:
+// Extension to Microfacet Theory for the Modeling of Varying Iridescence", 2017, §4), in linear sRGB. `path`: metres; `shift`:
 // radians, per channel.
 fn film_color(path: f32, shift: vec3<f32>) -> vec3<f32> {
     let phase = 6.2831853 * path;

@@ -10,7 +10,7 @@ fn bent(n: vec3<f32>, v: vec3<f32>, ior: f32) -> vec3<f32> {
     return n * (eta * nv - sqrt(k)) - v * eta;
 }
 
-// Scene color where the refracted ray leaves the volume after `depth` meters (glTF-Sample-Viewer, `getVolumeTransmissionRay`),
+// Scene color where the refracted ray leaves the volume after `depth` metres (glTF-Sample-Viewer, `getVolumeTransmissionRay`),
 // blurred by the surface's roughness.
 fn behind_glass(relative: vec3<f32>, n: vec3<f32>, v: vec3<f32>, ior: f32, depth: f32, roughness: f32) -> vec3<f32> {
     let clip = frame.clip_from_relative * vec4(relative + bent(n, v, ior) * depth, 1.0);

@@ -38,12 +38,12 @@ impl View {
         }
     }
 
-    /// Depth of a camera-relative point in meters in front of the camera.
+    /// Depth of a camera-relative point in metres in front of the camera.
     pub fn depth(&self, relative: Vec3) -> f32 {
         -self.view_from_relative.transform_point3(relative).z
     }
 
-    /// Pixels that a meter covers at a depth; infinite at the camera and behind it.
+    /// Pixels that a metre covers at a depth; infinite at the camera and behind it.
     pub(crate) fn pixels_per_meter(&self, depth: f32, size: [u32; 2]) -> f32 {
         let tall = self.clip_from_view.y_axis.y.abs() * 0.5 * size[1] as f32;
         match self.eye.w == 0.0 {

@@ -8,7 +8,7 @@ pub struct Bones {
     pub names: Vec<String>,
     parents: Vec<Option<usize>>,
     children: Vec<Vec<usize>>,
-    /// Offsets from the parent in the rest pose, in world axes, meters; those of roots are from the origin.
+    /// Offsets from the parent in the rest pose, in world axes, metres; those of roots are from the origin.
     pub offsets: Vec<DVec3>,
     /// Rest rotations in model space.
     rest: Vec<DQuat>,
@@ -18,7 +18,7 @@ pub struct Bones {
     added_root: bool,
 }
 
-/// World positions (meters) and rotations relative to the rest pose, in the order of the bones.
+/// World positions (metres) and rotations relative to the rest pose, in the order of the bones.
 pub struct Pose {
     positions: Vec<DVec3>,
     rotations: Vec<DQuat>,

@@ -21,7 +21,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         .number("units", "units of the file in a metre: 100 for centimetres", 100.0, 1e-3..=1e6)
 });
 
-/// Distance in meters from its rest offset at which a joint gets position channels.
+/// Distance in metres from its rest offset at which a joint gets position channels.
 const RIGID: f64 = 1e-5;
 
 /// Writes BVH. Contents and limits: README.md.

@@ -11,11 +11,11 @@ use choreo_plugin::glam::{Quat, Vec3};
 use choreo_plugin::motion::{Time, Transform};
 use choreo_plugin::stage::Stage;
 
-/// Focal lengths and apertures in USD are in tenths of a scene unit, here tenths of a meter.
+/// Focal lengths and apertures in USD are in tenths of a scene unit, here tenths of a metre.
 const TENTHS: f64 = 10.0;
-/// Height of the film gate, meters. It and the focal length determine the field of view.
+/// Height of the film gate, metres. It and the focal length determine the field of view.
 const FILM: f64 = 0.024;
-/// Far plane of a camera that has none, meters.
+/// Far plane of a camera that has none, metres.
 const FAR: f32 = 1e6;
 /// The largest error of a field of view between two keys, radians.
 const ANGLE: f64 = 5e-5;

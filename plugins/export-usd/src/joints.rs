@@ -83,7 +83,7 @@ impl Joints {
     fn bound(&mut self, number: usize, skin: &Skin, bind: &mut Vec<Option<DMat4>>) -> BoundSkin {
         let inverse =
             |index: usize| skin.inverse_bind.get(index).map_or(DMat4::IDENTITY, |m| affine(&m.as_dmat4()));
-        // The geometry's bind transform takes the scale of a mesh in centimeters, so that joints need none: some importers ignore
+        // The geometry's bind transform takes the scale of a mesh in centimetres, so that joints need none: some importers ignore
         // the scale of bones.
         let first = (0..skin.joints.len()).map(inverse).find(is_invertible);
         let size = first.map_or(1.0, |m| libm::cbrt(m.determinant().abs()));

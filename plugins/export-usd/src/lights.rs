@@ -16,7 +16,7 @@ use choreo_plugin::motion::Transform;
 use choreo_plugin::stage::{Stage, default_sun};
 use std::collections::BTreeSet;
 
-/// Radius of point and spot lights, which USD has as spheres, meters.
+/// Radius of point and spot lights, which USD has as spheres, metres.
 const RADIUS: f32 = 0.01;
 /// Intensity of a normalized sphere light for one candela. The luminance is intensity ÷ 4πr², and a viewer sees a disk of πr².
 const SPHERE: f32 = 4.0;

@@ -57,7 +57,7 @@ impl Importer for BvhImporter {
     }
 }
 
-/// Conversion from the file's units and axes to meters and +Y up.
+/// Conversion from the file's units and axes to metres and +Y up.
 #[derive(Clone, Copy, Debug)]
 struct Convention {
     scale: f64,

@@ -1,10 +1,10 @@
-//! Guesses the unit of a BVH file, which does not state one: people are between one and two meters tall.
+//! Guesses the unit of a BVH file, which does not state one: people are between one and two metres tall.
 
 use crate::hierarchy::Joint;
 use choreo_importer_kit::Notes;
 use glam::DVec3;
 
-/// Upper bound of the skeleton's largest extent in the file's units, meters a unit, name of the unit. A bound lies where both
+/// Upper bound of the skeleton's largest extent in the file's units, metres a unit, name of the unit. A bound lies where both
 /// neighboring guesses are equally far from a person's size, by ratio. The Carnegie Mellon captures have units of 1/0.45 inch.
 const UNITS: [(f64, f64, &str); 5] = [
     (5.5, 1.0, "1 m"),
@@ -14,7 +14,7 @@ const UNITS: [(f64, f64, &str); 5] = [
     (5200.0, 0.001, "1 mm"),
 ];
 
-/// Guesses the meters in a unit. A warning states the guess.
+/// Guesses the metres in a unit. A warning states the guess.
 pub fn guess(joints: &[Joint], notes: &Notes) -> f64 {
     let mut at: Vec<DVec3> = Vec::with_capacity(joints.len());
     for joint in joints {

@@ -26,7 +26,7 @@ pub struct Submesh {
 pub struct Geometry {
     pub name: String,
     pub parts: Vec<Submesh>,
-    /// Positions of the source, in meters.
+    /// Positions of the source, in metres.
     pub positions: Rc<Vec<Vec3>>,
 }
 
@@ -91,7 +91,7 @@ struct Reader<'x, 'a> {
     srgb: bool,
     /// Sources read so far: elements of a mesh share them.
     sources: &'x mut HashMap<NodeId, Rc<Floats>>,
-    /// Positions in meters of the latest source.
+    /// Positions in metres of the latest source.
     places: &'x mut Option<(NodeId, Rc<Vec<Vec3>>)>,
     welder: &'x mut Welder,
     triangulator: &'x mut Triangulator,
@@ -235,7 +235,7 @@ impl<'a> Reader<'_, 'a> {
         self.xml.problem(self.element, what)
     }
 
-    /// The positions of a source, converted to meters.
+    /// The positions of a source, converted to metres.
     fn in_metres(&mut self, source: Option<NodeId>, floats: &Floats) -> Result<Rc<Vec<Vec3>>> {
         if let (Some(source), Some((known, places))) = (source, &*self.places)
             && source == *known

@@ -38,7 +38,7 @@ pub struct Joint<'a> {
     pub stack: Vec<TransformElement<'a>>,
 }
 
-/// Conversion of the file's units and axes to meters and +Y up: translations are scaled, and the roots are rotated, which their
+/// Conversion of the file's units and axes to metres and +Y up: translations are scaled, and the roots are rotated, which their
 /// children follow. Joints keep their own axes.
 #[derive(Clone, Copy, Debug)]
 pub struct Convention {
@@ -82,7 +82,7 @@ impl TransformElement<'_> {
 }
 
 impl Convention {
-    /// Converts a matrix between lengths in the file's units to meters, by scaling its translation.
+    /// Converts a matrix between lengths in the file's units to metres, by scaling its translation.
     pub fn scaled(&self, mut m: DMat4) -> DMat4 {
         let t = m.w_axis.truncate() * self.metres;
         m.w_axis = t.extend(m.w_axis.w);

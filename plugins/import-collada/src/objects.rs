@@ -13,7 +13,7 @@ use std::f64::consts::PI;
 /// Aspect ratio (width over height) where the file states none.
 const WIDE: f64 = 16.0 / 9.0;
 
-/// Distance in meters at which the renderer's inverse-square falloff equals the file's attenuation.
+/// Distance in metres at which the renderer's inverse-square falloff equals the file's attenuation.
 const EQUAL_AT: f64 = 5.0;
 
 /// A camera or light of the asset, with the file's element that it instances.
@@ -90,7 +90,7 @@ impl Numbers {
     }
 
     /// A light of the given type; `None` for unsupported types. A directional light of color 1 makes a white surface white: π lux. Other
-    /// lights get an inverse-square falloff that equals their attenuation at five meters.
+    /// lights get an inverse-square falloff that equals their attenuation at five metres.
     pub fn light(&self, kind: &str, metres: f64) -> Option<Light> {
         let value = |name, default: f64| self.get(name).unwrap_or(default);
         let color = Vec3::from(["r", "g", "b"].map(|name| value(name, 1.0).max(0.0) as f32));
@@ -212,7 +212,7 @@ fn name(node: Node<'_>) -> String {
     label_of(node).unwrap_or(name_of(node)).to_string()
 }
 
-/// Meters in a unit, and the upward axis.
+/// Metres in a unit, and the upward axis.
 pub fn convention(xml: &Xml<'_>) -> (f64, &'static str) {
     let asset = child(xml.root(), "asset");
     let unit = asset.and_then(|a| child(a, "unit"));

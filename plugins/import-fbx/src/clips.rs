@@ -25,7 +25,7 @@ use ufbx::{AnimCurve, AnimStack};
 
 /// Latest key time, seconds (about 115 days). Later keys are taken for damage.
 const MAX_KEY_SECS: f64 = 1e7;
-/// Largest difference from rest that counts as still: in meters, in quaternion components, and in scale.
+/// Largest difference from rest that counts as still: in metres, in quaternion components, and in scale.
 const STILL: f32 = 1e-6;
 
 pub fn read(

@@ -215,7 +215,7 @@ impl Member<'_> {
         (self.curves.value(interval, first, u), self.curves.slope(interval, first, u))
     }
 
-    /// Largest error, in radians or meters, of a cubic Hermite curve with this part's values and slopes at both ends of an
+    /// Largest error, in radians or metres, of a cubic Hermite curve with this part's values and slopes at both ends of an
     /// interval: f⁗/384. Division into n parts reduces it by n⁴.
     pub(crate) fn cubic_error(&self, interval: usize) -> f64 {
         match self.path {
@@ -236,7 +236,7 @@ impl Member<'_> {
         self.factors.iter().fold(own, of)[4]
     }
 
-    /// Bound of the fourth derivative of the swing about a pivot, in meters.
+    /// Bound of the fourth derivative of the swing about a pivot, in metres.
     fn swung(&self, interval: usize) -> f64 {
         let Some(turned) = self.turned else { return 0.0 };
         let r = bell(self.curves.bounds(interval, turned, 2.0 * HALF_RAD));

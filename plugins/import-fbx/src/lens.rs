@@ -7,14 +7,14 @@ use ufbx::{ApertureMode, Camera, ProjectionMode};
 const RADIANS: f64 = PI / 180.0;
 const MM_PER_INCH: f64 = 25.4;
 
-/// How a property of a camera gives its full vertical angle (radians), or the height of its view (meters).
+/// How a property of a camera gives its full vertical angle (radians), or the height of its view (metres).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lens {
     /// Proportional to the value.
     Times(f64),
     /// A horizontal angle in degrees, for images with this ratio of width to height.
     Across(f64),
-    /// A focal length in millimeters, with this half height of the film in millimeters.
+    /// A focal length in millimetres, with this half height of the film in millimetres.
     Focal(f64),
 }
 

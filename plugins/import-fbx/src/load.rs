@@ -90,7 +90,7 @@ fn attempt(
         generate_missing_normals: true,
         normalize_normals: true,
         use_blender_pbr_material: true,
-        // One tree of translations, rotations and scales in meters. Transforms that it cannot express become helper nodes.
+        // One tree of translations, rotations and scales in metres. Transforms that it cannot express become helper nodes.
         // Geometry helpers are folded into meshes where `nodes` can, with our own trigonometry.
         geometry_transform_handling: GeometryTransformHandling::HelperNodes,
         inherit_mode_handling: InheritModeHandling::Compensate,

@@ -128,7 +128,7 @@ impl Local {
         Some(local)
     }
 
-    /// Meters in a unit of the file.
+    /// Metres in a unit of the file.
     pub fn metres(&self) -> f64 {
         self.metres.abs()
     }
@@ -178,7 +178,7 @@ impl Local {
         times_axis(turn.all, a) * half(a) + inner * half(b) + axis_times(c, turn.all) * half(c)
     }
 
-    /// The node's translation in meters, pivots included.
+    /// The node's translation in metres, pivots included.
     pub(crate) fn translation_at(&self, translation: DVec3, turn: &Turn, scaling: DVec3) -> DVec3 {
         let swing = self.swing_at(scaling);
         let turned = if swing == DVec3::ZERO { swing } else { self.before * turn.all * self.post * swing };
@@ -215,7 +215,7 @@ impl Local {
         out
     }
 
-    /// The greatest distance, in meters, by which a rotation swings the node's origin about its pivot.
+    /// The greatest distance, in metres, by which a rotation swings the node's origin about its pivot.
     pub(crate) fn swing_metres(&self, scaling: DVec3) -> f64 {
         self.swing_at(scaling).length() * self.metres()
     }

@@ -10,11 +10,11 @@ use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 use ufbx::{Camera, LightDecay, LightType, Node, ProjectionMode};
 
-/// Smallest distance of a near plane, meters.
+/// Smallest distance of a near plane, metres.
 const MIN_NEAR_M: f32 = 0.001;
 /// Smallest outer angle of a spot light, radians: narrower spots light nothing.
 const MIN_OUTER_RAD: f64 = 1e-4;
-/// Lights are matched at their distance from the middle of the scene, but at least at this one, meters.
+/// Lights are matched at their distance from the middle of the scene, but at least at this one, metres.
 const MIN_REFERENCE_M: f64 = 1.0;
 
 const PRODUCERS: [&str; 7] = [
@@ -166,7 +166,7 @@ fn unit(file: &File<'_>, node: &Node, light: &ufbx::Light, kind: LightKind) -> f
     PI * units * at * at
 }
 
-/// Distance from a light to the center of the bounding box of all nodes at rest, meters.
+/// Distance from a light to the center of the bounding box of all nodes at rest, metres.
 fn distance_to_middle(file: &File<'_>, node: &Node) -> f64 {
     let at = |n: &Node| DVec3::new(n.node_to_world.m03, n.node_to_world.m13, n.node_to_world.m23);
     let others = file

@@ -16,7 +16,7 @@ pub struct Grid {
     pub cap_rings: usize,
     pub side_rings: usize,
     pub sectors: usize,
-    /// Largest length of a ray, meters.
+    /// Largest length of a ray, metres.
     pub reach: f32,
 }
 

@@ -1,6 +1,6 @@
-//! Signed distance fields of the body parts: negative inside, meters.
+//! Signed distance fields of the body parts: negative inside, metres.
 //!
-//! Blends follow Quilez, "Smooth minimum" (polynomial, quadratic): exact away from the seam, rounded over about `k` meters at it.
+//! Blends follow Quilez, "Smooth minimum" (polynomial, quadratic): exact away from the seam, rounded over about `k` metres at it.
 
 use glam::{Vec3, vec3};
 

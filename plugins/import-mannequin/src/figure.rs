@@ -1,7 +1,7 @@
 //! The parts of the body. Each has a signed distance field, a ray grid that meshes it, a material and a skinning rule.
 //!
 //! The figure is ball-jointed: shells over darker balls that are concentric with the joints, so that a bent joint shows the ball
-//! instead of folding the shell. Left-hand parts are mirrored. T-pose, meters.
+//! instead of folding the shell. Left-hand parts are mirrored. T-pose, metres.
 
 use crate::cast::{Grid, Lens};
 use crate::field::{below, common, cut, ellipsoid, join, rounded_box, sphere, taper};
@@ -18,7 +18,7 @@ pub(crate) const EYES: u32 = 3;
 pub enum Skinning {
     Rigid(fn(Side) -> usize),
     /// (joint, coordinate along the axis at which it takes over from the joint before), and half the width of each transition,
-    /// meters.
+    /// metres.
     Chain {
         axis: Vec3,
         joints: fn(Side) -> Vec<(usize, f32)>,

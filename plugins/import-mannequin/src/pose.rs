@@ -78,7 +78,7 @@ impl Default for Arm {
 pub struct Foot {
     pub x: f32,
     pub z: f32,
-    /// Height above the floor of the ball (pitch ≥ 0) or of the heel (pitch < 0), meters.
+    /// Height above the floor of the ball (pitch ≥ 0) or of the heel (pitch < 0), metres.
     pub lift: f32,
     /// Toes pointing outwards.
     pub out: f32,
@@ -92,7 +92,7 @@ pub struct Foot {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// Offset of the hips from rest, meters, in the facing direction's frame.
+    /// Offset of the hips from rest, metres, in the facing direction's frame.
     pub hips: Vec3,
     pub pelvis: Turn,
     /// Distributed over the three spine joints.

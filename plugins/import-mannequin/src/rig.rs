@@ -18,13 +18,13 @@ const LEGS: usize = ARMS + 2 * JOINTS_PER_ARM;
 const JOINTS_PER_LEG: usize = 5;
 pub(crate) const JOINT_COUNT: usize = LEGS + 2 * JOINTS_PER_LEG;
 
-/// Length of the thigh, and of the shin, meters.
+/// Length of the thigh, and of the shin, metres.
 pub(crate) const LEG_SEGMENT: f32 = 0.415;
 pub(crate) const ANKLE_HEIGHT: f32 = 0.085;
-/// Height of the toe joint, and its distance in front of the ankle, meters.
+/// Height of the toe joint, and its distance in front of the ankle, metres.
 pub(crate) const BALL_HEIGHT: f32 = 0.022;
 pub(crate) const BALL_AHEAD: f32 = 0.125;
-/// Distance behind the ankle at which the heel touches the floor, meters.
+/// Distance behind the ankle at which the heel touches the floor, metres.
 pub(crate) const HEEL_BEHIND: f32 = 0.045;
 pub(crate) const HIP_WIDTH: f32 = 0.095;
 pub(crate) const REST_HEIGHT: f32 = 1.75;
@@ -75,7 +75,7 @@ impl Side {
 pub struct Joint {
     pub name: String,
     pub parent: Option<usize>,
-    /// Rest position in model space, meters.
+    /// Rest position in model space, metres.
     pub at: Vec3,
     /// Model-from-joint rotation at rest.
     pub axes: Quat,

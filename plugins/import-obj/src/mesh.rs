@@ -7,7 +7,7 @@ use choreo_importer_kit::text::count;
 use choreo_importer_kit::{Notes, normals, smooth};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
-/// How positions become meters, how missing normals are made, and how colors are read.
+/// How positions become metres, how missing normals are made, and how colors are read.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
     pub scale: f64,

@@ -1,4 +1,4 @@
-//! Solids become nodes with meshes, in meters and +Y up.
+//! Solids become nodes with meshes, in metres and +Y up.
 
 use crate::Solid;
 use choreo_asset::{Asset, Material, Origin, Primitive};
@@ -7,8 +7,8 @@ use choreo_importer_kit::{Notes, Problem, Result, parts, smooth};
 use choreo_plugin::{ImportOptions, ImportScope, Source};
 use glam::{DVec3, Vec3, Vec4};
 
-/// Extent in the file's units from which on the unit is taken as millimeters, as in programs for machining and 3D printing. Few
-/// things are 10 m long, and few of 10 mm are stored in meters.
+/// Extent in the file's units from which on the unit is taken as millimetres, as in programs for machining and 3D printing. Few
+/// things are 10 m long, and few of 10 mm are stored in metres.
 const MILLIMETRES_FROM: f32 = 10.0;
 
 pub fn asset(

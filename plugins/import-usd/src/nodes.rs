@@ -62,7 +62,7 @@ impl<'a> Tree<'a> {
             parents: Vec::new(),
             rest: Vec::new(),
         };
-        // The conversion to meters and +Y up.
+        // The conversion to metres and +Y up.
         let metres = layer.metres.filter(|m| m.is_finite() && *m > 0.0).unwrap_or(0.01);
         let turn = match layer.up.as_deref() {
             Some("Z") => DMat4::from_rotation_x(-FRAC_PI_2),

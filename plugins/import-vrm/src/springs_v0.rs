@@ -11,7 +11,7 @@ use glam::{DAffine3, DVec3, Vec3};
 use import_gltf::profile::Document;
 use std::collections::BTreeMap;
 
-/// Length of a spring bone without children, meters (VRMC_springBone 1.0, §"For vrm0").
+/// Length of a spring bone without children, metres (VRMC_springBone 1.0, §"For vrm0").
 const LAST_STICK: f64 = 0.07;
 
 /// Reads the springs. Vectors are in the axes of the rotated model ([`crate::facing`]), except tails, which that module rotates.

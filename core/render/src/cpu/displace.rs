@@ -8,7 +8,7 @@ use choreo_plugin::{Effect, VertexSample};
 use glam::{Vec3, Vec4Swizzles};
 use std::sync::Arc;
 
-/// A displacement effect with its parameters and its largest displacement in meters.
+/// A displacement effect with its parameters and its largest displacement in metres.
 pub struct Displacement {
     pub effect: Effect,
     pub parameters: Vec<f32>,
@@ -29,10 +29,10 @@ impl CpuRenderer {
     }
 }
 
-/// Step of the finite differences of the normal, in meters: a power of two, so that adding it rounds little.
+/// Step of the finite differences of the normal, in metres: a power of two, so that adding it rounds little.
 const STEP: f32 = 0.003_906_25;
 
-/// Sum of the effects' displacements of a vertex, in meters, world axes. `rows`: the vertex's camera-relative transform from mesh
+/// Sum of the effects' displacements of a vertex, in metres, world axes. `rows`: the vertex's camera-relative transform from mesh
 /// space.
 pub fn offset(effects: &[Displacement], place: &VertexSample, rows: &Affine3x4) -> Vec3 {
     effects.iter().fold(Vec3::ZERO, |sum, d| {

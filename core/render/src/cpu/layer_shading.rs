@@ -119,7 +119,7 @@ impl LayeredPoint<'_> {
         s.film = Some((film, share));
     }
 
-    /// Path length of light through the volume, in meters.
+    /// Path length of light through the volume, in metres.
     fn depth(&self) -> F4 {
         let depth = self.quad.scalar(|v| v.scale) * self.layers.thickness;
         self.texel(Features::THICKNESS_TEXTURE).map_or(depth, |[_, g, ..]| depth * g)

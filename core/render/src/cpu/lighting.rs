@@ -12,7 +12,7 @@ use std::cell::Cell;
 /// Four points of a lit surface.
 #[derive(Clone, Copy)]
 pub(crate) struct SurfacePoint {
-    /// Camera-relative position in meters.
+    /// Camera-relative position in metres.
     pub relative: V3,
     /// Normal without the normal map; `n` includes it.
     pub own_n: V3,

@@ -80,7 +80,7 @@ fn bent(n: V3, v: V3, ior: f32) -> V3 {
 }
 
 impl Fragment<'_> {
-    /// Color where the refracted ray leaves the volume after `depth` meters, blurred by the surface's roughness.
+    /// Color where the refracted ray leaves the volume after `depth` metres, blurred by the surface's roughness.
     pub(super) fn refracted(
         &self,
         relative: V3,

@@ -169,7 +169,7 @@ fn weights(triangle: &Triangle, at: Vec2) -> [f32; 3] {
 }
 
 impl DrawnCopy<'_> {
-    /// World-space normal, and depth in meters in front of the camera.
+    /// World-space normal, and depth in metres in front of the camera.
     fn surface(&self, plan: &Plan, triangle: &Triangle, weights: [f32; 3]) -> Vec4 {
         let vertices = triangle.vertices.map(|v| &self.batch.vertices[v as usize]);
         let mixed = |of: [Vec3; 3]| of[0] * weights[0] + of[1] * weights[1] + of[2] * weights[2];

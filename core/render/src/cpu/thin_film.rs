@@ -56,7 +56,7 @@ pub fn reflectance<const ORDERS: u32>(ior: f32, nanometres: f32, nv: f32, f0: Ve
 }
 
 /// Color of one interference term: sensitivity of the eye in Fourier space, as sums of Gaussians (§4 of the paper). `path`:
-/// optical path difference in meters; `shift`: phase in radians, per channel.
+/// optical path difference in metres; `shift`: phase in radians, per channel.
 fn film_color(path: f32, shift: Vec3) -> Vec3 {
     let phase = TAU * path;
     let p2 = phase * phase;

@@ -189,7 +189,7 @@ impl VertexStage<'_> {
             .fold(Vec3::ZERO, |sum, (j, w)| sum + joint_color(*j) * *w)
     }
 
-    /// Pushes a vertex of an outline's hull out along its normal: meters in world space, or a share of the image's height.
+    /// Pushes a vertex of an outline's hull out along its normal: metres in world space, or a share of the image's height.
     fn push_out(&self, hull: &Hull, i: usize, out: &mut Vertex) {
         let factors = &hull.material.factors;
         let Some(outline) = factors.material.toon.as_ref().and_then(|t| t.outline.as_ref()) else { return };

@@ -15,7 +15,7 @@ pub struct Instance {
     pub first_joint: u32,
     pub first_morph: u32,
     pub morph_count: u32,
-    /// Line width in pixels; negative: in meters. See `crate::scene_resources::thick_lines`.
+    /// Line width in pixels; negative: in metres. See `crate::scene_resources::thick_lines`.
     pub width: f32,
 }
 

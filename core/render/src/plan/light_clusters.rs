@@ -154,7 +154,7 @@ impl LightClusters {
     }
 }
 
-/// Depth of a camera-relative point in meters in front of the camera; 1 in orthographic views.
+/// Depth of a camera-relative point in metres in front of the camera; 1 in orthographic views.
 pub(crate) fn depth(clip_from_relative: &Mat4, at: Vec3) -> f32 {
     clip_from_relative.row(3).dot(at.extend(1.0))
 }

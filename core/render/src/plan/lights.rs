@@ -122,7 +122,7 @@ impl PlanLight {
         self.polynomial.y >= 0.0
     }
 
-    /// Distance in meters beyond which a point or spot light has no effect.
+    /// Distance in metres beyond which a point or spot light has no effect.
     pub(crate) fn range(&self) -> Option<f32> {
         (self.inverse_range_squared > 0.0).then(|| 1.0 / self.inverse_range_squared.sqrt())
     }

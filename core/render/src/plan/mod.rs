@@ -114,7 +114,7 @@ pub struct Plan {
     pub deferred: Option<Deferred>,
     /// Effects in the scene's shaders, each a bit in [`PipelineKey::surface`], `displaced` and `lighting`.
     pub scene_effects: Vec<PostPass>,
-    /// Largest displacement by each of the scene effects, in meters.
+    /// Largest displacement by each of the scene effects, in metres.
     pub displacement_limits: [f32; 8],
     /// Bits of the scene effects that also change the background.
     pub background_effects: u8,

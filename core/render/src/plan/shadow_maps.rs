@@ -27,7 +27,7 @@ pub struct ShadowView {
     pub size: [u32; 2],
     /// Light's clip space with reversed Z, as the camera's: greater is nearer to the light.
     pub clip_from_relative: Mat4,
-    /// Size of a texel in meters where clip w is 1.
+    /// Size of a texel in metres where clip w is 1.
     pub texel: f32,
     /// Penumbra width in texels per unit of depth between caster and receiver; 0: fixed width.
     pub penumbra: f32,

@@ -253,7 +253,7 @@ struct Eye {
     half: DVec2,
     /// Least clip w that counts; smaller ones are clamped to it.
     nearest: f64,
-    /// Pixels per meter where clip w is 1.
+    /// Pixels per metre where clip w is 1.
     metre: f64,
 }
 
@@ -285,7 +285,7 @@ struct MovingBox<'a> {
     world_from_mesh: [DAffine3; 2],
     /// The mesh, if it is rigid.
     shape: Option<&'a PrimitiveResource>,
-    /// Largest distance that morph targets move a vertex, in meters of the mesh.
+    /// Largest distance that morph targets move a vertex, in metres of the mesh.
     morph: f64,
 }
 
@@ -381,7 +381,7 @@ fn parts(
     }
 }
 
-/// Largest distance that a change of morph weights moves a vertex, in meters of the mesh.
+/// Largest distance that a change of morph weights moves a vertex, in metres of the mesh.
 fn morph_motion(resource: &PrimitiveResource, instance: usize, states: [&ActorState; 2]) -> f64 {
     let [a, b] = states.map(|s| s.morph_weights.get(instance).map_or(&[][..], Vec::as_slice));
     let reach = |b: &Aabb| f64::from(b.min.abs().max(b.max.abs()).length());

@@ -55,7 +55,7 @@ struct Drawn<'a> {
 /// Images of a model from all directions.
 pub(super) struct Appearance {
     views: Vec<View>,
-    /// Width of a pixel of the finest images in meters.
+    /// Width of a pixel of the finest images in metres.
     pixel: f32,
 }
 
@@ -94,7 +94,7 @@ impl Appearance {
         (0..self.views[0].seen.len()).map(part).collect()
     }
 
-    /// The smallest pixel size in meters from which other shapes of the parts look like the model; `None` if none does.
+    /// The smallest pixel size in metres from which other shapes of the parts look like the model; `None` if none does.
     pub(crate) fn smallest_pixel(&self, model: &Model, shapes: &[Shape]) -> Option<f32> {
         let drawn: Vec<Drawn> = model
             .parts

@@ -28,7 +28,7 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// Hausdorff distance in meters between a surface and a simplified version that uses a subset of its vertices; 0 if either has no
+/// Hausdorff distance in metres between a surface and a simplified version that uses a subset of its vertices; 0 if either has no
 /// triangles.
 pub(crate) fn hausdorff_distance(fine: Surface, coarse: Surface) -> f32 {
     let (of_fine, of_coarse) = (Tree::new(fine), Tree::new(coarse));

@@ -1,7 +1,7 @@
 //! Splits triangles that are far larger than the view of nearby objects, such as the two triangles of a ground of 100 km.
 //!
 //! A device clips a triangle and interpolates its positions, depths and texture coordinates in f32. On 100 km that is exact to a
-//! centimeter: the ground jitters under the feet of a character, and shadows on it move. Parts that are short near cameras and
+//! centimetre: the ground jitters under the feet of a character, and shadows on it move. Parts that are short near cameras and
 //! actors, and long far from them, are exact everywhere, on every device, and cost some hundred triangles.
 //!
 //! Whether an edge is split depends on the edge alone, so that adjacent triangles stay without gaps. The result depends on the
@@ -283,7 +283,7 @@ mod tests {
     use super::*;
     use glam::Vec2;
 
-    /// A level square, sides and texture coordinates in meters.
+    /// A level square, sides and texture coordinates in metres.
     fn ground(side: f32) -> Primitive {
         let corners = [Vec2::new(-1.0, 1.0), Vec2::ONE, Vec2::new(1.0, -1.0), Vec2::splat(-1.0)];
         let at = corners.map(|c| c * 0.5 * side);
@@ -296,7 +296,7 @@ mod tests {
         }
     }
 
-    /// A character of two meters that walks from one place to another.
+    /// A character of two metres that walks from one place to another.
     fn walker(way: [DVec3; 2]) -> Use {
         Use { place: DAffine3::IDENTITY, near: vec![Near { way, radius: 2.0 }], smallest: 2.0 }
     }

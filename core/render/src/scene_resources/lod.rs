@@ -31,7 +31,7 @@ pub(super) const LEAST: usize = 64;
 /// A simplified version of a model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LodLevel {
-    /// Pixel size from which the level shows no visible difference, in meters of the model at rest.
+    /// Pixel size from which the level shows no visible difference, in metres of the model at rest.
     pub error: f32,
     /// Indices into `SceneResources::primitives`: `[mesh instance][primitive of its mesh]`; `None` where no triangle is left.
     pub primitives: Vec<Vec<Option<u32>>>,

@@ -29,13 +29,13 @@ const SLACK: f32 = 1.1;
 /// A model at rest.
 pub(super) struct Model {
     pub parts: Vec<ModelPrimitive>,
-    /// Diagonal of the model's bounds in meters.
+    /// Diagonal of the model's bounds in metres.
     pub size: f32,
 }
 
 /// A simplified version of a model.
 pub(super) struct Level {
-    /// Pixel size from which the level shows no visible difference, in meters of the model.
+    /// Pixel size from which the level shows no visible difference, in metres of the model.
     pub error: f32,
     /// Place of each part, and its simplified primitive; `None` where no triangle is left.
     pub primitives: Vec<((usize, usize), Option<Primitive>)>,
@@ -50,7 +50,7 @@ pub(super) struct ModelPrimitive {
     pub positions: Vec<Vec3>,
     pub normals: Vec<Vec3>,
     pub paint: Paint,
-    /// Meters of the model per meter of the mesh.
+    /// Metres of the model per metre of the mesh.
     stretch: f32,
 }
 
@@ -108,7 +108,7 @@ impl ModelPrimitive {
         &self.primitive().uvs[self.paint.uv_set()]
     }
 
-    /// The triangles simplified up to an error of `error` meters of the model.
+    /// The triangles simplified up to an error of `error` metres of the model.
     fn simplified(&self, error: f32, size: f32) -> Vec<u32> {
         let p = self.primitive();
         let bytes: &[u8] = bytemuck::cast_slice(&self.positions);

@@ -13,7 +13,7 @@ pub(crate) fn pen(topology: Topology, material: &Material) -> Option<LineStyle> 
     material.line_style.filter(|_| topology != Topology::Triangles)
 }
 
-/// Line width as in [`crate::plan::Instance::width`]: pixels, or negative meters. `of_actor` replaces the width of the line
+/// Line width as in [`crate::plan::Instance::width`]: pixels, or negative metres. `of_actor` replaces the width of the line
 /// style, and `pixel_scale` is the number of image pixels per pixel of the style.
 pub(crate) fn width(
     pen: LineStyle,
@@ -223,7 +223,7 @@ mod tests {
         let edges = [1.0, -1.0].map(|y| {
             let near = spread.vertex(front, behind, Vec3::new(0.0, y, 0.0), 8.0);
             let far = spread.vertex(behind, front, Vec3::new(0.0, y, 1.0), 8.0);
-            // Point of the edge that is a meter in front of the camera.
+            // Point of the edge that is a metre in front of the camera.
             near + (far - near) * ((near.w - 1.0) / (near.w - far.w))
         });
         let [a, b] = edges.map(|e| e.xy() / e.w * Vec2::new(100.0, 50.0));

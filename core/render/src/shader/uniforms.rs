@@ -104,7 +104,7 @@ uniforms! {
         color: Vec3,
         /// Share of the surface's lighting in the outline's color.
         lighting_mix: f32,
-        /// Width in meters, or as a share of the image's height if `on_screen` is 1.
+        /// Width in metres, or as a share of the image's height if `on_screen` is 1.
         width: f32,
         on_screen: f32,
         pad: Vec2,
@@ -164,7 +164,7 @@ uniforms! {
         texel_from_relative: Mat4,
         /// Rectangle in which all texels of the filter lie inside the map: from (xy) and to (zw), texels.
         inside: Vec4,
-        /// x: size of a texel in meters where w is 1; y: `ShadowView::penumbra`; zw: 1 / size of the image in texels.
+        /// x: size of a texel in metres where w is 1; y: `ShadowView::penumbra`; zw: 1 / size of the image in texels.
         texel: Vec4,
     }
 

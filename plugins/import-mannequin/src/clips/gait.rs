@@ -10,15 +10,15 @@ use glam::vec3;
 pub struct Gait {
     /// Duration of a full cycle of two steps, seconds.
     pub period: f32,
-    /// Speed of the floor, meters a second.
+    /// Speed of the floor, metres a second.
     pub speed: f32,
     /// Fraction of the cycle in which a foot is on the floor.
     stance: f32,
-    /// Distance in front of the hips at which the foot strikes, meters.
+    /// Distance in front of the hips at which the foot strikes, metres.
     strike: f32,
-    /// Lateral distance of each foot from the center line, meters.
+    /// Lateral distance of each foot from the center line, metres.
     track: f32,
-    /// Keys over the cycle, from strike to strike: (phase, degrees) and (phase, meters above the floor).
+    /// Keys over the cycle, from strike to strike: (phase, degrees) and (phase, metres above the floor).
     pitch: &'static [(f32, f32)],
     lift: &'static [(f32, f32)],
     /// Factor of the swinging foot's end speeds; at 1 they match the floor's speed.

@@ -17,7 +17,7 @@ pub(super) struct SceneEffect {
     pub used: PostPass,
     hook: Hook,
     needs: SurfaceInputs,
-    /// Largest displacement in meters.
+    /// Largest displacement in metres.
     pub reach: f32,
     on: Vec<EffectTarget>,
 }
@@ -31,7 +31,7 @@ pub(super) struct SurfaceEffects {
     pub needs: SurfaceInputs,
     /// Inputs of displacements, which shadow maps need, too.
     displacement_needs: SurfaceInputs,
-    /// Largest displacement in meters.
+    /// Largest displacement in metres.
     pub reach: f32,
 }
 

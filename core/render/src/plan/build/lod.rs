@@ -64,7 +64,7 @@ impl<'a> Planner<'a> {
         if bounds.is_empty() {
             return None;
         }
-        // Pixels that a meter of the model covers at the copy's nearest point.
+        // Pixels that a metre of the model covers at the copy's nearest point.
         let nearest = self.view.depth(bounds.center()) - (bounds.max - bounds.min).length() * 0.5;
         let pixels_per_meter = self.view.pixels_per_meter(nearest, self.options.size);
         let scale = stretch * levels.stretch * pixels_per_meter;

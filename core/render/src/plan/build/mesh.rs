@@ -60,7 +60,7 @@ struct CopyContext {
     /// Line width as in [`Instance::width`].
     width: f32,
     bounds: Aabb,
-    /// Bounds widened by outlines and thick lines whose width is in meters.
+    /// Bounds widened by outlines and thick lines whose width is in metres.
     drawn_bounds: Aabb,
     /// Margin around `drawn_bounds` for outlines and thick lines whose width is on screen, as a share of the image's height.
     drawn_margin: f32,

@@ -81,7 +81,7 @@ pub(super) fn effect_lines(
 }
 
 impl Planner<'_> {
-    /// Largest outline width around a primitive of an actor: in meters, and as a share of the image's height.
+    /// Largest outline width around a primitive of an actor: in metres, and as a share of the image's height.
     pub(crate) fn outline_width(
         &self,
         entry: &PrimitiveEntry,

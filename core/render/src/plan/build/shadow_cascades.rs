@@ -21,7 +21,7 @@ const MAX_CASCADES: usize = 5;
 const FILTER: f64 = 3.0;
 /// Margin on each side in texels: the filter's reach and the offset along the normal.
 const MARGIN: f64 = 6.0;
-/// Near plane of point and spot lights in meters. Casters nearer than this (the bulb) cast no shadow.
+/// Near plane of point and spot lights in metres. Casters nearer than this (the bulb) cast no shadow.
 const NEAR: f64 = 0.05;
 
 /// Everything in view and everything that casts shadows, in camera-relative space.
@@ -133,7 +133,7 @@ fn slice(region: &ShadowRegion<'_>, from: f64, to: f64) -> (DVec3, f64) {
 /// Width of the shadow edges of a directional light.
 #[derive(Clone, Copy)]
 enum Edge {
-    /// Fixed width in meters.
+    /// Fixed width in metres.
     Fixed(f64),
     /// Penumbra of the sun's disc: width per distance between caster and receiver.
     Sun(f64),
@@ -155,7 +155,7 @@ impl Edge {
         }
     }
 
-    /// Finest useful texel size in meters. `pixel`: size of a pixel at the beginning of the map, in meters.
+    /// Finest useful texel size in metres. `pixel`: size of a pixel at the beginning of the map, in metres.
     fn finest(self, pixel: f64) -> f64 {
         match self {
             Edge::Fixed(softness) => softness / FILTER,
@@ -258,7 +258,7 @@ impl<'a> DepthRange<'a> {
         }
     }
 
-    /// The longer side in meters.
+    /// The longer side in metres.
     fn side(&self) -> f64 {
         self.across.length().max(self.up.length())
     }

@@ -27,7 +27,7 @@ pub(super) struct ShadowVolume {
     pub across: Span,
     pub up: Span,
     pub deep: Span,
-    /// Depths of the visible part, in meters in front of the camera.
+    /// Depths of the visible part, in metres in front of the camera.
     pub view_depths: Span,
     /// Whether the volume reaches the near plane.
     pub at_camera: bool,
