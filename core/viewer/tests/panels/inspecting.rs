@@ -268,7 +268,7 @@ fn files_that_are_dropped_together_stand_side_by_side_and_are_one_change() {
         fs::write(file, text).unwrap();
     }
     dropped(&mut place, &files);
-    assert_eq!(place.viewer.message.as_deref(), Some("a.rhai: a script is shown alone"));
+    assert_eq!(place.viewer.message.as_deref(), Some("a.rhai left out: a script is shown alone"));
     assert!(!place.viewer.faulty, "{:?}", place.viewer.problems);
     let reported =
         |p: &Problem| p.file.ends_with("broken.obj") && p.severity == choreo_script::Severity::Warning;

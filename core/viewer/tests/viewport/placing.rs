@@ -231,7 +231,7 @@ fn a_color_takes_the_place_of_kelvin_if_the_user_agrees_and_keys_get_numbers() {
         .set_value(&Selected::Light(0), "color", "\"#ff8040\"")
         .unwrap_err()
         .to_string();
-    assert_ends(&why, "a.rhai: line 12: kelvin: 3200 says its color; a color would take its place");
+    assert_ends(&why, "a.rhai: line 12: kelvin: 3200 sets its color; a color would replace that");
     harness.run();
     harness.get_by_label_contains("- spot(").rect();
     harness.get_by_label("Write the color").click();
