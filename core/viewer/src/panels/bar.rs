@@ -179,7 +179,7 @@ fn status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
         // The renderer reports the same.
         RichText::new("drawn on the CPU").color(visuals.warn_fg_color)
     } else if !viewer.trouble.is_empty() {
-        RichText::new("trouble: see Messages").color(visuals.error_fg_color)
+        RichText::new("problems: see Messages").color(visuals.error_fg_color)
     } else {
         let parts: Vec<String> = many(errors, "error").into_iter().chain(many(warnings, "warning")).collect();
         if parts.is_empty() {

@@ -114,7 +114,7 @@ impl Gpu {
         frames: &BTreeMap<usize, Frame>,
         before: impl FnOnce(),
     ) -> Result<bool, GpuError> {
-        let device = self.device.as_mut().ok_or_else(|| GpuError::Missing("the device has gone".into()));
+        let device = self.device.as_mut().ok_or_else(|| GpuError::Missing("the device was lost".into()));
         let ready = device.and_then(|d| d.wait().map(|()| d));
         let device = ready.inspect_err(|_| textures.clear())?;
         device.textures(textures)?;

@@ -27,7 +27,7 @@ const TOOLBARS: [(&str, &[&str]); 4] = [
             "First frame",
             "One frame back",
             "Play",
-            "One frame on",
+            "One frame forward",
             "Last frame",
             "Loop",
             "Snap",
@@ -170,7 +170,7 @@ fn entries_of_the_viewport_stay_where_they_are_whatever_is_chosen() {
 #[test]
 fn entries_of_the_timeline_stay_where_they_are_whatever_is_set() {
     const ENTRIES: [&str; 9] = [
-        "One frame on",
+        "One frame forward",
         "Last frame",
         "Loop",
         "Snap",
