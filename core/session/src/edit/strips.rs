@@ -310,7 +310,7 @@ pub fn set_disabled(text: &str, line: usize, column: usize, off: bool) -> Result
     let Some(value) = strip.value("weight") else {
         return match off {
             true => strip.set("weight", &[0.0]),
-            false => Err(EditRefused::at(line, "it is not disabled by its weight")),
+            false => Err(EditRefused::at(line, "its weight does not disable it")),
         };
     };
     let inside = &strip.text[value.clone()];

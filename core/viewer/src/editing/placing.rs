@@ -394,7 +394,7 @@ fn lens_edit(
             let in_millimetres = keyed.is_some_and(|channel| channel.property == Property::FocalLength);
             let name = if in_millimetres { "focal_length" } else { "fov" };
             let line = object.line_of_call("key").unwrap_or(object.place().0);
-            let why = format!("its \"{name}\" has keys, which a camera without perspective cannot have");
+            let why = format!("its \"{name}\" has keys, which an orthographic camera cannot have");
             return Err(EditRefused::at(line, &why));
         }
         (Projection::Orthographic { height, .. }, own) => {

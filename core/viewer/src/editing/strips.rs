@@ -244,7 +244,9 @@ fn rest(bar: &Bar, strip: &Strip, at: f64) -> Result<Rest, EditError> {
         return refuse("keys set its time; split it in the script");
     }
     match strip.repeat {
-        Repeat::Once if played >= length - NOTHING => refuse("its clip is over there; the last pose is held"),
+        Repeat::Once if played >= length - NOTHING => {
+            refuse("its clip has ended before that time; the last pose is held")
+        }
         Repeat::Once if strip.speed < 0.0 => Ok(Rest::Trim([from, to - played])),
         Repeat::Once => Ok(Rest::Trim([from + played, to])),
         Repeat::Loop if strip.speed > 0.0 && length > NOTHING => {

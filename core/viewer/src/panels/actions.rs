@@ -172,7 +172,7 @@ pub(crate) const ACTIONS: &[Action] = &[
             ask(c, Purpose::SaveAs);
         }
     }),
-    always("help", "list of keys", "F1", |c| c.panels.key_list.open ^= true),
+    always("help", "list of shortcuts", "F1", |c| c.panels.key_list.open ^= true),
     always("close", "close", "Ctrl+Q", |c| c.viewer.quit = true),
 ];
 

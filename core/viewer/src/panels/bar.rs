@@ -34,7 +34,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             bar.menu("Panels", "", |ui, window| panel_entries(ui, window.panels));
             bar.stays_open();
             bar.menu("Look", "", |ui, window| look_entries(ui, window.panels));
-            bar.toggle(panels.key_list.open, "Keys", "", |window| window.panels.key_list.open ^= true);
+            bar.toggle(panels.key_list.open, "Shortcuts", "", |window| window.panels.key_list.open ^= true);
             // The name follows the menus, so that its length does not move them.
             let name = viewer.name.clone();
             bar.widget("name", true, move |ui, _| short(ui, RichText::new(&name).strong(), &name));

@@ -96,7 +96,7 @@ fn stands(
     let at = now.map_or(position, |[x, y, z, _]| DVec3::new(x, y, z));
     row(ui, "at", "metres", at, Some("position"), place.is_some());
     if let (Some(Target::Point(point)), None) = (look_at, keys(Property::Rotation)) {
-        row(ui, "look_at", "a point of the world, metres", *point, None, false);
+        row(ui, "look_at", "a point in world space, metres", *point, None, false);
     }
     wanted
 }

@@ -187,7 +187,9 @@ fn key_button(ui: &mut Ui, viewer: &Viewer, keyable: Keyable, name: &str) -> Opt
         .widget_info(|| egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, here, label.clone()));
     let hint = match here {
         true => format!("delete the key of {} here", property.title()),
-        false => format!("set a key of {} at the playhead (K: of all that have keys)", property.title()),
+        false => {
+            format!("set a key of {} at the playhead (K: of all properties with keys)", property.title())
+        }
     };
     response.hint(hint).clicked().then(|| Wanted::Key(name.to_string(), here))
 }

@@ -24,7 +24,7 @@ const MOUSE: [(&str, &str); 22] = [
         "Ctrl click",
         "adds a clip or key to the selection, as Shift click; a drag over empty rows selects a box",
     ),
-    ("Esc", "select nothing; close a question"),
+    ("Esc", "clear the selection; close a dialog"),
     ("Tab Enter", "move through buttons and bars; press the focused one"),
     ("", ""),
     ("click", "viewport: select; script, messages: go to the line"),
@@ -94,11 +94,11 @@ pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
     // The list uses all available height; egui would limit a window to 400 points.
     let room = ui.ctx().content_rect().height() - 80.0;
     let KeyList { open, choosing } = list;
-    let window = egui::Window::new("Keys").open(open).resizable(false).collapsible(false);
+    let window = egui::Window::new("Shortcuts").open(open).resizable(false).collapsible(false);
     let window = window.default_height(room).anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0]);
     window.show(ui.ctx(), |ui| {
         ui.horizontal(|ui| {
-            ui.label("Keys like those of");
+            ui.label("Shortcuts like those of");
             for (name, title, _) in PRESETS {
                 let is_on = viewer.shortcuts.preset == name;
                 if ui.radio(is_on, title).clicked() {
@@ -106,7 +106,7 @@ pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
                 }
             }
         });
-        ui.weak("Click a key, then press the new one. Escape keeps the old key, Delete removes it.");
+        ui.weak("Click a shortcut, then press the new key. Escape keeps the old one, Delete removes it.");
         ui.separator();
         let all = actions::all_keyed(viewer);
         ScrollArea::vertical().max_height(room - 60.0).show(ui, |ui| {

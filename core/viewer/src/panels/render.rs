@@ -180,7 +180,7 @@ fn is_written(job: &Job) -> String {
 fn queue(ui: &mut Ui, viewer: &Viewer) {
     let jobs = viewer.renders.jobs();
     if jobs.is_empty() {
-        ui.weak("Renders run one after the other, beside the window, and show the script as it is saved when they begin.");
+        ui.weak("Renders run one after the other in the background. Each shows the script as it is saved when the render begins.");
     }
     for job in jobs {
         ui.push_id(job.number, |ui| {

@@ -20,7 +20,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     };
     viewer.over_script = ui.rect_contains_pointer(ui.max_rect());
     ui.horizontal(|ui| {
-        ui.label(RichText::new("read only").small().weak()).hint("a click on a line selects what it makes");
+        ui.label(RichText::new("read only").small().weak())
+            .hint("click a line to select the object that it makes");
         let line = viewer.selection.as_ref().and_then(|s| line_of(viewer, s)).unwrap_or(1);
         let hint = "opens this line in $VISUAL; Ctrl click on a line does the same";
         if viewer.path.is_some() && ui.small_button("open in editor").hint(hint).clicked() {

@@ -140,7 +140,7 @@ fn beats(ui: &mut Ui, viewer: &mut Viewer) {
     ui.add_enabled_ui(tempo.per_minute > 0.0, |ui| {
         let set = values::time(ui, "first beat", tempo.first, 0.01, 0.0..=Tempo::LATEST);
         tempo.first = set.unwrap_or(tempo.first);
-        ui.weak("s").hint("when the first beat is");
+        ui.weak("s").hint("time of the first beat");
     });
     if tempo != viewer.tempo {
         viewer.tempo = tempo;

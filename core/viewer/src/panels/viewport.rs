@@ -150,7 +150,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
             bar.icon_toggle(icon, viewer.tool == tool, name, key, move |viewer| viewer.tool = tool);
         }
         bar.separator();
-        bar.icon(icons::CAMERA, "Save image", "beside the script (P)", move |viewer| {
+        bar.icon(icons::CAMERA, "Save image", "saves it beside the script (P)", move |viewer| {
             viewer.active = index;
             screenshot(viewer);
         });
