@@ -224,7 +224,7 @@ impl Package {
         let (name, at) = fields.text("name")?;
         if !is_name(&name) {
             let message = format!(
-                "name \"{name}\": lower-case letters, digits, - and _, from a letter on, at most {MOST_NAME}"
+                "name \"{name}\": use lower-case letters, digits, - and _, starting with a letter, at most {MOST_NAME}"
             );
             return Err(reader.wrong(at, message, None));
         }
@@ -407,7 +407,7 @@ impl<'t> Fields<'t> {
         }
         let Some(stated) = PackagedKind::of_file(&file) else {
             let endings = ENDINGS.map(|ending| format!("NAME{ending}"));
-            let message = format!("file \"{file}\" is no plugin file by its name");
+            let message = format!("file \"{file}\" is not named like a plugin file");
             let hint = format!("plugin files are called {}", list(endings.iter().map(String::as_str), 30));
             return Err(self.reader.wrong(at, message, Some(hint)));
         };
@@ -418,7 +418,7 @@ impl<'t> Fields<'t> {
             return Err(self.reader.wrong(at, message, Some(format!("kinds: {}", list(words, 30)))));
         };
         if kind != stated {
-            let message = format!("\"{file}\" is by its name an {}, not an {word}", stated.word());
+            let message = format!("\"{file}\" is named like an {}, not an {word}", stated.word());
             return Err(self.reader.wrong(at, message, None));
         }
         let hook = match kind {
@@ -504,18 +504,20 @@ mod tests {
                  hint: update choreo, or take an older version of the package"
             )
         );
-        assert!(error("prints", "../prints").starts_with("plugin.toml:1:8: name \"../prints\": lower-case"));
+        assert!(
+            error("prints", "../prints").starts_with("plugin.toml:1:8: name \"../prints\": use lower-case")
+        );
         assert_eq!(
             error("\"halftone.wgsl\"", "\"../halftone.wgsl\""),
             "plugin.toml:12:8: file \"../halftone.wgsl\": a plugin file lies in the package's own folder"
         );
         assert!(
             error("halftone.wgsl", "halftone.glsl")
-                .contains(":12:8: file \"halftone.glsl\" is no plugin file")
+                .contains(":12:8: file \"halftone.glsl\" is not named like a plugin file")
         );
         assert_eq!(
             error("kind = \"effect\"", "kind = \"exporter\""),
-            "plugin.toml:13:8: \"halftone.wgsl\" is by its name an effect, not an exporter"
+            "plugin.toml:13:8: \"halftone.wgsl\" is named like an effect, not an exporter"
         );
         assert!(
             error("\"importer\"", "\"imprter\"")

@@ -69,7 +69,8 @@ impl SceneSource {
         };
         let names = left_out.iter().filter_map(|f| Some(f.file_name()?.to_string_lossy().into_owned()));
         let names: Vec<String> = names.collect();
-        let note = (!names.is_empty()).then(|| format!("{}: a script is shown alone", names.join(", ")));
+        let note =
+            (!names.is_empty()).then(|| format!("{} left out: a script is shown alone", names.join(", ")));
         let (input, beside) = shown.split_first()?;
         let (input, beside) = (input.clone(), beside.to_vec());
         let source = SceneSource { input, beside, set: Vec::new(), clip: None, ..like.clone() };

@@ -15,7 +15,7 @@ impl ScriptObject<'_> {
     /// The object has no name in the script, or the variable of the target is declared in another block.
     pub fn constrain(&self, call: &str, target: Option<&ScriptObject>) -> Result<Edit, EditRefused> {
         if let Some(target) = target.filter(|target| target.depth() != 0 && target.depth() != self.depth()) {
-            let why = "it is made within a block, where alone its name is known; write the constraint there";
+            let why = "it is made in a block, and its name is unknown outside; write the constraint there";
             return Err(EditRefused::at(target.line, why));
         }
         let needs = target.and_then(|target| Some((target.variable.as_deref()?, target.made.end)));
@@ -27,7 +27,8 @@ impl ScriptObject<'_> {
     /// # Errors
     /// The object has no variable.
     pub fn named(&self) -> Result<&str, EditRefused> {
-        let none = || EditRefused::at(self.line, "it has no name in the script; write let NAME = cast(…)");
+        let none =
+            || EditRefused::at(self.line, "it has no variable in the script; write let NAME = cast(…)");
         self.variable.as_deref().ok_or_else(none)
     }
 
@@ -78,7 +79,7 @@ mod tests {
         // An actor without a variable has room for one constraint.
         let one = "cast(\"a\", m).at(1, 0, 0).reach(\"x\", [0, 1, 0]);";
         let refused = ScriptObject::at(one, 1, 1).unwrap().constrain("look_at([0, 1, 0])", None).unwrap_err();
-        assert_eq!(refused.why, "line 1: it has no name in the script; write let NAME = cast(…)");
+        assert_eq!(refused.why, "line 1: it has no variable in the script; write let NAME = cast(…)");
     }
 
     #[test]

@@ -167,7 +167,9 @@ pub fn paste_cue(
             .any(|(word, next)| matches!(word, "let" | "const") && next == Some(name))
     };
     if !matches!(&*name, "load" | "") && !declared(&name) {
-        return Err(format!("this script has no {}, of which the copied clip is made", quoted(&name)).into());
+        return Err(
+            format!("this script has no variable {}, which the copied clip uses", quoted(&name)).into()
+        );
     }
     let uses = own.as_ref().map_or(&name, |(_, own)| own).clone();
     if let Some((range, own)) = own {

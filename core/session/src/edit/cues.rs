@@ -51,10 +51,10 @@ pub fn delete_cue(
     let source = &Source::new(text);
     let refuse = |why: &str| Err(EditRefused::at(line, why));
     let Some(call) = source.byte_at(line, column).and_then(|at| source.call_from(at)) else {
-        return refuse("there is no play or then to be deleted");
+        return refuse("there is no play or then to delete here");
     };
     if let Some(name) = statement_start(source, &call).and_then(|start| source.variable_before(start)) {
-        return refuse(&format!("the script uses this clip as \"{name}\"; delete it there"));
+        return refuse(&format!("the script uses this clip as variable \"{name}\"; delete it there"));
     }
     let end = source.chain_after(call.end).last().map_or(call.end, |last| last.end);
     let follower = source.call_from(end).filter(|next| source[next.name.clone()] == *"then");
@@ -201,7 +201,7 @@ mod tests {
         );
         assert_eq!(deleted("if x { a.|play(c); }", None).unwrap(), "if x { a; }");
         let why = deleted("let wave = a.|play(c);", None).unwrap_err();
-        assert_eq!(why, "line 1: the script uses this clip as \"wave\"; delete it there");
+        assert_eq!(why, "line 1: the script uses this clip as variable \"wave\"; delete it there");
         assert!(deleted("|let x = 1;", None).is_err());
     }
 

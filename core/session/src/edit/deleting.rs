@@ -13,12 +13,12 @@ pub fn delete_object(text: &str, line: usize, column: usize) -> Result<Edit, Edi
     let source = &Source::new(text);
     let refuse = |line: usize, why: &str| Err(EditRefused::at(line, why));
     let Some(at) = source.byte_at(line, column).filter(|at| source.call_from(*at).is_some()) else {
-        return refuse(line, "there is no call to be deleted");
+        return refuse(line, "there is no call to delete here");
     };
     let line_of = |byte: usize| text[..byte].matches('\n').count() + 1;
     let in_block = |at: usize| source.depth_to(source.statement_start(at)) > 0;
     if in_block(at) {
-        return refuse(line, "it stands in a function or a block; delete it there");
+        return refuse(line, "it is made in a function or a block; delete it there");
     }
     let own = source.statement_start(at)..source.statement_end(at);
     let mut ranges = vec![own.clone()];
@@ -91,7 +91,7 @@ mod tests {
         let why = deleted("let bob = |cast(\"bob\", m);\nif x { bob.play(c); }\n").unwrap_err();
         assert!(why.starts_with("line 2: this line uses bob"), "{why}");
         let why = deleted("fn f(x) {\n    |cast(x, m);\n}\n").unwrap_err();
-        assert_eq!(why, "line 2: it stands in a function or a block; delete it there");
+        assert_eq!(why, "line 2: it is made in a function or a block; delete it there");
         // A method of that name, or the name within a string, is not a use.
         assert_eq!(
             deleted("let at = |cast(\"at\", m);\nc.at(1);\nsay(\"at\");").unwrap(),

@@ -143,7 +143,7 @@ fn statements_about(
     let line_of = |byte: usize| source[..byte].matches('\n').count() + 1;
     let in_block = |at: usize| source.depth_to(source.statement_start(at)) > 0;
     if in_block(call) {
-        return Err(EditRefused::at(line, "it stands in a function or a block; duplicate it there"));
+        return Err(EditRefused::at(line, "it is made in a function or a block; duplicate it there"));
     }
     let own = source.statement_start(call)..source.statement_end(call);
     let (mut ranges, mut left) = (vec![own.clone()], Vec::new());
@@ -155,7 +155,7 @@ fn statements_about(
             ranges.push(start..source.statement_end(used));
         } else if continues && (source.begins_statement(used) || source.variable_before(used).is_some()) {
             let why = format!(
-                "this line changes {name} in a way that a copy would lack; duplicate it in the script"
+                "this line changes {name} in a way that cannot be copied; duplicate it in the script"
             );
             return Err(EditRefused::at(line_of(used), &why));
         } else if !ranges.iter().any(|range| range.contains(&used)) {
@@ -254,7 +254,7 @@ mod tests {
         for (text, why) in [
             ("let a = |cast(\"a\", m);\nif x { a.play(c); }\n", "line 2: this line changes a "),
             ("let a = |cast(\"a\", m);\nlet w = a.play(c);\n", "line 2: this line changes a "),
-            ("fn f(x) {\n    |cast(x, m);\n}\n", "line 2: it stands in a function or a block"),
+            ("fn f(x) {\n    |cast(x, m);\n}\n", "line 2: it is made in a function or a block"),
             ("|cast(\"a\" + 1, m);\n", "line 1: its name, \"a\" + 1, is computed"),
         ] {
             let refused = copied(text, None).unwrap_err();

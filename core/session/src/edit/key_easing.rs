@@ -28,7 +28,7 @@ impl ScriptObject<'_> {
         if index == 0 {
             return Err(EditRefused::at(
                 line,
-                "an easing leads into a key, and nothing comes before the first",
+                "an easing leads from one key to the next; no key comes before the first",
             ));
         }
         let how = self.how(property, &call);
@@ -53,7 +53,7 @@ impl ScriptObject<'_> {
         }
         let shown = KeyName::of(property).shown();
         let why =
-            format!("all keys of its {shown} are {of_all}; with an easing of one key the others are linear");
+            format!("all keys of its {shown} are {of_all}; an easing of one key makes the others linear");
         let agree = "Make the others linear";
         Err(EditRefused { over: Some(edit), agree, ..EditRefused::at(line, &why) })
     }

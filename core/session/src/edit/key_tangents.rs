@@ -198,7 +198,7 @@ impl ScriptObject<'_> {
         if holds.is_none() {
             return Ok(edit);
         }
-        let why = format!("all keys of its {shown} hold their values; with a tangent they are linear");
+        let why = format!("all keys of its {shown} hold their values; a tangent makes all of them linear");
         let agree = "Make the keys linear";
         Err(EditRefused { over: Some(edit), agree, ..EditRefused::at(line, &why) })
     }

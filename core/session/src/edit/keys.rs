@@ -357,12 +357,13 @@ impl ScriptObject<'_> {
     pub(super) fn keys(&self, property: &str, fps: f64) -> Result<(Call, Vec<Key>), EditRefused> {
         let Some(call) = self.key_call(property) else {
             let shown = KeyName::of(property).shown();
-            let why = format!("its {shown} has keys that are not written with it; change them there");
+            let why =
+                format!("its {shown} has keys that are written elsewhere in the script; change them there");
             return Err(EditRefused::at(self.line, &why));
         };
         let uses = self.uses_of(&call);
         if uses > 1 && !self.changes_all {
-            let why = format!("this line makes {uses} of them; change it there");
+            let why = format!("this line makes {uses} objects; change it there");
             return Err(EditRefused::at(self.line_of(call.name.start), &why));
         }
         let keys = keys_of(&self.text, call.name.start, property, fps);
@@ -378,7 +379,7 @@ impl ScriptObject<'_> {
 
     pub(super) fn no_key(&self, property: &str, line: usize) -> EditRefused {
         let shown = KeyName::of(property).shown();
-        let why = format!("its {shown} has no key of its own there; what is seen comes from an easing");
+        let why = format!("its {shown} has no key written there; the key shown comes from an easing");
         EditRefused::at(line, &why)
     }
 }

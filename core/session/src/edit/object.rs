@@ -65,7 +65,7 @@ impl<'a> ScriptObject<'a> {
     fn within(text: Source<'a>, line: usize, column: usize) -> Result<ScriptObject<'a>, EditRefused> {
         let refuse = |why: &str| EditRefused::at(line, why);
         let at = text.byte_at(line, column).ok_or_else(|| refuse("the script has no such line"))?;
-        let made = text.call_from(at).ok_or_else(|| refuse("there is no call to be changed"))?;
+        let made = text.call_from(at).ok_or_else(|| refuse("there is no call to change here"))?;
         let start = statement_start(&text, &made).filter(|_| text[made.name.clone()] == *"play");
         let variable = text.variable_before(start.unwrap_or(made.name.start)).map(str::to_string);
         let chain = text.chain_after(made.end);
@@ -133,8 +133,7 @@ impl<'a> ScriptObject<'a> {
     fn computed(&self, call: &Call, over: &str) -> EditRefused {
         let (name, inside) = (&self.text[call.name.clone()], self.text[call.inside.clone()].trim());
         let line = self.line_of(call.name.start);
-        let why =
-            format!(".{name}({inside}) is computed; change it there, or say it anew in a line of its own");
+        let why = format!(".{name}({inside}) is computed; change it there, or add a line that sets it again");
         let over = self.variable.as_ref().and_then(|_| self.new_line(over));
         EditRefused { over, agree: ADD, is_computed: true, ..EditRefused::at(line, &why) }
     }
@@ -282,7 +281,7 @@ impl<'a> ScriptObject<'a> {
         // A light has either `kelvin` or `color`.
         if let (Some(old), "color") = (option_of(&self.text, &self.made, "kelvin"), name) {
             let line = self.line_of(old.start);
-            let why = format!("{} says its color; a color would take its place", &self.text[old.clone()]);
+            let why = format!("{} sets its color; a color would replace that", &self.text[old.clone()]);
             let over = Some(Edit { range: old, text: format!("color: {value}") });
             return Err(EditRefused { over, agree: "Write the color", ..EditRefused::at(line, &why) });
         }
@@ -377,7 +376,10 @@ impl<'a> ScriptObject<'a> {
         let is_constrained =
             self.text[self.made.name.clone()] == *"cast" && self.last(&["reach", "aim", "look_at"]).is_some();
         if self.text[self.text.skip(end)..].starts_with('.') || is_later || is_constrained {
-            return Err(EditRefused::at(self.line, "it has no name in the script; write let NAME = cast(…)"));
+            return Err(EditRefused::at(
+                self.line,
+                "it has no variable in the script; write let NAME = cast(…)",
+            ));
         }
         Ok(chain::behind(&self.text, &self.made, end, call))
     }
@@ -408,7 +410,7 @@ pub fn set_call(text: &str, line: usize, column: usize, time: EditTime) -> Resul
     let refuse = |why: String| EditRefused::at(line, &why);
     let text = &Source::new(text);
     let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
-    let call = call.ok_or_else(|| refuse("there is no call to be changed".into()))?;
+    let call = call.ok_or_else(|| refuse("there is no call to change here".into()))?;
     let shown = || text[call.inside.clone()].trim();
     let first = call.inside.start..text.value_end(call.inside.start, call.inside.end);
     restated(text, &first, time).ok_or_else(|| {

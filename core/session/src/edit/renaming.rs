@@ -77,7 +77,7 @@ impl ScriptObject<'_> {
                 Ok(Renaming { stated: Some(stated), variable: None })
             }
             (None, None) => {
-                Err(EditRefused::at(self.line, "it has no name in the script; write let NAME = …"))
+                Err(EditRefused::at(self.line, "it has no variable in the script; write let NAME = …"))
             }
         }
     }

@@ -30,11 +30,11 @@ pub fn reorder(
     };
     let (from, to) = (byte(moved)?, byte(target)?);
     if source.depth_to(source.statement_start(from)) > 0 {
-        return Err(EditRefused::at(moved.0, "it stands in a function or a block; move it there"));
+        return Err(EditRefused::at(moved.0, "it is made in a function or a block; move it there"));
     }
     let other = source.statement_around(to, 0);
     if source.is_in_function(to) {
-        let why = "a function makes it, so that the calls of the function decide the order";
+        let why = "a function makes it; change the order of the function's calls instead";
         return Err(EditRefused::at(target.0, why));
     }
     let whole = |range: &Range<usize>| {
@@ -44,7 +44,7 @@ pub fn reorder(
     let lines = whole(&(source.statement_start(from)..source.statement_end(from)))?;
     let target_lines = whole(&other)?;
     if lines.contains(&target_lines.start) {
-        return Err(EditRefused::at(moved.0, "this statement makes both"));
+        return Err(EditRefused::at(moved.0, "this statement makes both objects; their order is fixed"));
     }
     let with_more = lines.start..about_it(source, &lines);
     let with_more = if with_more.contains(&target_lines.start) { lines.clone() } else { with_more };
@@ -93,7 +93,7 @@ fn passes(
     for set in source.set_within(lines) {
         let name = &source[set];
         if let Some(used) = inside(&between, name) {
-            return refuse(used, format!("this line uses {name}, which the moved one sets"));
+            return refuse(used, format!("this line uses {name}, which the moved line sets"));
         }
     }
     for set in source.set_within(&between) {
@@ -102,7 +102,7 @@ fn passes(
             let way = if upwards { "before" } else { "behind" };
             return refuse(
                 set.start,
-                format!("this line sets {name}, and what would come {way} it uses that"),
+                format!("this line sets {name}, and the moved line, which would come {way} it, uses {name}"),
             );
         }
     }
@@ -235,22 +235,22 @@ mod tests {
             (
                 "let a = ^cast(\"a\", m);\nlet x = 2.0;\nlet b = |cast(\"b\", m).at(x, 0, 0);\n",
                 RowSide::Above,
-                "line 2: this line sets x, and what would come before it uses that",
+                "line 2: this line sets x, and the moved line, which would come before it, uses x",
             ),
             (
                 "let a = |cast(\"a\", m);\na.play(x);\nlet b = ^cast(\"b\", m).face(a);\n",
                 RowSide::Below,
-                "line 3: this line uses a, which the moved one sets",
+                "line 3: this line uses a, which the moved line sets",
             ),
             (
                 "let a = ^cast(\"a\", m);\nx += 2.0;\nlet b = |cast(\"b\", m).at(x, 0, 0);\n",
                 RowSide::Above,
-                "line 2: this line sets x, and what would come before it uses that",
+                "line 2: this line sets x, and the moved line, which would come before it, uses x",
             ),
             (
                 "if x {\n    |cast(\"a\", m);\n}\n^sun();\n",
                 RowSide::Below,
-                "line 2: it stands in a function or a block",
+                "line 2: it is made in a function or a block",
             ),
             ("fn f() {\n    ^cast(\"a\", m);\n}\n|sun();\n", RowSide::Above, "line 2: a function makes it"),
             ("^sun(); |spot(#{});\n", RowSide::Above, "line 1: it shares its line with another statement"),

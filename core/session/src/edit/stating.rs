@@ -279,7 +279,8 @@ impl<'a> ScriptObject<'a> {
         match calls.iter().find(plain) {
             Some(call) => Ok(Edit { range: self.text.trimmed(&call.inside), text: quoted(name) }),
             None => {
-                let why = format!("{} is no clip by its name; change it there", self.text[first].trim());
+                let why =
+                    format!("{} is not written as .clip(NAME); change it there", self.text[first].trim());
                 Err(EditRefused::at(self.line, &why))
             }
         }

@@ -64,7 +64,7 @@ pub enum Rest {
 impl<'a> Strip<'a> {
     pub(super) fn at(text: &'a str, line: usize, column: usize) -> Result<Strip<'a>, EditRefused> {
         let within = Strip::within(Source::new(text), line, column);
-        within.ok_or_else(|| EditRefused::at(line, "there is no play or then to be changed"))
+        within.ok_or_else(|| EditRefused::at(line, "there is no play or then to change here"))
     }
 
     fn within(text: Source<'a>, line: usize, column: usize) -> Option<Strip<'a>> {
@@ -206,7 +206,7 @@ impl<'a> Strip<'a> {
         match self.text.variable_before(start) {
             Some(name) if self.name(&first) == "play" => Err(EditRefused::at(
                 self.line,
-                &format!("the script uses this clip as \"{name}\"; change it there"),
+                &format!("the script uses this clip as variable \"{name}\"; change it there"),
             )),
             _ => Ok(()),
         }
@@ -310,7 +310,7 @@ pub fn set_disabled(text: &str, line: usize, column: usize, off: bool) -> Result
     let Some(value) = strip.value("weight") else {
         return match off {
             true => strip.set("weight", &[0.0]),
-            false => Err(EditRefused::at(line, "it is not disabled by its weight")),
+            false => Err(EditRefused::at(line, "its weight does not disable it")),
         };
     };
     let inside = &strip.text[value.clone()];

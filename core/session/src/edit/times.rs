@@ -157,7 +157,7 @@ pub fn set_time(
     let text = &Source::new(text);
     let refuse = |why: &str| Err(EditRefused::at(line, why));
     let Some(at) = text.byte_at(line, column) else { return refuse("the script has no such line") };
-    let Some(call) = text.call_from(at) else { return refuse("there is no play or then to be changed") };
+    let Some(call) = text.call_from(at) else { return refuse("there is no play or then to change here") };
     let chain = text.chain_after(call.end);
     let name = match part {
         CueTime::Start => "from",
@@ -181,7 +181,7 @@ pub fn set_time(
         };
     }
     if part == CueTime::Start && text[call.name.clone()] == *"then" {
-        return refuse("it begins where the clip before it ends; change that one's end");
+        return refuse("it begins where the clip before it ends; change the end of that clip");
     }
     let written = time.beside(text, &call, &["from", "until"]);
     Ok(chain::added(text, &call, &format!("{name}({written})")))
@@ -351,7 +351,7 @@ mod tests {
         assert!(set(text, CueTime::End, 4.5).unwrap().contains("}).until(4.5).then(e).until(5.0)"));
         assert!(set(text, CueTime::FadeIn, 0.6).unwrap().contains("[1.0, 2.0], fade: 0.6, speed: f(1) }"));
         let why = set(text, CueTime::Start, 1.0).unwrap_err();
-        assert_eq!(why, "line 2: it begins where the clip before it ends; change that one's end");
+        assert_eq!(why, "line 2: it begins where the clip before it ends; change the end of that clip");
     }
 
     #[test]

@@ -20,16 +20,16 @@ pub fn unroll(text: &str, line: usize, column: usize) -> Result<Edit, EditRefuse
     let source = Source::new(text);
     let refuse = |why: &str| EditRefused::at(line, why);
     let at = source.byte_at(line, column).ok_or_else(|| refuse("the script has no such line"))?;
-    let found = source.loop_around(at).ok_or_else(|| refuse("no loop is around it"))?;
+    let found = source.loop_around(at).ok_or_else(|| refuse("it is not in a loop"))?;
     let values = values(&source, &found.values)
         .ok_or_else(|| refuse("the values of the loop are computed; write it out in the script"))?;
     if values.len() > MOST_ROUNDS {
-        return Err(refuse("the loop has too many rounds to be written out"));
+        return Err(refuse("the loop has too many iterations to be written out"));
     }
     let words = words_within(text, &found.body);
     let is_way_out = |word: &&Range<usize>| matches!(&text[(*word).clone()], "break" | "continue" | "return");
     if words.iter().any(|word| is_way_out(&word)) {
-        return Err(refuse("the loop is left in its middle; write it out in the script"));
+        return Err(refuse("the loop contains break, continue or return; write it out in the script"));
     }
     let mut made: Vec<&str> = Vec::new();
     for pair in words.windows(2).filter(|pair| &text[pair[0].clone()] == "let") {
@@ -38,7 +38,9 @@ pub fn unroll(text: &str, line: usize, column: usize) -> Result<Edit, EditRefuse
     let is_anew =
         |pair: &[Range<usize>]| text[pair[0].clone()] == *"for" && text[pair[1].clone()] == *found.name;
     if made.contains(&found.name) || words.windows(2).any(is_anew) {
-        return Err(refuse("its body makes a variable of the loop's name; write it out in the script"));
+        return Err(refuse(
+            "its body declares a variable with the loop variable's name; write it out in the script",
+        ));
     }
     let indent = indent_before(text, found.all.start);
     let round = |number: &str, value: &str| {

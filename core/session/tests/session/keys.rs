@@ -157,7 +157,7 @@ fn what_is_computed_is_refused_with_its_line() {
     let elsewhere = "let a = cast(\"a\", m);\nmove(a);";
     assert_eq!(
         why(elsewhere),
-        "line 1: its position has keys that are not written with it; change them there"
+        "line 1: its position has keys that are written elsewhere in the script; change them there"
     );
     // A value that is computed does not keep others from being added.
     let text = "let a = cast(\"a\", m).key(\"position\", [[0.0, way], [2.0, [1, 0, 0]]]);";
@@ -222,7 +222,7 @@ fn a_color_takes_the_place_of_kelvin() {
     let text = "let l = spot(#{ inner: 10, kelvin: 3200 /* warm */, outer: 20 });";
     let object = ScriptObject::at(text, 1, 9).unwrap();
     let refused = object.option("color", "\"#ffffff\"").unwrap_err();
-    assert_eq!(refused.why, "line 1: kelvin: 3200 says its color; a color would take its place");
+    assert_eq!(refused.why, "line 1: kelvin: 3200 sets its color; a color would replace that");
     let after = refused.over.unwrap().apply(text);
     assert_eq!(after, "let l = spot(#{ inner: 10, color: \"#ffffff\" /* warm */, outer: 20 });");
 }
@@ -268,7 +268,7 @@ fn a_key_moves_between_its_neighbours_and_past_them() {
     let after = moved(0.0, 3.0).unwrap();
     assert!(after.contains("[[1.0, 2], [f(50), 3, \"in_quad\"], [3.0, 1]]"), "{after}");
     assert_eq!(moved(1.0, 2.0).unwrap_err(), "line 1: its scale has a key at that time already");
-    assert!(moved(1.5, 1.6).unwrap_err().contains("no key of its own"));
+    assert!(moved(1.5, 1.6).unwrap_err().contains("no key written there"));
     // Keys with lines of their own keep them, and their comments.
     let text = "let a = cast(\"a\", m).key(\"scale\", [\n    [0.0, 1], // door\n    [1.0, 2], // table\n    [2.0, 3]\n]);";
     let after = changed(text, |o| o.move_key("scale", time(0.0), time(1.5))).unwrap();
@@ -384,7 +384,7 @@ fn easings_of_keys_and_of_all() {
         text.replace("\"in_quad\"", "[0.4, 0.0, 0.6, 1.0]")
     );
     assert_eq!(ease(text, 2.0, None).unwrap(), text.replace(", \"in_quad\"", ""));
-    assert!(ease(text, 0.0, Some("\"smooth\"")).unwrap_err().contains("nothing comes before the first"));
+    assert!(ease(text, 0.0, Some("\"smooth\"")).unwrap_err().contains("no key comes before the first"));
     // Where all are smooth, the others stay so.
     let all = "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, 2], [2.0, 3]], \"smooth\");";
     assert_eq!(
@@ -477,7 +477,10 @@ fn keys_of_joints_are_edited_wherever_the_joint_is_named() {
     });
     assert!(copied.unwrap().contains("\na.joint(\"Hips\").key(\"rotation\", [[2.0, [0, 40, 0]]]);\n"));
     let why = set(text, "joint:Head:scale", 0.0, turned).unwrap_err();
-    assert_eq!(why, "line 1: its Head scale has keys that are not written with it; change them there");
+    assert_eq!(
+        why,
+        "line 1: its Head scale has keys that are written elsewhere in the script; change them there"
+    );
 }
 
 /// The object is the call that plays the clip.

@@ -220,13 +220,13 @@ fn variables_with_a_literal_are_written_where_they_are_used() {
 #[test]
 fn what_cannot_be_written_out_is_refused() {
     for (text, why) in [
-        ("|sun();", "no loop is around it"),
+        ("|sun();", "it is not in a loop"),
         ("for a in all { |sun(); }", "are computed"),
         ("for a in 0..n { |sun(); }", "are computed"),
-        ("for a in 0..1000 { |sun(); }", "too many rounds"),
-        ("for a in [1, 2] { if x { break; } |sun(); }", "left in its middle"),
-        ("for a in [1, 2] { let a = 3; |sun(); }", "of the loop's name"),
-        ("for a in [1, 2] { |sun(); for a in [3] { f(a); } }", "of the loop's name"),
+        ("for a in 0..1000 { |sun(); }", "too many iterations"),
+        ("for a in [1, 2] { if x { break; } |sun(); }", "contains break, continue or return"),
+        ("for a in [1, 2] { let a = 3; |sun(); }", "with the loop variable's name"),
+        ("for a in [1, 2] { |sun(); for a in [3] { f(a); } }", "with the loop variable's name"),
     ] {
         let refused = unrolled(text).unwrap_err();
         assert!(refused.contains(why), "{text}: {refused}");
@@ -338,7 +338,7 @@ fn names_are_stated_where_they_stand_and_variables_of_that_name_go_along() {
             "b",
             "line 1: \"b\" is the name of another sun",
         ),
-        ("|panel();", NamedBy::Variable, "b", "line 1: it has no name in the script; write let NAME = …"),
+        ("|panel();", NamedBy::Variable, "b", "line 1: it has no variable in the script; write let NAME = …"),
     ] {
         assert_eq!(renamed(text, by, to).unwrap_err(), why);
     }

@@ -128,7 +128,7 @@ fn a_split_clip_is_two_with_the_same_content() {
         "a.play(c).fade(0.5).until(1.5).fade_out(0.0).on(\"Head\")\n    .then(c).trim(1.0, 2.5).until(2.0).fade_out(0.5);"
     );
     let why = split("let w = a.|play(c);", rest, None).unwrap_err();
-    assert_eq!(why, "line 1: the script uses this clip as \"w\"; change it there");
+    assert_eq!(why, "line 1: the script uses this clip as variable \"w\"; change it there");
     assert!(split("let a = cast(\"a\", m).|play(c);", rest, None).is_ok());
 }
 
@@ -196,7 +196,7 @@ fn a_copy_is_pasted_on_another_row_and_into_another_script() {
     let pasted = paste_cue(own, 3, 9, &copied, at(0.0)).unwrap().apply(own);
     assert!(pasted.contains("\nz.play(n.clip(\"y\"), #{ fade: 0.2 })"), "{pasted}");
     let why = paste_cue(other, 1, 9, "play(walk).from(1.0)", at(0.0)).unwrap_err().why;
-    assert_eq!(why, "this script has no \"walk\", of which the copied clip is made");
+    assert_eq!(why, "this script has no variable \"walk\", which the copied clip uses");
     for none in ["", "hello", "play(", "cast(c).from(1.0)", "play(c).from(1.0); b.play(d)"] {
         assert_eq!(
             paste_cue(other, 1, 9, none, at(0.0)).unwrap_err().why,

@@ -181,7 +181,7 @@ fn outcome(report: &str, messages: &str) -> JobState {
     let Ok(report) = serde_json::from_str::<Value>(report) else {
         let text = messages.trim();
         return JobState::Failed(if text.is_empty() {
-            "it ended without a word".into()
+            "it ended without a message".into()
         } else {
             text.into()
         });

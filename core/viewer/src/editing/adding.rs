@@ -77,8 +77,8 @@ impl Viewer {
             let [begins, ends] =
                 [Time::from_secs(secs), self.timeline.length].map(|time| self.shown_time(time));
             let why = format!(
-                "{clip} would follow the last clip at {begins}, and the scene ends at {ends}: move the playhead to where it \
-                 is to begin, or make the stage longer"
+                "{clip} would follow the last clip at {begins}, and the scene ends at {ends}: move the playhead to where the \
+                 clip should begin, or make the stage longer"
             );
             return Err(EditError::refused_at(&place, &why));
         }
@@ -137,7 +137,7 @@ impl Viewer {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
         let inside = loaded_as(file, &folder_of(&path)).ok_or_else(|| {
-            let why = "it lies outside the script's folder, where load(…) may not read; put it there first";
+            let why = "it is outside the script's folder, and load(…) reads only inside; copy it into that folder first";
             EditError::refused(format!("{}: {why}", file.display()))
         })?;
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();
@@ -158,7 +158,7 @@ impl Viewer {
         let is_there = || scene.places.ambient.is_some() || self.stage_written().contains_key("ambient");
         if matches!(what, Addition::Ambient) && is_there() {
             self.selection = None;
-            self.note = Some("there is ambient light already; the inspector has its colors".into());
+            self.note = Some("the stage already has ambient light; its colors are in the inspector".into());
             return Ok(());
         }
         let text = super::read(&self.path.clone().ok_or(EditError::NoScript)?)?;
@@ -219,7 +219,7 @@ impl Viewer {
         })?;
         let line = known.lines().nth(place.line.saturating_sub(1)).unwrap_or_default();
         if line.starts_with([' ', '\t']) {
-            let why = "it is made within a block, where alone its name is known; write the camera there";
+            let why = "it is made in a block, and its name is unknown outside; write the camera there";
             return Err(EditError::refused_at(&place, why));
         }
         let snapshot = stage.at(self.playhead.time()).ok();
@@ -348,7 +348,7 @@ impl Viewer {
             .scene
             .clone()
             .filter(|_| !self.faulty)
-            .ok_or_else(|| EditError::refused("what was dropped cannot be read"))?;
+            .ok_or_else(|| EditError::refused("the dropped files cannot be read"))?;
         let (mut shown, mut refused) = (scene.stage.actors.iter().peekable(), Vec::new());
         let mut selects = None;
         for guest in &self.guests {
@@ -366,7 +366,7 @@ impl Viewer {
                     selects = Some(Selected::Actor(name));
                 }
                 None => refused.push(format!(
-                    "{}: it lies outside the script's folder, where load(…) may not read; put it there first",
+                    "{}: it is outside the script's folder, and load(…) reads only inside; copy it into that folder first",
                     guest.display()
                 )),
             }
@@ -430,7 +430,7 @@ pub(super) fn copy(from: &Path, to: &Path) -> Result<(), EditError> {
         return Ok(());
     }
     if to.exists() {
-        return Err(failed(std::io::Error::other("another file of this name is there")));
+        return Err(failed(std::io::Error::other("another file with this name already exists")));
     }
     if let Some(folder) = to.parent() {
         std::fs::create_dir_all(folder).map_err(failed)?;

@@ -73,8 +73,7 @@ impl Viewer {
     pub fn add_constraint(&mut self, new: &NewConstraint) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let name = self.selection.as_ref().and_then(Selected::actor).map(str::to_string);
-        let name =
-            name.ok_or_else(|| EditError::refused("select the actor that is to have the constraint"))?;
+        let name = name.ok_or_else(|| EditError::refused("first select the actor for the constraint"))?;
         self.check_unlocked(&name)?;
         let index = actor(&scene.stage, &name).ok_or(EditError::Gone)?;
         let found = &scene.stage.actors[index];

@@ -77,7 +77,7 @@ impl Viewer {
         if secs <= bar.start.as_secs() {
             let shown = |secs: f64| self.shown_time(Time::from_secs(secs));
             let (end, start) = (shown(secs), shown(bar.start.as_secs()));
-            let why = format!("it would end at {end}, where it begins at {start}");
+            let why = format!("it would end at {end}, but it begins at {start}");
             return Err(EditError::refused_at(&bar.place, &why));
         }
         self.set_cut(cut, secs)

@@ -12,27 +12,27 @@ pub enum EditError {
     #[error("there is nothing to change yet")]
     NothingShown,
     /// The edited object is no longer in the scene.
-    #[error("it is no longer there")]
+    #[error("it no longer exists")]
     Gone,
     /// A model file is open, not a script.
     #[error("there is no script")]
     NoScript,
     #[error("it does not come from a script")]
     NotFromScript,
-    #[error("{file}:{line}: it stands in a module; change it there")]
+    #[error("{file}:{line}: it is made in a module; change it there")]
     InModule { file: String, line: usize },
-    #[error("{file}:{line}: this line makes {objects} of them; change it there")]
+    #[error("{file}:{line}: this line makes {objects} objects; change it there")]
     SharedLine { file: String, line: usize, objects: usize },
     #[error("the file has changed on disk; wait until it is shown, and try again")]
     ChangedOnDisk,
-    #[error("the script is faulty: undo the last change, or mend it in the editor")]
+    #[error("the script has errors: undo the last change, or fix them in the editor")]
     Faulty,
     /// The text around the edit has changed since it was offered or made.
     #[error("{0}")]
     Overtaken(&'static str),
-    #[error("there is nothing to take back")]
+    #[error("there is nothing to undo")]
     NothingToUndo,
-    #[error("there is nothing to do again")]
+    #[error("there is nothing to redo")]
     NothingToRedo,
     /// The script computes the value, or something else determines it.
     #[error("{why}")]
@@ -42,7 +42,7 @@ pub enum EditError {
     Copy { path: PathBuf, source: io::Error },
     #[error("{}: cannot read: {source}", path.display())]
     Read { path: PathBuf, source: FileError },
-    #[error("{}: cannot read: it is no UTF-8 text", .0.display())]
+    #[error("{}: cannot read: it is not UTF-8 text", .0.display())]
     NotText(PathBuf),
     #[error("{}: cannot write: {source}", path.display())]
     Write { path: PathBuf, source: WriteError },

@@ -163,7 +163,7 @@ impl Viewer {
             let keyed = self.keyed(&key.what, &key.property)?;
             let index = keyed.keys.iter().position(|at| *at == key.at).ok_or(EditError::Gone)?;
             let shape = keyed.chosen(index, choice).ok_or_else(|| {
-                let why = format!("keys of its {} have no tangents that could be written", keyed.name);
+                let why = format!("keys of its {} cannot have tangents", keyed.name);
                 let place = self.place_of(&key.what).map(|(place, _)| place).unwrap_or_default();
                 EditError::refused_at(&place, &why)
             })?;
@@ -295,7 +295,7 @@ impl Viewer {
     pub(crate) fn set_keys_of_selection(&mut self) -> Result<(), EditError> {
         let what = self.keyed_selection().ok_or_else(|| {
             EditError::refused(
-                "select what is to get a key: an actor, a clip, a camera, a light, the sky, an effect or a title",
+                "first select what gets a key: an actor, a clip, a camera, a light, the sky, an effect or a title",
             )
         })?;
         let all = self.keyed_properties(&what);
@@ -306,13 +306,14 @@ impl Viewer {
             return self.set_keys(&what, &names);
         }
         if !hidden.is_empty() {
-            let why = "all of its curves are hidden in the curve editor; show those that are to get keys";
+            let why =
+                "all of its curves are hidden in the curve editor; show the curves that should get keys";
             return Err(EditError::refused(why));
         }
         let usual = ["intensity", "position", "fov", "opacity", "strength", ".weight"];
         let usual = usual.into_iter().find(|name| all.iter().any(|p| p.name == *name));
         let first = usual.or(all.first().map(|p| p.name.as_str()));
-        let first = first.ok_or_else(|| EditError::refused("nothing of it can have keys"))?;
+        let first = first.ok_or_else(|| EditError::refused("it has no property that can have keys"))?;
         self.set_keys(&what, &[first])
     }
 
@@ -349,7 +350,7 @@ impl Viewer {
             && found.path_following.is_some()
         {
             let place = self.place_of(what).map(|(place, _)| place).unwrap_or_default();
-            let why = format!("it goes along a path, so its {property} has no keys; change the path");
+            let why = format!("it follows a path, so its {property} has no keys; change the path");
             return Err(EditError::refused_at(&place, &why));
         }
         let found = self.keyed_properties(what).into_iter().find(|keyed| keyed.name == property);

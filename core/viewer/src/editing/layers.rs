@@ -28,7 +28,8 @@ impl Viewer {
         let labels: Vec<&str> = chain.iter().map(|at| layer[*at].label.as_str()).collect();
         let (last, others) = labels.split_last().filter(|(_, others)| !others.is_empty())?;
         let value = if *name == "on" { "the mask" } else { *name };
-        let why = format!("{value} is that of the whole row: {} and {last} would get it", others.join(", "));
+        let why =
+            format!("{value} is shared by the whole row: {} and {last} would get it", others.join(", "));
         let of_all = &layer[first(at)?].place;
         let all = ScriptObject::at(&text, of_all.line, of_all.column);
         let all = all.and_then(|object| changed(&object, &text, change)).ok();

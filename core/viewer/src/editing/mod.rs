@@ -122,7 +122,7 @@ impl Viewer {
             CueTime::Start => self.check_boundary(None, &bar, secs)?,
             CueTime::End if secs <= bar.start.as_secs() => {
                 let start = bar.start.as_secs();
-                let why = format!("it would end at {secs:.3} s, where it begins at {start:.3} s");
+                let why = format!("it would end at {secs:.3} s, but it begins at {start:.3} s");
                 return Err(EditError::refused_at(&place, &why));
             }
             _ => {}
@@ -288,7 +288,8 @@ impl Viewer {
 
     /// Makes the offered edit.
     pub(crate) fn accept_offer(&mut self) -> Result<(), EditError> {
-        let offer = self.offer.take().ok_or(EditError::Overtaken("nothing was offered"))?;
+        let offer =
+            self.offer.take().ok_or(EditError::Overtaken("there is no suggested change to accept"))?;
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let now = read(&path)?;
         let edit =
@@ -345,7 +346,7 @@ impl Viewer {
         (self.dragging, self.placed) = (None, None);
         let error = problems.iter().find(|problem| problem.severity == Severity::Error);
         let (message, line) = error.map_or(("", 0), |error| (error.message.as_str(), error.line));
-        let why = format!("taken back, since the script would not load: {message}");
+        let why = format!("undone, because the script would not load: {message}");
         self.report(Err(EditError::Refused { why, line: Some(line).filter(|line| *line > 0) }));
         true
     }
@@ -367,8 +368,7 @@ impl Viewer {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let now = read(&path)?;
         let back = if now == from { Some(back.clone()) } else { back.carried_over(from, &now) };
-        let back =
-            back.ok_or(EditError::Overtaken("the line has been changed since; take it back in the editor"))?;
+        let back = back.ok_or(EditError::Overtaken("the line has changed since; undo it in the editor"))?;
         let after = back.apply(&now);
         write(&path, &after)?;
         Ok(Done { back: back.inverse(&now), text: after, keys: self.keys_beside_selection() })

@@ -69,9 +69,7 @@ impl Viewer {
         let next = cues.iter().find(|cue| cue.start > at);
         let mut parts = Vec::new();
         if layer > 0 {
-            parts.push(format!(
-                "{clip} has no mask as row +{layer} has: it plays on the whole body of {name}"
-            ));
+            parts.push(format!("{clip} has no mask, unlike row +{layer}: it plays on all joints of {name}"));
         }
         let time = |time: Time| self.shown_time(time);
         match (over, next) {
@@ -90,7 +88,7 @@ impl Viewer {
             (None, None) => {}
         }
         if over.is_some() || layer > 0 {
-            parts.push("state a mask (on, in the inspector) to play it beside what plays".to_string());
+            parts.push("set a mask (on, in the inspector) to play both at the same time".to_string());
         }
         (!parts.is_empty()).then(|| parts.join("; "))
     }

@@ -27,11 +27,12 @@ impl Viewer {
         })?;
         let left: Vec<String> = left.iter().map(usize::to_string).collect();
         let lacks = (!left.is_empty())
-            .then(|| format!("the copy lacks what other statements do, in lines {}", left.join(", ")));
-        let stays =
-            stays.map(|line| format!("the copy stands where the first does: line {line} computes its place"));
+            .then(|| format!("the copy lacks the effect of other statements, in lines {}", left.join(", ")));
+        let stays = stays.map(|line| {
+            format!("the copy is at the same place as the original: line {line} computes its place")
+        });
         let carried = self.carried_by(what).map(|parent| {
-            format!("the copy stands where the first does: {parent}, to which it is attached, carries both")
+            format!("the copy is at the same place as the original: both are attached to {parent}")
         });
         let notes: Vec<String> = lacks.into_iter().chain(stays).chain(carried).collect();
         self.note = (!notes.is_empty()).then(|| notes.join("; "));

@@ -99,7 +99,7 @@ impl Viewer {
         let time = self.playhead.time();
         if let Some(parent) = found.parent_at(time).filter(|p| p.placement.is_some()) {
             let start = format_number(parent.start.as_secs());
-            let why = format!("what follows its .attach from {start} s places it now; change that");
+            let why = format!("the calls after its .attach from {start} s place it now; change those");
             return Err(EditError::refused(why));
         }
         let parent = match found.parents.is_empty() {
@@ -108,7 +108,7 @@ impl Viewer {
         };
         let parent = parent.filter(|parent| parent.matrix3.determinant().abs() > 1e-12);
         let parent =
-            parent.ok_or_else(|| EditError::refused("what it is attached to is not seen; show it first"))?;
+            parent.ok_or_else(|| EditError::refused("its parent is not shown; show the parent first"))?;
         Ok(inside(change, &parent))
     }
 
@@ -200,7 +200,10 @@ impl Viewer {
         let found = self.script_camera(name)?;
         match found.camera.rig {
             Rig::Fixed { .. } => Ok(found),
-            _ => Err(EditError::refused_at(&found.place, "it moves by itself; change that there")),
+            _ => Err(EditError::refused_at(
+                &found.place,
+                "the camera moves by itself (orbit, follow, …); change that there",
+            )),
         }
     }
 
@@ -349,7 +352,7 @@ impl Viewer {
         self.message = (!there).then(|| {
             let line = wanted.line;
             format!(
-                "line {line}: it was written, but another line places \"{}\" anew; Ctrl Z takes it back",
+                "line {line}: the change was written, but another line places \"{}\" again; Ctrl Z undoes it",
                 wanted.actor
             )
         });
@@ -391,7 +394,7 @@ fn lens_edit(
             let in_millimetres = keyed.is_some_and(|channel| channel.property == Property::FocalLength);
             let name = if in_millimetres { "focal_length" } else { "fov" };
             let line = object.line_of_call("key").unwrap_or(object.place().0);
-            let why = format!("its \"{name}\" has keys, which a camera without perspective cannot have");
+            let why = format!("its \"{name}\" has keys, which an orthographic camera cannot have");
             return Err(EditRefused::at(line, &why));
         }
         (Projection::Orthographic { height, .. }, own) => {
@@ -404,5 +407,5 @@ fn lens_edit(
 }
 
 fn face_turns(line: usize) -> EditRefused {
-    EditRefused::at(line, ".face(…) turns it; change that, or take it away")
+    EditRefused::at(line, ".face(…) turns it; change or remove that call")
 }

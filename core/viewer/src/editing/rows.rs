@@ -53,7 +53,9 @@ impl Viewer {
             RowSide::Below => Some(at + 1),
         };
         let next = next.and_then(|next| rows.get(next));
-        let (to, _) = *next.as_ref().ok_or_else(|| EditError::refused("it is the last of its kind there"))?;
+        let (to, _) = *next
+            .as_ref()
+            .ok_or_else(|| EditError::refused("its row cannot move further in that direction"))?;
         self.move_row(row, *to, side)
     }
 
@@ -139,8 +141,8 @@ fn fixed(row: usize) -> EditError {
 
 fn elsewhere(group: &Group) -> EditError {
     EditError::refused(match group {
-        Group::Actors => "the row of an actor is moved above or below that of another actor",
-        Group::Layers(_) => "a layer is moved above or below another layer of its actor",
-        Group::Lights => "the row of a light is moved above or below that of another light",
+        Group::Actors => "the row of an actor can only be moved above or below that of another actor",
+        Group::Layers(_) => "a layer can only be moved above or below another layer of its actor",
+        Group::Lights => "the row of a light can only be moved above or below that of another light",
     })
 }

@@ -63,7 +63,9 @@ impl Viewer {
     /// Fails as [`Viewer::change_actor`] does.
     pub(crate) fn move_camera(&mut self, name: &str, at: DVec3) -> Result<(), EditError> {
         let ScriptCamera { camera, place, siblings } = self.script_camera(name)?;
-        let by_itself = || EditError::refused_at(&place, "it moves by itself; change that there");
+        let by_itself = || {
+            EditError::refused_at(&place, "the camera moves by itself (orbit, follow, …); change that there")
+        };
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let snapshot = &self.shown().ok_or(EditError::NothingShown)?.snapshot;
         let rig = rig::moved(&scene.stage, snapshot, &camera.rig, at).ok_or_else(by_itself)?;
@@ -109,7 +111,7 @@ impl Viewer {
         let constraint = scene.stage.actors[index].constraints.get(constraint).ok_or(EditError::Gone)?;
         let ConstraintKind::Reach(reach) = &constraint.kind else { return Err(EditError::Gone) };
         let Target::Point(from) = reach.target else {
-            return Err(EditError::refused("it reaches for something that moves; move that"));
+            return Err(EditError::refused("its target is another object; move that object"));
         };
         let to = to - reach.offset.unwrap_or(DVec3::ZERO);
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();

@@ -53,9 +53,11 @@ impl Viewer {
             ..Offer::default()
         };
         let one = unrolled
-            .map(|edit| (WRITE_OUT, "Written out, each can be changed alone:", edit))
-            .or_else(|| alone.map(|edit| ("Add the line", "A line of its own would change it alone:", edit)));
-        let makes = format!("line {line} makes {objects} of them");
+            .map(|edit| (WRITE_OUT, "With the loop written out, each can be changed alone:", edit))
+            .or_else(|| {
+                alone.map(|edit| ("Add the line", "An added line would change only this one:", edit))
+            });
+        let makes = format!("line {line} makes {objects} objects");
         self.offer = match (all, one) {
             (Some(all), one) => {
                 let other = one.map(|(agree, _, edit)| Alternative {
@@ -89,10 +91,10 @@ impl Viewer {
         let all = change(&object, &text).ok()?;
         let own = object.own_asset(&all).ok()?;
         let lines = |edit: &Edit| difference::lines(&text, &edit.apply(&text));
-        let why = format!("{actors} actors are made of {variable}");
+        let why = format!("{actors} actors share the asset {variable}");
         let (of_own, of_all) = (lines(&own), lines(&all));
         self.offer = Some(Offer {
-            why: format!("{why}. {actor} alone would get one of its own:"),
+            why: format!("{why}. {actor} alone would get an asset of its own:"),
             agree: format!("Change {actor} alone"),
             difference: of_own,
             edit: own,

@@ -149,7 +149,7 @@ impl Viewer {
             ));
         }
         let last = starts.iter().copied().fold(secs, |last, start| last.max(secs + start - first));
-        self.check_begins(&place, "the last of them", last)?;
+        self.check_begins(&place, "the last pasted clip", last)?;
         let steps = cues.into_iter().zip(starts).map(|(copied, start)| {
             let from = self.edit_time(secs + start - first);
             let make = move |text: &str, line, column| paste_cue(text, line, column, &copied, from);
@@ -165,7 +165,8 @@ impl Viewer {
         for what in all {
             let (bar, strip) = self.strip(what)?;
             if matches!(what, Selected::Cue { layer: 0, cue: 0, .. }) {
-                let why = "the first clip of the base layer always has all the weight; delete it, or hide the actor";
+                let why =
+                    "the first clip of the base layer always has full weight; delete it, or hide the actor";
                 return Err(EditError::refused_at(&bar.place, why));
             }
             strips.push((bar, strip));
@@ -186,7 +187,7 @@ impl Viewer {
         let start = bar.start.as_secs();
         let length = bar.played_until().as_secs() - start;
         if end - start < NOTHING || strip.is_keyed {
-            let why = if strip.is_keyed { "keys state its time" } else { "it would have no length" };
+            let why = if strip.is_keyed { "keys set its time" } else { "it would have no length" };
             return Err(EditError::refused_at(&bar.place, why));
         }
         let speed = strip.speed * length / (end - start);
@@ -240,10 +241,12 @@ fn rest(bar: &Bar, strip: &Strip, at: f64) -> Result<Rest, EditError> {
     let [from, to] = strip.trim;
     let length = to - from;
     if strip.is_keyed {
-        return refuse("keys state its time; split it in the script");
+        return refuse("keys set its time; split it in the script");
     }
     match strip.repeat {
-        Repeat::Once if played >= length - NOTHING => refuse("its clip is over there; the last pose is held"),
+        Repeat::Once if played >= length - NOTHING => {
+            refuse("its clip has ended before that time; the last pose is held")
+        }
         Repeat::Once if strip.speed < 0.0 => Ok(Rest::Trim([from, to - played])),
         Repeat::Once => Ok(Rest::Trim([from + played, to])),
         Repeat::Loop if strip.speed > 0.0 && length > NOTHING => {

@@ -30,8 +30,7 @@ impl Viewer {
             Repeat::Once => Some(trimmed_from(&bar, &strip, secs)?),
             _ if is_chained || meets => None,
             _ => {
-                let why =
-                    "it repeats, so a trim would shorten every round; drag without Alt, or write .once()";
+                let why = "it repeats, so a trim would shorten every repetition; drag without Alt, or write .once()";
                 return Err(EditError::refused_at(&bar.place, why));
             }
         };
@@ -58,8 +57,9 @@ impl Viewer {
         let next = next.filter(|next| bar.meets(next) && secs > next.start.as_secs());
         if let Some(next) = next {
             let (label, start) = (&next.label, self.shown_time(next.start));
-            let why =
-                format!("{label} takes over from it at {start}: move its start, with Alt where they meet");
+            let why = format!(
+                "{label} takes over from it at {start}: move that start instead, with Alt where the bars meet"
+            );
             return Err(EditError::refused_at(&bar.place, &why));
         }
         self.set_cue(&bar.what, CueTime::End, secs)
@@ -76,7 +76,7 @@ impl Viewer {
         }
         if ends && secs >= bar.until.as_secs() - NOTHING {
             let why =
-                format!("it would begin at {}, where it ends at {}", shown(secs), shown(bar.until.as_secs()));
+                format!("it would begin at {}, but it ends at {}", shown(secs), shown(bar.until.as_secs()));
             return Err(EditError::refused_at(&bar.place, &why));
         }
         Ok(())
@@ -88,7 +88,7 @@ impl Viewer {
         let trim = slipped(&bar, &strip, by).ok_or_else(|| {
             let why = match strip.repeat {
                 Repeat::Once => "its clip is played whole: there is nothing beyond its ends",
-                _ => "it shows whole rounds of its clip: make the bar shorter than one, or write .once()",
+                _ => "it repeats its whole clip: make the bar shorter than one repetition, or write .once()",
             };
             EditError::refused_at(&bar.place, why)
         })?;

@@ -75,7 +75,7 @@ impl FileDialog {
         let name = self.name.trim();
         let path = self.folder.join(name);
         if name.is_empty() {
-            self.problem = Some("write the name of a file".to_string());
+            self.problem = Some("type a file name".to_string());
             return None;
         }
         if path.is_dir() {
@@ -99,10 +99,10 @@ impl FileDialog {
         match self.purpose {
             Purpose::SaveAs if self.replaces.as_ref() == Some(&path) => return Some(path),
             Purpose::SaveAs => {
-                self.problem = Some(format!("{shown} is there already: save once more to replace it"));
+                self.problem = Some(format!("{shown} already exists: save once more to replace it"));
                 self.replaces = Some(path);
             }
-            _ => self.problem = Some(format!("{shown} is there already; choose another name")),
+            _ => self.problem = Some(format!("{shown} already exists; choose another name")),
         }
         None
     }

@@ -27,7 +27,7 @@ pub const TEMPLATES: [Template; 4] = [
     },
     Template {
         name: "Turntable",
-        about: "A camera that circles what stands in the middle, under studio light.",
+        about: "A camera that circles the object in the middle, under studio light.",
         text: include_str!("templates/turntable.rhai"),
     },
 ];

@@ -80,7 +80,7 @@ enum ThumbnailError {
     /// First problem of the script or model.
     #[error("{0}")]
     Problem(String),
-    #[error("it is no model")]
+    #[error("it is not a model")]
     NoModel,
     #[error("the file has no such clip")]
     NoClip,
@@ -124,7 +124,7 @@ impl Thumbnails {
         }
         let made = match self.start(subject, asset, wake) {
             true => Made::Waiting,
-            false => Made::Failed("images are not drawn here".to_string()),
+            false => Made::Failed("thumbnails are not drawn here".to_string()),
         };
         self.known.insert(subject.clone(), made.clone());
         made

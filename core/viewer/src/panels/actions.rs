@@ -63,24 +63,22 @@ const fn free(id: &'static str, title: &'static str, keys: &'static str, run: fn
 pub(crate) const ACTIONS: &[Action] = &[
     free("play", "play, pause", "Space", |c| c.viewer.playhead.toggle(c.now)),
     free("previous_frame", "one frame back", "Left", |c| c.viewer.playhead.step(-1)),
-    free("next_frame", "one frame on", "Right", |c| c.viewer.playhead.step(1)),
-    free("first_frame", "first frame; over curves: show all of their keys", "Home", |c| {
+    free("next_frame", "one frame forward", "Right", |c| c.viewer.playhead.step(1)),
+    free("first_frame", "first frame; with the pointer over curves: show all keys", "Home", |c| {
         match c.viewer.curves.hovered {
             true => c.viewer.curves.fit = true,
             false => c.viewer.playhead.step(i64::MIN / 2),
         }
     }),
     free("last_frame", "last frame", "End", |c| c.viewer.playhead.step(i64::MAX / 2)),
-    free("previous_event", "to the last thing that begins, ends or happens", "Up", |c| {
-        c.viewer.seek_to_next(true)
-    }),
-    free("next_event", "to the next thing that begins, ends or happens", "Down", |c| {
-        c.viewer.seek_to_next(false)
-    }),
-    free("range_from", "range start: play from here; again: all of it", "I", |c| {
+    free("previous_event", "go to the previous start, end or event", "Up", |c| c.viewer.seek_to_next(true)),
+    free("next_event", "go to the next start, end or event", "Down", |c| c.viewer.seek_to_next(false)),
+    free("range_from", "range start: play from here; press again: play everything", "I", |c| {
         keys::range(c.viewer, false)
     }),
-    free("range_to", "range end: play up to here; again: all of it", "O", |c| keys::range(c.viewer, true)),
+    free("range_to", "range end: play up to here; press again: play everything", "O", |c| {
+        keys::range(c.viewer, true)
+    }),
     free("loop", "loop: play again and again, or once", "L", |c| c.viewer.playhead.looping ^= true),
     free("speed_tenth", "playback speed: a tenth", "", |c| c.viewer.playhead.set_speed(0.1)),
     free("speed_quarter", "playback speed: a quarter", "", |c| c.viewer.playhead.set_speed(0.25)),
@@ -91,7 +89,7 @@ pub(crate) const ACTIONS: &[Action] = &[
     free("snap", "dragged times snap to frames", "N", |c| c.viewer.snap ^= true),
     outside(
         "start_earlier",
-        "move the selected bars a frame earlier, with the end that they follow",
+        "move the selected bars, and the ends that they follow, a frame earlier",
         "Alt+Left",
         |c| {
             keys::nudge(c.viewer, CueTime::Start, -1);
@@ -99,7 +97,7 @@ pub(crate) const ACTIONS: &[Action] = &[
     ),
     outside(
         "start_later",
-        "move the selected bars a frame later, with the end that they follow",
+        "move the selected bars, and the ends that they follow, a frame later",
         "Alt+Right",
         |c| {
             keys::nudge(c.viewer, CueTime::Start, 1);
@@ -112,21 +110,21 @@ pub(crate) const ACTIONS: &[Action] = &[
         keys::nudge(c.viewer, CueTime::End, 1);
     }),
     outside("rename", "rename the selected actor, camera, light or title", "F2", |c| rename::ask(c.viewer)),
-    outside("row_up", "the row of the selected actor or light one up", "Ctrl+Shift+Up", |c| {
+    outside("row_up", "move the row of the selected actor or light up", "Ctrl+Shift+Up", |c| {
         bars(c, bar_menu::Command::RowUp);
     }),
-    outside("row_down", "the row of the selected actor or light one down", "Ctrl+Shift+Down", |c| {
+    outside("row_down", "move the row of the selected actor or light down", "Ctrl+Shift+Down", |c| {
         bars(c, bar_menu::Command::RowDown);
     }),
     outside("cut", "cut the selected clips or keys", "", |c| clipboard(c, bar_menu::Command::Cut)),
     outside("copy", "copy the selected clips or keys", "", |c| clipboard(c, bar_menu::Command::Copy)),
-    outside("paste", "paste clips on the row of the selected actor, or keys, at the playhead", "", |c| {
+    outside("paste", "paste at the playhead: clips on the row of the selected actor, or keys", "", |c| {
         clipboard(c, bar_menu::Command::Paste);
     }),
     change("delete", "delete the selected clips and keys from the script", "Delete", delete),
     change(
         "set_keys",
-        "set keys of the selection at the playhead: of what has keys and is not hidden in the open curve editor, else of its position",
+        "set keys of the selection at the playhead: of all properties with keys whose curves are not hidden, else of its position",
         "K",
         |c| key_menu::set_keys(c.viewer),
     ),
@@ -134,7 +132,7 @@ pub(crate) const ACTIONS: &[Action] = &[
     change("disable", "disable or enable the selected clips", "M", |c| bars(c, bar_menu::Command::Disable)),
     change(
         "duplicate",
-        "the selected clip once more after it, the selected actor, camera, light or title once more; keys at the playhead",
+        "duplicate the selection: a clip after itself, an actor, camera, light or title, or keys at the playhead",
         "Ctrl+D",
         duplicate,
     ),
@@ -143,25 +141,29 @@ pub(crate) const ACTIONS: &[Action] = &[
             c.viewer.bars().filter(|b| b.strip.is_some()).map(|b| b.what.clone()).collect();
         c.viewer.select_all(all);
     }),
-    free("select_previous", "select the last", "PageUp", |c| keys::next_selection(c.viewer, true)),
-    free("select_next", "select the next", "PageDown", |c| keys::next_selection(c.viewer, false)),
-    free("move", "move what is selected", "G", |c| c.viewer.tool = Tool::Move),
-    free("turn", "turn what is selected", "R", |c| c.viewer.tool = Tool::Turn),
-    free("scale", "scale what is selected", "B", |c| c.viewer.tool = Tool::Scale),
-    free("hide", "hide or show what is selected", "H", |c| keys::hide(c.viewer)),
-    free("isolate", "isolate what is selected: only what is solo is shown", "", |c| keys::isolate(c.viewer)),
-    free("camera", "the script's camera or a free one", "C", |c| viewport::toggle_camera(c.viewer)),
-    free("focus", "frame what is selected: look at it", "F", |c| viewport::focus(c.viewer)),
+    free("select_previous", "select the previous object", "PageUp", |c| keys::next_selection(c.viewer, true)),
+    free("select_next", "select the next object", "PageDown", |c| keys::next_selection(c.viewer, false)),
+    free("move", "move the selection", "G", |c| c.viewer.tool = Tool::Move),
+    free("turn", "turn the selection", "R", |c| c.viewer.tool = Tool::Turn),
+    free("scale", "scale the selection", "B", |c| c.viewer.tool = Tool::Scale),
+    free("hide", "hide or show the selection", "H", |c| keys::hide(c.viewer)),
+    free("isolate", "isolate the selection: show only solo actors", "", |c| keys::isolate(c.viewer)),
+    free("camera", "switch between the script's camera and a free one", "C", |c| {
+        viewport::toggle_camera(c.viewer)
+    }),
+    free("focus", "frame the selection: look at it", "F", |c| viewport::focus(c.viewer)),
     free("screenshot", "save the image", "P", |c| viewport::screenshot(c.viewer)),
-    outside("undo", "undo: take a change of the script back", "Ctrl+Z", |c| c.viewer.edit(|v| v.undo())),
-    outside("redo", "redo: make the change again", "Ctrl+Shift+Z, Ctrl+Y", |c| c.viewer.edit(|v| v.redo())),
+    outside("undo", "undo the last change of the script", "Ctrl+Z", |c| c.viewer.edit(|v| v.undo())),
+    outside("redo", "redo the change that was undone", "Ctrl+Shift+Z, Ctrl+Y", |c| {
+        c.viewer.edit(|v| v.redo())
+    }),
     always("larger", "larger texts and buttons", "Ctrl+Plus, Ctrl+Equals", |c| scale(c.panels, 0.1)),
     always("smaller", "smaller texts and buttons", "Ctrl+Minus", |c| scale(c.panels, -0.1)),
-    always("usual_size", "texts and buttons as large as at first", "Ctrl+0", |c| c.panels.scale = 1.0),
+    always("usual_size", "texts and buttons in their default size", "Ctrl+0", |c| c.panels.scale = 1.0),
     always("palette", "search actions, actors, clips and lines", "Ctrl+P", |c| c.panels.palette.toggle()),
     always("new", "new script", "Ctrl+N", |c| ask(c, Purpose::New(TEMPLATES[0]))),
     always("open", "open a script or a model", "Ctrl+O", |c| ask(c, Purpose::Open)),
-    always("save", "say where the script is saved, which each change does at once", "Ctrl+S", |c| {
+    always("save", "show where the script is saved (each change saves it at once)", "Ctrl+S", |c| {
         let path = c.viewer.path.as_ref();
         c.viewer.note = path.map(|path| format!("{}: each change is written at once", path.display()));
     }),
@@ -170,7 +172,7 @@ pub(crate) const ACTIONS: &[Action] = &[
             ask(c, Purpose::SaveAs);
         }
     }),
-    always("help", "this list", "F1", |c| c.panels.key_list.open ^= true),
+    always("help", "list of shortcuts", "F1", |c| c.panels.key_list.open ^= true),
     always("close", "close", "Ctrl+Q", |c| c.viewer.quit = true),
 ];
 
@@ -379,7 +381,9 @@ pub fn problem(viewer: &Viewer) -> Option<String> {
         let read = viewer.shortcuts.of(id, "");
         let written = keys.split(", ").filter(|key| !key.trim().is_empty()).count();
         if read.len() != written || read.iter().any(|chord| pressed(chord).is_none()) {
-            return Some(format!("shortcuts.json: {id}: \"{keys}\" is no key; as \"Ctrl+Shift+D, F5\""));
+            return Some(format!(
+                "shortcuts.json: {id}: \"{keys}\" is not a key; write for example \"Ctrl+Shift+D, F5\""
+            ));
         }
     }
     None
@@ -476,7 +480,7 @@ mod tests {
         assert_eq!(own("split", "Ctrl+Alt+F5, Y"), None);
         assert_eq!(own("panel_curves", ""), None);
         assert_eq!(own("fly", "Y").unwrap(), "shortcuts.json: there is no action \"fly\"");
-        assert!(own("split", "Ctrl+Foo").unwrap().contains("\"Ctrl+Foo\" is no key"));
+        assert!(own("split", "Ctrl+Foo").unwrap().contains("\"Ctrl+Foo\" is not a key"));
         assert!(own("split", "Hyper+Y").is_some());
     }
 }

@@ -10,10 +10,10 @@ use egui::Ui;
 /// Names, hints and additions that need no further choice.
 const PLAIN: [(&str, &str, Addition); 2] = [
     ("Character", "the built-in character, in a color of its own", Addition::Character),
-    ("Title", "words over the frame, from the playhead on", Addition::Title),
+    ("Title", "text over the frame, from the playhead on", Addition::Title),
 ];
 const ORBIT: (&str, &str, Addition) =
-    ("Around the middle", "circles the stage, and is on from the playhead on", Addition::Orbit(None));
+    ("Around the middle", "circles the stage; active from the playhead on", Addition::Orbit(None));
 /// Largest number of actors that cameras are offered for.
 const MOST_ACTORS: usize = 100;
 const LIGHTS: [(&str, &str, Addition); 5] = [
@@ -58,8 +58,8 @@ fn subjects(viewer: &Viewer) -> Vec<String> {
 
 /// Entries for cameras that show the selected actor, else menus of all actors.
 fn cameras(ui: &mut Ui, viewer: &Viewer) -> Option<Addition> {
-    const FOLLOWING: &str = "goes with it as it moves, and is on from the playhead on";
-    const AROUND: &str = "circles it, and is on from the playhead on";
+    const FOLLOWING: &str = "moves along with it; active from the playhead on";
+    const AROUND: &str = "circles it; active from the playhead on";
     type CameraAddition = (&'static str, &'static str, fn(String) -> Addition);
     let kinds: [CameraAddition; 2] = [
         ("Camera following", FOLLOWING, Addition::Follow),
@@ -133,7 +133,7 @@ fn constraint_menu(ui: &mut Ui, viewer: &Viewer) -> Option<NewConstraint> {
     };
     let menu = ui.add_enabled_ui(is_selected, |ui| ui.menu_button("Constraint", add));
     if !is_selected {
-        menu.response.hint("select the actor that is to have it");
+        menu.response.hint("first select the actor for the constraint");
     }
     wanted
 }
@@ -170,7 +170,7 @@ pub fn entries(ui: &mut Ui, viewer: &mut Viewer) {
         }
     });
     ui.menu_button("Camera", |ui| {
-        if ui.button("From this view").hint("it is on from the playhead on").clicked() {
+        if ui.button("From this view").hint("active from the playhead on").clicked() {
             wanted = Some(None);
         }
         wanted = entry(ui, &ORBIT).or(wanted.take());

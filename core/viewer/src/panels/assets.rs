@@ -72,7 +72,7 @@ impl Browser {
 pub fn show(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, pictures: &mut Pictures) {
     let root = viewer.path.as_ref().and_then(|path| path.canonicalize().ok());
     let Some(root) = root.as_deref().and_then(Path::parent) else {
-        ui.label("there is no script, in whose folder models would lie");
+        ui.label("no script is open; this panel lists the models in the script's folder");
         return;
     };
     let models = viewer.documents.models.clone();

@@ -64,7 +64,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_
         if response.hovered() {
             painter.circle_stroke(at, END + 2.0, Stroke::new(1.5, Color32::WHITE));
         }
-        if response.hint(format!("{} view, without perspective", side.name())).clicked() {
+        if response.hint(format!("{} view, orthographic", side.name())).clicked() {
             viewer.active = index;
             // A second click on the same end looks from the opposite side, whose end is hidden behind it.
             let same = orbit(viewer, index).as_ref().and_then(Side::of) == Some(side);

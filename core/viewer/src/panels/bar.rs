@@ -34,7 +34,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             bar.menu("Panels", "", |ui, window| panel_entries(ui, window.panels));
             bar.stays_open();
             bar.menu("Look", "", |ui, window| look_entries(ui, window.panels));
-            bar.toggle(panels.key_list.open, "Keys", "", |window| window.panels.key_list.open ^= true);
+            bar.toggle(panels.key_list.open, "Shortcuts", "", |window| window.panels.key_list.open ^= true);
             // The name follows the menus, so that its length does not move them.
             let name = viewer.name.clone();
             bar.widget("name", true, move |ui, _| short(ui, RichText::new(&name).strong(), &name));
@@ -179,7 +179,7 @@ fn status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
         // The renderer reports the same.
         RichText::new("drawn on the CPU").color(visuals.warn_fg_color)
     } else if !viewer.trouble.is_empty() {
-        RichText::new("trouble: see Messages").color(visuals.error_fg_color)
+        RichText::new("problems: see Messages").color(visuals.error_fg_color)
     } else {
         let parts: Vec<String> = many(errors, "error").into_iter().chain(many(warnings, "warning")).collect();
         if parts.is_empty() {

@@ -149,8 +149,10 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
                 ([one @ Selected::Cue { .. }], _) => v.duplicate_cue(one),
                 ([one], _) => v.duplicate_object(one),
                 ([], Some(what)) => v.duplicate_object(&what),
-                ([], None) => Err(EditError::refused("select what is to be duplicated")),
-                _ => Err(EditError::refused("one clip is duplicated at a time; copy and paste several")),
+                ([], None) => Err(EditError::refused("first select what to duplicate")),
+                _ => Err(EditError::refused(
+                    "only one clip can be duplicated at a time; copy and paste several",
+                )),
             });
         }
         Command::Copy | Command::Cut if all.is_empty() => {

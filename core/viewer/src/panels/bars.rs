@@ -172,17 +172,17 @@ impl Viewer {
     /// The actor of a row, if the clip of a bar can be moved there.
     fn actor_for(&self, bar: &Bar, row: usize) -> Result<&str, Cow<'static, str>> {
         let Selected::Cue { actor, .. } = &bar.what else {
-            return Err("actors play clips alone; it stays in its own rows".into());
+            return Err("only actors play clips; this bar stays in its own rows".into());
         };
         match self.timeline.rows.get(row).and_then(|row| row.what.as_ref()) {
             Some(Selected::Actor(name)) if name == actor => {
-                Err("a layer of an actor is made by .on(…): state the joints in the inspector".into())
+                Err("a layer of an actor is made by .on(…): set the joints in the inspector".into())
             }
             Some(Selected::Actor(name)) if self.toggles.locked.contains(name) => {
                 Err(headers::is_locked(name).into())
             }
             Some(Selected::Actor(name)) => Ok(name),
-            _ => Err("clips are played by actors: drop it on the row of one".into()),
+            _ => Err("only actors play clips: drop it on the row of an actor".into()),
         }
     }
 
@@ -409,9 +409,9 @@ fn handle(
     };
     if let (CueTime::Start, Some(strip)) = (part, bar.strip) {
         let text = match (keep, strip.repeat) {
-            (false, _) => "its content moves along; Alt: stays",
-            (true, Repeat::Once) => "its content stays where it is",
-            (true, _) => "the boundary moves; it begins its rounds there",
+            (false, _) => "moves the start and the content; hold Alt to keep the content in place",
+            (true, Repeat::Once) => "trims the start; the content stays in place",
+            (true, _) => "moves the cut; the loop starts again at the cut",
         };
         let end = viewer.moved_end(&bar.what, &[], secs - bar.start.as_secs()).filter(|_| !keep);
         let text = end.map_or_else(|| text.to_string(), |end| format!("{text}\n{end}"));

@@ -96,7 +96,7 @@ fn stands(
     let at = now.map_or(position, |[x, y, z, _]| DVec3::new(x, y, z));
     row(ui, "at", "metres", at, Some("position"), place.is_some());
     if let (Some(Target::Point(point)), None) = (look_at, keys(Property::Rotation)) {
-        row(ui, "look_at", "a point of the world, metres", *point, None, false);
+        row(ui, "look_at", "a point in world space, metres", *point, None, false);
     }
     wanted
 }
@@ -142,7 +142,7 @@ fn options(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, all: &[RigOption]) -
 /// Target of a camera: a point in world space, a whole actor, or one of its joints.
 fn aims_at(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target) -> Option<FieldChange> {
     /// Label of the choice of a whole actor.
-    const WHOLE: &str = "all of it";
+    const WHOLE: &str = "whole actor";
     let (actor, joint) = match target {
         Target::Point(at) => {
             let to = point(ui, ["center", "camera center"], *at, call.arguments[0].as_deref());

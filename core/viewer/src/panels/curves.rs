@@ -84,7 +84,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     viewer.curves.seen = true;
     let Some((what, all)) = shown(viewer) else {
         ui.label(
-            "select an actor, a camera, a light, an effect or a title: its keys are seen here as curves",
+            "select an actor, a camera, a light, an effect or a title: its keys are shown here as curves",
         );
         return;
     };
@@ -120,8 +120,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     over_all(ui, viewer, area, (ruler, viewer.curves.time));
     if all.is_empty() {
-        let text =
-            "no keys yet: K sets one at the playhead, the diamond beside a value in the inspector does, too";
+        let text = "no keys yet: press K, or click the diamond beside a value in the inspector";
         let color = ui.visuals().weak_text_color();
         ui.painter_at(rect).text(
             rect.center(),
@@ -186,19 +185,19 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
         };
         let hint = "show all keys, or those that are selected (Home)";
         bar.button("Fit", hint, |viewer: &mut Viewer| viewer.curves.fit = true);
-        let hint = "the change of each value a second, instead of the value";
+        let hint = "show the change of each value per second instead of the value";
         bar.toggle(viewer.curves.speed, "Speed", hint, |viewer| {
             viewer.curves.speed ^= true;
             viewer.curves.fit_values(all, Time::ZERO, None);
         });
-        let hint = "each property fills the height by itself, whatever its unit";
+        let hint = "scale each property to the full height, whatever its unit";
         bar.toggle(viewer.curves.normalized, "Normalize", hint, |viewer| {
             viewer.curves.normalized ^= true;
             viewer.curves.fit_values(all, Time::ZERO, None);
         });
-        let hint = "dragged times are whole frames (N)";
+        let hint = "dragged times snap to whole frames (N)";
         bar.toggle(viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
-        let hint = "keys at the playhead, of the curves that are shown (K)";
+        let hint = "set keys of the visible curves at the playhead (K)";
         bar.button("Set key", hint, key_menu::set_keys);
         // The name follows the buttons, so that its length does not move them.
         bar.widget("name", true, move |ui, _| drop(ui.strong(name)));
@@ -350,7 +349,7 @@ fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
                     font,
                     weak,
                 );
-                if response.hint("a click hides or shows it, with Ctrl: it alone").clicked() {
+                if response.hint("click: hide or show it; Ctrl click: show it alone").clicked() {
                     let curve = (property.what.clone(), property.name.clone(), part);
                     toggled = Some((curve, held::modifiers(ui).command));
                 }

@@ -312,7 +312,7 @@ fn clip(
             _ if own.is_none() => wanted.take(),
             0 => {
                 ui.label(name_text("on", false))
-                    .hint("joints on which it plays: it becomes a layer with those that follow it");
+                    .hint("joints on which it plays; it becomes a layer, with the clips that follow it");
                 own.and_then(|asset| mask(ui, "", asset)).or(wanted.take())
             }
             _ => own.and_then(|asset| layer_fields(ui, stated, asset)).or(wanted.take()),
@@ -362,7 +362,7 @@ fn trim(ui: &mut Ui, stated: &Stated, played: &Cue) -> Option<FieldChange> {
 }
 
 fn ease(ui: &mut Ui, stated: &Stated) -> Option<FieldChange> {
-    let mut wanted = label(ui, stated, "ease", "course of the fades");
+    let mut wanted = label(ui, stated, "ease", "easing of the fades");
     let written = stated.get("ease").cloned().unwrap_or_else(|| "\"linear\"".to_string());
     let names = choreo_script::easing_names();
     let chosen = choice(ui, "ease", written.trim_matches('"'), names.iter().map(String::as_str));
@@ -478,7 +478,7 @@ fn shadow(
 ) -> Option<FieldChange> {
     let mut wanted = None;
     Grid::new("shadow").num_columns(2).show(ui, |ui| {
-        let reset = label(ui, stated, "shadow", "whether what it shines on throws a shadow");
+        let reset = label(ui, stated, "shadow", "lit objects cast shadows");
         let set = flag(ui, "shadow", "shadow", light.shadow.is_some());
         wanted = set.map(|change| match change {
             FieldChange::Text(name, ..) => FieldChange::Text(name, "true".into(), Anew::Option),
@@ -606,7 +606,7 @@ fn option_label(ui: &mut Ui, written: &Stated, name: &'static str) -> Option<Fie
     let text = name_text(name, written.contains_key(name));
     let response = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
     reset(
-        &response.hint("of what it is made of; where others are, too, you are asked which of them it is for"),
+        &response.hint("belongs to the asset; if other actors share it, you choose which of them change"),
         &[name],
     )
     .map(|_| FieldChange::Material(name, None))

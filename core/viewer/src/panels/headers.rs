@@ -115,7 +115,7 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
     if is_base {
         let about = format!("only {name} in rows");
         let solo = toggles.solo.contains(name);
-        if button(ui, place(1.0), icons::STAR, solo, &about, "solo: only what is solo is seen here") {
+        if button(ui, place(1.0), icons::STAR, solo, &about, "solo: only solo actors are shown here") {
             toggled = Some(Toggle::Solo(name.clone()));
         }
         let about = format!("lock the row of {name}");

@@ -81,7 +81,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         let place = Place { file: scene.places.main.clone(), line, ..Place::default() };
         let text = RichText::new(super::marks::report(&place)).weak().monospace();
         let label = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
-        if label.hint("a click goes there").clicked() {
+        if label.hint("click to go to this line").clicked() {
             viewer.go_to = Some(line);
         }
     }
@@ -187,7 +187,9 @@ fn key_button(ui: &mut Ui, viewer: &Viewer, keyable: Keyable, name: &str) -> Opt
         .widget_info(|| egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, here, label.clone()));
     let hint = match here {
         true => format!("delete the key of {} here", property.title()),
-        false => format!("set a key of {} at the playhead (K: of all that have keys)", property.title()),
+        false => {
+            format!("set a key of {} at the playhead (K: of all properties with keys)", property.title())
+        }
     };
     response.hint(hint).clicked().then(|| Wanted::Key(name.to_string(), here))
 }
@@ -457,7 +459,7 @@ fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -
     let range = choreo_script::KELVIN.0..=choreo_script::KELVIN.1;
     let set = match now {
         _ if written.contains_key("color") => {
-            ui.weak("the color is stated");
+            ui.weak("a color is set instead");
             None
         }
         Some(now) => values::number(ui, "light kelvin", now, 10.0, range),
@@ -738,8 +740,8 @@ fn joints(ui: &mut Ui, asset: &Asset, state: &ActorState) {
     egui::CollapsingHeader::new(format!("joints ({count})")).show(ui, |ui| {
         Grid::new("joints").num_columns(3).striped(true).show(ui, |ui| {
             ui.weak("joint");
-            ui.weak("from rest");
-            ui.weak("stands at (model)");
+            ui.weak("angle from rest");
+            ui.weak("position (model)");
             ui.end_row();
             for (joint, name) in asset.skeleton.names().iter().enumerate().take(MOST_JOINTS) {
                 let model_from_joint = state.model_from_joint[joint];
@@ -891,6 +893,6 @@ fn rig_name(rig: &Rig) -> &'static str {
         Rig::Follow { .. } => "follows",
         Rig::Orbit { .. } => "orbits",
         Rig::Frame { .. } => "frames all",
-        Rig::File { .. } => "of a file",
+        Rig::File { .. } => "from a file",
     }
 }

@@ -20,16 +20,19 @@ pub struct KeyList {
 
 /// Rows that are not actions: keys of the toolkit, and the mouse.
 const MOUSE: [(&str, &str); 22] = [
-    ("Ctrl click", "selects one more clip or key, as with Shift; a drag over free rows selects a box"),
-    ("Esc", "select nothing; close a question"),
-    ("Tab Enter", "go through buttons and bars; press"),
+    (
+        "Ctrl click",
+        "adds a clip or key to the selection, as Shift click; a drag over empty rows selects a box",
+    ),
+    ("Esc", "clear the selection; close a dialog"),
+    ("Tab Enter", "move through buttons and bars; press the focused one"),
     ("", ""),
-    ("click", "viewport: select; script, messages: go there"),
+    ("click", "viewport: select; script, messages: go to the line"),
     ("drag", "viewport: turn around; with Shift or the middle button: pan"),
     ("drag right", "viewport: look around"),
     ("W A S D Q E", "viewport, mouse over it: walk; with Shift: run"),
-    ("drag", "an arrow, ring or box: changes the script; with Ctrl: in steps"),
-    ("drag", "a clip's bar: moves it, onto another actor's row, too; with Shift: and all after it"),
+    ("drag", "an arrow, ring or box of the gizmo: changes the script; with Ctrl: in steps"),
+    ("drag", "a clip's bar: moves it, also onto another actor's row; with Shift: all later ones, too"),
     ("Ctrl drag", "a clip's bar over the one before it: they crossfade"),
     ("Alt drag", "a clip's bar: slips its content; its ends: trim it, or roll it where two meet"),
     ("drag", "the corner or the line of the selected clip: speed, weight"),
@@ -42,10 +45,10 @@ const MOUSE: [(&str, &str); 22] = [
     ("right click", "a bar, a key: all commands; of a key its time, value and easing"),
     ("drag", "a clip from the inspector onto a row: adds a line"),
     ("click", "an event or a foot's strip: the playhead goes there"),
-    ("Shift drag", "ruler: the part that is played"),
+    ("Shift drag", "ruler: sets the range that is played"),
     (
         "wheel",
-        "viewport: nearer; sequencer, curves: zoom, with Shift: pan; over names: other rows; curves with Ctrl: values",
+        "viewport: closer or farther; sequencer, curves: zoom in time, with Shift: pan; over names: scroll; curves with Ctrl: zoom in values",
     ),
     ("drop", "a model or clip from a file manager: shows it"),
 ];
@@ -91,11 +94,11 @@ pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
     // The list uses all available height; egui would limit a window to 400 points.
     let room = ui.ctx().content_rect().height() - 80.0;
     let KeyList { open, choosing } = list;
-    let window = egui::Window::new("Keys").open(open).resizable(false).collapsible(false);
+    let window = egui::Window::new("Shortcuts").open(open).resizable(false).collapsible(false);
     let window = window.default_height(room).anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0]);
     window.show(ui.ctx(), |ui| {
         ui.horizontal(|ui| {
-            ui.label("Keys like those of");
+            ui.label("Shortcuts like those of");
             for (name, title, _) in PRESETS {
                 let is_on = viewer.shortcuts.preset == name;
                 if ui.radio(is_on, title).clicked() {
@@ -103,7 +106,7 @@ pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
                 }
             }
         });
-        ui.weak("Click a key and press another one: Escape leaves it, Delete takes it away.");
+        ui.weak("Click a shortcut, then press the new key. Escape keeps the old one, Delete removes it.");
         ui.separator();
         let all = actions::all_keyed(viewer);
         ScrollArea::vertical().max_height(room - 60.0).show(ui, |ui| {

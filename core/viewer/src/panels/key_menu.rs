@@ -124,12 +124,12 @@ fn entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
     ui.separator();
     act = tangents::menu(ui).or(act);
     ui.menu_button("Easing into the key", |ui| {
-        act = choice(ui, "not its own: like all keys", &easing_names()).map(KeyAct::Ease).or(act.take());
+        act = choice(ui, "default: like all keys", &easing_names()).map(KeyAct::Ease).or(act.take());
     });
     ui.menu_button("Between all keys", |ui| {
         let mut all: Vec<String> = KEY_INTERPOLATIONS.iter().map(ToString::to_string).collect();
         all.extend(easing_names().into_iter().filter(|name| name.contains('_')));
-        act = choice(ui, "not stated: linear", &all).map(KeyAct::How).or(act.take());
+        act = choice(ui, "default: linear", &all).map(KeyAct::How).or(act.take());
     });
     ui.separator();
     for (command, name, key) in COMMANDS {
@@ -281,6 +281,6 @@ pub(crate) fn paste(viewer: &mut Viewer, text: &str) {
     };
     viewer.edit(|v| match what {
         Some(what) => v.paste_keys(&what, text, at),
-        None => Err(EditError::refused("select what is to get the keys")),
+        None => Err(EditError::refused("first select what gets the keys")),
     });
 }

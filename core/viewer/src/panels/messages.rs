@@ -11,7 +11,7 @@ const MOST: usize = 100;
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let visuals = ui.visuals().clone();
     if viewer.problems.is_empty() && viewer.trouble.is_empty() && viewer.without_vulkan.is_none() {
-        ui.label("nothing to say");
+        ui.label("no messages");
     }
     if let Some(text) = &viewer.without_vulkan {
         ui.label(RichText::new(text).color(visuals.warn_fg_color).monospace());

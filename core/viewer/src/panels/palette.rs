@@ -140,7 +140,7 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
                 }
             }
             if found.is_empty() {
-                ui.weak("nothing is called so");
+                ui.weak("nothing found");
             }
         });
         if enter {

@@ -19,7 +19,7 @@ impl Preset {
 
     pub fn name(self) -> &'static str {
         match self {
-            Preset::General => "As at first",
+            Preset::General => "Default",
             Preset::Scripting => "Scripting",
             Preset::Animating => "Animating",
             Preset::Lighting => "Lighting",

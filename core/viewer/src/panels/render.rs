@@ -171,8 +171,8 @@ fn name(format: &Format) -> String {
 fn is_written(job: &Job) -> String {
     let name = shown_name(&job.output);
     match job.state {
-        JobState::Waiting => format!("{name} is to be written by the {} that waits", job.command),
-        _ => format!("{name} is being written by the {} that runs", job.command),
+        JobState::Waiting => format!("{name} will be written by a waiting {}", job.command),
+        _ => format!("{name} is being written by a running {}", job.command),
     }
 }
 
@@ -180,7 +180,7 @@ fn is_written(job: &Job) -> String {
 fn queue(ui: &mut Ui, viewer: &Viewer) {
     let jobs = viewer.renders.jobs();
     if jobs.is_empty() {
-        ui.weak("Renders run one after the other, beside the window, and show the script as it is saved when they begin.");
+        ui.weak("Renders run one after the other in the background. Each shows the script as it is saved when the render begins.");
     }
     for job in jobs {
         ui.push_id(job.number, |ui| {
@@ -217,7 +217,7 @@ fn state(ui: &mut Ui, job: &Job) {
         JobState::Running { frames: 0, .. } => {
             ui.horizontal(|ui| {
                 ui.spinner();
-                ui.label("reads the scene");
+                ui.label("reading the scene");
             });
         }
         JobState::Running { done, frames } => {

@@ -20,9 +20,10 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     };
     viewer.over_script = ui.rect_contains_pointer(ui.max_rect());
     ui.horizontal(|ui| {
-        ui.label(RichText::new("read only").small().weak()).hint("a click on a line selects what it makes");
+        ui.label(RichText::new("read only").small().weak())
+            .hint("click a line to select the object that it makes");
         let line = viewer.selection.as_ref().and_then(|s| line_of(viewer, s)).unwrap_or(1);
-        let hint = "starts $VISUAL at this line; so does Ctrl and a click on a line";
+        let hint = "opens this line in $VISUAL; Ctrl click on a line does the same";
         if viewer.path.is_some() && ui.small_button("open in editor").hint(hint).clicked() {
             open_in_editor(viewer, line);
         }
@@ -122,7 +123,7 @@ impl MarkedLines {
 /// Refuses an edit of the selection by a key while the panel has the pointer or the keyboard. Returns whether it does.
 pub(super) fn refuses_keys(viewer: &mut Viewer) -> bool {
     const WHY: &str = "the script is read only here: open it in the editor to type; \
-        with the pointer elsewhere, the key changes what is selected";
+        with the pointer elsewhere, the key acts on the selection";
     if viewer.over_script {
         viewer.edit(|_| Err(EditError::refused(WHY)));
     }

@@ -117,9 +117,9 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             viewer.in_seconds = !viewer.in_seconds;
         });
         bar.other_faces(["seconds", "frames"].into_iter());
-        let hint = hint_of(viewer, "previous_event", "to what begins, ends or happens before");
+        let hint = hint_of(viewer, "previous_event", "go to the previous start, end or event");
         bar.icon(icons::ARROW_LINE_LEFT, "Previous event", &hint, |viewer| viewer.seek_to_next(true));
-        let hint = hint_of(viewer, "next_event", "to what begins, ends or happens next");
+        let hint = hint_of(viewer, "next_event", "go to the next start, end or event");
         bar.icon(icons::ARROW_LINE_RIGHT, "Next event", &hint, |viewer| viewer.seek_to_next(false));
         let hint = "show the whole scene";
         bar.icon(icons::ARROWS_OUT_LINE_HORIZONTAL, "Whole", hint, |viewer| {
@@ -140,7 +140,7 @@ fn beats(ui: &mut Ui, viewer: &mut Viewer) {
     ui.add_enabled_ui(tempo.per_minute > 0.0, |ui| {
         let set = values::time(ui, "first beat", tempo.first, 0.01, 0.0..=Tempo::LATEST);
         tempo.first = set.unwrap_or(tempo.first);
-        ui.weak("s").hint("when the first beat is");
+        ui.weak("s").hint("time of the first beat");
     });
     if tempo != viewer.tempo {
         viewer.tempo = tempo;
@@ -166,25 +166,25 @@ fn moves(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
     bar.icon(icon, name, &keys("play"), move |viewer| viewer.playhead.toggle(now));
     bar.other_faces([icons::PAUSE, icons::PLAY].into_iter());
     let hint = keys("next_frame");
-    bar.icon(icons::CARET_RIGHT, "One frame on", &hint, |viewer| viewer.playhead.step(1));
+    bar.icon(icons::CARET_RIGHT, "One frame forward", &hint, |viewer| viewer.playhead.step(1));
     bar.icon(icons::SKIP_FORWARD, "Last frame", &keys("last_frame"), |viewer| {
         viewer.playhead.step(i64::MAX / 2);
     });
-    let hint = hint_of(viewer, "loop", "again and again, or once");
+    let hint = hint_of(viewer, "loop", "play again and again, or once");
     bar.icon_toggle(icons::REPEAT, playhead.looping, "Loop", &hint, |viewer| viewer.playhead.looping ^= true);
     let text = |from: Time, to: Time| format!("{:.2} to {:.2} s", from.as_secs(), to.as_secs());
     let length = playhead.length();
     let (from, to) = playhead.range().unwrap_or((Time::ZERO, length));
     let hint = match playhead.range() {
-        Some(_) => "the part that is played; a click: all of it",
-        None => "all of it is played; Shift and a drag on the ruler: a part",
+        Some(_) => "the range that is played; click to play everything",
+        None => "everything is played; Shift drag on the ruler to play a range",
     };
     bar.button(&text(from, to), hint, |viewer| viewer.playhead.set_range(None));
     bar.enabled(playhead.range().is_some());
     // The button is as wide as its longest text, so that the entries after it do not move.
     let widest = text(length, length).replace(|c: char| c.is_ascii_digit(), "8");
     bar.other_faces([widest.as_str()].into_iter());
-    let hint = "dragged times are whole frames (N)";
+    let hint = "dragged times snap to whole frames (N)";
     bar.icon_toggle(icons::MAGNET, viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
     bar.widget("tempo", true, beats);
 }
@@ -377,7 +377,7 @@ pub(super) fn run_mark(ui: &Ui, viewer: &mut Viewer, act: MarkAct) {
         MarkAct::Move(event, by) => {
             let keys = event.key_refs();
             if keys.is_empty() {
-                let why = "it is no key that can be moved; its line states the time";
+                let why = "this key cannot be moved here; its line in the script sets the time";
                 return viewer.edit(|_| Err(EditError::refused_at(&event.place, why)));
             }
             let locked =
@@ -509,7 +509,8 @@ fn dropped(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) -> Optio
     match on {
         Some(on) => Some(((*clip).clone(), on.to_string(), secs)),
         None => {
-            viewer.edit(|_| Err(EditError::refused("clips are played by actors: drop it on the row of one")));
+            viewer
+                .edit(|_| Err(EditError::refused("only actors play clips: drop it on the row of an actor")));
             None
         }
     }

@@ -58,7 +58,7 @@ fn light(ui: &mut Ui, viewer: &mut Viewer) {
             }
         });
         ui.end_row();
-        ui.label("sky").hint("an image all around, as light and reflections");
+        ui.label("sky").hint("an environment image, for light and reflections");
         let sky = viewer.scene.as_ref().is_some_and(|scene| scene.stage.sky.is_some());
         if sky && ui.button("select the sky").clicked() {
             viewer.selection = Some(Selected::Sky);
@@ -116,7 +116,7 @@ fn rows(ui: &mut Ui, stated: &Stated, settings: &Settings) -> Option<FieldChange
         let now = f64::from(settings.exposure);
         values::written(ui, "stage exposure", now, 0.02, -20.0..=20.0, stated.get("exposure"))
     });
-    row(ui, "view", "the curve from light to the colors of a display", &mut |ui| {
+    row(ui, "view", "tone mapping: from light to the colors of a display", &mut |ui| {
         let mut set = None;
         let name =
             VIEWS.iter().find(|(view, _)| *view == settings.view_transform).map_or("", |(_, name)| name);

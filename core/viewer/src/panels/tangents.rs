@@ -102,7 +102,7 @@ impl HandlePlace<'_> {
             super::bars::beside(ui, response.interact_pointer_pos().unwrap_or(tip), &text);
         }
         if !response.drag_stopped() {
-            let hint = "drag: the direction; with Ctrl the length, too; with Alt this side alone";
+            let hint = "drag: direction; with Ctrl: length, too; with Alt: only this side";
             response.hint(format!("{tangent:.3} {}/s\n{hint}", self.property.unit));
             return None;
         }

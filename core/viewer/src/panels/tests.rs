@@ -76,7 +76,7 @@ fn one(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, choice: &m
         Status::Skipped => ("–", visuals.weak_text_color()),
     };
     let name = if section.name.is_empty() { &section.file } else { &section.name };
-    let reused = if section.reused { ", as before" } else { "" };
+    let reused = if section.reused { ", reused" } else { "" };
     // The duration stays visible for long names, and nothing is wider than the panel.
     let taken = format!(" ({:.1} s{reused})", section.seconds);
     let font = egui::TextStyle::Button.resolve(ui.style());
@@ -116,7 +116,7 @@ fn go_to(viewer: &mut Viewer, section: &Section, line: usize) {
     if shown.is_some() && Path::new(&section.file).canonicalize().ok() == shown {
         viewer.go_to = Some(line);
     } else {
-        viewer.note = Some(format!("it is in {}, line {line}", section.file));
+        viewer.note = Some(format!("this test is in {}, line {line}", section.file));
     }
 }
 
@@ -144,7 +144,8 @@ fn judged(
     let Some(images) = check.images.as_ref().filter(|_| !check.passed) else { return };
     compared(ui, images, run);
     let accept = ui.add_enabled(!viewer.tests.is_running(), egui::Button::new("Accept"));
-    let accept = accept.hint(format!("what was drawn becomes the golden image {}", images.stored.display()));
+    let accept =
+        accept.hint(format!("the rendered image becomes the golden image {}", images.stored.display()));
     if accept.clicked() {
         *choice = Some(Choice::Accept(section.clone(), images.name.clone()));
     }

@@ -217,7 +217,7 @@ impl<'a, C> Toolbar<'a, C> {
             }
         });
         response.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, "more"));
-        response.hint("more: entries for which this line has no room");
+        response.hint("more: entries that do not fit in this line");
     }
 }
 

@@ -92,11 +92,11 @@ fn actors(ui: &mut Ui, viewer: &mut Viewer, stage: &Stage, wanted: &str) {
         ui.horizontal(|ui| {
             let toggles = &mut viewer.toggles;
             let eye = [icons::EYE, icons::EYE_SLASH];
-            toggle(ui, &mut toggles.hidden, &actor.name, eye, ["hide", "not seen here (H)"]);
+            toggle(ui, &mut toggles.hidden, &actor.name, eye, ["hide", "hide in the viewport (H)"]);
             let star = [icons::STAR; 2];
-            toggle(ui, &mut toggles.solo, &actor.name, star, ["solo", "only what is solo is seen here"]);
+            toggle(ui, &mut toggles.solo, &actor.name, star, ["solo", "only solo actors are shown here"]);
             let lock = [icons::LOCK_SIMPLE_OPEN, icons::LOCK_SIMPLE];
-            let about = ["lock", "neither picked nor moved with the mouse"];
+            let about = ["lock", "cannot be picked or moved with the mouse"];
             toggle(ui, &mut toggles.locked, &actor.name, lock, about);
             select(ui, viewer, text, Selected::Actor(actor.name.clone()));
         });

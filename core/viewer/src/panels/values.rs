@@ -21,7 +21,7 @@ pub struct Number<'n> {
 }
 
 /// Message for a number that is not a time but was typed as frames.
-pub(super) const NO_TIME: &str = "f(…) gives a time, and this is none: write a number";
+pub(super) const NO_TIME: &str = "f(…) is a time, but this value is not: write a number";
 
 /// Sets the frame rate for times typed as frames, frames per second.
 pub(crate) fn set_rate(ui: &Ui, fps: f64) {

@@ -131,7 +131,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
         bar.other_faces(axes::menu_names());
         bar.separator();
         let full = viewer.views[index].resolution == Resolution::Full;
-        let hint = "as many pixels as render gives it";
+        let hint = "show as many pixels as the rendered image has";
         bar.icon_toggle(icons::FRAME_CORNERS, full, "full size", hint, move |viewer| {
             viewer.views[index].resolution = if full { Resolution::Fitted } else { Resolution::Full };
         });
@@ -150,7 +150,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
             bar.icon_toggle(icon, viewer.tool == tool, name, key, move |viewer| viewer.tool = tool);
         }
         bar.separator();
-        bar.icon(icons::CAMERA, "Save image", "beside the script (P)", move |viewer| {
+        bar.icon(icons::CAMERA, "Save image", "saves it beside the script (P)", move |viewer| {
             viewer.active = index;
             screenshot(viewer);
         });
@@ -185,7 +185,7 @@ fn into_script(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
         ViewCamera::Free(orbit) => Some(orbit),
         _ => None,
     };
-    let hint = "writes the free camera into the script: .at and .look_at of a camera that then stands here";
+    let hint = "writes the free camera into the script, as .at and .look_at of a camera";
     bar.menu("into the script", hint, move |ui, viewer| {
         let Some(orbit) = orbit else { return };
         for camera in &scene.stage.cameras {
@@ -211,7 +211,7 @@ fn follow(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
     }
     let following = matches!(viewer.views[index].camera, ViewCamera::Follow { .. });
     let selected = viewer.selection.as_ref().and_then(Selected::actor).is_some();
-    let hint = "goes with the selected actor";
+    let hint = "follow the selected actor";
     bar.icon_toggle(icons::CROSSHAIR, following, "follow", hint, move |viewer| toggle_follow(viewer, index));
     bar.enabled(following || selected);
 }
@@ -269,7 +269,7 @@ fn reduced(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
     }
     let waiting = view.shown.as_ref().map(|shown| shown.waiting.join(", "));
     let waiting = waiting.filter(|waiting| !waiting.is_empty());
-    parts.extend(waiting.map(|waiting| format!("{waiting} when it rests")));
+    parts.extend(waiting.map(|waiting| format!("no {waiting} while moving")));
     if viewer.playhead.is_playing() && viewer.reduction.dropped > 0 {
         parts.push(format!("{} frames dropped", viewer.reduction.dropped));
     }

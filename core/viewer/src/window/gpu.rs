@@ -88,7 +88,7 @@ impl Gpu {
         // `drop` frees everything that is created below.
         let formats = formats.named("formats of the window")?;
         device.format = surface_format(&formats)
-            .ok_or(GpuError::Other { object: "window", text: "it has no format".into() })?;
+            .ok_or(GpuError::Other { object: "window", text: "its surface has no format".into() })?;
         device.make(&self.instance, self.physical, family)?;
         Ok(device)
     }
@@ -114,7 +114,7 @@ impl Gpu {
         frames: &BTreeMap<usize, Frame>,
         before: impl FnOnce(),
     ) -> Result<bool, GpuError> {
-        let device = self.device.as_mut().ok_or_else(|| GpuError::Missing("the device has gone".into()));
+        let device = self.device.as_mut().ok_or_else(|| GpuError::Missing("the device was lost".into()));
         let ready = device.and_then(|d| d.wait().map(|()| d));
         let device = ready.inspect_err(|_| textures.clear())?;
         device.textures(textures)?;
@@ -125,7 +125,7 @@ impl Gpu {
                 let capabilities = unsafe {
                     self.surfaces.get_physical_device_surface_capabilities(self.physical, self.surface)
                 };
-                let capabilities = capabilities.named("abilities of the window")?;
+                let capabilities = capabilities.named("capabilities of the window surface")?;
                 if capabilities.current_extent.width == 0 || capabilities.current_extent.height == 0 {
                     return Ok(false);
                 }

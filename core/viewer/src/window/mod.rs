@@ -266,7 +266,7 @@ impl ViewerWindow {
         let problem = shortcuts.write(&file.with_file_name(Shortcuts::FILE));
         self.written_preset.clone_from(&shortcuts.preset);
         if let Some(problem) = problem {
-            self.viewer.message = Some(format!("the keys are not written: {problem}"));
+            self.viewer.message = Some(format!("the keys could not be saved: {problem}"));
             self.redraw();
         }
     }

@@ -451,9 +451,9 @@ PLAYS
     let plays = "ada.play(moves.clip(\"Walk\")).until(4.0);\nada.play(moves.clip(\"Wave\")).from(6.0);\n\
                  ada.play(moves.clip(\"Wave\")).on(\"Head\");";
     for (secs, layer, parts) in [
-        (1.0, 0, vec!["Run takes over from Walk at 1.000 s until Wave at 6.000 s", "state a mask"]),
+        (1.0, 0, vec!["Run takes over from Walk at 1.000 s until Wave at 6.000 s", "set a mask"]),
         (5.0, 0, vec!["Run plays until Wave takes over at 6.000 s"]),
-        (8.0, 1, vec!["Run has no mask as row +1 has: it plays on the whole body of ada", "state a mask"]),
+        (8.0, 1, vec!["Run has no mask, unlike row +1: it plays on all joints of ada", "set a mask"]),
     ] {
         let mut place = Place::new(&PLAIN.replace("PLAYS", plays));
         place.viewer.edit(|v| v.add_clip_to_layer("ada", &of(), "Run", Some(secs), layer));

@@ -62,7 +62,7 @@ fn names_are_completed_and_nothing_is_replaced_unasked() {
     assert_eq!(new.accept(), Some(at.join("b.rhai")));
     new.name = "a.rhai".into();
     assert_eq!((new.accept(), new.accept()), (None, None));
-    assert_eq!(new.problem.as_deref(), Some("a.rhai is there already; choose another name"));
+    assert_eq!(new.problem.as_deref(), Some("a.rhai already exists; choose another name"));
     let mut save = FileDialog::new(Purpose::SaveAs, &at, "a", &[]);
     assert_eq!(save.accept(), None);
     assert!(save.problem.as_ref().unwrap().contains("save once more"));

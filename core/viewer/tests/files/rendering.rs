@@ -173,7 +173,7 @@ fn a_file_that_is_being_written_is_not_rendered_to_a_second_time() {
     choose_format(&mut harness, OutputKind::Film, "gif");
     click_add(&mut harness, "Render");
     until(&mut harness, "what is said of the file", |harness| {
-        harness.query_by_label("a.gif is being written by the render that runs").map(drop)
+        harness.query_by_label("a.gif is being written by a running render").map(drop)
     });
     click_add(&mut harness, "Render");
     assert_eq!(harness.state().viewer.renders.jobs().len(), 1);
@@ -186,18 +186,18 @@ fn a_file_that_is_being_written_is_not_rendered_to_a_second_time() {
         harness.state().viewer.renders.jobs().into_iter().map(|job| job.output).collect()
     };
     assert_eq!(outputs(&harness), [folder.join("a.gif"), folder.join("a_2.gif")]);
-    harness.get_by_label("a_2.gif is to be written by the render that waits");
+    harness.get_by_label("a_2.gif will be written by a waiting render");
     harness.state_mut().viewer.render_form.output.clear();
     harness.run_steps(2);
     harness.get_by_label("Write a_3.gif");
     // Exports and numbered images, too.
     choose_format(&mut harness, OutputKind::Scene, "glb");
     click_add(&mut harness, "Export");
-    harness.get_by_label("a.glb is to be written by the export that waits");
+    harness.get_by_label("a.glb will be written by a waiting export");
     harness.get_by_label("Write a_2.glb");
     choose_format(&mut harness, OutputKind::Images, "png");
     click_add(&mut harness, "Render");
-    harness.get_by_label("a_frames/%04d.png is to be written by the render that waits");
+    harness.get_by_label("a_frames/%04d.png will be written by a waiting render");
     harness.get_by_label("Write a_frames_2/%04d.png").click();
     harness.run_steps(3);
     assert_eq!(Path::new(&harness.state().viewer.render_form.output), folder.join("a_frames_2/%04d.png"));

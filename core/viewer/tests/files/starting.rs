@@ -267,7 +267,7 @@ fn saved_elsewhere_a_script_takes_its_files_along() {
     // Another file of that name stays.
     fs::write(folder.path().join("there/assets/wave.bvh"), "mine").unwrap();
     let error = viewer.take_file(Purpose::SaveAs, &to).unwrap_err().to_string();
-    assert!(error.contains("another file of this name is there"), "{error}");
+    assert!(error.contains("another file with this name already exists"), "{error}");
     assert_eq!(fs::read_to_string(folder.path().join("there/assets/wave.bvh")).unwrap(), "mine");
 }
 
@@ -527,7 +527,7 @@ camera(\"wide\").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
     let before = harness.state().text();
     drag(&mut harness, clip, egui::pos2(ruler.center().x, camera.y));
     assert_eq!(harness.state().text(), before);
-    assert!(harness.state().viewer.message.as_ref().unwrap().contains("clips are played by actors"));
+    assert!(harness.state().viewer.message.as_ref().unwrap().contains("only actors play clips"));
 }
 
 fn drag(desk: &mut Harness<'static, Place>, from: egui::Pos2, to: egui::Pos2) {

@@ -238,7 +238,10 @@ ada.key(\"position\", [{keys}, [2.0, [1.5, 0.0, 0.0]]]);
     let mut place = Place::new(&script("[f(10), start]"));
     place.viewer.duplicate_object(&ada).unwrap();
     let note = place.viewer.note.clone();
-    assert_eq!(note.as_deref(), Some("the copy stands where the first does: line 6 computes its place"));
+    assert_eq!(
+        note.as_deref(),
+        Some("the copy is at the same place as the original: line 6 computes its place")
+    );
     place.reload();
     assert!(
         place.text().lines().nth(5).unwrap().starts_with("ada_2.key(\"position\", [[f(10), start]"),
@@ -257,7 +260,7 @@ let hat = cast(\"hat\", shape(\"box\", #{ size: 0.2 })).attach(ada.joint(\"Head\
 ";
     let mut place = Place::new(script);
     place.viewer.duplicate_object(&Selected::Actor("hat".into())).unwrap();
-    let why = "the copy stands where the first does: ada, to which it is attached, carries both";
+    let why = "the copy is at the same place as the original: both are attached to ada";
     assert_eq!(place.viewer.note.as_deref(), Some(why));
     place.reload_with(script);
     place.viewer.duplicate_object(&Selected::Actor("ada".into())).unwrap();
@@ -365,7 +368,7 @@ fn ambient_light_is_added_once() {
         place.reload();
     }
     assert_eq!(place.text().matches("ambient(").count(), 1, "{}", place.text());
-    assert!(place.viewer.note.as_ref().unwrap().starts_with("there is ambient light already"));
+    assert!(place.viewer.note.as_ref().unwrap().starts_with("the stage already has ambient light"));
 }
 
 /// The light from all around is changed where the script states it; the row Stage of the tree shows its fields.
@@ -488,7 +491,7 @@ fn an_end_before_the_start_is_refused() {
     let mut place = Place::new(SCRIPT);
     let wave = Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 };
     let error = place.viewer.set_cue(&wave, choreo_session::edit::CueTime::End, 1.0).unwrap_err().to_string();
-    assert!(error.contains("it would end at 1.000 s, where it begins at 2.000 s"), "{error}");
+    assert!(error.contains("it would end at 1.000 s, but it begins at 2.000 s"), "{error}");
     assert_eq!(place.text(), SCRIPT);
 }
 
@@ -659,5 +662,5 @@ fn constraints_are_added_to_the_selected_actor() {
     viewer.selection = None;
     let refused = viewer.add_constraint(&NewConstraint { call: ConstraintCall::Reach, target: None });
     let refused = refused.unwrap_err().to_string();
-    assert_eq!(refused, "select the actor that is to have the constraint");
+    assert_eq!(refused, "first select the actor for the constraint");
 }

@@ -37,10 +37,10 @@ fn the_palette_runs_actions_and_goes_to_actors_clips_and_lines() {
     let viewer = &desk.state().viewer;
     assert_eq!(viewer.selection, Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 }));
     assert_eq!(viewer.playhead.time().as_secs(), 2.0, "the playhead goes to its start");
-    command(&mut desk, "turn what is selected");
+    command(&mut desk, "turn the selection");
     assert_eq!(desk.state().viewer.tool, Tool::Turn);
     command(&mut desk, "panel messages");
-    desk.get_by_label("nothing to say");
+    desk.get_by_label("no messages");
     command(&mut desk, "last line of all");
     desk.get_by_label_contains("// The last line of all.");
     command(&mut desk, "times as seconds");
@@ -73,14 +73,14 @@ fn the_palette_knows_the_words_of_other_programs() {
         ("keyframe", "set keys of the selection"),
         ("dope sheet", "panel Sequencer"),
         ("graph editor", "panel Curves"),
-        ("hide", "hide or show what is selected"),
-        ("isolate", "isolate what is selected"),
-        ("frame selected", "frame what is selected"),
+        ("hide", "hide or show the selection"),
+        ("isolate", "isolate the selection"),
+        ("frame selected", "frame the selection"),
         ("snap", "dragged times snap to frames"),
-        ("undo", "undo: take a change"),
+        ("undo", "undo the last change"),
         ("play", "play, pause"),
         ("render", "panel Render"),
-        ("rotate", "turn what is selected"),
+        ("rotate", "turn the selection"),
         ("outliner", "panel Stage"),
     ] {
         desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
@@ -106,7 +106,7 @@ fn the_list_of_keys_fits_the_window() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1600.0, 1000.0));
     desk.key_press(Key::F1);
     desk.run();
-    for line in ["set keys of the selection at the playhead: of what", "curves: a key in time and value"] {
+    for line in ["set keys of the selection at the playhead: of all", "curves: a key in time and value"] {
         let labels = desk.query_all_by_label_contains(line).map(|node| node.rect());
         let widest =
             labels.max_by(|a, b| a.width().total_cmp(&b.width())).unwrap_or_else(|| panic!("{line}"));
@@ -125,7 +125,7 @@ fn arrows_choose_in_the_palette_and_a_click_takes() {
     desk.run();
     desk.key_press(Key::Enter);
     desk.run();
-    assert_eq!(desk.state().viewer.playhead.frame(), 1, "the second entry is one frame on");
+    assert_eq!(desk.state().viewer.playhead.frame(), 1, "the second entry is one frame forward");
     desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
     desk.run();
     desk.event(egui::Event::Text("one frame".into()));
@@ -162,7 +162,7 @@ fn the_palette_takes_the_clicks_beside_it() {
     let before = area(&desk).unwrap();
     desk.event(egui::Event::Text("nothing like it".into()));
     desk.run();
-    desk.get_by_label("nothing is called so");
+    desk.get_by_label("nothing found");
     assert!(area(&desk).unwrap().height() < before.height());
     desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
     desk.key_press(Key::Backspace);
@@ -196,7 +196,7 @@ fn keys_are_chosen_in_the_list() {
     desk.state_mut().viewer.selection = Some(Selected::Actor("ada".into()));
     assert_eq!(choose(&mut desk, Modifiers::NONE, Key::H), own("H"));
     assert!(desk.state().viewer.toggles.hidden.is_empty());
-    desk.get_by_label("also: hide or show what is selected");
+    desk.get_by_label("also: hide or show the selection");
     desk.get_by_label(&format!("also: {SPLIT}"));
     assert_eq!(choose(&mut desk, Modifiers::NONE, Key::Delete), own(""));
     assert!(desk.query_by_label_contains("also: ").is_none());
@@ -227,7 +227,7 @@ fn conflicts_of_keys_do_not_depend_on_how_they_are_written() {
         let own = [("split".to_string(), written.to_string())];
         desk.state_mut().viewer.shortcuts.own = own.into_iter().collect();
         desk.run();
-        desk.get_by_label("also: hide or show what is selected");
+        desk.get_by_label("also: hide or show the selection");
         desk.get_by_label("also: split the selected clips at the playhead");
     }
     // Names of keys with a sign that also separates keys.

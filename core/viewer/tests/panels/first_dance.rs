@@ -100,7 +100,7 @@ fn cameras(mouse: &mut Mouse) {
     mouse.click("ada");
     mouse.menu(&["Add", "Camera", "Camera following ada"]);
     mouse.type_into("field of view", "34");
-    mouse.click("joint: all of it");
+    mouse.click("joint: whole actor");
     mouse.click("Spine2");
     point(mouse, ["camera offset x", "camera offset y", "camera offset z"], ["0.9", "0.1", "2.6"]);
     seek(mouse, "4");

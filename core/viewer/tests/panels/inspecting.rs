@@ -268,7 +268,7 @@ fn files_that_are_dropped_together_stand_side_by_side_and_are_one_change() {
         fs::write(file, text).unwrap();
     }
     dropped(&mut place, &files);
-    assert_eq!(place.viewer.message.as_deref(), Some("a.rhai: a script is shown alone"));
+    assert_eq!(place.viewer.message.as_deref(), Some("a.rhai left out: a script is shown alone"));
     assert!(!place.viewer.faulty, "{:?}", place.viewer.problems);
     let reported =
         |p: &Problem| p.file.ends_with("broken.obj") && p.severity == choreo_script::Severity::Warning;
@@ -351,7 +351,7 @@ fn frames_are_taken_by_times_alone() {
         type_into(&mut desk, field, "f(12)");
         let viewer = &mut desk.state_mut().viewer;
         let why = viewer.message.take();
-        assert_eq!(why.as_deref(), Some("f(…) gives a time, and this is none: write a number"), "{field}");
+        assert_eq!(why.as_deref(), Some("f(…) is a time, but this value is not: write a number"), "{field}");
         assert_eq!(desk.state().text(), SCRIPT);
     }
     type_into(&mut desk, "degrees", "90/2");
@@ -532,7 +532,7 @@ ada.play(moves.clip(\"Walk\")).until(2.0)
         let mut desk = place.harness(vec2(1500.0, 1000.0));
         type_into(&mut desk, "on field", "RightShoulder..");
         let why = desk.state().viewer.message.clone().unwrap_or_default();
-        assert_eq!(why, "a.rhai:5: the mask is that of the whole row: Walk, Wave and Bow would get it");
+        assert_eq!(why, "a.rhai:5: the mask is shared by the whole row: Walk, Wave and Bow would get it");
         assert_eq!(desk.state().text(), CHAIN);
         desk.get_by_label(agree).click();
         desk.run();
@@ -599,9 +599,9 @@ for i in [1, 2, 3] {
     let mut desk = Place::new(LOOP).harness(vec2(1500.0, 1000.0));
     let grown = Change::Scale(DVec3::splat(2.0));
     let refused = desk.state_mut().viewer.change_actor("ball 2", grown).unwrap_err().to_string();
-    assert!(refused.ends_with("a.rhai:3: this line makes 3 of them; change it there"), "{refused}");
+    assert!(refused.ends_with("a.rhai:3: this line makes 3 objects; change it there"), "{refused}");
     desk.run();
-    desk.get_by_label("line 3 makes 3 of them. This would change all of them:");
+    desk.get_by_label("line 3 makes 3 objects. This would change all of them:");
     desk.get_by_label("Change all 3").click();
     desk.run();
     assert_eq!(desk.state().text(), LOOP.replace(".scale(0.5)", ".scale(1.0)"));
@@ -826,7 +826,7 @@ let b = cast(\"b\", cube).at(2.0, 0.0, 0.0);
     };
     type_into(&mut desk, "roughness field", "0.25");
     assert_eq!(desk.state().text(), SCENE);
-    desk.get_by_label("2 actors are made of cube. b alone would get one of its own:");
+    desk.get_by_label("2 actors share the asset cube. b alone would get an asset of its own:");
     desk.get_by_label("Change b alone").click();
     desk.run();
     let own = "let b_asset = shape(\"box\", #{ size: 1.0, roughness: 0.25 });\nlet b = cast(\"b\", b_asset)";

@@ -113,7 +113,7 @@ fn play_pause_and_step_with_buttons_and_keys() {
     harness.get_by_label("Pause").click();
     harness.run();
     assert!(!harness.state().viewer.playhead.is_playing());
-    harness.get_by_label("One frame on").click();
+    harness.get_by_label("One frame forward").click();
     harness.run();
     assert_eq!(frame(&harness), 1);
     for (key, expected) in [(Key::ArrowRight, 2), (Key::ArrowLeft, 1), (Key::End, 99), (Key::Home, 0)] {

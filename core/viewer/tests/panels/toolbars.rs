@@ -16,7 +16,7 @@ camera("near").at(0.0, 1.0, 3.0).look_at([0.0, 1.0, 0.0]).cut(2.0);
 
 /// Entries of each toolbar, the first of which has room at any width.
 const TOOLBARS: [(&str, &[&str]); 4] = [
-    ("top", &["File", "Edit", "Add", "Panels", "Look", "Keys"]),
+    ("top", &["File", "Edit", "Add", "Panels", "Look", "Shortcuts"]),
     (
         "viewport",
         &["script's camera", "camera", "free camera", "follow", "View", "full size", "Show", "Save image"],
@@ -27,7 +27,7 @@ const TOOLBARS: [(&str, &[&str]); 4] = [
             "First frame",
             "One frame back",
             "Play",
-            "One frame on",
+            "One frame forward",
             "Last frame",
             "Loop",
             "Snap",
@@ -170,7 +170,7 @@ fn entries_of_the_viewport_stay_where_they_are_whatever_is_chosen() {
 #[test]
 fn entries_of_the_timeline_stay_where_they_are_whatever_is_set() {
     const ENTRIES: [&str; 9] = [
-        "One frame on",
+        "One frame forward",
         "Last frame",
         "Loop",
         "Snap",

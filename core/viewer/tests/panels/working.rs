@@ -463,7 +463,7 @@ fn all_of_it_by_the_keyboard_alone() {
     press(&mut desk, Modifiers::COMMAND, Key::Equals);
     assert_eq!(desk.state().panels.scale, 1.1);
     press(&mut desk, none, Key::F1);
-    assert!(has(&desk, "this list"));
+    assert!(has(&desk, "list of shortcuts"));
     press(&mut desk, Modifiers::COMMAND, Key::Q);
     assert!(desk.state().viewer.quit);
 }

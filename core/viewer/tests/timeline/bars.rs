@@ -227,7 +227,7 @@ fn a_boundary_of_clips_that_repeat_is_rolled() {
     back(&mut desk);
     // Each keeps a length.
     for (secs, why) in [
-        (5.0, "it would begin at 5.000 s, where it ends at 5.000 s"),
+        (5.0, "it would begin at 5.000 s, but it ends at 5.000 s"),
         (0.0, "Walk, which it follows, begins at 0.000 s and would have no length"),
     ] {
         let error = desk.state_mut().viewer.trim_cue(&cue(0, 1), secs).unwrap_err().to_string();
@@ -235,7 +235,7 @@ fn a_boundary_of_clips_that_repeat_is_rolled() {
     }
     // A bar that meets none has nothing to roll with.
     let why = desk.state_mut().viewer.trim_cue(&cue(0, 0), 0.5).unwrap_err().to_string();
-    assert!(why.contains("it repeats, so a trim would shorten every round"), "{why}");
+    assert!(why.contains("it repeats, so a trim would shorten every repetition"), "{why}");
 }
 
 /// A roll begins on either side of a joint, also at the bottom of a selected bar, where the corner of its speed is beside the joint.
@@ -278,7 +278,7 @@ fn a_slip_needs_no_trim_but_a_rest_of_the_clip() {
     );
     place.reload_with(SCRIPT);
     let why = place.viewer.slip_cue(&cue(0, 0), 0.25).unwrap_err().to_string();
-    assert!(why.contains("it shows whole rounds of its clip"), "{why}");
+    assert!(why.contains("it repeats its whole clip"), "{why}");
 }
 
 #[test]
@@ -371,7 +371,7 @@ fn what_would_begin_after_the_scene_is_refused() {
     };
     // The second of two is pasted 2 s after the first.
     let why = viewer(&mut desk, &|v| v.edit(|v| v.paste_cues("bob", &copied, 6.0)));
-    assert!(why.contains("the last of them would begin at 8.000 s"), "{why}");
+    assert!(why.contains("the last pasted clip would begin at 8.000 s"), "{why}");
     viewer(&mut desk, &|v| v.edit(|v| v.move_cues_to(&[cue(0, 1)], "bob", 6.0)));
     viewer(&mut desk, &|v| v.edit(|v| v.move_cue(&cue(1, 0), 8.0, false)));
     viewer(&mut desk, &|v| v.edit(|v| v.move_bars(&[cue(0, 1), cue(1, 0)], 6.0)));

@@ -34,7 +34,7 @@ fn a_change_is_one_number_in_the_file_and_can_be_taken_back() {
     assert_eq!(place.text(), format!("// a note\n{}", SCRIPT.replace(".from(0.5)", ".from(0.72)")));
     place.viewer.undo().unwrap();
     assert_eq!(place.text(), format!("// a note\n{SCRIPT}"));
-    assert_eq!(place.viewer.undo().unwrap_err().to_string(), "there is nothing to take back");
+    assert_eq!(place.viewer.undo().unwrap_err().to_string(), "there is nothing to undo");
 }
 
 /// An edit of the first line, too, which has one character less for the script than in the file.

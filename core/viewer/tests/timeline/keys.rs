@@ -1415,8 +1415,8 @@ fn keys_in_a_function_are_changed_for_all_that_it_makes_or_stated_for_one() {
         refused
     };
     let refused = drag(&mut desk, &[key(of("a"), "position", 1.0)]);
-    assert!(refused.ends_with("a.rhai:4: this line makes 3 of them; change it there"), "{refused}");
-    desk.get_by_label("line 4 makes 3 of them. This would change all of them:");
+    assert!(refused.ends_with("a.rhai:4: this line makes 3 objects; change it there"), "{refused}");
+    desk.get_by_label("line 4 makes 3 objects. This would change all of them:");
     desk.get_by_label("Change all 3").click();
     desk.run();
     let all = FUNCTIONS.replace("[1.0, [0, 1, 0]]", "[1.4, [0, 1, 0]]");
@@ -1435,7 +1435,7 @@ fn keys_in_a_function_are_changed_for_all_that_it_makes_or_stated_for_one() {
     desk.state_mut().reload();
     // Things that a function casts: the line of the keys counts, and not that of the cast.
     let refused = drag(&mut desk, &[key(of("left"), "scale", 1.0)]);
-    assert!(refused.ends_with("a.rhai:15: this line makes 2 of them; change it there"), "{refused}");
+    assert!(refused.ends_with("a.rhai:15: this line makes 2 objects; change it there"), "{refused}");
     desk.get_by_label("Change all 2").click();
     desk.run();
     assert!(desk.state().text().contains("it.key(\"scale\", [[0.0, 1], [1.4, 2]]);"));

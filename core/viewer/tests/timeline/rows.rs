@@ -123,9 +123,9 @@ fn a_row_that_refuses_a_bar_says_why_at_the_pointer() {
     let title = desk.get_by_label("\u{201c}Hello\u{201d} on titles").rect().center();
     for (from, row, why) in [
         (bow, "ball", "no joint of ball follows Bow of ada"),
-        (bow, "sun 1", "clips are played by actors: drop it on the row of one"),
+        (bow, "sun 1", "only actors play clips: drop it on the row of an actor"),
         (bow, "ada", "a layer of an actor is made by .on(…)"),
-        (title, "bob", "actors play clips alone"),
+        (title, "bob", "only actors play clips"),
     ] {
         let to = pos2(from.x, height(&desk, row));
         let texts = shown_texts(&mut desk, from, to);
@@ -339,8 +339,8 @@ fn a_row_that_cannot_be_moved_there_says_why() {
     let name = |desk: &Desk, label: &str| desk.get_by_label(&format!("row {label}")).rect().center();
     for (row, to, why) in [
         ("camera", "bob", "the row of cameras stays above the others"),
-        ("ada", "sun 1", "is moved above or below that of another actor"),
-        ("ada +1", "bob", "a layer is moved above or below another layer of its actor"),
+        ("ada", "sun 1", "can only be moved above or below that of another actor"),
+        ("ada +1", "bob", "a layer can only be moved above or below another layer of its actor"),
         ("titles", "ada", "this one cannot"),
     ] {
         let (from, to) = (name(&desk, row), name(&desk, to));

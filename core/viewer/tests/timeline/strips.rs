@@ -93,7 +93,7 @@ fn trims_rolls_and_slips_keep_what_they_promise() {
     assert_eq!(place.text(), short.replace("\"once\" })", "\"once\", trim: [0.25, 3.0] })"));
     place.reload();
     let why = place.viewer.trim_cue(&cue(0, 0), 0.5).unwrap_err().to_string();
-    assert!(why.contains("it repeats, so a trim would shorten every round"), "{why}");
+    assert!(why.contains("it repeats, so a trim would shorten every repetition"), "{why}");
 }
 
 #[test]
@@ -104,7 +104,10 @@ fn clips_that_overlap_crossfade() {
     assert_eq!(text, expected.replace("until(4.0)", "until(3.4)"));
     let mut place = Place::new(SCRIPT);
     let why = place.viewer.overlap_cue(&cue(0, 1), 3.0).unwrap_err().to_string();
-    assert!(why.ends_with("it crossfades where it lies over the end of the clip before it"), "{why}");
+    assert!(
+        why.ends_with("its start must be within the clip before it: they crossfade where they overlap"),
+        "{why}"
+    );
 }
 
 #[test]
@@ -139,7 +142,7 @@ fn disabled_clips_have_no_weight_and_get_it_back() {
     place.viewer.edit(|v| v.toggle_cues(&[cue(1, 0), cue(0, 1)]));
     assert_eq!(place.text(), SCRIPT);
     let why = place.viewer.toggle_cues(&[cue(0, 0)]).unwrap_err().to_string();
-    assert!(why.contains("the first clip of the base layer always has all the weight"), "{why}");
+    assert!(why.contains("the first clip of the base layer always has full weight"), "{why}");
 }
 
 #[test]

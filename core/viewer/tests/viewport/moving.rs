@@ -52,7 +52,7 @@ fn what_a_moving_image_lacks_is_named_until_it_rests() {
     let place = reduced(1.0);
     assert_eq!(place.viewer.shown().unwrap().waiting, ["motion blur"]);
     let mut desk = place.harness(vec2(900.0, 700.0));
-    let said = |desk: &Desk| desk.query_all_by_label_contains("motion blur when it rests").next().is_some();
+    let said = |desk: &Desk| desk.query_all_by_label_contains("no motion blur while moving").next().is_some();
     assert!(said(&desk));
     assert!(desk.query_all_by_label_contains("½ resolution").next().is_some());
     desk.state_mut().viewer.playhead.pause();
@@ -113,7 +113,7 @@ fn what_is_named_leaves_the_axes_their_place() {
     });
     place.panels = Panels::new(&Settings { layout: Some(layout), ..Settings::default() });
     let desk = place.harness(vec2(900.0, 600.0));
-    let texts = drawn(&desk, "motion blur when it rests");
+    let texts = drawn(&desk, "no motion blur while moving");
     assert_eq!(texts.len(), 1);
     for side in ["Front", "Back", "Right", "Left", "Top", "Bottom"] {
         let end = desk.get_by_label(&format!("{side} view")).rect();

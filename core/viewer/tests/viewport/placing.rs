@@ -104,7 +104,7 @@ fn a_change_that_does_not_load_is_taken_back() {
     assert!(!place.show_version(), "the script has an error");
     assert_eq!((place.text(), place.viewer.faulty), (script.clone(), false));
     let why = place.viewer.message.clone().unwrap_or_default();
-    assert!(why.starts_with("taken back, since the script would not load: "), "{why}");
+    assert!(why.starts_with("undone, because the script would not load: "), "{why}");
     assert!(place.show_version());
     assert!(place.viewer.undo().is_err(), "nothing is left to undo");
     place.viewer.set_value(&lamp, "intensity", "50.0").unwrap();
@@ -138,7 +138,7 @@ fn what_faces_something_is_moved_and_not_turned() {
     let mut place = Place::new(SCRIPT);
     let why =
         place.viewer.change_actor("fan", Change::Turn(DQuat::from_rotation_y(0.5))).unwrap_err().to_string();
-    assert_ends(&why, "a.rhai: line 10: .face(…) turns it; change that, or take it away");
+    assert_ends(&why, "a.rhai: line 10: .face(…) turns it; change or remove that call");
     assert_eq!(place.text(), SCRIPT);
     place.viewer.change_actor("fan", Change::Move(DVec3::X)).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".at(0.0, 0.0, -2.0)", ".at(1.0, 0.0, -2.0)"));
@@ -181,7 +181,7 @@ fn a_camera_stands_where_the_free_one_did() {
     place.write(&follows);
     place.reload();
     let why = place.viewer.set_camera("wide", &orbit).unwrap_err().to_string();
-    assert_ends(&why, "a.rhai:11: it moves by itself; change that there");
+    assert_ends(&why, "a.rhai:11: the camera moves by itself (orbit, follow, …); change that there");
 }
 
 #[test]
@@ -231,7 +231,7 @@ fn a_color_takes_the_place_of_kelvin_if_the_user_agrees_and_keys_get_numbers() {
         .set_value(&Selected::Light(0), "color", "\"#ff8040\"")
         .unwrap_err()
         .to_string();
-    assert_ends(&why, "a.rhai: line 12: kelvin: 3200 says its color; a color would take its place");
+    assert_ends(&why, "a.rhai: line 12: kelvin: 3200 sets its color; a color would replace that");
     harness.run();
     harness.get_by_label_contains("- spot(").rect();
     harness.get_by_label("Write the color").click();
