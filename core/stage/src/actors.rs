@@ -13,7 +13,7 @@ use crate::root_motion::apply::RootMotionScratch;
 use crate::snapshot::{ActorState, Snapshot};
 use crate::stage::actor::{Placement, Target};
 use crate::stage::camera::Rig;
-use crate::stage::edits::{ActorEdit, CameraEdit, FrameEdits, edits_of};
+use crate::stage::edits::{ActorEdit, CameraEdit, FrameEdits, edits_for_index};
 use crate::stage::sky::SkyEdit;
 use crate::stage::{Stage, StageError};
 use crate::transforms::facing;
@@ -274,7 +274,7 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
                 for parent in parents.of_mut(a) {
                     parent.find_space(stage, actors);
                     space = parent.world_from_parent;
-                    let local = parent.local(own, edits_of(&edits.actors, a));
+                    let local = parent.local(own, edits_for_index(&edits.actors, a));
                     position = match space.transform_point3(local.translation) {
                         here if parent.weight >= 1.0 => here,
                         here => position.lerp(here, parent.weight),
@@ -300,8 +300,10 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
                 let all = parents.of(a);
                 let mut placed = in_space(&DAffine3::IDENTITY, own);
                 for parent in all {
-                    let here =
-                        in_space(&parent.world_from_parent, &parent.local(own, edits_of(&edits.actors, a)));
+                    let here = in_space(
+                        &parent.world_from_parent,
+                        &parent.local(own, edits_for_index(&edits.actors, a)),
+                    );
                     placed = if parent.weight >= 1.0 { here } else { mixed(&placed, &here, parent.weight) };
                 }
                 unscaled[a] = placed;

@@ -7,7 +7,7 @@ use crate::stage::actor::{Actor, Attachment, Target};
 use crate::stage::camera::{Camera, Rig};
 use crate::stage::channel::Property;
 use crate::stage::channel::{keyed, vec3};
-use crate::stage::edits::{CameraEdit, FrameEdits, edits_of};
+use crate::stage::edits::{CameraEdit, FrameEdits, edits_for_index};
 use crate::stage::fade::fraction;
 use crate::stage::{Stage, StageError};
 use crate::transforms::{target_position, world_from_attachment};
@@ -151,7 +151,7 @@ fn with_planes_in_order(
 
 /// Position that callbacks set for a camera; `None` if they set none, or set a rig afterwards.
 fn moved_to(edits: &FrameEdits, index: usize) -> Option<DVec3> {
-    edits_of(&edits.cameras, index).rev().find_map(|edit| match edit {
+    edits_for_index(&edits.cameras, index).rev().find_map(|edit| match edit {
         CameraEdit::MoveTo(position) => Some(Some(*position)),
         CameraEdit::Rig(_) => Some(None),
         _ => None,

@@ -6,7 +6,7 @@ use crate::stage::Stage;
 use crate::stage::actor::Target;
 use crate::stage::camera::Camera;
 use crate::stage::camera_moves::{CameraLook, CameraShake};
-use crate::stage::edits::{CameraEdit, FrameEdits, edits_of};
+use crate::stage::edits::{CameraEdit, FrameEdits, edits_for_index};
 use crate::stage::fade::{eased, fraction};
 use crate::transforms::target_position;
 use choreo_asset::Projection;
@@ -64,7 +64,7 @@ pub(crate) fn targets<'a>(
     edits: &'a FrameEdits,
     time: Time,
 ) -> impl Iterator<Item = Target> + 'a {
-    let edited = edits_of(&edits.cameras, index).filter_map(|edit| match edit {
+    let edited = edits_for_index(&edits.cameras, index).filter_map(|edit| match edit {
         CameraEdit::LookAt(target) => Some(*target),
         _ => None,
     });
@@ -81,7 +81,7 @@ pub(crate) fn moved(
     state: CameraState,
 ) -> CameraState {
     let camera = &stage.cameras[index];
-    let own = || edits_of(&edits.cameras, index);
+    let own = || edits_for_index(&edits.cameras, index);
     if camera.looks.is_empty() && camera.shakes.is_empty() && own().next().is_none() {
         return state;
     }

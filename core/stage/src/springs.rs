@@ -19,7 +19,7 @@ use crate::actors;
 use crate::constraints::foot_locks::FootLocks;
 use crate::constraints::{ConstrainedScratch, evaluate_actors};
 use crate::snapshot::{ActorState, Snapshot};
-use crate::stage::edits::{ActorEdit, edits_of};
+use crate::stage::edits::{ActorEdit, edits_for_index};
 use crate::stage::parenting::Parenting;
 use crate::stage::{Stage, StageError};
 use crate::transforms::order::PlacementStep;
@@ -433,7 +433,7 @@ fn swing(
 
 /// The wind that callbacks have set last for an actor, if any.
 fn wind(edits: &[(usize, ActorEdit)], of: usize) -> Option<DVec3> {
-    edits_of(edits, of).rev().find_map(|edit| match edit {
+    edits_for_index(edits, of).rev().find_map(|edit| match edit {
         ActorEdit::Wind(wind) => Some(*wind),
         _ => None,
     })

@@ -1,9 +1,9 @@
 //! Solves the constraints of all actors at a time, actor by actor.
 
 use crate::actors;
-use crate::constraints::foot_locks::{FootLockOf, FootLocks};
+use crate::constraints::foot_locks::{FootLockContext, FootLocks};
 use crate::constraints::gaze::Gaze;
-use crate::constraints::steps::{Known, StepKind, Steps};
+use crate::constraints::steps::{StepKind, Steps, TargetTiming};
 use crate::constraints::{foot_lock, look_at, order};
 use crate::pose::expressions::ExpressionWeights;
 use crate::pose::joints::{PosedSkeleton, rotation_of};
@@ -214,7 +214,9 @@ impl Solved<'_> {
             return Ok(());
         }
         scratch.steps.find(stage, &placing.parents, time, index, &scratch.aims);
-        if !self.circular && scratch.steps.ordered.iter().any(|step| step.target == Known::After) {
+        if !self.circular
+            && scratch.steps.ordered.iter().any(|step| step.target == TargetTiming::AfterAllSteps)
+        {
             // The effect of the steps on the targets is found by executing them, without the eyes and the face.
             scratch.pose.clone_from(&actors[index].model_from_joint);
             for _ in 0..TRIALS {
@@ -238,14 +240,14 @@ impl Solved<'_> {
     ) -> Result<(), StageError> {
         for at in 0..scratch.steps.ordered.len() {
             let step = scratch.steps.ordered[at];
-            let known = if self.circular && !trial { Known::Before } else { step.target };
-            if known == Known::InTurn {
+            let timing = if self.circular && !trial { TargetTiming::Before } else { step.target };
+            if timing == TargetTiming::AfterPreviousSteps {
                 placing.place(self.stage, actors);
             }
             let face = (!trial).then(|| &mut placing.expression_weights[self.index]);
             match step.kind {
-                StepKind::Constraint(number) => self.constrain(number, known, scratch, face, actors)?,
-                StepKind::Look(number) => self.look(number, known, scratch, face, actors),
+                StepKind::Constraint(number) => self.constrain(number, timing, scratch, face, actors)?,
+                StepKind::Look(number) => self.look(number, timing, scratch, face, actors),
             }
         }
         Ok(())
@@ -254,7 +256,7 @@ impl Solved<'_> {
     fn constrain(
         &self,
         number: usize,
-        known: Known,
+        timing: TargetTiming,
         scratch: &mut ConstraintScratch,
         face: Option<&mut ExpressionWeights>,
         actors: &mut [ActorState],
@@ -266,7 +268,7 @@ impl Solved<'_> {
         let world_from_model = actors[index].world_from_model;
         let model_from_world = world_from_model.inverse();
         if let ConstraintKind::FootLock(foot_lock) = &constraint.kind {
-            let of = FootLockOf { stage, motions, actor: index, constraint: number, foot_lock };
+            let of = FootLockContext { stage, motions, actor: index, constraint: number, foot_lock };
             let Some(track) = foot_locks.track(of, time)? else { return Ok(()) };
             let mut posed = PosedSkeleton {
                 skeleton: &actor.asset.skeleton,
@@ -277,7 +279,7 @@ impl Solved<'_> {
             foot_lock::apply(&track, foot_lock, time, share, spaces[0], spaces[1], &mut posed);
             return Ok(());
         }
-        let found = target_and_pole(stage, scratch, (index, number), constraint, known, actors);
+        let found = target_and_pole(stage, scratch, (index, number), constraint, timing, actors);
         let Some((target, pole)) = found else { return Ok(()) };
         let target = model_from_world.transform_point3(target);
         let pole = pole.map(|p| model_from_world.transform_point3(p));
@@ -293,14 +295,14 @@ impl Solved<'_> {
     fn look(
         &self,
         number: usize,
-        known: Known,
+        timing: TargetTiming,
         scratch: &mut ConstraintScratch,
         face: Option<&mut ExpressionWeights>,
         actors: &mut [ActorState],
     ) {
         let Solved { stage, time, index, .. } = *self;
         let mut aim = scratch.aims[number];
-        if known == Known::InTurn {
+        if timing == TargetTiming::AfterPreviousSteps {
             aim.world_target = target_position(stage, actors, &aim.target).unwrap_or(aim.world_target);
         }
         let state = &mut actors[index];
@@ -316,7 +318,7 @@ impl Solved<'_> {
     /// Updates the targets whose positions are known only after all steps.
     fn find_late_targets(&self, scratch: &mut ConstraintScratch, actors: &[ActorState]) {
         let ConstraintScratch { steps, targets, aims, .. } = scratch;
-        let late = steps.ordered.iter().filter(|step| step.target == Known::After);
+        let late = steps.ordered.iter().filter(|step| step.target == TargetTiming::AfterAllSteps);
         for step in late {
             match step.kind {
                 StepKind::Constraint(number) => {
@@ -344,12 +346,14 @@ fn target_and_pole(
     scratch: &ConstraintScratch,
     of: (usize, usize),
     constraint: &Constraint,
-    known: Known,
+    timing: TargetTiming,
     actors: &[ActorState],
 ) -> Option<(DVec3, Option<DVec3>)> {
     // A target on the actor itself moves with the steps that have run so far.
     let own = |t| matches!(t, Target::Joint { actor, .. } if actor == of.0);
-    if known == Known::InTurn || (known == Known::Before && constraint.targets().all(own)) {
+    if timing == TargetTiming::AfterPreviousSteps
+        || (timing == TargetTiming::Before && constraint.targets().all(own))
+    {
         return places(stage, actors, constraint);
     }
     let found = scratch.targets.iter().find(|(actor, number, ..)| (*actor, *number) == of);

@@ -38,7 +38,7 @@ impl ActiveParent {
     pub fn local<'e>(&self, own: &Placement, edits: impl Iterator<Item = &'e ActorEdit>) -> Placement {
         let Some(placed) = self.placement else { return *own };
         let mut local = placed;
-        edits.for_each(|edit| edit.place(&mut local));
+        edits.for_each(|edit| edit.apply_to_placement(&mut local));
         Placement { scale: own.scale, ..local }
     }
 
