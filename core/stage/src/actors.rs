@@ -50,7 +50,7 @@ pub(crate) struct Scratch {
     pub all_poses: usize,
     pub pose_hidden: bool,
     /// The active camera and, during a dissolve, the camera before the cut. The poses of their targets are needed.
-    pub seen_by: [Option<usize>; 2],
+    pub view_cameras: [Option<usize>; 2],
     /// Aspect ratio (width / height) of the image, if only images are requested; this enables culling.
     pub aspect: Option<f64>,
     /// Whether each actor is out of view.
@@ -65,7 +65,7 @@ impl Scratch {
     }
 
     /// Restricts all further evaluations as [`Scratch::only`] does.
-    pub(crate) fn look_only_at(&mut self, actors: &[usize]) {
+    pub(crate) fn restrict_to(&mut self, actors: &[usize]) {
         let only = self.only.get_or_insert_default();
         only.clear();
         only.extend_from_slice(actors);
@@ -175,8 +175,8 @@ fn cull(
     if let (Some(pose_bounds), Some(aspect)) = (bounds, scratch.aspect) {
         // Joints are not posed yet, so actors attached to joints are misplaced here. All other actors already have their final transforms.
         place_actors(stage, scratch, actors);
-        let Scratch { edits, order, parents, seen_by, .. } = &*scratch;
-        let camera = camera::by_places(stage, edits, time, seen_by[0], actors);
+        let Scratch { edits, order, parents, view_cameras, .. } = &*scratch;
+        let camera = camera::state_without_poses(stage, edits, time, view_cameras[0], actors);
         Culling { stage, pose_bounds, camera, aspect, edits, time, order: &order.steps, parents, actors }
             .run(&mut out);
     }
@@ -220,7 +220,8 @@ fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorS
     for parent in lights.iter().filter_map(|light| light.parent) {
         want(work, parent.actor, parent.joint.is_some());
     }
-    for (index, camera) in scratch.seen_by.iter().flatten().filter_map(|c| Some((*c, stage.cameras.get(*c)?)))
+    for (index, camera) in
+        scratch.view_cameras.iter().flatten().filter_map(|c| Some((*c, stage.cameras.get(*c)?)))
     {
         let target = match scratch.edits.rig_of(index, camera) {
             Rig::Fixed { look_at, .. } => look_at.as_ref().and_then(want_target),

@@ -19,13 +19,13 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 const DEFAULT_VIEW: (f64, f64) = (0.45, 0.18);
 
 /// Index of the active camera: the target of the last cut so far, else the first camera. `None` if there is no camera.
-pub(crate) fn on_at(stage: &Stage, time: Time) -> Option<usize> {
+pub(crate) fn active_camera_at(stage: &Stage, time: Time) -> Option<usize> {
     let begun = stage.cuts.partition_point(|cut| cut.at <= time);
-    on_after(stage, begun)
+    active_camera_after(stage, begun)
 }
 
 /// Index of the active camera after this number of cuts.
-fn on_after(stage: &Stage, cuts: usize) -> Option<usize> {
+fn active_camera_after(stage: &Stage, cuts: usize) -> Option<usize> {
     let cut = stage.cuts[..cuts].last().map(|cut| cut.camera);
     cut.or((!stage.cameras.is_empty()).then_some(0)).filter(|c| *c < stage.cameras.len())
 }
@@ -34,7 +34,7 @@ fn on_after(stage: &Stage, cuts: usize) -> Option<usize> {
 pub(crate) fn dissolving_at(stage: &Stage, time: Time) -> Option<(usize, f32)> {
     let begun = stage.cuts.partition_point(|cut| cut.at <= time);
     let cut = stage.cuts[..begun].last().filter(|cut| time < cut.at + cut.dissolve)?;
-    let before = on_after(stage, begun - 1).filter(|before| *before != cut.camera)?;
+    let before = active_camera_after(stage, begun - 1).filter(|before| *before != cut.camera)?;
     Some((before, 1.0 - fraction(time - cut.at, cut.dissolve)))
 }
 
@@ -50,7 +50,7 @@ pub(crate) fn evaluate(
         let (azimuth, elevation) = DEFAULT_VIEW;
         return frame(None, azimuth, elevation, Projection::default());
     };
-    if let Some(state) = by_places(stage, edits, time, Some(index), actors) {
+    if let Some(state) = state_without_poses(stage, edits, time, Some(index), actors) {
         return with_planes_in_order(camera, edits, time, state);
     }
     let projection = keyed_projection(camera, time);
@@ -159,7 +159,7 @@ fn moved_to(edits: &FrameEdits, index: usize) -> Option<DVec3> {
 }
 
 /// State of a camera that depends only on the position of its target. `None` for the rigs `File` and `Frame`, and without a camera.
-pub(crate) fn by_places(
+pub(crate) fn state_without_poses(
     stage: &Stage,
     edits: &FrameEdits,
     time: Time,

@@ -174,12 +174,12 @@ fn evaluate(
     time: Time,
     out: &mut Snapshot,
 ) -> Result<(), StageError> {
-    let camera = camera::on_at(stage, time);
+    let camera = camera::active_camera_at(stage, time);
     let Memory { framings, foot_locks, springs, pose_bounds } = memory;
     let Scratch { constrained, simulation } = scratch;
     let actors = &mut constrained.actors;
     let dissolving = camera::dissolving_at(stage, time);
-    actors.seen_by = [camera, dissolving.map(|(before, _)| before)];
+    actors.view_cameras = [camera, dissolving.map(|(before, _)| before)];
     let cull = actors.aspect.is_some() && dissolving.is_none() && stands_without_poses(stage, camera);
     let bounds = cull.then(|| pose_bounds.get_or_init(|| PoseBounds::new(stage)));
     settle_parents(stage, memory, constrained, time)?;

@@ -287,7 +287,7 @@ impl Solved<'_> {
         solve_constraint(actor, &constraint.kind, share, (target, pole), &stage.solvers, scratch, state);
         if let (ConstraintKind::Aim(aim), Some(face)) = (&constraint.kind, face) {
             let gaze = Gaze { actor, joint: last(&aim.joints) as u32, target, share, time };
-            follow(&gaze, index, scratch, state, face);
+            turn_eyes(&gaze, index, scratch, state, face);
         }
         Ok(())
     }
@@ -311,7 +311,7 @@ impl Solved<'_> {
             let target = state.world_from_model.inverse().transform_point3(aim.world_target);
             let actor = &stage.actors[index];
             let gaze = Gaze { actor, joint: aim.joint, target, share: aim.share, time };
-            follow(&gaze, index, scratch, state, face);
+            turn_eyes(&gaze, index, scratch, state, face);
         }
     }
 
@@ -399,7 +399,7 @@ fn solve_constraint(
 }
 
 /// Turns the eyes of an actor after its head has turned, except eyes with a look-at of their own.
-fn follow(
+fn turn_eyes(
     gaze: &Gaze,
     index: usize,
     scratch: &mut ConstraintScratch,
@@ -407,7 +407,7 @@ fn follow(
     expression_weights: &mut ExpressionWeights,
 ) {
     let aimed = |eye| scratch.aims.iter().any(|a| (a.actor, a.joint) == (index, eye));
-    gaze.follow(aimed, state, &mut scratch.below, expression_weights);
+    gaze.turn_eyes(aimed, state, &mut scratch.below, expression_weights);
 }
 
 fn last(joints: &[u32]) -> usize {

@@ -13,7 +13,7 @@ use glam::{Affine3A, DQuat};
 
 /// Turns the eyes of a posed actor as the gaze expressions request (see [`GAZE`](choreo_asset::eyes::GAZE)). `expression_weights` are those
 /// of this actor.
-pub(crate) fn as_asked(
+pub(crate) fn apply_requested_gaze(
     actor: &Actor,
     time: Time,
     state: &mut ActorState,

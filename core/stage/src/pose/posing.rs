@@ -113,7 +113,7 @@ impl Posing<'_> {
             }
             crate::properties::base_colors(actor, self.time, &mut state.base_colors);
             crate::properties::materials::at(actor, scratch.expressions(), self.time, &mut state.materials);
-            gaze::as_asked(actor, self.time, state, expression_weights);
+            gaze::apply_requested_gaze(actor, self.time, state, expression_weights);
         }
     }
 }
