@@ -4,7 +4,7 @@ use crate::asset::{Asset, MeshInstance};
 use crate::asset_hash::asset_hash;
 use crate::bounds::{Aabb, BoundsPart, InstanceBounds};
 use crate::hash::ContentHash;
-use crate::skinning::Carriers;
+use crate::skinning::VertexTransforms;
 use choreo_motion::{Facing, Front, Pose, Skeleton, Skinning};
 use glam::{Affine3A, Mat4, Vec3};
 
@@ -170,10 +170,10 @@ fn rest_bounds(asset: &Asset) -> Aabb {
             bounds = boxes.fold(bounds, Aabb::union);
             continue;
         }
-        let carriers = Carriers::new(Skinning::Linear, asset, instance, joints);
+        let transforms = VertexTransforms::new(Skinning::Linear, asset, instance, joints);
         for primitive in &mesh.primitives {
             for (v, position) in primitive.positions.iter().enumerate() {
-                let model_from_mesh = carriers.at_vertex(primitive, v);
+                let model_from_mesh = transforms.at_vertex(primitive, v);
                 bounds.add(model_from_mesh.transform_point3(position.as_dvec3()).as_vec3());
             }
         }

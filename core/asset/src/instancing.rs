@@ -18,7 +18,7 @@ impl Asset {
 
     /// Every drawn copy of an instance: model-from-model of the character's placement, and joint-from-mesh of the copy. `count`
     /// limits the placements, or the copies if there are no placements.
-    pub fn standing<'a>(
+    pub fn drawn_copies<'a>(
         &'a self,
         instance: &'a MeshInstance,
         count: Option<u32>,
@@ -139,7 +139,7 @@ mod tests {
         let mut asset = Asset { placements: [moved(1.0), moved(2.0), moved(3.0)].into(), ..Asset::default() };
         asset.instances.push(instance.clone());
         let all = |asset: &Asset, count| -> Vec<f32> {
-            let both = asset.standing(&instance, count);
+            let both = asset.drawn_copies(&instance, count);
             both.map(|(place, copy)| (place * copy).translation.x).collect()
         };
         assert_eq!(all(&asset, Some(2)), [1.1, 1.2, 2.1, 2.2]);

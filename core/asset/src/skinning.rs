@@ -12,7 +12,7 @@ pub fn widen(a: &Affine3A) -> DAffine3 {
 
 /// Transforms that move the vertices of one mesh instance: those of its skin's joints, and that of its node for rigid primitives.
 #[derive(Clone)]
-pub struct Carriers {
+pub struct VertexTransforms {
     skin: Slots,
     rigid: DAffine3,
 }
@@ -24,14 +24,14 @@ enum Slots {
     Dual(Vec<StretchedDualQuaternion>),
 }
 
-impl Carriers {
+impl VertexTransforms {
     /// Transforms of an instance in a pose: matrices or dual quaternions of its skin.
     pub fn new(
         skinning: Skinning,
         asset: &Asset,
         instance: &MeshInstance,
         model_from_joint: &[Affine3A],
-    ) -> Carriers {
+    ) -> VertexTransforms {
         let joint = |j: u32| model_from_joint.get(j as usize).map_or(DAffine3::IDENTITY, widen);
         let skin = instance.skin.and_then(|s| asset.skins.get(s as usize));
         let matrices = skin.map_or(Vec::new(), |skin| {
@@ -44,12 +44,12 @@ impl Carriers {
                 Slots::Dual(matrices.iter().map(|m| StretchedDualQuaternion::of(affine(m))).collect())
             }
         };
-        Carriers { skin, rigid: joint(instance.joint) }
+        VertexTransforms { skin, rigid: joint(instance.joint) }
     }
 
     /// Transforms of one copy of a rigid mesh. Skinned meshes have no copies.
-    pub fn of_copy(&self, joint_from_copy: &Affine3A) -> Carriers {
-        Carriers { skin: self.skin.clone(), rigid: self.rigid * widen(joint_from_copy) }
+    pub fn of_copy(&self, joint_from_copy: &Affine3A) -> VertexTransforms {
+        VertexTransforms { skin: self.skin.clone(), rigid: self.rigid * widen(joint_from_copy) }
     }
 
     /// model-from-mesh of a vertex: Σ weight · joint · inverse bind (glTF 2.0 §3.7.3.3), or the blend of dual quaternions.

@@ -36,7 +36,7 @@ pub(crate) struct PoseScratch {
     active_cues: Vec<ActiveCue>,
     weights: Vec<f32>,
     expressions: Vec<f32>,
-    /// Expression weights before they are settled.
+    /// Expression weights before they are resolved.
     requested: Vec<f32>,
     group: GroupScratch,
     mirror: MirrorScratch,
@@ -55,7 +55,7 @@ impl PoseScratch {
         &self.expressions
     }
 
-    /// Requested expression weights of the actor that was posed last, before they are settled.
+    /// Requested expression weights of the actor that was posed last, before they are resolved.
     pub fn requested(&self) -> &[f32] {
         &self.requested
     }
@@ -188,7 +188,7 @@ fn apply_edits<'e>(
     if !asset.expressions.is_empty() {
         set_expressions(actor, time, edits.clone(), &mut scratch.expressions);
         scratch.requested.clone_from(&scratch.expressions);
-        expression::settle(&asset.expressions, &mut scratch.expressions);
+        expression::resolve_weights(&asset.expressions, &mut scratch.expressions);
         expression::add(&asset.expressions, &scratch.expressions, morph_weights);
     }
     for edit in edits {

@@ -10,7 +10,7 @@ use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Fills `out` with the materials of an actor that are animated, at a time. `weights`: settled weights of the asset's expressions.
+/// Fills `out` with the materials of an actor that are animated, at a time. `weights`: resolved weights of the asset's expressions.
 pub(crate) fn at(actor: &Actor, weights: &[f32], time: Time, out: &mut Vec<ChangedMaterial>) {
     out.clear();
     let asset = &*actor.asset;
@@ -37,8 +37,8 @@ pub(crate) fn at(actor: &Actor, weights: &[f32], time: Time, out: &mut Vec<Chang
         if let Some(motion) = material.active_uv_motion() {
             by_itself(motion, time, &mut now);
         }
-        if let Some(strip) = material.strip {
-            let cell = strip.cell(time);
+        if let Some(flipbook) = material.flipbook {
+            let cell = flipbook.cell(time);
             textures(&mut now, |texture| texture.uv_transform = cell * texture.uv_transform);
         }
         out.push(ChangedMaterial { material: index, now });
