@@ -61,7 +61,7 @@ fn feet_of_legs(skeleton: &Skeleton) -> Vec<Foot> {
 
 /// Thigh and shin of a foot that is an IK control: it is no descendant of them, and clips keep it at their end. `None` for other
 /// feet.
-pub fn leg_of_handle(skeleton: &Skeleton, human: &HumanoidJoints, foot: u32) -> Option<[u32; 2]> {
+pub fn leg_of_ik_control(skeleton: &Skeleton, human: &HumanoidJoints, foot: u32) -> Option<[u32; 2]> {
     let side =
         ["left", "right"].into_iter().find(|side| human.joint(&format!("{side} foot")) == Some(foot))?;
     let [hip, knee] = [human.joint(&format!("{side} upleg"))?, human.joint(&format!("{side} leg"))?];
@@ -125,8 +125,9 @@ pub fn leg_length(skeleton: &Skeleton, feet: &[Foot]) -> Option<f64> {
     if legs.iter().all(|leg| leg.len() < 3) {
         let human = HumanoidJoints::of(skeleton);
         for foot in legs.iter().map(|leg| leg[0]) {
-            let of_handle = |[hip, knee]: [u32; 2]| Some(apart(hip, knee)? + apart(knee, foot)?);
-            length = length.max(leg_of_handle(skeleton, &human, foot).and_then(of_handle).unwrap_or(0.0));
+            let of_ik_control = |[hip, knee]: [u32; 2]| Some(apart(hip, knee)? + apart(knee, foot)?);
+            length =
+                length.max(leg_of_ik_control(skeleton, &human, foot).and_then(of_ik_control).unwrap_or(0.0));
         }
     }
     (length.is_finite() && length > 0.0).then_some(length)

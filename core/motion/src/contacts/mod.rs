@@ -22,7 +22,7 @@ use crate::skeleton::Skeleton;
 use crate::time::Time;
 use glam::{Affine3A, DVec3, Vec3};
 
-pub use feet::{find_feet, leg_length, leg_of_handle};
+pub use feet::{find_feet, leg_length, leg_of_ik_control};
 pub use still_intervals::still_intervals;
 
 /// Height limit of a contact above the lowest position, in leg lengths. A walk's toe swings through at 2 %, but fast.

@@ -34,13 +34,13 @@ pub struct Displacement {
 
 impl Displacement {
     fn then(self, next: Displacement) -> Displacement {
-        Displacement { frame: self.frame.then_in(next.frame), forward: self.forward + next.forward }
+        Displacement { frame: self.frame.compose(next.frame), forward: self.forward + next.forward }
     }
 
     /// Displacement from this one to another.
     fn to(self, there: Displacement) -> Displacement {
         Displacement {
-            frame: self.frame.inverse().then_in(there.frame),
+            frame: self.frame.inverse().compose(there.frame),
             forward: there.forward - self.forward,
         }
     }
@@ -196,7 +196,7 @@ impl RootMotionTrack {
         let Some(layer) = actor.layers.first() else { return Displacement::default() };
         let Displacement { frame, forward } = self.step(layer, time, active_cues);
         let back = Planar { translation: -self.anchor, yaw: 0.0 };
-        Displacement { frame: frame.then_in(back), forward }
+        Displacement { frame: frame.compose(back), forward }
     }
 
     pub fn anchor(&self) -> DVec3 {
@@ -212,7 +212,7 @@ impl RootMotionTrack {
         let first = root.motion.frame(first_time(cue));
         let now = root.motion.frame(clip_time);
         let now = Planar { yaw: now.yaw - first.yaw, ..now };
-        Some(Planar { translation: self.anchor, yaw: 0.0 }.then_in(now.inverse()))
+        Some(Planar { translation: self.anchor, yaw: 0.0 }.compose(now.inverse()))
     }
 }
 
@@ -327,9 +327,9 @@ fn displacement(layer: &Layer, index: usize, time: Time) -> Displacement {
     let frame = |at: Time| root.motion.frame(at);
     let (start, end) = if cue.speed < 0.0 { (cue.trim.1, cue.trim.0) } else { cue.trim };
     let first = frame(start);
-    let way = direction(first.inverse().then_in(frame(end)).translation);
+    let way = direction(first.inverse().compose(frame(end)).translation);
     let step = |there: Planar| {
-        let frame = first.inverse().then_in(there);
+        let frame = first.inverse().compose(there);
         Displacement { frame, forward: frame.translation.with_y(0.0).dot(way) }
     };
     let within = |offset: i128| {
