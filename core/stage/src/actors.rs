@@ -86,7 +86,7 @@ pub(crate) fn evaluate_actors(
     bounds: Option<&PoseBounds>,
     out: &mut Snapshot,
 ) -> Result<(), StageError> {
-    settle_parents(stage, scratch, time, |time, mut scratch| {
+    find_kept_transforms(stage, scratch, time, |time, mut scratch| {
         let mut snapshot = Snapshot::default();
         evaluate_actors(stage, &mut scratch, time, None, &mut snapshot)?;
         Ok((scratch, snapshot))
@@ -316,7 +316,7 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
 
 /// Computes the kept transforms of actors whose parents have changed before a time. `evaluate` evaluates the stage at the moment of a
 /// change, for the actors that the passed buffers name.
-pub(crate) fn settle_parents(
+pub(crate) fn find_kept_transforms(
     stage: &Stage,
     scratch: &Scratch,
     time: Time,
@@ -324,7 +324,7 @@ pub(crate) fn settle_parents(
 ) -> Result<(), StageError> {
     let kept = &scratch.kept_transforms;
     // Earlier changes come first, because the transforms that later parents keep depend on them.
-    for changes in kept.unknown(stage, time).chunk_by(|a, b| a.0 == b.0) {
+    for changes in kept.missing_transforms(stage, time).chunk_by(|a, b| a.0 == b.0) {
         let parent_of = |actor: usize, number: usize| &stage.actors[actor].parents[number];
         let parents = changes.iter().filter_map(|(_, a, n)| Some(parent_of(*a, *n).to?.actor));
         let only = changes.iter().map(|(_, a, _)| *a).chain(parents).filter(|a| *a < stage.actors.len());

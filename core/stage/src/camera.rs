@@ -1,6 +1,6 @@
 //! The active camera, its transform and its projection.
 
-use crate::camera_moves::{look_rotation, moved, near_limited};
+use crate::camera_moves::{apply_moves, limit_near_plane, look_rotation};
 use crate::properties;
 use crate::snapshot::{ActorState, CameraState};
 use crate::stage::actor::{Actor, Attachment, Target};
@@ -54,7 +54,7 @@ pub(crate) fn evaluate(
         return with_planes_in_order(camera, edits, time, state);
     }
     let projection = keyed_projection(camera, time);
-    let moved_to = moved_to(edits, index);
+    let moved_to = edited_position(edits, index);
     let state = |position: DVec3, rotation: DQuat, projection: Projection| CameraState {
         camera: Some(index),
         world_from_view: DAffine3::from_rotation_translation(rotation, position),
@@ -100,7 +100,7 @@ pub(crate) fn evaluate(
             framed
         }
     };
-    with_planes_in_order(camera, edits, time, moved(stage, edits, time, index, actors, of_rig))
+    with_planes_in_order(camera, edits, time, apply_moves(stage, edits, time, index, actors, of_rig))
 }
 
 /// The clipping planes of one projection with the lens of another.
@@ -150,7 +150,7 @@ fn with_planes_in_order(
 }
 
 /// Position that callbacks set for a camera; `None` if they set none, or set a rig afterwards.
-fn moved_to(edits: &FrameEdits, index: usize) -> Option<DVec3> {
+fn edited_position(edits: &FrameEdits, index: usize) -> Option<DVec3> {
     edits_for_index(&edits.cameras, index).rev().find_map(|edit| match edit {
         CameraEdit::MoveTo(position) => Some(Some(*position)),
         CameraEdit::Rig(_) => Some(None),
@@ -168,7 +168,7 @@ pub(crate) fn state_without_poses(
 ) -> Option<CameraState> {
     let (index, camera) = index.and_then(|i| Some((i, stage.cameras.get(i)?)))?;
     let projection = keyed_projection(camera, time);
-    let moved_to = moved_to(edits, index);
+    let moved_to = edited_position(edits, index);
     // Keys belong to the camera's own rig.
     let keys = if edits.rig(index).is_some() { &[][..] } else { &camera.channels };
     let keyed_position = keyed(keys, Property::Translation, time).map(vec3);
@@ -180,7 +180,7 @@ pub(crate) fn state_without_poses(
     };
     let looking = |position: DVec3, at: DVec3, fallback: DQuat| {
         let rotation = look_rotation(at - position).unwrap_or(fallback);
-        state(position, rotation, near_limited(camera, projection, (at - position).length()))
+        state(position, rotation, limit_near_plane(camera, projection, (at - position).length()))
     };
     let of_rig = match edits.rig_of(index, camera) {
         Rig::Fixed { position, rotation, look_at } => {
@@ -205,13 +205,13 @@ pub(crate) fn state_without_poses(
                 None => state(
                     at + rotation * DVec3::new(0.0, 0.0, *distance),
                     rotation,
-                    near_limited(camera, projection, *distance),
+                    limit_near_plane(camera, projection, *distance),
                 ),
             }
         }
         Rig::File { .. } | Rig::Frame { .. } => return None,
     };
-    Some(moved(stage, edits, time, index, actors, of_rig))
+    Some(apply_moves(stage, edits, time, index, actors, of_rig))
 }
 
 /// Rotation of an affine map without scale and shear: the −Z axis keeps its direction, and +Y is made orthogonal to it. Finite for any map.

@@ -425,7 +425,7 @@ fn step_springs(
             model_from_joint: &mut placed.model_from_joint,
         }
         .run();
-        if scratch.parents.has_on_joints(index) {
+        if scratch.parents.has_children_on_joints(index) {
             scratch.place(stage, actors);
         }
     }

@@ -59,7 +59,7 @@ pub(crate) fn run(
     for round in 0..scratch.order.ends.len() {
         let (end, circular) = (scratch.order.ends[round], scratch.order.circular[round]);
         find_targets(stage, time, scratch, begun..end, actors);
-        let solved = |index| Solved { stage, foot_locks, motions: &motions, time, index, circular };
+        let solver = |index| ActorSolver { stage, foot_locks, motions: &motions, time, index, circular };
         // Actors that are not posed are skipped.
         let is_posed = |actors: &[ActorState], index: usize| {
             actors[index].model_from_joint.len() == stage.actors[index].asset.skeleton.len()
@@ -70,11 +70,11 @@ pub(crate) fn run(
                 let index = scratch.order.actors[at];
                 scratch.poses.extend_from_slice(&actors[index].model_from_joint);
                 if is_posed(actors, index) {
-                    solved(index).try_steps(scratch, placing, actors)?;
+                    solver(index).run_trial_steps(scratch, placing, actors)?;
                 }
             }
             placing.place(stage, actors);
-            find_looks_again(stage, scratch, actors);
+            update_look_targets(stage, scratch, actors);
             let mut from = 0;
             for at in begun..end {
                 let pose = &mut actors[scratch.order.actors[at]].model_from_joint;
@@ -88,8 +88,8 @@ pub(crate) fn run(
         for at in begun..end {
             let index = scratch.order.actors[at];
             if is_posed(actors, index) {
-                solved(index).solve(scratch, placing, actors)?;
-                carried |= placing.parents.has_on_joints(index);
+                solver(index).solve(scratch, placing, actors)?;
+                carried |= placing.parents.has_children_on_joints(index);
             }
         }
         if carried {
@@ -102,7 +102,7 @@ pub(crate) fn run(
 
 /// Updates the targets of looks and aims in a circle of actors, after a trial has moved all of them. Reaches keep their targets: two hands
 /// that reach for each other would return to where they were.
-fn find_looks_again(stage: &Stage, scratch: &mut ConstraintScratch, actors: &[ActorState]) {
+fn update_look_targets(stage: &Stage, scratch: &mut ConstraintScratch, actors: &[ActorState]) {
     for aim in &mut scratch.aims {
         aim.world_target = target_position(stage, actors, &aim.target).unwrap_or(aim.world_target);
     }
@@ -148,9 +148,11 @@ pub(crate) fn places(
             let at = match (reach.offset, reach.target) {
                 (None, target) => target_position(stage, actors, &target)?,
                 (Some(offset), Target::Point(p)) => p + offset,
-                (Some(offset), Target::Actor(actor)) => hold(stage, actors, actor, None, offset)?,
+                (Some(offset), Target::Actor(actor)) => {
+                    target_with_offset(stage, actors, actor, None, offset)?
+                }
                 (Some(offset), Target::Joint { actor, joint }) => {
-                    hold(stage, actors, actor, Some(joint), offset)?
+                    target_with_offset(stage, actors, actor, Some(joint), offset)?
                 }
             };
             let pole = reach.pole.and_then(|pole| target_position(stage, actors, &pole));
@@ -159,7 +161,7 @@ pub(crate) fn places(
     }
 }
 
-fn hold(
+fn target_with_offset(
     stage: &Stage,
     actors: &[ActorState],
     actor: usize,
@@ -178,7 +180,7 @@ fn hold(
 const TRIALS: usize = 3;
 
 /// An actor whose constraints are solved.
-struct Solved<'a> {
+struct ActorSolver<'a> {
     stage: &'a Stage,
     foot_locks: &'a FootLocks,
     motions: &'a Arc<Motions>,
@@ -188,9 +190,9 @@ struct Solved<'a> {
     circular: bool,
 }
 
-impl Solved<'_> {
+impl ActorSolver<'_> {
     /// Runs the steps once as a trial, without the eyes and the face.
-    fn try_steps(
+    fn run_trial_steps(
         &self,
         scratch: &mut ConstraintScratch,
         placing: &mut actors::Scratch,
@@ -200,7 +202,7 @@ impl Solved<'_> {
             return Ok(());
         }
         scratch.steps.find(self.stage, &placing.parents, self.time, self.index, &scratch.aims);
-        self.take_steps(true, scratch, placing, actors)
+        self.run_steps(true, scratch, placing, actors)
     }
 
     fn solve(
@@ -209,7 +211,7 @@ impl Solved<'_> {
         placing: &mut actors::Scratch,
         actors: &mut [ActorState],
     ) -> Result<(), StageError> {
-        let Solved { stage, time, index, .. } = *self;
+        let ActorSolver { stage, time, index, .. } = *self;
         if !actors[index].world_from_model.inverse().is_finite() {
             return Ok(());
         }
@@ -220,18 +222,18 @@ impl Solved<'_> {
             // The effect of the steps on the targets is found by executing them, without the eyes and the face.
             scratch.pose.clone_from(&actors[index].model_from_joint);
             for _ in 0..TRIALS {
-                self.take_steps(true, scratch, placing, actors)?;
+                self.run_steps(true, scratch, placing, actors)?;
                 placing.place(stage, actors);
                 self.find_late_targets(scratch, actors);
                 actors[index].model_from_joint.clone_from(&scratch.pose);
             }
         }
-        self.take_steps(false, scratch, placing, actors)?;
-        hold_limits(stage, index, scratch, actors);
+        self.run_steps(false, scratch, placing, actors)?;
+        clamp_to_limits(stage, index, scratch, actors);
         Ok(())
     }
 
-    fn take_steps(
+    fn run_steps(
         &self,
         trial: bool,
         scratch: &mut ConstraintScratch,
@@ -247,7 +249,7 @@ impl Solved<'_> {
             let face = (!trial).then(|| &mut placing.expression_weights[self.index]);
             match step.kind {
                 StepKind::Constraint(number) => self.constrain(number, timing, scratch, face, actors)?,
-                StepKind::Look(number) => self.look(number, timing, scratch, face, actors),
+                StepKind::Look(number) => self.apply_look_at(number, timing, scratch, face, actors),
             }
         }
         Ok(())
@@ -261,7 +263,7 @@ impl Solved<'_> {
         face: Option<&mut ExpressionWeights>,
         actors: &mut [ActorState],
     ) -> Result<(), StageError> {
-        let Solved { stage, foot_locks, motions, time, index, .. } = *self;
+        let ActorSolver { stage, foot_locks, motions, time, index, .. } = *self;
         let actor = &stage.actors[index];
         let constraint = &actor.constraints[number];
         let share = constraint.share(time);
@@ -292,7 +294,7 @@ impl Solved<'_> {
         Ok(())
     }
 
-    fn look(
+    fn apply_look_at(
         &self,
         number: usize,
         timing: TargetTiming,
@@ -300,7 +302,7 @@ impl Solved<'_> {
         face: Option<&mut ExpressionWeights>,
         actors: &mut [ActorState],
     ) {
-        let Solved { stage, time, index, .. } = *self;
+        let ActorSolver { stage, time, index, .. } = *self;
         let mut aim = scratch.aims[number];
         if timing == TargetTiming::AfterPreviousSteps {
             aim.world_target = target_position(stage, actors, &aim.target).unwrap_or(aim.world_target);
@@ -522,7 +524,7 @@ fn solve_chain(
 }
 
 /// Turns joints back that clips or constraints have turned beyond their limits.
-fn hold_limits(stage: &Stage, index: usize, scratch: &mut ConstraintScratch, actors: &mut [ActorState]) {
+fn clamp_to_limits(stage: &Stage, index: usize, scratch: &mut ConstraintScratch, actors: &mut [ActorState]) {
     let actor = &stage.actors[index];
     let rest = actor.asset.rest_model_from_joint();
     let skeleton = &actor.asset.skeleton;

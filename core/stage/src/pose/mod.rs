@@ -94,7 +94,7 @@ pub(crate) fn pose_actor<'e>(
             if layers::is_group(equal) {
                 let (group, pose, expressions) =
                     (&mut scratch.group, &mut scratch.pose, &mut scratch.expressions);
-                layers::lay_over(equal, asset, time, group, pose, morph_weights, expressions);
+                layers::apply_layers(equal, asset, time, group, pose, morph_weights, expressions);
                 continue;
             }
         }
@@ -351,7 +351,7 @@ impl BlendedClip<'_> {
         if weights.is_empty() || (self.clip.expressions().is_empty() && !base) {
             return;
         }
-        let share = self.weight * masked_at_head(asset, layer);
+        let share = self.weight * mask_weight_at_head(asset, layer);
         for (index, (expression, weight)) in asset.expressions.iter().zip(weights).enumerate() {
             let driven = self.clip.sample_expression(&expression.name, self.time);
             let mut over = [driven.unwrap_or(if base { 0.0 } else { *weight })];
@@ -367,7 +367,7 @@ impl BlendedClip<'_> {
 }
 
 /// Weight of a layer's mask at the head.
-pub(crate) fn masked_at_head(asset: &Asset, layer: &Layer) -> f32 {
+pub(crate) fn mask_weight_at_head(asset: &Asset, layer: &Layer) -> f32 {
     let head = || {
         let humanoid = asset.skeleton.humanoid();
         humanoid.and_then(|h| h.joint(HumanBone::Head)).or(asset.skeleton.find("Head").map(|j| j as u32))
