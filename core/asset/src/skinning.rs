@@ -13,13 +13,13 @@ pub fn widen(a: &Affine3A) -> DAffine3 {
 /// Transforms that move the vertices of one mesh instance: those of its skin's joints, and that of its node for rigid primitives.
 #[derive(Clone)]
 pub struct VertexTransforms {
-    skin: Slots,
+    skin: SkinTransforms,
     rigid: DAffine3,
 }
 
 /// One transform per joint of the skin.
 #[derive(Clone)]
-enum Slots {
+enum SkinTransforms {
     Linear(Vec<DMat4>),
     Dual(Vec<StretchedDualQuaternion>),
 }
@@ -39,10 +39,10 @@ impl VertexTransforms {
             skin.joints.iter().enumerate().map(|(i, j)| DMat4::from(joint(*j)) * inverse_bind(i)).collect()
         });
         let skin = match skinning {
-            Skinning::Linear => Slots::Linear(matrices),
-            Skinning::DualQuaternion => {
-                Slots::Dual(matrices.iter().map(|m| StretchedDualQuaternion::of(affine(m))).collect())
-            }
+            Skinning::Linear => SkinTransforms::Linear(matrices),
+            Skinning::DualQuaternion => SkinTransforms::Dual(
+                matrices.iter().map(|m| StretchedDualQuaternion::of(affine(m))).collect(),
+            ),
         };
         VertexTransforms { skin, rigid: joint(instance.joint) }
     }
@@ -56,8 +56,8 @@ impl VertexTransforms {
     pub fn at_vertex(&self, primitive: &Primitive, v: usize) -> DAffine3 {
         let n = primitive.influences;
         let slots = match &self.skin {
-            Slots::Linear(slots) => slots.len(),
-            Slots::Dual(slots) => slots.len(),
+            SkinTransforms::Linear(slots) => slots.len(),
+            SkinTransforms::Dual(slots) => slots.len(),
         };
         if n == 0 || slots == 0 {
             return self.rigid;
@@ -67,14 +67,14 @@ impl VertexTransforms {
             Some((usize::from(*slot), f64::from(*weight)))
         });
         match &self.skin {
-            Slots::Linear(slots) => {
+            SkinTransforms::Linear(slots) => {
                 let mut blended = DMat4::ZERO;
                 for (slot, weight) in influences {
                     blended += slots.get(slot).map_or(DMat4::ZERO, |m| *m * weight);
                 }
                 affine(&blended)
             }
-            Slots::Dual(slots) => {
+            SkinTransforms::Dual(slots) => {
                 StretchedDualQuaternion::blend(influences.filter_map(|(slot, w)| Some((slots.get(slot)?, w))))
             }
         }

@@ -79,7 +79,7 @@ impl TwoBone {
         let bend = bend.unwrap_or_else(|| line.any_orthonormal_vector());
         let towards = direction(self.target - self.start, CORE * (a + b), line + bend * BEND_LEAN_WEIGHT);
         let normal = bend.cross(line);
-        let kept = || across(towards.cross(carried(normal, line, towards)), towards);
+        let kept = || across(towards.cross(turned_normal(normal, line, towards)), towards);
         let new_bend = pole(towards).or_else(kept)?;
         // The angle at the start joint, between the line to the end and the upper bone.
         // Equal bones leave a rounding error, which is large relative to a short distance.
@@ -122,7 +122,7 @@ fn direction(target: DVec3, core: f64, lean_direction: DVec3) -> DVec3 {
 
 /// Normal of the bend for a new direction: turned like the direction, but if that is nearly half a turn, kept as close to the old
 /// normal as possible, so that rounding does not choose the axis.
-fn carried(normal: DVec3, line: DVec3, towards: DVec3) -> DVec3 {
+fn turned_normal(normal: DVec3, line: DVec3, towards: DVec3) -> DVec3 {
     let turned = rotation_between(line, towards) * normal;
     let share = ((BEND_PLANE_FADE_COS[0] - line.dot(towards))
         / (BEND_PLANE_FADE_COS[0] - BEND_PLANE_FADE_COS[1]))

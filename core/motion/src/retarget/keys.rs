@@ -70,7 +70,7 @@ impl Retarget<'_> {
         let mut moves_below = vec![false; self.to.len()];
         for joint in (0..self.to.len() as u32).rev() {
             let Some(rotation) = self.rotation(joint, &curves) else {
-                self.pass_on(joint, &mut moves_below);
+                self.mark_parent(joint, &mut moves_below);
                 continue;
             };
             let below = moves_below[joint as usize];
@@ -99,7 +99,7 @@ impl Retarget<'_> {
                     self.add_rotation_times(joint, &curves, &mut times);
                 }
             }
-            self.pass_on(joint, &mut moves_below);
+            self.mark_parent(joint, &mut moves_below);
         }
         let mut translating: Vec<u32> = Vec::new();
         for joint in (0..self.to.len() as u32).filter(|j| self.moves(*j)) {
@@ -118,7 +118,7 @@ impl Retarget<'_> {
         (clip.with_curves(self.to.len(), out), report)
     }
 
-    fn pass_on(&self, joint: u32, moves_below: &mut [bool]) {
+    fn mark_parent(&self, joint: u32, moves_below: &mut [bool]) {
         if let Some(parent) = self.to.parents()[joint as usize] {
             moves_below[parent as usize] |= moves_below[joint as usize];
         }
@@ -139,7 +139,7 @@ impl Retarget<'_> {
     }
 
     /// Path between source joints: up from the leader's, then down to the joint's own, without their common ancestor.
-    fn way(&self, leader: Option<u32>, source: u32) -> (Vec<u32>, Vec<u32>) {
+    fn joint_path(&self, leader: Option<u32>, source: u32) -> (Vec<u32>, Vec<u32>) {
         let up = |from: Option<u32>| std::iter::successors(from, |j| self.from.parents()[*j as usize]);
         let start = leader.and_then(|l| self.map.source(l));
         let above: BTreeSet<u32> = up(start).collect();
@@ -153,7 +153,7 @@ impl Retarget<'_> {
     fn rotation<'c>(&self, joint: u32, curves: &Curves<'c>) -> Option<Rotation<'c>> {
         let (source, follow) = (self.map.source(joint)?, self.follow[joint as usize]?);
         let (leader, between) = self.leader(joint);
-        let (ups, downs) = self.way(leader, source);
+        let (ups, downs) = self.joint_path(leader, source);
         // The inverse of the parent's G; the leader's own G begins with the yaw, too.
         let base = match leader.and_then(|l| self.follow[l as usize]) {
             Some(d) => between.conjugate() * d.conjugate(),
@@ -183,7 +183,7 @@ impl Retarget<'_> {
 
     fn add_rotation_times(&self, joint: u32, curves: &Curves, times: &mut BTreeSet<Time>) {
         let Some(source) = self.map.source(joint) else { return };
-        let (ups, downs) = self.way(self.leader(joint).0, source);
+        let (ups, downs) = self.joint_path(self.leader(joint).0, source);
         for joint in ups.iter().chain(&downs) {
             add_times(curves.rotations.get(joint), times);
         }
