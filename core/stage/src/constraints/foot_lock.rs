@@ -2,7 +2,7 @@
 //!
 //! The contacts of a foot are found from its unconstrained motion over a span of the stage. They are computed once, at 60 Hz, and cached
 //! ([`super::foot_locks`]), so that frames can be evaluated in any order. During phase-matched fades the contacts come from the clips,
-//! because the mean of two strides slides. During a contact the ball of the foot stays at one point. RollInputs two contacts the corrections
+//! because the mean of two strides slides. During a contact the ball of the foot stays at one point. Between two contacts the corrections
 //! of both are interpolated, so that the foot does not jump.
 
 use crate::constraints::foot_locks::{LONGEST_GAP, STEP};
