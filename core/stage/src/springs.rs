@@ -11,9 +11,10 @@
 //! group.
 //!
 //! **Cost of a seek.** Without checkpoints, 60 poses of the actors with springs for each second from the start; later at most as many as
-//! lie between two checkpoints (16, more once they would take 32 MiB). The timeline is divided into stretches of [`STRETCH_SECS`] seconds. The
-//! simulation of each stretch starts from rest, one minute earlier, so that 100 hours into a stage cost no more than 11 minutes. If a
-//! spring keeps more than a millionth of a swing after that minute ([`FORGETTING_RATE`]), as an undamped one does, the whole stage is one stretch.
+//! lie between two checkpoints (16, more once they would take 32 MiB). The timeline is divided into stretches of [`STRETCH_SECS`] seconds.
+//! The simulation of each stretch starts from rest, one minute earlier, so that 100 hours into a stage cost no more than 11 minutes. If a
+//! spring keeps more than a millionth of a swing after that minute ([`FORGETTING_RATE`]), as an undamped one does, the whole stage is one
+//! stretch.
 
 use crate::actors;
 use crate::constraints::foot_locks::FootLocks;

@@ -180,7 +180,8 @@ pub(super) struct RollInputs<'a> {
     pub gait_fades: &'a [GaitFade],
 }
 
-/// Extends `rolls` of a leg's contacts, in whole samples, until the foot is higher than [`ROLL_HEIGHT_LEGS`], except where a footstep begins or ends.
+/// Extends `rolls` of a leg's contacts, in whole samples, until the foot is higher than [`ROLL_HEIGHT_LEGS`], except where a footstep
+/// begins or ends.
 pub(super) fn extend_rolls(
     samples: &FootSamples,
     index: usize,

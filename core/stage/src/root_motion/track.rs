@@ -4,8 +4,8 @@
 //! ([`choreo_motion::Planar::power`]), so that a time of 100 h costs as much as the first second and drifts no more. During fades the actor
 //! moves with the weighted mean of the clips' velocities in its own frame, as in Unreal and Unity. (A mean of positions would add the speed
 //! at which the clips diverge.) After an inertialized switch the velocity difference to the new clip decays like the offsets of its pose
-//! ([`TransitionVelocity`]). With turns neither has a closed form, so both are integrated once, in fixed steps of exact displacements, into a lookup
-//! table.
+//! ([`TransitionVelocity`]). With turns neither has a closed form, so both are integrated once, in fixed steps of exact displacements, into
+//! a lookup table.
 
 use crate::stage::Stage;
 use crate::stage::actor::{Actor, Placement};
