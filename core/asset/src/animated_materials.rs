@@ -61,6 +61,6 @@ impl Material {
 
     /// Whether the material's textures move or play frames without any clip.
     pub fn has_uv_animation(&self) -> bool {
-        self.active_uv_motion().is_some() || self.strip.is_some()
+        self.active_uv_motion().is_some() || self.flipbook.is_some()
     }
 }

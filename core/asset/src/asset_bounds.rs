@@ -4,7 +4,7 @@ use crate::asset::{Asset, MeshInstance};
 use crate::asset_hash::asset_hash;
 use crate::bounds::{Aabb, BoundsPart, InstanceBounds};
 use crate::hash::ContentHash;
-use crate::skinning::Carriers;
+use crate::skinning::VertexTransforms;
 use choreo_motion::{Facing, Front, Pose, Skeleton, Skinning};
 use glam::{Affine3A, Mat4, Vec3};
 
@@ -72,9 +72,9 @@ const OUTLINE_DIRECTIONS: [Vec3; 7] = [
 
 /// The farthest vertex, as (primitive, vertex), from one joint along each of `OUTLINE_DIRECTIONS` and its opposite.
 #[derive(Clone, Copy)]
-struct Farthest([(f32, Option<(u32, u32)>); 14]);
+struct FarthestVertices([(f32, Option<(u32, u32)>); 14]);
 
-impl Farthest {
+impl FarthestVertices {
     fn add(&mut self, point: Vec3, vertex: (u32, u32)) {
         for (i, direction) in OUTLINE_DIRECTIONS.iter().enumerate() {
             let along = point.dot(*direction);
@@ -110,7 +110,7 @@ fn instance_bounds(asset: &Asset, instance: &MeshInstance) -> InstanceBounds {
             morphs: vec![Aabb { min: Vec3::ZERO, max: Vec3::ZERO }; mesh.morph_targets],
         })
         .collect();
-    let mut farthest = vec![Farthest([(f32::NEG_INFINITY, None); 14]); slots.len()];
+    let mut farthest = vec![FarthestVertices([(f32::NEG_INFINITY, None); 14]); slots.len()];
     for (index, primitive) in mesh.primitives.iter().enumerate() {
         for (v, position) in primitive.positions.iter().enumerate() {
             let n = if skin.is_some() { primitive.influences } else { 0 };
@@ -170,10 +170,10 @@ fn rest_bounds(asset: &Asset) -> Aabb {
             bounds = boxes.fold(bounds, Aabb::union);
             continue;
         }
-        let carriers = Carriers::new(Skinning::Linear, asset, instance, joints);
+        let transforms = VertexTransforms::new(Skinning::Linear, asset, instance, joints);
         for primitive in &mesh.primitives {
             for (v, position) in primitive.positions.iter().enumerate() {
-                let model_from_mesh = carriers.at_vertex(primitive, v);
+                let model_from_mesh = transforms.at_vertex(primitive, v);
                 bounds.add(model_from_mesh.transform_point3(position.as_dvec3()).as_vec3());
             }
         }

@@ -128,7 +128,7 @@ hashed! {
     struct Light { kind, color, intensity, range }
     struct Material {
         shading, base_color, metallic, roughness, normal_scale, occlusion_strength, specular, shininess, emissive, specular_color,
-        alpha_mode, double_sided, relief, uv_motion, sequence, triplanar, line_style, strip, base_color_texture,
+        alpha_mode, double_sided, relief, uv_motion, sequence, triplanar, line_style, flipbook, base_color_texture,
         metallic_roughness_texture, normal_texture, occlusion_texture, emissive_texture, specular_texture, specular_color_texture,
         reflection, toon, layers;
         without name

@@ -115,7 +115,7 @@ pub enum Override {
 
 /// Turns requested weights into effective ones, in place: clamped, all or nothing, suppressed by each other (VRM 1.0, "Procedural
 /// override").
-pub fn settle(expressions: &[Expression], weights: &mut [f32]) {
+pub fn resolve_weights(expressions: &[Expression], weights: &mut [f32]) {
     for (expression, weight) in expressions.iter().zip(&mut *weights) {
         // NaN becomes 0, too.
         let clamped = if *weight > 0.0 { weight.min(1.0) } else { 0.0 };
@@ -153,7 +153,7 @@ pub fn settle(expressions: &[Expression], weights: &mut [f32]) {
     }
 }
 
-/// Adds the morph binds of settled weights, or of changes in weights, to the morph weights of the mesh instances.
+/// Adds the morph binds of resolved weights, or of changes in weights, to the morph weights of the mesh instances.
 pub fn add(expressions: &[Expression], weights: &[f32], morph_weights: &mut [Vec<f32>]) {
     for (expression, weight) in expressions.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
         for bind in &expression.morphs {
@@ -178,9 +178,9 @@ mod tests {
         }
     }
 
-    fn settled(expressions: &[Expression], weights: &[f32]) -> Vec<f32> {
+    fn resolved(expressions: &[Expression], weights: &[f32]) -> Vec<f32> {
         let mut weights = weights.to_vec();
-        settle(expressions, &mut weights);
+        resolve_weights(expressions, &mut weights);
         weights
     }
 
@@ -193,7 +193,7 @@ mod tests {
             ([-1.0, 0.51], [0.0, 1.0]),
             ([f32::NAN, f32::INFINITY], [0.0, 1.0]),
         ] {
-            assert_eq!(settled(&faces, &given), expected, "{given:?}");
+            assert_eq!(resolved(&faces, &given), expected, "{given:?}");
         }
     }
 
@@ -203,7 +203,7 @@ mod tests {
         let happy = |over_blink, binary| Expression { over_blink, ..expression("happy", binary) };
         let blink = |binary| expression("blink", binary);
         let of = |over, happy_binary, blink_binary, weight| {
-            settled(&[happy(over, happy_binary), blink(blink_binary)], &[weight, 1.0])[1]
+            resolved(&[happy(over, happy_binary), blink(blink_binary)], &[weight, 1.0])[1]
         };
         assert_eq!(of(Override::None, false, false, 0.5), 1.0);
         assert_eq!(of(Override::Block, false, false, 0.25), 0.0);
@@ -216,9 +216,9 @@ mod tests {
         assert_eq!(of(Override::Blend, false, true, 0.25), 0.0);
         // Not the same kind, and not another kind than said.
         let left = Expression { over_blink: Override::Block, ..expression("blinkLeft", false) };
-        assert_eq!(settled(&[left, blink(false)], &[1.0, 1.0]), [1.0, 1.0]);
+        assert_eq!(resolved(&[left, blink(false)], &[1.0, 1.0]), [1.0, 1.0]);
         assert_eq!(
-            settled(&[happy(Override::Block, false), expression("aa", false)], &[1.0, 1.0]),
+            resolved(&[happy(Override::Block, false), expression("aa", false)], &[1.0, 1.0]),
             [1.0, 1.0]
         );
         // Several add up.
@@ -227,8 +227,8 @@ mod tests {
             Expression { name: "sad".into(), ..happy(Override::Blend, false) },
             blink(false),
         ];
-        assert_eq!(settled(&both, &[0.25, 0.5, 1.0])[2], 0.25);
-        assert_eq!(settled(&both, &[0.75, 0.5, 1.0])[2], 0.0);
+        assert_eq!(resolved(&both, &[0.25, 0.5, 1.0])[2], 0.25);
+        assert_eq!(resolved(&both, &[0.75, 0.5, 1.0])[2], 0.0);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use crate::skinning::widen;
 use glam::{Affine3A, DAffine3, Vec3, Vec3A};
 
 /// Up to this number of placements, boxes are joined one by one; more are bounded by the range of their transforms.
-const FEW: usize = 64;
+const MAX_SEPARATE_BOXES: usize = 64;
 
 impl Asset {
     /// model-from-model of the character's first `count` placements (`None`: all); the identity if it has none.
@@ -18,7 +18,7 @@ impl Asset {
 
     /// Every drawn copy of an instance: model-from-model of the character's placement, and joint-from-mesh of the copy. `count`
     /// limits the placements, or the copies if there are no placements.
-    pub fn standing<'a>(
+    pub fn drawn_copies<'a>(
         &'a self,
         instance: &'a MeshInstance,
         count: Option<u32>,
@@ -43,7 +43,7 @@ impl Asset {
         match self.placements.len() {
             _ if of_one.is_empty() => Aabb::EMPTY,
             0 => *of_one,
-            1..=FEW => {
+            1..=MAX_SEPARATE_BOXES => {
                 let boxes = self.placements.iter().map(|place| of_one.transformed(place));
                 boxes.fold(Aabb::EMPTY, Aabb::union)
             }
@@ -64,7 +64,7 @@ impl Asset {
         mut each: impl FnMut(&DAffine3, &Aabb),
     ) {
         let bounds = &self.instance_bounds()[instance];
-        if self.placements.len() > FEW {
+        if self.placements.len() > MAX_SEPARATE_BOXES {
             each(&DAffine3::IDENTITY, &self.spread(&bounds.posed(model_from_joint, weights)));
             return;
         }
@@ -139,7 +139,7 @@ mod tests {
         let mut asset = Asset { placements: [moved(1.0), moved(2.0), moved(3.0)].into(), ..Asset::default() };
         asset.instances.push(instance.clone());
         let all = |asset: &Asset, count| -> Vec<f32> {
-            let both = asset.standing(&instance, count);
+            let both = asset.drawn_copies(&instance, count);
             both.map(|(place, copy)| (place * copy).translation.x).collect()
         };
         assert_eq!(all(&asset, Some(2)), [1.1, 1.2, 2.1, 2.2]);

@@ -43,9 +43,9 @@ pub use material::{AlphaMode, FrameStrip, LineStyle, Material, Shading, Triplana
 pub use material_layers::MaterialLayers;
 pub use mesh::{Mesh, MorphTarget, Primitive, Topology};
 pub use panorama::{Panorama, PanoramaError};
-pub use posed_mesh::{PosedInstance, PosedPrimitive, Standing, posed_meshes_by, posed_meshes_in};
+pub use posed_mesh::{PlacementSelection, PosedInstance, PosedPrimitive, posed_meshes_by, posed_meshes_in};
 pub use reflection::Reflection;
-pub use skinning::{Carriers, widen};
+pub use skinning::{VertexTransforms, widen};
 pub use srgb::{linear_from_srgb, linear_from_srgb_f32, srgb_from_linear};
 pub use texture::{Image, ImageFile, ImageFileFormat, Sampler, TextureRef, Wrap};
 pub use toon::{Outline, Toon, UvMotion};

@@ -90,7 +90,7 @@ pub struct Material {
     /// UV animation of all textures. [`Shading::Toon`] ignores it and uses [`Toon::uv_motion`].
     pub uv_motion: Option<UvMotion>,
     /// Flipbook: all textures hold frames side by side, of which one is shown at a time.
-    pub strip: Option<FrameStrip>,
+    pub flipbook: Option<FrameStrip>,
     /// Image sequences whose first images are textures of this material.
     pub sequence: Option<Arc<ImageSequence>>,
     /// Clearcoat, sheen, transmission and the like; metallic-roughness surfaces only.
@@ -180,7 +180,7 @@ impl Default for Material {
             alpha_mode: AlphaMode::Opaque,
             double_sided: false,
             uv_motion: None,
-            strip: None,
+            flipbook: None,
             sequence: None,
             layers: None,
             line_style: None,
@@ -191,7 +191,7 @@ impl Default for Material {
 
 impl Material {
     /// The environment reflection, if the shading model has one and it is not black.
-    pub fn mirrors(&self) -> Option<&Reflection> {
+    pub fn environment_reflection(&self) -> Option<&Reflection> {
         let phong = matches!(self.shading, Shading::BlinnPhong | Shading::Phong);
         self.reflection.as_deref().filter(|r| phong && r.color.max_element() > 0.0)
     }

@@ -3,7 +3,7 @@
 
 use crate::asset::Asset;
 use crate::mesh::Primitive;
-use crate::skinning::{Carriers, widen};
+use crate::skinning::{VertexTransforms, widen};
 use choreo_motion::Skinning;
 use glam::{Affine3A, DAffine3, DMat3, DVec3};
 
@@ -27,7 +27,7 @@ pub struct PosedPrimitive {
 
 /// Selects the placements and copies that are posed.
 #[derive(Clone, Copy)]
-pub enum Standing {
+pub enum PlacementSelection {
     /// The first N placements, or the first N copies if there are no placements; `None`: all.
     First(Option<u32>),
     /// The character once, without its placements, but with all copies.
@@ -42,7 +42,7 @@ pub fn posed_meshes_in(
     world_from_model: DAffine3,
 ) -> Vec<PosedInstance> {
     posed_meshes_by(
-        (Skinning::Linear, Standing::First(None)),
+        (Skinning::Linear, PlacementSelection::First(None)),
         asset,
         model_from_joint,
         morph_weights,
@@ -53,7 +53,7 @@ pub fn posed_meshes_in(
 /// All mesh instances at the selected placements, transformed by `world_from_model`. Empty if `model_from_joint` has too few
 /// joints.
 pub fn posed_meshes_by(
-    (skinning, standing): (Skinning, Standing),
+    (skinning, placements): (Skinning, PlacementSelection),
     asset: &Asset,
     model_from_joint: &[Affine3A],
     morph_weights: &[Vec<f32>],
@@ -66,20 +66,22 @@ pub fn posed_meshes_by(
     for (index, instance) in asset.instances.iter().enumerate() {
         let Some(mesh) = asset.meshes.get(instance.mesh as usize) else { continue };
         let weights = morph_weights.get(index).map_or(&[][..], Vec::as_slice);
-        let at_joint = Carriers::new(skinning, asset, instance, model_from_joint);
+        let at_joint = VertexTransforms::new(skinning, asset, instance, model_from_joint);
         let mut add = |world_from_model: DAffine3, copy: Affine3A| {
-            let carriers = at_joint.of_copy(&copy);
-            let pose = |p: &Primitive| pose_primitive(p, &carriers, weights, world_from_model);
+            let transforms = at_joint.of_copy(&copy);
+            let pose = |p: &Primitive| pose_primitive(p, &transforms, weights, world_from_model);
             let primitives = mesh.primitives.iter().map(pose).collect();
             out.push(PosedInstance { instance: index, primitives });
         };
-        match standing {
-            Standing::Once => {
+        match placements {
+            PlacementSelection::Once => {
                 instance.joint_from_copies().for_each(|copy| add(world_from_model, copy));
             }
-            Standing::First(count) => asset.standing(instance, count).for_each(|(place, copy)| {
-                add(world_from_model * widen(&place), copy);
-            }),
+            PlacementSelection::First(count) => {
+                asset.drawn_copies(instance, count).for_each(|(place, copy)| {
+                    add(world_from_model * widen(&place), copy);
+                })
+            }
         }
     }
     out
@@ -87,13 +89,13 @@ pub fn posed_meshes_by(
 
 fn pose_primitive(
     primitive: &Primitive,
-    carriers: &Carriers,
+    transforms: &VertexTransforms,
     weights: &[f32],
     world_from_model: DAffine3,
 ) -> PosedPrimitive {
     let mut out = PosedPrimitive::default();
     for v in 0..primitive.positions.len() {
-        let world_from_mesh = world_from_model * carriers.at_vertex(primitive, v);
+        let world_from_mesh = world_from_model * transforms.at_vertex(primitive, v);
         let mut position = primitive.positions[v].as_dvec3();
         let mut normal = primitive.normals.get(v).map(|n| n.as_dvec3());
         for (morph, weight) in primitive.morphs.iter().zip(weights) {

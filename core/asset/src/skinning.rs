@@ -12,26 +12,26 @@ pub fn widen(a: &Affine3A) -> DAffine3 {
 
 /// Transforms that move the vertices of one mesh instance: those of its skin's joints, and that of its node for rigid primitives.
 #[derive(Clone)]
-pub struct Carriers {
-    skin: Slots,
+pub struct VertexTransforms {
+    skin: SkinTransforms,
     rigid: DAffine3,
 }
 
 /// One transform per joint of the skin.
 #[derive(Clone)]
-enum Slots {
+enum SkinTransforms {
     Linear(Vec<DMat4>),
     Dual(Vec<StretchedDualQuaternion>),
 }
 
-impl Carriers {
+impl VertexTransforms {
     /// Transforms of an instance in a pose: matrices or dual quaternions of its skin.
     pub fn new(
         skinning: Skinning,
         asset: &Asset,
         instance: &MeshInstance,
         model_from_joint: &[Affine3A],
-    ) -> Carriers {
+    ) -> VertexTransforms {
         let joint = |j: u32| model_from_joint.get(j as usize).map_or(DAffine3::IDENTITY, widen);
         let skin = instance.skin.and_then(|s| asset.skins.get(s as usize));
         let matrices = skin.map_or(Vec::new(), |skin| {
@@ -39,25 +39,25 @@ impl Carriers {
             skin.joints.iter().enumerate().map(|(i, j)| DMat4::from(joint(*j)) * inverse_bind(i)).collect()
         });
         let skin = match skinning {
-            Skinning::Linear => Slots::Linear(matrices),
-            Skinning::DualQuaternion => {
-                Slots::Dual(matrices.iter().map(|m| StretchedDualQuaternion::of(affine(m))).collect())
-            }
+            Skinning::Linear => SkinTransforms::Linear(matrices),
+            Skinning::DualQuaternion => SkinTransforms::Dual(
+                matrices.iter().map(|m| StretchedDualQuaternion::of(affine(m))).collect(),
+            ),
         };
-        Carriers { skin, rigid: joint(instance.joint) }
+        VertexTransforms { skin, rigid: joint(instance.joint) }
     }
 
     /// Transforms of one copy of a rigid mesh. Skinned meshes have no copies.
-    pub fn of_copy(&self, joint_from_copy: &Affine3A) -> Carriers {
-        Carriers { skin: self.skin.clone(), rigid: self.rigid * widen(joint_from_copy) }
+    pub fn of_copy(&self, joint_from_copy: &Affine3A) -> VertexTransforms {
+        VertexTransforms { skin: self.skin.clone(), rigid: self.rigid * widen(joint_from_copy) }
     }
 
     /// model-from-mesh of a vertex: Σ weight · joint · inverse bind (glTF 2.0 §3.7.3.3), or the blend of dual quaternions.
     pub fn at_vertex(&self, primitive: &Primitive, v: usize) -> DAffine3 {
         let n = primitive.influences;
         let slots = match &self.skin {
-            Slots::Linear(slots) => slots.len(),
-            Slots::Dual(slots) => slots.len(),
+            SkinTransforms::Linear(slots) => slots.len(),
+            SkinTransforms::Dual(slots) => slots.len(),
         };
         if n == 0 || slots == 0 {
             return self.rigid;
@@ -67,14 +67,14 @@ impl Carriers {
             Some((usize::from(*slot), f64::from(*weight)))
         });
         match &self.skin {
-            Slots::Linear(slots) => {
+            SkinTransforms::Linear(slots) => {
                 let mut blended = DMat4::ZERO;
                 for (slot, weight) in influences {
                     blended += slots.get(slot).map_or(DMat4::ZERO, |m| *m * weight);
                 }
                 affine(&blended)
             }
-            Slots::Dual(slots) => {
+            SkinTransforms::Dual(slots) => {
                 StretchedDualQuaternion::blend(influences.filter_map(|(slot, w)| Some((slots.get(slot)?, w))))
             }
         }

@@ -1,7 +1,7 @@
 //! Reasons why a command ends without a result, and the exit code of each.
 
 use choreo_files::WriteError;
-pub use choreo_files::words as reason;
+pub use choreo_files::describe_error as reason;
 use choreo_script::{Diagnostic, Severity, printable, steers_terminal};
 use serde_json::json;
 

@@ -37,7 +37,7 @@ pub fn of_material(material: &Material, out: &mut Losses) {
         (material.sequence.is_some(), "image sequences"),
         (material.line_style.is_some(), "line widths"),
         (material.triplanar.is_some(), "triplanar textures"),
-        (material.mirrors().is_some(), "reflection maps"),
+        (material.environment_reflection().is_some(), "reflection maps"),
     ];
     add(&all, out);
 }

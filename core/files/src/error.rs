@@ -16,7 +16,7 @@ pub enum FileError {
     /// The limit in bytes.
     #[error("it has more than {0} bytes")]
     TooLarge(u64),
-    #[error("{}", words(.0))]
+    #[error("{}", describe_error(.0))]
     Io(#[from] io::Error),
 }
 
@@ -28,7 +28,7 @@ impl FileError {
 }
 
 /// Describes a system error in words, without its number ("os error 2").
-pub fn words(error: &io::Error) -> String {
+pub fn describe_error(error: &io::Error) -> String {
     use io::ErrorKind as E;
     let text = match error.kind() {
         E::NotFound => "no such file or folder".to_string(),

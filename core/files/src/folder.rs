@@ -107,20 +107,20 @@ impl Folder {
     }
 
     /// Number of hard links to the open file.
-    pub(crate) fn names_of(file: &File) -> io::Result<u64> {
+    pub(crate) fn hard_link_count(file: &File) -> io::Result<u64> {
         use cap_fs_ext::MetadataExt;
         Ok(cap_std::fs::File::from_std(file.try_clone()?).metadata()?.nlink())
     }
 
     /// Gives the open file `to` the permissions of the regular file `name`, if that exists.
     pub(crate) fn copy_permissions(&self, name: &Path, to: &File) -> io::Result<()> {
-        let Some(there) = self.kind(name).filter(|m| m.is_file()) else { return Ok(()) };
+        let Some(there) = self.metadata(name).filter(|m| m.is_file()) else { return Ok(()) };
         cap_std::fs::File::from_std(to.try_clone()?).set_permissions(there.permissions())
     }
 
     /// Fails if `name` is a symbolic link.
     pub(crate) fn no_link(&self, name: &Path) -> Result<(), WriteError> {
-        match self.kind(name).is_some_and(|there| there.is_symlink()) {
+        match self.metadata(name).is_some_and(|there| there.is_symlink()) {
             true => Err(WriteError::Link { at: self.path.join(name), to: self.link_target(name)? }),
             false => Ok(()),
         }
@@ -140,7 +140,7 @@ impl Folder {
     }
 
     /// Metadata of the file `name`, without following a link. `None` if it does not exist or cannot be inspected.
-    pub fn kind(&self, name: &Path) -> Option<cap_std::fs::Metadata> {
+    pub fn metadata(&self, name: &Path) -> Option<cap_std::fs::Metadata> {
         self.dir.symlink_metadata(name).ok()
     }
 
@@ -165,7 +165,7 @@ impl Folder {
     fn reason(&self, name: &Path, error: io::Error) -> FileError {
         match self.dir.read_link_contents(name) {
             Ok(target) => FileError::Link(target),
-            Err(_) => match self.kind(name).map(|m| m.file_type()) {
+            Err(_) => match self.metadata(name).map(|m| m.file_type()) {
                 Some(kind) if kind.is_dir() => FileError::NotRegular("a folder"),
                 // The system reports a pipe without a reader as "no such device".
                 Some(kind) if !kind.is_file() => FileError::NotRegular("a pipe or device"),

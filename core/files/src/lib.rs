@@ -23,11 +23,11 @@ mod place;
 mod write_error;
 
 pub use entries::entries;
-pub use error::{FileError, words};
+pub use error::{FileError, describe_error};
 pub use folder::{Folder, open_file, read};
 pub use identity::Identity;
 pub use leftovers::remove_unfinished;
-pub use part::{PartFile, part_of, write_whole, write_whole_beneath};
+pub use part::{PartFile, part_name, write_whole, write_whole_beneath};
 pub use part_folder::PartFolder;
 pub use place::Destination;
 pub use write_error::WriteError;

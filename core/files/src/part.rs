@@ -10,17 +10,17 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Name of the part file: `o.png` → `o.png.part`.
-pub fn part_of(name: &Path) -> PathBuf {
+pub fn part_name(name: &Path) -> PathBuf {
     let mut part = name.file_name().unwrap_or_default().to_os_string();
     part.push(".part");
     name.with_file_name(part)
 }
 
 /// Name of one machine's part file: `o.png` → `o.png.MACHINE.part`.
-pub(crate) fn part_of_machine(name: &Path, machine: &str) -> PathBuf {
+pub(crate) fn machine_part_name(name: &Path, machine: &str) -> PathBuf {
     let mut named = name.as_os_str().to_os_string();
     named.push(format!(".{machine}"));
-    part_of(Path::new(&named))
+    part_name(Path::new(&named))
 }
 
 /// An output file while it is written. Dropping it without [`PartFile::commit`] removes it.
@@ -28,11 +28,11 @@ pub(crate) fn part_of_machine(name: &Path, machine: &str) -> PathBuf {
 pub struct PartFile {
     file: File,
     /// `None` for a pipe or device, which is written directly.
-    way: Option<Way>,
+    pending: Option<PendingFile>,
 }
 
 #[derive(Debug)]
-struct Way {
+struct PendingFile {
     folder: Arc<Folder>,
     part: PathBuf,
     name: PathBuf,
@@ -43,22 +43,22 @@ impl PartFile {
     /// Creates `NAME.part` and locks it; a second writer gets [`WriteError::Busy`]. If the file system refuses locks, each writer
     /// gets a part file with a unique name, and the last to commit wins. The user chose `path`, see [`Destination::of`].
     pub fn create(path: &Path) -> Result<PartFile, WriteError> {
-        PartFile::create_as(path, part_of)
+        PartFile::create_as(path, part_name)
     }
 
     /// Creates `NAME.MACHINE.part`, because locks may not reach from one machine to another. If several machines write at the
     /// same time, the last to commit wins.
     pub fn create_shared(path: &Path, machine: &str) -> Result<PartFile, WriteError> {
-        PartFile::create_as(path, |name| part_of_machine(name, machine))
+        PartFile::create_as(path, |name| machine_part_name(name, machine))
     }
 
     fn create_as(path: &Path, part: impl Fn(&Path) -> PathBuf) -> Result<PartFile, WriteError> {
         let (folder, name) = match Destination::of(path)? {
             Destination::File { folder, name } => (folder, name),
-            Destination::Direct(file) => return Ok(PartFile { file, way: None }),
+            Destination::Direct(file) => return Ok(PartFile { file, pending: None }),
         };
         let part = part(&name);
-        match PartFile::take(folder.clone(), part, name.clone())? {
+        match PartFile::create_locked(folder.clone(), part, name.clone())? {
             (part, Lock::Held) => Ok(part),
             (part, Lock::Refused) => {
                 drop(part);
@@ -69,21 +69,25 @@ impl PartFile {
 
     /// Creates and locks a file under its final name, as a sign that a process holds it.
     pub fn claim(folder: Arc<Folder>, name: PathBuf) -> Result<PartFile, WriteError> {
-        PartFile::take(folder, name.clone(), name).map(|(part, _)| part)
+        PartFile::create_locked(folder, name.clone(), name).map(|(part, _)| part)
     }
 
-    fn take(folder: Arc<Folder>, part: PathBuf, name: PathBuf) -> Result<(PartFile, Lock), WriteError> {
+    fn create_locked(
+        folder: Arc<Folder>,
+        part: PathBuf,
+        name: PathBuf,
+    ) -> Result<(PartFile, Lock), WriteError> {
         let mut leftovers = leftovers();
-        let (file, lock) = take(&folder, &part)?;
+        let (file, lock) = create_locked(&folder, &part)?;
         let number = leftovers.add(Leftover::File(folder.clone(), part.clone()));
-        Ok((PartFile { file, way: Some(Way { folder, part, name, number }) }, lock))
+        Ok((PartFile { file, pending: Some(PendingFile { folder, part, name, number }) }, lock))
     }
 
     /// Creates a part file with a unique name and without a lock: of several writers, the last to commit wins.
     fn unlocked(place: Destination) -> Result<PartFile, WriteError> {
         let (folder, name) = match place {
             Destination::File { folder, name } => (folder, name),
-            Destination::Direct(file) => return Ok(PartFile { file, way: None }),
+            Destination::Direct(file) => return Ok(PartFile { file, pending: None }),
         };
         let mut leftovers = leftovers();
         static COUNT: AtomicU64 = AtomicU64::new(0);
@@ -98,7 +102,7 @@ impl PartFile {
                 Err(e) => return Err(WriteError::at(folder.path().join(part), e)),
                 Ok(file) => {
                     let number = leftovers.add(Leftover::File(folder.clone(), part.clone()));
-                    return Ok(PartFile { file, way: Some(Way { folder, part, name, number }) });
+                    return Ok(PartFile { file, pending: Some(PendingFile { folder, part, name, number }) });
                 }
             }
         }
@@ -115,7 +119,7 @@ impl PartFile {
     /// # Errors
     /// Fails for a pipe or device, and for a range that reaches beyond the end of the file.
     pub fn replace(&self, at: u64, bytes: &[u8]) -> io::Result<()> {
-        if self.way.is_none() {
+        if self.pending.is_none() {
             return Err(ErrorKind::NotSeekable.into());
         }
         let mut file = &self.file;
@@ -130,22 +134,22 @@ impl PartFile {
 
     /// Moves the finished file to its place.
     pub fn commit(mut self) -> Result<(), WriteError> {
-        let Some(way) = &self.way else { return Ok(()) };
+        let Some(pending) = &self.pending else { return Ok(()) };
         let mut leftovers = leftovers();
         // After an error, `drop` removes the part file and takes this lock again.
-        way.folder.rename(&way.part, &way.folder, &way.name)?;
-        leftovers.forget(way.number);
-        self.way = None;
+        pending.folder.rename(&pending.part, &pending.folder, &pending.name)?;
+        leftovers.forget(pending.number);
+        self.pending = None;
         Ok(())
     }
 }
 
 impl Drop for PartFile {
     fn drop(&mut self) {
-        if let Some(way) = self.way.take() {
+        if let Some(pending) = self.pending.take() {
             let mut leftovers = leftovers();
-            let _ = way.folder.remove_file(&way.part);
-            leftovers.forget(way.number);
+            let _ = pending.folder.remove_file(&pending.part);
+            leftovers.forget(pending.number);
         }
     }
 }
@@ -171,18 +175,18 @@ fn write(place: Destination, bytes: &[u8]) -> Result<(), WriteError> {
     let part = PartFile::unlocked(place)?;
     let mut file = &part.file;
     file.write_all(bytes)?;
-    if let Some(way) = &part.way {
-        way.folder.copy_permissions(&way.name, file)?;
+    if let Some(pending) = &part.pending {
+        pending.folder.copy_permissions(&pending.name, file)?;
     }
     part.commit()
 }
 
 /// Creates a file and locks it for this process. A file that a killed process left is removed first: nothing is written into an
 /// existing file.
-pub(crate) fn take(folder: &Folder, name: &Path) -> Result<(File, Lock), WriteError> {
+pub(crate) fn create_locked(folder: &Folder, name: &Path) -> Result<(File, Lock), WriteError> {
     let at = || folder.path().join(name);
     loop {
-        if folder.kind(name).is_some() {
+        if folder.metadata(name).is_some() {
             let stale = match folder.open_existing(name) {
                 // The owner has just ended and removed it.
                 Err(e) if e.is_missing() => continue,

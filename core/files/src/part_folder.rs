@@ -1,7 +1,7 @@
 //! Part folders: `NAME.part` holds the unfinished files of one output, so that a later run can resume.
 
 use crate::leftovers::{Leftover, leftovers};
-use crate::part::{Lock, lock, part_of, part_of_machine, take};
+use crate::part::{Lock, create_locked, lock, machine_part_name, part_name};
 use crate::write_error::WriteError;
 use crate::{FileError, Folder};
 use std::fs::{File, TryLockError};
@@ -28,15 +28,15 @@ pub struct PartFolder {
     /// Number among the leftovers; `None` if the folder is to be kept.
     number: Option<u64>,
     /// The last field, so that it is dropped after the lock file is closed.
-    emptied: Emptied,
+    empty_folder: EmptyFolderGuard,
 }
 
 /// A part folder whose files were removed; dropping this removes the folder itself. NFS and FUSE keep a removed file in it under
 /// another name until the file is closed, so the lock file must be closed first.
 #[derive(Debug, Default)]
-struct Emptied(Option<(Arc<Folder>, PathBuf)>);
+struct EmptyFolderGuard(Option<(Arc<Folder>, PathBuf)>);
 
-impl Drop for Emptied {
+impl Drop for EmptyFolderGuard {
     fn drop(&mut self) {
         if let Some((parent, part)) = self.0.take() {
             let _ = parent.remove_subfolder(&part);
@@ -55,7 +55,7 @@ impl PartFolder {
         name: &Path,
         files: &'static [&'static str],
     ) -> Result<PartFolder, WriteError> {
-        PartFolder::open_as(parent, name, part_of(name), files)
+        PartFolder::open_as(parent, name, part_name(name), files)
     }
 
     /// Opens or creates the folder `NAME.MACHINE.part` of an output that several machines may make at once. `machine`: a name
@@ -70,7 +70,7 @@ impl PartFolder {
         machine: &str,
         files: &'static [&'static str],
     ) -> Result<PartFolder, WriteError> {
-        let own = |owner: &str| part_of_machine(name, owner);
+        let own = |owner: &str| machine_part_name(name, owner);
         let mut opened = PartFolder::open_as(parent.clone(), name, own(machine), files)?;
         if opened.locks == Lock::Refused {
             let number = RandomState::new().build_hasher().finish() as u32;
@@ -80,7 +80,7 @@ impl PartFolder {
         opened.shared = true;
         // The other folders are checked while this process holds its own lock: of two processes that begin at once, at least one
         // sees the other and gives way.
-        if opened.others().iter().any(|part| PartFolder::is_held(&parent, part, files)) {
+        if opened.other_parts().iter().any(|part| PartFolder::is_held(&parent, part, files)) {
             let kept = opened.lock.metadata()?.len() > 0;
             opened.keep(kept);
             return Err(WriteError::Busy);
@@ -104,7 +104,7 @@ impl PartFolder {
             }
             let lock_name = lock_name(files);
             let opened = match folder.open_existing(lock_name) {
-                Err(e) if e.is_missing() => take(&folder, lock_name),
+                Err(e) if e.is_missing() => create_locked(&folder, lock_name),
                 Err(e) => return Err(WriteError::at(folder.path().join(lock_name), e)),
                 Ok(file) => lock(&file).map(|locks| (file, locks)),
             };
@@ -117,7 +117,7 @@ impl PartFolder {
                 continue;
             }
             let folder = Arc::new(folder);
-            let (name, emptied) = (name.to_path_buf(), Emptied::default());
+            let (name, empty_folder) = (name.to_path_buf(), EmptyFolderGuard::default());
             let mut opened = PartFolder {
                 parent,
                 name,
@@ -128,7 +128,7 @@ impl PartFolder {
                 locks,
                 shared: false,
                 number: None,
-                emptied,
+                empty_folder,
             };
             opened.number = Some(leftovers.add(opened.leftover()));
             return Ok(opened);
@@ -143,7 +143,7 @@ impl PartFolder {
     }
 
     /// Names of the output's other part folders: those of other machines, or of other processes if locks are refused.
-    fn others(&self) -> Vec<PathBuf> {
+    fn other_parts(&self) -> Vec<PathBuf> {
         if !self.shared {
             return Vec::new();
         }
@@ -158,14 +158,14 @@ impl PartFolder {
 
     /// The output's other part folders, opened to read their finished files. Their processes have ended or cannot be seen from
     /// here.
-    pub fn folders_of_others(&self) -> Vec<Folder> {
-        self.others().iter().filter_map(|part| self.parent.subfolder(part).ok()).collect()
+    pub fn other_part_folders(&self) -> Vec<Folder> {
+        self.other_parts().iter().filter_map(|part| self.parent.subfolder(part).ok()).collect()
     }
 
     /// Removes the output's other part folders once the output is in its place. A process that is making the output unseen
     /// notices the removal and finds the output.
-    pub fn remove_others(&self) {
-        for part in self.others() {
+    pub fn remove_other_part_folders(&self) {
+        for part in self.other_parts() {
             drop(PartFolder::open_as(self.parent.clone(), &self.name, part, self.files));
         }
     }
@@ -185,7 +185,7 @@ impl PartFolder {
         let name = lock_name(self.files);
         self.folder.remove_file(name)?;
         // The old lock is held until the new one is taken.
-        (self.lock, self.locks) = take(&self.folder, name)?;
+        (self.lock, self.locks) = create_locked(&self.folder, name)?;
         Ok(())
     }
 
@@ -207,24 +207,24 @@ impl PartFolder {
             Err(e) if e.is_missing() => return Ok(None),
             file => file.map_err(|e| WriteError::at(self.folder.path().join(name), e))?,
         };
-        self.only_name(name, &file)?;
+        self.check_single_link(name, &file)?;
         Ok(Some(file))
     }
 
     /// Fails if the lock file has other hard links.
     pub fn check_lock(&self) -> Result<(), WriteError> {
-        self.only_name(self.files.last().copied().unwrap_or_default(), &self.lock)
+        self.check_single_link(self.files.last().copied().unwrap_or_default(), &self.lock)
     }
 
-    fn only_name(&self, name: &str, file: &File) -> Result<(), WriteError> {
-        match Folder::names_of(file)? {
+    fn check_single_link(&self, name: &str, file: &File) -> Result<(), WriteError> {
+        match Folder::hard_link_count(file)? {
             0 | 1 => Ok(()),
             _ => Err(WriteError::HardLink(self.folder.path().join(name))),
         }
     }
 
     /// Whether the folder is still at its path, with the lock file in it.
-    pub fn is_there(&self) -> bool {
+    pub fn is_in_place(&self) -> bool {
         let now =
             Folder::open(self.parent.path()).map_err(FileError::Io).and_then(|p| p.subfolder(&self.part));
         now.is_ok_and(|folder| folder.contains(lock_name(self.files), &self.lock))
@@ -266,7 +266,7 @@ impl Drop for PartFolder {
         if let Some(number) = self.number.take() {
             self.leftover().remove();
             leftovers.forget(number);
-            self.emptied = Emptied(Some((self.parent.clone(), self.part.clone())));
+            self.empty_folder = EmptyFolderGuard(Some((self.parent.clone(), self.part.clone())));
         }
     }
 }

@@ -9,16 +9,17 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// How long the reader of a pipe may take to start: a shell starts both ends of a pipe at once.
-const PATIENCE: Duration = Duration::from_secs(2);
+const READER_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Opens the pipe or device `name` for writing. Fails if it is a regular file.
 pub fn open(folder: &Folder, name: &Path) -> Result<File, WriteError> {
-    let file =
-        patiently(|| folder.open_for_writing(name).map_err(|e| WriteError::at(folder.path().join(name), e)))?;
+    let file = retry_until_reader(|| {
+        folder.open_for_writing(name).map_err(|e| WriteError::at(folder.path().join(name), e))
+    })?;
     match file.metadata()?.is_file() {
         // A regular file has taken its place meanwhile.
         true => Err(WriteError::InTheWay(folder.path().join(name))),
-        false => waiting(file),
+        false => make_blocking(file),
     }
 }
 
@@ -28,15 +29,15 @@ pub(crate) fn open_through(link: &Path) -> Result<File, WriteError> {
     use std::os::unix::fs::OpenOptionsExt;
     let mut options = File::options();
     options.append(true).custom_flags(rustix::fs::OFlags::NONBLOCK.bits() as i32);
-    waiting(patiently(|| options.open(link).map_err(WriteError::Io))?)
+    make_blocking(retry_until_reader(|| options.open(link).map_err(WriteError::Io))?)
 }
 
-fn patiently(mut open: impl FnMut() -> Result<File, WriteError>) -> Result<File, WriteError> {
+fn retry_until_reader(mut open: impl FnMut() -> Result<File, WriteError>) -> Result<File, WriteError> {
     let start = Instant::now();
     loop {
         match open() {
             Err(WriteError::Io(e)) if has_no_reader(&e) => {
-                if start.elapsed() > PATIENCE {
+                if start.elapsed() > READER_TIMEOUT {
                     return Err(WriteError::NoReader);
                 }
                 std::thread::sleep(Duration::from_millis(20));
@@ -59,7 +60,7 @@ fn has_no_reader(_: &io::Error) -> bool {
 
 /// Makes writes to the file block again, so that they wait for a slow reader.
 #[cfg(unix)]
-fn waiting(file: File) -> Result<File, WriteError> {
+fn make_blocking(file: File) -> Result<File, WriteError> {
     use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
     let flags = fcntl_getfl(&file).map_err(io::Error::from)?;
     fcntl_setfl(&file, flags - OFlags::NONBLOCK).map_err(io::Error::from)?;
@@ -67,6 +68,6 @@ fn waiting(file: File) -> Result<File, WriteError> {
 }
 
 #[cfg(not(unix))]
-fn waiting(file: File) -> Result<File, WriteError> {
+fn make_blocking(file: File) -> Result<File, WriteError> {
     Ok(file)
 }

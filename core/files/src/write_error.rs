@@ -1,7 +1,7 @@
 //! Why an output was not written.
 
 use crate::FileError;
-use crate::error::{shown, words};
+use crate::error::{describe_error, shown};
 use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -25,7 +25,7 @@ pub enum WriteError {
     /// Another process holds the lock of the part file.
     #[error("another program is writing it")]
     Busy,
-    #[error("{}", words(.0))]
+    #[error("{}", describe_error(.0))]
     Io(#[from] io::Error),
 }
 

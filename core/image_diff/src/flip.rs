@@ -27,7 +27,7 @@ pub struct FlipDifference {
 impl FlipDifference {
     /// Describes the difference to an observer, by the worst pixel, since one wrong spot is enough. The bounds were set by
     /// viewing choreo's own images with known faults: the table is in core/test_runner/README.md.
-    pub fn words(&self) -> &'static str {
+    pub fn description(&self) -> &'static str {
         match self.worst {
             0.0 => "equal to the eye",
             w if w <= NOT_VISIBLE => "not visible, even when the two alternate",
@@ -44,7 +44,7 @@ impl FlipDifference {
     }
 }
 
-/// Largest values of [`FlipDifference::worst`] for the texts of [`FlipDifference::words`].
+/// Largest values of [`FlipDifference::worst`] for the texts of [`FlipDifference::description`].
 pub const NOT_VISIBLE: f64 = 0.05;
 pub const ALTERNATING: f64 = 0.12;
 pub const SIDE_BY_SIDE: f64 = 0.3;
@@ -178,14 +178,14 @@ const RGB_FROM_XYZ: [[f32; 3]; 3] = [
     [0.055_630_08, -0.203_976_96, 1.056_971_5],
 ];
 
-fn times(m: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
+fn multiply(m: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
 /// CIE XYZ relative to white: [1, 1, 1] is white.
 fn relative_xyz(rgb: [f32; 3]) -> [f32; 3] {
-    let white = times(&XYZ_FROM_RGB, [1.0; 3]);
-    let xyz = times(&XYZ_FROM_RGB, rgb);
+    let white = multiply(&XYZ_FROM_RGB, [1.0; 3]);
+    let xyz = multiply(&XYZ_FROM_RGB, rgb);
     [xyz[0] / white[0], xyz[1] / white[1], xyz[2] / white[2]]
 }
 
@@ -197,8 +197,8 @@ fn opponent_from_rgb(rgb: [f32; 3]) -> [f32; 3] {
 
 fn rgb_from_opponent([y, cx, cz]: [f32; 3]) -> [f32; 3] {
     let y = (y + 16.0) / 116.0;
-    let white = times(&XYZ_FROM_RGB, [1.0; 3]);
-    times(&RGB_FROM_XYZ, [(y + cx / 500.0) * white[0], y * white[1], (y - cz / 200.0) * white[2]])
+    let white = multiply(&XYZ_FROM_RGB, [1.0; 3]);
+    multiply(&RGB_FROM_XYZ, [(y + cx / 500.0) * white[0], y * white[1], (y - cz / 200.0) * white[2]])
 }
 
 fn lab_hunt(rgb: [f32; 3]) -> [f32; 3] {
@@ -346,10 +346,10 @@ mod tests {
     #[test]
     fn equal_pictures_differ_in_nothing_and_the_place_of_a_fault_is_found() {
         let v = flip(&picture(0), &picture(0)).unwrap();
-        assert_eq!((v.mean, v.worst, v.words()), (0.0, 0.0, "equal to the eye"));
+        assert_eq!((v.mean, v.worst, v.description()), (0.0, 0.0, "equal to the eye"));
         let v = flip(&picture(0), &picture(1)).unwrap();
         assert!(v.worst_at[0].abs_diff(20) <= 1 && v.worst_at[1].abs_diff(10) <= 1, "{:?}", v.worst_at);
-        assert_eq!(flip(&picture(0), &picture(4)).unwrap().words(), "different images");
+        assert_eq!(flip(&picture(0), &picture(4)).unwrap().description(), "different images");
         let shown = flip_heatmap(&v, [64, 48]);
         assert_eq!(shown.rgba.len(), 64 * 48 * 4);
     }

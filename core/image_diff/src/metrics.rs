@@ -73,7 +73,7 @@ impl ImageDifference {
     /// Describes the difference to an observer, then each metric.
     pub fn describe(&self) -> String {
         let found: Vec<String> = METRICS.iter().map(|metric| (metric.found)(self)).collect();
-        format!("{}: {}", self.visible.words(), found.join("; "))
+        format!("{}: {}", self.visible.description(), found.join("; "))
     }
 }
 

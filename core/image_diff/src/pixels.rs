@@ -177,7 +177,7 @@ fn similarity(a: &Frame, b: &Frame) -> (f64, f64) {
         }
         total += sum / count;
         scales += 1.0;
-        planes = planes.map(|p| halved(&p, w, h));
+        planes = planes.map(|p| downsampled(&p, w, h));
         (w, h) = (w / 2, h / 2);
     }
     if scales == 0.0 { (1.0, 1.0) } else { (total / scales, worst) }
@@ -204,7 +204,7 @@ fn window(planes: &[Vec<f64>; 2], width: usize, from: [usize; 2], to: [usize; 2]
     ((2.0 * ma * mb + C1) * (2.0 * cov + C2)) / ((ma * ma + mb * mb + C1) * (va + vb + C2))
 }
 
-fn halved(p: &[f64], w: usize, h: usize) -> Vec<f64> {
+fn downsampled(p: &[f64], w: usize, h: usize) -> Vec<f64> {
     let at = |x: usize, y: usize| p[y * w + x];
     (0..h / 2)
         .flat_map(|y| (0..w / 2).map(move |x| (2 * x, 2 * y)))

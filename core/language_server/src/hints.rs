@@ -50,7 +50,7 @@ pub fn cues<'s>(stage: &'s Stage, places: &'s Places) -> Vec<PlacedCue<'s>> {
     for (actor, places) in stage.actors.iter().zip(&places.cues) {
         for (layer, places) in actor.layers.iter().zip(places) {
             for (index, (cue, place)) in layer.cues.iter().zip(places).enumerate() {
-                let once = (cue.repeat == Repeat::Once).then(|| cue.played_through()).flatten();
+                let once = (cue.repeat == Repeat::Once).then(|| cue.first_play_end()).flatten();
                 let next = layer.cues.get(index + 1).map(|next| next.start);
                 let end = cue.end.or(once).or(next).unwrap_or(stage.settings.length);
                 found.push(PlacedCue { place, cue, end });

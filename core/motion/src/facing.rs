@@ -127,7 +127,7 @@ impl Facing {
 /// The direction from heels to toes; zero for toes that point down.
 fn toes(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
     let ahead = |joints: &[u32]| match joints {
-        [heel, toe, ..] => way(at(*toe) - at(*heel), 0.3),
+        [heel, toe, ..] => horizontal_direction(at(*toe) - at(*heel), 0.3),
         _ => DVec3::ZERO,
     };
     find_feet(skeleton).iter().map(|foot| ahead(&foot.joints)).sum()
@@ -142,7 +142,7 @@ fn eyes(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
     };
     let eyes = (0u32..).zip(skeleton.names()).filter(|(_, name)| is_eye(name));
     let parents = skeleton.parents();
-    eyes.filter_map(|(eye, _)| Some(way(at(eye) - at(parents[eye as usize]?), 0.2))).sum()
+    eyes.filter_map(|(eye, _)| Some(horizontal_direction(at(eye) - at(parents[eye as usize]?), 0.2))).sum()
 }
 
 /// Direction in which bent knees lie off the lines from hips to ankles.
@@ -155,7 +155,7 @@ fn knees(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
         };
         let leg = ankle - hip;
         let before = knee - hip - leg * ((knee - hip).dot(leg) / leg.length_squared());
-        if before.length() > 0.01 * leg.length() { way(before, 0.3) } else { DVec3::ZERO }
+        if before.length() > 0.01 * leg.length() { horizontal_direction(before, 0.3) } else { DVec3::ZERO }
     };
     bend("left") + bend("right")
 }
@@ -169,7 +169,9 @@ fn sides(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
         }
     }
     let across = |pair: &[Vec<u32>; 2]| match pair {
-        [left, right] if left.len() == 1 && right.len() == 1 => way(at(left[0]) - at(right[0]), 0.7),
+        [left, right] if left.len() == 1 && right.len() == 1 => {
+            horizontal_direction(at(left[0]) - at(right[0]), 0.7)
+        }
         _ => DVec3::ZERO,
     };
     let across: Vec<DVec3> = pairs.values().map(across).filter(|way| *way != DVec3::ZERO).collect();
@@ -202,7 +204,7 @@ fn travel(skeleton: &Skeleton, clips: &[Arc<Clip>]) -> DVec3 {
 }
 
 /// Horizontal unit vector along a displacement; zero unless its horizontal part is more than `share` of its length.
-fn way(way: DVec3, share: f64) -> DVec3 {
-    let level = way.with_y(0.0);
-    if level.length() > share * way.length() { level.normalize_or_zero() } else { DVec3::ZERO }
+fn horizontal_direction(displacement: DVec3, share: f64) -> DVec3 {
+    let level = displacement.with_y(0.0);
+    if level.length() > share * displacement.length() { level.normalize_or_zero() } else { DVec3::ZERO }
 }

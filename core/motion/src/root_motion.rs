@@ -36,9 +36,9 @@ impl Default for RootParts {
 pub(crate) const LEAST_TURN_RAD: f64 = std::f64::consts::PI / 12.0;
 
 /// A root that moves no farther than this share of the leg's length in a clip stays on the spot.
-const ON_THE_SPOT: f64 = 0.1;
+const STILL_DISTANCE_LEGS: f64 = 0.1;
 /// The same limit for a root that returns to its start, as in a gallop on the spot. The gait must then be as fast as `GAIT`.
-const SWINGS: f64 = 0.6;
+const RETURNING_DISTANCE_LEGS: f64 = 0.6;
 /// Least speed of the floor under such a gait, leg lengths per second.
 const GAIT: f64 = 1.0;
 
@@ -143,12 +143,13 @@ impl RootMotion {
             .fold(0.0, f64::max);
         let feet = contacts::find_feet(skeleton);
         let leg = contacts::leg_length(skeleton, &feet)?;
-        let back = (self.place(self.trim.1).with_y(0.0) - first).length() <= 0.5 * ON_THE_SPOT * leg;
-        if reach > if back { SWINGS } else { ON_THE_SPOT } * leg {
+        let back = (self.place(self.trim.1).with_y(0.0) - first).length() <= 0.5 * STILL_DISTANCE_LEGS * leg;
+        if reach > if back { RETURNING_DISTANCE_LEGS } else { STILL_DISTANCE_LEGS } * leg {
             return None;
         }
         let Contacts { floor_velocity, .. } = Contacts::find(skeleton, &self.clip, self.trim, &feet)?;
-        (reach <= ON_THE_SPOT * leg || floor_velocity.length() > GAIT * leg).then_some(-floor_velocity)
+        (reach <= STILL_DISTANCE_LEGS * leg || floor_velocity.length() > GAIT * leg)
+            .then_some(-floor_velocity)
     }
 
     /// Position of the root joint in model space, metres.

@@ -64,7 +64,7 @@ fn cue_times(
     let layer = build.chains[cue.chain].is_layer();
     let natural = match cue.repeats(layer) {
         Repeat::Once if cue.cue.is_even() => Some(start + cue.length()),
-        Repeat::Once => cue.cue(start).played_through(),
+        Repeat::Once => cue.cue(start).first_play_end(),
         _ => None,
     };
     (start, cue.until.or(natural))

@@ -208,7 +208,7 @@ pub fn packages_in(folder: &Path) -> Vec<PathBuf> {
     let Ok(open) = Folder::open(folder) else { return Vec::new() };
     let names = open.names(MOST_FILES).unwrap_or_default();
     let is_package = |name: &PathBuf| {
-        !name.to_string_lossy().starts_with('.') && open.kind(&name.join(DESCRIPTION)).is_some()
+        !name.to_string_lossy().starts_with('.') && open.metadata(&name.join(DESCRIPTION)).is_some()
     };
     names.into_iter().map(PathBuf::from).filter(is_package).collect()
 }

@@ -13,7 +13,7 @@ use crate::root_motion::apply::RootMotionScratch;
 use crate::snapshot::{ActorState, Snapshot};
 use crate::stage::actor::{Placement, Target};
 use crate::stage::camera::Rig;
-use crate::stage::edits::{ActorEdit, CameraEdit, FrameEdits, edits_of};
+use crate::stage::edits::{ActorEdit, CameraEdit, FrameEdits, edits_for_index};
 use crate::stage::sky::SkyEdit;
 use crate::stage::{Stage, StageError};
 use crate::transforms::facing;
@@ -50,7 +50,7 @@ pub(crate) struct Scratch {
     pub all_poses: usize,
     pub pose_hidden: bool,
     /// The active camera and, during a dissolve, the camera before the cut. The poses of their targets are needed.
-    pub seen_by: [Option<usize>; 2],
+    pub view_cameras: [Option<usize>; 2],
     /// Aspect ratio (width / height) of the image, if only images are requested; this enables culling.
     pub aspect: Option<f64>,
     /// Whether each actor is out of view.
@@ -65,7 +65,7 @@ impl Scratch {
     }
 
     /// Restricts all further evaluations as [`Scratch::only`] does.
-    pub(crate) fn look_only_at(&mut self, actors: &[usize]) {
+    pub(crate) fn restrict_to(&mut self, actors: &[usize]) {
         let only = self.only.get_or_insert_default();
         only.clear();
         only.extend_from_slice(actors);
@@ -86,7 +86,7 @@ pub(crate) fn evaluate_actors(
     bounds: Option<&PoseBounds>,
     out: &mut Snapshot,
 ) -> Result<(), StageError> {
-    settle_parents(stage, scratch, time, |time, mut scratch| {
+    find_kept_transforms(stage, scratch, time, |time, mut scratch| {
         let mut snapshot = Snapshot::default();
         evaluate_actors(stage, &mut scratch, time, None, &mut snapshot)?;
         Ok((scratch, snapshot))
@@ -175,8 +175,8 @@ fn cull(
     if let (Some(pose_bounds), Some(aspect)) = (bounds, scratch.aspect) {
         // Joints are not posed yet, so actors attached to joints are misplaced here. All other actors already have their final transforms.
         place_actors(stage, scratch, actors);
-        let Scratch { edits, order, parents, seen_by, .. } = &*scratch;
-        let camera = camera::by_places(stage, edits, time, seen_by[0], actors);
+        let Scratch { edits, order, parents, view_cameras, .. } = &*scratch;
+        let camera = camera::state_without_poses(stage, edits, time, view_cameras[0], actors);
         Culling { stage, pose_bounds, camera, aspect, edits, time, order: &order.steps, parents, actors }
             .run(&mut out);
     }
@@ -220,7 +220,8 @@ fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorS
     for parent in lights.iter().filter_map(|light| light.parent) {
         want(work, parent.actor, parent.joint.is_some());
     }
-    for (index, camera) in scratch.seen_by.iter().flatten().filter_map(|c| Some((*c, stage.cameras.get(*c)?)))
+    for (index, camera) in
+        scratch.view_cameras.iter().flatten().filter_map(|c| Some((*c, stage.cameras.get(*c)?)))
     {
         let target = match scratch.edits.rig_of(index, camera) {
             Rig::Fixed { look_at, .. } => look_at.as_ref().and_then(want_target),
@@ -274,7 +275,7 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
                 for parent in parents.of_mut(a) {
                     parent.find_space(stage, actors);
                     space = parent.world_from_parent;
-                    let local = parent.local(own, edits_of(&edits.actors, a));
+                    let local = parent.local(own, edits_for_index(&edits.actors, a));
                     position = match space.transform_point3(local.translation) {
                         here if parent.weight >= 1.0 => here,
                         here => position.lerp(here, parent.weight),
@@ -300,8 +301,10 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
                 let all = parents.of(a);
                 let mut placed = in_space(&DAffine3::IDENTITY, own);
                 for parent in all {
-                    let here =
-                        in_space(&parent.world_from_parent, &parent.local(own, edits_of(&edits.actors, a)));
+                    let here = in_space(
+                        &parent.world_from_parent,
+                        &parent.local(own, edits_for_index(&edits.actors, a)),
+                    );
                     placed = if parent.weight >= 1.0 { here } else { mixed(&placed, &here, parent.weight) };
                 }
                 unscaled[a] = placed;
@@ -313,7 +316,7 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
 
 /// Computes the kept transforms of actors whose parents have changed before a time. `evaluate` evaluates the stage at the moment of a
 /// change, for the actors that the passed buffers name.
-pub(crate) fn settle_parents(
+pub(crate) fn find_kept_transforms(
     stage: &Stage,
     scratch: &Scratch,
     time: Time,
@@ -321,7 +324,7 @@ pub(crate) fn settle_parents(
 ) -> Result<(), StageError> {
     let kept = &scratch.kept_transforms;
     // Earlier changes come first, because the transforms that later parents keep depend on them.
-    for changes in kept.unknown(stage, time).chunk_by(|a, b| a.0 == b.0) {
+    for changes in kept.missing_transforms(stage, time).chunk_by(|a, b| a.0 == b.0) {
         let parent_of = |actor: usize, number: usize| &stage.actors[actor].parents[number];
         let parents = changes.iter().filter_map(|(_, a, n)| Some(parent_of(*a, *n).to?.actor));
         let only = changes.iter().map(|(_, a, _)| *a).chain(parents).filter(|a| *a < stage.actors.len());

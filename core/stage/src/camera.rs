@@ -1,13 +1,13 @@
 //! The active camera, its transform and its projection.
 
-use crate::camera_moves::{look_rotation, moved, near_limited};
+use crate::camera_moves::{apply_moves, limit_near_plane, look_rotation};
 use crate::properties;
 use crate::snapshot::{ActorState, CameraState};
 use crate::stage::actor::{Actor, Attachment, Target};
 use crate::stage::camera::{Camera, Rig};
 use crate::stage::channel::Property;
 use crate::stage::channel::{keyed, vec3};
-use crate::stage::edits::{CameraEdit, FrameEdits, edits_of};
+use crate::stage::edits::{CameraEdit, FrameEdits, edits_for_index};
 use crate::stage::fade::fraction;
 use crate::stage::{Stage, StageError};
 use crate::transforms::{target_position, world_from_attachment};
@@ -19,13 +19,13 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 const DEFAULT_VIEW: (f64, f64) = (0.45, 0.18);
 
 /// Index of the active camera: the target of the last cut so far, else the first camera. `None` if there is no camera.
-pub(crate) fn on_at(stage: &Stage, time: Time) -> Option<usize> {
+pub(crate) fn active_camera_at(stage: &Stage, time: Time) -> Option<usize> {
     let begun = stage.cuts.partition_point(|cut| cut.at <= time);
-    on_after(stage, begun)
+    active_camera_after(stage, begun)
 }
 
 /// Index of the active camera after this number of cuts.
-fn on_after(stage: &Stage, cuts: usize) -> Option<usize> {
+fn active_camera_after(stage: &Stage, cuts: usize) -> Option<usize> {
     let cut = stage.cuts[..cuts].last().map(|cut| cut.camera);
     cut.or((!stage.cameras.is_empty()).then_some(0)).filter(|c| *c < stage.cameras.len())
 }
@@ -34,7 +34,7 @@ fn on_after(stage: &Stage, cuts: usize) -> Option<usize> {
 pub(crate) fn dissolving_at(stage: &Stage, time: Time) -> Option<(usize, f32)> {
     let begun = stage.cuts.partition_point(|cut| cut.at <= time);
     let cut = stage.cuts[..begun].last().filter(|cut| time < cut.at + cut.dissolve)?;
-    let before = on_after(stage, begun - 1).filter(|before| *before != cut.camera)?;
+    let before = active_camera_after(stage, begun - 1).filter(|before| *before != cut.camera)?;
     Some((before, 1.0 - fraction(time - cut.at, cut.dissolve)))
 }
 
@@ -50,11 +50,11 @@ pub(crate) fn evaluate(
         let (azimuth, elevation) = DEFAULT_VIEW;
         return frame(None, azimuth, elevation, Projection::default());
     };
-    if let Some(state) = by_places(stage, edits, time, Some(index), actors) {
+    if let Some(state) = state_without_poses(stage, edits, time, Some(index), actors) {
         return with_planes_in_order(camera, edits, time, state);
     }
     let projection = keyed_projection(camera, time);
-    let moved_to = moved_to(edits, index);
+    let moved_to = edited_position(edits, index);
     let state = |position: DVec3, rotation: DQuat, projection: Projection| CameraState {
         camera: Some(index),
         world_from_view: DAffine3::from_rotation_translation(rotation, position),
@@ -100,7 +100,7 @@ pub(crate) fn evaluate(
             framed
         }
     };
-    with_planes_in_order(camera, edits, time, moved(stage, edits, time, index, actors, of_rig))
+    with_planes_in_order(camera, edits, time, apply_moves(stage, edits, time, index, actors, of_rig))
 }
 
 /// The clipping planes of one projection with the lens of another.
@@ -150,8 +150,8 @@ fn with_planes_in_order(
 }
 
 /// Position that callbacks set for a camera; `None` if they set none, or set a rig afterwards.
-fn moved_to(edits: &FrameEdits, index: usize) -> Option<DVec3> {
-    edits_of(&edits.cameras, index).rev().find_map(|edit| match edit {
+fn edited_position(edits: &FrameEdits, index: usize) -> Option<DVec3> {
+    edits_for_index(&edits.cameras, index).rev().find_map(|edit| match edit {
         CameraEdit::MoveTo(position) => Some(Some(*position)),
         CameraEdit::Rig(_) => Some(None),
         _ => None,
@@ -159,7 +159,7 @@ fn moved_to(edits: &FrameEdits, index: usize) -> Option<DVec3> {
 }
 
 /// State of a camera that depends only on the position of its target. `None` for the rigs `File` and `Frame`, and without a camera.
-pub(crate) fn by_places(
+pub(crate) fn state_without_poses(
     stage: &Stage,
     edits: &FrameEdits,
     time: Time,
@@ -168,7 +168,7 @@ pub(crate) fn by_places(
 ) -> Option<CameraState> {
     let (index, camera) = index.and_then(|i| Some((i, stage.cameras.get(i)?)))?;
     let projection = keyed_projection(camera, time);
-    let moved_to = moved_to(edits, index);
+    let moved_to = edited_position(edits, index);
     // Keys belong to the camera's own rig.
     let keys = if edits.rig(index).is_some() { &[][..] } else { &camera.channels };
     let keyed_position = keyed(keys, Property::Translation, time).map(vec3);
@@ -180,7 +180,7 @@ pub(crate) fn by_places(
     };
     let looking = |position: DVec3, at: DVec3, fallback: DQuat| {
         let rotation = look_rotation(at - position).unwrap_or(fallback);
-        state(position, rotation, near_limited(camera, projection, (at - position).length()))
+        state(position, rotation, limit_near_plane(camera, projection, (at - position).length()))
     };
     let of_rig = match edits.rig_of(index, camera) {
         Rig::Fixed { position, rotation, look_at } => {
@@ -205,13 +205,13 @@ pub(crate) fn by_places(
                 None => state(
                     at + rotation * DVec3::new(0.0, 0.0, *distance),
                     rotation,
-                    near_limited(camera, projection, *distance),
+                    limit_near_plane(camera, projection, *distance),
                 ),
             }
         }
         Rig::File { .. } | Rig::Frame { .. } => return None,
     };
-    Some(moved(stage, edits, time, index, actors, of_rig))
+    Some(apply_moves(stage, edits, time, index, actors, of_rig))
 }
 
 /// Rotation of an affine map without scale and shear: the −Z axis keeps its direction, and +Y is made orthogonal to it. Finite for any map.

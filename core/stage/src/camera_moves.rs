@@ -6,7 +6,7 @@ use crate::stage::Stage;
 use crate::stage::actor::Target;
 use crate::stage::camera::Camera;
 use crate::stage::camera_moves::{CameraLook, CameraShake};
-use crate::stage::edits::{CameraEdit, FrameEdits, edits_of};
+use crate::stage::edits::{CameraEdit, FrameEdits, edits_for_index};
 use crate::stage::fade::{eased, fraction};
 use crate::transforms::target_position;
 use choreo_asset::Projection;
@@ -64,7 +64,7 @@ pub(crate) fn targets<'a>(
     edits: &'a FrameEdits,
     time: Time,
 ) -> impl Iterator<Item = Target> + 'a {
-    let edited = edits_of(&edits.cameras, index).filter_map(|edit| match edit {
+    let edited = edits_for_index(&edits.cameras, index).filter_map(|edit| match edit {
         CameraEdit::LookAt(target) => Some(*target),
         _ => None,
     });
@@ -72,7 +72,7 @@ pub(crate) fn targets<'a>(
 }
 
 /// Applies looks, callback edits and shakes to the state that a camera's rig gives.
-pub(crate) fn moved(
+pub(crate) fn apply_moves(
     stage: &Stage,
     edits: &FrameEdits,
     time: Time,
@@ -81,7 +81,7 @@ pub(crate) fn moved(
     state: CameraState,
 ) -> CameraState {
     let camera = &stage.cameras[index];
-    let own = || edits_of(&edits.cameras, index);
+    let own = || edits_for_index(&edits.cameras, index);
     if camera.looks.is_empty() && camera.shakes.is_empty() && own().next().is_none() {
         return state;
     }
@@ -90,7 +90,7 @@ pub(crate) fn moved(
     let (mut rotation, mut projection) = (of_rig, state.projection);
     let look = |target: &Target, projection: &mut Projection| {
         let way = target_position(stage, actors, target)? - position;
-        *projection = near_limited(camera, *projection, way.length());
+        *projection = limit_near_plane(camera, *projection, way.length());
         look_rotation(way)
     };
     for (active, share) in active_looks(camera, time) {
@@ -98,7 +98,7 @@ pub(crate) fn moved(
             Some(target) => look(target, &mut projection).unwrap_or(rotation),
             None => of_rig,
         };
-        rotation = if share >= 1.0 { to } else { panned(rotation, to, share) };
+        rotation = if share >= 1.0 { to } else { slerp_level(rotation, to, share) };
     }
     for edit in own() {
         match edit {
@@ -153,7 +153,7 @@ fn planes<'a>(mut projection: Projection, edits: impl Iterator<Item = &'a Camera
 }
 
 /// Spherical linear interpolation (slerp) of two rotations. If the horizon is level in both, it stays level in between.
-fn panned(a: DQuat, b: DQuat, share: f64) -> DQuat {
+fn slerp_level(a: DQuat, b: DQuat, share: f64) -> DQuat {
     let between = choreo_motion::slerp(a, b, share);
     let level = |q: DQuat| (q * DVec3::X).y.abs() < 1e-9 && (q * DVec3::Y).y > 0.0;
     let leveled = (level(a) && level(b)).then(|| look_rotation(between * DVec3::NEG_Z)).flatten();
@@ -162,7 +162,7 @@ fn panned(a: DQuat, b: DQuat, share: f64) -> DQuat {
 
 /// Limits the near plane of a perspective projection so that a target at `distance` metres is not clipped. A near plane that the script
 /// sets stays.
-pub(crate) fn near_limited(camera: &Camera, projection: Projection, distance: f64) -> Projection {
+pub(crate) fn limit_near_plane(camera: &Camera, projection: Projection, distance: f64) -> Projection {
     match projection {
         Projection::Perspective { yfov, near, far } if distance > 0.0 && !camera.near_is_set => {
             let near = near.min((distance * NEAR_OF_DISTANCE) as f32).max(f32::MIN_POSITIVE);

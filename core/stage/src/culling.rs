@@ -56,7 +56,7 @@ fn pose_radius(stage: &Stage, actor: &Actor) -> Option<PoseRadius> {
     if lit_by_file || outlined || actor.skinning != Skinning::Linear {
         return None;
     }
-    let lowered = lowered_by_constraints(stage, actor)?;
+    let lowered = constraint_growth(stage, actor)?;
     // Largest distance from the parent, and largest scale, by joint; then the distance that additive layers add.
     let mut far: Vec<f64> = asset.skeleton.rest().iter().map(|t| length(&t.translation.to_array())).collect();
     let mut scale: Vec<f64> = asset.skeleton.rest().iter().map(|t| largest(&t.scale.to_array())).collect();
@@ -106,7 +106,7 @@ fn pose_radius(stage: &Stage, actor: &Actor) -> Option<PoseRadius> {
 
 /// Factor by which constraints enlarge the bounding sphere; `None` if there is no bound. Foot locking lowers the hips by a share of a leg,
 /// which is no longer than the sphere's radius as long as the actor's scale does not change.
-fn lowered_by_constraints(stage: &Stage, actor: &Actor) -> Option<f64> {
+fn constraint_growth(stage: &Stage, actor: &Actor) -> Option<f64> {
     let scaled = || actor.channels.iter().any(|channel| channel.property == Property::Scale);
     let steady = || stage.hooks.is_empty() && actor.parents.is_empty() && !scaled();
     actor.constraints.iter().try_fold(1.0, |factor, constraint| match &constraint.kind {
@@ -210,25 +210,25 @@ impl View {
     }
 
     /// Whether a bounding sphere is outside one of the half spaces and, for each light, so is everything that it could shade.
-    fn misses(&self, (center, radius): Ball, casting: &[Casting]) -> bool {
+    fn misses(&self, (center, radius): Ball, casting: &[CastingLight]) -> bool {
         let outside = |(n, d): &(DVec3, f64)| n.dot(center) + d < -radius;
         // The shadow extends away from the light and must not approach the half space.
-        let shades = |n: &DVec3, casting: &Casting| match casting {
-            Casting::From(light) => n.dot(center - *light) + radius > 0.0,
+        let shades = |n: &DVec3, casting: &CastingLight| match casting {
+            CastingLight::Point(light) => n.dot(center - *light) + radius > 0.0,
             // A penumbra widens by half of the sun's disc to each side.
-            Casting::Along(direction) => n.dot(*direction) > -0.5 * f64::from(SUN_ANGLE),
+            CastingLight::Directional(direction) => n.dot(*direction) > -0.5 * f64::from(SUN_ANGLE),
         };
         let shadow_outside =
-            |plane: &(DVec3, f64), casting: &Casting| outside(plane) && !shades(&plane.0, casting);
+            |plane: &(DVec3, f64), casting: &CastingLight| outside(plane) && !shades(&plane.0, casting);
         self.0.iter().any(outside)
             && casting.iter().all(|casting| self.0.iter().any(|plane| shadow_outside(plane, casting)))
     }
 }
 
 /// A light that casts shadows.
-enum Casting {
-    From(DVec3),
-    Along(DVec3),
+enum CastingLight {
+    Point(DVec3),
+    Directional(DVec3),
 }
 
 /// Finds the actors that the image does not need. All actors are placed, but joints are not posed yet, so actors on joints may be
@@ -312,7 +312,7 @@ impl Culling<'_> {
     }
 
     /// The lights that cast shadows, and the width of the softest edge; `None` if the position of a light depends on a pose.
-    fn casting(&self) -> Option<(Vec<Casting>, f64)> {
+    fn casting(&self) -> Option<(Vec<CastingLight>, f64)> {
         let (mut casting, mut softness) = (Vec::new(), 0.0f64);
         for (index, light) in self.stage.lights.iter().enumerate() {
             let Some(shadow) = light.shadow else { continue };
@@ -326,8 +326,8 @@ impl Culling<'_> {
                 continue;
             };
             casting.push(match state.light.kind.is_directional() {
-                true => Casting::Along(state.direction.as_dvec3()),
-                false => Casting::From(state.position),
+                true => CastingLight::Directional(state.direction.as_dvec3()),
+                false => CastingLight::Point(state.position),
             });
         }
         Some((casting, softness))
@@ -344,7 +344,7 @@ fn norm(m: &DMat3) -> f64 {
 }
 
 /// Whether a camera's transform follows from the actors' placements, without poses.
-pub(crate) fn stands_without_poses(stage: &Stage, camera: Option<usize>) -> bool {
+pub(crate) fn is_independent_of_poses(stage: &Stage, camera: Option<usize>) -> bool {
     let placed = |target: &Target| match *target {
         Target::Point(_) => true,
         Target::Actor(actor) => stage.actors.get(actor).is_some_and(|a| a.parents.is_empty()),
@@ -400,8 +400,10 @@ mod tests {
     fn shadows_go_away_from_their_light() {
         let beside = (DVec3::new(9.0, 0.0, -5.0), 1.0);
         let misses = |casting| square().misses(beside, &[casting]);
-        assert!(misses(Casting::Along(DVec3::X)) && !misses(Casting::Along(DVec3::NEG_X)));
-        assert!(misses(Casting::From(DVec3::new(0.0, 0.0, -5.0))));
-        assert!(!misses(Casting::From(DVec3::new(20.0, 0.0, -5.0))));
+        assert!(
+            misses(CastingLight::Directional(DVec3::X)) && !misses(CastingLight::Directional(DVec3::NEG_X))
+        );
+        assert!(misses(CastingLight::Point(DVec3::new(0.0, 0.0, -5.0))));
+        assert!(!misses(CastingLight::Point(DVec3::new(20.0, 0.0, -5.0))));
     }
 }

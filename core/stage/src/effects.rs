@@ -3,7 +3,7 @@
 use crate::snapshot::{ActorState, CameraState, EffectState};
 use crate::stage::Stage;
 use crate::stage::edits::FrameEdits;
-use crate::stage::effects::put;
+use crate::stage::effects::set_parameter;
 use crate::transforms::target_position;
 use choreo_motion::Time;
 
@@ -26,11 +26,15 @@ pub(crate) fn evaluate(
         for distance in &used.distances {
             if let Some(target) = target_position(stage, actors, &distance.target) {
                 let metres = -camera.world_from_view.inverse().transform_point3(target).z;
-                put(&mut parameters, &distance.parameter, metres.clamp(distance.least, distance.most));
+                set_parameter(
+                    &mut parameters,
+                    &distance.parameter,
+                    metres.clamp(distance.least, distance.most),
+                );
             }
         }
         for edit in edits.effects.iter().filter(|e| e.effect == effect) {
-            put(&mut parameters, &edit.parameter, edit.value);
+            set_parameter(&mut parameters, &edit.parameter, edit.value);
         }
         out.push(EffectState { effect, parameters });
     }

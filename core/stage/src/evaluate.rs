@@ -5,7 +5,7 @@
 
 use crate::constraints::foot_locks::FootLocks;
 use crate::constraints::{self, ConstrainedScratch};
-use crate::culling::{PoseBounds, stands_without_poses};
+use crate::culling::{PoseBounds, is_independent_of_poses};
 use crate::framing::Framings;
 use crate::pose::motions::Motions;
 use crate::snapshot::{ActorState, Dissolve, LightState, Snapshot};
@@ -34,7 +34,7 @@ impl Stage {
     /// ```
     pub fn at(&self, time: Time) -> Result<Snapshot, StageError> {
         let mut snapshot = Snapshot::default();
-        evaluate(self, &Memory::new(self), &mut Scratch::default(), time, &mut snapshot)?;
+        evaluate(self, &StageCache::new(self), &mut Scratch::default(), time, &mut snapshot)?;
         Ok(snapshot)
     }
 }
@@ -44,7 +44,7 @@ impl Stage {
 #[derive(Clone, Debug)]
 pub struct Evaluator {
     stage: Arc<Stage>,
-    memory: Arc<Memory>,
+    cache: Arc<StageCache>,
     scratch: Scratch,
 }
 
@@ -61,17 +61,17 @@ pub struct EvaluationCosts {
 
 /// Cached results about one stage that hold for every time; each is computed when it is first needed.
 #[derive(Debug)]
-struct Memory {
+struct StageCache {
     framings: Framings,
     foot_locks: FootLocks,
     springs: SpringCheckpoints,
     pose_bounds: OnceLock<PoseBounds>,
 }
 
-impl Memory {
-    fn new(stage: &Stage) -> Memory {
+impl StageCache {
+    fn new(stage: &Stage) -> StageCache {
         let (foot_locks, springs) = (FootLocks::default(), SpringCheckpoints::default());
-        Memory {
+        StageCache {
             framings: Framings::new(stage, foot_locks.clone()),
             foot_locks,
             springs,
@@ -90,11 +90,11 @@ struct Scratch {
 impl Evaluator {
     /// An evaluator of a stage; results about the whole stage are computed when they are first needed.
     pub fn new(stage: Arc<Stage>) -> Evaluator {
-        let memory = Arc::new(Memory::new(&stage));
+        let cache = Arc::new(StageCache::new(&stage));
         let motions = Some(Arc::new(Motions::new(&stage)));
         let mut scratch = Scratch::default();
         scratch.constrained.actors.motions = motions;
-        Evaluator { stage, memory, scratch }
+        Evaluator { stage, cache, scratch }
     }
 
     /// The stage that it evaluates.
@@ -111,7 +111,7 @@ impl Evaluator {
 
     /// Like [`Evaluator::at`], reusing the memory of a snapshot. After an error the snapshot is incomplete.
     pub fn at_into(&mut self, time: Time, snapshot: &mut Snapshot) -> Result<(), StageError> {
-        evaluate(&self.stage, &self.memory, &mut self.scratch, time, snapshot)
+        evaluate(&self.stage, &self.cache, &mut self.scratch, time, snapshot)
     }
 
     /// Poses hidden actors, too, for tools that need joints instead of images. The images do not change.
@@ -169,20 +169,20 @@ impl Evaluator {
 
 fn evaluate(
     stage: &Stage,
-    memory: &Memory,
+    cache: &StageCache,
     scratch: &mut Scratch,
     time: Time,
     out: &mut Snapshot,
 ) -> Result<(), StageError> {
-    let camera = camera::on_at(stage, time);
-    let Memory { framings, foot_locks, springs, pose_bounds } = memory;
+    let camera = camera::active_camera_at(stage, time);
+    let StageCache { framings, foot_locks, springs, pose_bounds } = cache;
     let Scratch { constrained, simulation } = scratch;
     let actors = &mut constrained.actors;
     let dissolving = camera::dissolving_at(stage, time);
-    actors.seen_by = [camera, dissolving.map(|(before, _)| before)];
-    let cull = actors.aspect.is_some() && dissolving.is_none() && stands_without_poses(stage, camera);
+    actors.view_cameras = [camera, dissolving.map(|(before, _)| before)];
+    let cull = actors.aspect.is_some() && dissolving.is_none() && is_independent_of_poses(stage, camera);
     let bounds = cull.then(|| pose_bounds.get_or_init(|| PoseBounds::new(stage)));
-    settle_parents(stage, memory, constrained, time)?;
+    find_kept_transforms(stage, cache, constrained, time)?;
     constraints::evaluate_actors(stage, constrained, time, foot_locks, bounds, out)?;
     let scratch = &mut constrained.actors;
     springs::run(stage, foot_locks, springs, simulation, time, scratch, &mut out.actors)?;
@@ -208,14 +208,14 @@ fn evaluate(
 }
 
 /// Computes the kept transforms of actors whose parents have changed before a time, with constraints and springs.
-fn settle_parents(
+fn find_kept_transforms(
     stage: &Stage,
-    memory: &Memory,
+    cache: &StageCache,
     scratch: &ConstrainedScratch,
     time: Time,
 ) -> Result<(), StageError> {
-    let Memory { foot_locks, springs, .. } = memory;
-    actors::settle_parents(stage, &scratch.actors, time, |time, actors| {
+    let StageCache { foot_locks, springs, .. } = cache;
+    actors::find_kept_transforms(stage, &scratch.actors, time, |time, actors| {
         let (mut scratch, mut snapshot) = (ConstrainedScratch::of(actors), Snapshot::default());
         constraints::evaluate_actors(stage, &mut scratch, time, foot_locks, None, &mut snapshot)?;
         let (actors, mut simulation) = (&mut scratch.actors, Simulation::default());

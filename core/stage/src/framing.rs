@@ -11,7 +11,7 @@ use crate::pose::posed_mesh::posed_meshes;
 use crate::snapshot::{ActorState, CameraState, Snapshot};
 use crate::stage::camera::Rig;
 use crate::stage::{Stage, StageError};
-use choreo_asset::Carriers;
+use choreo_asset::VertexTransforms;
 use choreo_asset::{Aabb, Asset, DAabb, InstanceBounds, MeshInstance, PosedInstance, Projection};
 use choreo_motion::{Skinning, Time};
 use glam::{DAffine3, DQuat, DVec3};
@@ -185,11 +185,11 @@ fn add_outline(
     axes_from_model: &DAffine3,
 ) {
     let Some(mesh) = asset.meshes.get(instance.mesh as usize) else { return };
-    let carriers = Carriers::new(state.skinning, asset, instance, &state.model_from_joint);
+    let transforms = VertexTransforms::new(state.skinning, asset, instance, &state.model_from_joint);
     for (primitive, vertex) in &reach.outline {
         let (primitive, vertex) = (&mesh.primitives[*primitive as usize], *vertex as usize);
         let in_model =
-            carriers.at_vertex(primitive, vertex).transform_point3(primitive.positions[vertex].as_dvec3());
+            transforms.at_vertex(primitive, vertex).transform_point3(primitive.positions[vertex].as_dvec3());
         bounds.add(axes_from_model.transform_point3(in_model));
     }
 }

@@ -3,7 +3,7 @@
 use crate::snapshot::Layer2dState;
 use crate::stage::Stage;
 use crate::stage::channel::{Property, keyed};
-use crate::stage::edits::edits_of;
+use crate::stage::edits::edits_for_index;
 use crate::stage::layers_2d::Layer2dEdit;
 use choreo_motion::Time;
 use glam::DVec2;
@@ -21,7 +21,7 @@ pub(crate) fn evaluate(
             (key(Property::Translation).map_or(layer_2d.at, |v| DVec2::new(v[0], v[1])), None);
         let mut opacity = key(Property::Opacity).map_or(layer_2d.opacity, |v| v[0]);
         let scale = key(Property::Scale).map_or(layer_2d.scale, |v| v[0]);
-        for edit in edits_of(edits, index) {
+        for edit in edits_for_index(edits, index) {
             match edit {
                 Layer2dEdit::At(to) => at = *to,
                 Layer2dEdit::Opacity(to) => opacity = *to,

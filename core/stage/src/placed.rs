@@ -21,8 +21,8 @@ impl Stage {
 
 fn placed(stage: &Stage, scratch: &mut Scratch, time: Time) -> Result<Snapshot, StageError> {
     let mut out = Snapshot { time, ..Snapshot::default() };
-    let index = camera::on_at(stage, time);
-    scratch.seen_by = [index, None];
+    let index = camera::active_camera_at(stage, time);
+    scratch.view_cameras = [index, None];
     evaluate_actors(stage, scratch, time, None, &mut out)?;
     let frame = |camera, azimuth, elevation, projection| {
         let rotation = orbit_rotation(azimuth, elevation);

@@ -11,15 +11,16 @@
 //! group.
 //!
 //! **Cost of a seek.** Without checkpoints, 60 poses of the actors with springs for each second from the start; later at most as many as
-//! lie between two checkpoints (16, more once they would take 32 MiB). The timeline is divided into stretches of [`STRETCH`] seconds. The
-//! simulation of each stretch starts from rest, one minute earlier, so that 100 hours into a stage cost no more than 11 minutes. If a
-//! spring keeps more than a millionth of a swing after that minute ([`FORGETS`]), as an undamped one does, the whole stage is one stretch.
+//! lie between two checkpoints (16, more once they would take 32 MiB). The timeline is divided into stretches of [`STRETCH_SECS`] seconds.
+//! The simulation of each stretch starts from rest, one minute earlier, so that 100 hours into a stage cost no more than 11 minutes. If a
+//! spring keeps more than a millionth of a swing after that minute ([`FORGETTING_RATE`]), as an undamped one does, the whole stage is one
+//! stretch.
 
 use crate::actors;
 use crate::constraints::foot_locks::FootLocks;
 use crate::constraints::{ConstrainedScratch, evaluate_actors};
 use crate::snapshot::{ActorState, Snapshot};
-use crate::stage::edits::{ActorEdit, edits_of};
+use crate::stage::edits::{ActorEdit, edits_for_index};
 use crate::stage::parenting::Parenting;
 use crate::stage::{Stage, StageError};
 use crate::transforms::order::PlacementStep;
@@ -30,11 +31,11 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Length of a stretch, seconds.
-const STRETCH: i64 = 600;
+const STRETCH_SECS: i64 = 600;
 /// Seconds of simulation before the start of a stretch.
-const WARM_UP: i64 = 60;
-/// Least decay rate of springs that forget within [`WARM_UP`], 1/s: ln 10⁶ / 60 s.
-const FORGETS: f64 = 13.82 / 60.0;
+const WARM_UP_SECS: i64 = 60;
+/// Least decay rate of springs that forget within [`WARM_UP_SECS`], 1/s: ln 10⁶ / 60 s.
+const FORGETTING_RATE: f64 = 13.82 / 60.0;
 /// Most steps between two checkpoints.
 const MOST_STRIDE: i64 = 36_000;
 /// Most bytes of checkpoints.
@@ -67,20 +68,20 @@ impl Default for Checkpoints {
 }
 
 impl SpringCheckpoints {
-    fn kept(&self) -> MutexGuard<'_, Checkpoints> {
+    fn lock(&self) -> MutexGuard<'_, Checkpoints> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The latest checkpoint of a group in a stretch, at the step `until` or before, but not before the step `first`.
     fn before(&self, joined: bool, number: usize, until: Key, first: i64) -> Option<(i64, Arc<States>)> {
-        let kept = self.kept();
+        let kept = self.lock();
         let states = kept.groups.get(number).filter(|_| kept.joined == joined)?;
         let ((_, step), states) = states.range((until.0, first)..=until).next_back()?;
         Some((*step, states.clone()))
     }
 
     fn keep(&self, joined: bool, number: usize, key: Key, states: &States) {
-        let mut kept = self.kept();
+        let mut kept = self.lock();
         if joined != kept.joined || key.1.rem_euclid(kept.stride) != 0 {
             return;
         }
@@ -111,7 +112,7 @@ impl SpringCheckpoints {
 
     /// Makes all actors one group and drops the checkpoints of separate groups.
     fn join(&self) {
-        let mut kept = self.kept();
+        let mut kept = self.lock();
         if !kept.joined {
             *kept = Checkpoints { joined: true, ..Checkpoints::default() };
         }
@@ -127,7 +128,7 @@ struct Group {
     at: Option<Key>,
     states: States,
     /// Copies of `states`, advanced to the time of the frame.
-    shown: States,
+    frame_states: States,
     /// Whether the snapshot needs the group.
     is_needed: bool,
     /// The next step to simulate.
@@ -235,16 +236,16 @@ fn time_of(stage: &Stage, step: i64) -> Time {
 fn stretch_of(stage: &Stage, step: i64) -> (i64, i64) {
     let springs = || stage.actors.iter().filter_map(|a| a.springs.as_ref());
     let pre_roll = springs().map(|s| s.pre_roll).max();
-    let pre_roll = pre_roll.unwrap_or(Time::ZERO).0.clamp(0, STRETCH * Time::TICKS_PER_SECOND);
+    let pre_roll = pre_roll.unwrap_or(Time::ZERO).0.clamp(0, STRETCH_SECS * Time::TICKS_PER_SECOND);
     let (rate, length) = (stage.solvers.spring_rate, stage.solvers.spring_step().0);
     let first = -(pre_roll + length - 1).div_euclid(length);
     let forgets = |bone: &RigBone| {
         let length = f64::from(bone.tail.length()).max(f64::MIN_POSITIVE);
-        bone.spring.decay_rate(bone.pull.length() + bone.gravity.length() / length) >= FORGETS
+        bone.spring.decay_rate(bone.pull.length() + bone.gravity.length() / length) >= FORGETTING_RATE
     };
     let forgotten = springs().all(|springs| springs.rig.bones().iter().all(forgets));
-    let stretch = if forgotten { step.div_euclid(STRETCH * rate).max(0) } else { 0 };
-    (stretch, if stretch == 0 { first.min(step) } else { (stretch * STRETCH - WARM_UP) * rate })
+    let stretch = if forgotten { step.div_euclid(STRETCH_SECS * rate).max(0) } else { 0 };
+    (stretch, if stretch == 0 { first.min(step) } else { (stretch * STRETCH_SECS - WARM_UP_SECS) * rate })
 }
 
 /// Simulates springs and turns their joints, in a snapshot whose actors are posed, placed and constrained. After joints that carry other
@@ -264,7 +265,7 @@ pub(crate) fn run(
     }
     let step = time.0.div_euclid(stage.solvers.spring_step().0);
     loop {
-        let joined = kept.kept().joined;
+        let joined = kept.lock().joined;
         if simulation.groups.all.is_empty() || simulation.groups.joined != joined {
             simulation.groups = Groups::new(stage, joined);
         }
@@ -278,14 +279,14 @@ pub(crate) fn run(
     let rest = Time(time.0 - time_of(stage, step).0);
     let Simulation { groups, buffers, bones, .. } = simulation;
     for group in groups.needed() {
-        group.shown.resize_with(group.states.len(), SpringState::default);
-        for (shown, state) in group.shown.iter_mut().zip(&group.states) {
-            shown.copy_from(state);
+        group.frame_states.resize_with(group.states.len(), SpringState::default);
+        for (copy, state) in group.frame_states.iter_mut().zip(&group.states) {
+            copy.copy_from(state);
         }
         let rigs = group.actors.iter().filter_map(|actor| stage.actors[*actor].springs.as_ref());
         *bones += rigs.map(|springs| springs.rig.len()).sum::<usize>();
     }
-    swing(stage, (groups, Moves::Shown), buffers, rest, scratch, actors);
+    step_springs(stage, (groups, Moves::FrameCopy), buffers, rest, scratch, actors);
     Ok(())
 }
 
@@ -325,7 +326,7 @@ fn advance(
         let Simulation { groups, moving, buffers, snapshot, .. } = simulation;
         moving.clear();
         moving.extend(groups.all.iter().filter(|g| g.is_moved(moves)).flat_map(|g| &g.actors));
-        scratch.actors.look_only_at(moving);
+        scratch.actors.restrict_to(moving);
         evaluate_actors(stage, &mut scratch, time_of(stage, from), foot_locks, None, snapshot)?;
         let scratch_of_actors = &mut scratch.actors;
         if groups.are_joined_by(&scratch_of_actors.edits.actors) {
@@ -334,7 +335,7 @@ fn advance(
             return Ok(false);
         }
         let by = stage.solvers.spring_step();
-        swing(stage, (groups, moves), buffers, by, scratch_of_actors, &mut snapshot.actors);
+        step_springs(stage, (groups, moves), buffers, by, scratch_of_actors, &mut snapshot.actors);
         for (number, group) in groups.all.iter().enumerate().filter(|(_, g)| g.is_moved(moves)) {
             kept.keep(joined, number, (stretch, from), &group.states);
         }
@@ -353,7 +354,7 @@ enum Moves {
     /// States at grid points, of the groups whose next step is at most this one.
     Grid(i64),
     /// Copies of the states, advanced beyond the last grid point.
-    Shown,
+    FrameCopy,
 }
 
 impl Group {
@@ -386,13 +387,13 @@ impl Group {
         self.is_needed
             && match moves {
                 Moves::Grid(step) => self.next <= step,
-                Moves::Shown => true,
+                Moves::FrameCopy => true,
             }
     }
 }
 
 /// Simulates one step of the springs of all groups that move, parents before the actors attached to them.
-fn swing(
+fn step_springs(
     stage: &Stage,
     (groups, moves): (&mut Groups, Moves),
     buffers: &mut SpringScratch,
@@ -412,7 +413,7 @@ fn swing(
         }
         let states = match moves {
             Moves::Grid(_) => &mut group.states,
-            Moves::Shown => &mut group.shown,
+            Moves::FrameCopy => &mut group.frame_states,
         };
         SpringStep {
             rig: &springs.rig,
@@ -425,7 +426,7 @@ fn swing(
             model_from_joint: &mut placed.model_from_joint,
         }
         .run();
-        if scratch.parents.has_on_joints(index) {
+        if scratch.parents.has_children_on_joints(index) {
             scratch.place(stage, actors);
         }
     }
@@ -433,7 +434,7 @@ fn swing(
 
 /// The wind that callbacks have set last for an actor, if any.
 fn wind(edits: &[(usize, ActorEdit)], of: usize) -> Option<DVec3> {
-    edits_of(edits, of).rev().find_map(|edit| match edit {
+    edits_for_index(edits, of).rev().find_map(|edit| match edit {
         ActorEdit::Wind(wind) => Some(*wind),
         _ => None,
     })

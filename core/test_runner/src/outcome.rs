@@ -148,7 +148,7 @@ impl Measures {
             region: pixels.region,
             visible_mean: visible.mean,
             visible_worst: visible.worst,
-            words: visible.words().to_string(),
+            words: visible.description().to_string(),
         }
     }
 }

@@ -16,19 +16,19 @@ pub struct Coverage {
 }
 
 impl Coverage {
-    /// Zero coverage of the rectangle from `low` to `high` (pixels, y down), clipped to an image of size `picture`.
-    pub fn new(low: [f32; 2], high: [f32; 2], picture: [u32; 2]) -> Coverage {
+    /// Zero coverage of the rectangle from `low` to `high` (pixels, y down), clipped to an image of size `image_size`.
+    pub fn new(low: [f32; 2], high: [f32; 2], image_size: [u32; 2]) -> Coverage {
         let end = |v: f32, most: u32| (v.ceil().max(0.0) as u32).min(most);
         let begin = |v: f32, most: u32| (v.floor().max(0.0) as u32).min(most);
-        let at = [begin(low[0], picture[0]), begin(low[1], picture[1])];
-        let size = [0, 1].map(|i| end(high[i], picture[i]).saturating_sub(at[i]));
+        let at = [begin(low[0], image_size[0]), begin(low[1], image_size[1])];
+        let size = [0, 1].map(|i| end(high[i], image_size[i]).saturating_sub(at[i]));
         let areas = vec![0.0; (size[0] as usize + 2) * size[1] as usize];
         Coverage { at, size, areas, is_summed: false }
     }
 
     /// Coverage of the rectangle from `low` to `high`, pixels.
-    pub fn rectangle(low: [f32; 2], high: [f32; 2], picture: [u32; 2]) -> Coverage {
-        let mut coverage = Coverage::new(low, high, picture);
+    pub fn rectangle(low: [f32; 2], high: [f32; 2], image_size: [u32; 2]) -> Coverage {
+        let mut coverage = Coverage::new(low, high, image_size);
         let corners = [[low[0], low[1]], [low[0], high[1]], [high[0], high[1]], [high[0], low[1]]];
         for i in 0..4 {
             coverage.line(corners[i], corners[(i + 1) % 4]);
@@ -48,12 +48,12 @@ impl Coverage {
     }
 
     /// Coverage of a rectangle with rounded corners; `radius` in pixels.
-    pub fn rounded(low: [f32; 2], high: [f32; 2], radius: f32, picture: [u32; 2]) -> Coverage {
+    pub fn rounded(low: [f32; 2], high: [f32; 2], radius: f32, image_size: [u32; 2]) -> Coverage {
         let radius = radius.min(0.5 * (high[0] - low[0])).min(0.5 * (high[1] - low[1]));
         if radius.is_nan() || radius <= 0.0 {
-            return Coverage::rectangle(low, high, picture);
+            return Coverage::rectangle(low, high, image_size);
         }
-        let mut coverage = Coverage::new(low, high, picture);
+        let mut coverage = Coverage::new(low, high, image_size);
         // Quarter circles as cubic Bézier curves, off by 0.03 % of the radius at most.
         let near = radius * (1.0 - 0.552_284_8);
         let mut add = |a, b| coverage.line(a, b);
@@ -75,7 +75,7 @@ impl Coverage {
 
     /// Coverage of this shape dilated by `distance` pixels. `edges`: the shape's edges; distances are measured from pixel
     /// centers.
-    pub(crate) fn grown(&self, edges: &[[[f32; 2]; 2]], distance: f32) -> Coverage {
+    pub(crate) fn dilated(&self, edges: &[[[f32; 2]; 2]], distance: f32) -> Coverage {
         let [width, height] = self.size;
         let stride = width as usize + 2;
         let mut nearest = vec![f32::MAX; stride * height as usize];

@@ -26,7 +26,7 @@ pub enum Align {
 
 /// Placed glyphs in a box whose top left is the origin; lengths in pixels, y down.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Laid {
+pub struct TextLayout {
     pub size: [f32; 2],
     /// Glyphs with the positions of their origins on the baseline.
     glyphs: Vec<(Glyph, [f32; 2])>,
@@ -112,7 +112,7 @@ struct Word {
     space: f32,
 }
 
-pub fn lay_out(font: &Font, text: &str, style: &Style) -> Laid {
+pub fn lay_out(font: &Font, text: &str, style: &Style) -> TextLayout {
     let (fallbacks, index_of) = fallbacks_of(font, text);
     let faces = Faces { own: font.face(), index_of, fallbacks: fallbacks.iter().map(Font::face).collect() };
     let mut lines: Vec<(Vec<Word>, f32)> = Vec::new();
@@ -137,25 +137,25 @@ pub fn lay_out(font: &Font, text: &str, style: &Style) -> Laid {
     let (face, scale) = (&faces.own, scale(&faces.own, style.size));
     let (up, down) = (f32::from(face.ascender()) * scale, f32::from(face.descender()) * scale);
     let step = style.size * style.line_height;
-    let mut laid = Laid { size_of_em: style.size, lines: lines.len(), ..Laid::default() };
+    let mut layout = TextLayout { size_of_em: style.size, lines: lines.len(), ..TextLayout::default() };
     let left = |width: f32| match style.align {
         Align::Left => 0.0,
         Align::Center => (box_width - width) * 0.5,
         Align::Right => box_width - width,
     };
-    laid.ends = [left(widest), left(widest) + widest];
+    layout.ends = [left(widest), left(widest) + widest];
     for (row, (words, width)) in lines.iter().enumerate() {
         let mut x = left(*width);
         let y = up + step * row as f32;
         for word in words {
-            laid.glyphs.extend(word.glyphs.iter().map(|(glyph, at)| (*glyph, [x + at, y])));
+            layout.glyphs.extend(word.glyphs.iter().map(|(glyph, at)| (*glyph, [x + at, y])));
             x += word.width + word.space;
         }
     }
     drop(faces);
-    laid.fallbacks = fallbacks;
-    laid.size = [box_width, up - down + step * (lines.len() - 1) as f32];
-    laid
+    layout.fallbacks = fallbacks;
+    layout.size = [box_width, up - down + step * (lines.len() - 1) as f32];
+    layout
 }
 
 fn word(faces: &Faces, text: &str, size: f32) -> Word {
@@ -174,38 +174,42 @@ fn word(faces: &Faces, text: &str, size: f32) -> Word {
     Word { glyphs, width: x, space }
 }
 
-impl Laid {
-    /// Coverage of all glyphs in an image of size `picture`, scaled by `factor`, with the box's top left at `at` (pixels).
-    pub fn coverage(&self, font: &Font, at: [f32; 2], factor: f32, picture: [u32; 2]) -> Coverage {
-        let mut coverage = self.empty(at, factor, 0.0, picture);
+impl TextLayout {
+    /// Coverage of all glyphs in an image of size `image_size`, scaled by `factor`, with the box's top left at `at` (pixels).
+    pub fn coverage(&self, font: &Font, at: [f32; 2], factor: f32, image_size: [u32; 2]) -> Coverage {
+        let mut coverage = self.empty(at, factor, 0.0, image_size);
         self.edges(font, at, factor, &mut |a, b| coverage.line(a, b));
         coverage
     }
 
-    /// Coverage of all glyphs, dilated by `distance` pixels; otherwise like [`Laid::coverage`].
-    pub fn outlined(
+    /// Coverage of all glyphs, dilated by `distance` pixels; otherwise like [`TextLayout::coverage`].
+    pub fn outline_coverage(
         &self,
         font: &Font,
         at: [f32; 2],
         factor: f32,
         distance: f32,
-        picture: [u32; 2],
+        image_size: [u32; 2],
     ) -> Coverage {
-        let mut coverage = self.empty(at, factor, distance.ceil() + 1.0, picture);
+        let mut coverage = self.empty(at, factor, distance.ceil() + 1.0, image_size);
         let mut edges = Vec::new();
         self.edges(font, at, factor, &mut |a, b| {
             coverage.line(a, b);
             edges.push([a, b]);
         });
-        coverage.grown(&edges, distance)
+        coverage.dilated(&edges, distance)
     }
 
     /// Zero coverage with room for all glyphs and a margin in pixels.
-    fn empty(&self, at: [f32; 2], factor: f32, margin: f32, picture: [u32; 2]) -> Coverage {
+    fn empty(&self, at: [f32; 2], factor: f32, margin: f32, image_size: [u32; 2]) -> Coverage {
         let size = self.size.map(|s| s * factor);
         // Accents and slanted letters reach over the box.
         let over = (size[1].max(1.0) * 0.25).ceil() + margin;
-        Coverage::new([at[0] - over, at[1] - over], [at[0] + size[0] + over, at[1] + size[1] + over], picture)
+        Coverage::new(
+            [at[0] - over, at[1] - over],
+            [at[0] + size[0] + over, at[1] + size[1] + over],
+            image_size,
+        )
     }
 
     fn edges(&self, font: &Font, at: [f32; 2], factor: f32, add: &mut dyn FnMut([f32; 2], [f32; 2])) {

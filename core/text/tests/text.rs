@@ -44,18 +44,18 @@ fn round_corners_leave_out_what_lies_outside_of_their_circles() {
 #[test]
 fn an_outline_reaches_as_far_as_it_should() {
     let font = Font::built_in();
-    let laid = lay_out(&font, ".", &style(200.0));
+    let layout = lay_out(&font, ".", &style(200.0));
     let at = [40.5, 60.25];
-    let ink = |w: f32| sum(&laid.outlined(&font, at, 1.0, w, [400, 400]));
-    let plain = sum(&laid.coverage(&font, at, 1.0, [400, 400]));
+    let ink = |w: f32| sum(&layout.outline_coverage(&font, at, 1.0, w, [400, 400]));
+    let plain = sum(&layout.coverage(&font, at, 1.0, [400, 400]));
     let (once, twice) = (ink(10.0), ink(20.0));
     let expected = 2.0 * PI * 10.0 * 10.0;
     let got = twice - 2.0 * once + plain;
     assert!((got - expected).abs() < 0.01 * expected, "{got} instead of {expected}");
     // Inside of the letters it is whole, and lines that cross count once.
-    let laid = lay_out(&font, "Ж", &style(60.0));
-    let all = laid.outlined(&font, at, 1.0, 3.0, [400, 400]);
-    let letter = laid.coverage(&font, at, 1.0, [400, 400]);
+    let layout = lay_out(&font, "Ж", &style(60.0));
+    let all = layout.outline_coverage(&font, at, 1.0, 3.0, [400, 400]);
+    let letter = layout.coverage(&font, at, 1.0, [400, 400]);
     for (y, row) in (0..letter.size[1]).map(|y| (y, letter.row(y))) {
         let [dx, dy] = [0, 1].map(|i| letter.at[i] - all.at[i]);
         let outer: Vec<f32> = all.row(y + dy).collect();
@@ -109,15 +109,15 @@ fn a_full_stop_is_as_large_as_its_size() {
     // Twice the size, four times the area.
     let font = Font::built_in();
     let area = |size: f32| {
-        let laid = lay_out(&font, "•", &style(size));
-        sum(&laid.coverage(&font, [10.0, 10.0], 1.0, [400, 400]))
+        let layout = lay_out(&font, "•", &style(size));
+        sum(&layout.coverage(&font, [10.0, 10.0], 1.0, [400, 400]))
     };
     let (small, large) = (area(60.0), area(120.0));
     assert!((large / small - 4.0).abs() < 0.01, "{small} {large}");
     assert!(small > PI, "{small}");
     // The same larger by its factor.
-    let laid = lay_out(&font, "•", &style(60.0));
-    assert!((sum(&laid.coverage(&font, [10.0, 10.0], 2.0, [400, 400])) - large).abs() < 0.02 * large);
+    let layout = lay_out(&font, "•", &style(60.0));
+    assert!((sum(&layout.coverage(&font, [10.0, 10.0], 2.0, [400, 400])) - large).abs() < 0.02 * large);
 }
 
 #[test]
@@ -134,8 +134,8 @@ fn lines_break_between_words_and_are_aligned() {
     assert_eq!(lay_out(&font, "a bbbbbbbbbbbb c", &Style { width: Some(15.0), ..style(20.0) }).lines, 3);
     // Right: the last column of the box is touched, the first is not.
     let right = Style { width: Some(200.0), align: Align::Right, ..style(20.0) };
-    let laid = lay_out(&font, "H", &right);
-    let c = laid.coverage(&font, [0.0, 0.0], 1.0, [200, 40]);
+    let layout = lay_out(&font, "H", &right);
+    let c = layout.coverage(&font, [0.0, 0.0], 1.0, [200, 40]);
     let inked: Vec<usize> = (0..c.size[1])
         .flat_map(|y| c.row(y).enumerate().filter(|(_, v)| *v > 0.5).map(|(x, _)| x).collect::<Vec<_>>())
         .collect();
@@ -156,9 +156,9 @@ fn what_is_no_font_is_told() {
     assert_eq!(Font::built_in().missing("a b\n漢a漢"), ['漢']);
     // Empty and strange texts.
     for text in ["", "\n\n", "\u{0}\u{7f}", "   "] {
-        let laid = lay_out(&Font::built_in(), text, &style(20.0));
-        assert!(laid.size.iter().all(|s| s.is_finite()));
-        laid.coverage(&Font::built_in(), [f32::NAN, 1e30], 1.0, [10, 10]);
+        let layout = lay_out(&Font::built_in(), text, &style(20.0));
+        assert!(layout.size.iter().all(|s| s.is_finite()));
+        layout.coverage(&Font::built_in(), [f32::NAN, 1e30], 1.0, [10, 10]);
     }
 }
 
@@ -167,8 +167,8 @@ fn characters_that_a_font_lacks_are_drawn_in_another() {
     let emoji = Font::new("emoji", epaint_default_fonts::NOTO_EMOJI_REGULAR).unwrap();
     assert_eq!(emoji.missing("😀Ж"), ['Ж']);
     let ink = |font: &Font, text: &str| {
-        let laid = lay_out(font, text, &style(60.0));
-        (sum(&laid.coverage(font, [10.0, 10.0], 1.0, [400, 400])), laid.size[0])
+        let layout = lay_out(font, text, &style(60.0));
+        (sum(&layout.coverage(font, [10.0, 10.0], 1.0, [400, 400])), layout.size[0])
     };
     let [(alone, width), (own, own_width), (both, both_width)] =
         [ink(&Font::built_in(), "Ж"), ink(&emoji, "😀"), ink(&emoji, "😀Ж")];

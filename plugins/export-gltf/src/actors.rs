@@ -281,7 +281,7 @@ impl<'a> Parts<'a> {
             let Some(mesh) = self.mesh(asset, instance, false, materials) else { continue };
             let joint = model.get(instance.joint as usize).copied().unwrap_or(Affine3A::IDENTITY);
             let all: Vec<Affine3A> =
-                asset.standing(instance, count).map(|(place, copy)| place * joint * copy).collect();
+                asset.drawn_copies(instance, count).map(|(place, copy)| place * joint * copy).collect();
             let name = asset.meshes[instance.mesh as usize].name.clone();
             out.meshes[number].extend(self.copies(name, out.root, mesh, &all));
         }

@@ -167,7 +167,7 @@ fn files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let mut files = Vec::new();
     for path in given {
         let failed = |e: std::io::Error| {
-            Failure::input(format!("{}: cannot read: {}", path.display(), choreo_files::words(&e)))
+            Failure::input(format!("{}: cannot read: {}", path.display(), choreo_files::describe_error(&e)))
         };
         if !path.metadata().map_err(failed)?.is_dir() {
             files.push(path.clone());

@@ -98,7 +98,7 @@ impl Video {
         };
         let part = open_part(&parent, &name, args).map_err(|e| write_failure(&shown, e))?;
         if args.resume && is_made() {
-            part.remove_others();
+            part.remove_other_part_folders();
             return Ok((None, Begun::default()));
         }
         let mut folder = Folder::new(part, path, args);
@@ -172,7 +172,7 @@ impl Video {
             folder.part.keep(false);
         }
         // If the folder was moved away, the place of the frames is unknown.
-        if folder.done == 0 || !wanted || !folder.part.is_there() {
+        if folder.done == 0 || !wanted || !folder.part.is_in_place() {
             kept_frames::clear();
         }
     }
@@ -231,7 +231,7 @@ impl Folder {
         let mut most = finished_in(self.part.lock_file()).map_or(0, |found| found.records.len());
         self.part.lock_file().rewind()?;
         let mut best = None;
-        for other in self.part.folders_of_others() {
+        for other in self.part.other_part_folders() {
             let journal = other.read(Path::new("journal"), MOST_JOURNAL).unwrap_or_default();
             let found = finished_in(&*journal).filter(|found| found.identity == *identity);
             if let Some(found) = found.filter(|found| found.records.len() > most) {
@@ -381,7 +381,7 @@ impl Folder {
     /// Appends the frame that the sink has just taken to the journal.
     fn mark(&mut self, mark: Mark<'_>, body: &MeasuredWriter) -> io::Result<()> {
         // This check stops a render that would otherwise write to deleted files for hours.
-        if !self.part.is_there() {
+        if !self.part.is_in_place() {
             return Err(io::ErrorKind::NotFound.into());
         }
         let kept = match mark {
@@ -436,7 +436,7 @@ impl Folder {
             joined(head, &mut body, self.part.create("result")?)?;
             self.part.finish("result")?;
         }
-        self.part.remove_others();
+        self.part.remove_other_part_folders();
         kept_frames::clear();
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! The files that a scene was made from. No output may replace one of them.
 
 use crate::failure::Failure;
-use choreo_files::{Identity, part_of};
+use choreo_files::{Identity, part_name};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -36,7 +36,7 @@ impl Inputs {
                 shown(&link)
             )));
         }
-        for place in [output.to_path_buf(), part_of(output)] {
+        for place in [output.to_path_buf(), part_name(output)] {
             let Some(input) = Identity::of(&place).and_then(|identity| self.files.get(&identity)) else {
                 continue;
             };

@@ -163,7 +163,7 @@ fn a_part_folder_writes_through_no_link_and_no_hard_link() {
     folder.check_lock().unwrap();
     folder.lock_file().write_all(b"record").unwrap();
     folder.create("body").unwrap().write_all(b"body").unwrap();
-    assert!(folder.reopen("body").unwrap().is_some() && folder.is_there());
+    assert!(folder.reopen("body").unwrap().is_some() && folder.is_in_place());
     assert!(matches!(p.part_folder(), Err(WriteError::Busy)));
     folder.keep(true);
     drop(folder);
@@ -177,7 +177,7 @@ fn a_part_folder_that_was_moved_away_is_noticed() {
     let p = planted();
     let mut folder = p.part_folder().unwrap();
     fs::rename(&p.inside, p.outer.path().join("gone")).unwrap();
-    assert!(!folder.is_there());
+    assert!(!folder.is_in_place());
     folder.keep(true);
     drop(folder);
     fs::create_dir(&p.inside).unwrap();

@@ -4,7 +4,7 @@
 //! search then serves all curves, and they are interpolated eight at a time.
 
 use crate::clip::key_search::find_interval;
-use crate::clip::tracks::{Channel, Strays, key_value};
+use crate::clip::tracks::{Channel, StrayCurves, key_value};
 use crate::clip::{Curve, Interpolation};
 use crate::math::rotation::slerp;
 use crate::simd::lane::LANES;
@@ -24,9 +24,10 @@ pub(crate) struct CommonTimes {
     pub curves: Vec<Curve>,
 }
 
-/// Resamples the linear curves among `strays` at common times. `None` if there are none, or if the rows would be too large.
-pub(crate) fn common_times(curves: &[Curve], strays: &Strays) -> Option<CommonTimes> {
-    let columns = || strays.iter().filter(|((interpolation, ..), _)| *interpolation == Interpolation::Linear);
+/// Resamples the linear curves among `stray_curves` at common times. `None` if there are none, or if the rows would be too large.
+pub(crate) fn common_times(curves: &[Curve], stray_curves: &StrayCurves) -> Option<CommonTimes> {
+    let columns =
+        || stray_curves.iter().filter(|((interpolation, ..), _)| *interpolation == Interpolation::Linear);
     let mut sources: Vec<usize> = columns().flat_map(|(_, members)| members).copied().collect();
     sources.sort_unstable();
     let mut times: Vec<Time> = sources.iter().flat_map(|i| curves[*i].times.iter().copied()).collect();

@@ -6,11 +6,11 @@
 pub(crate) mod common_times;
 pub mod crossfade;
 pub(crate) mod key_search;
-pub(crate) mod own_times;
 pub(crate) mod packed;
 pub(crate) mod property_curve;
 pub mod sample;
 pub(crate) mod sample_f64;
+pub(crate) mod separate_key_times;
 pub(crate) mod tracks;
 
 use crate::clip::key_search::find_interval;

@@ -92,7 +92,7 @@ impl Packed {
         }
         let mut pose = Pose::identity(joint_count);
         for time in times.iter() {
-            dispatch(Level::best(), Read { packed: self, time: *time, blocks: pose.blocks_mut() });
+            dispatch(Level::best(), ReadPacked { packed: self, time: *time, blocks: pose.blocks_mut() });
             for (curve, values) in curves.iter().zip(&mut values) {
                 let local = pose.get(curve.joint as usize);
                 match curve.path {
@@ -118,13 +118,13 @@ impl Packed {
     }
 }
 
-struct Read<'a> {
+struct ReadPacked<'a> {
     packed: &'a Packed,
     time: Time,
     blocks: &'a mut [PoseBlock],
 }
 
-impl Kernel for Read<'_> {
+impl Kernel for ReadPacked<'_> {
     #[inline(always)]
     fn run<F: F8>(self) {
         read::<F>(self.packed, self.time, self.blocks);

@@ -87,8 +87,8 @@ pub(crate) fn sample<F: F8>(
         }
         singles::<F>(group, curves, at, blocks, &mut batch);
     }
-    for own in &tracks.own {
-        own.sample::<F>(time, blocks);
+    for separate in &tracks.separate {
+        separate.sample::<F>(time, blocks);
     }
     batch.flush::<F>(blocks);
 }

@@ -7,13 +7,13 @@
 //!   neighboring rows, so that a seek costs as much as the next frame.
 //! - Linear curves with separate key times are resampled at common key times ([`crate::clip::common_times`]), so that they can
 //!   lie in rows, too.
-//! - If that takes too much memory, and for cubic curves, the keys of eight joints are gathered ([`crate::clip::own_times`]).
+//! - If that takes too much memory, and for cubic curves, the keys of eight joints are gathered ([`crate::clip::separate_key_times`]).
 //! - The few others ("singles") stay as authored.
 
 use crate::clip::common_times::{CommonTimes, common_times};
 use crate::clip::key_search::Timeline;
-use crate::clip::own_times::{OwnTimes, fits};
 use crate::clip::packed::Packed;
+use crate::clip::separate_key_times::{SeparateKeyTimes, fits};
 use crate::clip::{Curve, Interpolation, Path};
 use crate::pose::PoseBlock;
 use crate::simd::lane::{LANES, Lane};
@@ -116,7 +116,7 @@ pub(crate) struct Tracks {
     pub constants: Vec<Constant>,
     pub groups: Vec<Group>,
     /// Linear and cubic curves with separate key times.
-    pub own: [OwnTimes; 2],
+    pub separate: [SeparateKeyTimes; 2],
     /// Decoder data of a compressed clip.
     pub packed: Option<Arc<Packed>>,
     /// Whether every joint has a curve, by channel.
@@ -132,13 +132,13 @@ pub(crate) type Lanes<'a> = [Option<&'a Curve>; LANES];
 
 /// Curves whose key times too few others share for a row, where enough joints of a block have one: by interpolation, block and
 /// channel.
-pub(crate) type Strays = BTreeMap<(Interpolation, u32, Channel), Vec<usize>>;
+pub(crate) type StrayCurves = BTreeMap<(Interpolation, u32, Channel), Vec<usize>>;
 
 /// Finds stray curves. `groups`: indices of curves with equal key times.
-fn strays<'a>(curves: &[Curve], groups: impl Iterator<Item = &'a Vec<usize>>) -> Strays {
-    let mut columns = Strays::new();
+fn stray_curves<'a>(curves: &[Curve], groups: impl Iterator<Item = &'a Vec<usize>>) -> StrayCurves {
+    let mut columns = StrayCurves::new();
     for members in groups {
-        let mut own = Strays::new();
+        let mut own = StrayCurves::new();
         for &index in members {
             let Some(channel) = Channel::of(curves[index].path) else { continue };
             let key = (curves[index].interpolation, curves[index].joint / LANES as u32, channel);
@@ -178,21 +178,25 @@ impl Tracks {
                 groups.entry(&curve.times).or_default().push(index);
             }
         }
-        let mut strays = strays(curves, groups.values());
-        let merged = common_times(curves, &strays);
+        let mut stray_curves = stray_curves(curves, groups.values());
+        let merged = common_times(curves, &stray_curves);
         let mut elsewhere = vec![false; curves.len()];
         merged.iter().flat_map(|merged| &merged.sources).for_each(|index| elsewhere[*index] = true);
-        strays.retain(|_, members| members.iter().all(|index| !elsewhere[*index] && fits(&curves[*index])));
-        strays.values().flatten().for_each(|index| elsewhere[*index] = true);
+        stray_curves
+            .retain(|_, members| members.iter().all(|index| !elsewhere[*index] && fits(&curves[*index])));
+        stray_curves.values().flatten().for_each(|index| elsewhere[*index] = true);
         groups.values_mut().for_each(|members| members.retain(|index| !elsewhere[*index]));
         groups.retain(|_, members| !members.is_empty());
         let merged = merged.map(|CommonTimes { curves, .. }| {
             let members: Vec<usize> = (0..curves.len()).collect();
             Group::pack(joint_count, &curves, &members)
         });
-        let own = |interpolation: Interpolation| {
-            let of = strays.iter().filter(|((of, ..), _)| *of == interpolation);
-            OwnTimes::pack(curves, of.map(|((_, block, channel), members)| (*block, *channel, &members[..])))
+        let separate = |interpolation: Interpolation| {
+            let of = stray_curves.iter().filter(|((of, ..), _)| *of == interpolation);
+            SeparateKeyTimes::pack(
+                curves,
+                of.map(|((_, block, channel), members)| (*block, *channel, &members[..])),
+            )
         };
         for (column, packed) in packed.iter().flat_map(|p| p.columns().map(move |c| (c, p))) {
             driven[column.channel as usize] += packed.joints(column, joint_count).len();
@@ -200,7 +204,7 @@ impl Tracks {
         }
         Tracks {
             packed: packed.cloned(),
-            own: [Interpolation::Linear, Interpolation::CubicSpline].map(own),
+            separate: [Interpolation::Linear, Interpolation::CubicSpline].map(separate),
             constants: constants
                 .into_iter()
                 .map(|((channel, block), lanes)| Constant {

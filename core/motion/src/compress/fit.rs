@@ -29,7 +29,7 @@ pub(crate) fn knot_count(frames: usize, stride: usize) -> usize {
 }
 
 /// Values of each curve on the grid, and their splines; `None` for curves that are not packed.
-pub(super) struct Fits(Vec<Option<Fit>>);
+pub(super) struct CurveFits(Vec<Option<Fit>>);
 
 pub(super) struct Fit {
     /// 1 − cos of the largest angle between neighboring quaternions; 0 for other curves.
@@ -39,8 +39,8 @@ pub(super) struct Fit {
     pub splines: Vec<(Vec<[f64; 4]>, f64)>,
 }
 
-impl Fits {
-    pub fn new(clip: &Clip, grid: &Grid) -> Fits {
+impl CurveFits {
+    pub fn new(clip: &Clip, grid: &Grid) -> CurveFits {
         let solvers: Vec<Solver> = STRIDES.iter().map(|s| Solver::new(grid.frames, *s)).collect();
         let fit = |curve: &Curve| {
             let values = grid.values(curve);
@@ -55,7 +55,7 @@ impl Fits {
             let widest = if curve.path == Path::Rotation { intervals.fold(0.0, f64::max) } else { 0.0 };
             Fit { widest, values, splines }
         };
-        Fits(clip.curves().iter().map(|curve| packs(curve).then(|| fit(curve))).collect())
+        CurveFits(clip.curves().iter().map(|curve| packs(curve).then(|| fit(curve))).collect())
     }
 
     pub fn of(&self, curve: usize) -> Option<&Fit> {

@@ -14,7 +14,7 @@ pub(super) struct Grid {
 /// Key rates to try, per second: those at which files are usually made, from low to high.
 const RATES: [i64; 9] = [24, 25, 30, 48, 50, 60, 100, 120, 240];
 /// Largest distance of a key time from the grid, ticks: files store times as f32 seconds.
-const BESIDE: i64 = Time::TICKS_PER_SECOND / 50_000;
+const MAX_GRID_OFFSET: i64 = Time::TICKS_PER_SECOND / 50_000;
 /// Limit of the frames that are tried: two hours at 120 Hz.
 const MOST_FRAMES: i64 = 1 << 20;
 
@@ -33,7 +33,7 @@ impl Grid {
             let step = Time::TICKS_PER_SECOND / rate;
             times().all(|t| {
                 let rest = (t - start).0.rem_euclid(step);
-                rest.min(step - rest) <= BESIDE
+                rest.min(step - rest) <= MAX_GRID_OFFSET
             })
         };
         let own = RATES.into_iter().find(|rate| holds(*rate));
@@ -41,7 +41,7 @@ impl Grid {
             own.into_iter().chain([60, 120, 240].into_iter().filter(|r| own.is_none_or(|own| *r > own)));
         rates
             .map(|rate| Time::TICKS_PER_SECOND / rate)
-            .map(|step| (step, length.saturating_add(step - 1 - BESIDE).max(0) / step + 1))
+            .map(|step| (step, length.saturating_add(step - 1 - MAX_GRID_OFFSET).max(0) / step + 1))
             .filter(|(_, frames)| (2..=MOST_FRAMES).contains(frames))
             .map(|(step, frames)| Grid { start, step, frames: frames as usize })
             .collect()
@@ -70,6 +70,6 @@ impl Grid {
 /// The key time that a time of the grid stands for, if any, else the time itself.
 fn nearest_key(curve: &Curve, time: Time) -> Time {
     let at = curve.times.partition_point(|t| *t < time);
-    let near = |i: usize| curve.times.get(i).copied().filter(|t| (*t - time).0.abs() <= BESIDE);
+    let near = |i: usize| curve.times.get(i).copied().filter(|t| (*t - time).0.abs() <= MAX_GRID_OFFSET);
     near(at).or_else(|| at.checked_sub(1).and_then(near)).unwrap_or(time)
 }

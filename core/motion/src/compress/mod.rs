@@ -21,7 +21,7 @@ mod pack;
 use crate::clip::{Clip, CompressionReport, Curve, Interpolation, Path};
 use crate::edit::reduce::{Reach, bytes, distances};
 use crate::skeleton::Skeleton;
-use fit::Fits;
+use fit::CurveFits;
 use grid::Grid;
 use pack::pack;
 use std::sync::Arc;
@@ -42,7 +42,7 @@ crate::error_texts! { CompressError:
 /// Most times that the tolerances of all curves are lowered until the bound holds.
 const ROUNDS: usize = 13;
 /// Factor by which tolerances are lowered each time.
-const LESS: f64 = 0.8;
+const TOLERANCE_STEP: f64 = 0.8;
 /// Most times that tolerances are then redistributed, for fewer bytes.
 const ROUNDS_TO_SAVE: usize = 8;
 
@@ -82,7 +82,7 @@ impl Clip {
         let dense_bytes = frames.saturating_mul(self.joint_count() * 40);
         let reach = Reach::of(skeleton);
         for grid in Grid::candidates(self) {
-            let fits = Fits::new(self, &grid);
+            let fits = CurveFits::new(self, &grid);
             let mut allowed_m = vec![tolerance_m; skeleton.len()];
             let mut best: Option<(Clip, CompressionReport)> = None;
             let mut rounds = ROUNDS;
@@ -100,7 +100,7 @@ impl Clip {
                     best = Some((clip, CompressionReport { bytes: [before, after], dense_bytes, worst_m }));
                 }
                 match best {
-                    None => allowed_m.iter_mut().for_each(|m| *m *= LESS),
+                    None => allowed_m.iter_mut().for_each(|m| *m *= TOLERANCE_STEP),
                     Some(_) => shared_out(skeleton, &lost, tolerance_m, &mut allowed_m),
                 }
             }
@@ -117,7 +117,7 @@ impl Clip {
     }
 
     /// Packs the clip on a grid. `allowed_m`: error in model space, metres, that each joint's own curves may cause.
-    fn packed_by(&self, grid: &Grid, fits: &Fits, reach: &Reach, allowed_m: &[f64]) -> Clip {
+    fn packed_by(&self, grid: &Grid, fits: &CurveFits, reach: &Reach, allowed_m: &[f64]) -> Clip {
         let mut raw: Vec<Curve> = Vec::new();
         let still: Arc<[crate::time::Time]> = [grid.start].into();
         let mut moving = Vec::new();

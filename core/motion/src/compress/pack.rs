@@ -1,6 +1,6 @@
 //! Chooses bits and knot spacing of each column and writes the knots.
 
-use super::fit::{Fits, STRIDES, basis, knot_count};
+use super::fit::{CurveFits, STRIDES, basis, knot_count};
 use super::grid::Grid;
 use crate::clip::Clip;
 use crate::clip::packed::{Packed, PackedColumn, Stride};
@@ -17,7 +17,12 @@ const MOST_BITS: usize = 16;
 type Lanes = [Option<(usize, f64)>; LANES];
 
 /// Packs the moving curves (index, tolerance); also returns the indices of those for which packing does not pay.
-pub(super) fn pack(clip: &Clip, grid: &Grid, fits: &Fits, moving: &[(usize, f64)]) -> (Packed, Vec<usize>) {
+pub(super) fn pack(
+    clip: &Clip,
+    grid: &Grid,
+    fits: &CurveFits,
+    moving: &[(usize, f64)],
+) -> (Packed, Vec<usize>) {
     let mut columns: BTreeMap<(u32, Channel), Lanes> = BTreeMap::new();
     for (index, allowed) in moving {
         let curve = &clip.curves()[*index];
@@ -70,7 +75,7 @@ struct Draft {
 
 impl Draft {
     /// Chooses the fewest bits. `None` if the error of the spline is too large, or 16 bits are not enough.
-    fn new(block: u32, channel: Channel, lanes: &Lanes, fits: &Fits, stride: usize) -> Option<Draft> {
+    fn new(block: u32, channel: Channel, lanes: &Lanes, fits: &CurveFits, stride: usize) -> Option<Draft> {
         let mut draft = Draft {
             block,
             channel,
@@ -115,7 +120,7 @@ impl Draft {
         self.widths.iter().map(Bits::bytes).sum()
     }
 
-    fn finished(&self, joint_count: usize, fits: &Fits) -> PackedColumn {
+    fn finished(&self, joint_count: usize, fits: &CurveFits) -> PackedColumn {
         let first = self.block as usize * LANES;
         let full = (0..LANES).all(|lane| self.lanes[lane].is_some() || first + lane >= joint_count);
         let mask = Lane(self.lanes.map(|l| f32::from_bits(if l.is_some() { u32::MAX } else { 0 })));
@@ -151,7 +156,7 @@ impl Draft {
     }
 
     /// Appends the integers of a knot, component by component, eight each, lowest bits first.
-    fn write(&self, knot: usize, fits: &Fits, out: &mut Vec<u8>) {
+    fn write(&self, knot: usize, fits: &CurveFits, out: &mut Vec<u8>) {
         for c in 0..self.channel.width() {
             let mut starts = [0; LANES];
             for lane in 1..LANES {
@@ -173,7 +178,7 @@ impl Draft {
 }
 
 impl Stride {
-    fn new(stride: usize, drafts: &[Draft], joint_count: usize, frames: usize, fits: &Fits) -> Stride {
+    fn new(stride: usize, drafts: &[Draft], joint_count: usize, frames: usize, fits: &CurveFits) -> Stride {
         let mut bytes = Vec::new();
         for knot in 0..knot_count(frames, stride) {
             drafts.iter().for_each(|draft| draft.write(knot, fits, &mut bytes));

@@ -10,7 +10,7 @@ use crate::skeleton::model_rest_pose::ModelRestPose;
 /// Hands that rest at most this far above the feet are forepaws, in leg lengths.
 const PAW: f32 = 0.25;
 /// Largest distance of a foot that is an IK control from the end of its leg, in leg lengths.
-const BESIDE: f64 = 0.1;
+const MAX_CONTROL_DISTANCE_LEGS: f64 = 0.1;
 
 /// Finds the feet of a skeleton by joint names, left before right: `left foot` with its toes, or with its only child; else every
 /// joint called foot, toe, paw or hoof with no other below it, and hands that rest near the ground, as a fox's do. If no joint
@@ -31,7 +31,7 @@ pub fn find_feet(skeleton: &Skeleton) -> Vec<Foot> {
     if feet.len() == 2 {
         return feet;
     }
-    let mut feet = ends_called(skeleton, &["foot", "toe", "paw", "hoof"]);
+    let mut feet = end_joints_named(skeleton, &["foot", "toe", "paw", "hoof"]);
     if feet.is_empty() {
         return feet_of_legs(skeleton);
     }
@@ -39,7 +39,7 @@ pub fn find_feet(skeleton: &Skeleton) -> Vec<Foot> {
     let height = |foot: &Foot| foot.joints.iter().map(|j| rest[*j as usize].y).fold(f32::INFINITY, f32::min);
     let ground = feet.iter().map(height).fold(f32::NEG_INFINITY, f32::max);
     if let Some(leg) = leg_length(skeleton, &feet) {
-        let mut hands = ends_called(skeleton, &["hand"]);
+        let mut hands = end_joints_named(skeleton, &["hand"]);
         hands.retain(|hand| height(hand) - ground <= PAW * leg as f32);
         if hands.len() == 2 {
             feet.append(&mut hands);
@@ -61,7 +61,7 @@ fn feet_of_legs(skeleton: &Skeleton) -> Vec<Foot> {
 
 /// Thigh and shin of a foot that is an IK control: it is no descendant of them, and clips keep it at their end. `None` for other
 /// feet.
-pub fn leg_of_handle(skeleton: &Skeleton, human: &HumanoidJoints, foot: u32) -> Option<[u32; 2]> {
+pub fn leg_of_ik_control(skeleton: &Skeleton, human: &HumanoidJoints, foot: u32) -> Option<[u32; 2]> {
     let side =
         ["left", "right"].into_iter().find(|side| human.joint(&format!("{side} foot")) == Some(foot))?;
     let [hip, knee] = [human.joint(&format!("{side} upleg"))?, human.joint(&format!("{side} leg"))?];
@@ -70,7 +70,7 @@ pub fn leg_of_handle(skeleton: &Skeleton, human: &HumanoidJoints, foot: u32) -> 
     let apart = |a: u32, b: u32| (rest.positions[a as usize] - rest.positions[b as usize]).length();
     let ends = (0u32..).zip(parents).filter(|(_, parent)| **parent == Some(knee));
     let gap = ends.map(|(end, _)| apart(end, foot)).fold(f64::INFINITY, f64::min);
-    let beside = gap < BESIDE * (apart(hip, knee) + apart(knee, foot));
+    let beside = gap < MAX_CONTROL_DISTANCE_LEGS * (apart(hip, knee) + apart(knee, foot));
     (beside && parents[knee as usize] == Some(hip) && !is_below(skeleton, foot, hip)).then_some([hip, knee])
 }
 
@@ -85,7 +85,7 @@ fn only_child(skeleton: &Skeleton, joint: u32) -> Option<u32> {
 }
 
 /// Joints with one of the words in their names, and no such joint below them.
-fn ends_called(skeleton: &Skeleton, words: &[&str]) -> Vec<Foot> {
+fn end_joints_named(skeleton: &Skeleton, words: &[&str]) -> Vec<Foot> {
     let called = |name: &String| {
         let name = name.to_lowercase();
         words.iter().any(|word| name.contains(word))
@@ -125,8 +125,9 @@ pub fn leg_length(skeleton: &Skeleton, feet: &[Foot]) -> Option<f64> {
     if legs.iter().all(|leg| leg.len() < 3) {
         let human = HumanoidJoints::of(skeleton);
         for foot in legs.iter().map(|leg| leg[0]) {
-            let of_handle = |[hip, knee]: [u32; 2]| Some(apart(hip, knee)? + apart(knee, foot)?);
-            length = length.max(leg_of_handle(skeleton, &human, foot).and_then(of_handle).unwrap_or(0.0));
+            let of_ik_control = |[hip, knee]: [u32; 2]| Some(apart(hip, knee)? + apart(knee, foot)?);
+            length =
+                length.max(leg_of_ik_control(skeleton, &human, foot).and_then(of_ik_control).unwrap_or(0.0));
         }
     }
     (length.is_finite() && length > 0.0).then_some(length)

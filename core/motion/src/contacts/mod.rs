@@ -22,16 +22,16 @@ use crate::skeleton::Skeleton;
 use crate::time::Time;
 use glam::{Affine3A, DVec3, Vec3};
 
-pub use feet::{find_feet, leg_length, leg_of_handle};
+pub use feet::{find_feet, leg_length, leg_of_ik_control};
 pub use still_intervals::still_intervals;
 
 /// Height limit of a contact above the lowest position, in leg lengths. A walk's toe swings through at 2 %, but fast.
 const HEIGHT: f64 = 0.06;
 /// Vertical speed limit of a contact, in leg lengths per second, and as a fraction of the gait's speed.
-const CLIMB: f64 = 0.8;
+const CLIMB_LEGS: f64 = 0.8;
 const CLIMB_SHARE: f64 = 0.35;
 /// Horizontal speed limit of a contact against the floor, likewise.
-const SLIP: f64 = 0.5;
+const SLIP_LEGS: f64 = 0.5;
 const SLIP_SHARE: f64 = 0.35;
 /// Samples per second, and most samples per clip.
 const RATE: f64 = 120.0;
@@ -54,7 +54,7 @@ pub struct ContactThresholds {
 impl ContactThresholds {
     /// Thresholds for a leg of `leg` metres and a character that moves over the floor at `gait` metres per second.
     pub fn new(leg: f64, gait: f64) -> ContactThresholds {
-        let (climb, slip) = (CLIMB * leg + CLIMB_SHARE * gait, SLIP * leg + SLIP_SHARE * gait);
+        let (climb, slip) = (CLIMB_LEGS * leg + CLIMB_SHARE * gait, SLIP_LEGS * leg + SLIP_SHARE * gait);
         ContactThresholds { height: HEIGHT * leg, climb, slip }
     }
 
@@ -137,7 +137,7 @@ impl Contacts {
             .zip(&places)
             .map(|((foot, _), places)| Track::new(*foot, places, step, looped.then_some(drift)))
             .collect();
-        let mut floor = median(&lowest_looks(&tracks, leg))?;
+        let mut floor = median(&lowest_velocities(&tracks, leg))?;
         let mut unrest = vec![vec![f64::INFINITY; count + 1]; feet.len()];
         // The floor's velocity comes from low joints first, then from joints in contact.
         for _ in 0..2 {
@@ -186,14 +186,14 @@ impl Track {
 
 /// Velocities of joints while they are low: at least in the lowest tenth of their samples, since a foot stands no longer in a
 /// run.
-fn lowest_looks(tracks: &[Track], leg: f64) -> Vec<DVec3> {
+fn lowest_velocities(tracks: &[Track], leg: f64) -> Vec<DVec3> {
     let mut found = Vec::new();
     for track in tracks {
         let mut sorted = track.heights.clone();
         sorted.sort_by(f64::total_cmp);
         let limit = sorted[sorted.len() / LOWEST_SHARE].max(0.5 * HEIGHT * leg);
-        let looks = track.heights.iter().zip(&track.velocities);
-        found.extend(looks.filter(|(height, _)| **height <= limit).map(|(_, velocity)| *velocity));
+        let pairs = track.heights.iter().zip(&track.velocities);
+        found.extend(pairs.filter(|(height, _)| **height <= limit).map(|(_, velocity)| *velocity));
     }
     found
 }

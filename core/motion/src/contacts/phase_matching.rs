@@ -68,7 +68,7 @@ impl Footsteps {
     }
 
     /// The footsteps with touch-downs only.
-    fn downs(&self) -> Option<Footsteps> {
+    fn touch_downs(&self) -> Option<Footsteps> {
         let downs = self.events.iter().filter(|(_, what)| what % 2 == 0).copied().collect();
         Footsteps::new(downs, self.length)
     }
@@ -85,7 +85,7 @@ impl Footsteps {
     }
 
     /// Footsteps with one event per stride, evenly spaced, the first at `from` ticks.
-    fn evenly(&self, from: i64) -> Footsteps {
+    fn even_strides(&self, from: i64) -> Footsteps {
         let n = self.strides();
         let mut events: Vec<(i64, u32)> =
             (0..n).map(|i| ((from + self.length / n * i).rem_euclid(self.length), 0)).collect();
@@ -100,7 +100,7 @@ impl Footsteps {
 
     /// Footsteps of both clips with one event per stride, shifted so that their feet are on the floor together as much as
     /// possible. `None` for fewer than three feet, or different numbers of feet.
-    fn by_strides(&self, other: &Footsteps) -> Option<[Footsteps; 2]> {
+    fn aligned_by_strides(&self, other: &Footsteps) -> Option<[Footsteps; 2]> {
         let feet = self.stands.len();
         if feet < 3 || other.stands.len() != feet {
             return None;
@@ -117,7 +117,7 @@ impl Footsteps {
         };
         // The first of equal ones wins: `max_by_key` returns the last, so the range is reversed.
         let best = (0..PHASES).rev().max_by_key(alike)?;
-        Some([self.evenly(0), other.evenly(at(other, best))])
+        Some([self.even_strides(0), other.even_strides(at(other, best))])
     }
 
     /// Ticks that have been played at step number `i`, whole cycles counted.
@@ -191,9 +191,9 @@ impl PhaseMatchedFade {
         let full = with(steps[0].clone(), steps[1].clone());
         let (from, to, shift) = match full {
             Some(full) => full,
-            None => match with(steps[0].downs()?, steps[1].downs()?) {
+            None => match with(steps[0].touch_downs()?, steps[1].touch_downs()?) {
                 Some(downs) => downs,
-                None => steps[0].by_strides(steps[1]).and_then(|[from, to]| with(from, to))?,
+                None => steps[0].aligned_by_strides(steps[1]).and_then(|[from, to]| with(from, to))?,
             },
         };
         if speeds.iter().any(|s| *s <= 0.0 || !s.is_finite()) || fade <= Time::ZERO {
@@ -348,7 +348,7 @@ mod tests {
             assert!((0.99..2.51).contains(&rate(t)), "{t}: {}", rate(t));
         }
         let other = gait(1.0, [(0.0, 0.6), (0.5, 1.1), (0.25, 0.85), (0.75, 1.35)]);
-        assert_eq!(walk.by_strides(&other).unwrap().map(|s| s.events), [[(0, 0)], [(0, 0)]]);
+        assert_eq!(walk.aligned_by_strides(&other).unwrap().map(|s| s.events), [[(0, 0)], [(0, 0)]]);
     }
 
     #[test]

@@ -42,7 +42,7 @@ impl Clip {
             let interpolation =
                 if kinds.windows(2).all(|k| k[0] == k[1]) { kinds[0] } else { Interpolation::Linear };
             let [first, second] = [0, 1].map(|at| match pair[at] {
-                Some(curve) => alike(curve, interpolation, &mut values[at]),
+                Some(curve) => converted(curve, interpolation, &mut values[at]),
                 None => still(joint, path, interpolation, rest),
             });
             curves.push(joined(&first, self.duration, &second, &mut values));
@@ -59,7 +59,7 @@ impl Clip {
             let kind = pair.iter().flatten().next().map_or(Interpolation::Linear, |c| c.interpolation);
             let kind = if same { kind } else { Interpolation::Linear };
             let [first, second] = [0, 1].map(|at| match &pair[at] {
-                Some(curve) => alike(curve, kind, &mut values[at]),
+                Some(curve) => converted(curve, kind, &mut values[at]),
                 None => still(0, Path::Weights(1), kind, rest),
             });
             let Curve { interpolation, times, values, .. } =
@@ -94,7 +94,7 @@ fn still(joint: u32, path: Path, interpolation: Interpolation, rest: &Skeleton) 
 }
 
 /// The curve, converted to another interpolation.
-fn alike(curve: &Curve, interpolation: Interpolation, values: &mut Values) -> Curve {
+fn converted(curve: &Curve, interpolation: Interpolation, values: &mut Values) -> Curve {
     if curve.interpolation == interpolation {
         return curve.clone();
     }

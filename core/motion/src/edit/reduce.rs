@@ -84,7 +84,7 @@ impl Clip {
             KeptTimes::Fewest => &[false, true],
         };
         let reduced =
-            ways.iter().filter_map(|shared| self.reduced_by(skeleton, &reach, tolerance_m, *shared));
+            ways.iter().filter_map(|shared| self.reduced_with_times(skeleton, &reach, tolerance_m, *shared));
         let all = ReductionReport { keys: [self.keys(); 2], bytes: [bytes(self); 2], worst_m: 0.0 };
         // Separate times take 8 bytes per key: if few keys can be left out, keeping all of them takes less.
         let smaller = reduced.filter(|(_, report)| report.bytes[1] < report.bytes[0]);
@@ -92,7 +92,7 @@ impl Clip {
     }
 
     /// Reduces keys until the measured error is within the tolerance. `shared`: curves with equal key times keep the same keys.
-    fn reduced_by(
+    fn reduced_with_times(
         &self,
         skeleton: &Skeleton,
         reach: &Reach,
@@ -219,7 +219,7 @@ fn kept(curves: &[(&Curve, f64)]) -> Vec<usize> {
 
 /// Whether all keys are within the tolerance of the first one.
 fn rests(curve: &Curve, allowed: f64) -> bool {
-    let limit = most_apart(curve.path, allowed);
+    let limit = tolerance_distance(curve.path, allowed);
     (0..curve.times.len()).all(|key| apart_squared(curve, &value(curve, 0), key) <= limit * limit)
 }
 
@@ -227,7 +227,7 @@ fn rests(curve: &Curve, allowed: f64) -> bool {
 fn fits(curve: &Curve, from: usize, to: usize, allowed: f64) -> bool {
     let segment = Segment::new(curve.path, value(curve, from), value(curve, to));
     let (start, span) = (curve.times[from], (curve.times[to] - curve.times[from]).0 as f64);
-    let limit = most_apart(curve.path, allowed);
+    let limit = tolerance_distance(curve.path, allowed);
     (from + 1..to).all(|key| {
         let t = (curve.times[key] - start).0 as f64 / span;
         apart_squared(curve, &segment.at(t), key) <= limit * limit
@@ -278,7 +278,7 @@ fn value(curve: &Curve, key: usize) -> [f64; 4] {
 }
 
 /// Converts a tolerance in radians, metres or scale factors to a distance as measured by [`apart_squared`].
-fn most_apart(path: Path, allowed: f64) -> f64 {
+fn tolerance_distance(path: Path, allowed: f64) -> f64 {
     match path {
         // Unit quaternions whose rotations are an angle apart have half of that angle between them.
         Path::Rotation => 2.0 * libm::sin(0.25 * allowed.min(std::f64::consts::TAU)),

@@ -1,6 +1,6 @@
 //! A chain of any number of bones with limits: forward kinematics, and inverse kinematics by several solvers.
 
-use super::{Limit, ccd, fabrik, least_squares, settle};
+use super::{Limit, ccd, coordinate_descent, fabrik, least_squares};
 use crate::math::rotation::rotation_between;
 use glam::{DQuat, DVec3};
 
@@ -134,17 +134,17 @@ impl Chain {
             solved.distance = best.0;
         }
         if solved.distance > tolerance && self.bones.iter().any(|b| b.limit != Limit::Free) {
-            solved.distance = self.settle(target, tolerance, &mut scratch);
+            solved.distance = self.descend(target, tolerance, &mut scratch);
         }
         solved
     }
 
     /// Coordinate descent after a solver whose joints are stuck at their limits, as long as sweeps bring the end nearer.
-    fn settle(&mut self, target: DVec3, tolerance: f64, scratch: &mut Scratch) -> f64 {
+    fn descend(&mut self, target: DVec3, tolerance: f64, scratch: &mut Scratch) -> f64 {
         const SWEEPS: usize = 64;
         let mut distance = (self.end() - target).length();
         for _ in 0..SWEEPS {
-            settle::sweep(self, target, scratch);
+            coordinate_descent::sweep(self, target, scratch);
             let now = (self.end() - target).length();
             let gained = distance - now;
             distance = now;

@@ -9,7 +9,7 @@ use glam::{DMat3, DQuat, DVec3};
 pub(super) fn iterate(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
     /// Largest rotation in a step, radians: rotations are nearly linear only up to a good part of a radian.
     const LONGEST: f64 = 1.0;
-    const TRIES: usize = 6;
+    const MAX_ATTEMPTS: usize = 6;
     chain.positions(&mut scratch.positions);
     scratch.before.clone_from(&chain.bones);
     let end = *scratch.positions.last().unwrap_or(&chain.origin);
@@ -20,7 +20,7 @@ pub(super) fn iterate(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
         let r = end - *p;
         square += DMat3::from_diagonal(DVec3::splat(r.length_squared())) - outer(r);
     }
-    for _ in 0..TRIES {
+    for _ in 0..MAX_ATTEMPTS {
         let damping = scratch.damping * reach * reach;
         let solved = (square + DMat3::from_diagonal(DVec3::splat(damping))).inverse() * error;
         if !solved.is_finite() {

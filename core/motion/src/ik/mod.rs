@@ -7,10 +7,10 @@
 mod aim;
 mod ccd;
 mod chain;
+mod coordinate_descent;
 mod fabrik;
 mod least_squares;
 mod limit;
-mod settle;
 mod two_bone;
 
 pub use aim::{Aim, AimJoint};

@@ -38,10 +38,10 @@ pub struct TwoBone {
 const CORE: f64 = 0.06;
 /// Weight of the bend direction in the direction to which the limb leans within the core; the limb's own direction has weight 1.
 /// A straight path through the start hardly ever runs along this mixture.
-const BY_WAY: f64 = 0.6;
+const BEND_LEAN_WEIGHT: f64 = 0.6;
 /// Cosines of the angles 162° and 174° by which a limb turns. Between them, the bend plane changes from turning with the limb, on
 /// the shortest arc, to staying: a half turn has no unique shortest arc.
-const STAYING: [f64; 2] = [-0.951, -0.9945];
+const BEND_PLANE_FADE_COS: [f64; 2] = [-0.951, -0.9945];
 
 /// Rotations of the two bones in the space of the positions, each about its own start, and the resulting positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,9 +77,9 @@ impl TwoBone {
         let pole = |line| self.pole.and_then(|p| across(p - self.start, line));
         let bend = across(upper, line).or_else(|| pole(line)).or_else(|| across(self.hint, line));
         let bend = bend.unwrap_or_else(|| line.any_orthonormal_vector());
-        let towards = direction(self.target - self.start, CORE * (a + b), line + bend * BY_WAY);
+        let towards = direction(self.target - self.start, CORE * (a + b), line + bend * BEND_LEAN_WEIGHT);
         let normal = bend.cross(line);
-        let kept = || across(towards.cross(carried(normal, line, towards)), towards);
+        let kept = || across(towards.cross(turned_normal(normal, line, towards)), towards);
         let new_bend = pole(towards).or_else(kept)?;
         // The angle at the start joint, between the line to the end and the upper bone.
         // Equal bones leave a rounding error, which is large relative to a short distance.
@@ -106,10 +106,10 @@ impl TwoBone {
     }
 }
 
-/// Direction of a target, continuous except at one point: within the core it leans towards `by_way`, and is `by_way` at the start
-/// itself. As a target passes through the start at right angles to `by_way`, the direction turns evenly, by half a turn over the
-/// width of the core.
-fn direction(target: DVec3, core: f64, by_way: DVec3) -> DVec3 {
+/// Direction of a target, continuous except at one point: within the core it leans towards `lean_direction`, and is
+/// `lean_direction` at the start itself. As a target passes through the start at right angles to `lean_direction`, the direction
+/// turns evenly, by half a turn over the width of the core.
+fn direction(target: DVec3, core: f64, lean_direction: DVec3) -> DVec3 {
     let from_start = target.length();
     // The tangent is meaningless at 0 and beyond the core.
     let lean = match FRAC_PI_2 * from_start / core {
@@ -117,14 +117,16 @@ fn direction(target: DVec3, core: f64, by_way: DVec3) -> DVec3 {
         angle if angle < 1e-9 => core / FRAC_PI_2,
         angle => from_start / libm::tan(angle),
     };
-    (target + by_way.normalize() * lean).try_normalize().unwrap_or_else(|| by_way.normalize())
+    (target + lean_direction.normalize() * lean).try_normalize().unwrap_or_else(|| lean_direction.normalize())
 }
 
 /// Normal of the bend for a new direction: turned like the direction, but if that is nearly half a turn, kept as close to the old
 /// normal as possible, so that rounding does not choose the axis.
-fn carried(normal: DVec3, line: DVec3, towards: DVec3) -> DVec3 {
+fn turned_normal(normal: DVec3, line: DVec3, towards: DVec3) -> DVec3 {
     let turned = rotation_between(line, towards) * normal;
-    let share = ((STAYING[0] - line.dot(towards)) / (STAYING[0] - STAYING[1])).clamp(0.0, 1.0);
+    let share = ((BEND_PLANE_FADE_COS[0] - line.dot(towards))
+        / (BEND_PLANE_FADE_COS[0] - BEND_PLANE_FADE_COS[1]))
+        .clamp(0.0, 1.0);
     let share = share * share * (3.0 - 2.0 * share);
     let stays = normal - towards * normal.dot(towards);
     let mixed = turned.lerp(stays.try_normalize().unwrap_or(turned), share);

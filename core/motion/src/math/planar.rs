@@ -21,7 +21,7 @@ impl Planar {
     }
 
     /// Composition: first `other`, then this motion.
-    pub fn then_in(self, other: Planar) -> Planar {
+    pub fn compose(self, other: Planar) -> Planar {
         let turned = turned(other.translation, self.yaw);
         Planar { translation: self.translation + turned, yaw: self.yaw + other.yaw }
     }
@@ -104,10 +104,10 @@ mod tests {
             let mut product = Planar::IDENTITY;
             for k in 0..40 {
                 near(step.power(k), product, 1e-9);
-                product = product.then_in(step);
+                product = product.compose(step);
             }
-            near(step.power(7).then_in(step.power(-7)), Planar::IDENTITY, 1e-9);
-            near(step.then_in(step.inverse()), Planar::IDENTITY, 1e-12);
+            near(step.power(7).compose(step.power(-7)), Planar::IDENTITY, 1e-9);
+            near(step.compose(step.inverse()), Planar::IDENTITY, 1e-12);
         }
         let off = Planar { translation: DVec3::Z, yaw: 0.1 }.power(3).translation.z;
         assert!((off - 3.0).abs() > 0.01, "steps added without their turns would have passed: {off}");
@@ -132,7 +132,7 @@ mod tests {
             near(Planar::from_velocity(motion.velocity()), motion, 1e-12);
             let (step, turn) = motion.velocity();
             let half = Planar::from_velocity((step / 2.0, turn / 2.0));
-            near(half.then_in(half), motion, 1e-12);
+            near(half.compose(half), motion, 1e-12);
         }
     }
 }

@@ -52,7 +52,7 @@ pub(super) fn facing(source: &Side, target: &Side) -> (DQuat, f64) {
 }
 
 /// How a joint of the target is aligned with the source's rest pose.
-enum How {
+enum AlignmentRule {
     /// The bone is aligned with the source's by the shortest rotation.
     Limb(u32),
     /// The foot is turned about the vertical only, so that a flat sole stays flat.
@@ -72,7 +72,7 @@ pub(super) fn aligned_rest(
     yaw: DQuat,
     align: bool,
 ) -> Vec<DQuat> {
-    let how = if align { roles(to, map, source, target) } else { Vec::new() };
+    let rules = if align { roles(to, map, source, target) } else { Vec::new() };
     let mut turns: Vec<DQuat> = Vec::with_capacity(to.len());
     for joint in 0..to.len() {
         let parent = to.parents()[joint].map_or(DQuat::IDENTITY, |p| turns[p as usize]);
@@ -81,13 +81,13 @@ pub(super) fn aligned_rest(
             let (a, b) = (map.source(joint as u32)? as usize, map.source(tip)? as usize);
             Some((own, yaw * (source.rest.positions[b] - source.rest.positions[a])))
         };
-        let turn = match how.get(joint) {
-            None | Some(How::Trunk) => DQuat::IDENTITY,
-            Some(How::Rigid) => parent,
-            Some(How::Limb(tip)) => {
+        let turn = match rules.get(joint) {
+            None | Some(AlignmentRule::Trunk) => DQuat::IDENTITY,
+            Some(AlignmentRule::Rigid) => parent,
+            Some(AlignmentRule::Limb(tip)) => {
                 bone(*tip).map_or(parent, |(own, theirs)| arc(parent * own, theirs) * parent)
             }
-            Some(How::Foot(tip)) => {
+            Some(AlignmentRule::Foot(tip)) => {
                 let flat = |v: DVec3| DVec3::new(v.x, 0.0, v.z);
                 let heading = tip.and_then(bone).map(|(own, theirs)| arc(flat(own), flat(theirs)));
                 heading.unwrap_or(DQuat::IDENTITY)
@@ -106,8 +106,8 @@ fn arc(from: DVec3, to: DVec3) -> DQuat {
     }
 }
 
-fn roles(to: &Skeleton, map: &JointMap, source: &Side, target: &Side) -> Vec<How> {
-    let mut how: Vec<How> = (0..to.len()).map(|_| How::Rigid).collect();
+fn roles(to: &Skeleton, map: &JointMap, source: &Side, target: &Side) -> Vec<AlignmentRule> {
+    let mut rules: Vec<AlignmentRule> = (0..to.len()).map(|_| AlignmentRule::Rigid).collect();
     let human = &target.human;
     for (name, joint) in human.joints() {
         let Some(partner) = map.source(*joint) else { continue };
@@ -121,34 +121,34 @@ fn roles(to: &Skeleton, map: &JointMap, source: &Side, target: &Side) -> Vec<How
                 (below && source.human.joint(&format!("{side} {part}")) == Some(their_tip)).then_some(tip)
             })
         };
-        let limb = |parts: &[&str]| tip(parts).map_or(How::Rigid, How::Limb);
-        how[*joint as usize] = match part {
+        let limb = |parts: &[&str]| tip(parts).map_or(AlignmentRule::Rigid, AlignmentRule::Limb);
+        rules[*joint as usize] = match part {
             "arm" => limb(&["forearm"]),
             "forearm" => limb(&["hand"]),
             "hand" => limb(&["handmiddle1", "handindex1", "handring1"]),
             "upleg" => limb(&["leg"]),
             "leg" => limb(&["foot"]),
-            "foot" => How::Foot(tip(&["toebase"])),
-            "toebase" | "eye" | "jaw" => How::Rigid,
+            "foot" => AlignmentRule::Foot(tip(&["toebase"])),
+            "toebase" | "eye" | "jaw" => AlignmentRule::Rigid,
             _ => match part.strip_prefix("hand").and_then(|finger| Some((finger, finger.chars().last()?))) {
                 Some((finger, digit @ ('1' | '2'))) => {
                     let next = if digit == '1' { "2" } else { "3" };
                     let finger = &finger[..finger.len() - 1];
                     limb(&[&format!("hand{finger}{next}")])
                 }
-                Some(_) => How::Rigid,
-                None => How::Trunk,
+                Some(_) => AlignmentRule::Rigid,
+                None => AlignmentRule::Trunk,
             },
         };
     }
     for joint in human.spine().iter().chain(human.neck()) {
-        how[*joint as usize] = How::Trunk;
+        rules[*joint as usize] = AlignmentRule::Trunk;
     }
     // Nothing above the hips is turned.
     if let Some(hips) = human.joint("hips") {
         for above in std::iter::successors(Some(hips), |j| to.parents()[*j as usize]) {
-            how[above as usize] = How::Trunk;
+            rules[above as usize] = AlignmentRule::Trunk;
         }
     }
-    how
+    rules
 }

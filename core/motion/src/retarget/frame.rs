@@ -58,7 +58,7 @@ impl Frame {
             raised: 0.0,
             lift: None,
         };
-        if of.options.floor && of.options.translations != Translations::None && of.steps() {
+        if of.options.floor && of.options.translations != Translations::None && of.both_have_feet() {
             frame.lift = Some(Lift::new(of, clip, &mut frame));
         }
         frame

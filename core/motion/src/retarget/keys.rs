@@ -65,12 +65,12 @@ impl Retarget<'_> {
         };
         let mut out: Vec<Curve> = Vec::new();
         let mut times: BTreeSet<Time> = BTreeSet::new();
-        let mut turning: Vec<u32> = Vec::new();
+        let mut rotating: Vec<u32> = Vec::new();
         // The joints are visited from the outermost inwards, to know what moves below a joint that itself stands still.
         let mut moves_below = vec![false; self.to.len()];
         for joint in (0..self.to.len() as u32).rev() {
             let Some(rotation) = self.rotation(joint, &curves) else {
-                self.pass_on(joint, &mut moves_below);
+                self.mark_parent(joint, &mut moves_below);
                 continue;
             };
             let below = moves_below[joint as usize];
@@ -95,30 +95,30 @@ impl Retarget<'_> {
                     out.push(Curve { joint, values: values.collect(), ..curve.clone() });
                 }
                 Rotation::Sampled => {
-                    turning.push(joint);
+                    rotating.push(joint);
                     self.add_rotation_times(joint, &curves, &mut times);
                 }
             }
-            self.pass_on(joint, &mut moves_below);
+            self.mark_parent(joint, &mut moves_below);
         }
-        let mut going: Vec<u32> = Vec::new();
+        let mut translating: Vec<u32> = Vec::new();
         for joint in (0..self.to.len() as u32).filter(|j| self.moves(*j)) {
             if let Some(curve) = self.translation_keys(joint, &curves) {
                 out.push(curve);
             } else if self.add_translation_times(joint, &curves, &mut times) {
-                going.push(joint);
+                translating.push(joint);
             }
         }
         self.other_curves(clip, &mut out, &mut report);
-        if !turning.is_empty() || !going.is_empty() {
-            turning.sort_unstable();
-            self.sampled(clip, times, &turning, &going, &mut out, &mut report);
+        if !rotating.is_empty() || !translating.is_empty() {
+            rotating.sort_unstable();
+            self.sampled(clip, times, &rotating, &translating, &mut out, &mut report);
         }
         out.sort_by_key(|curve| (curve.joint, curve.path));
         (clip.with_curves(self.to.len(), out), report)
     }
 
-    fn pass_on(&self, joint: u32, moves_below: &mut [bool]) {
+    fn mark_parent(&self, joint: u32, moves_below: &mut [bool]) {
         if let Some(parent) = self.to.parents()[joint as usize] {
             moves_below[parent as usize] |= moves_below[joint as usize];
         }
@@ -139,7 +139,7 @@ impl Retarget<'_> {
     }
 
     /// Path between source joints: up from the leader's, then down to the joint's own, without their common ancestor.
-    fn way(&self, leader: Option<u32>, source: u32) -> (Vec<u32>, Vec<u32>) {
+    fn joint_path(&self, leader: Option<u32>, source: u32) -> (Vec<u32>, Vec<u32>) {
         let up = |from: Option<u32>| std::iter::successors(from, |j| self.from.parents()[*j as usize]);
         let start = leader.and_then(|l| self.map.source(l));
         let above: BTreeSet<u32> = up(start).collect();
@@ -153,7 +153,7 @@ impl Retarget<'_> {
     fn rotation<'c>(&self, joint: u32, curves: &Curves<'c>) -> Option<Rotation<'c>> {
         let (source, follow) = (self.map.source(joint)?, self.follow[joint as usize]?);
         let (leader, between) = self.leader(joint);
-        let (ups, downs) = self.way(leader, source);
+        let (ups, downs) = self.joint_path(leader, source);
         // The inverse of the parent's G; the leader's own G begins with the yaw, too.
         let base = match leader.and_then(|l| self.follow[l as usize]) {
             Some(d) => between.conjugate() * d.conjugate(),
@@ -183,7 +183,7 @@ impl Retarget<'_> {
 
     fn add_rotation_times(&self, joint: u32, curves: &Curves, times: &mut BTreeSet<Time>) {
         let Some(source) = self.map.source(joint) else { return };
-        let (ups, downs) = self.way(self.leader(joint).0, source);
+        let (ups, downs) = self.joint_path(self.leader(joint).0, source);
         for joint in ups.iter().chain(&downs) {
             add_times(curves.rotations.get(joint), times);
         }
@@ -196,7 +196,7 @@ impl Retarget<'_> {
         let above =
             std::iter::successors(self.from.parents()[source as usize], |j| self.from.parents()[*j as usize]);
         let still = |j: u32| !curves.rotations.contains_key(&j) && !curves.translations.contains_key(&j);
-        let lifted = self.options.floor && Some(joint) == self.hips && self.steps();
+        let lifted = self.options.floor && Some(joint) == self.hips && self.both_have_feet();
         if lifted || !above.clone().all(still) {
             return None;
         }
@@ -238,7 +238,7 @@ impl Retarget<'_> {
     fn add_translation_times(&self, joint: u32, curves: &Curves, times: &mut BTreeSet<Time>) -> bool {
         let Some(source) = self.map.source(joint) else { return false };
         let up = |from: u32| std::iter::successors(Some(from), |j| self.from.parents()[*j as usize]);
-        let lifted = self.options.floor && Some(joint) == self.hips && self.steps();
+        let lifted = self.options.floor && Some(joint) == self.hips && self.both_have_feet();
         let feet: Vec<u32> =
             if lifted { self.source.contacts.iter().map(|c| c.0).collect() } else { Vec::new() };
         let moves = up(source).any(|j| curves.translations.contains_key(&j))
@@ -334,13 +334,14 @@ impl Retarget<'_> {
         &self,
         clip: &Clip,
         times: BTreeSet<Time>,
-        turning: &[u32],
-        going: &[u32],
+        rotating: &[u32],
+        translating: &[u32],
         out: &mut Vec<Curve>,
         report: &mut RetargetReport,
     ) {
         let frame = Frame::new(self, clip);
-        let mut sampler = Sampler { of: self, clip, turning, going, frame, raised: None, keys: Vec::new() };
+        let mut sampler =
+            Sampler { of: self, clip, rotating, translating, frame, raised: None, keys: Vec::new() };
         let coarse = !sampler.run(times);
         let Sampler { keys, raised, .. } = sampler;
         report.coarse = coarse;
@@ -348,11 +349,11 @@ impl Retarget<'_> {
         report.sampled_keys = keys.len();
         let times: Arc<[Time]> = keys.iter().map(|k| k.time).collect();
         let name = |joint: &u32| self.to.names()[*joint as usize].clone();
-        report.sampled = turning.iter().chain(going).map(name).collect();
+        report.sampled = rotating.iter().chain(translating).map(name).collect();
         report.sampled.sort();
         report.sampled.dedup();
         let interpolation = Interpolation::Linear;
-        for (i, joint) in turning.iter().enumerate() {
+        for (i, joint) in rotating.iter().enumerate() {
             let mut before = DQuat::IDENTITY;
             let values = keys.iter().flat_map(|key| {
                 // The quaternion gets the sign that is nearer to the key before.
@@ -369,7 +370,7 @@ impl Retarget<'_> {
                 values,
             });
         }
-        for (i, joint) in going.iter().enumerate() {
+        for (i, joint) in translating.iter().enumerate() {
             let values = keys.iter().flat_map(|key| key.places[i].to_array().map(|v| v as f32)).collect();
             out.push(Curve {
                 joint: *joint,

@@ -21,16 +21,16 @@ const AIR_SECS: f64 = 1.0;
 /// Time over which the curve bends into the straight line from one contact to the next, seconds: the square root of 1 / μ.
 const BEND_SECS: f64 = 0.1;
 /// Heights of an ankle above its height at rest, in leg lengths: it stands up to the first, and does not from the second on.
-const STANDS: f64 = 0.01;
-const FLIES: f64 = 0.05;
+const STANDING_HEIGHT_LEGS: f64 = 0.01;
+const AIR_HEIGHT_LEGS: f64 = 0.05;
 /// Vertical speeds of an ankle, in leg lengths per second: it stands, also on a step or on its toes, up to the first, and does
 /// not from the second on.
-const STILL: f64 = 0.05;
-const MOVES: f64 = 0.3;
+const STILL_SPEED_LEGS: f64 = 0.05;
+const MOVING_SPEED_LEGS: f64 = 0.3;
 /// Time before and after for which the ankle must be as slow, seconds.
 const STILL_SECS: f64 = 0.04;
 /// Depth below the floor to which a foot may sink, in leg lengths.
-const SINKS: f64 = 1e-3;
+const SINK_TOLERANCE_LEGS: f64 = 1e-3;
 /// Most times that the curve is computed again with the floor as a target where a foot sinks.
 const MOST_ROUNDS: usize = 8;
 /// Seconds by which the curve is continued beyond both ends.
@@ -118,7 +118,7 @@ fn smooth(asked: &[Clearance], step_secs: f64, leg: f64) -> Vec<f64> {
         let mut more = false;
         for (i, sample) in all.iter().enumerate() {
             let least = asked[*sample].least;
-            if !sunk[i] && found[i] < least - SINKS * leg {
+            if !sunk[i] && found[i] < least - SINK_TOLERANCE_LEGS * leg {
                 targets[i] = [targets[i][0] + floor, targets[i][1] + floor * least];
                 (sunk[i], more) = (true, true);
             }
@@ -138,10 +138,10 @@ fn weights(asked: &[Clearance], step_secs: f64, index: &dyn Fn(isize) -> usize) 
     let near = (STILL_SECS / step_secs).ceil().min(64.0) as isize;
     let speed = |i: isize| (asked[index(i + 1)].ankle - asked[index(i)].ankle).abs() / step_secs;
     let weight = |i: usize| {
-        let high = smoothstep(STANDS, FLIES, asked[i].ankle - floor);
+        let high = smoothstep(STANDING_HEIGHT_LEGS, AIR_HEIGHT_LEGS, asked[i].ankle - floor);
         let i = i as isize;
         let fastest = (i - near..i + near).map(speed).fold(0.0, f64::max);
-        let air = high * smoothstep(STILL, MOVES, fastest);
+        let air = high * smoothstep(STILL_SPEED_LEGS, MOVING_SPEED_LEGS, fastest);
         fourth_power(step_secs / (STANDING_SECS + (AIR_SECS - STANDING_SECS) * air))
     };
     (0..asked.len()).map(weight).collect()
@@ -245,7 +245,8 @@ mod tests {
                 let secs = f64::from(i) * step_secs;
                 let ankle = 8.0 * ((secs - 0.8) * (1.2 - secs)).max(0.0);
                 // What the feet ask for in the air goes down by 9 cm and back within an eighth of a second.
-                let raised = if ankle > FLIES { -0.09 * (1.0 - (8.0 * secs).fract()) } else { 0.01 };
+                let raised =
+                    if ankle > AIR_HEIGHT_LEGS { -0.09 * (1.0 - (8.0 * secs).fract()) } else { 0.01 };
                 Clearance { raised, least: raised - 0.2, ankle }
             })
             .collect();

@@ -245,7 +245,7 @@ impl<'a> Retarget<'a> {
     }
 
     /// Whether both skeletons have feet.
-    fn steps(&self) -> bool {
+    fn both_have_feet(&self) -> bool {
         !self.source.contacts.is_empty() && !self.target.contacts.is_empty()
     }
 

@@ -13,9 +13,9 @@ use std::collections::BTreeSet;
 pub(super) struct Sampler<'a> {
     pub of: &'a Retarget<'a>,
     pub clip: &'a Clip,
-    /// Target joints whose rotation, and whose position (`going`), is sampled.
-    pub turning: &'a [u32],
-    pub going: &'a [u32],
+    /// Target joints whose rotation, and whose position (`translating`), is sampled.
+    pub rotating: &'a [u32],
+    pub translating: &'a [u32],
     pub frame: Frame,
     pub raised: Option<(f64, f64)>,
     pub keys: Vec<Key>,
@@ -24,31 +24,31 @@ pub(super) struct Sampler<'a> {
 impl Sampler<'_> {
     /// Samples at `times` and between them. Returns false if the limit of keys was reached before the tolerance.
     pub fn run(&mut self, times: BTreeSet<Time>) -> bool {
-        let most = MOST_KEYS / (self.turning.len() + self.going.len()).max(1);
+        let most = MOST_KEYS / (self.rotating.len() + self.translating.len()).max(1);
         let mut enough = true;
         for time in times {
-            let next = self.look(time);
+            let next = self.sample(time);
             if let Some(before) = self.keys.last().cloned() {
                 enough &= self.refine(&before, &next, 0, most);
             }
             self.keys.push(next);
         }
         if self.keys.is_empty() {
-            let key = self.look(Time::ZERO);
+            let key = self.sample(Time::ZERO);
             self.keys.push(key);
         }
         enough
     }
 
-    fn look(&mut self, time: Time) -> Key {
+    fn sample(&mut self, time: Time) -> Key {
         self.frame.at(self.of, self.clip, time);
         let raised = self.frame.raised;
         let (low, high) = self.raised.unwrap_or((raised, raised));
         self.raised = Some((low.min(raised), high.max(raised)));
         Key {
             time,
-            turns: self.turning.iter().map(|j| self.frame.locals[*j as usize].1).collect(),
-            places: self.going.iter().map(|j| self.frame.locals[*j as usize].0).collect(),
+            turns: self.rotating.iter().map(|j| self.frame.locals[*j as usize].1).collect(),
+            places: self.translating.iter().map(|j| self.frame.locals[*j as usize].0).collect(),
         }
     }
 
@@ -60,7 +60,7 @@ impl Sampler<'_> {
         if depth == DEEPEST || span.0 < 2 {
             return true;
         }
-        let middle = self.look(Time(from.time.0 + span.0 / 2));
+        let middle = self.sample(Time(from.time.0 + span.0 / 2));
         let (of, allowed) = (self.of, self.of.options.tolerance_rad);
         let off = |(a, (m, b)): (&DQuat, (&DQuat, &DQuat))| {
             let half = unit(*a + if a.dot(*b) < 0.0 { -*b } else { *b });
@@ -70,7 +70,7 @@ impl Sampler<'_> {
         // Differences are in metres of the model, whatever unit the parents are in.
         let size =
             |joint: &u32| of.to.parents()[*joint as usize].map_or(1.0, |p| of.target.rest.scales[p as usize]);
-        let gone = from.places.iter().zip(middle.places.iter().zip(&to.places)).zip(self.going);
+        let gone = from.places.iter().zip(middle.places.iter().zip(&to.places)).zip(self.translating);
         let off = |((a, (m, b)), joint): ((&DVec3, (&DVec3, &DVec3)), &u32)| {
             ((*a + *b) / 2.0 - *m).length() * size(joint)
         };

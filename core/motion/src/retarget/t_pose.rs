@@ -19,10 +19,10 @@ const LOWEST_HIPS: f64 = 1e-3;
 /// The bones that two skeletons have in common.
 pub(crate) struct HumanoidPair {
     /// The bone and target joint of each source joint.
-    bones: BTreeMap<u32, Common>,
+    bones: BTreeMap<u32, PairedBone>,
 }
 
-struct Common {
+struct PairedBone {
     bone: HumanBone,
     to: u32,
     /// P'⁻¹·P and R⁻¹·R'.
@@ -50,7 +50,7 @@ impl HumanoidPair {
             let place = (bone == HumanBone::Hips).then(|| hips_place(&p, &r, &p2, &r2));
             bones.insert(
                 joint,
-                Common {
+                PairedBone {
                     bone,
                     to: other,
                     before: (rotation(&p2).conjugate() * rotation(&p)).normalize(),

@@ -186,10 +186,10 @@ unsafe fn quarters([a, b, c, d]: [__m512; 4]) -> [__m512; 4] {
 }
 
 /// Indices of the floats that two permutations take: the first from two registers, the second from the result and a third.
-type Picks = [[[i32; COUNT]; 2]; 3];
+type PermuteIndices = [[[i32; COUNT]; 2]; 3];
 
 /// Positions of each component among the 48 floats of the points.
-static TAKEN: Picks = {
+static LOAD_INDICES: PermuteIndices = {
     let mut picks = [[[0; COUNT]; 2]; 3];
     let mut i = 0;
     while i < 48 {
@@ -206,7 +206,7 @@ static TAKEN: Picks = {
 };
 
 /// Positions of the components in each register of the points' 48 floats.
-static PUT: Picks = {
+static STORE_INDICES: PermuteIndices = {
     let mut picks = [[[0; COUNT]; 2]; 3];
     let mut i = 0;
     while i < 48 {
@@ -224,7 +224,7 @@ static PUT: Picks = {
 };
 
 #[inline(always)]
-unsafe fn picked(picks: &[[i32; COUNT]; 2], [a, b, c]: [__m512; 3]) -> __m512 {
+unsafe fn permuted(picks: &[[i32; COUNT]; 2], [a, b, c]: [__m512; 3]) -> __m512 {
     // SAFETY: the caller is inside `run_avx512`; both loads are of 16 borrowed numbers, which need no alignment.
     unsafe {
         let first = _mm512_loadu_si512(picks[0].as_ptr().cast());
@@ -239,15 +239,19 @@ fn load_points(points: &[[f32; 3]; COUNT]) -> [Avx512; 3] {
     // SAFETY: inside `run_avx512`; 48 floats are borrowed, and three times 16 are read.
     unsafe {
         let all = [_mm512_loadu_ps(from), _mm512_loadu_ps(from.add(16)), _mm512_loadu_ps(from.add(32))];
-        [Avx512(picked(&TAKEN[0], all)), Avx512(picked(&TAKEN[1], all)), Avx512(picked(&TAKEN[2], all))]
+        [
+            Avx512(permuted(&LOAD_INDICES[0], all)),
+            Avx512(permuted(&LOAD_INDICES[1], all)),
+            Avx512(permuted(&LOAD_INDICES[2], all)),
+        ]
     }
 }
 
 #[inline(always)]
 fn store_points([x, y, z]: [Avx512; 3], points: &mut [[f32; 3]; COUNT]) {
     let to: *mut f32 = points.as_mut_ptr().cast();
-    for (register, picks) in PUT.iter().enumerate() {
+    for (register, picks) in STORE_INDICES.iter().enumerate() {
         // SAFETY: inside `run_avx512`; 48 floats are borrowed to be written, 16 for each of the three registers.
-        unsafe { _mm512_storeu_ps(to.add(16 * register), picked(picks, [x.0, y.0, z.0])) };
+        unsafe { _mm512_storeu_ps(to.add(16 * register), permuted(picks, [x.0, y.0, z.0])) };
     }
 }

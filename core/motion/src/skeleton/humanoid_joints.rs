@@ -66,7 +66,7 @@ impl HumanoidJoints {
         self.joint("hips").is_some() && names.all(|name| self.joint(&name).is_some())
     }
 
-    fn taken(&self, joint: u32) -> bool {
+    fn is_assigned(&self, joint: u32) -> bool {
         self.joints.values().any(|j| *j == joint)
     }
 
@@ -91,7 +91,7 @@ impl HumanoidJoints {
         }
         for (name, joint) in found {
             if let Some(joint) = joint
-                && !self.taken(joint)
+                && !self.is_assigned(joint)
             {
                 self.joints.entry(name).or_insert(joint);
             }
@@ -108,7 +108,7 @@ impl HumanoidJoints {
         let mut above = std::iter::successors(Some(left), |j| skeleton.parents()[*j as usize]).skip(1);
         let Some(hips) = above.find(|j| is_below(skeleton, right, *j)) else { return };
         self.joints.retain(|name, joint| *joint != hips || name != "spine");
-        self.offer("hips", hips);
+        self.assign_if_free("hips", hips);
     }
 
     /// KayKit has a wrist joint above the hand, where hands of other skeletons rotate: the wrist becomes the hand.
@@ -163,10 +163,10 @@ impl HumanoidJoints {
             start(limb) > start(&legs) && limb.low > knee && is_below(skeleton, limb.middle, legs.middle)
         });
         limbs.sort_by(|a, b| start(b).total_cmp(&start(a)).then(b.chains[0].len().cmp(&a.chains[0].len())));
-        self.offer("hips", legs.middle);
+        self.assign_if_free("hips", legs.middle);
         for (side, chain) in ["left", "right"].iter().zip(&legs.chains) {
             for (name, joint) in LEG.iter().chain(&["toebase"]).zip(chain) {
-                self.offer(&format!("{side} {name}"), *joint);
+                self.assign_if_free(&format!("{side} {name}"), *joint);
             }
         }
         let Some(arms) = limbs.first() else { return };
@@ -177,7 +177,7 @@ impl HumanoidJoints {
             let collar = chain.len() > 3 && lengths[0] < 0.75 * lengths[1];
             let names: &[&str] = if collar { &["shoulder", "arm", "forearm", "hand"] } else { &ARM };
             for (name, joint) in names.iter().zip(chain) {
-                self.offer(&format!("{side} {name}"), *joint);
+                self.assign_if_free(&format!("{side} {name}"), *joint);
             }
         }
         // The head is the highest central joint above the arms.
@@ -186,7 +186,7 @@ impl HumanoidJoints {
         let leaves: Vec<u32> = above.map(|(j, _)| j).filter(|j| *j != arms.middle).collect();
         let top = leaves.iter().copied().max_by(|a, b| place(*a).y.total_cmp(&place(*b).y));
         if let Some(top) = top {
-            self.offer("head", top);
+            self.assign_if_free("head", top);
         }
     }
 
@@ -196,8 +196,8 @@ impl HumanoidJoints {
         side("left") && side("right") && self.joint("hips").is_some() && self.joint("head").is_some()
     }
 
-    fn offer(&mut self, name: &str, joint: u32) {
-        if !self.taken(joint) && !self.joints.contains_key(name) {
+    fn assign_if_free(&mut self, name: &str, joint: u32) {
+        if !self.is_assigned(joint) && !self.joints.contains_key(name) {
             self.joints.insert(name.to_string(), joint);
         }
     }

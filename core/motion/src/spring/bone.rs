@@ -151,7 +151,7 @@ impl SpringBone {
         let (target, next_target) = (log(d, state.target), log(d, drive.target));
         let stiffness = self.stiffness + softening;
         let damping = if drive.follows {
-            self.damping.max(passing_on(self.stiffness, softening))
+            self.damping.max(least_chain_damping(self.stiffness, softening))
         } else {
             self.damping
         };
@@ -214,7 +214,7 @@ fn rounded_off(energy: f64) -> f64 {
 /// The least damping, 1/s, with which an oscillator of stiffness K + s amplifies no motion of the target that K pulls to: the
 /// smallest κ with κ²(K + s) − κ⁴/4 ≥ K², whose left side is the least squared denominator of the module's fraction; √(2K)
 /// without a load.
-fn passing_on(stiffness: f64, softening: f64) -> f64 {
+fn least_chain_damping(stiffness: f64, softening: f64) -> f64 {
     let whole = stiffness + softening;
     // (K + s) − √((K + s)² − K²), written so that nothing cancels.
     let root = (softening * (softening + 2.0 * stiffness)).sqrt();

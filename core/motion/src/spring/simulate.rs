@@ -37,19 +37,19 @@ impl SpringState {
 #[derive(Clone, Debug, Default)]
 pub struct SpringScratch {
     /// Rigid motion of each joint by the springs so far.
-    moved: Vec<Option<Moved>>,
+    joint_motions: Vec<Option<RigidMotion>>,
     obstacles: Vec<Option<WorldCollider>>,
 }
 
 /// A rigid motion in model space.
 #[derive(Clone, Copy, Debug)]
-struct Moved {
+struct RigidMotion {
     rotation: DQuat,
     translation: DVec3,
 }
 
-impl Moved {
-    const NOT: Moved = Moved { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
+impl RigidMotion {
+    const IDENTITY: RigidMotion = RigidMotion { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
 
     fn point(&self, p: DVec3) -> DVec3 {
         self.rotation * p + self.translation
@@ -103,22 +103,22 @@ impl SpringStep<'_> {
             return;
         }
         self.find_obstacles();
-        let mut moved = std::mem::take(&mut self.scratch.moved);
+        let mut joint_motions = std::mem::take(&mut self.scratch.joint_motions);
         let mut states = std::mem::take(&mut self.state.bones);
-        moved.clear();
-        moved.resize(joints, None);
+        joint_motions.clear();
+        joint_motions.resize(joints, None);
         let mut bones = self.rig.bones().iter().zip(&mut states).peekable();
         let first = self.rig.bones()[0].joint as usize;
         let mut space = (None, Space::WORLD);
         for joint in first..joints {
-            let mut by = self.skeleton.parents()[joint].and_then(|p| moved[p as usize]);
+            let mut by = self.skeleton.parents()[joint].and_then(|p| joint_motions[p as usize]);
             if let Some((bone, state)) = bones.next_if(|(bone, _)| bone.joint as usize == joint) {
                 if space.0 != bone.center {
                     space = (bone.center, self.space(bone.center));
                 }
-                by = self.swing(bone, state, &space.1, by, &model_from_world).or(by);
+                by = self.step_bone(bone, state, &space.1, by, &model_from_world).or(by);
             }
-            moved[joint] = by;
+            joint_motions[joint] = by;
             if let Some(by) = by {
                 let m = &mut self.model_from_joint[joint];
                 let at = by.point(Vec3::from(m.translation).as_dvec3());
@@ -126,21 +126,21 @@ impl SpringStep<'_> {
                 *m = Affine3A { matrix3: turn * m.matrix3, translation: Vec3A::from(at.as_vec3()) };
             }
         }
-        self.scratch.moved = moved;
+        self.scratch.joint_motions = joint_motions;
         self.state.bones = states;
     }
 
     /// Simulates one bone; returns how its joint moves, or `None` where it has no direction.
-    fn swing(
+    fn step_bone(
         &self,
         bone: &RigBone,
         state: &mut Option<BoneState>,
         space: &Space,
-        parent: Option<Moved>,
+        parent: Option<RigidMotion>,
         model_from_world: &DMat3,
-    ) -> Option<Moved> {
+    ) -> Option<RigidMotion> {
         let follows = parent.is_some();
-        let parent = parent.unwrap_or(Moved::NOT);
+        let parent = parent.unwrap_or(RigidMotion::IDENTITY);
         let animated = &self.model_from_joint[bone.joint as usize];
         let animated_head = Vec3::from(animated.translation).as_dvec3();
         let head = parent.point(animated_head);
@@ -181,7 +181,7 @@ impl SpringStep<'_> {
             return None;
         }
         let rotation = (turn * parent.rotation).normalize();
-        Some(Moved { rotation, translation: turn * (parent.translation - head) + head })
+        Some(RigidMotion { rotation, translation: turn * (parent.translation - head) + head })
     }
 
     fn collide(

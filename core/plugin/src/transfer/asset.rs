@@ -155,7 +155,7 @@ fields! {
     Material {
         name, shading, base_color, base_color_texture, metallic, roughness, metallic_roughness_texture, normal_texture, normal_scale,
         relief, occlusion_texture, occlusion_strength, emissive, emissive_texture, specular, specular_texture, specular_color,
-        specular_color_texture, shininess, reflection, toon, alpha_mode, double_sided, uv_motion, strip, layers, line_style,
+        specular_color_texture, shininess, reflection, toon, alpha_mode, double_sided, uv_motion, flipbook, layers, line_style,
         triplanar; without sequence
     }
     Outline { width, on_screen, width_texture, color, lighting_mix }

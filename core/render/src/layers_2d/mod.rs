@@ -176,7 +176,7 @@ impl Canvas {
                 let at = [at.x as f32, at.y as f32];
                 if let Some(outline) = outline {
                     let distance = (outline.width * em) as f32;
-                    let around = laid.outlined(font, at, factor as f32, distance, self.size);
+                    let around = laid.outline_coverage(font, at, factor as f32, distance, self.size);
                     self.fill(&around, outline.color, state.opacity);
                 }
                 let coverage = laid.coverage(font, at, factor as f32, self.size);

@@ -52,7 +52,7 @@ impl Model {
             metallic_roughness: lit && m.shading == Shading::MetallicRoughness,
             toon: lit && m.shading == Shading::Toon,
             phong,
-            reflects: phong && m.mirrors().is_some(),
+            reflects: phong && m.environment_reflection().is_some(),
             triplanar: m.triplanar.is_some() && normals && m.shading != Shading::Toon,
         }
     }

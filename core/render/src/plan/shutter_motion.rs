@@ -363,7 +363,7 @@ fn parts(
     let world_from_model = states.map(|s| s.world_from_model);
     let skin = instance.skin.and_then(|skin| asset.skins.get(skin as usize));
     let skin = skin.filter(|skin| info.influences > 0 && info.joint_count() <= skin.joints.len());
-    for (place, copy) in asset.standing(instance, states[0].copies) {
+    for (place, copy) in asset.drawn_copies(instance, states[0].copies) {
         let world_from_place = world_from_model.map(|world| world * to_f64(place));
         match skin {
             Some(skin) => {

@@ -128,7 +128,7 @@ fn base_sources(m: &Material) -> [SlotSource<'_>; BASE_SLOTS] {
     let lit = m.shading != Shading::Unlit;
     let pbr = m.shading == Shading::MetallicRoughness;
     let toon = m.toon.as_deref().filter(|_| m.shading == Shading::Toon);
-    let mirror = m.mirrors();
+    let mirror = m.environment_reflection();
     [
         source(m.base_color_texture.as_ref(), true, true),
         match (toon, mirror) {

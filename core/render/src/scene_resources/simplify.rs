@@ -8,8 +8,8 @@
 use crate::scene_resources::appearance::{Appearance, Shape};
 use crate::scene_resources::hausdorff::{Surface, hausdorff_distance};
 use choreo_asset::{
-    Aabb, AlphaMode, Asset, Image, Material, Mesh, MorphTarget, Primitive, Standing, TextureRef, Topology,
-    posed_meshes_by,
+    Aabb, AlphaMode, Asset, Image, Material, Mesh, MorphTarget, PlacementSelection, Primitive, TextureRef,
+    Topology, posed_meshes_by,
 };
 use choreo_motion::Skinning;
 use glam::{DAffine3, Vec2, Vec3, Vec4};
@@ -153,7 +153,7 @@ impl Model {
     pub fn new(asset: &Asset, valid: impl Fn(usize, usize) -> bool) -> Option<Model> {
         let weights: Vec<Vec<f32>> = asset.instances.iter().map(|i| i.weights.clone()).collect();
         let posed = posed_meshes_by(
-            (Skinning::Linear, Standing::Once),
+            (Skinning::Linear, PlacementSelection::Once),
             asset,
             asset.rest_model_from_joint(),
             &weights,

@@ -356,7 +356,7 @@ impl MaterialUniform {
             phong: PhongUniform {
                 specular_color: m.specular_color,
                 shininess: m.shininess,
-                reflection: m.mirrors().map_or(Vec3::ZERO, |r| r.color),
+                reflection: m.environment_reflection().map_or(Vec3::ZERO, |r| r.color),
                 reflection_roughness: m.mirror_roughness(),
             },
             toon: ToonUniform::new(resource),

@@ -305,7 +305,7 @@ fn motion(
             if o.get("tiles").is_some() {
                 return fail("tiles repeats an image, frames show a part of one; leave one out", "tiles");
             }
-            material.strip = Some(FrameStrip {
+            material.flipbook = Some(FrameStrip {
                 columns,
                 rows,
                 count,

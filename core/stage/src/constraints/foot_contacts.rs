@@ -89,18 +89,18 @@ impl<'a> FootContacts<'a> {
     pub fn stands(&self, legs: usize, from: Time, to: Time) -> Vec<Vec<(Time, Time)>> {
         let at = |i: usize| from + Time(i as i64 * STEP.0);
         let count = ((to - from).0 / STEP.0) as usize;
-        let mut unrest = vec![Vec::with_capacity(count + 1); legs];
+        let mut ratios = vec![Vec::with_capacity(count + 1); legs];
         let mut active_cues = Vec::new();
         for time in (0..=count).map(at) {
             if let Some(layer) = self.actor.layers.first() {
                 base_cues(layer, time, &mut active_cues);
             }
-            for (leg, unrest) in unrest.iter_mut().enumerate() {
-                unrest.push(self.unrest(leg, time, &active_cues));
+            for (leg, ratios) in ratios.iter_mut().enumerate() {
+                ratios.push(self.motion_ratio(leg, time, &active_cues));
             }
         }
-        let of_leg = |unrest: Vec<f64>| {
-            let still = still_intervals(&unrest, STEP.as_secs(), false).into_iter();
+        let of_leg = |ratios: Vec<f64>| {
+            let still = still_intervals(&ratios, STEP.as_secs(), false).into_iter();
             let mut found: Vec<(Time, Time)> = still.map(|(first, last)| (at(first), at(last))).collect();
             // Contacts that nearly touch are merged: the foot lifts off in one clip and lands in the other at once, which leaves no time
             // for a step.
@@ -113,7 +113,7 @@ impl<'a> FootContacts<'a> {
             });
             found
         };
-        unrest.into_iter().map(of_leg).collect()
+        ratios.into_iter().map(of_leg).collect()
     }
 
     /// Seconds until a leg's foot touches down in the clip that has at least half of the weight at `time`; 0 if the foot stands.
@@ -142,7 +142,7 @@ impl<'a> FootContacts<'a> {
     /// 0 if the foot stands in at least half of the active clips by weight, else 2, on the scale of
     /// [`choreo_motion::contacts::still_intervals`]. Contacts are blended like poses (L. Kovar, M. Gleicher, "Flexible Automatic Motion
     /// Blending with Registration Curves", SCA 2003, §3.3).
-    fn unrest(&self, leg: usize, time: Time, active_cues: &[ActiveCue]) -> f64 {
+    fn motion_ratio(&self, leg: usize, time: Time, active_cues: &[ActiveCue]) -> f64 {
         let leg = self.leg_in_clips(leg, time);
         // Each clip is blended over the clips before it.
         let mut share = 0.0;

@@ -8,7 +8,7 @@
 use crate::constraints::foot_locks::{LONGEST_GAP, STEP};
 use crate::constraints::foot_samples::{FootSamples, Limb};
 use crate::constraints::footsteps::Footstep;
-use crate::constraints::gait_fades::{BESIDE, GaitFade, is_gait_fade};
+use crate::constraints::gait_fades::{FADE_MARGIN, GaitFade, is_gait_fade};
 use crate::constraints::ground::Ground;
 use crate::constraints::solve::{bend_leg, world_place};
 use crate::pose::joints::PosedSkeleton;
@@ -19,27 +19,27 @@ use choreo_motion::{Front, Time};
 use glam::{DAffine3, DQuat, DVec3};
 
 /// Seconds over which a foot returns from a contact to its animated position, and over which corrections fade out outside a span.
-pub(super) const FADE: f64 = 0.25;
+pub(super) const FADE_SECS: f64 = 0.25;
 /// Largest height in metres of the ground above the animated foot, after the raise of the last contact: allows a high step, but not the
 /// floor above.
 const HIGHEST_STEP: f64 = 1.2;
 /// Largest height of the ball of a standing foot above its lowest position nearby, in leg lengths. A foot that stayed locked while its toes
 /// leave the ground would push them into it.
-const FLAT: f64 = 0.04;
+const CONTACT_HEIGHT_LEGS: f64 = 0.04;
 /// Extra reach of a leg with its heel raised, as a share of the sole's length.
-const RAISED: f64 = 0.6;
+const DROP_HEEL_REACH: f64 = 0.6;
 /// Number of samples to either side in which the lowest height of a foot is searched. The feet of two clips differ in height by
 /// centimetres, and both must have contacts.
-const AROUND: usize = 36;
+const LOWEST_SAMPLES: usize = 36;
 /// Number of samples over which the hips are lowered smoothly before a contact that needs it, and raised after it.
-const SMOOTH: usize = 14;
+const SMOOTHING_SAMPLES: usize = 14;
 /// Number of positions that are tried ahead of and behind the mean position of a contact, up to half of the hip's path during the contact.
-const REACH_PLACES: u32 = 32;
+const REACH_POSITIONS: u32 = 32;
 /// Height above its contact, in leg lengths, up to which a foot that lifts off or lands keeps its horizontal position: in clips such a foot
 /// slides while it is almost on the ground.
-const ROLLS: f64 = 0.02;
+const ROLL_HEIGHT_LEGS: f64 = 0.02;
 /// Largest horizontal distance between the animated foot and that contact, in leg lengths.
-const ROLLS_FAR: f64 = 0.25;
+const ROLL_DISTANCE_LEGS: f64 = 0.25;
 /// Ground clearance of a foot in the air near the contacts before and after, in metres, and its upper limit in leg lengths. A lower foot
 /// looks dragged, however small the character is.
 const CLEARANCE: f64 = 0.015;
@@ -48,9 +48,9 @@ const CLEARANCE_LEGS: f64 = 0.05;
 const HIGHEST_RAISE: f64 = 3.0;
 /// Horizontal distances from a contact at which a foot has full clearance, and at which it is back at its animated height, in multiples of
 /// the clearance.
-const CLEAR: [f64; 2] = [1.0, 8.0];
+const CLEARANCE_DISTANCES: [f64; 2] = [1.0, 8.0];
 /// A foot whose lowest height nearby exceeds its lowest height overall by more than this, in leg lengths, belongs to a jump.
-const JUMP: f64 = 0.12;
+const JUMP_HEIGHT_LEGS: f64 = 0.12;
 
 /// The contacts of the legs of one constraint over a span of time.
 #[derive(Debug)]
@@ -78,7 +78,7 @@ pub(super) struct Contact {
     pub from: Time,
     pub to: Time,
     /// World position of the ball of the foot; `None`: the foot follows its clips.
-    pub at: Option<DVec3>,
+    pub position: Option<DVec3>,
     pub first: DVec3,
     pub last: DVec3,
     /// Start and end of the time in which the foot keeps its horizontal position, roll-off and landing included.
@@ -90,7 +90,7 @@ pub(super) struct Contact {
 }
 
 /// Motion of a foot at each sample, relative to the contact thresholds: at most 1 where it can stand, infinite in a jump.
-pub(super) fn unrest(samples: &FootSamples, places: &[DVec3], leg: f64) -> Vec<f64> {
+pub(super) fn motion_ratios(samples: &FootSamples, places: &[DVec3], leg: f64) -> Vec<f64> {
     let above: Vec<f64> =
         places.iter().zip(&samples.transforms).map(|(p, transform)| p.y - transform.translation.y).collect();
     let lowest = above.iter().copied().fold(f64::INFINITY, f64::min);
@@ -98,13 +98,13 @@ pub(super) fn unrest(samples: &FootSamples, places: &[DVec3], leg: f64) -> Vec<f
     let body: Vec<DVec3> =
         samples.limbs.first().map_or(&[][..], |limbs| limbs).iter().map(|l| l.hip).collect();
     let at = |i: usize| {
-        let near = &above[i.saturating_sub(AROUND)..(i + AROUND + 1).min(above.len())];
+        let near = &above[i.saturating_sub(LOWEST_SAMPLES)..(i + LOWEST_SAMPLES + 1).min(above.len())];
         let low = near.iter().copied().fold(f64::INFINITY, f64::min);
-        if low > lowest + JUMP * leg {
+        if low > lowest + JUMP_HEIGHT_LEGS * leg {
             return f64::INFINITY;
         }
         let gait = velocity(&body, i).with_y(0.0).length();
-        ContactThresholds { height: FLAT * leg, ..ContactThresholds::new(leg, gait) }
+        ContactThresholds { height: CONTACT_HEIGHT_LEGS * leg, ..ContactThresholds::new(leg, gait) }
             .motion_ratio(above[i] - low, velocity(places, i))
     };
     (0..places.len()).map(at).collect()
@@ -126,9 +126,9 @@ pub(super) struct ContactSpan {
 }
 
 /// Whether feet are locked during a contact: it overlaps one of the spans in `only`, or there are none.
-pub(super) fn counts(foot_lock: &FootLock, (from, to): (Time, Time)) -> bool {
+pub(super) fn is_locked_contact(foot_lock: &FootLock, (from, to): (Time, Time)) -> bool {
     let overlaps = |span: &(Time, Time)| {
-        let beside = if is_gait_fade(foot_lock, *span) { BESIDE } else { Time::ZERO };
+        let beside = if is_gait_fade(foot_lock, *span) { FADE_MARGIN } else { Time::ZERO };
         from - beside <= span.1 && to + beside >= span.0
     };
     foot_lock.only.is_empty() || foot_lock.only.iter().any(overlaps)
@@ -136,7 +136,7 @@ pub(super) fn counts(foot_lock: &FootLock, (from, to): (Time, Time)) -> bool {
 
 /// Contact of a foot with the ground. `raised`: height of the ground above the clips' floor in metres, at the previous contact on entry and
 /// at this one on return.
-pub(super) fn stand(
+pub(super) fn contact_on_ground(
     samples: &FootSamples,
     stay: &ContactSpan,
     leg: usize,
@@ -145,12 +145,12 @@ pub(super) fn stand(
     raised: &mut f64,
 ) -> Contact {
     let ContactSpan { span: (from, to), ends, highest } = *stay;
-    if !counts(foot_lock, stay.span) {
+    if !is_locked_contact(foot_lock, stay.span) {
         let zero = DVec3::ZERO;
         return Contact {
             from,
             to,
-            at: None,
+            position: None,
             first: zero,
             last: zero,
             rolls: (from, to),
@@ -169,20 +169,26 @@ pub(super) fn stand(
         at.y += *raised;
     }
     let (first, last) = (at - ends[0], at - ends[1]);
-    Contact { from, to, at: Some(at), first, last, rolls: (from, to), lowered, by_step: false }
+    Contact { from, to, position: Some(at), first, last, rolls: (from, to), lowered, by_step: false }
 }
 
-/// Inputs of [`roll`] for one leg.
-pub(super) struct Between<'a> {
+/// Inputs of [`extend_rolls`] for one leg.
+pub(super) struct RollInputs<'a> {
     /// Length of the leg, metres.
     pub leg: f64,
     pub steps: &'a [Footstep],
     pub gait_fades: &'a [GaitFade],
 }
 
-/// Extends `rolls` of a leg's contacts, in whole samples, until the foot is higher than [`ROLLS`], except where a footstep begins or ends.
-pub(super) fn roll(samples: &FootSamples, index: usize, between: &Between, contacts: &mut [Contact]) {
-    let Between { leg, steps, gait_fades } = *between;
+/// Extends `rolls` of a leg's contacts, in whole samples, until the foot is higher than [`ROLL_HEIGHT_LEGS`], except where a footstep
+/// begins or ends.
+pub(super) fn extend_rolls(
+    samples: &FootSamples,
+    index: usize,
+    inputs: &RollInputs,
+    contacts: &mut [Contact],
+) {
+    let RollInputs { leg, steps, gait_fades } = *inputs;
     let places = &samples.feet[index];
     // The swing gets at least half of the time between two contacts. A contact of zero length is a foot in the air at which a step begins
     // or ends; if both contacts are at the same position, the whole gap may be used.
@@ -190,7 +196,7 @@ pub(super) fn roll(samples: &FootSamples, index: usize, between: &Between, conta
         let gap = after.from - before.to;
         let least = GaitFade::least_gap(gait_fades, index, leg, [before, after]);
         let quarter = Time(gap.0 / 4).min(Time((gap - least).0 / 2)).max(Time::ZERO);
-        let way = after.at.unwrap_or_default() - before.at.unwrap_or_default();
+        let way = after.position.unwrap_or_default() - before.position.unwrap_or_default();
         let in_air = before.from >= before.to || after.from >= after.to;
         match in_air && way.with_y(0.0).length() < 1e-9 {
             true => (after.from, before.to),
@@ -199,7 +205,7 @@ pub(super) fn roll(samples: &FootSamples, index: usize, between: &Between, conta
     };
     for i in 0..contacts.len() {
         let contact = contacts[i];
-        let (Some(at), true) = (contact.at, contact.from < contact.to) else { continue };
+        let (Some(at), true) = (contact.position, contact.from < contact.to) else { continue };
         let before = i.checked_sub(1).map_or(samples.from, |i| gap(&contacts[i], &contact).1);
         let after = contacts.get(i + 1).map_or(Time::MAX, |next| gap(&contact, next).0);
         let rolls = |sample: usize, offset: DVec3| contact.holds(offset, places[sample], leg);
@@ -239,9 +245,9 @@ pub(super) fn within_reach(
         stay.iter().zip(limbs).map(one).fold(0.0, f64::max)
     };
     let Some((first, last)) = limbs.first().zip(limbs.last()) else { return middle };
-    let way = (last.hip - first.hip).with_y(0.0) / f64::from(2 * REACH_PLACES);
+    let way = (last.hip - first.hip).with_y(0.0) / f64::from(2 * REACH_POSITIONS);
     let mut best = (beyond(middle), middle);
-    for i in 1..=REACH_PLACES {
+    for i in 1..=REACH_POSITIONS {
         for at in [middle + way * f64::from(i), middle - way * f64::from(i)] {
             let far = beyond(at);
             // A gain of less than a millimetre does not move the foot: the heel rises instead.
@@ -256,7 +262,7 @@ pub(super) fn within_reach(
 /// How far in metres the hips must be lowered for a leg to reach a position with the heel raised. A position that is too far away
 /// horizontally is out of reach even then.
 pub(super) fn drop_needed(limb: &Limb, at: DVec3) -> f64 {
-    let far = (limb.reach + RAISED * limb.sole) * 0.998;
+    let far = (limb.reach + DROP_HEEL_REACH * limb.sole) * 0.998;
     let across = (limb.hip - at).with_y(0.0).length_squared();
     let high = (far * far - across).max(0.0).sqrt();
     limb.hip.y - at.y - high
@@ -264,12 +270,12 @@ pub(super) fn drop_needed(limb: &Limb, at: DVec3) -> f64 {
 
 /// Lowering of the hips at each sample in metres, as far as the standing legs need it to reach the ground with the heel raised, smoothed
 /// over time. (Tried without smoothing: the head jerks.)
-pub(super) fn come_down(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64> {
+pub(super) fn hip_drops(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64> {
     let need = |index: usize| {
         let time = samples.time(index);
         let of_leg = |(stands, limbs): (&Vec<Contact>, &Vec<Limb>)| {
             let next = stands.partition_point(|s| s.to < time);
-            let at = stands.get(next).filter(|s| s.from <= time).and_then(|s| s.at)?;
+            let at = stands.get(next).filter(|s| s.from <= time).and_then(|s| s.position)?;
             let limb = limbs[index];
             Some(drop_needed(&limb, at).clamp(0.0, FootLock::LOWEST * limb.reach))
         };
@@ -278,9 +284,9 @@ pub(super) fn come_down(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64
     let count = samples.transforms.len();
     let need: Vec<f64> = (0..count).map(need).collect();
     let smooth = |index: usize| {
-        let near = index.saturating_sub(SMOOTH)..(index + SMOOTH + 1).min(count);
+        let near = index.saturating_sub(SMOOTHING_SAMPLES)..(index + SMOOTHING_SAMPLES + 1).min(count);
         let bump = |other: usize| {
-            let away = other.abs_diff(index) as f64 / (SMOOTH + 1) as f64;
+            let away = other.abs_diff(index) as f64 / (SMOOTHING_SAMPLES + 1) as f64;
             need[other] * (1.0 - away * away) * (1.0 - away * away)
         };
         near.map(bump).fold(0.0, f64::max)
@@ -291,22 +297,22 @@ pub(super) fn come_down(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64
 impl Contact {
     /// Moves the contact to another world position.
     pub fn move_to(&mut self, at: DVec3) {
-        let way = at - self.at.unwrap_or(at);
-        (self.at, self.first, self.last) = (Some(at), self.first + way, self.last + way);
+        let way = at - self.position.unwrap_or(at);
+        (self.position, self.first, self.last) = (Some(at), self.first + way, self.last + way);
     }
 
     /// Whether a foot with the animated position `place` is low and near enough to keep its contact. `offset`: `first` or `last` of the
     /// contact.
     pub fn holds(&self, offset: DVec3, place: DVec3, leg: f64) -> bool {
-        self.at.is_some_and(|at| {
+        self.position.is_some_and(|at| {
             let off = at - place;
-            offset.y - off.y < ROLLS * leg && off.with_y(0.0).length() < ROLLS_FAR * leg
+            offset.y - off.y < ROLL_HEIGHT_LEGS * leg && off.with_y(0.0).length() < ROLL_DISTANCE_LEGS * leg
         })
     }
 
     /// Offset from the animated position `place` to the contact. While the foot rolls, its height follows the clips.
     fn correction(&self, time: Time, place: DVec3) -> DVec3 {
-        let Some(at) = self.at else { return DVec3::ZERO };
+        let Some(at) = self.position else { return DVec3::ZERO };
         let there = at - place;
         if time < self.from {
             there.with_y(self.first.y)
@@ -347,7 +353,7 @@ impl FootLockTrack {
             time if time > self.span.1 && !self.open[1] => time - self.span.1,
             _ => return self.correction_within(leg, time, place),
         };
-        self.correction_within(leg, time, place) * (1.0 - smooth(outside.as_secs() / FADE))
+        self.correction_within(leg, time, place) * (1.0 - smooth(outside.as_secs() / FADE_SECS))
     }
 
     fn correction_within(&self, leg: usize, time: Time, place: DVec3) -> DVec3 {
@@ -366,14 +372,14 @@ impl FootLockTrack {
         }
         let correction = self.correction_between(time, before, after);
         let stands = |contact: &&Contact| contact.from < contact.to;
-        let ends = [before, after].map(|contact| contact.filter(stands).and_then(|contact| contact.at));
+        let ends = [before, after].map(|contact| contact.filter(stands).and_then(|contact| contact.position));
         self.cleared(time, leg, place + correction, ends) - place
     }
 
     /// Raises the position of a foot in the air, so that it has its clearance near the contacts before and after.
     fn cleared(&self, time: Time, leg: usize, foot: DVec3, ends: [Option<DVec3>; 2]) -> DVec3 {
         let clearance = clearance(self.leg);
-        let [near, far] = CLEAR.map(|c| c * clearance);
+        let [near, far] = CLEARANCE_DISTANCES.map(|c| c * clearance);
         let away = |at: DVec3| (foot - at).with_y(0.0).length();
         let raise = |ground: f64, share: f64| {
             (ground + clearance * share - foot.y).clamp(0.0, HIGHEST_RAISE * clearance) * share
@@ -395,12 +401,12 @@ impl FootLockTrack {
     fn correction_between(&self, time: Time, before: Option<&Contact>, after: Option<&Contact>) -> DVec3 {
         // A foot that is in the air for long keeps only the vertical part of the correction.
         let leaving = |s: &Contact| {
-            let gone = smooth((time - s.rolls.1).as_secs() / FADE);
+            let gone = smooth((time - s.rolls.1).as_secs() / FADE_SECS);
             let level = DVec3::Y * (s.last.y + s.lowered);
             level + (s.last - level) * (1.0 - gone)
         };
         let coming = |s: &Contact| {
-            let left = smooth((s.rolls.0 - time).as_secs() / FADE);
+            let left = smooth((s.rolls.0 - time).as_secs() / FADE_SECS);
             let level = DVec3::Y * (s.first.y + s.lowered);
             level + (s.first - level) * (1.0 - left)
         };

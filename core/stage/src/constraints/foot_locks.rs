@@ -3,7 +3,8 @@
 use crate::actors::Scratch;
 use crate::constraints::foot_contacts::{ClipContacts, FootContacts};
 use crate::constraints::foot_lock::{
-    Between, Contact, ContactSpan, FADE, FootLockTrack, come_down, counts, roll, stand, unrest,
+    Contact, ContactSpan, FADE_SECS, FootLockTrack, RollInputs, contact_on_ground, extend_rolls, hip_drops,
+    is_locked_contact, motion_ratios,
 };
 use crate::constraints::foot_samples::{FeetInMotion, FootSamples, leg_length};
 use crate::constraints::footsteps::Footstep;
@@ -30,7 +31,7 @@ pub(super) const LONGEST_GAP: Time = Time(Time::TICKS_PER_SECOND);
 
 /// Planned foot locks of one stage, shared by clones.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct FootLocks(Arc<Planned>);
+pub(crate) struct FootLocks(Arc<FootLockCache>);
 
 /// Spans of each constraint, by actor index and constraint index.
 type Windows = BTreeMap<(usize, usize), Arc<Spans>>;
@@ -43,7 +44,7 @@ struct Spans {
 }
 
 #[derive(Debug, Default)]
-struct Planned {
+struct FootLockCache {
     windows: Mutex<Windows>,
     contacts: ClipContacts,
 }
@@ -58,14 +59,14 @@ struct Window {
     /// Indices of the stands that continue before and after the window.
     stands: [Option<usize>; 2],
     /// Set if the window only covers a stand: the index of the stand, and the windows before and after.
-    held: Option<(usize, [Option<usize>; 2])>,
+    stand_only: Option<(usize, [Option<usize>; 2])>,
     track: OnceLock<Arc<FootLockTrack>>,
 }
 
 impl Window {
     /// Fades the lowering of the hips to zero on sides where a stand continues outside this window.
     fn taper(&self, drops: &mut [f64]) {
-        let fading = (FADE / STEP.as_secs()) as usize;
+        let fading = (FADE_SECS / STEP.as_secs()) as usize;
         let count = drops.len();
         for (i, drop) in drops.iter_mut().enumerate() {
             for (side, left) in [i, count - 1 - i].into_iter().enumerate() {
@@ -77,14 +78,14 @@ impl Window {
     }
 
     /// Whether another window continues on a side (0: before, 1: after).
-    fn goes_on(&self, side: usize) -> bool {
-        self.stands[side].is_some() || self.held.is_some_and(|(_, beside)| beside[side].is_some())
+    fn continues(&self, side: usize) -> bool {
+        self.stands[side].is_some() || self.stand_only.is_some_and(|(_, beside)| beside[side].is_some())
     }
 
-    fn counts(&self, time: Time) -> bool {
-        let fade = [0, 1].map(|side| match self.goes_on(side) {
+    fn covers(&self, time: Time) -> bool {
+        let fade = [0, 1].map(|side| match self.continues(side) {
             true => Time::ZERO,
-            false => Time::from_secs(FADE),
+            false => Time::from_secs(FADE_SECS),
         });
         (self.open[0] || self.from - fade[0] <= time) && (self.open[1] || time <= self.to + fade[1])
     }
@@ -92,7 +93,7 @@ impl Window {
 
 /// A foot lock constraint of a stage.
 #[derive(Clone, Copy)]
-pub(crate) struct FootLockOf<'a> {
+pub(crate) struct FootLockContext<'a> {
     pub stage: &'a Stage,
     pub motions: &'a Arc<Motions>,
     pub actor: usize,
@@ -103,22 +104,26 @@ pub(crate) struct FootLockOf<'a> {
 impl FootLocks {
     /// The track that applies at a time, if any. The result does not depend on which thread asks first; two threads that ask at once may
     /// both plan it.
-    pub fn track(&self, of: FootLockOf, time: Time) -> Result<Option<Arc<FootLockTrack>>, StageError> {
+    pub fn track(
+        &self,
+        context: FootLockContext,
+        time: Time,
+    ) -> Result<Option<Arc<FootLockTrack>>, StageError> {
         let known = || self.0.windows.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (of.actor, of.constraint);
-        let of_stage = || Arc::new(Spans::of(of.stage, of.actor, of.foot_lock));
+        let key = (context.actor, context.constraint);
+        let of_stage = || Arc::new(Spans::of(context.stage, context.actor, context.foot_lock));
         let spans = known().entry(key).or_insert_with(of_stage).clone();
-        let Some(mut window) = spans.windows.iter().find(|window| window.counts(time)) else {
+        let Some(mut window) = spans.windows.iter().find(|window| window.covers(time)) else {
             return Ok(None);
         };
         if window.track.get().is_none()
-            && let Some((stand, beside)) = window.held
+            && let Some((stand, beside)) = window.stand_only
         {
-            if let Some(held) = held(&of, &spans.stands[stand], window)? {
+            if let Some(held) = track_of_stand(&context, &spans.stands[stand], window)? {
                 window.track.get_or_init(|| Arc::new(held));
             } else {
                 // A stand that is not held: the neighboring windows fade out as they would without it.
-                let fade = Time::from_secs(FADE);
+                let fade = Time::from_secs(FADE_SECS);
                 let near = [time - window.from < fade, window.to - time < fade];
                 let Some(other) = [0, 1].into_iter().find_map(|i| beside[i].filter(|_| near[i])) else {
                     return Ok(None);
@@ -129,35 +134,40 @@ impl FootLocks {
         if let Some(track) = window.track.get() {
             return Ok(Some(track.clone()));
         }
-        let track = Arc::new(plan(&of, &self.0.contacts, &spans.stands, window)?);
+        let track = Arc::new(plan(&context, &self.0.contacts, &spans.stands, window)?);
         Ok(Some(window.track.get_or_init(|| track).clone()))
     }
 }
 
 /// Runs a function with the sampled feet of an actor. The actor is evaluated in a stage of its own if that gives the same motion.
 fn with_feet<T>(
-    of: &FootLockOf,
+    context: &FootLockContext,
     run: impl FnOnce(&mut FeetInMotion) -> Result<T, StageError>,
 ) -> Result<T, StageError> {
     // Each sample places all actors of a stage, so a stage with one actor is faster.
-    let alone = alone(of.stage, of.actor);
-    let (stage, actor) = alone.as_ref().map_or((of.stage, of.actor), |alone| (alone, 0));
-    let motions = if alone.is_some() { Arc::new(of.motions.only(of.actor)) } else { of.motions.clone() };
+    let alone = single_actor_stage(context.stage, context.actor);
+    let (stage, actor) = alone.as_ref().map_or((context.stage, context.actor), |alone| (alone, 0));
+    let motions =
+        if alone.is_some() { Arc::new(context.motions.only(context.actor)) } else { context.motions.clone() };
     let mut scratch = Scratch::only(vec![actor]);
     scratch.motions = Some(motions);
-    run(&mut FeetInMotion { stage, actor, foot_lock: of.foot_lock, scratch })
+    run(&mut FeetInMotion { stage, actor, foot_lock: context.foot_lock, scratch })
 }
 
 /// The track of a stand; `None` if the stand is not held.
-fn held(of: &FootLockOf, stand: &Stand, window: &Window) -> Result<Option<FootLockTrack>, StageError> {
-    let leg = leg_length(of.stage, of.actor, of.foot_lock);
-    let places = with_feet(of, |feet| Ok(stand.places(feet, leg)?.map(<[DVec3]>::to_vec)))?;
-    let front = of.stage.actors[of.actor].asset.front();
+fn track_of_stand(
+    context: &FootLockContext,
+    stand: &Stand,
+    window: &Window,
+) -> Result<Option<FootLockTrack>, StageError> {
+    let leg = leg_length(context.stage, context.actor, context.foot_lock);
+    let places = with_feet(context, |feet| Ok(stand.places(feet, leg)?.map(<[DVec3]>::to_vec)))?;
+    let front = context.stage.actors[context.actor].asset.front();
     Ok(places.map(|places| FootLockTrack {
         steps: vec![Vec::new(); places.len()],
         legs: places.into_iter().map(|at| vec![stand.contact(at)]).collect(),
         span: (window.from, window.to),
-        open: [0, 1].map(|side| window.open[side] || window.goes_on(side)),
+        open: [0, 1].map(|side| window.open[side] || window.continues(side)),
         drops: Vec::new(),
         leg,
         gait_fades: Vec::new(),
@@ -166,22 +176,22 @@ fn held(of: &FootLockOf, stand: &Stand, window: &Window) -> Result<Option<FootLo
 }
 
 fn plan(
-    of: &FootLockOf,
+    context: &FootLockContext,
     clips: &ClipContacts,
     stands: &[Stand],
     window: &Window,
 ) -> Result<FootLockTrack, StageError> {
-    with_feet(of, |feet| plan_with(of, clips, stands, window, feet))
+    with_feet(context, |feet| plan_with(context, clips, stands, window, feet))
 }
 
 fn plan_with(
-    of: &FootLockOf,
+    context: &FootLockContext,
     clips: &ClipContacts,
     stands: &[Stand],
     window: &Window,
     feet: &mut FeetInMotion,
 ) -> Result<FootLockTrack, StageError> {
-    let FootLockOf { stage, actor, foot_lock, .. } = *of;
+    let FootLockContext { stage, actor, foot_lock, .. } = *context;
     let &Window { from, to, open, .. } = window;
     let ground: Vec<Ground> =
         foot_lock.ground.iter().map(|g| Ground::of(stage, *g)).collect::<Result<_, _>>()?;
@@ -189,8 +199,8 @@ fn plan_with(
     let samples = feet.sample(from, to)?;
     let by_clips = !foot_lock.only.is_empty() || !foot_lock.standing_fades.is_empty();
     let by_clips = by_clips.then(|| FootContacts::new(&stage.actors[actor], &foot_lock.legs, clips));
-    let comes_down = ground.is_empty() && foot_lock.hips.is_some();
-    let planner = Planner { foot_lock, stands, window, ground, leg, samples, comes_down };
+    let lowers_hips = ground.is_empty() && foot_lock.hips.is_some();
+    let planner = Planner { foot_lock, stands, window, ground, leg, samples, lowers_hips };
     let count = foot_lock.legs.len();
     let mut plan = ContactPlan {
         legs: vec![Vec::new(); count],
@@ -211,10 +221,10 @@ fn plan_with(
     planner.hold(&places, &mut plan);
     let samples = &planner.samples;
     for (index, found) in plan.legs.iter_mut().enumerate() {
-        let between = Between { leg, steps: &plan.steps[index], gait_fades: &plan.gait_fades };
-        roll(samples, index, &between, found);
+        let inputs = RollInputs { leg, steps: &plan.steps[index], gait_fades: &plan.gait_fades };
+        extend_rolls(samples, index, &inputs, found);
     }
-    let mut drops = if comes_down { come_down(samples, &plan.legs) } else { Vec::new() };
+    let mut drops = if lowers_hips { hip_drops(samples, &plan.legs) } else { Vec::new() };
     window.taper(&mut drops);
     let front = stage.actors[actor].asset.front();
     let ContactPlan { legs, steps, gait_fades, open, .. } = plan;
@@ -242,12 +252,12 @@ struct Planner<'a> {
     leg: f64,
     samples: FootSamples,
     /// Whether the hips are lowered for feet that are out of reach.
-    comes_down: bool,
+    lowers_hips: bool,
 }
 
 impl Planner<'_> {
-    fn stand(&self, leg: usize, span: &ContactSpan, raised: &mut [f64]) -> Contact {
-        stand(&self.samples, span, leg, self.foot_lock, &self.ground, &mut raised[leg])
+    fn contact_on_ground(&self, leg: usize, span: &ContactSpan, raised: &mut [f64]) -> Contact {
+        contact_on_ground(&self.samples, span, leg, self.foot_lock, &self.ground, &mut raised[leg])
     }
 
     /// Adds contacts where the sampled feet are still.
@@ -255,11 +265,13 @@ impl Planner<'_> {
         let samples = &self.samples;
         for (index, found) in plan.legs.iter_mut().enumerate() {
             let places = &samples.feet[index];
-            for (first, last) in still_intervals(&unrest(samples, places, self.leg), STEP.as_secs(), false) {
+            for (first, last) in
+                still_intervals(&motion_ratios(samples, places, self.leg), STEP.as_secs(), false)
+            {
                 let span = (samples.time(first), samples.time(last));
                 let ends = [places[first], places[last]];
                 let span = ContactSpan { span, ends, highest: f64::INFINITY };
-                found.push(self.stand(index, &span, &mut plan.raised));
+                found.push(self.contact_on_ground(index, &span, &mut plan.raised));
             }
         }
     }
@@ -271,21 +283,22 @@ impl Planner<'_> {
         feet: &mut FeetInMotion,
         plan: &mut ContactPlan,
     ) -> Result<(), StageError> {
-        if self.comes_down {
+        if self.lowers_hips {
             plan.gait_fades = GaitFade::all(self.foot_lock, &self.samples, of_clips);
         }
-        let lowest = if self.comes_down { FootLock::LOWEST } else { 0.0 };
+        let lowest = if self.lowers_hips { FootLock::LOWEST } else { 0.0 };
         for (index, contacts) in of_clips.iter().enumerate() {
             for span in contacts {
                 let highest = GaitFade::highest(&plan.gait_fades, index, *span);
                 let (samples, leg_length) = (&self.samples, self.leg);
                 let long = LongContacts { samples, leg: index, leg_length, lowest, highest };
-                let parts = if counts(self.foot_lock, *span) { long.split(*span) } else { vec![*span] };
+                let parts =
+                    if is_locked_contact(self.foot_lock, *span) { long.split(*span) } else { vec![*span] };
                 let first = plan.legs[index].len();
                 for span in parts {
                     let ends = [feet.place(index, span.0)?, feet.place(index, span.1)?];
                     let span = ContactSpan { span, ends, highest };
-                    plan.legs[index].push(self.stand(index, &span, &mut plan.raised));
+                    plan.legs[index].push(self.contact_on_ground(index, &span, &mut plan.raised));
                 }
                 plan.steps[index].extend(long.steps(&plan.legs[index][first..]));
             }
@@ -312,7 +325,8 @@ impl Planner<'_> {
             // Each contact keeps at least half of its time.
             let cut =
                 |contact: &Contact| Time(lacking.0 / 2).min(contact.from.middle(contact.to) - contact.from);
-            if let (true, Some(left), Some(reached)) = (lacking > Time::ZERO, before.at, after.at) {
+            if let (true, Some(left), Some(reached)) = (lacking > Time::ZERO, before.position, after.position)
+            {
                 let (to, from) = (before.to - cut(&before), after.from + cut(&after));
                 let (last, first) = (left - feet.place(index, to)?, reached - feet.place(index, from)?);
                 legs[index][i - 1] = Contact { to, last, rolls: (before.rolls.0, to), ..before };
@@ -357,9 +371,10 @@ impl Planner<'_> {
                 |held: usize| !fade.ends_standing && before.is_none() && self.stands[held].from >= from;
             let free = held.is_some_and(begins);
             let places = held.and_then(|held| places[held].as_deref_mut());
-            let mut stand = |leg: usize, span: &ContactSpan| self.stand(leg, span, raised);
+            let mut contact_on_ground =
+                |leg: usize, span: &ContactSpan| self.contact_on_ground(leg, span, raised);
             FadeSteps { fade, room, leg_length: self.leg, samples: &self.samples, clips: contacts, free }
-                .run(feet, &mut stand, places, legs, steps)?;
+                .run(feet, &mut contact_on_ground, places, legs, steps)?;
         }
         Ok(())
     }
@@ -373,7 +388,7 @@ impl Planner<'_> {
             };
             for (leg, at) in places.iter().enumerate() {
                 let (samples, steps) = (&self.samples, &plan.steps[leg]);
-                let foot = HeldFoot { leg, at: *at, samples, span: (from, to), steps };
+                let foot = HeldFoot { leg, position: *at, samples, span: (from, to), steps };
                 foot.hold(stand, &mut plan.legs[leg]);
             }
             for side in [0, 1] {
@@ -384,7 +399,7 @@ impl Planner<'_> {
 }
 
 /// A stage with this actor alone, if its motion does not depend on hooks or other actors.
-fn alone(stage: &Stage, actor: usize) -> Option<Stage> {
+fn single_actor_stage(stage: &Stage, actor: usize) -> Option<Stage> {
     let one = &stage.actors[actor];
     let depends = !stage.hooks.is_empty() || !one.parents.is_empty() || one.face.is_some();
     (!depends).then(|| Stage {
@@ -410,7 +425,7 @@ fn windows(stage: &Stage, foot_lock: &FootLock) -> Vec<(Time, Time)> {
     all.sort_unstable();
     all.dedup_by(|next, before| {
         // Spans stay separate only if the fade-out of one ends before the next one fades in.
-        let joined = (next.0 - before.1).as_secs() < 2.0 * FADE;
+        let joined = (next.0 - before.1).as_secs() < 2.0 * FADE_SECS;
         if joined {
             before.1 = before.1.max(next.1);
         }
@@ -423,7 +438,7 @@ impl Spans {
     fn of(stage: &Stage, actor: usize, foot_lock: &FootLock) -> Spans {
         let window = |(from, to): (Time, Time)| {
             let open = [from <= Time::ZERO, to >= stage.settings.length];
-            Window { from, to, open, stands: [None; 2], held: None, track: OnceLock::new() }
+            Window { from, to, open, stands: [None; 2], stand_only: None, track: OnceLock::new() }
         };
         let mut windows: Vec<Window> = windows(stage, foot_lock).into_iter().map(window).collect();
         let stands = stands(&stage.actors[actor], foot_lock);
@@ -446,8 +461,8 @@ impl Spans {
                 }
             }
             let open = [from <= Time::ZERO, to == Time::MAX];
-            let held = Some((number, beside));
-            windows.push(Window { from, to, open, stands: [None; 2], held, track: OnceLock::new() });
+            let stand_only = Some((number, beside));
+            windows.push(Window { from, to, open, stands: [None; 2], stand_only, track: OnceLock::new() });
         }
         Spans { windows, stands }
     }

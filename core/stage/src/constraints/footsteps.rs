@@ -26,14 +26,14 @@ const AHEAD: f64 = 0.7;
 /// Number of fractions of [`AHEAD`] that are tried until the leg reaches.
 const SHARES: u32 = 7;
 /// Feet closer than this to their targets, in leg lengths, wait while the body still moves.
-const PATIENCE: f64 = 0.2;
+const MOVING_TOLERANCE_LEGS: f64 = 0.2;
 /// A foot that would land within this distance of its final target, in leg lengths, lands on the target.
-const LAST: f64 = 0.15;
+const SNAP_LEGS: f64 = 0.15;
 /// Feet closer than this to their targets, in leg lengths, do not step.
-const NEAR: f64 = 0.004;
+const SETTLED_LEGS: f64 = 0.004;
 const MOST_STEPS: usize = 64;
 /// Time step of the planner, seconds.
-const LOOK: f64 = 1.0 / 60.0;
+const TIME_STEP_SECS: f64 = 1.0 / 60.0;
 /// Largest initial speed of a step times its duration, in step lengths. With a larger value v the minimum-jerk quintic overshoots its end
 /// at 1 and comes back: at a time u before the end it is at 1 − (10 − 4 v) u³.
 const OVERSHOOT: f64 = 2.5;
@@ -41,7 +41,7 @@ const OVERSHOOT: f64 = 2.5;
 /// State of a foot at the start of the plan, world space.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FootState {
-    pub at: DVec3,
+    pub position: DVec3,
     /// Metres per second.
     pub velocity: DVec3,
     /// Seconds until the foot lands in its clip; 0 if it stands.
@@ -79,7 +79,7 @@ impl FootstepPlan<'_> {
     pub fn run(&self) -> Option<Vec<Vec<PlannedStep>>> {
         let step_secs = step_secs(self.leg);
         let mut steps: Vec<Vec<PlannedStep>> = vec![Vec::new(); self.feet.len()];
-        let mut places: Vec<DVec3> = self.feet.iter().map(|f| f.at).collect();
+        let mut places: Vec<DVec3> = self.feet.iter().map(|f| f.position).collect();
         let mut now: f64 = 0.0;
         for (leg, foot) in self.feet.iter().enumerate().filter(|(_, f)| f.lands_secs > 0.0) {
             let step = self.step_on(leg, foot, step_secs);
@@ -94,14 +94,14 @@ impl FootstepPlan<'_> {
                 |leg: usize, time: f64| (self.place(leg, time, step_secs) - places[leg]).with_y(0.0).length();
             let mut worst: Vec<usize> = (0..places.len()).collect();
             worst.sort_by(|a, b| off(*b, now).total_cmp(&off(*a, now)));
-            let wait = if now < self.fade_secs { PATIENCE } else { NEAR };
+            let wait = if now < self.fade_secs { MOVING_TOLERANCE_LEGS } else { SETTLED_LEGS };
             worst.retain(|leg| off(*leg, now) > wait * self.leg);
             worst.truncate(at_once);
             if worst.is_empty() {
                 if now >= self.fade_secs {
                     return Some(steps);
                 }
-                now += LOOK;
+                now += TIME_STEP_SECS;
                 continue;
             }
             // The other legs carry the body meanwhile, so the step is no longer than they reach their feet.
@@ -110,8 +110,8 @@ impl FootstepPlan<'_> {
                 others.all(|leg| (self.reaches)(leg, places[leg], now + secs))
             };
             let mut secs = HURRIED * step_secs;
-            while secs + LOOK <= step_secs && stays(secs + LOOK) {
-                secs += LOOK;
+            while secs + TIME_STEP_SECS <= step_secs && stays(secs + TIME_STEP_SECS) {
+                secs += TIME_STEP_SECS;
             }
             for leg in worst {
                 let (start, end) = (places[leg], self.place(leg, now + secs, step_secs));
@@ -132,22 +132,22 @@ impl FootstepPlan<'_> {
         let mut end = self.place(leg, secs, step_secs);
         // A foot that is too fast for its remaining path would overshoot its target and come back. It lands earlier instead, at the
         // earliest as in its clip, and brakes if it is still too fast.
-        let way = (end - foot.at).with_y(0.0);
+        let way = (end - foot.position).with_y(0.0);
         let ahead = way.normalize_or_zero();
         let speed = velocity.dot(ahead);
         let most = |secs: f64, end: DVec3| {
-            OVERSHOOT * (end - foot.at).with_y(0.0).dot(ahead).max(0.0) / (UPRIGHT[1] * secs)
+            OVERSHOOT * (end - foot.position).with_y(0.0).dot(ahead).max(0.0) / (UPRIGHT[1] * secs)
         };
         if speed > most(secs, end) {
-            secs = (secs * most(secs, end) / speed).max(foot.lands_secs.min(secs)).max(LOOK);
+            secs = (secs * most(secs, end) / speed).max(foot.lands_secs.min(secs)).max(TIME_STEP_SECS);
             end = self.place(leg, secs, step_secs);
             velocity -= ahead * (speed - most(secs, end)).max(0.0);
         }
         // The present height above the ground counts towards the lift, and a short step is low.
-        let high = (foot.at.y - end.y).max(0.0);
-        let lift =
-            (step_lift(foot.at, end, self.leg) - high).max(LOWEST * self.leg) * (secs / hurried).min(1.0);
-        PlannedStep { from: 0.0, to: secs, start: foot.at, velocity, end, lift }
+        let high = (foot.position.y - end.y).max(0.0);
+        let lift = (step_lift(foot.position, end, self.leg) - high).max(LOWEST * self.leg)
+            * (secs / hurried).min(1.0);
+        PlannedStep { from: 0.0, to: secs, start: foot.position, velocity, end, lift }
     }
 
     /// World position at which a foot lands at a time: as far ahead of the hips as the leg reaches by then.
@@ -155,7 +155,7 @@ impl FootstepPlan<'_> {
         let last = (self.stance)(leg, self.fade_secs);
         let ahead = |share: u32| {
             let there = (self.stance)(leg, secs + AHEAD * step_secs * f64::from(share) / f64::from(SHARES));
-            if (there - last).length() < LAST * self.leg { last } else { there }
+            if (there - last).length() < SNAP_LEGS * self.leg { last } else { there }
         };
         let reached = (0..=SHARES).rev().map(ahead).find(|there| (self.reaches)(leg, *there, secs));
         reached.unwrap_or_else(|| (self.stance)(leg, secs))
@@ -241,7 +241,7 @@ mod tests {
     }
 
     fn standing(x: f64, z: f64) -> FootState {
-        FootState { at: DVec3::new(x, 0.0, z), velocity: DVec3::ZERO, lands_secs: 0.0 }
+        FootState { position: DVec3::new(x, 0.0, z), velocity: DVec3::ZERO, lands_secs: 0.0 }
     }
 
     #[test]
@@ -269,7 +269,7 @@ mod tests {
                     );
                 }
                 // A foot that stands in its place needs no step; in a long fade one of them steps twice.
-                let out_of_place = feet.iter().filter(|foot| foot.at.z.abs() > 0.05).count();
+                let out_of_place = feet.iter().filter(|foot| foot.position.z.abs() > 0.05).count();
                 assert!(all.len() >= if fade > 1.0 { 3 } else { out_of_place }, "{fade}: {all:?}");
             }
         }

@@ -11,7 +11,7 @@ use choreo_motion::Time;
 
 /// Margin before and after a fade in which contacts count, too, and in which the clearance of feet in the air fades in and out: a foot is
 /// almost on the ground before its clip has a contact.
-pub(super) const BESIDE: Time = Time(Time::TICKS_PER_SECOND / 10);
+pub(super) const FADE_MARGIN: Time = Time(Time::TICKS_PER_SECOND / 10);
 
 /// Whether a locked span is a fade between gaits: it does not overlap a fade to or from standing.
 pub(super) fn is_gait_fade(foot_lock: &FootLock, (from, to): (Time, Time)) -> bool {
@@ -35,8 +35,8 @@ impl GaitFade {
                 let places = &samples.feet[leg][first..=last];
                 places.iter().map(|place| place.y).sum::<f64>() / places.len() as f64
             };
-            let before = contacts[leg].iter().rfind(|contact| contact.1 < span.0 - BESIDE).map(height);
-            let after = contacts[leg].iter().find(|contact| contact.0 > span.1 + BESIDE).map(height);
+            let before = contacts[leg].iter().rfind(|contact| contact.1 < span.0 - FADE_MARGIN).map(height);
+            let after = contacts[leg].iter().find(|contact| contact.0 > span.1 + FADE_MARGIN).map(height);
             Some([before.or(after)?, after.or(before)?])
         };
         let fade = |span: &(Time, Time)| {
@@ -55,14 +55,15 @@ impl GaitFade {
 
     /// Upper limit of the world height of a contact; infinite outside gait fades.
     pub fn highest(fades: &[GaitFade], leg: usize, (from, to): (Time, Time)) -> f64 {
-        let fade = fades.iter().find(|fade| from <= fade.span.1 + BESIDE && to >= fade.span.0 - BESIDE);
+        let fade =
+            fades.iter().find(|fade| from <= fade.span.1 + FADE_MARGIN && to >= fade.span.0 - FADE_MARGIN);
         fade.and_then(|fade| fade.height(leg, from.middle(to))).unwrap_or(f64::INFINITY)
     }
 
     /// Shortest time in which a foot goes from one contact to the next in a gait fade: that of a hurried step, or less for a short
     /// distance; zero outside gait fades. Contacts may be closer together if the feet of two gaits land in different orders.
     pub fn least_gap(fades: &[GaitFade], leg: usize, leg_length: f64, ends: [&Contact; 2]) -> Time {
-        let [Some(start), Some(end)] = ends.map(|contact| contact.at) else { return Time::ZERO };
+        let [Some(start), Some(end)] = ends.map(|contact| contact.position) else { return Time::ZERO };
         if GaitFade::ground(fades, leg, ends[0].to.middle(ends[1].from)).is_none() {
             return Time::ZERO;
         }
@@ -72,9 +73,9 @@ impl GaitFade {
 
     /// World height of the ground under a foot in a gait fade, and the share of the clearance that applies, 0..=1.
     pub fn ground(fades: &[GaitFade], leg: usize, time: Time) -> Option<(f64, f64)> {
-        let (from, to) = (time - BESIDE, time + BESIDE);
+        let (from, to) = (time - FADE_MARGIN, time + FADE_MARGIN);
         let fade = fades.iter().find(|fade| from < fade.span.1 && fade.span.0 < to)?;
         let inside = (to - fade.span.0).min(fade.span.1 - from);
-        Some((fade.height(leg, time)?, smooth(inside.as_secs() / BESIDE.as_secs())))
+        Some((fade.height(leg, time)?, smooth(inside.as_secs() / FADE_MARGIN.as_secs())))
     }
 }

@@ -1,7 +1,7 @@
 //! Finds the legs of a skeleton that inverse kinematics can bend.
 
 use crate::stage::constraint::Leg;
-use choreo_motion::contacts::{find_feet, leg_of_handle};
+use choreo_motion::contacts::{find_feet, leg_of_ik_control};
 use choreo_motion::{HumanoidJoints, Skeleton};
 
 /// Finds the legs of a biped or quadruped by its feet ([`find_feet`]): the two bones above each foot. If two joints of one leg are named
@@ -25,7 +25,9 @@ pub fn find_legs(skeleton: &Skeleton) -> Vec<Leg> {
         };
         let own = up(foot).and_then(|knee| Some(Leg { hip: up(knee)?, knee, foot, toe }));
         let own = own.filter(|leg| hangs(leg.foot) && up(leg.hip).is_some());
-        own.or_else(|| leg_of_handle(skeleton, &human, foot).map(|[hip, knee]| Leg { hip, knee, foot, toe }))
+        own.or_else(|| {
+            leg_of_ik_control(skeleton, &human, foot).map(|[hip, knee]| Leg { hip, knee, foot, toe })
+        })
     };
     find_feet(skeleton).iter().filter_map(|foot| leg(&foot.joints)).collect()
 }

@@ -61,7 +61,7 @@ impl LongContacts<'_> {
     /// The steps between the parts of a contact.
     pub fn steps(&self, parts: &[Contact]) -> Vec<Footstep> {
         let step = |pair: &[Contact]| {
-            let [start, end] = [pair[0].at?, pair[1].at?];
+            let [start, end] = [pair[0].position?, pair[1].position?];
             let (to, lift) = ((pair[1].from - pair[0].to).as_secs(), step_lift(start, end, self.leg_length));
             let planned = PlannedStep { from: 0.0, to, start, velocity: DVec3::ZERO, end, lift };
             Some(Footstep::new(planned, pair[0].to, false))

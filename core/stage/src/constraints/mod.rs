@@ -54,7 +54,7 @@ pub(crate) fn evaluate_actors(
     bounds: Option<&PoseBounds>,
     out: &mut Snapshot,
 ) -> Result<(), StageError> {
-    actors::settle_parents(stage, &scratch.actors, time, |time, actors| {
+    actors::find_kept_transforms(stage, &scratch.actors, time, |time, actors| {
         let (mut scratch, mut snapshot) = (ConstrainedScratch::of(actors), Snapshot::default());
         evaluate_actors(stage, &mut scratch, time, foot_locks, None, &mut snapshot)?;
         Ok((scratch.actors, snapshot))

@@ -1,9 +1,9 @@
 //! Solves the constraints of all actors at a time, actor by actor.
 
 use crate::actors;
-use crate::constraints::foot_locks::{FootLockOf, FootLocks};
+use crate::constraints::foot_locks::{FootLockContext, FootLocks};
 use crate::constraints::gaze::Gaze;
-use crate::constraints::steps::{Known, StepKind, Steps};
+use crate::constraints::steps::{StepKind, Steps, TargetTiming};
 use crate::constraints::{foot_lock, look_at, order};
 use crate::pose::expressions::ExpressionWeights;
 use crate::pose::joints::{PosedSkeleton, rotation_of};
@@ -59,7 +59,7 @@ pub(crate) fn run(
     for round in 0..scratch.order.ends.len() {
         let (end, circular) = (scratch.order.ends[round], scratch.order.circular[round]);
         find_targets(stage, time, scratch, begun..end, actors);
-        let solved = |index| Solved { stage, foot_locks, motions: &motions, time, index, circular };
+        let solver = |index| ActorSolver { stage, foot_locks, motions: &motions, time, index, circular };
         // Actors that are not posed are skipped.
         let is_posed = |actors: &[ActorState], index: usize| {
             actors[index].model_from_joint.len() == stage.actors[index].asset.skeleton.len()
@@ -70,11 +70,11 @@ pub(crate) fn run(
                 let index = scratch.order.actors[at];
                 scratch.poses.extend_from_slice(&actors[index].model_from_joint);
                 if is_posed(actors, index) {
-                    solved(index).try_steps(scratch, placing, actors)?;
+                    solver(index).run_trial_steps(scratch, placing, actors)?;
                 }
             }
             placing.place(stage, actors);
-            find_looks_again(stage, scratch, actors);
+            update_look_targets(stage, scratch, actors);
             let mut from = 0;
             for at in begun..end {
                 let pose = &mut actors[scratch.order.actors[at]].model_from_joint;
@@ -88,8 +88,8 @@ pub(crate) fn run(
         for at in begun..end {
             let index = scratch.order.actors[at];
             if is_posed(actors, index) {
-                solved(index).solve(scratch, placing, actors)?;
-                carried |= placing.parents.has_on_joints(index);
+                solver(index).solve(scratch, placing, actors)?;
+                carried |= placing.parents.has_children_on_joints(index);
             }
         }
         if carried {
@@ -102,7 +102,7 @@ pub(crate) fn run(
 
 /// Updates the targets of looks and aims in a circle of actors, after a trial has moved all of them. Reaches keep their targets: two hands
 /// that reach for each other would return to where they were.
-fn find_looks_again(stage: &Stage, scratch: &mut ConstraintScratch, actors: &[ActorState]) {
+fn update_look_targets(stage: &Stage, scratch: &mut ConstraintScratch, actors: &[ActorState]) {
     for aim in &mut scratch.aims {
         aim.world_target = target_position(stage, actors, &aim.target).unwrap_or(aim.world_target);
     }
@@ -148,9 +148,11 @@ pub(crate) fn places(
             let at = match (reach.offset, reach.target) {
                 (None, target) => target_position(stage, actors, &target)?,
                 (Some(offset), Target::Point(p)) => p + offset,
-                (Some(offset), Target::Actor(actor)) => hold(stage, actors, actor, None, offset)?,
+                (Some(offset), Target::Actor(actor)) => {
+                    target_with_offset(stage, actors, actor, None, offset)?
+                }
                 (Some(offset), Target::Joint { actor, joint }) => {
-                    hold(stage, actors, actor, Some(joint), offset)?
+                    target_with_offset(stage, actors, actor, Some(joint), offset)?
                 }
             };
             let pole = reach.pole.and_then(|pole| target_position(stage, actors, &pole));
@@ -159,7 +161,7 @@ pub(crate) fn places(
     }
 }
 
-fn hold(
+fn target_with_offset(
     stage: &Stage,
     actors: &[ActorState],
     actor: usize,
@@ -178,7 +180,7 @@ fn hold(
 const TRIALS: usize = 3;
 
 /// An actor whose constraints are solved.
-struct Solved<'a> {
+struct ActorSolver<'a> {
     stage: &'a Stage,
     foot_locks: &'a FootLocks,
     motions: &'a Arc<Motions>,
@@ -188,9 +190,9 @@ struct Solved<'a> {
     circular: bool,
 }
 
-impl Solved<'_> {
+impl ActorSolver<'_> {
     /// Runs the steps once as a trial, without the eyes and the face.
-    fn try_steps(
+    fn run_trial_steps(
         &self,
         scratch: &mut ConstraintScratch,
         placing: &mut actors::Scratch,
@@ -200,7 +202,7 @@ impl Solved<'_> {
             return Ok(());
         }
         scratch.steps.find(self.stage, &placing.parents, self.time, self.index, &scratch.aims);
-        self.take_steps(true, scratch, placing, actors)
+        self.run_steps(true, scratch, placing, actors)
     }
 
     fn solve(
@@ -209,27 +211,29 @@ impl Solved<'_> {
         placing: &mut actors::Scratch,
         actors: &mut [ActorState],
     ) -> Result<(), StageError> {
-        let Solved { stage, time, index, .. } = *self;
+        let ActorSolver { stage, time, index, .. } = *self;
         if !actors[index].world_from_model.inverse().is_finite() {
             return Ok(());
         }
         scratch.steps.find(stage, &placing.parents, time, index, &scratch.aims);
-        if !self.circular && scratch.steps.ordered.iter().any(|step| step.target == Known::After) {
+        if !self.circular
+            && scratch.steps.ordered.iter().any(|step| step.target == TargetTiming::AfterAllSteps)
+        {
             // The effect of the steps on the targets is found by executing them, without the eyes and the face.
             scratch.pose.clone_from(&actors[index].model_from_joint);
             for _ in 0..TRIALS {
-                self.take_steps(true, scratch, placing, actors)?;
+                self.run_steps(true, scratch, placing, actors)?;
                 placing.place(stage, actors);
                 self.find_late_targets(scratch, actors);
                 actors[index].model_from_joint.clone_from(&scratch.pose);
             }
         }
-        self.take_steps(false, scratch, placing, actors)?;
-        hold_limits(stage, index, scratch, actors);
+        self.run_steps(false, scratch, placing, actors)?;
+        clamp_to_limits(stage, index, scratch, actors);
         Ok(())
     }
 
-    fn take_steps(
+    fn run_steps(
         &self,
         trial: bool,
         scratch: &mut ConstraintScratch,
@@ -238,14 +242,14 @@ impl Solved<'_> {
     ) -> Result<(), StageError> {
         for at in 0..scratch.steps.ordered.len() {
             let step = scratch.steps.ordered[at];
-            let known = if self.circular && !trial { Known::Before } else { step.target };
-            if known == Known::InTurn {
+            let timing = if self.circular && !trial { TargetTiming::Before } else { step.target };
+            if timing == TargetTiming::AfterPreviousSteps {
                 placing.place(self.stage, actors);
             }
             let face = (!trial).then(|| &mut placing.expression_weights[self.index]);
             match step.kind {
-                StepKind::Constraint(number) => self.constrain(number, known, scratch, face, actors)?,
-                StepKind::Look(number) => self.look(number, known, scratch, face, actors),
+                StepKind::Constraint(number) => self.constrain(number, timing, scratch, face, actors)?,
+                StepKind::Look(number) => self.apply_look_at(number, timing, scratch, face, actors),
             }
         }
         Ok(())
@@ -254,19 +258,19 @@ impl Solved<'_> {
     fn constrain(
         &self,
         number: usize,
-        known: Known,
+        timing: TargetTiming,
         scratch: &mut ConstraintScratch,
         face: Option<&mut ExpressionWeights>,
         actors: &mut [ActorState],
     ) -> Result<(), StageError> {
-        let Solved { stage, foot_locks, motions, time, index, .. } = *self;
+        let ActorSolver { stage, foot_locks, motions, time, index, .. } = *self;
         let actor = &stage.actors[index];
         let constraint = &actor.constraints[number];
         let share = constraint.share(time);
         let world_from_model = actors[index].world_from_model;
         let model_from_world = world_from_model.inverse();
         if let ConstraintKind::FootLock(foot_lock) = &constraint.kind {
-            let of = FootLockOf { stage, motions, actor: index, constraint: number, foot_lock };
+            let of = FootLockContext { stage, motions, actor: index, constraint: number, foot_lock };
             let Some(track) = foot_locks.track(of, time)? else { return Ok(()) };
             let mut posed = PosedSkeleton {
                 skeleton: &actor.asset.skeleton,
@@ -277,7 +281,7 @@ impl Solved<'_> {
             foot_lock::apply(&track, foot_lock, time, share, spaces[0], spaces[1], &mut posed);
             return Ok(());
         }
-        let found = target_and_pole(stage, scratch, (index, number), constraint, known, actors);
+        let found = target_and_pole(stage, scratch, (index, number), constraint, timing, actors);
         let Some((target, pole)) = found else { return Ok(()) };
         let target = model_from_world.transform_point3(target);
         let pole = pole.map(|p| model_from_world.transform_point3(p));
@@ -285,22 +289,22 @@ impl Solved<'_> {
         solve_constraint(actor, &constraint.kind, share, (target, pole), &stage.solvers, scratch, state);
         if let (ConstraintKind::Aim(aim), Some(face)) = (&constraint.kind, face) {
             let gaze = Gaze { actor, joint: last(&aim.joints) as u32, target, share, time };
-            follow(&gaze, index, scratch, state, face);
+            turn_eyes(&gaze, index, scratch, state, face);
         }
         Ok(())
     }
 
-    fn look(
+    fn apply_look_at(
         &self,
         number: usize,
-        known: Known,
+        timing: TargetTiming,
         scratch: &mut ConstraintScratch,
         face: Option<&mut ExpressionWeights>,
         actors: &mut [ActorState],
     ) {
-        let Solved { stage, time, index, .. } = *self;
+        let ActorSolver { stage, time, index, .. } = *self;
         let mut aim = scratch.aims[number];
-        if known == Known::InTurn {
+        if timing == TargetTiming::AfterPreviousSteps {
             aim.world_target = target_position(stage, actors, &aim.target).unwrap_or(aim.world_target);
         }
         let state = &mut actors[index];
@@ -309,14 +313,14 @@ impl Solved<'_> {
             let target = state.world_from_model.inverse().transform_point3(aim.world_target);
             let actor = &stage.actors[index];
             let gaze = Gaze { actor, joint: aim.joint, target, share: aim.share, time };
-            follow(&gaze, index, scratch, state, face);
+            turn_eyes(&gaze, index, scratch, state, face);
         }
     }
 
     /// Updates the targets whose positions are known only after all steps.
     fn find_late_targets(&self, scratch: &mut ConstraintScratch, actors: &[ActorState]) {
         let ConstraintScratch { steps, targets, aims, .. } = scratch;
-        let late = steps.ordered.iter().filter(|step| step.target == Known::After);
+        let late = steps.ordered.iter().filter(|step| step.target == TargetTiming::AfterAllSteps);
         for step in late {
             match step.kind {
                 StepKind::Constraint(number) => {
@@ -344,12 +348,14 @@ fn target_and_pole(
     scratch: &ConstraintScratch,
     of: (usize, usize),
     constraint: &Constraint,
-    known: Known,
+    timing: TargetTiming,
     actors: &[ActorState],
 ) -> Option<(DVec3, Option<DVec3>)> {
     // A target on the actor itself moves with the steps that have run so far.
     let own = |t| matches!(t, Target::Joint { actor, .. } if actor == of.0);
-    if known == Known::InTurn || (known == Known::Before && constraint.targets().all(own)) {
+    if timing == TargetTiming::AfterPreviousSteps
+        || (timing == TargetTiming::Before && constraint.targets().all(own))
+    {
         return places(stage, actors, constraint);
     }
     let found = scratch.targets.iter().find(|(actor, number, ..)| (*actor, *number) == of);
@@ -395,7 +401,7 @@ fn solve_constraint(
 }
 
 /// Turns the eyes of an actor after its head has turned, except eyes with a look-at of their own.
-fn follow(
+fn turn_eyes(
     gaze: &Gaze,
     index: usize,
     scratch: &mut ConstraintScratch,
@@ -403,7 +409,7 @@ fn follow(
     expression_weights: &mut ExpressionWeights,
 ) {
     let aimed = |eye| scratch.aims.iter().any(|a| (a.actor, a.joint) == (index, eye));
-    gaze.follow(aimed, state, &mut scratch.below, expression_weights);
+    gaze.turn_eyes(aimed, state, &mut scratch.below, expression_weights);
 }
 
 fn last(joints: &[u32]) -> usize {
@@ -518,7 +524,7 @@ fn solve_chain(
 }
 
 /// Turns joints back that clips or constraints have turned beyond their limits.
-fn hold_limits(stage: &Stage, index: usize, scratch: &mut ConstraintScratch, actors: &mut [ActorState]) {
+fn clamp_to_limits(stage: &Stage, index: usize, scratch: &mut ConstraintScratch, actors: &mut [ActorState]) {
     let actor = &stage.actors[index];
     let rest = actor.asset.rest_model_from_joint();
     let skeleton = &actor.asset.skeleton;

@@ -13,16 +13,16 @@ use glam::DVec3;
 /// Upper limit of the time until a foot in the air lands, seconds.
 const LONGEST_SWING: f64 = 0.6;
 /// A foot that lands within this time, in seconds, counts as standing.
-const LANDS: f64 = 1.0 / 120.0;
+const LANDED_SECS: f64 = 1.0 / 120.0;
 /// Extra reach of a leg with its heel raised, as a share of the sole's length.
-const RAISED: f64 = 0.2;
+const HEEL_REACH: f64 = 0.2;
 /// A standing foot within this distance of where the walk begins, in leg lengths, stands there from the beginning.
-const BEGINS: f64 = 0.08;
+const START_SNAP_LEGS: f64 = 0.08;
 /// Time interval over which a velocity is measured.
 const INSTANT: Time = Time(Time::TICKS_PER_SECOND / 480);
 
 /// Function that computes the contact of a leg's foot over a span.
-pub(super) type Stand<'a> = dyn FnMut(usize, &ContactSpan) -> Contact + 'a;
+pub(super) type GroundContactFn<'a> = dyn FnMut(usize, &ContactSpan) -> Contact + 'a;
 
 /// A foot on the walking and on the standing side of a fade.
 struct FootSides {
@@ -61,7 +61,7 @@ impl FadeSteps<'_> {
     pub fn run(
         &self,
         feet: &mut FeetInMotion,
-        stand: &mut Stand,
+        contact_on_ground: &mut GroundContactFn,
         places: Option<&mut [DVec3]>,
         contacts: &mut [Vec<Contact>],
         steps: &mut [Vec<Footstep>],
@@ -74,7 +74,7 @@ impl FadeSteps<'_> {
             let just = if backwards { walking_at } else { walking_at - Time(1) };
             let lands_secs = self.clips.lands_secs(leg, just, backwards, LONGEST_SWING);
             let place = places.as_ref().and_then(|places| places.get(leg)).copied();
-            sides.push(self.sides(feet, (leg, place), lands_secs, contacts, stand)?);
+            sides.push(self.sides(feet, (leg, place), lands_secs, contacts, contact_on_ground)?);
         }
         let Some(planned) = self.plan(&sides) else { return Ok(()) };
         for (leg, (side, planned)) in sides.iter().zip(planned).enumerate() {
@@ -85,7 +85,7 @@ impl FadeSteps<'_> {
             steps[leg].extend(planned);
         }
         for (place, side) in places.into_iter().flatten().zip(&sides) {
-            *place = side.standing.at.unwrap_or(*place);
+            *place = side.standing.position.unwrap_or(*place);
         }
         Ok(())
     }
@@ -111,7 +111,7 @@ impl FadeSteps<'_> {
         let last = if share > 0.0 && !backwards { low + 1 } else { low };
         let model_from_stand = samples.transforms[last].inverse();
         let stance = |leg: usize, secs: f64| {
-            let place = sides[leg].standing.at.unwrap_or_default();
+            let place = sides[leg].standing.position.unwrap_or_default();
             if secs >= fade_secs {
                 return place;
             }
@@ -124,7 +124,7 @@ impl FadeSteps<'_> {
             let (index, _) = samples.index_at(time_at(secs));
             let limb = samples.limbs[leg][index];
             let ankle = limb.ankle + (place - samples.feet[leg][index]);
-            (ankle - limb.hip).length() < limb.reach + RAISED * limb.sole
+            (ankle - limb.hip).length() < limb.reach + HEEL_REACH * limb.sole
         };
         let states: Vec<FootState> = sides.iter().map(|side| side.state).collect();
         let leg = self.leg_length;
@@ -152,7 +152,7 @@ impl FadeSteps<'_> {
         (leg, kept): (usize, Option<DVec3>),
         lands_secs: f64,
         contacts: &[Contact],
-        stand: &mut Stand,
+        contact_on_ground: &mut GroundContactFn,
     ) -> Result<FootSides, StageError> {
         let [walking_at, standing_at] = self.times();
         let mut place = |time: Time| feet.place(leg, time);
@@ -163,13 +163,13 @@ impl FadeSteps<'_> {
             let (from, to) = over(at).map_or((at, at), |c| (c.from, c.to));
             let span = if before { (from.min(at), at) } else { (at, to.max(at)) };
             let ends = [place(span.0)?, place(span.1)?];
-            let contact = stand(leg, &ContactSpan { span, ends, highest: f64::INFINITY });
+            let contact = contact_on_ground(leg, &ContactSpan { span, ends, highest: f64::INFINITY });
             // A step of another fade may lead to this contact.
-            let by_step = over(at).filter(|c| c.by_step).and_then(|c| c.at);
-            let at = by_step.or(contact.at).unwrap_or(ends[0]);
+            let by_step = over(at).filter(|c| c.by_step).and_then(|c| c.position);
+            let at = by_step.or(contact.position).unwrap_or(ends[0]);
             let (first, last) = (at - ends[0], at - ends[1]);
             Ok::<Contact, StageError>(Contact {
-                at: Some(at),
+                position: Some(at),
                 first,
                 last,
                 by_step: by_step.is_some(),
@@ -181,15 +181,19 @@ impl FadeSteps<'_> {
         if let Some(at) = kept {
             standing.move_to(at);
         }
-        if lands_secs <= if backwards { 0.0 } else { LANDS } {
+        if lands_secs <= if backwards { 0.0 } else { LANDED_SECS } {
             let walking = cut(walking_at, !backwards)?;
-            let near = |a: DVec3, b: DVec3| (a - b).with_y(0.0).length() < BEGINS * self.leg_length;
-            let begins = walking.at.filter(|at| self.free && standing.at.is_some_and(|s| near(s, *at)));
+            let near = |a: DVec3, b: DVec3| (a - b).with_y(0.0).length() < START_SNAP_LEGS * self.leg_length;
+            let begins =
+                walking.position.filter(|at| self.free && standing.position.is_some_and(|s| near(s, *at)));
             if let Some(at) = begins {
                 standing.move_to(at);
             }
-            let state =
-                FootState { at: walking.at.unwrap_or_default(), velocity: DVec3::ZERO, lands_secs: 0.0 };
+            let state = FootState {
+                position: walking.position.unwrap_or_default(),
+                velocity: DVec3::ZERO,
+                lands_secs: 0.0,
+            };
             return Ok(FootSides { walking, state, standing });
         }
         let near = if backwards {
@@ -205,14 +209,14 @@ impl FadeSteps<'_> {
         let mut velocity = (here - place(beside)?) / INSTANT.as_secs();
         // A foot that is almost on the ground steps from its contact.
         if let Some((contact, offset)) = near
-            && let Some(at) = contact.at.filter(|_| self.holds_until(leg, contact, offset, walking_at))
+            && let Some(at) = contact.position.filter(|_| self.holds_until(leg, contact, offset, walking_at))
         {
             carried = (at - here).with_y(offset.y);
             velocity = DVec3::ZERO;
         }
         // A step that leads to a foot in the air ends with ground clearance, however low the clip has the foot; otherwise the foot would
         // scuff.
-        let above = standing.at.unwrap_or(here).y + clearance(self.leg_length) - (here + carried).y;
+        let above = standing.position.unwrap_or(here).y + clearance(self.leg_length) - (here + carried).y;
         if backwards && above > 0.0 && velocity != DVec3::ZERO {
             carried.y += above;
         }
@@ -220,14 +224,14 @@ impl FadeSteps<'_> {
         let walking = Contact {
             from: walking_at,
             to: walking_at,
-            at: Some(at),
+            position: Some(at),
             first: carried,
             last: carried,
             rolls: (walking_at, walking_at),
             lowered: 0.0,
             by_step: true,
         };
-        Ok(FootSides { walking, state: FootState { at, velocity, lands_secs }, standing })
+        Ok(FootSides { walking, state: FootState { position: at, velocity, lands_secs }, standing })
     }
 
     /// Whether a foot is almost on the ground in all samples from a contact to a time before or after it.
@@ -243,20 +247,29 @@ impl FadeSteps<'_> {
         let FootSides { walking, standing, .. } = *side;
         let (first, last) = if self.backwards() { (standing, walking) } else { (walking, standing) };
         let mut stands = Vec::new();
-        let (mut from, mut at) = (first.from, first.at.unwrap_or_default());
+        let (mut from, mut at) = (first.from, first.position.unwrap_or_default());
         for step in steps {
             stands.push((from, step.from.max(from), at));
             (from, at) = (step.to, step.ends()[1]);
         }
         stands.push((from, last.to.max(from), at));
         let in_clip = |time: Time| {
-            let known = [(first.from, first.at, first.first), (last.to, last.at, last.last)];
+            let known = [(first.from, first.position, first.first), (last.to, last.position, last.last)];
             let known = known.iter().find(|(of, ..)| *of == time);
             known.map_or_else(|| self.samples.place(leg, time), |(_, at, off)| at.unwrap_or_default() - *off)
         };
         let stand = |(from, to, at)| {
             let (first, last) = (at - in_clip(from), at - in_clip(to));
-            Contact { from, to, at: Some(at), first, last, rolls: (from, to), lowered: 0.0, by_step: true }
+            Contact {
+                from,
+                to,
+                position: Some(at),
+                first,
+                last,
+                rolls: (from, to),
+                lowered: 0.0,
+                by_step: true,
+            }
         };
         contacts.retain(|c| c.to < first.from || c.from > last.to);
         let place = contacts.partition_point(|c| c.from < first.from);

@@ -3,7 +3,7 @@
 //! A standing clip made for another character shifts the feet by centimetres as the weight shifts, above all if the legs have other
 //! proportions. The position of a foot is the mean over one loop of the clip, so that all fades get the same position.
 
-use crate::constraints::foot_lock::{Contact, FADE};
+use crate::constraints::foot_lock::{Contact, FADE_SECS};
 use crate::constraints::foot_samples::{FeetInMotion, FootSamples};
 use crate::constraints::footsteps::Footstep;
 use crate::stage::actor::Actor;
@@ -14,11 +14,11 @@ use glam::DVec3;
 use std::sync::OnceLock;
 
 /// Number of samples in the first loop of the clip, and in the rest of the stand.
-const LOOKS: u32 = 24;
-const LATER_LOOKS: u32 = 8;
+const LOOP_SAMPLES: u32 = 24;
+const LATER_SAMPLES: u32 = 8;
 /// Seconds between samples of a clip on an upper layer, and the largest number of these samples.
 const LAYER_SECS: f64 = 0.1;
-const LAYER_LOOKS: f64 = 64.0;
+const LAYER_SAMPLES: f64 = 64.0;
 /// Longest part of a loop that is sampled.
 const LONGEST_ROUND: Time = Time(20 * Time::TICKS_PER_SECOND);
 /// Largest horizontal and vertical distance of a foot from its mean position, in leg lengths. A foot that is farther away travels, and the
@@ -81,19 +81,21 @@ impl Stand {
     fn find(&self, feet: &mut FeetInMotion, leg: f64) -> Result<Option<Vec<DVec3>>, StageError> {
         let round = self.to.min(self.from + self.round) - self.from;
         let end = self.to.min((self.from + round).max(feet.stage.settings.length));
-        let within = (0..LOOKS).map(|i| self.from + round.scaled(f64::from(i) / f64::from(LOOKS)));
-        let later = (1..=LATER_LOOKS).map(|i| {
-            self.from + round + (end - self.from - round).scaled(f64::from(i) / f64::from(LATER_LOOKS))
+        let within =
+            (0..LOOP_SAMPLES).map(|i| self.from + round.scaled(f64::from(i) / f64::from(LOOP_SAMPLES)));
+        let later = (1..=LATER_SAMPLES).map(|i| {
+            self.from + round + (end - self.from - round).scaled(f64::from(i) / f64::from(LATER_SAMPLES))
         });
-        let also = self.times_of_others(feet.stage, feet.actor);
-        let mut looks = Vec::new();
+        let also = self.extra_sample_times(feet.stage, feet.actor);
+        let mut places_by_time = Vec::new();
         for time in within.chain(later).chain(also) {
             let samples = feet.sample(time, time)?;
-            looks.push(samples.feet.iter().map(|places| places[0]).collect::<Vec<_>>());
+            places_by_time.push(samples.feet.iter().map(|places| places[0]).collect::<Vec<_>>());
         }
         let count = feet.foot_lock.legs.len();
         let mean = |foot: usize| {
-            looks[..LOOKS as usize].iter().map(|places| places[foot]).sum::<DVec3>() / f64::from(LOOKS)
+            places_by_time[..LOOP_SAMPLES as usize].iter().map(|places| places[foot]).sum::<DVec3>()
+                / f64::from(LOOP_SAMPLES)
         };
         let means: Vec<DVec3> = (0..count).map(mean).collect();
         let near = |places: &Vec<DVec3>| {
@@ -102,11 +104,11 @@ impl Stand {
                 off.with_y(0.0).length() <= FARTHEST * leg && off.y.abs() <= HIGHEST * leg
             })
         };
-        Ok(looks.iter().all(near).then_some(means))
+        Ok(places_by_time.iter().all(near).then_some(means))
     }
 
     /// Times at which upper layers may lift a foot, or keyframes may move the actor.
-    fn times_of_others(&self, stage: &Stage, actor: usize) -> Vec<Time> {
+    fn extra_sample_times(&self, stage: &Stage, actor: usize) -> Vec<Time> {
         let actor = &stage.actors[actor];
         let mut all = Vec::new();
         for cue in actor.layers.iter().skip(1).flat_map(|layer| &layer.cues) {
@@ -114,11 +116,11 @@ impl Stand {
             let from = self.from.max(cue.start);
             let natural = if cue.repeat == Repeat::Once { cue.start + long } else { stage.settings.length };
             let over = self.to.min(cue.end.unwrap_or(natural)) - from;
-            let count = (over.as_secs() / LAYER_SECS).clamp(0.0, LAYER_LOOKS) as i32;
+            let count = (over.as_secs() / LAYER_SECS).clamp(0.0, LAYER_SAMPLES) as i32;
             all.extend((1..=count).map(|i| from + over.scaled(f64::from(i) / f64::from(count + 1))));
         }
         let keys = actor.channels.iter().flat_map(|channel| &channel.times).copied();
-        all.extend(keys.filter(|time| self.from < *time && *time < self.to).take(LAYER_LOOKS as usize));
+        all.extend(keys.filter(|time| self.from < *time && *time < self.to).take(LAYER_SAMPLES as usize));
         all
     }
 
@@ -129,7 +131,7 @@ impl Stand {
         Contact {
             from,
             to,
-            at: Some(at),
+            position: Some(at),
             first: zero,
             last: zero,
             rolls: (from, to),
@@ -143,7 +145,7 @@ impl Stand {
 pub(super) struct HeldFoot<'a> {
     pub leg: usize,
     /// World position of the foot in the stand.
-    pub at: DVec3,
+    pub position: DVec3,
     pub samples: &'a FootSamples,
     pub span: (Time, Time),
     pub steps: &'a [Footstep],
@@ -151,7 +153,7 @@ pub(super) struct HeldFoot<'a> {
 
 impl HeldFoot<'_> {
     /// Keeps the foot in place from its last step before the stand, or the start of the span, to its first step after the stand, or the end
-    /// of the span. A foot that stood elsewhere and took no step moves to its position within [`FADE`]; it is off by millimetres.
+    /// of the span. A foot that stood elsewhere and took no step moves to its position within [`FADE_SECS`]; it is off by millimetres.
     pub fn hold(&self, stand: &Stand, contacts: &mut Vec<Contact>) {
         let (mut from, mut to) = (stand.from.max(self.span.0), stand.to.min(self.span.1));
         for step in self.steps {
@@ -165,34 +167,39 @@ impl HeldFoot<'_> {
         let Some(first) = contacts.iter().position(overlaps).filter(|_| from < to) else { return };
         let count = contacts[first..].iter().take_while(|c| overlaps(c)).count();
         let (before, after) = (contacts[first], contacts[first + count - 1]);
-        let is_there = |c: &Contact| c.at.is_some_and(|at| (at - self.at).length() < 1e-6);
+        let is_there = |c: &Contact| c.position.is_some_and(|at| (at - self.position).length() < 1e-6);
         let off = |at: Option<DVec3>, time: Time| at.unwrap_or_default() - self.samples.place(self.leg, time);
         let mut kept = Vec::new();
         if stand.from < self.span.0 {
             from = self.span.0;
         } else if before.from >= from || is_there(&before) {
             from = before.from;
-        } else if before.at.is_some() {
-            let to = before.from.max(from - Time::from_secs(FADE));
-            kept.push(Contact { to, last: off(before.at, to), rolls: (before.rolls.0, to), ..before });
+        } else if before.position.is_some() {
+            let to = before.from.max(from - Time::from_secs(FADE_SECS));
+            kept.push(Contact { to, last: off(before.position, to), rolls: (before.rolls.0, to), ..before });
         }
         let mut late = None;
         if stand.to > self.span.1 {
             to = self.span.1;
         } else if after.to <= to || is_there(&after) {
             to = after.to;
-        } else if after.at.is_some() {
-            let from = after.to.min(to + Time::from_secs(FADE));
-            late = Some(Contact { from, first: off(after.at, from), rolls: (from, after.rolls.1), ..after });
+        } else if after.position.is_some() {
+            let from = after.to.min(to + Time::from_secs(FADE_SECS));
+            late = Some(Contact {
+                from,
+                first: off(after.position, from),
+                rolls: (from, after.rolls.1),
+                ..after
+            });
         }
-        let [first_off, last_off] = [from, to].map(|time| off(Some(self.at), time));
+        let [first_off, last_off] = [from, to].map(|time| off(Some(self.position), time));
         kept.push(Contact {
             from,
             to,
             first: first_off,
             last: last_off,
             rolls: (from, to),
-            ..stand.contact(self.at)
+            ..stand.contact(self.position)
         });
         kept.extend(late);
         contacts.splice(first..first + count, kept);

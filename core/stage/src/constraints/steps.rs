@@ -19,19 +19,19 @@ pub(super) enum StepKind {
 
 /// The moment at which the position of a step's target is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Known {
+pub(super) enum TargetTiming {
     /// Known before the actor moves.
     Before,
     /// Known when the steps before this one have moved the actor.
-    InTurn,
+    AfterPreviousSteps,
     /// Known only after all steps: the target is attached to joints of a later step, which depends on joints of this one.
-    After,
+    AfterAllSteps,
 }
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Step {
     pub kind: StepKind,
-    pub target: Known,
+    pub target: TargetTiming,
 }
 
 /// The ordered steps of one actor, and buffers of [`Steps::find`].
@@ -103,7 +103,7 @@ impl Steps {
         let Steps { ordered, usual, waiting, needs, .. } = self;
         ordered.clear();
         if needs.is_empty() {
-            ordered.extend(usual.iter().map(|kind| Step { kind: *kind, target: Known::Before }));
+            ordered.extend(usual.iter().map(|kind| Step { kind: *kind, target: TargetTiming::Before }));
             return;
         }
         let needed_by = |step: usize| needs.iter().filter(move |(a, _)| *a == step).map(|(_, b)| *b);
@@ -122,11 +122,11 @@ impl Steps {
             // The first step of the usual order begins a circle.
             let step = waiting.remove(free.unwrap_or(0));
             let target = if needed_by(step).any(|other| waiting.contains(&other)) {
-                Known::After
+                TargetTiming::AfterAllSteps
             } else if needed_by(step).next().is_some() {
-                Known::InTurn
+                TargetTiming::AfterPreviousSteps
             } else {
-                Known::Before
+                TargetTiming::Before
             };
             ordered.push(Step { kind: usual[step], target });
         }

@@ -8,7 +8,7 @@ use crate::stage::Stage;
 use crate::stage::actor::{Actor, Attachment};
 use crate::stage::channel::Property;
 use crate::stage::channel::{keyed, vec3};
-use crate::stage::edits::{FrameEdits, LightEdit, edits_of};
+use crate::stage::edits::{FrameEdits, LightEdit, edits_for_index};
 use crate::stage::light::{Shadow, StageLight};
 use crate::stage::parenting::ParentScale;
 use crate::transforms::parents::world_from_parent;
@@ -130,7 +130,7 @@ pub(crate) fn stage_light(
     if key(Property::Visible).is_some_and(|v| v[0] < 0.5) {
         return None;
     }
-    for edit in edits_of(&edits.lights, index) {
+    for edit in edits_for_index(&edits.lights, index) {
         match *edit {
             LightEdit::Intensity(intensity) => shining.intensity = intensity,
             LightEdit::Color(color) => shining.color = color,

@@ -2,27 +2,27 @@
 
 use choreo_asset::{Expression, expression};
 
-/// Expression weights of one actor: requested by clips, scripts and looks, and settled into shown weights.
+/// Expression weights of one actor: requested by clips, scripts and looks, and resolved into shown weights.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ExpressionWeights {
     pub requested: Vec<f32>,
-    pub settled: Vec<f32>,
+    pub resolved: Vec<f32>,
     before: Vec<f32>,
     /// A buffer that marks the joints below a turned eye.
     pub below: Vec<bool>,
 }
 
 impl ExpressionWeights {
-    /// Settles the requested weights once more and adds the change to the morph weights. Returns whether anything changed.
-    pub(crate) fn settle_again(
+    /// Resolves the requested weights once more and adds the change to the morph weights. Returns whether anything changed.
+    pub(crate) fn resolve_again(
         &mut self,
         expressions: &[Expression],
         morph_weights: &mut [Vec<f32>],
     ) -> bool {
-        self.before.clone_from(&self.settled);
-        self.settled.clone_from(&self.requested);
-        expression::settle(expressions, &mut self.settled);
-        for (now, before) in self.settled.iter().zip(&mut self.before) {
+        self.before.clone_from(&self.resolved);
+        self.resolved.clone_from(&self.requested);
+        expression::resolve_weights(expressions, &mut self.resolved);
+        for (now, before) in self.resolved.iter().zip(&mut self.before) {
             *before = now - *before;
         }
         expression::add(expressions, &self.before, morph_weights);

@@ -13,7 +13,7 @@ use glam::{Affine3A, DQuat};
 
 /// Turns the eyes of a posed actor as the gaze expressions request (see [`GAZE`](choreo_asset::eyes::GAZE)). `expression_weights` are those
 /// of this actor.
-pub(crate) fn as_asked(
+pub(crate) fn apply_requested_gaze(
     actor: &Actor,
     time: Time,
     state: &mut ActorState,
@@ -22,9 +22,9 @@ pub(crate) fn as_asked(
     let asset = &*actor.asset;
     let Some(eyes) = &asset.eyes else { return };
     // Eyes that are moved by expressions use the requested weights: other expressions suppress their gaze only when the weights are
-    // settled.
+    // resolved.
     let weights = if eyes.moved_by == EyesMovedBy::Bones {
-        &expression_weights.settled
+        &expression_weights.resolved
     } else {
         &expression_weights.requested
     };
@@ -92,10 +92,15 @@ impl Turn<'_> {
                     *requested += (weight(eyes, &expression.name, yaw, pitch) * share) as f32;
                 }
                 let painted = |e: &Expression| !e.colors.is_empty() || !e.uvs.is_empty();
-                if expression_weights.settle_again(&asset.expressions, &mut state.morph_weights)
+                if expression_weights.resolve_again(&asset.expressions, &mut state.morph_weights)
                     && asset.expressions.iter().any(painted)
                 {
-                    material_changes::at(actor, &expression_weights.settled, self.time, &mut state.materials);
+                    material_changes::at(
+                        actor,
+                        &expression_weights.resolved,
+                        self.time,
+                        &mut state.materials,
+                    );
                 }
             }
         }

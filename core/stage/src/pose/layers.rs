@@ -21,13 +21,13 @@ pub(crate) struct GroupScratch {
     sums: Vec<f32>,
 }
 
-/// Whether layers of one rank need [`lay_over`]: there are several, or one of them is additive.
+/// Whether layers of one rank need [`apply_layers`]: there are several, or one of them is additive.
 pub(crate) fn is_group(layers: &[Layer]) -> bool {
     layers.len() > 1 || layers.iter().any(|layer| layer.mode != LayerMode::Override)
 }
 
 /// Applies the layers of one rank to a pose, its morph weights and expressions.
-pub(crate) fn lay_over(
+pub(crate) fn apply_layers(
     layers: &[Layer],
     asset: &Asset,
     time: Time,
@@ -54,16 +54,16 @@ pub(crate) fn lay_over(
             add_to_morphs(layers, instance, scratch, weights);
         }
     }
-    lay_over_expressions(layers, asset, scratch, expressions);
+    blend_layer_expressions(layers, asset, scratch, expressions);
 }
 
 /// Blends expression weights like morph weights: overriding ones are averaged, additive ones summed. The mask's weight at the head applies.
-fn lay_over_expressions(layers: &[Layer], asset: &Asset, scratch: &GroupScratch, expressions: &mut [f32]) {
+fn blend_layer_expressions(layers: &[Layer], asset: &Asset, scratch: &GroupScratch, expressions: &mut [f32]) {
     for (expression, weight) in asset.expressions.iter().zip(expressions) {
         let (mut total, mut sum, mut added_up) = (0.0, 0.0, 0.0);
         for (layer, active) in &scratch.active {
             let layer = &layers[*layer];
-            let share = active.weight * crate::pose::masked_at_head(asset, layer);
+            let share = active.weight * crate::pose::mask_weight_at_head(asset, layer);
             let cue = &layer.cues[active.cue];
             let driven = cue.clip.sample_expression(&expression.name, active.clip_time);
             match added(layer.mode) {
@@ -146,7 +146,7 @@ fn add_to_pose(layers: &[Layer], asset: &Asset, scratch: &mut GroupScratch, pose
     }
 }
 
-fn masked(layer: &Layer, instance: &MeshInstance) -> f32 {
+fn mask_weight(layer: &Layer, instance: &MeshInstance) -> f32 {
     let mask = layer.mask.as_ref();
     mask.map_or(1.0, |mask| mask.get(instance.joint as usize).copied().unwrap_or(0.0))
 }
@@ -163,7 +163,7 @@ fn override_morphs(
     let mut total = 0.0;
     for (layer, active) in active.iter().filter(|(layer, _)| layers[*layer].mode == LayerMode::Override) {
         let layer = &layers[*layer];
-        let share = active.weight * masked(layer, instance);
+        let share = active.weight * mask_weight(layer, instance);
         morph.clear();
         morph.extend_from_slice(weights);
         layer.cues[active.cue].clip.sample_weights(instance.joint, active.clip_time, morph);
@@ -186,7 +186,7 @@ fn add_to_morphs(layers: &[Layer], instance: &MeshInstance, scratch: &mut GroupS
         let layer = &layers[*layer];
         let Some((sign, from)) = added(layer.mode) else { continue };
         let cue = &layer.cues[active.cue];
-        let share = sign * active.weight * masked(layer, instance);
+        let share = sign * active.weight * mask_weight(layer, instance);
         morph_reference.clear();
         morph_reference.extend(crate::pose::rest_weights(instance, weights.len()));
         if let Some(time) = reference_time(from, cue) {

@@ -36,7 +36,7 @@ pub(crate) struct PoseScratch {
     active_cues: Vec<ActiveCue>,
     weights: Vec<f32>,
     expressions: Vec<f32>,
-    /// Expression weights before they are settled.
+    /// Expression weights before they are resolved.
     requested: Vec<f32>,
     group: GroupScratch,
     mirror: MirrorScratch,
@@ -55,7 +55,7 @@ impl PoseScratch {
         &self.expressions
     }
 
-    /// Requested expression weights of the actor that was posed last, before they are settled.
+    /// Requested expression weights of the actor that was posed last, before they are resolved.
     pub fn requested(&self) -> &[f32] {
         &self.requested
     }
@@ -94,7 +94,7 @@ pub(crate) fn pose_actor<'e>(
             if layers::is_group(equal) {
                 let (group, pose, expressions) =
                     (&mut scratch.group, &mut scratch.pose, &mut scratch.expressions);
-                layers::lay_over(equal, asset, time, group, pose, morph_weights, expressions);
+                layers::apply_layers(equal, asset, time, group, pose, morph_weights, expressions);
                 continue;
             }
         }
@@ -188,7 +188,7 @@ fn apply_edits<'e>(
     if !asset.expressions.is_empty() {
         set_expressions(actor, time, edits.clone(), &mut scratch.expressions);
         scratch.requested.clone_from(&scratch.expressions);
-        expression::settle(&asset.expressions, &mut scratch.expressions);
+        expression::resolve_weights(&asset.expressions, &mut scratch.expressions);
         expression::add(&asset.expressions, &scratch.expressions, morph_weights);
     }
     for edit in edits {
@@ -351,7 +351,7 @@ impl BlendedClip<'_> {
         if weights.is_empty() || (self.clip.expressions().is_empty() && !base) {
             return;
         }
-        let share = self.weight * masked_at_head(asset, layer);
+        let share = self.weight * mask_weight_at_head(asset, layer);
         for (index, (expression, weight)) in asset.expressions.iter().zip(weights).enumerate() {
             let driven = self.clip.sample_expression(&expression.name, self.time);
             let mut over = [driven.unwrap_or(if base { 0.0 } else { *weight })];
@@ -367,7 +367,7 @@ impl BlendedClip<'_> {
 }
 
 /// Weight of a layer's mask at the head.
-pub(crate) fn masked_at_head(asset: &Asset, layer: &Layer) -> f32 {
+pub(crate) fn mask_weight_at_head(asset: &Asset, layer: &Layer) -> f32 {
     let head = || {
         let humanoid = asset.skeleton.humanoid();
         humanoid.and_then(|h| h.joint(HumanBone::Head)).or(asset.skeleton.find("Head").map(|j| j as u32))

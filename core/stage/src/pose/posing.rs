@@ -108,12 +108,12 @@ impl Posing<'_> {
             if actor.asset.eyes.is_some() {
                 expression_weights.requested.clear();
                 expression_weights.requested.extend_from_slice(scratch.requested());
-                expression_weights.settled.clear();
-                expression_weights.settled.extend_from_slice(scratch.expressions());
+                expression_weights.resolved.clear();
+                expression_weights.resolved.extend_from_slice(scratch.expressions());
             }
             crate::properties::base_colors(actor, self.time, &mut state.base_colors);
             crate::properties::materials::at(actor, scratch.expressions(), self.time, &mut state.materials);
-            gaze::as_asked(actor, self.time, state, expression_weights);
+            gaze::apply_requested_gaze(actor, self.time, state, expression_weights);
         }
     }
 }

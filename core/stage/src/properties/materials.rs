@@ -10,7 +10,7 @@ use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Fills `out` with the materials of an actor that are animated, at a time. `weights`: settled weights of the asset's expressions.
+/// Fills `out` with the materials of an actor that are animated, at a time. `weights`: resolved weights of the asset's expressions.
 pub(crate) fn at(actor: &Actor, weights: &[f32], time: Time, out: &mut Vec<ChangedMaterial>) {
     out.clear();
     let asset = &*actor.asset;
@@ -30,22 +30,22 @@ pub(crate) fn at(actor: &Actor, weights: &[f32], time: Time, out: &mut Vec<Chang
         let mut now = material.clone();
         let range = (index, MaterialProperty::Emissive)..=(index, MaterialProperty::UvScale(u8::MAX));
         let properties: Vec<MaterialProperty> = driven.range(range).map(|(_, p)| *p).collect();
-        by_clips(actor, index, &properties, time, &mut now);
+        apply_clips(actor, index, &properties, time, &mut now);
         for (expression, weight) in shown() {
-            by_expression(expression, *weight, index, material, &mut now);
+            apply_expression(expression, *weight, index, material, &mut now);
         }
         if let Some(motion) = material.active_uv_motion() {
-            by_itself(motion, time, &mut now);
+            apply_uv_motion(motion, time, &mut now);
         }
-        if let Some(strip) = material.strip {
-            let cell = strip.cell(time);
+        if let Some(flipbook) = material.flipbook {
+            let cell = flipbook.cell(time);
             textures(&mut now, |texture| texture.uv_transform = cell * texture.uv_transform);
         }
         out.push(ChangedMaterial { material: index, now });
     }
 }
 
-fn by_clips(actor: &Actor, index: u32, properties: &[MaterialProperty], time: Time, now: &mut Material) {
+fn apply_clips(actor: &Actor, index: u32, properties: &[MaterialProperty], time: Time, now: &mut Material) {
     let mut strength = 1.0;
     for &property in properties {
         let target = PropertyTarget::Material(index, property);
@@ -67,12 +67,14 @@ fn by_clips(actor: &Actor, index: u32, properties: &[MaterialProperty], time: Ti
             MaterialProperty::OcclusionStrength => {
                 now.occlusion_strength = one(now.occlusion_strength).clamp(0.0, 1.0);
             }
-            MaterialProperty::UvOffset(slot) => on_slot(now, slot, |uv| {
+            MaterialProperty::UvOffset(slot) => change_texture(now, slot, |uv| {
                 let rest = uv.offset.to_array();
                 uv.offset = properties::at(actor, target, rest, time).map_or(uv.offset, Vec2::from_array);
             }),
-            MaterialProperty::UvRotation(slot) => on_slot(now, slot, |uv| uv.rotation = one(uv.rotation)),
-            MaterialProperty::UvScale(slot) => on_slot(now, slot, |uv| {
+            MaterialProperty::UvRotation(slot) => {
+                change_texture(now, slot, |uv| uv.rotation = one(uv.rotation))
+            }
+            MaterialProperty::UvScale(slot) => change_texture(now, slot, |uv| {
                 let rest = uv.scale.to_array();
                 uv.scale = properties::at(actor, target, rest, time).map_or(uv.scale, Vec2::from_array);
             }),
@@ -82,7 +84,7 @@ fn by_clips(actor: &Actor, index: u32, properties: &[MaterialProperty], time: Ti
 }
 
 /// Applies the binds of an expression (VRM 1.0, "expressions.md"): adds the difference from the material at rest, times the weight.
-fn by_expression(expression: &Expression, weight: f32, index: u32, rest: &Material, now: &mut Material) {
+fn apply_expression(expression: &Expression, weight: f32, index: u32, rest: &Material, now: &mut Material) {
     for bind in expression.colors.iter().filter(|b| b.material == index) {
         let to = bind.to.truncate();
         let change_toon = |now: &mut Material, change: &dyn Fn(&mut Toon, &Toon)| {
@@ -116,7 +118,7 @@ fn by_expression(expression: &Expression, weight: f32, index: u32, rest: &Materi
 }
 
 /// MToon's UV animation of all textures except the matcap: rotates about the center, then scrolls.
-fn by_itself(motion: UvMotion, time: Time, now: &mut Material) {
+fn apply_uv_motion(motion: UvMotion, time: Time, now: &mut Material) {
     if let Some(toon) = now.toon.as_mut().filter(|t| t.uv_mask.is_some()) {
         // Each texel of a mask sets a share of the motion, a multiple of 1/255, so after 255 rounds all texels are where they began.
         let round =
@@ -168,7 +170,7 @@ fn slot_of(m: &mut Material, slot: u8) -> Option<&mut TextureRef> {
     }
 }
 
-fn on_slot(material: &mut Material, slot: u8, change: impl FnOnce(&mut Uv)) {
+fn change_texture(material: &mut Material, slot: u8, change: impl FnOnce(&mut Uv)) {
     if let Some(texture) = slot_of(material, slot) {
         let mut uv = Uv::of(&texture.uv_transform);
         change(&mut uv);
@@ -247,11 +249,11 @@ mod tests {
         let red = ColorBind { material: 0, color: MaterialColor::Base, to: Vec4::new(1.0, 0.0, 0.0, 1.0) };
         let face = Expression { colors: vec![red], ..Expression::default() };
         let mut now = rest.clone();
-        by_expression(&face, 0.5, 0, &rest, &mut now);
+        apply_expression(&face, 0.5, 0, &rest, &mut now);
         assert!(now.base_color.abs_diff_eq(Vec4::new(0.6, 0.2, 0.3, 1.0), 1e-6), "{}", now.base_color);
         // Another material's bind changes nothing.
         let mut other = rest.clone();
-        by_expression(&face, 1.0, 1, &rest, &mut other);
+        apply_expression(&face, 1.0, 1, &rest, &mut other);
         assert_eq!(other, rest);
     }
 
@@ -269,13 +271,13 @@ mod tests {
         let bind = UvBind { material: 0, offset: Vec2::new(0.5, 0.25), scale: Vec2::new(3.0, 1.0) };
         let face = Expression { uvs: vec![bind], ..Expression::default() };
         let mut now = rest.clone();
-        by_expression(&face, 0.5, 0, &rest, &mut now);
+        apply_expression(&face, 0.5, 0, &rest, &mut now);
         let uv =
             |m: &Material, p: Vec2| m.base_color_texture.as_ref().unwrap().uv_transform.transform_point2(p);
         assert!(uv(&now, Vec2::ONE).abs_diff_eq(Vec2::new(2.25, 1.125), 1e-6));
         let mut now = rest.clone();
         let motion = UvMotion { scroll: Vec2::new(0.25, -0.5), rotation: std::f32::consts::FRAC_PI_2 };
-        by_itself(motion, Time::from_secs(1.0), &mut now);
+        apply_uv_motion(motion, Time::from_secs(1.0), &mut now);
         // A quarter turn about the middle, then a quarter to the right and half up.
         assert!(
             uv(&now, Vec2::new(1.0, 0.5)).abs_diff_eq(Vec2::new(0.75, 0.5), 1e-6),

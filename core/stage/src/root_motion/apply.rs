@@ -53,12 +53,12 @@ pub(crate) fn apply(
         if let Some(path_following) = &actor.path_following {
             let size = placement.scale.z.abs();
             let forward =
-                |at| track.map_or(0.0, |track| size * track.carried(actor, at, active_cues).forward);
+                |at| track.map_or(0.0, |track| size * track.displacement_at(actor, at, active_cues).forward);
             let metres = path_following.metres(time, forward);
             let anchor = track.map_or(DVec3::ZERO, RootMotionTrack::anchor);
             placements[index] = path_following.placed(placement, metres, anchor, actor.asset.front());
         } else if let Some(track) = track {
-            placements[index] = placement.carried(track.carried(actor, time, active_cues).frame);
+            placements[index] = placement.moved_by(track.displacement_at(actor, time, active_cues).frame);
         }
     }
 }

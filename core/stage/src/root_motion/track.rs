@@ -4,8 +4,8 @@
 //! ([`choreo_motion::Planar::power`]), so that a time of 100 h costs as much as the first second and drifts no more. During fades the actor
 //! moves with the weighted mean of the clips' velocities in its own frame, as in Unreal and Unity. (A mean of positions would add the speed
 //! at which the clips diverge.) After an inertialized switch the velocity difference to the new clip decays like the offsets of its pose
-//! ([`Settling`]). With turns neither has a closed form, so both are integrated once, in fixed steps of exact displacements, into a lookup
-//! table.
+//! ([`TransitionVelocity`]). With turns neither has a closed form, so both are integrated once, in fixed steps of exact displacements, into
+//! a lookup table.
 
 use crate::stage::Stage;
 use crate::stage::actor::{Actor, Placement};
@@ -34,13 +34,13 @@ pub struct Displacement {
 
 impl Displacement {
     fn then(self, next: Displacement) -> Displacement {
-        Displacement { frame: self.frame.then_in(next.frame), forward: self.forward + next.forward }
+        Displacement { frame: self.frame.compose(next.frame), forward: self.forward + next.forward }
     }
 
     /// Displacement from this one to another.
     fn to(self, there: Displacement) -> Displacement {
         Displacement {
-            frame: self.frame.inverse().then_in(there.frame),
+            frame: self.frame.inverse().compose(there.frame),
             forward: there.forward - self.forward,
         }
     }
@@ -71,14 +71,14 @@ pub(crate) struct RootMotionTrack {
     anchor: DVec3,
     segments: Vec<Segment>,
     /// Velocities that cues take over from the motion before them, by cue.
-    settling: Vec<Option<Settling>>,
+    transitions: Vec<Option<TransitionVelocity>>,
 }
 
 /// Velocity that an inertialized switch takes over from the motion before it, as the difference from the new clip's velocity. It decays to
 /// zero by the minimum-jerk quintic (T. Flash, N. Hogan, "The Coordination of Arm Movements", 1985), as in
 /// [`choreo_motion::Inertialization`] for an offset at rest.
 #[derive(Clone, Copy, Debug)]
-struct Settling {
+struct TransitionVelocity {
     start: Time,
     duration: Time,
     /// Horizontal velocity and turn in the actor's frame, metres and radians per second.
@@ -87,7 +87,7 @@ struct Settling {
     forward: f64,
 }
 
-impl Settling {
+impl TransitionVelocity {
     fn end(&self) -> Time {
         self.start + self.duration
     }
@@ -106,9 +106,9 @@ impl Settling {
 
 /// A base layer in which root motion moves the actor.
 #[derive(Clone, Copy)]
-struct Moving<'a> {
+struct RootMotionLayer<'a> {
     layer: &'a Layer,
-    settling: &'a [Option<Settling>],
+    transitions: &'a [Option<TransitionVelocity>],
 }
 
 #[derive(Clone, Debug)]
@@ -144,17 +144,18 @@ impl RootMotionTrack {
         marks.sort_unstable();
         marks.dedup();
         let start = Planar { translation: anchor, yaw: 0.0 };
-        let settling = vec![None; layer.cues.len()];
-        let mut track = RootMotionTrack { anchor, segments: Vec::new(), settling };
+        let transitions = vec![None; layer.cues.len()];
+        let mut track = RootMotionTrack { anchor, segments: Vec::new(), transitions };
         let mut at = Displacement { frame: start, forward: 0.0 };
         let mut active_cues = Vec::new();
         for (i, mark) in marks.iter().enumerate() {
             let end = marks.get(i + 1).copied();
-            track.settle(layer, *mark, &mut active_cues);
-            let moving = Moving { layer, settling: &track.settling };
-            let segment = Segment { start: *mark, at, kind: kind(moving, *mark, end, &mut active_cues) };
+            track.add_transitions(layer, *mark, &mut active_cues);
+            let layer_motion = RootMotionLayer { layer, transitions: &track.transitions };
+            let segment =
+                Segment { start: *mark, at, kind: kind(layer_motion, *mark, end, &mut active_cues) };
             if let Some(end) = end {
-                at = segment.at(moving, end, &mut active_cues);
+                at = segment.at(layer_motion, end, &mut active_cues);
             }
             track.segments.push(segment);
         }
@@ -162,18 +163,18 @@ impl RootMotionTrack {
     }
 
     /// Computes the velocities that the inertialized cues which start at a time take over.
-    fn settle(&mut self, layer: &Layer, start: Time, active_cues: &mut Vec<ActiveCue>) {
+    fn add_transitions(&mut self, layer: &Layer, start: Time, active_cues: &mut Vec<ActiveCue>) {
         for (index, cue) in layer.cues.iter().enumerate().skip(1) {
             if cue.start != start || cue.inertialization <= Time::ZERO {
                 continue;
             }
-            let moving = Moving { layer, settling: &self.settling };
-            let before = mean_step(moving, start - INSTANT, start, active_cues);
+            let layer_motion = RootMotionLayer { layer, transitions: &self.transitions };
+            let before = mean_step(layer_motion, start - INSTANT, start, active_cues);
             let after = displacement(layer, index, start).to(displacement(layer, index, start + INSTANT));
             let [(velocity, turn), (own_velocity, own_turn)] =
                 [before, after].map(|step| step.frame.velocity());
             let per_second = 1.0 / INSTANT.as_secs();
-            self.settling[index] = Some(Settling {
+            self.transitions[index] = Some(TransitionVelocity {
                 start,
                 duration: cue.inertialization,
                 velocity: ((velocity - own_velocity) * per_second, (turn - own_turn) * per_second),
@@ -186,17 +187,24 @@ impl RootMotionTrack {
     fn step(&self, layer: &Layer, time: Time, active_cues: &mut Vec<ActiveCue>) -> Displacement {
         let begun = self.segments.partition_point(|segment| segment.start <= time);
         match begun.checked_sub(1).map(|i| &self.segments[i]) {
-            Some(segment) => segment.at(Moving { layer, settling: &self.settling }, time, active_cues),
+            Some(segment) => {
+                segment.at(RootMotionLayer { layer, transitions: &self.transitions }, time, active_cues)
+            }
             None => Displacement { frame: Planar { translation: self.anchor, yaw: 0.0 }, forward: 0.0 },
         }
     }
 
     /// Root motion of an actor at a time: current model space from model space without root motion.
-    pub fn carried(&self, actor: &Actor, time: Time, active_cues: &mut Vec<ActiveCue>) -> Displacement {
+    pub fn displacement_at(
+        &self,
+        actor: &Actor,
+        time: Time,
+        active_cues: &mut Vec<ActiveCue>,
+    ) -> Displacement {
         let Some(layer) = actor.layers.first() else { return Displacement::default() };
         let Displacement { frame, forward } = self.step(layer, time, active_cues);
         let back = Planar { translation: -self.anchor, yaw: 0.0 };
-        Displacement { frame: frame.then_in(back), forward }
+        Displacement { frame: frame.compose(back), forward }
     }
 
     pub fn anchor(&self) -> DVec3 {
@@ -212,7 +220,7 @@ impl RootMotionTrack {
         let first = root.motion.frame(first_time(cue));
         let now = root.motion.frame(clip_time);
         let now = Planar { yaw: now.yaw - first.yaw, ..now };
-        Some(Planar { translation: self.anchor, yaw: 0.0 }.then_in(now.inverse()))
+        Some(Planar { translation: self.anchor, yaw: 0.0 }.compose(now.inverse()))
     }
 }
 
@@ -227,30 +235,40 @@ fn anchor(cue: &Cue, root: &CueRootMotion) -> DVec3 {
     }
 }
 
-fn kind(moving: Moving, start: Time, end: Option<Time>, active_cues: &mut Vec<ActiveCue>) -> SegmentKind {
-    let Moving { layer, settling } = moving;
+fn kind(
+    layer_motion: RootMotionLayer,
+    start: Time,
+    end: Option<Time>,
+    active_cues: &mut Vec<ActiveCue>,
+) -> SegmentKind {
+    let RootMotionLayer { layer, transitions } = layer_motion;
     let within = |share: i64, active_cues: &mut Vec<ActiveCue>| {
         let span = end.map_or(Time::from_secs(4.0), |end| end - start);
         timeline::base_cues(layer, start + Time(span.0 / 8 * share), active_cues);
         active_cues.iter().map(|v| (v.cue, v.weight)).collect::<Vec<_>>()
     };
     let looks: Vec<Vec<(usize, f32)>> = [1, 3, 4, 6, 7].map(|share| within(share, active_cues)).into();
-    let settles = |(cue, _): &(usize, f32)| settling[*cue].is_some_and(|of| start < of.end());
+    let settles = |(cue, _): &(usize, f32)| transitions[*cue].is_some_and(|of| start < of.end());
     let same = looks.windows(2).all(|pair| pair[0] == pair[1]) && !looks[0].iter().any(settles);
     match (&looks[0][..], end) {
         ([(cue, _)], _) if same => SegmentKind::Alone(*cue),
-        (_, Some(end)) if !same => fading(moving, start, end, active_cues),
+        (_, Some(end)) if !same => fading(layer_motion, start, end, active_cues),
         _ => SegmentKind::Mixed,
     }
 }
 
-fn fading(moving: Moving, start: Time, end: Time, active_cues: &mut Vec<ActiveCue>) -> SegmentKind {
+fn fading(
+    layer_motion: RootMotionLayer,
+    start: Time,
+    end: Time,
+    active_cues: &mut Vec<ActiveCue>,
+) -> SegmentKind {
     let count = libm::ceil((end - start).as_secs() * RATE).clamp(1.0, MOST_STEPS) as i64;
     let mut steps = vec![Displacement::default()];
     let mut at = Displacement::default();
     for i in 0..count {
         at = at.then(mean_step(
-            moving,
+            layer_motion,
             knot(start, end, count, i),
             knot(start, end, count, i + 1),
             active_cues,
@@ -267,7 +285,7 @@ fn knot(start: Time, end: Time, count: i64, i: i64) -> Time {
 /// Displacement between two times: the mean of the active clips' exact displacements, weighted as in the middle of the step. The mean is
 /// taken over logarithms, which are velocities. The velocities that inertialized switches still add are included.
 fn mean_step(
-    Moving { layer, settling }: Moving,
+    RootMotionLayer { layer, transitions }: RootMotionLayer,
     from: Time,
     to: Time,
     active_cues: &mut Vec<ActiveCue>,
@@ -282,32 +300,37 @@ fn mean_step(
         velocity += v * share;
         turn += yaw * share;
         forward += step.forward * share;
-        if let Some(settling) = &settling[active.cue] {
-            let secs = settling.secs(from, to) * share;
-            velocity += settling.velocity.0 * secs;
-            turn += settling.velocity.1 * secs;
-            forward += settling.forward * secs;
+        if let Some(transition) = &transitions[active.cue] {
+            let secs = transition.secs(from, to) * share;
+            velocity += transition.velocity.0 * secs;
+            turn += transition.velocity.1 * secs;
+            forward += transition.forward * secs;
         }
     }
     Displacement { frame: Planar::from_velocity((velocity, turn)), forward }
 }
 
 impl Segment {
-    fn at(&self, moving: Moving, time: Time, active_cues: &mut Vec<ActiveCue>) -> Displacement {
-        let layer = moving.layer;
+    fn at(
+        &self,
+        layer_motion: RootMotionLayer,
+        time: Time,
+        active_cues: &mut Vec<ActiveCue>,
+    ) -> Displacement {
+        let layer = layer_motion.layer;
         let time = time.max(self.start);
         let since = match &self.kind {
             SegmentKind::Alone(cue) => {
                 displacement(layer, *cue, self.start).to(displacement(layer, *cue, time))
             }
-            SegmentKind::Mixed => mean_step(moving, self.start, time, active_cues),
+            SegmentKind::Mixed => mean_step(layer_motion, self.start, time, active_cues),
             SegmentKind::Fading { end, steps } => {
                 let count = steps.len() as i64 - 1;
                 let into = i128::from((time.min(*end) - self.start).0) * i128::from(count);
                 let i = (into / i128::from((*end - self.start).0.max(1))).clamp(0, i128::from(count)) as i64;
                 let from = knot(self.start, *end, count, i);
                 let step = steps[i as usize];
-                if from < time { step.then(mean_step(moving, from, time, active_cues)) } else { step }
+                if from < time { step.then(mean_step(layer_motion, from, time, active_cues)) } else { step }
             }
         };
         self.at.then(since)
@@ -327,9 +350,9 @@ fn displacement(layer: &Layer, index: usize, time: Time) -> Displacement {
     let frame = |at: Time| root.motion.frame(at);
     let (start, end) = if cue.speed < 0.0 { (cue.trim.1, cue.trim.0) } else { cue.trim };
     let first = frame(start);
-    let way = direction(first.inverse().then_in(frame(end)).translation);
+    let way = direction(first.inverse().compose(frame(end)).translation);
     let step = |there: Planar| {
-        let frame = first.inverse().then_in(there);
+        let frame = first.inverse().compose(there);
         Displacement { frame, forward: frame.translation.with_y(0.0).dot(way) }
     };
     let within = |offset: i128| {
@@ -359,7 +382,7 @@ fn direction(way: DVec3) -> DVec3 {
 
 impl Placement {
     /// The placement moved by root motion in its own space.
-    pub fn carried(self, by: Planar) -> Placement {
+    pub fn moved_by(self, by: Planar) -> Placement {
         let Placement { translation, rotation, scale } = self;
         // A left turn becomes a right turn in a mirrored space.
         let mirrored = if scale.x * scale.z < 0.0 { -1.0 } else { 1.0 };

@@ -103,13 +103,13 @@ described! {
         /// near clipping plane
         near: [get |of: &Camera| FieldValue::Number(of.near().into()), set |of: &mut Camera, v| {
             let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = &mut of.projection;
-            crate::stage::described::Holds::hold(near, v);
+            crate::stage::described::FieldStorage::store(near, v);
             of.near_is_set = true;
         }], FieldType::Number(1e-6, 1e9, "metres");
         /// far clipping plane
-        far: [get |of: &Camera| crate::stage::described::Holds::value(&of.far()), set |of: &mut Camera, v| match &mut of.projection {
-            Projection::Perspective { far, .. } => crate::stage::described::Holds::hold(far, v),
-            Projection::Orthographic { far, .. } => crate::stage::described::Holds::hold(far, v),
+        far: [get |of: &Camera| crate::stage::described::FieldStorage::value(&of.far()), set |of: &mut Camera, v| match &mut of.projection {
+            Projection::Perspective { far, .. } => crate::stage::described::FieldStorage::store(far, v),
+            Projection::Orthographic { far, .. } => crate::stage::described::FieldStorage::store(far, v),
         }], FieldType::Number(1e-5, 1e15, "metres");
         position: [get |of: &Camera| match &of.rig {
             Rig::Fixed { position, .. } => FieldValue::Vector(*position),

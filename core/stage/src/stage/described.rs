@@ -176,20 +176,20 @@ fn list(numbers: &[f64]) -> String {
 }
 
 /// How a member holds the value of a field.
-pub trait Holds {
+pub trait FieldStorage {
     fn value(&self) -> FieldValue;
     /// Values of another type are ignored: the type of the field has been checked.
-    fn hold(&mut self, value: FieldValue);
+    fn store(&mut self, value: FieldValue);
 }
 
 macro_rules! holds {
     ($($ty:ty: |$this:ident| $get:expr, $pattern:pat => $set:expr;)*) => {
-        $(impl Holds for $ty {
+        $(impl FieldStorage for $ty {
             fn value(&self) -> FieldValue {
                 let $this = self;
                 $get
             }
-            fn hold(&mut self, value: FieldValue) {
+            fn store(&mut self, value: FieldValue) {
                 if let $pattern = value {
                     *self = $set;
                 }
@@ -211,11 +211,11 @@ holds! {
 }
 
 /// A linear color or a direction.
-impl Holds for Vec3 {
+impl FieldStorage for Vec3 {
     fn value(&self) -> FieldValue {
         FieldValue::Vector(self.as_dvec3())
     }
-    fn hold(&mut self, value: FieldValue) {
+    fn store(&mut self, value: FieldValue) {
         match value {
             FieldValue::Vector(v) => *self = v.as_vec3(),
             FieldValue::Color(c) => *self = c.truncate(),
@@ -224,12 +224,12 @@ impl Holds for Vec3 {
     }
 }
 
-impl<T: Holds + Default> Holds for Option<T> {
+impl<T: FieldStorage + Default> FieldStorage for Option<T> {
     fn value(&self) -> FieldValue {
-        self.as_ref().map_or(FieldValue::Unset, Holds::value)
+        self.as_ref().map_or(FieldValue::Unset, FieldStorage::value)
     }
-    fn hold(&mut self, value: FieldValue) {
-        self.get_or_insert_default().hold(value);
+    fn store(&mut self, value: FieldValue) {
+        self.get_or_insert_default().store(value);
     }
 }
 
@@ -338,8 +338,8 @@ macro_rules! fields {
     (@or $given:expr; $usual:expr) => { $given };
     (@or ; $usual:expr) => { $usual };
     (@get $name:ident [$get:expr]) => { $get };
-    (@get $name:ident [] $($path:ident).+) => { |of: &$name| $crate::stage::described::Holds::value(&of.$($path).+) };
+    (@get $name:ident [] $($path:ident).+) => { |of: &$name| $crate::stage::described::FieldStorage::value(&of.$($path).+) };
     (@set $name:ident [$set:expr]) => { $set };
-    (@set $name:ident [] $($path:ident).+) => { |of: &mut $name, v| $crate::stage::described::Holds::hold(&mut of.$($path).+, v) };
+    (@set $name:ident [] $($path:ident).+) => { |of: &mut $name, v| $crate::stage::described::FieldStorage::store(&mut of.$($path).+, v) };
 }
 pub(crate) use fields;

@@ -95,14 +95,17 @@ pub enum LightEdit {
 }
 
 /// The edits of one actor, camera, light or 2D layer, in order.
-pub(crate) fn edits_of<E>(edits: &[(usize, E)], index: usize) -> impl DoubleEndedIterator<Item = &E> + Clone {
+pub(crate) fn edits_for_index<E>(
+    edits: &[(usize, E)],
+    index: usize,
+) -> impl DoubleEndedIterator<Item = &E> + Clone {
     edits.iter().filter(move |(of, _)| *of == index).map(|(_, edit)| edit)
 }
 
 impl FrameEdits {
     /// The rig that callbacks give a camera for this frame, if they do.
     pub(crate) fn rig(&self, index: usize) -> Option<&Rig> {
-        edits_of(&self.cameras, index).rev().find_map(|edit| match edit {
+        edits_for_index(&self.cameras, index).rev().find_map(|edit| match edit {
             CameraEdit::Rig(rig) => Some(rig),
             _ => None,
         })
@@ -116,7 +119,7 @@ impl FrameEdits {
 
 impl ActorEdit {
     /// Applies a change of position, rotation or scale to a placement; other changes do nothing here.
-    pub(crate) fn place(&self, placement: &mut Placement) {
+    pub(crate) fn apply_to_placement(&self, placement: &mut Placement) {
         match *self {
             ActorEdit::MoveTo(translation) => placement.translation = translation,
             ActorEdit::MoveBy(offset) => placement.translation += offset,

@@ -130,14 +130,14 @@ impl EffectUse {
         let mut now = self.parameters.clone();
         for (name, keys) in &self.keys {
             if let Some(value) = keys.at(time) {
-                put(&mut now, name, value[0]);
+                set_parameter(&mut now, name, value[0]);
             }
         }
         now
     }
 }
 
-pub(crate) fn put(parameters: &mut Vec<(String, f64)>, name: &str, value: f64) {
+pub(crate) fn set_parameter(parameters: &mut Vec<(String, f64)>, name: &str, value: f64) {
     match parameters.binary_search_by(|(n, _)| n.as_str().cmp(name)) {
         Ok(at) => parameters[at].1 = value,
         Err(at) => parameters.insert(at, (name.to_string(), value)),

@@ -35,7 +35,7 @@ described! {
         direction: direction, FieldType::Direction, keys "direction" Rotation, lacks shines_all_around;
         color: light.color, FieldType::Color, keys "color" Color;
         kelvin: [get |_: &StageLight| FieldValue::Unset, set |of: &mut StageLight, v| {
-            crate::stage::described::Holds::hold(&mut of.light.color, v)
+            crate::stage::described::FieldStorage::store(&mut of.light.color, v)
         }], FieldType::Kelvin, keys "kelvin" Color;
         /// lux for a sun, candela for the others
         intensity: light.intensity, FieldType::Number(0.0, 1e9, ""), keys "intensity" Intensity;

@@ -11,9 +11,9 @@ use crate::stage::channel::Property;
 use crate::stage::edits::{ActorEdit, FrameEdits};
 use crate::stage::light::StageLight;
 use crate::survey::reaches::Reaches;
-use crate::survey::sight::Miss;
+use crate::survey::sight::OutOfView;
 use crate::survey::sight::Sight;
-use crate::survey::{Finding, Subject, cameras_on};
+use crate::survey::{Finding, Subject, active_durations};
 use crate::transforms::target_position;
 use choreo_asset::{Asset, DAabb};
 use choreo_motion::Time;
@@ -32,7 +32,7 @@ struct ActorFacts {
     /// Longer side of its largest area in the image so far, pixels.
     largest: f64,
     /// Side of the image on which it was missed: `Some(None)` once that differs from time to time.
-    miss: Option<Option<Miss>>,
+    miss: Option<Option<OutOfView>>,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -49,7 +49,7 @@ struct LightFacts {
 
 #[derive(Clone, Debug, Default)]
 struct CameraFacts {
-    looked: bool,
+    active: bool,
     sees: bool,
     in_its_target: bool,
 }
@@ -62,7 +62,7 @@ pub struct Facts {
     lights: Vec<LightFacts>,
     /// One entry per camera; the last is for the framing camera of a stage without cameras.
     cameras: Vec<CameraFacts>,
-    on: Vec<Time>,
+    active_durations: Vec<Time>,
     pub times: usize,
     /// Whether the survey stopped before it had evaluated all frames.
     pub gave_up: bool,
@@ -76,14 +76,14 @@ impl Facts {
             reaches: Reaches::new(stage),
             lights: vec![LightFacts::default(); stage.lights.len()],
             cameras: vec![CameraFacts::default(); stage.cameras.len() + 1],
-            on: cameras_on(stage),
+            active_durations: active_durations(stage),
             times: 0,
             gave_up: false,
         }
     }
 
     /// Records the observations of one time.
-    pub fn look(&mut self, stage: &Stage, edits: &FrameEdits, snapshot: &Snapshot, time: Time) {
+    pub fn record(&mut self, stage: &Stage, edits: &FrameEdits, snapshot: &Snapshot, time: Time) {
         self.times += 1;
         let sight = Sight::new(&snapshot.camera, stage.settings.size);
         let camera = snapshot.camera.camera.unwrap_or(stage.cameras.len());
@@ -111,7 +111,7 @@ impl Facts {
             }
             boxes.push(bounds);
         }
-        self.cameras[camera].looked = true;
+        self.cameras[camera].active = true;
         if let Some(Rig::Fixed { look_at: Some(target), .. }) = stage.cameras.get(camera).map(|c| &c.rig) {
             let at = target_position(stage, &snapshot.actors, target);
             let from = snapshot.camera.world_from_view.translation;
@@ -124,8 +124,8 @@ impl Facts {
                 facts.posed_by_hook = true;
             }
         }
-        self.look_at_looks(stage, snapshot, time);
-        self.reaches.look(stage, snapshot, time);
+        self.record_look_ats(stage, snapshot, time);
+        self.reaches.record(stage, snapshot, time);
         for (index, light) in stage.lights.iter().enumerate() {
             let state = lights::stage_light(stage, light, index, edits, time, &snapshot.actors);
             if let Some(state) = state {
@@ -135,7 +135,7 @@ impl Facts {
         }
     }
 
-    fn look_at_looks(&mut self, stage: &Stage, snapshot: &Snapshot, time: Time) {
+    fn record_look_ats(&mut self, stage: &Stage, snapshot: &Snapshot, time: Time) {
         for (index, (actor, state)) in stage.actors.iter().zip(&snapshot.actors).enumerate() {
             for (look, facts) in actor.look_at.iter().zip(&mut self.looks[index]) {
                 // The look is off, or still fading.
@@ -165,23 +165,28 @@ impl Facts {
     }
 
     /// Whether another time could still remove a finding.
-    pub fn open(&self, stage: &Stage) -> bool {
+    pub fn may_change(&self, stage: &Stage) -> bool {
         let unseen = |(actor, f): (&Actor, &ActorFacts)| {
             has_meshes(&actor.asset) && (!f.in_picture || f.largest < 1.0)
         };
         let hooked = !stage.hooks.is_empty();
         stage.actors.iter().zip(&self.actors).any(unseen)
             || self.actors.iter().any(|f| !f.visible)
-            || hooked && stage.actors.iter().zip(&self.actors).any(|(a, f)| still(a) && !f.posed_by_hook)
+            || hooked
+                && stage.actors.iter().zip(&self.actors).any(|(a, f)| plays_nothing(a) && !f.posed_by_hook)
             || self.looks.iter().flatten().any(|f| !f.counted || !f.reached)
-            || self.reaches.open(stage)
+            || self.reaches.may_change(stage)
             || self.lights.iter().any(|f| !f.shines || !f.reaches)
             || stage
                 .cameras
                 .iter()
                 .zip(&self.cameras)
                 .any(|(c, f)| may_pass_its_target(c) && !f.in_its_target)
-            || self.on.iter().zip(&self.cameras).any(|(on, f)| *on > Time::ZERO && !(f.looked && f.sees))
+            || self
+                .active_durations
+                .iter()
+                .zip(&self.cameras)
+                .any(|(on, f)| *on > Time::ZERO && !(f.active && f.sees))
     }
 
     pub fn findings(&self, stage: &Stage) -> Vec<Finding> {
@@ -189,7 +194,7 @@ impl Facts {
         for index in 0..stage.actors.len() {
             findings.extend(self.actor(stage, index));
             findings.extend(self.looks_of(stage, index));
-            findings.extend(self.reaches.findings(stage, index, &self.times_said()));
+            findings.extend(self.reaches.findings(stage, index, &self.times_note()));
         }
         for (index, camera) in stage.cameras.iter().enumerate() {
             let facts = &self.cameras[index];
@@ -203,13 +208,13 @@ impl Facts {
                     format!("camera \"{}\" stands in the point that it looks at", camera.name),
                     "move it away: .at(x, y, z)",
                 );
-            } else if facts.looked && !facts.sees && stage.actors.iter().any(|a| has_meshes(&a.asset)) {
+            } else if facts.active && !facts.sees && stage.actors.iter().any(|a| has_meshes(&a.asset)) {
                 say(
                     "camera_sees_nothing",
                     format!(
                         "camera \"{}\" never has anything in its image{}",
                         camera.name,
-                        self.times_said()
+                        self.times_note()
                     ),
                     "aim it with .look_at(actor), or leave .at out to frame everything",
                 );
@@ -222,7 +227,7 @@ impl Facts {
     }
 
     /// The number of surveyed times, in words; empty if every frame was surveyed.
-    fn times_said(&self) -> String {
+    fn times_note(&self) -> String {
         match self.gave_up {
             true => format!(" (at {} times looked at)", self.times),
             false => String::new(),
@@ -262,14 +267,14 @@ impl Facts {
         }
         if !facts.in_picture {
             let place = match facts.miss {
-                Some(Some(miss)) => format!(": it is {}", miss.words()),
+                Some(Some(miss)) => format!(": it is {}", miss.description()),
                 _ => String::new(),
             };
-            let text = format!("\"{name}\" is never in the image{place}{}", self.times_said());
+            let text = format!("\"{name}\" is never in the image{place}{}", self.times_note());
             say("never_in_picture", false, text, "");
         } else if facts.largest < 1.0 {
             let text =
-                format!("\"{name}\" is never larger than {:.2} pixels{}", facts.largest, self.times_said());
+                format!("\"{name}\" is never larger than {:.2} pixels{}", facts.largest, self.times_note());
             say(
                 "smaller_than_a_pixel",
                 false,
@@ -277,7 +282,7 @@ impl Facts {
                 "is its file in other units? .scale(100.0) makes metres of centimetres",
             );
         }
-        if still(actor) && !facts.posed_by_hook && facts.in_picture {
+        if plays_nothing(actor) && !facts.posed_by_hook && facts.in_picture {
             let text = format!("\"{name}\" plays no clip: it stands in its rest pose");
             let clips = actor.asset.clips.iter().map(|c| format!("\"{}\"", c.name)).take(6);
             let clips: Vec<String> = clips.collect();
@@ -341,7 +346,7 @@ impl Facts {
                          can turn{}",
                         actor.name,
                         LOOK_AT_LIMIT_RAD.to_degrees().round(),
-                        self.times_said()
+                        self.times_note()
                     ),
                 );
             }
@@ -361,7 +366,7 @@ impl Facts {
             } else {
                 "its intensity is 0"
             };
-            let text = format!("light \"{name}\" never shines: {why}{}", self.times_said());
+            let text = format!("light \"{name}\" never shines: {why}{}", self.times_note());
             return Some(Finding { rule: "light_never_shines", note: false, subject, text, hint: None });
         }
         if facts.reaches
@@ -374,7 +379,7 @@ impl Facts {
             (Some(_), Some(range)) => format!("nothing is in its cone within its range of {range} m"),
             (_, range) => format!("nothing is within its range of {} m", range.unwrap_or(f32::INFINITY)),
         };
-        let text = format!("light \"{name}\" reaches nothing: {why}{}", self.times_said());
+        let text = format!("light \"{name}\" reaches nothing: {why}{}", self.times_note());
         Some(Finding { rule: "light_reaches_nothing", note: false, subject, text, hint: None })
     }
 }
@@ -384,7 +389,7 @@ fn has_meshes(asset: &Asset) -> bool {
 }
 
 /// Whether an actor has a skin and clips, but plays none of them.
-fn still(actor: &Actor) -> bool {
+fn plays_nothing(actor: &Actor) -> bool {
     let plays = actor.layers.iter().any(|l| !l.cues.is_empty());
     !plays && !actor.asset.skins.is_empty() && !actor.asset.clips.is_empty()
 }

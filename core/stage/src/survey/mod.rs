@@ -73,15 +73,15 @@ impl Stage {
         let rate = self.settings.fps;
         let frames = rate.frames_in(self.settings.length).max(1);
         let mut cost = 0;
-        for frame in spread(frames) {
+        for frame in bit_reversed_order(frames) {
             if !goes_on() {
                 return Ok(Vec::new());
             }
             let time = rate.time_of(frame);
             evaluator.at_into(time, &mut snapshot)?;
-            facts.look(self, evaluator.edits(), &snapshot, time);
+            facts.record(self, evaluator.edits(), &snapshot, time);
             cost += evaluator.poses() + self.actors.len() / 8 + HOOK_COST * self.hooks.len() + 1;
-            if !facts.open(self) {
+            if !facts.may_change(self) {
                 break;
             }
             if cost > MAX_COST {
@@ -97,7 +97,7 @@ impl Stage {
 }
 
 /// All numbers of `0..count`, each once, in bit-reversed order: 0, then always the middles of the largest gaps.
-fn spread(count: i64) -> impl Iterator<Item = i64> {
+fn bit_reversed_order(count: i64) -> impl Iterator<Item = i64> {
     let bits = (count as u64).next_power_of_two().trailing_zeros();
     let reversed = move |i: u64| if bits == 0 { 0 } else { (i.reverse_bits() >> (64 - bits)) as i64 };
     (0..1u64 << bits).map(reversed).filter(move |i| *i < count)
@@ -113,7 +113,7 @@ fn never_used(stage: &Stage, findings: &mut Vec<Finding>) {
         text,
         hint: (!hint.is_empty()).then(|| hint.to_string()),
     };
-    let on = cameras_on(stage);
+    let on = active_durations(stage);
     for (index, camera) in stage.cameras.iter().enumerate() {
         if on[index] > Time::ZERO {
             continue;
@@ -205,7 +205,7 @@ fn property_name(property: Property) -> &'static str {
 }
 
 /// How long each camera is active within the stage's length.
-fn cameras_on(stage: &Stage) -> Vec<Time> {
+fn active_durations(stage: &Stage) -> Vec<Time> {
     let length = stage.settings.length;
     let mut on = vec![Time::ZERO; stage.cameras.len()];
     let starts = std::iter::once((Time::ZERO, 0)).chain(stage.cuts.iter().map(|c| (c.at, c.camera)));
@@ -229,11 +229,11 @@ mod tests {
     #[test]
     fn a_spread_order_holds_each_number_once() {
         for count in [1, 2, 3, 8, 100, 257] {
-            let order: Vec<i64> = spread(count).collect();
+            let order: Vec<i64> = bit_reversed_order(count).collect();
             let mut sorted = order.clone();
             sorted.sort_unstable();
             assert_eq!(sorted, (0..count).collect::<Vec<_>>());
         }
-        assert_eq!(spread(8).collect::<Vec<_>>(), [0, 4, 2, 6, 1, 5, 3, 7]);
+        assert_eq!(bit_reversed_order(8).collect::<Vec<_>>(), [0, 4, 2, 6, 1, 5, 3, 7]);
     }
 }

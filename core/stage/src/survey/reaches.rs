@@ -15,7 +15,7 @@ const NEAR_METRES: f64 = 0.01;
 
 /// The nearest that a joint has come to the target of one constraint.
 #[derive(Clone, Copy, Debug)]
-struct Nearest {
+struct NearestDistance {
     metres: f64,
     time: Time,
     reached: bool,
@@ -23,17 +23,19 @@ struct Nearest {
 
 /// Nearest approach of all constraints, by actor; `None` for a constraint that was never fully active, or is no reach.
 #[derive(Debug)]
-pub(super) struct Reaches(Vec<Vec<Option<Nearest>>>);
+pub(super) struct Reaches(Vec<Vec<Option<NearestDistance>>>);
 
 impl Reaches {
     pub fn new(stage: &Stage) -> Reaches {
         Reaches(stage.actors.iter().map(|actor| vec![None; actor.constraints.len()]).collect())
     }
 
-    pub fn look(&mut self, stage: &Stage, snapshot: &Snapshot, time: Time) {
+    pub fn record(&mut self, stage: &Stage, snapshot: &Snapshot, time: Time) {
         for (index, actor) in stage.actors.iter().enumerate() {
             for (constraint, nearest) in actor.constraints.iter().zip(&mut self.0[index]) {
-                let Some(now) = miss(stage, snapshot, (actor, index), constraint, time) else { continue };
+                let Some(now) = target_distance(stage, snapshot, (actor, index), constraint, time) else {
+                    continue;
+                };
                 if nearest.is_none_or(|before| now.metres < before.metres) {
                     *nearest = Some(now);
                 }
@@ -42,22 +44,22 @@ impl Reaches {
     }
 
     /// Whether another time could still remove a finding.
-    pub fn open(&self, stage: &Stage) -> bool {
+    pub fn may_change(&self, stage: &Stage) -> bool {
         let all = stage.actors.iter().zip(&self.0).flat_map(|(a, found)| a.constraints.iter().zip(found));
-        all.filter(|(c, _)| matches!(c.kind, ConstraintKind::Reach(_)) && c.weight > FULL)
+        all.filter(|(c, _)| matches!(c.kind, ConstraintKind::Reach(_)) && c.weight > FULL_WEIGHT)
             .any(|(_, nearest)| nearest.is_none_or(|n| !n.reached))
     }
 
-    /// The findings of one actor. `times_said`: text that states how many times were evaluated, if not all.
-    pub fn findings(&self, stage: &Stage, index: usize, times_said: &str) -> Vec<Finding> {
+    /// The findings of one actor. `times_note`: text that states how many times were evaluated, if not all.
+    pub fn findings(&self, stage: &Stage, index: usize, times_note: &str) -> Vec<Finding> {
         let actor = &stage.actors[index];
-        let missed = |(number, nearest): (usize, &Option<Nearest>)| {
+        let missed = |(number, nearest): (usize, &Option<NearestDistance>)| {
             let nearest = nearest.filter(|nearest| !nearest.reached)?;
             let ConstraintKind::Reach(reach) = &actor.constraints[number].kind else { return None };
             let end = *reach.joints.last()? as usize;
             let joint = actor.asset.skeleton.names().get(end).map_or("", String::as_str);
             let text = format!(
-                "\"{joint}\" of \"{}\" never reaches its target: it is {:.2} m short at {:.2} s, where it comes nearest{times_said}",
+                "\"{joint}\" of \"{}\" never reaches its target: it is {:.2} m short at {:.2} s, where it comes nearest{times_note}",
                 actor.name,
                 nearest.metres,
                 nearest.time.as_secs()
@@ -71,19 +73,20 @@ impl Reaches {
 }
 
 /// A constraint with a weight above this counts as fully active.
-const FULL: f32 = 0.999;
+const FULL_WEIGHT: f32 = 0.999;
 
 /// How far the end of a reach is from its target; `None` if the constraint is not fully active, or one of the positions is unknown.
-fn miss(
+fn target_distance(
     stage: &Stage,
     snapshot: &Snapshot,
     (actor, index): (&Actor, usize),
     constraint: &Constraint,
     time: Time,
-) -> Option<Nearest> {
+) -> Option<NearestDistance> {
     let ConstraintKind::Reach(reach) = &constraint.kind else { return None };
     let state = &snapshot.actors[index];
-    if constraint.share(time) < f64::from(FULL) || state.model_from_joint.len() != actor.asset.skeleton.len()
+    if constraint.share(time) < f64::from(FULL_WEIGHT)
+        || state.model_from_joint.len() != actor.asset.skeleton.len()
     {
         return None;
     }
@@ -92,7 +95,7 @@ fn miss(
     let end = world_place(&state.world_from_model, joints.get(*reach.joints.last()? as usize)?);
     let metres = (end - target).length();
     let near = NEAR_SHARE * length(reach, joints, &state.world_from_model) + NEAR_METRES;
-    metres.is_finite().then_some(Nearest { metres, time, reached: metres <= near })
+    metres.is_finite().then_some(NearestDistance { metres, time, reached: metres <= near })
 }
 
 /// Length of a limb along its joints, metres.

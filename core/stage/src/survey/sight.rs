@@ -6,7 +6,7 @@ use glam::DAffine3;
 
 /// Why something is not in the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Miss {
+pub(crate) enum OutOfView {
     Behind,
     TooNear,
     TooFar,
@@ -16,16 +16,16 @@ pub(crate) enum Miss {
     Below,
 }
 
-impl Miss {
-    pub fn words(self) -> &'static str {
+impl OutOfView {
+    pub fn description(self) -> &'static str {
         match self {
-            Miss::Behind => "behind the camera",
-            Miss::TooNear => "nearer than the camera's near plane",
-            Miss::TooFar => "beyond the camera's far plane",
-            Miss::Left => "left of the image",
-            Miss::Right => "right of the image",
-            Miss::Above => "above the image",
-            Miss::Below => "below the image",
+            OutOfView::Behind => "behind the camera",
+            OutOfView::TooNear => "nearer than the camera's near plane",
+            OutOfView::TooFar => "beyond the camera's far plane",
+            OutOfView::Left => "left of the image",
+            OutOfView::Right => "right of the image",
+            OutOfView::Above => "above the image",
+            OutOfView::Below => "below the image",
         }
     }
 }
@@ -60,7 +60,7 @@ impl Sight {
 
     /// Longer side, in pixels, of the area that a box in view axes covers, or the reason why the box is not in the image. The test is exact
     /// for such boxes: the view is widest at their greatest depth.
-    pub fn covers(&self, bounds: &DAabb) -> Result<f64, Miss> {
+    pub fn covers(&self, bounds: &DAabb) -> Result<f64, OutOfView> {
         let (nearest, farthest) = (-bounds.max.z, -bounds.min.z);
         let aspect = self.size[0] / self.size[1];
         // Half of the image's width and height at a depth.
@@ -81,17 +81,17 @@ impl Sight {
             Projection::Orthographic { near, far, .. } => (f64::from(near), f64::from(far)),
         };
         if farthest < near {
-            return Err(if farthest < 0.0 { Miss::Behind } else { Miss::TooNear });
+            return Err(if farthest < 0.0 { OutOfView::Behind } else { OutOfView::TooNear });
         }
         if nearest > far {
-            return Err(Miss::TooFar);
+            return Err(OutOfView::TooFar);
         }
         let (wide, high) = half(farthest.min(far));
         let misses = [
-            (bounds.max.x < -wide, Miss::Left),
-            (bounds.min.x > wide, Miss::Right),
-            (bounds.min.y > high, Miss::Above),
-            (bounds.max.y < -high, Miss::Below),
+            (bounds.max.x < -wide, OutOfView::Left),
+            (bounds.min.x > wide, OutOfView::Right),
+            (bounds.min.y > high, OutOfView::Above),
+            (bounds.max.y < -high, OutOfView::Below),
         ];
         if let Some((_, miss)) = misses.iter().find(|(outside, _)| *outside) {
             return Err(*miss);
@@ -122,21 +122,21 @@ mod tests {
         };
         // The box's front, 1 m high, is 9.5 m away, where the image is 19 m high: 100 / 19 pixels.
         assert!((at(0.0, 0.0, -10.0).unwrap() - 100.0 / 19.0).abs() < 1e-4);
-        assert_eq!(at(0.0, 0.0, 10.0), Err(Miss::Behind));
-        assert_eq!(at(0.0, 0.0, 0.2), Err(Miss::TooNear));
-        assert_eq!(at(0.0, 0.0, -101.0), Err(Miss::TooFar));
+        assert_eq!(at(0.0, 0.0, 10.0), Err(OutOfView::Behind));
+        assert_eq!(at(0.0, 0.0, 0.2), Err(OutOfView::TooNear));
+        assert_eq!(at(0.0, 0.0, -101.0), Err(OutOfView::TooFar));
         // The far side of the box, at 10.5 m, is in while |x| − 0.5 ≤ 21.
         assert!(at(21.4, 0.0, -10.0).is_ok() && at(-21.4, 10.9, -10.0).is_ok());
-        assert_eq!(at(21.6, 0.0, -10.0), Err(Miss::Right));
-        assert_eq!(at(-21.6, 0.0, -10.0), Err(Miss::Left));
-        assert_eq!(at(0.0, 11.1, -10.0), Err(Miss::Above));
-        assert_eq!(at(0.0, -11.1, -10.0), Err(Miss::Below));
+        assert_eq!(at(21.6, 0.0, -10.0), Err(OutOfView::Right));
+        assert_eq!(at(-21.6, 0.0, -10.0), Err(OutOfView::Left));
+        assert_eq!(at(0.0, 11.1, -10.0), Err(OutOfView::Above));
+        assert_eq!(at(0.0, -11.1, -10.0), Err(OutOfView::Below));
         // The camera stands in it.
         assert!(at(0.0, 0.0, 0.0).is_ok_and(|pixels| pixels > 90.0));
         let s = sight(Projection::Orthographic { height: 2.0, near: -5.0, far: 5.0 });
         let cube =
             |x: f64| s.covers(&DAabb { min: DVec3::new(x, 0.0, 0.0), max: DVec3::new(x + 1.0, 1.0, 1.0) });
         assert!((cube(0.0).unwrap() - 50.0).abs() < 1e-9);
-        assert_eq!(cube(2.1), Err(Miss::Right));
+        assert_eq!(cube(2.1), Err(OutOfView::Right));
     }
 }

@@ -19,17 +19,17 @@ impl Cue {
     /// backwards.
     pub fn played(&self, time: Time) -> i128 {
         let time = time.max(self.start);
-        let mut played = self.unfrozen(time);
+        let mut played = self.ticks_without_freezes(time);
         for (from, to) in &self.freezes {
             let (from, to) = ((*from).max(self.start), (*to).max(self.start));
             if from < time {
-                played -= self.unfrozen(to.min(time)) - self.unfrozen(from);
+                played -= self.ticks_without_freezes(to.min(time)) - self.ticks_without_freezes(from);
             }
         }
         played
     }
 
-    fn unfrozen(&self, time: Time) -> i128 {
+    fn ticks_without_freezes(&self, time: Time) -> i128 {
         let [into, out] = &self.in_step;
         if let Some(out) = out
             && time >= out.start()
@@ -57,7 +57,7 @@ impl Cue {
     }
 
     /// Stage time at which the trimmed part has been played once, to the tick; `None` if it never is.
-    pub fn played_through(&self) -> Option<Time> {
+    pub fn first_play_end(&self) -> Option<Time> {
         self.time_of_played(i128::from((self.trim.1 - self.trim.0).0.max(0)))
     }
 

@@ -38,7 +38,7 @@ impl ActiveParent {
     pub fn local<'e>(&self, own: &Placement, edits: impl Iterator<Item = &'e ActorEdit>) -> Placement {
         let Some(placed) = self.placement else { return *own };
         let mut local = placed;
-        edits.for_each(|edit| edit.place(&mut local));
+        edits.for_each(|edit| edit.apply_to_placement(&mut local));
         Placement { scale: own.scale, ..local }
     }
 
@@ -115,7 +115,7 @@ impl ActiveParents {
     }
 
     /// Whether anything is attached to a joint of an actor.
-    pub(crate) fn has_on_joints(&self, actor: usize) -> bool {
+    pub(crate) fn has_children_on_joints(&self, actor: usize) -> bool {
         self.all.iter().any(|p| p.to.is_some_and(|to| to.actor == actor && to.joint.is_some()))
     }
 }
@@ -139,7 +139,7 @@ impl KeptTransforms {
     }
 
     /// Transforms that a time needs and that are not known yet, as (start, actor, index of the parent), sorted.
-    pub fn unknown(&self, stage: &Stage, time: Time) -> Vec<(Time, usize, usize)> {
+    pub fn missing_transforms(&self, stage: &Stage, time: Time) -> Vec<(Time, usize, usize)> {
         let mut needed = Vec::new();
         for (index, actor) in stage.actors.iter().enumerate() {
             let parents = actor.parents.iter().enumerate().take_while(|(_, p)| p.has_begun(time));

@@ -66,9 +66,15 @@ fn words_follow_what_a_person_sees() {
     for (name, frame, words) in faults {
         let v = flip(&dance(3), &frame).unwrap();
         let beyond = compare(&dance(3), &frame, 4).unwrap().share_beyond;
-        println!("| {name} | {:.3} | {:.4} | {} | {:.3} % |", v.worst, v.mean, v.words(), beyond * 100.0);
-        if !v.words().starts_with(words) {
-            wrong.push(format!("{name}: {}, {:.3}, {:.4}", v.words(), v.worst, v.mean));
+        println!(
+            "| {name} | {:.3} | {:.4} | {} | {:.3} % |",
+            v.worst,
+            v.mean,
+            v.description(),
+            beyond * 100.0
+        );
+        if !v.description().starts_with(words) {
+            wrong.push(format!("{name}: {}, {:.3}, {:.4}", v.description(), v.worst, v.mean));
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");

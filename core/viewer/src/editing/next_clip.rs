@@ -10,7 +10,7 @@ pub(super) const FADE: f64 = 0.3;
 
 /// End of a clip, stated or because it plays once. `None` if it repeats.
 fn end_of(cue: &Cue) -> Option<Time> {
-    cue.end.or_else(|| cue.played_through().filter(|_| cue.repeat == Repeat::Once))
+    cue.end.or_else(|| cue.first_play_end().filter(|_| cue.repeat == Repeat::Once))
 }
 
 impl Viewer {

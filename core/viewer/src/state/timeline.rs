@@ -356,7 +356,7 @@ fn bar(stage: &Stage, layer: &Layer, at: usize, cue: &Cue, what: Selected, place
     let end = end.min(length).max(cue.start);
     let until = layer.cues.get(at + 1).map_or(end, |next| next.start).max(cue.start).min(end);
     let holds_from = match cue.repeat {
-        Repeat::Once => cue.played_through().filter(|t| *t < end),
+        Repeat::Once => cue.first_play_end().filter(|t| *t < end),
         _ => None,
     };
     Bar {

@@ -79,7 +79,7 @@ fn chunks_of(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatu
         Err(e) => Err(e.kind().into()),
     };
     let names = names.map_err(|e| {
-        Failure::input(format!("{}: cannot read: {}", path.display(), choreo_files::words(&e)))
+        Failure::input(format!("{}: cannot read: {}", path.display(), choreo_files::describe_error(&e)))
     })?;
     let names: Vec<&str> = names.iter().filter_map(|name| name.to_str()).collect();
     let whole: BTreeSet<&str> = names.iter().copied().collect();

@@ -193,12 +193,12 @@ impl Copying {
                 let most = format!("{MOST_FILES} files and {} MiB", MOST_BYTES >> 20);
                 return Err(self.refused(Path::new(""), format!("a package holds at most {most}")));
             }
-            let Some(kind) = from.kind(name) else { continue };
-            if kind.is_symlink() {
+            let Some(metadata) = from.metadata(name) else { continue };
+            if metadata.is_symlink() {
                 return Err(self.refused(&path, "a package holds no links".into()));
             }
             let failed = |e: FileError| write_failure(&self.shown, WriteError::at(path.clone(), e));
-            if kind.is_dir() {
+            if metadata.is_dir() {
                 let inner = from.folder(name).map_err(|e| self.unreadable(&path, e))?;
                 let made = to.create_subfolder(name).map_err(failed)?;
                 self.folder(&inner, &made, &path, level + 1)?;

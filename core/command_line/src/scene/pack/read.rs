@@ -46,7 +46,7 @@ impl Unpacked {
     pub fn new(file: File, shown: &str, largest: u64) -> Result<Unpacked, Failure> {
         let damaged = |what: &str| Failure::input(format!("{shown}: it is damaged: {what}"));
         let mut archive = archive(file);
-        let mut entries = archive.entries().map_err(|e| damaged(&choreo_files::words(&e)))?;
+        let mut entries = archive.entries().map_err(|e| damaged(&choreo_files::describe_error(&e)))?;
         let manifest = manifest(&mut entries).map_err(|what| foreign(shown, what))?;
         let unpacked = Unpacked::of(manifest, shown, largest, |file| {
             let name = &file.path;
@@ -69,7 +69,7 @@ impl Unpacked {
     pub(crate) fn of_folder(folder: &Path, largest: u64) -> Result<Unpacked, Failure> {
         let shown = folder.display().to_string();
         let damaged = |what: &str| Failure::input(format!("{shown}: it is damaged: {what}"));
-        let open = Folder::open(folder).map_err(|e| damaged(&choreo_files::words(&e)))?;
+        let open = Folder::open(folder).map_err(|e| damaged(&choreo_files::describe_error(&e)))?;
         let manifest = manifest_of(&open).map_err(|what| foreign(&shown, what))?;
         Unpacked::of(manifest, &shown, largest, |file| {
             let name = Path::new(&file.path);
@@ -92,7 +92,7 @@ impl Unpacked {
             return Err(damaged("it has more than 100000 files"));
         }
         let folder = tempfile::Builder::new().prefix("choreo-").tempdir().map_err(|e| {
-            Failure::Output(format!("{shown}: cannot unpack it: {}", choreo_files::words(&e)))
+            Failure::Output(format!("{shown}: cannot unpack it: {}", choreo_files::describe_error(&e)))
         })?;
         let written = |name: &str, e| Failure::Output(format!("{shown}: cannot unpack {name}: {e}"));
         for file in &manifest.files {

@@ -54,7 +54,7 @@ pub(crate) fn write<W: Write>(
     let mut archive = tar::Builder::new(to);
     let text = crate::terminal::json::pretty(&manifest.json()) + "\n";
     let failed = |e: std::io::Error| {
-        Failure::Output(format!("the archive: cannot write: {}", choreo_files::words(&e)))
+        Failure::Output(format!("the archive: cannot write: {}", choreo_files::describe_error(&e)))
     };
     append(&mut archive, MANIFEST, text.as_bytes()).map_err(failed)?;
     for (file, bytes) in manifest.files.iter().zip(contents) {
@@ -111,7 +111,11 @@ impl Roots {
         for folder in std::iter::once(folder).chain(args.search.iter().chain(&plugins).map(PathBuf::as_path))
         {
             let canonical = folder.canonicalize().map_err(|e| {
-                Failure::input(format!("{}: cannot read: {}", folder.display(), choreo_files::words(&e)))
+                Failure::input(format!(
+                    "{}: cannot read: {}",
+                    folder.display(),
+                    choreo_files::describe_error(&e)
+                ))
             })?;
             if !folders.contains(&canonical) {
                 folders.push(canonical);

@@ -76,7 +76,9 @@ impl<'a> Planner<'a> {
     pub fn mesh(&mut self, primitives: &[PrimitiveEntry], mesh: &mut MeshContext<'a>) {
         for (index, entry) in primitives.iter().enumerate() {
             let Some(p) = self.primitive((index, entry), mesh) else { continue };
-            for (number, (place, copy)) in mesh.asset.standing(mesh.instance, mesh.state.copies).enumerate() {
+            for (number, (place, copy)) in
+                mesh.asset.drawn_copies(mesh.instance, mesh.state.copies).enumerate()
+            {
                 if let Some(copy) = self.copy(&p, mesh, number, (place, copy)) {
                     self.add_copy(&p, mesh, &copy);
                 }
@@ -103,7 +105,7 @@ impl<'a> Planner<'a> {
         if !info.valid || shape.indices.is_empty() {
             return None;
         }
-        self.facts.copies += asset.standing(mesh.instance, state.copies).count();
+        self.facts.copies += asset.drawn_copies(mesh.instance, state.copies).count();
         let skin = mesh.skin.filter(|s| {
             // Vertices whose joint indices exceed the skin's joints cannot be skinned.
             info.influences > 0 && info.joint_count() <= self.skins[*s].matrices.len()

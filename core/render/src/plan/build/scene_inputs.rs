@@ -82,7 +82,7 @@ impl<'a> Planner<'a> {
             morphs: None,
             ..*mesh
         };
-        let (place, copy) = mesh.asset.standing(mesh.instance, state.copies).nth(number)?;
+        let (place, copy) = mesh.asset.drawn_copies(mesh.instance, state.copies).nth(number)?;
         let relative_from_mesh = copy_transform(p, &then, place, copy);
         let mut instance = Instance { relative_from_mesh, ..Instance::default() };
         if let (Some(_), Some(skin)) = (p.skin, mesh.instance.skin) {

@@ -1,6 +1,6 @@
 //! Sampling of curves with separate key times: the keys of eight neighboring joints are found, gathered and interpolated at once.
 //!
-//! A grid over the clip holds the place of each curve at the start of each cell. The few keys within a cell are found by
+//! A grid over the clip holds the interval of each curve at the start of each cell. The few keys within a cell are found by
 //! bisection, so that a seek costs as much as the next frame. Neighboring keys lie side by side, so that one load reads both.
 
 use crate::clip::sample::{hermite_at, normalized, slerp_between, write};
@@ -15,11 +15,11 @@ use crate::time::Time;
 /// The largest number of ticks that f64 holds exactly.
 const MOST_TICKS: i64 = 1 << 53;
 
-/// Curves of one interpolation. A curve of N keys has N + 1 places: up to its first key, between each two keys, and from its last
-/// key on.
+/// Curves of one interpolation. A curve of N keys has N + 1 intervals: up to its first key, between each two keys, and from its
+/// last key on.
 #[derive(Debug, Default)]
-pub(crate) struct OwnTimes {
-    columns: Vec<OwnColumn>,
+pub(crate) struct SeparateKeyTimes {
+    columns: Vec<SeparateColumn>,
     /// Entries of [`Self::keys`] that one key takes: 1, or 3 for in-tangent, value and out-tangent.
     parts: usize,
     /// Start of the grid, ticks, and cells per tick.
@@ -28,25 +28,25 @@ pub(crate) struct OwnTimes {
     cells: usize,
     /// One row per cell, with an element per column.
     grid: Vec<Cell>,
-    /// Ticks at which each place begins.
-    begins: Vec<f64>,
+    /// Ticks at which each interval begins.
+    interval_starts: Vec<f64>,
     spans: Vec<Span>,
-    /// The key before each place, and then the key after it.
+    /// The key before each interval, and then the key after it.
     keys: Vec<[f32; 4]>,
 }
 
 #[derive(Debug)]
-struct OwnColumn {
+struct SeparateColumn {
     column: Column,
-    /// The last place of each lane's curve.
+    /// The last interval of each lane's curve.
     last: [u32; LANES],
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Cell {
-    /// The place of each lane where the cell begins.
-    places: [u32; LANES],
-    /// Number of bisection steps that find a place in the cell.
+    /// The interval of each lane where the cell begins.
+    intervals: [u32; LANES],
+    /// Number of bisection steps that find an interval in the cell.
     halvings: u32,
 }
 
@@ -62,7 +62,7 @@ struct Span {
 
 const OUTSIDE: Span = Span { from: 0.0, rate: 0.0, secs: 0.0 };
 
-/// Whether [`OwnTimes`] can hold a curve: linear or cubic, several keys, times exact in f64.
+/// Whether [`SeparateKeyTimes`] can hold a curve: linear or cubic, several keys, times exact in f64.
 pub(crate) fn fits(curve: &Curve) -> bool {
     let exact = |time: Option<&Time>| time.is_some_and(|t| t.0.abs() < MOST_TICKS);
     curve.interpolation != Interpolation::Step
@@ -71,12 +71,12 @@ pub(crate) fn fits(curve: &Curve) -> bool {
         && exact(curve.times.last())
 }
 
-impl OwnTimes {
+impl SeparateKeyTimes {
     /// Packs curves of one interpolation, linear or cubic, all of which fit ([`fits`]). `members`: block, channel and curve
     /// indices.
     pub fn pack<'a>(curves: &'a [Curve], members: impl Iterator<Item = (u32, Channel, &'a [usize])>) -> Self {
-        let mut packed = OwnTimes { parts: 1, ..OwnTimes::default() };
-        // The first place of each lane.
+        let mut packed = SeparateKeyTimes { parts: 1, ..SeparateKeyTimes::default() };
+        // The first interval of each lane.
         let mut firsts: Vec<[u32; LANES]> = Vec::new();
         for (block, channel, members) in members {
             let mut lanes: Lanes = [None; LANES];
@@ -84,7 +84,7 @@ impl OwnTimes {
             for curve in members.iter().map(|index| &curves[*index]) {
                 let lane = curve.joint as usize % LANES;
                 lanes[lane] = Some(curve);
-                first[lane] = packed.begins.len() as u32;
+                first[lane] = packed.interval_starts.len() as u32;
                 last[lane] = first[lane] + curve.times.len() as u32;
                 packed.add(curve);
             }
@@ -94,9 +94,9 @@ impl OwnTimes {
                 (first[lane], last[lane]) = (first[driven], last[driven]);
             }
             firsts.push(first);
-            packed.columns.push(OwnColumn { column: column(usize::MAX, block, channel, &lanes), last });
+            packed.columns.push(SeparateColumn { column: column(usize::MAX, block, channel, &lanes), last });
         }
-        packed.lay_grid(&firsts);
+        packed.build_grid(&firsts);
         packed
     }
 
@@ -104,9 +104,9 @@ impl OwnTimes {
         let ticks = |key: usize| curve.times[key].0 as f64;
         let count = curve.times.len();
         // The first key's value holds up to its time, inclusive.
-        self.begins.extend([f64::NEG_INFINITY, ticks(0) + 1.0]);
-        self.begins.extend((1..count).map(ticks));
-        self.begins.push(f64::INFINITY);
+        self.interval_starts.extend([f64::NEG_INFINITY, ticks(0) + 1.0]);
+        self.interval_starts.extend((1..count).map(ticks));
+        self.interval_starts.push(f64::INFINITY);
         self.spans.push(OUTSIDE);
         self.spans.extend((1..count).map(|key| {
             let length = curve.times[key] - curve.times[key - 1];
@@ -120,23 +120,23 @@ impl OwnTimes {
     }
 
     /// Makes the grid, with about four cells per key of an average curve.
-    fn lay_grid(&mut self, firsts: &[[u32; LANES]]) {
-        let finite = self.begins.iter().copied().filter(|begin| begin.is_finite());
+    fn build_grid(&mut self, firsts: &[[u32; LANES]]) {
+        let finite = self.interval_starts.iter().copied().filter(|start| start.is_finite());
         let (start, end) = finite.fold((f64::MAX, f64::MIN), |(a, b), t| (a.min(t), b.max(t)));
-        self.cells = 1 + 4 * self.begins.len() / (firsts.len() * LANES).max(1);
+        self.cells = 1 + 4 * self.interval_starts.len() / (firsts.len() * LANES).max(1);
         (self.start, self.density) = (start, (self.cells - 1) as f64 / (end - start).max(1.0));
         let mut grid = Vec::with_capacity(self.cells * firsts.len());
         for cell in 0..self.cells {
-            for (firsts, OwnColumn { last, .. }) in firsts.iter().zip(&self.columns) {
-                let (mut places, mut most) = (*firsts, 0);
-                for (place, last) in places.iter_mut().zip(last) {
-                    let begins = &self.begins[*place as usize + 1..=*last as usize];
-                    let before = begins.partition_point(|begin| self.cell(*begin) < cell);
-                    let within = begins[before..].partition_point(|begin| self.cell(*begin) == cell);
-                    *place += before as u32;
+            for (firsts, SeparateColumn { last, .. }) in firsts.iter().zip(&self.columns) {
+                let (mut intervals, mut most) = (*firsts, 0);
+                for (interval, last) in intervals.iter_mut().zip(last) {
+                    let starts = &self.interval_starts[*interval as usize + 1..=*last as usize];
+                    let before = starts.partition_point(|start| self.cell(*start) < cell);
+                    let within = starts[before..].partition_point(|start| self.cell(*start) == cell);
+                    *interval += before as u32;
                     most = within.max(most);
                 }
-                grid.push(Cell { places, halvings: usize::BITS - most.leading_zeros() });
+                grid.push(Cell { intervals, halvings: usize::BITS - most.leading_zeros() });
             }
         }
         self.grid = grid;
@@ -155,37 +155,37 @@ impl OwnTimes {
         }
         let ticks = time.0 as f64;
         let row = &self.grid[self.cell(ticks) * self.columns.len()..][..self.columns.len()];
-        for (OwnColumn { column, last }, cell) in self.columns.iter().zip(row) {
+        for (SeparateColumn { column, last }, cell) in self.columns.iter().zip(row) {
             let Some(block) = blocks.get_mut(column.block as usize) else { continue };
-            let places = self.places(cell, last, ticks);
+            let intervals = self.intervals(cell, last, ticks);
             let values = match self.parts {
-                1 => self.linear::<F>(column, &places, ticks),
-                _ => self.cubic::<F>(column, &places, ticks),
+                1 => self.linear::<F>(column, &intervals, ticks),
+                _ => self.cubic::<F>(column, &intervals, ticks),
             };
             let Some(values) = values else { return };
             write(column, block, values);
         }
     }
 
-    /// The last place of each lane that has begun at `ticks`.
+    /// The last interval of each lane that has begun at `ticks`.
     #[inline(always)]
-    fn places(&self, cell: &Cell, last: &[u32; LANES], ticks: f64) -> [u32; LANES] {
-        let mut places = cell.places;
+    fn intervals(&self, cell: &Cell, last: &[u32; LANES], ticks: f64) -> [u32; LANES] {
+        let mut intervals = cell.intervals;
         for halving in (0..cell.halvings).rev() {
             for lane in 0..LANES {
-                let next = (places[lane] + (1 << halving)).min(last[lane]);
-                let begun = u32::from(self.begins[next as usize] <= ticks);
-                places[lane] += (next - places[lane]) * begun;
+                let next = (intervals[lane] + (1 << halving)).min(last[lane]);
+                let begun = u32::from(self.interval_starts[next as usize] <= ticks);
+                intervals[lane] += (next - intervals[lane]) * begun;
             }
         }
-        places
+        intervals
     }
 
     #[inline(always)]
-    fn fractions<F: F8>(&self, places: &[u32; LANES], ticks: f64) -> (F, F) {
+    fn fractions<F: F8>(&self, intervals: &[u32; LANES], ticks: f64) -> (F, F) {
         let (mut from, mut rate, mut secs) = ([0.0; LANES], [0.0; LANES], Lane::default());
         for lane in 0..LANES {
-            let span = &self.spans[places[lane] as usize];
+            let span = &self.spans[intervals[lane] as usize];
             (from[lane], rate[lane], secs.0[lane]) = (span.from, span.rate, span.secs);
         }
         let mut fraction = Lane::default();
@@ -195,13 +195,13 @@ impl OwnTimes {
         (F::load(&fraction), F::load(&secs))
     }
 
-    /// Component rows of two neighboring entries of the keys of eight places; `at`: offset of the first one from the place's
-    /// entries.
+    /// Component rows of two neighboring entries of the keys of eight intervals; `at`: offset of the first one from the
+    /// interval's entries.
     #[inline(always)]
-    fn gather<F: F8>(&self, places: &[u32; LANES], at: usize) -> Option<[[F; 4]; 2]> {
+    fn gather<F: F8>(&self, intervals: &[u32; LANES], at: usize) -> Option<[[F; 4]; 2]> {
         let mut pairs = [F::splat(0.0); LANES];
         for lane in 0..LANES {
-            let from = places[lane] as usize * self.parts + at;
+            let from = intervals[lane] as usize * self.parts + at;
             pairs[lane] = F::load_halves(self.keys.get(from..)?.first_chunk()?);
         }
         let [a, b, c, d, e, f, g, h] = pairs;
@@ -209,9 +209,9 @@ impl OwnTimes {
     }
 
     #[inline(always)]
-    fn linear<F: F8>(&self, column: &Column, places: &[u32; LANES], ticks: f64) -> Option<[F; 4]> {
-        let [a, b] = self.gather::<F>(places, 0)?;
-        let (t, _) = self.fractions::<F>(places, ticks);
+    fn linear<F: F8>(&self, column: &Column, intervals: &[u32; LANES], ticks: f64) -> Option<[F; 4]> {
+        let [a, b] = self.gather::<F>(intervals, 0)?;
+        let (t, _) = self.fractions::<F>(intervals, ticks);
         if column.channel == Channel::Rotation {
             return Some(slerp_between(a, b, t, column.terms));
         }
@@ -219,10 +219,10 @@ impl OwnTimes {
     }
 
     #[inline(always)]
-    fn cubic<F: F8>(&self, column: &Column, places: &[u32; LANES], ticks: f64) -> Option<[F; 4]> {
-        let [key, tangent] = self.gather::<F>(places, 1)?;
-        let [next_tangent, next] = self.gather::<F>(places, 3)?;
-        let (t, secs) = self.fractions::<F>(places, ticks);
+    fn cubic<F: F8>(&self, column: &Column, intervals: &[u32; LANES], ticks: f64) -> Option<[F; 4]> {
+        let [key, tangent] = self.gather::<F>(intervals, 1)?;
+        let [next_tangent, next] = self.gather::<F>(intervals, 3)?;
+        let (t, secs) = self.fractions::<F>(intervals, ticks);
         let w = hermite_at(t, secs);
         let mut values = key;
         for i in 0..4 {
