@@ -85,9 +85,9 @@ fn an_exporter_in_a_file_writes_all_its_files_or_none() {
     std::fs::remove_file(d.join("out_b.txt")).unwrap();
     for (body, message) in [
         ("write(\"a\"); write_to(\"_b.txt\", \"b\"); throw \"enough\";", "two.exporter.rhai:3:"),
-        ("write_to(\"a.rhai\", \"gone\");", "is no ending of a file beside it"),
-        ("write_to(\"_../../a\", \"gone\");", "is no ending of a file beside it"),
-        ("write_to(\".two\", \"gone\");", "is no ending of a file beside it"),
+        ("write_to(\"a.rhai\", \"gone\");", "is not a valid ending for an additional file"),
+        ("write_to(\"_../../a\", \"gone\");", "is not a valid ending for an additional file"),
+        ("write_to(\".two\", \"gone\");", "is not a valid ending for an additional file"),
     ] {
         write(body);
         let run = export();

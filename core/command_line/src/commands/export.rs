@@ -106,7 +106,7 @@ fn exporter<'r>(output: &str, registry: &'r Registry) -> Result<&'r Arc<dyn Scen
         let is_read = registry.importers().iter().any(|i| i.manifest().extensions.contains(&extension));
         let what = match is_read {
             true => format!(".{extension} is read, not written"),
-            false => "the name's extension says the format".into(),
+            false => "the file extension selects the format".into(),
         };
         Failure::Usage(format!(
             "-o {output}: {what}; known: {}{}",
@@ -193,7 +193,8 @@ impl SceneFiles for Files<'_> {
             || !ending.starts_with(['.', '_', '-'])
             || Path::new(&name).file_name() == self.path.file_name()
         {
-            let what = format!("\"{ending}\" is no ending of a file beside it; write one as _0.png");
+            let what =
+                format!("\"{ending}\" is not a valid ending for an additional file; write one as _0.png");
             return Err(ExportError::Format(what));
         }
         let file = match self.beside.entry(name.clone()) {
@@ -208,7 +209,7 @@ impl SceneFiles for Files<'_> {
 
     fn replace(&mut self, at: u64, bytes: &[u8]) -> Result<(), ExportError> {
         self.main.out.flush()?;
-        let no_way_back = || ExportError::Format("this format needs a file, no pipe or device".into());
+        let no_way_back = || ExportError::Format("this format needs a file, not a pipe or device".into());
         self.main.part.replace(at, bytes).map_err(|e| match e.kind() {
             ErrorKind::NotSeekable => no_way_back(),
             _ => e.into(),

@@ -236,7 +236,7 @@ fn exporter(name: &str, registry: &Registry) -> Result<Vec<String>, Vec<String>>
     let (first, second) = (write()?, write()?);
     if (&first.main, &first.beside) != (&second.main, &second.beside) {
         return Err(vec![format!(
-            "the exporter {name} has written other bytes of the same scene a second time"
+            "the exporter {name} wrote different bytes for the same scene the second time"
         )]);
     }
     let beside = first.beside.len();
