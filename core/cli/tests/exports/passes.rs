@@ -133,7 +133,7 @@ fn a_stopped_sequence_goes_on_with_the_images_that_lack() {
     std::fs::remove_file(d.join(names[0])).unwrap();
     std::fs::write(d.join(names[2]), &whole[2][..whole[2].len() - 1]).unwrap();
     let run = render(&["--resume"]);
-    assert!(run.code == 0 && run.err.contains("2 of them there before"), "{}", run.err);
+    assert!(run.code == 0 && run.err.contains("2 of them finished before"), "{}", run.err);
     assert!(names.map(|name| read(d, name)) == whole, "resumed frames have the same bytes");
     let run = render(&["--resume", "--samples", "1"]);
     assert!(run.code == 3 && run.err.contains("was made with other settings"), "{}", run.err);

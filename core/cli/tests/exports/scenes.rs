@@ -49,9 +49,9 @@ fn images_and_scenes_name_each_others_command() {
     let dir = project();
     let d = dir.path();
     let run = choreo(d, &["export", "a.rhai", "-o", "a.png"]);
-    assert!(run.code == 2 && run.err.contains("images and videos are made by choreo render"), "{}", run.err);
+    assert!(run.code == 2 && run.err.contains("use choreo render to write images and videos"), "{}", run.err);
     let run = choreo(d, &["render", "a.rhai", "-o", "a.csv"]);
-    assert!(run.code == 2 && run.err.contains("by choreo export"), "{}", run.err);
+    assert!(run.code == 2 && run.err.contains("use choreo export"), "{}", run.err);
     let run = choreo(d, &["export", "a.rhai", "-o", "a.xyz"]);
     assert!(run.code == 2 && run.err.contains("known: .csv"), "{}", run.err);
     let run = choreo(d, &["export", "a.rhai", "-o", "a.fbx"]);

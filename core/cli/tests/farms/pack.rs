@@ -384,7 +384,7 @@ fn a_folder_has_what_the_archive_has() {
     good(d, &["render", "film", "-o", "two.mp4"]);
     assert!(read(d, "one.mp4") == read(d, "two.mp4"));
     let again = choreo(d, &["pack", "gone/film.rhai", "-o", "film/"]);
-    assert!(again.code == 3 && again.err.contains("film/: it is there already"), "{}", again.err);
+    assert!(again.code == 3 && again.err.contains("film/: it exists already"), "{}", again.err);
     let refused = |what: &str| {
         let run = choreo(d, &["check", "film"]);
         assert!(run.code == 1 && run.err.starts_with(&format!("film: it is damaged: {what}")), "{}", run.err);

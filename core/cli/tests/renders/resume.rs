@@ -319,7 +319,7 @@ fn what_a_signal_ends_is_kept_and_the_command_that_is_printed_goes_on_with_it() 
         let run = type_in(d, command);
         assert_eq!(run.code, 0, "{command}: {}", run.err);
         assert!(
-            more.contains(&"--quiet") || run.err.contains(&format!("{finished} of them there before")),
+            more.contains(&"--quiet") || run.err.contains(&format!("{finished} of them finished before")),
             "{}",
             run.err
         );

@@ -98,7 +98,7 @@ fn stem(path: &Path) -> String {
 fn exporter<'r>(output: &str, registry: &'r Registry) -> Result<&'r Arc<dyn SceneExporter>, Failure> {
     registry.scene_exporter_for(output).ok_or_else(|| {
         if registry.exporter_for(output).is_some() {
-            return Failure::Usage(format!("-o {output}: images and videos are made by choreo render"));
+            return Failure::Usage(format!("-o {output}: use choreo render to write images and videos"));
         }
         let extensions = registry.scene_exporters().iter().flat_map(|e| &e.manifest().extensions);
         let known: Vec<String> = extensions.map(|extension| format!(".{extension}")).collect();

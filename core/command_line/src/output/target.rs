@@ -85,7 +85,7 @@ impl Target {
         let Some(exporter) = registry.exporter_for(&name) else {
             if registry.scene_exporter_for(&name).is_some() {
                 return Err(Failure::Usage(format!(
-                    "-o {}: a scene is written to it by choreo export",
+                    "-o {}: use choreo export to write a scene in this format",
                     self.shown()
                 )));
             }

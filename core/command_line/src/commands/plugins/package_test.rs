@@ -85,7 +85,7 @@ fn run_scripts(
     let words = ["choreo", "test"].map(|word| word.into()).into_iter();
     let words = words.chain(scripts.into_iter().map(PathBuf::into_os_string));
     let Ok(Command::Test(args)) = Cli::try_parse_from(words).map(|cli| cli.command) else {
-        return Err(Failure::Internal("choreo test is not called as it should be".into()));
+        return Err(Failure::Internal("choreo test was called with wrong arguments".into()));
     };
     let mut unused = test::run_package(args, folder, plugins)?;
     unused.retain(|name| effects.contains(&name.as_str()));

@@ -81,7 +81,7 @@ fn not_drawn(frames: u64, counts: Counts, watch: bool) -> String {
     let parts = match watch {
         true => vec![(reused, "drawn before")],
         false => vec![
-            (reused - (repeated + recomposed).min(reused), "there before"),
+            (reused - (repeated + recomposed).min(reused), "finished before"),
             (repeated, "equal to the one before"),
             (recomposed, "with other 2D layers over the same scene"),
         ],
