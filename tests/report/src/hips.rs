@@ -20,7 +20,7 @@ const FLAT: f64 = 0.01;
 /// Lengths of the other character's shins and feet, as factors of the source's.
 const SHIN: f32 = 0.9;
 const FOOT: f32 = 0.6;
-const SMOOTH: &str = "smoothing spline over the clip, 120 Hz (what runs)";
+const SMOOTH: &str = "smoothing spline over the clip, 120 Hz (default)";
 
 /// The mannequin with other shins and feet; its hips are lowered accordingly.
 fn other_body(source: &Skeleton) -> Result<Skeleton, String> {

@@ -69,7 +69,7 @@ struct Filter {
 }
 
 const FILTERS: [Filter; 4] = [
-    Filter { name: "box (what runs)", radius: 0.5, weight: |_| 1.0 },
+    Filter { name: "box (default)", radius: 0.5, weight: |_| 1.0 },
     Filter { name: "triangle", radius: 1.0, weight: |x| 1.0 - x },
     Filter { name: "Kaiser, radius 2", radius: 2.0, weight: |x| sinc(x) * kaiser(x / 2.0) },
     Filter { name: "Lanczos, radius 3", radius: 3.0, weight: |x| sinc(x) * sinc(x / 3.0) },

@@ -9,7 +9,7 @@ use std::ops::Add;
 
 const WIDTH: usize = 640;
 const HEIGHT: usize = 360;
-const OURS: &str = "1/2^15 fixed point, [1 2 1] across (what runs)";
+const OURS: &str = "1/2^15 fixed point, [1 2 1] across (default)";
 
 type Convert = fn(&[u8]) -> Planes;
 
