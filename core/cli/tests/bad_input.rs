@@ -81,7 +81,7 @@ fn command_lines_that_are_wrong() {
     let known = registry.exporters().iter().flat_map(|e| e.manifest().extensions.iter());
     let known = known.map(|extension| format!(".{extension}")).collect::<Vec<_>>().join(", ");
     assert!(known.starts_with(".png, .mp4, .m4v, "), "{known}");
-    let unknown = format!("-o o.mp5: the name's extension says the format; known: {known}");
+    let unknown = format!("-o o.mp5: the file extension selects the format; known: {known}");
     for (args, expected) in [
         (&["render", "tri.gltf", "-o", "o.mp5"][..], unknown.as_str()),
         (
@@ -106,7 +106,8 @@ fn command_lines_that_are_wrong() {
         ),
         (
             &["render", "tri.gltf", "-o", "o.mp4", "--frames", "0..31"],
-            "--frames 0..31: the scene has 30 frames, 0..30; --length SECS makes it longer, with the clip again and again",
+            "--frames 0..31: the scene has 30 frames, 0..30; --length SECS makes it longer and repeats the \
+             clip",
         ),
         (
             &["render", "tri.gltf", "-o", "o.mp4", "--size", "big"],
@@ -175,7 +176,7 @@ fn outputs_that_cannot_be() {
     for (output, expected) in [
         ("no/o.mp4", "no/o.mp4: cannot write: the folder no does not exist; make it: mkdir -p no"),
         ("tri.gltf/o.mp4", "tri.gltf/o.mp4: cannot write: a part of the path is a file, not a folder"),
-        ("tri.gltf/%04d.png", "tri.gltf: cannot make the folder: it exists already and is no folder"),
+        ("tri.gltf/%04d.png", "tri.gltf: cannot make the folder: it exists already and is not a folder"),
     ] {
         let (code, line) = refused(d, &["render", "tri.gltf", "-o", output, "--device", "cpu", "--quiet"]);
         assert_eq!((code, line.as_str()), (3, expected));

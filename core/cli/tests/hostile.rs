@@ -292,8 +292,8 @@ fn head_lines(script: &Script, run: &Run) -> Vec<String> {
             }
             _ => text,
         };
-        let text = match text.split_once(" be looked at in ") {
-            Some((before, _)) => format!("{before} be looked at…"),
+        let text = match text.split_once(" be checked in ") {
+            Some((before, _)) => format!("{before} be checked…"),
             None => text,
         };
         let cut: String = text.chars().take(150).collect();

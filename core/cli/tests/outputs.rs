@@ -56,7 +56,7 @@ fn a_disk_that_fills_up_loses_nothing() {
             .filter(|a| *a != "--quiet")
             .collect();
         let run = choreo(d, &loud);
-        assert!(run.code == 0 && run.err.contains("of them there before"), "{}", run.err);
+        assert!(run.code == 0 && run.err.contains("of them finished before"), "{}", run.err);
         let resumed = read(d, output);
         let whole = format!("whole{}", &output[1..]);
         assert_eq!(choreo(d, &render("tri.gltf", &whole, frames)).code, 0);

@@ -111,7 +111,7 @@ fn pictures_are_accepted_then_compared_and_a_planted_block_fails() {
     let run = test(d, &["suite"]);
     assert_eq!(run.code, 1);
     assert!(run.out.contains("FAILED suite/box.rhai > the box is seen\n"), "{}", run.out);
-    assert!(run.out.contains("which is not there yet"), "{}", run.out);
+    assert!(run.out.contains("which does not exist yet"), "{}", run.out);
     assert!(run.err.contains("2 sections failed"), "{}", run.err);
 
     assert_eq!(test(d, &["suite", "--accept=box"]).code, 1, "the other is still missing");
@@ -204,7 +204,7 @@ const FAULTS: &[(&str, &str)] = &[
     ("test(\"a\", || { expect(1).equals(1); nonsense(); });", "ERROR suite/t.rhai > a"),
     ("test(\"a\", || { expect(1).equals(1); //~ error: something\n });", "something"),
     ("test(\"a\", #{ skip: \"not here\" }, || { expect(1).equals(1); });", "skipped 1: not here"),
-    ("test(\"a\", #{ fails: \"bug 7\" }, || { expect(1).equals(1); });", "the bug is gone"),
+    ("test(\"a\", #{ fails: \"bug 7\" }, || { expect(1).equals(1); });", "the bug is fixed"),
     ("test(\"a\", || { loop { } });", "raise it with --limit operations=NUMBER"),
     (
         "test(\"a\", || { let s = \"x\"; for i in 0..60 { s += s; } expect(s).equals(\"\"); });",
@@ -320,7 +320,7 @@ fn sections_are_listed_filtered_and_dealt_out() {
     for (args, says) in [
         (
             &["--filter", "numbrs are numbers"][..],
-            "none of the 3 sections fits; did you mean \"numbers are numbers\"?",
+            "none of the 3 sections matches; did you mean \"numbers are numbers\"?",
         ),
         (&["--shard", "0/2"], "write I/N with I from 1 to N"),
         (&["--shard", "4/9"], "there are only 3 sections"),

@@ -58,7 +58,7 @@ impl Running {
     /// Starts a command on its own thread, which sends the response.
     pub fn start(&mut self, asked: Asked, host: &dyn Host, client: Client) -> Result<(), ResponseError> {
         let failed = |why: String| ResponseError::new(ResponseError::FAILED, why);
-        let folder = self.folder().map_err(|e| failed(format!("no folder for results: {e}")))?;
+        let folder = self.folder().map_err(|e| failed(format!("cannot create a folder for results: {e}")))?;
         self.jobs.retain(|job| !job.thread.is_finished());
         static NUMBER: AtomicU32 = AtomicU32::new(0);
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
@@ -85,7 +85,7 @@ impl Running {
             }
         };
         let thread = std::thread::Builder::new().name("command".into()).spawn(work);
-        let thread = thread.map_err(|e| failed(format!("no thread for the command: {e}")))?;
+        let thread = thread.map_err(|e| failed(format!("cannot start a thread for the command: {e}")))?;
         self.jobs.push(Job { id, progress, stop, thread });
         Ok(())
     }
@@ -151,7 +151,7 @@ impl Work<'_> {
         let [out, err] = self.texts.each_ref().map(|file| text(file));
         let done = match went {
             Went::CalledOff => {
-                return Err(ResponseError::new(ResponseError::CANCELLED, "the command was called off"));
+                return Err(ResponseError::new(ResponseError::CANCELLED, "the command was cancelled"));
             }
             Went::Open => true,
             Went::Ended(status) => status.success(),

@@ -149,5 +149,5 @@ fn joints(asset: &choreo_asset::Asset, written: &str) -> Option<String> {
         return Some(format!("{}: {}", facts::count(names.len(), "joint"), names.join(", ")));
     }
     let text = facts::joint(asset, written.trim_end_matches(".."))?;
-    Some(if written.ends_with("..") { format!("{text}; all of them are meant") } else { text })
+    Some(if written.ends_with("..") { format!("{text}; all of these joints are included") } else { text })
 }

@@ -239,7 +239,7 @@ pub fn rename(request: &Request) -> Result<Value, ResponseError> {
 fn unfit_name(new: &str, declaration: &Declaration) -> Option<String> {
     let plain = is_word(new) && new.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
     if !plain || is_keyword(new) {
-        let why = "cannot be a name: write letters, digits and _, and no word of the language";
+        let why = "cannot be a name: write letters, digits and _, and no keyword of the language";
         return Some(format!("\"{new}\" {why}"));
     }
     let taken = describe::entry("", new).filter(|_| declaration.kind == Declared::Function);
@@ -266,11 +266,11 @@ pub fn variable_uses(text: &str, byte: usize, new: &str) -> Result<Vec<Range<usi
     let token = source.token_at(byte);
     let types = Types::new(&source, &NoModules, &budget);
     let declared = token.and_then(|token| Some((token, types.declares(token)?)));
-    let (token, declaration) = declared.ok_or_else(|| refuse("no variable is made there".to_string()))?;
+    let (token, declaration) = declared.ok_or_else(|| refuse("no variable is declared there".to_string()))?;
     unfit_name(new, &declaration).map_or(Ok(()), |why| Err(refuse(why)))?;
     let (name, range) = (source.get(token).to_string(), source.tokens[token].clone());
     if exported(&source, &name, &NoModules).as_ref() == Some(&declaration) {
-        return Err(refuse(format!("other scripts can know it as {name}; rename it in the script")));
+        return Err(refuse(format!("other scripts can use it as {name}; rename it in the script")));
     }
     let named = Named { name, range, module: None, declaration };
     unsafe_name(&source, &named, new).map_or(Ok(()), Err)?;
@@ -293,7 +293,7 @@ fn unsafe_name(source: &Source, named: &Named, new: &str) -> Option<NotRenamed> 
         let words =
             |text: &str| text.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|w| w == named.name);
         if is_function && is_string(text) && source.before(token, 2) == "Fn" && words(text) {
-            return not(line, format!("calls {} by a text", named.name));
+            return not(line, format!("calls {} by its name in a text", named.name));
         }
         if is_function && text == named.name && matches!(source.before(token, 1), "." | "?.") {
             return as_method(line);
@@ -346,14 +346,15 @@ mod tests {
             (
                 "let |a = 1;",
                 "if",
-                "line 1: \"if\" cannot be a name: write letters, digits and _, and no word of the language",
+                "line 1: \"if\" cannot be a name: write letters, digits and _, and no keyword of the \
+                 language",
                 1,
             ),
-            ("x = 1;\n|a.b();", "e", "line 2: no variable is made there", 2),
+            ("x = 1;\n|a.b();", "e", "line 2: no variable is declared there", 2),
             (
                 "let b = 1;\nexport let |a = 1;",
                 "e",
-                "line 2: other scripts can know it as a; rename it in the script",
+                "line 2: other scripts can use it as a; rename it in the script",
                 2,
             ),
         ] {

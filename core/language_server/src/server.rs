@@ -164,7 +164,7 @@ impl Server {
             let id = &message["id"];
             let cancelled = !id.is_null() && message["method"].is_string() && cancels.contains(id);
             if cancelled {
-                let error = ResponseError::new(ResponseError::CANCELLED, "the request was called off");
+                let error = ResponseError::new(ResponseError::CANCELLED, "the request was cancelled");
                 self.client.refuse(id, &error);
             }
             !cancelled
@@ -212,7 +212,7 @@ impl Server {
             _ if !self.initialized => {
                 return Err(ResponseError::new(
                     ResponseError::NOT_INITIALIZED,
-                    "the first request is initialize",
+                    "the first request must be initialize",
                 ));
             }
             "shutdown" => {
@@ -269,7 +269,7 @@ impl Server {
         if !self.initialized {
             return Err(ResponseError::new(
                 ResponseError::NOT_INITIALIZED,
-                "the first request is initialize",
+                "the first request must be initialize",
             ));
         }
         let name = p["command"].as_str().filter(|name| commands::NAMES.contains(name));

@@ -182,8 +182,8 @@ pub fn select(cases: Vec<Case>, selection: &Selection) -> Result<Vec<Case>, Noth
             "--filter {}: {}{}\n    --list shows all of them",
             quoted(filter),
             match cases.len() {
-                1 => "the only section does not fit".to_string(),
-                n => format!("none of the {n} sections fits"),
+                1 => "the only section does not match".to_string(),
+                n => format!("none of the {n} sections matches"),
             },
             did_you_mean(filter, names)
         )));

@@ -89,7 +89,7 @@ pub fn judge(
         Ok(drawn) => drawn,
         Err(NoImage::NoDevice(why)) => return Judged::Skipped(why),
         Err(NoImage::Failed(why)) => {
-            check.got = format!("no picture: {why}");
+            check.got = format!("no image: {why}");
             return Judged::Check(Box::new(check), None);
         }
     };
@@ -154,15 +154,15 @@ impl Failing<'_> {
         (check.expected, check.by) = match verdict {
             Verdict::Good(words) => (shown, words),
             Verdict::Missing => {
-                (format!("{shown}, which is not there yet"), "no image has been accepted".into())
+                (format!("{shown}, which does not exist yet"), "no image has been accepted".into())
             }
             Verdict::Damaged(why) => {
-                check.hint = "restore it from version control, or accept what came".into();
+                check.hint = "restore it from version control, or accept the new image".into();
                 (format!("{shown}, which cannot be read: {why}"), "the stored image is damaged".into())
             }
             Verdict::OtherDevice(device) => {
                 let device = if device.is_empty() { "an unknown device".to_string() } else { device };
-                check.hint = "to compare all the same: --any-device".into();
+                check.hint = "to compare them anyway: --any-device".into();
                 let by = "images of different devices are not compared";
                 (format!("{shown}, accepted on {device}"), by.into())
             }
@@ -189,7 +189,8 @@ impl Failing<'_> {
 
 fn too_heavy(bytes: usize) -> String {
     format!(
-        "the image takes {:.1} KiB as PNG, at most {} are kept; make it smaller (size), or say that it is meant: #{{ large: true }}",
+        "the image takes {:.1} KiB as PNG, at most {} are kept; make it smaller (size), or allow the size: \
+         #{{ large: true }}",
         bytes as f64 / 1024.0,
         MOST_BYTES >> 10
     )

@@ -240,9 +240,9 @@ impl Teller<'_> {
             let stem = path.file_stem().unwrap_or_default().to_string_lossy();
             ran.outcome.checks.push(Check {
                 place: ran.outcome.place.clone(),
-                title: format!("image \"{stem}\" has its name for itself"),
+                title: format!("image \"{stem}\" has a unique name"),
                 passed: false,
-                expected: "names that differ within a file".into(),
+                expected: "different names within a file".into(),
                 got: format!("{owner} has an image of this name too"),
                 by: String::new(),
                 hint: "give one of them another name".into(),

@@ -104,7 +104,7 @@ fn judge(
     if !run.errors.is_empty() {
         let mut texts = vec![lines(&run.errors)];
         for e in run.expected.iter().filter(|e| !e.met) {
-            texts.push(format!("{}:{}: expected and not come: {}", case.file, e.line, e.text));
+            texts.push(format!("{}:{}: expected, but it did not occur: {}", case.file, e.line, e.text));
         }
         outcome.status = Status::Error(texts.join("\n"));
         return without(outcome);
@@ -204,7 +204,11 @@ fn known_bug(outcome: &mut Outcome, why: &str) {
         expected: "a failure".into(),
         got: first.unwrap_or_else(|| "it passes".into()),
         by: String::new(),
-        hint: if passed { String::new() } else { "the bug is gone: take its mark from the section".into() },
+        hint: if passed {
+            String::new()
+        } else {
+            "the bug is fixed: remove its mark from the section".into()
+        },
         evidence: Evidence::None,
     }];
 }

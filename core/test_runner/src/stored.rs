@@ -32,7 +32,7 @@ pub enum DecodeError {
     Truncated,
     #[error(transparent)]
     Png(png::DecodingError),
-    #[error("{0}x{1} pixels are no test image")]
+    #[error("a test image cannot have {0}x{1} pixels")]
     Dimensions(u32, u32),
     #[error("it is too large")]
     TooLarge,

@@ -40,10 +40,8 @@ pub fn section() -> Result<Section, String> {
     }
     // 2 Hz is quick for a whole limb.
     let typical = 1;
-    let mut choice = Choice::new(
-        "baking",
-        "At what rate, and with which curves, is motion kept that is sampled from elsewhere?",
-    );
+    let mut choice =
+        Choice::new("baking", "At what rate, and with which curves, is resampled motion stored?");
     choice.error_unit = "mm";
     choice.reference = format!(
         "a hand {ARM} m from its joint that swings by ±{AMPLITUDE_DEGREES}° twice a second, a closed form in f64"
@@ -61,7 +59,7 @@ pub fn section() -> Result<Section, String> {
     let chosen = name(&(60, Interpolation::Linear));
     choice.choose(
         &chosen,
-        "what Clip::baked is called with where sparse clips are made fast; clips of files stay as authored",
+        "the rate of Clip::baked where sparse clips are resampled for speed; clips of files stay as authored",
     );
     choice.rows.iter_mut().for_each(|r| r.note = "size: a second of one joint".into());
     let titles: Vec<String> = HERTZ.iter().map(|h| format!(">{h} Hz")).collect();
@@ -74,14 +72,15 @@ pub fn section() -> Result<Section, String> {
     }
     Ok(Section {
         title: "Sampling rate of baked motion",
-        text: "Between two keys slerp cuts the corner: twice the rate has a quarter of the error. Splines with true tangents have a \
-               sixteenth, but cost three times the numbers and more time."
+        text: "Between two keys slerp takes a shortcut: twice the rate has a quarter of the error. Splines \
+               with exact tangents have a sixteenth, but need three times as many numbers and more time."
             .into(),
         choices: vec![choice],
         tables: vec![table],
         off_front: vec![(
             "baking",
-            "30 or 240 Hz cost the same time, since two rows are read whatever the rate; the price of a higher rate is size.",
+            "30 and 240 Hz cost the same time, since two rows are read at any rate; a higher rate costs \
+             size.",
         )],
     })
 }

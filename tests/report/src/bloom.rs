@@ -11,9 +11,10 @@ use std::hint::black_box;
 pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Bloom",
-        text: "Light that spills far is spread in a smaller picture: the Gaussian's 17 taps lie on pixels that are means of squares, and the result is \
-               read between four of them. An image is halved until eight of its pixels are three standard deviations or more. Smaller ones still are \
-               hardly cheaper, and show the squares."
+        text: "Wide bloom is blurred in a smaller image: the Gaussian's 17 taps read pixels that are means \
+               of squares, and the result is interpolated between four of them. The image is halved until \
+               three standard deviations are at most eight of its pixels. Even smaller images are hardly \
+               cheaper, and show the squares."
             .into(),
         choices: vec![shrinks()?],
         tables: Vec::new(),
@@ -148,11 +149,11 @@ fn shrinks() -> Result<Choice, String> {
     };
     let same = off(&spread(&rgba, taken), &by_effect(&bloom, &rgba));
     if same.is_nan() || same > 1e-4 {
-        return Err(format!("what is measured is not the effect: {same} apart"));
+        return Err(format!("the measured function is not the effect: {same} apart"));
     }
     let name =
         |shrink: usize| if shrink == 1 { "full size".to_string() } else { format!("{shrink} times smaller") };
-    let mut choice = Choice::new("bloom", "In how small an image is light spread?");
+    let mut choice = Choice::new("bloom", "How small is the image in which bloom is blurred?");
     choice.error_unit = "of white";
     choice.by_mean = true;
     choice.per = format!("image of {}×{} by the CPU's formulas, one thread", SIZE[0], SIZE[1]);

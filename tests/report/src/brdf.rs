@@ -125,8 +125,10 @@ pub fn section() -> Result<Section, String> {
     let titles: Vec<String> = DEGREES.iter().map(|d| format!(">{d}°")).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("% of the light lost, looked at from", "roughness")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "degrees")));
-    let mut lost =
-        Table::new("What a surface that absorbs nothing loses, since light meets one facet only", &columns);
+    let mut lost = Table::new(
+        "Light lost by a surface that absorbs nothing, since only one bounce is computed",
+        &columns,
+    );
     for roughness in ROUGHNESS {
         let mut cells = vec![Cell::text(format!("roughness {roughness}"))];
         for degrees in DEGREES {
@@ -165,13 +167,16 @@ pub fn section() -> Result<Section, String> {
     for (((name, _), (error, place)), nanos) in WAYS.iter().zip(errors).zip(nanos) {
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos).at(place));
     }
-    choice
-        .choose(OURS, "what glTF's appendix B states, exact for its facets; the fits save two square roots");
+    choice.choose(
+        OURS,
+        "the formula of glTF's appendix B, exact for its facets; the fits save two square roots",
+    );
     Ok(Section {
         title: "Lights on rough surfaces",
-        text: "Facets of a rough surface hide each other. The lobe of GGX (Walter 2007) counts those that both the light and the viewer see, by Smith's \
-               function (Heitz 2014), or a fit of it. A pixel of the renderer is compared with the formula first. What light loses that would meet a \
-               second facet is in the table: glTF's formula, and so this renderer, leaves it out."
+        text: "Microfacets of a rough surface hide each other. The lobe of GGX (Walter 2007) counts those \
+               that both the light and the viewer see, by Smith's function (Heitz 2014), or a fit of it. A \
+               pixel of the renderer is compared with the formula first. The table shows how much light is \
+               lost because a second bounce is left out, in glTF's formula and so in this renderer."
             .into(),
         choices: vec![choice],
         tables: vec![lost],

@@ -44,19 +44,21 @@ pub fn section() -> Result<Section, String> {
             nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
         }
     }
-    let mut choice = Choice::new("chains", "In what numbers are joints brought to model space?");
+    let mut choice = Choice::new("chains", "In which number format are joints transformed to model space?");
     choice.error_unit = "µm";
     choice.reference = format!(
         "the tip of a chain of {} joints of 10 cm, each turned by up to 40°, in f64 from the same f32 transforms",
         LENGTHS[TYPICAL]
     );
     choice.per =
-        "joint; one after the other, in portable instructions: in a chain nothing can be done for several joints at once".into();
+        "joint; one after the other, in portable instructions: joints of a chain cannot be computed in \
+         parallel"
+            .into();
     for (way, name) in WAYS.iter().enumerate() {
         let error = &by_length[way][TYPICAL];
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[way]));
     }
-    choice.choose(OURS, "micrometres at the tip, and the GPU wants f32 matrices anyway");
+    choice.choose(OURS, "errors of micrometres at the tip, and the GPU needs f32 matrices anyway");
     let titles: Vec<String> = LENGTHS.iter().map(|n| format!(">{n} joints")).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error of the tip in µm", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "joints")));

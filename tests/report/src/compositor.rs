@@ -82,7 +82,7 @@ fn cryptomatte(moment: &Moment) -> Result<Choice, String> {
     choice.error_unit = "% of a pixel";
     choice.by_mean = true;
     choice.reference = format!(
-        "{} samples of each pixel; of pixels that show more than one name, or a name and nothing",
+        "{} samples of each pixel; for pixels that show more than one name, or a name and nothing",
         FINER * FINER
     );
     choice.per = format!("frame of {}×{} with ids alone", SIZE[0], SIZE[1]);
@@ -170,7 +170,7 @@ fn pixels(moment: &Moment, registry: &Registry) -> Result<Choice, String> {
     let frame = drawn(&mut renderer, &plan(moment, SIZE, color))?;
     let truth: Vec<f32> =
         (0..3).flat_map(|channel| frame.color.iter().map(move |color| color[channel])).collect();
-    let mut choice = Choice::new("exr_pixels", "How does an OpenEXR file hold light?");
+    let mut choice = Choice::new("exr_pixels", "In which format does an OpenEXR file store light?");
     choice.error_unit = "% of the value";
     choice.reference =
         "the renderer's own 32-bit floats, of values above 0.0001, read again from the file".into();
@@ -198,7 +198,7 @@ fn pixels(moment: &Moment, registry: &Registry) -> Result<Choice, String> {
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
     choice.choose(
         "half, zip",
-        "a twentieth of a percent is below what a grade shows, in the smallest file; every compositor reads it",
+        "0.05 % is invisible after color grading, in the smallest file; every compositor reads it",
     );
     Ok(choice)
 }
@@ -211,7 +211,7 @@ fn costs(moment: &Moment, registry: &Registry) -> Result<Table, String> {
         (">Vulkan, ms", "vulkan"),
         (">file, kB", "file"),
     ];
-    let title = format!("What passes cost: a frame of {}×{}, 4 samples; all threads", SIZE[0], SIZE[1]);
+    let title = format!("Cost of passes: a frame of {}×{}, 4 samples; all threads", SIZE[0], SIZE[1]);
     let mut table = Table::new(title, &columns);
     let lists = [
         "color",
@@ -262,14 +262,16 @@ pub fn section() -> Result<Section, String> {
     let moment = moment(&registry)?;
     Ok(Section {
         title: "Passes for compositors",
-        text: "Passes that nobody requests are not drawn. Depth, normals and motion vectors come from one drawing with one sample, so that the second of \
-               them is nearly free; albedo is the frame once more without its light; ids are drawn once for each of their samples (decision 64)."
+        text: "Passes that nobody requests are not drawn. Depth, normals and motion vectors come from one \
+               pass with one sample, so the second of them is nearly free; albedo is the frame drawn again \
+               without light; ids are drawn once for each of their samples (decision 64)."
             .into(),
         choices: vec![cryptomatte(&moment)?, pixels(&moment, &registry)?],
         tables: vec![costs(&moment, &registry)?],
         off_front: vec![(
             "exr_pixels",
-            "packing takes time that an unpacked file saves; frames are packed on threads beside the renderer, and disks and networks are the slower ones.",
+            "compression takes time that an uncompressed file saves; but frames are compressed on threads \
+             beside the renderer, and disks and networks are slower.",
         )],
     })
 }

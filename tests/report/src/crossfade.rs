@@ -32,12 +32,13 @@ pub fn section() -> Result<Section, String> {
         fades.push(Fade { from: from_pose, to: to_pose, skeleton: skeleton.clone(), place });
     }
     let mut choice = crossfade(&fades, BUDGET_SECS);
-    choice.choose(NOW, "an error that nobody sees, for about a fifth more time than plain nlerp");
+    choice.choose(NOW, "an invisible error, for about a fifth more time than plain nlerp");
     Ok(Section {
         title: "Crossfades",
-        text: "All ways go along the same arc and agree at weights 0, ½ and 1. Between, plain nlerp is ahead or behind by what the table \
-               says, at the end of chains of joints that differ by tens of degrees; a cubic of the weight takes nearly all of that off. Each \
-               way blends eight joints at once, translations and scales included."
+        text: "All ways follow the same arc and agree at weights 0, ½ and 1. In between, plain nlerp is \
+               ahead or behind by the error in the table, at the end of chains of joints that differ by \
+               tens of degrees; a cubic correction of the weight removes nearly all of it. Each way blends \
+               eight joints at once, translations and scales included."
             .into(),
         choices: vec![choice],
         tables: Vec::new(),

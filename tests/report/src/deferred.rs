@@ -18,13 +18,17 @@ const OVERDRAW: [usize; 3] = [1, 3, 8];
 pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Forward and deferred",
-        text: "Forward, a surface is lit as it is drawn, and what is nearer is drawn over it. Deferred, what light needs is kept of the nearest surface \
-               (36 bytes a pixel), and each pixel is lit once. Keeping it and reading it again is paid everywhere: on lavapipe about what four lights \
-               of a list take at each pixel. It pays where more are asked in vain, by surfaces that are hidden later: the plan estimates both from the \
-               boxes of what is lit and the lists of lights, and takes deferred from four lights a pixel in vain on (`KEEPING` in \
-               `plan/build/deferred.rs`), with one sample a pixel. The walls are slanted tiles of eight materials, drawn material by material. A light \
-               with a shadow counts as one here and costs more: the estimate errs towards forward. GPUs are not measured: 72 bytes of memory a pixel \
-               there and back weigh more beside their arithmetic, so that deferred may pay later there than this table says."
+        text: "Forward rendering lights a surface when it is drawn, and nearer surfaces are drawn over it. \
+               Deferred rendering stores the nearest surface in a G-buffer (36 bytes a pixel), and lights \
+               each pixel once. Writing and reading the G-buffer costs time at every pixel: on lavapipe \
+               about as much as four lights of a list. It pays where more lights than that are wasted on \
+               surfaces that are hidden later: the plan estimates both from the boxes of the lit objects \
+               and the lists of lights, and chooses deferred from four wasted lights a pixel on (`KEEPING` \
+               in `plan/build/deferred.rs`), with one sample a pixel. The walls are slanted tiles of eight \
+               materials, drawn material by material. A light with a shadow counts as one here but costs \
+               more: the estimate favors forward. GPUs are not measured: writing and reading 72 bytes a \
+               pixel weighs more against their arithmetic, so deferred may pay later there than this table \
+               shows."
             .into(),
         choices: Vec::new(),
         tables: vec![table()?],
@@ -86,7 +90,7 @@ fn table() -> Result<Table, String> {
         (">deferred / forward", "ratio"),
         (">mean difference", "mean"),
         (">worst", "worst"),
-        ("the plan takes", "chosen"),
+        ("the plan chooses", "chosen"),
         ("by", "estimate"),
     ];
     let title = format!("Time of an image of {}×{}, {}", SIZE[0], SIZE[1], Clock::Process.words());

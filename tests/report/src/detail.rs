@@ -29,10 +29,11 @@ const CROWD: &str = r##"
 pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Levels of detail",
-        text: "Models that are often so small that their triangles are smaller than pixels get simplified versions. For each version two sizes \
-               are known in metres: its distance to the surface as it is (Hausdorff's, by samples), and the size of the pixels from which \
-               images of both from fourteen sides have the same colors. A copy is drawn by the coarsest version of which both are at most \
-               the tolerance where the copy is nearest to the camera."
+        text: "Models that are often so small that their triangles are smaller than pixels get simplified \
+               versions. For each version two sizes are known in metres: its Hausdorff distance from the \
+               original surface (by samples), and the pixel size from which on images of both, from \
+               fourteen sides, have the same colors. A copy is drawn with the coarsest version for which \
+               both sizes are at most the tolerance, measured where the copy is nearest to the camera."
             .into(),
         choices: vec![tolerance()?],
         tables: Vec::new(),
@@ -75,7 +76,9 @@ fn tolerance() -> Result<Choice, String> {
     for (row, (_, plan)) in choice.rows.iter_mut().zip(&ways) {
         row.note = format!("{} triangles, {}", triangles(plan), row.note);
     }
-    choice
-        .choose("1 pixel", "outlines move by what samples already smooth; beyond, figures lose their shape");
+    choice.choose(
+        "1 pixel",
+        "outlines move by no more than samples smooth; beyond that, figures lose their shape",
+    );
     Ok(choice)
 }

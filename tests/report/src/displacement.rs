@@ -56,8 +56,10 @@ pub fn section() -> Result<Section, String> {
         .map(|c| format!("{c},{c},{c},255"))
         .collect();
     let pixels = format!("[{}]", pixels.join(","));
-    let mut choice =
-        Choice::new("displacement", "How often is a plane divided that waves raise? (four waves a side)");
+    let mut choice = Choice::new(
+        "displacement",
+        "How often is a plane with displaced waves subdivided? (four waves a side)",
+    );
     choice.error_unit = "mm";
     choice.by_mean = true;
     choice.reference =
@@ -88,19 +90,20 @@ pub fn section() -> Result<Section, String> {
     }
     choice.choose(
         &name(DEFAULT),
-        "the default, for shapes that are fine by themselves; a plane has two triangles, and needs more",
+        "the default, for shapes with many triangles of their own; a plane has two triangles and needs more",
     );
     Ok(Section {
         title: "Displacement",
-        text: "An image of heights moves the vertices of a shape once, when it is made: waves are as round as the mesh is fine. Each step of \
-               `detail` makes four triangles of each; from where triangles are as small as texels, the 8 bits of the image are what is left."
+        text: "A height map moves the vertices of a shape once, when the shape is built: the finer the \
+               mesh, the rounder the waves. Each step of `detail` divides a triangle into four; once \
+               triangles are as small as texels, the remaining error comes from the 8 bits of the image."
             .into(),
         choices: vec![choice],
         tables: Vec::new(),
         off_front: vec![(
             "displacement",
-            "the two triangles of a plane become 32, whose vertices meet these waves at heights that tell nothing of them; a sphere has about 2,200 \
-             triangles of its own, of which two steps make sixteen times as many.",
+            "the two triangles of a plane become 32, too few to follow these waves; a sphere has about \
+             2,200 triangles of its own, and two steps make sixteen times as many.",
         )],
     })
 }

@@ -42,9 +42,11 @@ pub fn section() -> Result<Section, String> {
     table.notes.push("error: of the mean code of a square, against the gradient in f64".into());
     Ok(Section {
         title: "Dithering of gradients",
-        text: "A dark gradient over a screen takes many pixels from code to code, and the eye sees the edges between them. Ranks of blue noise \
-               choose the pixels that take the upper code: no band is left, and the mean of few pixels is right. It is on for gradients and the \
-               sky, and for whole images after effects on images and motion blur; colors that are codes stay as they are."
+        text: "In a dark gradient over a screen one 8-bit code covers many pixels, and the edges between \
+               codes are visible as bands. Ranks of blue noise choose the pixels that take the upper code: \
+               no band remains, and the mean of few pixels is right. Dithering is on for gradients and the \
+               sky, and for whole images after effects on images and motion blur; colors that are exact \
+               codes stay as they are."
             .into(),
         choices: Vec::new(),
         tables: vec![table],

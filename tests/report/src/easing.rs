@@ -107,7 +107,7 @@ pub fn section() -> Result<Section, String> {
             }
         }
     }
-    let mut choice = Choice::new("easing", "How is the weight of a Bézier easing found at a time?");
+    let mut choice = Choice::new("easing", "How is the weight of a Bézier easing computed at a time?");
     choice.error_unit = "of the way";
     choice.reference =
         "points of the curve by their parameter, f64; CSS's easings, the steepest ones and 200 random curves"
@@ -129,15 +129,20 @@ pub fn section() -> Result<Section, String> {
     }
     choice.choose(
         OURS,
-        "to the last bit of the time for every curve, also where it is vertical; a frame needs a few weights",
+        "exact to the last bit of the time for every curve, even a vertical one; a frame needs few weights",
     );
     Ok(Section {
         title: "Easing",
-        text: "A Bézier easing gives the weight by a parameter that time does not tell. Bisection needs no slope and never fails; Newton's \
-               method is faster, and wrong where the curve is steep."
+        text: "A Bézier easing gives the weight for a curve parameter, which must first be found for the \
+               time. Bisection needs no slope and never fails; Newton's method is faster, but wrong where \
+               the curve is steep."
             .into(),
         choices: vec![choice],
         tables: Vec::new(),
-        off_front: vec![("easing", "a faster way that fails for steep curves would pop; the difference is paid a few times a frame")],
+        off_front: vec![(
+            "easing",
+            "a faster way that fails for steep curves would show as jumps; the extra \
+                                    time is spent a few times a frame",
+        )],
     })
 }

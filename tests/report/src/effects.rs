@@ -24,17 +24,20 @@ pub fn section() -> Result<Section, String> {
     let registry = choreo::registry();
     Ok(Section {
         title: "Effects",
-        text: "What an effect costs is what its frame takes beyond that of the same scene without it, where that is more than chance. Effects on surfaces cost what their \
-               function does on the pixels that have it; those over the image need float targets and a pass. Motion blur is the mean of images \
-               at exact times: the error falls with their number, and so does the speed. On the CPU the WGSL of an effect is evaluated over \
-               32 pixels at a time; tone mapping written by hand in Rust, in loops over eight pixels, is its rival. FXAA finds edges in the finished image, where samples \
-               know them."
+        text: "The cost of an effect is the time of a frame with it minus that of the same frame without \
+               it, where the difference is more than noise. Effects on surfaces cost the time of their \
+               function on the covered pixels; effects over the image need float targets and a pass. Motion \
+               blur is the mean of images at exact times: the error falls with their number, and so does \
+               the speed. On the CPU the WGSL of an effect is evaluated over 32 pixels at a time; it is \
+               compared with tone mapping written by hand in Rust, in loops over eight pixels. FXAA detects \
+               edges in the finished image, while multisampling knows them."
             .into(),
         choices: vec![blur(&registry)?, edges(&registry)?],
         tables: vec![costs(&registry)?, evaluation(&registry)?],
         off_front: vec![(
             "edges",
-            "FXAA is an effect that a script asks for: it also softens what is sharp within a texture, which no mean over edges shows.",
+            "FXAA is an effect that a script must add: it also softens sharp details within a texture, \
+             which no mean over edges shows.",
         )],
     })
 }
@@ -264,7 +267,7 @@ fn evaluated(effect: &Effect, image: &[Vec4]) -> Vec<Vec4> {
 fn blur(registry: &Registry) -> Result<Choice, String> {
     let effects = registry.effects();
     let mut choice =
-        Choice::new("blur", "How many images make one with motion blur? (a run, shutter of 180°)");
+        Choice::new("blur", "How many images make one image with motion blur? (a run, shutter of 180°)");
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
     choice.reference = "512 times; mean over all channels of all pixels".into();
@@ -321,6 +324,6 @@ fn edges(registry: &Registry) -> Result<Choice, String> {
         .map(|(name, stage, samples)| Ok((name.to_string(), planned(stage, effects, SMALL, *samples)?)))
         .collect::<Result<Vec<_>, String>>()?;
     choice.rows = rows(&mut renderer, &planned, &truth, 3.0 * BUDGET_SECS)?;
-    choice.choose("4 samples", "the default: edges as they are, and nothing else touched");
+    choice.choose("4 samples", "the default: exact edges, and nothing else changes");
     Ok(choice)
 }

@@ -131,18 +131,20 @@ pub fn section() -> Result<Section, String> {
         let row = Row::new(WAYS[way]).error(error.worst, error.mean()).nanos(nanos[way]).at(place);
         choice.rows.push(row);
     }
-    choice.choose(OURS, "no texture on any device, and the same formula in the shaders and on the CPU");
+    choice.choose(OURS, "no texture needed, and the same formula in the shaders and on the CPU");
     Ok(Section {
         title: "Reflections of rough surfaces",
-        text: "Image-based light is the mean of the environment around the mirrored direction times the share that the surface reflects of even \
-               light. That share depends on roughness, angle and F0. A pixel of the renderer is compared with the fit \
-               first, so that it is the one that runs."
+        text: "Image-based light is the mean of the environment around the mirrored direction times the \
+               share of uniform light that the surface reflects. That share depends on roughness, angle and \
+               F0. A pixel of the renderer is compared with the fit first, which proves that the renderer \
+               uses this fit."
             .into(),
         choices: vec![choice],
         tables: Vec::new(),
         off_front: vec![(
             "environment_brdf",
-            "a table is nearer; on a GPU it costs a texture that every lit pipeline must bind, here it lies in the cache.",
+            "a table is more exact, but on a GPU it is a texture that every lit pipeline must bind; in this \
+             measurement it stays in the cache.",
         )],
     })
 }

@@ -43,7 +43,7 @@ pub fn section() -> Result<Section, String> {
             nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
         }
     }
-    let mut choice = Choice::new("far_away", "In what numbers do points come to the image?");
+    let mut choice = Choice::new("far_away", "In which number format are points projected to the image?");
     choice.error_unit = "pixels";
     choice.reference = format!(
         "f64 throughout; a figure {} from the origin, seen by a camera 5 m before it, 720 pixels high",
@@ -54,7 +54,7 @@ pub fn section() -> Result<Section, String> {
         let error = &by_distance[way][TYPICAL];
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[way]));
     }
-    choice.choose(OURS, "as exact everywhere as at the origin, and what the GPU does is f32");
+    choice.choose(OURS, "as exact everywhere as at the origin, and the GPU part is f32");
     let titles: Vec<String> = DISTANCES.iter().map(|d| format!(">{}", d.1)).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in pixels, from the origin", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "distance")));
@@ -65,9 +65,10 @@ pub fn section() -> Result<Section, String> {
     }
     Ok(Section {
         title: "Far from the origin",
-        text: "A step of f32 is 0.06 mm at 1 km and a metre at 10 000 km. Where a thing is minus where the camera is, subtracted in f64 and \
-               rounded once, is exact to f32 wherever both are; it costs one subtraction an actor, not one a point, so that the times \
-               here, of one point each, are its worst case."
+        text: "A step of f32 is 0.06 mm at 1 km and a metre at 10 000 km. The position of an actor minus \
+               that of the camera, subtracted in f64 and rounded once, is exact to f32 wherever both are; \
+               it costs one subtraction for each actor, not for each point, so the times here, of one point \
+               each, are the worst case."
             .into(),
         choices: vec![choice],
         tables: vec![table],

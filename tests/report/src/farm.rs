@@ -76,21 +76,21 @@ pub fn section() -> Result<Section, String> {
 
 const TEXT: &str = "\
 How long should chunks be, and what limits a farm of ten thousand machines? A discrete-event model (`tests/report/src/farm_model.rs`) has machines that fetch the packed scene,
-start, draw and write segments; a scheduler and a storage that serve one after the other; failures, after which another machine goes on with the finished
+start, draw and write segments; a scheduler and a storage that serve one request after the other; failures, after which another machine goes on after the finished
 frames; slow machines. `cargo xtask farm` measures start-up, chunk and join on its three Slurm nodes, and predicts the job with the same model: {predicted} s predicted, {measured} s
 measured.
 
 The film: ten minutes in 4K with motion blur, 18,000 frames of 9 s, 3 s to start, a scene of 200 MB, 0.25 MB a frame; a storage of 20 MB/s for each machine, 1 GB/s at least; machines
-fail every 50 hours, and one of twenty is half as fast. Efficiency is the time that the frames alone would take on all machines, over the time until the last segment is there.
+fail every 50 hours, and one of twenty is half as fast. Efficiency is the time that the frames alone would take on all machines, over the time until the last segment is written.
 
 ![Efficiency of a farm against the length of its chunks](plots/farm.svg)
 
 Short chunks cost starts, and long ones leave machines without work at the end: the best length falls with the number of machines. Starting takes 5 % with 7 frames here, which
-`choreo farm` would choose: near the best for a hundred machines, while few gain a little with longer chunks. A thousand have 18 frames each and gain with shorter ones (`--chunk`). With 1.8 frames for
-each of ten thousand machines the scheduler (5 ms a task) and the start are the limit, and one slow machine is waited for.
+`choreo farm` would choose: near the best for a hundred machines, while a few machines gain a little with longer chunks. A thousand have 18 frames each and gain with shorter ones (`--chunk`). With 1.8 frames for
+each of ten thousand machines the scheduler (5 ms a task) and the start are the limit, and all wait for one slow machine.
 
-From a thousand machines on one shared storage decides, since each start reads the scene: a copy on each machine or an object storage removes that. One join moves the film three times (it
-reads every segment twice). A tree of joins does not help, because its last join moves all bytes again: what helps is that groups are joined side by side and the storage composes the film of
+From a thousand machines on, one shared storage is the limit, since each start reads the scene: a copy on each machine or an object storage removes it. One join moves the film three times (it
+reads every segment twice). A tree of joins does not help, because its last join moves all bytes again. It helps to join groups in parallel and to let the storage compose the film from
 their files (multipart copies of object storages), which MP4 and y4m allow, because their pieces are copied.";
 
 /// Best chunk size for each number of machines.
@@ -102,7 +102,7 @@ fn best() -> Table {
         (">efficiency", "efficiency"),
         (">failures", "failures"),
     ];
-    let mut table = Table::new("The best length of chunks, and what it gives", &columns);
+    let mut table = Table::new("The best length of chunks, and its efficiency", &columns);
     for workers in WORKERS {
         let of = |chunk| (chunk, wide(workers, chunk).run());
         let Some((chunk, outcome)) =
@@ -129,7 +129,7 @@ fn limits() -> Table {
         (">joined after, s", "joined"),
         (">efficiency", "efficiency"),
     ];
-    let mut table = Table::new("Limits, and what removes them", &columns);
+    let mut table = Table::new("Limits, and how to remove them", &columns);
     let one = Farm { workers: 10_000, chunk: 2, ..FILM };
     let objects = Farm { storage: 200e9, ..one };
     let calm = Farm { failures: 0.0, stragglers: 0.0, ..objects };

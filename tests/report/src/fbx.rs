@@ -61,7 +61,7 @@ pub fn section() -> Result<Section, String> {
         Choice::new("fbx_tolerance", "How far may rotations of an FBX file be off between keys?");
     choice.error_unit = "°";
     choice.reference = format!(
-        "the product of three turns in f64 at {TIMES} times of 3 s; Euler angles up to 210° a second"
+        "the product of three rotations in f64 at {TIMES} times of 3 s; Euler angles up to 210° a second"
     );
     for degrees in TOLERANCES {
         let options = [("tolerance", OptionValue::Number(degrees))];
@@ -89,12 +89,12 @@ pub fn section() -> Result<Section, String> {
     }
     choice.choose(
         &format!("{DEFAULT}°"),
-        "half a millimetre at the end of an arm, and few keys where files have ordinary angles",
+        "half a millimetre at the end of an arm, and few added keys for ordinary angles",
     );
     Ok(Section {
         title: "Euler angles of FBX",
-        text: "FBX turns a joint by three angles, each a curve of its own; clips here have one rotation, and slerp between keys. Where slerp would \
-               be off by more than the tolerance a key is added."
+        text: "FBX rotates a joint by three angles, each with its own curve; clips here have one rotation, \
+               with slerp between keys. Where slerp would be off by more than the tolerance, a key is added."
             .into(),
         choices: vec![choice],
         tables: Vec::new(),

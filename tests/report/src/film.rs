@@ -19,17 +19,20 @@ const SIZE: [u32; 2] = [640, 360];
 pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Thin films",
-        text: "A film as thin as light is long has the color of a sum over the whole spectrum. The shader adds the first terms of Airy's sum, of \
-               which the eye's answers are Gaussians in closed form (Belcour & Barla 2017); light reflected at each side is Schlick's. The truth has \
-               Fresnel's equations for both polarizations and 471 wavelengths. A third term changes nothing that is seen: the worst errors lie where a film is \
-               looked at from aside. Three wavelengths for three colors, with Fresnel's equations, are nearer."
+        text: "The color of a film as thin as a wavelength of light is a sum over the whole spectrum. The \
+               shader adds the first terms of Airy's sum, with the eye's response as Gaussians in closed \
+               form (Belcour & Barla 2017); reflection at each side is Schlick's. The reference has \
+               Fresnel's equations for both polarizations and 471 wavelengths. A third term makes no \
+               visible difference: the worst errors are at grazing angles. Three wavelengths for three \
+               colors, with Fresnel's equations, are more exact."
             .into(),
         choices: vec![orders()],
         tables: vec![costs()?],
         off_front: vec![(
             "film",
-            "it is what glTF's extension writes down for films (KHR_materials_iridescence), so that a model looks here as it does in other programs; three \
-             wavelengths with Fresnel's equations are nearer to the spectrum and cheaper.",
+            "glTF's extension for films (KHR_materials_iridescence) specifies it, so a model looks as it \
+             does in other programs; three wavelengths with Fresnel's equations are closer to the spectrum \
+             and cheaper.",
         )],
     })
 }
@@ -152,7 +155,7 @@ fn orders() -> Choice {
     ];
     let mut choice = Choice::new("film", "What color does a thin film have?");
     choice.error_unit = "of the light";
-    choice.per = "look".into();
+    choice.per = "evaluation".into();
     choice.reference = format!(
         "Fresnel's equations and Airy's sum of all terms at 471 wavelengths, in f64, as linear sRGB; {} films of 100 to 900 nm on bases that \
          reflect 0.04 to 0.5, looked at up to 75° from straight on",
@@ -183,7 +186,7 @@ fn orders() -> Choice {
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
     choice.choose(
         &format!("{ORDERS} terms"),
-        "as glTF's extension has it; a third term costs half as much again and changes nothing",
+        "as in glTF's extension; a third term costs half as much again and changes nothing",
     );
     choice
 }

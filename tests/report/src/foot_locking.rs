@@ -50,7 +50,7 @@ pub fn section() -> Result<Section, String> {
     for ((key, question), looks) in questions.into_iter().zip(looks) {
         let mut choice = Choice::new(key, question);
         choice.error_unit = "mm";
-        choice.reference = "a foot that is on the ground gets nowhere; its toe joint at 240 Hz".into();
+        choice.reference = "a foot on the ground does not move; its toe joint at 240 Hz".into();
         choice.per = "frame, clips and constraints".into();
         let mut stages = Vec::new();
         for (name, planted) in WAYS {
@@ -72,7 +72,7 @@ pub fn section() -> Result<Section, String> {
     }
     let columns =
         [("100 characters, a frame in the stop", "way"), (">first frame", "ns"), (">each further", "ns")];
-    let mut table = Table::new("What planning costs: once, in the first frame that needs it", &columns);
+    let mut table = Table::new("Cost of planning: once, in the first frame that needs it", &columns);
     for (name, planted) in WAYS {
         let stage = script(planted, &stop(2.17), 100)?;
         let (mut first, mut further) = (Vec::new(), Vec::new());
@@ -90,8 +90,9 @@ pub fn section() -> Result<Section, String> {
     }
     Ok(Section {
         title: "Feet on the ground",
-        text: "Clips let feet travel while they are on the ground, and a fade averages a walking foot with a standing one. Foot locking finds the \
-               contacts once, at 60 Hz, and moves each foot by what it is off; fades between walking and standing are walked in steps."
+        text: "In clips feet slide while they are on the ground, and a fade averages a walking foot with a \
+               standing one. Foot locking finds the contacts once, at 60 Hz, and moves each foot back to \
+               its contact; fades between walking and standing become steps."
             .into(),
         choices,
         tables: vec![table],

@@ -24,7 +24,7 @@ pub fn section() -> Result<Section, String> {
     let frame = moment.draw(&mut renderer, [640, 360], 4).map_err(|e| e.to_string())?;
     let mut choice = Choice::new(
         "gif",
-        "With how many colors and how strong dots is a frame written as GIF? (the first dance, 640×360)",
+        "With how many colors and how much dithering is a frame written as GIF? (the first dance, 640×360)",
     );
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
@@ -46,15 +46,17 @@ pub fn section() -> Result<Section, String> {
         .choose(&name(255, 1.0), "the default: colors between two of the palette are right from a distance");
     Ok(Section {
         title: "Palettes of GIFs",
-        text: "A frame of a GIF has 255 colors, which a median cut takes from the frame, and one for pixels that do not change. A fixed pattern of \
-               dots mixes what lies between them: each single pixel is further off than without it, the mean of a few is nearer. The \
-               dots cost bytes, since fewer runs of pixels are equal."
+        text: "A frame of a GIF has 255 colors, which a median cut takes from the frame, and one for pixels \
+               that do not change. Ordered dithering mixes the colors in between: each single pixel is \
+               farther off than without it, but the mean of a few is closer. Dithering costs bytes, since \
+               fewer runs of pixels are equal."
             .into(),
         choices: vec![choice],
         tables: Vec::new(),
         off_front: vec![(
             "gif",
-            "without dots smooth surfaces fall apart into bands with edges, which the means of few pixels count for little and eyes for much.",
+            "without dithering smooth surfaces break up into bands, which hardly change the means of few \
+             pixels but are clearly visible.",
         )],
     })
 }

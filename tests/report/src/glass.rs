@@ -119,7 +119,7 @@ pub fn section() -> Result<Section, String> {
     let titles: Vec<String> = WALLS.iter().map(|wall| format!(">{wall} m")).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("mean steps of 255, wall behind the pane at", "way")];
     columns.extend(titles.iter().map(|title| (title.as_str(), "wall")));
-    let mut table = Table::new("By the distance of what is behind", &columns);
+    let mut table = Table::new("By the distance of the wall behind the pane", &columns);
     let mut timed = Vec::new();
     for (way, name) in WAYS.into_iter().enumerate() {
         let (mut all, mut cells) = (Spread::default(), vec![Cell::text(name)]);
@@ -152,12 +152,13 @@ pub fn section() -> Result<Section, String> {
     }
     let nanos = interleaved(Clock::Process, 2.0 * BUDGET_SECS, &mut cases);
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
-    choice.choose(WAYS[1], "the only one that bends what is seen, in one look at the image behind");
+    choice.choose(WAYS[1], "the only one that bends the view, with one lookup in the copy");
     Ok(Section {
         title: "Glass",
-        text: "The renderer bends a ray once, goes on inside by the thickness, and reads the image of what is behind at that place. That is exact \
-               where the wall touches the pane; farther off, the ray goes on from there in its own direction, which the image does not know, \
-               and the way inside is a little longer for slanted rays. What the texture itself is off, without a pane, stands in the last row."
+        text: "The renderer bends a ray once, follows it through the thickness, and reads the scene color \
+               copy at that place. That is exact where the wall touches the pane; farther away the ray \
+               leaves the pane in a direction that the copy does not contain, and slanted rays travel a \
+               little farther inside. The last row shows the error of the texture itself, without a pane."
             .into(),
         choices: vec![choice],
         tables: vec![table],

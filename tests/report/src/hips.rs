@@ -20,7 +20,7 @@ const FLAT: f64 = 0.01;
 /// Lengths of the other character's shins and feet, as factors of the source's.
 const SHIN: f32 = 0.9;
 const FOOT: f32 = 0.6;
-const SMOOTH: &str = "smoothing spline over the clip, 120 Hz (what runs)";
+const SMOOTH: &str = "smoothing spline over the clip, 120 Hz (default)";
 
 /// The mannequin with other shins and feet; its hips are lowered accordingly.
 fn other_body(source: &Skeleton) -> Result<Skeleton, String> {
@@ -167,8 +167,9 @@ pub fn choice() -> Result<Choice, String> {
     let mut choice = Choice::new("hips", "How high are the hips of a retargeted clip?");
     choice.error_unit = "mm";
     choice.reference = format!(
-        "in f64 at 240 Hz: where a sole of the source stands the lowest foot is as high as its, and the hips change speed as its do (by the \
-         change of their step of 1/60 s); {} on a body with shins of {SHIN} and feet of {FOOT} times the length",
+        "in f64 at 240 Hz: where a sole of the source is on the ground the lowest foot is as high as it, \
+         and the hips change speed like the source's (by the change of their step of 1/60 s); {} on a \
+         character with shins of {SHIN} and feet of {FOOT} times the length",
         CLIPS.join(", ")
     );
     choice.per = format!("clip, mean of {}", clips.len());
@@ -208,6 +209,10 @@ pub fn choice() -> Result<Choice, String> {
     let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
     drop(cases);
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
-    choice.choose(SMOOTH, "the least error of both, paid once a clip when the scene is loaded; other characters jolt by up to 62 mm without it (decision 91)");
+    choice.choose(
+        SMOOTH,
+        "the smallest error of both, computed once for each clip when the scene is \
+                           loaded; other characters jolt by up to 62 mm without it (decision 91)",
+    );
     Ok(choice)
 }

@@ -19,25 +19,29 @@ const CONE: Limit = Limit::SwingTwist { axis: DVec3::Y, swing: 0.6, twist: (-0.3
 const HINGE: Limit = Limit::Hinge { axis: DVec3::X, angle: (-0.6, 0.6) };
 
 pub fn section() -> Result<Section, String> {
-    let mut free = by_iterations("ik", "How does a chain of joints find its target?", Limit::Free);
+    let mut free = by_iterations("ik", "How does a chain of joints reach its target?", Limit::Free);
     free.reference = format!(
-        "forward kinematics: from the end to a target in reach; chains of {BONES} bones, about 1.2 m long"
+        "forward kinematics: distance of the end from a target in reach; chains of {BONES} bones, about 1.2 \
+         m long"
     );
     free.choose(&chosen(), "converges quadratically near the target, and shares the bend among all joints");
     let mut limited = by_iterations(
         "ik_limits",
-        "How does a chain of joints that turn within cones of 34° find its target?",
+        "How does a chain of joints with cone limits of 34° reach its target?",
         CONE,
     );
     limited.reference =
-        "forward kinematics: from the end to where it is in another pose within the limits".to_string();
-    limited.choose(&chosen(), "the way without limits, and joint by joint from where the limits stop it");
+        "forward kinematics: distance of the end from its place in another pose within the limits"
+            .to_string();
+    limited.choose(&chosen(), "the way without limits, then joint by joint where limits stop it");
     Ok(Section {
         title: "Chains that reach",
         text: "Arms and legs of two bones have a closed form. Longer chains are solved step by step, until the end is within a hundredth of a \
-               millimetre: each iteration of damped least squares costs a little more than one of the others, but a tail needs hundreds of those. \
-               Out of reach a chain is as near as it can be, and within cones it finds its way; where every joint turns about one axis only, none gets \
-               all the way from where it stands. The tables say how near each comes, and that no joint is ever beyond its limit."
+               millimetre: each iteration of damped least squares costs a little more than one of the \
+               others, but a tail needs hundreds of theirs. Out of reach a chain comes as near as it can, \
+               and within cone limits it finds a solution; where every joint turns about one axis only, no \
+               way reaches the target from the start pose. The tables show how near each comes, and that no \
+               joint ever exceeds its limit."
             .into(),
         choices: vec![free, limited],
         tables: vec![limits(), hard()],
@@ -167,7 +171,7 @@ fn hard() -> Table {
         (">20 bones", "in reach"),
         (">100 bones", "in reach"),
         (">cones of 34°", "in reach within the limits"),
-        (">out of reach, over the least", "a target at three times the reach"),
+        (">out of reach, above the minimum", "a target at three times the reach"),
         (">straight, the target on its line", "at half the reach"),
     ];
     let mut table = Table::new("Long, limited, unreachable and straight", &columns);

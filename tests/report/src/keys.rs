@@ -53,7 +53,7 @@ pub fn section() -> Result<Section, String> {
         }
         by_motion.rows.push(cells);
     }
-    let mut choice = Choice::new("keys", "How do values run through keys that are \"cubic\"?");
+    let mut choice = Choice::new("keys", "How are values interpolated between \"cubic\" keys?");
     choice.error_unit = "mm";
     choice.reference =
         "a circle of 1 m radius in 4 s, a camera on a dolly with a crane, a swing that decays; closed forms"
@@ -63,17 +63,19 @@ pub fn section() -> Result<Section, String> {
         let (worst, mean) = (all[way].worst, all[way].mean());
         choice.rows.push(Row::new(WAYS[way].0).error(worst, mean).at(places[way].clone()).nanos(nanos));
     }
-    choice.choose(OURS, "follows smooth motions as the plain spline does, and short gaps throw nothing far");
+    choice.choose(OURS, "follows smooth motions like the plain spline, and short gaps cause no overshoot");
     let (weights, by_weights) = key_weights::measured()?;
     let reason = "it costs nanoseconds once for each key of a script, and is the only one without faults in either table";
-    let longer = "more parts are sampled as fast, but take more memory, which is the cost of an error that nobody sees";
+    let longer = "more parts are sampled as fast, but take more memory, only to reduce an invisible error";
     Ok(Section {
         title: "Stage keys",
         text: "The parabola through a key and its neighbors follows smooth motions best, but where two keys lie close together its tangent grows \
                as 1 / gap. Limited component by component (monotone cubics), a circle is flattened wherever x or y turns. Centripetal splines \
-               keep the shape of a path, but times are given with keys, and where the gaps differ the speed changes at the key at once. As one \
-               vector, limited only by the changes beside the key, a position is as exact as by the parabola; a number becomes monotone. Where \
-               tangents have weights, the time is a cubic of the curve's parameter, which is kept as short Hermite spans."
+               keep the shape of a path, but the times of keys are given, and where the gaps differ the \
+               speed jumps at the key. Limited as one vector, by the changes before and after the key only, \
+               a position is as exact as with the parabola; a single number becomes monotone. Where \
+               tangents have weights, the time is a cubic of the curve's parameter, which is stored as \
+               short Hermite spans."
             .into(),
         choices: vec![choice, weights],
         tables: vec![by_motion, faults(), by_weights],
@@ -146,7 +148,7 @@ fn faults() -> Table {
     let mut columns: Vec<(&str, &'static str)> = vec![("overshoot of 0, 1, 2, 3 m", "way")];
     columns.extend(GAPS.iter().map(|(_, title)| (*title, "m")));
     columns.extend([(">corner in 1 ms", "m"), (">jump of speed, uneven circle", "m/s")]);
-    let mut table = Table::new("What short and uneven gaps do", &columns);
+    let mut table = Table::new("Effect of short and uneven gaps", &columns);
     for (name, way) in WAYS {
         let mut numbers: Vec<f64> = GAPS.iter().map(|(gap, _)| overshoot(way, *gap, line)).collect();
         numbers.push(overshoot(way, 1e-3, |i| vec![[0.0, 1.0, 1.0, 2.0][i], [0.0, 0.0, 1.0, 1.0][i]]));

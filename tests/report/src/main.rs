@@ -202,13 +202,14 @@ never our own earlier output. `cargo xtask report` writes this page and its imag
 that one scene could make.
 
 Times are CPU time of one thread (of all threads for images), medians of rounds in which all ways take turns, on a shared virtual
-machine with two cores (Xeon, AVX2) that is busy with other work: compare them within one table only. → is what runs. A way is on
-the front (the dashed line) where no other is both cheaper and more exact; where a default is not, the text says why, else
-the command fails.
+machine with two cores (Xeon, AVX2) that is busy with other work: compare them within one table only. → marks the default. A way is
+on the Pareto front (the dashed line) if no other is both cheaper and more exact; if a default is not on it and the text gives no
+reason, the command fails.
 ";
 
 /// Added where a section was regenerated without `cargo xtask report`.
-const DEVELOPMENT: &str = "\nTimes of this section are of a development build, in which arithmetic is checked: they compare with each other only.\n";
+const DEVELOPMENT: &str = "\nTimes of this section come from a development build with checked arithmetic: \
+                           compare them only with each other.\n";
 
 /// Messages about defaults that are not on the Pareto front and have no explanation.
 fn off_front(section: &Section) -> Vec<String> {
@@ -219,7 +220,7 @@ fn off_front(section: &Section) -> Vec<String> {
     };
     let told = |c: &Choice| {
         let chosen = c.chosen.map_or("", |i| c.rows[i].name.as_str());
-        format!("{}: {chosen} is not on the front, and nothing says why", c.key)
+        format!("{}: {chosen} is not on the front, and no reason is given", c.key)
     };
     section.choices.iter().filter(unexplained).map(told).collect()
 }
@@ -305,7 +306,7 @@ mod tests {
             tables: Vec::new(),
             off_front: Vec::new(),
         };
-        assert_eq!(off_front(&section), ["c: bad is not on the front, and nothing says why"]);
+        assert_eq!(off_front(&section), ["c: bad is not on the front, and no reason is given"]);
         section.off_front.push(("c", "it is the only one that works"));
         assert!(off_front(&section).is_empty());
     }
@@ -333,12 +334,12 @@ mod tests {
     fn no_choice_is_lost_from_the_page() {
         let page = std::fs::read_to_string(folder().join("README.md")).unwrap();
         for question in [
-            "How do values run through keys that are \"cubic\"?",
-            "How is the weight of a Bézier easing found at a time?",
-            "How is the length of a stretch of a path found?",
+            "How are values interpolated between \"cubic\" keys?",
+            "How is the weight of a Bézier easing computed at a time?",
+            "How is the length of a section of a path computed?",
             "How close are sampled keys of a retargeted clip to the motion?",
             "How is the root motion of many loops of a clip accumulated?",
-            "How does one clip go over into another?",
+            "How does one clip blend into another?",
             "How far do the feet of a walk slide?",
             "How is a texture read?",
             "How is an sRGB code decoded to light?",
@@ -346,8 +347,8 @@ mod tests {
             "How much of a light does a rough surface reflect towards the viewer?",
             "How much of an even environment does a rough surface reflect?",
             "Where is the background read behind a pane 0.25 m thick?",
-            "How often is a plane divided that waves raise?",
-            "With how many colors and how strong dots is a frame written as GIF?",
+            "How often is a plane with displaced waves subdivided?",
+            "With how many colors and how much dithering is a frame written as GIF?",
             "How far may rotations of an FBX file be off between keys?",
             "By the extent of the scene: the default shadow within 4 m",
         ] {

@@ -17,15 +17,16 @@ pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Mipmaps",
         text: "A level averaged in sRGB codes is too dark wherever neighbours differ, up to a quarter of the range. Of filters, the ideal one \
-               keeps every wave that the smaller level can hold and drops all others. The box dims waves near the limit and lets \
-               some beyond it come back as others (aliases); long filters do better and ring around edges, which the ideal one does worst."
+               keeps every wave that the smaller level can hold and drops all others. The box dims waves \
+               near the limit and lets some beyond it alias; long filters do better but ring around edges, \
+               the ideal one most of all."
             .into(),
         choices: vec![light, filters()],
         tables: Vec::new(),
         off_front: vec![(
             "mip_light",
-            "made by all threads of the machine, of which this counts the sum; and the others drop the last column of odd sides, which \
-             is less work.",
+            "it runs on all threads of the machine, and their times are added up; the others drop the last \
+             column of odd sides, which is less work.",
         )],
     })
 }
@@ -68,7 +69,7 @@ struct Filter {
 }
 
 const FILTERS: [Filter; 4] = [
-    Filter { name: "box (what runs)", radius: 0.5, weight: |_| 1.0 },
+    Filter { name: "box (default)", radius: 0.5, weight: |_| 1.0 },
     Filter { name: "triangle", radius: 1.0, weight: |x| 1.0 - x },
     Filter { name: "Kaiser, radius 2", radius: 2.0, weight: |x| sinc(x) * kaiser(x / 2.0) },
     Filter { name: "Lanczos, radius 3", radius: 3.0, weight: |x| sinc(x) * sinc(x / 3.0) },
@@ -138,7 +139,8 @@ fn filters() -> Choice {
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
     choice.choose(
         FILTERS[0].name,
-        "what drivers and most tools do, so that files look as their makers saw them; it never rings and never leaves the range",
+        "the filter of drivers and most tools, so files look as their authors saw them; it never rings and \
+         never leaves the range",
     );
     choice
 }

@@ -11,24 +11,31 @@ const VERTICES: usize = 20_000;
 pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Vertices on the GPU",
-        text: "Positions and texture coordinates stay f32. An error of a normal is seen in highlights: 0.1° on a polished ball makes \
-               bands, 0.003° nothing. Weights move vertices: with 8 bits by millimetres where a joint bends far, which crawls from \
-               frame to frame."
+        text: "Positions and texture coordinates stay f32. An error of a normal is visible in highlights: \
+               0.1° on a polished ball makes bands, 0.003° is invisible. An error of a weight moves \
+               vertices: with 8 bits by millimetres where a joint bends far, which flickers from frame to \
+               frame."
             .into(),
         choices: vec![normals(), tangents(), weights()],
         tables: Vec::new(),
-        off_front: vec![(
-            "tangents",
-            "one quaternion says both in half the bytes, as octahedra nearly do, and again every shader would have to unfold them.",
-        ), (
-            "normals",
-            "the octahedron holds nearly as much in half the bytes, but every shader would have to unfold it; vertices are 20 to 52 bytes, \
-             and none of our scenes is bound by reading them.",
-        ), (
-            "weights",
-            "as rounded, weights add up to a little more or less than 1, which moves a vertex by its distance from the model's origin: nothing \
-             at the 1 m of this table, 1.5 mm at 100 m.",
-        )],
+        off_front: vec![
+            (
+                "tangents",
+                "one quaternion stores normal and tangent in half the bytes, as octahedra nearly do, but every \
+             shader would have to decode it.",
+            ),
+            (
+                "normals",
+                "an octahedron is nearly as exact in half the bytes, but every shader would have to decode it; \
+             vertices are 20 to 52 bytes, and none of our scenes is bound by reading them.",
+            ),
+            (
+                "weights",
+                "plainly rounded weights add up to slightly more or less than 1, which moves a vertex in \
+             proportion to its distance from the model's origin: nothing at the 1 m of this table, 1.5 mm \
+             at 100 m.",
+            ),
+        ],
     })
 }
 
@@ -47,7 +54,7 @@ fn normals() -> Choice {
     }
     choice.choose(
         NORMALS[1].0,
-        "far below what shading shows, in a format that every device reads without code",
+        "far below a visible error in shading, in a format that every device reads without code",
     );
     choice
 }
@@ -97,7 +104,7 @@ fn tangents() -> Choice {
             [(q * DVec3::Z).as_vec3(), (q * DVec3::X).as_vec3()]
         });
     }
-    choice.choose(NORMALS[1].0, "as for normals: the error of both together is far below what shading shows");
+    choice.choose(NORMALS[1].0, "as for normals: the error of both together is far below a visible one");
     choice
 }
 

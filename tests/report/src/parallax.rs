@@ -11,12 +11,13 @@ use std::hint::black_box;
 
 pub fn section() -> Result<Section, String> {
     Ok(Section {
-        title: "Heights seen as depth",
-        text: "A look at a surface goes on below it until it meets the heights of its map, 0.05 of a width deep; there the textures are read. \
-               Steps towards it by the map's slopes (Premecz 2006) need few samples of smooth heights, and are wrong behind steep ones; a search \
-               through even layers finds the first meeting where layers are as thin as what stands there. Looks up to 70° from straight on, \
-               half of them at bumps, half at bricks. Eight pixels are found step by step together, as renderers do; layers end where the last of them has \
-               met the heights."
+        title: "Parallax mapping",
+        text: "A view ray continues below the surface until it hits the height map, 0.05 of a width deep; \
+               there the textures are read. Steps along the map's slopes (Premecz 2006) need few samples of \
+               smooth heights, but are wrong behind steep ones; a search through even layers finds the \
+               first hit if layers are as thin as the details. View rays up to 70° from straight on, half \
+               of them at bumps, half at bricks. Eight pixels are stepped together, as in renderers; the \
+               search ends when the last of them has hit the heights."
             .into(),
         choices: vec![steps()],
         tables: Vec::new(),
@@ -150,11 +151,11 @@ fn by_layers(map: &Map, group: &Group, layers: usize) -> Depths {
 }
 
 fn steps() -> Choice {
-    let mut choice = Choice::new("parallax", "How does a look find the heights?");
+    let mut choice = Choice::new("parallax", "How does a view ray find the height map?");
     choice.error_unit = "of the image's width";
     choice.by_mean = true;
-    choice.reference = "the first meeting in f64, by 4096 layers and 40 halvings, of 4000 looks".into();
-    choice.per = format!("look, found with those of {} pixels beside it", LANES - 1);
+    choice.reference = "the first hit in f64, by 4096 layers and 40 bisections, of 4000 view rays".into();
+    choice.per = format!("view ray, computed with those of {} pixels beside it", LANES - 1);
     let bumps = |u: f64, v: f64| 0.5 + 0.5 * libm::sin(TAU * 4.0 * u) * libm::sin(TAU * 4.0 * v);
     let bricks = |u: f64, v: f64| {
         let row = libm::floor(v * 8.0);
@@ -212,7 +213,8 @@ fn steps() -> Choice {
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
     choice.choose(
         "4 steps by slopes",
-        "as many texels for every pixel, for less time than any layers; 8 layers are four times nearer, for about a third more",
+        "the same number of texels for every pixel, in less time than any layers; 8 layers are four times \
+         as exact, for about a third more",
     );
     choice
 }

@@ -17,9 +17,11 @@ const CROWDS: [usize; 2] = [1, 25];
 pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Pre-skinning of characters",
-        text: "The built-in figure, dancing, at 1280×720, alone and 25 times, in the light of no lamp up to seven, each with a shadow map of 256 \
-               texels: that is the number of passes that draw each character. Its vertices are skinned by each pass, or once by a compute stage for all (the CPU renderer: \
-               once by the same function). Milliseconds of the whole process a frame; both ways are drawn in turns."
+        text: "The built-in figure, dancing, at 1280×720, alone and 25 times, lit by none to seven lamps, \
+               each with a shadow map of 256 texels: every lamp adds a pass that draws each character. \
+               Vertices are skinned by each pass, or once by a compute stage for all passes (the CPU \
+               renderer: once by the same function). Times are milliseconds of the whole process for each \
+               frame; both ways are drawn in turns."
             .into(),
         choices: Vec::new(),
         tables: tables()?,

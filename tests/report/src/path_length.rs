@@ -118,7 +118,7 @@ pub fn section() -> Result<Section, String> {
     if of_program.worst > 1e-4 {
         return Err(format!("a path of the program is off by {} of its length", of_program.worst));
     }
-    let mut choice = Choice::new("path_length", "How is the length of a stretch of a path found?");
+    let mut choice = Choice::new("path_length", "How is the length of a section of a path computed?");
     choice.error_unit = "of the length";
     choice.reference =
         "512 pieces of 5-point Gauss–Legendre of the same spline in another form, f64; 100 random stretches and a sharp turn".into();
@@ -136,7 +136,8 @@ pub fn section() -> Result<Section, String> {
     }
     choice.choose(
         OURS,
-        "no foot slides by it on any path, sharp turns included; it is done once, when the stage is made",
+        "its error makes no foot slide on any path, even in sharp turns; it is computed once, when the \
+         stage is built",
     );
     Ok(Section {
         title: "Length of paths",

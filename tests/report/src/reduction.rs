@@ -31,9 +31,9 @@ pub fn section() -> Result<Section, String> {
         ways.push((format!("compressed, {mm} mm"), clip, report.bytes[1]));
     }
     let floats = skeleton.len() * 40 * 30;
-    let mut choice = Choice::new("reduction", "In how few bytes is motion sampled at 30 Hz kept?");
+    let mut choice = Choice::new("reduction", "In how few bytes is motion sampled at 30 Hz stored?");
     choice.error_unit = "mm";
-    choice.reference = "f64 slerp on all keys, any joint's place in the model, at 400 times".into();
+    choice.reference = "f64 slerp on all keys, position of any joint in the model, at 400 times".into();
     choice.per = format!("sample of {} joints at any time", skeleton.len());
     let nanos = {
         let mut cases: Vec<Case> = ways.iter().map(|(_, clip, _)| timed(clip)).collect();
@@ -53,22 +53,25 @@ pub fn section() -> Result<Section, String> {
     }
     choice.choose(
         "all keys, 30 Hz",
-        "clips stay as authored where a script does not ask for less with Clip.compress or Clip.reduce",
+        "clips stay as authored unless a script calls Clip.compress or Clip.reduce",
     );
     Ok(Section {
         title: "Key reduction and compression",
-        text: "A key goes where the keys around it tell it within the tolerance, which is shared out by how far the joints below reach; \
-               then the whole is measured in the model and done again until it holds. Keys of each curve's own are fewest bytes, \
-               but every curve then looks for its own interval; shared ones keep the rows that eight joints are read from at once. \
-               Compressed clips keep the rate and the slerp between keys; each key comes from a cubic spline with a knot for every 1 to 8 \
-               of them, in as few bits as the tolerance needs. Dense floats are translation, rotation and scale of every joint: 40 bytes \
-               a key."
+        text: "A key is removed where the keys around it reproduce it within the tolerance, which is \
+               distributed by how far the joints below reach; then the whole clip is measured in model \
+               space and reduced again until the tolerance holds. Separate keys for each curve take the \
+               fewest bytes, but every curve then searches its own interval; shared keys keep the rows from \
+               which eight joints are read at once. Compressed clips keep the rate and the slerp between \
+               keys; each key comes from a cubic spline with a knot for every 1 to 8 keys, in as few bits \
+               as the tolerance needs. Dense floats are translation, rotation and scale of every joint: 40 \
+               bytes a key."
             .into(),
         choices: vec![choice],
         tables: Vec::new(),
         off_front: vec![(
             "reduction",
-            "of this clip no key that all curves share could go, so that these are the same clip; the times differ by chance.",
+            "no key shared by all curves of this clip could be removed, so these are the same clip; the \
+             times differ by chance.",
         )],
     })
 }

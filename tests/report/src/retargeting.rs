@@ -125,8 +125,8 @@ pub fn section() -> Result<Section, String> {
         Choice::new("retargeting", "How close are sampled keys of a retargeted clip to the motion?");
     choice.error_unit = "°";
     choice.reference = format!(
-        "turns of the joints that are followed, in the model, in f64 at {TIMES} times of {} and of keys by hand; the other body has the same places at rest, axes \
-         at random and no {LACKS}",
+        "rotations of the source joints in model space, in f64 at {TIMES} times of {} and of keys by hand; \
+         the target character has the same rest positions, random axes and no {LACKS}",
         CLIPS.join(", ")
     );
     choice.per = format!("clip, mean of {}", clips.len());
@@ -163,15 +163,17 @@ pub fn section() -> Result<Section, String> {
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
     choice.choose(
         &name(DEFAULT),
-        "a millimetre at a metre, which no one sees, for few more keys than the source has",
+        "an invisible 1 mm at a distance of 1 m, for few more keys than the source has",
     );
     Ok(Section {
         title: "Retargeting",
-        text: "A joint turns in the model as the one that it follows does. Where its parent follows that one's parent, this is key by key, and \
-               exact whatever the axes. Where characters have other numbers of joints, several curves become one, which is sampled at their keys and \
-               between them until it is within the tolerance. Feet of other lengths ask for a height of the hips that jumps where a heel rises over its \
-               toes. A smoothing spline keeps to it where soles stand (decision 91); the spline itself takes less than a hundredth of its row's time, and the poses \
-               in which the feet are measured, in f64, nearly all the rest."
+        text: "A joint rotates in model space like its source joint. Where its parent follows the parent of \
+               the source joint, keys are converted one by one, exactly, whatever the axes. Where the \
+               numbers of joints differ, several curves become one, which is sampled at their keys and \
+               between them until it is within the tolerance. Feet of another length require a hip height \
+               that jumps where a heel rises over its toes. A smoothing spline follows that height where \
+               soles are on the ground (decision 91); the spline itself takes less than a hundredth of its \
+               row's time, and measuring the feet in every pose, in f64, nearly all the rest."
             .into(),
         choices: vec![choice, hips::choice()?],
         tables: Vec::new(),

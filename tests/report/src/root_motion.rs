@@ -95,7 +95,7 @@ pub fn section() -> Result<Section, String> {
         "{} into walks of a step a second along circles of {} steps: sums of the last circle's steps, angles reduced in whole numbers",
         LOOPS[1].1, WALKS[0].0.1
     );
-    choice.per = format!("place after {}, no frame before it being known", LOOPS[1].1);
+    choice.per = format!("place after {}, without knowing an earlier frame", LOOPS[1].1);
     let (fraction, metres) = WALKS[0];
     let case = |way: usize| {
         Case::new(1, move || {
@@ -107,7 +107,7 @@ pub fn section() -> Result<Section, String> {
     for (way, name) in WAYS.into_iter().enumerate() {
         choice.rows.push(Row::new(name).error(errors[way][1], f64::NAN).nanos(nanos[way]));
     }
-    choice.choose(OURS, "any frame first, at the same price, and nothing adds up");
+    choice.choose(OURS, "any frame directly, at the same cost, and rounding does not accumulate");
     let titles: Vec<String> = LOOPS.iter().map(|l| format!(">after {}", l.1)).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in mm", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "loops")));
@@ -118,8 +118,9 @@ pub fn section() -> Result<Section, String> {
     }
     Ok(Section {
         title: "Root motion",
-        text: "A character walks on where the last loop ended. Steps that are added one by one must all be added for any frame, and their \
-               rounding grows with the time; in f32 a walker along a circle is metres off after hours."
+        text: "A character walks on where the last loop ended. If steps are added one by one, every frame \
+               needs all earlier steps, and rounding grows with the time; in f32 a walker along a circle is \
+               metres off after hours."
             .into(),
         choices: vec![choice],
         tables: vec![table],

@@ -43,12 +43,14 @@ pub fn section() -> Result<Section, String> {
             }
         }
     }
-    let mut choice = Choice::new("rotation", "How is a rotation between two keys found?");
+    let mut choice = Choice::new("rotation", "How is a rotation between two keys computed?");
     choice.error_unit = "°";
     choice.reference =
         "a turn at even speed about one axis, a closed form in f64; keys 1° to 179° apart".into();
     choice.per =
-        "rotation, keys 30° apart; each way finds eight at once at one time, in the same portable instructions".into();
+        "rotation, keys 30° apart; each way computes eight at once for one time, in the same portable \
+         instructions"
+            .into();
     let (nanos, best) = times(&names)?;
     for (((name, error), place), nanos) in names.iter().zip(&all).zip(places).zip(nanos) {
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).at(place).nanos(nanos));
@@ -66,7 +68,7 @@ pub fn section() -> Result<Section, String> {
         table.rows.push([Cell::text(*name)].into_iter().chain(cells).collect());
     }
     let mut levels = Table::new(
-        "What runs, on the widest registers of this machine",
+        "The default, on the widest registers of this machine",
         &[("instructions", "level"), (">a rotation", "nanos")],
     );
     let portable = choice.rows[names.len() - 1].nanos.unwrap_or_default();
@@ -74,15 +76,17 @@ pub fn section() -> Result<Section, String> {
     levels.rows.push(vec![Cell::text(format!("{:?}", Level::best())), time(best)]);
     Ok(Section {
         title: "Rotations between keys",
-        text: "glTF asks for slerp. Files from capture have keys a few degrees apart, where every way will do; hand-made clips have \
-               keys up to half a turn apart, where nlerp lags by up to 8°. The series needs more terms the wider its keys are, at most 26; \
-               a clip knows how far apart its keys are, two poses that are blended do not."
+        text: "glTF asks for slerp. Files from capture have keys a few degrees apart, where every way is \
+               good enough; hand-made clips have keys up to half a turn apart, where nlerp lags by up to \
+               8°. The series needs more terms the wider its keys are, at most 26; a clip knows how far \
+               apart its keys are, but two poses that are blended do not."
             .into(),
         choices: vec![choice],
         tables: vec![table, levels],
         off_front: vec![(
             "rotation",
-            "all ways but it are exact only for keys that are near to each other, or compute terms that its keys do not need.",
+            "every other way is exact only for keys near each other, or computes terms that these keys do \
+             not need.",
         )],
     })
 }

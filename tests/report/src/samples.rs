@@ -40,15 +40,17 @@ pub fn section() -> Result<Section, String> {
     }
     Ok(Section {
         title: "Samples a pixel",
-        text: "One sample decides whole pixels; stairs on edges are the first thing that people see. Four have five levels. What is left with \
-               four is half edges, half the texture and light within a pixel, which is shaded once. What runs is the CPU renderer where no GPU is."
+        text: "One sample decides a whole pixel; stairs on edges are the most visible error. Four samples \
+               have five levels. Of the error that remains with four, half is edges, half is texture and \
+               light within a pixel, which is shaded once. Without a GPU, the CPU renderer is the default."
             .into(),
         choices,
         tables: vec![edges()],
         off_front: vec![(
             "samples",
-            "a Vulkan driver that draws on the CPU, too, is left alone even where it is as quick for one scene: the CPU renderer was quicker for \
-             40 of 47 lessons and takes a third of the memory (decision 30). Where there is a GPU, that is taken.",
+            "a Vulkan driver that draws on the CPU, too, is not used even where it is as fast for one \
+             scene: the CPU renderer was faster for 40 of 47 lessons and takes a third of the memory \
+             (decision 30). If there is a GPU, it is used.",
         )],
     })
 }

@@ -111,16 +111,17 @@ pub fn section() -> Result<Section, String> {
     let mut gltf = choice(&registry, &scene, ("out.glb", "gltf_export", "glTF"))?;
     gltf.choose(
         &name(DEFAULT),
-        "closer than any player shows, for a file that is a third larger than with a millimetre",
+        "an error that no player shows, for a file that is a third larger than with 1 mm",
     );
     let mut usd = choice(&registry, &scene, ("out.usdc", "usd_export", "USD"))?;
     usd.choose(&name(DEFAULT), "the same as for glTF, so that a scene is as exact in all programs");
     Ok(Section {
         title: "Exported animation",
-        text: "Keys of a glTF file have straight lines and slerp between them, and a callback, a held foot or an arm that reaches goes along \
-               other curves. Where these are off by more than half of the tolerance, more keys are sampled; keys that follow from the others \
-               go for the other half (decision 61). All joints of a USD skeleton share their times, so that one joint's key is one of all. The mesh is \
-               part of each size."
+        text: "Keys of a glTF file have straight lines and slerp between them, but a callback, a locked \
+               foot or a reaching arm moves along other curves. Where the interpolation is off by more than \
+               half of the tolerance, more keys are sampled; keys that follow from the others are removed \
+               within the other half (decision 61). All joints of a USD skeleton share their key times, so \
+               a key of one joint is a key of all. The mesh is part of each size."
             .into(),
         choices: vec![gltf, usd],
         tables: Vec::new(),

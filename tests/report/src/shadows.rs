@@ -27,15 +27,17 @@ const RAYS: usize = 6;
 pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Shadow maps",
-        text: "A fence of bars 3 cm wide, a ball and a leaning plank under a sun: thin things, round things, a gap that closes. The truth are \
-               rays from what each pixel shows, many of them where an edge is soft. What a map is too coarse for, it blurs: bars melt \
-               together, and shadows leave the feet of what throws them."
+        text: "A fence of bars 3 cm wide, a ball and a leaning plank under a sun: thin objects, round \
+               objects, a gap that narrows. The reference is rays from the surface in each pixel, many of \
+               them where an edge is soft. A map that is too coarse blurs: bars melt together, and shadows \
+               detach from the objects that cast them."
             .into(),
         choices: vec![sizes()?, kernels()?],
         tables: vec![extents()?],
         off_front: vec![(
             "shadow_kernel",
-            "kernels of one or four comparisons are cheaper, and at the width of the edge that is asked for they show texels as stairs.",
+            "kernels of one or four comparisons are cheaper, but show texels as stairs at the requested \
+             width of the edge.",
         )],
     })
 }
@@ -219,11 +221,12 @@ fn sizes() -> Result<Choice, String> {
     let registry = choreo::registry();
     let mut cpu = CpuRenderer::new(registry.effects());
     let truth = Truth::of(&registry, &mut cpu, |shapes, hit| lit(shapes, hit, SOFTNESS, RAYS))?.rgba;
-    let mut choice = Choice::new("shadow_size", "How many texels may a sun's shadow map have, a side?");
+    let mut choice = Choice::new("shadow_size", "How many texels may each side of a sun's shadow map have?");
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
     choice.reference = format!(
-        "the same image with the lit part of each pixel by {} rays, {}×{}; edges as wide as asked for, {:.0} mm",
+        "the same image with the lit part of each pixel by {} rays, {}×{}; edges as wide as requested, \
+         {:.0} mm",
         RAYS * RAYS,
         SIZE[0],
         SIZE[1],
@@ -271,7 +274,8 @@ fn sizes() -> Result<Choice, String> {
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
     choice.choose(
         "2048",
-        "the default: a map is only as large as its softness needs for what is in view, and this is where more stops to be seen",
+        "the default: a map is only as large as its softness needs in the current view, and more makes no \
+         visible difference",
     );
     Ok(choice)
 }
@@ -408,12 +412,12 @@ fn kernels() -> Result<Choice, String> {
         ("6 × 6, a fifth of the edge wide", &fifth, |m, p| m.filtered::<5>(p)),
         ("variance, a third of the edge wide", &third, |m, p| m.variance(p)),
     ];
-    let mut choice = Choice::new("shadow_kernel", "With what kernel is a shadow map looked up?");
+    let mut choice = Choice::new("shadow_kernel", "With which kernel is a shadow map sampled?");
     choice.error_unit = "of the light";
     choice.by_mean = true;
-    choice.per = "lookup, without what finds the place in the map".into();
-    choice.reference = "6,000 places near the edges of shadows; the lit part of a square as wide as the edge by 256 rays; maps whose depths are \
-                        rays too"
+    choice.per = "lookup, without finding the place in the map".into();
+    choice.reference = "6,000 places near the edges of shadows; the lit part of a square as wide as the \
+                        edge by 256 rays; maps whose depths are computed by rays, too"
         .into();
     let mut cases = Vec::new();
     for (name, map, kernel) in ways {
@@ -434,7 +438,8 @@ fn kernels() -> Result<Choice, String> {
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
     choice.choose(
         "4 × 4, a third of the edge wide",
-        "as wide as asked for at any place of the grid; a finer map costs every caster in it, more than the kernel",
+        "as wide as requested at any place of the grid; a finer map costs more than the kernel, since it \
+         draws all casters",
     );
     Ok(choice)
 }

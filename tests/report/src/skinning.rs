@@ -18,19 +18,25 @@ pub fn section() -> Result<Section, String> {
     let (twist, table) = twisted();
     Ok(Section {
         title: "Skins",
-        text: "A vertex between two joints goes the straight way between where they would take it, if their matrices are blended: a twisted \
-               limb loses cos(θ/2) of its girth halfway, all of it at half a turn. Dual quaternions turn it about the axis between the \
-               motions. They bulge where joints bend, and other programs do not know them, so that files' own skins stay linear, as \
-               glTF has it, where a script does not ask. Scales and shears are blended before the motions and cost a second sum."
+        text: "With blended matrices, a vertex between two joints lies on the straight line between the two \
+               places to which the joints would move it: a twisted limb shrinks to cos(θ/2) of its girth \
+               halfway, to nothing at half a turn. Dual quaternions rotate it about the axis between the \
+               motions. They bulge where joints bend, and other programs do not support them, so skins of \
+               files stay linear, as in glTF, unless a script asks. Scales and shears are blended before \
+               the motions and cost a second sum."
             .into(),
         choices: vec![twist, influences(), positions()],
         tables: vec![table],
         off_front: vec![
-            ("skinning", "linear blending is what the files were painted for, and the cheapest; who twists says so."),
+            (
+                "skinning",
+                "weights of files are painted for linear blending, which is also the cheapest; a \
+                 script selects dual quaternions where limbs twist.",
+            ),
             (
                 "positions",
-                "half the bytes of positions are a fifth of a vertex's; 16 bits would show as creases on large flat meshes, \
-                 where a step is as large as the mesh is wide.",
+                "halving the bytes of positions saves a fifth of a vertex; 16 bits would show as creases on \
+                 large flat meshes, since a step grows with the width of the mesh.",
             ),
         ],
     })
@@ -170,7 +176,7 @@ fn twisted() -> (Choice, Table) {
     }
     choice.choose(
         "linear blending",
-        "what glTF says and what files are painted for; .skinning(\"dual_quaternion\") where limbs twist",
+        "the method of glTF, for which files are painted; .skinning(\"dual_quaternion\") where limbs twist",
     );
     (choice, table)
 }
@@ -241,14 +247,14 @@ fn influences() -> Choice {
     }
     choice.choose(
         "8, the heaviest",
-        "what a file says, up to 8; meshes whose vertices have no more than 4 are drawn with 4",
+        "as many as a file has, up to 8; meshes whose vertices have at most 4 are drawn with 4",
     );
     choice
 }
 
 /// Error of a character's positions in smaller number formats.
 fn positions() -> Choice {
-    let mut choice = Choice::new("positions", "In what numbers are positions kept?");
+    let mut choice = Choice::new("positions", "In which number format are positions stored?");
     choice.error_unit = "mm";
     choice.reference =
         "the file's own f32, skinned in f64; a figure of 1.8 m, joints turned by up to 120°".into();

@@ -8,9 +8,10 @@ pub fn section() -> Result<Section, String> {
     let studio = Panorama::studio();
     Ok(Section {
         title: "Image-based light",
-        text: "The studio of `sky(\"studio\")`, whose boxes have the edges that are hard for such maps. What is mirrored comes from octahedra \
-               blurred for some roughnesses; between them, and between their texels, it is interpolated. What is diffuse is a slow function of \
-               the direction: nine numbers a color, or a small map."
+        text: "Measured with `sky(\"studio\")`, whose light boxes have edges that are hard for such maps. \
+               Reflections come from octahedral maps blurred for some roughnesses, interpolated between \
+               maps and between texels. Diffuse light changes slowly with the direction: nine numbers a \
+               color, or a small map."
             .into(),
         choices: vec![mirrored(&studio, BUDGET_SECS), diffuse(&studio, BUDGET_SECS)],
         tables: Vec::new(),

@@ -79,7 +79,7 @@ pub fn section() -> Result<Section, String> {
     choice.error_unit = "rad";
     choice.reference =
         "a free swing from 1 rad for 2 s in closed form; 0.1–1000 Hz, damping ratio 0–10, 12–240 \
-                        frames a second; π where it has run away"
+                        frames a second; π where it diverges"
             .into();
     choice.per = "frame of one bone".into();
     for (way, (name, ..)) in WAYS.iter().enumerate() {
@@ -101,15 +101,22 @@ pub fn section() -> Result<Section, String> {
     let worst = "worst error in radians";
     Ok(Section {
         title: "Springs",
-        text: "Hair and tails are oscillators of one to ten hertz, skirts of a hundred. Explicit steps run away, implicit ones are stable and \
-               wrong, and both give another motion at another frame rate. The closed form takes the step exactly, whatever its length; what is \
-               left for a moving body is that its pose is looked at 60 times a second. Along a chain each bone follows the one before it, feels what the body does, \
-               and passes on no more of a swing than it got: chains of any length converge, to first order where the air drags at them."
+        text: "Hair and tails are oscillators of one to ten hertz, skirts of a hundred. Explicit steps \
+               diverge, implicit ones are stable but wrong, and both give another motion at another frame \
+               rate. The closed form computes each step exactly, whatever its length; the remaining error \
+               of a moving character is that its pose is sampled 60 times a second. Along a chain each bone \
+               follows the one before it and the motion of the character, and passes on no more swing than \
+               it received: chains of any length converge, to first order under drag."
             .into(),
         choices: vec![choice],
         tables: vec![
             table("By the frame rate", worst, RATES.iter().map(|r| format!("{r} fps")).collect(), &by_rate),
-            table("By the frequency", worst, FREQUENCIES.iter().map(|f| format!("{f} Hz")).collect(), &by_frequency),
+            table(
+                "By the frequency",
+                worst,
+                FREQUENCIES.iter().map(|f| format!("{f} Hz")).collect(),
+                &by_frequency,
+            ),
             table("By the damping ratio", worst, RATIOS.iter().map(|z| format!("{z}")).collect(), &by_ratio),
             moving(),
             chains()?,
@@ -238,7 +245,7 @@ fn moving() -> Table {
     let titles: Vec<String> = RATES.iter().map(|r| format!(">{r} fps")).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in radians, 3 Hz, ratio 0.2", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "rate")));
-    let mut table = Table::new("A body that moves", &columns);
+    let mut table = Table::new("A moving character", &columns);
     let bone = SpringBone::new(3.0, 0.2);
     let truths: Vec<Vec<DVec3>> =
         RATES.iter().map(|r| run(Method::Closed, 1, &bone, r * 1000, 1000)).collect();

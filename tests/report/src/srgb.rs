@@ -58,9 +58,10 @@ fn encode(way: usize, light: f32, table: &[u8]) -> u8 {
 pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "sRGB",
-        text: "Textures are decoded to light and frames encoded from it, pixel by pixel. Errors are in codes of 8 bits: of a decoded code by \
-               the slope of the curve at its place, of an encoded one to the exact value, which is half a code off at most where it is rounded \
-               correctly."
+        text: "Textures are decoded to light and frames encoded from it, pixel by pixel. Errors are in \
+               steps of 8-bit codes: for decoding, the error of the light converted by the slope of the \
+               curve; for encoding, the distance from the exact value, at most half a code if rounding is \
+               correct."
             .into(),
         choices: vec![decoding(), encoding()],
         tables: Vec::new(),
@@ -90,7 +91,7 @@ fn decoding() -> Choice {
         }
         choice.rows.push(Row::new(name).error(error.worst, error.mean()).nanos(nanos[way]).at(place));
     }
-    choice.choose(DECODE[0], "exact to f32; the one that is cheaper is 5 codes off");
+    choice.choose(DECODE[0], "exact to f32; the only cheaper way is 5 codes off");
     choice
 }
 

@@ -96,7 +96,7 @@ pub fn section() -> Result<Section, String> {
     let columns: Vec<String> = SPEEDS.iter().map(|v| format!(">{v} pixels")).collect();
     let mut titles: Vec<(&str, &'static str)> = vec![("worst error in % of white", "way")];
     titles.extend(columns.iter().map(|c| (c.as_str(), "speed")));
-    let mut table = Table::new("By the way of the fastest pixel", &titles);
+    let mut table = Table::new("By the motion of the fastest pixel", &titles);
     let linear = srgb_to_linear_table();
     let renderer = |scene: &Scene| {
         let mut renderer = CpuRenderer::new(registry.effects());
@@ -141,9 +141,10 @@ pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Sub-frames of motion blur",
         text: format!(
-            "Motion blur is the mean of images while the shutter is open. Few images show as copies side by side, and many cost time \
-             where little moves. The plan finds how far the fastest pixel moves and draws one sub-frame a pixel, at most {MOST} by default; \
-             what is left of the error in slow motion are the four samples of an edge."
+            "Motion blur is the mean of images while the shutter is open. Few images show as separate \
+             copies, and many waste time where little moves. The plan computes how far the fastest pixel \
+             moves and draws one sub-frame for each pixel of motion, at most {MOST} by default; in slow \
+             motion the remaining error comes from the four samples of an edge."
         ),
         choices: vec![choice],
         tables: vec![table],

@@ -162,8 +162,9 @@ pub fn section() -> Result<Section, String> {
     );
     Ok(Section {
         title: "Texture filters",
-        text: "Far away a pixel covers many texels, and along the view ten times as many as across. Without mipmaps it takes one of them (aliasing); \
-               a level as coarse as the longer side of the pixel blurs what is across; anisotropic filtering takes the level of the shorter side \
+        text: "Far away a pixel covers many texels, and along the view ten times as many as across. Without \
+               mipmaps it reads one of them (aliasing); a level as coarse as the longer side of the pixel \
+               blurs along the shorter one; anisotropic filtering reads the level of the shorter side \
                several times along the longer one."
             .into(),
         choices: vec![choice],

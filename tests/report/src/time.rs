@@ -55,7 +55,7 @@ pub fn section() -> Result<Section, String> {
             }
         }
     }
-    let mut choice = Choice::new("time", "How is a time on the timeline held?");
+    let mut choice = Choice::new("time", "How is a time on the timeline stored?");
     choice.error_unit = "µs";
     choice.reference = format!(
         "frame · 1001 / 30 000 s as a fraction of whole numbers; {} into the timeline",
@@ -69,7 +69,7 @@ pub fn section() -> Result<Section, String> {
     }
     choice.choose(
         OURS,
-        "exact for every common frame rate, at any time; two ways to a time give the same time",
+        "exact for every common frame rate, at any time; a time computed in two ways is the same",
     );
     let titles: Vec<String> = HOURS.iter().map(|h| format!(">after {}", h.1)).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in µs", "way")];
@@ -81,9 +81,10 @@ pub fn section() -> Result<Section, String> {
     }
     Ok(Section {
         title: "Time",
-        text: "A frame lasts 33 367 µs. f32 seconds are wrong by nearly a frame after 100 hours, sums in f32 by 80 frames after one. f64 would do \
-               for images, but a frame's time is then not the key's time that stands at the same place, and whether a cut is before \
-               or after a frame becomes a matter of luck."
+        text: "A frame lasts 33 367 µs. f32 seconds are wrong by nearly a frame after 100 hours, sums in \
+               f32 by 80 frames after one. f64 would be exact enough for images, but the times of a frame \
+               and of a key at the same place would differ, and rounding would decide whether a cut comes \
+               before or after a frame."
             .into(),
         choices: vec![choice],
         tables: vec![table],

@@ -11,9 +11,10 @@ pub fn section() -> Result<Section, String> {
     check()?;
     Ok(Section {
         title: "Tone mapping",
-        text: "Both transforms are chains of matrices, logarithms and curves; what runs is a fit of each. Of ACES the fit leaves out the glow of \
-               dark colors and the turn of reds, and its worst errors lie where a saturated color is brighter than white and a channel is \
-               cut off: 24 codes there, one code in the mean."
+        text: "Both transforms are chains of matrices, logarithms and curves; the renderer uses a fit of \
+               each. The fit of ACES leaves out the glow of dark colors and the hue shift of reds; its \
+               worst errors are at saturated colors brighter than white, where a channel is clipped: 24 \
+               codes there, one code in the mean."
             .into(),
         choices: vec![aces(&lights(), OF, BUDGET_SECS), agx(&lights(), OF, BUDGET_SECS)],
         tables: Vec::new(),
@@ -62,7 +63,7 @@ fn check() -> Result<(), String> {
         for (got, (name, light)) in colors.iter().zip(&lights) {
             let apart = (got.truncate() - effect(curve, *light)).abs().max_element();
             if apart.is_nan() || apart > 1e-6 {
-                return Err(format!("what is measured is not the effect: {apart} apart at {name}"));
+                return Err(format!("the measured function is not the effect: {apart} apart at {name}"));
             }
         }
     }

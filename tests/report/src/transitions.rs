@@ -35,14 +35,12 @@ pub fn section() -> Result<Section, String> {
     };
     // Acceleration of the two clips without a transition.
     let own = worst_acceleration(&script("Walk", "")?)?.0.max(worst_acceleration(&script("Run", "")?)?.0);
-    let mut choice = Choice::new(
-        "transitions",
-        "How does one clip go over into another? (the mannequin, from Walk to Run)",
-    );
+    let mut choice =
+        Choice::new("transitions", "How does one clip blend into another? (the mannequin, from Walk to Run)");
     choice.error_unit = "m/s²";
     choice.reference = format!(
-        "the largest acceleration of any joint that the clips have by themselves, {own:.0} m/s², from positions 1/240 s apart in f64; \
-         the error is what is beyond it"
+        "the largest acceleration of any joint that the clips have by themselves, {own:.0} m/s², from \
+         positions 1/240 s apart in f64; the error is the acceleration beyond it"
     );
     choice.per = "frame in the transition".into();
     let mut stages = Vec::new();
@@ -68,10 +66,11 @@ pub fn section() -> Result<Section, String> {
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
     Ok(Section {
         title: "Transitions",
-        text: "A crossfade samples both clips in each of its frames. Inertialization samples the new one, and adds what is left of the difference \
-               at the switch, whose velocity goes on, too: nothing jumps, also where the time is short. What is left of each joint is a closed form in f64, which costs more than \
-               sampling a second clip. A pair of gaits is faded in step, so that \
-               a foot is not blended with its opposite."
+        text: "A crossfade samples both clips in each of its frames. Inertialization samples the new one \
+               only, and adds the decaying difference between both at the switch, including its velocity: \
+               nothing jumps, even in a short transition. The offset of each joint is a closed form in f64, \
+               which costs more than sampling a second clip. Two gaits are faded with matched phases, so \
+               that a foot is not blended with the opposite one."
             .into(),
         choices: vec![choice],
         tables: Vec::new(),

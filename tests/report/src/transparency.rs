@@ -16,10 +16,12 @@ const SIZE: [u32; 2] = [480, 272];
 pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Cut-outs and transparent surfaces",
-        text: "A cut-out by `discard` keeps or loses all samples of a pixel, so that four samples smooth the edges of its mesh and not its own. \
-               With alpha to coverage it keeps as many as lie inside, for the same shading. Transparent copies are sorted by the middles \
-               of their boxes; where they cross no order of the copies is right, and layers are peeled from the back: each costs its surfaces once more \
-               to find and once to mix. The plan takes layers only where boxes show that sorting fails."
+        text: "A cut-out by `discard` keeps or drops all samples of a pixel, so that four samples smooth \
+               the edges of the mesh but not of the cut-out. With alpha to coverage it keeps as many \
+               samples as lie inside, for the same shading. Transparent copies are sorted by the centers of \
+               their boxes; where copies intersect no order is right, and layers are peeled from the back: \
+               each layer draws its surfaces once to find them and once to blend them. The plan uses depth \
+               peeling only where boxes show that sorting fails."
             .into(),
         choices: vec![cutouts()?, panes()?],
         tables: Vec::new(),
@@ -116,7 +118,7 @@ const DOOR: [f64; 5] = [1.2, 1.8, 5.0, 0.9, 30.0];
 
 fn panes() -> Result<Choice, String> {
     let mut choice =
-        Choice::new("transparency", "In which order are panes that cross mixed? (five through one line)");
+        Choice::new("transparency", "In which order are intersecting panes blended? (five through one line)");
     choice.reference =
         "rays in f64 that meet every pane, mixed by depth, 64 a pixel; mean over all channels of all pixels"
             .into();

@@ -18,8 +18,8 @@ pub fn section() -> Result<Section, String> {
         "At which quality is a frame written as MP4? (the first dance, 1280×720, its first image)".into();
     Ok(Section {
         title: "Video quality",
-        text: "The last row is what 4:2:0 loses by itself: thin colored edges. From quality 65 on the encoder adds less than that to the mean, \
-               and above 75 each quarter more bytes brings less."
+        text: "The last row is the loss of 4:2:0 alone: thin colored edges. From quality 65 on the encoder \
+               adds less than that to the mean, and above 75 each further quarter of bytes gains less."
             .into(),
         choices: vec![choice],
         tables: Vec::new(),

@@ -9,7 +9,7 @@ use std::ops::Add;
 
 const WIDTH: usize = 640;
 const HEIGHT: usize = 360;
-const OURS: &str = "1/2^15 fixed point, [1 2 1] across (what runs)";
+const OURS: &str = "1/2^15 fixed point, [1 2 1] across (default)";
 
 type Convert = fn(&[u8]) -> Planes;
 
@@ -23,7 +23,7 @@ pub fn section() -> Result<Section, String> {
         ("1/2^8 fixed point, [1 2 1] across", in_8_bits),
         ("1/2^15 fixed point, mean of 2 × 2", mean_of_four),
     ];
-    let mut choice = Choice::new("yuv", "How are images turned to Y′CbCr 4:2:0?");
+    let mut choice = Choice::new("yuv", "How are images converted to Y′CbCr 4:2:0?");
     choice.error_unit = "steps of 255";
     choice.reference = "BT.709 in f64, chroma where H.264 says it sits, of an image of smooth waves whose color at any place is known".into();
     choice.per =
@@ -51,12 +51,17 @@ pub fn section() -> Result<Section, String> {
     choice.choose(OURS, "as exact as bytes can hold, and the same bytes on every machine");
     Ok(Section {
         title: "Video colors",
-        text: "The image's rounding to bytes and the result's make nine tenths of a step at worst. Weights in 1/256 add half a step more; a \
-               plain mean of four pixels puts chroma half a pixel to the right of where players expect it."
+        text: "Rounding the image and the result to bytes makes an error of nine tenths of a step at worst. \
+               Weights in 1/256 add half a step more; a plain mean of four pixels puts chroma half a pixel \
+               to the right of where players expect it."
             .into(),
         choices: vec![choice],
         tables: Vec::new(),
-        off_front: vec![("yuv", "whole numbers give the same bytes on every machine, whatever its compiler makes of sums of floats.")],
+        off_front: vec![(
+            "yuv",
+            "integers give the same bytes on every machine, however its compiler orders \
+                                 sums of floats.",
+        )],
     })
 }
 

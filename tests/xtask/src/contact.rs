@@ -14,11 +14,11 @@ const SHOTS: usize = 4;
 const FILES_IN_A_ROW: usize = 3;
 const SIZE: (usize, usize) = (160, 120);
 
-/// Files that are not visible: name, part of the message or "nothing is seen", and the reason why that is right. It is an error if such a
-/// file is visible after all.
+/// Files that are not visible: name, part of the message or "the images are blank", and the reason why that is right. It is an error if
+/// such a file is visible after all.
 const EXCEPTIONS: [(&str, &str, &str); 2] = [
-    ("dae/lights.dae", "nothing is seen", "four lights and no mesh"),
-    ("fbx/ufbx/maya_anim_light_7500_binary.fbx", "nothing is seen", "one light and no mesh"),
+    ("dae/lights.dae", "the images are blank", "four lights and no mesh"),
+    ("fbx/ufbx/maya_anim_light_7500_binary.fbx", "the images are blank", "one light and no mesh"),
 ];
 
 pub(crate) struct Shot {
@@ -48,7 +48,7 @@ pub fn contact(args: &[&str]) -> Result<(), String> {
                 row.push(shots);
                 shown += 1;
             }
-            (Ok(_), Some(_)) => wrong.push(format!("{file} is shown, and still among the exceptions")),
+            (Ok(_), Some(_)) => wrong.push(format!("{file} is visible, but still listed as an exception")),
             (Err(what), Some((_, words, why))) if what.contains(words) => {
                 println!("not shown: {file}: {why}")
             }
@@ -120,7 +120,7 @@ fn show(choreo: &Path, assets: &Path, work: &Path, file: &str) -> Result<Vec<Sho
     let shots =
         (0..SHOTS).map(|k| read(&work.join(format!("{name}_{k:02}.png")))).collect::<Result<Vec<_>, _>>()?;
     let blank = |shot: &Shot| shot.rgb.chunks_exact(3).all(|p| p == &shot.rgb[..3]);
-    if shots.iter().all(blank) { Err("nothing is seen".into()) } else { Ok(shots) }
+    if shots.iter().all(blank) { Err("the images are blank".into()) } else { Ok(shots) }
 }
 
 pub(crate) fn finish(mut command: Command, what: &str) -> Result<(), String> {

@@ -282,7 +282,7 @@ impl Cluster {
         let count = whole_segments(&segments);
         let read = |path: &Path| fs::read(path).map_err(|e| format!("{}: {e}", path.display()));
         if count != CHUNKS || read(&film)? != read(&self.folder.join("one.mp4"))? {
-            return Err(format!("{job}: the film of {count} segments is not that of one machine"));
+            return Err(format!("{job}: the film of {count} segments differs from the film of one machine"));
         }
         Ok(seconds)
     }

@@ -183,7 +183,7 @@ pub fn frames(args: &[&str]) -> Result<(), String> {
     let jobs: Vec<Job> = jobs().into_iter().filter(wanted).collect();
     if !jobs.is_empty() {
         let costs = measure(&jobs, &setting, rounds)?;
-        println!("| scene | frames/s | ms a frame | CPU-ms a frame | device-ms a frame | asked for |");
+        println!("| scene | frames/s | ms a frame | CPU-ms a frame | device-ms a frame | target |");
         println!("|---|---|---|---|---|---|");
         for (job, cost) in jobs.iter().zip(costs) {
             let asked = job.asked.map_or(String::new(), |rate| format!("≥ {rate} frames/s"));
@@ -215,7 +215,8 @@ pub fn frames(args: &[&str]) -> Result<(), String> {
     if "first frame".contains(filter) {
         let first = bench.render(&richest, "first.png", &["--at", "1.0"])?;
         println!(
-            "First frame of the richest sample (glass, 4 samples), warm cache, whole process: {:.2} s, {:.2} CPU-s; asked for ≤ 2 s.",
+            "First frame of the richest sample (glass, 4 samples), warm cache, whole process: {:.2} s, \
+             {:.2} CPU-s; target ≤ 2 s.",
             first.wall_secs, first.cpu_secs
         );
     }

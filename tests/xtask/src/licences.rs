@@ -98,9 +98,12 @@ impl Deny {
             }
         }
         let twice = twice(packages);
-        faults
-            .extend(twice.difference(&self.skipped).map(|old| format!("{old} is there beside a newer one")));
-        faults.extend(self.skipped.difference(&twice).map(|old| format!("{old} is no longer there twice")));
+        faults.extend(
+            twice
+                .difference(&self.skipped)
+                .map(|old| format!("{old} is a dependency beside a newer version")),
+        );
+        faults.extend(self.skipped.difference(&twice).map(|old| format!("{old} no longer has two versions")));
         faults
     }
 }
@@ -182,8 +185,8 @@ mod tests {
                 "ash is banned",
                 "gif is not from crates.io",
                 "rhai: the licence AGPL-3.0-only is not allowed",
-                "rhai:^0.1 is no longer there twice",
-                "thiserror:^1 is there beside a newer one",
+                "rhai:^0.1 no longer has two versions",
+                "thiserror:^1 is a dependency beside a newer version",
             ]
         );
     }

@@ -144,15 +144,15 @@ fn faults(file: &str, packages: &BTreeMap<String, Package>) -> Result<Vec<String
     let expected = table(packages);
     let has = |text: &str, line: &str| text.lines().any(|l| l == line);
     let missing = expected.lines().filter(|line| !has(written, line));
-    let mut faults: Vec<String> = missing.map(|line| format!("not named: {line}")).collect();
+    let mut faults: Vec<String> = missing.map(|line| format!("missing line: {line}")).collect();
     let gone = written.lines().filter(|line| !has(&expected, line));
-    faults.extend(gone.map(|line| format!("no longer so: {line}")));
+    faults.extend(gone.map(|line| format!("outdated line: {line}")));
     let ids = PROGRAMS.iter().flat_map(|(package, _)| linked(packages, package));
     for package in ids.collect::<BTreeSet<_>>().iter().map(|id| &packages[id]) {
         // Licenses that require more than their text must be described by hand.
         let special = !satisfied(&package.licence, PLAIN);
         if (special || package.has_c) && !by_hand.contains(&format!("`{}`", package.name)) {
-            faults.push(format!("above the table nobody says anything of `{}`", package.name));
+            faults.push(format!("the text above the table does not mention `{}`", package.name));
         }
     }
     Ok(faults)
@@ -181,16 +181,16 @@ mod tests {
         assert_eq!(
             found,
             [
-                "not named: | ash | 0.38 | MPL-2.0 | `choreo`, `choreo-view` |",
-                "no longer so: | ash | 0.38 | MIT OR Apache-2.0 | `choreo`, `choreo-view` |",
-                "above the table nobody says anything of `ash`",
+                "missing line: | ash | 0.38 | MPL-2.0 | `choreo`, `choreo-view` |",
+                "outdated line: | ash | 0.38 | MIT OR Apache-2.0 | `choreo`, `choreo-view` |",
+                "the text above the table does not mention `ash`",
             ]
         );
         let without: String =
             file.lines().filter(|l| !l.starts_with("| rhai ")).map(|l| format!("{l}\n")).collect();
         packages.get_mut(&id).unwrap().licence = "MIT OR Apache-2.0".into();
         let found = faults(&without, &packages).unwrap();
-        assert_eq!(found, ["not named: | rhai | 1 | MIT OR Apache-2.0 | `choreo`, `choreo-view` |"]);
+        assert_eq!(found, ["missing line: | rhai | 1 | MIT OR Apache-2.0 | `choreo`, `choreo-view` |"]);
     }
 
     #[test]

@@ -163,7 +163,7 @@ fn explain_names_the_materials_of_what_it_is_about() {
     for columns in ["80", "120"] {
         let run =
             finished(command(dir.path(), &["explain", "s.rhai"]).env("COLUMNS", columns).output().unwrap());
-        let table: Vec<&str> = run.out.lines().skip_while(|line| !line.contains("asked for by")).collect();
+        let table: Vec<&str> = run.out.lines().skip_while(|line| !line.contains("requested by")).collect();
         assert!(
             table.len() > 20 && table.iter().all(|line| line.chars().count() <= columns.parse().unwrap())
         );

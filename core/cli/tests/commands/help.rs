@@ -163,7 +163,7 @@ fn an_unknown_term_is_answered_with_the_nearest_and_exit_code_2() {
     let run = help(&["foot slidng"]);
     assert_eq!(run.code, 2);
     assert!(
-        run.err.contains("nothing is known as \"foot slidng\"; did you mean \"foot sliding\""),
+        run.err.contains("there is no entry \"foot slidng\"; did you mean \"foot sliding\""),
         "{}",
         run.err
     );

@@ -40,7 +40,7 @@ fn single_files_work_as_they_are() {
     assert_eq!((lines[0], of("0.0,a,"), of("0.5,a,")), ("seconds,actor,joint,x,y,z", 1, 1), "{lines:?}");
     assert_eq!(lines.len(), 3);
     let run = choreo(dir.path(), &["new", "importer", "c", "--single", "--hook", "vertex"]);
-    assert!(run.code != 0 && run.err.contains("--hook is of effects"), "{}", run.err);
+    assert!(run.code != 0 && run.err.contains("--hook is for effects"), "{}", run.err);
     // A folder that is not there yet is made.
     let run = choreo(dir.path(), &["new", "effect", "b", "--single", "--into", "looks/mine"]);
     assert_eq!(run.code, 0, "{}", run.err);
@@ -198,7 +198,7 @@ fn a_project_takes_the_place_of_nothing() {
         assert!(run.code == 2 && run.err.contains("as my-film"), "{name}: {}", run.err);
     }
     let run = choreo(dir.path(), &["new", "project", "a", "--single"]);
-    assert!(run.code == 2 && run.err.contains("are of plugins"), "{}", run.err);
+    assert!(run.code == 2 && run.err.contains("are for plugins"), "{}", run.err);
     let run = choreo(dir.path(), &["new", "project", "My_Film", "--into", "films/mine"]);
     assert!(run.code == 0 && dir.path().join("films/mine/My_Film/My_Film.rhai").is_file(), "{}", run.err);
 }

@@ -24,11 +24,7 @@ fn lengths_and_frames_of_models() {
     assert!(!run.err.contains("one frame"), "{}", run.err);
     let run = choreo(d, &[&["render", "tri.gltf", "-o", "b.y4m", "--frames", "0..120"][..], &small].concat());
     assert_eq!(run.code, 2);
-    assert!(
-        run.err.contains("0..30; --length SECS makes it longer, with the clip again and again"),
-        "{}",
-        run.err
-    );
+    assert!(run.err.contains("0..30; --length SECS makes it longer and repeats the clip"), "{}", run.err);
 }
 
 /// A file of clips that rests in a stride, on a character: the warning has a rule, and says how to allow it.

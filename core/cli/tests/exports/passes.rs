@@ -133,10 +133,10 @@ fn a_stopped_sequence_goes_on_with_the_images_that_lack() {
     std::fs::remove_file(d.join(names[0])).unwrap();
     std::fs::write(d.join(names[2]), &whole[2][..whole[2].len() - 1]).unwrap();
     let run = render(&["--resume"]);
-    assert!(run.code == 0 && run.err.contains("2 of them there before"), "{}", run.err);
+    assert!(run.code == 0 && run.err.contains("2 of them finished before"), "{}", run.err);
     assert!(names.map(|name| read(d, name)) == whole, "resumed frames have the same bytes");
     let run = render(&["--resume", "--samples", "1"]);
-    assert!(run.code == 3 && run.err.contains("was made otherwise"), "{}", run.err);
+    assert!(run.code == 3 && run.err.contains("was made with other settings"), "{}", run.err);
     let run = choreo(d, &["info", names[1]]);
     assert!(
         run.out.contains("OpenEXR image, 32×18") && run.out.contains("source       scene.rhai"),
@@ -171,7 +171,7 @@ fn wrong_passes_are_refused_before_the_first_frame() {
         "stage(#{ length: 1.0, size: [32, 18] }); title(\"a\"); effect(\"vignette\"); effect(\"bloom\");";
     std::fs::write(d.join("titled.rhai"), text).unwrap();
     let run = choreo(d, &["render", "titled.rhai", "--at", "0", "-o", "x.exr", "--device", "cpu"]);
-    let note = "light before the view transform is written, so without the effect vignette, 2D layers";
+    let note = "the output is light before the view transform, without the effect vignette, 2D layers";
     assert!(run.code == 0 && run.err.contains(note), "{}", run.err);
 }
 

@@ -49,9 +49,9 @@ fn images_and_scenes_name_each_others_command() {
     let dir = project();
     let d = dir.path();
     let run = choreo(d, &["export", "a.rhai", "-o", "a.png"]);
-    assert!(run.code == 2 && run.err.contains("images and videos are made by choreo render"), "{}", run.err);
+    assert!(run.code == 2 && run.err.contains("use choreo render to write images and videos"), "{}", run.err);
     let run = choreo(d, &["render", "a.rhai", "-o", "a.csv"]);
-    assert!(run.code == 2 && run.err.contains("by choreo export"), "{}", run.err);
+    assert!(run.code == 2 && run.err.contains("use choreo export"), "{}", run.err);
     let run = choreo(d, &["export", "a.rhai", "-o", "a.xyz"]);
     assert!(run.code == 2 && run.err.contains("known: .csv"), "{}", run.err);
     let run = choreo(d, &["export", "a.rhai", "-o", "a.fbx"]);
@@ -85,9 +85,9 @@ fn an_exporter_in_a_file_writes_all_its_files_or_none() {
     std::fs::remove_file(d.join("out_b.txt")).unwrap();
     for (body, message) in [
         ("write(\"a\"); write_to(\"_b.txt\", \"b\"); throw \"enough\";", "two.exporter.rhai:3:"),
-        ("write_to(\"a.rhai\", \"gone\");", "is no ending of a file beside it"),
-        ("write_to(\"_../../a\", \"gone\");", "is no ending of a file beside it"),
-        ("write_to(\".two\", \"gone\");", "is no ending of a file beside it"),
+        ("write_to(\"a.rhai\", \"gone\");", "is not a valid ending for an additional file"),
+        ("write_to(\"_../../a\", \"gone\");", "is not a valid ending for an additional file"),
+        ("write_to(\".two\", \"gone\");", "is not a valid ending for an additional file"),
     ] {
         write(body);
         let run = export();

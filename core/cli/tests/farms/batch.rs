@@ -148,8 +148,8 @@ fn tables_that_mean_nothing_are_refused() {
     };
     assert!(said(("a.csv", "name\n"), &[]).contains("a.csv: it has no rows"));
     assert!(said(("a.csv", "name,name\n1,2\n"), &[]).contains("two columns are called \"name\""));
-    assert!(said(("a.csv", "name,color\n1\n"), &[]).contains("it is no table"));
-    assert!(said(("a.json", "{}"), &[]).contains("it is no array of objects"));
+    assert!(said(("a.csv", "name,color\n1\n"), &[]).contains("it is not a table"));
+    assert!(said(("a.json", "{}"), &[]).contains("it is not an array of objects"));
     assert!(said(("a.txt", ""), &[]).contains("write a name that ends in .csv or .json"));
     let unknown = said(("a.csv", "name,colour\nZoe,#202020\n"), &[]);
     assert!(unknown.contains("no parameter \"colour\"; did you mean \"color\"?"), "{unknown}");

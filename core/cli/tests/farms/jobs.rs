@@ -144,7 +144,7 @@ fn slurm_scripts_make_the_film() {
     let again = choreo(d, &["farm", "scene/s.rhai", "-o", "a.mp4", "--for", "slurm", "--to", "job"]);
     assert_eq!(again.code, 3);
     assert!(
-        again.err.starts_with("--to job: a job has run there: job/segments is not empty"),
+        again.err.starts_with("--to job: a job has already run there: job/segments is not empty"),
         "{}",
         again.err
     );
@@ -181,8 +181,8 @@ fn jobs_that_cannot_run_are_refused() {
         ("../film.mp4", "the film is written to the folder output of the job"),
         ("/film.mp4", "the film is written to the folder output of the job"),
         ("-", "the film is written to the folder output of the job"),
-        ("{{Param.Choreo}}.mp4", "two braces are an expression of the job's template"),
-        ("film.xyz", "the name's extension says the format"),
+        ("{{Param.Choreo}}.mp4", "two braces mark an expression in the job's template"),
+        ("film.xyz", "the file extension selects the format"),
         ("film.png", "holds one image and the scene has 60 frames"),
     ] {
         let run = choreo(d, &["farm", "scene/it's.rhai", "-o", film, "--for", "openjd", "--to", "job"]);

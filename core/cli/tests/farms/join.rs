@@ -209,7 +209,7 @@ fn segments_of_other_films_versions_and_devices_are_refused() {
         let forged = with_head(&whole, |head| set_provenance(head, keyword, text));
         std::fs::write(d.join("b/forged.segment"), forged).unwrap();
     };
-    let another = "b/forged.segment: it is of another film than a/0000000-0000029.segment\n    ";
+    let another = "b/forged.segment: it belongs to another film than a/0000000-0000029.segment\n    ";
     forge("choreo:device", "some GPU (1.2)");
     let device = text("b/forged.segment");
     assert!(
@@ -220,7 +220,7 @@ fn segments_of_other_films_versions_and_devices_are_refused() {
     let version = text("b/forged.segment");
     assert!(version.starts_with(&format!("{another}Software: choreo 9.9.9, there choreo ")), "{version}");
     let version = refused(d, &["b/forged.segment"]);
-    assert!(version.contains("choreo 9.9.9 has made it, and this is choreo "), "{version}");
+    assert!(version.contains("choreo 9.9.9 made it, but this program is choreo "), "{version}");
     // Another text of the script that draws the same, another size, other options.
     std::fs::write(d.join("s.rhai"), format!("{SCRIPT}// more\n")).unwrap();
     let script = text(&segment(d, "film.gif", "c", "30-59"));
@@ -235,8 +235,8 @@ fn segments_of_other_films_versions_and_devices_are_refused() {
     assert!(size.contains("\n    size: 32x18, there 64x36\n    options: dither=0, there "), "{size}");
     let format = choreo(d, &["join", &a, "-o", "film.mp4"]);
     assert_eq!(format.code, 1);
-    assert!(format.err.contains("it is of a film in the format gif "), "{}", format.err);
-    assert!(format.err.contains(", and -o names mp4 "), "{}", format.err);
+    assert!(format.err.contains("it belongs to a film in the format gif "), "{}", format.err);
+    assert!(format.err.contains(", but -o names mp4 "), "{}", format.err);
 }
 
 /// Two segments that disagree about a frame: one machine draws otherwise, and no film is made of it.
@@ -257,7 +257,7 @@ fn segments_that_disagree_are_refused() {
     std::fs::remove_file(d.join("film.gif")).unwrap();
     std::fs::write(d.join(&b), forged).unwrap();
     let text = refused(d, &[&a, &b]);
-    let expected = format!("film.gif: frame 25 is another one in {a} than in {b}\n");
+    let expected = format!("film.gif: frame 25 differs between {a} and {b}\n");
     assert!(text.starts_with(&expected), "{text}");
 }
 

@@ -274,7 +274,7 @@ fn archives_of_strangers_reach_nothing_outside() {
         let text = manifest(|m| m["names"] = serde_json::json!([pair]));
         refused(wrong, &[("choreo.json", Regular, &text), script_entry]);
     }
-    let place = "it is damaged: something else is in the place of files/0/a.rhai";
+    let place = "it is damaged: a different file is in the place of files/0/a.rhai";
     for kind in [Symlink, Link, Directory] {
         refused(
             place,
@@ -289,15 +289,15 @@ fn archives_of_strangers_reach_nothing_outside() {
     refused(place, &[("choreo.json", Regular, &empty), ("files/0/a.rhai", Symlink, b"/etc/passwd")]);
     refused(place, &[("choreo.json", Regular, &plain), ("../a.rhai", Regular, script)]);
     refused(
-        "it is damaged: files/0/a.rhai has another hash",
+        "it is damaged: files/0/a.rhai does not match its hash",
         &[("choreo.json", Regular, &plain), ("files/0/a.rhai", Regular, b"stage(#{ length: 9.1 });")],
     );
     let more = [("choreo.json", Regular, &plain[..]), script_entry, ("files/0/b", Regular, b"x")];
-    refused("it is damaged: there is more than its manifest says", &more);
+    refused("it is damaged: it contains more than its manifest lists", &more);
     refused("it is damaged: files/0/a.rhai is missing", &[("choreo.json", Regular, &plain)]);
     let unpackable = "it is not a scene that choreo pack has written: ";
     refused(&format!("{unpackable}it does not begin with choreo.json"), &[script_entry]);
-    refused(&format!("{unpackable}it is no tar archive"), &[]);
+    refused(&format!("{unpackable}it is not a tar archive"), &[]);
     refused(&format!("{unpackable}choreo.json is not JSON"), &[("choreo.json", Regular, b"{")]);
     // Cut anywhere, it is refused or has lost only its end.
     let whole = archive(&[("choreo.json", Regular, &plain), script_entry]);
@@ -335,7 +335,11 @@ fn another_scene_than_the_one_packed_is_refused() {
     std::fs::write(d.join("s.choreo"), archive).unwrap();
     let run = choreo(d, &render);
     assert_eq!(run.code, 1);
-    assert!(run.err.contains("s.rhai: it is another scene here than where it was packed\n"), "{}", run.err);
+    assert!(
+        run.err.contains("s.rhai: it is a different scene here than where it was packed\n"),
+        "{}",
+        run.err
+    );
 }
 
 #[test]
@@ -353,7 +357,7 @@ fn what_cannot_be_packed_is_refused() {
     good(d, &["pack", "tri.gltf", "-o", "a.choreo"]);
     usage(&["pack", "a.choreo", "-o", "b.choreo"], "it is packed already");
     // Beside a render of the scene, the archive stays.
-    usage(&["render", "a.choreo", "-o", "a.choreo"], "the name's extension says the format");
+    usage(&["render", "a.choreo", "-o", "a.choreo"], "the file extension selects the format");
 }
 
 /// The folder form has the files of the archive and renders the same bytes; links in it are refused, wherever they lead.
@@ -380,7 +384,7 @@ fn a_folder_has_what_the_archive_has() {
     good(d, &["render", "film", "-o", "two.mp4"]);
     assert!(read(d, "one.mp4") == read(d, "two.mp4"));
     let again = choreo(d, &["pack", "gone/film.rhai", "-o", "film/"]);
-    assert!(again.code == 3 && again.err.contains("film/: it is there already"), "{}", again.err);
+    assert!(again.code == 3 && again.err.contains("film/: it exists already"), "{}", again.err);
     let refused = |what: &str| {
         let run = choreo(d, &["check", "film"]);
         assert!(run.code == 1 && run.err.starts_with(&format!("film: it is damaged: {what}")), "{}", run.err);
@@ -389,18 +393,18 @@ fn a_folder_has_what_the_archive_has() {
     std::fs::rename(&dots, d.join("film/files/0/b.dots")).unwrap();
     refused("files/0/a.dots: ");
     std::os::unix::fs::symlink("b.dots", &dots).unwrap();
-    refused("something else is in the place of files/0/a.dots");
+    refused("a different file is in the place of files/0/a.dots");
     std::fs::remove_file(&dots).unwrap();
     std::os::unix::fs::symlink(d.join("gone/a.dots"), &dots).unwrap();
     refused("files/0/a.dots: ");
     std::fs::remove_file(&dots).unwrap();
     std::fs::write(&dots, "DOTS 0 0 0, 1 0 0, 0 2 0").unwrap();
-    refused("files/0/a.dots has another hash");
+    refused("files/0/a.dots does not match its hash");
     std::fs::remove_file(&dots).unwrap();
     std::fs::rename(d.join("film/files/0/b.dots"), &dots).unwrap();
     std::fs::rename(d.join("film/files/1"), d.join("film/files/one")).unwrap();
     std::os::unix::fs::symlink("one", d.join("film/files/1")).unwrap();
-    refused("something else is in the place of files/1/deep/buffers/tri.bin");
+    refused("a different file is in the place of files/1/deep/buffers/tri.bin");
 }
 
 fn files_below(folder: &Path) -> usize {

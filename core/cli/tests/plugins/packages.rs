@@ -195,13 +195,13 @@ fn what_is_malformed_too_new_or_contradictory_is_refused() {
     place.write("source/plugin.toml", "");
     place.refused("plugin.toml:1:1: name is missing");
     std::fs::remove_file(place.path().join("source/plugin.toml")).unwrap();
-    let text = place.refused("there is none; a package needs it. A complete one:");
+    let text = place.refused("this file is missing; a package needs it. A complete example:");
     assert!(text.contains("[[plugin]]"), "{text}");
     place.write("source/plugin.toml", DESCRIPTION);
     #[cfg(unix)]
     {
         std::os::unix::fs::symlink("/etc/hostname", place.path().join("source/tests/link")).unwrap();
-        place.refused("tests/link: a package holds no links");
+        place.refused("tests/link: a package must not contain links");
         std::fs::remove_file(place.path().join("source/tests/link")).unwrap();
     }
     let run = place.run(&["plugins", "install", "b.dots"]);

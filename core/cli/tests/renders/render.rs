@@ -87,7 +87,7 @@ fn one_picture_from_a_model_at_a_time_or_a_frame() {
         (&["tri.gltf", "-o", "time.png", "--at", "0.5"], ""),
         (
             &["tri.gltf", "-o", "range.png", "--frames", "15..20"],
-            "range.png holds one picture: frame 15 is drawn",
+            "range.png holds one image: frame 15 is drawn",
         ),
     ] {
         let run = render(d, args);
@@ -270,7 +270,7 @@ fn stages_are_six_pictures_in_a_folder() {
     assert_eq!(white(all[5]), 0);
     let run = choreo(d, &["render", "tri.gltf", "--stages", "-o", "steps.png"]);
     assert!(
-        run.code != 0 && run.err.contains("--stages writes an image a stage into a folder"),
+        run.code != 0 && run.err.contains("--stages writes one image per stage into a folder"),
         "{}",
         run.err
     );

@@ -145,5 +145,5 @@ fn standard_output_keeps_nothing() {
         .output()
         .unwrap();
     let text = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.code() == Some(2) && text.contains("standard output keeps nothing"), "{text}");
+    assert!(output.status.code() == Some(2) && text.contains("it cannot write to standard output"), "{text}");
 }

@@ -243,14 +243,14 @@ fn a_render_made_otherwise_is_refused() {
         assert_eq!(run.code, 3, "{}", run.err);
         let head = "o.mp4: --resume cannot go on with ";
         assert!(
-            run.err.contains(head) && run.err.contains("o.mp4.part: it was made otherwise"),
+            run.err.contains(head) && run.err.contains("o.mp4.part: it was made with other settings"),
             "{}",
             run.err
         );
         for words in expected {
             assert!(run.err.contains(words), "no \"{words}\" in {}", run.err);
         }
-        assert!(run.err.contains("leave --resume out to make everything anew"), "{}", run.err);
+        assert!(run.err.contains("leave --resume out to render everything again"), "{}", run.err);
         assert!(read(&d.join("o.mp4.part"), "journal") == before);
     };
     refused(&["--frames", "1..30"], &["frames: 0..=39, now 1..=29"]);
@@ -265,7 +265,7 @@ fn a_render_made_otherwise_is_refused() {
     std::fs::copy(d.join("f/1.png"), d.join("f/2.png")).unwrap();
     let run = choreo(d, &args("f/%d.png", &["--frames", "0..4", "--resume"]));
     assert_eq!(run.code, 3);
-    assert!(run.err.contains("f/2.png: it was made otherwise\n    time: 0.0333"), "{}", run.err);
+    assert!(run.err.contains("f/2.png: it was made with other settings\n    time: 0.0333"), "{}", run.err);
     // One that was cut is drawn again, one that was lost too.
     std::fs::write(d.join("f/2.png"), &read(d, "f/1.png")[..200]).unwrap();
     std::fs::remove_file(d.join("f/3.png")).unwrap();
@@ -319,7 +319,7 @@ fn what_a_signal_ends_is_kept_and_the_command_that_is_printed_goes_on_with_it() 
         let run = type_in(d, command);
         assert_eq!(run.code, 0, "{command}: {}", run.err);
         assert!(
-            more.contains(&"--quiet") || run.err.contains(&format!("{finished} of them there before")),
+            more.contains(&"--quiet") || run.err.contains(&format!("{finished} of them finished before")),
             "{}",
             run.err
         );
@@ -332,7 +332,7 @@ fn what_a_signal_ends_is_kept_and_the_command_that_is_printed_goes_on_with_it() 
         assert!(!run.err.contains("kept") && parts(d).is_empty(), "{}", run.err);
     }
     let run = choreo(d, &["render", "s.rhai", "-o", "-", "--resume"]);
-    assert!(run.code == 2 && run.err.contains("standard output keeps nothing"), "{}", run.err);
+    assert!(run.code == 2 && run.err.contains("standard output cannot be resumed"), "{}", run.err);
 }
 
 /// Frames of this very render are thrown away only where the user says so; those of another are in nobody's way.
@@ -345,8 +345,8 @@ fn a_render_that_could_be_gone_on_with_is_not_thrown_away_unasked() {
     let journal = read(&d.join("o.mp4.part"), "journal");
     let run = choreo(d, &plain);
     let expected = format!(
-        "o.mp4: {finished} frames of this very render are finished in o.mp4.part\n    hint: --resume goes on with them, \
-         --discard deletes them and makes everything anew\n"
+        "o.mp4: {finished} frames of this same render are finished in o.mp4.part\n    hint: --resume goes \
+         on with them, --discard deletes them and renders everything again\n"
     );
     assert_eq!((run.code, run.err.as_str()), (3, expected.as_str()));
     assert!(read(&d.join("o.mp4.part"), "journal") == journal && !d.join("o.mp4").exists());
@@ -355,7 +355,8 @@ fn a_render_that_could_be_gone_on_with_is_not_thrown_away_unasked() {
     std::fs::write(d.join("s.rhai"), format!("{script}\n// edited")).unwrap();
     let run = choreo(d, &plain);
     let expected = format!(
-        "o.mp4: starts anew; {finished} frames of a render that was stopped are thrown away, because these differ: script"
+        "o.mp4: starts anew; {finished} frames of a render that was stopped are deleted, because these \
+         differ: script"
     );
     assert!(run.code == 0 && run.err.contains(&expected), "{}", run.err);
     assert!(d.join("o.mp4").exists() && parts(d).is_empty());
@@ -363,7 +364,7 @@ fn a_render_that_could_be_gone_on_with_is_not_thrown_away_unasked() {
     let finished = stopped(d, "o.mp4");
     let run = choreo(d, &[&plain[..], &["--discard"]].concat());
     let expected =
-        format!("o.mp4: starts anew; {finished} frames of a render that was stopped are thrown away\n");
+        format!("o.mp4: starts anew; {finished} frames of a render that was stopped are deleted\n");
     assert!(run.code == 0 && run.err.contains(&expected), "{}", run.err);
     assert!(d.join("o.mp4").exists() && parts(d).is_empty());
     let run = choreo(d, &[&plain[..], &["--discard", "--resume"]].concat());

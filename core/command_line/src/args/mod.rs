@@ -20,7 +20,7 @@ Exit codes:
 
 A result appears whole or not at all: files are written beside their place as NAME.part and renamed when complete.
 A video's finished frames stay in the folder NAME.part when its render is stopped, by Ctrl-C too, and --resume goes on with
-them. Symbolic links in the place of an output are refused, and outputs in the place of an input.";
+them. An output path that is a symbolic link or an input is refused.";
 
 /// Text after the options in `--help`; `-h` shows only the exit codes.
 fn limits_help() -> String {

@@ -98,7 +98,7 @@ fn stem(path: &Path) -> String {
 fn exporter<'r>(output: &str, registry: &'r Registry) -> Result<&'r Arc<dyn SceneExporter>, Failure> {
     registry.scene_exporter_for(output).ok_or_else(|| {
         if registry.exporter_for(output).is_some() {
-            return Failure::Usage(format!("-o {output}: images and videos are made by choreo render"));
+            return Failure::Usage(format!("-o {output}: use choreo render to write images and videos"));
         }
         let extensions = registry.scene_exporters().iter().flat_map(|e| &e.manifest().extensions);
         let known: Vec<String> = extensions.map(|extension| format!(".{extension}")).collect();
@@ -106,7 +106,7 @@ fn exporter<'r>(output: &str, registry: &'r Registry) -> Result<&'r Arc<dyn Scen
         let is_read = registry.importers().iter().any(|i| i.manifest().extensions.contains(&extension));
         let what = match is_read {
             true => format!(".{extension} is read, not written"),
-            false => "the name's extension says the format".into(),
+            false => "the file extension selects the format".into(),
         };
         Failure::Usage(format!(
             "-o {output}: {what}; known: {}{}",
@@ -193,7 +193,8 @@ impl SceneFiles for Files<'_> {
             || !ending.starts_with(['.', '_', '-'])
             || Path::new(&name).file_name() == self.path.file_name()
         {
-            let what = format!("\"{ending}\" is no ending of a file beside it; write one as _0.png");
+            let what =
+                format!("\"{ending}\" is not a valid ending for an additional file; write one as _0.png");
             return Err(ExportError::Format(what));
         }
         let file = match self.beside.entry(name.clone()) {
@@ -208,7 +209,7 @@ impl SceneFiles for Files<'_> {
 
     fn replace(&mut self, at: u64, bytes: &[u8]) -> Result<(), ExportError> {
         self.main.out.flush()?;
-        let no_way_back = || ExportError::Format("this format needs a file, no pipe or device".into());
+        let no_way_back = || ExportError::Format("this format needs a file, not a pipe or device".into());
         self.main.part.replace(at, bytes).map_err(|e| match e.kind() {
             ErrorKind::NotSeekable => no_way_back(),
             _ => e.into(),

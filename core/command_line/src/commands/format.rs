@@ -74,7 +74,7 @@ fn one(path: &Path) -> Result<Option<String>, Problem> {
 
 fn script(name: &str, bytes: Vec<u8>) -> Result<String, Problem> {
     if bytes.len() as u64 > LARGEST {
-        return Err(Problem::Text(format!("{name}: a script may have {LARGEST} bytes")));
+        return Err(Problem::Text(format!("{name}: a script may have at most {LARGEST} bytes")));
     }
     String::from_utf8(bytes).map_err(|_| Problem::Text(format!("{name}: is not a text file in UTF-8")))
 }

@@ -55,7 +55,8 @@ pub fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
         let near =
             if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(", ")) };
         return Err(Failure::Usage(format!(
-            "help: nothing is known as \"{term}\"{near}\n    hint: choreo help --page API.md lists everything that a script can call"
+            "help: there is no entry \"{term}\"{near}\n    hint: choreo help --page API.md lists everything \
+             that a script can call"
         )));
     }
     for call in &mut answer.calls {
@@ -71,7 +72,8 @@ fn print_page(app: &App, name: &str) -> Result<(), Failure> {
     let text = pages::text(app, path).ok_or_else(|| {
         let hint = match path.split_once("reference/") {
             Some((_, entry)) => format!(
-                "the reference is printed entry by entry: choreo help {}; whole: choreo help --page API.md",
+                "choreo help {} prints one entry of the reference; choreo help --page API.md prints all of \
+                 it",
                 entry.rsplit(['#', '/']).next().unwrap_or_default().trim_end_matches(".md")
             ),
             None => format!("pages: {}", list(pages::names(app), 60)),

@@ -151,7 +151,11 @@ fn gathered(
     let options = export::options(&film.film.options, exporter.manifest())?;
     let info = film.film.info(options);
     if exporter.one_frame_per_file() && !matches!(target, Target::Numbered { .. }) && info.frames > 1 {
-        let what = format!("{} holds one image of {}; write frames/%04d.png", target.shown(), info.frames);
+        let what = format!(
+            "{} holds one image, but the film has {} frames; write frames/%04d.png",
+            target.shown(),
+            info.frames
+        );
         return Err(Failure::Usage(what).into());
     }
     let piece = exporter.piece(&info).or(exporter.one_frame_per_file().then_some(std::num::NonZeroU64::MIN));
@@ -223,7 +227,7 @@ fn same_film<'s>(
                 differences.iter().map(|(keyword, was, is)| format!("\n    {keyword}: {is}, there {was}"));
             let lines: String = lines.collect();
             let (path, there) = (other.path.display(), first.path.display());
-            faults.push(format!("{path}: it is of another film than {there}{lines}"));
+            faults.push(format!("{path}: it belongs to another film than {there}{lines}"));
         }
     }
     let made_by = first.film.provenance.iter().find(|(keyword, _)| keyword == "Software");
@@ -231,13 +235,13 @@ fn same_film<'s>(
     let path = first.path.display();
     if made_by != software {
         faults.push(format!(
-            "{path}: {made_by} has made it, and this is {software}; join with the same version"
+            "{path}: {made_by} made it, but this program is {software}; join with the same version"
         ));
     }
     let format = exporter.manifest().to_string();
     if first.film.format != format {
         faults.push(format!(
-            "{path}: it is of a film in the format {}, and -o names {format}",
+            "{path}: it belongs to a film in the format {}, but -o names {format}",
             first.film.format
         ));
     }
@@ -260,13 +264,13 @@ fn gap_failure(gap: Gap, segments: &[Segment], damaged: &[String], target: &Targ
             format!("{shown}: of {frames} frames these are missing: {}\n    hint: {hint}", ranges(&missing))
         }
         Gap::Differ { frame, segments: [a, b] } => format!(
-            "{shown}: frame {frame} is another one in {} than in {}\n    hint: one of the machines draws otherwise; \
-             render the frames again on one that is trusted, and join without the other segment",
+            "{shown}: frame {frame} differs between {} and {}\n    hint: one of the machines renders \
+             differently; render the frames again on one that is trusted, and join without the other segment",
             path(a),
             path(b)
         ),
         Gap::Misplaced { segment, frame } => {
-            format!("{}: frame {frame} begins a piece where the format has none", path(segment))
+            format!("{}: frame {frame} begins a group of frames where the format has none", path(segment))
         }
     })
 }

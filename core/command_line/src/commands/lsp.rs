@@ -57,7 +57,7 @@ impl Host for Program {
     /// Command that runs this program again, with the arguments that a user would type.
     fn command(&self, task: &Task) -> Result<process::Command, HostError> {
         let program = std::env::current_exe()
-            .map_err(|e| HostError(format!("cannot tell where {} lies: {e}", self.app.name)))?;
+            .map_err(|e| HostError(format!("cannot find the path of {}: {e}", self.app.name)))?;
         let mut command = process::Command::new(program);
         match task {
             Task::Frame { script, secs, output } => {

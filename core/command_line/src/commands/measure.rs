@@ -52,7 +52,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
         note.iter().for_each(print_message);
         let [w, h] = measured.size;
         print(&format!(
-            "{}: images at {} s, {w}×{h}; → is what it would take\n",
+            "{}: images at {} s, {w}×{h}; → marks the current choice\n",
             scene.name,
             measured.at.as_secs()
         ))?;
@@ -82,7 +82,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     }
     if !left_out.is_empty() {
         let lines: Vec<String> = left_out.iter().map(|(what, why)| format!("  {what}: {why}\n")).collect();
-        print(&format!("\nnothing to choose\n{}", lines.concat()))?;
+        print(&format!("\nno choice to measure\n{}", lines.concat()))?;
     }
     Ok(())
 }

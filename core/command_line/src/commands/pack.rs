@@ -58,7 +58,7 @@ pub(crate) fn write_open(
         let beside = place.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         if place.symlink_metadata().is_ok() {
             return Err(Failure::Output(format!(
-                "{shown}: it is there already; name a new folder, or remove it"
+                "{shown}: it exists already; name a new folder, or remove it"
             )));
         }
         let mut archive = tempfile::tempfile_in(beside).map_err(failed)?;

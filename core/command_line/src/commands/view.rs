@@ -14,7 +14,7 @@ use std::{env, io};
 
 pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failure> {
     let here = env::current_exe()
-        .map_err(|e| Failure::Output(format!("cannot tell where {} lies: {e}", app.name)))?;
+        .map_err(|e| Failure::Output(format!("cannot find the path of {}: {e}", app.name)))?;
     let viewer = here.with_file_name(format!("{}-view{}", app.name, env::consts::EXE_SUFFIX));
     let ours = app.name == "choreo";
     // `cargo run` sets these variables: the viewer is then built too, so that it is not older than this program.
@@ -47,7 +47,7 @@ pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failu
         Some(0) => Ok(()),
         // The viewer has printed the reason.
         Some(code) => Err(Failure::Told(u8::try_from(code).unwrap_or(1))),
-        None => Err(Failure::Device("the viewer was ended from outside".into())),
+        None => Err(Failure::Device("the viewer was ended by a signal".into())),
     }
 }
 
@@ -57,7 +57,7 @@ fn unpacked(input: &Path, rest: &[OsString]) -> Result<Vec<OsString>, Failure> {
     let unpacked = Unpacked::open(input, limits.file)?;
     let manifest = &unpacked.manifest;
     if manifest.importer.is_some() || !manifest.import.is_empty() {
-        let what = format!("{}: the viewer takes no options of importers", input.display());
+        let what = format!("{}: the viewer takes no importer options", input.display());
         return Err(Failure::Usage(what));
     }
     // Options of the command line override packed ones.

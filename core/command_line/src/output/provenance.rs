@@ -143,8 +143,8 @@ pub fn same(
     }
     let lines = found.iter().map(|(keyword, was, is)| format!("\n    {keyword}: {was}, now {is}"));
     Err(Failure::Output(format!(
-        "{shown}: --resume cannot go on with {}: it was made otherwise{}\n    hint: give what was given then, or leave \
-         --resume out to make everything anew",
+        "{shown}: --resume cannot go on with {}: it was made with other settings{}\n    hint: give the same \
+         settings again, or leave --resume out to render everything again",
         part.display(),
         lines.collect::<String>()
     )))

@@ -85,7 +85,7 @@ impl Target {
         let Some(exporter) = registry.exporter_for(&name) else {
             if registry.scene_exporter_for(&name).is_some() {
                 return Err(Failure::Usage(format!(
-                    "-o {}: a scene is written to it by choreo export",
+                    "-o {}: use choreo export to write a scene in this format",
                     self.shown()
                 )));
             }
@@ -95,7 +95,7 @@ impl Target {
                 .flat_map(|e| e.manifest().extensions.iter().map(|x| format!(".{x}")))
                 .collect();
             return Err(Failure::Usage(format!(
-                "-o {}: the name's extension says the format; known: {}",
+                "-o {}: the file extension selects the format; known: {}",
                 self.shown(),
                 known.join(", ")
             )));
@@ -130,7 +130,7 @@ impl Target {
                 if !folder.as_os_str().is_empty() {
                     std::fs::create_dir_all(folder).map_err(|e| {
                         let why = match e.kind() {
-                            ErrorKind::AlreadyExists => "it exists already and is no folder".to_string(),
+                            ErrorKind::AlreadyExists => "it exists already and is not a folder".to_string(),
                             _ => reason(&e),
                         };
                         Failure::Output(format!("{}: cannot make the folder: {why}", folder.display()))

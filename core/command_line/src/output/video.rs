@@ -266,8 +266,8 @@ impl Folder {
         let found = provenance::differences(was, is);
         if found.is_empty() && !args.discard && !args.watch {
             return Err(Failure::Output(format!(
-                "{shown}: {frames} of this very render are finished in {}\n    hint: --resume goes on with them, \
-                 --discard deletes them and makes everything anew",
+                "{shown}: {frames} of this same render are finished in {}\n    hint: --resume goes on with \
+                 them, --discard deletes them and renders everything again",
                 part.display()
             )));
         }
@@ -276,7 +276,7 @@ impl Folder {
             true => String::new(),
             false => format!(", because these differ: {}", why.join(", ")),
         };
-        Ok(Some(format!("{shown}: starts anew; {frames} of a render that was stopped are thrown away{why}")))
+        Ok(Some(format!("{shown}: starts anew; {frames} of a render that was stopped are deleted{why}")))
     }
 
     fn begin(

@@ -64,7 +64,7 @@ fn end(now: u64, limit: u64) -> ! {
     choreo_files::remove_unfinished();
     let failure = Failure::input(format!(
         "the program would need more memory than it may use: it holds {} MB\n    hint: smaller images, textures and models \
-         need less; the limit is {limit} bytes; raise it with --limit memory=NUMBER if the scene means it",
+         need less; the limit is {limit} bytes; raise it with --limit memory=NUMBER if the scene needs it",
         now / 1_000_000
     ));
     failure.lines().iter().chain(&kept_frames::take_message()).for_each(print_message);

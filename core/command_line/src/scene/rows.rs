@@ -74,7 +74,7 @@ type Values = BTreeMap<String, String>;
 /// Reason why a text is not a table.
 #[derive(Debug, thiserror::Error)]
 enum TableError {
-    #[error("it is no table: {0}")]
+    #[error("it is not a table: {0}")]
     Csv(#[from] csv::Error),
     #[error("it is not JSON: {0}")]
     Json(#[from] serde_json::Error),
@@ -82,11 +82,11 @@ enum TableError {
     Twice(String),
     #[error("a column has no name; the first line names the parameters")]
     NoName,
-    #[error("it is no array of objects, [{{\"name\": \"Zoe\"}}, …]")]
+    #[error("it is not an array of objects, [{{\"name\": \"Zoe\"}}, …]")]
     NoArray,
-    #[error("row {0}: it is no object")]
+    #[error("row {0}: it is not an object")]
     NoObject(usize),
-    #[error("row {0}: {1} is no text, number, true or false")]
+    #[error("row {0}: {1} is not a text, number, true or false")]
     Cell(usize, String),
 }
 
@@ -244,9 +244,11 @@ mod tests {
             assert!(of_csv(text).unwrap_err().to_string().contains(what), "{text}");
         }
         assert!(of_csv("a,b\n1,2,3").unwrap_err().to_string().contains("line: 2"));
-        for (text, what) in
-            [("{}", "no array"), ("[1]", "row 1: it is no object"), ("[{\"a\": []}]", "row 1: a is no text")]
-        {
+        for (text, what) in [
+            ("{}", "not an array"),
+            ("[1]", "row 1: it is not an object"),
+            ("[{\"a\": []}]", "row 1: a is not a text"),
+        ] {
             assert!(of_json(text).unwrap_err().to_string().contains(what), "{text}");
         }
     }

@@ -28,7 +28,7 @@ pub(crate) struct Band {
 pub(crate) fn judge_band(series: &Series, band: &Band, e: &Expectation, label: &str, unit: &str) -> Judged {
     let (n, negated) = (series.values.len(), e.negated);
     if n == 0 {
-        return Judged::impossible(band.words.clone(), "nothing to look at: the span is empty");
+        return Judged::impossible(band.words.clone(), "no samples: the span is empty");
     }
     // Unknown values fail the expectation, whether negated or not.
     let unknown = |i: usize| series.values[i].is_nan();
@@ -57,10 +57,10 @@ pub(crate) fn judge_band(series: &Series, band: &Band, e: &Expectation, label: &
     if n > 1 && !passed {
         let (first, last) = (series.times[failing[0]], series.times[failing[failing.len() - 1]]);
         got.push_str(&match (e.sometime, failing.len()) {
-            (true, _) => format!(", the nearest of {n} looks"),
-            (false, 1) => format!(", the worst of {n} looks; only there"),
+            (true, _) => format!(", the nearest of {n} samples"),
+            (false, 1) => format!(", the worst of {n} samples; only there"),
             (false, count) => format!(
-                ", the worst of {n} looks; {count} wrong, from {} to {}",
+                ", the worst of {n} samples; {count} wrong, from {} to {}",
                 words::time(first),
                 words::time(last)
             ),

@@ -22,7 +22,7 @@ pub fn judge(looks: &[Looks], e: &Expectation, other: usize, factor: f64) -> Jud
     let not = if e.negated { "not " } else { "" };
     let expected = format!("{not}at most {} times the time of the other stage", words::number(factor));
     let Some(other) = looks.get(other) else {
-        return Judged::impossible(expected, "the other stage is not there");
+        return Judged::impossible(expected, "the other stage does not exist");
     };
     let mut runs = [Run::new(&looks[e.stage].stage), Run::new(&other.stage)];
     let repeats = match runs.iter_mut().map(Run::warm).collect::<Result<Vec<_>, Unjudged>>() {

@@ -150,7 +150,7 @@ pub fn tilt(looks: &mut Looks, subject: Subject, camera: Option<usize>, time: Ti
 pub fn judge(looks: &mut Looks, e: &Expectation, claim: &InFrame) -> Judged {
     match try_judge(looks, e, claim) {
         Ok(judged) => judged,
-        Err(why) => Judged::impossible("an image to look at", why),
+        Err(why) => Judged::impossible("an image to check", why),
     }
 }
 

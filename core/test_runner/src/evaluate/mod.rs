@@ -42,10 +42,14 @@ pub fn evaluate(run: &SectionRun, registry: &Registry) -> Vec<Check> {
     if let Some(problem) = run.broken.first() {
         if !run.expectations.is_empty() {
             let place = SourceLocation { file: run.info.file.clone(), line: run.info.line, column: 0 };
-            let mut check =
-                failed(place, "the stage can be evaluated", "a sound stage", problem.message.clone());
+            let mut check = failed(
+                place,
+                "the stage can be evaluated",
+                "a stage without errors",
+                problem.message.clone(),
+            );
             check.hint =
-                "after errors that leave no stage nothing can be expected of it: use two sections".into();
+                "after errors there is no stage to check: expect the errors in a section of their own".into();
             checks.push(check);
         }
         return checks;
@@ -120,7 +124,7 @@ impl Judged {
 fn judge(run: &SectionRun, e: &Expectation, looks: &mut [Looks]) -> Option<Judged> {
     let of_stage = looks.get_mut(e.stage);
     let Some(own) = of_stage else {
-        return Some(Judged::impossible("a stage", format!("stage {} is not there", e.stage)));
+        return Some(Judged::impossible("a stage", format!("stage {} does not exist", e.stage)));
     };
     let length = own.stage.settings.length;
     let times = match e.when {
@@ -130,7 +134,7 @@ fn judge(run: &SectionRun, e: &Expectation, looks: &mut [Looks]) -> Option<Judge
     };
     if let Some(outside) = times.into_iter().find(|time| !(Time::ZERO..=length).contains(time)) {
         let [time, length] = [outside, length].map(Time::as_secs);
-        return Some(Judged::impossible("a time of the stage", Unjudged::OutsideStage { time, length }));
+        return Some(Judged::impossible("a time within the stage", Unjudged::OutsideStage { time, length }));
     }
     Some(match &e.claim {
         // Images are drawn and compared by the runner.

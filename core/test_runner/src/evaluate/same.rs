@@ -112,7 +112,7 @@ fn snapshots(stage: &Stage, a: &Snapshot, b: &Snapshot) -> Option<String> {
         if x.world_from_model != y.world_from_model {
             let off = x.world_from_model.translation.distance(y.world_from_model.translation);
             return Some(format!(
-                "{} stands or is turned elsewhere, by {} m",
+                "{} has another position or rotation, by {} m",
                 actor.name,
                 words::number(off)
             ));

@@ -46,10 +46,10 @@ pub fn judge(run: &SectionRun, looks: &mut [Looks]) -> Vec<Check> {
         }
     }
     checks.push(match first_problem {
-        Some(problem) => failed(place(), title, "places and poses that are numbers", problem),
+        Some(problem) => failed(place(), title, "finite positions and poses", problem),
         None => passed(title, format!("{count} frames")),
     });
-    let title = "the same again";
+    let title = "deterministic";
     checks.push(match again(run, own, &times) {
         Some(how) => failed(place(), title, "the same bits on a second run and in any order", how),
         None => passed(title, "the same bits".into()),
@@ -72,14 +72,17 @@ fn again(run: &SectionRun, looks: &mut Looks, times: &[Time]) -> Option<String> 
     if let Some(second) = run.hash_again
         && second != looks.stage.content_hash()
     {
-        return Some("running the script twice gives two stages".into());
+        return Some("running the script twice gives different stages".into());
     }
     let step = times.len().div_ceil(AGAIN).max(1);
     let mut fresh = Evaluator::new(looks.stage.clone());
     for time in times.iter().step_by(step).rev() {
         let (Ok(first), Ok(second)) = (looks.at(*time), fresh.at(*time)) else { continue };
         if first.content_hash() != second.content_hash() {
-            return Some(format!("{} differs when it is looked at in another order", words::time(*time)));
+            return Some(format!(
+                "{} differs when frames are evaluated in another order",
+                words::time(*time)
+            ));
         }
     }
     None

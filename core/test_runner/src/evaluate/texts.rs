@@ -37,7 +37,7 @@ pub fn judge(
 ) -> Judged {
     match try_judge(run, looks, e, texts, test) {
         Ok(judged) => judged,
-        Err(why) => Judged::impossible("lines to look at", why),
+        Err(why) => Judged::impossible("lines to check", why),
     }
 }
 

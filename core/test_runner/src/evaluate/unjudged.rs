@@ -17,12 +17,15 @@ pub(crate) enum Unjudged {
     Formula(Diagnostic),
     #[error(transparent)]
     Timeout(#[from] TimeUsedUp),
-    #[error("judging this section takes longer than {0} s: look at less, or raise --limit seconds=NUMBER")]
+    #[error(
+        "judging this section takes longer than {0} s: check fewer times, or raise --limit seconds=NUMBER"
+    )]
     TooLong(f64),
-    #[error("this would take {0} looks, {MOST} are allowed: use .during or a longer .every")]
+    #[error("this would take {0} samples, at most {MOST} are allowed: use .during or a longer .every")]
     TooManyLooks(i64),
     #[error(
-        "the span holds {found} looks, {needed} are needed: make it longer, or look more often with .every(seconds)"
+        "the span holds {found} samples, {needed} are needed: make it longer, or sample more often with \
+         .every(seconds)"
     )]
     TooFewLooks { found: usize, needed: usize },
     #[error("{time} s is outside the stage, which lasts from 0 to {length} s")]
@@ -31,7 +34,8 @@ pub(crate) enum Unjudged {
     HiddenActor(String),
     /// The joint never touches the floor, so that any test of its sliding distance would pass.
     #[error(
-        "it never touches the floor from {from} to {to}: its lowest place is {lowest} m above it; options: height, speed, swing, ground"
+        "it never touches the floor from {from} to {to}: its lowest point is {lowest} m above it; options: \
+         height, speed, swing, ground"
     )]
     NeverOnFloor { from: String, to: String, lowest: String },
 }

@@ -35,7 +35,7 @@ pub fn judge(e: &Expectation, got: &Value, test: &ValueTest) -> Judged {
                 (Value::List(list), part) => list.iter().any(|element| same(element, part)),
                 _ => false,
             };
-            (holds, format!("with {} in it", shown(part)), String::new())
+            (holds, format!("containing {}", shown(part)), String::new())
         }
         ValueTest::Matches(pattern) => {
             let holds = matches!(got, Value::Text(text) if like(text, pattern));
@@ -48,7 +48,7 @@ pub fn judge(e: &Expectation, got: &Value, test: &ValueTest) -> Judged {
                 Value::Map(map) => map.is_empty(),
                 _ => false,
             };
-            (holds, "nothing in it".to_string(), String::new())
+            (holds, "empty".to_string(), String::new())
         }
     };
     let expected = if e.negated { format!("not {expected}") } else { expected };

@@ -120,7 +120,8 @@ pub(crate) fn why_unknown(
     if let VectorQuantity::InPicture(subject, camera) = quantity {
         if is_own_camera(looks, *subject, *camera, time)? {
             return Ok(format!(
-                "{} takes this image itself and has no place in it; name another camera: in_picture(camera)",
+                "{} is the camera of this image, so it has no position in it; name another camera: \
+                 in_picture(camera)",
                 name(looks, *subject)
             ));
         }

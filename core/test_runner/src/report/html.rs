@@ -53,7 +53,7 @@ pub fn report(report: &Report, about: &str) -> String {
         group(&mut html, file);
     }
     if !report.unused.is_empty() {
-        html.push_str("<section class=\"file\"><h2>Stored images that no section asks for</h2><ul>\n");
+        html.push_str("<section class=\"file\"><h2>Stored images that no section uses</h2><ul>\n");
         for path in &report.unused {
             let _ = writeln!(html, "<li><code>{}</code></li>", text(&shown(path)));
         }
@@ -93,7 +93,7 @@ fn section(html: &mut String, o: &Outcome) {
         Status::Error(_) => ("bad", "error"),
         Status::Skipped(_) => ("skip", "skipped"),
     };
-    let name = if o.section.is_empty() { "as it stands" } else { &o.section };
+    let name = if o.section.is_empty() { "whole file" } else { &o.section };
     let _ = writeln!(
         html,
         "<details class=\"case {class}\"{}><summary><span class=\"{class} word\">{word}</span> {} \
@@ -208,8 +208,8 @@ fn pictures(html: &mut String, o: &Outcome, c: &Check, p: &Pictures) {
         views.push(("difference", "diff", figure(&p.difference, what)));
     }
     if !p.seen.is_empty() {
-        let what = "what the eye sees when they alternate: black nothing, pale yellow as much as can be";
-        views.push(("to the eye", "seen", figure(&p.seen, what)));
+        let what = "visible difference when the images alternate: black none, pale yellow the most";
+        views.push(("visible difference", "seen", figure(&p.seen, what)));
     }
     for (i, (name, class, _)) in views.iter().enumerate() {
         let checked = if i == 0 { " checked" } else { "" };

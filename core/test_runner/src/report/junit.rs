@@ -43,7 +43,7 @@ fn suite(text: &mut String, outcomes: &[Outcome]) {
 }
 
 fn case(text: &mut String, outcome: &Outcome) {
-    let name = if outcome.section.is_empty() { "as it stands" } else { &outcome.section };
+    let name = if outcome.section.is_empty() { "whole file" } else { &outcome.section };
     let _ = write!(
         text,
         "    <testcase classname=\"{}\" name=\"{}\" time=\"{:.3}\"",

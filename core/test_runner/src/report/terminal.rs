@@ -95,7 +95,7 @@ pub fn summary(report: &Report) -> String {
         let _ = writeln!(text, "accepted {}", check.expected);
     }
     for path in &report.unused {
-        let _ = writeln!(text, "no section asks for {}: remove it if it is not needed", shown(path));
+        let _ = writeln!(text, "no section uses {}: remove it if it is not needed", shown(path));
     }
     let counts = report.counts();
     let mut parts = vec![format!("{} passed", counts.passed)];
@@ -143,7 +143,7 @@ pub fn list(cases: &[Case]) -> String {
     for case in cases {
         match &case.section {
             Ok(info) if info.as_it_stands() => {
-                let _ = writeln!(text, "{}  (as it stands)", case.file);
+                let _ = writeln!(text, "{}  (whole file)", case.file);
             }
             Ok(info) => {
                 let mut line = format!("{}:{}  {}", case.file, info.line, info.name);

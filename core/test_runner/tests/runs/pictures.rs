@@ -108,7 +108,7 @@ fn an_accepted_picture_passes_bit_for_bit_and_says_where_it_is_from() {
     let mut bench = Bench::new();
     let missing = bench.check();
     assert!(!missing.passed);
-    assert!(missing.expected.ends_with("pictures/walk/start.png, which is not there yet"), "{missing:?}");
+    assert!(missing.expected.ends_with("pictures/walk/start.png, which does not exist yet"), "{missing:?}");
     assert_eq!((missing.by.as_str(), missing.hint.as_str()), ("no image has been accepted", ""));
     assert!(pictures(&missing).expected.is_empty() && !pictures(&missing).got.is_empty());
     let accepted = bench.accept();

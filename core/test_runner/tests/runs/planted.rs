@@ -148,7 +148,7 @@ fn a_late_cue_is_told_with_its_delay_and_fails_the_weight_too() {
 fn a_failure_tells_when_by_how_much_and_shows_the_curve() {
     let checks = checks(&scene("", "if t == 1.0 { ball.move_by(0.0, 0.05, 0.0); }"));
     let path = checks.iter().find(|c| c.title.contains("[t, 1.0, 0.0]")).unwrap();
-    assert_eq!(path.got, "[1, 1.05, 0] m at 1 s, the worst of 90 looks; only there");
+    assert_eq!(path.got, "[1, 1.05, 0] m at 1 s, the worst of 90 samples; only there");
     assert_eq!(path.by, "0.05 m, 50 times the tolerance");
     let Evidence::Traces(traces) = &path.evidence else { panic!("{path:?}") };
     let labels: Vec<&str> = traces.iter().map(|t| t.label.as_str()).collect();
@@ -282,7 +282,7 @@ fn a_claim_about_what_has_no_value_fails_with_the_reason() {
     assert!(still.passed, "{still:?}");
     for claim in ["slide().below(0.01)", "at(0.5).slide().near(0.0)", "not().slide().above(0.01)"] {
         let flying = judged("0.5", &format!("{slide}.{claim};"));
-        let why = "its lowest place is 0.5 m above it";
+        let why = "its lowest point is 0.5 m above it";
         assert!(!flying.passed && flying.got.contains("never touches the floor"), "{claim}: {flying:?}");
         assert!(flying.got.contains(why), "{claim}: {flying:?}");
     }

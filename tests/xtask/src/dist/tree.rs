@@ -28,7 +28,7 @@ impl Built {
     pub fn in_folder(folder: &Path) -> Result<Built, String> {
         let program = |name: &str| {
             let file = folder.join(format!("{name}{}", std::env::consts::EXE_SUFFIX));
-            if file.is_file() { Ok(file) } else { Err(format!("{}: is not there", file.display())) }
+            if file.is_file() { Ok(file) } else { Err(format!("{}: does not exist", file.display())) }
         };
         Ok(Built {
             choreo: program("choreo")?,

@@ -53,7 +53,7 @@ pub fn failures(stage: &Stage, limits: &Limits, goes_on: &(dyn Fn() -> bool + Sy
     let mut problems: Vec<Problem> = failed.into_iter().map(with_frames).collect();
     if done < wanted.len() {
         problems.push(Problem::Text(format!(
-            "the frames could not all be looked at in {} s: {done} of {} were\n    hint: {}",
+            "not all frames could be checked in {} s: {done} of {} were checked\n    hint: {}",
             limits.check_seconds,
             wanted.len(),
             raise_hint("check_seconds", format!("{} s", limits.check_seconds))

@@ -176,7 +176,7 @@ fn failures<'a>(
     if wrong == 0 {
         let plural = if warnings == 1 { "warning" } else { "warnings" };
         all.push(Problem::Text(format!(
-            "{}: {warnings} {plural}, and --strict lets none pass",
+            "{}: {warnings} {plural}, and --strict allows none",
             args.scene.input.display()
         )));
     }

@@ -19,8 +19,7 @@ pub struct Inside<'a> {
 
 impl Inside<'_> {
     pub fn table(&self) -> Table {
-        let columns =
-            [("", "kind"), ("what is in", "what"), (">size", "bytes"), ("asked for by", "asked_by")];
+        let columns = [("", "kind"), ("included", "what"), (">size", "bytes"), ("requested by", "asked_by")];
         let mut table = Table::new("", &columns);
         for part in &self.parts {
             table.rows.push(vec![

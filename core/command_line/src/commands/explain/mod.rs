@@ -97,7 +97,7 @@ fn unread(places: &Places) -> impl Iterator<Item = LeftOut> {
     places.clips_only.iter().map(|(file, place)| {
         let what = format!("meshes and images of {file}");
         let file = if places.is_main(&place.file) { String::new() } else { format!("{}:", place.file) };
-        LeftOut { what, why: format!("its clips alone are used ({file}line {})", place.line) }
+        LeftOut { what, why: format!("only its clips are used ({file}line {})", place.line) }
     })
 }
 
@@ -243,7 +243,7 @@ fn text(f: &Value) -> String {
 }
 
 fn left_out(plan: &Plan) -> Table {
-    let mut table = Table::new("", &[("what is left out", "what"), ("why", "why")]);
+    let mut table = Table::new("", &[("left out", "what"), ("why", "why")]);
     table.rows = plan.left_out.iter().map(|l| vec![Cell::text(&l.what), Cell::text(&l.why)]).collect();
     table
 }

@@ -65,7 +65,8 @@ impl FrameCounts {
         let FrameCounts { frames, looked_at, drawn, repeated, recomposed } = self;
         let of = if looked_at < frames { format!("the first {looked_at} of ") } else { String::new() };
         format!(
-            "{drawn} of {of}{frames} frames are drawn, {repeated} repeat the one before, {recomposed} only its scene"
+            "{drawn} of {of}{frames} frames are drawn, {repeated} repeat the one before, {recomposed} reuse \
+             only its scene"
         )
     }
 }

@@ -71,7 +71,8 @@ pub fn run(args: &FarmArgs, app: &App, options: String) -> Result<(), Failure> {
     if segments.read_dir().is_ok_and(|mut entries| entries.next().is_some()) {
         let (to, segments) = (order.to.display(), segments.display());
         let what = format!(
-            "--to {to}: a job has run there: {segments} is not empty; name another folder, or remove it"
+            "--to {to}: a job has already run there: {segments} is not empty; name another folder, or \
+             remove it"
         );
         return Err(Failure::Output(what));
     }
@@ -190,8 +191,8 @@ fn cost(
             let piece = piece(job);
             if length % piece > 0 && !order.args.quiet && !order.args.json {
                 print_message(format_args!(
-                    "chunks of {length} frames do not end where the film's pieces of {piece} do: join encodes frames again, and copies those \
-                     of chunks of {}",
+                    "chunks of {length} frames do not match the film's groups of {piece}: join must encode \
+                     them again; chunks of {} are copied",
                     aligned(length.max(piece), piece)
                 ));
             }

@@ -18,7 +18,8 @@ const MOST_VALUES: usize = 1024;
 pub(crate) fn files(job: &FarmJob) -> Result<Vec<(&'static str, String)>, Failure> {
     let texts = job.films.iter().flat_map(|film| film.options.iter().chain([&film.output]));
     if let Some(text) = texts.clone().find(|text| text.contains("{{") || text.contains("}}")) {
-        let what = format!("{text}: two braces are an expression of the job's template; write it without");
+        let what =
+            format!("{text}: two braces mark an expression in the job's template; write it without them");
         return Err(Failure::Usage(what));
     }
     let tasks: usize = job.films.iter().map(|film| film.chunks.len()).sum();
@@ -47,10 +48,10 @@ fn template(job: &FarmJob) -> Value {
             "DIRECTORY",
             "INOUT",
             SEGMENTS,
-            "Where the machines put their frames; all of them see it",
+            "Folder for the frames; all machines must be able to write to it",
         ),
-        path("Output", "DIRECTORY", "OUT", OUTPUT, "Where the film is put"),
-        json!({ "name": "Choreo", "type": "STRING", "default": "choreo", "description": "The program choreo on the machines" }),
+        path("Output", "DIRECTORY", "OUT", OUTPUT, "Folder for the film"),
+        json!({ "name": "Choreo", "type": "STRING", "default": "choreo", "description": "Program choreo on the machines: name or path" }),
     ];
     let name = job.films.last().map_or("", |film| film.output.as_str());
     let name: String =
@@ -63,7 +64,7 @@ fn template(job: &FarmJob) -> Value {
         None => {
             let last = job.films.last();
             let length = last.map_or(1, length);
-            parameters.push(json!({ "name": "ChunkSize", "type": "INT", "default": length, "minValue": 1, "description": "Frames of a chunk" }));
+            parameters.push(json!({ "name": "ChunkSize", "type": "INT", "default": length, "minValue": 1, "description": "Number of frames in a chunk" }));
             parameters.push(json!({ "name": "Frames", "type": "STRING", "default": range(last), "description": "All frames of the film" }));
             steps_of_film(&job.films)
         }

@@ -55,7 +55,7 @@ pub(super) fn write(
             let opened = scene::open(&row.scene(&packed), &registry, opening)?;
             if opened.stage.content_hash() != *stage {
                 let (name, row) = (opened.name, row.number);
-                return Err(Failure::input(format!("{name}: row {row} is another scene where it is packed")));
+                return Err(Failure::input(format!("{name}: row {row} is a different scene after packing")));
             }
             keep.release(opened.limits.memory);
         }

@@ -220,7 +220,7 @@ impl Progress {
         let count = |word: &str| self.counts.get(word).copied().unwrap_or(0);
         if count("running") == 0 && count("stopped") + count("failed") > 0 {
             page.line(format_args!(
-                "none runs: submit the same job again, and it goes on with what is finished"
+                "no task is running: submit the same job again to continue after the finished frames"
             ));
         }
         if job.films.len() > MOST_LINES {

@@ -272,7 +272,8 @@ fn facing(facing: &Facing) -> String {
         false => e.part.to_string(),
     };
     let parts: Vec<String> = facing.evidence.iter().map(part).collect();
-    let doubt = if facing.doubtful { ", kept: its parts show different directions (x, z)" } else { "" };
+    let doubt =
+        if facing.doubtful { ", default: its parts point in different directions (x, z)" } else { "" };
     format!("{} ({}{doubt})", facing.front.name(), parts.join(", "))
 }
 

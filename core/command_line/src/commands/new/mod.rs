@@ -54,10 +54,10 @@ pub fn run(args: NewArgs) -> Result<(), Failure> {
     };
     check_name(&args.name)?;
     if args.hook.is_some() && kind != PluginKind::Effect {
-        return Err(Failure::Usage("--hook is of effects; importers and exporters have none".into()));
+        return Err(Failure::Usage("--hook is for effects; importers and exporters have none".into()));
     }
     if args.wasm && kind == PluginKind::Effect {
-        return Err(Failure::Usage("--wasm is of importers and exporters; effects are WGSL".into()));
+        return Err(Failure::Usage("--wasm is for importers and exporters; effects are WGSL".into()));
     }
     if args.single { single(&args, kind, &into) } else { whole(&args, kind, &into) }
 }
@@ -72,7 +72,8 @@ fn check_name(name: &str) -> Result<(), Failure> {
     match good {
         true => Ok(()),
         false => Err(Failure::Usage(format!(
-            "\"{name}\": a plugin's name is lower-case letters, digits and _, from a letter on, at most 40; as my_format"
+            "\"{name}\": a plugin's name begins with a letter and has at most 40 lower-case letters, digits \
+             and _, as my_format"
         ))),
     }
 }
@@ -144,7 +145,8 @@ fn whole(args: &NewArgs, kind: PluginKind, into: &Path) -> Result<(), Failure> {
     write(into, &all)?;
     let member = match &workspace {
         Workspace::Other(root) => format!(
-            "    it belongs to the workspace of {}: add it to members there, where they do not include it\n",
+            "    it belongs to the workspace of {}: add it to the members there, unless they include it \
+             already\n",
             root.display()
         ),
         Workspace::Ours | Workspace::None => String::new(),

@@ -24,7 +24,7 @@ pub fn run(args: &NewArgs, into: &Path) -> Result<(), Failure> {
     check_name(&args.name)?;
     if args.single || args.wasm || args.hook.is_some() || args.sources.is_some() {
         return Err(Failure::Usage(
-            "--single, --wasm, --hook and --sources are of plugins; a project has none".into(),
+            "--single, --wasm, --hook and --sources are for plugins; a project has none".into(),
         ));
     }
     let folder = into.join(&args.name);
@@ -48,7 +48,8 @@ fn check_name(name: &str) -> Result<(), Failure> {
     match good {
         true => Ok(()),
         false => Err(Failure::Usage(format!(
-            "\"{name}\": a project's name is letters, digits, - and _, from a letter on, at most 40, and no name of a device on Windows; as my-film"
+            "\"{name}\": a project's name begins with a letter, has at most 40 letters, digits, - and _, \
+             and is not a device name on Windows, as my-film"
         ))),
     }
 }

@@ -85,7 +85,7 @@ fn run_scripts(
     let words = ["choreo", "test"].map(|word| word.into()).into_iter();
     let words = words.chain(scripts.into_iter().map(PathBuf::into_os_string));
     let Ok(Command::Test(args)) = Cli::try_parse_from(words).map(|cli| cli.command) else {
-        return Err(Failure::Internal("choreo test is not called as it should be".into()));
+        return Err(Failure::Internal("choreo test was called with wrong arguments".into()));
     };
     let mut unused = test::run_package(args, folder, plugins)?;
     unused.retain(|name| effects.contains(&name.as_str()));
@@ -236,7 +236,7 @@ fn exporter(name: &str, registry: &Registry) -> Result<Vec<String>, Vec<String>>
     let (first, second) = (write()?, write()?);
     if (&first.main, &first.beside) != (&second.main, &second.beside) {
         return Err(vec![format!(
-            "the exporter {name} has written other bytes of the same scene a second time"
+            "the exporter {name} wrote different bytes for the same scene the second time"
         )]);
     }
     let beside = first.beside.len();

@@ -60,7 +60,8 @@ fn read(folder: &Path) -> Result<Package, Failure> {
     let place = folder.join(DESCRIPTION);
     let shown = place.display().to_string();
     if place.symlink_metadata().is_err() {
-        let what = format!("{shown}: there is none; a package needs it. A complete one:\n{EXAMPLE}");
+        let what =
+            format!("{shown}: this file is missing; a package needs it. A complete example:\n{EXAMPLE}");
         return Err(Failure::input(what));
     }
     let failed = |e: FileError| Failure::input(format!("{shown}: cannot read: {e}"));
@@ -92,7 +93,7 @@ pub fn notes(folder: &Path, package: &Package, listing: &Listing) -> Vec<String>
             && !package.plugins.iter().any(|p| p.file == *name)
     });
     let unnamed = unnamed.map(|name| {
-        format!("{}: {DESCRIPTION} does not name it, so that it is no plugin", folder.join(&*name).display())
+        format!("{}: {DESCRIPTION} does not name it, so it is not a plugin", folder.join(&*name).display())
     });
     license.into_iter().chain(unnamed).chain(listing.replaced.clone()).collect()
 }
@@ -279,8 +280,7 @@ pub fn remove(name: &str) -> Result<(), Failure> {
         return Err(Failure::Usage(format!("there is no package \"{name}\"{near}; {installed}")));
     }
     if place.symlink_metadata().is_ok_and(|m| m.is_symlink()) {
-        let what =
-            format!("{}: it is a link, which choreo did not make; remove it yourself", place.display());
+        let what = format!("{}: it is a link that choreo did not make; remove it yourself", place.display());
         return Err(Failure::Output(what));
     }
     let failed =

@@ -59,7 +59,7 @@ pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let registry = scene::plugins(&args.scene, plugins)?;
     target.exporter(&registry)?;
     if args.resume && target == Target::Stdout {
-        return Err(Failure::Usage("--resume goes on with a file; standard output keeps nothing".into()));
+        return Err(Failure::Usage("--resume needs a file; standard output cannot be resumed".into()));
     }
     // The driver takes as long to start as the script and its assets: both happen at the same time.
     let starting = device::start(wanted(&args), registry.effects());
@@ -162,7 +162,7 @@ fn frame_numbers(
         Failure::Usage(text)
             if !scene.is_script && args.length.is_none() && text.ends_with(&format!("0..{total}")) =>
         {
-            Failure::Usage(format!("{text}; --length SECS makes it longer, with the clip again and again"))
+            Failure::Usage(format!("{text}; --length SECS makes it longer and repeats the clip"))
         }
         other => other,
     })?;
@@ -175,7 +175,7 @@ fn frame_numbers(
         }
         Some(frames) if one_picture && frames.len() > 1 => {
             let note = format!(
-                "{} holds one picture: frame {} is drawn; for all of them type -o {}, or --sheet",
+                "{} holds one image: frame {} is drawn; for all of them type -o {}, or --sheet",
                 target.shown(),
                 frames[0],
                 numbered(&args.output)
@@ -210,9 +210,10 @@ fn wish(
     let why = if args.sheet { "--sheet" } else { "--stages" };
     match wish {
         FrameWish::Bytes => Ok(wish),
-        _ if args.sheet || args.stages => {
-            Err(Failure::Usage(format!("{why} makes images of 8 bits, and {} holds others", target.shown())))
-        }
+        _ if args.sheet || args.stages => Err(Failure::Usage(format!(
+            "{why} writes images of 8 bits, but {} holds images of more bits",
+            target.shown()
+        ))),
         _ => Ok(wish),
     }
 }
@@ -231,7 +232,7 @@ fn without_display(wish: FrameWish, stage: &Stage, registry: &Registry) -> Optio
         true => return None,
         false => without.join(", "),
     };
-    Some(format!("light before the view transform is written, so without {without}"))
+    Some(format!("the output is light before the view transform, without {without}"))
 }
 
 /// Target and exporter for `--segment`: a segment in place of the film.

@@ -22,10 +22,10 @@ use std::sync::Arc;
 /// Captions of the stages; the last stage is the frame itself and has no caption.
 const CAPTIONS: [&str; 5] = [
     "model: each mesh as its file has it, around its own origin",
-    "view: all of it where it stands, from above; the camera is below, its view between the grey lines",
-    "clip: projected and divided by w; the image is what lies in the white frame",
-    "raster: which triangle is nearest at each pixel, a color each",
-    "depth: how near that is; white is nearest",
+    "view: the whole scene from above; the camera is at the bottom, its field of view between the grey lines",
+    "clip: projected and divided by w; the white frame marks the edges of the image",
+    "raster: the nearest triangle at each pixel, one color per triangle",
+    "depth: the distance of the nearest triangle; white is nearest",
 ];
 
 fn caption(picture: &mut Frame, text: &str) {
@@ -69,8 +69,10 @@ fn darken(picture: &mut Frame, [width, height]: [u32; 2]) {
 pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let folder = Path::new(&args.output);
     if folder.extension().is_some() {
-        let text =
-            format!("--stages writes an image a stage into a folder, and -o names a file: {}", args.output);
+        let text = format!(
+            "--stages writes one image per stage into a folder, but -o names a file: {}",
+            args.output
+        );
         return Err(Failure::Usage(text));
     }
     let file = |number: usize, name: &str| folder.join(format!("{number}_{name}.png"));

@@ -61,14 +61,14 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
                 secs * 1e3 / frames as f64
             )),
             None if args.timings && drawn.stage_times.is_none() => {
-                print_message("no time of the device: it has no clock, or no frame was drawn");
+                print_message("no device time: the device has no clock, or no frame was drawn");
             }
             None => {}
         }
         if let Some((frames, stages)) = &drawn.stage_times {
             let of = |(name, secs): &(&str, f64)| format!("{name} {:.2}", secs * 1e3 / *frames as f64);
             let stages: Vec<String> = stages.iter().map(of).collect();
-            print_message(format_args!("ms a drawn frame by the clock: {}", stages.join(", ")));
+            print_message(format_args!("device time of a drawn frame in ms: {}", stages.join(", ")));
         }
     }
     Ok(())
@@ -81,7 +81,7 @@ fn not_drawn(frames: u64, counts: Counts, watch: bool) -> String {
     let parts = match watch {
         true => vec![(reused, "drawn before")],
         false => vec![
-            (reused - (repeated + recomposed).min(reused), "there before"),
+            (reused - (repeated + recomposed).min(reused), "finished before"),
             (repeated, "equal to the one before"),
             (recomposed, "with other 2D layers over the same scene"),
         ],

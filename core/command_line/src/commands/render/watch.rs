@@ -25,7 +25,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let target = Target::parse(&args.output)?;
     if target == Target::Stdout {
         return Err(Failure::Usage(
-            "--watch writes a file again and again; standard output keeps nothing".into(),
+            "--watch rewrites a file after each change; it cannot write to standard output".into(),
         ));
     }
     let failed = |e: choreo_session::WatchError| Failure::input(format!("--watch: {e}"));

@@ -57,15 +57,15 @@ impl Segment {
         }
         let head = from.line()?.and_then(|line| value(&line));
         let film = head.as_ref().and_then(Film::read);
-        let film = film.ok_or(Fault::Damaged("the line that says which film it is of"))?;
+        let film = film.ok_or(Fault::Damaged("the line that describes its film"))?;
         let mut records: Vec<PlacedRecord> = Vec::new();
         let damage = loop {
             let Some(line) = from.line()? else { break Some("it ends too early") };
-            let Some(value) = value(&line) else { break Some("a line has another hash") };
+            let Some(value) = value(&line) else { break Some("a line does not match its hash") };
             if let Some(frames) = value["end"].as_u64() {
                 let counted: u64 = records.iter().map(|place| place.record.frames).sum();
                 let more = from.inner.fill_buf()?.is_empty();
-                break (frames != counted || !more).then_some("its end does not fit");
+                break (frames != counted || !more).then_some("its end does not match its frames");
             }
             match from.record(&value, records.last(), film.frames)? {
                 Ok(place) => records.push(place),
@@ -74,7 +74,7 @@ impl Segment {
         };
         let damage = damage.map(|what| match records.last() {
             None => format!("{what}, before its first frame"),
-            Some(last) => format!("{what}, behind frame {}", last.record.first + last.record.frames - 1),
+            Some(last) => format!("{what}, after frame {}", last.record.first + last.record.frames - 1),
         });
         Ok(Segment { path: path.to_path_buf(), film, records, damage, file })
     }
@@ -145,14 +145,14 @@ impl<R: Read> Counted<R> {
         film_frames: u64,
     ) -> io::Result<Result<PlacedRecord, &'static str>> {
         let Some(record) = Record::read(line).filter(|r| r.first + r.frames <= film_frames) else {
-            return Ok(Err("a line describes no record"));
+            return Ok(Err("a line does not describe a record"));
         };
         if record.kind == RecordKind::Repeat {
             let image = before.filter(|before| {
                 !matches!(before.record.kind, RecordKind::Piece { .. })
                     && before.record.first + 1 == record.first
             });
-            let Some(image) = image else { return Ok(Err("a frame repeats none")) };
+            let Some(image) = image else { return Ok(Err("a frame repeats a frame that is missing")) };
             let of_image = Record { first: record.first, kind: RecordKind::Repeat, ..image.record.clone() };
             return Ok(Ok(PlacedRecord { record: of_image, at: image.at }));
         }
@@ -172,7 +172,7 @@ impl<R: Read> Counted<R> {
         self.at += read;
         Ok(match read == record.length && hasher.finalize() == record.hash {
             true => Ok(PlacedRecord { record, at }),
-            false => Err("its bytes have another hash"),
+            false => Err("its bytes do not match their hash"),
         })
     }
 }

@@ -87,7 +87,7 @@ pub(super) fn differs(packed: &PackedStage, scene: &OpenedScene) -> Result<Optio
     if packed.software != scene.software {
         let (there, here) = (&packed.software, &scene.software);
         return Ok(Some(format!(
-            "{name}: warning: {there} has packed it, and this is {here}: its images may differ"
+            "{name}: warning: {there} packed it, but this program is {here}: its images may differ"
         )));
     }
     let same =
@@ -95,8 +95,8 @@ pub(super) fn differs(packed: &PackedStage, scene: &OpenedScene) -> Result<Optio
     match same {
         true => Ok(None),
         false => Err(Failure::input(format!(
-            "{name}: it is another scene here than where it was packed\n    hint: a plugin of this machine takes part; CHOREO_PLUGINS= \
-             in the environment leaves those of the user out"
+            "{name}: it is a different scene here than where it was packed\n    hint: a plugin of this \
+             machine changes it; CHOREO_PLUGINS= in the environment disables the user's plugins"
         ))),
     }
 }

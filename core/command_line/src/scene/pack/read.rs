@@ -53,14 +53,14 @@ impl Unpacked {
             let entry = entries.next().and_then(Result::ok);
             let mut entry = entry.ok_or_else(|| damaged(&format!("{name} is missing")))?;
             if !is_file(&entry, name) || entry.size() != file.bytes {
-                return Err(damaged(&format!("something else is in the place of {name}")));
+                return Err(damaged(&format!("a different file is in the place of {name}")));
             }
             let mut bytes = Vec::new();
             let read = entry.read_to_end(&mut bytes);
             Ok(if read.is_ok() { bytes } else { Vec::new() })
         })?;
         match entries.next() {
-            Some(_) => Err(damaged("there is more than its manifest says")),
+            Some(_) => Err(damaged("it contains more than its manifest lists")),
             None => Ok(unpacked),
         }
     }
@@ -74,7 +74,7 @@ impl Unpacked {
         Unpacked::of(manifest, &shown, largest, |file| {
             let name = Path::new(&file.path);
             if open.resolve(name).is_ok_and(|place| place != name) {
-                return Err(damaged(&format!("something else is in the place of {}", file.path)));
+                return Err(damaged(&format!("a different file is in the place of {}", file.path)));
             }
             open.read(name, file.bytes).map_err(|e| damaged(&format!("{}: {e}", file.path)))
         })
@@ -103,7 +103,7 @@ impl Unpacked {
             }
             let bytes = read(file)?;
             if blake3::hash(&bytes).to_hex().as_str() != file.blake3 {
-                return Err(damaged(&format!("{name} has another hash")));
+                return Err(damaged(&format!("{name} does not match its hash")));
             }
             write_whole_beneath(folder.path(), Path::new(name), &bytes).map_err(|e| written(name, e))?;
         }
@@ -195,7 +195,7 @@ fn manifest_of(folder: &Folder) -> Result<Manifest, &'static str> {
 
 /// Reads the manifest, which is the first entry.
 fn manifest<R: Read>(entries: &mut tar::Entries<'_, R>) -> Result<Manifest, &'static str> {
-    let mut entry = entries.next().and_then(Result::ok).ok_or("it is no tar archive")?;
+    let mut entry = entries.next().and_then(Result::ok).ok_or("it is not a tar archive")?;
     if !is_file(&entry, MANIFEST) || entry.size() > MOST_MANIFEST {
         return Err("it does not begin with choreo.json");
     }

@@ -102,7 +102,7 @@ impl Roots {
     fn of(args: &SceneArgs) -> Result<Roots, Failure> {
         let built_in = super::super::model::is_built_in(&args.input);
         if built_in {
-            let what = format!("{}: choreo makes it itself; there is nothing to pack", args.input.display());
+            let what = format!("{}: it is built into choreo; there is nothing to pack", args.input.display());
             return Err(Failure::input(what));
         }
         let folder = args.input.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -141,7 +141,7 @@ impl Roots {
         let mut packed = place.clone();
         for part in below.components() {
             let part = part.as_os_str().to_str().filter(|part| super::is_inside(part)).ok_or_else(|| {
-                Failure::input(format!("{}: other systems cannot have this name; rename it", path.display()))
+                Failure::input(format!("{}: other systems do not allow this name; rename it", path.display()))
             })?;
             packed = format!("{packed}/{part}");
         }

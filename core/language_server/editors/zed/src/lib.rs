@@ -14,7 +14,8 @@ impl Extension for Choreo {
         let settings = LspSettings::for_worktree(server.as_ref(), worktree)?;
         let (path, args) = settings.binary.map(|binary| (binary.path, binary.arguments)).unwrap_or_default();
         let command = path.or_else(|| worktree.which("choreo"));
-        let command = command.ok_or("choreo is not on the path; lsp.choreo.binary.path says where it is")?;
+        let command =
+            command.ok_or("choreo is not on the path; set lsp.choreo.binary.path to the program")?;
         let args = args.unwrap_or_else(|| vec!["lsp".to_string()]);
         Ok(Command { command, args, env: worktree.shell_env() })
     }
