@@ -24,7 +24,7 @@ impl Fragment<'_> {
         let roughness = material.mirror_roughness();
         let seen = match self.features.has(Features::ENVIRONMENT_TEXTURE) {
             true => self.environment(way, roughness),
-            false => self.around().mirrored(way, F4::splat(roughness)),
+            false => self.environment_light().mirrored(way, F4::splat(roughness)),
         };
         Some([share, seen])
     }

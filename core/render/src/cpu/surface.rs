@@ -128,7 +128,7 @@ impl Fragment<'_> {
     fn lost_light(&self, relative: V3, n: V3, seen: Mask) -> F4 {
         // ITU-R BT.709.
         let luminance = Vec3::new(0.2126, 0.7152, 0.0722);
-        let (mut whole, mut lost) = (self.around().diffuse(n).dot(V3::splat(luminance)), F4::ZERO);
+        let (mut whole, mut lost) = (self.environment_light().diffuse(n).dot(V3::splat(luminance)), F4::ZERO);
         for light in &self.plan.lights {
             let (l, strength) = light.incoming(relative);
             let falling = n.dot(l).clamp(0.0, 1.0) * strength * light.color.dot(luminance);

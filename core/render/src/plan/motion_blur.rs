@@ -148,7 +148,7 @@ pub fn left_out_alone(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions)
 
 /// Times of the sub-frames: evenly spaced while the shutter is open, each in the middle of its interval.
 pub fn times(stage: &Stage, time: Time, exposure: &Shutter) -> Vec<Time> {
-    let samples = shutter.samples.max(1);
+    let samples = exposure.samples.max(1);
     let time_of = time_of(stage, time, exposure);
     (0..samples).map(|i| time_of((f64::from(i) + 0.5) / f64::from(samples))).collect()
 }
