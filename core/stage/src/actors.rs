@@ -142,7 +142,7 @@ fn run_hooks(
         else {
             continue;
         };
-        edit.place(placement);
+        edit.apply_to_placement(placement);
         match *edit {
             ActorEdit::Visible(visible) => state.visible = visible,
             ActorEdit::Tint(tint) => state.tint = tint,
