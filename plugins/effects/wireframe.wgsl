@@ -1,7 +1,7 @@
 // effect: wireframe
 // about: the edges of triangles as lines of one pixel
 // hook: shell
-// param color = rgb(0.02, 0.02, 0.02): of the lines
+// param color = rgb(0.02, 0.02, 0.02): color of the lines
 fn effect(p: Parameters) -> Edges {
     return Edges(p.color);
 }
