@@ -47,7 +47,7 @@ fn normals() -> Choice {
     }
     choice.choose(
         NORMALS[1].0,
-        "far below what shading shows, in a format that every device reads without code",
+        "an error too small to see in shading, in a format that every device reads directly",
     );
     choice
 }
