@@ -57,7 +57,7 @@ impl<'a> Materials<'a> {
         let known = match self.root.at(path) {
             Some(prim) => self.read(prim, path),
             None => {
-                self.notes.warn(path, "is bound as a material, and is not there");
+                self.notes.warn(path, "is bound as a material, but does not exist");
                 Known::default()
             }
         };
