@@ -36,9 +36,9 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         env!("CARGO_PKG_VERSION"),
         "the built-in character and its clips: load(\"choreo:mannequin\")",
     )
-    .color("color", "color of the body", linear(BODY))
-    .color("accent", "color of the joints", linear(ACCENT))
-    .color("eyes", "color of the light in the visor", linear(EYES))
+    .color("color", "a color for the body", linear(BODY))
+    .color("accent", "a color for the joints", linear(ACCENT))
+    .color("eyes", "a color for the light in the visor", linear(EYES))
     .number("height", "height in metres; walking speed grows with it", HEIGHT.0, HEIGHT.1..=HEIGHT.2)
 });
 

@@ -181,7 +181,7 @@ impl<'a> Materials<'a> {
             }
             other => {
                 let what = format!(
-                    "reads {} from \"{other}\", which is not read",
+                    "takes {} from \"{other}\", which is not supported",
                     input.trim_start_matches("inputs:")
                 );
                 self.notes.warn(path, what);

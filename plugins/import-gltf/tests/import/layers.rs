@@ -178,5 +178,5 @@ fn variants() {
         error.to_string(),
         "variants.glb: extensions.KHR_materials_variants.variants: has no variant \"golden\""
     );
-    assert_eq!(error.hint.as_deref(), Some("there are plain, festive"));
+    assert_eq!(error.hint.as_deref(), Some("its variants are plain, festive"));
 }
