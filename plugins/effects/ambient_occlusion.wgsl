@@ -1,13 +1,13 @@
 // effect: ambient_occlusion
-// about: darkens creases and contacts, where surfaces hide the surroundings from each other
+// about: darkens creases and contacts, where nearby surfaces block ambient light
 // hook: image
 // view: before
 // passes: 3
 // off: strength = 0
 // param strength = 1 in 0..4: how dark creases become
 // param radius = 0.5 m in 0.01..20: how far surfaces darken each other
-// param samples = int(16) in 4..64: places that are looked at for each pixel
-// param bias = 0.02 m in 0..1: height above a surface that darkens nothing: hides the facets of round meshes
+// param samples = int(16) in 4..64: samples per pixel
+// param bias = 0.02 m in 0..1: height above a surface that causes no darkening; hides the facets of round meshes
 //
 // Scalable Ambient Obscurance (McGuire, Mara, Luebke, "Scalable Ambient Obscurance", HPG 2012, §2.3): samples on a spiral around the
 // pixel, each weighed by how near it is and how far above the tangent plane. Then a blur across and down that

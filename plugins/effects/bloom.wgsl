@@ -1,14 +1,14 @@
 // effect: bloom
-// about: light that spills over around what is bright
+// about: glow around bright areas: light spills over as in a lens
 // hook: image
 // view: before
 // off: strength = 0
-// param strength = 0.3 in 0..10: how much of it is added
-// param threshold = 0.9 in 0..100: light above which it spills
-// param radius = 0.03 in 0.001..0.2: how far, as a share of the picture's height
+// param strength = 0.3 in 0..10: how much of the blurred light is added
+// param threshold = 0.9 in 0..100: brightness above which light spills over
+// param radius = 0.03 in 0.001..0.2: reach of the glow, as a share of the image's height
 // pass bright = halve radius to 8: the light above the threshold
 // pass across = halve radius to 8: that light, blurred across
-// pass blurred = halve radius to 8: and down
+// pass blurred = halve radius to 8: that light, blurred across and down
 //
 // Bright areas are drawn into a smaller image in which 8 pixels are three standard deviations or less, blurred by a Gaussian
 // across and then down, and added to the image. What is bright is spread over pixels much larger than these, and no finer

@@ -1,12 +1,12 @@
 // effect: depth_of_field
-// about: what is nearer or farther than the focus is blurred, as by a lens
+// about: blurs what is nearer or farther than the focus, as a camera lens does
 // hook: image
 // view: before
 // off: limit = 0
 // param focus = 3 m in 0.05..100000: distance before the camera that is sharp
-// param f_number = 2.8 in 0.5..64: focal length over the width of the aperture: smaller blurs more
+// param f_number = 2.8 in 0.5..64: focal length divided by the aperture diameter; smaller values blur more
 // param sensor = 24 mm in 1..1000: height of the sensor; the focal length follows from it and the camera's field of view
-// param samples = int(64) in 8..256: places that are looked at for each pixel: more for less noise
+// param samples = int(64) in 8..256: samples per pixel: more for less noise
 // param limit = 0.04 in 0..0.2: largest radius of a blurred point, as a share of the image's height; 0: no blur
 //
 // Thin lens (Potmesil and Chakravarty, "A Lens and Aperture Camera Model for Synthetic Image Generation", SIGGRAPH 1981): a point at

@@ -1,13 +1,13 @@
 // effect: edge_lines
-// about: lines where depth or the direction of surfaces changes, as of ink
+// about: ink lines where the depth or direction of surfaces changes
 // hook: image
 // off: strength = 0
 // param strength = 1 in 0..1: how much of the image the lines cover
-// param width = int(1) px in 1..16: of the lines
+// param width = int(1) px in 1..16: width of the lines
 // param depth = 0.01 in 0.0001..1: step between surfaces that makes a line, as a share of the distance
 // param angle = 30 degrees in 1..180: angle between surfaces that makes a line
 // param far = 1000 m in 0.1..1000000: distance at which lines have faded
-// param color = rgb(0, 0, 0): of the lines
+// param color = rgb(0, 0, 0): color of the lines
 //
 // Roberts cross (Roberts, "Machine Perception of Three-Dimensional Solids", 1963) over depth and normals, as Saito and Takahashi,
 // "Comprehensible Rendering of 3-D Shapes", SIGGRAPH 1990. Depth is compared with the tangent plane of the other pixel, so that

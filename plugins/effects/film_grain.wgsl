@@ -1,10 +1,10 @@
 // effect: film_grain
-// about: grain of photographic film, another one in each frame
+// about: grain of photographic film, different in each frame
 // hook: image
 // off: strength = 0
-// param strength = 0.03 in 0..1: how strong it is: standard deviation at medium grey, as a share of white
+// param strength = 0.03 in 0..1: strength of the grain: standard deviation at medium grey, as a share of white
 // param size = 1.5 px in 1..32: width of a grain
-// param colored = false: each color has grain of its own
+// param colored = false: each color channel has its own grain
 // param still = false: every frame has the grain of the first
 //
 // Noise by a hash of pixel and frame (PCG3D: Jarzynski and Olano, "Hash Functions for GPU Rendering", JCGT 2020), so each frame has

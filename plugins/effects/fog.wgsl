@@ -1,14 +1,14 @@
 // effect: fog
-// about: air that hides what is far, thicker near the ground
+// about: fog that hides distant objects, thicker near the ground
 // hook: surface
 // background: not sky
 // off: density = 0
-// param density = 0.08 in 0..10: share of the light lost in a metre, about
-// param start = 0 m in 0..1000000: how far from the camera it is clear
-// param height = 0 m in -10000..10000: above which the fog thins
-// param falloff = 0 1/m in 0..100: how fast it thins with height; 0: as thick everywhere
-// param sky = true: its color is the stage's background or sky, so that things fade into it
-// param color = rgb(0.6, 0.65, 0.7): of the fog where sky is false
+// param density = 0.08 in 0..10: approximate share of the light lost per metre
+// param start = 0 m in 0..1000000: distance from the camera at which the fog starts
+// param height = 0 m in -10000..10000: height above which the fog thins
+// param falloff = 0 1/m in 0..100: how fast the fog thins with height; 0: equally thick everywhere
+// param sky = true: the fog has the color of the background or sky, so that objects fade into it
+// param color = rgb(0.6, 0.65, 0.7): color of the fog where sky is false
 //
 // Beer–Lambert: exp(−∫ density ds), integrated in closed form along the ray to the viewer (as Wenzel, "Real-time Atmospheric
 // Effects in Games", SIGGRAPH 2006 course, but with as much fog everywhere below the height). Where its color is the sky's,

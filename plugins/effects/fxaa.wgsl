@@ -1,8 +1,8 @@
 // effect: fxaa
-// about: smooth edges, from the finished image alone
+// about: smooths jagged edges, from the finished image alone
 // hook: image
-// param contrast = 0.125 in 0.01..1: least difference of brightness, of the brightest, that is an edge
-// param span = 3 in 1..16: longest way along an edge, pixels of the image that is drawn
+// param contrast = 0.125 in 0.01..1: smallest difference in brightness that counts as an edge, relative to the brightest pixel
+// param span = 3 in 1..16: longest search along an edge, in pixels of the rendered image
 //
 // Timothy Lottes, "FXAA", NVIDIA 2009, in its first, short form: the mean of two or four samples along the edge.
 

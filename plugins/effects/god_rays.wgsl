@@ -1,14 +1,14 @@
 // effect: god_rays
-// about: shafts of sunlight between what stands before the sky
+// about: shafts of sunlight between objects in front of the sky
 // hook: image
 // view: before
 // off: strength = 0
 // param strength = 0.6 in 0..10: how bright the shafts are
 // param reach = 0.9 in 0.05..1: how far they reach, as a share of the way to the sun
-// param decay = 1.5 in 0..10: how fast they fade along it: e to the minus this at their end
+// param decay = 1.5 in 0..10: how fast they fade: brightness at their end is e to the power of minus this
 // param radius = 0.6 in 0.02..10: width of the bright sky around the sun, as a share of the image's height
-// param samples = int(64) in 8..256: places that are looked at on the way to the sun
-// param color = rgb(1, 0.9, 0.7): of the light
+// param samples = int(64) in 8..256: samples along the way to the sun
+// param color = rgb(1, 0.9, 0.7): color of the light
 //
 // Radial light scattering (Mitchell, "Volumetric Light Scattering as a Post-Process", GPU Gems 3, chapter 13): the sky that is seen
 // towards the sun is summed along the line from the pixel to it; what stands before the sky takes its share away.

@@ -7,7 +7,7 @@
 // param scale = 0.03 in 0.002..1: size of the swirls, as a share of the image's height
 // param speed = 0.12 in 0..5: how fast they rise, image heights a second
 // param start = 3 m in 0..100000: distance from which the air bends the view
-// param full = 15 m in 0.01..100000: distance at which it does so fully
+// param full = 15 m in 0.01..100000: distance from which the effect has its full strength
 //
 // The image is read beside each pixel, by the slope of rising gradient noise (Perlin, "Improving Noise", SIGGRAPH 2002). A nearer
 // surface is not bent into the view of what lies behind it.

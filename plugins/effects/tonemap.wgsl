@@ -1,5 +1,5 @@
 // effect: tonemap
-// about: brings light of any strength into what a screen shows
+// about: maps light of any brightness into the range of a screen
 // view: replaced
 // param curve = aces of aces|agx|neutral|none: how bright colors are rolled off: aces has contrast, agx keeps hues, neutral base colors
 // param exposure = 0 in -10..10: stops before the curve: 1 is twice the light

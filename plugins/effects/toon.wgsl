@@ -1,8 +1,8 @@
 // effect: toon
-// about: light in steps, as drawn cartoons have it
+// about: light in steps, as in drawn cartoons
 // hook: surface
-// param steps = 3 in 1..32: how many
-// param softness = 0.1 in 0..1: how much of a step is spent on going to the next
+// param steps = 3 in 1..32: number of steps
+// param softness = 0.1 in 0..1: share of a step in which it blends into the next
 // param white = 1 in 0.01..100: light that counts as the brightest step
 //
 // The brightest channel goes to the middle of its step, and the hue stays. Steps are even to the eye, which sees about the

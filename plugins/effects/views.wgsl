@@ -1,5 +1,5 @@
 // effect: views
-// about: shows what a mesh is made of in place of its look
+// about: debug views of a mesh instead of its material
 // hook: surface
 // inputs: show
 // param show = normals of normals|uvs|joints|distance: normals (as normal maps have them, in the world), uvs (red u, green v, a checker of tenths), joints (a color each, by weight), distance (10 m a band)

@@ -17,7 +17,7 @@ impl Clock {
         match self {
             Clock::Thread => "CPU time of one thread",
             Clock::Process => "CPU time of all threads",
-            Clock::Wall => "time on the clock",
+            Clock::Wall => "wall-clock time",
         }
     }
 

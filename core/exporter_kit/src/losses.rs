@@ -22,10 +22,10 @@ pub fn of_stage(stage: &Stage, out: &mut Losses) {
         (!stage.layers_2d.is_empty(), "2D layers"),
         (settings.exposure != 0.0, "exposure"),
         (settings.view_transform != ViewTransform::default(), "the view transform"),
-        (stage.actors.iter().any(|a| !a.surfaces.is_empty()), "rules of surfaces"),
+        (stage.actors.iter().any(|a| !a.surfaces.is_empty()), "rules for cutouts and transparency"),
         (stage.actors.iter().any(|a| a.line_width.is_some()), "line widths"),
-        (varies(Property::Copies), "a number of copies that changes"),
-        (clips().any(|clip| clip.properties().any(|(target, _)| lights(target))), "moving lights of files"),
+        (varies(Property::Copies), "a changing number of copies"),
+        (clips().any(|clip| clip.properties().any(|(target, _)| lights(target))), "animated lights of files"),
     ];
     add(&all, out);
 }
@@ -33,7 +33,7 @@ pub fn of_stage(stage: &Stage, out: &mut Losses) {
 /// Adds the parts of a material that no scene format can hold.
 pub fn of_material(material: &Material, out: &mut Losses) {
     let all = [
-        (material.relief != 0.0, "relief of normal maps"),
+        (material.relief != 0.0, "relief from normal maps"),
         (material.sequence.is_some(), "image sequences"),
         (material.line_style.is_some(), "line widths"),
         (material.triplanar.is_some(), "triplanar textures"),

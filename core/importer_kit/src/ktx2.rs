@@ -17,13 +17,13 @@ const MAX_LEVELS: u32 = 16;
 pub(crate) enum Ktx2Error {
     #[error("is cut off")]
     Cut,
-    #[error("is in Vulkan's format {0}; of KTX2, ETC1S and UASTC are read")]
+    #[error("has Vulkan format {0}; KTX2 must be ETC1S or UASTC")]
     Format(u32),
     #[error(
         "has a depth of {depth}, {layers} layers, {faces} faces and {levels} levels; it should be one 2D image"
     )]
     Shape { depth: u32, layers: u32, faces: u32, levels: u32 },
-    #[error("has color model {0}; of KTX2, ETC1S (163) and UASTC (166) are read")]
+    #[error("has color model {0}; KTX2 must be ETC1S (163) or UASTC (166)")]
     ColorModel(u8),
     #[error("says it unpacks to {unpacked} bytes, but its size needs {needed}")]
     Length { unpacked: u64, needed: u64 },

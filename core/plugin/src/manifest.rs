@@ -15,7 +15,7 @@ use std::ops::RangeInclusive;
 ///     Manifest::new("ply", "1.0", "Stanford polygons: vertices and faces")
 ///         .extensions(["ply"])
 ///         .magic(b"ply\n")
-///         .number("scale", "metres a unit of the file", 1.0, 1e-6..=1e6)
+///         .number("scale", "metres per file unit", 1.0, 1e-6..=1e6)
 ///         .text("up", "the file's upward axis", "y", &["y", "z"])
 ///         .flag("normals", "compute missing normals", true)
 /// });

@@ -1,5 +1,5 @@
 // effect: example
-// about: fades to one color's shades
+// about: fades the image to shades of one color
 // param amount = 1.0 in 0..1: 0 = untouched, 1 = only shades
 // param warmth = 0.5 in -1..1: -1 = blue, 1 = brown
 

@@ -6,14 +6,14 @@ use std::sync::LazyLock;
 
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new("skeleton", env!("CARGO_PKG_VERSION"), "bones as lines and joints as points")
-        .number("width", "of a bone", 2.0, 1.0..=32.0)
+        .number("width", "width of a bone", 2.0, 1.0..=32.0)
         .unit("px")
-        .number("joints", "how wide a joint's point is; 0: none", 6.0, 0.0..=64.0)
+        .number("joints", "size of a joint's point; 0: none", 6.0, 0.0..=64.0)
         .unit("px")
-        .color("color", "of the bones", [1.0, 0.75, 0.1])
-        .number("opacity", "of all of it", 1.0, 0.0..=1.0)
-        .flag("over", "over the image, rather than hidden by what is nearer", true)
-        .flag("names", "the names of the joints beside them", false)
+        .color("color", "color of the bones", [1.0, 0.75, 0.1])
+        .number("opacity", "opacity of bones and joints", 1.0, 0.0..=1.0)
+        .flag("over", "drawn on top of everything, instead of hidden by nearer surfaces", true)
+        .flag("names", "shows the names of the joints", false)
 });
 
 #[derive(Clone, Copy, Debug, Default)]

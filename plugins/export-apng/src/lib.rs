@@ -10,7 +10,7 @@ pub const README: &str = include_str!("../README.md");
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new("apng", env!("CARGO_PKG_VERSION"), "Animated PNG: lossless, with alpha, for the web")
         .extensions(["apng"])
-        .integer("plays", "how often it is played; 0: for ever", 0, 0..=65_535)
+        .integer("plays", "how many times the animation plays; 0: forever", 0, 0..=65_535)
 });
 
 /// Writes animated PNG.
@@ -37,7 +37,7 @@ impl Exporter for ApngExporter {
         let (Ok(num), Ok(den)) = (u16::try_from(info.fps.den), u16::try_from(info.fps.num)) else {
             let fps = info.fps.as_fps();
             return Err(ExportError::Format(format!(
-                "APNG: {fps} frames a second have no delay of two 16-bit numbers"
+                "APNG: {fps} frames a second cannot be written as a fraction of two 16-bit numbers"
             )));
         };
         encoder.set_frame_delay(num, den).map_err(convert)?;

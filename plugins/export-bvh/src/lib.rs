@@ -17,8 +17,8 @@ pub const README: &str = include_str!("../README.md");
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new("bvh", env!("CARGO_PKG_VERSION"), "the motion of one actor as BVH motion capture")
         .extensions(["bvh"])
-        .text("actor", "whose motion; needed where several actors have joints", "", &[])
-        .number("units", "units of the file in a metre: 100 for centimetres", 100.0, 1e-3..=1e6)
+        .text("actor", "name of the actor to export; needed where several actors have joints", "", &[])
+        .number("units", "file units per metre: 100 for centimetres", 100.0, 1e-3..=1e6)
 });
 
 /// Distance in metres from its rest offset at which a joint gets position channels.
@@ -177,7 +177,9 @@ fn notes(bones: &Bones, units: f64) -> Vec<String> {
     let mut notes = Vec::new();
     let moving = bones.moving.iter().filter(|moving| **moving).count().saturating_sub(1);
     if moving > 0 {
-        notes.push(format!("position channels besides the root's, as offsets change: {moving}"));
+        notes.push(format!(
+            "joints besides the root with position channels, because their offsets change: {moving}"
+        ));
     }
     let scale = 1.0 / units;
     notes.push(format!(

@@ -15,8 +15,8 @@ pub const README: &str = include_str!("../README.md");
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     let about =
         "the edit: shots, cues, markers and titles as OpenTimelineIO, shots as EDL, titles as subtitles";
-    let media = "file name of the rendered video; by default that of the output with .mp4";
-    let texts = "of an .srt: texts in the place of subtitles, or all of them";
+    let media = "file name of the rendered video; by default the name of the output with .mp4";
+    let texts = "for .srt: only the texts at the position of subtitles, or all texts";
     let manifest = Manifest::new("edit", env!("CARGO_PKG_VERSION"), about).extensions(["otio", "edl", "srt"]);
     manifest.text("media", media, "", &[]).text("texts", texts, "subtitles", &["subtitles", "all"])
 });
@@ -41,11 +41,11 @@ impl SceneExporter for EditExporter {
                 let all = scene.options.text("texts") == Some("all");
                 let left = srt::write(scene, all, files.main())?;
                 let plural = if left == 1 {
-                    "1 text is no subtitle".into()
+                    "1 text is left out, as it is not a subtitle".into()
                 } else {
-                    format!("{left} texts are no subtitles")
+                    format!("{left} texts are left out, as they are not subtitles")
                 };
-                let why = "at the top or a side, behind the scene, or there all the time";
+                let why = "at the top or a side, behind the scene, or visible all the time";
                 let note = format!("{plural}: {why}; --export texts=all writes all texts");
                 return Ok(if left > 0 { vec![note] } else { Vec::new() });
             }
@@ -65,7 +65,7 @@ impl SceneExporter for EditExporter {
 fn whole(scene: &ExportedScene) -> Result<(), ExportError> {
     match scene.times.len() as i64 == shots::total(scene) {
         true => Ok(()),
-        false => Err(ExportError::Format("an edit is of the whole scene; leave --frames out".into())),
+        false => Err(ExportError::Format("an edit holds the whole scene; remove --frames".into())),
     }
 }
 

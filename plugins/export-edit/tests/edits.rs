@@ -107,7 +107,10 @@ fn decorations_are_no_subtitles() {
     let mut files = MemoryFiles::default();
     let notes = EditExporter.export(&scene, &mut files).unwrap();
     assert_eq!(String::from_utf8(files.main).unwrap(), before);
-    assert!(notes.len() == 1 && notes[0].starts_with("4 texts are no subtitles: "), "{notes:?}");
+    assert!(
+        notes.len() == 1 && notes[0].starts_with("4 texts are left out, as they are not subtitles: "),
+        "{notes:?}"
+    );
     scene.options.0.insert("texts".into(), OptionValue::Text("all".into()));
     let all = text("srt", scene);
     for words in ["THE TITLE", "Noa", "BEHIND", "a logo", "Hello"] {
@@ -171,5 +174,5 @@ fn rates_of_television_and_parts_of_a_scene() {
     assert!(text("edl", scene.clone()).contains("C        00:00:00:00 00:00:04:00"));
     scene.times.pop();
     let error = EditExporter.export(&scene, &mut MemoryFiles::default()).unwrap_err();
-    assert_eq!(error.to_string(), "an edit is of the whole scene; leave --frames out");
+    assert_eq!(error.to_string(), "an edit holds the whole scene; remove --frames");
 }

@@ -24,13 +24,13 @@ pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         .magic(b"\x76\x2f\x31\x01")
         .text(
             PASSES,
-            "What the file holds, a list with commas: color, depth, normal, motion, albedo, id",
+            "Passes in the file, separated by commas: color, depth, normal, motion, albedo, id",
             "color",
             &[],
         )
         .text(
             "pixels",
-            "half: 16 bits a channel; float: 32. Depth and ids have 32 either way",
+            "half: 16 bits a channel; float: 32. Depth and ids always have 32",
             "half",
             &["half", "float"],
         )
@@ -83,7 +83,7 @@ struct ExrSink {
 
 impl FrameSink for ExrSink {
     fn frame(&mut self, _: &Frame) -> Result<(), ExportError> {
-        Err(ExportError::Format("OpenEXR holds floats, and the frame is of bytes".into()))
+        Err(ExportError::Format("OpenEXR needs a frame of floats, but this one has bytes".into()))
     }
 
     fn float_frame(&mut self, frame: &FloatFrame) -> Result<(), ExportError> {

@@ -19,7 +19,7 @@ pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         .magic(b"GIF87a")
         .magic(b"GIF89a")
         .number("colors", "colors a frame", 255.0, 2.0..=255.0)
-        .number("dither", "strength of the dot pattern that hides color steps; 0 = none", 1.0, 0.0..=4.0)
+        .number("dither", "strength of the dithering that hides color steps; 0 = none", 1.0, 0.0..=4.0)
 });
 
 /// The palette index of pixels that do not change from the frame before.

@@ -32,17 +32,23 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         "glTF 2.0: meshes, materials, skins, cameras, lights, and the timeline as animations",
     )
     .extensions(["glb", "gltf"])
-    .number("tolerance", "how far a joint may be from the scene at any time", 0.0001, 1e-7..=1.0)
+    .number(
+        "tolerance",
+        "how far an exported joint may be from its place in the scene at any time",
+        0.0001,
+        1e-7..=1.0,
+    )
     .unit("m")
     .text(
         "animations",
-        "timeline: one animation of all; actors: one for each actor, and one for cameras and lights; clips: one for each clip",
+        "timeline: one animation of everything; actors: one for each actor, and one for cameras and \
+         lights; clips: one for each clip",
         "timeline",
         &["timeline", "actors", "clips"],
     )
     .text(
         "root_motion",
-        "of clips; clip: as it is; in_place: taken out; traveling: it moves the actor's node",
+        "root motion of clips; clip: unchanged; in_place: removed; traveling: moves the actor's node",
         "clip",
         &["clip", "in_place", "traveling"],
     )

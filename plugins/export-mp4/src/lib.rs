@@ -27,7 +27,7 @@ pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
             DEFAULT_QUALITY,
             0.0..=100.0,
         )
-        .number("keyframes", "seconds between images at which a player can start", 4.0, 0.0..=60.0)
+        .number("keyframes", "seconds between keyframes, at which a player can start", 4.0, 0.0..=60.0)
 });
 
 const DEFAULT_QUALITY: f64 = 75.0;
@@ -174,8 +174,8 @@ impl Mp4Sink {
         // Limits of the encoder (H.264 level 5.2); it refuses less than one macroblock.
         if long > 3840 || !(16..=2160).contains(&short) {
             return Err(ExportError::Format(format!(
-                "MP4: {}×{} is outside what the H.264 encoder takes, 16×16 to 3840×2160 (or upright); \
-                 pipe larger videos: -o - | ffmpeg -i - …",
+                "MP4: {}×{} is outside the sizes that the H.264 encoder accepts, 16×16 to 3840×2160 \
+                 (or upright); pipe larger videos: -o - | ffmpeg -i - …",
                 info.width, info.height
             )));
         }
@@ -261,7 +261,7 @@ impl FrameSink for Mp4Sink {
         if y.len() != width * height || u.len() != y.len() / 4 || v.len() != u.len() {
             let bytes = kept.len();
             return Err(ExportError::Format(format!(
-                "a kept frame of {bytes} bytes is not {width}×{height}"
+                "a saved frame of {bytes} bytes is not {width}×{height}"
             )));
         }
         (self.yuv.width, self.yuv.height) = (width, height);

@@ -92,7 +92,7 @@ impl Muxer {
 
     /// Restores data that `take_state` returned.
     pub(crate) fn add_state(&mut self, state: &[u8]) -> io::Result<()> {
-        let cut = || io::Error::other("what is kept of the video's index is cut");
+        let cut = || io::Error::other("the saved index of the video is incomplete");
         let mut rest = state;
         for set in [&mut self.sps, &mut self.pps] {
             let (length, more) = rest.split_first_chunk::<4>().ok_or_else(cut)?;

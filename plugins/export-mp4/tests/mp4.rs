@@ -191,7 +191,10 @@ fn quality_trades_size_for_error() {
 fn sizes_out_of_range_are_refused_and_odd_ones_announced() {
     let large = info(8000, 4000, (30, 1), 1);
     let error = Mp4Exporter.begin(&large, Box::new(Vec::new())).err().unwrap().to_string();
-    assert!(error.starts_with("MP4: 8000×4000 is outside what the H.264 encoder takes"), "{error}");
+    assert!(
+        error.starts_with("MP4: 8000×4000 is outside the sizes that the H.264 encoder accepts"),
+        "{error}"
+    );
     let notes = Mp4Exporter.notes(&info(641, 480, (30, 1), 1));
     assert_eq!(notes, ["MP4 needs even sizes: 641×480 becomes 642×480, the last column or row is repeated"]);
     assert!(Mp4Exporter.notes(&info(640, 480, (30, 1), 1)).is_empty());
@@ -232,7 +235,7 @@ fn a_stopped_video_goes_on_to_the_same_bytes() {
         }
     }
     let mut sink = Mp4Exporter.begin(&info, Box::new(Vec::new())).unwrap();
-    assert_eq!(sink.again(&[0; 77]).unwrap_err().to_string(), "a kept frame of 77 bytes is not 96×64");
+    assert_eq!(sink.again(&[0; 77]).unwrap_err().to_string(), "a saved frame of 77 bytes is not 96×64");
 }
 
 fn encode_frames(info: &VideoInfo, frames: &[Frame]) -> Vec<u8> {

@@ -62,7 +62,8 @@ impl Exporter for PngExporter {
         let mut head = Vec::new();
         // Dropping the writer also writes the final chunk, which is cut off below.
         drop(PngSink::new(info, None).head(&mut head, [info.width, info.height], (color, depth))?);
-        let head = head.strip_suffix(&END).ok_or(ExportError::Format("PNG: a head without an end".into()))?;
+        let head =
+            head.strip_suffix(&END).ok_or(ExportError::Format("PNG: the header is incomplete".into()))?;
         out.write_all(head)?;
         out.write_all(pixels)?;
         out.flush()?;

@@ -84,7 +84,7 @@ impl<'a> ActorWriter<'a, '_> {
         if actor.file_lights && asset.placements.is_empty() && !asset.lights.is_empty() {
             lights::of_file(&mut prim, asset, &still[1..]);
             if motion::joint_set(self.baked, self.sets, index).is_some() {
-                common.losses.insert("the motion of lights with joints");
+                common.losses.insert("the motion of lights that follow joints");
             }
         }
         prim

@@ -44,7 +44,12 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         "USD: meshes, skeletons, blend shapes, materials, cameras, lights, and the timeline as time samples",
     )
     .extensions(["usda", "usdc", "usdz"])
-    .number("tolerance", "how far a joint may be from the scene at any time", 0.0001, 1e-7..=1.0)
+    .number(
+        "tolerance",
+        "how far an exported joint may be from its place in the scene at any time",
+        0.0001,
+        1e-7..=1.0,
+    )
     .unit("m")
 });
 

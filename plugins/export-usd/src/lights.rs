@@ -50,7 +50,7 @@ pub fn of_stage<'a>(
     let around = 0.5 * (settings.ambient_up + settings.ambient_down);
     if stage.sky.is_none() && around != Vec3::ZERO {
         if settings.ambient_up != settings.ambient_down {
-            losses.insert("the difference of light from above and below");
+            losses.insert("the difference between ambient light from above and below");
         }
         let mut dome = Prim::new("DomeLight", names.free("ambient"));
         dome.number(COLOR3F, "inputs:color", &(around / around.max_element()).to_array());
@@ -74,7 +74,7 @@ pub fn of_sky<'a>(
     losses::add(
         &[
             (!sky.channels.is_empty() || !stage.hooks.is_empty(), "changes of the sky"),
-            (!sky.background, "a hidden sky (written as seen)"),
+            (!sky.background, "a hidden sky (written as visible)"),
         ],
         &mut common.losses,
     );

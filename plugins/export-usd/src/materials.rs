@@ -104,13 +104,13 @@ impl Builder<'_> {
         match &base {
             Some(texture) => {
                 if self.of.colors {
-                    losses.insert("vertex colors below textures");
+                    losses.insert("vertex colors multiplied by textures");
                 }
                 self.connected(name, COLOR3F, format!("{texture}.outputs:rgb"));
             }
             None if self.of.colors => {
                 if color.truncate() != Vec3::ONE {
-                    losses.insert("colors of materials over vertex colors");
+                    losses.insert("material colors multiplied by vertex colors");
                 }
                 self.reader("vertex_color", "UsdPrimvarReader_float3", "displayColor", FLOAT3);
                 self.connected(name, COLOR3F, "vertex_color.outputs:result".into());
@@ -141,7 +141,7 @@ impl Builder<'_> {
             self.input("opacityThreshold", FLOAT, &[threshold]);
         } else if m.layers.as_ref().is_some_and(|layers| layers.transmission > 0.0) {
             let through = m.layers.as_ref().map_or(0.0, |layers| layers.transmission);
-            losses.insert("light that is let through (written as opacity)");
+            losses.insert("transmission (written as opacity)");
             self.input("opacity", FLOAT, &[(1.0 - 0.85 * through).clamp(0.0, 1.0)]);
         }
         let s = m.normal_scale;
@@ -319,8 +319,8 @@ fn note_losses(m: &Material, losses: &mut Losses) {
     let layers = m.layers.as_deref();
     losses::of_material(m, losses);
     let own = [
-        (m.shading == Shading::Toon, "toon shading (written as light of its own)"),
-        (m.shading == Shading::Unlit, "surfaces without shading (written as light of its own)"),
+        (m.shading == Shading::Toon, "toon shading (written as emission)"),
+        (m.shading == Shading::Unlit, "surfaces without shading (written as emission)"),
         (
             matches!(m.shading, Shading::Phong | Shading::BlinnPhong),
             "Phong highlights (written as roughness)",

@@ -16,7 +16,7 @@ pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new("webp", env!("CARGO_PKG_VERSION"), "Lossless animations with alpha, for the web")
         .extensions(["webp"])
         .magic(b"RIFF")
-        .number("plays", "how often the animation is played; 0: for ever", 0.0, 0.0..=65_535.0)
+        .number("plays", "how many times the animation plays; 0: forever", 0.0, 0.0..=65_535.0)
 });
 
 /// Longest side in pixels (RFC 9649, section 3.4).
@@ -39,7 +39,8 @@ impl Exporter for WebpExporter {
 
     fn notes(&self, info: &VideoInfo) -> Vec<String> {
         let exact = info.fps.num > 0 && (1000 * u64::from(info.fps.den)).is_multiple_of(info.fps.num.into());
-        let note = "WebP counts milliseconds: frames last one more or one less, and keep in time together";
+        let note =
+            "WebP counts milliseconds: a frame may last 1 ms more or less, but the total time is right";
         if exact { Vec::new() } else { vec![note.into()] }
     }
 
@@ -94,7 +95,7 @@ impl WebpSink {
 
     /// Reads back one frame of an earlier run.
     fn take_over(&mut self, so_far: &mut dyn Read) -> Result<(), ExportError> {
-        let damaged = || ExportError::Format("the WebP that was begun is damaged".into());
+        let damaged = || ExportError::Format("the unfinished WebP is damaged".into());
         let FrameChunk { at: [left, top], size: [width, height], image, bytes } =
             container::read_frame(so_far)?.ok_or_else(damaged)?;
         let mut decoder = WebPDecoder::new(Cursor::new(container::still(&image))).map_err(|_| damaged())?;

@@ -97,7 +97,7 @@ impl<'a> Tokens<'a> {
 
     fn want_number(&mut self, wanted: &str) -> Result<f64> {
         let word = self.want(wanted)?;
-        number(word).ok_or_else(|| self.problem(format!("\"{}\" is not a number, but {wanted}", shown(word))))
+        number(word).ok_or_else(|| self.problem(format!("\"{}\" is not a number; {wanted}", shown(word))))
     }
 }
 
@@ -138,7 +138,7 @@ pub fn read<'a>(bytes: &'a [u8], notes: &Notes) -> Result<(Vec<Joint>, Rest<'a>)
         } else if word.eq_ignore_ascii_case(b"OFFSET") {
             let mut offset = [0.0; 3];
             for value in &mut offset {
-                *value = tokens.want_number("OFFSET has three of them")?;
+                *value = tokens.want_number("OFFSET has three numbers")?;
             }
             joints[joint].offset = DVec3::from(offset);
         } else if word.eq_ignore_ascii_case(b"CHANNELS") {

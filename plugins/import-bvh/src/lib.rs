@@ -19,9 +19,9 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new("bvh", env!("CARGO_PKG_VERSION"), "BVH motion capture: a skeleton and one clip")
         .extensions(["bvh"])
         .magic(b"HIERARCHY")
-        .number("scale", "metres a unit of the file; 0 guesses by the skeleton's size", 0.0, 0.0..=1e6)
+        .number("scale", "metres per file unit; 0: guessed from the skeleton's size", 0.0, 0.0..=1e6)
         .text("up", "the file's upward axis", "y", &["y", "z"])
-        .flag("bones", "a mesh of the bones, as the file has none", true)
+        .flag("bones", "show a mesh made of the bones, since the file has none", true)
 });
 
 #[derive(Clone, Copy, Debug, Default)]

@@ -128,7 +128,7 @@ impl<'a> Reader<'_, 'a> {
             self.xml.notes.warn(
                 format!("clip \"{name}\""),
                 format!(
-                    "{} with keys before 0 s, where the clip begins; those are left out",
+                    "{} with keys before 0 s, where the clip begins; those keys are left out",
                     text::count(before_zero, "channel")
                 ),
             );
@@ -229,7 +229,7 @@ impl<'a> Reader<'_, 'a> {
             let names = node.descendants().find(of_sid).and_then(|n| properties::names(n, member));
             return match names {
                 Some(names) => Some(Target::Object(node.id(), names)),
-                None => self.leave(channel, "for a number of a camera or light that is not read"),
+                None => self.leave(channel, "for an unsupported property of a camera or light"),
             };
         }
         if name_of(node) != "node" {
@@ -249,7 +249,7 @@ impl<'a> Reader<'_, 'a> {
         };
         let stack = &self.tree.joints[*joints.first()? as usize].stack;
         let Some(element) = stack.iter().position(|e| e.sid == sid) else {
-            return self.leave(channel, "for something of a node that is no transform");
+            return self.leave(channel, "for something of a node that is not a transform");
         };
         match Component::of(member, stack[element].kind) {
             Some(part) => Some(Target::Joints(joints.clone(), element, part)),

@@ -57,7 +57,7 @@ pub fn skin(xml: &Xml<'_>, tree: &Tree<'_>, skin: Node<'_>, roots: &[u32], carri
     };
     if !binds.is_empty() && binds.len() < joint_names.len() * 16 {
         let what = format!(
-            "{} joints need as many bind matrices, but there are {}",
+            "{} joints need one bind matrix each, but there are {}",
             joint_names.len(),
             binds.len() / 16
         );
@@ -85,7 +85,7 @@ pub fn skin(xml: &Xml<'_>, tree: &Tree<'_>, skin: Node<'_>, roots: &[u32], carri
         xml.warn(
             joints,
             format!(
-                "{} of {} joints are not in the scene ({names}); what they move stays still",
+                "{} of {} joints are not in the scene ({names}); the vertices that they move stay still",
                 lost.len(),
                 joint_names.len()
             ),
@@ -230,9 +230,10 @@ pub fn morph<'a>(
                     for name in names(xml, input.source)?.0 {
                         let target = xml.by_id(name).filter(|n| name_of(*n) == "geometry");
                         let Some(target) = target else {
-                            return Err(
-                                xml.problem(input.source, format!("\"{name}\" is no geometry of this file"))
-                            );
+                            return Err(xml.problem(
+                                input.source,
+                                format!("\"{name}\" is not a geometry of this file"),
+                            ));
                         };
                         let positions = positions_of(target)?;
                         if positions.len() != base.positions.len() {

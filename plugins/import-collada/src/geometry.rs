@@ -389,7 +389,7 @@ impl<'a> Reader<'_, 'a> {
         for (number, what) in [
             (short, "with too few vertices left out"),
             (crossing, "crossing itself or without area; the triangles are a guess"),
-            (fans, "with too many vertices to be cut properly, made into fans"),
+            (fans, "with too many vertices to triangulate properly, cut into triangle fans"),
         ] {
             if number > 0 {
                 self.xml.warn(self.element, format!("{} {what}", text::count(number, "polygon")));

@@ -38,11 +38,11 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     .number("smooth", "degrees up to which an edge is smooth, where normals are missing", 30.0, 0.0..=180.0)
     .text(
         "colors",
-        "what colors are: as shown (srgb) or linear; auto: linear from Blender",
+        "color space of the colors: srgb or linear; auto: linear in files of Blender, else srgb",
         "auto",
         &["auto", "srgb", "linear"],
     )
-    .flag("bones", "a mesh of the bones where the file has no mesh", true)
+    .flag("bones", "show a mesh made of the bones where the file has no mesh", true)
 });
 
 #[derive(Clone, Copy, Debug, Default)]

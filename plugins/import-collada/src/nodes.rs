@@ -184,7 +184,7 @@ fn nodes_in<'a>(xml: &Xml<'a>, parent: Node<'a>) -> Vec<Node<'a>> {
                 match xml.node_by_id(&url[1..]) {
                     Some(node) => out.push(node),
                     None => {
-                        let what = format!("url=\"{url}\" is no node of this file; {LEFT_OUT}");
+                        let what = format!("url=\"{url}\" is not a node of this file; {LEFT_OUT}");
                         xml.warn(element, what);
                     }
                 }

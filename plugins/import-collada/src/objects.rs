@@ -150,7 +150,10 @@ fn projection(xml: &Xml<'_>, lens: Node<'_>, metres: f64) -> Result<Option<Proje
             });
             if !(yfov > 0.0 && yfov < PI) {
                 let degrees = yfov.to_degrees();
-                xml.warn(lens, format!("sees {degrees:.1} degrees, which no lens does; it is left out"));
+                xml.warn(
+                    lens,
+                    format!("has a field of view of {degrees:.1} degrees, which no lens has; it is left out"),
+                );
                 return Ok(None);
             }
             let (near, far) = (near as f32, far.map(|f| f as f32));
@@ -186,7 +189,7 @@ pub fn lights<'a>(xml: &Xml<'a>, tree: &Tree<'a>) -> Result<Vec<Object<'a, Asset
                 xml.warn(
                     light,
                     match name_of(kind) {
-                        "ambient" => "ambient light is not part of a scene here; it is left out".to_string(),
+                        "ambient" => "ambient light of files is not supported; it is left out".to_string(),
                         other => format!("is {other}, which is not supported; it is left out"),
                     },
                 );

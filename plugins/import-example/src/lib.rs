@@ -13,7 +13,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new("example", env!("CARGO_PKG_VERSION"), "points and faces as text")
         .extensions(["example"])
         .magic(b"example 1")
-        .number("scale", "metres a unit of the file", 1.0, 1e-6..=1e6)
+        .number("scale", "metres per file unit", 1.0, 1e-6..=1e6)
 });
 
 /// Line limit, far above what points written as text need.
@@ -61,7 +61,8 @@ impl Importer for ExampleImporter {
 type LineError = (usize, String);
 
 fn read(bytes: &[u8], scale: f32, builder: &mut AssetBuilder) -> Result<MeshData, LineError> {
-    let text = std::str::from_utf8(bytes).map_err(|e| (0, format!("byte {} is no text", e.valid_up_to())))?;
+    let text =
+        std::str::from_utf8(bytes).map_err(|e| (0, format!("byte {} is not UTF-8 text", e.valid_up_to())))?;
     let mut mesh = MeshData { name: "example".into(), ..MeshData::default() };
     for (i, line) in text.lines().enumerate() {
         let at = i + 1;
@@ -74,7 +75,7 @@ fn read(bytes: &[u8], scale: f32, builder: &mut AssetBuilder) -> Result<MeshData
             Some("point") => {
                 let point = numbers::<f32>(words).map_err(|e| (at, e))?;
                 if point.len() != 3 {
-                    return Err((at, format!("a point has 3 numbers, this one {}", point.len())));
+                    return Err((at, format!("a point has 3 numbers, this one has {}", point.len())));
                 }
                 mesh.positions.extend(point.iter().map(|v| v * scale));
             }

@@ -41,7 +41,7 @@ fn files_are_known_by_their_first_word() {
 #[test]
 fn mistakes_have_their_line() {
     let text = |file: &str| import(file).unwrap_err().to_string();
-    assert_eq!(text("point 1 2"), "a.example: line 1: a point has 3 numbers, this one 2");
+    assert_eq!(text("point 1 2"), "a.example: line 1: a point has 3 numbers, this one has 2");
     assert_eq!(text("point 1 2 x"), "a.example: line 1: \"x\" is not the number that belongs here");
     assert_eq!(text("\nface 0 1 2"), "a.example: line 2: point 0 does not exist, there are 0 so far");
     assert_eq!(text(""), "a.example: mesh \"example\": positions must have 3 numbers for each vertex, has 0");

@@ -45,8 +45,18 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     )
     .extensions(["fbx"])
     .magic(BINARY_MAGIC)
-    .number("tolerance", "degrees that a rotation may be off between keys; at 0.05 translations 0.1 mm", file::TOLERANCE_DEG, 1e-4..=10.0)
-    .number("rate", "this many keys a second, straight lines between, instead of the tolerance; 0: the file's own keys", 0.0, 0.0..=1000.0)
+    .number(
+        "tolerance",
+        "largest rotation error between keys, in degrees; at 0.05 translations are off by at most 0.1 mm",
+        file::TOLERANCE_DEG,
+        1e-4..=10.0,
+    )
+    .number(
+        "rate",
+        "keys a second, interpolated linearly, instead of the tolerance; 0: the file's own keys",
+        0.0,
+        0.0..=1000.0,
+    )
     .flag("bones", "show the bones of a file that has no mesh", true)
     .flag("hidden", "show meshes that the file hides, too", false)
     .flag("vertex_colors", "multiply the mesh's colors, taken as sRGB, into the material", true)

@@ -130,7 +130,7 @@ fn problem(error: &ufbx::Error, reached: u64, size: usize) -> Problem {
             place,
             format!("needs more than {limit} MiB, which is the limit for a file of {size} bytes (8 times its size and 32 MiB)"),
         )
-        .hint("the file is damaged, or its data are packed beyond all measure"),
+        .hint("the file is damaged, or its data are compressed too strongly"),
         ErrorType::NodeDepthLimit => {
             Problem::new(place, format!("has nodes more than {MAX_DEPTH} deep, which is the limit"))
         }
@@ -158,6 +158,6 @@ pub(crate) fn pass_warnings(file: &File<'_>) {
     }
     if names > 0 {
         let names = count(names, "text");
-        file.notes.warn("", format!("{names} not in UTF-8; what cannot be read there is replaced"));
+        file.notes.warn("", format!("{names} not in UTF-8; unreadable characters are replaced"));
     }
 }

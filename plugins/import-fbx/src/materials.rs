@@ -157,7 +157,11 @@ impl Reader<'_, '_> {
         let seen_through = color(&m.fbx.transparency_color, Vec3::ONE).element_sum() / 3.0;
         let transparent = (real(&m.fbx.transparency_factor, 0.0) * seen_through).clamp(0.0, 1.0);
         if transparent >= 1.0 {
-            self.file.notes.warn(self.place, "is wholly transparent by the file's word, which some programs write for solid materials; it is shown solid");
+            self.file.notes.warn(
+                self.place,
+                "is fully transparent in the file, which some programs write \
+                for opaque materials; it is shown opaque",
+            );
             return 1.0;
         }
         1.0 - transparent
@@ -206,7 +210,7 @@ impl Reader<'_, '_> {
             }
         };
         if m.features.transmission.enabled && real(&pbr.transmission_factor, 0.0) > 0.0 {
-            self.file.notes.warn(self.place, "lets light through, which is not drawn");
+            self.file.notes.warn(self.place, "has transmission, which is not drawn");
         }
         Ok((out, alpha))
     }
@@ -308,7 +312,7 @@ fn repair(file: &File<'_>, m: &mut Material, place: &str) {
     number(&mut base[3], 0.0, 1.0, 1.0);
     m.base_color = Vec4::from_array(base);
     if bad {
-        file.notes.warn(place, "has a number that is not finite; a usual one is used");
+        file.notes.warn(place, "has a number that is not finite; a default is used");
     }
     m.alpha_mode = if m.base_color.w < 1.0 { AlphaMode::Blend } else { AlphaMode::Opaque };
 }

@@ -126,7 +126,7 @@ fn read(file: &File<'_>, node: &Node, light: &ufbx::Light) -> Result<(Light, f64
             LightKind::Spot { inner: inner as f32, outer: outer as f32 }
         }
         LightType::Area | LightType::Volume => {
-            let what = format!("is a light of kind {:?}, which shines as a point here", light.type_);
+            let what = format!("is a light of kind {:?}, which becomes a point light here", light.type_);
             file.notes.warn(place_of(&node.element), what.to_lowercase());
             LightKind::Point
         }

@@ -40,7 +40,7 @@ pub fn skin(file: &File<'_>, tree: &Tree, one: &Shown<'_>) -> Result<Option<Skin
         let bone = cluster.bone_node.as_ref().map(|b| b.element.typed_id as usize);
         let joint = bone.and_then(|b| tree.joint_of_node.get(b).copied().flatten());
         let joint =
-            joint.ok_or_else(|| Problem::new(place_of(&cluster.element), "has no bone among the nodes"))?;
+            joint.ok_or_else(|| Problem::new(place_of(&cluster.element), "has no bone in the node tree"))?;
         skin.joints.push(joint);
         let bind = convert::affine(&cluster.mesh_node_to_bone);
         let bind = geometry.map_or(bind, |g| bind * g);
@@ -66,7 +66,8 @@ pub fn weights(file: &File<'_>, mesh: &Mesh, place: &dyn Fn() -> String) -> Resu
     if matches!(deformer.skinning_method, SkinningMethod::DualQuaternion | SkinningMethod::BlendedDqLinear) {
         file.notes.warn(
             place(),
-            "is skinned by dual quaternions in the file; here it is by matrices, which twists bend thinner",
+            "is skinned by dual quaternions in the file; here linear skinning is used, which makes \
+             twisted limbs thinner",
         );
     }
     let influences = if deformer.max_weights_per_vertex > 4 { MAX_INFLUENCES } else { 4 };
@@ -129,7 +130,7 @@ impl Loss {
         if self.free > 0 {
             file.notes.warn(
                 place(),
-                format!("{} of {points} points have no influence; they go with the mesh's node", self.free),
+                format!("{} of {points} points have no influence; they follow the mesh's node", self.free),
             );
         }
     }

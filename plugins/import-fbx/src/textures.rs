@@ -105,8 +105,8 @@ impl Table {
         let of_file = texture.file_textures.as_ref();
         if texture.type_ != TextureType::File || of_file.len() > 1 {
             let what = match of_file.len() {
-                0 => "is made by a program, not an image, and is left out".to_string(),
-                n => format!("is put together of {n} images; the first is used"),
+                0 => "is procedural, not an image, and is left out".to_string(),
+                n => format!("is composed of {n} images; the first is used"),
             };
             file.notes.warn(place.clone(), what);
         }

@@ -86,7 +86,7 @@ pub fn copies(file: &File<'_>, node: usize) -> Result<Arc<[Affine3A]>> {
         })
         .collect::<Vec<_>>();
     if zero > 0 {
-        file.warn(place(), format!("{zero} rotations have no length; those instances are not turned"));
+        file.warn(place(), format!("{zero} rotations have length 0; those instances are not rotated"));
     }
     Ok(out.into())
 }

@@ -49,7 +49,8 @@ pub fn read<'a>(
     let see_through = |m: &&Material| thin(m) && m.roughness > 0.0;
     if let Some(first) = out.iter().position(|m| see_through(&m)) {
         let count = out.iter().filter(see_through).count();
-        let what = "let light through a thin, rough wall: what is behind is tinted, but not blurred by the roughness";
+        let what = "have transmission with thin, rough walls: the background is tinted, but not blurred \
+            by the roughness";
         file.warn(format!("materials[{first}]"), format!("{count} materials {what}"));
     }
     Ok((out, glossy))

@@ -24,10 +24,10 @@ pub fn chosen(file: &File<'_>, name: &str) -> Result<Option<u64>> {
     match names.iter().position(|n| *n == name) {
         Some(index) => Ok(Some(index as u64)),
         None if names.is_empty() => {
-            Err(Problem::new("extensions", format!("has no variants, so not {name:?}")))
+            Err(Problem::new("extensions", format!("has no variants, so {name:?} cannot be chosen")))
         }
         None => Err(Problem::new(format!("extensions.{NAME}.variants"), format!("has no variant {name:?}"))
-            .hint(format!("there are {}", names.join(", ")))),
+            .hint(format!("its variants are {}", names.join(", ")))),
     }
 }
 

@@ -36,10 +36,10 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         env!("CARGO_PKG_VERSION"),
         "the built-in character and its clips: load(\"choreo:mannequin\")",
     )
-    .color("color", "a color, of the body", linear(BODY))
-    .color("accent", "a color, of the joints", linear(ACCENT))
-    .color("eyes", "a color, of the light in the visor", linear(EYES))
-    .number("height", "metres; walking speed grows with it", HEIGHT.0, HEIGHT.1..=HEIGHT.2)
+    .color("color", "a color for the body", linear(BODY))
+    .color("accent", "a color for the joints", linear(ACCENT))
+    .color("eyes", "a color for the light in the visor", linear(EYES))
+    .number("height", "height in metres; walking speed grows with it", HEIGHT.0, HEIGHT.1..=HEIGHT.2)
 });
 
 pub struct Mannequin;

@@ -27,12 +27,12 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         "Wavefront OBJ: faces, groups, MTL materials and textures",
     )
     .extensions(["obj"])
-    .number("scale", "metres a unit of the file", 1.0, 1e-6..=1e6)
+    .number("scale", "metres per file unit", 1.0, 1e-6..=1e6)
     .text("up", "the file's upward axis", "y", &["y", "z"])
     .number("smooth", "degrees up to which an edge is smooth, where normals are missing", 30.0, 0.0..=180.0)
     .text(
         "colors",
-        "what colors are: as shown (srgb) or linear; auto: linear from Blender",
+        "color space of the colors: srgb or linear; auto: linear in files of Blender, else srgb",
         "auto",
         &["auto", "srgb", "linear"],
     )
@@ -99,7 +99,7 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &Impo
     let progress = Progress::new(files, source.bytes.len());
     let model = parse::read(&source.bytes, needs.geometry, &progress, &budget, &notes)?;
     if model.groups.is_empty() && model.materials.is_empty() && model.positions == 0 && needs.geometry {
-        return Err(Problem::new("line 1", "there is nothing of OBJ in it")
+        return Err(Problem::new("line 1", "the file has no OBJ data")
             .hint("an OBJ file has lines \"v x y z\" and \"f 1 2 3\""));
     }
     let scale = options.number("scale").unwrap_or(1.0);
@@ -224,7 +224,7 @@ fn libraries(
             if out.contains_key(&material.name) {
                 notes.warn(
                     material.place.as_str(),
-                    format!("material \"{}\" is there twice; the first counts", material.name),
+                    format!("material \"{}\" is defined twice; the first is used", material.name),
                 );
                 continue;
             }

@@ -69,7 +69,7 @@ pub fn build(model: &Model, settings: &Settings, notes: &Notes) -> Vec<(u32, Pri
     }
     if too_much.count > 0 {
         let what = format!(
-            "{} with too many vertices to be cut properly, made into fans",
+            "{} with too many vertices to triangulate properly, cut into triangle fans",
             count(too_much.count, "face")
         );
         notes.warn(format!("line {}", too_much.line), what);

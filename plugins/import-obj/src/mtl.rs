@@ -120,12 +120,15 @@ fn line_of(m: &mut Mtl, keyword: &[u8], rest: &[u8], unknown: &mut BTreeMap<Stri
                 return match std::mem::replace(&mut m.cube, true) {
                     true => Ok(()),
                     false => Err(format!(
-                        "-type {kind} is a side of a cube; only a panorama, -type sphere, can be mirrored"
+                        "-type {kind} is a side of a cube map; only a panorama, -type sphere, can be used \
+                         for reflections"
                     )
                     .into()),
                 };
             }
-            Some(kind) => return Err(format!("-type {kind} is not sphere, nor the side of a cube").into()),
+            Some(kind) => {
+                return Err(format!("-type {kind} is neither sphere nor a side of a cube map").into());
+            }
         };
         return Ok(());
     }
@@ -280,7 +283,7 @@ pub fn material(m: &Mtl, source: &mut Source<'_>) -> (Material, Option<(TextureR
     } else if m.maps.keys().any(|slot| matches!(slot, Slot::Reflection | Slot::Environment)) {
         source.notes.warn(
             m.place.as_str(),
-            format!("\"{}\" has Pr or Pm, by which it mirrors; its refl is left out", m.name),
+            format!("\"{}\" has Pr or Pm, which set its reflections; its refl is left out", m.name),
         );
     }
     out.emissive_texture = texture(m, Slot::Emissive, source);

@@ -131,7 +131,7 @@ impl Reader<'_> {
             Some(Keyword::EndSolid) => self.open = false,
             Some(Keyword::Loop) => {}
             None => {
-                let what = format!("\"{}\" is no word of STL", shown(&word.to_ascii_lowercase()));
+                let what = format!("\"{}\" is not an STL keyword", shown(&word.to_ascii_lowercase()));
                 return Err(problem(what)
                     .hint("lines begin with solid, facet, outer, vertex, endloop, endfacet or endsolid"));
             }

@@ -105,6 +105,6 @@ fn colors(header: &[u8], body: &[u8], solid: &mut Solid, notes: &Notes) {
         );
         notes.warn("byte 80", what);
     } else if attributes().any(|w| w != 0) {
-        notes.warn("byte 80", "the facets' attribute bytes are no colors that are known; they are left out");
+        notes.warn("byte 80", "the facets' attribute bytes are in no known color format; they are left out");
     }
 }

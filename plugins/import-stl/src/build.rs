@@ -123,7 +123,7 @@ fn primitive(
         notes.warn(
             place(),
             format!(
-                "{against} of {} facets with a normal against the order of their vertices; the order counts",
+                "{against} of {} facets with a normal against the order of their vertices; the order is used",
                 normals.len() / 3
             ),
         );

@@ -16,7 +16,7 @@ pub const README: &str = include_str!("../README.md");
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new("stl", env!("CARGO_PKG_VERSION"), "STL, binary and ASCII: triangles, solids, facet colors")
         .extensions(["stl"])
-        .number("scale", "metres a unit of the file; 0 guesses by the size", 0.0, 0.0..=1e6)
+        .number("scale", "metres per file unit; 0: guessed from the size", 0.0, 0.0..=1e6)
         .text("up", "the file's upward axis", "z", &["y", "z"])
         .number("smooth", "degrees up to which an edge is smooth; 0 keeps the facets", 0.0, 0.0..=180.0)
 });

@@ -53,7 +53,7 @@ fn solids_become_nodes_z_up_and_flat() {
         warnings(&asset),
         [
             "solid: the format has no unit; taken as 1 m by its extent of 6 (option scale: metres a unit)",
-            "solid \"solid 1\": 1 of 1 facets with a normal against the order of their vertices; the order counts",
+            "solid \"solid 1\": 1 of 1 facets with a normal against the order of their vertices; the order is used",
         ]
     );
     let y = with(TWO, &[("up", OptionValue::Text("y".into())), ("scale", OptionValue::Number(0.5))]);
@@ -115,7 +115,7 @@ fn errors_name_the_place() {
         ("      vertex 4 3 4\n", "", "line 7: the facet of line 2 has 2 vertices, not 3"),
         ("  endfacet\n", "", "line 8: a facet within the facet of line 2"),
         ("solid roof\n", "solid roof\nendsolid\n", "line 3: a facet outside of a solid"),
-        ("outer loop", "inner loop", "line 3: \"inner\" is no word of STL"),
+        ("outer loop", "inner loop", "line 3: \"inner\" is not an STL keyword"),
         ("  facet normal 0 -0.8 0.6\n", "", "line 3: a vertex outside of a facet"),
         ("  facet normal 0 -0.8 0.6\n", "  endfacet\n", "line 2: endfacet without a facet"),
     ] {

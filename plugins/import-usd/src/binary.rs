@@ -110,7 +110,7 @@ pub fn read(bytes: &[u8], budget: &Budget) -> Result<Layer> {
     let version = [version[0], version[1], version[2]];
     if version[0] != 0 || version[1] < 4 {
         let [a, b, c] = version;
-        return Err(damaged(format!("is of version {a}.{b}.{c}; read are 0.4 and later")));
+        return Err(damaged(format!("has version {a}.{b}.{c}; version 0.4 or later is needed")));
     }
     let (tokens, strings, fields, field_sets) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let paths = Vec::new();
@@ -235,10 +235,10 @@ impl<'a> Reader<'a> {
                 self.charge(element.len(), 1)?;
                 // A path that occurs twice could be its own ancestor.
                 if assigned.get_mut(index as usize).is_none_or(|was| std::mem::replace(was, true)) {
-                    return Err(damaged("has a path that it does not count, or one twice"));
+                    return Err(damaged("has a path beyond its number of paths, or one twice"));
                 }
                 if depth > MOST_DEPTH {
-                    return Err(damaged(format!("has more than {MOST_DEPTH} prims within each other")));
+                    return Err(damaged(format!("has more than {MOST_DEPTH} nested prims")));
                 }
                 self.paths[index as usize] = Path { parent, element, is_property: token < 0, depth };
                 if jump > 0 {
@@ -278,7 +278,7 @@ impl<'a> Reader<'a> {
             }
             at = path.parent;
             if elements.len() > MOST_DEPTH + 2 {
-                return Err(damaged("has a path without end"));
+                return Err(damaged("has an endless path"));
             }
         }
         let mut out = String::new();
@@ -580,7 +580,7 @@ impl<'a> Reader<'a> {
             false => self.raw(&mut cursor, component, count.saturating_mul(width))?,
         };
         if list.iter().any(|v| v.is_nan()) {
-            return Err(damaged(format!("{name} has a number that is none")));
+            return Err(damaged(format!("{name} has a value that is not a number")));
         }
         Ok(Some(Value::Numbers(list.into())))
     }
@@ -642,7 +642,7 @@ impl<'a> Reader<'a> {
                 }
                 _ => Err(damaged("has an array that is compressed in an unknown way")),
             },
-            _ => Err(damaged("has an array of a type that is not compressed by others")),
+            _ => Err(damaged("has a compressed array of a type that is never compressed")),
         }
     }
 

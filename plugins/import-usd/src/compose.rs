@@ -104,7 +104,7 @@ impl<'a> Composer<'a> {
             return Ok(known.clone());
         }
         if depth > 16 {
-            return Err(Problem::new(name, "layers include each other without end"));
+            return Err(Problem::new(name, "layers include each other in a cycle"));
         }
         let mut bytes = match bytes {
             Some(bytes) => bytes,
@@ -144,7 +144,7 @@ impl<'a> Composer<'a> {
         self.prims += 1;
         self.budget.charge(1, size_of::<Prim>())?;
         if depth > MOST_DEPTH || self.prims > MOST_PRIMS {
-            let what = "references more than can be read; are there circles of references?";
+            let what = "has too many references to be read; check for references in a cycle";
             return Err(Problem::new(if path.is_empty() { "/" } else { path }, what));
         }
         let mut spec = spec.clone();
@@ -212,7 +212,7 @@ impl<'a> Composer<'a> {
             false => arc.path.clone(),
         };
         let Some(found) = target.root.at(&from).filter(|_| from != "/") else {
-            self.notes.warn(path, format!("refers to <{from}>, which is not there"));
+            self.notes.warn(path, format!("refers to <{from}>, which does not exist"));
             return Ok(());
         };
         let mut weak = self.flattened((&target, &target_name), found, &from, (Some(spec), depth + 1))?;

@@ -57,7 +57,7 @@ impl<'a> Materials<'a> {
         let known = match self.root.at(path) {
             Some(prim) => self.read(prim, path),
             None => {
-                self.notes.warn(path, "is bound as a material, and is not there");
+                self.notes.warn(path, "is bound as a material, but does not exist");
                 Known::default()
             }
         };
@@ -181,7 +181,7 @@ impl<'a> Materials<'a> {
             }
             other => {
                 let what = format!(
-                    "reads {} from \"{other}\", which is not read",
+                    "takes {} from \"{other}\", which is not supported",
                     input.trim_start_matches("inputs:")
                 );
                 self.notes.warn(path, what);

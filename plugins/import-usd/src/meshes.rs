@@ -80,7 +80,7 @@ impl<'a> Primvar<'a> {
         let in_range = |index: &f64| *index >= 0.0 && (*index as usize) < values.len() / width;
         if elements < count || !indices.unwrap_or_default().iter().all(in_range) || values.len() < width {
             let what =
-                format!("{name} has {elements} of {count} elements, or indices beyond; it is left out");
+                format!("{name} has {elements} of {count} elements, or indices out of range; it is left out");
             reading.notes.warn(reading.path, what);
             return None;
         }

@@ -140,7 +140,7 @@ pub fn add(tree: &Tree<'_>, metres: f64, clips: &mut Clips<'_>, asset: &mut Asse
             kind => {
                 let Some(light) = rest.light(metres) else { continue };
                 if matches!(kind, "DiskLight" | "RectLight" | "CylinderLight") {
-                    notes.warn(&node.path, format!("is a {kind}, which shines from its middle"));
+                    notes.warn(&node.path, format!("is a {kind}, which becomes a light at its center"));
                 }
                 let index = asset.lights.len() as u32;
                 asset.lights.push(AssetLight { name: name_of(prim), joint, light });

@@ -115,7 +115,7 @@ impl<'a> Parser<'a> {
 
     fn deeper<R>(&mut self, read: impl FnOnce(&mut Self) -> Result<R>) -> Result<R> {
         if self.depth == MOST_DEPTH {
-            return Err(self.error(format!("more than {MOST_DEPTH} parts within each other")));
+            return Err(self.error(format!("more than {MOST_DEPTH} nested parts")));
         }
         self.depth += 1;
         let out = read(self);
@@ -161,7 +161,7 @@ impl<'a> Parser<'a> {
     fn until(&mut self, end: &[u8]) -> Result<String> {
         let rest = self.rest();
         let Some(found) = rest.windows(end.len()).position(|w| w == end) else {
-            return Err(self.error(format!("\"{}\" does not follow", shown(end))));
+            return Err(self.error(format!("the closing \"{}\" is missing", shown(end))));
         };
         self.at += found + end.len();
         Ok(String::from_utf8_lossy(&rest[..found]).into_owned())

@@ -95,7 +95,7 @@ impl About {
     /// Notes how many meshes have a first-person setting, which is not used here.
     fn first_person(&mut self, meshes: Option<usize>) {
         if let Some(n @ 1..) = meshes {
-            self.add("first person", &format!("{n} meshes shown or hidden in it; not used"));
+            self.add("first person", &format!("{n} meshes have a first-person setting, which is not used"));
         }
     }
 }

@@ -36,7 +36,7 @@ fn gaze_joint(document: &Document<'_>, vrma: &At<'_>) -> Result<Option<u32>> {
     let Some(node) = look.index("node")? else { return Ok(None) };
     let joint = document.joint(node, &|| look.place_of("node"))?;
     if joint.is_none() {
-        document.warn(look.place(), format!("nodes[{node}] is not in the scene; no eyes follow it"));
+        document.warn(look.place(), format!("nodes[{node}] is not in the scene; the gaze is left out"));
     }
     Ok(joint)
 }
@@ -57,7 +57,7 @@ fn expression_nodes(document: &Document<'_>, vrma: &At<'_>) -> Result<BTreeMap<u
                 continue;
             };
             if names.values().any(|n| n == name) || names.contains_key(&joint) {
-                document.warn(at.place(), "stands for an expression already; it is left out");
+                document.warn(at.place(), "repeats an earlier expression or node; it is left out");
                 continue;
             }
             names.insert(joint, name.to_string());

@@ -177,7 +177,7 @@ fn override_of(document: &Document<'_>, at: &At<'_>, key: &str) -> Override {
         Some("block") => Override::Block,
         Some("blend") => Override::Blend,
         Some(_) => {
-            document.warn(at.place_of(key), "is none of none, block and blend; none is used");
+            document.warn(at.place_of(key), "is not none, block or blend; none is used");
             Override::None
         }
     }
@@ -256,7 +256,9 @@ impl<'a, 'd> Faces<'a, 'd> {
         }
         if self.asset.expressions.iter().any(|e| e.name == face.name) {
             let shown: String = face.name.chars().take(40).collect();
-            return self.document.warn(at.place(), format!("is a second \"{shown}\"; it is left out"));
+            return self
+                .document
+                .warn(at.place(), format!("is a second expression \"{shown}\"; it is left out"));
         }
         self.asset.expressions.push(face);
     }
@@ -264,7 +266,7 @@ impl<'a, 'd> Faces<'a, 'd> {
     fn finish(self, place: String) {
         if !self.unpainted.is_empty() {
             let names: Vec<&str> = self.unpainted.iter().take(12).map(String::as_str).collect();
-            let what = "also change something of materials that is not drawn or not there";
+            let what = "also change material properties that are missing or not drawn";
             let count = self.unpainted.len();
             self.document.warn(place, format!("{count} expressions {what}: {}", names.join(", ")));
         }

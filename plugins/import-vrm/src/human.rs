@@ -66,7 +66,7 @@ impl HumanBones<'_, '_> {
     fn add(&mut self, bone: Option<HumanBone>, name: &str, at: &At<'_>) -> Result<()> {
         let Some(bone) = bone else {
             let name: String = name.chars().take(40).collect();
-            self.document.warn(at.place(), format!("\"{name}\" is no human bone; it is left out"));
+            self.document.warn(at.place(), format!("\"{name}\" is not a human bone; it is left out"));
             return Ok(());
         };
         // Missing bones are written as −1, or left out.
@@ -77,10 +77,11 @@ impl HumanBones<'_, '_> {
             return Ok(());
         };
         if let Some(first) = self.joints.get(&joint) {
-            let what = format!("nodes[{node}] is {} already; this bone is left out", first.name());
+            let what = format!("nodes[{node}] is the bone {} already; this bone is left out", first.name());
             self.document.warn(at.place(), what);
         } else if self.joints.values().any(|b| *b == bone) {
-            self.document.warn(at.place(), format!("{} is there already; this one is left out", bone.name()));
+            self.document
+                .warn(at.place(), format!("{} is assigned already; this one is left out", bone.name()));
         } else {
             self.joints.insert(joint, bone);
         }

@@ -31,7 +31,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         "VRM 0.x and 1.0: characters with human bones, expressions, springs; VRM animations (.vrma)",
     )
     .extensions(["vrm", "vrma"])
-    .flag("bones", "a mesh of the bones, for animations, which have none", true)
+    .flag("bones", "show a mesh made of the bones in animations, which have no mesh", true)
 });
 
 /// The root extension that marks each kind of file.

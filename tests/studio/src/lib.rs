@@ -24,7 +24,7 @@ pub fn app() -> App {
 static TRIANGLES: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new("triangles", "1", "nine numbers a triangle, as text").extensions(["tri"]).number(
         "scale",
-        "metres a unit of the file",
+        "metres per file unit",
         1.0,
         1e-6..=1e6,
     )

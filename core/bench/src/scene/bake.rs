@@ -37,7 +37,7 @@ pub fn choices(scene: &MeasuredScene) -> SceneChoices {
         clip.curves().iter().any(|c| c.times.len() > 1 && !matches!(c.path, Path::Weights(_)))
     });
     if clips.is_empty() {
-        return SceneChoices::None("no actor plays a clip that moves".into());
+        return SceneChoices::None("no actor plays a clip with moving joints".into());
     }
     clips.truncate(MOST_CLIPS);
     SceneChoices::Choices(vec![bake(&clips, scene.budget_secs)])
@@ -105,7 +105,7 @@ pub fn bake(clips: &[Played], budget_secs: f64) -> Choice {
             .at(place)
             .nanos(nanos)
             .bytes(bytes as f64);
-        choice.rows.push(if name == "as authored" { row.note("what runs now") } else { row });
+        choice.rows.push(if name == "as authored" { row.note("the method in use now") } else { row });
     }
     pick(&mut choice, &LIMITS);
     choice

@@ -116,7 +116,7 @@ pub fn crossfade(fades: &[Fade], budget_secs: f64) -> Choice {
     drop(cases);
     for (((name, error), place), nanos) in names.iter().zip(&errors).zip(places).zip(nanos) {
         let row = Row::new(*name).error(error.worst, error.mean()).at(place).nanos(nanos);
-        choice.rows.push(if *name == NOW { row.note("what blends use") } else { row });
+        choice.rows.push(if *name == NOW { row.note("the method that blends use") } else { row });
     }
     pick(&mut choice, &LIMITS);
     choice

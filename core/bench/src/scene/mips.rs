@@ -18,7 +18,7 @@ pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
     let textures = moment.resources.textures.iter().filter(|t| t.srgb && t.mipmaps);
     let largest = textures.max_by_key(|t| u64::from(t.image.width) * u64::from(t.image.height));
     let Some(texture) = largest.filter(|t| t.image.width > 1 && t.image.height > 1) else {
-        return SceneChoices::None("no texture of colors has mipmaps".into());
+        return SceneChoices::None("no color texture has mipmaps".into());
     };
     SceneChoices::Choices(vec![mips(&part(&texture.image), scene.budget_secs)])
 }
@@ -35,10 +35,11 @@ fn part(image: &Image) -> Image {
 
 /// Compares the methods on this image.
 pub fn mips(image: &Image, budget_secs: f64) -> Choice {
-    let mut choice = Choice::new("mips", "In what light, and from what, are mipmaps averaged?");
+    let mut choice =
+        Choice::new("mips", "In which color space, and from which levels, are mipmaps averaged?");
     choice.error_unit = "steps of 255";
     choice.reference =
-        "the mean in f64 of the light of all pixels of the image that a texel covers, at all levels".into();
+        "the mean in linear light, in f64, of all image pixels that a texel covers, at all levels".into();
     choice.per = "pixel of the image".into();
     let made: Vec<Vec<Level>> = (0..WAYS.len()).map(|way| levels(image, way)).collect();
     let mut errors = vec![Spread::default(); WAYS.len()];
@@ -66,7 +67,7 @@ pub fn mips(image: &Image, budget_secs: f64) -> Choice {
     for (((name, error), place), nanos) in WAYS.iter().zip(&errors).zip(places).zip(nanos) {
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).at(place).nanos(nanos));
     }
-    choice.choose(WAYS[0], "exact to the rounding of the last step; it is made once");
+    choice.choose(WAYS[0], "exact up to the final rounding; mipmaps are made only once");
     choice
 }
 

@@ -125,24 +125,24 @@ fn pick(choice: &mut Choice, limits: &Limits) {
     let Some(exact) = cheapest(&best) else { return };
     let within: Vec<&Row> = choice.rows.iter().filter(|r| r.worst <= tolerance).collect();
     let (name, why) = match cheapest(&within) {
-        None => (exact.name, format!("no way stays within {tolerance_words}, and this one is nearest")),
+        None => (exact.name, format!("no method stays within {tolerance_words}; this one comes closest")),
         Some(cheap) if cheap.name == exact.name => (
             exact.name,
-            "none is more exact but for rounding, and none within the limit is cheaper".to_string(),
+            "no other is more accurate beyond rounding, and none within the limit is cheaper".to_string(),
         ),
         Some(cheap) if cost(&exact) <= cost(&cheap) * WORTH => {
             let more = (cost(&exact) / cost(&cheap) - 1.0) * 100.0;
             (
                 exact.name,
                 format!(
-                    "the most exact one, for {more:.0} % more than the cheapest within {tolerance_words}"
+                    "the most accurate one; costs {more:.0} % more than the cheapest within {tolerance_words}"
                 ),
             )
         }
         Some(cheap) => {
             let times = cost(&exact) / cost(&cheap);
             let why = format!(
-                "the cheapest within {tolerance_words}; the most exact one costs {times:.1} times as much"
+                "the cheapest within {tolerance_words}; the most accurate one costs {times:.1} times as much"
             );
             (cheap.name, why)
         }

@@ -28,8 +28,8 @@ pub fn choices(scene: &mut MeasuredScene, moment: &Moment) -> Result<SceneChoice
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
     choice.reference = format!(
-        "64 samples a pixel, textures included, at {}×{}; mean over all channels of all pixels; at most {TOLERANCE} steps are \
-         hard to see",
+        "64 samples a pixel, textures included, at {}×{}; mean over all channels of all pixels; \
+         differences of at most {TOLERANCE} steps are hard to see",
         size[0], size[1]
     );
     let mut rows = Vec::new();
@@ -80,7 +80,8 @@ pub fn choices(scene: &mut MeasuredScene, moment: &Moment) -> Result<SceneChoice
         let left = four.mean / one.mean.max(1e-9) * 100.0;
         let asked = if scene.stage.settings.samples.is_some() { "as the script asks" } else { "the default" };
         let why = format!(
-            "{asked}, {reason}; 4 samples leave {left:.0} % of the mean error of 1 and take {times:.1} times as long"
+            "{asked}, {reason}; 4 samples leave {left:.0} % of the mean error of 1 sample and take \
+             {times:.1} times as long"
         );
         let name = choice.rows[chosen].name.clone();
         choice.choose(&name, why);
@@ -93,9 +94,9 @@ fn taken(kinds: &[DeviceKind], asks_for_vulkan: bool) -> (usize, &'static str) {
     let of = |kind: DeviceKind| kinds.iter().position(|k| *k == kind);
     match (of(DeviceKind::VulkanGpu), of(DeviceKind::VulkanCpu)) {
         (Some(gpu), _) => (gpu, "on the GPU"),
-        (None, Some(driver)) if asks_for_vulkan => (driver, "by the driver that was asked for"),
+        (None, Some(driver)) if asks_for_vulkan => (driver, "by the requested driver"),
         (None, Some(_)) => (0, "by the CPU renderer, since the Vulkan driver draws on the CPU, too"),
-        (None, None) => (0, "by the CPU renderer, the only one here"),
+        (None, None) => (0, "by the CPU renderer, the only one available"),
     }
 }
 

@@ -32,11 +32,10 @@ pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
     if vertices == 0 {
         return SceneChoices::None("no mesh on stage has a skin".into());
     }
-    let mut choice =
-        Choice::new("skinning", "Do vertices follow their joints linearly, or by dual quaternions?");
+    let mut choice = Choice::new("skinning", "Are meshes skinned by linear blending or by dual quaternions?");
     choice.error_unit = "mm";
-    choice.reference = "the mean of the rigid motions of a vertex's joints after that of their stretches, in f64, written apart: what keeps the \
-                        girth of a limb; on this frame"
+    choice.reference = "the mean stretch and then the mean rigid motion of a vertex's joints, a separate \
+        implementation in f64 that keeps the volume of limbs; on this frame"
         .into();
     choice.per = format!("vertex of {vertices}, on the CPU");
     let (mut errors, mut rounding) = ([Spread::default(); 2], [Spread::default(); 2]);
@@ -61,16 +60,16 @@ pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
     let mut cases = [timed(Skinning::Linear), timed(Skinning::DualQuaternion)];
     let nanos = interleaved(Clock::Thread, scene.budget_secs, &mut cases);
     for (way, (error, place)) in errors.iter().zip(places).enumerate() {
-        let note = format!("{} mm off its own formula in f64", quantity(rounding[way].worst));
+        let note = format!("{} mm off the same formula in f64", quantity(rounding[way].worst));
         let row = Row::new(NAMES[way]).error(error.worst, error.mean()).nanos(nanos[way]).at(place);
         choice.rows.push(row.note(note));
     }
     let dual = scene.stage.actors.iter().any(|a| a.skinning == Skinning::DualQuaternion);
     match dual {
-        true => choice.choose(NAMES[1], "what the script asks for, for some actor at least"),
+        true => choice.choose(NAMES[1], "requested by the script for at least one actor"),
         false => choice.choose(
             NAMES[0],
-            "as glTF has it; .skinning(\"dual_quaternion\") keeps the girth of twisted limbs",
+            "as glTF has it; .skinning(\"dual_quaternion\") keeps the volume of twisted limbs",
         ),
     }
     SceneChoices::Choices(vec![choice])

@@ -65,11 +65,12 @@ fn lobes(sky: &Panorama) -> Vec<(DVec3, f64, DVec3)> {
 /// Compares sizes and sample counts of the reflection maps of a sky.
 pub fn mirrored(sky: &Panorama, budget_secs: f64) -> Choice {
     let mut choice =
-        Choice::new("sky_maps", "How large are the maps of a sky, and of how many samples a texel?");
+        Choice::new("sky_maps", "How large are the reflection maps of a sky, with how many samples a texel?");
     choice.error_unit = "of the sky's mean radiance";
     choice.by_mean = true;
     choice.reference =
-        "the lobe's light in f64 by 16 384 points each, at 7 roughnesses and 40 directions".into();
+        "the light of the specular lobe in f64 from 16 384 samples each, at 7 roughnesses and 40 directions"
+            .into();
     choice.per = "sky".into();
     let truth = lobes(sky);
     let mean =
@@ -101,7 +102,8 @@ pub fn mirrored(sky: &Panorama, budget_secs: f64) -> Choice {
     }
     let nanos = interleaved(Clock::Process, 4.0 * budget_secs, &mut cases);
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
-    let why = "made once a sky, in less than a fifth of a second; sharper mirrors, or more samples, are seldom looked at";
+    let why =
+        "made once for each sky, in less than 0.2 s; sharper reflections or more samples are seldom noticed";
     choice.choose(&name(&SkyOptions::default()), why);
     choice
 }
@@ -112,7 +114,7 @@ fn name(o: &SkyOptions) -> String {
 
 /// Compares forms in which the diffuse light of a sky is stored.
 pub fn diffuse(sky: &Panorama, budget_secs: f64) -> Choice {
-    let mut choice = Choice::new("sky_diffuse", "What is the diffuse light of a sky kept as?");
+    let mut choice = Choice::new("sky_diffuse", "How is the diffuse light of a sky stored?");
     choice.error_unit = "of the sky's mean radiance";
     choice.by_mean = true;
     choice.reference = "the cosine's integral in f64 over 32 768 directions, for 200 normals".into();
@@ -140,7 +142,7 @@ pub fn diffuse(sky: &Panorama, budget_secs: f64) -> Choice {
     };
     type Lookup = Box<dyn Fn(Vec3) -> Vec3>;
     let ways: [(&str, f64, Lookup); 6] = [
-        ("the same from everywhere", 12.0, Box::new(to_order(1))),
+        ("constant in all directions", 12.0, Box::new(to_order(1))),
         ("harmonics to order 1", 48.0, Box::new(to_order(2))),
         ("harmonics to order 2", 108.0, Box::new(to_order(3))),
         ("a map of 8 texels a side", 8.0 * 100.0, Box::new(of_map(8))),
@@ -163,9 +165,7 @@ pub fn diffuse(sky: &Panorama, budget_secs: f64) -> Choice {
     }
     let nanos = interleaved(Clock::Thread, budget_secs, &mut cases);
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
-    choice.choose(
-        "harmonics to order 2",
-        "no texture to read, and its error is not seen on anything that has a shape",
-    );
+    choice
+        .choose("harmonics to order 2", "needs no texture, and its error is not visible on shaped surfaces");
     choice
 }

@@ -37,22 +37,21 @@ pub fn springs(scene: &MeasuredScene) -> Result<SceneChoices, BenchError> {
     let name = |rate: i64| format!("{rate} steps a second");
     let ways: Vec<(String, SolverSettings)> = RATES.iter().map(|rate| (name(*rate), with(*rate))).collect();
     let mut choice = Choice::new("springs", "How many steps a second do springs take?");
-    choice.reference = format!("{EXACT_RATE} steps a second; all joints with springs, places in the world");
+    choice.reference =
+        format!("{EXACT_RATE} steps a second; all joints with springs, positions in world space");
     let until = scene.at.min(Time::from_secs(MOST_SECS)).max(Time::from_secs(0.5));
     choice.per = format!("{:.2} s of the scene, all its poses", until.as_secs() / MOMENTS as f64);
     let window = (Time(until.0 / MOMENTS), until);
     fill(&mut choice, scene, &ways, with(EXACT_RATE), &joints, window)?;
-    choice.choose(
-        &name(ours.spring_rate),
-        "the rate at which parameters of springs are tuned in other programs",
-    );
+    choice.choose(&name(ours.spring_rate), "the rate at which other programs tune spring parameters");
     Ok(SceneChoices::Choices(vec![choice]))
 }
 
 pub fn chains(scene: &MeasuredScene) -> Result<SceneChoices, BenchError> {
     let joints = joints_of(scene.stage, |actor| reached(actor).collect());
     if joints.is_empty() {
-        let why = "no chain of three bones or more, or with limits, reaches for a target; two bones have a closed form";
+        let why = "no IK chain of three or more bones, or with limits, reaches for a target; two bones \
+            have a closed form";
         return Ok(SceneChoices::None(why.into()));
     }
     let ours = scene.stage.solvers;
@@ -65,7 +64,7 @@ pub fn chains(scene: &MeasuredScene) -> Result<SceneChoices, BenchError> {
         .iter()
         .flat_map(|(solver, name)| ITERATIONS.map(|n| (format!("{name}, {n} iterations"), with(*solver, n))))
         .collect();
-    let mut choice = Choice::new("ik", "How do chains of joints find their targets?");
+    let mut choice = Choice::new("ik", "How do IK chains of joints reach their targets?");
     choice.by_mean = true;
     choice.reference = "damped least squares, 1000 iterations to 1e-9 m; the last joint of each chain".into();
     choice.per = "frame, all its poses".into();

@@ -55,7 +55,7 @@ pub fn motion_blur(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoice
     choice.reference = "256 sub-frames".into();
     let truth = Reference { stage: with(256), finer: 1 };
     rows(&mut choice, scene, moment, &variants, &truth)?;
-    choice.choose(&needed, "the effect's samples are the most");
+    choice.choose(&needed, "limited by the effect's samples");
     Ok(SceneChoices::Choices(vec![choice]))
 }
 
@@ -79,10 +79,10 @@ pub fn shadows(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoices, B
     let variant = |n: &u32| Variant { name: name(*n), stage: with(*n), all_sub_frames: false };
     let variants: Vec<Variant> = counts.iter().map(variant).collect();
     let mut choice = Choice::new("shadows", "How large are shadow maps?");
-    choice.reference = format!("{largest} texels a side and 64 samples a pixel, which all ways lack alike");
+    choice.reference = format!("{largest} texels a side and 64 samples a pixel, more than any row has");
     let truth = Reference { stage: with(largest), finer: FINER };
     rows(&mut choice, scene, moment, &variants, &truth)?;
-    choice.choose(&name(given), "the largest that the script has");
+    choice.choose(&name(given), "the largest size that the script sets");
     Ok(SceneChoices::Choices(vec![choice]))
 }
 

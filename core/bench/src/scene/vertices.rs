@@ -56,7 +56,7 @@ fn normals(assets: &[(&Arc<Asset>, usize)]) -> Option<Choice> {
     }
     choice.choose(
         NORMALS[1].0,
-        "far below what shading shows, in a format that every device reads without code",
+        "an error too small to see in shading, in a format that every device reads directly",
     );
     Some(choice)
 }
@@ -108,7 +108,7 @@ fn weights(assets: &[(&Arc<Asset>, usize)], moment: &Moment) -> Option<Choice> {
         let row = Row::new(*name).error(error.worst, error.mean()).bytes(*bytes as f64).at(place);
         choice.rows.push(row);
     }
-    choice.choose(WEIGHTS[1].0, "as exact as floats to the eye, at half their size");
+    choice.choose(WEIGHTS[1].0, "looks as exact as floats, at half their size");
     Some(choice)
 }
 

@@ -32,7 +32,9 @@ pub fn video(frame: &Frame, exporter: &dyn Exporter) -> Result<Choice, BenchErro
     let mut choice = Choice::new("video", "At which quality is a frame written as MP4?");
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
-    choice.reference = "the frame before it was encoded; the video decoded again, BT.709 and chroma by straight lines in f64".into();
+    choice.reference =
+        "the frame before encoding, against the decoded video (BT.709, chroma interpolated linearly, in f64)"
+            .into();
     let row = |name: String, back: &Frame, bytes: usize| -> Result<Row, BenchError> {
         let c = compare(back, frame, TOLERANCE)?;
         let note =
@@ -53,7 +55,7 @@ pub fn video(frame: &Frame, exporter: &dyn Exporter) -> Result<Choice, BenchErro
     choice.rows.push(row("4:2:0, not compressed".into(), &back, size)?);
     choice.choose(
         "quality 75",
-        "the default: most of what is left is what 4:2:0 itself cannot hold, in the last row",
+        "the default: most of the remaining error comes from 4:2:0 itself, see the last row",
     );
     Ok(choice)
 }

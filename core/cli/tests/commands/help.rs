@@ -139,7 +139,7 @@ fn effects_and_pages_describe_themselves() {
     let plugin = choreo(folder().path(), &["plugins", "film_grain"]);
     let parts = [
         "effects\n  film_grain ",
-        "another one in each frame",
+        "different in each frame",
         "strength ",
         "plugins/effects/film_grain/README.md",
     ];

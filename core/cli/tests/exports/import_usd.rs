@@ -169,7 +169,11 @@ fn files_by_usd_core_are_read_in_all_formats() {
         let warnings: Vec<String> =
             asset.warnings.iter().map(|w| format!("{}: {}", w.place, w.text)).collect();
         let said = ["/world/panel: is a RectLight", "/world/disk: is a DiskLight"];
-        assert_eq!(warnings, said.map(|light| format!("{light}, which shines from its middle")), "{name}");
+        assert_eq!(
+            warnings,
+            said.map(|light| format!("{light}, which becomes a light at its center")),
+            "{name}"
+        );
         for code in [1.0, 7.5, 25.0] {
             let truth = read(&python, &path, &[code]);
             let (metres, count) = farthest(&asset, &truth, (code - 1.0) / 24.0);

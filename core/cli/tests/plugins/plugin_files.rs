@@ -62,7 +62,7 @@ fn plugins_beside_a_script_are_listed_and_checked() {
     // Plugins beside the named files are listed, too; from the manifest alone.
     let out = good(dir.path(), &["info", "a.dots", "--help"]);
     assert!(out.contains("  dots\n      scale          metres a unit (0.1 to 10, default 1)"), "{out}");
-    assert!(out.contains("      tolerance      degrees that a rotation may be off"), "{out}");
+    assert!(out.contains("      tolerance      largest rotation error between keys"), "{out}");
     let out = good(dir.path(), &["render", "--help"]);
     assert!(out.contains("Options of exporters") && out.contains("Limits, set with --limit"), "{out}");
     let out = good(dir.path(), &["plugins", "--for", "a.dots"]);

@@ -303,7 +303,7 @@ fn what_cannot_be_driven_is_said() {
     );
     assert!(
         said("lower-node/visibility")
-            .ends_with("1 channel for something of a node that is no transform; left out")
+            .ends_with("1 channel for something of a node that is not a transform; left out")
     );
     assert!(
         said("lower-node/m(9)(0)")

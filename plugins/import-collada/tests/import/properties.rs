@@ -123,7 +123,7 @@ fn numbers_that_are_not_read_are_named() {
     let said = warnings(&asset);
     assert!(
         said.iter()
-            .any(|w| w.contains("1 channel for a number of a camera or light that is not read; left out")),
+            .any(|w| w.contains("1 channel for an unsupported property of a camera or light; left out")),
         "{said:?}"
     );
 }

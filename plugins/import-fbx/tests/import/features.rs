@@ -120,7 +120,7 @@ fn ten_influences_become_eight() {
     let wanted = "1 of 28 points have more than 8 influences, up to 10; the 8 largest are kept and stretched to 1, at worst 4.00 % of the weight is lost";
     assert!(told.iter().any(|w| w.ends_with(wanted)), "{told:#?}");
     assert!(
-        told.iter().any(|w| w.ends_with("6 of 28 points have no influence; they go with the mesh's node")),
+        told.iter().any(|w| w.ends_with("6 of 28 points have no influence; they follow the mesh's node")),
         "{told:#?}"
     );
 }

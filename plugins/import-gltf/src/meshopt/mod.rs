@@ -122,7 +122,10 @@ impl Packed {
             Mode::Indices => 0xd0,
         };
         if head & 0xf0 != mark {
-            return Err(format!("begins with {head:#04x}, but {mark:#04x} is this mode's mark").into());
+            return Err(format!(
+                "begins with byte {head:#04x}, but data of this mode begin with {mark:#04x}"
+            )
+            .into());
         }
         match head & 0x0f {
             0 | 1 => Ok(()),

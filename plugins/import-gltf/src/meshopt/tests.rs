@@ -195,7 +195,10 @@ fn lies_are_refused_before_anything_is_allocated() {
     assert!(of(24).unpack(&hex(WAVE_0)).is_err());
     let longer = [&hex(WAVE_0)[..160], &[0; 3], &hex(WAVE_0)[160..]].concat();
     assert_eq!(of(40).unpack(&longer).unwrap_err().what, "bytes are left over after the last element");
-    assert_eq!(of(1).unpack(&[0x50; 64]).unwrap_err().what, "begins with 0x50, but 0xa0 is this mode's mark");
+    assert_eq!(
+        of(1).unpack(&[0x50; 64]).unwrap_err().what,
+        "begins with byte 0x50, but data of this mode begin with 0xa0"
+    );
     assert_eq!(of(1).unpack(&[0xa7; 64]).unwrap_err().what, "is of version 7; the newest known is 1");
     let check =
         |mode, filter, count, stride| Packed { mode, filter, count, stride }.check().unwrap_err().what;

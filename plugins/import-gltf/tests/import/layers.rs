@@ -151,7 +151,7 @@ fn glass_says_what_it_does_not_do() {
     assert_eq!(warnings.len(), 1);
     assert_eq!(
         warnings[0].text,
-        "1 materials let light through a thin, rough wall: what is behind is tinted, but not blurred by the roughness"
+        "1 materials have transmission with thin, rough walls: the background is tinted, but not blurred by the roughness"
     );
 }
 
@@ -178,5 +178,5 @@ fn variants() {
         error.to_string(),
         "variants.glb: extensions.KHR_materials_variants.variants: has no variant \"golden\""
     );
-    assert_eq!(error.hint.as_deref(), Some("there are plain, festive"));
+    assert_eq!(error.hint.as_deref(), Some("its variants are plain, festive"));
 }

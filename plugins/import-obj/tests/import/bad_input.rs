@@ -53,7 +53,7 @@ fn errors_name_the_line() {
     }
     for nothing in ["", "just words\n"] {
         let text = error_text(import_bytes(&ObjImporter, "bad.obj", nothing));
-        assert_eq!(text, "bad.obj: line 1: there is nothing of OBJ in it");
+        assert_eq!(text, "bad.obj: line 1: the file has no OBJ data");
     }
     let groups: String = (0..70_000).map(|i| format!("g {i}\np -1\n")).collect();
     let groups = format!("v 0 0 0\n{groups}");

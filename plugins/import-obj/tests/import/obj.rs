@@ -307,9 +307,9 @@ fn reflections_by_model_map_and_panorama() {
     assert_eq!(
         warnings(&asset),
         [
-            "x.mtl line 18: \"refl\": -type cube_top is a side of a cube; only a panorama, -type sphere, can be mirrored; it is left out",
-            "x.mtl line 21: \"refl\": -type plane is not sphere, nor the side of a cube; it is left out",
-            "x.mtl line 14: \"metal\" has Pr or Pm, by which it mirrors; its refl is left out",
+            "x.mtl line 18: \"refl\": -type cube_top is a side of a cube map; only a panorama, -type sphere, can be used for reflections; it is left out",
+            "x.mtl line 21: \"refl\": -type plane is neither sphere nor a side of a cube map; it is left out",
+            "x.mtl line 14: \"metal\" has Pr or Pm, which set its reflections; its refl is left out",
         ]
     );
 }

@@ -85,8 +85,8 @@ fn what_is_left_or_guessed_is_said() {
             bones["chest"] = json!({ "node": 2 });
         }),
         [
-            "extensions.VRMC_vrm.humanoid.humanBones.head: nodes[2] is chest already; this bone is left out",
-            "extensions.VRMC_vrm.humanoid.humanBones.tail: \"tail\" is no human bone; it is left out",
+            "extensions.VRMC_vrm.humanoid.humanBones.head: nodes[2] is the bone chest already; this bone is left out",
+            "extensions.VRMC_vrm.humanoid.humanBones.tail: \"tail\" is not a human bone; it is left out",
             "extensions.VRMC_vrm.humanoid.humanBones: has no head, which every VRM must have",
         ]
     );
@@ -99,9 +99,9 @@ fn what_is_left_or_guessed_is_said() {
             faces["preset"]["happy"]["overrideBlink"] = json!("maybe");
         }),
         [
-            "extensions.VRMC_vrm.expressions.preset.happy.overrideBlink: is none of none, block and blend; none is used",
+            "extensions.VRMC_vrm.expressions.preset.happy.overrideBlink: is not none, block or blend; none is used",
             "extensions.VRMC_vrm.expressions.custom.happy: is a second \"happy\"; it is left out",
-            "extensions.VRMC_vrm.expressions: 1 expressions also change something of materials that is not drawn or not there: happy",
+            "extensions.VRMC_vrm.expressions: 1 expressions also change material properties that are missing or not drawn: happy",
         ]
     );
     assert_eq!(

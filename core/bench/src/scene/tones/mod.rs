@@ -38,7 +38,7 @@ pub fn choices(scene: &MeasuredScene) -> Result<SceneChoices, BenchError> {
         None => (false, scene.stage.settings.view_transform == ViewTransform::Agx),
     };
     if !aces_runs && !agx_runs {
-        let why = "the scene uses neither AgX nor ACES; the other view transforms are their definitions";
+        let why = "the scene uses neither AgX nor ACES; the other view transforms are computed exactly";
         return Ok(SceneChoices::None(why.into()));
     }
     let lights = lights(scene, parameter("exposure").unwrap_or(0.0))?;
@@ -201,7 +201,7 @@ fn wrensch(color: Vec3) -> Vec3 {
 
 /// Compares approximations of ACES.
 pub fn aces(lights: &[Light], of: &str, budget_secs: f64) -> Choice {
-    let mut choice = Choice::new("aces", "How is light brought onto the screen as ACES does it?");
+    let mut choice = Choice::new("aces", "How is the ACES view transform computed?");
     choice.reference = format!(
         "the reference rendering transform and the output transform for sRGB of 100 nits in a dim room (Academy, ACES 1.0.3), in f64; {of}"
     );
@@ -218,7 +218,7 @@ pub fn aces(lights: &[Light], of: &str, budget_secs: f64) -> Choice {
     );
     choice.choose(
         "Hill's fit between two matrices",
-        "keeps what people know ACES for, bright colors that turn pale, at a small part of the cost",
+        "keeps the typical look of ACES, bright colors that turn pale, at a small part of the cost",
     );
     choice
 }
@@ -232,7 +232,7 @@ fn narkowicz(light: Vec3) -> Vec3 {
 
 /// Compares approximations of the sigmoid of AgX.
 pub fn agx(lights: &[Light], of: &str, budget_secs: f64) -> Choice {
-    let mut choice = Choice::new("agx", "How is the sigmoid of AgX found?");
+    let mut choice = Choice::new("agx", "How is the sigmoid of AgX computed?");
     choice.reference = format!(
         "the sigmoid in f64 (Sobotka, AgX-S2O3: slope 2 at the pivot, powers 3 and 3.25), between the same matrices; {of}"
     );
@@ -257,7 +257,7 @@ pub fn agx(lights: &[Light], of: &str, budget_secs: f64) -> Choice {
     );
     choice.choose(
         "polynomial of degree 6 (Wrensch)",
-        "the fit that other programs have, so that a look is the same there; seven numbers and no branch",
+        "the fit that other programs use, so that images match theirs; seven coefficients and no branch",
     );
     choice
 }

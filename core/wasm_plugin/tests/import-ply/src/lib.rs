@@ -12,7 +12,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new("ply", "1.0.0", "Stanford polygons: vertices with normals, and faces")
         .extensions(["ply"])
         .magic(b"ply\n")
-        .number("scale", "metres a unit of the file", 1.0, 1e-6..=1e6)
+        .number("scale", "metres per file unit", 1.0, 1e-6..=1e6)
 });
 
 #[derive(Clone, Copy, Debug, Default)]

@@ -1,5 +1,5 @@
 // effect: NAME
-// about: fades colors to shades of one hue
+// about: fades the image to shades of one color
 // version: 0.1.0
 // param amount = 1.0 in 0..1: 0 = unchanged, 1 = shades only
 // param warmth = 0.5 in -1..1: -1 = blue, 1 = brown
