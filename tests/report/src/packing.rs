@@ -54,7 +54,7 @@ fn normals() -> Choice {
     }
     choice.choose(
         NORMALS[1].0,
-        "far below a visible error in shading, in a format that every device reads without code",
+        "an error too small to see in shading, in a format that every device reads directly",
     );
     choice
 }
