@@ -68,9 +68,9 @@ impl Form {
             (Form::Angles, Some(three)) if three.len() == 3 => three,
             (Form::Angles, None) => number(v, label)
                 .map(|y| vec![0.0, y, 0.0])
-                .map_err(|_| wrong(v, label, "degrees a second about y, or [x, y, z]"))?,
+                .map_err(|_| wrong(v, label, "degrees per second about y, or [x, y, z]"))?,
             (Form::Angles, Some(_)) => {
-                return Err(wrong(v, label, "degrees a second about y, or [x, y, z]"));
+                return Err(wrong(v, label, "degrees per second about y, or [x, y, z]"));
             }
             (Form::Numbers { least, width, factor }, Some(mut all))
                 if (least..=width).contains(&all.len()) =>
@@ -82,16 +82,16 @@ impl Form {
                 vec![number(v, label)? * factor; width]
             }
             (Form::Numbers { least: 1, .. }, _) => {
-                return Err(wrong(v, label, "a number, the change a second"));
+                return Err(wrong(v, label, "a number, the change per second"));
             }
             (Form::Numbers { least, .. }, _) => {
-                let allowed = format!("{least} numbers, the change of each a second, or one for all");
+                let allowed = format!("{least} numbers, the change per second of each, or one for all");
                 return Err(wrong(v, label, &allowed));
             }
         };
         match read.iter().all(|n| n.abs() <= STEEPEST) {
             true => Ok(read),
-            false => Err(wrong(v, label, "within ±1e15 a second")),
+            false => Err(wrong(v, label, "within ±1e15 per second")),
         }
     }
 
