@@ -108,7 +108,7 @@ impl Importer for IsolatedImporter {
         asset.origin.importer = manifest.to_string();
         checked(asset, needs).map_err(|AssetFault { place, what }| {
             let Manifest { name, version, .. } = manifest;
-            fault(place, format!("the plugin {name} {version} has made a faulty asset: {what}"))
+            fault(place, format!("the plugin {name} {version} returned a faulty asset: {what}"))
         })
     }
 }
@@ -121,7 +121,7 @@ pub(crate) struct AfterFailures {
 
 /// The failure of a claim in a sentence.
 pub(crate) fn failed_claim(panic: &PluginPanic) -> String {
-    format!("{panic} (when it was asked whether the file is its own; the other importers were asked)")
+    format!("{panic} (while it checked whether it can read the file; the other importers were tried)")
 }
 
 impl Importer for AfterFailures {

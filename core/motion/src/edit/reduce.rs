@@ -49,7 +49,7 @@ pub enum ReduceError {
 
 crate::error_texts! { ReduceError:
     Self::Tolerance(tolerance) => "the tolerance of {tolerance} m must be from 0 m to 1 m";
-    Self::Joints { clip, joints, expected } => "the clip \"{clip}\" is of {joints} joints, the skeleton of {expected}";
+    Self::Joints { clip, joints, expected } => "the clip \"{clip}\" has {joints} joints, the skeleton has {expected}";
 }
 
 /// A point that turns with a joint is at least this far from it, metres: fingertips and a hat also turn.

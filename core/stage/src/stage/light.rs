@@ -76,15 +76,15 @@ impl Shadow {
 }
 
 fn shines_however_far(of: &StageLight) -> Option<&'static str> {
-    of.light.kind.is_directional().then_some("a sun shines however far")
+    of.light.kind.is_directional().then_some("a sun has no range")
 }
 
 fn shines_all_around(of: &StageLight) -> Option<&'static str> {
-    (!of.light.kind.has_direction()).then_some("a point shines in all directions")
+    (!of.light.kind.has_direction()).then_some("a point light shines in all directions")
 }
 
 fn has_no_cone(of: &StageLight) -> Option<&'static str> {
-    of.light.kind.cone().is_none().then_some("only a spot has a cone")
+    of.light.kind.cone().is_none().then_some("only a spot light has a cone")
 }
 
 fn set_cone(of: &mut StageLight, index: usize, angle: FieldValue) {
