@@ -233,7 +233,7 @@ impl<'a> InFunction<'a> {
                 let ty = self.named(variable.ty);
                 let what = match (source, variable.init) {
                     (LocalVariableError::InitializerType, Some(init)) => {
-                        format!("{name} is {ty}, its first value {}", self.of(init))
+                        format!("{name} is {ty}, its initial value is {}", self.of(init))
                     }
                     (LocalVariableError::InvalidType(_), _) => {
                         format!("{name}: a variable cannot have the type {ty}")
@@ -251,7 +251,7 @@ impl<'a> InFunction<'a> {
                     Some(value) => self.at(*value, format!("{returns}, this value is {}", self.of(*value))),
                     None if self.innermost == self.whole => Mistake::new(
                         self.whole,
-                        format!("{returns}, but one way through it ends without return"),
+                        format!("{returns}, but one path through it ends without return"),
                     ),
                     None => self.here(format!("{returns}, this return has no value")),
                 }
@@ -354,7 +354,7 @@ impl<'a> InFunction<'a> {
                 format!("{} cannot take {} as argument {}", name_of(*function), self.of(*value), index + 1)
             }
             E::WrongArgumentCount(function) => {
-                format!("{} takes another number of arguments", name_of(*function))
+                format!("{} is called with the wrong number of arguments", name_of(*function))
             }
             E::InvalidBooleanVector(value) => {
                 format!("a vector of bool is needed, this value is {}", self.of(*value))
