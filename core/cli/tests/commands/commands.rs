@@ -99,7 +99,7 @@ fn explain_says_how_many_sub_frames_motion_blur_takes_and_why() {
         )
     };
     for (turn, said) in [
-        (0.0, "blur       1 sub-frame: nothing that is seen moves while the shutter is open"),
+        (0.0, "blur       1 sub-frame: nothing visible moves while the shutter is open"),
         (400.0, "blur       2 sub-frames: nothing moves by more than 1."),
         (20000.0, "blur       16 sub-frames: something moves by "),
     ] {

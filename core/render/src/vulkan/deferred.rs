@@ -114,8 +114,10 @@ impl Execution<'_> {
 
     /// Lights the G-buffer with the pipeline that was bound before.
     pub(super) fn light(&self, area: Option<[u32; 4]>) -> Result<(), RenderError> {
-        let set =
-            self.slot.kept_set.ok_or_else(|| RenderError::Usage("the kept set was not prepared".into()))?;
+        let set = self
+            .slot
+            .kept_set
+            .ok_or_else(|| RenderError::Usage("the G-buffer set was not prepared".into()))?;
         self.bind_set(self.layouts.light()?.pipeline, 3, set.raw);
         self.set_cull(Cull::None);
         let [width, height] = self.targets.needs.size;
