@@ -30,7 +30,7 @@ pub fn before(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) {
             );
         }
         if build.cuts[..i].iter().any(|(cut, _)| cut.at == *at && cut.camera != *camera) {
-            warn("two_cuts", place, format!("two cameras are cut to at {} s; this one wins", shown(*at)));
+            warn("two_cuts", place, format!("two cameras have a cut at {} s; this one wins", shown(*at)));
         }
     }
 }

@@ -275,7 +275,7 @@ impl<'a> InFunction<'a> {
             FunctionError::InvalidReturnSpot => self.here("return is inside a continuing block"),
             FunctionError::ConflictingSwitchCase(_) => Mistake::new(
                 double_case(&self.function.body).unwrap_or(self.innermost),
-                "switch has two cases of one value".into(),
+                "switch has two cases with the same value".into(),
             ),
             FunctionError::ConflictingCaseType => self.here("the cases of switch have different types"),
             FunctionError::MissingDefaultCase => self.here("switch has no default case"),

@@ -377,8 +377,10 @@ fn of_lights(all: Features, facts: &Facts) -> Reports {
         }
         _ => "no shadow of an actor falls on anything in view",
     };
-    let beyond =
-        format!("{} lights: all maps together are at most 32 and 8192 texels a side", facts.shadows_beyond);
+    let beyond = format!(
+        "{} lights: there are at most 32 maps, together at most 8192 texels a side",
+        facts.shadows_beyond
+    );
     let local = all.has(Features::LOCAL_LIGHTS);
     let lit_by = facts.lit_drawn && facts.lights_exist;
     let reports = [

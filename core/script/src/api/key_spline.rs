@@ -140,7 +140,7 @@ pub(super) fn read(
     let weight = o.read("weight", |v, label| form.weights(v, label))?;
     let [mut incoming, mut outgoing]: [Side; 2] = [side("in")?, side("out")?];
     if ease.is_some() && incoming.is_given() {
-        let text = format!("{of}: key {n} has both an ease and a tangent into it: give one of them");
+        let text = format!("{of}: key {n} has both an ease and an incoming tangent: give only one of them");
         return Err(ApiError::new(text));
     }
     for side in [&mut incoming, &mut outgoing] {

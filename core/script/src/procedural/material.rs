@@ -147,7 +147,7 @@ impl Maps {
         let scale = tiles.unwrap_or(1.0);
         match (image, second) {
             (Some(_), Some(_)) => {
-                return fail("checker makes an image of its own; leave image or checker out", "checker");
+                return fail("checker makes an image of its own; give only image or checker", "checker");
             }
             (Some(given), None) => {
                 let files = given.files.as_ref();

@@ -173,7 +173,7 @@ fn resolve_cue(
         refuse(draft, "root motion is for clips that are not a layer", notes);
     }
     if cue.inertialization > Time::ZERO && (draft.cue.fade_in > Time::ZERO || draft.in_step) {
-        refuse(draft, "inertial begins at once, so there is no fade", notes);
+        refuse(draft, "inertial starts at full weight; it cannot be used with a fade", notes);
     }
     if layer && draft.in_step {
         refuse(draft, "in_step is for clips that are not a layer", notes);

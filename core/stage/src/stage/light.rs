@@ -60,7 +60,7 @@ described! {
     fields {
         /// size of the shadow map
         size: size, FieldType::Number(64.0, 4096.0, "texels");
-        /// width of the soft edge; by default 0.01, and of a sun what its disc of 0.53° makes, wider farther from the caster
+        /// width of the soft edge; by default 0.01, for a sun that of its disc of 0.53°: wider farther from the caster
         softness: softness, FieldType::Number(0.0, 100.0, "metres");
     }
 }

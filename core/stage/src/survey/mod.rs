@@ -124,7 +124,7 @@ fn never_used(stage: &Stage, findings: &mut Vec<Finding>) {
             true => format!(
                 "camera \"{name}\" is never on: the cut to another camera comes before its first frame"
             ),
-            false => format!("camera \"{name}\" is never on: nothing cuts to it"),
+            false => format!("camera \"{name}\" is never on: there is no cut to it"),
         };
         let hint = if cut_to { "" } else { "the first camera is on from the start, others from .cut(time)" };
         findings.push(warn("camera_never_on", Subject::Camera(index), text, hint));

@@ -71,7 +71,7 @@ const BODIES: &[(&str, &str)] = &[
     ("    switch 1 { case 1: { } }\n    return color;", "3:5: switch has no default case"),
     (
         "    switch 1 { case 1: { } case 1: { } default: { } }\n    return color;",
-        "3:5: switch has two cases of one value",
+        "3:5: switch has two cases with the same value",
     ),
     ("    break;\n    return color;", "3:5: break is outside of a loop or switch"),
     ("    return;", "3:5: effect returns vec4<f32>, this return has no value"),

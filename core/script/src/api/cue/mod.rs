@@ -95,12 +95,12 @@ fn then(c: &mut Call) -> Reply {
     let mut build = c.build();
     let before = build.cue(this.0)?;
     if before.followed {
-        return Err(ApiError::new("then: something follows this cue already")
+        return Err(ApiError::new("then: another cue follows this cue already")
             .hint("call the next .then on the cue that follows"));
     }
     let endless = matches!(before.repeat, Some(Repeat::Loop | Repeat::PingPong)) && before.until.is_none();
     if endless && cue.start.is_none() {
-        return Err(ApiError::new("then: the cue before repeats without end")
+        return Err(ApiError::new("then: the cue before it repeats without end")
             .hint("give it an end with .until(time)"));
     }
     before.followed = true;
