@@ -108,7 +108,7 @@ impl Importer for IsolatedImporter {
         asset.origin.importer = manifest.to_string();
         checked(asset, needs).map_err(|AssetFault { place, what }| {
             let Manifest { name, version, .. } = manifest;
-            fault(place, format!("the plugin {name} {version} returned a faulty asset: {what}"))
+            fault(place, format!("the plugin {name} {version} has returned a faulty asset: {what}"))
         })
     }
 }
@@ -503,7 +503,9 @@ mod tests {
         );
         let error = import(&registry).err().unwrap();
         assert!(
-            error.what.starts_with(&format!("no importer knows this kind of file; {panic} (when")),
+            error
+                .what
+                .starts_with(&format!("no importer knows this kind of file; {panic} (while it checked")),
             "{error}"
         );
         registry.add_importer(Good(Manifest::new("good", "2", "reads").extensions(["x"])));
