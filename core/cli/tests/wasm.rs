@@ -88,11 +88,7 @@ fn a_manifest_is_remembered_and_a_false_one_found() {
     other[place] = b'9';
     std::fs::write(remembered.join(&name), &other).unwrap();
     let run = run(folder, &["info", "a.my_format"]);
-    assert!(
-        run.code != 0 && run.err.contains("its manifest is not the one that was remembered"),
-        "{}",
-        run.err
-    );
+    assert!(run.code != 0 && run.err.contains("its manifest differs from the stored one"), "{}", run.err);
     // What is no manifest is made anew.
     std::fs::write(remembered.join(&name), b"nothing of the kind").unwrap();
     good(folder, &["info", "a.my_format"]);

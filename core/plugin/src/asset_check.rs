@@ -51,9 +51,9 @@ pub(crate) fn checked(mut asset: Asset, scope: ImportScope) -> Result<Asset, Ass
             normalize_weights(Arc::make_mut(&mut asset.meshes[index]));
         }
         if asset.meshes[index].primitives.iter().all(|primitive| primitive.indices.is_empty()) {
-            warn("has neither triangles nor lines nor points, and is not drawn".into());
+            warn("has neither triangles nor lines nor points, so it is not drawn".into());
         } else if placed.is_empty() {
-            warn("no node has it, and it is not drawn".into());
+            warn("no node uses it, so it is not drawn".into());
         }
     }
     asset.warnings.extend(warnings);
@@ -263,7 +263,7 @@ fn check_weights(
 ) -> Result<usize, AssetFault> {
     let (each, vertices) = (primitive.influences, primitive.positions.len());
     if !matches!(each, 0 | 4 | 8) {
-        return Err(fault(place(), format!("has {each} influences a vertex, must be 0, 4 or 8")));
+        return Err(fault(place(), format!("has {each} influences per vertex, must be 0, 4 or 8")));
     }
     let (indices, weights) = (&primitive.joint_indices, &primitive.joint_weights);
     if indices.len() != each * vertices || weights.len() != each * vertices {
@@ -374,7 +374,7 @@ mod tests {
             ),
             (|a| part(a).morphs[0].positions.truncate(1), "has 1 positions of a morph target for 3 vertices"),
             (|a| part(a).morphs.push(MorphTarget::default()), "has 2 morph targets, but its mesh has 1"),
-            (|a| part(a).influences = 3, "has 3 influences a vertex, must be 0, 4 or 8"),
+            (|a| part(a).influences = 3, "has 3 influences per vertex, must be 0, 4 or 8"),
             (
                 |a| part(a).joint_weights.truncate(8),
                 "has 12 joint indices and 8 weights for 3 vertices of 4 influences",
@@ -418,8 +418,8 @@ mod tests {
             asset.warnings.iter().map(|w| format!("{} {}", w.place, w.text)).collect();
         let expected = [
             "meshes[0] \"flag\" the weights of 2 vertices do not sum to 1; they are normalized",
-            "meshes[1] \"ghost\" has neither triangles nor lines nor points, and is not drawn",
-            "meshes[2] \"lost\" no node has it, and it is not drawn",
+            "meshes[1] \"ghost\" has neither triangles nor lines nor points, so it is not drawn",
+            "meshes[2] \"lost\" no node uses it, so it is not drawn",
         ];
         assert_eq!(warnings, expected);
     }

@@ -160,7 +160,8 @@ impl<'b> Binary<'b> {
     ) -> Result<Vec<T>> {
         let size = N.saturating_mul(T::SIZE);
         if stride < size || size == 0 {
-            let what = format!("rows of {N} numbers, {size} bytes, cannot begin every {stride} bytes");
+            let what =
+                format!("rows of {N} numbers take {size} bytes, more than the stride of {stride} bytes");
             return Err(BinaryError { at, what });
         }
         let Some(before) = count.checked_sub(1) else { return Ok(Vec::new()) };

@@ -110,7 +110,7 @@ pub trait Exporter: Send + Sync {
         out: Box<dyn Write + Send>,
     ) -> Result<Box<dyn FrameSink>, ExportError> {
         let _ = (info, states, so_far, out);
-        Err(ExportError::Format(format!("{} cannot go on with a file", self.manifest().name)))
+        Err(ExportError::Format(format!("{} cannot continue a partial file", self.manifest().name)))
     }
 }
 
@@ -203,7 +203,7 @@ pub trait FrameSink: Send {
     /// Writes the next frame of an exporter whose [`Exporter::wish`] is not [`FrameWish::Bytes`].
     fn float_frame(&mut self, frame: &FloatFrame) -> Result<(), ExportError> {
         let _ = frame;
-        Err(ExportError::Format("this format holds no floats".into()))
+        Err(ExportError::Format("this format cannot store floats".into()))
     }
 
     /// Writes a frame with the same pixels as the frame before. The bytes are those of [`FrameSink::frame`], made at less cost where the

@@ -82,7 +82,7 @@ pub fn import(importer: &dyn Importer) -> u64 {
         Ok(asset) => match missing_parts(&asset) {
             None => ImportReply::Asset(Box::new(asset)),
             Some(part) => {
-                let what = format!("the asset has {part}, which a plugin in WebAssembly cannot hand over");
+                let what = format!("the asset has {part}, which a WebAssembly plugin cannot return");
                 error(&request.name, what)
             }
         },
@@ -206,7 +206,7 @@ impl Files for HostFiles {
 /// A snapshot of the exported scene.
 fn snapshot_at(time: Time) -> Snapshot {
     let bytes = taken(host::snapshot(time.0));
-    from_bytes(&bytes).unwrap_or_else(|e| panic!("a snapshot that is none: {e}"))
+    from_bytes(&bytes).unwrap_or_else(|e| panic!("an invalid snapshot: {e}"))
 }
 
 /// The files of an export, which the program writes.

@@ -108,7 +108,7 @@ impl Importer for IsolatedImporter {
         asset.origin.importer = manifest.to_string();
         checked(asset, needs).map_err(|AssetFault { place, what }| {
             let Manifest { name, version, .. } = manifest;
-            fault(place, format!("the plugin {name} {version} has made a faulty asset: {what}"))
+            fault(place, format!("the plugin {name} {version} has returned a faulty asset: {what}"))
         })
     }
 }
@@ -121,7 +121,7 @@ pub(crate) struct AfterFailures {
 
 /// A sentence about the failure of a claim.
 pub(crate) fn failed_claim(panic: &PluginPanic) -> String {
-    format!("{panic} (when it was asked whether the file is its own; the other importers were asked)")
+    format!("{panic} (while it checked whether it can read the file; the other importers were tried)")
 }
 
 impl Importer for AfterFailures {
@@ -503,7 +503,9 @@ mod tests {
         );
         let error = import(&registry).err().unwrap();
         assert!(
-            error.what.starts_with(&format!("no importer knows this kind of file; {panic} (when")),
+            error
+                .what
+                .starts_with(&format!("no importer knows this kind of file; {panic} (while it checked")),
             "{error}"
         );
         registry.add_importer(Good(Manifest::new("good", "2", "reads").extensions(["x"])));

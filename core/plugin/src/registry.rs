@@ -89,7 +89,7 @@ const IMPORTERS: &str = ".importer.";
 /// registry.add_faulty("plugins/a.importer.rhai".into(), "no function load");
 /// // The last plugin of a name counts.
 /// assert_eq!((registry.importers().len(), registry.exporters().len(), registry.scene_exporters().len()), (1, 1, 1));
-/// assert_eq!(registry.replaced()[0], "the importer mine takes the place of another of this name");
+/// assert_eq!(registry.replaced()[0], "the importer mine replaces another one of this name");
 /// assert!(registry.exporter_for("a.mine").is_some() && registry.scene_exporter_for("a.MINE").is_some());
 /// let source = Source { name: "a.mine".into(), bytes: Default::default() };
 /// assert_eq!(registry.claims(&source)[0].0, Claim::Extension);
@@ -179,7 +179,7 @@ impl Registry {
     }
     fn note_replaced(&mut self, kind: &str, name: &str, replaced: bool) {
         if replaced {
-            self.replaced.push(format!("the {kind} {name} takes the place of another of this name"));
+            self.replaced.push(format!("the {kind} {name} replaces another one of this name"));
         }
     }
     /// Messages about plugins that replaced others of the same name, one sentence each, in the order in which the plugins were added.

@@ -11,7 +11,7 @@ pub enum RenderError {
     #[error("Vulkan: {object}: {result}")]
     Vulkan { object: String, result: String },
     /// The device is lost for good; another one can be created.
-    #[error("Vulkan: {object}: the device was lost; the kernel log may say why the driver gave it up")]
+    #[error("Vulkan: {object}: the device was lost; the kernel log may name the reason")]
     DeviceLost { object: String },
     /// The device or the machine has no memory left.
     #[error("Vulkan: {object}: out of memory")]

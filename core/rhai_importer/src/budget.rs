@@ -37,7 +37,7 @@ impl Budget {
             .fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes as u64));
         taken.map(drop).map_err(|_| {
             refuse(format!(
-                "too much memory: all arrays together may take {} MB, 64 and 16 times the file's size",
+                "too much memory: all arrays together may take {} MB, 64 MB plus 16 times the file's size",
                 self.all >> 20
             ))
         })

@@ -206,7 +206,10 @@ fn script_value(value: serde_json::Value) -> Result<Dynamic, Refused> {
         },
         Value::String(s) => s.into(),
         Value::Array(a) if a.len() > MOST_IN_ARRAY => {
-            return Err(refuse(format!("json: an array of {}, at most {MOST_IN_ARRAY}", a.len())));
+            return Err(refuse(format!(
+                "json: an array has {} elements, at most {MOST_IN_ARRAY} are allowed",
+                a.len()
+            )));
         }
         Value::Array(a) => a.into_iter().map(script_value).collect::<Result<Array, _>>()?.into(),
         Value::Object(o) => {

@@ -56,7 +56,7 @@ impl<'a> Fields<'a> {
             Some(key) => {
                 let near = did_you_mean(key, known.iter().copied());
                 let known = list(known.iter().copied(), 30);
-                Err(format!("{what}: unknown field \"{key}\"{near}; it knows {known}").into())
+                Err(format!("{what}: unknown field \"{key}\"{near}; known fields: {known}").into())
             }
         }
     }

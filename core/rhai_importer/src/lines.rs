@@ -65,8 +65,9 @@ impl Lines {
 
     fn at(&self, index: i64) -> Result<ImmutableString, Refused> {
         let place = usize::try_from(index).ok().and_then(|i| self.places().get(i));
-        let place =
-            place.ok_or_else(|| refuse(format!("line {index} of {}, counted from 0", self.range.len())))?;
+        let place = place.ok_or_else(|| {
+            refuse(format!("there is no line {index} in {} lines, counted from 0", self.range.len()))
+        })?;
         // The whole text has been checked to be UTF-8.
         Ok(String::from_utf8_lossy(&self.bytes.slice()[place.clone()]).as_ref().into())
     }
@@ -74,8 +75,9 @@ impl Lines {
     fn part(&self, start: i64, count: i64) -> Result<Lines, Refused> {
         let range = usize::try_from(start).ok().zip(usize::try_from(count).ok());
         let range = range.and_then(|(s, c)| Some(s..s.checked_add(c)?)).filter(|r| r.end <= self.range.len());
-        let range =
-            range.ok_or_else(|| refuse(format!("part({start}, {count}) of {} lines", self.range.len())))?;
+        let range = range.ok_or_else(|| {
+            refuse(format!("part({start}, {count}) is outside of {} lines", self.range.len()))
+        })?;
         let range = self.range.start + range.start..self.range.start + range.end;
         Ok(Lines { range, ..self.clone() })
     }
@@ -115,7 +117,7 @@ impl Lines {
     fn array(&self) -> Result<Array, Refused> {
         if self.range.len() > MOST_IN_ARRAY {
             return Err(refuse(format!(
-                "array(): {} lines, at most {MOST_IN_ARRAY} fit a script's array; go through the lines as they are",
+                "array(): {} lines, at most {MOST_IN_ARRAY} fit a script's array; loop over the lines instead",
                 self.range.len()
             )));
         }

@@ -74,19 +74,18 @@ impl Numbers {
     }
 
     fn at(&self, index: i64) -> Result<f64, Refused> {
-        usize::try_from(index)
-            .ok()
-            .and_then(|i| self.get(i))
-            .copied()
-            .ok_or_else(|| refuse(format!("number {index} of an array of {}, counted from 0", self.len())))
+        usize::try_from(index).ok().and_then(|i| self.get(i)).copied().ok_or_else(|| {
+            refuse(format!("there is no number {index} in an array of {}, counted from 0", self.len()))
+        })
     }
 
     /// A copy of `count` numbers from index `start` on.
     fn part(&self, start: i64, count: i64) -> Result<Numbers, Refused> {
         let range = usize::try_from(start).ok().zip(usize::try_from(count).ok());
         let part = range.and_then(|(s, c)| self.get(s..s.checked_add(c)?));
-        let part = part
-            .ok_or_else(|| refuse(format!("part({start}, {count}) of an array of {} numbers", self.len())))?;
+        let part = part.ok_or_else(|| {
+            refuse(format!("part({start}, {count}) is outside of an array of {} numbers", self.len()))
+        })?;
         let share = self.budget().share(8 * part.len())?;
         Ok(Numbers::new(part.to_vec(), share))
     }
@@ -100,7 +99,9 @@ impl Numbers {
             return Err(refuse("columns(width, [numbers]): whole numbers, width from 1 to 4096"));
         };
         if let Some(bad) = columns.iter().find(|c| **c >= width) {
-            return Err(refuse(format!("columns: column {bad} of rows of {width}, counted from 0")));
+            return Err(refuse(format!(
+                "columns: there is no column {bad} in rows of {width}, counted from 0"
+            )));
         }
         self.rows_of(width, "columns")?;
         let rows = self.len() / width;
@@ -123,7 +124,7 @@ impl Numbers {
             let at = *row as usize;
             if at as f64 != *row || at >= count {
                 return Err(refuse(format!(
-                    "rows: number {i} asks for row {row} of {count}, counted from 0"
+                    "rows: number {i} is row {row}, which is not one of the {count} rows, counted from 0"
                 )));
             }
             picked.extend_from_slice(&self[at * width..(at + 1) * width]);
@@ -135,13 +136,13 @@ impl Numbers {
         if self.len().is_multiple_of(width) {
             return Ok(());
         }
-        Err(refuse(format!("{what}: {} numbers are no whole rows of {width}", self.len())))
+        Err(refuse(format!("{what}: {} numbers do not fill whole rows of {width}", self.len())))
     }
 
     fn array(&self) -> Result<Array, Refused> {
         if self.len() > crate::engine::MOST_IN_ARRAY {
             return Err(refuse(format!(
-                "array(): {} numbers, at most {} fit a script's array; work on the numbers as they are",
+                "array(): {} numbers, at most {} fit a script's array; use the numbers without array()",
                 self.len(),
                 crate::engine::MOST_IN_ARRAY
             )));

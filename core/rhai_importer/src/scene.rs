@@ -76,7 +76,7 @@ pub fn register(engine: &mut Engine, scene: &Shared, budget: &Budget) {
     engine.register_fn("read", move |name: &str| {
         let (answer, answered) = mpsc::channel();
         let sent = lock(&s).ask.send((name.to_string(), answer));
-        let gone = || refuse(format!("read: nobody reads \"{name}\""));
+        let gone = || refuse(format!("read: \"{name}\" cannot be read after the import has ended"));
         sent.map_err(|_| gone())?;
         let bytes = answered.recv().map_err(|_| gone())?.map_err(refuse)?;
         b.take(bytes.len())?;

@@ -154,7 +154,7 @@ fn message(script: &Script, error: &EvalAltResult, known: &Known, line: usize) -
         EvalAltResult::ErrorTerminated(why, _) => why.to_string(),
         EvalAltResult::ErrorStackOverflow(_) => {
             format!(
-                "more than {MOST_CALLS} calls within one another, which is the limit: does one call itself without end?"
+                "more than {MOST_CALLS} nested calls, which is the limit: does a function call itself without end?"
             )
         }
         EvalAltResult::ErrorDataTooLarge(what, _) if what.to_lowercase().contains("string") => {

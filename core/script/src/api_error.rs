@@ -40,7 +40,7 @@ impl ApiError {
     }
     /// Names the warning that a comment can allow; the hint says how.
     pub fn rule(mut self, rule: &'static str) -> ApiError {
-        let how = format!("where it is meant, // allow: {rule} above the line silences this");
+        let how = format!("if it is intended, // allow: {rule} above the line silences this");
         self.hint = Some(self.hint.map_or(how.clone(), |hint| format!("{hint}; {how}")));
         self.rule = rule;
         self

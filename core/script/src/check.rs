@@ -19,7 +19,7 @@ pub fn before(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) {
     for (i, (Cut { at, camera, dissolve }, place)) in build.cuts.iter().enumerate() {
         let next = build.cuts.iter().map(|(next, _)| next.at).filter(|next| next > at).min();
         if let Some(next) = next.filter(|next| *next < *at + *dissolve) {
-            let text = "this dissolve is not over when the next cut comes, at";
+            let text = "this dissolve has not ended at the next cut, at";
             warn("dissolve_cut_off", place, format!("{text} {} s", shown(next)));
         }
         if *at >= build.settings.length {
@@ -31,7 +31,7 @@ pub fn before(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) {
             );
         }
         if build.cuts[..i].iter().any(|(cut, _)| cut.at == *at && cut.camera != *camera) {
-            warn("two_cuts", place, format!("two cameras are cut to at {} s; this one wins", shown(*at)));
+            warn("two_cuts", place, format!("two cameras have a cut at {} s; this one wins", shown(*at)));
         }
     }
 }
@@ -67,7 +67,7 @@ fn cues(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
             && end > start
         {
             let text = format!(
-                "clip \"{name}\" fades in over {} s, but its cue lasts {} s: it is never fully seen",
+                "clip \"{name}\" fades in over {} s, but its cue lasts {} s: it never reaches full weight",
                 shown(draft.cue.fade_in),
                 shown(end - start)
             );
@@ -79,7 +79,7 @@ fn cues(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
             && !draft.followed
         {
             let text = format!(
-                "clip \"{name}\" takes {} s to get rid of the pose before it, but its cue lasts {} s",
+                "clip \"{name}\" takes {} s for the transition from the pose before it, but its cue lasts {} s",
                 shown(draft.cue.inertialization),
                 shown(end - start)
             );
@@ -141,7 +141,7 @@ fn restarts(
         if restart < to - SLACK {
             let text = format!(
                 "this part of clip \"{}\" takes {} s and starts over at {} s, while \"{}\" fades in over it; \
-                 add .once() to hold its last pose, or .loop() if it is meant",
+                 add .once() to hold its last pose, or .loop() if it is intended",
                 draft.cue.clip.name,
                 shown(draft.length()),
                 shown(times[before].0 + Time::from_secs(restart)),

@@ -98,7 +98,7 @@ pub fn in_step(
         return Err(ApiError::new("in_step needs a fade"));
     }
     let mut of = |draft: &CueDraft| {
-        let hint = "clip.steps([…]) says when its feet come down";
+        let hint = "give the times when its feet touch down with clip.steps([…])";
         let name = &draft.cue.clip.name;
         let missing = || ApiError::new(format!("no steps are found in \"{name}\"; {hint}"));
         steps(build, draft, found).ok_or_else(missing)
@@ -114,7 +114,7 @@ pub fn in_step(
         cues[1].fade_in,
         cues[1].ease,
     )
-    .ok_or_else(|| ApiError::new(format!("\"{}\" takes other steps", drafts[0].cue.clip.name)))
+    .ok_or_else(|| ApiError::new(format!("\"{}\" has a different order of steps", drafts[0].cue.clip.name)))
 }
 
 /// The gait of a character in the trimmed part of a clip.

@@ -7,9 +7,9 @@ use std::sync::PoisonError;
 
 /// Names that a script cannot use, and why.
 pub(crate) const REFUSED: &[(&str, &str)] = &[
-    ("eval", "all code of a script stands in its files"),
-    ("sleep", "a script only describes the scene; times are given to .from, .until and .key"),
-    ("curry", "a closure, || f(x), takes along what it uses"),
+    ("eval", "all code of a script must be in its files"),
+    ("sleep", "a script only describes the scene and never waits; give times to .from, .until and .key"),
+    ("curry", "a closure, || f(x), captures the variables that it uses"),
     ("timestamp", "the same script must give the same scene at any time"),
     ("**", "write pow(x, y), which gives the same result on every machine"),
 ];

@@ -130,12 +130,11 @@ fn described(error: &EvalAltResult, place: &Place, shared: &Shared) -> ApiError 
         }
         EvalAltResult::ErrorDataRace(name, _) => {
             let name = if name.is_empty() { "this value" } else { name };
-            ApiError::new(format!("{name} is in use by the call that would change it"))
-                .hint("a closure cannot reach the variable that it is stored in, nor can a list hold itself")
+            ApiError::new(format!("{name} is in use by the call that would change it")).hint(
+                "a closure cannot use the variable that it is stored in, and an array cannot contain itself",
+            )
         }
-        EvalAltResult::ErrorFor(_) => {
-            ApiError::new("only arrays, ranges, maps and texts can be gone through with for")
-        }
+        EvalAltResult::ErrorFor(_) => ApiError::new("for loops over arrays, ranges, maps and texts only"),
         other => {
             let text = other.to_string();
             ApiError::new(lower_first(text.split_once(" (line ").map_or(&*text, |(text, _)| text)))
@@ -150,9 +149,9 @@ fn runtime(value: &Dynamic, place: Place) -> (Place, ApiError) {
     }
     let text = match value.clone().into_string() {
         Ok(text) if !text.is_empty() => text,
-        _ if value.is_unit() => "the script gave up (throw)".to_string(),
-        _ if value.is_array() || value.is_map() => format!("the script gave up: {value}"),
-        _ => format!("the script gave up: {}", describe(value)),
+        _ if value.is_unit() => "the script threw an error (throw)".to_string(),
+        _ if value.is_array() || value.is_map() => format!("the script threw: {value}"),
+        _ => format!("the script threw: {}", describe(value)),
     };
     (place, ApiError::new(text))
 }
@@ -225,16 +224,16 @@ fn parsing(kind: &ParseErrorType, place: &Place, shared: &Shared) -> ApiError {
         }
         // Rhai reports this for any keyword that stands in place of a key.
         ParseErrorType::PropertyExpected => ApiError::new("expected the name of a property")
-            .hint("words of the language, like if or loop, are none unless quoted: #{ \"loop\": 1 }"),
+            .hint("keywords, like if or loop, must be in quotes: #{ \"loop\": 1 }"),
         ParseErrorType::UnexpectedEOF => ApiError::new("the script ends too early; is a bracket left open?"),
         ParseErrorType::BadInput(LexError::UnexpectedInput(letters)) if !letters.is_ascii() => {
             let codes: Vec<String> = letters.chars().map(|c| format!("U+{:04X}", c as u32)).collect();
             ApiError::new(format!("unexpected '{letters}' ({})", codes.join(" ")))
-                .hint("names are of the letters a to z, digits and _; others belong into texts and comments")
+                .hint("names consist of the letters a to z, digits and _; other characters are for texts and comments only")
         }
         ParseErrorType::BadInput(LexError::MalformedChar(text)) => {
-            ApiError::new(format!("'{text}' is no single character"))
-                .hint(format!("texts stand in double quotes: \"{text}\""))
+            ApiError::new(format!("'{text}' is not a single character"))
+                .hint(format!("write texts in double quotes: \"{text}\""))
         }
         ParseErrorType::BadInput(LexError::UnterminatedString) => {
             ApiError::new("this text has no closing quote")
@@ -313,7 +312,7 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
     let (name, types) = signature_parts(signature);
     let got = || types.iter().map(|t| type_word(t)).collect::<Vec<_>>().join(", ");
     if name.starts_with("anon$") {
-        return ApiError::new("this function takes another number of arguments than it is called with")
+        return ApiError::new("this function is called with the wrong number of arguments")
             .hint(format!("it is called with ({}); an on_frame callback takes the time, |t| …", got()));
     }
     if let Some(error) = operator_error(signature) {

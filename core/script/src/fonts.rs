@@ -34,7 +34,7 @@ pub fn warn(c: &Call, font: &Font, words: &str) {
     for (name, chars) in of_system {
         let chars = shown(&chars);
         let text = format!(
-            "the font \"{}\" has no {chars}: drawn in \"{name}\" of this system, elsewhere perhaps in another font",
+            "the font \"{}\" has no {chars}: drawn in the system font \"{name}\", which other machines may lack",
             font.name
         );
         warn(text, own);

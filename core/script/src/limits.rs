@@ -59,16 +59,16 @@ macro_rules! limits {
 limits! {
     operations: u64 = 20_000_000, "steps of the interpreter while the stage is built";
     frame_operations: u64 = 1_000_000, "steps of the interpreter in the on_frame callbacks of one frame, shared among them";
-    call_levels: u64 = 48, "functions inside functions; 64 at most";
+    call_levels: u64 = 48, "nested function calls; 64 at most";
     string: u64 = 1 << 20, "bytes of one text";
-    array: u64 = 100_000, "elements of one array, those of arrays inside included";
-    map: u64 = 10_000, "entries of one object map, those of maps inside included";
+    array: u64 = 100_000, "elements of one array, with those of nested arrays";
+    map: u64 = 10_000, "entries of one object map, with those of nested maps";
     variables: u64 = 1_000, "variables in scope at once";
     functions: u64 = 1_000, "functions that one script file defines";
     modules: u64 = 64, "files imported with import";
-    seconds: f64 = 20.0, "seconds that the script itself takes, files being loaded not counted";
+    seconds: f64 = 20.0, "seconds that the script itself takes, without the loading of files";
     frame_seconds: f64 = 5.0, "seconds that the on_frame callbacks of one frame take, shared among them";
-    check_seconds: f64 = 120.0, "seconds that choreo check looks through the frames";
+    check_seconds: f64 = 120.0, "seconds that choreo check takes for all frames";
     render_seconds: f64 = 86_400.0, "seconds that a render takes";
     actors: u64 = 10_000, "actors";
     cameras: u64 = 1_000, "cameras";
@@ -76,7 +76,7 @@ limits! {
     cues: u64 = 100_000, "cues, layers included";
     effects: u64 = 64, "effects over the image";
     callbacks: u64 = 100, "on_frame callbacks";
-    things: u64 = 10_000, "cuts, parameters, shapes, and looks of one actor, each";
+    things: u64 = 10_000, "cuts, parameters, shapes, and look_at targets of one actor, each";
     keys: u64 = 1_000_000, "keys of all .key(…) calls together";
     clip_keys: u64 = 20_000_000, "keys of all clips that the script makes from others, retargeted ones included";
     joints: u64 = 2_000_000, "joints of all actors together";
@@ -86,7 +86,7 @@ limits! {
     files: u64 = 1_000, "files loaded";
     file: u64 = 1 << 30, "bytes of one file";
     memory: u64 = 4 << 30, "bytes of memory that the program has in use (where the system reports it)";
-    printed: u64 = 256 << 10, "bytes of what print and debug write";
+    printed: u64 = 256 << 10, "bytes that print and debug write";
     frames: u64 = 1_000_000, "frames of the stage and of one render";
     pixels: u64 = 64 << 20, "pixels of one image";
     output: u64 = 64 << 30, "bytes that a render writes";

@@ -425,8 +425,7 @@ struct Making<'a> {
 fn clips_only_warning() -> choreo_asset::Warning {
     choreo_asset::Warning {
         place: String::new(),
-        text: "it was loaded for its clips only, so nothing of it can be seen; leave only: \"clips\" out"
-            .into(),
+        text: "it was loaded for its clips only, so it has nothing to show; leave only: \"clips\" out".into(),
     }
 }
 

@@ -147,7 +147,7 @@ impl Brackets<'_> {
             )),
             "(" if matches!(self.before(key, 1), "(" | ",") && self.is_call(open) => Some(self.error(
                 key,
-                format!("\"{name}:\" is no argument: options stand in an object map"),
+                format!("\"{name}:\" is not an argument: write options in an object map"),
                 format!(
                     "write {}({}#{{ {name}: … }})",
                     self.before(open, 1),

@@ -45,7 +45,7 @@ pub fn reference() -> String {
     }
     let _ = writeln!(
         out,
-        "\n## Limits\n\nSet with `--limit NAME=NUMBER`; the message that one is reached names it.\n"
+        "\n## Limits\n\nSet with `--limit NAME=NUMBER`. The message about a reached limit names it.\n"
     );
     for (name, default, about) in Limits::ALL {
         let _ = writeln!(out, "- `{name}` = {} — {about}", Limits::shown(*default, about));

@@ -97,7 +97,7 @@ impl Walk {
         if let Some(face) = face {
             let sight = (face - point).with_y(0.0);
             if sight.length() < NEAREST {
-                return Err(ApiError::new("walk_to: face: the target is the point where it stops"));
+                return Err(ApiError::new("walk_to: face: the target is the point where the actor stops"));
             }
             // The second turn begins halfway through the deceleration.
             let begins = (until - Time::from_secs(0.5 * fade.as_secs())).max(walks);

@@ -52,7 +52,7 @@ impl Plugin {
         config.wasm_relaxed_simd(false).cranelift_nan_canonicalization(true);
         config.epoch_interruption(true).cranelift_opt_level(OptLevel::Speed);
         let wrong =
-            |e: wasmtime::Error| WasmError(format!("it is no plugin in WebAssembly: {}", first_line(&e)));
+            |e: wasmtime::Error| WasmError(format!("it is not a WebAssembly plugin: {}", first_line(&e)));
         let engine = Engine::new(&config).map_err(wrong)?;
         let module = Module::from_binary(&engine, bytes).map_err(wrong)?;
         Ok(Plugin { engine, module })
@@ -94,7 +94,7 @@ impl Plugin {
             let what = format!("its result, {length} bytes at {place}, lies outside of its memory");
             return Err(WasmError(what));
         };
-        from_memory(bytes, memory).map_err(|e| WasmError(format!("its result is not what choreo reads: {e}")))
+        from_memory(bytes, memory).map_err(|e| WasmError(format!("its result cannot be read: {e}")))
     }
 }
 
@@ -119,7 +119,7 @@ impl Stop {
         }
         match error.downcast_ref::<Trap>() {
             Some(Trap::StackOverflow) => {
-                WasmError("its calls are nested too deep; does one call itself without end?".into())
+                WasmError("its calls are nested too deeply; does a function call itself without end?".into())
             }
             Some(trap) => {
                 let memory = limits.memory >> 20;
@@ -146,7 +146,8 @@ fn function<P: WasmParams, R: WasmResults>(
     instance: &Instance,
     name: &str,
 ) -> Run<TypedFunc<P, R>> {
-    let missing = |_| Stop::Text(format!("it exports no function {name} as choreo calls it"));
+    let missing =
+        |_| Stop::Text(format!("it exports no function {name} with the signature that choreo calls"));
     instance.get_typed_func(store, name).map_err(missing)
 }
 
@@ -163,7 +164,7 @@ fn run(
     if abi != ABI {
         let older = if abi < ABI { "build it again with this choreo" } else { "update choreo" };
         return Err(text(format!(
-            "it was built for version {abi} of the calls, this is version {ABI}; {older}"
+            "it was built for version {abi} of the plugin interface, choreo has version {ABI}; {older}"
         )));
     }
     let memory = instance.get_memory(&mut *store, "memory");

@@ -51,7 +51,7 @@ impl Host {
     }
 
     fn ask(&mut self, ask: Ask) -> Result<Answer, wasmtime::Error> {
-        let ended = || wasmtime::Error::msg("the program has given the call up");
+        let ended = || wasmtime::Error::msg("the program has cancelled the call");
         let Some((asks, answers)) = &self.caller else {
             return Ok(Answer::Bytes(Err("there are no further files".into())));
         };
@@ -66,7 +66,7 @@ impl Host {
     fn receive(&mut self, answer: Answer) -> Result<usize, usize> {
         let bytes = match answer {
             Answer::Bytes(bytes) => bytes,
-            Answer::Yes(_) => Err("the program answered something else".into()),
+            Answer::Yes(_) => Err("the program gave an answer of another type".into()),
         };
         let failed = bytes.is_err();
         self.ready = bytes.unwrap_or_else(|text| Arc::new(text.into_bytes()));

@@ -28,7 +28,7 @@ impl<P: ?Sized + 'static> OnUse<P> {
             let files = vec![own.path.clone()];
             let made = make(own).and_then(|plugin| match *manifest_of(&plugin) == known {
                 true => Ok(plugin),
-                false => Err(WasmError("its manifest is not the one that was remembered".into())),
+                false => Err(WasmError("its manifest differs from the stored one".into())),
             });
             made.map_err(|e| PluginError { text: format!("{shown}: {e}"), files })
         };

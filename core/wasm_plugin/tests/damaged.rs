@@ -84,22 +84,25 @@ fn a_sound_plugin_gives_its_manifest() {
 
 #[test]
 fn what_is_no_plugin_is_refused() {
-    assert!(made(b"").starts_with("it is no plugin in WebAssembly: "), "{}", made(b""));
-    assert!(made(b"\x7fELF and more").starts_with("it is no plugin in WebAssembly: "));
+    assert!(made(b"").starts_with("it is not a WebAssembly plugin: "), "{}", made(b""));
+    assert!(made(b"\x7fELF and more").starts_with("it is not a WebAssembly plugin: "));
     let mut cut = plugin("");
     cut.truncate(cut.len() / 2);
-    assert!(made(&cut).starts_with("it is no plugin in WebAssembly: "));
+    assert!(made(&cut).starts_with("it is not a WebAssembly plugin: "));
     let empty = wat::parse_str("(module)").unwrap();
-    assert_eq!(made(&empty), "it exports no function choreo_abi as choreo calls it");
+    assert_eq!(made(&empty), "it exports no function choreo_abi with the signature that choreo calls");
     let abi =
         |number: u32| plugin(&format!("(func (export \"choreo_abi\") (result i32) i32.const {number})"));
     assert_eq!(
         made(&abi(0)),
-        "it was built for version 0 of the calls, this is version 2; build it again with this choreo"
+        "it was built for version 0 of the plugin interface, choreo has version 2; build it again with this choreo"
     );
-    assert_eq!(made(&abi(3)), "it was built for version 3 of the calls, this is version 2; update choreo");
+    assert_eq!(
+        made(&abi(3)),
+        "it was built for version 3 of the plugin interface, choreo has version 2; update choreo"
+    );
     let typed = plugin("(func (export \"choreo_manifest\") (param i64) (result i64) i64.const 0)");
-    assert_eq!(made(&typed), "it exports no function choreo_manifest as choreo calls it");
+    assert_eq!(made(&typed), "it exports no function choreo_manifest with the signature that choreo calls");
     let short = plugin("(func (export \"choreo_manifest\") (result i64) i64.const 3)");
     assert_eq!(made(&short), format!("{UNREADABLE}byte 0: 8 bytes are needed, 3 are left"));
     let unknown = plugin("(import \"env\" \"system\" (func (param i32)))");
@@ -110,7 +113,7 @@ fn what_is_no_plugin_is_refused() {
     assert!(made(&large).contains("memory"), "{}", made(&large));
 }
 
-const UNREADABLE: &str = "its result is not what choreo reads: ";
+const UNREADABLE: &str = "its result cannot be read: ";
 
 /// A manifest whose magic bytes are lists in the plugin's memory: `odd 1.0.0` without extensions.
 fn with_magic(lists: &[(u64, u64)]) -> String {
@@ -153,7 +156,7 @@ fn imports_that_fail_say_how() {
     assert_eq!(failed(&importing("(loop br 0) i64.const 0")), "it takes more than 0.3 s, which is the limit");
     assert_eq!(
         failed(&plugin("(func $f (export \"choreo_import\") (result i64) call $f i64.const 1 i64.add)")),
-        "its calls are nested too deep; does one call itself without end?"
+        "its calls are nested too deeply; does a function call itself without end?"
     );
     // It asks for memory until it gets none, and then gives up.
     let bomb = "(loop (br_if 0 (i32.ne (memory.grow (i32.const 1)) (i32.const -1)))) unreachable";
@@ -161,7 +164,10 @@ fn imports_that_fail_say_how() {
     assert!(bombed.contains("its memory may be 4 MiB at most"), "{bombed}");
     let outside = failed(&importing("i32.const 0x7fffffff i32.load drop i64.const 0"));
     assert!(outside.contains("out of bounds memory access"), "{outside}");
-    assert_eq!(failed(&plugin("")), "it exports no function choreo_import as choreo calls it");
+    assert_eq!(
+        failed(&plugin("")),
+        "it exports no function choreo_import with the signature that choreo calls"
+    );
 }
 
 #[test]

@@ -410,7 +410,7 @@ fn taken(
     };
     let found = text.author.lines().enumerate().find_map(|(i, line)| Some((i + 1, declared(line)?)));
     found.map(|(line, (name, what))| {
-        (line, format!("{name} is {what} that the program declares; take another name"))
+        (line, format!("{name} is {what} that the program declares; use another name"))
     })
 }
 

@@ -60,7 +60,7 @@ impl WgslEffect {
     /// # Ok::<(), choreo_wgsl_effect::EffectError>(())
     /// ```
     pub fn from_text(file: &str, text: &str) -> Result<WgslEffect, EffectError> {
-        Self::with_textures(file, text, |_| Err("a text alone has no files beside it".into()))
+        Self::with_textures(file, text, |_| Err("an effect without a file cannot read other files".into()))
     }
 
     /// Reads the head comment, compiles the text, and tries it. `file` is the name of the text in messages. `picture` reads the image files

@@ -598,8 +598,8 @@ mod tests {
         let known = "hook is one of pixel, image, surface, vertex, lighting, outline, overlay, shutter, not ";
         let unknown = format!("{known}\"overlai\"; did you mean \"overlay\"?");
         assert_eq!(error("// effect: a\n// hook: overlai"), (2, unknown));
-        assert_eq!(error("// see_through: true").1, "see_through is of effects with hook: surface");
-        assert_eq!(error("// background: true").1, "background is of effects with hook: surface");
+        assert_eq!(error("// see_through: true").1, "see_through is only for effects with hook: surface");
+        assert_eq!(error("// background: true").1, "background is only for effects with hook: surface");
         assert_eq!(error("// hook: surface\n// see_through: much").0, 2);
         let slip = "unknown word \"histroy\"; did you mean \"history\"?";
         assert_eq!(error("// hook: image\n// histroy: 2"), (2, slip.into()));
@@ -617,7 +617,12 @@ mod tests {
             |text: &str| head_of(&format!("// hook: vertex\n{text}")).map(|h| (h.reach, h.in_model_space));
         assert_eq!(reach("// reach: 0.25\n// space: model"), Ok((Amount::Number(0.25), true)));
         assert_eq!(reach("// reach: high"), Ok((Amount::Parameter(0), false)));
-        assert!(reach("").unwrap_err().1.starts_with("an effect that moves surfaces says how far at most"));
+        assert!(
+            reach("")
+                .unwrap_err()
+                .1
+                .starts_with("an effect that moves vertices must give its largest distance")
+        );
         assert_eq!(reach("// reach: low").unwrap_err().0, 2);
         assert_eq!(reach("// reach: -1").unwrap_err().0, 2);
         assert_eq!(reach("// reach: 1\n// space: joint").unwrap_err(), (3, "space is world or model".into()));
@@ -637,7 +642,7 @@ mod tests {
         assert_eq!(all, Ok((Hook::Overlay, parameter(1), parameter(2), true)));
         let error = |text: &str| overlay(text).unwrap_err();
         assert_eq!(error("").0, 3);
-        assert!(error("").1.starts_with("an overlay says how many lines or triangles it has"));
+        assert!(error("").1.starts_with("an overlay must give its number of lines or triangles"));
         let not = |what: &str| {
             format!("count is a whole number from 1 to 100000, or the name of a parameter, not {what}")
         };
@@ -657,9 +662,9 @@ mod tests {
         assert!(joints("// joint hand = : x").unwrap_err().1.starts_with("write // joint NAME"));
         assert_eq!(
             head_of("// joint hand = Hand: x").unwrap_err().1,
-            "joint is of effects with hook: overlay"
+            "joint is only for effects with hook: overlay"
         );
-        assert_eq!(head_of("// count: 3").unwrap_err().1, "count is of effects with hook: overlay");
+        assert_eq!(head_of("// count: 3").unwrap_err().1, "count is only for effects with hook: overlay");
     }
 
     #[test]
@@ -690,7 +695,7 @@ mod tests {
         let files = [texture("paper", "a b.png", true, 4), texture("bumps", "bumps.png", false, 5)];
         assert_eq!(made.textures, files);
         let error = |text: &str| head_of(text).unwrap_err();
-        assert_eq!(error("// history: 1"), (1, "history is of effects with hook: image".into()));
+        assert_eq!(error("// history: 1"), (1, "history is only for effects with hook: image".into()));
         assert_eq!(error("// hook: image\n// history: 17").1, "history is a whole number from 1 to 16");
         let chosen = "// effect: a\n// param map = texture(a.png): m\n// texture paper = b.png as data: p\n// param white = texture(data): w";
         let manifest = crate::parameters::manifest(chosen).unwrap();

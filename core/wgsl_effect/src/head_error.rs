@@ -48,14 +48,14 @@ pub(crate) enum HeadMistake {
         "the parameters of an effect are at most {most} numbers: a color is 3 of them, a vector 2 to 4, a curve 16"
     )]
     TooManyNumbers { most: usize },
-    #[error("{name} is of effects with hook: {hook}")]
+    #[error("{name} is only for effects with hook: {hook}")]
     OtherHook { name: String, hook: &'static str },
     #[error(
-        "an effect that moves surfaces says how far at most: // reach: METRES, or the name of a parameter"
+        "an effect that moves vertices must give its largest distance: // reach: METRES, or the name of a parameter"
     )]
     NoReach,
     #[error(
-        "an overlay says how many lines or triangles it has: // count: NUMBER, or the name of a parameter"
+        "an overlay must give its number of lines or triangles: // count: NUMBER, or the name of a parameter"
     )]
     NoCount,
     #[error("{name} is {allowed}")]
@@ -65,7 +65,7 @@ pub(crate) enum HeadMistake {
     Value { name: String, allowed: String, value: String, near: String },
     #[error("the program has a function {function}; give the pass {name} another name")]
     PassName { name: String, function: String },
-    #[error("{0} is of effects without lines // pass NAME, which say it for each pass")]
+    #[error("{0} is only for effects without lines // pass NAME, which give it for each pass")]
     WithPasses(String),
     #[error("count: the parameter {name} must be a number within 0..{most}")]
     CountRange { name: String, most: usize },

@@ -128,7 +128,7 @@ fn nested(block: &Block, level: usize, known: &[usize], deepest: &mut usize) -> 
         };
         if level + called > MAX_NESTING {
             return Err(Unsupported {
-                what: format!("more than {MAX_NESTING} statements and calls within one another"),
+                what: format!("more than {MAX_NESTING} nested statements and calls"),
                 span: *span,
             });
         }
@@ -291,7 +291,7 @@ impl<'a> Lowering<'a> {
                 return refuse("this type of value");
             };
             if shape.size > MAX_COMPONENTS && !shape.is_pointer {
-                return refuse("a value of more than 64 numbers; index it where it stands");
+                return refuse("a value of more than 64 numbers; index the variable directly");
             }
             if let Some(what) = unknown(expression) {
                 return refuse(what);
@@ -310,7 +310,7 @@ impl<'a> Lowering<'a> {
                 return refuse("a variable of this type");
             };
             if shape.size > MAX_COMPONENTS && variable.init.is_some() {
-                return refuse("a first value of more than 64 numbers");
+                return refuse("an initial value of more than 64 numbers");
             }
             locals.push(code.allocate(shape.size));
         }

@@ -233,7 +233,7 @@ impl<'a> InFunction<'a> {
                 let ty = self.named(variable.ty);
                 let what = match (source, variable.init) {
                     (LocalVariableError::InitializerType, Some(init)) => {
-                        format!("{name} is {ty}, its first value {}", self.of(init))
+                        format!("{name} is {ty}, its initial value is {}", self.of(init))
                     }
                     (LocalVariableError::InvalidType(_), _) => {
                         format!("{name}: a variable cannot have the type {ty}")
@@ -251,7 +251,7 @@ impl<'a> InFunction<'a> {
                     Some(value) => self.at(*value, format!("{returns}, this value is {}", self.of(*value))),
                     None if self.innermost == self.whole => Mistake::new(
                         self.whole,
-                        format!("{returns}, but one way through it ends without return"),
+                        format!("{returns}, but one path through it ends without return"),
                     ),
                     None => self.here(format!("{returns}, this return has no value")),
                 }
@@ -275,7 +275,7 @@ impl<'a> InFunction<'a> {
             FunctionError::InvalidReturnSpot => self.here("return is inside a continuing block"),
             FunctionError::ConflictingSwitchCase(_) => Mistake::new(
                 double_case(&self.function.body).unwrap_or(self.innermost),
-                "switch has two cases of one value".into(),
+                "switch has two cases with the same value".into(),
             ),
             FunctionError::ConflictingCaseType => self.here("the cases of switch have different types"),
             FunctionError::MissingDefaultCase => self.here("switch has no default case"),
@@ -354,7 +354,7 @@ impl<'a> InFunction<'a> {
                 format!("{} cannot take {} as argument {}", name_of(*function), self.of(*value), index + 1)
             }
             E::WrongArgumentCount(function) => {
-                format!("{} takes another number of arguments", name_of(*function))
+                format!("{} is called with the wrong number of arguments", name_of(*function))
             }
             E::InvalidBooleanVector(value) => {
                 format!("a vector of bool is needed, this value is {}", self.of(*value))

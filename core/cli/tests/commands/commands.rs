@@ -99,7 +99,7 @@ fn explain_says_how_many_sub_frames_motion_blur_takes_and_why() {
         )
     };
     for (turn, said) in [
-        (0.0, "blur       1 sub-frame: nothing that is seen moves while the shutter is open"),
+        (0.0, "blur       1 sub-frame: nothing visible moves while the shutter is open"),
         (400.0, "blur       2 sub-frames: nothing moves by more than 1."),
         (20000.0, "blur       16 sub-frames: something moves by "),
     ] {
@@ -515,7 +515,7 @@ fn body_parts_that_do_not_follow_are_named_by_every_command() {
         );
     };
     scripts("legs");
-    let parts = "9 of 17 animated joints have a partner; these parts of the body do not follow: spine, head, left arm, right arm";
+    let parts = "9 of 17 animated joints have a partner; these body parts stay at rest: spine, head, left arm, right arm";
     for script in ["plays.rhai", "retargets.rhai", "fits.rhai"] {
         let run = choreo(dir.path(), &["check", script]);
         let said = format!("{}{}", run.out, run.err);
@@ -526,7 +526,7 @@ fn body_parts_that_do_not_follow_are_named_by_every_command() {
     let run = choreo(dir.path(), &["info", "walk.bvh", "--on", "legs.bvh"]);
     assert!(run.code == 0 && run.out.contains(&format!("\n{parts}\n")), "{}{}", run.out, run.err);
     scripts("nothing");
-    let nothing = "clip \"walk\" of \"walk.bvh\" on \"nothing.bvh\": no joint has the same name, nor the same place in a body";
+    let nothing = "clip \"walk\" of \"walk.bvh\" on \"nothing.bvh\": no joint matches, neither by name nor by body part";
     for command in [
         &["check", "plays.rhai"][..],
         &["check", "retargets.rhai"],

@@ -160,7 +160,7 @@ fn an_edited_list_of_cuts_is_read_back() {
     );
     std::fs::write(d.join("a.otio"), "[1, 2").unwrap();
     let run = choreo(d, &["export", "b.rhai", "-o", "b.edl"]);
-    assert!(run.err.contains("cuts: \"a.otio\" is no OpenTimelineIO file"), "{}", run.err);
+    assert!(run.err.contains("cuts: \"a.otio\" is not an OpenTimelineIO file"), "{}", run.err);
 }
 
 /// The independent reader of the format: the Python package opentimelineio.

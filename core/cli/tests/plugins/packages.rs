@@ -248,7 +248,7 @@ fn a_package_that_hides_a_built_in_effect_is_noted() {
     let place = Place::new();
     place.write("source/swap.wgsl", &EFFECT.replace("effect: swap", "effect: fog"));
     let run = place.run(&["plugins", "install", "source"]);
-    let note = "swap.wgsl: the effect fog takes the place of another of this name";
+    let note = "swap.wgsl: the effect fog replaces another one of this name";
     assert!(run.code == 0 && run.err.contains(note), "{}", run.err);
     assert!(place.run(&["plugins", "list"]).code == 0);
     assert!(place.run(&["check", "s.rhai"]).err.contains(note));

@@ -353,7 +353,7 @@ fn the_lesson_is_good() {
 fn a_plugin_that_hides_another_of_its_name_is_noted() {
     let dir = prepared();
     let run = choreo(dir.path(), &["check", "s.rhai"]);
-    assert_eq!((run.code, run.err.contains("takes the place")), (0, false), "{}", run.err);
+    assert_eq!((run.code, run.err.contains("replaces another one")), (0, false), "{}", run.err);
     let write =
         |name: &str, text: String| std::fs::write(dir.path().join("plugins").join(name), text).unwrap();
     write("my_fog.wgsl", EFFECT.replace("effect: swap", "effect: fog"));
@@ -361,7 +361,7 @@ fn a_plugin_that_hides_another_of_its_name_is_noted() {
     let run = choreo(dir.path(), &["check", "s.rhai"]);
     let note = |file: &str, name: &str| {
         let file = Path::new("plugins").join(file);
-        format!("note: {}: the effect {name} takes the place of another of this name", file.display())
+        format!("note: {}: the effect {name} replaces another one of this name", file.display())
     };
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(run.err.contains(&note("my_fog.wgsl", "fog")), "{}", run.err);

@@ -131,7 +131,7 @@ impl Renderer for Remembering {
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError> {
         let mut shared = self.shared();
         let Some((key, drawn)) = shared.queue.pop_front() else {
-            return Err(RenderError::Usage("no frame was submitted that is not yet collected".into()));
+            return Err(RenderError::Usage("every submitted frame has been collected".into()));
         };
         if drawn {
             let frame = shared.renderer.collect(reuse)?;

@@ -371,7 +371,7 @@ mod tests {
         assert_eq!(
             text(RenderError::Twice { first: lost(), second: full() }),
             "Vulkan: memory of depth: out of memory; tried twice, before that: Vulkan: frame 7: the device was lost; the \
-             kernel log may say why the driver gave it up\n    hint: smaller images (--size), one sample (--samples 1) or \
+             kernel log may name the reason\n    hint: smaller images (--size), one sample (--samples 1) or \
              smaller textures need less memory; --device cpu uses the machine's own"
         );
         let timed_out = RenderError::TimedOut { object: "frame 7".into(), secs: 300 };

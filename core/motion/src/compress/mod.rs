@@ -36,7 +36,7 @@ pub enum CompressError {
 
 crate::error_texts! { CompressError:
     Self::Tolerance(tolerance) => "the tolerance of {tolerance} m must be from 0.000001 m to 0.1 m";
-    Self::Joints { clip, joints, expected } => "the clip \"{clip}\" is of {joints} joints, the skeleton of {expected}";
+    Self::Joints { clip, joints, expected } => "the clip \"{clip}\" has {joints} joints, the skeleton has {expected}";
 }
 
 /// Most times that the tolerances of all curves are lowered until the bound holds.

@@ -53,7 +53,7 @@ pub enum ReduceError {
 
 crate::error_texts! { ReduceError:
     Self::Tolerance(tolerance) => "the tolerance of {tolerance} m must be from 0 m to 1 m";
-    Self::Joints { clip, joints, expected } => "the clip \"{clip}\" is of {joints} joints, the skeleton of {expected}";
+    Self::Joints { clip, joints, expected } => "the clip \"{clip}\" has {joints} joints, the skeleton has {expected}";
 }
 
 /// Distance from each joint of the points that show its rotation, metres: the last joints carry fingertips or a hat.

@@ -128,7 +128,7 @@ impl Springs {
         for (index, collider) in self.colliders.iter().enumerate() {
             let place = || format!("colliders[{index}]");
             joint(collider.joint, &place)?;
-            need(collider.shape.is_sound(), &place, format!("{:?} is no shape", collider.shape))?;
+            need(collider.shape.is_sound(), &place, format!("{:?} is not a valid shape", collider.shape))?;
         }
         for (index, chain) in self.chains.iter().enumerate() {
             let place = || format!("chains[{index}]");

@@ -289,7 +289,7 @@ fn what_cannot_be_is_said() {
         clip.cut(a, b)
             .unwrap_err()
             .to_string()
-            .starts_with("from 0.5 s to 0.2 s is no part of the clip \"motion\"")
+            .starts_with("from 0.5 s to 0.2 s is not a part of the clip \"motion\"")
     );
     assert!(clip.cut(Time::ZERO, Time::from_secs(99.0)).is_err() && clip.cut(a, a).is_err());
     assert!(clip.at_speed(0.0).is_err() && clip.at_speed(f64::NAN).is_err() && clip.at_speed(-1.0).is_err());

@@ -61,7 +61,7 @@ fn counts_without_sense_are_errors_and_reserve_nothing() {
         file.rows::<f32, 3>(0, usize::MAX, 12).is_err() && file.rows::<f32, 3>(usize::MAX, 2, 12).is_err()
     );
     let overlapping = file.rows::<f32, 3>(4, 2, 11).unwrap_err().to_string();
-    assert_eq!(overlapping, "byte 4: rows of 3 numbers, 12 bytes, cannot begin every 11 bytes");
+    assert_eq!(overlapping, "byte 4: rows of 3 numbers take 12 bytes, more than the stride of 11 bytes");
     assert!(file.rows::<f32, 0>(0, 2, 11).is_err());
     assert_eq!(file.rows::<f32, 3>(99, 0, 12), Ok(Vec::new()));
 }

@@ -283,7 +283,7 @@ impl Recording {
             SkinOnce::Never => "the stage's skin_once is false".to_string(),
             _ => {
                 format!(
-                    "no mesh is drawn often enough: {DRAWS_THAT_PAY} times a frame and instance (on GPUs not measured)"
+                    "no mesh is drawn often enough, {DRAWS_THAT_PAY} times per frame and instance (not measured on GPUs)"
                 )
             }
         };

@@ -332,7 +332,7 @@ fn of_scene(facts: &Facts) -> Reports {
             *unposed_actors > 0,
             "actors outside the view",
             format!(
-                "{unposed_actors} are nowhere near the view in any pose of their clips, nor are their shadows: neither posed nor drawn"
+                "{unposed_actors} are outside the view in every pose of their clips, and so are their shadows: neither posed nor drawn"
             ),
         ),
         report(
@@ -343,7 +343,9 @@ fn of_scene(facts: &Facts) -> Reports {
         report(
             *coarse > 0,
             "triangles too small to see",
-            format!("{coarse} copies are drawn at a level of detail that is seen as the same at their size"),
+            format!(
+                "{coarse} copies are drawn at a level of detail without a visible difference at their size"
+            ),
         ),
         report(
             *small > 0,
@@ -376,8 +378,10 @@ fn of_lights(all: Features, facts: &Facts) -> Reports {
         }
         _ => "no shadow of an actor falls on anything in view",
     };
-    let beyond =
-        format!("{} lights: all maps together are at most 32 and 8192 texels a side", facts.shadows_beyond);
+    let beyond = format!(
+        "{} lights: there are at most 32 maps, together at most 8192 texels a side",
+        facts.shadows_beyond
+    );
     let local = all.has(Features::LOCAL_LIGHTS);
     let lit_by = facts.lit_drawn && facts.lights_exist;
     let reports = [
@@ -395,7 +399,7 @@ fn of_lights(all: Features, facts: &Facts) -> Reports {
 fn of_passes(all: Features, facts: &Facts) -> Reports {
     let uvs = all.has_any(Features::UV0.with(Features::UV1));
     let whole = match facts.samples {
-        1 => "one sample a pixel was asked for: cut-outs keep or lose whole pixels",
+        1 => "one sample a pixel was asked for: cutouts have hard edges",
         _ => "all cutouts are \"hard\", or nothing is cut at an alpha above 0",
     };
     let (over_image, inputs) = (facts.post_passes > 0, facts.inputs);

@@ -286,11 +286,11 @@ features! {
     SHEEN_COLOR_TEXTURE { part: ShaderPart::Layer, needs: &["SHEEN", UV], texture: slot(10) }
     SHEEN_ROUGHNESS_TEXTURE { part: ShaderPart::Layer, needs: &["SHEEN", UV], texture: slot(11) }
     TRANSMISSION { part: ShaderPart::Layer, needs: &["LAYERS"],
-        absence: absence("transmission", "no drawn material has any: none lets light through", "LIT") }
+        absence: absence("transmission", "no drawn material has any: none transmits light", "LIT") }
     TRANSMISSION_TEXTURE { part: ShaderPart::Layer, needs: &["TRANSMISSION", UV], texture: slot(12) }
     /// Transmitted light is absorbed in a volume.
     VOLUME { part: ShaderPart::Layer, needs: &["TRANSMISSION || DIFFUSE_TRANSMISSION"],
-        absence: absence("absorption", "no drawn material has a volume that takes light", "LIT") }
+        absence: absence("absorption", "no drawn material has a volume that absorbs light", "LIT") }
     THICKNESS_TEXTURE { part: ShaderPart::Layer, needs: &["VOLUME || REFRACTION", UV], texture: slot(13) }
     /// A thin film tints reflections.
     IRIDESCENCE { part: ShaderPart::Layer, needs: &["LAYERS"],
@@ -299,29 +299,29 @@ features! {
     IRIDESCENCE_THICKNESS_TEXTURE { part: ShaderPart::Layer, needs: &["IRIDESCENCE", UV], texture: slot(15) }
     /// Highlights are stretched along the tangent. Never forced in: it needs tangents.
     ANISOTROPY { part: ShaderPart::Layer, needs: &["LAYERS"],
-        absence: absence("anisotropy", "no drawn material has highlights that are drawn out", "LIT") }
+        absence: absence("anisotropy", "no drawn material has anisotropic highlights", "LIT") }
     ANISOTROPY_TEXTURE { part: ShaderPart::Layer, needs: &["LAYERS", UV], texture: slot(16) }
     /// Light that falls on the back is scattered out in front.
     DIFFUSE_TRANSMISSION { part: ShaderPart::Layer, needs: &["LAYERS"],
-        absence: absence("diffuse transmission", "no drawn material has any: none lets light from behind through", "LIT") }
+        absence: absence("diffuse transmission", "no drawn material has any: none transmits light from behind", "LIT") }
     DIFFUSE_TRANSMISSION_TEXTURE { part: ShaderPart::Layer, needs: &["DIFFUSE_TRANSMISSION", UV], texture: slot(17) }
     DIFFUSE_TRANSMISSION_COLOR_TEXTURE { part: ShaderPart::Layer, needs: &["DIFFUSE_TRANSMISSION", UV], texture: slot(18) }
     /// The scene color copy is sampled where the refracted ray leaves the volume.
     REFRACTION { part: ShaderPart::Layer, needs: &["TRANSMISSION"],
-        absence: absence("refraction", "no drawn material has a volume that bends light", "LIT") }
+        absence: absence("refraction", "no drawn material has a volume that refracts light", "LIT") }
     /// Red, green and blue are refracted by different indices.
     DISPERSION { part: ShaderPart::Layer, needs: &["REFRACTION"],
-        absence: absence("dispersion", "no drawn material has a volume that bends colors apart", "LIT") }
+        absence: absence("dispersion", "no drawn material has a volume that disperses light", "LIT") }
 
     /// Parallax mapping by heights in the normal texture's alpha. Never forced in: other files store other data there.
     PARALLAX { needs: &["NORMAL_TEXTURE", "!TOON", "!TRIPLANAR", UV] }
     /// A skin whose copies are placed by instance matrices: joints lead to model space, the instance's matrix leads on from
     /// there, as with dual quaternions. Never forced in.
     SKIN_INSTANCED { by: RequestedBy::Mesh, part: ShaderPart::Pose, needs: &["SKIN"],
-        absence: absence("copies of skinned meshes", "every skinned mesh stands once", "SKIN") }
+        absence: absence("copies of skinned meshes", "every skinned mesh has one copy", "SKIN") }
     /// Blinn–Phong with reflections of its surroundings.
     REFLECTION { needs: &["BLINN_PHONG"],
-        absence: absence("reflections of Blinn–Phong", "no drawn Blinn–Phong material mirrors its surroundings", "LIT") }
+        absence: absence("reflections of Blinn–Phong", "no drawn Blinn–Phong material reflects its surroundings", "LIT") }
     /// A sky's maps light the surface, or effects sample the sky behind it. Never forced in.
     SKY { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["LIT || SURFACE"],
         absence: absence_by_stage("image-based light", ["its strength is zero", "the stage has no sky"], "LIT") }
@@ -334,7 +334,7 @@ features! {
         absence: absence("exposure", "it is 0 stops", "LIT") }
     /// The view transform from the light of surfaces and of the sky to display colors: Khronos PBR Neutral. Never forced in.
     VIEW_TRANSFORM { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["LIT || SKY"],
-        absence: absence("view transform", "the stage's view is \"none\", or an effect on images brings light to colors", "LIT") }
+        absence: absence("view transform", "the stage's view is \"none\", or an image effect applies it", "LIT") }
     /// AgX in place of Khronos PBR Neutral. Never forced in.
     AGX { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["VIEW_TRANSFORM"] }
     /// Vertices are read from the pre-skinning compute pass. Occurs in recordings only; a plan keeps the features that deform

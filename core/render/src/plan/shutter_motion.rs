@@ -49,7 +49,7 @@ impl ShutterMotion {
 impl fmt::Display for ShutterMotion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.found {
-            Ok(0.0) => write!(f, "nothing that is seen moves")?,
+            Ok(0.0) => write!(f, "nothing visible moves")?,
             Ok(pixels) if self.sub_frames() == self.most => {
                 write!(f, "something moves by {pixels:.1} pixels or more")?
             }
@@ -214,7 +214,7 @@ impl Shown<'_> {
                 && entries().any(|e| self.resources.showing(e, a.time) != self.resources.showing(e, b.time))
         };
         actors.take(stage.actors.len()).find_map(|(actor, (a, b))| match actor_changes(a, b) {
-            None if a.visible && shows_another(actor) => Some("a sequence of images goes on"),
+            None if a.visible && shows_another(actor) => Some("an image sequence advances"),
             change => change,
         })
     }

@@ -89,7 +89,7 @@ impl VulkanRenderer {
         let index = *self
             .pending
             .front()
-            .ok_or_else(|| RenderError::Usage("no frame was submitted that is not yet collected".into()))?;
+            .ok_or_else(|| RenderError::Usage("every submitted frame has been collected".into()))?;
         self.wait_for(self.slots[index].done_at)?;
         self.pending.pop_front();
         if let Some(clock) = &self.clock {
@@ -129,7 +129,7 @@ impl VulkanRenderer {
     pub(super) fn collect_floats_later(&mut self) -> Result<FloatFrame, RenderError> {
         match self.later.pop_front() {
             Some(plan) if self.pending.is_empty() => float_frame(&plan, self),
-            _ => Err(RenderError::Usage("no frame of floats was submitted that is not yet collected".into())),
+            _ => Err(RenderError::Usage("every submitted frame of floats has been collected".into())),
         }
     }
 }

@@ -45,13 +45,11 @@ impl Ability {
     /// Fallback of a frame without the feature, in words.
     pub fn fallback(self) -> &'static str {
         match self {
-            Ability::AlphaToOne => "cut-outs keep or lose whole pixels",
-            Ability::SamplerAnisotropy => "textures are filtered alike in both directions",
-            Ability::SampleRateShading => {
-                "transparent surfaces are sorted where there are several samples a pixel"
-            }
-            Ability::ColorAttachments => "surfaces are lit as they are drawn, not once a pixel",
-            Ability::Compute => "every pass poses its vertices",
+            Ability::AlphaToOne => "cutouts have hard edges",
+            Ability::SamplerAnisotropy => "textures have no anisotropic filtering",
+            Ability::SampleRateShading => "with several samples per pixel, transparent surfaces are sorted",
+            Ability::ColorAttachments => "surfaces are drawn with forward instead of deferred shading",
+            Ability::Compute => "every pass skins its vertices: no pre-skinning",
             Ability::ShaderStores => "pixels of faulty effects are magenta without a warning",
         }
     }

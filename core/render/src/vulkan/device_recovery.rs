@@ -45,7 +45,9 @@ impl RecoveringRenderer {
 
     fn inner(&mut self) -> Result<&mut VulkanRenderer, RenderError> {
         let name = &self.info.name;
-        self.inner.as_mut().ok_or_else(|| RenderError::Usage(format!("{name} failed twice and was given up")))
+        self.inner
+            .as_mut()
+            .ok_or_else(|| RenderError::Usage(format!("{name} failed twice and is no longer used")))
     }
 
     /// Submits plans to the inner renderer, as many as it accepts.
@@ -79,7 +81,7 @@ impl RecoveringRenderer {
         if let Some(first) = self.failed.take() {
             return Err(RenderError::Twice { first: Box::new(first), second: Box::new(error) });
         }
-        self.notes.push(format!("{error}; drawn again on a fresh device, one frame at a time"));
+        self.notes.push(format!("{error}; drawn again on a new device, one frame at a time"));
         self.failed = Some(error);
         self.options.frugal = true;
         // The same device as before: another would draw different bytes.
@@ -87,7 +89,11 @@ impl RecoveringRenderer {
         let mut again = || {
             let inner = VulkanRenderer::new(self.options.clone())?;
             if *inner.device() != self.info {
-                let why = format!("{} has become {}", self.info.name, inner.device().name);
+                let why = format!(
+                    "the device {} is no longer available, only {}",
+                    self.info.name,
+                    inner.device().name
+                );
                 return Err(RenderError::NoVulkan { why });
             }
             let inner = self.inner.insert(inner);

@@ -201,7 +201,7 @@ fn going(metres: f64) -> Scene {
 
 #[test]
 fn there_are_as_many_sub_frames_as_the_fastest_pixel_needs() {
-    let still = Some("1 of 16: nothing that is seen moves while the shutter is open".to_string());
+    let still = Some("1 of 16: nothing visible moves while the shutter is open".to_string());
     assert_eq!(sub_frames(&going(0.0)), (1, still));
     let slow = Some("4 of 16: nothing moves by more than 3.2 pixels while the shutter is open".to_string());
     assert_eq!(sub_frames(&going(0.4)), (4, slow));

@@ -87,7 +87,7 @@ fn a_device_that_fails_once_gives_the_same_pictures() {
             let notes = renderer.take_notes();
             assert_eq!(notes.len(), 1, "{kind:?} at {place:?} {nth}: {notes:?}");
             assert!(
-                notes[0].contains(words) && notes[0].ends_with("on a fresh device, one frame at a time"),
+                notes[0].contains(words) && notes[0].ends_with("on a new device, one frame at a time"),
                 "{notes:?}"
             );
             assert_eq!(faults.calls(FaultPlace::Device), 2);
@@ -115,7 +115,7 @@ fn a_frame_that_fails_twice_is_an_error() {
         }
         // It is over, and says so again rather than to crash or to draw something.
         let again = renderer.collect(None).unwrap_err().to_string();
-        assert!(again.ends_with("failed twice and was given up"), "{again}");
+        assert!(again.ends_with("failed twice and is no longer used"), "{again}");
     }
     // Two mishaps with a whole frame between them are two first ones.
     let mut renderer = steady(&Faults::new(vec![lost(0), lost(last + 2)])).unwrap();

@@ -241,7 +241,7 @@ fn errors_have_the_importer_s_line_and_the_file_s_byte() {
         ("jont(\"a\")", "unknown function jont; did you mean \"joint\"?"),
         (
             "mesh(#{ position: [] })",
-            "mesh: unknown field \"position\"; did you mean \"positions\"?; it knows name, joint, positions, indices, normals, uvs, colors, joints, weights, inverse_bind, material, parts, morphs",
+            "mesh: unknown field \"position\"; did you mean \"positions\"?; known fields: name, joint, positions, indices, normals, uvs, colors, joints, weights, inverse_bind, material, parts, morphs",
         ),
         (
             "mesh(#{ positions: [0,0,0], indices: [0, 0, 1] })",
@@ -277,8 +277,7 @@ fn errors_have_the_importer_s_line_and_the_file_s_byte() {
     }
     let deep = "fn manifest() { #{ name: \"my\" } }\nfn down(n) { down(n + 1) }\nfn load(file) { down(0) }";
     let deep = without_code(import(deep, b"").err().unwrap_or_else(|| panic!("no error")));
-    let calls =
-        "more than 48 calls within one another, which is the limit: does one call itself without end?";
+    let calls = "more than 48 nested calls, which is the limit: does a function call itself without end?";
     assert!(deep.ends_with(calls), "{deep}");
     assert!(fails("let a = 1;\n   file.bytes.u8(9)").starts_with("a.dat: my.importer.rhai:4:15: u8: "));
 }
@@ -334,7 +333,7 @@ fn memory_is_counted_and_bounded() {
     );
     assert!(
         text.ends_with(
-            "too much memory: all arrays together may take 64 MB, 64 and 16 times the file's size"
+            "too much memory: all arrays together may take 64 MB, 64 MB plus 16 times the file's size"
         ),
         "{text}"
     );
@@ -367,7 +366,7 @@ fn broken_importers_say_where() {
         ("fn load(f) {}", "1:1: an importer needs fn manifest()"),
         (
             "\nfn manifest() { #{ nam: 1 } } fn load(f) {}",
-            "2:1: manifest: unknown field \"nam\"; did you mean \"name\"?; it knows name, version, about, extensions, magic, options",
+            "2:1: manifest: unknown field \"nam\"; did you mean \"name\"?; known fields: name, version, about, extensions, magic, options",
         ),
         (
             "fn manifest() { #{ name: \"a b\" } } fn load(f) {}",
@@ -439,7 +438,7 @@ fn arrays_of_scripts_meet_each_row() {
     .unwrap();
     let positions = turned.meshes[0].primitives[0].positions.iter().map(|p| p.to_array());
     assert_eq!(positions.collect::<Vec<_>>(), [[1.5, 3.0, -2.0], [4.5, 6.0, -5.0], [7.5, 9.0, -8.0]]);
-    assert!(fails("numbers([1, 2, 3]) * [1, 2]").contains("*: 3 numbers are no whole rows of 2"));
+    assert!(fails("numbers([1, 2, 3]) * [1, 2]").contains("*: 3 numbers do not fill whole rows of 2"));
     assert!(fails("numbers([1, 2, 3]) + []").contains("+: an array of numbers is needed"));
     assert!(fails("numbers([1]) + [\"a\"]").contains("+: an array of numbers is needed"));
 }

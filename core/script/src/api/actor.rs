@@ -209,7 +209,7 @@ fn scale(c: &mut Call) -> Reply {
             "scale: factor must be from 0.000001 to 1000000 (or mirrored, negative), got {:?}, {:?}, {:?}",
             factor.x, factor.y, factor.z
         ))
-        .hint("use .hide() for what must not be seen"));
+        .hint("to make it invisible, use .hide()"));
     }
     change(c, ActorEdit::Scale(factor), |d| d.actor.transform.scale = factor)
 }
@@ -270,8 +270,9 @@ fn detach(c: &mut Call) -> Reply {
 fn timed(o: &Options, to: Option<Attachment>, change: ParentChange) -> Result<Parenting, ApiError> {
     let ParentChange { from: start, blend, keep, .. } = change;
     if start.is_none() && (blend.is_some() || keep == Some(true)) {
-        let error = ApiError::new(format!("{}: blend and keep need a time of change", o.function));
-        return Err(error.hint("give it: from"));
+        let error =
+            ApiError::new(format!("{}: blend and keep need the start time of the change", o.function));
+        return Err(error.hint("give the option from"));
     }
     let parent = Parenting::from(to, start.unwrap_or(Time::MIN));
     // There is no earlier placement to keep at the beginning of the stage.
@@ -349,8 +350,8 @@ pub fn has_copies(asset: &Asset, function: &str) -> Result<(), ApiError> {
     if asset.has_copies() {
         return Ok(());
     }
-    let text = format!("{function}: {} is there once", asset.name);
-    Err(ApiError::new(text).hint("cast asset.repeat(places) to have it more often"))
+    let text = format!("{function}: {} has no copies", asset.name);
+    Err(ApiError::new(text).hint("cast asset.repeat(places) to make copies"))
 }
 
 /// Refuses an asset without lines or points that have a width.
@@ -358,8 +359,8 @@ fn has_pen(asset: &Asset, function: &str) -> Result<(), ApiError> {
     if asset.materials.iter().any(|m| m.line_style.is_some()) {
         return Ok(());
     }
-    let text = format!("{function}: {} has no lines or points of a width", asset.name);
-    Err(ApiError::new(text).hint("give lines(…) a width, points(…) a size, or either metres"))
+    let text = format!("{function}: {} has neither lines nor points with a width", asset.name);
+    Err(ApiError::new(text).hint("give lines(…) a width, points(…) a size, or either of them metres"))
 }
 
 /// (Mesh instance, morph target) pairs of all targets with a name, or of the target with an index in every instance.

@@ -125,7 +125,11 @@ fn clip(c: &mut Call) -> Reply {
     let wanted = c.value(0);
     let found: Arc<Clip> = if let Ok(index) = wanted.as_int() {
         usize::try_from(index).ok().and_then(|i| clips.get(i)).cloned().ok_or_else(|| {
-            ApiError::new(format!("clip {index} of \"{}\": it has {} clips, from 0", asset.name, clips.len()))
+            ApiError::new(format!(
+                "there is no clip {index} in \"{}\": it has {} clips, numbered from 0",
+                asset.name,
+                clips.len()
+            ))
         })?
     } else if wanted.is_string() {
         let name = c.text(0)?;

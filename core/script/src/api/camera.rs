@@ -137,8 +137,8 @@ fn look_at(c: &mut Call) -> Reply {
     let blend = o.duration("blend")?;
     if start.is_none() && until.is_none() {
         if blend.is_some() {
-            let error = ApiError::new("look_at: blend needs a time of change");
-            return Err(error.hint("give it: #{ from: 2.0, blend: 0.5 }"));
+            let error = ApiError::new("look_at: blend needs the start time of the change");
+            return Err(error.hint("give the option from: #{ from: 2.0, blend: 0.5 }"));
         }
         return change(c, |k| k.look_at = Some(target));
     }
@@ -151,7 +151,7 @@ fn look_at(c: &mut Call) -> Reply {
     let this: CameraRef = c.this()?;
     let mut build = c.build();
     let looks = &mut build.camera(this.0)?.looks;
-    room(looks.len(), "looks of one camera", &c.shared.limits)?;
+    room(looks.len(), "look_at targets of one camera", &c.shared.limits)?;
     if looks.iter().any(|(look, _)| look.start == start) {
         let when =
             if start == Time::MIN { "already".into() } else { format!("at {} s already", start.as_secs()) };
@@ -219,7 +219,7 @@ fn follow(c: &mut Call) -> Reply {
     let target = c.target(0)?;
     let offset = crate::call::point(&c.value(1), &c.label(1))?;
     if offset.length() < 1e-9 {
-        return Err(ApiError::new("follow: offset must not be zero, the camera would stand in its target"));
+        return Err(ApiError::new("follow: offset must not be zero, the camera would be inside its target"));
     }
     rig(c, Rig::Follow { target, offset })
 }
@@ -338,7 +338,10 @@ fn find_camera(c: &Call, asset: &Asset) -> Result<u32, ApiError> {
         let found = u32::try_from(index).ok().filter(|i| (*i as usize) < asset.cameras.len());
         let n = asset.cameras.len();
         return found.ok_or_else(|| {
-            ApiError::new(format!("camera {index} of \"{}\": it has {n}, from 0", asset.name))
+            ApiError::new(format!(
+                "there is no camera {index} in \"{}\": it has {n}, numbered from 0",
+                asset.name
+            ))
         });
     }
     let name = c.text(0)?;

@@ -165,7 +165,7 @@ fn bind_raw(c: &mut Call) -> Reply {
     if !lacking.is_empty() {
         let moved: BTreeSet<u32> = this.clip.curves().iter().map(|curve| curve.joint).collect();
         let text = format!(
-            "clip \"{}\" of \"{}\" on \"{}\": it lacks {} of {} animated joints: {}",
+            "clip \"{}\" of \"{}\" on \"{}\": the skeleton lacks {} of {} animated joints: {}",
             this.clip.name,
             this.asset.name,
             on.name,
@@ -211,15 +211,15 @@ fn partial(of: &ClipRef, on: &Asset, coverage: &Coverage) -> ApiError {
         ));
     }
     ApiError::new(format!("{clip}: {}", coverage_line(coverage))).hint(
-        "name their partners: clip.retarget(asset, #{ joints: #{ \"its joint\": \"joint of the clip\" } }); clip.mapping(asset) lists what follows",
+        "name their partners: clip.retarget(asset, #{ joints: #{ \"its joint\": \"joint of the clip\" } }); clip.mapping(asset) lists the pairs",
     )
 }
 
-/// A summary such as "9 of 61 animated joints have a partner; these parts of the body do not follow: left arm, head".
+/// A summary such as "9 of 61 animated joints have a partner; these body parts stay at rest: left arm, head".
 fn coverage_line(coverage: &Coverage) -> String {
     let parts = match coverage.parts.is_empty() {
         true => String::new(),
-        false => format!("; these parts of the body do not follow: {}", coverage.parts.join(", ")),
+        false => format!("; these body parts stay at rest: {}", coverage.parts.join(", ")),
     };
     format!("{} of {} animated joints have a partner{parts}", coverage.followed(), coverage.moved)
 }
@@ -234,7 +234,7 @@ pub struct NothingFollows {
 impl NothingFollows {
     fn new(clip: &Clip, of: &Asset, on: &Asset, left_out: &[String]) -> NothingFollows {
         let message = format!(
-            "clip \"{}\" of \"{}\" on \"{}\": no joint has the same name, nor the same place in a body",
+            "clip \"{}\" of \"{}\" on \"{}\": no joint matches, neither by name nor by body part",
             clip.name, of.name, on.name
         );
         let hint = format!(
@@ -254,7 +254,7 @@ impl NothingFollows {
 fn note(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
     if report.coarse {
         let text = format!(
-            "clip \"{}\" of \"{}\" on \"{}\": it has too many keys to be followed within the tolerance",
+            "clip \"{}\" of \"{}\" on \"{}\": it has too many keys to be retargeted within the tolerance",
             of.clip.name, of.asset.name, on.name
         );
         c.shared.note(Severity::Warning, &c.place, &ApiError::new(text).rule("retarget_coarse"));
@@ -264,16 +264,17 @@ fn note(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
 fn not_standing(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
     if !report.rests_standing {
         let error = ApiError::new(format!(
-            "clip \"{}\" of \"{}\" on \"{}\": \"{}\" does not rest standing on both feet, as files of moves alone often do not; what it rests \
-             in counts as upright",
+            "clip \"{}\" of \"{}\" on \"{}\": the rest pose of \"{}\" does not stand on both feet, as is common in files of clips \
+             only; this pose is taken as upright",
             of.clip.name, of.asset.name, on.name, of.asset.name
         ));
-        let hint = "put it on the character that it was made for first: clip.retarget(its_character).retarget(asset)";
+        let hint = "retarget it to the character that it was made for first: clip.retarget(its_character).retarget(asset)";
         c.shared.note(Severity::Warning, &c.place, &error.hint(hint).rule("retarget_rest"));
     }
     if !report.target_stands {
         let error = ApiError::new(format!(
-            "clip \"{}\" of \"{}\" on \"{}\": \"{}\" does not rest standing on both feet; it is taken to stand on the lower one",
+            "clip \"{}\" of \"{}\" on \"{}\": the rest pose of \"{}\" does not stand on both feet; the lower foot is taken as the one \
+             on the ground",
             of.clip.name, of.asset.name, on.name, on.name
         ));
         c.shared.note(Severity::Warning, &c.place, &error.rule("retarget_rest"));
@@ -324,13 +325,13 @@ pub fn mapping_lines(of: &Asset, on: &Asset, clip: &Clip, fit: Fit) -> Result<Ve
     ));
     for (name, far) in &report.held {
         lines.push(format!(
-            "{name} moves within the body, by up to {:.0} mm, and only turns here (translations: \"all\" moves it too)",
+            "{name} is translated by the clip, by up to {:.0} mm, but only rotates here (translations: \"all\" keeps its translation)",
             far * 1e3
         ));
     }
     if !coverage.left_out.is_empty() {
         lines.push(coverage_line(&coverage));
-        lines.push(format!("nothing follows: {}", list(coverage.left_out.iter().map(String::as_str), 48)));
+        lines.push(format!("without a partner: {}", list(coverage.left_out.iter().map(String::as_str), 48)));
     }
     Ok(lines)
 }

@@ -358,7 +358,7 @@ fn same_as(c: &mut Call) -> Reply {
         SameOther::Actor(actor.id)
     } else if given.is_int() || given.is_float() {
         if !matches!(expect.when, When::At(_)) {
-            return Err(ApiError::new("same_as: two times are compared, and this is one of them")
+            return Err(ApiError::new("same_as: comparing two times needs .at with the first one")
                 .hint("write .at(1.0).same_as(2.0)"));
         }
         SameOther::Time(c.time(0)?)

@@ -70,7 +70,7 @@ api! {
 fn add(c: &Call, actor: usize, goal: Constraint) -> Reply {
     let mut build = c.build();
     let draft = build.actor(actor)?;
-    room(draft.actor.constraints.len(), "goals of one actor", &c.shared.limits)?;
+    room(draft.actor.constraints.len(), "constraints of one actor", &c.shared.limits)?;
     draft.constraints.push(c.place.clone());
     draft.actor.constraints.push(goal);
     Ok(Dynamic::from(GoalRef { actor, index: draft.actor.constraints.len() - 1 }))
@@ -112,10 +112,10 @@ fn reach(c: &mut Call) -> Reply {
     }
     joints.reverse();
     if let Some(root) = root.filter(|root| joints[0] != *root || joints.len() < 2) {
-        let error = format!("reach: \"{}\" is not below \"{}\", which is to bend", name(end), name(root));
+        let error = format!("reach: \"{}\" is not below the root \"{}\"", name(end), name(root));
         return Err(ApiError::new(error)
             .focus(name(root))
-            .hint("root is a joint above the one that reaches"));
+            .hint("root must be a joint above the one that reaches"));
     }
     if joints.len() < 2 {
         let error = format!("reach: \"{}\" has no joint above it that could bend", name(end));
@@ -295,7 +295,9 @@ fn limit(c: &mut Call) -> Reply {
     let limit = match (interval("hinge")?, swing, interval("twist")?) {
         (Some(angle), None, None) => Limit::Hinge { axis, angle },
         (None, None, None) => {
-            return Err(ApiError::new("limit: says nothing").hint("swing, twist or hinge, in degrees"));
+            return Err(
+                ApiError::new("limit: no limit is given").hint("give swing, twist or hinge, in degrees")
+            );
         }
         (None, swing, twist) => Limit::SwingTwist {
             axis,

@@ -43,9 +43,9 @@ struct ListedClip {
 /// Why a list of cuts cannot be read.
 #[derive(Debug, thiserror::Error)]
 enum CutListError {
-    #[error("is no OpenTimelineIO file: {0}")]
+    #[error("is not an OpenTimelineIO file: {0}")]
     Json(#[from] serde_json::Error),
-    #[error("is no OpenTimelineIO timeline")]
+    #[error("is not an OpenTimelineIO timeline")]
     NoTimeline,
     #[error("has no video track with clips")]
     NoClips,

@@ -206,9 +206,9 @@ fn put_image(used: &mut EffectUse, image: EffectImageUse) {
 fn changing(plugin: &Effect, name: &str, function: &str) -> Result<(), ApiError> {
     match parameter(plugin, name)? {
         Parameter::Whole(OptionSpec { kind: OptionKind::Texture { .. }, .. }) => {
-            let text = format!("{function}: the texture \"{name}\" is the same in all frames");
+            let text = format!("{function}: the texture \"{name}\" cannot change over time");
             Err(ApiError::new(text)
-                .hint("use the effect twice, each from and until a time, and fade another parameter"))
+                .hint("use the effect twice, with .from and .until, and fade another parameter"))
         }
         _ => Ok(()),
     }
@@ -276,7 +276,7 @@ fn allowed(spec: &OptionSpec) -> String {
 
 fn plugin(c: &Call, this: &EffectRef) -> Result<Effect, ApiError> {
     let found = c.shared.loader.registry().effect(&this.plugin).cloned();
-    found.ok_or_else(|| ApiError::new(format!("effect \"{}\" is gone", this.plugin)))
+    found.ok_or_else(|| ApiError::new(format!("effect \"{}\" no longer exists", this.plugin)))
 }
 
 fn set(c: &mut Call) -> Reply {
@@ -369,7 +369,7 @@ fn on(c: &mut Call) -> Reply {
         return Err(ApiError::new(text).hint("leave .on(…) out, or give it a camera"));
     }
     if targets.iter().any(|t| t.material.is_some()) && plugin(c, &this)?.hook() == Hook::Overlay {
-        let text = "on: this effect draws beside actors, not on single materials of them";
+        let text = "on: this effect draws beside whole actors, not on single materials";
         return Err(ApiError::new(text).hint("leave material out"));
     }
     if targets.is_empty() && o.get("material").is_some() {
@@ -416,7 +416,7 @@ pub(crate) fn named_materials(
     };
     if names.is_empty() {
         return Err(ApiError::new(format!(
-            "{function}: material must be a name or an array of at least one"
+            "{function}: material must be a name or an array of at least one name"
         )));
     }
     let mut out = Vec::new();

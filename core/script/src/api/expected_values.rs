@@ -21,7 +21,7 @@ pub fn formula(c: &Call, i: usize, widths: &'static [usize]) -> Result<Option<Fo
     let Some(callback) = c.value(i).try_cast::<FnPtr>() else { return Ok(None) };
     let callback = own_captures(&callback)?;
     let Some(engine) = c.shared.engine.lock().unwrap_or_else(PoisonError::into_inner).upgrade() else {
-        return Err(ApiError::new("near: the script is over"));
+        return Err(ApiError::new("near: the script has ended"));
     };
     #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
     let context = {

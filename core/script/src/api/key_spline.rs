@@ -69,9 +69,9 @@ impl Form {
             (Form::Angles, Some(three)) if three.len() == 3 => three,
             (Form::Angles, None) => number(v, label)
                 .map(|y| vec![0.0, y, 0.0])
-                .map_err(|_| wrong(v, label, "degrees a second about y, or [x, y, z]"))?,
+                .map_err(|_| wrong(v, label, "degrees per second about y, or [x, y, z]"))?,
             (Form::Angles, Some(_)) => {
-                return Err(wrong(v, label, "degrees a second about y, or [x, y, z]"));
+                return Err(wrong(v, label, "degrees per second about y, or [x, y, z]"));
             }
             (Form::Numbers { least, width, factor }, Some(mut all))
                 if (least..=width).contains(&all.len()) =>
@@ -83,16 +83,16 @@ impl Form {
                 vec![number(v, label)? * factor; width]
             }
             (Form::Numbers { least: 1, .. }, _) => {
-                return Err(wrong(v, label, "a number, the change a second"));
+                return Err(wrong(v, label, "a number, the change per second"));
             }
             (Form::Numbers { least, .. }, _) => {
-                let allowed = format!("{least} numbers, the change of each a second, or one for all");
+                let allowed = format!("{least} numbers, the change per second of each, or one for all");
                 return Err(wrong(v, label, &allowed));
             }
         };
         match read.iter().all(|n| n.abs() <= STEEPEST) {
             true => Ok(read),
-            false => Err(wrong(v, label, "within ±1e15 a second")),
+            false => Err(wrong(v, label, "within ±1e15 per second")),
         }
     }
 
@@ -141,7 +141,7 @@ pub(super) fn read(
     let weight = o.read("weight", |v, label| form.weights(v, label))?;
     let [mut incoming, mut outgoing]: [Side; 2] = [side("in")?, side("out")?];
     if ease.is_some() && incoming.is_given() {
-        let text = format!("{of}: key {n} has both an ease and a tangent into it: give one of them");
+        let text = format!("{of}: key {n} has both an ease and an incoming tangent: give only one of them");
         return Err(ApiError::new(text));
     }
     for side in [&mut incoming, &mut outgoing] {

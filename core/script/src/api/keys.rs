@@ -305,7 +305,7 @@ fn shapes(c: &Call, keys: &[Key], of: &str, given: Given, form: Form) -> Result<
         let shape = key_spline::read(c, key.shape.as_ref(), of, n, form)?;
         if shape.ease.is_some() && how != "linear" {
             return Err(ApiError::new(format!(
-                "{of}: ease of key {n}: keys with an ease of their own are linear, not \"{how}\""
+                "{of}: ease of key {n}: a key with an ease is always linear, not \"{how}\""
             )));
         }
         Ok(shape)

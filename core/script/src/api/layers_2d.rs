@@ -224,7 +224,7 @@ fn words(c: &mut Call) -> Reply {
             words.clone_from(&said);
             font.clone()
         }
-        _ => return Err(ApiError::new("words: only a text says anything")),
+        _ => return Err(ApiError::new("words: only a text has words")),
     };
     fonts::warn(c, &font, &said);
     c.itself()
@@ -264,7 +264,7 @@ fn text_panel(c: &mut Call) -> Reply {
 fn of_text(c: &Call, change_text: impl FnOnce(&mut Layer2dContent)) -> Reply {
     let this: FlatRef = c.this()?;
     if !matches!(c.build().flat(this.0)?.content, Layer2dContent::Text { .. }) {
-        return Err(ApiError::new(format!("{}: only a text has one", c.def.name)));
+        return Err(ApiError::new(format!("{}: only a text has this", c.def.name)));
     }
     change(c, |flat| change_text(&mut flat.content))
 }

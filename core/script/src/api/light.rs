@@ -99,8 +99,10 @@ fn add(c: &Call, o: &Options, mut light: StageLight) -> Reply {
     light.shadow = shadow(c, o)?;
     light.attenuation = attenuation(o)?;
     if light.attenuation.is_some() && light.light.range.is_some() {
-        let text =
-            format!("{}: range cuts off what falls off by the square; give range or attenuation", o.function);
+        let text = format!(
+            "{}: range limits the inverse-square falloff, attenuation replaces it; give only one",
+            o.function
+        );
         return Err(ApiError::new(text).focus("attenuation"));
     }
     let mut build = c.build();
@@ -117,7 +119,7 @@ fn attenuation(o: &Options) -> Result<Option<[f32; 3]>, ApiError> {
     let Some(given) = o.get("attenuation") else { return Ok(None) };
     let three = numbers(&given).filter(|n| n.len() == 3 && n.iter().all(|v| (0.0..=1e6).contains(v)));
     let three = three.filter(|n| n.iter().any(|v| *v > 0.0));
-    let allowed = "[constant, linear, square], none below 0 and one above";
+    let allowed = "[constant, linear, quadratic], none below 0 and at least one above";
     let three = three.ok_or_else(|| crate::call::wrong(&given, &o.label("attenuation"), allowed))?;
     Ok(Some([three[0] as f32, three[1] as f32, three[2] as f32]))
 }
@@ -156,7 +158,7 @@ fn spot(c: &mut Call) -> Reply {
         (Some(v), None) => Call::direction(&v, "spot: direction")?,
         (None, Some(Target::Point(p))) if (p - position).length() > 1e-9 => (p - position).normalize(),
         (None, Some(Target::Point(_))) => {
-            return Err(ApiError::new("spot: look_at is where the light stands"));
+            return Err(ApiError::new("spot: look_at must differ from the position of the light"));
         }
         (None, Some(_)) => {
             return Err(ApiError::new("spot: look_at must be a point, [x, y, z]")

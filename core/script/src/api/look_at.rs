@@ -46,7 +46,7 @@ fn look_at(c: &mut Call) -> Reply {
     let (start, end, fade) = span(c, &o, offset)?;
     let mut build = c.build();
     let draft = build.actor(this.id)?;
-    room(draft.actor.look_at.len(), "looks of one actor", &c.shared.limits)?;
+    room(draft.actor.look_at.len(), "look_at targets of one actor", &c.shared.limits)?;
     draft.looks.push(c.place.clone());
     draft.actor.look_at.push(LookAt { joint, target, start, end, fade, weight });
     Ok(Dynamic::from(LookRef { actor: this.id, index: draft.actor.look_at.len() - 1 }))

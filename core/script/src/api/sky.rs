@@ -33,8 +33,11 @@ fn sky(c: &mut Call) -> Reply {
     let options: Vec<&str> = Sky::FIELDS.iter().map(|field| field.name).collect();
     let o = c.options(1, &options)?;
     if let Some(before) = &c.build().sky_at {
-        return Err(ApiError::new(format!("sky: a stage has one, already made in line {}", before.line))
-            .hint("key its turn and strength instead"));
+        return Err(ApiError::new(format!(
+            "sky: a stage has only one sky, already made in line {}",
+            before.line
+        ))
+        .hint("key its turn and strength instead"));
     }
     let panorama = match name.contains('.') {
         false if BUILT_IN.contains(&name.as_str()) => Panorama::studio(),

@@ -74,7 +74,7 @@ fn stage(c: &mut Call) -> Reply {
     )?;
     if let Some(before) = &c.build().settings_at {
         return Err(ApiError::new(format!("stage: already called in line {}", before.line))
-            .hint("call it once, first"));
+            .hint("call it once, before other functions"));
     }
     let mut s = c.build().settings.clone();
     if let Some(size) = o.get("size") {

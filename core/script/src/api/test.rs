@@ -107,7 +107,7 @@ fn end_section(shared: &Shared) {
     let asked = std::mem::take(&mut shared.test().asked);
     for Asked { place, comparisons, unused } in asked {
         if comparisons == 0 {
-            let error = ApiError::new("this expect compares with nothing")
+            let error = ApiError::new("this expect has no comparison")
                 .hint("end it with a comparison, as .near(…), .below(…), .equals(…) or .in_frame()");
             shared.note(Severity::Error, &place, &error);
         } else if let Some((name, place)) = unused {
@@ -156,14 +156,14 @@ fn section_info(c: &Call, name: String, section: &FnPtr) -> Result<SectionInfo, 
     let reason = |name: &str| -> Result<Option<String>, ApiError> {
         let reason = o.text(name)?;
         if reason.as_ref().is_some_and(|r| r.trim().is_empty()) {
-            return Err(ApiError::new(format!("test: {name} must say why")).focus(name));
+            return Err(ApiError::new(format!("test: {name} must give a reason")).focus(name));
         }
         Ok(reason)
     };
     let mut skip = reason("skip")?;
     for file in texts(&o, "needs")? {
         let missing = c.shared.loader.folders().find(None, &file).err();
-        skip = skip.or(missing.map(|_| format!("needs {file}, which is not here")));
+        skip = skip.or(missing.map(|_| format!("needs {file}, which does not exist here")));
     }
     let test = c.shared.test();
     Ok(SectionInfo {
@@ -208,7 +208,8 @@ fn scene(c: &mut Call) -> Reply {
     let text = read_text(c.shared, &found, &name)?;
     let own = c.shared.sources.lock().unwrap_or_else(PoisonError::into_inner).get(&c.place.file).cloned();
     if own.as_deref() == Some(&*text) {
-        let error = ApiError::new(format!("scene: \"{name}\" is the file of this test")).focus(&*name);
+        let error =
+            ApiError::new(format!("scene: \"{name}\" is the file that contains this test")).focus(&*name);
         return Err(error.hint(
             "the statements of this file outside its tests have run already: leave scene(…) out, or move the tests to a file of their own",
         ));
@@ -302,7 +303,9 @@ fn light(c: &mut Call) -> Reply {
     let count = c.build().lights.len();
     match usize::try_from(index).ok().filter(|i| *i < count) {
         Some(index) => Ok(Dynamic::from(LightRef(index))),
-        None => Err(ApiError::new(format!("light {index}: the scene has {count} lights, from 0"))),
+        None => Err(ApiError::new(format!(
+            "there is no light {index}: the scene has {count} lights, numbered from 0"
+        ))),
     }
 }
 
@@ -316,7 +319,7 @@ fn stage_of(c: &mut Call) -> Reply {
         no_handles(value)?;
     }
     let Some(engine) = c.shared.engine.lock().unwrap_or_else(PoisonError::into_inner).upgrade() else {
-        return Err(ApiError::new("stage_of: the script is over"));
+        return Err(ApiError::new("stage_of: the script has ended"));
     };
     let (index, before) = {
         let mut test = c.shared.test();

@@ -70,12 +70,14 @@ fn walk_to(c: &mut Call) -> Reply {
     let from = from.or(draft.walks.last().map(|walk| walk.turned)).unwrap_or(origin);
     if let Some(before) = draft.walks.last().filter(|walk| from < walk.turned) {
         let text = format!("walk_to: begins at {} s, before the last walk ends", from.as_secs());
-        return Err(ApiError::new(text).hint(format!("from is at least {}", before.turned.as_secs())));
+        return Err(
+            ApiError::new(text).hint(format!("give the option from, at least {}", before.turned.as_secs()))
+        );
     }
     let own_speed = clip_speed(&this.asset, &clip) * draft.actor.transform.scale.z.abs();
     if own_speed < SLOWEST {
-        let text = format!("walk_to: nobody gets anywhere in clip \"{}\"", clip.name);
-        return Err(ApiError::new(text).hint("name a clip that walks or runs, on the spot or not"));
+        let text = format!("walk_to: clip \"{}\" contains no walk", clip.name);
+        return Err(ApiError::new(text).hint("name a clip of a walk or run, in place or not"));
     }
     let pace = match arrive {
         Some(arrive) => WalkPace::Arrive(arrive),
@@ -85,8 +87,10 @@ fn walk_to(c: &mut Call) -> Reply {
     let walk = Walk::new(WalkPlan { from, start, rotation, point, ahead, fade, pace, face })?;
     let factor = walk.speed / own_speed;
     if !(1.0 / FASTEST..=FASTEST).contains(&factor) {
-        let text =
-            format!("walk_to: it would walk at {:.3} m/s, its clip walks at {own_speed:.3}", walk.speed);
+        let text = format!(
+            "walk_to: the actor would walk at {:.3} m/s, but its clip walks at {own_speed:.3}",
+            walk.speed
+        );
         return Err(ApiError::new(text).hint("choose another time or speed, or a clip that runs"));
     }
     draft.walks.push(walk.clone());
@@ -95,7 +99,7 @@ fn walk_to(c: &mut Call) -> Reply {
     super::keys::replace(&mut draft.actor.channels, channels.into());
     let playing = playing(&build, this.id, from);
     let idle = own_idle.or_else(|| playing.clone()).ok_or_else(|| {
-        let hint = "play its standing clip before, or name it: #{ idle: hero.clip(\"Idle\") }";
+        let hint = "play the clip for standing before, or name it: #{ idle: hero.clip(\"Idle\") }";
         ApiError::new("walk_to: the actor plays no clip when it starts").hint(hint)
     })?;
     if playing.is_none() {

@@ -27,7 +27,7 @@ pub fn wrong(v: &Dynamic, label: &str, allowed: &str) -> ApiError {
     let mut error = ApiError::new(format!("{label} must be {allowed}, got {}", describe(v)));
     error.focus = v.clone().into_string().ok();
     if let Ok(letter) = v.as_char() {
-        error.hint = Some(format!("texts stand in double quotes: \"{letter}\""));
+        error.hint = Some(format!("write texts in double quotes: \"{letter}\""));
     }
     error
 }

@@ -76,7 +76,8 @@ pub fn edits(text: &str) -> Result<Vec<Edit>, FormatError> {
     balanced(script, &pieces)?;
     let mut edits = changes(script, &pieces);
     if !is_same(&pieces, &applied(script, &edits)) {
-        let message = "the program would change it; please report this with the script".to_string();
+        let message =
+            "formatting would change what the script does; please report this with the script".to_string();
         return Err(FormatError { line: 1, column: 1, message });
     }
     for edit in &mut edits {
@@ -259,8 +260,8 @@ mod tests {
             ("f(1", "1:2: not formatted: \"(\" is never closed"),
             ("a;\n f[1)", "2:5: not formatted: \")\" closes no bracket"),
             ("a /* b", "1:3: not formatted: \"/*\" begins a comment that is never closed"),
-            ("/* é */ \"x\n", "1:9: not formatted: \"\"x\" is no token of a script"),
-            ("a \\ b", "1:3: not formatted: \"\\\" is no token of a script"),
+            ("/* é */ \"x\n", "1:9: not formatted: \"\"x\" is not valid in a script"),
+            ("a \\ b", "1:3: not formatted: \"\\\" is not valid in a script"),
         ];
         for (text, expected) in refused {
             assert_eq!(formatted(text).unwrap_err().to_string(), expected);

@@ -70,7 +70,7 @@ pub fn pieces(text: &str) -> Result<Vec<Piece<'_>>, FormatError> {
         let range = token.range.clone();
         let is_open = token.kind == TokenKind::Text && !is_closed(&text[range.clone()]);
         if token.kind == TokenKind::Error || is_open {
-            return Err(FormatError::at(text, range.start, "is no token of a script"));
+            return Err(FormatError::at(text, range.start, "is not valid in a script"));
         }
         between(text, behind..range.start, &mut found)?;
         behind = range.end;
@@ -100,7 +100,7 @@ fn between<'a>(text: &'a str, gap: Range<usize>, found: &mut Vec<Piece<'a>>) -> 
     for comment in comments(text, gap) {
         let start = comment.range.start;
         if !text[start..].starts_with("/*") && !text[start..].starts_with("//") {
-            return Err(FormatError::at(text, start, "is no token of a script"));
+            return Err(FormatError::at(text, start, "is not valid in a script"));
         }
         if !comment.is_closed {
             return Err(FormatError::at(text, start, "begins a comment that is never closed"));

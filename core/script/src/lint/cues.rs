@@ -95,7 +95,7 @@ fn base_layer(
                 a.name()
             );
             let finding = PlacedFinding::warning("gap", &a.draft.at, text).on(subject, end);
-            found.push(finding.hint("leave .until out to let it play on, or add .once() where it is meant"));
+            found.push(finding.hint("leave .until out to let it play on, or add .once() if it is intended"));
         }
         // A cue that begins over the end of another is a crossfade.
         let covered = a.start < b.start && b.start + b.draft.cue.fade_in + frame <= end;
@@ -125,7 +125,7 @@ fn base_layer(
         );
         let finding = PlacedFinding::warning("frozen_at_end", &last.draft.at, text).on(subject, end);
         found.push(
-            finding.hint("leave .until out to let it play on, add .then(…), or .once() where it is meant"),
+            finding.hint("leave .until out to let it play on, add .then(…), or .once() if it is intended"),
         );
     }
 }
@@ -184,7 +184,7 @@ fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Plac
     let fade_out = draft.fade_out.unwrap_or(draft.cue.fade_in);
     if *layer && next.is_none() && draft.cue.fade_in <= slot && draft.cue.fade_in + fade_out > slot {
         let text = format!(
-            "clip \"{name}\" fades in over {} s and out over {} s, but its cue lasts {} s: it is never fully seen",
+            "clip \"{name}\" fades in over {} s and out over {} s, but its cue lasts {} s: it never reaches full weight",
             shown(draft.cue.fade_in),
             shown(fade_out),
             shown(slot)

@@ -90,7 +90,7 @@ pub fn look(drafts: &Drafts, found: &mut Vec<PlacedFinding>) {
         let text = format!("the variable \"{}\" is never used", variable.name);
         found.push(
             PlacedFinding::note("unused_variable", &variable.at, text)
-                .hint(format!("call it _{} where that is meant", variable.name)),
+                .hint(format!("name it _{} if that is intended", variable.name)),
         );
     }
 }

@@ -20,7 +20,7 @@ pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
     let sampler = super::raw_image::sampler(o)?;
     let Some((before, digits, after)) = pattern(&name)? else {
         if let Some(word) = ["first", "last"].into_iter().find(|w| o.get(w).is_some()) {
-            let text = format!("image: {word} is of numbered files, whose name has # for each digit");
+            let text = format!("image: {word} is for numbered files, whose name has # for each digit");
             return Err(ApiError::new(text).focus(word));
         }
         return alone(c, &name, sampler);
@@ -30,8 +30,8 @@ pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
     let begin = match first {
         Some(first) => first,
         None => (0..=1).find(|n| there(*n)).ok_or_else(|| {
-            let text = format!("image: neither {} nor {} is there", numbered(0), numbered(1));
-            ApiError::new(text).focus(&name).hint("first: says with which number the files begin")
+            let text = format!("image: neither {} nor {} exists", numbered(0), numbered(1));
+            ApiError::new(text).focus(&name).hint("give first, the number of the first file")
         })?,
     };
     let most = c.shared.limits.files;
@@ -44,8 +44,10 @@ pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
             let end = (begin..begin.saturating_add(most)).take_while(|n| there(*n)).last().unwrap_or(begin);
             if let Some(beyond) = (end + 2..=end + GAP).find(|n| there(*n)) {
                 let (missing, beyond) = (numbered(end + 1), numbered(beyond));
-                let text = format!("image: {missing} is missing, though {beyond} is there");
-                return Err(ApiError::new(text).focus(&name).hint(format!("last: {end} ends before it")));
+                let text = format!("image: {missing} is missing, but {beyond} exists");
+                return Err(ApiError::new(text)
+                    .focus(&name)
+                    .hint(format!("last: {end} ends the sequence before it")));
             }
             end
         }
@@ -64,7 +66,7 @@ pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
         let first = image.get_or_insert_with(|| one.clone());
         if (one.width, one.height) != (first.width, first.height) {
             let text = format!(
-                "image: images that follow each other have one size; {} is {} × {}, {name} {} × {}",
+                "image: all images of a sequence must have one size; {} is {} × {}, {name} {} × {}",
                 numbered(begin),
                 first.width,
                 first.height,

@@ -157,7 +157,7 @@ pub fn sequence(
 
 fn unequal(o: &Options, names: [&str; 2], counts: [usize; 2]) -> ApiError {
     let text = format!(
-        "{}: {} has {} images, {} {}; what follows each other on one surface has as many",
+        "{}: {} has {} images, {} {}; sequences on one surface must have the same length",
         o.function, names[0], counts[0], names[1], counts[1]
     );
     ApiError::new(text).focus(names[1])

@@ -14,7 +14,8 @@ pub(crate) fn of_one_size<'a>(
     images: &'a [ImageRef],
 ) -> Result<&'a ImageRef, ApiError> {
     if images.iter().any(|i| i.files.is_some()) {
-        let text = format!("{}: numbered files are images enough; give them alone", o.function);
+        let text =
+            format!("{}: numbered files are a sequence already; give them without an array", o.function);
         return Err(ApiError::new(text).focus(name));
     }
     let Some(first) = images.first() else {
@@ -24,7 +25,7 @@ pub(crate) fn of_one_size<'a>(
     if let Some(i) = images.iter().position(|i| (i.image.width, i.image.height) != (width, height)) {
         let other = &images[i].image;
         let text = format!(
-            "{}: images that follow each other have one size; the first is {width} × {height}, number {} is {} × {}",
+            "{}: all images of a sequence must have one size; the first is {width} × {height}, number {} is {} × {}",
             o.function,
             i + 1,
             other.width,
@@ -139,7 +140,8 @@ pub(crate) fn same_size(
         true => Ok(()),
         false => {
             let ((w, h), (w2, h2)) = (size(a), size(b));
-            let text = format!("{}: {name} is {w} × {h}, {other} {w2} × {h2}; they share a size", o.function);
+            let text =
+                format!("{}: {name} is {w} × {h}, {other} {w2} × {h2}; both must have one size", o.function);
             Err(ApiError::new(text).focus(name))
         }
     }

@@ -147,7 +147,7 @@ impl Maps {
         let scale = tiles.unwrap_or(1.0);
         match (image, second) {
             (Some(_), Some(_)) => {
-                return fail("checker makes an image of its own; leave image or checker out", "checker");
+                return fail("checker makes an image of its own; give only image or checker", "checker");
             }
             (Some(given), None) => {
                 let files = given.files.as_ref();
@@ -173,14 +173,14 @@ impl Maps {
         if let Some(given) = normal_map {
             if material.shading == Shading::Unlit {
                 let word = if relief > 0.0 { "height_map" } else { "normal_map" };
-                return fail(&format!("{word} changes how light falls; unlit has none"), word);
+                return fail(&format!("{word} changes the lighting; an unlit surface has none"), word);
             }
             material.normal_texture = Some(texture(given.image, given.sampler, scale));
             material.relief = relief;
         }
         if let Some(given) = specular_map {
             if material.shading == Shading::Unlit {
-                return fail("specular_map changes what shines; unlit does not", "specular_map");
+                return fail("specular_map changes highlights; an unlit surface has none", "specular_map");
             }
             material.specular_color_texture = Some(texture(given.image, given.sampler, scale));
         }
@@ -258,11 +258,14 @@ fn motion(
     let whole = |v: f64| (1.0..=256.0).contains(&v) && libm::floor(v) == v;
     let cells = match (cells, pair("frames")?) {
         (Some(_), Some(_)) => {
-            return fail("frames are the cells of one image; several images have their own", "frames");
+            return fail(
+                "frames are the cells of one image; an array of images has one frame per image",
+                "frames",
+            );
         }
         (None, Some(_)) if several => {
             return fail(
-                "frames are the cells of one image; those that follow each other are one each",
+                "frames are the cells of one image; an image sequence has one frame per image",
                 "frames",
             );
         }
@@ -272,7 +275,7 @@ fn motion(
             }
             let maps = ["image", "normal_map", "opacity_map", "height_map", "specular_map", "reflection_map"];
             if !maps.into_iter().any(|name| o.get(name).is_some()) {
-                return fail("frames are the cells of image or a map, of which none is given", "frames");
+                return fail("frames are the cells of image or of a map, but neither is given", "frames");
             }
             Some([columns as u32, rows as u32, columns as u32 * rows as u32])
         }
@@ -284,10 +287,15 @@ fn motion(
     let textured = mirrored || maps.into_iter().any(Option::is_some);
     if let Some(word) = ["scroll", "spin"].into_iter().find(|w| o.get(w).is_some()) {
         if !textured {
-            return fail(&format!("{word} moves image, checker or a map, of which none is given"), word);
+            return fail(&format!("{word} moves image, checker or a map, but none of them is given"), word);
         }
         if cells.is_some() {
-            return fail(&format!("{word} would leave the frame that is seen; frames do not move"), word);
+            return fail(
+                &format!(
+                    "{word} cannot be used with frames: it would move the image out of the visible frame"
+                ),
+                word,
+            );
         }
         let [u, v] = scroll.unwrap_or_default();
         material.uv_motion = Some(UvMotion {
@@ -314,8 +322,8 @@ fn motion(
             });
             Ok(())
         }
-        None if once.is_some() => fail("once is of frames, or of several images as image or a map", "once"),
-        None if fps.is_some() => fail("fps is of frames, or of several images as image or a map", "fps"),
+        None if once.is_some() => fail("once needs frames, or several images as image or a map", "once"),
+        None if fps.is_some() => fail("fps needs frames, or several images as image or a map", "fps"),
         None => Ok(()),
     }
 }
@@ -359,7 +367,7 @@ fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     let Some(first) = OPTIONS[LAYERS].iter().find(|name| o.get(name).is_some()) else { return Ok(()) };
     if material.shading != Shading::MetallicRoughness {
         let text =
-            format!("{}: {first} is of surfaces with roughness, not of unlit or shininess", o.function);
+            format!("{}: {first} is for surfaces with roughness, not with unlit or shininess", o.function);
         return Err(ApiError::new(text).focus(*first));
     }
     for (part, whole) in [
@@ -438,7 +446,7 @@ impl Options {
         let Some(value) = self.get(name) else { return Ok(None) };
         let given = value.clone().try_cast::<ImageRef>();
         if given.as_ref().is_some_and(|i| i.files.is_some()) {
-            let text = format!("{}: {name} is one image, not several that follow each other", self.function);
+            let text = format!("{}: {name} must be one image, not a sequence", self.function);
             return Err(ApiError::new(text).focus(name));
         }
         given

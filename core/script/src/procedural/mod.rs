@@ -95,8 +95,7 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     let projected = o.get("projection").is_some();
     let relief_without_uvs = o.get("displacement_map").is_some() && primitive.uvs[0].is_empty() && !projected;
     if relief_without_uvs {
-        let text =
-            format!("{function}: displacement_map needs uvs, where it lies on the mesh, or a projection");
+        let text = format!("{function}: displacement_map needs uvs, its place on the mesh, or a projection");
         return Err(ApiError::new(text).focus("displacement_map"));
     }
     let primitive = if topology == Topology::Triangles { shaped(c, &o, primitive)? } else { primitive };
@@ -151,8 +150,9 @@ fn check_uvs(o: &Options, primitive: &Primitive, material: &Material) -> Result<
         && primitive.uvs[0].is_empty()
         && material.triplanar.is_none()
     {
-        return Err(ApiError::new(format!("{function}: {picture} needs uvs, where it lies on the mesh"))
-            .focus(picture));
+        return Err(
+            ApiError::new(format!("{function}: {picture} needs uvs, its place on the mesh")).focus(picture)
+        );
     }
     Ok(())
 }
@@ -187,7 +187,7 @@ fn triplanar(o: &Options, primitive: &Primitive) -> Result<Option<Triplanar>, Ap
     let needs_uvs = ["height_map", "displacement_map", "anisotropy"];
     if let Some(word) = needs_uvs.into_iter().find(|word| o.get(word).is_some()) {
         return fail(
-            format!("{word} needs one place in an image, triplanar reads three; take another projection"),
+            format!("{word} needs one texture coordinate, triplanar has three; use another projection"),
             word,
         );
     }

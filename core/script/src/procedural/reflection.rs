@@ -13,7 +13,7 @@ pub(crate) fn environment_map(o: &Options) -> Result<Option<ImageRef>, ApiError>
         return Ok(Some(given));
     }
     let text = format!(
-        "{}: environment_map is an image of all around, twice as wide as high; this is {width} × {height}",
+        "{}: environment_map must be a panorama, twice as wide as high; this is {width} × {height}",
         o.function
     );
     Err(ApiError::new(text).focus("environment_map"))
@@ -26,7 +26,7 @@ pub fn reflection(o: &Options, material: &mut Material) -> Result<(), ApiError> 
     let fail = |text: String| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
     if !matches!(material.shading, Shading::BlinnPhong | Shading::Phong) {
         return fail(format!(
-            "{word} needs shininess, the Blinn–Phong exponent; with roughness a surface mirrors by itself"
+            "{word} needs shininess, the Blinn–Phong exponent; a surface with roughness reflects without it"
         ));
     }
     let share = match o.get("reflection") {
@@ -37,7 +37,9 @@ pub fn reflection(o: &Options, material: &mut Material) -> Result<(), ApiError> 
         Some(_) => o.color("reflection")?.map(rgb),
     };
     if share.is_none() && word == "environment_map" {
-        return fail("environment_map says what is mirrored; reflection, how much, is not given".into());
+        return fail(
+            "environment_map is what a surface reflects; reflection, its amount, is not given".into(),
+        );
     }
     // The default factor is 1, because a map contains the amount.
     let color = share.unwrap_or(Vec3::ONE);

@@ -16,10 +16,10 @@ pub fn repeat(c: &mut Call) -> Reply {
         return Err(c.wrong(0, "an array of places, like [[0, 0, 0], [1, 0, 0]]"));
     };
     if array.is_empty() {
-        return Err(ApiError::new("repeat: places is an empty array").hint("count(0) shows none of them"));
+        return Err(ApiError::new("repeat: places is an empty array").hint("to show none, use count(0)"));
     }
     if asset.instances.is_empty() {
-        return Err(ApiError::new(format!("repeat: {} has nothing to be seen", asset.name)));
+        return Err(ApiError::new(format!("repeat: {} has no meshes", asset.name)));
     }
     let limit = c.shared.limits.instances;
     let all = array.len() as u64 * asset.placements.len().max(1) as u64;
@@ -67,14 +67,14 @@ fn place(v: &Dynamic, i: usize) -> Result<DAffine3, ApiError> {
             }
             _ => {
                 let text =
-                    format!("{label} is not known, got {}; a place has at, turn and scale", describe(value));
+                    format!("{label} is unknown, got {}; a place has at, turn and scale", describe(value));
                 return Err(ApiError::new(text).focus(key.to_string()));
             }
         }
     }
     let placed = DAffine3::from_scale_rotation_translation(scale, turn, at);
     if !placed.is_finite() {
-        return Err(ApiError::new(format!("{label} is not of finite numbers")));
+        return Err(ApiError::new(format!("{label} must be finite")));
     }
     Ok(placed)
 }

@@ -38,9 +38,9 @@ pub fn refuse(kind: &str, size: Vec3) -> Option<&'static str> {
     let width = size.x.max(size.z);
     match kind {
         "capsule" if size.y < width => Some("a capsule must be at least as high as it is wide"),
-        "torus" if size.y > 0.5 * size.x.min(size.z) => {
-            Some("a torus must be at most half as high as it is wide: its height is how thick its ring is")
-        }
+        "torus" if size.y > 0.5 * size.x.min(size.z) => Some(
+            "a torus must be at most half as high as it is wide: its height is the thickness of its ring",
+        ),
         _ => None,
     }
 }

@@ -71,7 +71,8 @@ pub fn texture(c: &mut Call) -> Reply {
     let any = with_tangents(&mut asset, index as u32, slot, uv_set);
     if !any {
         let which = if uv_set == 1 { "second " } else { "" };
-        let text = format!("texture: what has the material \"{wanted}\" has no {which}texture coordinates");
+        let text =
+            format!("texture: the meshes of the material \"{wanted}\" have no {which}texture coordinates");
         return Err(ApiError::new(text).focus(&wanted));
     }
     c.build().used(&source);
@@ -111,8 +112,8 @@ fn check_slot(material: &Material, slot: &str) -> Result<(), ApiError> {
     let wanted = &material.name;
     let lit = material.shading != Shading::Unlit;
     if !lit && slot != "color" {
-        let text = format!("texture: {wanted} is unlit, of which light does not find a {slot}");
-        return Err(ApiError::new(text).hint("its slot is \"color\""));
+        let text = format!("texture: {wanted} is unlit; it reads no {slot}");
+        return Err(ApiError::new(text).hint("use the slot \"color\""));
     }
     if !reads(material.shading, slot) {
         let (model, instead) = match slot {
@@ -121,7 +122,7 @@ fn check_slot(material: &Material, slot: &str) -> Result<(), ApiError> {
             _ => ("shininess", "reflection"),
         };
         let text = format!("texture: {wanted} has {model}; it reads no {slot}");
-        return Err(ApiError::new(text).focus(slot).hint(format!("its slot is \"{instead}\"")));
+        return Err(ApiError::new(text).focus(slot).hint(format!("use the slot \"{instead}\"")));
     }
     Ok(())
 }
@@ -206,7 +207,7 @@ fn follow(
     let word_of_time = if fps.is_some() { "fps" } else { "once" };
     let Some(files) = files else {
         if fps.is_some() || once.is_some() {
-            let text = format!("texture: {word_of_time} is of several images that follow each other");
+            let text = format!("texture: {word_of_time} is for image sequences");
             return Err(ApiError::new(text).focus(word_of_time));
         }
         if let (false, Some(before)) = (streams.is_empty(), before) {
@@ -220,14 +221,14 @@ fn follow(
     let new = (fps.map_or(of_before.0, |v| v as f32), once.unwrap_or(of_before.1));
     if let Some(count) = others.filter(|n| *n != files.hashes.len()) {
         let text = format!(
-            "texture: {} images, and {count} in another slot; what follows each other on one surface has as many",
+            "texture: {} images, and {count} in another slot; sequences on one surface must have the same length",
             files.hashes.len()
         );
         return Err(ApiError::new(text));
     }
     if others.is_some() && new != of_before {
         let text =
-            format!("texture: {word_of_time} is not that of the other slot; all images change together");
+            format!("texture: {word_of_time} differs from that of another slot; all images change together");
         return Err(ApiError::new(text).focus(word_of_time));
     }
     streams.push(ImageStream { slot, pictures: files.pictures.clone(), hashes: files.hashes.clone() });

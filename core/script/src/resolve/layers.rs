@@ -42,7 +42,7 @@ fn gets_nowhere(build: &Build, made: &[Option<Cue>], notes: &mut Notes) {
             ApiError::new(format!("\"{name}\" stays at the start of its path: no clip that it plays walks"))
                 .hint("give a speed, path(points, #{ speed: 1.2 })")
         } else {
-            ApiError::new(format!("\"{name}\" has root motion, but no clip that it plays gets anywhere"))
+            ApiError::new(format!("\"{name}\" has root motion, but no clip that it plays travels"))
         };
         notes.push((Severity::Warning, actor.at.clone(), error.rule("goes_nowhere")));
     }
@@ -168,16 +168,16 @@ fn resolve_cue(
         ..draft.cue(start)
     };
     if layer && cue.inertialization > Time::ZERO {
-        refuse(draft, "inertial is for clips that are no layer", notes);
+        refuse(draft, "inertial is for clips that are not a layer", notes);
     }
     if layer && draft.root.is_some() {
-        refuse(draft, "root motion is for clips that are no layer", notes);
+        refuse(draft, "root motion is for clips that are not a layer", notes);
     }
     if cue.inertialization > Time::ZERO && (draft.cue.fade_in > Time::ZERO || draft.in_step) {
-        refuse(draft, "inertial begins at once, so there is no fade", notes);
+        refuse(draft, "inertial starts at full weight; it cannot be used with a fade", notes);
     }
     if layer && draft.in_step {
-        refuse(draft, "in_step is for clips that are no layer", notes);
+        refuse(draft, "in_step is for clips that are not a layer", notes);
     }
     Some(cue)
 }

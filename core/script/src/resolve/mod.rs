@@ -260,7 +260,7 @@ fn camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
         lacking.into_iter().for_each(|why| note(format!(" {why}")));
     }
     if rigged && placed {
-        note(" cannot both stand somewhere and follow, orbit or frame".into());
+        note(" cannot both have a position and follow, orbit or frame".into());
     }
     camera
 }

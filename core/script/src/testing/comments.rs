@@ -41,7 +41,7 @@ pub fn parse(file: &str, text: &str) -> (Vec<ExpectedDiagnostic>, Vec<Diagnostic
                     line: index + 1,
                     column: row[..start].chars().count() + 1,
                     source_line: row.to_string(),
-                    message: "this comment expects nothing".to_string(),
+                    message: "this comment states no expected message".to_string(),
                     hint: Some(
                         "write //~ error: TEXT or //~ warning: TEXT, a part of the message".to_string(),
                     ),

@@ -279,7 +279,8 @@ fn section_info(
         None if sections.is_empty() && index == 0 => Ok(as_it_stands(name, text)),
         None => {
             let count = sections.len();
-            let error = Diagnostic::error(format!("section {index} is gone: the file has {count} now"));
+            let error =
+                Diagnostic::error(format!("section {index} no longer exists: the file now has {count}"));
             Err(vec![error.in_file(name)])
         }
     }

@@ -131,7 +131,7 @@ fn joints_that_the_character_lacks_are_reported_once() {
     assert_eq!(about.len(), 1, "{texts:?}");
     assert!(
         about[0].contains(
-            "clip \"move\" of \"moves.rig\" on \"character.rig\": it lacks 1 of 3 animated joints: prop"
+            "clip \"move\" of \"moves.rig\" on \"character.rig\": the skeleton lacks 1 of 3 animated joints: prop"
         ),
         "{texts:?}"
     );

@@ -125,7 +125,8 @@ fn a_call_of_very_many_arguments_is_refused_where_it_stands() {
 fn nothing_is_curried() {
     for text in ["let f = |a| a;\nf.curry(1);", "let f = |a| a;\ncurry(f, 1);"] {
         let errors = assets().run_text(text, &ScriptOptions::default()).unwrap_err();
-        let wanted = "\"curry\" cannot be used in a script: a closure, || f(x), takes along what it uses";
+        let wanted =
+            "\"curry\" cannot be used in a script: a closure, || f(x), captures the variables that it uses";
         assert_eq!((errors[0].message.as_str(), errors[0].line), (wanted, 2), "{text}");
     }
     // Closures that capture values still work.
@@ -187,7 +188,7 @@ fn a_part_that_starts_over_below_a_fade_is_told() {
         ))
     };
     let told = "3: this part of clip \"Walk\" takes 0.5 s and starts over at 1 s, while \"Run\" fades in over it; \
-                add .once() to hold its last pose, or .loop() if it is meant";
+                add .once() to hold its last pose, or .loop() if it is intended";
     assert_eq!(warned(&script("", 1.0, 0.25)), [told]);
     assert_eq!(warned(&script("", 0.875, 0.25)), [told]);
     for (how, until, fade) in
@@ -218,7 +219,7 @@ fn check_tells_what_is_hardly_meant() {
         [
             "5: clip \"Walk\" is played once and takes 1 s, but its cue lasts 3 s: the last pose is held",
             "6: clip \"Run\" starts at 5 s, after the end of the stage, 4 s",
-            "8: clip \"Run\" fades in over 2 s, but its cue lasts 1 s: it is never fully seen",
+            "8: clip \"Run\" fades in over 2 s, but its cue lasts 1 s: it never reaches full weight",
             "10: clip \"Walk\" is never seen: \"Run\" starts at the same time, 0 s; use .from, or .on(\"Spine..\") for a layer",
             "4: 2 actors stand in the same place, the origin: a, b; place them with .at(x, y, z)",
             "12: this cut at 9 s comes after the end of the stage, 4 s",

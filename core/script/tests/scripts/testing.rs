@@ -239,7 +239,7 @@ fn formulas_are_functions_of_the_time() {
 #[test]
 fn misuse_is_answered_in_words() {
     let cases = [
-        ("test(\"a\", || { expect(1); });", "this expect compares with nothing"),
+        ("test(\"a\", || { expect(1); });", "this expect has no comparison"),
         (
             "test(\"a\", || { expect(1).equals(1).not(); });",
             "not has no effect: no comparison comes after it",
@@ -253,14 +253,14 @@ fn misuse_is_answered_in_words() {
         ("test(\"a\", || { expect(1).at(2).equals(1); });", "equals: a value does not change over time"),
         ("test(\"a\", || { test(\"b\", || 1); });", "a section cannot hold another one"),
         ("test(\"a\", || 1); test(\"a\", || 1);", "the name \"a\" is already taken by the section in line 1"),
-        ("test(\"a\", #{ skip: \"\" }, || 1);", "test: skip must say why"),
+        ("test(\"a\", #{ skip: \"\" }, || 1);", "test: skip must give a reason"),
         ("expect(1).equals(1); test(\"a\", || 1);", "expect can be used in test sections only"),
         ("test(\"a\", || { expect_picture(\"a b\"); });", "it is a file's name"),
         ("test(\"a\", || { expect(load(\"hero.toy\")); });", "expect: what must be an Actor, Joint"),
-        ("test(\"a\", || { expect(stage()).at(1).near(1); });", "near: what is expected must be"),
+        ("test(\"a\", || { expect(stage()).at(1).near(1); });", "near: the argument of expect must be"),
         ("test(\"a\", || { throw \"no\"; });", "t.rhai:1:16: no"),
         ("test(\"a\", || { loop { } });", "does a loop never end?"),
-        ("test(\"a\", || 1); //~ eror: x", "this comment expects nothing"),
+        ("test(\"a\", || 1); //~ eror: x", "this comment states no expected message"),
     ];
     for (text, expected) in cases {
         let got = errors(text);
@@ -339,7 +339,7 @@ fn a_section_of_a_file_that_has_changed() {
     assert_eq!(run(0).unwrap().printed, ["1"]);
     std::fs::write(folder.file("t.rhai"), "test(\"c\", || { print(3); expect(1).equals(1); });").unwrap();
     assert_eq!((run(0).unwrap().info.name.as_str(), run(0).unwrap().printed.len()), ("c", 1));
-    assert!(show(&run(1).unwrap_err()).contains("section 1 is gone: the file has 1 now"));
+    assert!(show(&run(1).unwrap_err()).contains("section 1 no longer exists: the file now has 1"));
 }
 
 /// Processor time of a section in a file of 32 times as many; it was 32 times as long and more.

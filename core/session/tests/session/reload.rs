@@ -314,7 +314,7 @@ fn an_image_that_the_script_chooses_for_an_effect_is_watched() {
     }
     place.write("a.rhai", &format!("{}glow.key(\"ink\", [[0.0, 1.0]]);", script("image(1, 1, [0.5])")));
     let error = first_error(&place.next());
-    assert!(error.contains("key: the texture \"ink\" is the same in all frames"), "{error}");
+    assert!(error.contains("key: the texture \"ink\" cannot change over time"), "{error}");
     place.write("a.rhai", &script("image(1, 1, [0.5])"));
     assert!(texel(&good(place.next())) > 0);
 }

@@ -89,7 +89,7 @@ fn kind_problems(stage: &Stage, actor: &Actor, kind: &ConstraintKind) -> Vec<Str
         }
         ConstraintKind::Mirror(mirroring) => {
             let (count, joints) = (mirroring.joints.joint_count(), actor.asset.skeleton.len());
-            let text = || format!("the map is of {count} joints, the skeleton has {joints}");
+            let text = || format!("the map has {count} joints, the skeleton has {joints}");
             return (count != joints).then(text).into_iter().collect();
         }
     };

@@ -106,11 +106,11 @@ described! {
 
 fn has_no_pen(of: &Actor) -> Option<&'static str> {
     let has = of.asset.materials.iter().any(|m| m.line_style.is_some());
-    (!has).then_some("has no lines or points of a width")
+    (!has).then_some("has neither lines nor points with a width")
 }
 
 fn has_no_copies(of: &Actor) -> Option<&'static str> {
-    (!of.asset.has_copies()).then_some("is there once")
+    (!of.asset.has_copies()).then_some("has no copies")
 }
 
 described! {

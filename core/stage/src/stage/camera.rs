@@ -89,7 +89,7 @@ described! {
         }, set |of: &mut Camera, v| if let (Projection::Perspective { yfov, .. }, FieldValue::Number(n)) = (&mut of.projection, v) {
             *yfov = n as f32;
         }], FieldType::Degrees(0.1, 179.0), keys "fov" FieldOfView, lacks has_no_perspective;
-        /// focal length on full-frame film, 24 mm high; it is held as the field of view
+        /// focal length on full-frame film, 24 mm high; stored as the field of view
         focal_length: [get |_: &Camera| FieldValue::Unset, set |of: &mut Camera, v| if let (Projection::Perspective { yfov, .. }, FieldValue::Number(n)) = (&mut of.projection, v) {
             *yfov = Camera::yfov(n) as f32;
         }], FieldType::Number(0.2, 13_000.0, "mm"), keys "focal_length" FocalLength, lacks has_no_lens;

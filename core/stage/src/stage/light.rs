@@ -60,7 +60,7 @@ described! {
     fields {
         /// size of the shadow map
         size: size, FieldType::Number(64.0, 4096.0, "texels");
-        /// width of the soft edge; by default 0.01, and of a sun what its disc of 0.53° makes, wider farther from the caster
+        /// width of the soft edge; by default 0.01, for a sun that of its disc of 0.53°: wider farther from the caster
         softness: softness, FieldType::Number(0.0, 100.0, "metres");
     }
 }
@@ -76,15 +76,15 @@ impl Shadow {
 }
 
 fn shines_however_far(of: &StageLight) -> Option<&'static str> {
-    of.light.kind.is_directional().then_some("a sun shines however far")
+    of.light.kind.is_directional().then_some("a sun has no range")
 }
 
 fn shines_all_around(of: &StageLight) -> Option<&'static str> {
-    (!of.light.kind.has_direction()).then_some("a point shines in all directions")
+    (!of.light.kind.has_direction()).then_some("a point light shines in all directions")
 }
 
 fn has_no_cone(of: &StageLight) -> Option<&'static str> {
-    of.light.kind.cone().is_none().then_some("only a spot has a cone")
+    of.light.kind.cone().is_none().then_some("only a spot light has a cone")
 }
 
 fn set_cone(of: &mut StageLight, index: usize, angle: FieldValue) {

@@ -234,7 +234,7 @@ pub enum StageError {
 choreo_motion::error_texts! { StageError:
     Self::Hook { error, time } => "{error}\n    at {} s", time.as_secs();
     Self::Cycle(actor, between) => "actor \"{actor}\" is attached to itself, through {between}";
-    Self::FacingCycle(actor, faced) => "actor \"{actor}\" cannot face \"{faced}\": where \"{faced}\" stands depends on how \"{actor}\" is turned; \
-        turn \"{actor}\" by hand, or face something that it does not carry";
+    Self::FacingCycle(actor, faced) => "actor \"{actor}\" cannot face \"{faced}\": the position of \"{faced}\" depends on the rotation of \"{actor}\"; \
+        rotate \"{actor}\" with .turn, or face something that is not attached to it";
     Self::Bad { place, what } => "{place}: {what}";
 }

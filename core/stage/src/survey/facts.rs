@@ -205,7 +205,7 @@ impl Facts {
             if facts.in_its_target {
                 say(
                     "camera_in_target",
-                    format!("camera \"{}\" stands in the point that it looks at", camera.name),
+                    format!("camera \"{}\" is at the point that it looks at", camera.name),
                     "move it away: .at(x, y, z)",
                 );
             } else if facts.active && !facts.sees && stage.actors.iter().any(|a| has_meshes(&a.asset)) {
@@ -229,7 +229,7 @@ impl Facts {
     /// The number of surveyed times, in words; empty if every frame was surveyed.
     fn times_note(&self) -> String {
         match self.gave_up {
-            true => format!(" (at {} times looked at)", self.times),
+            true => format!(" (checked at {} times)", self.times),
             false => String::new(),
         }
     }
@@ -258,7 +258,7 @@ impl Facts {
                     "attached_to_hidden",
                     false,
                     text,
-                    "what is attached is hidden with what it is attached to",
+                    "an attached actor is hidden together with its parent",
                 );
             } else if !helps {
                 say("always_hidden", true, format!("\"{name}\" is hidden all the time"), "");
@@ -337,12 +337,12 @@ impl Facts {
                         length.as_secs()
                     ),
                 };
-                say("look_never", format!("\"{}\" never looks there: {why}", actor.name));
+                say("look_never", format!("\"{}\" never looks at its target: {why}", actor.name));
             } else if facts.counted && !facts.reached {
                 say(
                     "look_out_of_reach",
                     format!(
-                        "\"{joint}\" of \"{}\" never gets to look there: the target is farther round than the {}° that it \
+                        "\"{joint}\" of \"{}\" never faces its target: the target is outside the {}° that it \
                          can turn{}",
                         actor.name,
                         LOOK_AT_LIMIT_RAD.to_degrees().round(),

@@ -121,8 +121,10 @@ fn never_used(stage: &Stage, findings: &mut Vec<Finding>) {
         let name = &camera.name;
         let cut_to = stage.cuts.iter().any(|c| c.camera == index);
         let text = match cut_to {
-            true => format!("camera \"{name}\" is never on: another is cut to before a frame of it is drawn"),
-            false => format!("camera \"{name}\" is never on: nothing cuts to it"),
+            true => format!(
+                "camera \"{name}\" is never on: the cut to another camera comes before its first frame"
+            ),
+            false => format!("camera \"{name}\" is never on: there is no cut to it"),
         };
         let hint = if cut_to { "" } else { "the first camera is on from the start, others from .cut(time)" };
         findings.push(warn("camera_never_on", Subject::Camera(index), text, hint));

@@ -65,7 +65,7 @@ fn loops_of_parents_and_of_facing_are_errors() {
     stage.actors[c].parents = on(a);
     stage.actors[a].face = Some(c);
     let error = stage.at(Time::ZERO).unwrap_err().to_string();
-    assert!(error.starts_with("actor \"a\" cannot face \"c\": where \"c\" stands depends on"), "{error}");
+    assert!(error.starts_with("actor \"a\" cannot face \"c\": the position of \"c\" depends on"), "{error}");
 }
 
 #[test]

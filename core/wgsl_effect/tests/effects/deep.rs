@@ -95,7 +95,9 @@ fn deepest(kind: &str) -> usize {
     let is_refused = |n: usize| {
         let error = compiled(&text(kind, n)).err();
         error.is_some_and(|e| {
-            e.contains("levels deep") || e.contains("declarations") || e.contains("within one another")
+            e.contains("levels deep")
+                || e.contains("declarations")
+                || e.contains("nested statements and calls")
         })
     };
     let (mut good, mut bad) = (1, 4096);
@@ -134,7 +136,7 @@ fn a_text_that_is_too_deep_is_refused_where_it_is() {
     assert_eq!(error("else_ifs", 3_000), format!("deep.wgsl:2:11968: {levels}"));
     assert_eq!(error("structs", 2_000), "deep.wgsl:1002:1: more than 1000 declarations");
     let calls = error("functions", 900);
-    assert!(calls.ends_with("more than 200 statements and calls within one another"), "{calls}");
+    assert!(calls.ends_with("more than 200 nested statements and calls"), "{calls}");
 }
 
 /// Neither a comment nor a number hides what follows it.

@@ -145,11 +145,14 @@ fn corners_lights_and_pictures_are_where_their_names_say() {
 fn names_of_the_program_are_not_declared_again() {
     let text = "// effect: w\n// hook: image\nfn picture(at: vec2<i32>) -> vec4<f32> { return vec4(0.0); }\n\
          fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> { return picture(at); }";
-    let expected = "my.wgsl:3:1: picture is a function that the program declares; take another name";
+    let expected = "my.wgsl:3:1: picture is a function that the program declares; use another name";
     assert_eq!(error(text), expected);
     let text = "// effect: w\n// texture ink = ink.png: t\n\
          fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return ink(uv); }";
-    assert_eq!(error(text), "my.wgsl:2:1: texture ink: \"ink.png\": a text alone has no files beside it");
+    assert_eq!(
+        error(text),
+        "my.wgsl:2:1: texture ink: \"ink.png\": an effect without a file cannot read other files"
+    );
     let text = "// effect: w\n// hook: vertex\n// reach: 1\n\
          fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color; }";
     assert!(error(text).contains("effect must be fn effect(vertex: VertexSample, p: Parameters) -> vec3<f32>"));

@@ -271,9 +271,9 @@ fn mistakes_have_their_line_and_what_was_meant() {
         of("// hook: overlay\n// count: 4", "fn effect(p: array<f32, 8>) -> vec4<f32> { return vec4(0.0); }");
     assert_eq!(wrong, format!("my.wgsl:4:1: {form}"));
     let taken = of("// hook: overlay\n// count: 4", "struct ActorSample { x: f32 }");
-    assert_eq!(taken, "my.wgsl:4:1: ActorSample is a type that the program declares; take another name");
+    assert_eq!(taken, "my.wgsl:4:1: ActorSample is a type that the program declares; use another name");
     let taken = of("// hook: overlay\n// count: 4\n// param joint = 1 in 0..2: x", "");
-    assert_eq!(taken, "my.wgsl:4:1: joint is a function that the program declares; take another name");
+    assert_eq!(taken, "my.wgsl:4:1: joint is a function that the program declares; use another name");
     let hull = of("// hook: outline", "fn effect(p: array<f32, 8>) -> InvertedHul { return InvertedHul(); }");
     assert_eq!(hull, "my.wgsl:3:32: no definition in scope for identifier: `InvertedHul`; did you mean \"InvertedHull\"?");
 }

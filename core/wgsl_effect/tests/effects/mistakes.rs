@@ -18,7 +18,7 @@ const BODIES: &[(&str, &str)] = &[
     ("    return vec4(color.rgb, 1.0) * uv;", "3:12: * cannot work with vec4<f32> and vec2<f32>"),
     ("    return color.rgb;", "3:12: effect returns vec4<f32>, this value is vec3<f32>"),
     ("    return colr;", "3:12: no definition in scope for identifier: `colr`; did you mean \"color\"?"),
-    ("    let x = uv.x;", "2:1: effect returns vec4<f32>, but one way through it ends without return"),
+    ("    let x = uv.x;", "2:1: effect returns vec4<f32>, but one path through it ends without return"),
     (
         "    let x = uv.x;\n    x = 1.0;\n    return color;",
         "4:5: invalid left-hand side of assignment; consider declaring `x` with `var` instead of `let`",
@@ -71,7 +71,7 @@ const BODIES: &[(&str, &str)] = &[
     ("    switch 1 { case 1: { } }\n    return color;", "3:5: switch has no default case"),
     (
         "    switch 1 { case 1: { } case 1: { } default: { } }\n    return color;",
-        "3:5: switch has two cases of one value",
+        "3:5: switch has two cases with the same value",
     ),
     ("    break;\n    return color;", "3:5: break is outside of a loop or switch"),
     ("    return;", "3:5: effect returns vec4<f32>, this return has no value"),
@@ -319,7 +319,7 @@ fn mistakes_with_typed_parameters_have_their_place() {
         error(&format!("{HEAD}{declared}\n{FUNCTION} {{ return color * p.tint.x; }}")).message
     };
     let taken =
-        |name: &str, what: &str| format!("{name} is {what} that the program declares; take another name");
+        |name: &str, what: &str| format!("{name} is {what} that the program declares; use another name");
     assert_eq!(own("fn tint() -> f32 { return 1.0; }"), taken("tint", "a parameter"));
     assert_eq!(own("struct Parameters { x: f32 }"), taken("Parameters", "a type"));
     assert_eq!(own("fn curve_at(x: f32) -> f32 { return x; }"), taken("curve_at", "a function"));
@@ -419,15 +419,15 @@ fn passes_with_textures_are_explained() {
         ),
         (
             text(&[wide], &[]).replace("// hook: image", "// about: x"),
-            "3:1: pass is of effects with hook: image",
+            "3:1: pass is only for effects with hook: image",
         ),
         (
             text(&[wide], &[]).replace("// hook: image", "// hook: image\n// passes: 2"),
-            "3:1: passes is of effects without lines // pass NAME, which say it for each pass",
+            "3:1: passes is only for effects without lines // pass NAME, which give it for each pass",
         ),
         (
             text(&["wide = 1/2: x"], &[("wide", black), ("effect", "wide_at(at)"), ("wide_at", black)]),
-            "6:1: wide_at is a function that the program declares; take another name",
+            "6:1: wide_at is a function that the program declares; use another name",
         ),
     ] {
         let error = error(&text);

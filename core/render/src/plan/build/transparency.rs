@@ -216,9 +216,8 @@ impl Planner<'_> {
             _ => PeelCause::RequestedBy(s.actor),
         });
         if order.len() > MOST_COPIES {
-            let why = format!(
-                "more than {MOST_COPIES} transparent copies are in view, too many to test pair by pair"
-            );
+            let why =
+                format!("more than {MOST_COPIES} transparent copies are in view, too many to test each pair");
             return requested.map(|cause| DepthPeeling { layers: MOST_LAYERS, cause }).ok_or(why.into());
         }
         let copies: Vec<&TransparentCopy> = order.iter().map(|id| &self.transparent[*id as usize]).collect();

@@ -149,10 +149,10 @@ fn patterns_of(value: &Dynamic, label: &str) -> Result<Vec<(String, f32)>, ApiEr
         return map.iter().map(weight).collect();
     }
     let text = format!(
-        "{label} must be text like \"Spine..\", an array of such, or an object map of them with weights, got {}",
+        "{label} must be text like \"Spine..\", an array of such texts, or an object map from them to weights, got {}",
         describe(value)
     );
-    let hint = "post effects know .on(actor); a clip is played by the actor that play was called on";
+    let hint = ".on(actor) is for effects; a clip is played by the actor on which play was called";
     Err(ApiError::new(text).hint(hint))
 }
 

@@ -94,13 +94,13 @@ fn then(c: &mut Call) -> Reply {
     let mut build = c.build();
     let before = build.cue(this.0)?;
     if before.followed {
-        return Err(ApiError::new("then: something follows this cue already")
-            .hint("chain the next .then to that one"));
+        return Err(ApiError::new("then: another cue follows this cue already")
+            .hint("call the next .then on the cue that follows"));
     }
     let endless = matches!(before.repeat, Some(Repeat::Loop | Repeat::PingPong)) && before.until.is_none();
     if endless && cue.start.is_none() {
-        return Err(ApiError::new("then: the cue before repeats without end")
-            .hint("say when it is over, with .until(time)"));
+        return Err(ApiError::new("then: the cue before it repeats without end")
+            .hint("give it an end with .until(time)"));
     }
     before.followed = true;
     build.cues.push(cue);
@@ -127,7 +127,7 @@ fn freeze(c: &mut Call) -> Reply {
         let to = from + secs;
         if let Some(other) = cue.cue.freezes.iter().find(|f| from < f.1 && f.0 < to) {
             let (a, b) = (other.0.as_secs(), other.1.as_secs());
-            return Err(ApiError::new(format!("freeze: it stands still from {a} s to {b} s already")));
+            return Err(ApiError::new(format!("freeze: the clip is already frozen from {a} s to {b} s")));
         }
         cue.cue.freezes.push((from, to));
         cue.cue.freezes.sort_unstable();

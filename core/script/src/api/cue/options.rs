@@ -196,7 +196,7 @@ fn trim(_: &Call, cue: &mut CueDraft, given: &Given) -> Result<(), ApiError> {
     let clip = &cue.cue.clip;
     if start < Time::ZERO || end > clip.duration || start >= end {
         return Err(ApiError::new(format!(
-            "trim: from {} s to {} s is no part of clip \"{}\", which runs from 0 s to {} s",
+            "trim: from {} s to {} s is not a part of clip \"{}\", which runs from 0 s to {} s",
             start.as_secs(),
             end.as_secs(),
             clip.name,

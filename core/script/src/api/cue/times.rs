@@ -24,7 +24,7 @@ pub fn end(c: &mut Call) -> Reply {
     c.build().cue(this.0)?;
     let (_, end) = times(&c.build(), this.0);
     let end = end.ok_or_else(|| {
-        ApiError::new("end: this cue repeats without end").hint("say when it is over, with .until(time)")
+        ApiError::new("end: this cue repeats without end").hint("give it an end with .until(time)")
     })?;
     Ok(Dynamic::from_float((end - c.build().offset).as_secs()))
 }
@@ -63,8 +63,8 @@ pub fn time_of(c: &mut Call) -> Reply {
     };
     let when = played.and_then(|played| draft.cue(from).time_of_played(played));
     let when = when.filter(|when| until.is_none_or(|until| *when <= until)).ok_or_else(|| {
-        ApiError::new(format!("time_of: clip \"{name}\" does not get there {count} times"))
-            .hint("it ends before; .loop() and .until(time) say for how long it is played")
+        ApiError::new(format!("time_of: clip \"{name}\" does not reach this time {count} times"))
+            .hint("it ends earlier; to play it longer, use .loop() and .until(time)")
     })?;
     Ok(Dynamic::from_float((when - build.offset).as_secs()))
 }

@@ -213,10 +213,10 @@ impl Call<'_, '_> {
         self.this()
     }
 
-    /// The error for a wrong subject, such as `speed: what is expected must be …, not …`.
+    /// The error for a wrong subject, such as `speed: the argument of expect must be …, not …`.
     pub(crate) fn not_for(&self, allowed: &str, measure: &Measure) -> ApiError {
         ApiError::new(format!(
-            "{}: what is expected must be {allowed}, not {}",
+            "{}: the argument of expect must be {allowed}, not {}",
             self.def.name,
             measure.word()
         ))
@@ -235,7 +235,7 @@ impl Call<'_, '_> {
         match self.subject("an Actor")? {
             Subject::Actor(actor) => Ok(actor),
             other => Err(ApiError::new(format!(
-                "{}: what is expected must be an Actor, not {}",
+                "{}: the argument of expect must be an Actor, not {}",
                 self.def.name,
                 word(other)
             ))),
@@ -324,7 +324,7 @@ fn light_subject(c: &Call) -> Result<usize, ApiError> {
     match c.subject("a Light")? {
         Subject::Light(light) => Ok(light),
         other => Err(ApiError::new(format!(
-            "{}: what is expected must be a Light, not {}",
+            "{}: the argument of expect must be a Light, not {}",
             c.def.name,
             word(other)
         ))),
@@ -345,7 +345,7 @@ pub(crate) fn camera_subject(c: &Call) -> Result<usize, ApiError> {
     match c.subject("a Camera")? {
         Subject::Camera(camera) => Ok(camera),
         other => Err(ApiError::new(format!(
-            "{}: what is expected must be a Camera, not {}",
+            "{}: the argument of expect must be a Camera, not {}",
             c.def.name,
             word(other)
         ))),
@@ -370,7 +370,10 @@ fn highest(c: &mut Call) -> Reply {
 /// The tested joint, and the thresholds for being on the floor.
 pub fn contact(c: &Call, i: usize) -> Result<Contact, ApiError> {
     let Subject::Joint { actor, joint } = c.subject("a Joint")? else {
-        return Err(ApiError::new(format!("{}: what is expected must be a Joint, of a foot", c.def.name)));
+        return Err(ApiError::new(format!(
+            "{}: the argument of expect must be a Joint of a foot",
+            c.def.name
+        )));
     };
     let o: Options = c.options(i, &["height", "speed", "swing", "ground"])?;
     Ok(Contact {
@@ -402,7 +405,7 @@ fn tilt(c: &mut Call) -> Reply {
     let camera = c.camera_or_on(0)?;
     let subject = match c.subject("an Actor or Joint")? {
         subject @ (Subject::Actor(_) | Subject::Joint { .. }) => subject,
-        other => return Err(ApiError::new(format!("tilt: {} has no up", word(other)))),
+        other => return Err(ApiError::new(format!("tilt: {} has no up direction", word(other)))),
     };
     measured(c, Measure::Number(Quantity::Tilt { subject, camera }))
 }

@@ -32,7 +32,7 @@ pub(super) fn scale(c: &mut Call) -> Reply {
     let subject = match c.subject("an Actor or Joint")? {
         subject @ (Subject::Actor(_) | Subject::Joint { .. }) => subject,
         other => {
-            return Err(ApiError::new(format!("scale: {} has none", word(other))));
+            return Err(ApiError::new(format!("scale: {} has no scale", word(other))));
         }
     };
     measured(c, Measure::Vector(VectorQuantity::Scale(subject)))
