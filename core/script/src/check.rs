@@ -158,7 +158,7 @@ fn unplaced(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) 
     // The vertices of a mesh from arrays can contain its position.
     let of_vertices = |a: &ActorDraft| {
         let own = |l: &&LoadDraft| l.load.ready().is_some_and(|made| Arc::ptr_eq(made, &a.actor.asset));
-        !a.actor.asset.name.starts_with("shape ") && build.loads.iter().any(|l| l.made && own(&l))
+        !a.actor.asset.name.starts_with("shape ") && build.loads.iter().any(|l| l.is_procedural && own(&l))
     };
     // A file without meshes is cast for its cameras and lights.
     let brings = |a: &ActorDraft| {

@@ -1,6 +1,6 @@
 //! The loader behind `load(…)`: finds a file by its name and imports it by a plugin, each pair of file and options once.
 
-use crate::cache::{AssetCache, FileStamp, Key, Made, Remembered, SideFile};
+use crate::cache::{AssetCache, CachedImport, FileStamp, Key, Remembered, SideFile};
 use crate::folders::{Folders, FoundFile, LoadError};
 use crate::import::{Import, Imports, submit};
 use crate::suggest::{did_you_mean, list};
@@ -338,7 +338,7 @@ impl Loader {
             watch,
         };
         // Whether an asset was made of the same bytes, with the same files beside them.
-        let same = |made: &Made| {
+        let same = |made: &CachedImport| {
             let files = files(clips);
             let unchanged = |side: &SideFile| {
                 let now = files.read(&side.name).ok();
@@ -348,7 +348,7 @@ impl Loader {
         };
         // An asset with decoded images also serves requests without them.
         if !needs.pixels
-            && let Some(more) = self.cache.made(&key(ImportScope { pixels: true, ..needs }))
+            && let Some(more) = self.cache.existing_slot(&key(ImportScope { pixels: true, ..needs }))
         {
             let more = more.lock().unwrap_or_else(PoisonError::into_inner);
             if let Some(made) = more.as_ref().filter(|made| same(made)) {
@@ -382,7 +382,7 @@ impl Loader {
         let asset = Arc::new(asset);
         let side_files = near.read.into_inner().unwrap_or_else(PoisonError::into_inner);
         let names = beside(&side_files);
-        *slot = Some(Made { source: content, side_files, asset: asset.clone() });
+        *slot = Some(CachedImport { source: content, side_files, asset: asset.clone() });
         Ok((asset, names))
     }
 

@@ -2,7 +2,7 @@
 
 pub(crate) use super::look_at::before_start;
 use super::{expression, keys};
-use crate::build::{ActorDraft, Chain, CueDraft, ParentDraft, room};
+use crate::build::{ActorDraft, Chain, CueDraft, ParentDraft, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api, fields, number_in, radians, rgb, unknown};
 use crate::hook;
 use crate::procedural::MOST_WIDE;
@@ -119,7 +119,7 @@ fn cast(c: &mut Call) -> Reply {
     };
     let asset = c.shared.asset(&asset.from)?;
     let mut build = c.build();
-    room(build.actors.len(), "actors", &c.shared.limits)?;
+    check_limit(build.actors.len(), "actors", &c.shared.limits)?;
     if let Some(before) = build.actors.iter().find(|a| a.actor.name == name) {
         return Err(ApiError::new(format!(
             "cast: there is an actor \"{name}\" already, from line {}",
@@ -287,7 +287,7 @@ fn add_parent(c: &Call, draft: ParentDraft) -> Reply {
     }
     let mut build = c.build();
     let actor = build.actor(this.id)?;
-    room(actor.parents.len(), "attachments of one actor", &c.shared.limits)?;
+    check_limit(actor.parents.len(), "attachments of one actor", &c.shared.limits)?;
     if let Some(before) = actor.parents.iter().find(|p| p.parent.start == draft.parent.start) {
         let when = match draft.parent.start {
             Time::MIN => "already".to_string(),
@@ -478,7 +478,7 @@ fn play(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let clip = super::cue::bound_clip(c, 0, &this.asset)?;
     let chain = c.build().chains.len();
-    room(c.build().cues.len(), "cues", &c.shared.limits)?;
+    check_limit(c.build().cues.len(), "cues", &c.shared.limits)?;
     let origin = c.build().offset;
     let mut cue = CueDraft { origin, ..CueDraft::new(chain, clip, c.place.clone()) };
     super::cue::read_options(c, 1, &mut cue)?;

@@ -3,11 +3,11 @@
 use super::actor::before_start;
 use super::joint_names::find_joint;
 use super::spring_bones::{collider, spring, springs, wind};
-use crate::build::room;
+use crate::build::check_limit;
 use crate::call::{ApiError, Call, Options, Reply, api, fields, radians, text};
 use crate::legs::{hips, leg_above, legs};
 use crate::suggest::list;
-use crate::value::{ActorRef, GoalRef, JointRef};
+use crate::value::{ActorRef, ConstraintRef, JointRef};
 use choreo_motion::Time;
 use choreo_stage::{
     AimConstraint, Constraint, ConstraintKind, FootLock, Leg, Limit, ReachConstraint, SpringParameters,
@@ -70,10 +70,10 @@ api! {
 fn add(c: &Call, actor: usize, goal: Constraint) -> Reply {
     let mut build = c.build();
     let draft = build.actor(actor)?;
-    room(draft.actor.constraints.len(), "goals of one actor", &c.shared.limits)?;
+    check_limit(draft.actor.constraints.len(), "goals of one actor", &c.shared.limits)?;
     draft.constraints.push(c.place.clone());
     draft.actor.constraints.push(goal);
-    Ok(Dynamic::from(GoalRef { actor, index: draft.actor.constraints.len() - 1 }))
+    Ok(Dynamic::from(ConstraintRef { actor, index: draft.actor.constraints.len() - 1 }))
 }
 
 fn goal(c: &Call, kind: ConstraintKind, o: &Options) -> Result<Constraint, ApiError> {
@@ -233,7 +233,7 @@ fn mirror(c: &mut Call) -> Reply {
 }
 
 fn change(c: &Call, change: impl FnOnce(&mut Constraint) -> Result<(), ApiError>) -> Reply {
-    let this: GoalRef = c.this()?;
+    let this: ConstraintRef = c.this()?;
     if let Some(goal) = c.build().actor(this.actor)?.actor.constraints.get_mut(this.index) {
         change(goal)?;
     }

@@ -1,7 +1,7 @@
 //! Effects: post-processing of the whole frame, effects on surfaces, and overlays.
 
 use super::keys;
-use crate::build::room;
+use crate::build::check_limit;
 use crate::call::{ApiError, Call, Options, Reply, api, describe, unknown};
 use crate::hook;
 use crate::procedural::files;
@@ -83,7 +83,7 @@ fn effect(c: &mut Call) -> Reply {
         }
     }
     let mut build = c.build();
-    room(build.effects.len(), "effects", &c.shared.limits)?;
+    check_limit(build.effects.len(), "effects", &c.shared.limits)?;
     build.effects.push(used);
     build.effect_places.push(c.place.clone());
     Ok(Dynamic::from(EffectRef { id: build.effects.len() - 1, plugin: name.into() }))

@@ -79,7 +79,8 @@ pub fn channel(c: &Call, keyed: Keyed, at: usize) -> Result<Channel, ApiError> {
                 return rotation(c, how, &spline.times, &spline.values, Some(Turning::of_keys(&spline)));
             }
             let (times, angles) = eased(c, &times, angles, &shapes, straight)?;
-            let spline = tangents(how).map(|t| Spline::even(&times, &angles, t.of(&times, &angles, false)));
+            let spline =
+                tangents(how).map(|t| Spline::symmetric(&times, &angles, t.of(&times, &angles, false)));
             rotation(c, how, &times, &angles, spline.as_ref().map(Turning::of_all))
         }
         FieldType::Direction => {

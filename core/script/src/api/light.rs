@@ -2,7 +2,7 @@
 
 use super::actor::{attachment, rgb_arg};
 use super::keys;
-use crate::build::room;
+use crate::build::check_limit;
 use crate::call::{ApiError, Call, Options, Reply, api, color, fields, number_in, numbers, rgb};
 use crate::hook;
 use crate::value::LightRef;
@@ -104,7 +104,7 @@ fn add(c: &Call, o: &Options, mut light: StageLight) -> Reply {
         return Err(ApiError::new(text).focus("attenuation"));
     }
     let mut build = c.build();
-    room(build.lights.len(), "lights", &c.shared.limits)?;
+    check_limit(build.lights.len(), "lights", &c.shared.limits)?;
     let number = build.lights.len() + 1;
     light.name = o.text("name")?.unwrap_or_else(|| format!("{} {number}", o.function));
     build.lights.push(light);

@@ -71,7 +71,7 @@ pub fn look(drafts: &Drafts, found: &mut Vec<PlacedFinding>) {
             continue;
         }
         let (name, at) = (&load.load.name, &load.load.at);
-        found.push(match load.made {
+        found.push(match load.is_procedural {
             true => {
                 let text = format!("the {name} is made, but nothing is cast from it");
                 PlacedFinding::warning("unused_load", at, text)
@@ -179,7 +179,12 @@ mod tests {
                 let asset = Arc::new(Asset { name: format!("shape {line}"), ..Asset::default() });
                 let at = Place { file: "f".into(), line, column: 1 };
                 let used = line % 2 == 0;
-                LoadDraft { load: Arc::new(Load::made(&asset, &at)), made: true, clips_only: false, used }
+                LoadDraft {
+                    load: Arc::new(Load::procedural(&asset, &at)),
+                    is_procedural: true,
+                    clips_only: false,
+                    used,
+                }
             };
             let mut build = Build::default();
             build.loads.extend((0..n).map(load));

@@ -1,10 +1,10 @@
 //! Images from files: single images and image sequences of numbered files.
 
-use super::following::more_open;
+use super::image_sequence::more_open;
 use super::material::of_picture;
 use crate::call::{ApiError, Call, Options};
 use crate::limits::raise_hint;
-use crate::value::{Following, ImageRef, undecodable};
+use crate::value::{ImageRef, ImageSequenceRef, undecodable};
 use choreo_asset::{AlphaMode, Image, ImageSource, ImageSourceError, Sampler};
 use choreo_importer_kit::Problem;
 use choreo_importer_kit::images::{Encoded, Formats};
@@ -79,7 +79,7 @@ pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
     let Some(image) = image else { return Err(ApiError::new("image: no files")) };
     super::raw_image::count(c, texels(&image))?;
     let hashes = files.iter().map(|(_, bytes)| *blake3::hash(bytes).as_bytes()).collect();
-    let files = Following { pictures: Arc::new(NumberedFiles { files }), hashes, alpha };
+    let files = ImageSequenceRef { pictures: Arc::new(NumberedFiles { files }), hashes, alpha };
     Ok(ImageRef { image, file: None, sampler, dead: false, files: Some(files) })
 }
 

@@ -1,10 +1,10 @@
 //! Materials of procedural assets: the options that `shape`, `mesh`, `lines` and `points` share.
 
-use super::following::{self, Rule, given, join};
+use super::image_sequence::{self, Rule, given, join};
 use super::maps;
 use super::raw_image::srgb_byte;
 use crate::call::{ApiError, Options, rgb};
-use crate::value::{Following, ImageRef};
+use crate::value::{ImageRef, ImageSequenceRef};
 use choreo_asset::{
     AlphaMode, FrameStrip, Image, Material, MaterialLayers, Reflection, Sampler, Shading, TextureRef,
     TextureSlot, UvMotion,
@@ -118,7 +118,7 @@ impl Maps {
     }
 
     /// The maps with their slots and options, and with image sequences where they have one.
-    fn sequences(&self, o: &Options) -> [(TextureSlot, &'static str, Option<Following>); 4] {
+    fn sequences(&self, o: &Options) -> [(TextureSlot, &'static str, Option<ImageSequenceRef>); 4] {
         let Maps { image, normal_map, specular_map, reflection_map, .. } = self;
         let of = |map: &Option<ImageRef>| map.as_ref().and_then(|i| i.files.clone());
         let normal_name = if o.get("normal_map").is_some() { "normal_map" } else { "height_map" };
@@ -243,7 +243,7 @@ fn motion(
     o: &Options,
     material: &mut Material,
     cells: Option<[u32; 3]>,
-    follow: &[(TextureSlot, &str, Option<Following>)],
+    follow: &[(TextureSlot, &str, Option<ImageSequenceRef>)],
 ) -> Result<(), ApiError> {
     let fail = |text: &str, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
     let several = follow.iter().any(|(.., f)| f.is_some());
@@ -297,7 +297,7 @@ fn motion(
         });
     }
     if several {
-        material.sequence = following::sequence(o, follow, fps, once)?;
+        material.sequence = image_sequence::sequence(o, follow, fps, once)?;
         return Ok(());
     }
     match cells {

@@ -34,7 +34,7 @@ pub fn repeat(c: &mut Call) -> Reply {
     let placements = places.collect();
     let asset = Asset { placements, derived: Default::default(), ..Asset::clone(asset) };
     c.build().used(&source);
-    let from = c.build().made(&Arc::new(asset), &c.place);
+    let from = c.build().add_procedural_load(&Arc::new(asset), &c.place);
     Ok(Dynamic::from(AssetRef { from, dead: false }))
 }
 

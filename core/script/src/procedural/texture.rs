@@ -1,8 +1,8 @@
 //! `asset.texture(material, slot, image)`: replaces textures of an asset's materials.
 
-use super::following::in_order;
+use super::image_sequence::in_order;
 use crate::call::{ApiError, Call, Options, Reply, one_of, unknown};
-use crate::value::{AssetRef, Following, ImageRef};
+use crate::value::{AssetRef, ImageRef, ImageSequenceRef};
 use choreo_asset::{
     AlphaMode, Asset, ImageSequence, ImageStream, Material, Mesh, Reflection, Shading, TextureRef,
     TextureSlot,
@@ -75,7 +75,7 @@ pub fn texture(c: &mut Call) -> Reply {
         return Err(ApiError::new(text).focus(&wanted));
     }
     c.build().used(&source);
-    let from = c.build().made(&Arc::new(asset), &c.place);
+    let from = c.build().add_procedural_load(&Arc::new(asset), &c.place);
     Ok(Dynamic::from(AssetRef { from, dead: false }))
 }
 
@@ -188,7 +188,7 @@ fn follow(
     o: &Options,
     material: &mut Material,
     word: &str,
-    files: Option<&Following>,
+    files: Option<&ImageSequenceRef>,
 ) -> Result<(), ApiError> {
     let slot = match word {
         "normal" => TextureSlot::Normal,

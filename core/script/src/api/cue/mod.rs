@@ -5,7 +5,7 @@ pub(crate) mod layer;
 mod options;
 mod times;
 
-use crate::build::{CueDraft, room};
+use crate::build::{CueDraft, check_limit};
 use crate::call::{ApiError, Call, Reply, api};
 use crate::value::CueRef;
 use choreo_stage::{Property, Repeat, TimeRemapping};
@@ -87,7 +87,7 @@ fn then(c: &mut Call) -> Reply {
     };
     let asset = c.build().actor(actor)?.actor.asset.clone();
     let clip = bound_clip(c, 0, &asset)?;
-    room(c.build().cues.len(), "cues", &c.shared.limits)?;
+    check_limit(c.build().cues.len(), "cues", &c.shared.limits)?;
     let origin = c.build().offset;
     let mut cue = CueDraft { origin, after: Some(this.0), ..CueDraft::new(chain, clip, c.place.clone()) };
     read_options(c, 1, &mut cue)?;
