@@ -22,7 +22,7 @@ pub fn by_file(
     for diagnostic in &checked.diagnostics {
         let is_main = diagnostic.file.is_empty() || diagnostic.file == checked.main;
         let (uri, value) = if is_main {
-            if says_nothing(diagnostic, source) {
+            if is_expected_empty_module(diagnostic, source) {
                 continue;
             }
             (checked.uri.clone(), main.message(diagnostic))
@@ -43,7 +43,7 @@ pub fn by_file(
 }
 
 /// Whether a diagnostic reports an empty stage for a module, where that is intended.
-fn says_nothing(diagnostic: &Diagnostic, source: &Source) -> bool {
+fn is_expected_empty_module(diagnostic: &Diagnostic, source: &Source) -> bool {
     let has = |word: &str| (0..source.tokens.len()).any(|i| source.get(i) == word);
     diagnostic.line == 0
         && diagnostic.message.starts_with("nothing is on stage")

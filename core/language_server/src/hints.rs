@@ -62,14 +62,14 @@ pub fn cues<'s>(stage: &'s Stage, places: &'s Places) -> Vec<PlacedCue<'s>> {
 
 /// Maps lines of the text that was run to lines of the current text. A line that was edited since then is not found, nor is one whose
 /// number of identical copies has changed.
-pub struct Moved<'m> {
+pub struct LineMap<'m> {
     run: Vec<&'m str>,
     /// Line numbers of each text of a line, from 0: in the text that was run, and in the current text.
     lines: BTreeMap<&'m str, [Vec<usize>; 2]>,
 }
 
-impl<'m> Moved<'m> {
-    pub fn new(source: &'m Source, places: &'m Places) -> Moved<'m> {
+impl<'m> LineMap<'m> {
+    pub fn new(source: &'m Source, places: &'m Places) -> LineMap<'m> {
         let run: Vec<&str> = places.sources.get(&places.main).map_or("", |text| &**text).lines().collect();
         let mut lines: BTreeMap<&str, [Vec<usize>; 2]> = BTreeMap::new();
         for (number, line) in run.iter().enumerate() {
@@ -78,7 +78,7 @@ impl<'m> Moved<'m> {
         for (number, line) in source.text.lines().enumerate() {
             lines.entry(line).or_default()[1].push(number);
         }
-        Moved { run, lines }
+        LineMap { run, lines }
     }
 
     /// Line of the current text, from 0, for a line of the text that was run, from 1.
@@ -97,9 +97,9 @@ fn cue_times(source: &Source, stage: &Stage, places: &Places, bytes: &Range<usiz
             by_place.entry((cue.place.line, cue.place.column)).or_default().push(cue);
         }
     }
-    let moved = Moved::new(source, places);
+    let line_map = LineMap::new(source, places);
     for ((line, column), cues) in by_place {
-        let Some(line) = moved.line(line) else { continue };
+        let Some(line) = line_map.line(line) else { continue };
         let byte = source.lines.byte_of_diagnostic(&source.text, line + 1, column);
         // Keyframes of joints form a cue whose times are stated by the keyframes.
         let Some(call) = call_at(source, byte).filter(|call| source.get(*call) != "key") else { continue };

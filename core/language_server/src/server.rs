@@ -1,7 +1,7 @@
 //! The server: processes messages in order, answers requests, and forwards the findings of the checker.
 
 use crate::checker::{Checked, Checker, Job, Unsaved, tests_root};
-use crate::commands::{self, Asked, Running};
+use crate::commands::{self, CommandRequest, Running};
 use crate::document::{Document, path_of};
 use crate::files::Files;
 use crate::request::Request;
@@ -74,7 +74,7 @@ pub fn serve(
         root: std::env::current_dir().unwrap_or_default(),
         settings: Settings::default(),
         running: Running::default(),
-        can: Can::default(),
+        client_capabilities: ClientCapabilities::default(),
         initialized: false,
         shut_down: false,
     };
@@ -98,14 +98,14 @@ struct Server {
     root: PathBuf,
     settings: Settings,
     running: Running,
-    can: Can,
+    client_capabilities: ClientCapabilities,
     initialized: bool,
     shut_down: bool,
 }
 
 /// Capabilities of the client.
 #[derive(Clone, Copy, Debug, Default)]
-struct Can {
+struct ClientCapabilities {
     /// Supports snippets with placeholders.
     snippets: bool,
     refresh_hints: bool,
@@ -127,7 +127,7 @@ impl Server {
             }
             // Requests that are cancelled before their turn are not processed.
             waiting.extend(incoming.try_iter());
-            self.call_off(&mut waiting);
+            self.refuse_cancelled(&mut waiting);
             let Some(event) = waiting.pop_front() else { continue };
             match event {
                 Event::Checked(checked) => self.found(*checked),
@@ -145,7 +145,7 @@ impl Server {
         }
     }
 
-    fn call_off(&self, waiting: &mut VecDeque<Event>) {
+    fn refuse_cancelled(&self, waiting: &mut VecDeque<Event>) {
         let message = |event: &Event| match event {
             Event::Client(Received::Message(message)) => Some(message.clone()),
             _ => None,
@@ -247,7 +247,7 @@ impl Server {
             modules: &modules,
             budget: Budget::default(),
             fps: stage.map_or(30.0, |(stage, _)| stage.settings.fps.as_fps()),
-            snippets: self.can.snippets,
+            snippets: self.client_capabilities.snippets,
         };
         answer(&Request { view: &view, uri, parameters: p, last, settings: &self.settings })
     }
@@ -290,12 +290,12 @@ impl Server {
             }
         }
         let mut progress = p.get("workDoneToken").cloned();
-        if progress.is_none() && self.can.show_progress {
+        if progress.is_none() && self.client_capabilities.show_progress {
             let token = json!(format!("command {id}"));
             self.client.ask("window/workDoneProgress/create", json!({ "token": token }));
             progress = Some(token);
         }
-        let asked = Asked {
+        let request = CommandRequest {
             id: id.clone(),
             name,
             script,
@@ -305,17 +305,17 @@ impl Server {
             is_silent: given["silent"] == true,
             progress,
         };
-        self.running.start(asked, &*self.host, self.client.clone())
+        self.running.start(request, &*self.host, self.client.clone())
     }
 
     fn initialize(&mut self, p: &Value) -> Value {
         self.initialized = true;
-        let can = &p["capabilities"];
-        self.can = Can {
-            snippets: can["textDocument"]["completion"]["completionItem"]["snippetSupport"] == true,
-            refresh_hints: can["workspace"]["inlayHint"]["refreshSupport"] == true,
-            refresh_lenses: can["workspace"]["codeLens"]["refreshSupport"] == true,
-            show_progress: can["window"]["workDoneProgress"] == true,
+        let capabilities = &p["capabilities"];
+        self.client_capabilities = ClientCapabilities {
+            snippets: capabilities["textDocument"]["completion"]["completionItem"]["snippetSupport"] == true,
+            refresh_hints: capabilities["workspace"]["inlayHint"]["refreshSupport"] == true,
+            refresh_lenses: capabilities["workspace"]["codeLens"]["refreshSupport"] == true,
+            show_progress: capabilities["window"]["workDoneProgress"] == true,
         };
         self.settings.update(&p["initializationOptions"]);
         let root = p["workspaceFolders"][0]["uri"].as_str().or_else(|| p["rootUri"].as_str());
@@ -440,10 +440,10 @@ impl Server {
 
     /// Asks the client to request everything again that depends on the last run.
     fn refresh(&self) {
-        if self.can.refresh_hints {
+        if self.client_capabilities.refresh_hints {
             self.client.ask("workspace/inlayHint/refresh", Value::Null);
         }
-        if self.can.refresh_lenses {
+        if self.client_capabilities.refresh_lenses {
             self.client.ask("workspace/codeLens/refresh", Value::Null);
         }
     }

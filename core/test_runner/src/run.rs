@@ -120,7 +120,7 @@ pub fn run(
     let jobs = if options.jobs == 0 { cores } else { options.jobs };
     let workers = jobs.min(cases.len()).max(1);
     let next = AtomicUsize::new(0);
-    let teller = Mutex::new(Teller {
+    let reporter = Mutex::new(OutcomeReporter {
         waiting: BTreeMap::new(),
         on_outcome,
         report: Report::default(),
@@ -143,7 +143,7 @@ pub fn run(
                 painter = Painter::new(registry.effects(), options.gpu_cache.clone());
                 broken(case, panic.as_ref())
             });
-            teller.lock().unwrap_or_else(PoisonError::into_inner).tell(index, ran);
+            reporter.lock().unwrap_or_else(PoisonError::into_inner).report(index, ran);
         }
     };
     std::thread::scope(|scope| {
@@ -153,7 +153,8 @@ pub fn run(
             worker();
         }
     });
-    let Teller { mut report, claims, .. } = teller.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let OutcomeReporter { mut report, claims, .. } =
+        reporter.into_inner().unwrap_or_else(PoisonError::into_inner);
     let name = |path: &PathBuf| Some(path.file_stem()?.to_string_lossy().into_owned());
     report.pictures = claims.keys().filter_map(name).collect();
     report.unused = unused(cases, &report, &claims);
@@ -210,7 +211,7 @@ fn broken(case: &Case, panic: &(dyn std::any::Any + Send)) -> Ran {
 }
 
 /// Restores the order of outcomes that arrive in any order.
-struct Teller<'a> {
+struct OutcomeReporter<'a> {
     waiting: BTreeMap<usize, Ran>,
     on_outcome: &'a mut (dyn FnMut(&Outcome) + Send),
     report: Report,
@@ -219,8 +220,8 @@ struct Teller<'a> {
     words: &'a str,
 }
 
-impl Teller<'_> {
-    fn tell(&mut self, index: usize, ran: Ran) {
+impl OutcomeReporter<'_> {
+    fn report(&mut self, index: usize, ran: Ran) {
         self.waiting.insert(index, ran);
         while let Some(mut ran) = self.waiting.remove(&self.report.outcomes.len()) {
             self.claim(&mut ran);

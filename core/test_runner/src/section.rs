@@ -2,7 +2,7 @@
 
 use crate::collect::Case;
 use crate::evaluate::evaluate;
-use crate::images::{self, Accept, ImageOptions, Judged, Whose};
+use crate::images::{self, Accept, ImageOptions, Judged, SectionRef};
 use crate::outcome::{Check, Evidence, Outcome, SourceLocation, Status};
 use crate::painter::{Device, NoImage, Painter, Shot};
 use crate::stored;
@@ -127,8 +127,9 @@ fn judge(
             let at = &expectation.place;
             let place = SourceLocation { file: at.file.clone(), line: at.line, column: at.column };
             let Some(stage) = run.stages.get(expectation.stage) else { continue };
-            let whose = Whose { path: &case.path, file: &case.file, section: &outcome.section, place };
-            let read = match images::judge(wanted, stage, &whose, painter, options) {
+            let section_ref =
+                SectionRef { path: &case.path, file: &case.file, section: &outcome.section, place };
+            let read = match images::judge(wanted, stage, &section_ref, painter, options) {
                 Judged::Check(check, read) => {
                     outcome.checks.push(*check);
                     read

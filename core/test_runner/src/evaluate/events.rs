@@ -1,7 +1,7 @@
 //! Events of a stage, as texts with times.
 
 use super::Judged;
-use super::looks::Looks;
+use super::snapshot_cache::SnapshotCache;
 use super::words::{self, like};
 use choreo_motion::Time;
 use choreo_script::testing::{EventPattern, EventsTest, Expectation, Subject};
@@ -46,8 +46,8 @@ pub fn list(stage: &Stage, of: Option<Subject>) -> Vec<Event> {
     events.into_iter().map(|(at, _, text)| Event { at, text }).collect()
 }
 
-pub fn judge(looks: &Looks, e: &Expectation, of: Option<Subject>, test: &EventsTest) -> Judged {
-    let events = list(&looks.stage, of);
+pub fn judge(snapshots: &SnapshotCache, e: &Expectation, of: Option<Subject>, test: &EventsTest) -> Judged {
+    let events = list(&snapshots.stage, of);
     let (mut judged, wanted) = match test {
         EventsTest::Exactly(wanted, tolerance) => (exactly(&events, wanted, *tolerance), wanted),
         EventsTest::InOrder(wanted, tolerance) => (in_order(&events, wanted, *tolerance), wanted),

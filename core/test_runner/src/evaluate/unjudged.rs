@@ -1,6 +1,6 @@
 //! Reasons for which an expectation cannot be judged.
 
-use super::looks::MOST;
+use super::snapshot_cache::MOST;
 use choreo_script::Diagnostic;
 use choreo_script::testing::TimeUsedUp;
 use choreo_stage::StageError;
@@ -20,7 +20,7 @@ pub(crate) enum Unjudged {
     #[error("judging this section takes longer than {0} s: look at less, or raise --limit seconds=NUMBER")]
     TooLong(f64),
     #[error("this would take {0} looks, {MOST} are allowed: use .during or a longer .every")]
-    TooManyLooks(i64),
+    TooManySnapshots(i64),
     #[error(
         "the span holds {found} looks, {needed} are needed: make it longer, or look more often with .every(seconds)"
     )]
