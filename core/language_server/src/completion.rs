@@ -205,7 +205,7 @@ impl Items<'_> {
         self.variables(at, wanted);
         let starts = matches!(source.before(at, 1), "" | ";" | "{" | "}");
         for entry in describe::entries().iter().filter(|entry| entry.on.is_empty()) {
-            let fits = matches!(entry.gives, Returns::Handle(kind) if wanted.contains(&kind));
+            let fits = matches!(entry.returns, Returns::Handle(kind) if wanted.contains(&kind));
             self.call(entry, if fits { 2 } else { 6 });
         }
         for (label, about, text) in snippets::STARTERS.iter().filter(|_| starts) {

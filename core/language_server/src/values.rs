@@ -246,7 +246,7 @@ impl<'a> Types<'a> {
             return self.result_of(declared);
         }
         let Some(entry) = describe::entry("", called) else { return Value::default() };
-        self.result(entry.gives, &Value::default(), &arguments, called)
+        self.result(entry.returns, &Value::default(), &arguments, called)
     }
 
     fn method(self, on: &Value, name: usize) -> Value {
@@ -254,7 +254,7 @@ impl<'a> Types<'a> {
         let arguments = self.source.arguments(name + 1);
         match describe::entry(&on.kind, called) {
             Some(entry) => {
-                let value = self.result(entry.gives, on, &arguments, called);
+                let value = self.result(entry.returns, on, &arguments, called);
                 let scene = on.name.as_deref().filter(|_| on.kind == "Scene" && called == "actor");
                 let cast = scene.zip(value.name.as_deref());
                 cast.and_then(|(scene, name)| self.cast_in(scene, name)).unwrap_or(value)

@@ -145,7 +145,7 @@ impl Shared {
     }
 
     /// Waits for all files that are being loaded, so that errors of unused files are reported, too.
-    pub fn settle(&self) {
+    pub fn wait_for_loads(&self) {
         let loads: Vec<Arc<Load>> = {
             let build = self.build.lock().unwrap_or_else(PoisonError::into_inner);
             build.loads.iter().map(|l| l.load.clone()).collect()
@@ -253,7 +253,7 @@ pub(crate) struct Build {
     /// Number of diagnostics beyond the limit.
     pub more: usize,
     /// Clips bound to another skeleton, by the addresses of clip and asset.
-    pub bound: BTreeMap<(usize, usize), Bound>,
+    pub bound: BTreeMap<(usize, usize), BoundClip>,
     pub shapes: BTreeMap<String, Arc<Asset>>,
     pub procedural_totals: ProceduralTotals,
     /// Stage time at which the present `perform` sequence starts; times in calls are relative to it.
@@ -321,7 +321,7 @@ pub(crate) struct HookDraft {
 }
 
 /// A bound clip. Its source clip and asset are kept alive, so that their addresses, the key, stay valid.
-pub struct Bound {
+pub struct BoundClip {
     pub clip: Arc<Clip>,
     pub _from: Arc<Clip>,
     pub _onto: Arc<Asset>,
@@ -583,7 +583,7 @@ impl Build {
     }
 
     /// Marks all loads of an asset as used.
-    pub fn used(&mut self, asset: &Arc<Asset>) {
+    pub fn mark_used(&mut self, asset: &Arc<Asset>) {
         let same = |l: &&mut LoadDraft| l.load.ready().is_some_and(|a| Arc::ptr_eq(a, asset));
         self.loads.iter_mut().filter(same).for_each(|l| l.used = true);
     }

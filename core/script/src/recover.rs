@@ -7,7 +7,7 @@
 //! module are not reported.
 
 use crate::build::{Mode, Shared};
-use crate::compile::{UnknownVariable, constants, stand_in};
+use crate::compile::{UnknownVariable, constants, declare_poisons};
 use crate::diagnostic::Severity;
 use crate::errors::{self, Thrown};
 use crate::modules::EMPTY;
@@ -27,7 +27,7 @@ pub(crate) fn run(
     unknown: &[UnknownVariable],
 ) -> bool {
     let mut scope = constants();
-    stand_in(unknown, &mut scope);
+    declare_poisons(unknown, &mut scope);
     let statements = ast.statements();
     let mut rest: Option<(usize, AST)> = None;
     let mut missing = Missing::default();

@@ -148,19 +148,19 @@ fn texts<'a>(names: impl Iterator<Item = &'a str>) -> Reply {
 
 fn clips(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
-    c.build().used(&asset);
+    c.build().mark_used(&asset);
     texts(asset.clips.iter().map(|clip| clip.name.as_str()))
 }
 
 fn joints(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
-    c.build().used(&asset);
+    c.build().mark_used(&asset);
     texts(asset.skeleton.names().iter().map(String::as_str))
 }
 
 fn morphs(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
-    c.build().used(&asset);
+    c.build().mark_used(&asset);
     let mut names: Vec<&str> =
         asset.meshes.iter().flat_map(|m| m.morph_names.iter().map(String::as_str)).collect();
     names.sort_unstable();
@@ -170,7 +170,7 @@ fn morphs(c: &mut Call) -> Reply {
 
 fn duration(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
-    c.build().used(&this.asset);
+    c.build().mark_used(&this.asset);
     Ok(Dynamic::from_float(this.clip.duration.as_secs()))
 }
 

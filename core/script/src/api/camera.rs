@@ -103,7 +103,7 @@ fn camera(c: &mut Call) -> Reply {
 fn change(c: &Call, change: impl FnOnce(&mut CameraDraft)) -> Reply {
     let this: CameraRef = c.this()?;
     change(c.build().camera(this.0)?);
-    c.itself()
+    c.receiver()
 }
 
 fn at(c: &mut Call) -> Reply {
@@ -115,7 +115,7 @@ fn at(c: &mut Call) -> Reply {
 fn edit(c: &Call, edit: CameraEdit) -> Reply {
     let this: CameraRef = c.this()?;
     hook::edit(|e| e.cameras.push((this.0, edit)));
-    c.itself()
+    c.receiver()
 }
 
 /// Changes the draft while the stage is built, or notes an edit of the frame.
@@ -160,7 +160,7 @@ fn look_at(c: &mut Call) -> Reply {
     }
     let blend = blend.unwrap_or(Time::from_secs(BLEND));
     looks.push((CameraLook { target: Some(target), start, blend }, until));
-    c.itself()
+    c.receiver()
 }
 
 fn rotated(c: &Call, rotation: DQuat) -> Reply {
@@ -212,7 +212,7 @@ fn shake(c: &mut Call) -> Reply {
     check_limit(shakes.len(), "shakes of one camera", &c.shared.limits)?;
     let seed = seed.unwrap_or(shakes.len() as u32);
     shakes.push(CameraShake { seed, ..shake });
-    c.itself()
+    c.receiver()
 }
 
 fn follow(c: &mut Call) -> Reply {
@@ -305,12 +305,12 @@ fn cut(c: &mut Call) -> Reply {
     check_limit(build.cuts.len(), "cuts", &c.shared.limits)?;
     build.camera(this.0)?;
     build.cuts.push((Cut { at: t, camera: this.0, dissolve }, place));
-    c.itself()
+    c.receiver()
 }
 
 fn key(c: &mut Call) -> Reply {
     // Whether the rig allows keyframes is known only at the end of the script.
-    let channel = keys::channel(c, keys::property(c, &keys::keyed::<Camera>())?, 1)?;
+    let channel = keys::channel(c, keys::property(c, &keys::keyed_properties::<Camera>())?, 1)?;
     change(c, |k| {
         if k.position.is_none() && channel.property == Property::Translation {
             k.position = Some(DVec3::ZERO);

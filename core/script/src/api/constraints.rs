@@ -55,7 +55,7 @@ api! {
     /// Makes joints spring bones (secondary motion, jiggle). Joints: "Tail.." for a joint and all below it,
     /// `"*hair*"` for a pattern, or an array of these.
     /// - Options: {}, center (name of a joint whose motion is ignored).
-    Actor.spring("joints, options?") = spring, options(|| fields::documented(&SpringParameters::default(), &[]));
+    Actor.spring("joints, options?") = spring, options(|| fields::describe_options(&SpringParameters::default(), &[]));
     /// Turns the spring bones of the actor on or off; those of a VRM file are on by default. Options: ground
     /// (height of a floor that they collide with, metres), pre_roll (seconds that are simulated before time 0, 0 to
     /// 600).
@@ -237,7 +237,7 @@ fn change(c: &Call, change: impl FnOnce(&mut Constraint) -> Result<(), ApiError>
     if let Some(goal) = c.build().actor(this.actor)?.actor.constraints.get_mut(this.index) {
         change(goal)?;
     }
-    c.itself()
+    c.receiver()
 }
 
 fn from(c: &mut Call) -> Reply {
@@ -308,5 +308,5 @@ fn limit(c: &mut Call) -> Reply {
     let actor = &mut build.actor(this.actor)?.actor;
     actor.limits.retain(|(joint, _)| *joint != this.joint);
     actor.limits.push((this.joint, limit));
-    c.itself()
+    c.receiver()
 }

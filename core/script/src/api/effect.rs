@@ -289,7 +289,7 @@ fn set(c: &mut Call) -> Reply {
             let edit = |(parameter, value)| EffectEdit { effect: this.id, parameter, value };
             edits.effects.extend(new.into_iter().map(edit));
         });
-        return c.itself();
+        return c.receiver();
     }
     let image = chosen_image(c, &plugin, &name, &c.value(1))?;
     let mut build = c.build();
@@ -298,7 +298,7 @@ fn set(c: &mut Call) -> Reply {
         Some(image) => put_image(used, image),
         None => assign(used, &plugin, &name, &c.value(1))?,
     }
-    c.itself()
+    c.receiver()
 }
 
 fn key(c: &mut Call) -> Reply {
@@ -322,14 +322,14 @@ fn key(c: &mut Call) -> Reply {
     let used = build.effect(this.id)?;
     used.distances.retain(|distance| distance.parameter != name);
     named.into_iter().for_each(|(name, keys)| put(&mut used.keys, name, keys));
-    c.itself()
+    c.receiver()
 }
 
 fn from(c: &mut Call) -> Reply {
     let this: EffectRef = c.this()?;
     let t = c.time(0)?;
     c.build().effect(this.id)?.start = t;
-    c.itself()
+    c.receiver()
 }
 
 fn until(c: &mut Call) -> Reply {
@@ -340,7 +340,7 @@ fn until(c: &mut Call) -> Reply {
         return Err(super::actor::before_start("until", t, start));
     }
     c.build().effect(this.id)?.end = Some(t);
-    c.itself()
+    c.receiver()
 }
 
 fn on(c: &mut Call) -> Reply {
@@ -391,7 +391,7 @@ fn on(c: &mut Call) -> Reply {
     used.on.dedup();
     used.cameras.sort_unstable();
     used.cameras.dedup();
-    c.itself()
+    c.receiver()
 }
 
 /// The targets of an effect on an actor: the whole actor, or the materials that the options name.

@@ -23,7 +23,7 @@ api! {
     ///   default, or "right"), line_height (in sizes, default 1.25), font (a .ttf or .otf file, default a built-in
     ///   font). Characters that the font lacks are drawn in another built-in font, else in one of the system, with a
     ///   warning. Letters run from left to right and are not joined.
-    text("words, options?") -> Flat = text, options(|| fields::documented(&plain(), &METHODS));
+    text("words, options?") -> Flat = text, options(|| fields::describe_options(&plain(), &METHODS));
     /// Adds an image over the frame: an Image, or a PNG, JPEG, WebP, BMP or TGA file. Options: at, offset, anchor
     /// and opacity as in `text`; and one of height or width (fraction of that of the frame, default height 0.3) and
     /// fit ("contain": as large as fits, "cover": fills the frame).
@@ -186,7 +186,7 @@ fn letterbox(c: &mut Call) -> Reply {
 fn change(c: &Call, change: impl FnOnce(&mut Layer2d)) -> Reply {
     let this: Layer2dRef = c.this()?;
     change(c.build().layer_2d(this.0)?);
-    c.itself()
+    c.receiver()
 }
 
 /// Changes the layer while the stage is built, or notes an edit of the frame.
@@ -196,7 +196,7 @@ fn set(c: &Call, edit: Layer2dEdit, draft: impl FnOnce(&mut Layer2d)) -> Reply {
     }
     let this: Layer2dRef = c.this()?;
     hook::edit(|e| e.layers_2d.push((this.0, edit)));
-    c.itself()
+    c.receiver()
 }
 
 fn at(c: &mut Call) -> Reply {
@@ -217,7 +217,7 @@ fn words(c: &mut Call) -> Reply {
     let this: Layer2dRef = c.this()?;
     if c.in_frame {
         hook::edit(|e| e.layers_2d.push((this.0, Layer2dEdit::Words(said))));
-        return c.itself();
+        return c.receiver();
     }
     let font = match &mut c.build().layer_2d(this.0)?.content {
         Layer2dContent::Text { words, font, .. } => {
@@ -227,14 +227,14 @@ fn words(c: &mut Call) -> Reply {
         _ => return Err(ApiError::new("words: only a text says anything")),
     };
     fonts::warn(c, &font, &said);
-    c.itself()
+    c.receiver()
 }
 
 fn outline(c: &mut Call) -> Reply {
     let o = c.options(0, &["color", "width"])?;
     let outline =
         TextOutline { color: color(&o, Vec4::W)?, width: o.number_in("width", 0.0, 1.0)?.unwrap_or(0.08) };
-    of_text(c, |content| {
+    change_text_layer(c, |content| {
         if let Layer2dContent::Text { outline: of_text, .. } = content {
             *of_text = Some(outline);
         }
@@ -253,7 +253,7 @@ fn text_panel(c: &mut Call) -> Reply {
         padding,
         radius: o.number_in("radius", 0.0, 10.0)?.unwrap_or(0.2),
     };
-    of_text(c, |content| {
+    change_text_layer(c, |content| {
         if let Layer2dContent::Text { panel: of_text, .. } = content {
             *of_text = Some(panel);
         }
@@ -261,7 +261,7 @@ fn text_panel(c: &mut Call) -> Reply {
 }
 
 /// Changes the content of a text layer. Error: the layer is no text.
-fn of_text(c: &Call, change_text: impl FnOnce(&mut Layer2dContent)) -> Reply {
+fn change_text_layer(c: &Call, change_text: impl FnOnce(&mut Layer2dContent)) -> Reply {
     let this: Layer2dRef = c.this()?;
     if !matches!(c.build().layer_2d(this.0)?.content, Layer2dContent::Text { .. }) {
         return Err(ApiError::new(format!("{}: only a text has one", c.def.name)));
@@ -271,7 +271,7 @@ fn of_text(c: &Call, change_text: impl FnOnce(&mut Layer2dContent)) -> Reply {
 
 /// Runs the method with the name of a field.
 fn field(c: &mut Call) -> Reply {
-    let (field, value) = fields::given::<Layer2d>(c)?;
+    let (field, value) = fields::field_and_value::<Layer2d>(c)?;
     change(c, |flat| (field.set)(flat, value))
 }
 
@@ -290,5 +290,5 @@ fn key(c: &mut Call) -> Reply {
     let flat = c.build().layer_2d(this.0)?.clone();
     let channels = keys::of(c, &flat)?;
     keys::replace(&mut c.build().layer_2d(this.0)?.channels, channels);
-    c.itself()
+    c.receiver()
 }

@@ -63,7 +63,7 @@ fn look(c: &Call, change: impl FnOnce(&mut LookAt) -> Result<(), ApiError>) -> R
     if let Some(look) = c.build().actor(this.actor)?.actor.look_at.get_mut(this.index) {
         change(look)?;
     }
-    c.itself()
+    c.receiver()
 }
 
 fn look_from(c: &mut Call) -> Reply {

@@ -55,7 +55,7 @@ fn test(c: &mut Call) -> Reply {
 }
 
 fn section(c: &mut Call) -> Reply {
-    if passed_over(c) {
+    if belongs_to_other_section(c) {
         return Ok(Dynamic::UNIT);
     }
     let name = c.text(0)?;
@@ -119,7 +119,7 @@ fn end_section(shared: &Shared) {
 }
 
 /// Whether a call of `test` is skipped, because the sections of the file are known and another one is run.
-fn passed_over(c: &Call) -> bool {
+fn belongs_to_other_section(c: &Call) -> bool {
     let test = c.shared.test();
     let Some(wanted) = test.wanted.as_ref().filter(|_| !test.running) else { return false };
     c.value(0).read_lock::<ImmutableString>().is_some_and(|name| *name != wanted.name)

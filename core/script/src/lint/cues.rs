@@ -2,7 +2,7 @@
 
 use super::PlacedFinding;
 use crate::build::{Build, CueDraft};
-use crate::check::shown;
+use crate::check::rounded_secs;
 use crate::cue_times::all_times;
 use choreo_motion::Time;
 use choreo_stage::{LayerMode, Repeat, Subject};
@@ -80,7 +80,7 @@ fn base_layer(
         let text = format!(
             "\"{actor}\" holds the first pose of \"{}\" until {} s",
             first.name(),
-            shown(first.start)
+            rounded_secs(first.start)
         );
         found.push(PlacedFinding::note("starts_late", &first.draft.at, text).on(subject, Time::ZERO));
     }
@@ -90,8 +90,8 @@ fn base_layer(
         if end + frame <= b.start && end < length && !a.asked_to_hold() {
             let text = format!(
                 "nothing plays on \"{actor}\" from {} s to {} s: the last pose of \"{}\" is held",
-                shown(end),
-                shown(b.start.min(length)),
+                rounded_secs(end),
+                rounded_secs(b.start.min(length)),
                 a.name()
             );
             let finding = PlacedFinding::warning("gap", &a.draft.at, text).on(subject, end);
@@ -103,9 +103,9 @@ fn base_layer(
             let text = format!(
                 "clip \"{}\" is to play until {} s, but \"{}\" takes over at {} s",
                 a.name(),
-                shown(end),
+                rounded_secs(end),
                 b.name(),
-                shown(b.start)
+                rounded_secs(b.start)
             );
             let finding = PlacedFinding::warning("cues_overlap", &b.draft.at, text).on(subject, b.start);
             found.push(finding.hint("begin later with .from, or add .on(\"Spine..\") to play both at once"));
@@ -120,8 +120,8 @@ fn base_layer(
         let text = format!(
             "nothing follows \"{}\" after {} s: \"{actor}\" holds its last pose until the end of the stage, {} s",
             last.name(),
-            shown(end),
-            shown(length)
+            rounded_secs(end),
+            rounded_secs(length)
         );
         let finding = PlacedFinding::warning("frozen_at_end", &last.draft.at, text).on(subject, end);
         found.push(
@@ -155,8 +155,8 @@ fn layers(build: &Build, upper: &[&Timed], found: &mut Vec<PlacedFinding>) {
                     "\"{}\" and \"{}\" both move {shared} joints from {} s to {} s: the {} layer wins",
                     a.name(),
                     b.name(),
-                    shown(from),
-                    shown(to),
+                    rounded_secs(from),
+                    rounded_secs(to),
                     if chains[0].priority == chains[1].priority { "later" } else { "higher" },
                 );
                 found.push(PlacedFinding::note("layers_overlap", &b.draft.at, text));
@@ -175,8 +175,10 @@ fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Plac
     }
     let Some(end) = *end else { return };
     if end <= Time::ZERO && (*layer || next.is_some()) {
-        let text =
-            format!("clip \"{name}\" is never seen: it is over at {} s, before the stage begins", shown(end));
+        let text = format!(
+            "clip \"{name}\" is never seen: it is over at {} s, before the stage begins",
+            rounded_secs(end)
+        );
         found.push(PlacedFinding::warning("before_start", place, text).on(subject, *start));
         return;
     }
@@ -185,9 +187,9 @@ fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Plac
     if *layer && next.is_none() && draft.cue.fade_in <= slot && draft.cue.fade_in + fade_out > slot {
         let text = format!(
             "clip \"{name}\" fades in over {} s and out over {} s, but its cue lasts {} s: it is never fully seen",
-            shown(draft.cue.fade_in),
-            shown(fade_out),
-            shown(slot)
+            rounded_secs(draft.cue.fade_in),
+            rounded_secs(fade_out),
+            rounded_secs(slot)
         );
         found.push(PlacedFinding::warning("fades_meet", place, text).on(subject, *start));
     }
@@ -196,8 +198,8 @@ fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Plac
     if draft.until.is_some() && slot > Time::ZERO && active < length && draft.trim.is_none() {
         let text = format!(
             "clip \"{name}\" takes {} s, its cue {} s: its end is cut off",
-            shown(length),
-            shown(slot)
+            rounded_secs(length),
+            rounded_secs(slot)
         );
         found.push(PlacedFinding::note("cut_off", place, text));
     }

@@ -4,7 +4,7 @@ use super::PlacedFinding;
 use super::counted::{At, Drafts, Sorted, Source};
 use crate::api_error::Place;
 use crate::build::Declared;
-use crate::def::{Def, Defs, Gives};
+use crate::def::{Def, Defs, ResultType};
 use crate::value::HandleKind;
 use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
@@ -16,10 +16,11 @@ const STAGED: [&str; 6] = [".play(", ".then(", ".look_at(", ".attach(", "param("
 /// [`STAGED`], and the functions that return an actor, a camera, a light or an effect.
 fn staged(defs: &Defs) -> Vec<String> {
     use HandleKind::{Actor, Camera, Effect, Light};
-    let gives = |def: &&Def| {
-        def.on == HandleKind::None && matches!(def.gives, Gives::A(Actor | Camera | Light | Effect))
+    let is_of_stage = |def: &&Def| {
+        def.on == HandleKind::None
+            && matches!(def.returns, ResultType::Handle(Actor | Camera | Light | Effect))
     };
-    let functions = defs.iter().filter(gives).map(|def| format!("{}(", def.name));
+    let functions = defs.iter().filter(is_of_stage).map(|def| format!("{}(", def.name));
     functions.chain(STAGED.map(str::to_string)).collect()
 }
 

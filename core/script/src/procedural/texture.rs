@@ -74,7 +74,7 @@ pub fn texture(c: &mut Call) -> Reply {
         let text = format!("texture: what has the material \"{wanted}\" has no {which}texture coordinates");
         return Err(ApiError::new(text).focus(&wanted));
     }
-    c.build().used(&source);
+    c.build().mark_used(&source);
     let from = c.build().add_procedural_load(&Arc::new(asset), &c.place);
     Ok(Dynamic::from(AssetRef { from, dead: false }))
 }

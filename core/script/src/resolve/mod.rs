@@ -35,7 +35,7 @@ pub fn resolve(
     let mut places = Places::default();
     let mut notes = Notes::new();
     let hooks;
-    shared.settle();
+    shared.wait_for_loads();
     {
         let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
         stage.settings = build.settings.clone();

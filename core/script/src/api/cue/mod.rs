@@ -75,7 +75,7 @@ api! {
 fn change(c: &Call, change: impl FnOnce(&mut CueDraft) -> Result<(), ApiError>) -> Reply {
     let this: CueRef = c.this()?;
     change(c.build().cue(this.0)?)?;
-    c.itself()
+    c.receiver()
 }
 
 fn then(c: &mut Call) -> Reply {
@@ -108,7 +108,7 @@ fn then(c: &mut Call) -> Reply {
 }
 
 fn clip_time(c: &mut Call) -> Reply {
-    let how = super::keys::given_how(c, 1)?;
+    let how = super::keys::read_interpolation(c, 1)?;
     change_copy(c, |cue| {
         let end = cue.cue.clip.duration.as_secs();
         let within = |v: &Dynamic, label: &str| crate::call::number_in(v, label, -1e6, 1e6);
