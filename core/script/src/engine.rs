@@ -72,7 +72,7 @@ fn restrict(engine: &mut Engine, shared: &Arc<Shared>) {
             return Some("memory".into());
         }
         if hook::in_frame() {
-            return hook::over(steps).map(Into::into);
+            return hook::exceeded_limit(steps).map(Into::into);
         }
         if steps > operations {
             return Some("operations".into());

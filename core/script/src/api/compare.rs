@@ -66,7 +66,7 @@ api! {
 }
 
 fn add_claim(c: &Call, mut expect: ExpectRef, claim: Claim) -> Reply {
-    if claim.timeless() && (expect.when != When::Always || expect.step.is_some()) {
+    if claim.is_time_independent() && (expect.when != When::Always || expect.step.is_some()) {
         return Err(ApiError::new(format!(
             "{}: {} does not change over time",
             c.def.name,
@@ -79,7 +79,7 @@ fn add_claim(c: &Call, mut expect: ExpectRef, claim: Claim) -> Reply {
         ))
         .hint("leave out .at, .during and .every"));
     }
-    if expect.sometime && !claim.graded() {
+    if expect.sometime && !claim.is_judged_at_each_time() {
         return Err(ApiError::new(format!(
             "{}: sometime is for numbers, points, rotations, flags and frames",
             c.def.name

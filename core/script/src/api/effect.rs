@@ -186,7 +186,7 @@ fn chosen_image(
         image.decoded()?
     } else {
         let file = value.clone().into_string().map_err(|_| wrong(&allowed(spec), spec, &label, value))?;
-        files::one(c, &label, &file)?
+        files::decoded_image(c, &label, &file)?
     };
     let (w, h, most) = (image.width, image.height, EffectTexture::MOST);
     if !(1..=most).contains(&w) || !(1..=most).contains(&h) {

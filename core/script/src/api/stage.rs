@@ -2,7 +2,7 @@
 
 use crate::build::{HookDraft, Parameter, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api, color, numbers, point, rgb, wrong};
-use crate::hook::own_captures;
+use crate::hook::with_copied_captures;
 use crate::limits::raise_hint;
 use crate::value::StageRef;
 use choreo_motion::{FrameRate, Time};
@@ -315,7 +315,7 @@ fn on_frame(c: &mut Call) -> Reply {
         return Err(c.wrong(0, "a function of the time, |t| …"));
     };
     check_limit(c.build().hooks.len(), "on_frame callbacks", &c.shared.limits)?;
-    let callback = own_captures(&callback)?;
+    let callback = with_copied_captures(&callback)?;
     #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
     let context = {
         let mut context = c.context.store_data();

@@ -5,7 +5,7 @@ use crate::call::{ApiError, Call, Options, Place, Reply, api, describe, numbers,
 use crate::compile::{compile, constants};
 use crate::diagnostic::Severity;
 use crate::errors;
-use crate::hook::own_captures;
+use crate::hook::with_copied_captures;
 use crate::modules::read_text;
 use crate::resolve::finish_stage;
 use crate::suggest::{did_you_mean, list};
@@ -311,7 +311,7 @@ fn stage_of(c: &mut Call) -> Reply {
         return Err(c.wrong(0, "a function that builds a stage, || { … }"));
     };
     // Captured values are copied and must not contain handles, which belong to the outer stage.
-    let build = own_captures(&build)?;
+    let build = with_copied_captures(&build)?;
     for value in build.curry() {
         no_handles(value)?;
     }

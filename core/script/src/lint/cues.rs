@@ -22,12 +22,12 @@ impl Timed<'_> {
     }
 
     /// Whether the script asks for the clip to play once, so that holding the last pose is intended.
-    fn asked_to_hold(&self) -> bool {
+    fn plays_once(&self) -> bool {
         self.draft.repeat == Some(Repeat::Once)
     }
 }
 
-pub fn look(build: &Build, found: &mut Vec<PlacedFinding>) {
+pub fn check_cues(build: &Build, found: &mut Vec<PlacedFinding>) {
     let times = all_times(build);
     let timed: Vec<Timed> = build
         .cues
@@ -60,7 +60,7 @@ pub fn look(build: &Build, found: &mut Vec<PlacedFinding>) {
     }
     for (id, cue) in timed.iter().enumerate() {
         let subject = Subject::Actor(build.chains[cue.draft.chain].actor);
-        one(cue, subject, next_in_chain[id].map(|next| &timed[next]), found);
+        check_cue(cue, subject, next_in_chain[id].map(|next| &timed[next]), found);
     }
 }
 
@@ -82,19 +82,19 @@ fn base_layer(
             first.name(),
             rounded_secs(first.start)
         );
-        found.push(PlacedFinding::note("starts_late", &first.draft.at, text).on(subject, Time::ZERO));
+        found.push(PlacedFinding::note("starts_late", &first.draft.at, text).about(subject, Time::ZERO));
     }
     for pair in base.windows(2) {
         let (a, b) = (pair[0], pair[1]);
         let Some(end) = a.end else { continue };
-        if end + frame <= b.start && end < length && !a.asked_to_hold() {
+        if end + frame <= b.start && end < length && !a.plays_once() {
             let text = format!(
                 "nothing plays on \"{actor}\" from {} s to {} s: the last pose of \"{}\" is held",
                 rounded_secs(end),
                 rounded_secs(b.start.min(length)),
                 a.name()
             );
-            let finding = PlacedFinding::warning("gap", &a.draft.at, text).on(subject, end);
+            let finding = PlacedFinding::warning("gap", &a.draft.at, text).about(subject, end);
             found.push(finding.hint("leave .until out to let it play on, or add .once() where it is meant"));
         }
         // A cue that begins over the end of another is a crossfade.
@@ -107,7 +107,7 @@ fn base_layer(
                 b.name(),
                 rounded_secs(b.start)
             );
-            let finding = PlacedFinding::warning("cues_overlap", &b.draft.at, text).on(subject, b.start);
+            let finding = PlacedFinding::warning("cues_overlap", &b.draft.at, text).about(subject, b.start);
             found.push(finding.hint("begin later with .from, or add .on(\"Spine..\") to play both at once"));
         }
     }
@@ -115,7 +115,7 @@ fn base_layer(
     if let Some((last, end)) = last_end
         && end + frame < length
         && end > Time::ZERO
-        && !last.asked_to_hold()
+        && !last.plays_once()
     {
         let text = format!(
             "nothing follows \"{}\" after {} s: \"{actor}\" holds its last pose until the end of the stage, {} s",
@@ -123,7 +123,7 @@ fn base_layer(
             rounded_secs(end),
             rounded_secs(length)
         );
-        let finding = PlacedFinding::warning("frozen_at_end", &last.draft.at, text).on(subject, end);
+        let finding = PlacedFinding::warning("frozen_at_end", &last.draft.at, text).about(subject, end);
         found.push(
             finding.hint("leave .until out to let it play on, add .then(…), or .once() where it is meant"),
         );
@@ -165,13 +165,13 @@ fn layers(build: &Build, upper: &[&Timed], found: &mut Vec<PlacedFinding>) {
     }
 }
 
-fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<PlacedFinding>) {
+fn check_cue(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<PlacedFinding>) {
     let Timed { draft, start, end, layer } = cue;
     let (name, place) = (cue.name(), &draft.at);
     let length = draft.length();
     if !draft.counts() {
         let text = format!("clip \"{name}\" is never seen: its weight is 0");
-        found.push(PlacedFinding::warning("weight_zero", place, text).on(subject, *start));
+        found.push(PlacedFinding::warning("weight_zero", place, text).about(subject, *start));
     }
     let Some(end) = *end else { return };
     if end <= Time::ZERO && (*layer || next.is_some()) {
@@ -179,7 +179,7 @@ fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Plac
             "clip \"{name}\" is never seen: it is over at {} s, before the stage begins",
             rounded_secs(end)
         );
-        found.push(PlacedFinding::warning("before_start", place, text).on(subject, *start));
+        found.push(PlacedFinding::warning("before_start", place, text).about(subject, *start));
         return;
     }
     let slot = end - *start;
@@ -191,7 +191,7 @@ fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Plac
             rounded_secs(fade_out),
             rounded_secs(slot)
         );
-        found.push(PlacedFinding::warning("fades_meet", place, text).on(subject, *start));
+        found.push(PlacedFinding::warning("fades_meet", place, text).about(subject, *start));
     }
     // The cue is still visible while the next one fades in over it.
     let active = slot + next.map_or(Time::ZERO, |n| n.draft.cue.fade_in);

@@ -58,7 +58,7 @@ impl PlacedFinding {
         self
     }
 
-    pub fn on(mut self, subject: Subject, at: Time) -> PlacedFinding {
+    pub fn about(mut self, subject: Subject, at: Time) -> PlacedFinding {
         (self.subject, self.at) = (subject, at);
         self
     }
@@ -67,8 +67,8 @@ impl PlacedFinding {
 /// The findings about the drafts, before they are resolved to a stage.
 pub(crate) fn script_findings(build: &Build) -> Vec<PlacedFinding> {
     let mut found = Vec::new();
-    cues::look(build, &mut found);
-    unused::look(&Drafts::new(build), &mut found);
+    cues::check_cues(build, &mut found);
+    unused::check_unused(&Drafts::new(build), &mut found);
     found
 }
 

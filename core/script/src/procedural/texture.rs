@@ -160,13 +160,13 @@ fn place<'a>(material: &'a mut Material, slot: &str) -> &'a mut Option<TextureRe
         "emissive" => &mut material.emissive_texture,
         "specular" => &mut material.specular_texture,
         "specular_color" => &mut material.specular_color_texture,
-        "reflection" => &mut material.reflection.get_or_insert_with(whole).texture,
+        "reflection" => &mut material.reflection.get_or_insert_with(full_reflection).texture,
         _ => &mut material.base_color_texture,
     }
 }
 
 /// A full reflection, because the map contains the amount.
-fn whole() -> Box<Reflection> {
+fn full_reflection() -> Box<Reflection> {
     Box::new(Reflection { color: Vec3::ONE, texture: None, environment: None })
 }
 

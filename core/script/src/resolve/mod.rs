@@ -171,7 +171,7 @@ fn clip_markers(build: &Build, layers: &[Vec<Layer>]) -> Vec<ClipMarkers> {
 
 fn actor(draft: ActorDraft, layers: Vec<Layer>, hidden_parts: &mut HiddenParts) -> Actor {
     let mut actor = draft.actor;
-    actor.asset = hidden_parts.without(&actor.asset, draft.hidden_parts);
+    actor.asset = hidden_parts.copy_without(&actor.asset, draft.hidden_parts);
     actor.layers = layers;
     actor.parents = parents(draft.parents);
     if let Some(point) = draft.face_point {

@@ -130,7 +130,7 @@ pub fn run_section(
     options: &TestOptions,
 ) -> Result<SectionRun, Vec<Diagnostic>> {
     let opened = reopened(path, index, registry, options)?;
-    if !sees_pixels(&opened.text) && options.script.needs.pixels {
+    if !needs_pixels(&opened.text) && options.script.needs.pixels {
         // Decoding images takes longer than everything else, so it is skipped if the text shows that the test does not need
         // pixels.
         let mut plain = options.clone();
@@ -140,7 +140,7 @@ pub fn run_section(
         let run = section(path, index, registry, &plain, opened)?;
         // An imported module may need pixels.
         let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
-        if !sources.values().any(|text| sees_pixels(text)) {
+        if !sources.values().any(|text| needs_pixels(text)) {
             return Ok(run);
         }
     }
@@ -148,7 +148,7 @@ pub fn run_section(
 }
 
 /// Whether a test compares images or inspects plans, by the names of the functions in its text.
-fn sees_pixels(text: &str) -> bool {
+fn needs_pixels(text: &str) -> bool {
     ["expect_picture", "plan(", "same_as", "costs_at_most"].iter().any(|word| text.contains(word))
 }
 
