@@ -1,7 +1,7 @@
 //! Inlay hints: start and end of cues as resolved by the last run, and lengths of clips. Values that the text itself states are not
 //! repeated.
 
-use crate::checker::Checked;
+use crate::checker::CheckResult;
 use crate::files::Contents;
 use crate::settings::Settings;
 use crate::source::{Source, is_string};
@@ -16,7 +16,7 @@ use std::ops::Range;
 /// Largest number of different times in a hint, if one call makes several cues.
 const MOST_TIMES: usize = 3;
 
-pub fn hints(view: &View, settings: &Settings, last: Option<&Checked>, range: &Value) -> Value {
+pub fn hints(view: &View, settings: &Settings, last: Option<&CheckResult>, range: &Value) -> Value {
     let source = view.source;
     let bytes = source.lines.bytes(&source.text, range);
     let mut found = Vec::new();

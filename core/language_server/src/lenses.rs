@@ -1,6 +1,6 @@
 //! Code lenses, which run a frame, viewer or test for a line; and the time on the timeline that belongs to a line.
 
-use crate::checker::Checked;
+use crate::checker::CheckResult;
 use crate::commands::{RENDER, TEST, VIEW};
 use crate::hints::{LineMap, cues};
 use crate::source::Source;
@@ -8,7 +8,7 @@ use crate::view::View;
 use choreo_motion::Time;
 use serde_json::{Value, json};
 
-pub fn lenses(view: &View, uri: &str, last: Option<&Checked>) -> Value {
+pub fn lenses(view: &View, uri: &str, last: Option<&CheckResult>) -> Value {
     let source = view.source;
     let mut found = Vec::new();
     let mut add = |line: usize, title: String, command: &str, mut argument: Value| {
@@ -44,7 +44,7 @@ pub fn lenses(view: &View, uri: &str, last: Option<&Checked>) -> Value {
 }
 
 /// Lines and times of camera cuts, as resolved by the last run.
-fn cuts(source: &Source, last: Option<&Checked>) -> Vec<(usize, Time)> {
+fn cuts(source: &Source, last: Option<&CheckResult>) -> Vec<(usize, Time)> {
     let Some((stage, places)) = last.and_then(|last| last.stage.as_ref()) else { return Vec::new() };
     let line_map = LineMap::new(source, places);
     let cuts = stage.cuts.iter().zip(&places.cuts);
@@ -54,7 +54,7 @@ fn cuts(source: &Source, last: Option<&Checked>) -> Vec<(usize, Time)> {
 
 /// Time in seconds that belongs to a line. It is the middle of the cue, or the time of the cut, that the nearest line up to this one
 /// creates; else 0.
-pub fn time_at(source: &Source, last: Option<&Checked>, line: usize) -> f64 {
+pub fn time_at(source: &Source, last: Option<&CheckResult>, line: usize) -> f64 {
     let Some((stage, places)) = last.and_then(|last| last.stage.as_ref()) else { return 0.0 };
     let line_map = LineMap::new(source, places);
     let length = stage.settings.length;

@@ -1,6 +1,6 @@
 //! The server: processes messages in order, answers requests, and forwards the findings of the checker.
 
-use crate::checker::{Checked, Checker, Job, Unsaved, tests_root};
+use crate::checker::{CheckResult, Checker, Job, Unsaved, tests_root};
 use crate::commands::{self, CommandRequest, Running};
 use crate::document::{Document, path_of};
 use crate::files::Files;
@@ -34,7 +34,7 @@ pub enum Ended {
 
 enum Event {
     Client(Received),
-    Checked(Box<Checked>),
+    Checked(Box<CheckResult>),
 }
 
 /// Serves one client until it disconnects.
@@ -92,7 +92,7 @@ struct Server {
     /// Settings by URI, read again after a moment.
     projects: RefCell<BTreeMap<String, (Instant, Project)>>,
     /// Result of the last run of each document.
-    last: BTreeMap<String, Checked>,
+    last: BTreeMap<String, CheckResult>,
     /// Published messages, by the script that was run and the file that they are about.
     published: BTreeMap<String, BTreeMap<String, Vec<Value>>>,
     root: PathBuf,
@@ -130,7 +130,7 @@ impl Server {
             self.refuse_cancelled(&mut waiting);
             let Some(event) = waiting.pop_front() else { continue };
             match event {
-                Event::Checked(checked) => self.found(*checked),
+                Event::Checked(checked) => self.publish_result(*checked),
                 Event::Client(Received::Closed) => return Ended::Abruptly,
                 Event::Client(Received::Nonsense(why)) => {
                     self.client.refuse(&Value::Null, &ResponseError::new(ResponseError::PARSE, why));
@@ -387,7 +387,7 @@ impl Server {
     /// Submits a script and the open scripts that import it to the checker.
     fn check(&mut self, uri: &str) {
         let path = self.documents.get(uri).and_then(|document| document.path.clone());
-        let uses = |checked: &&Checked| {
+        let uses = |checked: &&CheckResult| {
             checked.uri != uri && path.as_ref().is_some_and(|p| checked.read.contains(p))
         };
         let dependents: Vec<String> =
@@ -412,7 +412,7 @@ impl Server {
     }
 
     /// Publishes the findings of a run, unless the text has changed since.
-    fn found(&mut self, mut checked: Checked) {
+    fn publish_result(&mut self, mut checked: CheckResult) {
         let uri = checked.uri.clone();
         let Some(document) = self.documents.get(&uri).filter(|document| document.version == checked.version)
         else {
@@ -468,9 +468,9 @@ impl Server {
     /// Settings of a document.
     fn project(&self, document: &Document) -> Result<Project, HostError> {
         /// Time for which settings are reused.
-        const FRESH: Duration = Duration::from_secs(2);
+        const SETTINGS_LIFETIME: Duration = Duration::from_secs(2);
         if let Some((_, known)) =
-            self.projects.borrow().get(&document.uri).filter(|(at, _)| at.elapsed() < FRESH)
+            self.projects.borrow().get(&document.uri).filter(|(at, _)| at.elapsed() < SETTINGS_LIFETIME)
         {
             return Ok(known.clone());
         }

@@ -2,7 +2,7 @@
 
 use crate::outcome::{Check, Evidence, Measures, Pictures, SourceLocation};
 use crate::painter::{Device, NoImage, Painter, Shot};
-use crate::stored::{self, MOST_BYTES, Stored, Unreadable};
+use crate::stored::{self, GoldenImage, MOST_BYTES, Unreadable};
 use choreo_files::write_whole_beneath;
 use choreo_image_diff::{ImageDifference, difference_image, flip_heatmap};
 use choreo_plugin::Frame;
@@ -235,7 +235,7 @@ enum Verdict {
     Damaged(String),
     OtherDevice(String),
     /// The golden image has another size; contains it and its file.
-    OtherSize((Stored, Vec<u8>)),
+    OtherSize((GoldenImage, Vec<u8>)),
     Differs(Box<DifferentImage>),
 }
 
@@ -266,7 +266,7 @@ fn against(
     wanted: &ImageExpectation,
     frame: &Frame,
     class: &str,
-    (expected, bytes): (Stored, Vec<u8>),
+    (expected, bytes): (GoldenImage, Vec<u8>),
     options: &ImageOptions,
 ) -> Verdict {
     if expected.device != class && !options.any_device {

@@ -5,7 +5,7 @@ use crate::images::ImageOptions;
 use crate::outcome::{Check, Evidence, Outcome, Status};
 use crate::painter::Painter;
 use crate::results::Results;
-use crate::section::{self, Ran, blank};
+use crate::section::{self, SectionResult, blank};
 use choreo_plugin::{PluginPanic, Registry};
 use choreo_script::testing::{TestOptions, Timeout};
 use std::collections::{BTreeMap, BTreeSet};
@@ -134,14 +134,14 @@ pub fn run(
         loop {
             let index = next.fetch_add(1, Ordering::SeqCst);
             let Some(case) = cases.get(index) else { return };
-            let mut work = || one(case, registry, options, results.as_ref(), &mut painter);
+            let mut work = || run_case(case, registry, options, results.as_ref(), &mut painter);
             let ran = catch_unwind(AssertUnwindSafe(|| match &pool {
                 Ok(pool) => pool.install(&mut work),
                 Err(_) => work(),
             }));
             let ran = ran.unwrap_or_else(|panic| {
                 painter = Painter::new(registry.effects(), options.gpu_cache.clone());
-                broken(case, panic.as_ref())
+                outcome_of_panic(case, panic.as_ref())
             });
             reporter.lock().unwrap_or_else(PoisonError::into_inner).report(index, ran);
         }
@@ -162,18 +162,18 @@ pub fn run(
     report
 }
 
-fn one(
+fn run_case(
     case: &Case,
     registry: &Registry,
     options: &RunOptions,
     results: Option<&Results>,
     painter: &mut Painter,
-) -> Ran {
+) -> SectionResult {
     if let Some(found) = results.filter(|_| options.changed).and_then(|r| r.find(case)) {
         // Hashes of these files have been compared already, and are not needed again.
         let files = found.files.into_iter().map(|f| (f, [0; 32])).collect();
         let pictures = found.pictures.into_iter().map(|p| (p, None)).collect();
-        return Ran { outcome: found.outcome, files, pictures, keep: false };
+        return SectionResult { outcome: found.outcome, files, pictures, keep: false };
     }
     let timeout = options.timeout.map(Timeout::after);
     let test = TestOptions { timeout, ..options.test.clone() };
@@ -198,7 +198,7 @@ fn roots(case: &Case, options: &TestOptions) -> Vec<PathBuf> {
 }
 
 /// Outcome of a section in which a plugin or the program itself panicked; other sections continue.
-fn broken(case: &Case, panic: &(dyn std::any::Any + Send)) -> Ran {
+fn outcome_of_panic(case: &Case, panic: &(dyn std::any::Any + Send)) -> SectionResult {
     let own = || {
         let text = panic.downcast_ref::<String>().map(String::as_str);
         let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
@@ -207,12 +207,12 @@ fn broken(case: &Case, panic: &(dyn std::any::Any + Send)) -> Ran {
     let text = panic.downcast_ref::<PluginPanic>().map_or_else(own, ToString::to_string);
     let mut outcome = blank(case);
     outcome.status = Status::Error(format!("{}: {text}", case.file));
-    Ran { outcome, files: Vec::new(), pictures: Vec::new(), keep: false }
+    SectionResult { outcome, files: Vec::new(), pictures: Vec::new(), keep: false }
 }
 
 /// Restores the order of outcomes that arrive in any order.
 struct OutcomeReporter<'a> {
-    waiting: BTreeMap<usize, Ran>,
+    waiting: BTreeMap<usize, SectionResult>,
     on_outcome: &'a mut (dyn FnMut(&Outcome) + Send),
     report: Report,
     /// Golden images, each with the section that owns it.
@@ -221,7 +221,7 @@ struct OutcomeReporter<'a> {
 }
 
 impl OutcomeReporter<'_> {
-    fn report(&mut self, index: usize, ran: Ran) {
+    fn report(&mut self, index: usize, ran: SectionResult) {
         self.waiting.insert(index, ran);
         while let Some(mut ran) = self.waiting.remove(&self.report.outcomes.len()) {
             self.claim(&mut ran);
@@ -234,7 +234,7 @@ impl OutcomeReporter<'_> {
 
     /// Fails a section that uses the golden image of another one: both would be compared with the same image, and overwrite it when
     /// accepted.
-    fn claim(&mut self, ran: &mut Ran) {
+    fn claim(&mut self, ran: &mut SectionResult) {
         for (path, _) in &ran.pictures {
             let name = ran.outcome.name();
             let Some(owner) = self.claims.insert(path.clone(), name) else { continue };

@@ -31,7 +31,7 @@ impl Limits {
     }
 
     /// Limits for the manifest.
-    pub const FEW: Limits = Limits { memory: 64 << 20, time: Duration::from_secs(2) };
+    pub const FOR_MANIFEST: Limits = Limits { memory: 64 << 20, time: Duration::from_secs(2) };
 }
 
 /// Interval at which a running plugin is interrupted to check the clock.

@@ -112,16 +112,16 @@ pub fn join(
 }
 
 /// The image or image sequence (numbered files or an array) of an option.
-pub fn given(o: &Options, name: &str) -> Result<Option<ImageRef>, ApiError> {
+pub fn image_or_sequence(o: &Options, name: &str) -> Result<Option<ImageRef>, ApiError> {
     let mut all = maps::pictures(o, name)?;
     if o.get(name).is_some_and(|v| v.is_array()) {
-        return in_order(o, name, &all).map(Some);
+        return sequence_of_images(o, name, &all).map(Some);
     }
     Ok(all.pop())
 }
 
 /// The image sequence of an array of images.
-pub fn in_order(o: &Options, name: &str, all: &[ImageRef]) -> Result<ImageRef, ApiError> {
+pub fn sequence_of_images(o: &Options, name: &str, all: &[ImageRef]) -> Result<ImageRef, ApiError> {
     let first = maps::of_one_size(o, name, all)?;
     let pictures = all.iter().map(ImageRef::decoded).collect::<Result<Vec<Arc<Image>>, ApiError>>()?;
     let hashes = pictures.iter().map(|i| i.content_hash()).collect();

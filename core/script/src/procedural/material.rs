@@ -1,6 +1,6 @@
 //! Materials of procedural assets: the options that `shape`, `mesh`, `lines` and `points` share.
 
-use super::image_sequence::{self, Rule, given, join};
+use super::image_sequence::{self, Rule, image_or_sequence, join};
 use super::maps;
 use super::raw_image::srgb_byte;
 use crate::call::{ApiError, Options, rgb};
@@ -88,15 +88,15 @@ impl Maps {
                 cells = Some([columns, rows, all.len() as u32]);
                 Some(image)
             }
-            false => given(o, "image")?,
+            false => image_or_sequence(o, "image")?,
         };
-        if let Some(map) = given(o, "opacity_map")? {
+        if let Some(map) = image_or_sequence(o, "opacity_map")? {
             let base = image.unwrap_or_else(|| maps::white(&map));
             image = Some(join(o, ["image", "opacity_map"], &base, &map, Rule::Opacity)?);
         }
         let depth = o.number_in("depth", 0.0, 1.0)?;
-        let mut normal_map = given(o, "normal_map")?;
-        let height_map = given(o, "height_map")?;
+        let mut normal_map = image_or_sequence(o, "normal_map")?;
+        let height_map = image_or_sequence(o, "height_map")?;
         if depth.is_some() && height_map.is_none() {
             let text = format!("{}: depth needs height_map, which is not given", o.function);
             return Err(ApiError::new(text).focus("depth"));
@@ -111,8 +111,8 @@ impl Maps {
                 }
             });
         }
-        let specular_map = given(o, "specular_map")?;
-        let reflection_map = given(o, "reflection_map")?;
+        let specular_map = image_or_sequence(o, "specular_map")?;
+        let reflection_map = image_or_sequence(o, "reflection_map")?;
         let environment_map = super::reflection::environment_map(o)?;
         Ok(Maps { image, cells, normal_map, relief, specular_map, reflection_map, environment_map })
     }

@@ -44,7 +44,7 @@ pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
     crate::build::check_limit(c.build().shapes.len(), "shapes", &c.shared.limits)?;
     let size = read_size(&o, kind)?;
     let name = o.text("name")?.unwrap_or_else(|| kind.to_string());
-    let primitive = shaped(c, &o, solids::solid(kind, size))?;
+    let primitive = apply_projection_and_displacement(c, &o, solids::solid(kind, size))?;
     material.triplanar = triplanar(&o, &primitive)?;
     let asset = asset(&format!("shape {kind}"), &name, primitive, material, images)?;
     c.build().shapes.insert(key, asset.clone());
@@ -100,7 +100,11 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
             format!("{function}: displacement_map needs uvs, where it lies on the mesh, or a projection");
         return Err(ApiError::new(text).focus("displacement_map"));
     }
-    let primitive = if topology == Topology::Triangles { shaped(c, &o, primitive)? } else { primitive };
+    let primitive = if topology == Topology::Triangles {
+        apply_projection_and_displacement(c, &o, primitive)?
+    } else {
+        primitive
+    };
     let (mut material, images) = material::material(&o, &function)?;
     material.triplanar = triplanar(&o, &primitive)?;
     // Vertex colors are multiplied by the base color, which is white if none is given.
@@ -220,7 +224,11 @@ fn pen(o: &Options, topology: Topology) -> Result<Option<LineStyle>, ApiError> {
 }
 
 /// Applies texture coordinates by a projection, and displacement by an image.
-fn shaped(c: &Call, o: &Options, mut primitive: Primitive) -> Result<Primitive, ApiError> {
+fn apply_projection_and_displacement(
+    c: &Call,
+    o: &Options,
+    mut primitive: Primitive,
+) -> Result<Primitive, ApiError> {
     if let Some(how) = o.one_of("projection", displacement::PROJECTIONS)? {
         displacement::project(&mut primitive, how);
     }

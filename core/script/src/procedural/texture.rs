@@ -1,6 +1,6 @@
 //! `asset.texture(material, slot, image)`: replaces textures of an asset's materials.
 
-use super::image_sequence::in_order;
+use super::image_sequence::sequence_of_images;
 use crate::call::{ApiError, Call, Options, Reply, one_of, unknown};
 use crate::value::{AssetRef, ImageRef, ImageSequenceRef};
 use choreo_asset::{
@@ -86,7 +86,7 @@ fn read_image(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
         Some(array) => {
             let all: Option<Vec<ImageRef>> = array.iter().map(|v| v.clone().try_cast()).collect();
             Some(all.ok_or_else(|| c.wrong(2, "an Image, from image(…), or an array of them"))?)
-                .map(|all| in_order(o, "image", &all))
+                .map(|all| sequence_of_images(o, "image", &all))
                 .transpose()?
         }
         None => value.clone().try_cast::<ImageRef>(),

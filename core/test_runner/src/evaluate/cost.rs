@@ -25,7 +25,7 @@ pub fn judge(snapshots: &[SnapshotCache], e: &Expectation, other: usize, factor:
         return Judged::impossible(expected, "the other stage is not there");
     };
     let mut runs = [Run::new(&snapshots[e.stage].stage), Run::new(&other.stage)];
-    let repeats = match runs.iter_mut().map(Run::warm).collect::<Result<Vec<_>, Unjudged>>() {
+    let repeats = match runs.iter_mut().map(Run::secs_after_warm_up).collect::<Result<Vec<_>, Unjudged>>() {
         Ok(secs) => {
             let shortest = secs.into_iter().fold(f64::INFINITY, f64::min);
             (SHORTEST_SECS / shortest.max(1e-9)).ceil().clamp(1.0, 1e5) as usize
@@ -82,7 +82,7 @@ impl Run {
     }
 
     /// Seconds for all frames once, after a warm-up run that is not counted.
-    fn warm(&mut self) -> Result<f64, Unjudged> {
+    fn secs_after_warm_up(&mut self) -> Result<f64, Unjudged> {
         self.secs(1)?;
         Ok(self.secs(1)? * self.times.len() as f64)
     }

@@ -82,7 +82,7 @@ impl Outline {
     }
 
     /// Distance by which the box crosses the margin, as a fraction of the image; at most 0 if it stays inside.
-    fn over(&self, margin: f64) -> f64 {
+    fn distance_outside(&self, margin: f64) -> f64 {
         if self.behind {
             return f64::INFINITY;
         }
@@ -176,7 +176,7 @@ fn try_judge(snapshots: &mut SnapshotCache, e: &Expectation, claim: &InFrame) ->
     for time in &times {
         let seen = snapshots.at(*time)?.actors.get(claim.actor).is_some_and(|state| state.visible);
         let outline = outline(snapshots, claim.actor, claim.camera, *time)?;
-        let mut worst = outline.over(claim.margin);
+        let mut worst = outline.distance_outside(claim.margin);
         let mut got = match (seen, outline.behind) {
             (false, _) => "it is hidden".to_string(),
             (true, true) => "a part of it is behind the camera".to_string(),

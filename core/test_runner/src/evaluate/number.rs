@@ -255,7 +255,7 @@ pub fn judge(
         Ok((series, band)) => {
             let mut judged = judge_band(&series, &band, e, &label, unit);
             if !judged.passed && !matches!(quantity, Quantity::Count(_)) {
-                around(snapshots, e, quantity, &mut judged);
+                add_neighborhood_to_trace(snapshots, e, quantity, &mut judged);
             }
             let unknown = series.values.iter().position(|v| v.is_nan());
             if let (Some(i), Some(vector)) = (unknown, vector_of(quantity)) {
@@ -281,7 +281,12 @@ fn vector_of(quantity: &Quantity) -> Option<&VectorQuantity> {
 }
 
 /// Adds the values within half a second around a failure at a single time to its trace.
-fn around(snapshots: &mut SnapshotCache, e: &Expectation, quantity: &Quantity, judged: &mut Judged) {
+fn add_neighborhood_to_trace(
+    snapshots: &mut SnapshotCache,
+    e: &Expectation,
+    quantity: &Quantity,
+    judged: &mut Judged,
+) {
     let (When::At(time), [trace]) = (e.when, &mut judged.traces[..]) else { return };
     let half = Time::from_secs(0.5);
     let wide = Expectation { when: When::During(time - half, time + half), ..e.clone() };
