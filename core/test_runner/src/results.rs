@@ -30,7 +30,7 @@ pub struct Results {
     /// Content hashes of files seen in this run; `None` if a file cannot be read.
     seen: Mutex<HashMap<PathBuf, Option<Hash>>>,
     /// Hash of the whole text, and of the lines outside sections, for each test file.
-    around: Mutex<HashMap<PathBuf, (Hash, Hash)>>,
+    outside_hashes: Mutex<HashMap<PathBuf, (Hash, Hash)>>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -63,7 +63,7 @@ impl Results {
             folder,
             run: *hasher.finalize().as_bytes(),
             seen: Mutex::default(),
-            around: Mutex::default(),
+            outside_hashes: Mutex::default(),
         }
     }
 
@@ -172,7 +172,7 @@ impl Results {
     /// Hash of the lines that belong to no section, computed once per file.
     fn hash_outside_sections(&self, case: &Case, text: &str) -> Hash {
         let whole = *blake3::hash(text.as_bytes()).as_bytes();
-        let mut known = self.around.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = self.outside_hashes.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, around)) = known.get(&case.path).filter(|(of, _)| *of == whole) {
             return *around;
         }

@@ -96,7 +96,7 @@ pub fn series(
     let times = snapshots.times(e)?;
     let wide = (after - before + 1) as usize;
     if times.len() < wide {
-        return Err(Unjudged::TooFewLooks { found: times.len(), needed: wide });
+        return Err(Unjudged::TooFewSnapshots { found: times.len(), needed: wide });
     }
     let mut out = Series { times: Vec::new(), values: Vec::new() };
     for window in times.windows(wide) {

@@ -24,7 +24,7 @@ pub(crate) enum Unjudged {
     #[error(
         "the span holds {found} looks, {needed} are needed: make it longer, or look more often with .every(seconds)"
     )]
-    TooFewLooks { found: usize, needed: usize },
+    TooFewSnapshots { found: usize, needed: usize },
     #[error("{time} s is outside the stage, which lasts from 0 to {length} s")]
     OutsideStage { time: f64, length: f64 },
     #[error("a hidden actor has no pose, at {0}")]
