@@ -2,8 +2,8 @@
 
 use super::pieces::{Piece, Role};
 
-/// Whether a blank belongs between two neighbors on one line. `has_blank`: whether the text has one now, which decides where both are
-/// allowed.
+/// Whether a blank belongs between two neighbors on one line. `has_blank`: whether the text has one now, which decides where
+/// both are allowed.
 pub fn blank(before: &Piece, next: &Piece, has_blank: bool) -> bool {
     style_wants_blank(before, next, has_blank) || would_join(before.text, next.text)
 }

@@ -21,8 +21,8 @@ pub(crate) fn foot_at(
 /// Height in metres by which a planted joint may rise and still count as sliding.
 const MAX_PLANTED_RISE_M: f64 = 0.005;
 
-/// Whether a joint that moves from `before` to `now` in `secs` seconds touches the floor. `lowest_while_planted`: its lowest height since it came down,
-/// if it touched the floor before.
+/// Whether a joint that moves from `before` to `now` in `secs` seconds touches the floor. `lowest_while_planted`: its lowest height since it
+/// came down, if it touched the floor before.
 pub fn touches(
     contact: &Contact,
     lowest_while_planted: Option<f64>,
@@ -33,7 +33,8 @@ pub fn touches(
     now.y - contact.ground <= contact.height
         && way.y.abs() <= contact.speed * secs
         // A foot that swings low over the floor does not touch it, even if it was planted; a foot that stays down may slide at any speed.
-        && (lowest_while_planted.is_some_and(|lowest| now.y <= lowest + MAX_PLANTED_RISE_M) || way.with_y(0.0).length() <= contact.swing * secs)
+        && (lowest_while_planted.is_some_and(|lowest| now.y <= lowest + MAX_PLANTED_RISE_M)
+            || way.with_y(0.0).length() <= contact.swing * secs)
 }
 
 pub fn slide(snapshots: &mut SnapshotCache, e: &Expectation, contact: &Contact) -> Result<Series, Unjudged> {
