@@ -42,7 +42,7 @@ fn replace(view: &View, diagnostic: &Value, name: &str) -> Option<(String, Value
     let title = format!("Change to \"{name}\"");
     if is_string(source.get(token)) {
         let text = name.replace('\\', "\\\\").replace('"', "\\\"");
-        return Some((title, edit(source.range(&source.inside(token)), text)));
+        return Some((title, edit(source.range(&source.string_contents(token)), text)));
     }
     let plain = name.chars().all(|c| c.is_alphanumeric() || c == '_');
     (plain && is_word(source.get(token)))

@@ -30,7 +30,7 @@ pub struct Job {
 }
 
 /// The result of a run.
-pub struct Checked {
+pub struct CheckResult {
     pub uri: String,
     pub version: i64,
     pub diagnostics: Vec<Diagnostic>,
@@ -65,7 +65,7 @@ impl Checker {
     pub fn start(
         host: Arc<dyn Host>,
         assets: AssetCache,
-        tell: impl Fn(Checked) + Send + 'static,
+        tell: impl Fn(CheckResult) + Send + 'static,
     ) -> Checker {
         let queue: Arc<(Mutex<Queue>, Condvar)> = Arc::default();
         let own = queue.clone();
@@ -112,8 +112,8 @@ impl Drop for Checker {
     }
 }
 
-fn empty(job: &Job) -> Checked {
-    Checked {
+fn empty(job: &Job) -> CheckResult {
+    CheckResult {
         uri: job.uri.clone(),
         version: job.version,
         diagnostics: Vec::new(),
@@ -125,10 +125,10 @@ fn empty(job: &Job) -> Checked {
     }
 }
 
-fn failed(job: &Job, panic: &(dyn std::any::Any + Send)) -> Checked {
+fn failed(job: &Job, panic: &(dyn std::any::Any + Send)) -> CheckResult {
     let own = || "the program itself failed on this text; please report it with the script".to_string();
     let what = panic.downcast_ref::<PluginPanic>().map_or_else(own, ToString::to_string);
-    Checked { diagnostics: vec![Diagnostic::error(what)], ..empty(job) }
+    CheckResult { diagnostics: vec![Diagnostic::error(what)], ..empty(job) }
 }
 
 /// Path of a script; a text without a path is assumed to be in the open folder.
@@ -147,7 +147,7 @@ fn with_script(job: &Job, path: &Path) -> Unsaved {
 }
 
 /// Runs a script. `None` if `is_old` reports meanwhile that the text is no longer the latest.
-fn check(job: &Job, host: &dyn Host, assets: &AssetCache, is_old: &dyn Fn() -> bool) -> Option<Checked> {
+fn check(job: &Job, host: &dyn Host, assets: &AssetCache, is_old: &dyn Fn() -> bool) -> Option<CheckResult> {
     let begun = Instant::now();
     let mut checked = empty(job);
     let path = script_path(job);

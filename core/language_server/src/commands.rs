@@ -25,7 +25,7 @@ const VIEWER_STARTS: Duration = Duration::from_secs(2);
 const POLL: Duration = Duration::from_millis(15);
 
 /// A command of the client, with the resolved file and time.
-pub struct Asked {
+pub struct CommandRequest {
     pub id: Value,
     pub name: String,
     pub script: PathBuf,
@@ -56,32 +56,40 @@ struct Job {
 
 impl Running {
     /// Starts a command on its own thread, which sends the response.
-    pub fn start(&mut self, asked: Asked, host: &dyn Host, client: Client) -> Result<(), ResponseError> {
+    pub fn start(
+        &mut self,
+        request: CommandRequest,
+        host: &dyn Host,
+        client: Client,
+    ) -> Result<(), ResponseError> {
         let failed = |why: String| ResponseError::new(ResponseError::FAILED, why);
         let folder = self.folder().map_err(|e| failed(format!("cannot create a folder for results: {e}")))?;
         self.jobs.retain(|job| !job.thread.is_finished());
         static NUMBER: AtomicU32 = AtomicU32::new(0);
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let stem = asked.script.file_stem().map_or("frame".into(), |stem| stem.to_string_lossy());
-        let output = folder.join(format!("{stem}-{:.3}-{number}.png", asked.secs));
-        let task = match asked.name.as_str() {
-            RENDER => Task::Frame { script: &asked.script, secs: asked.secs, output: &output },
-            TEST => {
-                Task::Test { script: &asked.script, section: asked.section.as_deref(), root: &asked.root }
-            }
-            _ => Task::View { script: &asked.script, secs: asked.secs },
+        let stem = request.script.file_stem().map_or("frame".into(), |stem| stem.to_string_lossy());
+        let output = folder.join(format!("{stem}-{:.3}-{number}.png", request.secs));
+        let task = match request.name.as_str() {
+            RENDER => Task::Frame { script: &request.script, secs: request.secs, output: &output },
+            TEST => Task::Test {
+                script: &request.script,
+                section: request.section.as_deref(),
+                root: &request.root,
+            },
+            _ => Task::View { script: &request.script, secs: request.secs },
         };
         let command = host.command(&task).map_err(|e| failed(e.to_string()))?;
         let texts = ["out", "err"].map(|name| folder.join(format!("{number}.{name}")));
         let stop = Arc::new(AtomicBool::new(false));
-        let (id, progress, stopped) = (asked.id.clone(), asked.progress.clone(), stop.clone());
+        let (id, progress, stopped) = (request.id.clone(), request.progress.clone(), stop.clone());
         let work = move || {
-            let progress = Progress::begin(&client, &asked);
-            let answer = Work { asked: &asked, output, texts, stop: &stopped, client: &client }.run(command);
+            let progress = Progress::begin(&client, &request);
+            let answer =
+                Work { request: &request, output, texts, stop: &stopped, client: &client }.run(command);
             progress.end();
             match answer {
-                Ok(result) => client.answer(&asked.id, result),
-                Err(error) => client.refuse(&asked.id, &error),
+                Ok(result) => client.answer(&request.id, result),
+                Err(error) => client.refuse(&request.id, &error),
             }
         };
         let thread = std::thread::Builder::new().name("command".into()).spawn(work);
@@ -124,7 +132,7 @@ impl Drop for Running {
 
 /// One command on its thread.
 struct Work<'w> {
-    asked: &'w Asked,
+    request: &'w CommandRequest,
     /// Path of the image to be drawn.
     output: PathBuf,
     /// Files for the standard output and standard error of the process.
@@ -134,9 +142,9 @@ struct Work<'w> {
 }
 
 /// How the process ended.
-enum Went {
+enum ProcessOutcome {
     Ended(ExitStatus),
-    CalledOff,
+    Cancelled,
     /// The viewer is open.
     Open,
 }
@@ -144,19 +152,19 @@ enum Went {
 impl Work<'_> {
     fn run(&self, mut command: Command) -> Result<Value, ResponseError> {
         let failed = |why: String| ResponseError::new(ResponseError::FAILED, why);
-        let went =
+        let outcome =
             self.wait(&mut command).map_err(|e| failed(format!("the program cannot be started: {e}")))?;
         let text =
             |file: &Path| String::from_utf8_lossy(&std::fs::read(file).unwrap_or_default()).into_owned();
         let [out, err] = self.texts.each_ref().map(|file| text(file));
-        let done = match went {
-            Went::CalledOff => {
+        let done = match outcome {
+            ProcessOutcome::Cancelled => {
                 return Err(ResponseError::new(ResponseError::CANCELLED, "the command was cancelled"));
             }
-            Went::Open => true,
-            Went::Ended(status) => status.success(),
+            ProcessOutcome::Open => true,
+            ProcessOutcome::Ended(status) => status.success(),
         };
-        match self.asked.name.as_str() {
+        match self.request.name.as_str() {
             // Failed tests are a result.
             TEST => {
                 match serde_json::from_str::<Value>(&out).ok().filter(|report| report["sections"].is_array())
@@ -171,30 +179,30 @@ impl Work<'_> {
             _ if !done => Err(failed(err.trim().to_string())),
             RENDER => {
                 let path = self.output.display().to_string();
-                self.show(3, &format!("The frame at {:.2} s: {path}", self.asked.secs));
-                Ok(json!({ "path": path, "uri": uri_of(&self.output), "time": self.asked.secs }))
+                self.show(3, &format!("The frame at {:.2} s: {path}", self.request.secs));
+                Ok(json!({ "path": path, "uri": uri_of(&self.output), "time": self.request.secs }))
             }
             _ => Ok(Value::Null),
         }
     }
 
-    fn wait(&self, command: &mut Command) -> io::Result<Went> {
+    fn wait(&self, command: &mut Command) -> io::Result<ProcessOutcome> {
         let [out, err] = [&self.texts[0], &self.texts[1]].map(File::create);
         let mut process = command.stdin(Stdio::null()).stdout(out?).stderr(err?).spawn()?;
         let begun = Instant::now();
         loop {
             if let Some(status) = process.try_wait()? {
-                return Ok(Went::Ended(status));
+                return Ok(ProcessOutcome::Ended(status));
             }
             if self.stop.load(Ordering::Relaxed) {
                 process.kill()?;
                 process.wait()?;
-                return Ok(Went::CalledOff);
+                return Ok(ProcessOutcome::Cancelled);
             }
-            if self.asked.name == VIEW && begun.elapsed() > VIEWER_STARTS {
+            if self.request.name == VIEW && begun.elapsed() > VIEWER_STARTS {
                 // The viewer stays open when the editor is closed.
                 let _ = std::thread::Builder::new().name("viewer".into()).spawn(move || process.wait());
-                return Ok(Went::Open);
+                return Ok(ProcessOutcome::Open);
             }
             std::thread::sleep(POLL);
         }
@@ -202,7 +210,7 @@ impl Work<'_> {
 
     /// Shows a message. `kind`: message type of the protocol.
     fn show(&self, kind: u8, message: &str) {
-        if !self.asked.is_silent {
+        if !self.request.is_silent {
             self.client.notify("window/showMessage", json!({ "type": kind, "message": message }));
         }
     }
@@ -228,10 +236,10 @@ struct Progress<'p> {
 }
 
 impl Progress<'_> {
-    fn begin<'p>(client: &'p Client, asked: &'p Asked) -> Progress<'p> {
-        let progress = Progress { client, token: asked.progress.as_ref() };
-        let title = match asked.name.as_str() {
-            RENDER => format!("Rendering the frame at {:.2} s", asked.secs),
+    fn begin<'p>(client: &'p Client, request: &'p CommandRequest) -> Progress<'p> {
+        let progress = Progress { client, token: request.progress.as_ref() };
+        let title = match request.name.as_str() {
+            RENDER => format!("Rendering the frame at {:.2} s", request.secs),
             TEST => "Running tests".to_string(),
             _ => "Opening the viewer".to_string(),
         };

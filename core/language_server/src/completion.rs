@@ -77,8 +77,9 @@ fn complete_in(view: &View, written: &Source, byte: usize) -> Value {
     let source = view.source;
     let mut items = Items { view, written, range: byte..byte, items: Vec::new(), incomplete: false };
     let token = source.token_at(byte).filter(|token| source.tokens[*token].start < byte);
-    let string = token.filter(|token| is_string(source.get(*token)) && byte <= source.inside(*token).end);
-    let string = string.filter(|token| byte >= source.inside(*token).start);
+    let string =
+        token.filter(|token| is_string(source.get(*token)) && byte <= source.string_contents(*token).end);
+    let string = string.filter(|token| byte >= source.string_contents(*token).start);
     if let Some(string) = string {
         items.in_string(string, byte);
     } else if !source.in_comment(byte) {
@@ -205,7 +206,7 @@ impl Items<'_> {
         self.variables(at, wanted);
         let starts = matches!(source.before(at, 1), "" | ";" | "{" | "}");
         for entry in describe::entries().iter().filter(|entry| entry.on.is_empty()) {
-            let fits = matches!(entry.gives, Returns::Handle(kind) if wanted.contains(&kind));
+            let fits = matches!(entry.returns, Returns::Handle(kind) if wanted.contains(&kind));
             self.call(entry, if fits { 2 } else { 6 });
         }
         for (label, about, text) in snippets::STARTERS.iter().filter(|_| starts) {
@@ -335,7 +336,7 @@ impl Items<'_> {
     /// Adds items for a position inside a string.
     fn in_string(&mut self, string: usize, byte: usize) {
         let source = self.view.source;
-        let inside = source.inside(string);
+        let inside = source.string_contents(string);
         let closed = inside.end < source.tokens[string].end;
         self.range = inside.start..if closed { inside.end } else { byte };
         if source.before(string, 1) == "import" {
@@ -350,7 +351,7 @@ impl Items<'_> {
         let key = site.maps.last().and_then(|(_, key)| key.clone());
         let argument = key.as_deref().or_else(|| site.argument_name(source)).unwrap_or_default();
         let names = names::names(source, &site);
-        names.iter().for_each(|names| self.named(*names, &site));
+        names.iter().for_each(|names| self.add_names(*names, &site));
         // If files and plugins provide the names, the texts in the description are only examples.
         let listed_too = names.is_none_or(|names| matches!(names, Names::Panoramas | Names::Colors));
         let listed = self.view.plugin_options(&site).into_iter().find(|option| option.name == argument);
@@ -368,7 +369,7 @@ impl Items<'_> {
     }
 
     /// Adds names of one kind.
-    fn named(&mut self, names: Names, site: &CallSite) {
+    fn add_names(&mut self, names: Names, site: &CallSite) {
         let file = |view: &View| names::file_of(site.on.as_ref()).or_else(|| view.file_of_arguments(site));
         match names {
             Names::Models => self.files(&self.view.model_extensions(), true),
@@ -403,8 +404,8 @@ impl Items<'_> {
                     });
                 }
             }
-            Names::Markers => self.plain(names::given(self.view.source, "marker", 2, false)),
-            Names::ClipMarkers => self.plain(names::given(self.view.source, "marker", 2, true)),
+            Names::Markers => self.plain(names::declared_names(self.view.source, "marker", 2, false)),
+            Names::ClipMarkers => self.plain(names::declared_names(self.view.source, "marker", 2, true)),
             Names::Actors => self.plain(self.of_scene(site, "cast", 2)),
             Names::Cameras => self.plain(self.of_scene(site, "camera", 1)),
             Names::Colors => {
@@ -432,7 +433,7 @@ impl Items<'_> {
     fn of_scene(&self, site: &CallSite, function: &str, arguments: usize) -> Vec<String> {
         let scene = site.on.as_ref().filter(|on| on.kind == "Scene").and_then(|on| on.name.as_ref());
         let script = scene.and_then(|file| self.view.modules.module(file));
-        names::given(script.as_deref().unwrap_or(self.view.source), function, arguments, false)
+        names::declared_names(script.as_deref().unwrap_or(self.view.source), function, arguments, false)
     }
 
     fn plain(&mut self, names: Vec<String>) {

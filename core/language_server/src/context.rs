@@ -159,7 +159,7 @@ mod tests {
         Some((source.get(site.name).to_string(), site.argument, keys, site.at_key))
     }
 
-    fn some(
+    fn parts(
         name: &str,
         argument: usize,
         keys: &[Option<&str>],
@@ -170,17 +170,17 @@ mod tests {
 
     #[test]
     fn the_argument_and_the_option_are_found() {
-        assert_eq!(at("load(\"kn¦"), some("load", 0, &[], false));
-        assert_eq!(at("cast(\"a\", ¦)"), some("cast", 1, &[], false));
-        assert_eq!(at("h.play(c, #{ ¦ })"), some("play", 1, &[None], true));
-        assert_eq!(at("h.play(c, #{ fade: 0.3, re¦ })"), some("play", 1, &[None], true));
-        assert_eq!(at("h.play(c, #{ repeat: \"l¦\" })"), some("play", 1, &[Some("repeat")], false));
+        assert_eq!(at("load(\"kn¦"), parts("load", 0, &[], false));
+        assert_eq!(at("cast(\"a\", ¦)"), parts("cast", 1, &[], false));
+        assert_eq!(at("h.play(c, #{ ¦ })"), parts("play", 1, &[None], true));
+        assert_eq!(at("h.play(c, #{ fade: 0.3, re¦ })"), parts("play", 1, &[None], true));
+        assert_eq!(at("h.play(c, #{ repeat: \"l¦\" })"), parts("play", 1, &[Some("repeat")], false));
         assert_eq!(
             at("stage(#{ background: #{ to¦ } })"),
-            some("stage", 0, &[Some("background"), None], true)
+            parts("stage", 0, &[Some("background"), None], true)
         );
-        assert_eq!(at("h.key(\"rotation\", [[0, ¦]])"), some("key", 1, &[], false));
-        assert_eq!(at("f(1, (2 + ¦))"), some("f", 1, &[], false));
+        assert_eq!(at("h.key(\"rotation\", [[0, ¦]])"), parts("key", 1, &[], false));
+        assert_eq!(at("f(1, (2 + ¦))"), parts("f", 1, &[], false));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Converts the diagnostics of a run to messages of the protocol, grouped by file.
 
-use crate::checker::Checked;
+use crate::checker::CheckResult;
 use crate::document::uri_of;
 use crate::position::Lines;
 use crate::source::{Source, is_word};
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// Messages of a run by URI. The script itself always has an entry, even without messages.
 pub fn by_file(
-    checked: &Checked,
+    checked: &CheckResult,
     source: &Source,
     folder: Option<&Path>,
     modules: &dyn Modules,
@@ -22,7 +22,7 @@ pub fn by_file(
     for diagnostic in &checked.diagnostics {
         let is_main = diagnostic.file.is_empty() || diagnostic.file == checked.main;
         let (uri, value) = if is_main {
-            if says_nothing(diagnostic, source) {
+            if is_expected_empty_module(diagnostic, source) {
                 continue;
             }
             (checked.uri.clone(), main.message(diagnostic))
@@ -43,7 +43,7 @@ pub fn by_file(
 }
 
 /// Whether a diagnostic reports an empty stage for a module, where that is intended.
-fn says_nothing(diagnostic: &Diagnostic, source: &Source) -> bool {
+fn is_expected_empty_module(diagnostic: &Diagnostic, source: &Source) -> bool {
     let has = |word: &str| (0..source.tokens.len()).any(|i| source.get(i) == word);
     diagnostic.line == 0
         && diagnostic.message.starts_with("nothing is on stage")
@@ -51,7 +51,7 @@ fn says_nothing(diagnostic: &Diagnostic, source: &Source) -> bool {
 }
 
 /// Path of a module, by its name in messages.
-fn module_path(checked: &Checked, folder: Option<&Path>, name: &str) -> Option<PathBuf> {
+fn module_path(checked: &CheckResult, folder: Option<&Path>, name: &str) -> Option<PathBuf> {
     let beside = folder.map(|folder| folder.join(name));
     // The name of another script may contain `..`.
     let beside = beside.map(|path| path.canonicalize().unwrap_or(path));

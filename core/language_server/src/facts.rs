@@ -116,7 +116,7 @@ pub fn joint(asset: &Asset, name: &str) -> Option<String> {
 /// An entry of the reference as Markdown.
 pub fn entry(entry: &Entry) -> String {
     use choreo_script::describe::Returns;
-    let gives = match entry.gives {
+    let gives = match entry.returns {
         Returns::Nothing | Returns::Receiver => String::new(),
         Returns::Handle(kind) => format!(" → {kind}"),
         Returns::Value(what) => format!(" → {what}"),

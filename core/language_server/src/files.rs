@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
 /// Time that a request waits for a file that is being read; after that it is answered without the file.
-const PATIENCE: Duration = Duration::from_millis(150);
+const FILE_WAIT: Duration = Duration::from_millis(150);
 /// Largest number of names visited, including folders, and largest depth of folders.
 const MOST_NAMES: usize = 4000;
 const DEEPEST: usize = 6;
@@ -59,7 +59,7 @@ impl Files {
             Ok(import) => import,
             Err(error) => return Contents::Unreadable(error.message),
         };
-        let until = Instant::now() + PATIENCE;
+        let until = Instant::now() + FILE_WAIT;
         loop {
             match import.settled() {
                 Some(Ok(asset)) => return Contents::Known(asset),

@@ -1,7 +1,7 @@
 //! Inlay hints: start and end of cues as resolved by the last run, and lengths of clips. Values that the text itself states are not
 //! repeated.
 
-use crate::checker::Checked;
+use crate::checker::CheckResult;
 use crate::files::Contents;
 use crate::settings::Settings;
 use crate::source::{Source, is_string};
@@ -16,7 +16,7 @@ use std::ops::Range;
 /// Largest number of different times in a hint, if one call makes several cues.
 const MOST_TIMES: usize = 3;
 
-pub fn hints(view: &View, settings: &Settings, last: Option<&Checked>, range: &Value) -> Value {
+pub fn hints(view: &View, settings: &Settings, last: Option<&CheckResult>, range: &Value) -> Value {
     let source = view.source;
     let bytes = source.lines.bytes(&source.text, range);
     let mut found = Vec::new();
@@ -62,14 +62,14 @@ pub fn cues<'s>(stage: &'s Stage, places: &'s Places) -> Vec<PlacedCue<'s>> {
 
 /// Maps lines of the text that was run to lines of the current text. A line that was edited since then is not found, nor is one whose
 /// number of identical copies has changed.
-pub struct Moved<'m> {
+pub struct LineMap<'m> {
     run: Vec<&'m str>,
     /// Line numbers of each text of a line, from 0: in the text that was run, and in the current text.
     lines: BTreeMap<&'m str, [Vec<usize>; 2]>,
 }
 
-impl<'m> Moved<'m> {
-    pub fn new(source: &'m Source, places: &'m Places) -> Moved<'m> {
+impl<'m> LineMap<'m> {
+    pub fn new(source: &'m Source, places: &'m Places) -> LineMap<'m> {
         let run: Vec<&str> = places.sources.get(&places.main).map_or("", |text| &**text).lines().collect();
         let mut lines: BTreeMap<&str, [Vec<usize>; 2]> = BTreeMap::new();
         for (number, line) in run.iter().enumerate() {
@@ -78,7 +78,7 @@ impl<'m> Moved<'m> {
         for (number, line) in source.text.lines().enumerate() {
             lines.entry(line).or_default()[1].push(number);
         }
-        Moved { run, lines }
+        LineMap { run, lines }
     }
 
     /// Line of the current text, from 0, for a line of the text that was run, from 1.
@@ -97,9 +97,9 @@ fn cue_times(source: &Source, stage: &Stage, places: &Places, bytes: &Range<usiz
             by_place.entry((cue.place.line, cue.place.column)).or_default().push(cue);
         }
     }
-    let moved = Moved::new(source, places);
+    let line_map = LineMap::new(source, places);
     for ((line, column), cues) in by_place {
-        let Some(line) = moved.line(line) else { continue };
+        let Some(line) = line_map.line(line) else { continue };
         let byte = source.lines.byte_of_diagnostic(&source.text, line + 1, column);
         // Keyframes of joints form a cue whose times are stated by the keyframes.
         let Some(call) = call_at(source, byte).filter(|call| source.get(*call) != "key") else { continue };

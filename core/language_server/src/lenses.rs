@@ -1,14 +1,14 @@
 //! Code lenses, which run a frame, viewer or test for a line; and the time on the timeline that belongs to a line.
 
-use crate::checker::Checked;
+use crate::checker::CheckResult;
 use crate::commands::{RENDER, TEST, VIEW};
-use crate::hints::{Moved, cues};
+use crate::hints::{LineMap, cues};
 use crate::source::Source;
 use crate::view::View;
 use choreo_motion::Time;
 use serde_json::{Value, json};
 
-pub fn lenses(view: &View, uri: &str, last: Option<&Checked>) -> Value {
+pub fn lenses(view: &View, uri: &str, last: Option<&CheckResult>) -> Value {
     let source = view.source;
     let mut found = Vec::new();
     let mut add = |line: usize, title: String, command: &str, mut argument: Value| {
@@ -44,24 +44,24 @@ pub fn lenses(view: &View, uri: &str, last: Option<&Checked>) -> Value {
 }
 
 /// Lines and times of camera cuts, as resolved by the last run.
-fn cuts(source: &Source, last: Option<&Checked>) -> Vec<(usize, Time)> {
+fn cuts(source: &Source, last: Option<&CheckResult>) -> Vec<(usize, Time)> {
     let Some((stage, places)) = last.and_then(|last| last.stage.as_ref()) else { return Vec::new() };
-    let moved = Moved::new(source, places);
+    let line_map = LineMap::new(source, places);
     let cuts = stage.cuts.iter().zip(&places.cuts);
     let in_script = cuts.filter(|(cut, place)| places.is_main(&place.file) && cut.at < stage.settings.length);
-    in_script.filter_map(|(cut, place)| Some((moved.line(place.line)?, cut.at))).collect()
+    in_script.filter_map(|(cut, place)| Some((line_map.line(place.line)?, cut.at))).collect()
 }
 
 /// Time in seconds that belongs to a line. It is the middle of the cue, or the time of the cut, that the nearest line up to this one
 /// creates; else 0.
-pub fn time_at(source: &Source, last: Option<&Checked>, line: usize) -> f64 {
+pub fn time_at(source: &Source, last: Option<&CheckResult>, line: usize) -> f64 {
     let Some((stage, places)) = last.and_then(|last| last.stage.as_ref()) else { return 0.0 };
-    let moved = Moved::new(source, places);
+    let line_map = LineMap::new(source, places);
     let length = stage.settings.length;
     let cues = cues(stage, places).into_iter().filter(|cue| places.is_main(&cue.place.file));
     let of_cues = cues.filter_map(|cue| {
         let middle = Time((cue.cue.start.0 + cue.end.min(length).0) / 2);
-        Some((moved.line(cue.place.line)?, middle))
+        Some((line_map.line(cue.place.line)?, middle))
     });
     let all = of_cues.chain(cuts(source, last)).filter(|(known, _)| *known <= line);
     // If one line creates several, the first one counts.

@@ -117,7 +117,7 @@ pub(crate) fn file_of(on: Option<&Value>) -> Option<String> {
 }
 
 /// Names that a script declares, as in `camera("wide")` or `.marker("top", 1.2)`: the first text in each call of a function.
-pub fn given(source: &Source, function: &str, arguments: usize, as_method: bool) -> Vec<String> {
+pub fn declared_names(source: &Source, function: &str, arguments: usize, as_method: bool) -> Vec<String> {
     let mut found = Vec::new();
     for index in 0..source.tokens.len() {
         let is_method = matches!(source.before(index, 1), "." | "?.");

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use thiserror::Error;
 
 /// The name under the cursor.
-struct Named {
+struct NameAtCursor {
     name: String,
     /// Bytes of the name at the cursor.
     range: Range<usize>,
@@ -28,7 +28,7 @@ const MOST_FILES: usize = 300;
 
 pub fn definition(request: &Request) -> Result<Value, ResponseError> {
     let view = request.view;
-    if let Some(named) = named_at(view, request.byte()) {
+    if let Some(named) = name_at_cursor(view, request.byte()) {
         return Ok(declared_at(request, &named).unwrap_or(Value::Null));
     }
     let Some(token) = view.source.token_at(request.byte()) else { return Ok(Value::Null) };
@@ -52,7 +52,7 @@ fn location(uri: &str, range: Value) -> Value {
     json!({ "uri": uri, "range": range })
 }
 
-fn declared_at(request: &Request, named: &Named) -> Option<Value> {
+fn declared_at(request: &Request, named: &NameAtCursor) -> Option<Value> {
     let view = request.view;
     let Some(module) = &named.module else {
         let range = view.source.range(&view.source.tokens[named.declaration.token]);
@@ -64,7 +64,7 @@ fn declared_at(request: &Request, named: &Named) -> Option<Value> {
 }
 
 /// The variable, parameter, function or module under the cursor, also in code inside a string. Names of the API are left out.
-fn named_at(view: &View, byte: usize) -> Option<Named> {
+fn name_at_cursor(view: &View, byte: usize) -> Option<NameAtCursor> {
     let (source, types) = (view.source, view.types());
     let touches = |word: &InnerWord| (word.range.start..=word.range.end).contains(&byte);
     if let Some(word) = source.inner_words().find(touches) {
@@ -75,7 +75,12 @@ fn named_at(view: &View, byte: usize) -> Option<Named> {
             return of_module(view, word.before[1], word.text, word.string, word.range);
         }
         let declaration = types.declaration(word.text, word.string)?;
-        return Some(Named { name: word.text.to_string(), range: word.range, module: None, declaration });
+        return Some(NameAtCursor {
+            name: word.text.to_string(),
+            range: word.range,
+            module: None,
+            declaration,
+        });
     }
     let token = source.token_at(byte)?;
     let (name, range) = (source.get(token), source.tokens[token].clone());
@@ -86,15 +91,15 @@ fn named_at(view: &View, byte: usize) -> Option<Named> {
         return of_module(view, source.before(token, 2), name, token, range);
     }
     let declaration = types.declares(token).or_else(|| types.declaration(name, token))?;
-    Some(Named { name: name.to_string(), range, module: None, declaration })
+    Some(NameAtCursor { name: name.to_string(), range, module: None, declaration })
 }
 
 /// The name of a module member, given the alias under which the module is imported at a token.
-fn of_module(view: &View, alias: &str, name: &str, from: usize, range: Range<usize>) -> Option<Named> {
+fn of_module(view: &View, alias: &str, name: &str, from: usize, range: Range<usize>) -> Option<NameAtCursor> {
     let types = view.types();
     let module = types.declared(&types.declaration(alias, from)?).name?;
     let declaration = exported(&*view.modules.module(&module)?, name, view.modules)?;
-    Some(Named { name: name.to_string(), range, module: Some(module), declaration })
+    Some(NameAtCursor { name: name.to_string(), range, module: Some(module), declaration })
 }
 
 /// Whether a token is a method, a property, or the key of an object map.
@@ -114,7 +119,7 @@ fn exported(source: &Source, name: &str, modules: &dyn Modules) -> Option<Declar
 }
 
 /// Ranges in a source that refer to one of its declarations.
-fn uses(source: &Source, named: &Named, modules: &dyn Modules) -> Vec<Range<usize>> {
+fn uses(source: &Source, named: &NameAtCursor, modules: &dyn Modules) -> Vec<Range<usize>> {
     let is_it = |declared: Option<Declaration>| declared.as_ref() == Some(&named.declaration);
     let own = |token: &usize| {
         let budget = Budget::default();
@@ -156,7 +161,7 @@ fn uses_of_module(source: &Source, module: &str, name: &str) -> Vec<Range<usize>
 }
 
 /// All occurrences of a name: URI, source and bytes.
-fn places(request: &Request, named: &Named) -> Vec<(String, Arc<Source>, Range<usize>)> {
+fn places(request: &Request, named: &NameAtCursor) -> Vec<(String, Arc<Source>, Range<usize>)> {
     let view = request.view;
     let own = Arc::new(Source::new(&view.source.text));
     let home = match &named.module {
@@ -195,7 +200,7 @@ fn scripts_name(view: &View, uri: &str) -> Option<String> {
 }
 
 pub fn references(request: &Request) -> Result<Value, ResponseError> {
-    let Some(named) = named_at(request.view, request.byte()) else { return Ok(json!([])) };
+    let Some(named) = name_at_cursor(request.view, request.byte()) else { return Ok(json!([])) };
     let with_declaration = request.parameters["context"]["includeDeclaration"] != false;
     let declared = declared_at(request, &named);
     let all =
@@ -205,7 +210,7 @@ pub fn references(request: &Request) -> Result<Value, ResponseError> {
 
 pub(crate) fn prepare_rename(request: &Request) -> Result<Value, ResponseError> {
     let view = request.view;
-    let Some(named) = named_at(view, request.byte()) else {
+    let Some(named) = name_at_cursor(view, request.byte()) else {
         return Err(refused("only variables, parameters, functions and names of modules can be renamed"));
     };
     Ok(json!({ "range": view.source.range(&named.range), "placeholder": named.name }))
@@ -217,7 +222,7 @@ fn refused(why: &str) -> ResponseError {
 
 pub fn rename(request: &Request) -> Result<Value, ResponseError> {
     let view = request.view;
-    let Some(named) = named_at(view, request.byte()) else {
+    let Some(named) = name_at_cursor(view, request.byte()) else {
         return Err(refused("only variables, parameters, functions and names of modules can be renamed"));
     };
     let new = request.parameters["newName"].as_str().unwrap_or_default();
@@ -272,13 +277,13 @@ pub fn variable_uses(text: &str, byte: usize, new: &str) -> Result<Vec<Range<usi
     if exported(&source, &name, &NoModules).as_ref() == Some(&declaration) {
         return Err(refuse(format!("other scripts can use it as {name}; rename it in the script")));
     }
-    let named = Named { name, range, module: None, declaration };
+    let named = NameAtCursor { name, range, module: None, declaration };
     unsafe_name(&source, &named, new).map_or(Ok(()), Err)?;
     Ok(uses(&source, &named, &NoModules))
 }
 
 /// Reason why a name cannot be changed safely in a source.
-fn unsafe_name(source: &Source, named: &Named, new: &str) -> Option<NotRenamed> {
+fn unsafe_name(source: &Source, named: &NameAtCursor, new: &str) -> Option<NotRenamed> {
     let is_function = named.declaration.kind == Declared::Function;
     let line = |range: &Range<usize>| source.lines.line_of(range.start) + 1;
     let not =

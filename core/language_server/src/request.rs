@@ -1,6 +1,6 @@
 //! Parameters of a request about a document, for the functions that answer it.
 
-use crate::checker::Checked;
+use crate::checker::CheckResult;
 use crate::settings::Settings;
 use crate::view::View;
 use serde_json::Value;
@@ -11,7 +11,7 @@ pub struct Request<'r> {
     pub uri: &'r str,
     pub parameters: &'r Value,
     /// Result of the last run of the script.
-    pub last: Option<&'r Checked>,
+    pub last: Option<&'r CheckResult>,
     pub settings: &'r Settings,
 }
 

@@ -211,7 +211,7 @@ impl<'v> Meaning<'v> {
     fn of_name(&self, word: &str, next: &str, token: usize) -> (TokenKind, u32) {
         let declared = self.declarations.get(word).map_or(&[][..], Vec::as_slice);
         let before = declared.partition_point(|declaration| declaration.token < token);
-        let seen = self.types.seen(declared[..before].iter().rev().cloned(), token);
+        let seen = self.types.first_visible(declared[..before].iter().rev().cloned(), token);
         // Functions are visible everywhere in a script.
         let seen = seen.or_else(|| declared.iter().find(|d| d.kind == Declared::Function).cloned());
         if let Some(kind) = seen.and_then(|declaration| self.kinds.get(&declaration.token)) {

@@ -1,7 +1,7 @@
 //! The server: processes messages in order, answers requests, and forwards the findings of the checker.
 
-use crate::checker::{Checked, Checker, Job, Unsaved, tests_root};
-use crate::commands::{self, Asked, Running};
+use crate::checker::{CheckResult, Checker, Job, Unsaved, tests_root};
+use crate::commands::{self, CommandRequest, Running};
 use crate::document::{Document, path_of};
 use crate::files::Files;
 use crate::request::Request;
@@ -34,7 +34,7 @@ pub enum Ended {
 
 enum Event {
     Client(Received),
-    Checked(Box<Checked>),
+    Checked(Box<CheckResult>),
 }
 
 /// Serves one client until it disconnects.
@@ -74,7 +74,7 @@ pub fn serve(
         root: std::env::current_dir().unwrap_or_default(),
         settings: Settings::default(),
         running: Running::default(),
-        can: Can::default(),
+        client_capabilities: ClientCapabilities::default(),
         initialized: false,
         shut_down: false,
     };
@@ -92,20 +92,20 @@ struct Server {
     /// Settings by URI, read again after a moment.
     projects: RefCell<BTreeMap<String, (Instant, Project)>>,
     /// Result of the last run of each document.
-    last: BTreeMap<String, Checked>,
+    last: BTreeMap<String, CheckResult>,
     /// Published messages, by the script that was run and the file that they are about.
     published: BTreeMap<String, BTreeMap<String, Vec<Value>>>,
     root: PathBuf,
     settings: Settings,
     running: Running,
-    can: Can,
+    client_capabilities: ClientCapabilities,
     initialized: bool,
     shut_down: bool,
 }
 
 /// Capabilities of the client.
 #[derive(Clone, Copy, Debug, Default)]
-struct Can {
+struct ClientCapabilities {
     /// Supports snippets with placeholders.
     snippets: bool,
     refresh_hints: bool,
@@ -127,10 +127,10 @@ impl Server {
             }
             // Requests that are cancelled before their turn are not processed.
             waiting.extend(incoming.try_iter());
-            self.call_off(&mut waiting);
+            self.refuse_cancelled(&mut waiting);
             let Some(event) = waiting.pop_front() else { continue };
             match event {
-                Event::Checked(checked) => self.found(*checked),
+                Event::Checked(checked) => self.publish_result(*checked),
                 Event::Client(Received::Closed) => return Ended::Abruptly,
                 Event::Client(Received::Nonsense(why)) => {
                     self.client.refuse(&Value::Null, &ResponseError::new(ResponseError::PARSE, why));
@@ -145,7 +145,7 @@ impl Server {
         }
     }
 
-    fn call_off(&self, waiting: &mut VecDeque<Event>) {
+    fn refuse_cancelled(&self, waiting: &mut VecDeque<Event>) {
         let message = |event: &Event| match event {
             Event::Client(Received::Message(message)) => Some(message.clone()),
             _ => None,
@@ -247,7 +247,7 @@ impl Server {
             modules: &modules,
             budget: Budget::default(),
             fps: stage.map_or(30.0, |(stage, _)| stage.settings.fps.as_fps()),
-            snippets: self.can.snippets,
+            snippets: self.client_capabilities.snippets,
         };
         answer(&Request { view: &view, uri, parameters: p, last, settings: &self.settings })
     }
@@ -290,12 +290,12 @@ impl Server {
             }
         }
         let mut progress = p.get("workDoneToken").cloned();
-        if progress.is_none() && self.can.show_progress {
+        if progress.is_none() && self.client_capabilities.show_progress {
             let token = json!(format!("command {id}"));
             self.client.ask("window/workDoneProgress/create", json!({ "token": token }));
             progress = Some(token);
         }
-        let asked = Asked {
+        let request = CommandRequest {
             id: id.clone(),
             name,
             script,
@@ -305,17 +305,17 @@ impl Server {
             is_silent: given["silent"] == true,
             progress,
         };
-        self.running.start(asked, &*self.host, self.client.clone())
+        self.running.start(request, &*self.host, self.client.clone())
     }
 
     fn initialize(&mut self, p: &Value) -> Value {
         self.initialized = true;
-        let can = &p["capabilities"];
-        self.can = Can {
-            snippets: can["textDocument"]["completion"]["completionItem"]["snippetSupport"] == true,
-            refresh_hints: can["workspace"]["inlayHint"]["refreshSupport"] == true,
-            refresh_lenses: can["workspace"]["codeLens"]["refreshSupport"] == true,
-            show_progress: can["window"]["workDoneProgress"] == true,
+        let capabilities = &p["capabilities"];
+        self.client_capabilities = ClientCapabilities {
+            snippets: capabilities["textDocument"]["completion"]["completionItem"]["snippetSupport"] == true,
+            refresh_hints: capabilities["workspace"]["inlayHint"]["refreshSupport"] == true,
+            refresh_lenses: capabilities["workspace"]["codeLens"]["refreshSupport"] == true,
+            show_progress: capabilities["window"]["workDoneProgress"] == true,
         };
         self.settings.update(&p["initializationOptions"]);
         let root = p["workspaceFolders"][0]["uri"].as_str().or_else(|| p["rootUri"].as_str());
@@ -387,7 +387,7 @@ impl Server {
     /// Submits a script and the open scripts that import it to the checker.
     fn check(&mut self, uri: &str) {
         let path = self.documents.get(uri).and_then(|document| document.path.clone());
-        let uses = |checked: &&Checked| {
+        let uses = |checked: &&CheckResult| {
             checked.uri != uri && path.as_ref().is_some_and(|p| checked.read.contains(p))
         };
         let dependents: Vec<String> =
@@ -412,7 +412,7 @@ impl Server {
     }
 
     /// Publishes the findings of a run, unless the text has changed since.
-    fn found(&mut self, mut checked: Checked) {
+    fn publish_result(&mut self, mut checked: CheckResult) {
         let uri = checked.uri.clone();
         let Some(document) = self.documents.get(&uri).filter(|document| document.version == checked.version)
         else {
@@ -440,10 +440,10 @@ impl Server {
 
     /// Asks the client to request everything again that depends on the last run.
     fn refresh(&self) {
-        if self.can.refresh_hints {
+        if self.client_capabilities.refresh_hints {
             self.client.ask("workspace/inlayHint/refresh", Value::Null);
         }
-        if self.can.refresh_lenses {
+        if self.client_capabilities.refresh_lenses {
             self.client.ask("workspace/codeLens/refresh", Value::Null);
         }
     }
@@ -468,9 +468,9 @@ impl Server {
     /// Settings of a document.
     fn project(&self, document: &Document) -> Result<Project, HostError> {
         /// Time for which settings are reused.
-        const FRESH: Duration = Duration::from_secs(2);
+        const SETTINGS_LIFETIME: Duration = Duration::from_secs(2);
         if let Some((_, known)) =
-            self.projects.borrow().get(&document.uri).filter(|(at, _)| at.elapsed() < FRESH)
+            self.projects.borrow().get(&document.uri).filter(|(at, _)| at.elapsed() < SETTINGS_LIFETIME)
         {
             return Ok(known.clone());
         }

@@ -227,7 +227,7 @@ impl Source {
     }
 
     /// Bytes between the quotes of a string.
-    pub fn inside(&self, index: usize) -> Range<usize> {
+    pub fn string_contents(&self, index: usize) -> Range<usize> {
         let range = self.tokens[index].clone();
         let token = self.get(index);
         let closed = token.len() > 1 && token.ends_with(&token[..1]);

@@ -31,8 +31,8 @@ impl Value {
     }
 
     /// The value as seen from another source, which cannot refer to brackets of this one.
-    fn elsewhere(self) -> Value {
-        let item = self.item.map(|item| Box::new(item.elsewhere()));
+    fn without_maps(self) -> Value {
+        let item = self.item.map(|item| Box::new(item.without_maps()));
         Value { item, maps: Vec::new(), ..self }
     }
 
@@ -98,7 +98,7 @@ impl<'a> Types<'a> {
         Types { source, modules, budget, depth: 0 }
     }
 
-    fn deeper(self) -> Option<Types<'a>> {
+    fn with_next_depth(self) -> Option<Types<'a>> {
         let left = self.budget.0.get().checked_sub(1)?;
         self.budget.0.set(left);
         (self.depth < DEEPEST).then_some(Types { depth: self.depth + 1, ..self })
@@ -147,7 +147,7 @@ impl<'a> Types<'a> {
 
     /// Value of the expression in a range of tokens.
     pub fn value(self, tokens: Range<usize>) -> Value {
-        let Some(deeper) = self.deeper() else { return Value::default() };
+        let Some(deeper) = self.with_next_depth() else { return Value::default() };
         let (mut value, mut index) = deeper.primary(tokens.start, tokens.end);
         while index < tokens.end {
             match self.source.get(index) {
@@ -246,7 +246,7 @@ impl<'a> Types<'a> {
             return self.result_of(declared);
         }
         let Some(entry) = describe::entry("", called) else { return Value::default() };
-        self.result(entry.gives, &Value::default(), &arguments, called)
+        self.result(entry.returns, &Value::default(), &arguments, called)
     }
 
     fn method(self, on: &Value, name: usize) -> Value {
@@ -254,7 +254,7 @@ impl<'a> Types<'a> {
         let arguments = self.source.arguments(name + 1);
         match describe::entry(&on.kind, called) {
             Some(entry) => {
-                let value = self.result(entry.gives, on, &arguments, called);
+                let value = self.result(entry.returns, on, &arguments, called);
                 let scene = on.name.as_deref().filter(|_| on.kind == "Scene" && called == "actor");
                 let cast = scene.zip(value.name.as_deref());
                 cast.and_then(|(scene, name)| self.cast_in(scene, name)).unwrap_or(value)
@@ -266,12 +266,12 @@ impl<'a> Types<'a> {
     /// The actor that the script of another file casts under a name.
     fn cast_in(self, file: &str, name: &str) -> Option<Value> {
         let source = self.modules.module(file)?;
-        let types = Types { source: &source, ..self.deeper()? };
+        let types = Types { source: &source, ..self.with_next_depth()? };
         let casts = |at: &usize| {
             let given = || source.arguments(at + 1).into_iter().next().and_then(|a| source.string(a.start));
             source.get(*at) == "cast" && source.get(at + 1) == "(" && given().as_deref() == Some(name)
         };
-        let value = types.function((0..source.tokens.len()).find(casts)?).elsewhere();
+        let value = types.function((0..source.tokens.len()).find(casts)?).without_maps();
         // Paths in that script are relative to its folder.
         let folder = file.rsplit_once('/').map(|(folder, _)| folder);
         let beside = |model: String| match folder.filter(|_| !model.starts_with(BUILT_IN)) {
@@ -326,12 +326,16 @@ impl<'a> Types<'a> {
     pub fn declaration(self, name: &str, from: usize) -> Option<Declaration> {
         let candidates =
             (0..from.min(self.source.tokens.len())).rev().filter(|i| self.source.get(*i) == name);
-        let seen = self.seen(candidates.filter_map(|token| self.declares(token)), from);
+        let seen = self.first_visible(candidates.filter_map(|token| self.declares(token)), from);
         seen.or_else(|| self.own_function(name))
     }
 
     /// The first of some declarations of a name that is visible at a token. The declarations are given in backward order.
-    pub fn seen(self, candidates: impl Iterator<Item = Declaration>, from: usize) -> Option<Declaration> {
+    pub fn first_visible(
+        self,
+        candidates: impl Iterator<Item = Declaration>,
+        from: usize,
+    ) -> Option<Declaration> {
         let around: Vec<Option<usize>> =
             std::iter::successors(Some(self.source.parent(from)), |p| p.map(|p| self.source.parent(p)))
                 .collect();
@@ -419,7 +423,7 @@ impl<'a> Types<'a> {
 
     /// Value of a declared name.
     pub fn declared(self, declaration: &Declaration) -> Value {
-        let Some(types) = self.deeper() else { return Value::default() };
+        let Some(types) = self.with_next_depth() else { return Value::default() };
         let (source, token) = (self.source, declaration.token);
         match declaration.kind {
             Declared::Variable if source.get(token + 1) == "=" => {
@@ -498,7 +502,7 @@ impl<'a> Types<'a> {
 
     /// Result of a function that the script defines: its last expression.
     fn result_of(self, function: Declaration) -> Value {
-        let Some(types) = self.deeper() else { return Value::default() };
+        let Some(types) = self.with_next_depth() else { return Value::default() };
         let source = self.source;
         let Some(parameters) = source.partner(function.token + 1) else { return Value::default() };
         let open = parameters + 1;
@@ -518,7 +522,8 @@ impl<'a> Types<'a> {
     /// Value of `MODULE::name` or `MODULE::name(…)`.
     fn of_module(self, module: &str, name: usize) -> Value {
         let path = self.variable(module, name).name;
-        let Some((source, types)) = path.and_then(|p| self.modules.module(&p)).zip(self.deeper()) else {
+        let Some((source, types)) = path.and_then(|p| self.modules.module(&p)).zip(self.with_next_depth())
+        else {
             return Value::default();
         };
         let types = Types { source: &source, ..types };
@@ -527,7 +532,7 @@ impl<'a> Types<'a> {
             "(" => types.own_function(wanted).map(|f| types.result_of(f)).unwrap_or_default(),
             _ => types.variable(wanted, source.tokens.len()),
         };
-        value.elsewhere()
+        value.without_maps()
     }
 }
 

@@ -88,12 +88,12 @@ impl Bytes {
         Ok(Bytes { range: start..start + count as usize, ..self.clone() })
     }
 
-    fn one(&self, kind: NumberType, offset: i64) -> Result<f64, Refused> {
+    fn number_at(&self, kind: NumberType, offset: i64) -> Result<f64, Refused> {
         let bytes = self.take(offset, kind.size as i64, kind.name)?;
-        Ok((kind.read)(self.little(bytes)))
+        Ok((kind.read)(self.little_endian(bytes)))
     }
 
-    fn little(&self, bytes: &[u8]) -> [u8; 8] {
+    fn little_endian(&self, bytes: &[u8]) -> [u8; 8] {
         let mut little = [0; 8];
         little[..bytes.len()].copy_from_slice(bytes);
         if self.big {
@@ -148,7 +148,7 @@ impl Bytes {
         let mut values = Vec::with_capacity((count * width) as usize);
         for row in bytes.chunks(stride as usize) {
             for number in row[..packed as usize].chunks_exact(kind.size) {
-                let value = (kind.read)(self.little(number));
+                let value = (kind.read)(self.little_endian(number));
                 values.push(if scale == 1.0 { value } else { (value * scale).max(-1.0) });
             }
         }
@@ -240,11 +240,11 @@ pub fn register(engine: &mut Engine) {
     for kind in NUMBER_TYPES {
         match kind.name {
             "f32" | "f64" => {
-                engine.register_fn(kind.name, move |b: &mut Bytes, offset: i64| b.one(kind, offset));
+                engine.register_fn(kind.name, move |b: &mut Bytes, offset: i64| b.number_at(kind, offset));
             }
             _ => {
                 engine.register_fn(kind.name, move |b: &mut Bytes, offset: i64| {
-                    b.one(kind, offset).map(|v| v as i64)
+                    b.number_at(kind, offset).map(|v| v as i64)
                 });
             }
         }

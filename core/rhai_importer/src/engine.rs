@@ -69,25 +69,25 @@ pub(crate) fn manifest_engine() -> Engine {
 
 /// Parses a whole text as one number. Spaces around it are allowed.
 fn parse<T: std::str::FromStr>(name: &str, kind: &str, text: &str) -> Result<T, Refused> {
-    text.trim().parse().map_err(|_| not_a(kind, name, text))
+    text.trim().parse().map_err(|_| parse_error(kind, name, text))
 }
 
 /// Parses a whole number in a radix of 2 to 36.
 fn parse_radix(text: &str, radix: i64) -> Result<i64, Refused> {
     let radix = u32::try_from(radix).ok().filter(|radix| (2..=36).contains(radix));
     let number = radix.and_then(|radix| i64::from_str_radix(text.trim(), radix).ok());
-    number.ok_or_else(|| not_a("whole number of this radix", "parse_int", text))
+    number.ok_or_else(|| parse_error("whole number of this radix", "parse_int", text))
 }
 
-fn not_a(kind: &str, name: &str, text: &str) -> Refused {
+fn parse_error(kind: &str, name: &str, text: &str) -> Refused {
     let shown: String = text.chars().take(40).collect();
     refuse(format!("{name}: \"{shown}\" is no {kind}"))
 }
 
 /// Registers mathematics from `libm`, so that an import gives the same bits on every machine.
 fn maths(engine: &mut Engine) {
-    type One = (&'static str, fn(f64) -> f64);
-    let one: [One; 11] = [
+    type UnaryFunction = (&'static str, fn(f64) -> f64);
+    let unary: [UnaryFunction; 11] = [
         ("sin", libm::sin),
         ("cos", libm::cos),
         ("tan", libm::tan),
@@ -100,7 +100,7 @@ fn maths(engine: &mut Engine) {
         ("round", libm::round),
         ("abs", libm::fabs),
     ];
-    for (name, f) in one {
+    for (name, f) in unary {
         engine.register_fn(name, move |x: f64| f(x));
         if name != "abs" {
             engine.register_fn(name, move |x: i64| f(x as f64));

@@ -38,14 +38,14 @@ impl Lines {
     }
 
     fn new(bytes: &Bytes, lines: impl Iterator<Item = Range<usize>>) -> Result<Lines, Refused> {
-        const EACH: usize = size_of::<Range<usize>>();
+        const BYTES_PER_LINE: usize = size_of::<Range<usize>>();
         let mut share = bytes.budget.share(0)?;
         let mut places = Vec::new();
         for place in lines {
             if places.len() == places.capacity() {
                 // The vector doubles its capacity.
                 let more = places.len().max(64);
-                share.grow(EACH * more)?;
+                share.grow(BYTES_PER_LINE * more)?;
                 places.reserve_exact(more);
             }
             places.push(place);
@@ -83,7 +83,7 @@ impl Lines {
     }
 
     /// The lines that are neither blank nor begin with this text (comments).
-    fn without(&self, comment: &str) -> Result<Lines, Refused> {
+    fn data_lines(&self, comment: &str) -> Result<Lines, Refused> {
         let is_data = |line: &str| {
             let line = line.trim_start();
             !line.is_empty() && (comment.is_empty() || !line.starts_with(comment))
@@ -159,7 +159,7 @@ pub fn register(engine: &mut Engine) {
     engine.register_get("len", |lines: &mut Lines| lines.range.len() as i64);
     engine.register_indexer_get(|lines: &mut Lines, index: i64| lines.at(index));
     engine.register_fn("part", |lines: &mut Lines, start: i64, count: i64| lines.part(start, count));
-    engine.register_fn("without", |lines: &mut Lines, comment: &str| lines.without(comment));
+    engine.register_fn("without", |lines: &mut Lines, comment: &str| lines.data_lines(comment));
     engine.register_fn("numbers", |lines: &mut Lines| lines.numbers());
     engine.register_fn("array", |lines: &mut Lines| lines.array());
 }

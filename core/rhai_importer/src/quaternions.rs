@@ -30,14 +30,14 @@ impl Rows<4> {
 }
 
 /// Number of rows of an operation on two lists, where a list of one row is repeated. Error: other lengths differ.
-fn common(a: usize, b: usize, what: &str) -> Result<usize, Refused> {
+fn row_count(a: usize, b: usize, what: &str) -> Result<usize, Refused> {
     match a == b || a == 1 || b == 1 {
         true => Ok(a.max(b)),
         false => Err(refuse(format!("{what}: one list has {a} rows, the other {b}"))),
     }
 }
 
-fn made<const N: usize>(
+fn rows<const N: usize>(
     budget: &Budget,
     count: usize,
     row: impl Fn(usize) -> [f64; N],
@@ -60,7 +60,7 @@ fn about_axis(budget: &Budget, axis: Array, radians: f64) -> Result<Numbers, Ref
     if !(length > 0.0 && length.is_finite() && radians.is_finite()) {
         return Err(refuse("quaternion(axis, radians): the axis needs a length, the angle must be finite"));
     }
-    made(budget, 1, |_| about(axis / length, radians).to_array())
+    rows(budget, 1, |_| about(axis / length, radians).to_array())
 }
 
 /// Rotations about fixed axes, applied in the order of the letters. Each row of `angles` is x y z in any order of rotation.
@@ -72,7 +72,7 @@ fn euler(budget: &Budget, order: &str, angles: &Dynamic) -> Result<Numbers, Refu
         refuse(format!("quaternions: the order is the letters x, y and z, as \"xyz\", got \"{order}\""))
     })?;
     let angles = Rows::<3>::read(angles, "quaternions")?;
-    made(budget, angles.0.len(), |number| {
+    rows(budget, angles.0.len(), |number| {
         let row = angles.row(number);
         let turn = axes.iter().fold(DQuat::IDENTITY, |so_far, axis| {
             let mut unit = [0.0; 3];
@@ -86,21 +86,21 @@ fn euler(budget: &Budget, order: &str, angles: &Dynamic) -> Result<Numbers, Refu
 /// Quaternion products a · b: rotation `b`, then rotation `a`, such as a joint in its parent's space, then the parent.
 fn product(budget: &Budget, a: &Dynamic, b: &Dynamic) -> Result<Numbers, Refused> {
     let (a, b) = (Rows::<4>::read(a, "product")?, Rows::<4>::read(b, "product")?);
-    let count = common(a.0.len(), b.0.len(), "product")?;
-    made(budget, count, |number| (a.quaternion(number) * b.quaternion(number)).to_array())
+    let count = row_count(a.0.len(), b.0.len(), "product")?;
+    rows(budget, count, |number| (a.quaternion(number) * b.quaternion(number)).to_array())
 }
 
 /// Inverses (conjugates) of unit quaternions.
 fn inverse(budget: &Budget, turns: &Dynamic) -> Result<Numbers, Refused> {
     let turns = Rows::<4>::read(turns, "inverse")?;
-    made(budget, turns.0.len(), |number| turns.quaternion(number).conjugate().to_array())
+    rows(budget, turns.0.len(), |number| turns.quaternion(number).conjugate().to_array())
 }
 
 /// Vectors rotated by unit quaternions.
-fn turned(budget: &Budget, turns: &Dynamic, vectors: &Dynamic) -> Result<Numbers, Refused> {
+fn rotate_vectors(budget: &Budget, turns: &Dynamic, vectors: &Dynamic) -> Result<Numbers, Refused> {
     let (turns, vectors) = (Rows::<4>::read(turns, "turned")?, Rows::<3>::read(vectors, "turned")?);
-    let count = common(turns.0.len(), vectors.0.len(), "turned")?;
-    made(budget, count, |number| {
+    let count = row_count(turns.0.len(), vectors.0.len(), "turned")?;
+    rows(budget, count, |number| {
         (turns.quaternion(number) * DVec3::from_array(vectors.row(number))).to_array()
     })
 }
@@ -117,5 +117,6 @@ pub fn register(engine: &mut Engine, budget: &Budget) {
     let b = budget.clone();
     engine.register_fn("inverse", move |turns: Dynamic| inverse(&b, &turns));
     let b = budget.clone();
-    engine.register_fn("turned", move |turns: Dynamic, vectors: Dynamic| turned(&b, &turns, &vectors));
+    engine
+        .register_fn("turned", move |turns: Dynamic, vectors: Dynamic| rotate_vectors(&b, &turns, &vectors));
 }

@@ -27,16 +27,16 @@ pub struct BuildInProgress {
 /// Name of a requested file, and the channel for its bytes or the error message.
 pub type Request = (String, mpsc::Sender<Result<Arc<Vec<u8>>, String>>);
 
-pub type Shared = Arc<Mutex<BuildInProgress>>;
+pub type SharedBuild = Arc<Mutex<BuildInProgress>>;
 
-fn lock(scene: &Shared) -> MutexGuard<'_, BuildInProgress> {
+fn lock(scene: &SharedBuild) -> MutexGuard<'_, BuildInProgress> {
     scene.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Maximum number of warnings kept, so that a loop over vertices cannot fill the memory.
 const MOST_WARNINGS: usize = 1000;
 
-pub fn register(engine: &mut Engine, scene: &Shared, budget: &Budget) {
+pub fn register(engine: &mut Engine, scene: &SharedBuild, budget: &Budget) {
     let s = scene.clone();
     engine.register_fn("joint", move |name: &str| joint(&s, name, None, &Map::new()));
     let s = scene.clone();
@@ -84,14 +84,14 @@ pub fn register(engine: &mut Engine, scene: &Shared, budget: &Budget) {
     });
 }
 
-fn warn(scene: &Shared, place: &str, text: &str) {
+fn warn(scene: &SharedBuild, place: &str, text: &str) {
     let mut scene = lock(scene);
     if scene.builder.warnings() < MOST_WARNINGS {
         scene.builder.warn(place, text);
     }
 }
 
-fn joint(scene: &Shared, name: &str, parent: Option<i64>, map: &Map) -> Result<i64, Refused> {
+fn joint(scene: &SharedBuild, name: &str, parent: Option<i64>, map: &Map) -> Result<i64, Refused> {
     let parent = match parent {
         // Many formats write -1 for the parent of a root.
         None | Some(-1) => None,
@@ -103,11 +103,11 @@ fn joint(scene: &Shared, name: &str, parent: Option<i64>, map: &Map) -> Result<i
     if scene.builder.joints().len() >= crate::engine::MOST_IN_ARRAY {
         return Err(refuse(format!("too many joints, at most {}", crate::engine::MOST_IN_ARRAY)));
     }
-    let rest = rest(&format!("joint \"{name}\""), map)?;
+    let rest = rest_transform(&format!("joint \"{name}\""), map)?;
     scene.builder.joint(name, parent, rest).map(i64::from).map_err(|e| refuse(e.to_string()))
 }
 
-fn rest(what: &str, map: &Map) -> fields::Result<Transform> {
+fn rest_transform(what: &str, map: &Map) -> fields::Result<Transform> {
     let f = Fields::new(what, map, &["translation", "rotation", "scale", "matrix"])?;
     if let Some(matrix) = f.vector::<16>("matrix")? {
         let matrix = Mat4::from_cols_array(&matrix);
@@ -124,7 +124,7 @@ fn rest(what: &str, map: &Map) -> fields::Result<Transform> {
 }
 
 /// Adds a mesh and returns its index. Without a need for geometry the arrays are not read, and the result is -1.
-fn mesh(scene: &Shared, name: &str, topology: Topology, map: &Map) -> Result<i64, Refused> {
+fn mesh(scene: &SharedBuild, name: &str, topology: Topology, map: &Map) -> Result<i64, Refused> {
     let f = Fields::new(name, map, MESH)?;
     let mut scene = lock(scene);
     if !scene.needs.geometry {
@@ -134,7 +134,7 @@ fn mesh(scene: &Shared, name: &str, topology: Topology, map: &Map) -> Result<i64
     scene.builder.mesh(data).map(i64::from).map_err(|e| refuse(e.to_string()))
 }
 
-fn material(scene: &Shared, map: &Map) -> Result<i64, Refused> {
+fn material(scene: &SharedBuild, map: &Map) -> Result<i64, Refused> {
     let mut scene = lock(scene);
     let material = read_material(map, scene.needs.textures)?;
     scene.builder.material(material).map(i64::from).map_err(|e| refuse(e.to_string()))
@@ -209,7 +209,7 @@ fn read_material(map: &Map, textures: bool) -> fields::Result<Material> {
 }
 
 /// Adds a camera: `fov` in degrees, or `height` in metres for an orthographic camera.
-fn camera(scene: &Shared, map: &Map) -> Result<i64, Refused> {
+fn camera(scene: &SharedBuild, map: &Map) -> Result<i64, Refused> {
     let f = Fields::new("camera", map, &["name", "joint", "fov", "height", "near", "far"])?;
     let near = f.number("near")?.unwrap_or(0.05) as f32;
     let far = f.number("far")?.map(|far| far as f32);
@@ -240,7 +240,7 @@ fn camera(scene: &Shared, map: &Map) -> Result<i64, Refused> {
 }
 
 /// Adds a light. The cone angles are in degrees from the axis; intensity is in lux for a sun, else in candela.
-fn light(scene: &Shared, map: &Map) -> Result<i64, Refused> {
+fn light(scene: &SharedBuild, map: &Map) -> Result<i64, Refused> {
     let known = ["name", "joint", "kind", "color", "intensity", "range", "inner", "outer"];
     let f = Fields::new("light", map, &known)?;
     let degrees = |name: &str, default: f64| {
@@ -265,7 +265,7 @@ fn light(scene: &Shared, map: &Map) -> Result<i64, Refused> {
 
 /// Adds an image from pixels (bytes, or numbers from 0 to 255) or from a whole PNG, JPEG or WebP file. Returns its index, 0
 /// without a need for textures.
-fn image(scene: &Shared, budget: &Budget, map: &Map) -> Result<i64, Refused> {
+fn image(scene: &SharedBuild, budget: &Budget, map: &Map) -> Result<i64, Refused> {
     let f = Fields::new("image", map, &["name", "width", "height", "pixels", "file"])?;
     let mut scene = lock(scene);
     if !scene.needs.textures {
@@ -303,7 +303,7 @@ fn decode(name: &str, file: &[u8], needs: ImportScope, budget: &Budget) -> Resul
     encoded.decode_for(needs).map_err(refused)
 }
 
-fn clip(scene: &Shared, name: &str, curves: &Array) -> Result<(), Refused> {
+fn clip(scene: &SharedBuild, name: &str, curves: &Array) -> Result<(), Refused> {
     let mut scene = lock(scene);
     if !scene.needs.clips {
         return Ok(());

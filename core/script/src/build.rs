@@ -145,7 +145,7 @@ impl Shared {
     }
 
     /// Waits for all files that are being loaded, so that errors of unused files are reported, too.
-    pub fn settle(&self) {
+    pub fn wait_for_loads(&self) {
         let loads: Vec<Arc<Load>> = {
             let build = self.build.lock().unwrap_or_else(PoisonError::into_inner);
             build.loads.iter().map(|l| l.load.clone()).collect()
@@ -253,9 +253,9 @@ pub(crate) struct Build {
     /// Number of diagnostics beyond the limit.
     pub more: usize,
     /// Clips bound to another skeleton, by the addresses of clip and asset.
-    pub bound: BTreeMap<(usize, usize), Bound>,
+    pub bound: BTreeMap<(usize, usize), BoundClip>,
     pub shapes: BTreeMap<String, Arc<Asset>>,
-    pub made: Made,
+    pub procedural_totals: ProceduralTotals,
     /// Stage time at which the present `perform` sequence starts; times in calls are relative to it.
     pub offset: Time,
     /// Notes by the address of the clip, which is kept alive.
@@ -291,7 +291,7 @@ pub(crate) enum RootUse {
 pub(crate) struct LoadDraft {
     pub load: Arc<Load>,
     /// The asset is procedural: no file was read.
-    pub made: bool,
+    pub is_procedural: bool,
     /// Only the clips are imported, because the script uses nothing else of the file.
     pub clips_only: bool,
     /// The script casts the asset, plays one of its clips or queries its contents.
@@ -300,7 +300,7 @@ pub(crate) struct LoadDraft {
 
 /// Counts of procedural data so far, which are compared with limits.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Made {
+pub struct ProceduralTotals {
     pub meshes: usize,
     pub vertices: u64,
     pub texels: u64,
@@ -321,7 +321,7 @@ pub(crate) struct HookDraft {
 }
 
 /// A bound clip. Its source clip and asset are kept alive, so that their addresses, the key, stay valid.
-pub struct Bound {
+pub struct BoundClip {
     pub clip: Arc<Clip>,
     pub _from: Arc<Clip>,
     pub _onto: Arc<Asset>,
@@ -552,33 +552,38 @@ impl Build {
     }
 
     /// The load of a procedural asset: an earlier one if the same place has made the same asset before.
-    pub fn made(&mut self, asset: &Arc<Asset>, at: &Place) -> Arc<Load> {
+    pub fn add_procedural_load(&mut self, asset: &Arc<Asset>, at: &Place) -> Arc<Load> {
         // A loop makes the same asset many times at one place.
         let known =
             |l: &&LoadDraft| l.load.at == *at && l.load.ready().is_some_and(|a| Arc::ptr_eq(a, asset));
         if let Some(known) = self.loads.iter().find(known) {
             return known.load.clone();
         }
-        let load = Arc::new(Load::made(asset, at));
-        self.loads.push(LoadDraft { load: load.clone(), made: true, clips_only: false, used: false });
+        let load = Arc::new(Load::procedural(asset, at));
+        self.loads.push(LoadDraft {
+            load: load.clone(),
+            is_procedural: true,
+            clips_only: false,
+            used: false,
+        });
         load
     }
 
     /// The load of a file that is being imported: an earlier one if the same place has loaded the file before.
-    pub fn begun(&mut self, import: Arc<Import>, at: &Place, clips_only: bool) -> Arc<Load> {
+    pub fn add_import_load(&mut self, import: Arc<Import>, at: &Place, clips_only: bool) -> Arc<Load> {
         let known = |l: &&LoadDraft| l.load.at == *at && l.load.is_of(&import);
         if let Some(known) = self.loads.iter().find(known) {
             return known.load.clone();
         }
         // The load gets a sort key before all diagnostics that are noted from now on.
         self.order += 2;
-        let load = Arc::new(Load::begun(import, at, self.order - 1));
-        self.loads.push(LoadDraft { load: load.clone(), made: false, clips_only, used: false });
+        let load = Arc::new(Load::importing(import, at, self.order - 1));
+        self.loads.push(LoadDraft { load: load.clone(), is_procedural: false, clips_only, used: false });
         load
     }
 
     /// Marks all loads of an asset as used.
-    pub fn used(&mut self, asset: &Arc<Asset>) {
+    pub fn mark_used(&mut self, asset: &Arc<Asset>) {
         let same = |l: &&mut LoadDraft| l.load.ready().is_some_and(|a| Arc::ptr_eq(a, asset));
         self.loads.iter_mut().filter(same).for_each(|l| l.used = true);
     }
@@ -601,7 +606,7 @@ impl Build {
         self.lights.get_mut(id).ok_or_else(|| ApiError::new("this light is not on this stage"))
     }
 
-    pub fn flat(&mut self, id: usize) -> Result<&mut Layer2d, ApiError> {
+    pub fn layer_2d(&mut self, id: usize) -> Result<&mut Layer2d, ApiError> {
         self.layers_2d.get_mut(id).ok_or_else(|| ApiError::new("this flat is not on this stage"))
     }
 
@@ -615,7 +620,7 @@ impl Build {
 }
 
 /// Refuses a further object where `count` has reached the limit.
-pub fn room(count: usize, what: &str, limits: &Limits) -> Result<(), ApiError> {
+pub fn check_limit(count: usize, what: &str, limits: &Limits) -> Result<(), ApiError> {
     let (name, limit) = match what {
         "actors" => ("actors", limits.actors),
         "cameras" => ("cameras", limits.cameras),

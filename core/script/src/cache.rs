@@ -42,7 +42,7 @@ impl FileStamp {
 }
 
 /// An entry of the cache, locked while its asset is made.
-pub(crate) type Slot = Arc<Mutex<Option<Made>>>;
+pub(crate) type Slot = Arc<Mutex<Option<CachedImport>>>;
 
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Key {
@@ -55,7 +55,7 @@ pub(crate) struct Key {
 }
 
 #[derive(Debug)]
-pub(crate) struct Made {
+pub(crate) struct CachedImport {
     /// BLAKE3 hash of the file.
     pub source: [u8; 32],
     pub side_files: Vec<SideFile>,
@@ -100,7 +100,7 @@ impl AssetCache {
     }
 
     /// The slot of an earlier request.
-    pub(crate) fn made(&self, key: &Key) -> Option<Slot> {
+    pub(crate) fn existing_slot(&self, key: &Key) -> Option<Slot> {
         self.0.slots.lock().unwrap_or_else(PoisonError::into_inner).get(key).cloned()
     }
 

@@ -15,29 +15,33 @@ pub fn before(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) {
         notes.push((Severity::Warning, place.clone(), ApiError { rule, ..ApiError::new(text) }));
     };
     cues(build, &mut warn);
-    unplaced(build, &mut warn);
+    actors_in_one_place(build, &mut warn);
     for (i, (Cut { at, camera, dissolve }, place)) in build.cuts.iter().enumerate() {
         let next = build.cuts.iter().map(|(next, _)| next.at).filter(|next| next > at).min();
         if let Some(next) = next.filter(|next| *next < *at + *dissolve) {
             let text = "this dissolve has not ended at the next cut, at";
-            warn("dissolve_cut_off", place, format!("{text} {} s", shown(next)));
+            warn("dissolve_cut_off", place, format!("{text} {} s", rounded_secs(next)));
         }
         if *at >= build.settings.length {
-            let end = shown(build.settings.length);
+            let end = rounded_secs(build.settings.length);
             warn(
                 "starts_after_end",
                 place,
-                format!("this cut at {} s comes after the end of the stage, {end} s", shown(*at)),
+                format!("this cut at {} s comes after the end of the stage, {end} s", rounded_secs(*at)),
             );
         }
         if build.cuts[..i].iter().any(|(cut, _)| cut.at == *at && cut.camera != *camera) {
-            warn("two_cuts", place, format!("two cameras have a cut at {} s; this one wins", shown(*at)));
+            warn(
+                "two_cuts",
+                place,
+                format!("two cameras have a cut at {} s; this one wins", rounded_secs(*at)),
+            );
         }
     }
 }
 
 /// A time in seconds, rounded to milliseconds for messages.
-pub(crate) fn shown(time: Time) -> f64 {
+pub(crate) fn rounded_secs(time: Time) -> f64 {
     libm::round(time.as_secs() * 1000.0) / 1000.0
 }
 
@@ -57,8 +61,8 @@ fn cues(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
         {
             let text = format!(
                 "clip \"{name}\" is played once and takes {} s, but its cue lasts {} s: the last pose is held",
-                shown(length),
-                shown(until - start)
+                rounded_secs(length),
+                rounded_secs(until - start)
             );
             warn("pose_held", &draft.at, text);
         }
@@ -68,8 +72,8 @@ fn cues(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
         {
             let text = format!(
                 "clip \"{name}\" fades in over {} s, but its cue lasts {} s: it never reaches full weight",
-                shown(draft.cue.fade_in),
-                shown(end - start)
+                rounded_secs(draft.cue.fade_in),
+                rounded_secs(end - start)
             );
             warn("fade_longer_than_cue", &draft.at, text);
         }
@@ -80,15 +84,17 @@ fn cues(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
         {
             let text = format!(
                 "clip \"{name}\" takes {} s for the transition from the pose before it, but its cue lasts {} s",
-                shown(draft.cue.inertialization),
-                shown(end - start)
+                rounded_secs(draft.cue.inertialization),
+                rounded_secs(end - start)
             );
             warn("inertia_longer_than_cue", &draft.at, text);
         }
         if start >= build.settings.length {
-            let end = shown(build.settings.length);
-            let text =
-                format!("clip \"{name}\" starts at {} s, after the end of the stage, {end} s", shown(start));
+            let end = rounded_secs(build.settings.length);
+            let text = format!(
+                "clip \"{name}\" starts at {} s, after the end of the stage, {end} s",
+                rounded_secs(start)
+            );
             warn("starts_after_end", &draft.at, text);
         }
         if draft.cue.clip.duration == Time::ZERO {
@@ -111,7 +117,7 @@ fn cues(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
                 "clip \"{}\" is never seen: \"{}\" starts at the same time, {} s; use .from, or .on(\"Spine..\") for a layer",
                 hidden.cue.clip.name,
                 draft.cue.clip.name,
-                shown(times[id].0)
+                rounded_secs(times[id].0)
             );
             warn("same_start", &hidden.at, text);
         }
@@ -143,8 +149,8 @@ fn restarts(
                 "this part of clip \"{}\" takes {} s and starts over at {} s, while \"{}\" fades in over it; \
                  add .once() to hold its last pose, or .loop() if it is intended",
                 draft.cue.clip.name,
-                shown(draft.length()),
-                shown(times[before].0 + Time::from_secs(restart)),
+                rounded_secs(draft.length()),
+                rounded_secs(times[before].0 + Time::from_secs(restart)),
                 next.cue.clip.name
             );
             warn("starts_over", &draft.at, text);
@@ -153,12 +159,12 @@ fn restarts(
 }
 
 /// Warns about several actors in one place, which is probably not intended. A flat ground below them is not counted.
-fn unplaced(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
+fn actors_in_one_place(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
     let flat = |a: &ActorDraft| a.actor.asset.name == "shape plane";
     // The vertices of a mesh from arrays can contain its position.
     let of_vertices = |a: &ActorDraft| {
         let own = |l: &&LoadDraft| l.load.ready().is_some_and(|made| Arc::ptr_eq(made, &a.actor.asset));
-        !a.actor.asset.name.starts_with("shape ") && build.loads.iter().any(|l| l.made && own(&l))
+        !a.actor.asset.name.starts_with("shape ") && build.loads.iter().any(|l| l.is_procedural && own(&l))
     };
     // A file without meshes is cast for its cameras and lights.
     let brings = |a: &ActorDraft| {

@@ -13,11 +13,11 @@ use std::sync::Arc;
 type ClipRange = (usize, usize, Time, Time);
 
 /// A request for the root motion of a clip's range, and the result.
-type Asked = (RootDraft, Option<Arc<CueRootMotion>>);
+type RootMotionEntry = (RootDraft, Option<Arc<CueRootMotion>>);
 
 #[derive(Default)]
 pub struct AnalyzedClips {
-    roots: BTreeMap<ClipRange, Vec<Asked>>,
+    roots: BTreeMap<ClipRange, Vec<RootMotionEntry>>,
     steps: BTreeMap<ClipRange, Option<Arc<Footsteps>>>,
     gaits: BTreeMap<ClipRange, Gait>,
 }

@@ -10,12 +10,12 @@ use rhai::{AST, ASTNode, Expr, FnCallExpr, Position, Stmt};
 use std::collections::BTreeSet;
 
 /// Methods of an asset that need no geometry.
-const OF_CLIPS: [&str; 3] = ["clip", "clips", "joints"];
+const CLIP_METHODS: [&str; 3] = ["clip", "clips", "joints"];
 
 /// Places of `load(…)` calls whose file is used for its clips only.
 pub fn find(ast: &AST, source: &str) -> Vec<Place> {
     // A function that the script defines by one of these names could use the asset in any way.
-    if ast.iter_functions().any(|f| OF_CLIPS.contains(&f.name) || f.name == "load") {
+    if ast.iter_functions().any(|f| CLIP_METHODS.contains(&f.name) || f.name == "load") {
         return Vec::new();
     }
     let mut loads: Vec<(Position, Option<String>, String)> = Vec::new();
@@ -34,7 +34,8 @@ pub fn find(ast: &AST, source: &str) -> Vec<Place> {
                 let load = match parent {
                     Some(ASTNode::Stmt(Stmt::Var(variable, ..))) => Some(variable.0.name.to_string()),
                     Some(ASTNode::Expr(Expr::Dot(dot, ..)))
-                        if Some(std::ptr::from_ref(&dot.lhs).cast()) == here && of_clips(&dot.rhs) =>
+                        if Some(std::ptr::from_ref(&dot.lhs).cast()) == here
+                            && needs_only_clips(&dot.rhs) =>
                     {
                         Some(String::new())
                     }
@@ -56,7 +57,7 @@ pub fn find(ast: &AST, source: &str) -> Vec<Place> {
             Some(node @ ASTNode::Expr(Expr::Variable(variable, ..))) => {
                 let plain = match parent {
                     Some(ASTNode::Expr(Expr::Dot(dot, ..))) => {
-                        std::ptr::from_ref(&dot.lhs).cast() == address(node) && of_clips(&dot.rhs)
+                        std::ptr::from_ref(&dot.lhs).cast() == address(node) && needs_only_clips(&dot.rhs)
                     }
                     // A closure captures the variable; the uses in its body have the same name and are visited as well.
                     Some(ASTNode::Expr(Expr::FnCall(call, _)) | ASTNode::Stmt(Stmt::FnCall(call, _))) => {
@@ -124,10 +125,10 @@ fn address(node: &ASTNode<'_>) -> *const () {
 }
 
 /// Whether the first method in a chain of calls needs only clips.
-fn of_clips(right: &Expr) -> bool {
+fn needs_only_clips(right: &Expr) -> bool {
     match right {
-        Expr::MethodCall(call, _) => OF_CLIPS.contains(&call.name.as_str()),
-        Expr::Dot(dot, ..) | Expr::Index(dot, ..) => of_clips(&dot.lhs),
+        Expr::MethodCall(call, _) => CLIP_METHODS.contains(&call.name.as_str()),
+        Expr::Dot(dot, ..) | Expr::Index(dot, ..) => needs_only_clips(&dot.lhs),
         _ => false,
     }
 }

@@ -6,7 +6,7 @@ use rhai::{AST, ASTNode, Engine, Expr, LexError, ParseError, ParseErrorType, Pos
 use std::sync::PoisonError;
 
 /// Names that a script cannot use, and why.
-pub(crate) const REFUSED: &[(&str, &str)] = &[
+pub(crate) const FORBIDDEN_NAMES: &[(&str, &str)] = &[
     ("eval", "all code of a script must be in its files"),
     ("sleep", "a script only describes the scene and never waits; give times to .from, .until and .key"),
     ("curry", "a closure, || f(x), captures the variables that it uses"),
@@ -61,14 +61,14 @@ pub(crate) fn compile_all(
         }
     };
     if let Ok(ast) = &read {
-        more_places(ast, &mut unknown);
+        add_further_places(ast, &mut unknown);
     }
     unknown.sort_by_key(|variable| (variable.at.line(), variable.at.position()));
     (read, unknown)
 }
 
 /// Declares unknown variables as [`Poison`].
-pub(crate) fn stand_in(unknown: &[UnknownVariable], scope: &mut Scope) {
+pub(crate) fn declare_poisons(unknown: &[UnknownVariable], scope: &mut Scope) {
     for variable in unknown {
         if !scope.contains(&variable.name) {
             scope.push(variable.name.clone(), Poison);
@@ -77,7 +77,7 @@ pub(crate) fn stand_in(unknown: &[UnknownVariable], scope: &mut Scope) {
 }
 
 /// Adds the further places at which the unknown variables are used.
-fn more_places(ast: &AST, unknown: &mut Vec<UnknownVariable>) {
+fn add_further_places(ast: &AST, unknown: &mut Vec<UnknownVariable>) {
     if unknown.is_empty() {
         return;
     }
@@ -130,7 +130,7 @@ fn compile_within(engine: &Engine, shared: &Shared, text: &str, scope: &Scope) -
 
 /// Whether scripts must not use a name.
 pub fn is_refused(name: &str) -> bool {
-    REFUSED.iter().any(|(refused, _)| *refused == name)
+    FORBIDDEN_NAMES.iter().any(|(refused, _)| *refused == name)
 }
 
 /// Refuses forbidden methods and calls with too many arguments. Rhai's search for a function takes time that grows with the
@@ -169,4 +169,4 @@ pub(crate) const MANY_ARGUMENTS: &str = "arguments";
 pub(crate) const OPEN_COMMENT: &str = "comment";
 
 /// The parser's error past the time limit; `errors` recognizes it.
-pub(crate) const TOO_SLOW: &str = "seconds";
+pub(crate) const PARSE_TIMEOUT: &str = "seconds";

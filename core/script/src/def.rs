@@ -9,7 +9,7 @@ pub(crate) struct Def {
     pub name: &'static str,
     /// Forms of the arguments, separated by `|`; arguments ending in `?` may be left out: `x, y, z | point`.
     pub args: &'static str,
-    pub gives: Gives,
+    pub returns: ResultType,
     /// The lines of its documentation comment.
     pub doc: &'static [&'static str],
     /// Returns the text that replaces `{}` in the documentation.
@@ -22,11 +22,11 @@ pub(crate) struct Def {
 
 /// Type of a call's result. A failed call returns a placeholder of the same type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Gives {
+pub enum ResultType {
     Nothing,
     /// The receiver, for chaining.
-    Itself,
-    A(HandleKind),
+    Receiver,
+    Handle(HandleKind),
     /// A number, text or list, which has no placeholder, so that a failed call ends the statement.
     Value(&'static str),
 }

@@ -3,7 +3,7 @@
 
 use crate::api::defs;
 use crate::compile::CONSTANTS;
-use crate::def::{Def, Gives};
+use crate::def::{Def, ResultType};
 use crate::synonyms::ALIASES;
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
@@ -20,7 +20,7 @@ pub struct Entry {
     pub forms: Vec<Vec<&'static str>>,
     /// Usages, such as `Actor.at(x, y, z)`.
     pub usages: Vec<String>,
-    pub gives: Returns,
+    pub returns: Returns,
     /// The description, then a paragraph for each group of options or aspect.
     pub about: Vec<String>,
     /// Whether it can be called inside `on_frame`.
@@ -76,14 +76,14 @@ pub fn entries() -> &'static [Entry] {
     &ENTRIES
 }
 
-fn plain(name: &'static str, about: &str, gives: Returns) -> Entry {
+fn plain(name: &'static str, about: &str, returns: Returns) -> Entry {
     Entry {
         on: "",
         name,
         heading: "Mathematics",
         forms: Vec::new(),
         usages: Vec::new(),
-        gives,
+        returns,
         about: vec![about.to_string()],
         in_frames: true,
         in_tests: false,
@@ -98,11 +98,11 @@ fn of_def(heading: &'static str, def: &'static Def) -> Entry {
         heading,
         forms: def.forms(),
         usages: def.usages(&def.full_name()),
-        gives: match def.gives {
-            Gives::Nothing => Returns::Nothing,
-            Gives::Itself => Returns::Receiver,
-            Gives::A(kind) => Returns::Handle(kind.name()),
-            Gives::Value(what) => Returns::Value(what),
+        returns: match def.returns {
+            ResultType::Nothing => Returns::Nothing,
+            ResultType::Receiver => Returns::Receiver,
+            ResultType::Handle(kind) => Returns::Handle(kind.name()),
+            ResultType::Value(what) => Returns::Value(what),
         },
         about: def.about(),
         in_frames: def.frame,
@@ -117,7 +117,7 @@ pub fn entry(on: &str, name: &str) -> Option<&'static Entry> {
 }
 
 /// The entry that a description names: `Cue.then`, `shape`.
-fn named(full: &str) -> Option<&'static Entry> {
+fn entry_by_full_name(full: &str) -> Option<&'static Entry> {
     let (on, name) = full.split_once('.').unwrap_or(("", full));
     entry(on, name)
 }
@@ -150,8 +150,10 @@ impl Entry {
             found.extend(items(list));
             let without = list.split_once(" except ").map_or("", |(_, rest)| rest);
             let own = found.split_off(start);
-            for name in referred(list) {
-                let Some(entry) = named(name).filter(|entry| entry.full_name() != self.full_name()) else {
+            for name in referenced_calls(list) {
+                let Some(entry) =
+                    entry_by_full_name(name).filter(|entry| entry.full_name() != self.full_name())
+                else {
                     continue;
                 };
                 let mut theirs = Vec::new();
@@ -194,7 +196,7 @@ impl Entry {
         };
         let own = quoted(text);
         let refers = text.split("as in ").nth(1).map(|rest| name_at_start(rest.trim_start_matches('`')));
-        match refers.and_then(named).filter(|_| own.is_empty() && depth < 3) {
+        match refers.and_then(entry_by_full_name).filter(|_| own.is_empty() && depth < 3) {
             Some(entry) => entry.values_at(argument, depth + 1),
             None => own,
         }
@@ -296,7 +298,7 @@ fn split_outside(list: &str) -> Vec<&str> {
 }
 
 /// The calls to whose options a list refers: "as in `text`", "all options of `shape`".
-fn referred(list: &str) -> Vec<&str> {
+fn referenced_calls(list: &str) -> Vec<&str> {
     let marks = ["as in ", "all options of "];
     let after =
         marks.iter().flat_map(|mark| list.match_indices(mark).map(|(at, mark)| &list[at + mark.len()..]));
@@ -331,7 +333,7 @@ mod tests {
     use super::*;
 
     fn names(full: &str) -> Vec<String> {
-        named(full).unwrap().options().into_iter().map(|o| o.name).collect()
+        entry_by_full_name(full).unwrap().options().into_iter().map(|o| o.name).collect()
     }
 
     #[test]
@@ -352,7 +354,7 @@ mod tests {
 
     #[test]
     fn allowed_texts_are_read_from_descriptions() {
-        let values = |full: &str, argument: &str| named(full).unwrap().values(argument);
+        let values = |full: &str, argument: &str| entry_by_full_name(full).unwrap().values(argument);
         assert_eq!(values("load", "facing"), ["+z", "-z", "+x", "-x"]);
         assert_eq!(values("Joint.key", "property"), ["rotation", "position", "scale"]);
         assert_eq!(values("Joint.key", "how"), values("Actor.key", "how"));

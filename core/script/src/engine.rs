@@ -4,8 +4,8 @@ use crate::api;
 use crate::api_error::{ApiError, Place};
 use crate::build::Shared;
 use crate::call::{Call, Function};
-use crate::compile::{REFUSED, TOO_SLOW, constants, is_refused};
-use crate::def::{Def, Gives};
+use crate::compile::{FORBIDDEN_NAMES, PARSE_TIMEOUT, constants, is_refused};
+use crate::def::{Def, ResultType};
 use crate::diagnostic::Severity;
 use crate::errors::{Thrown, throw};
 use crate::hook;
@@ -47,7 +47,7 @@ pub fn engine(shared: &Arc<Shared>) -> Engine {
 
 fn restrict(engine: &mut Engine, shared: &Arc<Shared>) {
     let limits = &shared.limits;
-    for (name, _) in REFUSED {
+    for (name, _) in FORBIDDEN_NAMES {
         engine.disable_symbol(*name);
     }
     // Function pointers can call functions whose names are disabled, as in `Fn("sleep").call(9e9)`.
@@ -72,7 +72,7 @@ fn restrict(engine: &mut Engine, shared: &Arc<Shared>) {
             return Some("memory".into());
         }
         if hook::in_frame() {
-            return hook::over(steps).map(Into::into);
+            return hook::exceeded_limit(steps).map(Into::into);
         }
         if steps > operations {
             return Some("operations".into());
@@ -123,7 +123,7 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
         if count.fetch_add(1, Ordering::Relaxed) & 0x3f == 0x3f
             && watched.upgrade().is_some_and(|shared| shared.late().is_some())
         {
-            return Token::LexError(Box::new(rhai::LexError::Runtime(TOO_SLOW.into())));
+            return Token::LexError(Box::new(rhai::LexError::Runtime(PARSE_TIMEOUT.into())));
         }
         let now = match token {
             Token::Period | Token::Elvis => DOT,
@@ -208,11 +208,11 @@ fn dispatch(
     if in_frame && !def.frame {
         return Err(throw(not_in_frames(def), place));
     }
-    let stand_in = match def.gives {
-        Gives::Nothing => Some(Dynamic::UNIT),
-        Gives::Itself => Some(args[0].flatten_clone()),
-        Gives::A(kind) => Some(dead(kind)),
-        Gives::Value(_) => None,
+    let stand_in = match def.returns {
+        ResultType::Nothing => Some(Dynamic::UNIT),
+        ResultType::Receiver => Some(args[0].flatten_clone()),
+        ResultType::Handle(kind) => Some(dead(kind)),
+        ResultType::Value(_) => None,
     };
     if !in_frame && args.iter().any(|a| is_dead(a)) {
         return stand_in.ok_or_else(|| throw(ApiError::silent(), place));

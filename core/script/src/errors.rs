@@ -4,7 +4,7 @@ use crate::api_error::{ApiError, Place};
 use crate::build::Shared;
 use crate::call::describe;
 use crate::compile::{
-    MANY_ARGUMENTS, MOST_ARGUMENTS, OPEN_COMMENT, REFUSED, TOO_SLOW, UnknownVariable, is_refused,
+    FORBIDDEN_NAMES, MANY_ARGUMENTS, MOST_ARGUMENTS, OPEN_COMMENT, PARSE_TIMEOUT, UnknownVariable, is_refused,
 };
 use crate::def::Def;
 use crate::diagnostic::Severity;
@@ -31,7 +31,7 @@ pub fn throw(error: ApiError, place: Place) -> Box<EvalAltResult> {
 
 /// The error that a script uses a forbidden name.
 pub fn refused(name: &str) -> ApiError {
-    let why = REFUSED.iter().find(|(n, _)| *n == name).map_or("", |(_, why)| why);
+    let why = FORBIDDEN_NAMES.iter().find(|(n, _)| *n == name).map_or("", |(_, why)| why);
     ApiError::new(format!("\"{name}\" cannot be used in a script: {why}"))
 }
 
@@ -207,7 +207,7 @@ fn parsing(kind: &ParseErrorType, place: &Place, shared: &Shared) -> ApiError {
         {
             refused(word)
         }
-        ParseErrorType::BadInput(LexError::Runtime(why)) if why == TOO_SLOW => {
+        ParseErrorType::BadInput(LexError::Runtime(why)) if why == PARSE_TIMEOUT => {
             ApiError::new("the script takes too long to read; split it into functions and modules")
                 .hint(raise_hint("seconds", format!("{} s", shared.limits.seconds)))
         }
@@ -268,7 +268,7 @@ pub(crate) fn note_unknown(unknown: &[UnknownVariable], file: &str, shared: &Sha
 }
 
 /// Marks unknown variables as reported, so that errors that they cause at run time are not shown.
-pub(crate) fn take_as_known(unknown: &[UnknownVariable], shared: &Shared) {
+pub(crate) fn mark_as_reported(unknown: &[UnknownVariable], shared: &Shared) {
     let names = unknown.iter().map(|variable| variable.name.clone());
     shared.unknown.lock().unwrap_or_else(PoisonError::into_inner).extend(names);
 }
@@ -318,7 +318,7 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
     if let Some(error) = operator_error(signature) {
         return ApiError::new(error);
     }
-    if REFUSED.iter().any(|(n, _)| *n == name) {
+    if FORBIDDEN_NAMES.iter().any(|(n, _)| *n == name) {
         return refused(name);
     }
     let same: Vec<&Def> = shared.defs.iter().filter(|d| d.name == name).collect();

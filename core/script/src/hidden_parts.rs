@@ -8,12 +8,12 @@ use std::sync::Arc;
 #[derive(Default)]
 pub(crate) struct HiddenParts {
     /// The whole asset (kept alive) and the copy without parts, by the address of the whole and the hidden instances.
-    made: BTreeMap<(usize, BTreeSet<u32>), [Arc<Asset>; 2]>,
+    copies: BTreeMap<(usize, BTreeSet<u32>), [Arc<Asset>; 2]>,
 }
 
 impl HiddenParts {
     /// The asset with an empty mesh for each mesh instance in `hidden`. Instance indices, morph weights and joints stay the same.
-    pub fn without(&mut self, whole: &Arc<Asset>, hidden: BTreeSet<u32>) -> Arc<Asset> {
+    pub fn copy_without(&mut self, whole: &Arc<Asset>, hidden: BTreeSet<u32>) -> Arc<Asset> {
         if hidden.is_empty() {
             return whole.clone();
         }
@@ -35,6 +35,6 @@ impl HiddenParts {
             [whole.clone(), Arc::new(asset)]
         };
         let key = (Arc::as_ptr(whole) as usize, hidden.clone());
-        self.made.entry(key).or_insert_with(make)[1].clone()
+        self.copies.entry(key).or_insert_with(make)[1].clone()
     }
 }

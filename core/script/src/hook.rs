@@ -29,7 +29,7 @@ struct Share {
 }
 
 /// Name of the limit that the callback on this thread has exceeded after `steps` steps, if any.
-pub fn over(steps: u64) -> Option<&'static str> {
+pub fn exceeded_limit(steps: u64) -> Option<&'static str> {
     let share = SHARE.get();
     if steps > share.steps {
         return Some("frame_operations");
@@ -153,17 +153,18 @@ impl FrameHook for ScriptHook {
 
 /// The callback with copies of its captured values. A captured variable is shared between calls, so a call that changed it would
 /// make the next frame depend on this one.
-pub(crate) fn own_captures(callback: &FnPtr) -> Result<FnPtr, ApiError> {
+pub(crate) fn with_copied_captures(callback: &FnPtr) -> Result<FnPtr, ApiError> {
     let mut own = callback.clone();
     let mut left = MOST_CAPTURED;
-    let curry = callback.curry().iter().map(|v| deep(v, 0, &mut left)).collect::<Result<Vec<_>, _>>()?;
+    let curry =
+        callback.curry().iter().map(|v| copy_value(v, 0, &mut left)).collect::<Result<Vec<_>, _>>()?;
     own.set_curry(curry);
     Ok(own)
 }
 
 const MOST_CAPTURED: usize = 100_000;
 
-fn deep(value: &Dynamic, depth: usize, left: &mut usize) -> Result<Dynamic, ApiError> {
+fn copy_value(value: &Dynamic, depth: usize, left: &mut usize) -> Result<Dynamic, ApiError> {
     // A closure that captures the variable that it is stored in would be copied without end.
     const DEEPEST: usize = 32;
     *left = left.saturating_sub(1);
@@ -174,18 +175,18 @@ fn deep(value: &Dynamic, depth: usize, left: &mut usize) -> Result<Dynamic, ApiE
     }
     let flat = value.flatten_clone();
     if let Some(array) = flat.read_lock::<rhai::Array>() {
-        let own = array.iter().map(|v| deep(v, depth + 1, left)).collect::<Result<rhai::Array, _>>()?;
+        let own = array.iter().map(|v| copy_value(v, depth + 1, left)).collect::<Result<rhai::Array, _>>()?;
         return Ok(Dynamic::from_array(own));
     }
     if let Some(map) = flat.read_lock::<rhai::Map>() {
         let own: Result<rhai::Map, ApiError> =
-            map.iter().map(|(k, v)| Ok((k.clone(), deep(v, depth + 1, left)?))).collect();
+            map.iter().map(|(k, v)| Ok((k.clone(), copy_value(v, depth + 1, left)?))).collect();
         return Ok(Dynamic::from_map(own?));
     }
     if let Some(pointer) = flat.read_lock::<FnPtr>() {
         let mut own = pointer.clone();
         let curry =
-            pointer.curry().iter().map(|v| deep(v, depth + 1, left)).collect::<Result<Vec<_>, _>>()?;
+            pointer.curry().iter().map(|v| copy_value(v, depth + 1, left)).collect::<Result<Vec<_>, _>>()?;
         own.set_curry(curry);
         return Ok(Dynamic::from(own));
     }

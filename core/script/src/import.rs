@@ -21,7 +21,7 @@ pub struct Import {
     /// Progress from 0 to 1, as the bits of an f32.
     part: AtomicU32,
     cancelled: AtomicBool,
-    all: Weak<Watched>,
+    all: Weak<ImportList>,
 }
 
 pub(crate) type Job = Box<dyn FnOnce(&Import) -> Result<Arc<Asset>, LoadError> + Send>;
@@ -142,18 +142,18 @@ impl Import {
             }
         };
         let result = match self.is_cancelled() {
-            true => Err(self.given_up()),
+            true => Err(self.cancelled_error()),
             // A panic becomes an error, so that waiting threads wake up.
             false => catch_unwind(AssertUnwindSafe(|| job(self))).unwrap_or_else(|_| {
                 Err(LoadError::new(format!("cannot read \"{}\": its importer has failed", self.name)))
             }),
         };
-        let result = if self.is_cancelled() { Err(self.given_up()) } else { result };
+        let result = if self.is_cancelled() { Err(self.cancelled_error()) } else { result };
         *self.state() = ImportState::Done(result);
         self.changed.notify_all();
     }
 
-    fn given_up(&self) -> LoadError {
+    fn cancelled_error(&self) -> LoadError {
         LoadError::new(format!("\"{}\" was not read to its end: cancelled", self.name))
     }
 
@@ -164,10 +164,10 @@ impl Import {
 
 /// List of imports, shared by clones, to show their progress and to cancel them.
 #[derive(Clone, Default)]
-pub struct Imports(Arc<Watched>);
+pub struct Imports(Arc<ImportList>);
 
 #[derive(Default)]
-struct Watched {
+struct ImportList {
     list: Mutex<Vec<Weak<Import>>>,
     cancelled: AtomicBool,
 }

@@ -69,10 +69,10 @@ pub use reference::reference;
 pub use run::{NO_THREAD, Script, ScriptOptions, Touched, run_file, run_file_touching, run_text};
 pub use tokens::{InnerCode, comments, is_name, token_ranges, tokens_with_inner};
 // Misspellings get suggestions in the same words everywhere.
-pub use api::clip::{NothingFollows, mapping_lines};
+pub use api::clip::{NoMatchingJoints, mapping_lines};
 pub use api::cue::mask_problem;
 pub use api::easing::easing_names;
-pub use api::keys::HOW as KEY_INTERPOLATIONS;
+pub use api::keys::INTERPOLATIONS as KEY_INTERPOLATIONS;
 pub(crate) use choreo_plugin::suggest;
 pub use choreo_plugin::suggest::{closest, did_you_mean};
 

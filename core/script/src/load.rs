@@ -25,12 +25,12 @@ impl std::fmt::Debug for Load {
 }
 
 impl Load {
-    pub fn made(asset: &Arc<Asset>, at: &Place) -> Load {
+    pub fn procedural(asset: &Arc<Asset>, at: &Place) -> Load {
         let name = asset.name.clone();
         Load { import: None, asset: OnceLock::from(Some(asset.clone())), name, at: at.clone(), order: 0 }
     }
 
-    pub fn begun(import: Arc<Import>, at: &Place, order: u64) -> Load {
+    pub fn importing(import: Arc<Import>, at: &Place, order: u64) -> Load {
         let name = import.name().to_string();
         Load { import: Some(import), asset: OnceLock::new(), name, at: at.clone(), order }
     }

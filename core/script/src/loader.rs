@@ -1,6 +1,6 @@
 //! The loader behind `load(…)`: finds a file by its name and imports it by a plugin, each pair of file and options once.
 
-use crate::cache::{AssetCache, FileStamp, Key, Made, Remembered, SideFile};
+use crate::cache::{AssetCache, CachedImport, FileStamp, Key, Remembered, SideFile};
 use crate::folders::{Folders, FoundFile, LoadError};
 use crate::import::{Import, Imports, submit};
 use crate::suggest::{did_you_mean, list};
@@ -270,7 +270,7 @@ impl Loader {
         };
         let options = choice.complete(importer.manifest()).map_err(from_option)?;
         let needs = choice.needs.map_or(self.needs, |n| self.needs.both(n));
-        let made = Making {
+        let inputs = ImportInputs {
             importer: &importer,
             options: &options,
             compress: choice.compress,
@@ -278,7 +278,7 @@ impl Loader {
             front: choice.front,
             needs,
         };
-        let (asset, beside) = self.import(&source, found, made, import)?;
+        let (asset, beside) = self.import(&source, found, inputs, import)?;
         if let (Some(key), Some(stamp), None) = (remembered, stamp, importer.file()) {
             self.remember(key, stamp, &beside, &asset);
         }
@@ -308,11 +308,11 @@ impl Loader {
         &self,
         source: &Source,
         found: Option<&FoundFile>,
-        making: Making<'_>,
+        inputs: ImportInputs<'_>,
         watch: &Import,
     ) -> Result<(Arc<Asset>, Vec<String>), LoadError> {
         let beside = |files: &[SideFile]| files.iter().map(|side| side.name.clone()).collect();
-        let Making { importer, options, compress, clips, front, needs } = making;
+        let ImportInputs { importer, options, compress, clips, front, needs } = inputs;
         let start = found.and_then(|f| f.path.parent());
         let mut importer_name = importer.manifest().name.to_string();
         if let Some(file) = importer.file() {
@@ -329,7 +329,7 @@ impl Loader {
             needs: format!("{needs:?}"),
         };
         let content = *blake3::hash(&source.bytes).as_bytes();
-        let files = |clips| NearFiles {
+        let files = |clips| ImporterFiles {
             loader: self,
             start,
             clips,
@@ -338,7 +338,7 @@ impl Loader {
             watch,
         };
         // Whether an asset was made of the same bytes, with the same files beside them.
-        let same = |made: &Made| {
+        let same = |made: &CachedImport| {
             let files = files(clips);
             let unchanged = |side: &SideFile| {
                 let now = files.read(&side.name).ok();
@@ -348,7 +348,7 @@ impl Loader {
         };
         // An asset with decoded images also serves requests without them.
         if !needs.pixels
-            && let Some(more) = self.cache.made(&key(ImportScope { pixels: true, ..needs }))
+            && let Some(more) = self.cache.existing_slot(&key(ImportScope { pixels: true, ..needs }))
         {
             let more = more.lock().unwrap_or_else(PoisonError::into_inner);
             if let Some(made) = more.as_ref().filter(|made| same(made)) {
@@ -382,7 +382,7 @@ impl Loader {
         let asset = Arc::new(asset);
         let side_files = near.read.into_inner().unwrap_or_else(PoisonError::into_inner);
         let names = beside(&side_files);
-        *slot = Some(Made { source: content, side_files, asset: asset.clone() });
+        *slot = Some(CachedImport { source: content, side_files, asset: asset.clone() });
         Ok((asset, names))
     }
 
@@ -412,7 +412,7 @@ pub fn built_in_assets(registry: &Registry) -> impl Iterator<Item = (String, &Ar
 
 /// Inputs that determine the asset made of a file.
 #[derive(Clone, Copy)]
-struct Making<'a> {
+struct ImportInputs<'a> {
     importer: &'a Arc<dyn Importer>,
     options: &'a ImportOptions,
     compress: Option<f64>,
@@ -451,7 +451,7 @@ fn from_import(e: ImportError) -> LoadError {
 }
 
 /// Access of an importer to the files beside its source.
-struct NearFiles<'a> {
+struct ImporterFiles<'a> {
     loader: &'a Loader,
     start: Option<&'a Path>,
     clips: &'a PlayedClips,
@@ -462,7 +462,7 @@ struct NearFiles<'a> {
     read: Mutex<Vec<SideFile>>,
 }
 
-impl Files for NearFiles<'_> {
+impl Files for ImporterFiles<'_> {
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
         if self.watch.is_cancelled() {
             return Err(format!("cannot read \"{relative}\": cancelled"));

@@ -41,7 +41,7 @@ impl Misread {
         }
         let brackets = Brackets::new(text);
         let stop = brackets.token_at(at);
-        let around = brackets.around(stop);
+        let around = brackets.enclosing_bracket(stop);
         let key = brackets.key_near(stop).filter(|_| may_be_key).zip(around);
         if let Some(misread) = key.and_then(|(key, open)| brackets.of_key(key, open)) {
             return Some(misread);
@@ -109,7 +109,7 @@ impl Brackets<'_> {
     }
 
     /// The innermost bracket that is open before a token.
-    fn around(&self, index: usize) -> Option<usize> {
+    fn enclosing_bracket(&self, index: usize) -> Option<usize> {
         let is_open = |open: &usize| {
             self.closing(*open).is_some() && self.partner[*open].is_none_or(|end| end >= index)
         };

@@ -2,7 +2,7 @@
 
 use crate::api_error::{ApiError, Place};
 use crate::build::Shared;
-use crate::compile::{compile_all, constants, stand_in};
+use crate::compile::{compile_all, constants, declare_poisons};
 use crate::errors::throw;
 use crate::limits::raise_hint;
 use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position, Shared as RhaiShared};
@@ -103,13 +103,13 @@ impl ModuleResolver for Modules {
         }
         let (read, unknown) = compile_all(engine, &shared, &text);
         crate::errors::note_unknown(&unknown, &name, &shared);
-        crate::errors::take_as_known(&unknown, &shared);
+        crate::errors::mark_as_reported(&unknown, &shared);
         let mut ast = read.map_err(|e| Box::new(EvalAltResult::ErrorInModule(name.clone(), e.into(), at)))?;
         ast.set_source(name.as_str());
         shared.of_clips_only(&ast, &name);
         self.state().open.push((found.path.clone(), name.clone()));
         let mut scope = constants();
-        stand_in(&unknown, &mut scope);
+        declare_poisons(&unknown, &mut scope);
         let module = Module::eval_ast_as_new(scope, &ast, engine);
         self.state().open.pop();
         let module: RhaiShared<Module> =

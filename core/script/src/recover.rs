@@ -7,7 +7,7 @@
 //! module are not reported.
 
 use crate::build::{Mode, Shared};
-use crate::compile::{UnknownVariable, constants, stand_in};
+use crate::compile::{UnknownVariable, constants, declare_poisons};
 use crate::diagnostic::Severity;
 use crate::errors::{self, Thrown};
 use crate::modules::EMPTY;
@@ -27,7 +27,7 @@ pub(crate) fn run(
     unknown: &[UnknownVariable],
 ) -> bool {
     let mut scope = constants();
-    stand_in(unknown, &mut scope);
+    declare_poisons(unknown, &mut scope);
     let statements = ast.statements();
     let mut rest: Option<(usize, AST)> = None;
     let mut missing = Missing::default();
@@ -44,10 +44,10 @@ pub(crate) fn run(
             shared.note(Severity::Error, &place, &explained);
         }
         let goes_on = failed < MOST && shared.mode == Mode::Stage && may_go_on(&error);
-        let at = at.filter(|at| goes_on && missing.after(&statements[*at], &mut scope));
+        let at = at.filter(|at| goes_on && missing.poison_targets(&statements[*at], &mut scope));
         let Some(at) = at else { return false };
         // Modules are known only to the run that imports them, so earlier imports are repeated; they are not read again.
-        let imports = statements[..=at].iter().filter_map(|statement| missing.again(statement));
+        let imports = statements[..=at].iter().filter_map(|statement| missing.import_to_repeat(statement));
         let part = imports.chain(statements[at + 1..].iter().cloned());
         let mut part = AST::new(part, ast.shared_lib().clone());
         part.set_source(name);
@@ -137,7 +137,7 @@ impl Missing {
     }
 
     /// An `import` statement to repeat, with an empty module in place of a missing one; `None` for other statements.
-    fn again(&self, statement: &Stmt) -> Option<Stmt> {
+    fn import_to_repeat(&self, statement: &Stmt) -> Option<Stmt> {
         let Stmt::Import(import, at) = statement else { return None };
         let mut import = import.clone();
         if self.modules.contains(import.1.name.as_str()) {
@@ -147,7 +147,7 @@ impl Missing {
     }
 
     /// Poisons the variables that a failed statement would have set. False if these are unknown.
-    fn after(&mut self, statement: &Stmt, scope: &mut Scope) -> bool {
+    fn poison_targets(&mut self, statement: &Stmt, scope: &mut Scope) -> bool {
         let poison = || Dynamic::from(Poison);
         match statement {
             Stmt::Import(import, _) => {

@@ -1,8 +1,8 @@
 //! Generates the script reference, `API.md`, from the tables that also register the functions.
 
 use crate::api::{TABLES, defs};
-use crate::compile::{CONSTANTS, REFUSED};
-use crate::def::Gives;
+use crate::compile::{CONSTANTS, FORBIDDEN_NAMES};
+use crate::def::ResultType;
 use crate::limits::Limits;
 use crate::synonyms::ALIASES;
 use std::fmt::Write;
@@ -15,10 +15,10 @@ pub fn reference() -> String {
         for function in tables.iter().copied().flatten() {
             let def = &function.def;
             let forms = def.usages(&def.full_name());
-            let gives = match def.gives {
-                Gives::Nothing | Gives::Itself => String::new(),
-                Gives::A(kind) => format!(" → {}", kind.name()),
-                Gives::Value(what) => format!(" → {what}"),
+            let gives = match def.returns {
+                ResultType::Nothing | ResultType::Receiver => String::new(),
+                ResultType::Handle(kind) => format!(" → {}", kind.name()),
+                ResultType::Value(what) => format!(" → {what}"),
             };
             let frame = if def.frame { " ◦" } else { "" };
             let _ =
@@ -40,7 +40,7 @@ pub fn reference() -> String {
         let _ = writeln!(out, "- `{alias}` is `{name}`.");
     }
     let _ = writeln!(out, "\n## What a script cannot use\n");
-    for (name, why) in REFUSED {
+    for (name, why) in FORBIDDEN_NAMES {
         let _ = writeln!(out, "- `{name}`: {why}");
     }
     let _ = writeln!(

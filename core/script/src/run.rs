@@ -249,7 +249,7 @@ pub fn execute(engine: &Engine, name: &str, shared: &Shared, script: Result<(&Pa
             shared.note(Severity::Error, &place, &error);
         }
         Ok((parsed, ast)) => {
-            errors::take_as_known(&parsed.unknown, shared);
+            errors::mark_as_reported(&parsed.unknown, shared);
             // A run of one section reports only the unknown variables in it.
             if !matches!(shared.mode, Mode::Section(_)) {
                 errors::note_unknown(&parsed.unknown, name, shared);

@@ -30,7 +30,7 @@ pub fn too_much(build: &Build, limits: &Limits) -> Option<(Place, ApiError)> {
                 let error = ApiError::new(format!(
                     "the actors up to \"{}\" have too many {}, {sum} together",
                     draft.actor.name,
-                    in_words(name)
+                    display_name(name)
                 ));
                 return Some((draft.at.clone(), error.hint(raise_hint(name, limit))));
             }
@@ -39,7 +39,7 @@ pub fn too_much(build: &Build, limits: &Limits) -> Option<(Place, ApiError)> {
     None
 }
 
-fn in_words(name: &str) -> &str {
+fn display_name(name: &str) -> &str {
     match name {
         "instances" => "meshes",
         "texels" => "pixels in textures",

@@ -54,7 +54,7 @@ pub(crate) struct LookRef {
 
 /// Handle of a constraint: reach, aim, foot lock or mirroring.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct GoalRef {
+pub(crate) struct ConstraintRef {
     pub actor: usize,
     pub index: usize,
 }
@@ -67,7 +67,7 @@ pub(crate) struct LightRef(pub usize);
 
 /// Handle of a 2D layer: text, image, panel or letterbox.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct FlatRef(pub usize);
+pub(crate) struct Layer2dRef(pub usize);
 
 /// Handle of the sky, of which a stage has one.
 #[derive(Clone, Copy, Debug)]
@@ -97,7 +97,7 @@ pub(crate) struct SceneRef(pub usize);
 
 /// Image sequence; all images have the same size.
 #[derive(Clone, Debug)]
-pub struct Following {
+pub struct ImageSequenceRef {
     pub pictures: Arc<dyn ImageSource>,
     pub hashes: Vec<ContentHash>,
     /// The alpha mode that covers all of them.
@@ -114,7 +114,7 @@ pub(crate) struct ImageRef {
     pub sampler: Sampler,
     pub dead: bool,
     /// The image sequence, if there is one; `image` is its first image.
-    pub files: Option<Following>,
+    pub files: Option<ImageSequenceRef>,
 }
 
 impl ImageRef {
@@ -154,7 +154,7 @@ pub(crate) const POISON: &str = "value of a failed statement";
 /// Handle of an `expect(…)` before its comparison.
 #[derive(Clone, Debug)]
 pub(crate) struct ExpectRef {
-    /// Index into `TestState::asked`.
+    /// Index into `TestState::pending_expects`.
     pub id: usize,
     pub stage: usize,
     pub measure: Measure,
@@ -255,11 +255,11 @@ handles! {
     Joint: JointRef, |h| h.actor == DEAD, JointRef { actor: DEAD, joint: 0, asset: Arc::default() };
     Cue: CueRef, |h| h.0 == DEAD, CueRef(DEAD);
     Look: LookRef, |h| h.actor == DEAD, LookRef { actor: DEAD, index: 0 };
-    Goal: GoalRef, |h| h.actor == DEAD, GoalRef { actor: DEAD, index: 0 };
+    Goal: ConstraintRef, |h| h.actor == DEAD, ConstraintRef { actor: DEAD, index: 0 };
     Camera: CameraRef, |h| h.0 == DEAD, CameraRef(DEAD);
     Light: LightRef, |h| h.0 == DEAD, LightRef(DEAD);
     Sky: SkyRef, |h| h.0 == DEAD, SkyRef(DEAD);
-    Flat: FlatRef, |h| h.0 == DEAD, FlatRef(DEAD);
+    Flat: Layer2dRef, |h| h.0 == DEAD, Layer2dRef(DEAD);
     Effect: EffectRef, |h| h.id == DEAD, EffectRef { id: DEAD, plugin: "".into() };
     Expect: ExpectRef, |h| h.id == DEAD, ExpectRef::dead();
     Stage: StageRef, |h| h.0 == DEAD, StageRef(DEAD);

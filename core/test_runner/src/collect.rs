@@ -9,7 +9,7 @@ use std::sync::Arc;
 /// Largest number of files; more are a mistake (`choreo test /`).
 const MOST_FILES: usize = 20_000;
 /// Folders that contain no tests: imported modules, golden images, build output, packages.
-const PASSED_OVER: &[&str] = &["modules", "pictures", "target", "node_modules"];
+const SKIPPED_FOLDERS: &[&str] = &["modules", "pictures", "target", "node_modules"];
 /// Extensions of plugins in Rhai, which are no tests.
 const PLUGINS: [&str; 2] = [".importer.rhai", ".exporter.rhai"];
 
@@ -53,7 +53,7 @@ impl Case {
         }
     }
 
-    fn fits(&self, filter: &str) -> bool {
+    fn matches_filter(&self, filter: &str) -> bool {
         let tagged = self.section.as_ref().is_ok_and(|s| s.tags.iter().any(|t| t == filter));
         tagged || self.name().to_lowercase().contains(&filter.to_lowercase())
     }
@@ -88,7 +88,7 @@ pub fn files(paths: &[PathBuf]) -> Result<Vec<(PathBuf, Option<PathBuf>)>, Nothi
 }
 
 /// Whether a file lies in a folder or in a folder below it.
-pub fn holds(folder: &Path, file: &Path) -> bool {
+pub fn contains_file(folder: &Path, file: &Path) -> bool {
     let real = file.canonicalize().ok().zip(folder.canonicalize().ok());
     real.is_some_and(|(file, folder)| file.starts_with(folder))
 }
@@ -103,7 +103,7 @@ pub fn collect(
     let mut cases = Vec::new();
     for (path, root) in files(paths)? {
         let file = shown(&path);
-        let outer = || options.root.clone().filter(|root| holds(root, &path));
+        let outer = || options.root.clone().filter(|root| contains_file(root, &path));
         let root = project(&path).or_else(outer).or_else(|| root.clone());
         let options = TestOptions { root, ..options.clone() };
         let listed = list_sections(&path, registry, &options);
@@ -133,7 +133,7 @@ fn walk(folder: &Path, root: &Path, files: &mut Vec<(PathBuf, Option<PathBuf>)>)
         }
         // Links to folders are not followed, since they may form a cycle.
         if kind.is_dir() {
-            if !PASSED_OVER.contains(&text.as_ref()) {
+            if !SKIPPED_FOLDERS.contains(&text.as_ref()) {
                 walk(&path, root, files)?;
             }
         } else if text.to_ascii_lowercase().ends_with(".rhai")
@@ -169,7 +169,7 @@ fn walk(folder: &Path, root: &Path, files: &mut Vec<(PathBuf, Option<PathBuf>)>)
 /// Selected sections, in order.
 pub fn select(cases: Vec<Case>, selection: &Selection) -> Result<Vec<Case>, NothingToRun> {
     for filter in &selection.filter {
-        if cases.iter().any(|c| c.fits(filter)) {
+        if cases.iter().any(|c| c.matches_filter(filter)) {
             continue;
         }
         let names: Vec<&str> = cases
@@ -190,7 +190,7 @@ pub fn select(cases: Vec<Case>, selection: &Selection) -> Result<Vec<Case>, Noth
     }
     let mut cases = cases;
     if !selection.filter.is_empty() {
-        cases.retain(|c| selection.filter.iter().any(|f| c.fits(f)));
+        cases.retain(|c| selection.filter.iter().any(|f| c.matches_filter(f)));
     }
     let Some((part, parts)) = selection.shard else { return Ok(cases) };
     let count = cases.len();

@@ -2,7 +2,7 @@
 
 use crate::outcome::{Check, Evidence, Measures, Pictures, SourceLocation};
 use crate::painter::{Device, NoImage, Painter, Shot};
-use crate::stored::{self, MOST_BYTES, Stored, Unreadable};
+use crate::stored::{self, GoldenImage, MOST_BYTES, Unreadable};
 use choreo_files::write_whole_beneath;
 use choreo_image_diff::{ImageDifference, difference_image, flip_heatmap};
 use choreo_plugin::Frame;
@@ -47,7 +47,7 @@ pub struct ImageOptions {
 }
 
 /// Identifies the section that an image belongs to.
-pub struct Whose<'a> {
+pub struct SectionRef<'a> {
     pub path: &'a Path,
     /// File and section, as the user names them.
     pub file: &'a str,
@@ -66,13 +66,13 @@ pub enum Judged {
 pub fn judge(
     wanted: &ImageExpectation,
     stage: &Arc<Stage>,
-    whose: &Whose,
+    section_ref: &SectionRef,
     painter: &mut Painter,
     options: &ImageOptions,
 ) -> Judged {
-    let stored_at = stored::place(whose.path, &wanted.name);
+    let stored_at = stored::place(section_ref.path, &wanted.name);
     let mut check = Check {
-        place: whose.place.clone(),
+        place: section_ref.place.clone(),
         title: format!("image \"{}\" at {} s", wanted.name, wanted.at.as_secs()),
         passed: false,
         expected: crate::collect::shown(&stored_at),
@@ -98,7 +98,8 @@ pub fn judge(
     if let Verdict::Good(words) = verdict {
         (check.passed, check.by) = (true, words);
     } else {
-        Failing { wanted, whose, options, stored_at, frame: &frame, class: &class }.fill(verdict, &mut check);
+        Failing { wanted, section_ref, options, stored_at, frame: &frame, class: &class }
+            .fill(verdict, &mut check);
     }
     Judged::Check(Box::new(check), read)
 }
@@ -106,7 +107,7 @@ pub fn judge(
 /// An image that differs from its golden image, or has none.
 struct Failing<'a> {
     wanted: &'a ImageExpectation,
-    whose: &'a Whose<'a>,
+    section_ref: &'a SectionRef<'a>,
     options: &'a ImageOptions,
     stored_at: PathBuf,
     frame: &'a Frame,
@@ -116,10 +117,10 @@ struct Failing<'a> {
 impl Failing<'_> {
     /// Accepts the image, or adds the difference to the check and writes the images to files.
     fn fill(self, verdict: Verdict, check: &mut Check) {
-        let (wanted, whose) = (self.wanted, self.whose);
-        let name = match whose.section {
-            "" => whose.file.to_string(),
-            section => format!("{} > {section}", whose.file),
+        let (wanted, section_ref) = (self.wanted, self.section_ref);
+        let name = match section_ref.section {
+            "" => section_ref.file.to_string(),
+            section => format!("{} > {section}", section_ref.file),
         };
         let bytes = match stored::encode_accepted(self.frame, self.class, &name) {
             Ok(bytes) => bytes,
@@ -131,7 +132,7 @@ impl Failing<'_> {
         let heavy = (!wanted.large && bytes.len() > MOST_BYTES).then(|| too_heavy(bytes.len()));
         if self.options.accept.takes(&wanted.name) {
             let written = heavy.map_or_else(
-                || stored::write(whose.path, &wanted.name, &bytes).map_err(|e| e.to_string()),
+                || stored::write(section_ref.path, &wanted.name, &bytes).map_err(|e| e.to_string()),
                 Err,
             );
             check.passed = written.is_ok();
@@ -144,7 +145,7 @@ impl Failing<'_> {
         pictures.stored = self.stored_at;
         heavy.into_iter().for_each(|text| hint(check, text));
         if let Some(folder) = &self.options.failures {
-            write(folder, whose.file, &mut pictures, check);
+            write(folder, section_ref.file, &mut pictures, check);
         }
         check.evidence = Evidence::Pictures(Box::new(pictures));
     }
@@ -235,7 +236,7 @@ enum Verdict {
     Damaged(String),
     OtherDevice(String),
     /// The golden image has another size; contains it and its file.
-    OtherSize((Stored, Vec<u8>)),
+    OtherSize((GoldenImage, Vec<u8>)),
     Differs(Box<DifferentImage>),
 }
 
@@ -266,7 +267,7 @@ fn against(
     wanted: &ImageExpectation,
     frame: &Frame,
     class: &str,
-    (expected, bytes): (Stored, Vec<u8>),
+    (expected, bytes): (GoldenImage, Vec<u8>),
     options: &ImageOptions,
 ) -> Verdict {
     if expected.device != class && !options.any_device {
@@ -293,7 +294,7 @@ fn write(folder: &Path, file: &str, pictures: &mut Pictures, check: &mut Check) 
     for (kind, bytes) in
         [("expected", &pictures.expected), ("got", &pictures.got), ("difference", &pictures.difference)]
     {
-        let name = Path::new(&flat(file)).join(format!("{}.{kind}.png", pictures.name));
+        let name = Path::new(&path_as_folder_name(file)).join(format!("{}.{kind}.png", pictures.name));
         let path = folder.join(&name);
         if bytes.is_empty() {
             // A file of an earlier run does not belong to this failure.
@@ -312,7 +313,7 @@ fn write(folder: &Path, file: &str, pictures: &mut Pictures, check: &mut Check) 
 }
 
 /// Turns a path into a single folder name.
-fn flat(file: &str) -> String {
+fn path_as_folder_name(file: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '_' };
     let name: String = file.trim_start_matches(['.', '/']).chars().map(plain).collect();
     name.strip_suffix(".rhai").unwrap_or(&name).to_string()

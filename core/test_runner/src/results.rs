@@ -30,7 +30,7 @@ pub struct Results {
     /// Content hashes of files seen in this run; `None` if a file cannot be read.
     seen: Mutex<HashMap<PathBuf, Option<Hash>>>,
     /// Hash of the whole text, and of the lines outside sections, for each test file.
-    around: Mutex<HashMap<PathBuf, (Hash, Hash)>>,
+    outside_hashes: Mutex<HashMap<PathBuf, (Hash, Hash)>>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -46,7 +46,7 @@ struct Entry {
 }
 
 /// An earlier outcome, and the files that it depends on.
-pub struct Reused {
+pub struct StoredOutcome {
     pub outcome: Outcome,
     pub files: Vec<PathBuf>,
     pub pictures: Vec<PathBuf>,
@@ -63,12 +63,12 @@ impl Results {
             folder,
             run: *hasher.finalize().as_bytes(),
             seen: Mutex::default(),
-            around: Mutex::default(),
+            outside_hashes: Mutex::default(),
         }
     }
 
     /// Earlier outcome of a section, if everything is unchanged. Damaged and old entries are ignored, and so are those of another user.
-    pub fn find(&self, case: &Case) -> Option<Reused> {
+    pub fn find(&self, case: &Case) -> Option<StoredOutcome> {
         let bytes = choreo_files::read(&self.place(case)?, MOST_BYTES).ok()?;
         let entry: Entry = serde_json::from_slice(&bytes).ok()?;
         let same = |(path, hash): &(PathBuf, String)| self.content(path).is_some_and(|h| hex(&h) == *hash);
@@ -88,7 +88,7 @@ impl Results {
         outcome.place.line = info.line;
         outcome.reused = true;
         let names = |list: Vec<(PathBuf, String)>| list.into_iter().map(|(path, _)| path).collect();
-        Some(Reused { outcome, files: names(entry.files), pictures: names(entry.pictures) })
+        Some(StoredOutcome { outcome, files: names(entry.files), pictures: names(entry.pictures) })
     }
 
     /// Stores a passed outcome and sets its key. If the folder cannot be written, the section is only run again next time. `files` and
@@ -125,7 +125,7 @@ impl Results {
             add(&mut key, hash.as_bytes());
         }
         outcome.key = hex(key.finalize().as_bytes());
-        let elsewhere = elsewhere(&files, roots);
+        let elsewhere = alternative_places(&files, roots);
         let entry = Entry {
             format: FORMAT,
             base: hex(&base),
@@ -163,16 +163,16 @@ impl Results {
         add(&mut hasher, info.name.as_bytes());
         add(&mut hasher, format!("{:?} {:?}", info.skip, info.fails).as_bytes());
         add(&mut hasher, case.root.as_deref().unwrap_or(Path::new("")).to_string_lossy().as_bytes());
-        add(&mut hasher, &self.around(case, &text));
+        add(&mut hasher, &self.hash_outside_sections(case, &text));
         let own = text.lines().skip(info.line.saturating_sub(1)).take(info.end_line + 1 - info.line);
         own.for_each(|line| add(&mut hasher, line.as_bytes()));
         Some(*hasher.finalize().as_bytes())
     }
 
     /// Hash of the lines that belong to no section, computed once per file.
-    fn around(&self, case: &Case, text: &str) -> Hash {
+    fn hash_outside_sections(&self, case: &Case, text: &str) -> Hash {
         let whole = *blake3::hash(text.as_bytes()).as_bytes();
-        let mut known = self.around.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = self.outside_hashes.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, around)) = known.get(&case.path).filter(|(of, _)| *of == whole) {
             return *around;
         }
@@ -202,7 +202,7 @@ impl Results {
 
 /// Other places at which the files could be found: the first folder that contains a file wins, so a file that appears in another folder may
 /// win next time.
-fn elsewhere(files: &[(PathBuf, String)], roots: &[PathBuf]) -> Vec<(PathBuf, bool)> {
+fn alternative_places(files: &[(PathBuf, String)], roots: &[PathBuf]) -> Vec<(PathBuf, bool)> {
     let mut out = Vec::new();
     for (path, _) in files {
         for below in roots.iter().filter_map(|root| path.strip_prefix(root).ok()) {

@@ -5,7 +5,7 @@ use crate::images::ImageOptions;
 use crate::outcome::{Check, Evidence, Outcome, Status};
 use crate::painter::Painter;
 use crate::results::Results;
-use crate::section::{self, Ran, blank};
+use crate::section::{self, SectionResult, blank};
 use choreo_plugin::{PluginPanic, Registry};
 use choreo_script::testing::{TestOptions, Timeout};
 use std::collections::{BTreeMap, BTreeSet};
@@ -120,7 +120,7 @@ pub fn run(
     let jobs = if options.jobs == 0 { cores } else { options.jobs };
     let workers = jobs.min(cases.len()).max(1);
     let next = AtomicUsize::new(0);
-    let teller = Mutex::new(Teller {
+    let reporter = Mutex::new(OutcomeReporter {
         waiting: BTreeMap::new(),
         on_outcome,
         report: Report::default(),
@@ -134,16 +134,16 @@ pub fn run(
         loop {
             let index = next.fetch_add(1, Ordering::SeqCst);
             let Some(case) = cases.get(index) else { return };
-            let mut work = || one(case, registry, options, results.as_ref(), &mut painter);
+            let mut work = || run_case(case, registry, options, results.as_ref(), &mut painter);
             let ran = catch_unwind(AssertUnwindSafe(|| match &pool {
                 Ok(pool) => pool.install(&mut work),
                 Err(_) => work(),
             }));
             let ran = ran.unwrap_or_else(|panic| {
                 painter = Painter::new(registry.effects(), options.gpu_cache.clone());
-                broken(case, panic.as_ref())
+                outcome_of_panic(case, panic.as_ref())
             });
-            teller.lock().unwrap_or_else(PoisonError::into_inner).tell(index, ran);
+            reporter.lock().unwrap_or_else(PoisonError::into_inner).report(index, ran);
         }
     };
     std::thread::scope(|scope| {
@@ -153,7 +153,8 @@ pub fn run(
             worker();
         }
     });
-    let Teller { mut report, claims, .. } = teller.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let OutcomeReporter { mut report, claims, .. } =
+        reporter.into_inner().unwrap_or_else(PoisonError::into_inner);
     let name = |path: &PathBuf| Some(path.file_stem()?.to_string_lossy().into_owned());
     report.pictures = claims.keys().filter_map(name).collect();
     report.unused = unused(cases, &report, &claims);
@@ -161,18 +162,18 @@ pub fn run(
     report
 }
 
-fn one(
+fn run_case(
     case: &Case,
     registry: &Registry,
     options: &RunOptions,
     results: Option<&Results>,
     painter: &mut Painter,
-) -> Ran {
+) -> SectionResult {
     if let Some(found) = results.filter(|_| options.changed).and_then(|r| r.find(case)) {
         // Hashes of these files have been compared already, and are not needed again.
         let files = found.files.into_iter().map(|f| (f, [0; 32])).collect();
         let pictures = found.pictures.into_iter().map(|p| (p, None)).collect();
-        return Ran { outcome: found.outcome, files, pictures, keep: false };
+        return SectionResult { outcome: found.outcome, files, pictures, keep: false };
     }
     let timeout = options.timeout.map(Timeout::after);
     let test = TestOptions { timeout, ..options.test.clone() };
@@ -197,7 +198,7 @@ fn roots(case: &Case, options: &TestOptions) -> Vec<PathBuf> {
 }
 
 /// Outcome of a section in which a plugin or the program itself panicked; other sections continue.
-fn broken(case: &Case, panic: &(dyn std::any::Any + Send)) -> Ran {
+fn outcome_of_panic(case: &Case, panic: &(dyn std::any::Any + Send)) -> SectionResult {
     let own = || {
         let text = panic.downcast_ref::<String>().map(String::as_str);
         let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
@@ -206,12 +207,12 @@ fn broken(case: &Case, panic: &(dyn std::any::Any + Send)) -> Ran {
     let text = panic.downcast_ref::<PluginPanic>().map_or_else(own, ToString::to_string);
     let mut outcome = blank(case);
     outcome.status = Status::Error(format!("{}: {text}", case.file));
-    Ran { outcome, files: Vec::new(), pictures: Vec::new(), keep: false }
+    SectionResult { outcome, files: Vec::new(), pictures: Vec::new(), keep: false }
 }
 
 /// Restores the order of outcomes that arrive in any order.
-struct Teller<'a> {
-    waiting: BTreeMap<usize, Ran>,
+struct OutcomeReporter<'a> {
+    waiting: BTreeMap<usize, SectionResult>,
     on_outcome: &'a mut (dyn FnMut(&Outcome) + Send),
     report: Report,
     /// Golden images, each with the section that owns it.
@@ -219,8 +220,8 @@ struct Teller<'a> {
     words: &'a str,
 }
 
-impl Teller<'_> {
-    fn tell(&mut self, index: usize, ran: Ran) {
+impl OutcomeReporter<'_> {
+    fn report(&mut self, index: usize, ran: SectionResult) {
         self.waiting.insert(index, ran);
         while let Some(mut ran) = self.waiting.remove(&self.report.outcomes.len()) {
             self.claim(&mut ran);
@@ -233,7 +234,7 @@ impl Teller<'_> {
 
     /// Fails a section that uses the golden image of another one: both would be compared with the same image, and overwrite it when
     /// accepted.
-    fn claim(&mut self, ran: &mut Ran) {
+    fn claim(&mut self, ran: &mut SectionResult) {
         for (path, _) in &ran.pictures {
             let name = ran.outcome.name();
             let Some(owner) = self.claims.insert(path.clone(), name) else { continue };

@@ -2,7 +2,7 @@
 
 use crate::collect::Case;
 use crate::evaluate::evaluate;
-use crate::images::{self, Accept, ImageOptions, Judged, Whose};
+use crate::images::{self, Accept, ImageOptions, Judged, SectionRef};
 use crate::outcome::{Check, Evidence, Outcome, SourceLocation, Status};
 use crate::painter::{Device, NoImage, Painter, Shot};
 use crate::stored;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// The outcome of a section, and the files that it depends on.
-pub(crate) struct Ran {
+pub(crate) struct SectionResult {
     pub outcome: Outcome,
     /// Canonical paths with content hashes, sorted.
     pub files: Vec<(PathBuf, [u8; 32])>,
@@ -34,8 +34,8 @@ pub fn blank(case: &Case) -> Outcome {
     }
 }
 
-fn without(outcome: Outcome) -> Ran {
-    Ran { outcome, files: Vec::new(), pictures: Vec::new(), keep: false }
+fn without_files(outcome: Outcome) -> SectionResult {
+    SectionResult { outcome, files: Vec::new(), pictures: Vec::new(), keep: false }
 }
 
 pub fn run(
@@ -44,19 +44,19 @@ pub fn run(
     options: &TestOptions,
     picture_options: &ImageOptions,
     painter: &mut Painter,
-) -> Ran {
+) -> SectionResult {
     let start = Instant::now();
     let mut outcome = blank(case);
     let info = match &case.section {
         Ok(info) => info,
         Err(diagnostics) => {
             outcome.status = Status::Error(lines(diagnostics));
-            return without(outcome);
+            return without_files(outcome);
         }
     };
     if let Some(reason) = &info.skip {
         outcome.status = Status::Skipped(reason.clone());
-        return without(outcome);
+        return without_files(outcome);
     }
     // The root in the options applies only to files below it.
     let options = TestOptions { root: case.root.clone(), ..options.clone() };
@@ -65,7 +65,7 @@ pub fn run(
         Err(diagnostics) => {
             outcome.status = Status::Error(lines(&diagnostics));
             outcome.seconds = start.elapsed().as_secs_f64();
-            return without(outcome);
+            return without_files(outcome);
         }
     };
     outcome.printed = run.printed.clone();
@@ -73,7 +73,7 @@ pub fn run(
     let registry = registry.settled_for(run.stages.iter().map(|stage| &**stage));
     if let Err(NoImage::Failed(why) | NoImage::NoDevice(why)) = painter.set_effects(registry.effects()) {
         outcome.status = Status::Error(why);
-        return without(outcome);
+        return without_files(outcome);
     }
     // An image of a known bug must not become a golden image.
     let without_accept = ImageOptions { accept: Accept::None, ..picture_options.clone() };
@@ -99,7 +99,7 @@ fn judge(
     registry: &Registry,
     options: &ImageOptions,
     painter: &mut Painter,
-) -> Ran {
+) -> SectionResult {
     let mut pictures = Vec::new();
     if !run.errors.is_empty() {
         let mut texts = vec![lines(&run.errors)];
@@ -107,14 +107,14 @@ fn judge(
             texts.push(format!("{}:{}: expected, but it did not occur: {}", case.file, e.line, e.text));
         }
         outcome.status = Status::Error(texts.join("\n"));
-        return without(outcome);
+        return without_files(outcome);
     }
     if run.asserts_nothing() {
         outcome.status = Status::Error(format!(
             "{}: this section asserts nothing, so it cannot fail\n    hint: add an expect(…) or expect_picture(…), or //~ error: TEXT where an error is expected",
             outcome.place
         ));
-        return without(outcome);
+        return without_files(outcome);
     }
     outcome.checks = evaluate(run, registry);
     let mut skipped = None;
@@ -127,8 +127,9 @@ fn judge(
             let at = &expectation.place;
             let place = SourceLocation { file: at.file.clone(), line: at.line, column: at.column };
             let Some(stage) = run.stages.get(expectation.stage) else { continue };
-            let whose = Whose { path: &case.path, file: &case.file, section: &outcome.section, place };
-            let read = match images::judge(wanted, stage, &whose, painter, options) {
+            let section_ref =
+                SectionRef { path: &case.path, file: &case.file, section: &outcome.section, place };
+            let read = match images::judge(wanted, stage, &section_ref, painter, options) {
                 Judged::Check(check, read) => {
                     outcome.checks.push(*check);
                     read
@@ -160,7 +161,7 @@ fn judge(
     let expects_errors = run.expected.iter().any(|e| e.severity == choreo_script::Severity::Error);
     let accepted = outcome.checks.iter().any(|c| c.by == images::ACCEPTED);
     let keep = outcome.status == Status::Passed && !expects_errors && !accepted;
-    Ran { outcome, files: Vec::new(), pictures, keep }
+    SectionResult { outcome, files: Vec::new(), pictures, keep }
 }
 
 /// Draws a script without sections once, at half its length.

@@ -12,7 +12,7 @@ const MOST_FILE_BYTES: u64 = 64 << 20;
 const DEVICE: &str = "choreo:device";
 
 #[derive(Clone, Debug, PartialEq)]
-pub struct Stored {
+pub struct GoldenImage {
     pub frame: Frame,
     /// Class of the device; empty if the file does not state it, because `choreo test` did not write it.
     pub device: String,
@@ -65,8 +65,8 @@ pub fn place(test_file: &Path, name: &str) -> PathBuf {
     test_file.with_file_name("pictures").join(stem).join(format!("{name}.png"))
 }
 
-pub fn read(path: &Path) -> Result<(Stored, Vec<u8>), Unreadable> {
-    let bytes = beside(path).map_err(|error| match error.is_missing() {
+pub fn read(path: &Path) -> Result<(GoldenImage, Vec<u8>), Unreadable> {
+    let bytes = read_golden_image(path).map_err(|error| match error.is_missing() {
         true => Unreadable::Missing,
         false => Unreadable::Damaged(error.to_string()),
     })?;
@@ -74,7 +74,7 @@ pub fn read(path: &Path) -> Result<(Stored, Vec<u8>), Unreadable> {
 }
 
 /// Reads the bytes of a golden image. Links may only lead to files below the test's folder.
-fn beside(path: &Path) -> Result<Vec<u8>, FileError> {
+fn read_golden_image(path: &Path) -> Result<Vec<u8>, FileError> {
     // Paths have the form FOLDER/pictures/FILE/NAME.png, as in `place`.
     let Some(folder) = path.ancestors().nth(3) else { return choreo_files::read(path, MOST_FILE_BYTES) };
     let inside = path.strip_prefix(folder).unwrap_or(path);
@@ -82,7 +82,7 @@ fn beside(path: &Path) -> Result<Vec<u8>, FileError> {
 }
 
 /// Decodes a PNG with 8 bits per channel.
-pub fn decode(bytes: &[u8]) -> Result<Stored, DecodeError> {
+pub fn decode(bytes: &[u8]) -> Result<GoldenImage, DecodeError> {
     let mut decoder = png::Decoder::new(std::io::Cursor::new(bytes));
     decoder.set_transformations(png::Transformations::normalize_to_color8() | png::Transformations::ALPHA);
     let mut reader = decoder.read_info()?;
@@ -108,7 +108,7 @@ pub fn decode(bytes: &[u8]) -> Result<Stored, DecodeError> {
         .map(|t| t.text.clone())
         .chain(info.utf8_text.iter().filter(|t| t.keyword == DEVICE).filter_map(|t| t.get_text().ok()))
         .next();
-    Ok(Stored { frame: Frame { width, height, rgba }, device: device.unwrap_or_default() })
+    Ok(GoldenImage { frame: Frame { width, height, rgba }, device: device.unwrap_or_default() })
 }
 
 /// Encodes a PNG with the strongest compression, since images are written once and kept. `texts`: keywords and texts.
@@ -166,7 +166,7 @@ mod tests {
         for alpha in [255, 0] {
             let bytes = encode_accepted(&frame(alpha), "vulkan:ä/1", "a.rhai > b").unwrap();
             let stored = decode(&bytes).unwrap();
-            assert_eq!(stored, Stored { frame: frame(alpha), device: "vulkan:ä/1".into() });
+            assert_eq!(stored, GoldenImage { frame: frame(alpha), device: "vulkan:ä/1".into() });
         }
         assert_eq!(decode(&encode(&frame(255), &[]).unwrap()).unwrap().device, "");
     }

@@ -31,7 +31,7 @@ impl Limits {
     }
 
     /// Limits for the manifest.
-    pub const FEW: Limits = Limits { memory: 64 << 20, time: Duration::from_secs(2) };
+    pub const FOR_MANIFEST: Limits = Limits { memory: 64 << 20, time: Duration::from_secs(2) };
 }
 
 /// Interval at which a running plugin is interrupted to check the clock.
@@ -88,7 +88,7 @@ impl Plugin {
         let instance = linker.instantiate(&mut store, &self.module);
         let result =
             instance.map_err(Stop::Trap).and_then(|instance| run(&mut store, &instance, function, argument));
-        let (memory, place, length) = result.map_err(|stop| stop.told(&store, limits))?;
+        let (memory, place, length) = result.map_err(|stop| stop.into_error(&store, limits))?;
         let memory = memory.data(&store);
         let Some(bytes) = memory.get(place..place.saturating_add(length)) else {
             let what = format!("its result, {length} bytes at {place}, lies outside of its memory");
@@ -105,7 +105,7 @@ enum Stop {
 }
 
 impl Stop {
-    fn told(self, store: &Store<Host>, limits: Limits) -> WasmError {
+    fn into_error(self, store: &Store<Host>, limits: Limits) -> WasmError {
         let error = match self {
             Stop::Text(text) => return WasmError(text),
             Stop::Trap(error) => error,

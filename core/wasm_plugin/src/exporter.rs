@@ -18,7 +18,7 @@ impl WasmExporter {
     /// Compiles the plugin and asks it for its manifest.
     pub fn from_bytes(bytes: &[u8]) -> Result<WasmExporter, WasmError> {
         let plugin = Plugin::compile(bytes)?;
-        let manifest = plugin.call("choreo_manifest", &[], Host::default(), Limits::FEW)?;
+        let manifest = plugin.call("choreo_manifest", &[], Host::default(), Limits::FOR_MANIFEST)?;
         Ok(WasmExporter { plugin, manifest, origin: None })
     }
 

@@ -25,7 +25,7 @@ impl WasmImporter {
     /// Compiles the plugin and asks it for its manifest.
     pub fn from_bytes(bytes: &[u8]) -> Result<WasmImporter, WasmError> {
         let plugin = Plugin::compile(bytes)?;
-        let manifest = plugin.call("choreo_manifest", &[], Host::default(), Limits::FEW)?;
+        let manifest = plugin.call("choreo_manifest", &[], Host::default(), Limits::FOR_MANIFEST)?;
         let has_claim = plugin.exports("choreo_claim");
         Ok(WasmImporter { plugin, manifest, has_claim, origin: None, limits: None })
     }
@@ -67,7 +67,7 @@ impl Importer for WasmImporter {
             return Ok(self.manifest.claim(source));
         }
         let request = WasmImporter::request(source, ImportScope::ALL, &ImportOptions::default());
-        let limits = Limits { time: Limits::FEW.time, ..Limits::for_file(source.bytes.len()) };
+        let limits = Limits { time: Limits::FOR_MANIFEST.time, ..Limits::for_file(source.bytes.len()) };
         let host = Host::with_file(source.bytes.clone());
         let claim = self.plugin.call("choreo_claim", &request, host, limits);
         claim.map_err(|error| PluginPanic::new(&self.manifest, &error.to_string()))

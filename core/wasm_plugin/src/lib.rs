@@ -59,11 +59,11 @@ pub struct WasmError(pub String);
 pub fn check() -> Result<(), WasmError> {
     match cfg!(feature = "engine") {
         true => Ok(()),
-        false => Err(WasmError(WITHOUT.into())),
+        false => Err(WasmError(NO_WEBASSEMBLY.into())),
     }
 }
 
-const WITHOUT: &str =
+const NO_WEBASSEMBLY: &str =
     "this choreo was built without WebAssembly; build it with: cargo build --release --features wasm";
 
 /// Compiles a plugin and returns its manifest.
@@ -87,17 +87,17 @@ pub fn exporter(file: PluginFile) -> Result<Arc<dyn SceneExporter>, WasmError> {
 /// Always an error, because this build cannot run plugins.
 #[cfg(not(feature = "engine"))]
 pub fn manifest(_: &[u8]) -> Result<Manifest, WasmError> {
-    Err(WasmError(WITHOUT.into()))
+    Err(WasmError(NO_WEBASSEMBLY.into()))
 }
 
 /// Always an error, because this build cannot run plugins.
 #[cfg(not(feature = "engine"))]
 pub fn importer(_: PluginFile) -> Result<Arc<dyn Importer>, WasmError> {
-    Err(WasmError(WITHOUT.into()))
+    Err(WasmError(NO_WEBASSEMBLY.into()))
 }
 
 /// Always an error, because this build cannot run plugins.
 #[cfg(not(feature = "engine"))]
 pub fn exporter(_: PluginFile) -> Result<Arc<dyn SceneExporter>, WasmError> {
-    Err(WasmError(WITHOUT.into()))
+    Err(WasmError(NO_WEBASSEMBLY.into()))
 }

@@ -132,7 +132,7 @@ fn examples<'l>(frame: &str, lessons: &'l [Lesson]) -> Examples<'l> {
 
 /// Links to the calls that return a type, its own methods left out.
 fn makers(kind: &'static str) -> Vec<String> {
-    let makes = |entry: &&Entry| entry.gives == Returns::Handle(kind) && entry.on != kind;
+    let makes = |entry: &&Entry| entry.returns == Returns::Handle(kind) && entry.on != kind;
     describe::entries().iter().filter(makes).map(|entry| link(&entry.full_name(), "")).collect()
 }
 
@@ -165,7 +165,7 @@ fn cell(text: &str) -> String {
 }
 
 fn entry_text(entry: &Entry, examples: &Examples) -> String {
-    let gives = match entry.gives {
+    let gives = match entry.returns {
         Returns::Nothing | Returns::Receiver => String::new(),
         // An Image and a Plan have no methods, and so no page.
         Returns::Handle(kind) if !describe::entries().iter().any(|e| e.on == kind) => format!(" → {kind}"),

@@ -107,7 +107,7 @@ fn looks() -> Vec<String> {
     all.extend(quoted(keyframe_names::<StageLight>()));
     all.extend(quoted(keyframe_names::<Sky>()));
     all.extend(quoted(list(&texture, "SLOTS: &[&str] =")));
-    all.extend(quoted(list(&source("procedural/relief.rs"), "PROJECTIONS: &[&str] =")));
+    all.extend(quoted(list(&source("procedural/displacement.rs"), "PROJECTIONS: &[&str] =")));
     all.extend(["repeat", "mirror", "clamp", "nearest"].map(|word| format!("\"{word}\"")));
     all.sort();
     all.dedup();

@@ -2,7 +2,7 @@
 
 pub(crate) use super::look_at::before_start;
 use super::{expression, keys};
-use crate::build::{ActorDraft, Chain, CueDraft, ParentDraft, room};
+use crate::build::{ActorDraft, Chain, CueDraft, ParentDraft, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api, fields, number_in, radians, rgb, unknown};
 use crate::hook;
 use crate::procedural::MOST_WIDE;
@@ -73,7 +73,7 @@ api! {
     Actor.skinning("how") = skinning;
     /// Sets whether the actor casts shadows and whether shadows fall on it.
     /// - Options: {}.
-    Actor.shadow("options") = shadow, options(|| fields::documented(&ActorShadow::default(), &[]));
+    Actor.shadow("options") = shadow, options(|| fields::describe_options(&ActorShadow::default(), &[]));
     /// Animates a property with keyframes [[time, value], …].
     /// - Properties: "position" (metres), "rotation" (degrees about y, [x, y, z] in degrees, or quaternions),
     ///   "scale" (a factor or [x, y, z]), "visible" (true or false, changes at the keyframe), "tint" (a color),
@@ -109,7 +109,7 @@ fn shadow(c: &mut Call) -> Reply {
     let o = c.options(0, &fields::names(&shadow, &[]))?;
     fields::fill(c, &o, &mut shadow)?;
     build.actor(this.id)?.actor.shadow = shadow;
-    c.itself()
+    c.receiver()
 }
 
 fn cast(c: &mut Call) -> Reply {
@@ -119,7 +119,7 @@ fn cast(c: &mut Call) -> Reply {
     };
     let asset = c.shared.asset(&asset.from)?;
     let mut build = c.build();
-    room(build.actors.len(), "actors", &c.shared.limits)?;
+    check_limit(build.actors.len(), "actors", &c.shared.limits)?;
     if let Some(before) = build.actors.iter().find(|a| a.actor.name == name) {
         return Err(ApiError::new(format!(
             "cast: there is an actor \"{name}\" already, from line {}",
@@ -130,7 +130,7 @@ fn cast(c: &mut Call) -> Reply {
     }
     let actor = Actor::new(&name, asset.clone());
     let id = build.actors.len();
-    build.used(&asset);
+    build.mark_used(&asset);
     let at = c.place.clone();
     build.actors.push(ActorDraft {
         actor,
@@ -156,7 +156,7 @@ pub(super) fn change(c: &Call, edit: ActorEdit, draft: impl FnOnce(&mut ActorDra
     } else {
         draft(c.build().actor(this.id)?);
     }
-    c.itself()
+    c.receiver()
 }
 
 /// [`change`] for position and rotation. Error: `walk_to` sets them already.
@@ -184,7 +184,7 @@ fn move_by(c: &mut Call) -> Reply {
     })
 }
 
-fn turned(c: &Call, rotation: DQuat) -> Reply {
+fn rotate_by(c: &Call, rotation: DQuat) -> Reply {
     place(c, ActorEdit::Turn(rotation), |d| {
         let placement = d.placement();
         placement.rotation = (rotation * placement.rotation).normalize();
@@ -193,12 +193,12 @@ fn turned(c: &Call, rotation: DQuat) -> Reply {
 
 fn turn(c: &mut Call) -> Reply {
     let degrees = c.number(0)?;
-    turned(c, DQuat::from_rotation_y(radians(degrees)))
+    rotate_by(c, DQuat::from_rotation_y(radians(degrees)))
 }
 
 fn rotate(c: &mut Call) -> Reply {
     let rotation = keys::angles_or_quaternion(c)?;
-    turned(c, rotation)
+    rotate_by(c, rotation)
 }
 
 fn scale(c: &mut Call) -> Reply {
@@ -229,7 +229,7 @@ fn face(c: &mut Call) -> Reply {
         Target::Actor(other) | Target::Joint { actor: other, .. } => draft.actor.face = Some(other),
         Target::Point(p) => draft.face_point = Some(p),
     }
-    c.itself()
+    c.receiver()
 }
 
 fn attach(c: &mut Call) -> Reply {
@@ -284,11 +284,11 @@ fn add_parent(c: &Call, draft: ParentDraft) -> Reply {
     let this: ActorRef = c.this()?;
     if c.in_frame {
         hook::edit(|e| e.actors.push((this.id, ActorEdit::Attach(draft.parent))));
-        return c.itself();
+        return c.receiver();
     }
     let mut build = c.build();
     let actor = build.actor(this.id)?;
-    room(actor.parents.len(), "attachments of one actor", &c.shared.limits)?;
+    check_limit(actor.parents.len(), "attachments of one actor", &c.shared.limits)?;
     if let Some(before) = actor.parents.iter().find(|p| p.parent.start == draft.parent.start) {
         let when = match draft.parent.start {
             Time::MIN => "already".to_string(),
@@ -299,7 +299,7 @@ fn add_parent(c: &Call, draft: ParentDraft) -> Reply {
     }
     actor.parents.push(draft);
     actor.placed = true;
-    c.itself()
+    c.receiver()
 }
 
 /// Reads argument `i` as a parent: an actor or a joint.
@@ -406,20 +406,20 @@ fn morph(c: &mut Call) -> Reply {
             let edit = |(instance, target)| (this.id, ActorEdit::Morph { instance, target, weight });
             e.actors.extend(targets.into_iter().map(edit));
         });
-        return c.itself();
+        return c.receiver();
     }
     let mut build = c.build();
     let draft = build.actor(this.id)?;
     draft.actor.morphs.retain(|(i, t, _)| !targets.contains(&(*i, *t)));
     draft.actor.morphs.extend(targets.into_iter().map(|(i, t)| (i, t, weight)));
-    c.itself()
+    c.receiver()
 }
 
 fn file_lights(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let on = c.value(0).as_bool().map_err(|_| c.wrong(0, "true or false"))?;
     c.build().actor(this.id)?.actor.file_lights = on;
-    c.itself()
+    c.receiver()
 }
 
 const SKINNINGS: [(&str, Skinning); 2] =
@@ -432,19 +432,19 @@ fn skinning(c: &mut Call) -> Reply {
         return Err(unknown("skinning", &name, "", SKINNINGS.iter().map(|(known, _)| *known)));
     };
     c.build().actor(this.id)?.actor.skinning = *how;
-    c.itself()
+    c.receiver()
 }
 
 /// The channels of `.key(property, keys, how?)` or `.key("morph", name, keys, how?)`.
 fn key_channels(c: &Call, asset: &Asset) -> Result<Vec<Channel>, ApiError> {
-    let weights = |name, property, (low, high)| keys::Keyed {
+    let weights = |name, property, (low, high)| keys::KeyedProperty {
         name,
         property,
         of_type: FieldType::Number(low, high, ""),
     };
     let morph = weights("morph", Property::Morph { instance: 0, target: 0 }, (-1000.0, 1000.0));
     let expression = weights("expression", Property::Expression { expression: 0 }, (0.0, 1.0));
-    let keyed = keys::property(c, &[keys::keyed::<Actor>(), vec![morph, expression]].concat())?;
+    let keyed = keys::property(c, &[keys::keyed_properties::<Actor>(), vec![morph, expression]].concat())?;
     let targets: Vec<Property> = match keyed.name {
         "width" => has_pen(asset, "key").map(|()| vec![keyed.property])?,
         "count" => has_copies(asset, "key").map(|()| vec![keyed.property])?,
@@ -472,14 +472,14 @@ fn key(c: &mut Call) -> Reply {
     }
     draft.placed |= channels.iter().any(|ch| ch.property == Property::Translation);
     keys::replace(&mut draft.actor.channels, channels);
-    c.itself()
+    c.receiver()
 }
 
 fn play(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let clip = super::cue::bound_clip(c, 0, &this.asset)?;
     let chain = c.build().chains.len();
-    room(c.build().cues.len(), "cues", &c.shared.limits)?;
+    check_limit(c.build().cues.len(), "cues", &c.shared.limits)?;
     let origin = c.build().offset;
     let mut cue = CueDraft { origin, ..CueDraft::new(chain, clip, c.place.clone()) };
     super::cue::read_options(c, 1, &mut cue)?;

@@ -84,7 +84,7 @@ fn load(c: &mut Call) -> Reply {
     choice.clips = c.shared.played_clips.get().cloned().unwrap_or_default();
     let begun = c.shared.loader.start(start.as_deref(), &name, &choice);
     let import = begun.map_err(|e| ApiError::from(e).focus(name))?;
-    let from = c.build().begun(import, &c.place, clips_only);
+    let from = c.build().add_import_load(import, &c.place, clips_only);
     Ok(Dynamic::from(AssetRef { from, dead: false }))
 }
 
@@ -152,19 +152,19 @@ fn texts<'a>(names: impl Iterator<Item = &'a str>) -> Reply {
 
 fn clips(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
-    c.build().used(&asset);
+    c.build().mark_used(&asset);
     texts(asset.clips.iter().map(|clip| clip.name.as_str()))
 }
 
 fn joints(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
-    c.build().used(&asset);
+    c.build().mark_used(&asset);
     texts(asset.skeleton.names().iter().map(String::as_str))
 }
 
 fn morphs(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
-    c.build().used(&asset);
+    c.build().mark_used(&asset);
     let mut names: Vec<&str> =
         asset.meshes.iter().flat_map(|m| m.morph_names.iter().map(String::as_str)).collect();
     names.sort_unstable();
@@ -174,7 +174,7 @@ fn morphs(c: &mut Call) -> Reply {
 
 fn duration(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
-    c.build().used(&this.asset);
+    c.build().mark_used(&this.asset);
     Ok(Dynamic::from_float(this.clip.duration.as_secs()))
 }
 

@@ -2,7 +2,7 @@
 
 use super::actor::before_start;
 use super::keys;
-use crate::build::{CameraDraft, room};
+use crate::build::{CameraDraft, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api, radians, unknown, wrong};
 use crate::hook;
 use crate::value::{ActorRef, CameraRef};
@@ -87,7 +87,7 @@ fn draft(c: &Call, name: String) -> CameraDraft {
 fn camera(c: &mut Call) -> Reply {
     let name = c.name(0)?;
     let mut build = c.build();
-    room(build.cameras.len(), "cameras", &c.shared.limits)?;
+    check_limit(build.cameras.len(), "cameras", &c.shared.limits)?;
     if let Some(before) = build.cameras.iter().find(|k| k.camera.name == name) {
         return Err(ApiError::new(format!(
             "camera: there is a camera \"{name}\" already, from line {}",
@@ -103,7 +103,7 @@ fn camera(c: &mut Call) -> Reply {
 fn change(c: &Call, change: impl FnOnce(&mut CameraDraft)) -> Reply {
     let this: CameraRef = c.this()?;
     change(c.build().camera(this.0)?);
-    c.itself()
+    c.receiver()
 }
 
 fn at(c: &mut Call) -> Reply {
@@ -115,7 +115,7 @@ fn at(c: &mut Call) -> Reply {
 fn edit(c: &Call, edit: CameraEdit) -> Reply {
     let this: CameraRef = c.this()?;
     hook::edit(|e| e.cameras.push((this.0, edit)));
-    c.itself()
+    c.receiver()
 }
 
 /// Changes the draft while the stage is built, or notes an edit of the frame.
@@ -151,7 +151,7 @@ fn look_at(c: &mut Call) -> Reply {
     let this: CameraRef = c.this()?;
     let mut build = c.build();
     let looks = &mut build.camera(this.0)?.looks;
-    room(looks.len(), "look_at targets of one camera", &c.shared.limits)?;
+    check_limit(looks.len(), "look_at targets of one camera", &c.shared.limits)?;
     if looks.iter().any(|(look, _)| look.start == start) {
         let when =
             if start == Time::MIN { "already".into() } else { format!("at {} s already", start.as_secs()) };
@@ -160,7 +160,7 @@ fn look_at(c: &mut Call) -> Reply {
     }
     let blend = blend.unwrap_or(Time::from_secs(BLEND));
     looks.push((CameraLook { target: Some(target), start, blend }, until));
-    c.itself()
+    c.receiver()
 }
 
 fn rotated(c: &Call, rotation: DQuat) -> Reply {
@@ -209,10 +209,10 @@ fn shake(c: &mut Call) -> Reply {
     let this: CameraRef = c.this()?;
     let mut build = c.build();
     let shakes = &mut build.camera(this.0)?.camera.shakes;
-    room(shakes.len(), "shakes of one camera", &c.shared.limits)?;
+    check_limit(shakes.len(), "shakes of one camera", &c.shared.limits)?;
     let seed = seed.unwrap_or(shakes.len() as u32);
     shakes.push(CameraShake { seed, ..shake });
-    c.itself()
+    c.receiver()
 }
 
 fn follow(c: &mut Call) -> Reply {
@@ -302,15 +302,15 @@ fn cut(c: &mut Call) -> Reply {
     let dissolve = c.options(1, &["dissolve"])?.duration("dissolve")?.unwrap_or_default();
     let place = c.place.clone();
     let mut build = c.build();
-    room(build.cuts.len(), "cuts", &c.shared.limits)?;
+    check_limit(build.cuts.len(), "cuts", &c.shared.limits)?;
     build.camera(this.0)?;
     build.cuts.push((Cut { at: t, camera: this.0, dissolve }, place));
-    c.itself()
+    c.receiver()
 }
 
 fn key(c: &mut Call) -> Reply {
     // Whether the rig allows keyframes is known only at the end of the script.
-    let channel = keys::channel(c, keys::property(c, &keys::keyed::<Camera>())?, 1)?;
+    let channel = keys::channel(c, keys::property(c, &keys::keyed_properties::<Camera>())?, 1)?;
     change(c, |k| {
         if k.position.is_none() && channel.property == Property::Translation {
             k.position = Some(DVec3::ZERO);
@@ -353,7 +353,7 @@ fn find_camera(c: &Call, asset: &Asset) -> Result<u32, ApiError> {
 
 fn file_camera(c: &Call, actor: usize, camera: u32) -> Reply {
     let mut build = c.build();
-    room(build.cameras.len(), "cameras", &c.shared.limits)?;
+    check_limit(build.cameras.len(), "cameras", &c.shared.limits)?;
     let owner = build.actor(actor)?;
     let file = owner.actor.asset.cameras.get(camera as usize).map(|k| k.name.clone()).unwrap_or_default();
     let name = format!("{} {file}", owner.actor.name);

@@ -44,7 +44,7 @@ api! {
 }
 
 /// Makes a handle of a clip that a script has made, and counts its keyframes against the limit.
-pub fn made(c: &Call, clip: Clip, asset: Arc<Asset>) -> Reply {
+pub fn clip_handle(c: &Call, clip: Clip, asset: Arc<Asset>) -> Reply {
     count(c, &clip)?;
     Ok(Dynamic::from(ClipRef { clip: Arc::new(clip), asset, dead: false }))
 }
@@ -90,11 +90,11 @@ fn mirror(c: &mut Call) -> Reply {
     }
     let mut clip = map.clip(&this.asset, &this.clip);
     clip.name = format!("{} mirrored", this.clip.name);
-    made(c, clip, this.asset)
+    clip_handle(c, clip, this.asset)
 }
 
 /// Retarget options for a clip of asset `of` on asset `on`.
-fn fitting(c: &Call, of: &Asset, on: &Asset) -> Result<Fit, ApiError> {
+fn retarget_options(c: &Call, of: &Asset, on: &Asset) -> Result<Fit, ApiError> {
     let o = c.options(1, &["joints", "scale", "translations", "floor", "align"])?;
     let mut fit = Fit { joints: joints(&o, of, on)?, ..Fit::default() };
     fit.scale = o.number_in("scale", 1e-6, 1e6)?;
@@ -135,32 +135,33 @@ fn joints(o: &Options, of: &Asset, on: &Asset) -> Result<BTreeMap<u32, Option<u3
 fn other(c: &Call) -> Result<Arc<Asset>, ApiError> {
     let asset = c.value(0).try_cast::<AssetRef>().ok_or_else(|| c.wrong(0, "an Asset, as from load(…)"))?;
     let asset = c.shared.asset(&asset.from)?;
-    c.build().used(&asset);
+    c.build().mark_used(&asset);
     Ok(asset)
 }
 
 fn retarget(c: &mut Call) -> Reply {
     let (this, on): (ClipRef, _) = (c.this()?, other(c)?);
-    c.build().used(&this.asset);
+    c.build().mark_used(&this.asset);
     // The result without options is the same as of Actor.play: a clip made for this character stays unchanged.
     let fitted = match c.len() {
         1 => bind_or_retarget(&this.clip, &this.asset.skeleton, &on.skeleton),
         _ => {
-            let retarget = Retarget::new(&this.asset.skeleton, &on.skeleton, fitting(c, &this.asset, &on)?);
+            let retarget =
+                Retarget::new(&this.asset.skeleton, &on.skeleton, retarget_options(c, &this.asset, &on)?);
             let (clip, report) = retarget.clip(&this.clip);
             (clip, retarget.coverage(&this.clip), Some(report))
         }
     };
-    let clip = checked(c, &this, &on, fitted)?;
-    made(c, clip, on)
+    let clip = check_bound_clip(c, &this, &on, fitted)?;
+    clip_handle(c, clip, on)
 }
 
 fn bind_raw(c: &mut Call) -> Reply {
     let (this, on): (ClipRef, _) = (c.this()?, other(c)?);
-    c.build().used(&this.asset);
+    c.build().mark_used(&this.asset);
     let (clip, lacking) = bind_by_name(&this.clip, &this.asset.skeleton, &on.skeleton);
     if clip.curves().is_empty() && !this.clip.curves().is_empty() {
-        return Err(NothingFollows::new(&this.clip, &this.asset, &on, &lacking).error(&this.clip));
+        return Err(NoMatchingJoints::new(&this.clip, &this.asset, &on, &lacking).error(&this.clip));
     }
     if !lacking.is_empty() {
         let moved: BTreeSet<u32> = this.clip.curves().iter().map(|curve| curve.joint).collect();
@@ -175,18 +176,18 @@ fn bind_raw(c: &mut Call) -> Reply {
         );
         c.shared.note(Severity::Warning, &c.place, &ApiError::new(text).rule("retarget_partial"));
     }
-    made(c, clip, on)
+    clip_handle(c, clip, on)
 }
 
 /// Checks a clip bound or retargeted to another skeleton. Reports joints that are lost. Error: no joint is left.
-fn checked(
+fn check_bound_clip(
     c: &Call,
     of: &ClipRef,
     on: &Asset,
     (clip, coverage, report): (Clip, Coverage, Option<RetargetReport>),
 ) -> Result<Clip, ApiError> {
     if clip.curves().is_empty() && clip.expressions().is_empty() && !of.clip.curves().is_empty() {
-        return Err(NothingFollows::new(&of.clip, &of.asset, on, &coverage.left_out).error(&of.clip));
+        return Err(NoMatchingJoints::new(&of.clip, &of.asset, on, &coverage.left_out).error(&of.clip));
     }
     if let Some(report) = &report {
         note(c, of, on, report);
@@ -226,13 +227,13 @@ fn coverage_line(coverage: &Coverage) -> String {
 
 /// Error of a retarget: no joint of the target follows a joint that the clip animates.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NothingFollows {
+pub struct NoMatchingJoints {
     pub message: String,
     pub hint: String,
 }
 
-impl NothingFollows {
-    fn new(clip: &Clip, of: &Asset, on: &Asset, left_out: &[String]) -> NothingFollows {
+impl NoMatchingJoints {
+    fn new(clip: &Clip, of: &Asset, on: &Asset, left_out: &[String]) -> NoMatchingJoints {
         let message = format!(
             "clip \"{}\" of \"{}\" on \"{}\": no joint matches, neither by name nor by body part",
             clip.name, of.name, on.name
@@ -242,7 +243,7 @@ impl NothingFollows {
             list(left_out.iter().map(String::as_str), 12),
             list(on.skeleton.names().iter().map(String::as_str), 12)
         );
-        NothingFollows { message, hint }
+        NoMatchingJoints { message, hint }
     }
 
     fn error(self, clip: &Clip) -> ApiError {
@@ -283,19 +284,19 @@ fn not_standing(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
 
 fn mapping(c: &mut Call) -> Reply {
     let (this, on): (ClipRef, _) = (c.this()?, other(c)?);
-    c.build().used(&this.asset);
-    let fit = fitting(c, &this.asset, &on)?;
+    c.build().mark_used(&this.asset);
+    let fit = retarget_options(c, &this.asset, &on)?;
     let lines = mapping_lines(&this.asset, &on, &this.clip, fit).map_err(|e| e.error(&this.clip))?;
     Ok(Dynamic::from_array(lines.into_iter().map(Dynamic::from).collect()))
 }
 
 /// Report of a retarget, one line per joint: "upperarm.l ← LeftArm (by body, turned 43° at rest)". Error: no joint
 /// follows.
-pub fn mapping_lines(of: &Asset, on: &Asset, clip: &Clip, fit: Fit) -> Result<Vec<String>, NothingFollows> {
+pub fn mapping_lines(of: &Asset, on: &Asset, clip: &Clip, fit: Fit) -> Result<Vec<String>, NoMatchingJoints> {
     let retarget = Retarget::new(&of.skeleton, &on.skeleton, fit);
     let coverage = retarget.coverage(clip);
     if coverage.moved > 0 && coverage.followed() == 0 {
-        return Err(NothingFollows::new(clip, of, on, &coverage.left_out));
+        return Err(NoMatchingJoints::new(clip, of, on, &coverage.left_out));
     }
     let (_, report) = retarget.clip(clip);
     let mut lines = vec![format!(
@@ -341,7 +342,7 @@ pub fn mapping_lines(of: &Asset, on: &Asset, clip: &Clip, fit: Fit) -> Result<Ve
 pub fn fit(c: &Call, given: &ClipRef, asset: &Asset) -> Result<Clip, ApiError> {
     let fitted = bind_or_retarget(&given.clip, &given.asset.skeleton, &asset.skeleton);
     let retargeted = fitted.2.is_some();
-    let clip = checked(c, given, asset, fitted)?;
+    let clip = check_bound_clip(c, given, asset, fitted)?;
     if retargeted {
         count(c, &clip)?;
     }

@@ -1,6 +1,6 @@
 //! Edited and authored clips: cut, append, offset, smooth, reduce, compress, additive, keyframes.
 
-use super::clip::made;
+use super::clip::clip_handle;
 use super::joint_names::find_joint;
 use super::keys;
 use crate::call::{ApiError, Call, Reply, api, euler, point};
@@ -68,15 +68,15 @@ fn new_clip(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
     let clip =
         Clip::new(c.name(0)?, asset.skeleton.len(), Vec::new()).map_err(|e| ApiError::new(e.to_string()))?;
-    c.build().used(&asset);
-    made(c, clip, asset)
+    c.build().mark_used(&asset);
+    clip_handle(c, clip, asset)
 }
 
 /// Returns the edited clip of the receiver, for the same asset.
 fn edit<E: std::fmt::Display>(c: &Call, edit: impl FnOnce(&Clip, &Asset) -> Result<Clip, E>) -> Reply {
     let this: ClipRef = c.this()?;
     let clip = edit(&this.clip, &this.asset).map_err(|e| ApiError::new(format!("{}: {e}", c.def.name)))?;
-    made(c, clip, this.asset)
+    clip_handle(c, clip, this.asset)
 }
 
 fn cut(c: &mut Call) -> Reply {
@@ -138,14 +138,14 @@ fn compress(c: &mut Call) -> Reply {
 }
 
 fn additive(c: &mut Call) -> Reply {
-    beyond(c, false)
+    difference_from_reference(c, false)
 }
 
 fn subtractive(c: &mut Call) -> Reply {
-    beyond(c, true)
+    difference_from_reference(c, true)
 }
 
-fn beyond(c: &Call, taken_away: bool) -> Reply {
+fn difference_from_reference(c: &Call, taken_away: bool) -> Reply {
     let this: ClipRef = c.this()?;
     let mut pose = Pose::rest(&this.asset.skeleton);
     let time = match super::cue::reference(c, &this.clip)? {
@@ -177,7 +177,7 @@ fn key_count(c: &mut Call) -> Reply {
 fn key(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
     let joint = find_joint(&this.asset, &c.text(1)?)?;
-    let channel = keys::channel(c, keys::property(c, &keys::keyed::<Placement>())?, 2)?;
+    let channel = keys::channel(c, keys::property(c, &keys::keyed_properties::<Placement>())?, 2)?;
     edit(c, |clip, asset| {
         let mut curves = clip.curves().to_vec();
         let curve = curve(asset, joint, &channel);

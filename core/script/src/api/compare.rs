@@ -65,8 +65,8 @@ api! {
     Expect.costs_at_most("factor, stage") -> Expect = costs_at_most, in_tests;
 }
 
-fn done(c: &Call, mut expect: ExpectRef, claim: Claim) -> Reply {
-    if claim.timeless() && (expect.when != When::Always || expect.step.is_some()) {
+fn add_claim(c: &Call, mut expect: ExpectRef, claim: Claim) -> Reply {
+    if claim.is_time_independent() && (expect.when != When::Always || expect.step.is_some()) {
         return Err(ApiError::new(format!(
             "{}: {} does not change over time",
             c.def.name,
@@ -79,7 +79,7 @@ fn done(c: &Call, mut expect: ExpectRef, claim: Claim) -> Reply {
         ))
         .hint("leave out .at, .during and .every"));
     }
-    if expect.sometime && !claim.graded() {
+    if expect.sometime && !claim.is_judged_at_each_time() {
         return Err(ApiError::new(format!(
             "{}: sometime is for numbers, points, rotations, flags and frames",
             c.def.name
@@ -135,7 +135,7 @@ fn near(c: &mut Call) -> Reply {
         }
         other => return Err(c.not_for("a number, a point, a color or a rotation", other)),
     };
-    done(c, expect, claim)
+    add_claim(c, expect, claim)
 }
 
 fn numeric(v: &Value) -> bool {
@@ -160,7 +160,7 @@ fn number_test(c: &Call, of_number: NumberTest, of_value: ValueTest) -> Reply {
         }
         other => return Err(c.not_for("a number", other)),
     };
-    done(c, expect, claim)
+    add_claim(c, expect, claim)
 }
 
 fn below(c: &mut Call) -> Reply {
@@ -193,7 +193,7 @@ fn within(c: &mut Call) -> Reply {
         }
         other => return Err(c.not_for("a point", other)),
     };
-    done(c, expect, claim)
+    add_claim(c, expect, claim)
 }
 
 fn equals(c: &mut Call) -> Reply {
@@ -214,7 +214,7 @@ fn equals(c: &mut Call) -> Reply {
         }
         other => return Err(c.not_for("a value or a number", other)),
     };
-    done(c, expect, claim)
+    add_claim(c, expect, claim)
 }
 
 fn contains(c: &mut Call) -> Reply {
@@ -231,7 +231,7 @@ fn contains(c: &mut Call) -> Reply {
         Measure::Events(_) => return in_order(c),
         other => return Err(c.not_for("a text, an array or lines of text", other)),
     };
-    done(c, expect, claim)
+    add_claim(c, expect, claim)
 }
 
 fn matches(c: &mut Call) -> Reply {
@@ -243,7 +243,7 @@ fn matches(c: &mut Call) -> Reply {
         }
         other => return Err(c.not_for("a text", other)),
     };
-    done(c, expect, claim)
+    add_claim(c, expect, claim)
 }
 
 fn empty(c: &mut Call) -> Reply {
@@ -256,7 +256,7 @@ fn empty(c: &mut Call) -> Reply {
         }
         other => return Err(c.not_for("a text, an array or lines of text", other)),
     };
-    done(c, expect, claim)
+    add_claim(c, expect, claim)
 }
 
 fn event_test(c: &Call, test: impl FnOnce(Vec<EventPattern>, Time) -> EventsTest) -> Reply {
@@ -266,7 +266,7 @@ fn event_test(c: &Call, test: impl FnOnce(Vec<EventPattern>, Time) -> EventsTest
         return Err(error.hint("write expect(stage()).events() or expect(actor).events()"));
     };
     let (patterns, tolerance) = events(c)?;
-    done(c, expect, Claim::Events { of, test: test(patterns, tolerance) })
+    add_claim(c, expect, Claim::Events { of, test: test(patterns, tolerance) })
 }
 
 fn exactly(c: &mut Call) -> Reply {
@@ -288,19 +288,19 @@ fn actor(c: &Call) -> Result<usize, ApiError> {
 
 fn visible(c: &mut Call) -> Reply {
     let (expect, actor): (ExpectRef, usize) = (c.this()?, actor(c)?);
-    done(c, expect, Claim::Flag(Flag::Visible(actor)))
+    add_claim(c, expect, Claim::Flag(Flag::Visible(actor)))
 }
 
 fn on(c: &mut Call) -> Reply {
     let (expect, camera): (ExpectRef, usize) = (c.this()?, camera_subject(c)?);
-    done(c, expect, Claim::Flag(Flag::On(camera)))
+    add_claim(c, expect, Claim::Flag(Flag::On(camera)))
 }
 
 fn has_effect(c: &mut Call) -> Reply {
     let expect: ExpectRef = c.this()?;
     let name = c.text(0)?;
     match &expect.measure {
-        Measure::Whole(SameWhat::Stage) => done(c, expect, Claim::Flag(Flag::Effect(name))),
+        Measure::Whole(SameWhat::Stage) => add_claim(c, expect, Claim::Flag(Flag::Effect(name))),
         other => Err(c.not_for("stage()", other)),
     }
 }
@@ -308,7 +308,7 @@ fn has_effect(c: &mut Call) -> Reply {
 fn on_floor(c: &mut Call) -> Reply {
     let expect: ExpectRef = c.this()?;
     let contact = contact(c, 0)?;
-    done(c, expect, Claim::Flag(Flag::OnFloor(contact)))
+    add_claim(c, expect, Claim::Flag(Flag::OnFloor(contact)))
 }
 
 fn in_frame(c: &mut Call) -> Reply {
@@ -341,7 +341,7 @@ fn in_frame(c: &mut Call) -> Reply {
         height,
         upright: o.number_in("upright", 0.0, 180.0)?,
     };
-    done(c, expect, Claim::InFrame(claim))
+    add_claim(c, expect, Claim::InFrame(claim))
 }
 
 fn same_as(c: &mut Call) -> Reply {
@@ -369,7 +369,7 @@ fn same_as(c: &mut Call) -> Reply {
         };
         return Err(c.wrong(0, allowed));
     };
-    done(c, expect, Claim::Same { what, other })
+    add_claim(c, expect, Claim::Same { what, other })
 }
 
 fn leaves_out(c: &mut Call) -> Reply {
@@ -378,7 +378,7 @@ fn leaves_out(c: &mut Call) -> Reply {
     match &expect.measure {
         Measure::Plan(options) => {
             let texts = TextsQuantity::LeftOut(*options);
-            done(c, expect, Claim::Texts { texts, test: TextsTest::Names(what) })
+            add_claim(c, expect, Claim::Texts { texts, test: TextsTest::Names(what) })
         }
         other => {
             let error = c.not_for("plan()", other);
@@ -395,7 +395,7 @@ fn costs_at_most(c: &mut Call) -> Reply {
         return Err(c.wrong(1, "a stage, as from stage_of"));
     };
     match &expect.measure {
-        Measure::Whole(SameWhat::Stage) => done(c, expect, Claim::Cost { other, factor }),
+        Measure::Whole(SameWhat::Stage) => add_claim(c, expect, Claim::Cost { other, factor }),
         other => Err(c.not_for("a stage", other)),
     }
 }

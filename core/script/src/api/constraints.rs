@@ -3,11 +3,11 @@
 use super::actor::before_start;
 use super::joint_names::find_joint;
 use super::spring_bones::{collider, spring, springs, wind};
-use crate::build::room;
+use crate::build::check_limit;
 use crate::call::{ApiError, Call, Options, Reply, api, fields, radians, text};
 use crate::legs::{hips, leg_above, legs};
 use crate::suggest::list;
-use crate::value::{ActorRef, GoalRef, JointRef};
+use crate::value::{ActorRef, ConstraintRef, JointRef};
 use choreo_motion::Time;
 use choreo_stage::{
     AimConstraint, Constraint, ConstraintKind, FootLock, Leg, Limit, ReachConstraint, SpringParameters,
@@ -55,7 +55,7 @@ api! {
     /// Makes joints spring bones (secondary motion, jiggle). Joints: "Tail.." for a joint and all below it,
     /// `"*hair*"` for a pattern, or an array of these.
     /// - Options: {}, center (name of a joint whose motion is ignored).
-    Actor.spring("joints, options?") = spring, options(|| fields::documented(&SpringParameters::default(), &[]));
+    Actor.spring("joints, options?") = spring, options(|| fields::describe_options(&SpringParameters::default(), &[]));
     /// Turns the spring bones of the actor on or off; those of a VRM file are on by default. Options: ground
     /// (height of a floor that they collide with, metres), pre_roll (seconds that are simulated before time 0, 0 to
     /// 600).
@@ -70,10 +70,10 @@ api! {
 fn add(c: &Call, actor: usize, goal: Constraint) -> Reply {
     let mut build = c.build();
     let draft = build.actor(actor)?;
-    room(draft.actor.constraints.len(), "constraints of one actor", &c.shared.limits)?;
+    check_limit(draft.actor.constraints.len(), "constraints of one actor", &c.shared.limits)?;
     draft.constraints.push(c.place.clone());
     draft.actor.constraints.push(goal);
-    Ok(Dynamic::from(GoalRef { actor, index: draft.actor.constraints.len() - 1 }))
+    Ok(Dynamic::from(ConstraintRef { actor, index: draft.actor.constraints.len() - 1 }))
 }
 
 fn goal(c: &Call, kind: ConstraintKind, o: &Options) -> Result<Constraint, ApiError> {
@@ -233,11 +233,11 @@ fn mirror(c: &mut Call) -> Reply {
 }
 
 fn change(c: &Call, change: impl FnOnce(&mut Constraint) -> Result<(), ApiError>) -> Reply {
-    let this: GoalRef = c.this()?;
+    let this: ConstraintRef = c.this()?;
     if let Some(goal) = c.build().actor(this.actor)?.actor.constraints.get_mut(this.index) {
         change(goal)?;
     }
-    c.itself()
+    c.receiver()
 }
 
 fn from(c: &mut Call) -> Reply {
@@ -310,5 +310,5 @@ fn limit(c: &mut Call) -> Reply {
     let actor = &mut build.actor(this.actor)?.actor;
     actor.limits.retain(|(joint, _)| *joint != this.joint);
     actor.limits.push((this.joint, limit));
-    c.itself()
+    c.receiver()
 }

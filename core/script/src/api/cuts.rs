@@ -1,6 +1,6 @@
 //! Cuts from an edit list in OpenTimelineIO.
 
-use crate::build::room;
+use crate::build::check_limit;
 use crate::call::{ApiError, Call, Reply, api, unknown};
 use choreo_motion::Time;
 use choreo_stage::Cut;
@@ -21,7 +21,7 @@ fn cuts(c: &mut Call) -> Reply {
     let place = c.place.clone();
     let mut build = c.build();
     for clip in list {
-        room(build.cuts.len(), "cuts", &c.shared.limits)?;
+        check_limit(build.cuts.len(), "cuts", &c.shared.limits)?;
         let camera = build.cameras.iter().position(|camera| camera.camera.name == clip.name);
         let camera = camera.ok_or_else(|| {
             let known: Vec<&str> = build.cameras.iter().map(|camera| camera.camera.name.as_str()).collect();

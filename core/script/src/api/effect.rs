@@ -1,7 +1,7 @@
 //! Effects: post-processing of the whole frame, effects on surfaces, and overlays.
 
 use super::keys;
-use crate::build::room;
+use crate::build::check_limit;
 use crate::call::{ApiError, Call, Options, Reply, api, describe, unknown};
 use crate::hook;
 use crate::procedural::files;
@@ -83,7 +83,7 @@ fn effect(c: &mut Call) -> Reply {
         }
     }
     let mut build = c.build();
-    room(build.effects.len(), "effects", &c.shared.limits)?;
+    check_limit(build.effects.len(), "effects", &c.shared.limits)?;
     build.effects.push(used);
     build.effect_places.push(c.place.clone());
     Ok(Dynamic::from(EffectRef { id: build.effects.len() - 1, plugin: name.into() }))
@@ -186,7 +186,7 @@ fn chosen_image(
         image.decoded()?
     } else {
         let file = value.clone().into_string().map_err(|_| wrong(&allowed(spec), spec, &label, value))?;
-        files::one(c, &label, &file)?
+        files::decoded_image(c, &label, &file)?
     };
     let (w, h, most) = (image.width, image.height, EffectTexture::MOST);
     if !(1..=most).contains(&w) || !(1..=most).contains(&h) {
@@ -289,7 +289,7 @@ fn set(c: &mut Call) -> Reply {
             let edit = |(parameter, value)| EffectEdit { effect: this.id, parameter, value };
             edits.effects.extend(new.into_iter().map(edit));
         });
-        return c.itself();
+        return c.receiver();
     }
     let image = chosen_image(c, &plugin, &name, &c.value(1))?;
     let mut build = c.build();
@@ -298,7 +298,7 @@ fn set(c: &mut Call) -> Reply {
         Some(image) => put_image(used, image),
         None => assign(used, &plugin, &name, &c.value(1))?,
     }
-    c.itself()
+    c.receiver()
 }
 
 fn key(c: &mut Call) -> Reply {
@@ -322,14 +322,14 @@ fn key(c: &mut Call) -> Reply {
     let used = build.effect(this.id)?;
     used.distances.retain(|distance| distance.parameter != name);
     named.into_iter().for_each(|(name, keys)| put(&mut used.keys, name, keys));
-    c.itself()
+    c.receiver()
 }
 
 fn from(c: &mut Call) -> Reply {
     let this: EffectRef = c.this()?;
     let t = c.time(0)?;
     c.build().effect(this.id)?.start = t;
-    c.itself()
+    c.receiver()
 }
 
 fn until(c: &mut Call) -> Reply {
@@ -340,7 +340,7 @@ fn until(c: &mut Call) -> Reply {
         return Err(super::actor::before_start("until", t, start));
     }
     c.build().effect(this.id)?.end = Some(t);
-    c.itself()
+    c.receiver()
 }
 
 fn on(c: &mut Call) -> Reply {
@@ -391,7 +391,7 @@ fn on(c: &mut Call) -> Reply {
     used.on.dedup();
     used.cameras.sort_unstable();
     used.cameras.dedup();
-    c.itself()
+    c.receiver()
 }
 
 /// The targets of an effect on an actor: the whole actor, or the materials that the options name.

@@ -3,7 +3,7 @@
 use super::expect::subject;
 use crate::build::{HookDraft, Shared};
 use crate::call::{ApiError, Call, euler, numbers};
-use crate::hook::{ScriptHook, own_captures};
+use crate::hook::{ScriptHook, with_copied_captures};
 use crate::test_data::{EventPattern, Formula, RotationGoal};
 use choreo_motion::Time;
 use glam::{DQuat, DVec3};
@@ -19,7 +19,7 @@ pub fn tolerance(c: &Call, default: f64) -> Result<f64, ApiError> {
 /// function.
 pub fn formula(c: &Call, i: usize, widths: &'static [usize]) -> Result<Option<Formula>, ApiError> {
     let Some(callback) = c.value(i).try_cast::<FnPtr>() else { return Ok(None) };
-    let callback = own_captures(&callback)?;
+    let callback = with_copied_captures(&callback)?;
     let Some(engine) = c.shared.engine.lock().unwrap_or_else(PoisonError::into_inner).upgrade() else {
         return Err(ApiError::new("near: the script has ended"));
     };

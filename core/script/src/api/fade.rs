@@ -1,8 +1,8 @@
 //! Fades of the whole image from a color and to a color: `fade_in` and `fade_out`.
 
-use crate::build::{FadeDraft, room};
+use crate::build::{FadeDraft, check_limit};
 use crate::call::{Call, Reply, api};
-use crate::value::FlatRef;
+use crate::value::Layer2dRef;
 use choreo_motion::{Interpolation, Time};
 use choreo_stage::{Channel, Layer2d, Layer2dContent, Property};
 use glam::{DVec2, Vec4};
@@ -28,7 +28,7 @@ fn fade_in(c: &mut Call) -> Reply {
     // Fades to a color that ended before this time end here.
     let drafts = build.fades.clone();
     for out in drafts.iter().filter(|fade| fade.out && fade.at <= from) {
-        let layer = build.flat(out.layer)?;
+        let layer = build.layer_2d(out.layer)?;
         layer.end = Some(layer.end.map_or(from, |end| end.min(from)));
     }
     drop(build);
@@ -59,11 +59,11 @@ fn add(c: &Call, color: Vec4, first: (Time, f64), second: (Time, f64), fade: Fad
         values: vec![first.1, second.1],
     }];
     let mut build = c.build();
-    room(build.layers_2d.len(), "2D layers", &c.shared.limits)?;
+    check_limit(build.layers_2d.len(), "2D layers", &c.shared.limits)?;
     let ins = build.fades.iter().filter(|fade| !fade.out && fade.at >= second.0);
     layer.end = if fade.out { ins.map(|fade| fade.at).min() } else { Some(second.0) };
     let index = build.layers_2d.len();
     build.layers_2d.push(layer);
     build.fades.push(FadeDraft { layer: index, ..fade });
-    Ok(Dynamic::from(FlatRef(index)))
+    Ok(Dynamic::from(Layer2dRef(index)))
 }

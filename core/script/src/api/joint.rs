@@ -48,7 +48,7 @@ fn joint_edit(c: &Call, rotation: DQuat) -> Reply {
     }
     let rotation = rotation.as_quat().normalize();
     hook::edit(|e| e.actors.push((this.actor, ActorEdit::TurnJoint { joint: this.joint, rotation })));
-    c.itself()
+    c.receiver()
 }
 
 fn joint_turn(c: &mut Call) -> Reply {
@@ -63,13 +63,13 @@ fn joint_rotate(c: &mut Call) -> Reply {
 
 fn key(c: &mut Call) -> Reply {
     let this: JointRef = c.this()?;
-    let channel = keys::channel(c, keys::property(c, &keys::keyed::<Placement>())?, 1)?;
+    let channel = keys::channel(c, keys::property(c, &keys::keyed_properties::<Placement>())?, 1)?;
     let mut build = c.build();
     let drafts = &mut build.actor(this.actor)?.joint_keys;
     let curve = clip_edit::curve(&this.asset, this.joint, &channel);
     drafts.retain(|(c, _)| (c.joint, c.path) != (curve.joint, curve.path));
     drafts.push((curve, c.place.clone()));
-    c.itself()
+    c.receiver()
 }
 
 fn joint_name(c: &mut Call) -> Reply {

@@ -7,7 +7,7 @@ use choreo_motion::{Ease, Time};
 use rhai::Dynamic;
 
 /// Default length of a Bézier handle as a share of the span, for which time is linear in the curve parameter.
-const EVEN: f64 = 1.0 / 3.0;
+const DEFAULT_WEIGHT: f64 = 1.0 / 3.0;
 /// Number of Hermite pieces for each number of a span with weights, evenly spaced in the curve parameter. For weights
 /// of 0.8 the largest error is 1e-5 of the change.
 const PIECES: usize = 32;
@@ -106,7 +106,7 @@ impl Form {
             Some(all) if (least..=width).contains(&all.len()) => {
                 let mut weights: Vec<f64> =
                     all.iter().map(|w| number_in(w, label, 0.0, 1.0)).collect::<Result<_, _>>()?;
-                weights.resize(width, EVEN);
+                weights.resize(width, DEFAULT_WEIGHT);
                 Ok(weights)
             }
             Some(_) => Err(wrong(v, label, &format!("a number from 0 to 1, or {least} of them"))),
@@ -162,7 +162,7 @@ pub(super) struct Spline {
 
 impl Spline {
     /// A spline with equal tangents on both sides of each key.
-    pub fn even(times: &[Time], values: &[Vec<f64>], tangents: Vec<Vec<f64>>) -> Spline {
+    pub fn symmetric(times: &[Time], values: &[Vec<f64>], tangents: Vec<Vec<f64>>) -> Spline {
         let (times, values) = (times.to_vec(), values.to_vec());
         Spline { times, values, incoming: tangents.clone(), outgoing: tangents }
     }
@@ -203,7 +203,7 @@ impl Spline {
                         spline.straight_to(span.time_at(step, steps), span.mixed(weight));
                     }
                 }
-                None if span.is_even() => {
+                None if span.has_no_weights() => {
                     spline.outgoing.push(span.tangents[0].clone());
                     spline.push(times[next], values[next].clone(), span.tangents[1].clone());
                 }
@@ -270,7 +270,7 @@ impl<'a> Span<'a> {
         }
     }
 
-    fn is_even(&self) -> bool {
+    fn has_no_weights(&self) -> bool {
         self.weights == [None, None]
     }
 
@@ -284,7 +284,7 @@ impl<'a> Span<'a> {
 
     fn number(&self, part: usize) -> Bezier {
         let secs = self.ticks.as_secs();
-        let weight = |end: usize| self.weights[end].map_or(EVEN, |all| all[part]);
+        let weight = |end: usize| self.weights[end].map_or(DEFAULT_WEIGHT, |all| all[part]);
         let (a, b) = (self.ends[0][part], self.ends[1][part]);
         Bezier {
             secs,
@@ -345,7 +345,7 @@ impl Bezier {
     fn sampled(&self, shares: &[f64]) -> Vec<[f64; 2]> {
         // The inverse of [`Bezier::time`]: an easing curve whose value is the parameter.
         let [start, end] = self.weights;
-        let parameter = Ease::Bezier([start, EVEN, 1.0 - end, 2.0 * EVEN]);
+        let parameter = Ease::Bezier([start, DEFAULT_WEIGHT, 1.0 - end, 2.0 * DEFAULT_WEIGHT]);
         let at = |share: &f64| {
             let u = parameter.at(*share);
             let (r, [a, b, c, d]) = (1.0 - u, self.values);

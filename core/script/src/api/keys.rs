@@ -11,7 +11,7 @@ use rhai::Dynamic;
 
 /// A property that keyframes animate.
 #[derive(Clone, Copy)]
-pub struct Keyed {
+pub struct KeyedProperty {
     /// The name that scripts use.
     pub name: &'static str,
     pub of_type: FieldType,
@@ -19,22 +19,22 @@ pub struct Keyed {
 }
 
 /// The properties of a type of the stage that keyframes animate.
-pub fn keyed<T: Described>() -> Vec<Keyed> {
+pub fn keyed_properties<T: Described>() -> Vec<KeyedProperty> {
     let keyed = |field: &Field<T>| {
-        field.keyed.map(|(name, property)| Keyed { name, of_type: field.of_type, property })
+        field.keyed.map(|(name, property)| KeyedProperty { name, of_type: field.of_type, property })
     };
     T::FIELDS.iter().filter_map(keyed).collect()
 }
 
 /// Names of the interpolations in scripts.
-pub const HOW: &[&str] = &["linear", "step", "smooth", "cubic", "catmull_rom"];
+pub const INTERPOLATIONS: &[&str] = &["linear", "step", "smooth", "cubic", "catmull_rom"];
 
 /// Reads the value of one key. The text argument is its label in messages.
 type Reader<'a> = dyn Fn(&Dynamic, &str) -> Result<Vec<f64>, ApiError> + 'a;
 
 /// The channels of a `.key(property, keys, how?)` call on a value of the stage.
 pub fn of<T: Described>(c: &Call, of: &T) -> Result<Vec<Channel>, ApiError> {
-    let keyed = property(c, &keyed::<T>())?;
+    let keyed = property(c, &keyed_properties::<T>())?;
     let is_it = |field: &&Field<T>| field.keyed.is_some_and(|(name, _)| name == keyed.name);
     if let Some(why) = T::FIELDS.iter().find(is_it).and_then(|field| (field.lacks)(of)) {
         let text = format!("key: {why}, so \"{}\" has no keys here", keyed.name);
@@ -44,7 +44,7 @@ pub fn of<T: Described>(c: &Call, of: &T) -> Result<Vec<Channel>, ApiError> {
 }
 
 /// The property that the first argument of a `.key(property, …)` call names.
-pub fn property(c: &Call, all: &[Keyed]) -> Result<Keyed, ApiError> {
+pub fn property(c: &Call, all: &[KeyedProperty]) -> Result<KeyedProperty, ApiError> {
     let names: Vec<&'static str> = all.iter().map(|keyed| keyed.name).collect();
     let name = one_of(&c.value(0), "key: property", &names)?;
     let found = all.iter().find(|keyed| keyed.name == name).copied();
@@ -52,18 +52,18 @@ pub fn property(c: &Call, all: &[Keyed]) -> Result<Keyed, ApiError> {
 }
 
 /// The channel of a property, from the keyframes in argument `at` and the interpolation after it.
-pub fn channel(c: &Call, keyed: Keyed, at: usize) -> Result<Channel, ApiError> {
+pub fn channel(c: &Call, keyed: KeyedProperty, at: usize) -> Result<Channel, ApiError> {
     if at >= c.len() {
         return Err(ApiError::new(format!("key: write key(\"{}\", name, keys)", keyed.name)));
     }
-    let given = given_how(c, at + 1)?;
+    let given = read_interpolation(c, at + 1)?;
     let keys = read_keys(c, &c.value(at), "key")?;
     let values = |read: &Reader| {
         let label = |i| format!("key: value of key {i}");
         keys.iter().enumerate().map(|(i, key)| read(&key.value, &label(i))).collect::<Result<Vec<_>, _>>()
     };
     let times: Vec<Time> = keys.iter().map(|key| key.time).collect();
-    let Keyed { of_type, property, .. } = keyed;
+    let KeyedProperty { of_type, property, .. } = keyed;
     let is_quaternion = |key: &Key| numbers(&key.value).is_some_and(|n| n.len() == 4);
     let of_quaternions = of_type == FieldType::Rotation && keys.iter().any(is_quaternion);
     let shapes = shapes(c, &keys, "key", given, form(of_type, property, of_quaternions))?;
@@ -76,11 +76,18 @@ pub fn channel(c: &Call, keyed: Keyed, at: usize) -> Result<Channel, ApiError> {
         FieldType::Rotation => {
             let angles = values(&angles)?;
             if let Some(spline) = Spline::of(c, how, (&times, &angles), &shapes, false)? {
-                return rotation(c, how, &spline.times, &spline.values, Some(Turning::of_keys(&spline)));
+                return rotation(
+                    c,
+                    how,
+                    &spline.times,
+                    &spline.values,
+                    Some(EulerSpline::with_own_tangents(&spline)),
+                );
             }
             let (times, angles) = eased(c, &times, angles, &shapes, straight)?;
-            let spline = tangents(how).map(|t| Spline::even(&times, &angles, t.of(&times, &angles, false)));
-            rotation(c, how, &times, &angles, spline.as_ref().map(Turning::of_all))
+            let spline =
+                tangents(how).map(|t| Spline::symmetric(&times, &angles, t.of(&times, &angles, false)));
+            rotation(c, how, &times, &angles, spline.as_ref().map(EulerSpline::without_own_tangents))
         }
         FieldType::Direction => {
             let ways = values(&|v, l| Ok(Call::direction(v, l)?.normalize().to_array().to_vec()))?;
@@ -178,8 +185,8 @@ fn turns_between(ways: &[Vec<f64>]) -> Vec<Vec<f64>> {
 /// Channels of a property whose value has several numbers, one channel each. The keyframes are the second argument, `how` the third.
 /// `step`: the value cannot be interpolated and holds until the next keyframe, whatever `how` says.
 pub fn parts(c: &Call, property: Property, step: bool, read: &Reader) -> Result<Vec<Channel>, ApiError> {
-    let given = given_how(c, 2)?;
-    let given = if step { Given { how: "step", ease: None } } else { given };
+    let given = read_interpolation(c, 2)?;
+    let given = if step { KeyInterpolation { how: "step", ease: None } } else { given };
     let keys = read_keys(c, &c.value(1), "key")?;
     let times: Vec<Time> = keys.iter().map(|key| key.time).collect();
     let values = keys.iter().enumerate().map(|(i, key)| read(&key.value, &format!("key: value of key {i}")));
@@ -208,28 +215,31 @@ pub fn replace(channels: &mut Vec<Channel>, new: Vec<Channel>) {
 
 /// The interpolation or the easing of all keyframes of a property.
 #[derive(Clone, Copy)]
-pub struct Given {
+pub struct KeyInterpolation {
     /// The interpolation between them.
     pub how: &'static str,
     /// The easing into keyframes without their own.
     pub ease: Option<Ease>,
 }
 
-impl Given {
-    pub const LINEAR: Given = Given { how: "linear", ease: None };
+impl KeyInterpolation {
+    pub const LINEAR: KeyInterpolation = KeyInterpolation { how: "linear", ease: None };
 }
 
 /// The interpolation that argument `i` names, linear where it is left out, or an easing: a name with in_ or out_, or the points of a
 /// Bézier curve.
-pub fn given_how(c: &Call, i: usize) -> Result<Given, ApiError> {
+pub fn read_interpolation(c: &Call, i: usize) -> Result<KeyInterpolation, ApiError> {
     if i >= c.len() {
-        return Ok(Given::LINEAR);
+        return Ok(KeyInterpolation::LINEAR);
     }
     let (value, label) = (c.value(i), format!("{}: how", c.def.name));
     let text = value.clone().into_string().unwrap_or_default();
     match value.is_array() || ["in_", "out_"].iter().any(|p| text.starts_with(p)) {
-        true => Ok(Given { ease: Some(super::easing::ease_of(&value, &label)?), ..Given::LINEAR }),
-        false => Ok(Given { how: one_of(&value, &label, HOW)?, ease: None }),
+        true => Ok(KeyInterpolation {
+            ease: Some(super::easing::ease_of(&value, &label)?),
+            ..KeyInterpolation::LINEAR
+        }),
+        false => Ok(KeyInterpolation { how: one_of(&value, &label, INTERPOLATIONS)?, ease: None }),
     }
 }
 
@@ -238,7 +248,7 @@ pub fn scalars(
     c: &Call,
     value: &Dynamic,
     label: &str,
-    given: Given,
+    given: KeyInterpolation,
     property: Property,
     read: &dyn Fn(&Dynamic, &str) -> Result<f64, ApiError>,
 ) -> Result<Channel, ApiError> {
@@ -299,8 +309,14 @@ fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<Key>, ApiError> 
 }
 
 /// Easing and tangents of each keyframe: its own, else the easing of all.
-fn shapes(c: &Call, keys: &[Key], of: &str, given: Given, form: Form) -> Result<Vec<KeyShape>, ApiError> {
-    let Given { how, ease: all } = given;
+fn shapes(
+    c: &Call,
+    keys: &[Key],
+    of: &str,
+    given: KeyInterpolation,
+    form: Form,
+) -> Result<Vec<KeyShape>, ApiError> {
+    let KeyInterpolation { how, ease: all } = given;
     let shape = |(n, key): (usize, &Key)| {
         let shape = key_spline::read(c, key.shape.as_ref(), of, n, form)?;
         if shape.ease.is_some() && how != "linear" {
@@ -468,7 +484,7 @@ fn rotation(
     how: &str,
     times: &[Time],
     degrees: &[Vec<f64>],
-    turning: Option<Turning>,
+    euler_spline: Option<EulerSpline>,
 ) -> Result<Channel, ApiError> {
     const LARGEST_STEP: f64 = 120.0;
     const SMALL_STEP: f64 = 5.0;
@@ -481,11 +497,13 @@ fn rotation(
     let mut out = vec![quat([degrees[0][0], degrees[0][1], degrees[0][2]])];
     for i in 1..times.len() {
         let span = times[i] - times[i - 1];
-        let widest = match &turning {
-            Some(turning) if turning.own => turning.widest(i, span),
+        let widest = match &euler_spline {
+            Some(euler_spline) if euler_spline.own => euler_spline.widest(i, span),
             _ => (0..3).map(|n| (degrees[i][n] - degrees[i - 1][n]).abs()).fold(0.0, f64::max),
         };
-        let is_straight = turning.as_ref().is_none_or(|turning| turning.own && turning.is_straight(i, span));
+        let is_straight = euler_spline
+            .as_ref()
+            .is_none_or(|euler_spline| euler_spline.own && euler_spline.is_straight(i, span));
         let step = if how == "linear" && one_axis && is_straight { LARGEST_STEP } else { SMALL_STEP };
         // A cubic can overshoot its ends, so it gets at least 16 keys.
         let least = if is_straight { 1.0 } else { 16.0 };
@@ -495,9 +513,11 @@ fn rotation(
             let w = s as f64 / steps;
             let value = std::array::from_fn(|n| {
                 let (a, b) = (degrees[i - 1][n], degrees[i][n]);
-                match &turning {
+                match &euler_spline {
                     _ if how == "step" => b,
-                    Some(turning) if !is_straight => hermite([a, b], turning.tangents(i, n), span, w),
+                    Some(euler_spline) if !is_straight => {
+                        hermite([a, b], euler_spline.tangents(i, n), span, w)
+                    }
                     _ => a + (b - a) * w,
                 }
             });
@@ -522,19 +542,19 @@ fn rotation(
 }
 
 /// Euler angles in degrees along a spline.
-struct Turning<'a> {
+struct EulerSpline<'a> {
     spline: &'a Spline,
     /// Keyframes have their own tangents, so that the curve may overshoot.
     own: bool,
 }
 
-impl Turning<'_> {
-    fn of_keys(spline: &Spline) -> Turning<'_> {
-        Turning { spline, own: true }
+impl EulerSpline<'_> {
+    fn with_own_tangents(spline: &Spline) -> EulerSpline<'_> {
+        EulerSpline { spline, own: true }
     }
 
-    fn of_all(spline: &Spline) -> Turning<'_> {
-        Turning { spline, own: false }
+    fn without_own_tangents(spline: &Spline) -> EulerSpline<'_> {
+        EulerSpline { spline, own: false }
     }
 
     /// The tangents of number `n` at both ends of the span before key `i`.

@@ -1,12 +1,12 @@
 //! 2D layers in front of the scene and behind it: `text`, `picture`, `panel`, `letterbox`.
 
 use super::keys;
-use crate::build::room;
+use crate::build::check_limit;
 use crate::call::fields::pair;
 use crate::call::{ApiError, Call, Options, Reply, api, fields};
 use crate::fonts;
 use crate::hook;
-use crate::value::{FlatRef, ImageRef};
+use crate::value::{ImageRef, Layer2dRef};
 use choreo_asset::Image;
 use choreo_importer_kit::images::{Encoded, Formats};
 use choreo_stage::{Align, Fit, Font, Layer2d, Layer2dContent, Layer2dEdit, TextOutline, TextPanel};
@@ -23,7 +23,7 @@ api! {
     ///   default, or "right"), line_height (in sizes, default 1.25), font (a .ttf or .otf file, default a built-in
     ///   font). Characters that the font lacks are drawn in another built-in font, else in one of the system, with a
     ///   warning. Letters run from left to right and are not joined.
-    text("words, options?") -> Flat = text, options(|| fields::documented(&plain(), &METHODS));
+    text("words, options?") -> Flat = text, options(|| fields::describe_options(&plain(), &METHODS));
     /// Adds an image over the frame: an Image, or a PNG, JPEG, WebP, BMP or TGA file. Options: at, offset, anchor
     /// and opacity as in `text`; and one of height or width (fraction of that of the frame, default height 0.3) and
     /// fit ("contain": as large as fits, "cover": fills the frame).
@@ -97,10 +97,10 @@ fn add(c: &Call, o: &Options, content: Layer2dContent) -> Reply {
         flat.anchor = found.map_or(flat.anchor, |(_, at)| DVec2::from_array(*at));
     }
     let mut build = c.build();
-    room(build.layers_2d.len(), "2D layers", &c.shared.limits)?;
+    check_limit(build.layers_2d.len(), "2D layers", &c.shared.limits)?;
     build.layers_2d.push(flat);
     build.layer_2d_places.push(c.place.clone());
-    Ok(Dynamic::from(FlatRef(build.layers_2d.len() - 1)))
+    Ok(Dynamic::from(Layer2dRef(build.layers_2d.len() - 1)))
 }
 
 fn color(o: &Options, usual: Vec4) -> Result<Vec4, ApiError> {
@@ -184,9 +184,9 @@ fn letterbox(c: &mut Call) -> Reply {
 }
 
 fn change(c: &Call, change: impl FnOnce(&mut Layer2d)) -> Reply {
-    let this: FlatRef = c.this()?;
-    change(c.build().flat(this.0)?);
-    c.itself()
+    let this: Layer2dRef = c.this()?;
+    change(c.build().layer_2d(this.0)?);
+    c.receiver()
 }
 
 /// Changes the layer while the stage is built, or notes an edit of the frame.
@@ -194,9 +194,9 @@ fn set(c: &Call, edit: Layer2dEdit, draft: impl FnOnce(&mut Layer2d)) -> Reply {
     if !c.in_frame {
         return change(c, draft);
     }
-    let this: FlatRef = c.this()?;
+    let this: Layer2dRef = c.this()?;
     hook::edit(|e| e.layers_2d.push((this.0, edit)));
-    c.itself()
+    c.receiver()
 }
 
 fn at(c: &mut Call) -> Reply {
@@ -214,12 +214,12 @@ fn opacity(c: &mut Call) -> Reply {
 
 fn words(c: &mut Call) -> Reply {
     let said = c.text(0)?;
-    let this: FlatRef = c.this()?;
+    let this: Layer2dRef = c.this()?;
     if c.in_frame {
         hook::edit(|e| e.layers_2d.push((this.0, Layer2dEdit::Words(said))));
-        return c.itself();
+        return c.receiver();
     }
-    let font = match &mut c.build().flat(this.0)?.content {
+    let font = match &mut c.build().layer_2d(this.0)?.content {
         Layer2dContent::Text { words, font, .. } => {
             words.clone_from(&said);
             font.clone()
@@ -227,14 +227,14 @@ fn words(c: &mut Call) -> Reply {
         _ => return Err(ApiError::new("words: only a text has words")),
     };
     fonts::warn(c, &font, &said);
-    c.itself()
+    c.receiver()
 }
 
 fn outline(c: &mut Call) -> Reply {
     let o = c.options(0, &["color", "width"])?;
     let outline =
         TextOutline { color: color(&o, Vec4::W)?, width: o.number_in("width", 0.0, 1.0)?.unwrap_or(0.08) };
-    of_text(c, |content| {
+    change_text_layer(c, |content| {
         if let Layer2dContent::Text { outline: of_text, .. } = content {
             *of_text = Some(outline);
         }
@@ -253,7 +253,7 @@ fn text_panel(c: &mut Call) -> Reply {
         padding,
         radius: o.number_in("radius", 0.0, 10.0)?.unwrap_or(0.2),
     };
-    of_text(c, |content| {
+    change_text_layer(c, |content| {
         if let Layer2dContent::Text { panel: of_text, .. } = content {
             *of_text = Some(panel);
         }
@@ -261,9 +261,9 @@ fn text_panel(c: &mut Call) -> Reply {
 }
 
 /// Changes the content of a text layer. Error: the layer is no text.
-fn of_text(c: &Call, change_text: impl FnOnce(&mut Layer2dContent)) -> Reply {
-    let this: FlatRef = c.this()?;
-    if !matches!(c.build().flat(this.0)?.content, Layer2dContent::Text { .. }) {
+fn change_text_layer(c: &Call, change_text: impl FnOnce(&mut Layer2dContent)) -> Reply {
+    let this: Layer2dRef = c.this()?;
+    if !matches!(c.build().layer_2d(this.0)?.content, Layer2dContent::Text { .. }) {
         return Err(ApiError::new(format!("{}: only a text has this", c.def.name)));
     }
     change(c, |flat| change_text(&mut flat.content))
@@ -271,14 +271,14 @@ fn of_text(c: &Call, change_text: impl FnOnce(&mut Layer2dContent)) -> Reply {
 
 /// Runs the method with the name of a field.
 fn field(c: &mut Call) -> Reply {
-    let (field, value) = fields::given::<Layer2d>(c)?;
+    let (field, value) = fields::field_and_value::<Layer2d>(c)?;
     change(c, |flat| (field.set)(flat, value))
 }
 
 fn until(c: &mut Call) -> Reply {
     let t = c.time(0)?;
-    let this: FlatRef = c.this()?;
-    let start = c.build().flat(this.0)?.start;
+    let this: Layer2dRef = c.this()?;
+    let start = c.build().layer_2d(this.0)?.start;
     if t < start {
         return Err(super::actor::before_start("until", t, start));
     }
@@ -286,9 +286,9 @@ fn until(c: &mut Call) -> Reply {
 }
 
 fn key(c: &mut Call) -> Reply {
-    let this: FlatRef = c.this()?;
-    let flat = c.build().flat(this.0)?.clone();
+    let this: Layer2dRef = c.this()?;
+    let flat = c.build().layer_2d(this.0)?.clone();
     let channels = keys::of(c, &flat)?;
-    keys::replace(&mut c.build().flat(this.0)?.channels, channels);
-    c.itself()
+    keys::replace(&mut c.build().layer_2d(this.0)?.channels, channels);
+    c.receiver()
 }

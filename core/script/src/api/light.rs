@@ -2,7 +2,7 @@
 
 use super::actor::{attachment, rgb_arg};
 use super::keys;
-use crate::build::room;
+use crate::build::check_limit;
 use crate::call::{ApiError, Call, Options, Reply, api, color, fields, number_in, numbers, rgb};
 use crate::hook;
 use crate::value::LightRef;
@@ -21,11 +21,11 @@ api! {
     /// - Options: {}, attenuation ([constant, linear, quadratic]: intensity falls with one over this polynomial of
     ///   the distance in metres, in place of its square; not with range), shadow as in `sun`, name. The default color
     ///   is white, the default range unlimited.
-    point("options?") -> Light = point, options(|| documented(&default_point()));
+    point("options?") -> Light = point, options(|| describe_options(&default_point()));
     /// Makes a spotlight, with its intensity in candela as in `point`.
     /// - Options: {}, look_at (a point, in place of direction, default [0, 1, 0]), attenuation and shadow as in
     ///   `point`, name. The default of inner is 0.8 times outer; color, range and intensity as in `point`.
-    spot("options?") -> Light = spot, options(|| documented(&default_spot()));
+    spot("options?") -> Light = spot, options(|| describe_options(&default_spot()));
     /// Sets the ambient light: a color, a strength of white light, or #{ up, down } for light from above and from
     /// below; `strength` multiplies it. Without it, a file's own (a dome light of USD) takes the place of the default.
     ambient("color, strength? | options") -> () = ambient, in_frames;
@@ -66,18 +66,21 @@ fn default_spot() -> StageLight {
 }
 
 /// Fields that are not options of a light.
-fn without(light: &StageLight) -> &'static [&'static str] {
+fn inapplicable_fields(light: &StageLight) -> &'static [&'static str] {
     if light.light.kind == LightKind::Directional { &["position"] } else { &[] }
 }
 
 /// Documentation of the options of a sun and its shadow, for the reference.
 fn sun_options() -> String {
-    let shadow = fields::documented(&Shadow::default(), &[]);
-    format!("{}, shadow (true, or #{{ … }} with {shadow}; default: no shadow)", documented(&default_sun()))
+    let shadow = fields::describe_options(&Shadow::default(), &[]);
+    format!(
+        "{}, shadow (true, or #{{ … }} with {shadow}; default: no shadow)",
+        describe_options(&default_sun())
+    )
 }
 
-fn documented(light: &StageLight) -> String {
-    fields::documented(light, without(light))
+fn describe_options(light: &StageLight) -> String {
+    fields::describe_options(light, inapplicable_fields(light))
 }
 
 /// Reads and checks the option map of a light.
@@ -87,7 +90,7 @@ fn options(c: &Call, light: &StageLight) -> Result<Options, ApiError> {
         LightKind::Point => &["attenuation", "shadow", "name"],
         LightKind::Spot { .. } => &["look_at", "attenuation", "shadow", "name"],
     };
-    c.options(0, &[&fields::names(light, without(light))[..], more].concat())
+    c.options(0, &[&fields::names(light, inapplicable_fields(light))[..], more].concat())
 }
 
 /// Adds a light with its options to the stage.
@@ -106,7 +109,7 @@ fn add(c: &Call, o: &Options, mut light: StageLight) -> Reply {
         return Err(ApiError::new(text).focus("attenuation"));
     }
     let mut build = c.build();
-    room(build.lights.len(), "lights", &c.shared.limits)?;
+    check_limit(build.lights.len(), "lights", &c.shared.limits)?;
     let number = build.lights.len() + 1;
     light.name = o.text("name")?.unwrap_or_else(|| format!("{} {number}", o.function));
     build.lights.push(light);
@@ -229,7 +232,7 @@ fn change(c: &Call, edit: LightEdit, change: impl FnOnce(&mut StageLight)) -> Re
     } else {
         change(c.build().light(this.0)?);
     }
-    c.itself()
+    c.receiver()
 }
 
 fn at(c: &mut Call) -> Reply {
@@ -251,7 +254,7 @@ fn attach(c: &mut Call) -> Reply {
     let this: LightRef = c.this()?;
     let parent = attachment(c, 0)?;
     c.build().light(this.0)?.parent = Some(parent);
-    c.itself()
+    c.receiver()
 }
 
 fn key(c: &mut Call) -> Reply {
@@ -259,5 +262,5 @@ fn key(c: &mut Call) -> Reply {
     let light = c.build().light(this.0)?.clone();
     let channels = keys::of(c, &light)?;
     keys::replace(&mut c.build().light(this.0)?.channels, channels);
-    c.itself()
+    c.receiver()
 }

@@ -2,7 +2,7 @@
 
 use super::constraints::span;
 use super::joint_names::find_joint;
-use crate::build::room;
+use crate::build::check_limit;
 use crate::call::{ApiError, Call, Reply, api};
 use crate::suggest::list;
 use crate::value::{ActorRef, LookRef};
@@ -46,7 +46,7 @@ fn look_at(c: &mut Call) -> Reply {
     let (start, end, fade) = span(c, &o, offset)?;
     let mut build = c.build();
     let draft = build.actor(this.id)?;
-    room(draft.actor.look_at.len(), "look_at targets of one actor", &c.shared.limits)?;
+    check_limit(draft.actor.look_at.len(), "look_at targets of one actor", &c.shared.limits)?;
     draft.looks.push(c.place.clone());
     draft.actor.look_at.push(LookAt { joint, target, start, end, fade, weight });
     Ok(Dynamic::from(LookRef { actor: this.id, index: draft.actor.look_at.len() - 1 }))
@@ -63,7 +63,7 @@ fn look(c: &Call, change: impl FnOnce(&mut LookAt) -> Result<(), ApiError>) -> R
     if let Some(look) = c.build().actor(this.actor)?.actor.look_at.get_mut(this.index) {
         change(look)?;
     }
-    c.itself()
+    c.receiver()
 }
 
 fn look_from(c: &mut Call) -> Reply {

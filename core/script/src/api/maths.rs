@@ -99,9 +99,9 @@ fn number(v: &Dynamic, name: &str) -> Result<f64, Box<EvalAltResult>> {
     crate::call::number(v, name).map_err(|e| crate::errors::throw(e, crate::call::Place::default()))
 }
 
-type Four = Result<rhai::Array, Box<EvalAltResult>>;
+type QuaternionArray = Result<rhai::Array, Box<EvalAltResult>>;
 
-fn four(q: DQuat) -> Four {
+fn quaternion_array(q: DQuat) -> QuaternionArray {
     Ok(q.to_array().into_iter().map(Dynamic::from_float).collect())
 }
 
@@ -110,21 +110,21 @@ fn quaternion(v: &Dynamic, name: &str) -> Result<DQuat, Box<EvalAltResult>> {
 }
 
 fn quaternions(engine: &mut Engine) {
-    engine.register_fn("quaternion", |axis: Dynamic, degrees: Dynamic| -> Four {
+    engine.register_fn("quaternion", |axis: Dynamic, degrees: Dynamic| -> QuaternionArray {
         let axis = crate::call::Call::direction(&axis, "quaternion: axis");
         let axis = axis.map_err(|e| crate::errors::throw(e, crate::call::Place::default()))?;
         let half = crate::call::radians(number(&degrees, "quaternion: degrees")?) * 0.5;
-        four(
+        quaternion_array(
             DQuat::from_xyzw(0.0, 0.0, 0.0, libm::cos(half))
                 + DQuat::from_vec4((axis * libm::sin(half)).extend(0.0)),
         )
     });
-    engine.register_fn("product", |a: Dynamic, b: Dynamic| -> Four {
-        four(quaternion(&a, "product: a")? * quaternion(&b, "product: b")?)
+    engine.register_fn("product", |a: Dynamic, b: Dynamic| -> QuaternionArray {
+        quaternion_array(quaternion(&a, "product: a")? * quaternion(&b, "product: b")?)
     });
-    engine.register_fn("slerp", |a: Dynamic, b: Dynamic, w: Dynamic| -> Four {
+    engine.register_fn("slerp", |a: Dynamic, b: Dynamic, w: Dynamic| -> QuaternionArray {
         let (a, b) = (quaternion(&a, "slerp: a")?, quaternion(&b, "slerp: b")?);
-        four(choreo_motion::slerp(a, b, number(&w, "slerp: w")?))
+        quaternion_array(choreo_motion::slerp(a, b, number(&w, "slerp: w")?))
     });
 }
 

@@ -97,7 +97,7 @@ fn materials(c: &mut Call) -> Reply {
 }
 
 fn made(c: &Call, asset: Arc<Asset>) -> Reply {
-    let from = c.build().made(&asset, &c.place);
+    let from = c.build().add_procedural_load(&asset, &c.place);
     Ok(Dynamic::from(AssetRef { from, dead: false }))
 }
 

@@ -51,7 +51,7 @@ fn of_actor(c: &Call, used: RootUse) -> Reply {
     let (joint, mut draft) = read(c, used)?;
     draft.joint = joint.map(|name| super::joint_names::find_joint(&this.asset, &name)).transpose()?;
     c.build().actor(this.id)?.root = Some(draft);
-    c.itself()
+    c.receiver()
 }
 
 fn actor_root(c: &mut Call) -> Reply {
@@ -73,7 +73,7 @@ fn of_cue(c: &Call, used: RootUse) -> Reply {
     };
     draft.joint = joint.map(|name| super::joint_names::find_joint(&asset, &name)).transpose()?;
     c.build().cue(this.0)?.root = Some(draft);
-    c.itself()
+    c.receiver()
 }
 
 fn cue_root(c: &mut Call) -> Reply {
@@ -113,12 +113,12 @@ fn path(c: &mut Call) -> Reply {
     draft.not_walking("path")?;
     draft.actor.path_following = Some(Arc::new(path_following));
     draft.placed = true;
-    c.itself()
+    c.receiver()
 }
 
 fn travel(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
-    c.build().used(&this.asset);
+    c.build().mark_used(&this.asset);
     let joint = match c.len() {
         0 => None,
         _ => Some(super::joint_names::find_joint(&this.asset, &c.text(0)?)?),
@@ -130,7 +130,7 @@ fn travel(c: &mut Call) -> Reply {
 
 fn clip_contacts(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
-    c.build().used(&this.asset);
+    c.build().mark_used(&this.asset);
     let skeleton = &this.asset.skeleton;
     let feet = match c.len() {
         0 => contacts::find_feet(skeleton),

@@ -30,7 +30,7 @@ fn notes<'a>(build: &'a mut MutexGuard<'_, Build>, clip: &Arc<Clip>) -> &'a mut 
     build.clip_notes.entry(Arc::as_ptr(clip) as usize).or_insert_with(notes)
 }
 
-fn within(clip: &Clip, time: Time, label: &str) -> Result<Time, ApiError> {
+fn check_within_clip(clip: &Clip, time: Time, label: &str) -> Result<Time, ApiError> {
     if time <= clip.duration {
         return Ok(time);
     }
@@ -53,9 +53,9 @@ fn marker_of_clip(c: &mut Call) -> Reply {
     if c.len() == 1 {
         return Ok(Dynamic::from_float(clip_marker(c, &this.clip, &name)?.as_secs()));
     }
-    let time = within(&this.clip, c.duration(1)?, "marker")?;
+    let time = check_within_clip(&this.clip, c.duration(1)?, "marker")?;
     set(&mut notes(&mut c.build(), &this.clip).markers, name, time)?;
-    c.itself()
+    c.receiver()
 }
 
 fn steps(c: &mut Call) -> Reply {
@@ -63,13 +63,13 @@ fn steps(c: &mut Call) -> Reply {
     let value = c.value(0);
     let rows = value.read_lock::<rhai::Array>().filter(|rows| (2..=1000).contains(&rows.len()));
     let rows = rows.ok_or_else(|| c.wrong(0, "an array of at least two times of the clip"))?;
-    let time = |v: &Dynamic| within(&this.clip, crate::call::duration(v, "steps: time")?, "steps");
+    let time = |v: &Dynamic| check_within_clip(&this.clip, crate::call::duration(v, "steps: time")?, "steps");
     let times = rows.iter().map(time).collect::<Result<Vec<_>, ApiError>>()?;
     if times.windows(2).any(|pair| pair[1] <= pair[0]) {
         return Err(ApiError::new("steps: the times must increase"));
     }
     notes(&mut c.build(), &this.clip).steps = Some(times);
-    c.itself()
+    c.receiver()
 }
 
 fn marker_of_stage(c: &mut Call) -> Reply {

@@ -15,7 +15,7 @@ api! {
     /// its center is seen in the direction -z). It replaces the default sun, and the ambient light where the script
     /// sets none.
     /// - Options: {}.
-    sky("panorama, options?") -> Sky = sky, options(|| fields::documented(&Sky::new(Panorama::studio()), &[]));
+    sky("panorama, options?") -> Sky = sky, options(|| fields::describe_options(&Sky::new(Panorama::studio()), &[]));
     /// Sets the rotation about the vertical axis, in degrees counter-clockwise seen from above.
     Sky.turn("degrees") = change, in_frames;
     /// Sets the factor of the sky's light (default 1).
@@ -72,19 +72,19 @@ fn read(c: &Call, name: &str) -> Result<Panorama, ApiError> {
 }
 
 fn change(c: &mut Call) -> Reply {
-    let (field, value) = fields::given::<Sky>(c)?;
+    let (field, value) = fields::field_and_value::<Sky>(c)?;
     match (c.in_frame, value) {
         (false, value) => (field.set)(c.build().sky()?, value),
         (true, FieldValue::Number(turn)) if field.name == "turn" => hook::edit(|e| e.sky.turn = Some(turn)),
         (true, FieldValue::Number(strength)) => hook::edit(|e| e.sky.strength = Some(strength as f32)),
         (true, _) => {}
     }
-    c.itself()
+    c.receiver()
 }
 
 fn key(c: &mut Call) -> Reply {
     let sky = c.build().sky()?.clone();
     let channels = keys::of(c, &sky)?;
     keys::replace(&mut c.build().sky()?.channels, channels);
-    c.itself()
+    c.receiver()
 }

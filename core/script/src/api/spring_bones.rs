@@ -21,7 +21,7 @@ fn swinging(c: &Call, change: impl FnOnce(&mut ActorSprings)) -> Reply {
     let mut build = c.build();
     let draft = build.actor(this.id)?;
     change(Arc::make_mut(draft.actor.springs.get_or_insert_default()));
-    c.itself()
+    c.receiver()
 }
 
 pub fn spring(c: &mut Call) -> Reply {
@@ -66,7 +66,7 @@ pub fn springs(c: &mut Call) -> Reply {
         draft.actor.springs =
             if on { draft.actor.springs.take().or(ActorSprings::of(&this.asset)) } else { None };
         drop(build);
-        return c.itself();
+        return c.receiver();
     }
     if !c.value(0).is_map() {
         return Err(c.wrong(0, "true, false or an object map like #{ ground: 0.0 }"));
@@ -110,7 +110,7 @@ pub fn wind(c: &mut Call) -> Reply {
     if c.in_frame {
         let this: ActorRef = c.this()?;
         hook::edit(|e| e.actors.push((this.id, ActorEdit::Wind(velocity))));
-        return c.itself();
+        return c.receiver();
     }
     swinging(c, |springs| springs.wind = velocity)
 }

@@ -1,8 +1,8 @@
 //! Stage settings, parameters and per-frame callbacks: `stage`, `f`, `param`, `on_frame`.
 
-use crate::build::{HookDraft, Parameter, room};
+use crate::build::{HookDraft, Parameter, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api, color, numbers, point, rgb, wrong};
-use crate::hook::own_captures;
+use crate::hook::with_copied_captures;
 use crate::limits::raise_hint;
 use crate::value::StageRef;
 use choreo_motion::{FrameRate, Time};
@@ -245,7 +245,7 @@ fn param(c: &mut Call) -> Reply {
     if let Some(before) = c.build().parameters.iter().find(|p| p.name == name) {
         return Err(ApiError::new(format!("param: \"{name}\" is already declared in line {}", before.line)));
     }
-    room(c.build().parameters.len(), "parameters", &c.shared.limits)?;
+    check_limit(c.build().parameters.len(), "parameters", &c.shared.limits)?;
     let of_scene = c.shared.test().scene.as_ref().map(|scene| scene.set.clone());
     let set = of_scene.as_ref().unwrap_or(&c.shared.set);
     let given = set.iter().rev().find(|(n, _)| *n == name).map(|(_, v)| v.clone());
@@ -314,8 +314,8 @@ fn on_frame(c: &mut Call) -> Reply {
     let Some(callback) = c.value(0).try_cast::<FnPtr>() else {
         return Err(c.wrong(0, "a function of the time, |t| …"));
     };
-    room(c.build().hooks.len(), "on_frame callbacks", &c.shared.limits)?;
-    let callback = own_captures(&callback)?;
+    check_limit(c.build().hooks.len(), "on_frame callbacks", &c.shared.limits)?;
+    let callback = with_copied_captures(&callback)?;
     #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
     let context = {
         let mut context = c.context.store_data();

@@ -29,7 +29,7 @@ fn surfaces(c: &mut Call) -> Reply {
             all.extend(materials.into_iter().map(|m| SurfaceRule { material: Some(m), ..rule }));
         }
     }
-    c.itself()
+    c.receiver()
 }
 
 /// The option `cutouts`.

@@ -1,15 +1,15 @@
 //! `test`, and what a test can use: other scripts, stages, render plans, golden images.
 
-use crate::build::{Mode, Shared, room};
+use crate::build::{Mode, Shared, check_limit};
 use crate::call::{ApiError, Call, Options, Place, Reply, api, describe, numbers, unknown};
 use crate::compile::{compile, constants};
 use crate::diagnostic::Severity;
 use crate::errors;
-use crate::hook::own_captures;
+use crate::hook::with_copied_captures;
 use crate::modules::read_text;
 use crate::resolve::finish_stage;
 use crate::suggest::{did_you_mean, list};
-use crate::test_data::{Asked, Claim, ImageExpectation, PlanOptions, RunningScript, SectionInfo};
+use crate::test_data::{Claim, ImageExpectation, PendingExpect, PlanOptions, RunningScript, SectionInfo};
 use crate::value::{ActorRef, CameraRef, ExpectRef, HandleKind, LightRef, PlanRef, SceneRef, StageRef};
 use choreo_image_diff::{ImageMetric, METRICS};
 use choreo_motion::Time;
@@ -55,7 +55,7 @@ fn test(c: &mut Call) -> Reply {
 }
 
 fn section(c: &mut Call) -> Reply {
-    if passed_over(c) {
+    if belongs_to_other_section(c) {
         return Ok(Dynamic::UNIT);
     }
     let name = c.text(0)?;
@@ -83,7 +83,7 @@ fn section(c: &mut Call) -> Reply {
             ));
             return Err(error.focus(info.name));
         }
-        room(test.sections.len(), "sections", &c.shared.limits)?;
+        check_limit(test.sections.len(), "sections", &c.shared.limits)?;
         let index = test.wanted.as_ref().map_or(info.index, |wanted| wanted.index);
         test.sections.push(info);
         test.calls.push((c.place.line, c.place.column));
@@ -104,8 +104,8 @@ fn section(c: &mut Call) -> Reply {
 
 /// Notes errors about `expect` calls of a section without a comparison, and about modifiers without effect.
 fn end_section(shared: &Shared) {
-    let asked = std::mem::take(&mut shared.test().asked);
-    for Asked { place, comparisons, unused } in asked {
+    let pending_expects = std::mem::take(&mut shared.test().pending_expects);
+    for PendingExpect { place, comparisons, unused } in pending_expects {
         if comparisons == 0 {
             let error = ApiError::new("this expect has no comparison")
                 .hint("end it with a comparison, as .near(…), .below(…), .equals(…) or .in_frame()");
@@ -119,7 +119,7 @@ fn end_section(shared: &Shared) {
 }
 
 /// Whether a call of `test` is skipped, because the sections of the file are known and another one is run.
-fn passed_over(c: &Call) -> bool {
+fn belongs_to_other_section(c: &Call) -> bool {
     let test = c.shared.test();
     let Some(wanted) = test.wanted.as_ref().filter(|_| !test.running) else { return false };
     c.value(0).read_lock::<ImmutableString>().is_some_and(|name| *name != wanted.name)
@@ -314,7 +314,7 @@ fn stage_of(c: &mut Call) -> Reply {
         return Err(c.wrong(0, "a function that builds a stage, || { … }"));
     };
     // Captured values are copied and must not contain handles, which belong to the outer stage.
-    let build = own_captures(&build)?;
+    let build = with_copied_captures(&build)?;
     for value in build.curry() {
         no_handles(value)?;
     }
@@ -323,7 +323,7 @@ fn stage_of(c: &mut Call) -> Reply {
     };
     let (index, before) = {
         let mut test = c.shared.test();
-        room(test.stages.len(), "stages", &c.shared.limits)?;
+        check_limit(test.stages.len(), "stages", &c.shared.limits)?;
         test.stages.push(Arc::new(Stage::default()));
         let index = test.stages.len();
         let before = (std::mem::replace(&mut test.current_stage, index), test.scene_at.take());
@@ -473,7 +473,7 @@ pub fn record(c: &Call, expect: &ExpectRef, claim: Claim) -> Result<(), ApiError
     let place: Place = c.place.clone();
     let source = c.shared.source_line(&place.file, place.line).trim().to_string();
     let mut test = c.shared.test();
-    room(test.expectations.len(), "expectations", &c.shared.limits)?;
+    check_limit(test.expectations.len(), "expectations", &c.shared.limits)?;
     test.compared(expect.id);
     test.expectations.push(expect.expectation(claim, place, source));
     Ok(())

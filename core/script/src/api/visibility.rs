@@ -47,7 +47,7 @@ fn hide_parts(c: &mut Call) -> Reply {
         return Err(ApiError::new("hide_parts: names must not be empty"));
     }
     c.build().actor(this.id)?.hidden_parts.extend::<Vec<u32>>(hidden);
-    c.itself()
+    c.receiver()
 }
 
 /// The error that no mesh, and no node with a mesh, has a name. It suggests names that contain it.
@@ -112,5 +112,5 @@ fn change(c: &Call, change: impl FnOnce(&mut Vec<(Time, bool)>)) -> Reply {
         };
         keys::replace(channels, vec![channel]);
     }
-    c.itself()
+    c.receiver()
 }

@@ -1,7 +1,7 @@
 //! Walks to a point, as keyframes of the actor and cues of its base layer: turn, start, walk and stop.
 
 use super::cue::bound;
-use crate::build::{ActorDraft, Build, Chain, CueDraft, RootDraft, RootUse, room};
+use crate::build::{ActorDraft, Build, Chain, CueDraft, RootDraft, RootUse, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api};
 use crate::cue_times::times;
 use crate::value::{ActorRef, ClipRef, CueRef};
@@ -51,7 +51,7 @@ fn walk_to(c: &mut Call) -> Reply {
     }
     let fade = Time::from_secs(o.number_in("fade", 0.1, 3.0)?.unwrap_or(0.5));
     let face = o.target("face")?;
-    room(c.build().cues.len() + 2, "cues", &c.shared.limits)?;
+    check_limit(c.build().cues.len() + 2, "cues", &c.shared.limits)?;
     let mut build = c.build();
     let origin = build.offset;
     let face = match face {

@@ -44,7 +44,7 @@ pub fn fill<T: Described>(c: &Call, o: &Options, of: &mut T) -> Result<(), ApiEr
 }
 
 /// The field with the name of the called method, and the value that the first argument gives it.
-pub fn given<T: Described>(c: &Call) -> Result<(&'static Field<T>, FieldValue), ApiError> {
+pub fn field_and_value<T: Described>(c: &Call) -> Result<(&'static Field<T>, FieldValue), ApiError> {
     let field = T::field(c.def.name).ok_or_else(|| ApiError::new(format!("{} is no field", c.def.name)))?;
     let given = match field.of_type {
         FieldType::Flag if c.len() == 0 => FieldValue::Flag(true),
@@ -65,7 +65,7 @@ pub fn names<T: Described>(of: &T, without: &[&str]) -> Vec<&'static str> {
 }
 
 /// Description of the options for the reference: `intensity (0 to 1000000000, default 3), …`.
-pub fn documented<T: Described>(of: &T, without: &[&str]) -> String {
+pub fn describe_options<T: Described>(of: &T, without: &[&str]) -> String {
     let one = |field: &Field<T>| {
         let mut parts = vec![field.about()];
         match field.of_type {

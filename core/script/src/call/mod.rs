@@ -3,7 +3,7 @@
 pub mod fields;
 mod read;
 
-use read::near;
+use read::check_coordinates;
 pub(crate) use read::{
     color, describe, duration, euler, number, number_in, numbers, one_of, point, radians, rgb, target, text,
     time, wrong,
@@ -36,13 +36,13 @@ use std::sync::{Arc, MutexGuard, PoisonError};
 /// documentation begins with what the function does; each paragraph that begins with `- ` describes a group of options or one
 /// aspect.
 macro_rules! api {
-    ($($(#[doc = $doc:literal])+ $on:ident $(. $name:ident)? ($args:literal) $(-> $gives:tt)? = $run:expr $(, $mark:ident $(($mark_arg:expr))?)*;)*) => {
+    ($($(#[doc = $doc:literal])+ $on:ident $(. $name:ident)? ($args:literal) $(-> $returns:tt)? = $run:expr $(, $mark:ident $(($mark_arg:expr))?)*;)*) => {
         pub(crate) const DEFS: &[$crate::call::Function] = &[$($crate::call::Function {
             def: $crate::call::api!(@def $on $($name)?, $crate::def::Def {
                 on: $crate::value::HandleKind::None,
                 name: "",
                 args: $args,
-                gives: $crate::call::api!(@gives $($gives)?),
+                returns: $crate::call::api!(@returns $($returns)?),
                 doc: &[$($doc),+],
                 frame: false,
                 tests: false,
@@ -55,10 +55,10 @@ macro_rules! api {
     (@def $on:ident $name:ident, $def:expr) => {
         $crate::def::Def { on: $crate::value::HandleKind::$on, name: stringify!($name), ..$def }
     };
-    (@gives) => { $crate::def::Gives::Itself };
-    (@gives ()) => { $crate::def::Gives::Nothing };
-    (@gives $value:literal) => { $crate::def::Gives::Value($value) };
-    (@gives $kind:ident) => { $crate::def::Gives::A($crate::value::HandleKind::$kind) };
+    (@returns) => { $crate::def::ResultType::Receiver };
+    (@returns ()) => { $crate::def::ResultType::Nothing };
+    (@returns $value:literal) => { $crate::def::ResultType::Value($value) };
+    (@returns $kind:ident) => { $crate::def::ResultType::Handle($crate::value::HandleKind::$kind) };
 }
 pub(crate) use api;
 
@@ -71,7 +71,7 @@ pub struct Function {
 pub(crate) type Reply = Result<Dynamic, ApiError>;
 
 /// The text `; did you mean "bloom"?` for the synonym `glow` and the misspelling `blom`; empty without a suggestion.
-fn meant<'a>(name: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> String {
+fn did_you_mean_text<'a>(name: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> String {
     match synonyms::of_value(name, known.clone()) {
         Some(known) => format!("; did you mean \"{known}\"?"),
         None => did_you_mean(name, known),
@@ -97,7 +97,7 @@ pub(crate) fn unknown_of<'a>(
     taken: impl IntoIterator<Item = &'a str> + Clone,
 ) -> ApiError {
     let shown: String = name.chars().take(80).collect();
-    let meant = meant(name, taken);
+    let meant = did_you_mean_text(name, taken);
     let mut error = ApiError::new(format!("unknown {what} \"{shown}\"{place}{meant}")).focus(name);
     let names = list(known, 24);
     error.hint =
@@ -144,7 +144,7 @@ impl Call<'_, '_> {
     }
 
     /// The receiver, to return for chaining.
-    pub fn itself(&self) -> Reply {
+    pub fn receiver(&self) -> Reply {
         Ok(self.args[0].flatten_clone())
     }
 
@@ -207,7 +207,7 @@ impl Call<'_, '_> {
     pub fn point(&self, i: usize) -> Result<DVec3, ApiError> {
         if self.len() >= i + 3 {
             let p = DVec3::new(self.number(i)?, self.number(i + 1)?, self.number(i + 2)?);
-            return near(p, self.def.name);
+            return check_coordinates(p, self.def.name);
         }
         point(&self.value(i), &self.label(i))
     }

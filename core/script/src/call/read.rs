@@ -1,6 +1,6 @@
 //! Conversion of script values to a requested type. Errors read `LABEL must be ALLOWED, got …`.
 
-use super::{ApiError, meant};
+use super::{ApiError, did_you_mean_text};
 use crate::color;
 use crate::suggest::list;
 use crate::value::{ActorRef, HandleKind, JointRef, kind_of};
@@ -16,7 +16,7 @@ pub fn one_of(v: &Dynamic, label: &str, allowed: &[&'static str]) -> Result<&'st
         ApiError::new(format!(
             "{label} must be {}, got \"{given}\"{}",
             list(allowed.iter().copied(), 20),
-            meant(&given, allowed.iter().copied())
+            did_you_mean_text(&given, allowed.iter().copied())
         ))
         .focus(given)
     })
@@ -146,12 +146,12 @@ const FARTHEST: f64 = 1e15;
 /// Reads a point [x, y, z] in metres, each within ±1e15.
 pub fn point(v: &Dynamic, label: &str) -> Result<DVec3, ApiError> {
     match numbers(v).as_deref() {
-        Some([x, y, z]) => near(DVec3::new(*x, *y, *z), label),
+        Some([x, y, z]) => check_coordinates(DVec3::new(*x, *y, *z), label),
         _ => Err(wrong(v, label, "a point, [x, y, z]")),
     }
 }
 
-pub(super) fn near(p: DVec3, label: &str) -> Result<DVec3, ApiError> {
+pub(super) fn check_coordinates(p: DVec3, label: &str) -> Result<DVec3, ApiError> {
     if p.abs().max_element() <= FARTHEST {
         return Ok(p);
     }

@@ -2,13 +2,13 @@
 
 use super::pieces::{Piece, Role};
 
-/// Whether a blank belongs between two neighbors on one line. `there`: whether the text has one now, which decides where both are
-/// allowed.
-pub fn blank(before: &Piece, next: &Piece, there: bool) -> bool {
-    wanted(before, next, there) || would_join(before.text, next.text)
+/// Whether a blank belongs between two neighbors on one line. `has_blank`: whether the text has one now, which decides where
+/// both are allowed.
+pub fn blank(before: &Piece, next: &Piece, has_blank: bool) -> bool {
+    style_wants_blank(before, next, has_blank) || would_join(before.text, next.text)
 }
 
-fn wanted(before: &Piece, next: &Piece, there: bool) -> bool {
+fn style_wants_blank(before: &Piece, next: &Piece, has_blank: bool) -> bool {
     use Role::{
         BlockComment, CallMark, Close, ClosureEnd, ClosureStart, Colon, Dot, LineComment, Open, Operand,
         Other, Prefix, RangeOperator, Separator,
@@ -18,7 +18,7 @@ fn wanted(before: &Piece, next: &Piece, there: bool) -> bool {
         (_, LineComment) => true,
         (BlockComment, Separator) => false,
         (Separator, BlockComment) => true,
-        (BlockComment, _) | (_, BlockComment) | (Other, _) | (_, Other) => there,
+        (BlockComment, _) | (_, BlockComment) | (Other, _) | (_, Other) => has_blank,
         (_, Separator | Colon) => false,
         (Open, Close) => false,
         (_, Close) => is_block(next),
@@ -26,7 +26,7 @@ fn wanted(before: &Piece, next: &Piece, there: bool) -> bool {
         (Dot | RangeOperator | Prefix | CallMark | ClosureStart, _) => false,
         (_, Dot | RangeOperator | CallMark | ClosureEnd) => false,
         (Operand, Open) => is_block(next),
-        (Close, Open) if !is_block(next) => before.text == "}" && there,
+        (Close, Open) if !is_block(next) => before.text == "}" && has_blank,
         _ => true,
     }
 }

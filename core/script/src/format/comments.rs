@@ -54,7 +54,7 @@ pub fn align(text: &str, pieces: &[Piece], gaps: &mut [Gap]) {
 }
 
 /// A comment of several lines, moved so that its first line stands in `column`. The other lines move equally far.
-pub fn moved(text: &str, comment: &Piece, column: usize, line_break: &str) -> String {
+pub fn align_comment(text: &str, comment: &Piece, column: usize, line_break: &str) -> String {
     let before = last_line(&text[..comment.range.start]);
     let old = if before.trim().is_empty() { width(before) } else { column };
     let mut lines = comment.text.lines();

@@ -104,8 +104,8 @@ impl Layout<'_, '_> {
             Role::Close => {
                 if self.frames.len() > 1 {
                     let closed = self.frames.pop();
-                    let goes_on = self.token(index + 1).is_some_and(goes_on);
-                    if closed.is_some_and(|closed| closed.is_block) && !goes_on {
+                    let continues_statement = self.token(index + 1).is_some_and(continues_statement);
+                    if closed.is_some_and(|closed| closed.is_block) && !continues_statement {
                         self.top().element = None;
                     }
                 }
@@ -165,7 +165,7 @@ fn continues_block(token: &Piece) -> bool {
 }
 
 /// Whether a token after a closed block continues the same statement.
-fn goes_on(token: &Piece) -> bool {
+fn continues_statement(token: &Piece) -> bool {
     matches!(token.role, Role::Dot | Role::Binary | Role::Separator | Role::Close)
         || token.role == Role::Keyword && matches!(token.text, "else" | "catch")
 }

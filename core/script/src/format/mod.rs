@@ -158,9 +158,9 @@ fn changes(text: &str, pieces: &[Piece]) -> Vec<Edit> {
     let mut edits = Edits { text, edits: Vec::new() };
     let mut behind = 0;
     for (piece, gap) in pieces.iter().zip(&gaps) {
-        edits.replace(behind..piece.range.start, written(*gap, behind == 0, line_break));
+        edits.replace(behind..piece.range.start, gap_text(*gap, behind == 0, line_break));
         if let (Role::BlockComment, Gap::Line(line)) = (piece.role, gap) {
-            let moved = comments::moved(text, piece, line.depth * STEP, line_break);
+            let moved = comments::align_comment(text, piece, line.depth * STEP, line_break);
             edits.replace(piece.range.clone(), moved);
         }
         if piece.text.starts_with('`') {
@@ -173,7 +173,7 @@ fn changes(text: &str, pieces: &[Piece]) -> Vec<Edit> {
     edits.edits
 }
 
-fn written(gap: Gap, is_first: bool, line_break: &str) -> String {
+fn gap_text(gap: Gap, is_first: bool, line_break: &str) -> String {
     match gap {
         Gap::Blanks(count) => " ".repeat(count),
         Gap::Line(_) if is_first => String::new(),

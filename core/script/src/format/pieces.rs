@@ -72,13 +72,13 @@ pub fn pieces(text: &str) -> Result<Vec<Piece<'_>>, FormatError> {
         if token.kind == TokenKind::Error || is_open {
             return Err(FormatError::at(text, range.start, "is not valid in a script"));
         }
-        between(text, behind..range.start, &mut found)?;
+        push_comments(text, behind..range.start, &mut found)?;
         behind = range.end;
         let before = found.iter().rev().find(|piece| !piece.is_comment());
         let role = role(token.kind, &text[range.clone()], before, &mut in_parameters);
         push(text, range, role, &mut found);
     }
-    between(text, behind..text.len(), &mut found)?;
+    push_comments(text, behind..text.len(), &mut found)?;
     Ok(found)
 }
 
@@ -96,7 +96,11 @@ fn push<'a>(text: &'a str, range: Range<usize>, role: Role, found: &mut Vec<Piec
 }
 
 /// The comments between two tokens.
-fn between<'a>(text: &'a str, gap: Range<usize>, found: &mut Vec<Piece<'a>>) -> Result<(), FormatError> {
+fn push_comments<'a>(
+    text: &'a str,
+    gap: Range<usize>,
+    found: &mut Vec<Piece<'a>>,
+) -> Result<(), FormatError> {
     for comment in comments(text, gap) {
         let start = comment.range.start;
         if !text[start..].starts_with("/*") && !text[start..].starts_with("//") {

@@ -16,10 +16,10 @@ fn count(_: usize) {}
 #[cfg(test)]
 use steps::count;
 #[cfg(test)]
-pub(super) use steps::taken;
+pub(super) use steps::take_step_count;
 
 /// Line and column from 1, as Rhai counts them.
-pub(super) type At = (usize, usize);
+pub(super) type LineColumn = (usize, usize);
 
 /// One file of a script.
 pub(super) struct Source<'a> {
@@ -33,7 +33,7 @@ impl<'a> Source<'a> {
     }
 
     /// Calls `visit` with name and place of each variable that the file declares.
-    pub fn for_variables(&self, mut visit: impl FnMut(&str, At)) {
+    pub fn for_variables(&self, mut visit: impl FnMut(&str, LineColumn)) {
         self.ast.walk(&mut |nodes| {
             count(1);
             if let Some(ASTNode::Stmt(Stmt::Var(variable, _, position))) = nodes.last()
@@ -55,8 +55,8 @@ impl<'a> Source<'a> {
     }
 
     /// The places at which one of `parts` occurs, in the order of the text.
-    pub fn places_of(&self, parts: &[&str]) -> Sorted {
-        let mut found = Sorted(Vec::new());
+    pub fn places_of(&self, parts: &[&str]) -> SortedPositions {
+        let mut found = SortedPositions(Vec::new());
         let (mut line, mut column) = (1, 1);
         for (byte, c) in self.text.char_indices() {
             count(1);
@@ -71,12 +71,12 @@ impl<'a> Source<'a> {
 
 /// Places in the order of a text. They are lines and columns, because finding the byte of a place takes time proportional to the
 /// length of its line.
-pub(super) struct Sorted(Vec<At>);
+pub(super) struct SortedPositions(Vec<LineColumn>);
 
-impl Sorted {
+impl SortedPositions {
     /// The first place at or after `from`.
-    pub fn next(&self, from: At) -> Option<At> {
-        let is_before = |at: &At| {
+    pub fn next(&self, from: LineColumn) -> Option<LineColumn> {
+        let is_before = |at: &LineColumn| {
             count(1);
             *at < from
         };
@@ -132,7 +132,7 @@ mod steps {
     }
 
     /// The number of steps since the last call.
-    pub(in super::super) fn taken() -> usize {
+    pub(in super::super) fn take_step_count() -> usize {
         STEPS.take()
     }
 }

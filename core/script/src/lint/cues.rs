@@ -2,7 +2,7 @@
 
 use super::PlacedFinding;
 use crate::build::{Build, CueDraft};
-use crate::check::shown;
+use crate::check::rounded_secs;
 use crate::cue_times::all_times;
 use choreo_motion::Time;
 use choreo_stage::{LayerMode, Repeat, Subject};
@@ -22,12 +22,12 @@ impl Timed<'_> {
     }
 
     /// Whether the script asks for the clip to play once, so that holding the last pose is intended.
-    fn asked_to_hold(&self) -> bool {
+    fn plays_once(&self) -> bool {
         self.draft.repeat == Some(Repeat::Once)
     }
 }
 
-pub fn look(build: &Build, found: &mut Vec<PlacedFinding>) {
+pub fn check_cues(build: &Build, found: &mut Vec<PlacedFinding>) {
     let times = all_times(build);
     let timed: Vec<Timed> = build
         .cues
@@ -60,7 +60,7 @@ pub fn look(build: &Build, found: &mut Vec<PlacedFinding>) {
     }
     for (id, cue) in timed.iter().enumerate() {
         let subject = Subject::Actor(build.chains[cue.draft.chain].actor);
-        one(cue, subject, next_in_chain[id].map(|next| &timed[next]), found);
+        check_cue(cue, subject, next_in_chain[id].map(|next| &timed[next]), found);
     }
 }
 
@@ -80,21 +80,21 @@ fn base_layer(
         let text = format!(
             "\"{actor}\" holds the first pose of \"{}\" until {} s",
             first.name(),
-            shown(first.start)
+            rounded_secs(first.start)
         );
-        found.push(PlacedFinding::note("starts_late", &first.draft.at, text).on(subject, Time::ZERO));
+        found.push(PlacedFinding::note("starts_late", &first.draft.at, text).about(subject, Time::ZERO));
     }
     for pair in base.windows(2) {
         let (a, b) = (pair[0], pair[1]);
         let Some(end) = a.end else { continue };
-        if end + frame <= b.start && end < length && !a.asked_to_hold() {
+        if end + frame <= b.start && end < length && !a.plays_once() {
             let text = format!(
                 "nothing plays on \"{actor}\" from {} s to {} s: the last pose of \"{}\" is held",
-                shown(end),
-                shown(b.start.min(length)),
+                rounded_secs(end),
+                rounded_secs(b.start.min(length)),
                 a.name()
             );
-            let finding = PlacedFinding::warning("gap", &a.draft.at, text).on(subject, end);
+            let finding = PlacedFinding::warning("gap", &a.draft.at, text).about(subject, end);
             found.push(finding.hint("leave .until out to let it play on, or add .once() if it is intended"));
         }
         // A cue that begins over the end of another is a crossfade.
@@ -103,11 +103,11 @@ fn base_layer(
             let text = format!(
                 "clip \"{}\" is to play until {} s, but \"{}\" takes over at {} s",
                 a.name(),
-                shown(end),
+                rounded_secs(end),
                 b.name(),
-                shown(b.start)
+                rounded_secs(b.start)
             );
-            let finding = PlacedFinding::warning("cues_overlap", &b.draft.at, text).on(subject, b.start);
+            let finding = PlacedFinding::warning("cues_overlap", &b.draft.at, text).about(subject, b.start);
             found.push(finding.hint("begin later with .from, or add .on(\"Spine..\") to play both at once"));
         }
     }
@@ -115,15 +115,15 @@ fn base_layer(
     if let Some((last, end)) = last_end
         && end + frame < length
         && end > Time::ZERO
-        && !last.asked_to_hold()
+        && !last.plays_once()
     {
         let text = format!(
             "nothing follows \"{}\" after {} s: \"{actor}\" holds its last pose until the end of the stage, {} s",
             last.name(),
-            shown(end),
-            shown(length)
+            rounded_secs(end),
+            rounded_secs(length)
         );
-        let finding = PlacedFinding::warning("frozen_at_end", &last.draft.at, text).on(subject, end);
+        let finding = PlacedFinding::warning("frozen_at_end", &last.draft.at, text).about(subject, end);
         found.push(
             finding.hint("leave .until out to let it play on, add .then(…), or .once() if it is intended"),
         );
@@ -155,8 +155,8 @@ fn layers(build: &Build, upper: &[&Timed], found: &mut Vec<PlacedFinding>) {
                     "\"{}\" and \"{}\" both move {shared} joints from {} s to {} s: the {} layer wins",
                     a.name(),
                     b.name(),
-                    shown(from),
-                    shown(to),
+                    rounded_secs(from),
+                    rounded_secs(to),
                     if chains[0].priority == chains[1].priority { "later" } else { "higher" },
                 );
                 found.push(PlacedFinding::note("layers_overlap", &b.draft.at, text));
@@ -165,19 +165,21 @@ fn layers(build: &Build, upper: &[&Timed], found: &mut Vec<PlacedFinding>) {
     }
 }
 
-fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<PlacedFinding>) {
+fn check_cue(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<PlacedFinding>) {
     let Timed { draft, start, end, layer } = cue;
     let (name, place) = (cue.name(), &draft.at);
     let length = draft.length();
     if !draft.counts() {
         let text = format!("clip \"{name}\" is never seen: its weight is 0");
-        found.push(PlacedFinding::warning("weight_zero", place, text).on(subject, *start));
+        found.push(PlacedFinding::warning("weight_zero", place, text).about(subject, *start));
     }
     let Some(end) = *end else { return };
     if end <= Time::ZERO && (*layer || next.is_some()) {
-        let text =
-            format!("clip \"{name}\" is never seen: it is over at {} s, before the stage begins", shown(end));
-        found.push(PlacedFinding::warning("before_start", place, text).on(subject, *start));
+        let text = format!(
+            "clip \"{name}\" is never seen: it is over at {} s, before the stage begins",
+            rounded_secs(end)
+        );
+        found.push(PlacedFinding::warning("before_start", place, text).about(subject, *start));
         return;
     }
     let slot = end - *start;
@@ -185,19 +187,19 @@ fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Plac
     if *layer && next.is_none() && draft.cue.fade_in <= slot && draft.cue.fade_in + fade_out > slot {
         let text = format!(
             "clip \"{name}\" fades in over {} s and out over {} s, but its cue lasts {} s: it never reaches full weight",
-            shown(draft.cue.fade_in),
-            shown(fade_out),
-            shown(slot)
+            rounded_secs(draft.cue.fade_in),
+            rounded_secs(fade_out),
+            rounded_secs(slot)
         );
-        found.push(PlacedFinding::warning("fades_meet", place, text).on(subject, *start));
+        found.push(PlacedFinding::warning("fades_meet", place, text).about(subject, *start));
     }
     // The cue is still visible while the next one fades in over it.
     let active = slot + next.map_or(Time::ZERO, |n| n.draft.cue.fade_in);
     if draft.until.is_some() && slot > Time::ZERO && active < length && draft.trim.is_none() {
         let text = format!(
             "clip \"{name}\" takes {} s, its cue {} s: its end is cut off",
-            shown(length),
-            shown(slot)
+            rounded_secs(length),
+            rounded_secs(slot)
         );
         found.push(PlacedFinding::note("cut_off", place, text));
     }

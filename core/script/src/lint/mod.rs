@@ -58,7 +58,7 @@ impl PlacedFinding {
         self
     }
 
-    pub fn on(mut self, subject: Subject, at: Time) -> PlacedFinding {
+    pub fn about(mut self, subject: Subject, at: Time) -> PlacedFinding {
         (self.subject, self.at) = (subject, at);
         self
     }
@@ -67,8 +67,8 @@ impl PlacedFinding {
 /// The findings about the drafts, before they are resolved to a stage.
 pub(crate) fn script_findings(build: &Build) -> Vec<PlacedFinding> {
     let mut found = Vec::new();
-    cues::look(build, &mut found);
-    unused::look(&Drafts::new(build), &mut found);
+    cues::check_cues(build, &mut found);
+    unused::check_unused(&Drafts::new(build), &mut found);
     found
 }
 
@@ -140,7 +140,7 @@ impl Places {
     /// one place are merged, and those that a comment `// allow: rule` on the line or the line above allows are left out.
     pub fn findings(&self, on_stage: &[Finding]) -> Vec<Diagnostic> {
         let lines = Lines::of(&self.sources);
-        let all = self.meant(on_stage, &lines);
+        let all = self.findings_not_allowed(on_stage, &lines);
         let mut found: Vec<Diagnostic> = Vec::new();
         let mut last: Option<(Place, &str, usize)> = None;
         for finding in all {
@@ -168,14 +168,14 @@ impl Places {
     /// The subject, time and rule of each warning, for a plot.
     pub fn marks(&self, on_stage: &[Finding]) -> Vec<(Subject, Time, &'static str)> {
         let warnings = self
-            .meant(on_stage, &Lines::of(&self.sources))
+            .findings_not_allowed(on_stage, &Lines::of(&self.sources))
             .into_iter()
             .filter(|r| r.severity == Severity::Warning);
         warnings.map(|r| (r.subject, r.at, r.rule)).collect()
     }
 
     /// All findings except those that a comment allows, by place.
-    fn meant(&self, on_stage: &[Finding], lines: &Lines) -> Vec<PlacedFinding> {
+    fn findings_not_allowed(&self, on_stage: &[Finding], lines: &Lines) -> Vec<PlacedFinding> {
         let from_stage = on_stage.iter().map(|f| PlacedFinding {
             rule: f.rule,
             severity: if f.note { Severity::Note } else { Severity::Warning },

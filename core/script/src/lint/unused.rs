@@ -1,32 +1,33 @@
 //! Finds variables and assets that a script makes and never uses.
 
 use super::PlacedFinding;
-use super::counted::{At, Drafts, Sorted, Source};
+use super::counted::{Drafts, LineColumn, SortedPositions, Source};
 use crate::api_error::Place;
 use crate::build::Declared;
-use crate::def::{Def, Defs, Gives};
+use crate::def::{Def, Defs, ResultType};
 use crate::value::HandleKind;
 use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
 
 /// Calls that put something on stage, apart from functions that return an object of the stage. A variable for their result
 /// documents the script even if it is not used.
-const STAGED: [&str; 6] = [".play(", ".then(", ".look_at(", ".attach(", "param(", "import"];
+const STAGING_CALLS: [&str; 6] = [".play(", ".then(", ".look_at(", ".attach(", "param(", "import"];
 
-/// [`STAGED`], and the functions that return an actor, a camera, a light or an effect.
-fn staged(defs: &Defs) -> Vec<String> {
+/// [`STAGING_CALLS`], and the functions that return an actor, a camera, a light or an effect.
+fn staging_calls(defs: &Defs) -> Vec<String> {
     use HandleKind::{Actor, Camera, Effect, Light};
-    let gives = |def: &&Def| {
-        def.on == HandleKind::None && matches!(def.gives, Gives::A(Actor | Camera | Light | Effect))
+    let is_of_stage = |def: &&Def| {
+        def.on == HandleKind::None
+            && matches!(def.returns, ResultType::Handle(Actor | Camera | Light | Effect))
     };
-    let functions = defs.iter().filter(gives).map(|def| format!("{}(", def.name));
-    functions.chain(STAGED.map(str::to_string)).collect()
+    let functions = defs.iter().filter(is_of_stage).map(|def| format!("{}(", def.name));
+    functions.chain(STAGING_CALLS.map(str::to_string)).collect()
 }
 
 /// Variables whose name occurs nowhere else in the file, not even in a comment. Takes time proportional to the length of the
 /// file.
 pub fn declared(source: &Source, file: &str, defs: &Defs) -> Vec<Declared> {
-    let (words, statements) = (source.words(), Statements::of(source, &staged(defs)));
+    let (words, statements) = (source.words(), Statements::of(source, &staging_calls(defs)));
     let mut found: Vec<Declared> = Vec::new();
     source.for_variables(|name, (line, column)| {
         let unused = || !name.starts_with('_') && words.get(name) == Some(&1);
@@ -40,8 +41,8 @@ pub fn declared(source: &Source, file: &str, defs: &Defs) -> Vec<Declared> {
 
 /// Places where statements end, and where calls that put something on stage begin.
 struct Statements {
-    ends: Sorted,
-    staged: Sorted,
+    ends: SortedPositions,
+    staged: SortedPositions,
 }
 
 impl Statements {
@@ -51,12 +52,12 @@ impl Statements {
     }
 
     /// Whether the statement that begins at a place puts something on stage.
-    fn stages(&self, from: At) -> bool {
+    fn stages(&self, from: LineColumn) -> bool {
         self.staged.next(from).is_some_and(|call| self.ends.next(from).is_none_or(|end| call < end))
     }
 }
 
-pub fn look(drafts: &Drafts, found: &mut Vec<PlacedFinding>) {
+pub fn check_unused(drafts: &Drafts, found: &mut Vec<PlacedFinding>) {
     let used = || drafts.loads().filter(|load| load.used);
     let used_assets: HashSet<_> = used().filter_map(|load| load.load.ready()).map(Arc::as_ptr).collect();
     let used_places: BTreeSet<&Place> = used().map(|load| &load.load.at).collect();
@@ -71,7 +72,7 @@ pub fn look(drafts: &Drafts, found: &mut Vec<PlacedFinding>) {
             continue;
         }
         let (name, at) = (&load.load.name, &load.load.at);
-        found.push(match load.made {
+        found.push(match load.is_procedural {
             true => {
                 let text = format!("the {name} is made, but nothing is cast from it");
                 PlacedFinding::warning("unused_load", at, text)
@@ -97,7 +98,9 @@ pub fn look(drafts: &Drafts, found: &mut Vec<PlacedFinding>) {
 
 #[cfg(test)]
 mod tests {
-    use super::{Arc, Drafts, Place, PlacedFinding, Source, Statements, declared, look, staged};
+    use super::{
+        Arc, Drafts, Place, PlacedFinding, Source, Statements, check_unused, declared, staging_calls,
+    };
     use crate::api::defs;
     use crate::build::{Build, LoadDraft};
     use crate::lint::{Places, counted};
@@ -117,7 +120,7 @@ mod tests {
     fn a_call_counts_until_the_statement_ends() {
         let text = "let a = 1; let b = cast(x); let c = 2";
         let ast = AST::empty();
-        let statements = Statements::of(&Source::new(&ast, text), &staged(defs()));
+        let statements = Statements::of(&Source::new(&ast, text), &staging_calls(defs()));
         let stages = |part: &str| statements.stages((1, 1 + text.find(part).unwrap()));
         assert_eq!([stages("a ="), stages("b ="), stages("c =")], [false, true, false]);
     }
@@ -146,9 +149,9 @@ mod tests {
         let mut engine = rhai::Engine::new();
         engine.set_optimization_level(rhai::OptimizationLevel::None);
         let ast = engine.compile(text).unwrap();
-        counted::taken();
+        counted::take_step_count();
         assert_eq!(declared(&Source::new(&ast, text), "f", defs()).len(), found);
-        counted::taken()
+        counted::take_step_count()
     }
 
     /// Asserts that the number of steps grows linearly with the size, apart from the logarithm of a search.
@@ -169,25 +172,30 @@ mod tests {
             let finding = |line| PlacedFinding::note("unused_variable", &place(line), "unused".into());
             let script_findings = (1..=n).map(finding).collect();
             let sources = Arc::new([("f".to_string(), text)].into());
-            counted::taken();
+            counted::take_step_count();
             let found = Places { script_findings, sources, ..Places::default() }.findings(&[]);
             assert!(found.len() == n && found[n - 1].source_line.contains(&format!("variable_{:06}", n - 1)));
-            counted::taken()
+            counted::take_step_count()
         });
         is_linear("loads", |n| {
             let load = |line| {
                 let asset = Arc::new(Asset { name: format!("shape {line}"), ..Asset::default() });
                 let at = Place { file: "f".into(), line, column: 1 };
                 let used = line % 2 == 0;
-                LoadDraft { load: Arc::new(Load::made(&asset, &at)), made: true, clips_only: false, used }
+                LoadDraft {
+                    load: Arc::new(Load::procedural(&asset, &at)),
+                    is_procedural: true,
+                    clips_only: false,
+                    used,
+                }
             };
             let mut build = Build::default();
             build.loads.extend((0..n).map(load));
             let mut found = Vec::new();
-            counted::taken();
-            look(&Drafts::new(&build), &mut found);
+            counted::take_step_count();
+            check_unused(&Drafts::new(&build), &mut found);
             assert_eq!(found.len(), n / 2);
-            counted::taken()
+            counted::take_step_count()
         });
     }
 }

@@ -1,10 +1,10 @@
 //! Images from files: single images and image sequences of numbered files.
 
-use super::following::more_open;
+use super::image_sequence::more_open;
 use super::material::of_picture;
 use crate::call::{ApiError, Call, Options};
 use crate::limits::raise_hint;
-use crate::value::{Following, ImageRef, undecodable};
+use crate::value::{ImageRef, ImageSequenceRef, undecodable};
 use choreo_asset::{AlphaMode, Image, ImageSource, ImageSourceError, Sampler};
 use choreo_importer_kit::Problem;
 use choreo_importer_kit::images::{Encoded, Formats};
@@ -16,7 +16,7 @@ const GAP: u64 = 20;
 /// The image or sequence of `image("brick.png", …)` or `image("smoke_###.png", …)`.
 pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
     let name = c.text(0)?;
-    let (first, last) = (whole(o, "first")?, whole(o, "last")?);
+    let (first, last) = (whole_number(o, "first")?, whole_number(o, "last")?);
     let sampler = super::raw_image::sampler(o)?;
     let Some((before, digits, after)) = pattern(&name)? else {
         if let Some(word) = ["first", "last"].into_iter().find(|w| o.get(w).is_some()) {
@@ -81,7 +81,7 @@ pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
     let Some(image) = image else { return Err(ApiError::new("image: no files")) };
     super::raw_image::count(c, texels(&image))?;
     let hashes = files.iter().map(|(_, bytes)| *blake3::hash(bytes).as_bytes()).collect();
-    let files = Following { pictures: Arc::new(NumberedFiles { files }), hashes, alpha };
+    let files = ImageSequenceRef { pictures: Arc::new(NumberedFiles { files }), hashes, alpha };
     Ok(ImageRef { image, file: None, sampler, dead: false, files: Some(files) })
 }
 
@@ -111,7 +111,7 @@ fn pattern(name: &str) -> Result<Option<(&str, usize, &str)>, ApiError> {
     Ok(Some((before, digits, after)))
 }
 
-fn whole(o: &Options, word: &str) -> Result<Option<u64>, ApiError> {
+fn whole_number(o: &Options, word: &str) -> Result<Option<u64>, ApiError> {
     let Some(value) = o.get(word) else { return Ok(None) };
     let number = value.as_int().ok().and_then(|n| u64::try_from(n).ok()).filter(|n| *n <= 999_999_999);
     number.map(Some).ok_or_else(|| crate::call::wrong(&value, &o.label(word), "a whole number from 0"))
@@ -132,7 +132,7 @@ fn alone(c: &Call, name: &str, sampler: Sampler) -> Result<ImageRef, ApiError> {
 }
 
 /// The decoded image of a file. Errors begin with `what`.
-pub(crate) fn one(c: &Call, what: &str, name: &str) -> Result<Arc<Image>, ApiError> {
+pub(crate) fn decoded_image(c: &Call, what: &str, name: &str) -> Result<Arc<Image>, ApiError> {
     let bytes = c.shared.read_file(name)?;
     let encoded = Encoded::examine(name.into(), name.into(), bytes, Formats::All);
     let image = encoded.and_then(|encoded| encoded.decode_for(c.shared.loader.needs()));

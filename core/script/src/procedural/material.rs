@@ -1,10 +1,10 @@
 //! Materials of procedural assets: the options that `shape`, `mesh`, `lines` and `points` share.
 
-use super::following::{self, Rule, given, join};
+use super::image_sequence::{self, Rule, image_or_sequence, join};
 use super::maps;
 use super::raw_image::srgb_byte;
 use crate::call::{ApiError, Options, rgb};
-use crate::value::{Following, ImageRef};
+use crate::value::{ImageRef, ImageSequenceRef};
 use choreo_asset::{
     AlphaMode, FrameStrip, Image, Material, MaterialLayers, Reflection, Sampler, Shading, TextureRef,
     TextureSlot, UvMotion,
@@ -88,15 +88,15 @@ impl Maps {
                 cells = Some([columns, rows, all.len() as u32]);
                 Some(image)
             }
-            false => given(o, "image")?,
+            false => image_or_sequence(o, "image")?,
         };
-        if let Some(map) = given(o, "opacity_map")? {
+        if let Some(map) = image_or_sequence(o, "opacity_map")? {
             let base = image.unwrap_or_else(|| maps::white(&map));
             image = Some(join(o, ["image", "opacity_map"], &base, &map, Rule::Opacity)?);
         }
         let depth = o.number_in("depth", 0.0, 1.0)?;
-        let mut normal_map = given(o, "normal_map")?;
-        let height_map = given(o, "height_map")?;
+        let mut normal_map = image_or_sequence(o, "normal_map")?;
+        let height_map = image_or_sequence(o, "height_map")?;
         if depth.is_some() && height_map.is_none() {
             let text = format!("{}: depth needs height_map, which is not given", o.function);
             return Err(ApiError::new(text).focus("depth"));
@@ -111,14 +111,14 @@ impl Maps {
                 }
             });
         }
-        let specular_map = given(o, "specular_map")?;
-        let reflection_map = given(o, "reflection_map")?;
+        let specular_map = image_or_sequence(o, "specular_map")?;
+        let reflection_map = image_or_sequence(o, "reflection_map")?;
         let environment_map = super::reflection::environment_map(o)?;
         Ok(Maps { image, cells, normal_map, relief, specular_map, reflection_map, environment_map })
     }
 
     /// The maps with their slots and options, and with image sequences where they have one.
-    fn sequences(&self, o: &Options) -> [(TextureSlot, &'static str, Option<Following>); 4] {
+    fn sequences(&self, o: &Options) -> [(TextureSlot, &'static str, Option<ImageSequenceRef>); 4] {
         let Maps { image, normal_map, specular_map, reflection_map, .. } = self;
         let of = |map: &Option<ImageRef>| map.as_ref().and_then(|i| i.files.clone());
         let normal_name = if o.get("normal_map").is_some() { "normal_map" } else { "height_map" };
@@ -243,7 +243,7 @@ fn motion(
     o: &Options,
     material: &mut Material,
     cells: Option<[u32; 3]>,
-    follow: &[(TextureSlot, &str, Option<Following>)],
+    follow: &[(TextureSlot, &str, Option<ImageSequenceRef>)],
 ) -> Result<(), ApiError> {
     let fail = |text: &str, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
     let several = follow.iter().any(|(.., f)| f.is_some());
@@ -305,7 +305,7 @@ fn motion(
         });
     }
     if several {
-        material.sequence = following::sequence(o, follow, fps, once)?;
+        material.sequence = image_sequence::sequence(o, follow, fps, once)?;
         return Ok(());
     }
     match cells {

@@ -1,13 +1,13 @@
 //! Procedural assets: shapes, meshes, lines and points from arrays, and images.
 
 mod arrays;
+mod displacement;
 pub(crate) mod files;
-mod following;
+mod image_sequence;
 mod maps;
 mod material;
 mod raw_image;
 mod reflection;
-mod relief;
 mod repeat;
 mod solids;
 mod texture;
@@ -41,10 +41,10 @@ pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
     if let Some(asset) = c.build().shapes.get(&key) {
         return Ok(asset.clone());
     }
-    crate::build::room(c.build().shapes.len(), "shapes", &c.shared.limits)?;
+    crate::build::check_limit(c.build().shapes.len(), "shapes", &c.shared.limits)?;
     let size = read_size(&o, kind)?;
     let name = o.text("name")?.unwrap_or_else(|| kind.to_string());
-    let primitive = shaped(c, &o, solids::solid(kind, size))?;
+    let primitive = apply_projection_and_displacement(c, &o, solids::solid(kind, size))?;
     material.triplanar = triplanar(&o, &primitive)?;
     let asset = asset(&format!("shape {kind}"), &name, primitive, material, images)?;
     c.build().shapes.insert(key, asset.clone());
@@ -55,15 +55,16 @@ pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
 pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     let o = c.options(0, &options(topology))?;
     let function = o.function.clone();
-    crate::build::room(c.build().made.meshes, "meshes", &c.shared.limits)?;
+    crate::build::check_limit(c.build().procedural_totals.meshes, "meshes", &c.shared.limits)?;
     let positions = arrays::floats(&o, "positions", 3)?;
     let vertices = positions.len() / 3;
     {
         let mut build = c.build();
-        build.made.meshes += 1;
-        build.made.vertices = build.made.vertices.saturating_add(vertices as u64);
-        if build.made.vertices > c.shared.limits.vertices {
-            let error = ApiError::new(format!("{function}: {} vertices together", build.made.vertices));
+        build.procedural_totals.meshes += 1;
+        build.procedural_totals.vertices = build.procedural_totals.vertices.saturating_add(vertices as u64);
+        if build.procedural_totals.vertices > c.shared.limits.vertices {
+            let error =
+                ApiError::new(format!("{function}: {} vertices together", build.procedural_totals.vertices));
             return Err(ApiError {
                 fatal: true,
                 ..error.hint(raise_hint("vertices", c.shared.limits.vertices))
@@ -98,7 +99,11 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
         let text = format!("{function}: displacement_map needs uvs, its place on the mesh, or a projection");
         return Err(ApiError::new(text).focus("displacement_map"));
     }
-    let primitive = if topology == Topology::Triangles { shaped(c, &o, primitive)? } else { primitive };
+    let primitive = if topology == Topology::Triangles {
+        apply_projection_and_displacement(c, &o, primitive)?
+    } else {
+        primitive
+    };
     let (mut material, images) = material::material(&o, &function)?;
     material.triplanar = triplanar(&o, &primitive)?;
     // Vertex colors are multiplied by the base color, which is white if none is given.
@@ -191,7 +196,7 @@ fn triplanar(o: &Options, primitive: &Primitive) -> Result<Option<Triplanar>, Ap
             word,
         );
     }
-    let [low, high] = relief::bounds(primitive);
+    let [low, high] = displacement::bounds(primitive);
     let size = (high - low).max_element().max(1e-6);
     Ok(Some(Triplanar { middle: (low + high) * 0.5, size, sharpness: sharpness.unwrap_or(4.0) as f32 }))
 }
@@ -219,9 +224,13 @@ fn pen(o: &Options, topology: Topology) -> Result<Option<LineStyle>, ApiError> {
 }
 
 /// Applies texture coordinates by a projection, and displacement by an image.
-fn shaped(c: &Call, o: &Options, mut primitive: Primitive) -> Result<Primitive, ApiError> {
-    if let Some(how) = o.one_of("projection", relief::PROJECTIONS)? {
-        relief::project(&mut primitive, how);
+fn apply_projection_and_displacement(
+    c: &Call,
+    o: &Options,
+    mut primitive: Primitive,
+) -> Result<Primitive, ApiError> {
+    if let Some(how) = o.one_of("projection", displacement::PROJECTIONS)? {
+        displacement::project(&mut primitive, how);
     }
     let height = o.number_in("displacement", -1000.0, 1000.0)?;
     let detail = o.number_in("detail", 0.0, 8.0)?;
@@ -239,11 +248,11 @@ fn shaped(c: &Call, o: &Options, mut primitive: Primitive) -> Result<Primitive, 
             let text = format!("{}: detail makes more than {limit} vertices", o.function);
             return Err(ApiError::new(text).focus("detail").hint(raise_hint("vertices", limit)));
         }
-        relief::subdivide(&mut primitive);
+        displacement::subdivide(&mut primitive);
     }
     let tiles = o.number_in("tiles", 1.0, 4096.0)?.unwrap_or(1.0) as f32;
     let map = map.decoded()?;
-    relief::displace(&mut primitive, &map, height.unwrap_or(0.1) as f32, tiles);
+    displacement::displace(&mut primitive, &map, height.unwrap_or(0.1) as f32, tiles);
     Ok(primitive)
 }
 

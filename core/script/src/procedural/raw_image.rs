@@ -52,9 +52,9 @@ pub fn image(c: &Call) -> Result<ImageRef, ApiError> {
 /// Adds pixels to the total of the script. Error: the total exceeds the limit.
 pub fn count(c: &Call, texels: u64) -> Result<(), ApiError> {
     let mut build = c.build();
-    build.made.texels = build.made.texels.saturating_add(texels);
-    if build.made.texels > c.shared.limits.texels {
-        let error = ApiError::new(format!("image: {} pixels together", build.made.texels));
+    build.procedural_totals.texels = build.procedural_totals.texels.saturating_add(texels);
+    if build.procedural_totals.texels > c.shared.limits.texels {
+        let error = ApiError::new(format!("image: {} pixels together", build.procedural_totals.texels));
         return Err(ApiError { fatal: true, ..error.hint(raise_hint("texels", c.shared.limits.texels)) });
     }
     Ok(())

@@ -33,8 +33,8 @@ pub fn repeat(c: &mut Call) -> Reply {
     let places = model_from_place.iter().flat_map(|p| own.iter().map(move |own| single(*p * *own)));
     let placements = places.collect();
     let asset = Asset { placements, derived: Default::default(), ..Asset::clone(asset) };
-    c.build().used(&source);
-    let from = c.build().made(&Arc::new(asset), &c.place);
+    c.build().mark_used(&source);
+    let from = c.build().add_procedural_load(&Arc::new(asset), &c.place);
     Ok(Dynamic::from(AssetRef { from, dead: false }))
 }
 

@@ -1,8 +1,8 @@
 //! `asset.texture(material, slot, image)`: replaces textures of an asset's materials.
 
-use super::following::in_order;
+use super::image_sequence::sequence_of_images;
 use crate::call::{ApiError, Call, Options, Reply, one_of, unknown};
-use crate::value::{AssetRef, Following, ImageRef};
+use crate::value::{AssetRef, ImageRef, ImageSequenceRef};
 use choreo_asset::{
     AlphaMode, Asset, ImageSequence, ImageStream, Material, Mesh, Reflection, Shading, TextureRef,
     TextureSlot,
@@ -75,8 +75,8 @@ pub fn texture(c: &mut Call) -> Reply {
             format!("texture: the meshes of the material \"{wanted}\" have no {which}texture coordinates");
         return Err(ApiError::new(text).focus(&wanted));
     }
-    c.build().used(&source);
-    let from = c.build().made(&Arc::new(asset), &c.place);
+    c.build().mark_used(&source);
+    let from = c.build().add_procedural_load(&Arc::new(asset), &c.place);
     Ok(Dynamic::from(AssetRef { from, dead: false }))
 }
 
@@ -87,7 +87,7 @@ fn read_image(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
         Some(array) => {
             let all: Option<Vec<ImageRef>> = array.iter().map(|v| v.clone().try_cast()).collect();
             Some(all.ok_or_else(|| c.wrong(2, "an Image, from image(…), or an array of them"))?)
-                .map(|all| in_order(o, "image", &all))
+                .map(|all| sequence_of_images(o, "image", &all))
                 .transpose()?
         }
         None => value.clone().try_cast::<ImageRef>(),
@@ -161,13 +161,13 @@ fn place<'a>(material: &'a mut Material, slot: &str) -> &'a mut Option<TextureRe
         "emissive" => &mut material.emissive_texture,
         "specular" => &mut material.specular_texture,
         "specular_color" => &mut material.specular_color_texture,
-        "reflection" => &mut material.reflection.get_or_insert_with(whole).texture,
+        "reflection" => &mut material.reflection.get_or_insert_with(full_reflection).texture,
         _ => &mut material.base_color_texture,
     }
 }
 
 /// A full reflection, because the map contains the amount.
-fn whole() -> Box<Reflection> {
+fn full_reflection() -> Box<Reflection> {
     Box::new(Reflection { color: Vec3::ONE, texture: None, environment: None })
 }
 
@@ -189,7 +189,7 @@ fn follow(
     o: &Options,
     material: &mut Material,
     word: &str,
-    files: Option<&Following>,
+    files: Option<&ImageSequenceRef>,
 ) -> Result<(), ApiError> {
     let slot = match word {
         "normal" => TextureSlot::Normal,

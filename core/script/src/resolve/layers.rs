@@ -1,7 +1,7 @@
 //! Resolves cues to layers: times, phase matching and order.
 
 use super::Notes;
-use super::planting::{InStep, is_moved};
+use super::foot_locking::{PhaseMatchedCues, is_moved};
 use crate::api_error::{ApiError, Place};
 use crate::build::{ActorDraft, Build, CueDraft, RootUse};
 use crate::clip_analysis::{AnalyzedClips, in_step, root, standing_fades};
@@ -15,7 +15,7 @@ use std::sync::Arc;
 const STANDING: f64 = 0.01;
 
 /// Warns about root motion or path following of an actor whose clips all stand still, which is probably not intended.
-fn gets_nowhere(build: &Build, made: &[Option<Cue>], notes: &mut Notes) {
+fn warn_of_missing_root_motion(build: &Build, made: &[Option<Cue>], notes: &mut Notes) {
     for (index, actor) in build.actors.iter().enumerate() {
         let paced = actor
             .actor
@@ -57,7 +57,7 @@ pub(super) struct Layers {
     pub layers: Vec<Vec<Layer>>,
     /// Place of each cue in the script, by actor and layer.
     pub places: Vec<Vec<Vec<Place>>>,
-    pub in_step: Vec<InStep>,
+    pub in_step: Vec<PhaseMatchedCues>,
     /// Fades between walking and standing of each actor; empty for an actor that stays in place.
     pub standing_fades: Vec<Vec<StandingFade>>,
 }
@@ -83,25 +83,25 @@ pub(super) fn layers(build: &Build, notes: &mut Notes) -> Layers {
             matched.extend(match_phases(build, id, &mut made, &mut found, notes));
         }
     }
-    gets_nowhere(build, &made, notes);
+    warn_of_missing_root_motion(build, &made, notes);
     // Each cue is stored with its place in the script.
-    let mut laid: Vec<Vec<Laid>> = Vec::with_capacity(layers.len());
-    for of_actor in layers {
-        laid.push(of_actor.into_iter().map(|layer| (layer, Vec::new())).collect());
+    let mut placed_layers: Vec<Vec<PlacedLayer>> = Vec::with_capacity(layers.len());
+    for actor_layers in layers {
+        placed_layers.push(actor_layers.into_iter().map(|layer| (layer, Vec::new())).collect());
     }
     for (draft, cue) in build.cues.iter().zip(made) {
         let chain = &build.chains[draft.chain];
-        laid[chain.actor][slots[draft.chain]].1.extend(cue.map(|cue| (cue, draft.at.clone())));
+        placed_layers[chain.actor][slots[draft.chain]].1.extend(cue.map(|cue| (cue, draft.at.clone())));
     }
-    for (laid, draft) in laid.iter_mut().zip(&build.actors) {
-        laid.extend(keyed_joints(draft));
+    for (placed_layers, draft) in placed_layers.iter_mut().zip(&build.actors) {
+        placed_layers.extend(keyed_joints(draft));
     }
-    let (layers, places): (Vec<Vec<Layer>>, _) = laid.into_iter().map(of_actor).unzip();
+    let (layers, places): (Vec<Vec<Layer>>, _) = placed_layers.into_iter().map(sort_layers).unzip();
     let fades_of = |(draft, layers): (&ActorDraft, &Vec<Layer>)| {
         let cues = layers.first().map_or(&[][..], |base| &base.cues);
         let carried = cues.iter().any(|cue| cue.root.as_ref().is_some_and(|root| root.carries));
-        let gets_on = carried || is_moved(&draft.actor);
-        if gets_on { standing_fades(&draft.actor.asset, cues, &mut found) } else { Vec::new() }
+        let is_carried_or_moved = carried || is_moved(&draft.actor);
+        if is_carried_or_moved { standing_fades(&draft.actor.asset, cues, &mut found) } else { Vec::new() }
     };
     let standing_fades = build.actors.iter().zip(&layers).map(fades_of).collect();
     Layers { layers, places, in_step: matched, standing_fades }
@@ -112,22 +112,22 @@ fn empty_layers(build: &Build) -> (Vec<Vec<Layer>>, Vec<usize>) {
     let mut layers: Vec<Vec<Layer>> = build.actors.iter().map(|_| vec![Layer::default()]).collect();
     let mut slots = Vec::with_capacity(build.chains.len());
     for chain in &build.chains {
-        let of_actor = &mut layers[chain.actor];
+        let actor_layers = &mut layers[chain.actor];
         if !chain.is_layer() {
             slots.push(0);
             continue;
         }
         // Layers are sorted by rank later. Without a priority each lies over those before it; consecutive additive layers have
         // the same rank.
-        let last = of_actor.iter().rfind(|layer| layer.rank < PRIORITIES);
+        let last = actor_layers.iter().rfind(|layer| layer.rank < PRIORITIES);
         let additive = |mode: LayerMode| mode != LayerMode::Override;
         let joins = last.is_some_and(|last| additive(last.mode) && additive(chain.mode));
         let next = last.map_or(0, |last| if joins { last.rank } else { last.rank + 1 });
         let rank = chain.priority.map_or(next.min(PRIORITIES - 1), |priority| PRIORITIES + priority);
         let mask = chain.mask.clone().map(Arc::new);
         let weight_keys = chain.weight_keys.clone();
-        of_actor.push(Layer { mask, mode: chain.mode, rank, weight_keys, cues: Vec::new() });
-        slots.push(of_actor.len() - 1);
+        actor_layers.push(Layer { mask, mode: chain.mode, rank, weight_keys, cues: Vec::new() });
+        slots.push(actor_layers.len() - 1);
     }
     (layers, slots)
 }
@@ -189,7 +189,7 @@ fn match_phases(
     made: &mut [Option<Cue>],
     found: &mut AnalyzedClips,
     notes: &mut Notes,
-) -> Option<InStep> {
+) -> Option<PhaseMatchedCues> {
     let draft = &build.cues[id];
     let chain = &build.chains[draft.chain];
     if chain.is_layer() {
@@ -209,7 +209,7 @@ fn match_phases(
             let span = (fade.start(), fade.end());
             cue.in_step[0] = Some(fade.clone());
             from.in_step[1] = Some(fade);
-            Some(InStep { actor: chain.actor, span, carried })
+            Some(PhaseMatchedCues { actor: chain.actor, span, carried })
         }
         Err(why) => {
             let text = format!("clip \"{}\" cannot keep step: {}", draft.cue.clip.name, why.message);
@@ -220,10 +220,10 @@ fn match_phases(
 }
 
 /// A layer, and its cues with their places.
-type Laid = (Layer, Vec<(Cue, Place)>);
+type PlacedLayer = (Layer, Vec<(Cue, Place)>);
 
 /// The keyframes of joints as a clip on an additive layer.
-fn keyed_joints(draft: &ActorDraft) -> Option<Laid> {
+fn keyed_joints(draft: &ActorDraft) -> Option<PlacedLayer> {
     let (_, at) = draft.joint_keys.first()?;
     let curves = draft.joint_keys.iter().map(|(curve, _)| curve.clone()).collect();
     let clip = Clip::new("keys".into(), draft.actor.asset.skeleton.len(), curves).ok()?;
@@ -233,14 +233,14 @@ fn keyed_joints(draft: &ActorDraft) -> Option<Laid> {
 }
 
 /// An actor's layers sorted by rank with their cues by start time, and the places of the cues.
-fn of_actor(laid: Vec<Laid>) -> (Vec<Layer>, Vec<Vec<Place>>) {
-    let sorted = |(mut layer, mut cues): Laid| {
+fn sort_layers(placed_layers: Vec<PlacedLayer>) -> (Vec<Layer>, Vec<Vec<Place>>) {
+    let sorted = |(mut layer, mut cues): PlacedLayer| {
         cues.sort_by_key(|(cue, _)| cue.start);
         let (cues, places): (Vec<Cue>, Vec<Place>) = cues.into_iter().unzip();
         layer.cues = cues;
         (layer, places)
     };
-    let mut all: Vec<(Layer, Vec<Place>)> = laid.into_iter().map(sorted).collect();
+    let mut all: Vec<(Layer, Vec<Place>)> = placed_layers.into_iter().map(sorted).collect();
     // Layers of equal rank are sorted by content, so that not even rounding depends on the order in the script.
     all[1..].sort_by_cached_key(|(layer, _)| {
         let alone = layer.rank < PRIORITIES && layer.mode == LayerMode::Override;

@@ -1,11 +1,11 @@
 //! Resolves the drafts of a script to a stage: computes times, positions and references, and finds mistakes that no single call
 //! shows.
 
+mod foot_locking;
 mod layers;
-mod planting;
 
+use self::foot_locking::{lock_feet_in_phase_matched_fades, lock_feet_in_standing_fades};
 use self::layers::{Layers, layers};
-use self::planting::{plant_in_fades, plant_in_step};
 use crate::api_error::{ApiError, Place};
 use crate::build::{ActorDraft, Build, CameraDraft, HookDraft, ParentDraft, Shared};
 use crate::content::hex;
@@ -35,7 +35,7 @@ pub fn resolve(
     let mut places = Places::default();
     let mut notes = Notes::new();
     let hooks;
-    shared.settle();
+    shared.wait_for_loads();
     {
         let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
         stage.settings = build.settings.clone();
@@ -63,8 +63,8 @@ pub fn resolve(
         places.cues = cue_places;
         stage.markers = std::mem::take(&mut build.markers);
         places.clip_markers = clip_markers(&build, &layers);
-        plant_in_step(&mut build, in_step);
-        plant_in_fades(&mut build, standing_fades);
+        lock_feet_in_phase_matched_fades(&mut build, in_step);
+        lock_feet_in_standing_fades(&mut build, standing_fades);
         if let Some((place, error)) = crate::totals::too_much(&build, &shared.limits) {
             notes.push((Severity::Error, place, error));
         }
@@ -171,7 +171,7 @@ fn clip_markers(build: &Build, layers: &[Vec<Layer>]) -> Vec<ClipMarkers> {
 
 fn actor(draft: ActorDraft, layers: Vec<Layer>, hidden_parts: &mut HiddenParts) -> Actor {
     let mut actor = draft.actor;
-    actor.asset = hidden_parts.without(&actor.asset, draft.hidden_parts);
+    actor.asset = hidden_parts.copy_without(&actor.asset, draft.hidden_parts);
     actor.layers = layers;
     actor.parents = parents(draft.parents);
     if let Some(point) = draft.face_point {

@@ -486,7 +486,7 @@ impl Measure {
 
 impl Claim {
     /// Whether the claim is judged at each tested time.
-    pub(crate) fn graded(&self) -> bool {
+    pub(crate) fn is_judged_at_each_time(&self) -> bool {
         matches!(
             self,
             Claim::Number { .. }
@@ -498,7 +498,7 @@ impl Claim {
     }
 
     /// Whether the claim does not depend on time.
-    pub fn timeless(&self) -> bool {
+    pub fn is_time_independent(&self) -> bool {
         match self {
             Claim::Events { .. } | Claim::Value { .. } | Claim::Cost { .. } | Claim::Picture(_) => true,
             Claim::Texts { texts, .. } => matches!(texts, TextsQuantity::Warnings | TextsQuantity::Printed),

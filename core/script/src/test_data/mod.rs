@@ -10,7 +10,7 @@ pub use expectation::{
     SameOther, SameWhat, Subject, TextsQuantity, TextsTest, Value, ValueTest, VectorGoal, VectorQuantity,
     VectorTest, When,
 };
-pub(crate) use state::{Asked, RunningScript, TestState};
+pub(crate) use state::{PendingExpect, RunningScript, TestState};
 pub use timeout::{TimeUsedUp, Timeout};
 
 /// A test section, which is a `test(…)` call of a file, found without running its function; or a whole file without sections.

@@ -21,7 +21,7 @@ pub(crate) struct TestState {
     pub running: bool,
     pub ran: bool,
     pub expectations: Vec<Expectation>,
-    pub asked: Vec<Asked>,
+    pub pending_expects: Vec<PendingExpect>,
     /// The stages made with `stage_of`, in order.
     pub stages: Vec<Arc<Stage>>,
     /// 0: the section's own stage is being built; n: the n-th of `stages`.
@@ -39,15 +39,15 @@ pub(crate) struct TestState {
 impl TestState {
     /// Counts a comparison for a call of `expect`, also one that was refused.
     pub fn compared(&mut self, expect: usize) {
-        if let Some(asked) = self.asked.get_mut(expect) {
-            asked.comparisons += 1;
-            asked.unused = None;
+        if let Some(pending) = self.pending_expects.get_mut(expect) {
+            pending.comparisons += 1;
+            pending.unused = None;
         }
     }
 }
 
 /// A call of `expect`.
-pub(crate) struct Asked {
+pub(crate) struct PendingExpect {
     pub place: Place,
     /// Comparisons made, or refused with an error of their own.
     pub comparisons: usize,

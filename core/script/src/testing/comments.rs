@@ -74,15 +74,15 @@ fn find_mark(row: &str) -> Option<usize> {
     None
 }
 
-/// Removes expected diagnostics from `came` and marks the comments that expect them as met. One comment may match several
+/// Removes expected diagnostics from `diagnostics` and marks the comments that expect them as met. One comment may match several
 /// diagnostics of its line. Diagnostics of another script also belong to the line that runs it.
-pub fn meet(
+pub fn match_expected(
     file: &str,
     scenes: &[(String, Place)],
     expected: &mut [ExpectedDiagnostic],
-    came: &mut Vec<Diagnostic>,
+    diagnostics: &mut Vec<Diagnostic>,
 ) {
-    came.retain(|d| {
+    diagnostics.retain(|d| {
         let mut unexpected = true;
         for e in expected.iter_mut() {
             let own = d.file == file && d.line == e.line;

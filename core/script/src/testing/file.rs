@@ -130,11 +130,11 @@ fn captures(statement: &Stmt) -> impl Iterator<Item = (String, Stmt)> {
 
 /// Cache of recently read test files, because workers run the sections of a file one after the other.
 #[derive(Clone, Default)]
-pub struct TestFiles(Arc<Mutex<Kept>>);
+pub struct TestFiles(Arc<Mutex<TestFileStore>>);
 
 #[derive(Default)]
-struct Kept {
-    lately: VecDeque<Arc<TestFile>>,
+struct TestFileStore {
+    recent: VecDeque<Arc<TestFile>>,
     /// Sections of each file by its name, with the hash of the text to which they belong.
     listings: BTreeMap<String, (blake3::Hash, Arc<Listing>)>,
 }
@@ -151,7 +151,7 @@ impl TestFiles {
         text: &str,
     ) -> Result<Arc<TestFile>, Unreadable> {
         let same = |f: &&Arc<TestFile>| f.name == name && f.text == text && f.limits == shared.limits;
-        if let Some(known) = self.kept().lately.iter().find(same) {
+        if let Some(known) = self.lock().recent.iter().find(same) {
             return Ok(known.clone());
         }
         let parsed = Parsed::new(engine, shared, name, text)?;
@@ -165,25 +165,25 @@ impl TestFiles {
             wrong_comments,
             listing: OnceLock::new(),
         });
-        let mut kept = self.kept();
-        if let Some((_, listing)) = kept.listings.get(name).filter(|(hash, _)| *hash == file.hash()) {
+        let mut store = self.lock();
+        if let Some((_, listing)) = store.listings.get(name).filter(|(hash, _)| *hash == file.hash()) {
             // The new file has no listing yet, so this cannot fail.
             let _ = file.listing.set(listing.clone());
         }
-        kept.lately.push_front(file.clone());
-        kept.lately.truncate(Self::MOST);
+        store.recent.push_front(file.clone());
+        store.recent.truncate(Self::MOST);
         Ok(file)
     }
 
     /// Stores the sections that a listing has found.
     pub(crate) fn list(&self, file: &TestFile, listing: Listing) {
         let listing = Arc::new(listing);
-        self.kept().listings.insert(file.name.clone(), (file.hash(), listing.clone()));
+        self.lock().listings.insert(file.name.clone(), (file.hash(), listing.clone()));
         // A listing that is set already is equal.
         let _ = file.listing.set(listing);
     }
 
-    fn kept(&self) -> std::sync::MutexGuard<'_, Kept> {
+    fn lock(&self) -> std::sync::MutexGuard<'_, TestFileStore> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -202,7 +202,7 @@ impl TestFile {
 
 impl std::fmt::Debug for TestFiles {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} test files", self.kept().listings.len())
+        write!(f, "{} test files", self.lock().listings.len())
     }
 }
 

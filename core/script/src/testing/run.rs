@@ -130,7 +130,7 @@ pub fn run_section(
     options: &TestOptions,
 ) -> Result<SectionRun, Vec<Diagnostic>> {
     let opened = reopened(path, index, registry, options)?;
-    if !sees_pixels(&opened.text) && options.script.needs.pixels {
+    if !needs_pixels(&opened.text) && options.script.needs.pixels {
         // Decoding images takes longer than everything else, so it is skipped if the text shows that the test does not need
         // pixels.
         let mut plain = options.clone();
@@ -140,7 +140,7 @@ pub fn run_section(
         let run = section(path, index, registry, &plain, opened)?;
         // An imported module may need pixels.
         let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
-        if !sources.values().any(|text| sees_pixels(text)) {
+        if !sources.values().any(|text| needs_pixels(text)) {
             return Ok(run);
         }
     }
@@ -148,7 +148,7 @@ pub fn run_section(
 }
 
 /// Whether a test compares images or inspects plans, by the names of the functions in its text.
-fn sees_pixels(text: &str) -> bool {
+fn needs_pixels(text: &str) -> bool {
     ["expect_picture", "plan(", "same_as", "costs_at_most"].iter().any(|word| text.contains(word))
 }
 
@@ -159,9 +159,9 @@ fn section(
     options: &TestOptions,
     opened: Opened,
 ) -> Result<SectionRun, Vec<Diagnostic>> {
-    let run = |opened: Opened, whole: bool| {
+    let run = |opened: Opened, run_all: bool| {
         let files = options.files.clone();
-        on_own_thread(move || run_here(&opened, index, &files, whole))
+        on_own_thread(move || run_section_on_this_thread(&opened, index, &files, run_all))
     };
     let again = || reopened(path, index, registry, options);
     let mut section = match run(opened, false)? {
@@ -191,18 +191,18 @@ fn reopened(
     Ok(opened)
 }
 
-/// Runs a section on this thread. `whole`: runs the complete file, as if its sections were not known. `None`: the sections are
+/// Runs a section on this thread. `run_all`: runs the complete file, as if its sections were not known. `None`: the sections are
 /// known, but execution never reached the wanted one.
-fn run_here(
+fn run_section_on_this_thread(
     opened: &Opened,
     index: usize,
     files: &TestFiles,
-    whole: bool,
+    run_all: bool,
 ) -> Result<Option<SectionRun>, Vec<Diagnostic>> {
     let Opened { name, text, shared } = opened;
     let engine = begin(name, text, shared);
     let file = files.read(&engine, shared, name, text);
-    let listing = file.as_ref().ok().and_then(|f| f.listing()).filter(|_| !whole).cloned();
+    let listing = file.as_ref().ok().and_then(|f| f.listing()).filter(|_| !run_all).cloned();
     let listing = listing.filter(|listing| index < listing.sections.len());
     let alone = match (&file, &listing) {
         (Ok(file), Some(listing)) => {
@@ -236,7 +236,7 @@ fn run_here(
     let mut came = std::mem::take(&mut build.diagnostics);
     let warning = |d: &Diagnostic| d.severity == Severity::Warning;
     stage.warnings.extend(came.iter().filter(|d| warning(d)).map(ToString::to_string));
-    comments::meet(name, &test.scenes, &mut expected, &mut came);
+    comments::match_expected(name, &test.scenes, &mut expected, &mut came);
     let (warnings, mut errors): (Vec<_>, Vec<_>) = came.into_iter().partition(warning);
     errors.extend(wrong_comments);
     if build.more > 0 {

@@ -1,7 +1,7 @@
 //! Foot contacts: whether a joint touches the floor, and how far it slides.
 
 use super::band::Series;
-use super::looks::Looks;
+use super::snapshot_cache::SnapshotCache;
 use super::unjudged::Unjudged;
 use super::words;
 use choreo_motion::Time;
@@ -9,42 +9,52 @@ use choreo_script::testing::{Contact, Expectation, When};
 use choreo_stage::Attachment;
 use glam::DVec3;
 
-pub(crate) fn foot_at(looks: &mut Looks, contact: &Contact, time: Time) -> Result<DVec3, Unjudged> {
+pub(crate) fn foot_at(
+    snapshots: &mut SnapshotCache,
+    contact: &Contact,
+    time: Time,
+) -> Result<DVec3, Unjudged> {
     let at = Attachment { actor: contact.actor, joint: Some(contact.joint) };
-    Ok(looks.attachment(&at, time)?.translation)
+    Ok(snapshots.attachment(&at, time)?.translation)
 }
 
 /// Height in metres by which a planted joint may rise and still count as sliding.
-const RISEN: f64 = 0.005;
+const MAX_PLANTED_RISE_M: f64 = 0.005;
 
-/// Whether a joint that moves from `before` to `now` in `secs` seconds touches the floor. `stands`: its lowest height since it came down,
-/// if it touched the floor before.
-pub fn touches(contact: &Contact, stands: Option<f64>, [before, now]: [DVec3; 2], secs: f64) -> bool {
+/// Whether a joint that moves from `before` to `now` in `secs` seconds touches the floor. `lowest_while_planted`: its lowest height since it
+/// came down, if it touched the floor before.
+pub fn touches(
+    contact: &Contact,
+    lowest_while_planted: Option<f64>,
+    [before, now]: [DVec3; 2],
+    secs: f64,
+) -> bool {
     let way = now - before;
     now.y - contact.ground <= contact.height
         && way.y.abs() <= contact.speed * secs
         // A foot that swings low over the floor does not touch it, even if it was planted; a foot that stays down may slide at any speed.
-        && (stands.is_some_and(|lowest| now.y <= lowest + RISEN) || way.with_y(0.0).length() <= contact.swing * secs)
+        && (lowest_while_planted.is_some_and(|lowest| now.y <= lowest + MAX_PLANTED_RISE_M)
+            || way.with_y(0.0).length() <= contact.swing * secs)
 }
 
-pub fn slide(looks: &mut Looks, e: &Expectation, contact: &Contact) -> Result<Series, Unjudged> {
-    let step = looks.step(e);
+pub fn slide(snapshots: &mut SnapshotCache, e: &Expectation, contact: &Contact) -> Result<Series, Unjudged> {
+    let step = snapshots.step(e);
     // The sliding distance at one time is known only if evaluation begins before the foot comes down.
     let times = match e.when {
         When::At(time) => {
             let from = When::During(Time::ZERO.min(time - step), time);
-            looks.times_and_ends(&Expectation { when: from, ..e.clone() })?
+            snapshots.times_and_ends(&Expectation { when: from, ..e.clone() })?
         }
-        _ => looks.times(e)?,
+        _ => snapshots.times(e)?,
     };
     let mut values = Vec::with_capacity(times.len());
     let Some(first) = times.first() else { return Ok(Series { times, values }) };
-    let mut before = (foot_at(looks, contact, *first - step)?, *first - step);
+    let mut before = (foot_at(snapshots, contact, *first - step)?, *first - step);
     // Sliding distance, and lowest height since the joint came down.
     let mut slid: Option<(f64, f64)> = None;
     let (mut touched, mut lowest) = (false, f64::INFINITY);
     for time in &times {
-        let now = foot_at(looks, contact, *time)?;
+        let now = foot_at(snapshots, contact, *time)?;
         lowest = lowest.min(now.y - contact.ground);
         let down = touches(contact, slid.map(|s| s.1), [before.0, now], (*time - before.1).as_secs());
         touched |= down;

@@ -1,6 +1,6 @@
 //! Evaluation time of a stage as a ratio to that of another stage, since absolute times mean little on a busy machine.
 
-use super::looks::Looks;
+use super::snapshot_cache::SnapshotCache;
 use super::unjudged::Unjudged;
 use super::{Judged, words};
 use choreo_motion::Time;
@@ -18,14 +18,14 @@ const BLOCKS: usize = 3;
 
 /// Runs the two stages in turns, so that other load on the machine slows both down. The result of a block is the median ratio of its
 /// rounds. The smallest of three blocks counts, since other load is unlikely to raise all three.
-pub fn judge(looks: &[Looks], e: &Expectation, other: usize, factor: f64) -> Judged {
+pub fn judge(snapshots: &[SnapshotCache], e: &Expectation, other: usize, factor: f64) -> Judged {
     let not = if e.negated { "not " } else { "" };
     let expected = format!("{not}at most {} times the time of the other stage", words::number(factor));
-    let Some(other) = looks.get(other) else {
+    let Some(other) = snapshots.get(other) else {
         return Judged::impossible(expected, "the other stage does not exist");
     };
-    let mut runs = [Run::new(&looks[e.stage].stage), Run::new(&other.stage)];
-    let repeats = match runs.iter_mut().map(Run::warm).collect::<Result<Vec<_>, Unjudged>>() {
+    let mut runs = [Run::new(&snapshots[e.stage].stage), Run::new(&other.stage)];
+    let repeats = match runs.iter_mut().map(Run::secs_after_warm_up).collect::<Result<Vec<_>, Unjudged>>() {
         Ok(secs) => {
             let shortest = secs.into_iter().fold(f64::INFINITY, f64::min);
             (SHORTEST_SECS / shortest.max(1e-9)).ceil().clamp(1.0, 1e5) as usize
@@ -36,7 +36,7 @@ pub fn judge(looks: &[Looks], e: &Expectation, other: usize, factor: f64) -> Jud
     for _ in 0..BLOCKS {
         let mut ratios: Vec<f64> = Vec::with_capacity(ROUNDS);
         for round in 0..ROUNDS {
-            if let Err(why) = looks[e.stage].go_on() {
+            if let Err(why) = snapshots[e.stage].check_deadline() {
                 return Judged::impossible(expected, why);
             }
             let [a, b] = &mut runs;
@@ -82,7 +82,7 @@ impl Run {
     }
 
     /// Seconds for all frames once, after a warm-up run that is not counted.
-    fn warm(&mut self) -> Result<f64, Unjudged> {
+    fn secs_after_warm_up(&mut self) -> Result<f64, Unjudged> {
         self.secs(1)?;
         Ok(self.secs(1)? * self.times.len() as f64)
     }

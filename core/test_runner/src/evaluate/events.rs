@@ -1,7 +1,7 @@
 //! Events of a stage, as texts with times.
 
 use super::Judged;
-use super::looks::Looks;
+use super::snapshot_cache::SnapshotCache;
 use super::words::{self, like};
 use choreo_motion::Time;
 use choreo_script::testing::{EventPattern, EventsTest, Expectation, Subject};
@@ -46,8 +46,8 @@ pub fn list(stage: &Stage, of: Option<Subject>) -> Vec<Event> {
     events.into_iter().map(|(at, _, text)| Event { at, text }).collect()
 }
 
-pub fn judge(looks: &Looks, e: &Expectation, of: Option<Subject>, test: &EventsTest) -> Judged {
-    let events = list(&looks.stage, of);
+pub fn judge(snapshots: &SnapshotCache, e: &Expectation, of: Option<Subject>, test: &EventsTest) -> Judged {
+    let events = list(&snapshots.stage, of);
     let (mut judged, wanted) = match test {
         EventsTest::Exactly(wanted, tolerance) => (exactly(&events, wanted, *tolerance), wanted),
         EventsTest::InOrder(wanted, tolerance) => (in_order(&events, wanted, *tolerance), wanted),
@@ -84,18 +84,18 @@ fn pattern(p: &EventPattern) -> String {
     }
 }
 
-fn off(e: &Event, p: &EventPattern) -> Time {
+fn time_error(e: &Event, p: &EventPattern) -> Time {
     p.at.map_or(Time::ZERO, |at| e.at - at)
 }
 
-fn fits(e: &Event, p: &EventPattern, tolerance: Time) -> bool {
-    let off = off(e, p);
+fn is_match(e: &Event, p: &EventPattern, tolerance: Time) -> bool {
+    let off = time_error(e, p);
     like(&e.text, &p.text) && off <= tolerance && -off <= tolerance
 }
 
 /// Describes the time error of an event with the right name, such as `0.2 s late`.
 fn late(e: &Event, p: &EventPattern) -> String {
-    let off = off(e, p);
+    let off = time_error(e, p);
     match like(&e.text, &p.text) && off != Time::ZERO {
         true if off > Time::ZERO => format!("{} late", words::time(off)),
         true => format!("{} early", words::time(-off)),
@@ -106,7 +106,7 @@ fn late(e: &Event, p: &EventPattern) -> String {
 fn exactly(events: &[Event], wanted: &[EventPattern], tolerance: Time) -> Judged {
     for i in 0..events.len().max(wanted.len()) {
         match (events.get(i), wanted.get(i)) {
-            (Some(e), Some(p)) if fits(e, p, tolerance) => {}
+            (Some(e), Some(p)) if is_match(e, p, tolerance) => {}
             (Some(e), Some(p)) => return Judged::new(false, pattern(p), event(e)).by(late(e, p)),
             (Some(e), None) => return Judged::new(false, "no more events", event(e)),
             (None, Some(p)) => return Judged::new(false, pattern(p), "no more events"),
@@ -120,19 +120,19 @@ fn exactly(events: &[Event], wanted: &[EventPattern], tolerance: Time) -> Judged
 fn in_order(events: &[Event], wanted: &[EventPattern], tolerance: Time) -> Judged {
     let mut from = 0;
     for p in wanted {
-        match events[from..].iter().position(|e| fits(e, p, tolerance)) {
+        match events[from..].iter().position(|e| is_match(e, p, tolerance)) {
             Some(found) => from += found + 1,
             None => {
                 // The nearest event of the same name is the most informative one.
                 let same = events.iter().filter(|e| like(&e.text, &p.text));
-                let nearest = same.min_by_key(|e| off(e, p).0.abs());
+                let nearest = same.min_by_key(|e| time_error(e, p).0.abs());
                 let after = match from {
                     0 => String::new(),
                     n => format!(", after {}", event(&events[n - 1])),
                 };
                 let expected = format!("{}{after}", pattern(p));
                 return match nearest {
-                    Some(e) if !fits(e, p, tolerance) => {
+                    Some(e) if !is_match(e, p, tolerance) => {
                         Judged::new(false, expected, event(e)).by(late(e, p))
                     }
                     Some(e) => Judged::new(false, expected, format!("{}, too early in the order", event(e))),

@@ -2,34 +2,35 @@
 
 use super::band::{Band, Series, judge_band};
 use super::contact::{foot_at, touches};
-use super::looks::Looks;
+use super::snapshot_cache::SnapshotCache;
 use super::unjudged::Unjudged;
 use super::{Judged, vector};
 use choreo_motion::Time;
 use choreo_script::testing::{Expectation, Flag, Subject};
 
 /// Judges a property that is true or false at each time.
-pub fn judge(looks: &mut Looks, e: &Expectation, flag: &Flag) -> Judged {
-    let (who, what) = flag_words(looks, flag);
+pub fn judge(snapshots: &mut SnapshotCache, e: &Expectation, flag: &Flag) -> Judged {
+    let (who, what) = flag_words(snapshots, flag);
     let (label, words) = (format!("{who} {what}"), format!("{who} is {what}"));
-    let step = looks.step(e);
-    let is = |looks: &mut Looks, time: Time| -> Result<bool, Unjudged> {
+    let step = snapshots.step(e);
+    let is = |snapshots: &mut SnapshotCache, time: Time| -> Result<bool, Unjudged> {
         Ok(match flag {
-            Flag::Visible(actor) => looks.at(time)?.actors.get(*actor).is_some_and(|state| state.visible),
-            Flag::On(camera) => looks.at(time)?.camera.camera == Some(*camera),
+            Flag::Visible(actor) => snapshots.at(time)?.actors.get(*actor).is_some_and(|state| state.visible),
+            Flag::On(camera) => snapshots.at(time)?.camera.camera == Some(*camera),
             Flag::Effect(name) => {
-                let on = looks.at(time)?.effects.clone();
-                on.iter().any(|e| looks.stage.effects.get(e.effect).is_some_and(|e| e.plugin == *name))
+                let on = snapshots.at(time)?.effects.clone();
+                on.iter().any(|e| snapshots.stage.effects.get(e.effect).is_some_and(|e| e.plugin == *name))
             }
             Flag::OnFloor(contact) => {
-                let (before, now) = (foot_at(looks, contact, time - step)?, foot_at(looks, contact, time)?);
+                let (before, now) =
+                    (foot_at(snapshots, contact, time - step)?, foot_at(snapshots, contact, time)?);
                 touches(contact, None, [before, now], step.as_secs())
             }
         })
     };
-    let series = looks.times_and_ends(e).and_then(|times| {
+    let series = snapshots.times_and_ends(e).and_then(|times| {
         let values: Result<Vec<f64>, Unjudged> =
-            times.iter().map(|t| Ok(f64::from(u8::from(is(looks, *t)?)))).collect();
+            times.iter().map(|t| Ok(f64::from(u8::from(is(snapshots, *t)?)))).collect();
         Ok(Series { times, values: values? })
     });
     match series {
@@ -59,13 +60,13 @@ pub fn judge(looks: &mut Looks, e: &Expectation, flag: &Flag) -> Judged {
 }
 
 /// Name of the subject, and the adjective of the property.
-fn flag_words(looks: &Looks, flag: &Flag) -> (String, &'static str) {
+fn flag_words(snapshots: &SnapshotCache, flag: &Flag) -> (String, &'static str) {
     match flag {
-        Flag::Visible(actor) => (vector::name(looks, Subject::Actor(*actor)), "visible"),
-        Flag::On(camera) => (vector::name(looks, Subject::Camera(*camera)), "on"),
+        Flag::Visible(actor) => (vector::name(snapshots, Subject::Actor(*actor)), "visible"),
+        Flag::On(camera) => (vector::name(snapshots, Subject::Camera(*camera)), "on"),
         Flag::Effect(name) => (format!("effect \"{name}\""), "on"),
         Flag::OnFloor(c) => {
-            (vector::name(looks, Subject::Joint { actor: c.actor, joint: c.joint }), "on the floor")
+            (vector::name(snapshots, Subject::Joint { actor: c.actor, joint: c.joint }), "on the floor")
         }
     }
 }

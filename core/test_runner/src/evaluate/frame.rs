@@ -2,7 +2,7 @@
 
 use super::Judged;
 use super::band::{Band, Series, judge_band};
-use super::looks::Looks;
+use super::snapshot_cache::SnapshotCache;
 use super::unjudged::Unjudged;
 use super::words;
 use choreo_asset::Projection;
@@ -12,15 +12,15 @@ use choreo_stage::posed_meshes;
 use glam::{DAffine3, DVec3};
 
 /// Bounding box of a posed actor in world space (minimum, maximum); NaN if it has no visible vertices.
-pub fn bounds(looks: &mut Looks, actor: usize, time: Time) -> Result<(DVec3, DVec3), Unjudged> {
-    let points = vertices(looks, actor, time)?;
+pub fn bounds(snapshots: &mut SnapshotCache, actor: usize, time: Time) -> Result<(DVec3, DVec3), Unjudged> {
+    let points = vertices(snapshots, actor, time)?;
     let fold = |f: fn(DVec3, DVec3) -> DVec3| points.iter().copied().reduce(f).unwrap_or(DVec3::NAN);
     Ok((fold(DVec3::min), fold(DVec3::max)))
 }
 
-fn vertices(looks: &mut Looks, actor: usize, time: Time) -> Result<Vec<DVec3>, Unjudged> {
-    let snapshot = looks.at(time)?;
-    let (Some(state), Some(of)) = (snapshot.actors.get(actor), looks.stage.actors.get(actor)) else {
+fn vertices(snapshots: &mut SnapshotCache, actor: usize, time: Time) -> Result<Vec<DVec3>, Unjudged> {
+    let snapshot = snapshots.at(time)?;
+    let (Some(state), Some(of)) = (snapshot.actors.get(actor), snapshots.stage.actors.get(actor)) else {
         return Ok(Vec::new());
     };
     let meshes = posed_meshes(&of.asset, state);
@@ -35,9 +35,9 @@ pub struct Lens {
 }
 
 impl Lens {
-    pub fn new(looks: &mut Looks, camera: Option<usize>, time: Time) -> Result<Lens, Unjudged> {
-        let [width, height] = looks.stage.settings.size.map(|n| f64::from(n.max(1)));
-        let state = looks.camera(camera, time)?;
+    pub fn new(snapshots: &mut SnapshotCache, camera: Option<usize>, time: Time) -> Result<Lens, Unjudged> {
+        let [width, height] = snapshots.stage.settings.size.map(|n| f64::from(n.max(1)));
+        let state = snapshots.camera(camera, time)?;
         Ok(Lens {
             view_from_world: state.world_from_view.inverse(),
             projection: state.projection,
@@ -82,7 +82,7 @@ impl Outline {
     }
 
     /// Distance by which the box crosses the margin, as a fraction of the image; at most 0 if it stays inside.
-    fn over(&self, margin: f64) -> f64 {
+    fn distance_outside(&self, margin: f64) -> f64 {
         if self.behind {
             return f64::INFINITY;
         }
@@ -94,13 +94,13 @@ impl Outline {
 }
 
 pub fn outline(
-    looks: &mut Looks,
+    snapshots: &mut SnapshotCache,
     actor: usize,
     camera: Option<usize>,
     time: Time,
 ) -> Result<Outline, Unjudged> {
-    let lens = Lens::new(looks, camera, time)?;
-    let points = vertices(looks, actor, time)?;
+    let lens = Lens::new(snapshots, camera, time)?;
+    let points = vertices(snapshots, actor, time)?;
     let mut outline = Outline { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY, share: 0.0, behind: false };
     let mut inside = 0usize;
     for point in &points {
@@ -125,9 +125,14 @@ pub fn outline(
 
 /// Angle in degrees, in the image, between up and the subject's +y axis, 0..=180; 90 if the axis points straight towards or away from the
 /// camera.
-pub fn tilt(looks: &mut Looks, subject: Subject, camera: Option<usize>, time: Time) -> Result<f64, Unjudged> {
-    let world_from = looks.world_from(subject, time)?;
-    let lens = Lens::new(looks, camera, time)?;
+pub fn tilt(
+    snapshots: &mut SnapshotCache,
+    subject: Subject,
+    camera: Option<usize>,
+    time: Time,
+) -> Result<f64, Unjudged> {
+    let world_from = snapshots.world_from(subject, time)?;
+    let lens = Lens::new(snapshots, camera, time)?;
     let p = lens.view_from_world.transform_point3(world_from.translation);
     let up = lens.view_from_world.transform_vector3(world_from.matrix3.y_axis).normalize_or_zero();
     let (x, y) = match lens.projection {
@@ -147,15 +152,15 @@ pub fn tilt(looks: &mut Looks, subject: Subject, camera: Option<usize>, time: Ti
     Ok(libm::atan2(x.abs(), y).to_degrees())
 }
 
-pub fn judge(looks: &mut Looks, e: &Expectation, claim: &InFrame) -> Judged {
-    match try_judge(looks, e, claim) {
+pub fn judge(snapshots: &mut SnapshotCache, e: &Expectation, claim: &InFrame) -> Judged {
+    match try_judge(snapshots, e, claim) {
         Ok(judged) => judged,
         Err(why) => Judged::impossible("an image to check", why),
     }
 }
 
-fn try_judge(looks: &mut Looks, e: &Expectation, claim: &InFrame) -> Result<Judged, Unjudged> {
-    let name = super::vector::name(looks, Subject::Actor(claim.actor));
+fn try_judge(snapshots: &mut SnapshotCache, e: &Expectation, claim: &InFrame) -> Result<Judged, Unjudged> {
+    let name = super::vector::name(snapshots, Subject::Actor(claim.actor));
     let mut expected = match claim.margin > 0.0 {
         true => format!("{name} inside the image, {} free at each side", percent(claim.margin)),
         false => format!("{name} inside the image"),
@@ -166,12 +171,12 @@ fn try_judge(looks: &mut Looks, e: &Expectation, claim: &InFrame) -> Result<Judg
     if let Some(upright) = claim.upright {
         expected.push_str(&format!(", tilted by at most {}°", words::number(upright)));
     }
-    let times = looks.times_and_ends(e)?;
+    let times = snapshots.times_and_ends(e)?;
     let (mut off, mut heights, mut gots) = (Vec::new(), Vec::new(), Vec::new());
     for time in &times {
-        let seen = looks.at(*time)?.actors.get(claim.actor).is_some_and(|state| state.visible);
-        let outline = outline(looks, claim.actor, claim.camera, *time)?;
-        let mut worst = outline.over(claim.margin);
+        let seen = snapshots.at(*time)?.actors.get(claim.actor).is_some_and(|state| state.visible);
+        let outline = outline(snapshots, claim.actor, claim.camera, *time)?;
+        let mut worst = outline.distance_outside(claim.margin);
         let mut got = match (seen, outline.behind) {
             (false, _) => "it is hidden".to_string(),
             (true, true) => "a part of it is behind the camera".to_string(),
@@ -191,7 +196,7 @@ fn try_judge(looks: &mut Looks, e: &Expectation, claim: &InFrame) -> Result<Judg
             got.push_str(&format!(", {} high", percent(outline.height())));
         }
         if let (Some(upright), true) = (claim.upright, worst.is_finite()) {
-            let tilt = tilt(looks, Subject::Actor(claim.actor), claim.camera, *time)?;
+            let tilt = tilt(snapshots, Subject::Actor(claim.actor), claim.camera, *time)?;
             worst = worst.max((tilt - upright) / 180.0);
             got.push_str(&format!(", tilted by {}°", words::number((tilt * 10.0).round() / 10.0)));
         }

@@ -1,22 +1,22 @@
 //! Judges the expectations of a section, which are data, without drawing; the results are checks.
 //!
 //! ```text
-//! Expectation ─► times to look at ─► Looks (snapshots) ─► values ─► Check { expected, got, by how much, traces }
+//! Expectation ─► times to look at ─► SnapshotCache ─► values ─► Check { expected, got, by how much, traces }
 //! ```
 //! A claim about a span of time is judged at every frame in it; the check reports the worst time.
 
 mod band;
 mod contact;
 mod cost;
+mod default_checks;
 mod events;
 mod flags;
 mod frame;
-mod looks;
 mod number;
 mod plan;
 mod rotation;
 mod same;
-mod stands;
+mod snapshot_cache;
 mod texts;
 mod unjudged;
 mod value;
@@ -28,7 +28,7 @@ use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_script::Severity;
 use choreo_script::testing::{Claim, Expectation, SectionRun, TextsQuantity, When};
-use looks::{Deadline, Looks};
+use snapshot_cache::{Deadline, SnapshotCache};
 use unjudged::Unjudged;
 
 /// All checks of a section except its images, in the order of the script: its expectations, its `//~` comments, and unexpected errors and
@@ -55,14 +55,14 @@ pub fn evaluate(run: &SectionRun, registry: &Registry) -> Vec<Check> {
         return checks;
     }
     let deadline = Deadline::after(run.seconds, run.timeout);
-    let mut looks: Vec<Looks> =
-        run.stages.iter().map(|stage| Looks::new(stage, registry, deadline)).collect();
+    let mut snapshots: Vec<SnapshotCache> =
+        run.stages.iter().map(|stage| SnapshotCache::new(stage, registry, deadline)).collect();
     if run.info.as_it_stands() {
-        checks.extend(stands::judge(run, &mut looks));
+        checks.extend(default_checks::judge(run, &mut snapshots));
         return checks;
     }
     for expectation in &run.expectations {
-        if let Some(judged) = judge(run, expectation, &mut looks) {
+        if let Some(judged) = judge(run, expectation, &mut snapshots) {
             checks.push(judged.into_check(expectation));
         }
     }
@@ -121,8 +121,8 @@ impl Judged {
     }
 }
 
-fn judge(run: &SectionRun, e: &Expectation, looks: &mut [Looks]) -> Option<Judged> {
-    let of_stage = looks.get_mut(e.stage);
+fn judge(run: &SectionRun, e: &Expectation, snapshots: &mut [SnapshotCache]) -> Option<Judged> {
+    let of_stage = snapshots.get_mut(e.stage);
     let Some(own) = of_stage else {
         return Some(Judged::impossible("a stage", format!("stage {} does not exist", e.stage)));
     };
@@ -146,11 +146,11 @@ fn judge(run: &SectionRun, e: &Expectation, looks: &mut [Looks]) -> Option<Judge
         }
         Claim::Flag(flag) => flags::judge(own, e, flag),
         Claim::InFrame(claim) => frame::judge(own, e, claim),
-        Claim::Same { what, other } => same::judge(looks, e, *what, *other),
+        Claim::Same { what, other } => same::judge(snapshots, e, *what, *other),
         Claim::Events { of, test } => events::judge(own, e, *of, test),
         Claim::Texts { texts, test } => texts::judge(run, own, e, *texts, test),
         Claim::Value { got, test } => value::judge(e, got, test),
-        Claim::Cost { other, factor } => cost::judge(looks, e, *other, *factor),
+        Claim::Cost { other, factor } => cost::judge(snapshots, e, *other, *factor),
     })
 }
 

@@ -1,7 +1,7 @@
 //! Judges numbers over time.
 
 use super::band::{Band, Series, judge_band};
-use super::looks::{Looks, angle_deg};
+use super::snapshot_cache::{SnapshotCache, angle_deg};
 use super::unjudged::Unjudged;
 use super::words::{self, with_unit};
 use super::{Judged, contact, frame, plan, rotation, vector};
@@ -35,21 +35,23 @@ pub fn unit(quantity: &Quantity) -> &'static str {
     }
 }
 
-pub fn label(looks: &Looks, quantity: &Quantity) -> String {
-    let actor = |a: usize| looks.stage.actors.get(a).map_or(String::new(), |a| a.name.clone());
+pub fn label(snapshots: &SnapshotCache, quantity: &Quantity) -> String {
+    let actor = |a: usize| snapshots.stage.actors.get(a).map_or(String::new(), |a| a.name.clone());
     match quantity {
-        Quantity::Component(v, axis) => format!("{} {}", vector::label(looks, v), ["x", "y", "z"][axis % 3]),
-        Quantity::Length(v) => format!("{} length", vector::label(looks, v)),
-        Quantity::Distance(s, _) => format!("{} distance", vector::name(looks, *s)),
-        Quantity::AngleTo(s, _) => format!("{} angle to its target", vector::name(looks, *s)),
-        Quantity::Angle(a, _) => format!("{} angle", rotation::label(looks, a)),
-        Quantity::Speed(v) => format!("{} speed", vector::label(looks, v)),
-        Quantity::Acceleration(v) => format!("{} acceleration", vector::label(looks, v)),
-        Quantity::Jerk(v) => format!("{} jerk", vector::label(looks, v)),
-        Quantity::TurnSpeed(r) => format!("{} turn speed", rotation::label(looks, r)),
+        Quantity::Component(v, axis) => {
+            format!("{} {}", vector::label(snapshots, v), ["x", "y", "z"][axis % 3])
+        }
+        Quantity::Length(v) => format!("{} length", vector::label(snapshots, v)),
+        Quantity::Distance(s, _) => format!("{} distance", vector::name(snapshots, *s)),
+        Quantity::AngleTo(s, _) => format!("{} angle to its target", vector::name(snapshots, *s)),
+        Quantity::Angle(a, _) => format!("{} angle", rotation::label(snapshots, a)),
+        Quantity::Speed(v) => format!("{} speed", vector::label(snapshots, v)),
+        Quantity::Acceleration(v) => format!("{} acceleration", vector::label(snapshots, v)),
+        Quantity::Jerk(v) => format!("{} jerk", vector::label(snapshots, v)),
+        Quantity::TurnSpeed(r) => format!("{} turn speed", rotation::label(snapshots, r)),
         Quantity::Slide(c) => {
             let foot = Subject::Joint { actor: c.actor, joint: c.joint };
-            format!("{} slide", vector::name(looks, foot))
+            format!("{} slide", vector::name(snapshots, foot))
         }
         Quantity::ClipWeight { actor: a, clip, .. } => format!("{} weight of {clip}", actor(*a)),
         Quantity::ClipTime { actor: a, clip } => format!("{} time in {clip}", actor(*a)),
@@ -58,124 +60,132 @@ pub fn label(looks: &Looks, quantity: &Quantity) -> String {
         Quantity::Highest(a) => format!("{} highest point", actor(*a)),
         Quantity::PictureHeight { actor: a, .. } => format!("{} height in the image", actor(*a)),
         Quantity::PictureShare { actor: a, .. } => format!("{} share in the image", actor(*a)),
-        Quantity::Tilt { subject, .. } => format!("{} tilt", vector::name(looks, *subject)),
-        Quantity::FieldOfView(c) => format!("{} fov", vector::name(looks, Subject::Camera(*c))),
-        Quantity::Intensity(l) => format!("{} intensity", vector::name(looks, Subject::Light(*l))),
+        Quantity::Tilt { subject, .. } => format!("{} tilt", vector::name(snapshots, *subject)),
+        Quantity::FieldOfView(c) => format!("{} fov", vector::name(snapshots, Subject::Camera(*c))),
+        Quantity::Intensity(l) => format!("{} intensity", vector::name(snapshots, Subject::Light(*l))),
         Quantity::Count(_) => "count".into(),
         Quantity::PlanCount(..) => "count in the plan".into(),
     }
 }
 
-pub fn series(looks: &mut Looks, e: &Expectation, quantity: &Quantity) -> Result<Series, Unjudged> {
+pub fn series(
+    snapshots: &mut SnapshotCache,
+    e: &Expectation,
+    quantity: &Quantity,
+) -> Result<Series, Unjudged> {
     if let Quantity::Count(what) = quantity {
-        let count = plan::count_stage(looks, *what);
+        let count = plan::count_stage(snapshots, *what);
         return Ok(Series { times: vec![Time::ZERO], values: vec![count as f64] });
     }
     if let Quantity::Slide(contact) = quantity {
-        return contact::slide(looks, e, contact);
+        return contact::slide(snapshots, e, contact);
     }
     let (before, after) = stencil(quantity);
     if before == 0 && after == 0 {
-        let times = looks.times_and_ends(e)?;
+        let times = snapshots.times_and_ends(e)?;
         let values =
-            times.iter().map(|t| value(looks, quantity, &[*t])).collect::<Result<Vec<_>, Unjudged>>()?;
+            times.iter().map(|t| value(snapshots, quantity, &[*t])).collect::<Result<Vec<_>, Unjudged>>()?;
         return Ok(Series { times, values });
     }
-    let step = looks.step(e);
+    let step = snapshots.step(e);
     if let When::At(time) = e.when {
         let window: Vec<Time> = (before..=after).map(|k| Time(time.0 + k * step.0)).collect();
-        let value = value(looks, quantity, &window)?;
+        let value = value(snapshots, quantity, &window)?;
         return Ok(Series { times: vec![time], values: vec![value] });
     }
-    let times = looks.times(e)?;
+    let times = snapshots.times(e)?;
     let wide = (after - before + 1) as usize;
     if times.len() < wide {
-        return Err(Unjudged::TooFewLooks { found: times.len(), needed: wide });
+        return Err(Unjudged::TooFewSnapshots { found: times.len(), needed: wide });
     }
     let mut out = Series { times: Vec::new(), values: Vec::new() };
     for window in times.windows(wide) {
         out.times.push(window[before.unsigned_abs() as usize]);
-        out.values.push(value(looks, quantity, window)?);
+        out.values.push(value(snapshots, quantity, window)?);
     }
     Ok(out)
 }
 
 /// Value of a quantity from the times of its stencil, which are one step apart.
-fn value(looks: &mut Looks, quantity: &Quantity, window: &[Time]) -> Result<f64, Unjudged> {
+fn value(snapshots: &mut SnapshotCache, quantity: &Quantity, window: &[Time]) -> Result<f64, Unjudged> {
     let at = window[0];
-    let points = |looks: &mut Looks, v: &VectorQuantity| {
-        window.iter().map(|t| vector::at(looks, v, *t)).collect::<Result<Vec<DVec3>, Unjudged>>()
+    let points = |snapshots: &mut SnapshotCache, v: &VectorQuantity| {
+        window.iter().map(|t| vector::at(snapshots, v, *t)).collect::<Result<Vec<DVec3>, Unjudged>>()
     };
     let step = || (window[window.len() - 1] - at).as_secs() / (window.len() - 1) as f64;
     Ok(match quantity {
-        Quantity::Component(v, axis) => vector::at(looks, v, at)?[*axis % 3],
-        Quantity::Length(v) => vector::at(looks, v, at)?.length(),
+        Quantity::Component(v, axis) => vector::at(snapshots, v, at)?[*axis % 3],
+        Quantity::Length(v) => vector::at(snapshots, v, at)?.length(),
         Quantity::Distance(s, target) => {
-            let place = looks.world_from(*s, at)?.translation;
-            target_at(looks, target, at)?.distance(place)
+            let place = snapshots.world_from(*s, at)?.translation;
+            target_at(snapshots, target, at)?.distance(place)
         }
         Quantity::AngleTo(s, target) => {
-            let place = looks.world_from(*s, at)?.translation;
-            let way = target_at(looks, target, at)? - place;
-            vector::at(looks, &VectorQuantity::Direction(*s), at)?.angle_between(way).to_degrees()
+            let place = snapshots.world_from(*s, at)?.translation;
+            let way = target_at(snapshots, target, at)? - place;
+            vector::at(snapshots, &VectorQuantity::Direction(*s), at)?.angle_between(way).to_degrees()
         }
-        Quantity::Angle(a, b) => angle_deg(rotation::at(looks, a, at)?, rotation::at(looks, b, at)?),
+        Quantity::Angle(a, b) => angle_deg(rotation::at(snapshots, a, at)?, rotation::at(snapshots, b, at)?),
         Quantity::Speed(v) => {
-            let p = points(looks, v)?;
+            let p = points(snapshots, v)?;
             (p[1] - p[0]).length() / step()
         }
         Quantity::Acceleration(v) => {
-            let p = points(looks, v)?;
+            let p = points(snapshots, v)?;
             (p[2] - 2.0 * p[1] + p[0]).length() / (step() * step())
         }
         Quantity::Jerk(v) => {
-            let p = points(looks, v)?;
+            let p = points(snapshots, v)?;
             (p[3] - 3.0 * p[2] + 3.0 * p[1] - p[0]).length() / (step() * step() * step())
         }
         Quantity::TurnSpeed(r) => {
-            angle_deg(rotation::at(looks, r, at)?, rotation::at(looks, r, window[1])?) / step()
+            angle_deg(rotation::at(snapshots, r, at)?, rotation::at(snapshots, r, window[1])?) / step()
         }
         Quantity::ClipWeight { actor, joint, clip } => {
-            let actor = looks.stage.actors.get(*actor).ok_or(Unjudged::Missing("actor"))?;
+            let actor = snapshots.stage.actors.get(*actor).ok_or(Unjudged::Missing("actor"))?;
             clip_weight(actor, *joint, clip, at)
         }
         Quantity::ClipTime { actor, clip } => {
-            let actor = looks.stage.actors.get(*actor).ok_or(Unjudged::Missing("actor"))?;
+            let actor = snapshots.stage.actors.get(*actor).ok_or(Unjudged::Missing("actor"))?;
             clip_time(actor, clip, at)
         }
         Quantity::Morph { actor, targets } => {
-            let snapshot = looks.at(at)?;
+            let snapshot = snapshots.at(at)?;
             let weights = snapshot.actors.get(*actor).map_or(&[][..], |state| &state.morph_weights);
             let of = |(i, t): &(u32, u32)| weights.get(*i as usize)?.get(*t as usize).copied();
             targets.iter().filter_map(of).map(f64::from).fold(f64::NAN, f64::max)
         }
-        Quantity::Lowest(actor) => frame::bounds(looks, *actor, at)?.0.y,
-        Quantity::Highest(actor) => frame::bounds(looks, *actor, at)?.1.y,
-        Quantity::PictureHeight { actor, camera } => frame::outline(looks, *actor, *camera, at)?.height(),
-        Quantity::PictureShare { actor, camera } => frame::outline(looks, *actor, *camera, at)?.share,
-        Quantity::Tilt { subject, camera } => frame::tilt(looks, *subject, *camera, at)?,
-        Quantity::FieldOfView(camera) => match looks.camera(Some(*camera), at)?.projection {
+        Quantity::Lowest(actor) => frame::bounds(snapshots, *actor, at)?.0.y,
+        Quantity::Highest(actor) => frame::bounds(snapshots, *actor, at)?.1.y,
+        Quantity::PictureHeight { actor, camera } => frame::outline(snapshots, *actor, *camera, at)?.height(),
+        Quantity::PictureShare { actor, camera } => frame::outline(snapshots, *actor, *camera, at)?.share,
+        Quantity::Tilt { subject, camera } => frame::tilt(snapshots, *subject, *camera, at)?,
+        Quantity::FieldOfView(camera) => match snapshots.camera(Some(*camera), at)?.projection {
             Projection::Perspective { yfov, .. } => f64::from(yfov).to_degrees(),
             Projection::Orthographic { .. } => f64::NAN,
         },
         Quantity::Intensity(light) => {
-            looks.light(*light, at)?.map_or(0.0, |state| f64::from(state.light.intensity))
+            snapshots.light(*light, at)?.map_or(0.0, |state| f64::from(state.light.intensity))
         }
-        Quantity::PlanCount(options, what) => plan::count(looks, options, *what, at)? as f64,
+        Quantity::PlanCount(options, what) => plan::count(snapshots, options, *what, at)? as f64,
         // These quantities depend on more than one moment: `series` computes them.
         Quantity::Count(_) | Quantity::Slide(_) => f64::NAN,
     })
 }
 
-pub(crate) fn target_at(looks: &mut Looks, target: &Target, time: Time) -> Result<DVec3, Unjudged> {
+pub(crate) fn target_at(
+    snapshots: &mut SnapshotCache,
+    target: &Target,
+    time: Time,
+) -> Result<DVec3, Unjudged> {
     match *target {
         Target::Point(point) => Ok(point),
         Target::Joint { actor, joint } => {
-            Ok(looks.attachment(&Attachment { actor, joint: Some(joint) }, time)?.translation)
+            Ok(snapshots.attachment(&Attachment { actor, joint: Some(joint) }, time)?.translation)
         }
         Target::Actor(actor) => {
-            let middle = looks.stage.actors.get(actor).map(|a| a.asset.rest_bounds().center().as_dvec3());
-            let world_from_model = looks.attachment(&Attachment { actor, joint: None }, time)?;
+            let middle = snapshots.stage.actors.get(actor).map(|a| a.asset.rest_bounds().center().as_dvec3());
+            let world_from_model = snapshots.attachment(&Attachment { actor, joint: None }, time)?;
             Ok(middle.map_or(DVec3::NAN, |m| world_from_model.transform_point3(m)))
         }
     }
@@ -229,22 +239,27 @@ fn clip_time(actor: &Actor, clip: &str, time: Time) -> f64 {
     best.map_or(f64::NAN, |(_, at)| at.as_secs())
 }
 
-pub fn judge(looks: &mut Looks, e: &Expectation, quantity: &Quantity, test: &NumberTest) -> Judged {
+pub fn judge(
+    snapshots: &mut SnapshotCache,
+    e: &Expectation,
+    quantity: &Quantity,
+    test: &NumberTest,
+) -> Judged {
     let unit = unit(quantity);
-    let label = label(looks, quantity);
-    let judged = series(looks, e, quantity).and_then(|series| {
-        let band = band(looks, &series, test, unit)?;
+    let label = label(snapshots, quantity);
+    let judged = series(snapshots, e, quantity).and_then(|series| {
+        let band = band(snapshots, &series, test, unit)?;
         Ok((series, band))
     });
     match judged {
         Ok((series, band)) => {
             let mut judged = judge_band(&series, &band, e, &label, unit);
             if !judged.passed && !matches!(quantity, Quantity::Count(_)) {
-                around(looks, e, quantity, &mut judged);
+                add_neighborhood_to_trace(snapshots, e, quantity, &mut judged);
             }
             let unknown = series.values.iter().position(|v| v.is_nan());
             if let (Some(i), Some(vector)) = (unknown, vector_of(quantity)) {
-                let why = vector::why_unknown(looks, vector, series.times[i]);
+                let why = vector::why_unknown(snapshots, vector, series.times[i]);
                 judged.hint = why.unwrap_or_else(|why| why.to_string());
             }
             judged
@@ -266,11 +281,16 @@ fn vector_of(quantity: &Quantity) -> Option<&VectorQuantity> {
 }
 
 /// Adds the values within half a second around a failure at a single time to its trace.
-fn around(looks: &mut Looks, e: &Expectation, quantity: &Quantity, judged: &mut Judged) {
+fn add_neighborhood_to_trace(
+    snapshots: &mut SnapshotCache,
+    e: &Expectation,
+    quantity: &Quantity,
+    judged: &mut Judged,
+) {
     let (When::At(time), [trace]) = (e.when, &mut judged.traces[..]) else { return };
     let half = Time::from_secs(0.5);
     let wide = Expectation { when: When::During(time - half, time + half), ..e.clone() };
-    let Ok(series) = series(looks, &wide, quantity) else { return };
+    let Ok(series) = series(snapshots, &wide, quantity) else { return };
     for (t, value) in series.times.iter().zip(series.values) {
         let at = trace.times.partition_point(|known| *known < t.as_secs());
         if trace.times.get(at) == Some(&t.as_secs()) {
@@ -285,7 +305,7 @@ fn around(looks: &mut Looks, e: &Expectation, quantity: &Quantity, judged: &mut 
     }
 }
 
-fn band(looks: &Looks, series: &Series, test: &NumberTest, unit: &str) -> Result<Band, Unjudged> {
+fn band(snapshots: &SnapshotCache, series: &Series, test: &NumberTest, unit: &str) -> Result<Band, Unjudged> {
     let n = series.times.len();
     let plain = |low: f64, high: f64, words: String| Band {
         allowed: vec![[low, high]; n],
@@ -310,7 +330,7 @@ fn band(looks: &Looks, series: &Series, test: &NumberTest, unit: &str) -> Result
                 NumberGoal::Number(goal) => vec![*goal; n],
                 NumberGoal::Formula(formula) => {
                     let one = |t: &Time| {
-                        looks.go_on()?;
+                        snapshots.check_deadline()?;
                         let v = formula.at(*t).map_err(Unjudged::Formula)?;
                         Ok(v.first().copied().unwrap_or(f64::NAN))
                     };

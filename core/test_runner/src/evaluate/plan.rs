@@ -1,6 +1,6 @@
 //! Counts of elements of the stage, and of the parts of a planned frame.
 
-use super::looks::Looks;
+use super::snapshot_cache::SnapshotCache;
 use super::unjudged::Unjudged;
 use choreo_asset::{Asset, Topology};
 use choreo_motion::Time;
@@ -10,14 +10,14 @@ use choreo_render::{Plan, PlanOptions as RenderOptions};
 use choreo_script::testing::{Count, PlanCount, PlanOptions};
 use std::sync::Arc;
 
-pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan, Unjudged> {
-    let resources = looks.resources();
-    let stage = looks.stage.clone();
+pub fn make(snapshots: &mut SnapshotCache, options: &PlanOptions, time: Time) -> Result<Plan, Unjudged> {
+    let resources = snapshots.resources();
+    let stage = snapshots.stage.clone();
     let size = options.size.unwrap_or(stage.settings.size);
     let samples = options.samples.or(stage.settings.samples).unwrap_or(4);
-    let effects = looks.registry.effects().to_vec();
+    let effects = snapshots.registry.effects().to_vec();
     let options = RenderOptions { effects: &effects, ..RenderOptions::new(size, samples) };
-    let at = |time| looks.at(time).map(|snapshot| (*snapshot).clone());
+    let at = |time| snapshots.at(time).map(|snapshot| (*snapshot).clone());
     let (_, mut plan) = plan_with(&resources, &stage, time, &options, at)?;
     // Counts refer to one image of one camera: sub-frames, earlier frames and dissolves are left out.
     (plan.subframes, plan.history, plan.dissolve) = (Vec::new(), Vec::new(), None);
@@ -28,13 +28,13 @@ pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan
 }
 
 pub fn count(
-    looks: &mut Looks,
+    snapshots: &mut SnapshotCache,
     options: &PlanOptions,
     what: PlanCount,
     time: Time,
 ) -> Result<usize, Unjudged> {
-    let plan = make(looks, options, time)?;
-    let resources = looks.resources();
+    let plan = make(snapshots, options, time)?;
+    let resources = snapshots.resources();
     let triangles = |primitive: u32| {
         let primitive = resources.primitives[primitive as usize].primitive();
         match primitive.topology {
@@ -60,8 +60,8 @@ pub fn count(
     })
 }
 
-pub(crate) fn count_stage(looks: &Looks, what: Count) -> usize {
-    let stage = &looks.stage;
+pub(crate) fn count_stage(snapshots: &SnapshotCache, what: Count) -> usize {
+    let stage = &snapshots.stage;
     let of_actors = |count: fn(&Asset) -> usize| stage.actors.iter().map(|a| count(&a.asset)).sum();
     match what {
         Count::Actors => stage.actors.len(),

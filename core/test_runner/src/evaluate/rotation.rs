@@ -2,7 +2,7 @@
 
 use super::Judged;
 use super::band::{Band, Series, judge_band};
-use super::looks::{Looks, angle_deg, rotation_of};
+use super::snapshot_cache::{SnapshotCache, angle_deg, rotation_of};
 use super::unjudged::Unjudged;
 use super::vector::name;
 use super::words::{self, times_tolerance, with_unit};
@@ -10,21 +10,21 @@ use choreo_motion::Time;
 use choreo_script::testing::{Expectation, RotationGoal, RotationQuantity};
 use glam::{DQuat, EulerRot};
 
-pub fn label(looks: &Looks, quantity: &RotationQuantity) -> String {
+pub fn label(snapshots: &SnapshotCache, quantity: &RotationQuantity) -> String {
     let RotationQuantity::Of(subject, _) = quantity;
-    format!("{} rotation", name(looks, *subject))
+    format!("{} rotation", name(snapshots, *subject))
 }
 
-pub fn at(looks: &mut Looks, quantity: &RotationQuantity, time: Time) -> Result<DQuat, Unjudged> {
+pub fn at(snapshots: &mut SnapshotCache, quantity: &RotationQuantity, time: Time) -> Result<DQuat, Unjudged> {
     let RotationQuantity::Of(subject, relative_to) = quantity;
-    let world = looks.world_from(*subject, time)?;
+    let world = snapshots.world_from(*subject, time)?;
     if world.translation.is_nan() {
         return Ok(DQuat::from_xyzw(f64::NAN, f64::NAN, f64::NAN, f64::NAN));
     }
     let rotation = rotation_of(&world.matrix3);
     Ok(match relative_to {
         None => rotation,
-        Some(to) => rotation_of(&looks.attachment(to, time)?.matrix3).conjugate() * rotation,
+        Some(to) => rotation_of(&snapshots.attachment(to, time)?.matrix3).conjugate() * rotation,
     })
 }
 
@@ -45,36 +45,36 @@ fn shown(q: DQuat) -> String {
 }
 
 pub fn judge(
-    looks: &mut Looks,
+    snapshots: &mut SnapshotCache,
     e: &Expectation,
     quantity: &RotationQuantity,
     goal: &RotationGoal,
     tolerance_deg: f64,
 ) -> Judged {
-    let label = label(looks, quantity);
-    match try_judge(looks, e, quantity, goal, tolerance_deg, &label) {
+    let label = label(snapshots, quantity);
+    match try_judge(snapshots, e, quantity, goal, tolerance_deg, &label) {
         Ok(judged) => judged,
         Err(why) => Judged::impossible(format!("{label} to be known"), why),
     }
 }
 
 fn try_judge(
-    looks: &mut Looks,
+    snapshots: &mut SnapshotCache,
     e: &Expectation,
     quantity: &RotationQuantity,
     goal: &RotationGoal,
     tolerance_deg: f64,
     label: &str,
 ) -> Result<Judged, Unjudged> {
-    let times = looks.times_and_ends(e)?;
+    let times = snapshots.times_and_ends(e)?;
     let (mut got, mut goals) = (Vec::new(), Vec::new());
     for time in &times {
-        got.push(at(looks, quantity, *time)?);
+        got.push(at(snapshots, quantity, *time)?);
         goals.push(match goal {
             RotationGoal::Rotation(q) => *q,
             RotationGoal::Subject(other) => {
                 let RotationQuantity::Of(_, relative_to) = quantity;
-                at(looks, &RotationQuantity::Of(*other, *relative_to), *time)?
+                at(snapshots, &RotationQuantity::Of(*other, *relative_to), *time)?
             }
             RotationGoal::Formula(formula) => {
                 let v = formula.at(*time).map_err(Unjudged::Formula)?;

@@ -1,14 +1,14 @@
 //! Bitwise comparison of stages, snapshots and poses.
 
-use super::looks::Looks;
+use super::snapshot_cache::SnapshotCache;
 use super::unjudged::Unjudged;
 use super::{Judged, words};
 use choreo_motion::Time;
 use choreo_script::testing::{Expectation, SameOther, SameWhat, When};
 use choreo_stage::{ActorState, Snapshot, Stage};
 
-pub fn judge(looks: &mut [Looks], e: &Expectation, what: SameWhat, other: SameOther) -> Judged {
-    let differs = match find(looks, e, what, other) {
+pub fn judge(snapshots: &mut [SnapshotCache], e: &Expectation, what: SameWhat, other: SameOther) -> Judged {
+    let differs = match find(snapshots, e, what, other) {
         Ok(differs) => differs,
         Err(why) => return Judged::impossible("something to compare", why),
     };
@@ -22,25 +22,26 @@ pub fn judge(looks: &mut [Looks], e: &Expectation, what: SameWhat, other: SameOt
 
 /// Description of the first difference.
 fn find(
-    looks: &mut [Looks],
+    snapshots: &mut [SnapshotCache],
     e: &Expectation,
     what: SameWhat,
     other: SameOther,
 ) -> Result<Option<String>, Unjudged> {
     if let (SameWhat::Stage, SameOther::Stage(other), When::Always) = (what, other, e.when) {
-        let (a, b) = (&looks[e.stage].stage, &looks.get(other).ok_or(Unjudged::Missing("stage"))?.stage);
+        let (a, b) =
+            (&snapshots[e.stage].stage, &snapshots.get(other).ok_or(Unjudged::Missing("stage"))?.stage);
         return Ok((a.content_hash() != b.content_hash()).then(|| stages(a, b)));
     }
-    for time in looks[e.stage].times_and_ends(e)? {
-        let a = looks[e.stage].at(time)?;
+    for time in snapshots[e.stage].times_and_ends(e)? {
+        let a = snapshots[e.stage].at(time)?;
         let (b, other_time) = match other {
-            SameOther::Time(at) => (looks[e.stage].at(at)?, at),
+            SameOther::Time(at) => (snapshots[e.stage].at(at)?, at),
             SameOther::Stage(stage) => {
-                (looks.get_mut(stage).ok_or(Unjudged::Missing("stage"))?.at(time)?, time)
+                (snapshots.get_mut(stage).ok_or(Unjudged::Missing("stage"))?.at(time)?, time)
             }
             SameOther::Actor(_) => (a.clone(), time),
         };
-        let stage = &looks[e.stage].stage;
+        let stage = &snapshots[e.stage].stage;
         let differs = match (what, other) {
             (SameWhat::Pose(actor), other) => {
                 let other = if let SameOther::Actor(other) = other { other } else { actor };
@@ -52,7 +53,7 @@ fn find(
                 }
                 poses(stage, actor, a, b)
             }
-            (SameWhat::Stage, _) => snapshots(stage, &a, &b),
+            (SameWhat::Stage, _) => snapshot_difference(stage, &a, &b),
         };
         if let Some(how) = differs {
             let when = match other_time == time {
@@ -101,7 +102,7 @@ fn poses(stage: &Stage, actor: usize, a: &ActorState, b: &ActorState) -> Option<
     differ.then(|| format!("{} differs in joints or morph weights", of.name))
 }
 
-fn snapshots(stage: &Stage, a: &Snapshot, b: &Snapshot) -> Option<String> {
+fn snapshot_difference(stage: &Stage, a: &Snapshot, b: &Snapshot) -> Option<String> {
     // The times of the snapshots may differ.
     let timeless = |s: &Snapshot| Snapshot { time: Time::ZERO, ..s.clone() }.content_hash();
     if timeless(a) == timeless(b) {

@@ -1,6 +1,6 @@
 //! Judges lines of text: warnings, printed lines, parts left out of a plan, effects.
 
-use super::looks::Looks;
+use super::snapshot_cache::SnapshotCache;
 use super::unjudged::Unjudged;
 use super::words::like;
 use super::{Judged, plan, words};
@@ -30,12 +30,12 @@ pub fn warnings(stage: &Stage) -> Vec<String> {
 
 pub fn judge(
     run: &SectionRun,
-    looks: &mut Looks,
+    snapshots: &mut SnapshotCache,
     e: &Expectation,
     texts: TextsQuantity,
     test: &TextsTest,
 ) -> Judged {
-    match try_judge(run, looks, e, texts, test) {
+    match try_judge(run, snapshots, e, texts, test) {
         Ok(judged) => judged,
         Err(why) => Judged::impossible("lines to check", why),
     }
@@ -43,7 +43,7 @@ pub fn judge(
 
 fn try_judge(
     run: &SectionRun,
-    looks: &mut Looks,
+    snapshots: &mut SnapshotCache,
     e: &Expectation,
     texts: TextsQuantity,
     test: &TextsTest,
@@ -57,7 +57,7 @@ fn try_judge(
         return Ok(judged);
     }
     let timed = matches!(texts, TextsQuantity::LeftOut(_) | TextsQuantity::Effects);
-    let times = if timed { looks.times_and_ends(e)? } else { vec![Time::ZERO] };
+    let times = if timed { snapshots.times_and_ends(e)? } else { vec![Time::ZERO] };
     let what = match texts {
         TextsQuantity::Warnings => "warnings",
         TextsQuantity::Printed => "printed lines",
@@ -72,7 +72,7 @@ fn try_judge(
     };
     let expected = if e.negated { format!("not: {expected}") } else { expected };
     for time in &times {
-        let lines = lines(run, looks, e, texts, *time)?;
+        let lines = lines(run, snapshots, e, texts, *time)?;
         let holds = match test {
             TextsTest::Empty => lines.is_empty(),
             TextsTest::Contains(part) => lines.iter().any(|line| line.contains(part.as_str())),
@@ -107,22 +107,25 @@ fn short(lines: &[String]) -> String {
 
 fn lines(
     run: &SectionRun,
-    looks: &mut Looks,
+    snapshots: &mut SnapshotCache,
     e: &Expectation,
     texts: TextsQuantity,
     time: Time,
 ) -> Result<Vec<String>, Unjudged> {
     Ok(match texts {
-        TextsQuantity::Warnings => warnings(&looks.stage),
+        TextsQuantity::Warnings => warnings(&snapshots.stage),
         TextsQuantity::Printed if e.stage == 0 => run.printed.clone(),
         TextsQuantity::Printed => Vec::new(),
         TextsQuantity::LeftOut(options) => {
-            let plan = plan::make(looks, &options, time)?;
+            let plan = plan::make(snapshots, &options, time)?;
             plan.left_out.iter().map(|l| format!("{}: {}", l.what, l.why)).collect()
         }
         TextsQuantity::Effects => {
-            let on = looks.at(time)?.effects.clone();
-            on.iter().filter_map(|e| looks.stage.effects.get(e.effect)).map(|e| e.plugin.clone()).collect()
+            let on = snapshots.at(time)?.effects.clone();
+            on.iter()
+                .filter_map(|e| snapshots.stage.effects.get(e.effect))
+                .map(|e| e.plugin.clone())
+                .collect()
         }
     })
 }

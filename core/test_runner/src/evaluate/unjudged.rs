@@ -1,6 +1,6 @@
 //! Reasons for which an expectation cannot be judged.
 
-use super::looks::MOST;
+use super::snapshot_cache::MOST;
 use choreo_script::Diagnostic;
 use choreo_script::testing::TimeUsedUp;
 use choreo_stage::StageError;
@@ -22,12 +22,12 @@ pub(crate) enum Unjudged {
     )]
     TooLong(f64),
     #[error("this would take {0} samples, at most {MOST} are allowed: use .during or a longer .every")]
-    TooManyLooks(i64),
+    TooManySnapshots(i64),
     #[error(
         "the span holds {found} samples, {needed} are needed: make it longer, or sample more often with \
          .every(seconds)"
     )]
-    TooFewLooks { found: usize, needed: usize },
+    TooFewSnapshots { found: usize, needed: usize },
     #[error("{time} s is outside the stage, which lasts from 0 to {length} s")]
     OutsideStage { time: f64, length: f64 },
     #[error("a hidden actor has no pose, at {0}")]

@@ -1,8 +1,8 @@
 //! Judges points, directions and colors over time.
 
 use super::band::{Band, Series, judge_band};
-use super::looks::{Looks, rotation_of};
 use super::number::target_at;
+use super::snapshot_cache::{SnapshotCache, rotation_of};
 use super::unjudged::Unjudged;
 use super::words::{self, times_tolerance, with_unit};
 use super::{Judged, frame};
@@ -19,8 +19,8 @@ pub fn unit(quantity: &VectorQuantity) -> &'static str {
 }
 
 /// Name of a subject in messages: `anna`, `anna Head`, `camera wide`, `light 0`.
-pub fn name(looks: &Looks, subject: Subject) -> String {
-    let stage = &looks.stage;
+pub fn name(snapshots: &SnapshotCache, subject: Subject) -> String {
+    let stage = &snapshots.stage;
     match subject {
         Subject::Actor(actor) => stage.actors.get(actor).map_or("an actor".into(), |a| a.name.clone()),
         Subject::Joint { actor, joint } => match stage.actors.get(actor) {
@@ -37,7 +37,7 @@ pub fn name(looks: &Looks, subject: Subject) -> String {
     }
 }
 
-pub fn label(looks: &Looks, quantity: &VectorQuantity) -> String {
+pub fn label(snapshots: &SnapshotCache, quantity: &VectorQuantity) -> String {
     let (subject, what) = match quantity {
         VectorQuantity::Position(subject, _) => (*subject, ""),
         VectorQuantity::Scale(subject) => (*subject, " scale"),
@@ -47,65 +47,65 @@ pub fn label(looks: &Looks, quantity: &VectorQuantity) -> String {
         VectorQuantity::Size(actor) => (Subject::Actor(*actor), " size"),
         VectorQuantity::InPicture(subject, _) => (*subject, " in the image"),
     };
-    format!("{}{what}", name(looks, subject))
+    format!("{}{what}", name(snapshots, subject))
 }
 
-pub fn at(looks: &mut Looks, quantity: &VectorQuantity, time: Time) -> Result<DVec3, Unjudged> {
+pub fn at(snapshots: &mut SnapshotCache, quantity: &VectorQuantity, time: Time) -> Result<DVec3, Unjudged> {
     Ok(match quantity {
         VectorQuantity::Position(subject, relative_to) => {
-            let place = looks.world_from(*subject, time)?.translation;
+            let place = snapshots.world_from(*subject, time)?.translation;
             match relative_to {
                 None => place,
-                Some(to) => looks.attachment(to, time)?.inverse().transform_point3(place),
+                Some(to) => snapshots.attachment(to, time)?.inverse().transform_point3(place),
             }
         }
         VectorQuantity::Scale(subject) => {
-            let m = looks.world_from(*subject, time)?.matrix3;
+            let m = snapshots.world_from(*subject, time)?.matrix3;
             DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
         }
         VectorQuantity::Direction(subject) => {
-            let rotation = rotation_of(&looks.world_from(*subject, time)?.matrix3);
+            let rotation = rotation_of(&snapshots.world_from(*subject, time)?.matrix3);
             rotation
                 * match subject {
                     Subject::Camera(_) | Subject::Light(_) => DVec3::NEG_Z,
                     Subject::Actor(actor) => {
-                        let actor = looks.stage.actors.get(*actor);
+                        let actor = snapshots.stage.actors.get(*actor);
                         actor.map_or(DVec3::Z, |actor| actor.asset.front().rotation() * DVec3::Z)
                     }
                     Subject::Joint { .. } => DVec3::Z,
                 }
         }
-        VectorQuantity::Tint(actor) => match looks.at(time)?.actors.get(*actor) {
+        VectorQuantity::Tint(actor) => match snapshots.at(time)?.actors.get(*actor) {
             Some(state) => state.tint.truncate().as_dvec3(),
             None => DVec3::NAN,
         },
         VectorQuantity::LightColor(light) => {
-            looks.light(*light, time)?.map_or(DVec3::NAN, |state| state.light.color.as_dvec3())
+            snapshots.light(*light, time)?.map_or(DVec3::NAN, |state| state.light.color.as_dvec3())
         }
         VectorQuantity::Size(actor) => {
-            let (min, max) = frame::bounds(looks, *actor, time)?;
+            let (min, max) = frame::bounds(snapshots, *actor, time)?;
             max - min
         }
         VectorQuantity::InPicture(subject, camera) => {
-            if is_own_camera(looks, *subject, *camera, time)? {
+            if is_own_camera(snapshots, *subject, *camera, time)? {
                 return Ok(DVec3::NAN);
             }
-            let place = looks.world_from(*subject, time)?.translation;
-            frame::Lens::new(looks, *camera, time)?.project(place)
+            let place = snapshots.world_from(*subject, time)?.translation;
+            frame::Lens::new(snapshots, *camera, time)?.project(place)
         }
     })
 }
 
 /// Whether a subject is the camera that takes the image: rounding alone would determine its position there. `None`: the active camera.
 fn is_own_camera(
-    looks: &mut Looks,
+    snapshots: &mut SnapshotCache,
     subject: Subject,
     camera: Option<usize>,
     time: Time,
 ) -> Result<bool, Unjudged> {
     let Subject::Camera(own) = subject else { return Ok(false) };
     let takes = match camera {
-        None => looks.at(time)?.camera.camera,
+        None => snapshots.at(time)?.camera.camera,
         given => given,
     };
     Ok(takes == Some(own))
@@ -113,55 +113,60 @@ fn is_own_camera(
 
 /// Reason why a quantity has no value at a time.
 pub(crate) fn why_unknown(
-    looks: &mut Looks,
+    snapshots: &mut SnapshotCache,
     quantity: &VectorQuantity,
     time: Time,
 ) -> Result<String, Unjudged> {
     if let VectorQuantity::InPicture(subject, camera) = quantity {
-        if is_own_camera(looks, *subject, *camera, time)? {
+        if is_own_camera(snapshots, *subject, *camera, time)? {
             return Ok(format!(
                 "{} is the camera of this image, so it has no position in it; name another camera: \
                  in_picture(camera)",
-                name(looks, *subject)
+                name(snapshots, *subject)
             ));
         }
-        if looks.world_from(*subject, time)?.translation.is_finite() {
+        if snapshots.world_from(*subject, time)?.translation.is_finite() {
             return Ok("it is behind the camera then".into());
         }
     }
     Ok("it is hidden then, or does not shine".into())
 }
 
-pub fn judge(looks: &mut Looks, e: &Expectation, quantity: &VectorQuantity, test: &VectorTest) -> Judged {
-    let label = label(looks, quantity);
-    match try_judge(looks, e, quantity, test, &label) {
+pub fn judge(
+    snapshots: &mut SnapshotCache,
+    e: &Expectation,
+    quantity: &VectorQuantity,
+    test: &VectorTest,
+) -> Judged {
+    let label = label(snapshots, quantity);
+    match try_judge(snapshots, e, quantity, test, &label) {
         Ok(judged) => judged,
         Err(why) => Judged::impossible(format!("{label} to be known"), why),
     }
 }
 
 fn try_judge(
-    looks: &mut Looks,
+    snapshots: &mut SnapshotCache,
     e: &Expectation,
     quantity: &VectorQuantity,
     test: &VectorTest,
     label: &str,
 ) -> Result<Judged, Unjudged> {
     let unit = unit(quantity);
-    let times = looks.times_and_ends(e)?;
-    let got = points(looks, quantity, &times)?;
+    let times = snapshots.times_and_ends(e)?;
+    let got = points(snapshots, quantity, &times)?;
     // Components that the traces show together with their expected values.
     let (offs, goals, tolerance, expected): (Vec<f64>, Vec<[DVec3; 2]>, f64, String) = match test {
         VectorTest::Near { goal, tolerance } => {
             let goals = times
                 .iter()
-                .map(|t| goal_at(looks, quantity, goal, *t))
+                .map(|t| goal_at(snapshots, quantity, goal, *t))
                 .collect::<Result<Vec<DVec3>, Unjudged>>()?;
             let off = got.iter().zip(&goals).map(|(g, goal)| g.distance(*goal)).collect();
             let shown = match goal {
                 VectorGoal::Point(point) => words::point(*point),
                 VectorGoal::Formula(_) => "the function".into(),
-                VectorGoal::Subject(subject) => name(looks, *subject),
+                VectorGoal::Subject(subject) => name(snapshots, *subject),
                 VectorGoal::Target(_) => "its target".into(),
             };
             let expected = format!("{shown} ± {}", with_unit(*tolerance, unit));
@@ -204,27 +209,32 @@ fn try_judge(
         judged.by = format!("{}{}", with_unit(off, unit), times_tolerance(off, tolerance));
     }
     if !judged.passed {
-        judged.traces = traces(looks, e, quantity, &distances.times, &got, &goals, tolerance, label, worst);
+        judged.traces =
+            traces(snapshots, e, quantity, &distances.times, &got, &goals, tolerance, label, worst);
         if got[i].is_nan() {
-            judged.hint = why_unknown(looks, quantity, distances.times[i])?;
+            judged.hint = why_unknown(snapshots, quantity, distances.times[i])?;
         }
     }
     Ok(judged)
 }
 
-fn points(looks: &mut Looks, quantity: &VectorQuantity, times: &[Time]) -> Result<Vec<DVec3>, Unjudged> {
-    times.iter().map(|t| at(looks, quantity, *t)).collect()
+fn points(
+    snapshots: &mut SnapshotCache,
+    quantity: &VectorQuantity,
+    times: &[Time],
+) -> Result<Vec<DVec3>, Unjudged> {
+    times.iter().map(|t| at(snapshots, quantity, *t)).collect()
 }
 
 fn goal_at(
-    looks: &mut Looks,
+    snapshots: &mut SnapshotCache,
     quantity: &VectorQuantity,
     goal: &VectorGoal,
     time: Time,
 ) -> Result<DVec3, Unjudged> {
     match goal {
         VectorGoal::Point(point) => Ok(*point),
-        VectorGoal::Target(target) => target_at(looks, target, time),
+        VectorGoal::Target(target) => target_at(snapshots, target, time),
         // The same quantity of the other subject, or its position if it does not have that quantity.
         VectorGoal::Subject(other) => {
             let same = match quantity {
@@ -240,7 +250,7 @@ fn goal_at(
                     VectorQuantity::Position(*other, None)
                 }
             };
-            at(looks, &same, time)
+            at(snapshots, &same, time)
         }
         VectorGoal::Formula(formula) => {
             let v = formula.at(time).map_err(Unjudged::Formula)?;
@@ -255,7 +265,7 @@ fn goal_at(
 /// Plots of the components x, y and z, each with its allowed range where it has one.
 #[allow(clippy::too_many_arguments, reason = "one call, and each is its own thing")]
 fn traces(
-    looks: &mut Looks,
+    snapshots: &mut SnapshotCache,
     e: &Expectation,
     quantity: &VectorQuantity,
     times: &[Time],
@@ -270,8 +280,8 @@ fn traces(
     let (mut all, mut points_of, mut allowed) = (times.to_vec(), got.to_vec(), goals.to_vec());
     if let When::At(time) = e.when {
         let wide = Expectation { when: When::During(time - half, time + half), ..e.clone() };
-        if let Ok(around) = looks.times(&wide)
-            && let Ok(near) = points(looks, quantity, &around)
+        if let Ok(around) = snapshots.times(&wide)
+            && let Ok(near) = points(snapshots, quantity, &around)
         {
             for (t, point) in around.into_iter().zip(near) {
                 let i = all.partition_point(|known| *known < t);

@@ -63,7 +63,7 @@ fn plot(trace: &Trace) -> String {
         return String::new();
     }
     let axes = Axes { times: range(&times, 0.0), values: range(&values, 0.08) };
-    let keep = kept(trace, count);
+    let keep = drawn_points(trace, count);
     let unit = if trace.unit.is_empty() { String::new() } else { format!(", {}", trace.unit) };
     let mut svg = format!(
         "<figure class=\"trace\"><figcaption>{}{}</figcaption><svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{}\">",
@@ -171,7 +171,7 @@ impl Axes {
 }
 
 /// Indices of the points that are drawn: all points of a short curve, or the lowest and highest in each short range of a long one.
-fn kept(trace: &Trace, count: usize) -> Vec<usize> {
+fn drawn_points(trace: &Trace, count: usize) -> Vec<usize> {
     if count <= MOST_POINTS {
         return (0..count).collect();
     }
@@ -264,7 +264,7 @@ mod tests {
             ..Trace::default()
         };
         trace.got[77_777] = 5.0;
-        let keep = kept(&trace, count as usize);
+        let keep = drawn_points(&trace, count as usize);
         assert!(keep.len() <= MOST_POINTS + 4 && keep.contains(&77_777), "{}", keep.len());
     }
 }

@@ -29,7 +29,7 @@ pub fn failure(outcome: &Outcome) -> String {
     }
     let failed = || outcome.checks.iter().filter(|c| !c.passed);
     for check in failed().take(MOST_CHECKS) {
-        one(&mut text, check);
+        write_check(&mut text, check);
     }
     let more = failed().count().saturating_sub(MOST_CHECKS);
     if more > 0 {
@@ -45,7 +45,7 @@ pub fn failure(outcome: &Outcome) -> String {
     printable(&text)
 }
 
-fn one(text: &mut String, check: &Check) {
+fn write_check(text: &mut String, check: &Check) {
     let _ = writeln!(text, "  {}: {}", check.place, check.title);
     let mut row = |name: &str, value: &str| {
         if !value.is_empty() {

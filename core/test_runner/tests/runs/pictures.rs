@@ -8,7 +8,7 @@ use choreo_render::Renderer;
 use choreo_script::testing::ImageExpectation;
 use choreo_script::{ScriptOptions, run_text};
 use choreo_stage::Stage;
-use choreo_test_runner::images::{Accept, ImageOptions, Judged, Whose, judge};
+use choreo_test_runner::images::{Accept, ImageOptions, Judged, SectionRef, judge};
 use choreo_test_runner::painter::{Device, Painter, device_class};
 use choreo_test_runner::stored::{self, Unreadable};
 use choreo_test_runner::{Check, Evidence, Pictures, SourceLocation};
@@ -61,8 +61,8 @@ impl Bench {
     fn judged(&mut self) -> Judged {
         let path = self.folder.path().join("walk.rhai");
         let place = SourceLocation { file: "walk.rhai".into(), line: 7, column: 5 };
-        let whose = Whose { path: &path, file: "tests/walk.rhai", section: "it goes", place };
-        judge(&self.wanted, &self.stage, &whose, &mut self.painter, &self.options)
+        let section_ref = SectionRef { path: &path, file: "tests/walk.rhai", section: "it goes", place };
+        judge(&self.wanted, &self.stage, &section_ref, &mut self.painter, &self.options)
     }
 
     fn check(&mut self) -> Check {

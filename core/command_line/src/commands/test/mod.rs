@@ -1,6 +1,6 @@
 //! `choreo test`: runs sections of scripts as tests, and reports the results on the terminal and in files.
 
-mod tell;
+mod progress;
 mod watch;
 
 use crate::args::values;
@@ -227,9 +227,9 @@ fn without_thread(report: &Report) -> bool {
 fn once(args: &TestArgs, job: &Job, cases: &[Case], registry: &Registry) -> Result<Report, Failure> {
     let inputs = Inputs::new(cases.iter().map(|case| case.path.clone()));
     [&args.junit, &args.html].into_iter().flatten().try_for_each(|path| inputs.refuse(path))?;
-    let mut teller = tell::Teller::new(args, cases);
-    let report = run_cases(cases, registry, &job.options, &mut |outcome| teller.tell(outcome));
-    teller.finish(&report)?;
+    let mut reporter = progress::ProgressReporter::new(args, cases);
+    let report = run_cases(cases, registry, &job.options, &mut |outcome| reporter.report(outcome));
+    reporter.finish(&report)?;
     if let Accept::Named(names) = &job.options.pictures.accept
         && let Some(name) = names.iter().find(|n| !report.pictures.contains(*n))
     {

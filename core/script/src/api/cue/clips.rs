@@ -1,6 +1,6 @@
 //! Binds clips to the skeleton of an actor.
 
-use crate::build::Bound;
+use crate::build::BoundClip;
 use crate::call::{ApiError, Call};
 use crate::value::ClipRef;
 use choreo_asset::Asset;
@@ -17,7 +17,7 @@ pub(crate) fn bound_clip(c: &Call, i: usize, asset: &Arc<Asset>) -> Result<Arc<C
 
 /// A clip bound to the joints of `asset`.
 pub(crate) fn bound(c: &Call, given: &ClipRef, asset: &Arc<Asset>) -> Result<Arc<Clip>, ApiError> {
-    c.build().used(&given.asset);
+    c.build().mark_used(&given.asset);
     if Arc::ptr_eq(&given.asset, asset) {
         return Ok(given.clip.clone());
     }
@@ -29,6 +29,6 @@ pub(crate) fn bound(c: &Call, given: &ClipRef, asset: &Arc<Asset>) -> Result<Arc
     let bound = Arc::new(bound);
     c.build()
         .bound
-        .insert(key, Bound { clip: bound.clone(), _from: given.clip.clone(), _onto: asset.clone() });
+        .insert(key, BoundClip { clip: bound.clone(), _from: given.clip.clone(), _onto: asset.clone() });
     Ok(bound)
 }

@@ -20,7 +20,7 @@ fn change(c: &Call, change: impl FnOnce(&mut Chain) -> Result<(), ApiError>) -> 
     let mut build = c.build();
     let chain = build.cue(this.0)?.chain;
     change(&mut build.chains[chain])?;
-    c.itself()
+    c.receiver()
 }
 
 pub fn on(c: &mut Call) -> Reply {
@@ -86,7 +86,7 @@ pub fn reference(c: &Call, clip: &Clip) -> Result<Reference, ApiError> {
 }
 
 pub(crate) fn layer_weight(c: &mut Call) -> Reply {
-    let how = keys::given_how(c, 1)?;
+    let how = keys::read_interpolation(c, 1)?;
     let within = |v: &Dynamic, label: &str| crate::call::number_in(v, label, 0.0, 1.0);
     let value = c.value(0);
     let weights = match value.is_array() {
@@ -158,7 +158,7 @@ fn patterns_of(value: &Dynamic, label: &str) -> Result<Vec<(String, f32)>, ApiEr
 
 /// Specificity of a joint pattern, ascending. The most specific of the patterns that match a joint counts.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
-enum Closeness {
+enum PatternSpecificity {
     Letters,
     /// A joint and all below it, with the depth of that joint in the skeleton.
     Below(usize),
@@ -169,7 +169,7 @@ enum Closeness {
 /// specific ones.
 fn mask(asset: &Asset, patterns: &[(String, f32)]) -> Result<Vec<f32>, ApiError> {
     let skeleton = &asset.skeleton;
-    let mut best: Vec<Option<(Closeness, f32)>> = vec![None; skeleton.len()];
+    let mut best: Vec<Option<(PatternSpecificity, f32)>> = vec![None; skeleton.len()];
     let mut depths: Vec<usize> = Vec::with_capacity(skeleton.len());
     for parent in skeleton.parents() {
         depths.push(parent.map_or(0, |p| depths[p as usize] + 1));
@@ -179,10 +179,11 @@ fn mask(asset: &Asset, patterns: &[(String, f32)]) -> Result<Vec<f32>, ApiError>
             Some(name) => (name, true),
             None => (pattern.as_str(), false),
         };
-        let mut hit: Vec<Option<Closeness>> = vec![None; skeleton.len()];
+        let mut hit: Vec<Option<PatternSpecificity>> = vec![None; skeleton.len()];
         if name.contains('*') {
             for (joint, given) in skeleton.names().iter().enumerate() {
-                hit[joint] = matches(name.as_bytes(), given.as_bytes()).then_some(Closeness::Letters);
+                hit[joint] =
+                    matches(name.as_bytes(), given.as_bytes()).then_some(PatternSpecificity::Letters);
             }
             if hit.iter().all(Option::is_none) {
                 return Err(ApiError::new(format!(
@@ -195,7 +196,11 @@ fn mask(asset: &Asset, patterns: &[(String, f32)]) -> Result<Vec<f32>, ApiError>
         } else {
             let joint =
                 crate::api::joint_names::find_joint(asset, name).map_err(|e| e.focus(pattern.clone()))?;
-            let closeness = if below { Closeness::Below(depths[joint as usize]) } else { Closeness::Name };
+            let closeness = if below {
+                PatternSpecificity::Below(depths[joint as usize])
+            } else {
+                PatternSpecificity::Name
+            };
             hit[joint as usize] = Some(closeness);
         }
         if below {

@@ -5,7 +5,7 @@ pub(crate) mod layer;
 mod options;
 mod times;
 
-use crate::build::{CueDraft, room};
+use crate::build::{CueDraft, check_limit};
 use crate::call::{ApiError, Call, Reply, api};
 use crate::value::CueRef;
 use choreo_stage::{Property, Repeat, TimeRemapping};
@@ -75,7 +75,7 @@ api! {
 fn change(c: &Call, change: impl FnOnce(&mut CueDraft) -> Result<(), ApiError>) -> Reply {
     let this: CueRef = c.this()?;
     change(c.build().cue(this.0)?)?;
-    c.itself()
+    c.receiver()
 }
 
 fn then(c: &mut Call) -> Reply {
@@ -87,7 +87,7 @@ fn then(c: &mut Call) -> Reply {
     };
     let asset = c.build().actor(actor)?.actor.asset.clone();
     let clip = bound_clip(c, 0, &asset)?;
-    room(c.build().cues.len(), "cues", &c.shared.limits)?;
+    check_limit(c.build().cues.len(), "cues", &c.shared.limits)?;
     let origin = c.build().offset;
     let mut cue = CueDraft { origin, after: Some(this.0), ..CueDraft::new(chain, clip, c.place.clone()) };
     read_options(c, 1, &mut cue)?;
@@ -108,7 +108,7 @@ fn then(c: &mut Call) -> Reply {
 }
 
 fn clip_time(c: &mut Call) -> Reply {
-    let how = super::keys::given_how(c, 1)?;
+    let how = super::keys::read_interpolation(c, 1)?;
     change_copy(c, |cue| {
         let end = cue.cue.clip.duration.as_secs();
         let within = |v: &Dynamic, label: &str| crate::call::number_in(v, label, -1e6, 1e6);

@@ -4,7 +4,7 @@ use crate::api::easing::ease_of;
 use crate::api::keys;
 use crate::build::CueDraft;
 use crate::call::{ApiError, Call, Function, Reply, number, number_in, numbers, wrong};
-use crate::def::{Def, Gives};
+use crate::def::{Def, ResultType};
 use crate::value::{CueRef, HandleKind};
 use choreo_motion::Time;
 use choreo_stage::{Channel, Property, Repeat, SpeedCurve, TimeRemapping};
@@ -14,18 +14,18 @@ use std::sync::Arc;
 /// An option of `play` and `then`.
 struct CueOption {
     pub name: &'static str,
-    set: fn(&Call, &mut CueDraft, &Given) -> Result<(), ApiError>,
+    set: fn(&Call, &mut CueDraft, &CueOptionValue) -> Result<(), ApiError>,
 }
 
 /// The value of an option, or the argument of the method of the same name.
-struct Given {
+struct CueOptionValue {
     value: Dynamic,
     label: String,
     /// The interpolation, where the value is an array of keyframes.
-    how: keys::Given,
+    how: keys::KeyInterpolation,
 }
 
-impl Given {
+impl CueOptionValue {
     fn duration(&self) -> Result<Time, ApiError> {
         crate::call::duration(&self.value, &self.label)
     }
@@ -46,7 +46,7 @@ macro_rules! options {
                 on: HandleKind::Cue,
                 name: stringify!($name),
                 args: $args,
-                gives: Gives::Itself,
+                returns: ResultType::Receiver,
                 doc: &[$($doc),+],
                 options: None,
                 frame: false,
@@ -132,7 +132,11 @@ pub(crate) fn read_options(c: &Call, i: usize, cue: &mut CueDraft) -> Result<(),
     let o = c.options(i, &names)?;
     for option in OPTIONS {
         if let Some(value) = o.get(option.name) {
-            (option.set)(c, cue, &Given { value, label: o.label(option.name), how: keys::Given::LINEAR })?;
+            (option.set)(
+                c,
+                cue,
+                &CueOptionValue { value, label: o.label(option.name), how: keys::KeyInterpolation::LINEAR },
+            )?;
         }
     }
     Ok(())
@@ -140,10 +144,10 @@ pub(crate) fn read_options(c: &Call, i: usize, cue: &mut CueDraft) -> Result<(),
 
 /// Runs the method with the name of an option.
 fn method(c: &mut Call) -> Reply {
-    let Some(option) = OPTIONS.iter().find(|option| option.name == c.def.name) else { return c.itself() };
+    let Some(option) = OPTIONS.iter().find(|option| option.name == c.def.name) else { return c.receiver() };
     let how = match c.def.args.ends_with("how?") {
-        true => keys::given_how(c, 1)?,
-        false => keys::Given::LINEAR,
+        true => keys::read_interpolation(c, 1)?,
+        false => keys::KeyInterpolation::LINEAR,
     };
     let (value, label) = match c.len() {
         0 => (Dynamic::TRUE, option.name.to_string()),
@@ -151,7 +155,7 @@ fn method(c: &mut Call) -> Reply {
         _ if c.value(0).is_array() => (c.value(0), option.name.to_string()),
         _ => (c.value(0), c.label(0)),
     };
-    change_copy(c, |cue| (option.set)(c, cue, &Given { value, label, how }))
+    change_copy(c, |cue| (option.set)(c, cue, &CueOptionValue { value, label, how }))
 }
 
 /// Changes a copy of the cue, so that the build stays accessible while the values of the script are read.
@@ -160,17 +164,17 @@ pub(crate) fn change_copy(c: &Call, change: impl FnOnce(&mut CueDraft) -> Result
     let mut draft = c.build().cue(this.0)?.clone();
     change(&mut draft)?;
     *c.build().cue(this.0)? = draft;
-    c.itself()
+    c.receiver()
 }
 
-fn weight_keys(c: &Call, given: &Given) -> Result<Channel, ApiError> {
+fn weight_keys(c: &Call, given: &CueOptionValue) -> Result<Channel, ApiError> {
     let within = |v: &Dynamic, label: &str| number_in(v, label, 0.0, 1.0);
     keys::scalars(c, &given.value, &given.label, given.how, Property::Weight, &within)
 }
 
 /// Sets the playback speed: a factor, or keyframes of it over stage time.
-fn speed(c: &Call, cue: &mut CueDraft, given: &Given) -> Result<(), ApiError> {
-    let Given { value, label, how } = given;
+fn speed(c: &Call, cue: &mut CueDraft, given: &CueOptionValue) -> Result<(), ApiError> {
+    let CueOptionValue { value, label, how } = given;
     if value.is_array() {
         let within = |v: &Dynamic, label: &str| number_in(v, label, -1000.0, 1000.0);
         let keys = keys::scalars(c, value, label, *how, Property::Speed, &within)?;
@@ -189,7 +193,7 @@ fn speed(c: &Call, cue: &mut CueDraft, given: &Given) -> Result<(), ApiError> {
     Ok(())
 }
 
-fn trim(_: &Call, cue: &mut CueDraft, given: &Given) -> Result<(), ApiError> {
+fn trim(_: &Call, cue: &mut CueDraft, given: &CueOptionValue) -> Result<(), ApiError> {
     let ends = numbers(&given.value).filter(|ends| ends.len() == 2);
     let ends = ends.ok_or_else(|| wrong(&given.value, &given.label, "[start, end]"))?;
     let (start, end) = (Time::from_secs(ends[0]), Time::from_secs(ends[1]));

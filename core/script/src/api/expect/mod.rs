@@ -7,7 +7,7 @@ use super::values::{COUNTS, PLAN_COUNTS, value};
 use crate::call::{ApiError, Call, Options, Reply, api};
 use crate::suggest::did_you_mean;
 use crate::test_data::{
-    Asked, Contact, Measure, Quantity, SameWhat, Subject, TextsQuantity, VectorQuantity, When,
+    Contact, Measure, PendingExpect, Quantity, SameWhat, Subject, TextsQuantity, VectorQuantity, When,
 };
 use crate::value::{ActorRef, CameraRef, ClipRef, ExpectRef, JointRef, LightRef, PlanRef, StageRef};
 use choreo_motion::Time;
@@ -130,10 +130,10 @@ fn expect(c: &mut Call) -> Reply {
         })?)
     };
     let mut test = c.shared.test();
-    crate::build::room(test.asked.len(), "expectations", &c.shared.limits)?;
+    crate::build::check_limit(test.pending_expects.len(), "expectations", &c.shared.limits)?;
     let stage = given.read_lock::<StageRef>().map_or(test.current_stage, |s| s.0);
-    test.asked.push(Asked { place: c.place.clone(), comparisons: 0, unused: None });
-    let id = test.asked.len() - 1;
+    test.pending_expects.push(PendingExpect { place: c.place.clone(), comparisons: 0, unused: None });
+    let id = test.pending_expects.len() - 1;
     Ok(Dynamic::from(ExpectRef {
         id,
         stage,
@@ -168,8 +168,8 @@ fn changed(c: &Call, change: impl FnOnce(&mut ExpectRef)) -> Reply {
 /// [`changed`] for a modifier of the next comparison.
 fn modified(c: &Call, change: impl FnOnce(&mut ExpectRef)) -> Reply {
     let expect = c.expect()?;
-    if let Some(asked) = c.shared.test().asked.get_mut(expect.id) {
-        asked.unused = Some((c.def.name, c.place.clone()));
+    if let Some(pending) = c.shared.test().pending_expects.get_mut(expect.id) {
+        pending.unused = Some((c.def.name, c.place.clone()));
     }
     changed(c, change)
 }

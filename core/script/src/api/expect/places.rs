@@ -6,10 +6,10 @@ use crate::call::{ApiError, Call, Reply};
 use crate::test_data::{Measure, Quantity, RotationQuantity, Subject, VectorQuantity};
 use choreo_stage::Attachment;
 
-const THING: &str = "an Actor, Joint, Camera or Light";
+const SUBJECT_KINDS: &str = "an Actor, Joint, Camera or Light";
 
 pub(super) fn position(c: &mut Call) -> Reply {
-    let subject = c.subject(THING)?;
+    let subject = c.subject(SUBJECT_KINDS)?;
     measured(c, Measure::Vector(VectorQuantity::Position(subject, None)))
 }
 
@@ -18,13 +18,13 @@ pub(super) fn rotation(c: &mut Call) -> Reply {
         Measure::Vector(VectorQuantity::Position(subject, relative)) => {
             Measure::Rotation(RotationQuantity::Of(subject, relative))
         }
-        other => return Err(c.not_for(THING, &other)),
+        other => return Err(c.not_for(SUBJECT_KINDS, &other)),
     };
     measured(c, measure)
 }
 
 pub(super) fn direction(c: &mut Call) -> Reply {
-    let subject = c.subject(THING)?;
+    let subject = c.subject(SUBJECT_KINDS)?;
     measured(c, Measure::Vector(VectorQuantity::Direction(subject)))
 }
 
@@ -59,7 +59,7 @@ pub(super) fn relative_to(c: &mut Call) -> Reply {
 
 pub(super) fn in_picture(c: &mut Call) -> Reply {
     let camera = c.camera_or_on(0)?;
-    let subject = c.subject(THING)?;
+    let subject = c.subject(SUBJECT_KINDS)?;
     measured(c, Measure::Vector(VectorQuantity::InPicture(subject, camera)))
 }
 
@@ -74,12 +74,12 @@ pub(super) fn length(c: &mut Call) -> Reply {
 }
 
 pub(super) fn distance(c: &mut Call) -> Reply {
-    let (subject, target) = (c.subject(THING)?, c.target(0)?);
+    let (subject, target) = (c.subject(SUBJECT_KINDS)?, c.target(0)?);
     measured(c, Measure::Number(Quantity::Distance(subject, target)))
 }
 
 pub(super) fn angle_to(c: &mut Call) -> Reply {
-    let (subject, target) = (c.subject(THING)?, c.target(0)?);
+    let (subject, target) = (c.subject(SUBJECT_KINDS)?, c.target(0)?);
     measured(c, Measure::Number(Quantity::AngleTo(subject, target)))
 }
 
@@ -104,7 +104,7 @@ pub(super) fn turn_speed(c: &mut Call) -> Reply {
         Measure::Vector(VectorQuantity::Position(subject, relative)) => {
             RotationQuantity::Of(subject, relative)
         }
-        other => return Err(c.not_for(THING, &other)),
+        other => return Err(c.not_for(SUBJECT_KINDS, &other)),
     };
     measured(c, Measure::Number(Quantity::TurnSpeed(rotation)))
 }

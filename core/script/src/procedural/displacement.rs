@@ -27,7 +27,7 @@ pub fn project(p: &mut Primitive, how: &str) {
     p.indices = (0..old.len() as u32).collect();
     if how == "triplanar" {
         p.uvs = [Vec::new(), Vec::new()];
-        p.tangents = across(p);
+        p.tangents = triplanar_tangents(p);
         return;
     }
     let apex = Vec3::new(middle.x, high.y, middle.z);
@@ -54,7 +54,7 @@ pub fn project(p: &mut Primitive, how: &str) {
             }
         });
         if !matches!(how, "plane" | "box") {
-            around(&mut triangle, vertices.map(|at| at - middle), size);
+            fix_seam(&mut triangle, vertices.map(|at| at - middle), size);
         }
         uvs.extend(triangle);
     }
@@ -68,7 +68,7 @@ pub fn bounds(p: &Primitive) -> [Vec3; 2] {
 }
 
 /// Tangents for triplanar projection: perpendicular to each vertex normal, from one axis per triangle.
-fn across(p: &Primitive) -> Vec<Vec4> {
+fn triplanar_tangents(p: &Primitive) -> Vec<Vec4> {
     let of_triangle = |n: &[Vec3; 3]| {
         let sum = n[0] + n[1] + n[2];
         let least = sum.abs().min_element();
@@ -99,7 +99,7 @@ fn of_box(q: Vec3, face: Vec3) -> Vec2 {
 
 /// Corrects u of a triangle around the axis: across the seam it continues beyond 1, and a vertex on the axis gets the mean of the
 /// others.
-fn around(triangle: &mut [Vec2; 3], vertices: [Vec3; 3], size: Vec3) {
+fn fix_seam(triangle: &mut [Vec2; 3], vertices: [Vec3; 3], size: Vec3) {
     let on_axis = vertices.map(|q| q.x.abs() + q.z.abs() < 1e-5 * size.max_element());
     let others = |on: bool| (0..3).filter(move |i| on_axis[*i] == on);
     let most = others(false).map(|i| triangle[i].x).fold(f32::NEG_INFINITY, f32::max);

@@ -3,7 +3,7 @@
 use super::maps;
 use super::material::of_picture;
 use crate::call::{ApiError, Options};
-use crate::value::{Following, ImageRef};
+use crate::value::{ImageRef, ImageSequenceRef};
 use choreo_asset::{
     AlphaMode, Image, ImageSequence, ImageSource, ImageSourceError, ImageStream, TextureSlot,
 };
@@ -44,13 +44,13 @@ impl Rule {
 /// Image sequence combined from two parts on demand. A part without a sequence is the same image in every frame.
 #[derive(Debug)]
 struct Joined {
-    parts: [(Arc<Image>, Option<Following>); 2],
+    parts: [(Arc<Image>, Option<ImageSequenceRef>); 2],
     rule: Rule,
 }
 
 impl ImageSource for Joined {
     fn image(&self, index: usize) -> Result<Arc<Image>, ImageSourceError> {
-        let part = |(one, many): &(Arc<Image>, Option<Following>)| match many {
+        let part = |(one, many): &(Arc<Image>, Option<ImageSequenceRef>)| match many {
             Some(many) => many.pictures.image(index),
             None => Ok(one.clone()),
         };
@@ -85,7 +85,7 @@ pub fn join(
         [Some(a), Some(b)] if a != b => return Err(unequal(o, [names[0], names[1]], [a, b])),
         [a, b] => a.or(b).unwrap_or(1),
     };
-    let hash_of = |part: &(Arc<Image>, Option<Following>), i: usize| match &part.1 {
+    let hash_of = |part: &(Arc<Image>, Option<ImageSequenceRef>), i: usize| match &part.1 {
         Some(many) => many.hashes[i],
         None => part.0.content_hash(),
     };
@@ -108,38 +108,38 @@ pub fn join(
             alpha = more_open(alpha, of_picture(&one));
         }
     }
-    Ok(ImageRef { files: Some(Following { pictures: Arc::new(joined), hashes, alpha }), ..made })
+    Ok(ImageRef { files: Some(ImageSequenceRef { pictures: Arc::new(joined), hashes, alpha }), ..made })
 }
 
 /// The image or image sequence (numbered files or an array) of an option.
-pub fn given(o: &Options, name: &str) -> Result<Option<ImageRef>, ApiError> {
+pub fn image_or_sequence(o: &Options, name: &str) -> Result<Option<ImageRef>, ApiError> {
     let mut all = maps::pictures(o, name)?;
     if o.get(name).is_some_and(|v| v.is_array()) {
-        return in_order(o, name, &all).map(Some);
+        return sequence_of_images(o, name, &all).map(Some);
     }
     Ok(all.pop())
 }
 
 /// The image sequence of an array of images.
-pub fn in_order(o: &Options, name: &str, all: &[ImageRef]) -> Result<ImageRef, ApiError> {
+pub fn sequence_of_images(o: &Options, name: &str, all: &[ImageRef]) -> Result<ImageRef, ApiError> {
     let first = maps::of_one_size(o, name, all)?;
     let pictures = all.iter().map(ImageRef::decoded).collect::<Result<Vec<Arc<Image>>, ApiError>>()?;
     let hashes = pictures.iter().map(|i| i.content_hash()).collect();
     let alpha = pictures.iter().map(|i| of_picture(i)).fold(AlphaMode::Opaque, more_open);
-    let files = Following { pictures: Arc::new(Held(pictures)), hashes, alpha };
+    let files = ImageSequenceRef { pictures: Arc::new(Held(pictures)), hashes, alpha };
     Ok(ImageRef { files: Some(files), ..first.clone() })
 }
 
 /// The texture animation of a material. `given`: each slot with the option that gave it and its image sequence.
 pub fn sequence(
     o: &Options,
-    given: &[(TextureSlot, &str, Option<Following>)],
+    given: &[(TextureSlot, &str, Option<ImageSequenceRef>)],
     fps: Option<f64>,
     once: Option<bool>,
 ) -> Result<Option<Arc<ImageSequence>>, ApiError> {
     let mut all = given.iter().filter_map(|(slot, name, f)| Some((*slot, *name, f.as_ref()?)));
     let Some((slot, name, first)) = all.next() else { return Ok(None) };
-    let stream = |slot: TextureSlot, f: &Following| ImageStream {
+    let stream = |slot: TextureSlot, f: &ImageSequenceRef| ImageStream {
         slot,
         pictures: f.pictures.clone(),
         hashes: f.hashes.clone(),

@@ -8,7 +8,7 @@ use choreo_test_runner::report::terminal;
 use choreo_test_runner::run::Report;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-pub struct Teller {
+pub struct ProgressReporter {
     quiet: bool,
     /// Whether only the final report is printed.
     silent: bool,
@@ -20,8 +20,8 @@ pub struct Teller {
     broken: Option<Failure>,
 }
 
-impl Teller {
-    pub fn new(args: &TestArgs, cases: &[Case]) -> Teller {
+impl ProgressReporter {
+    pub fn new(args: &TestArgs, cases: &[Case]) -> ProgressReporter {
         use std::io::IsTerminal;
         let bar = (!args.quiet && !args.json && std::io::stderr().is_terminal()).then(|| {
             let bar = ProgressBar::with_draw_target(
@@ -33,10 +33,17 @@ impl Teller {
             }
             bar
         });
-        Teller { quiet: args.quiet, silent: args.json, bar, file: Vec::new(), failed: 0, broken: None }
+        ProgressReporter {
+            quiet: args.quiet,
+            silent: args.json,
+            bar,
+            file: Vec::new(),
+            failed: 0,
+            broken: None,
+        }
     }
 
-    pub fn tell(&mut self, outcome: &Outcome) {
+    pub fn report(&mut self, outcome: &Outcome) {
         if self.file.first().is_some_and(|first| first.file != outcome.file) {
             self.file_done();
         }

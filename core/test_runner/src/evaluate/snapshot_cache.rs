@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 /// Largest number of evaluations for one expectation: enough for hours of film, and bounds the memory.
 pub const MOST: i64 = 200_000;
 /// Largest number of snapshots that are kept for further expectations.
-const KEPT: usize = 4096;
+const MAX_CACHED: usize = 4096;
 
 /// Time at which judging a section must end: a script may request more snapshots than anybody waits for.
 #[derive(Clone, Copy, Debug)]
@@ -42,12 +42,12 @@ impl Deadline {
 }
 
 /// A stage with cached snapshots, for its expectations.
-pub struct Looks<'a> {
+pub struct SnapshotCache<'a> {
     pub stage: Arc<Stage>,
     pub registry: &'a Registry,
     deadline: Deadline,
     evaluator: Evaluator,
-    seen: BTreeMap<Time, Arc<Snapshot>>,
+    cached: BTreeMap<Time, Arc<Snapshot>>,
     /// The stage with one camera active all the time, by camera.
     cameras: BTreeMap<usize, Evaluator>,
     /// The stage with one light alone, by light.
@@ -55,14 +55,14 @@ pub struct Looks<'a> {
     resources: Option<Arc<SceneResources>>,
 }
 
-impl<'a> Looks<'a> {
-    pub fn new(stage: &Arc<Stage>, registry: &'a Registry, deadline: Deadline) -> Looks<'a> {
-        Looks {
+impl<'a> SnapshotCache<'a> {
+    pub fn new(stage: &Arc<Stage>, registry: &'a Registry, deadline: Deadline) -> SnapshotCache<'a> {
+        SnapshotCache {
             stage: stage.clone(),
             registry,
             deadline,
             evaluator: Evaluator::new(stage.clone()),
-            seen: BTreeMap::new(),
+            cached: BTreeMap::new(),
             cameras: BTreeMap::new(),
             lights: BTreeMap::new(),
             resources: None,
@@ -75,21 +75,21 @@ impl<'a> Looks<'a> {
     }
 
     /// Fails once the section's time is used up.
-    pub(crate) fn go_on(&self) -> Result<(), Unjudged> {
+    pub(crate) fn check_deadline(&self) -> Result<(), Unjudged> {
         self.deadline.check()
     }
 
     /// Snapshot at a time. Fails with the error of a callback and its place.
     pub fn at(&mut self, time: Time) -> Result<Arc<Snapshot>, Unjudged> {
-        self.go_on()?;
-        if let Some(snapshot) = self.seen.get(&time) {
+        self.check_deadline()?;
+        if let Some(snapshot) = self.cached.get(&time) {
             return Ok(snapshot.clone());
         }
         let snapshot = Arc::new(self.evaluator.at(time)?);
-        if self.seen.len() >= KEPT {
-            self.seen.clear();
+        if self.cached.len() >= MAX_CACHED {
+            self.cached.clear();
         }
-        self.seen.insert(time, snapshot.clone());
+        self.cached.insert(time, snapshot.clone());
         Ok(snapshot)
     }
 
@@ -170,19 +170,19 @@ impl<'a> Looks<'a> {
             (Some(step), until) => {
                 let until = until.unwrap_or(settings.length);
                 let count = (until.0.saturating_sub(from.0) / step.0.max(1)).max(0);
-                enough(count)?;
+                check_count(count)?;
                 (0..=count).map(|k| Time(from.0 + k * step.0)).collect()
             }
             (None, None) => {
                 let frames = settings.fps.frames_in(settings.length).max(1);
-                enough(frames)?;
+                check_count(frames)?;
                 (0..frames).map(|k| settings.fps.time_of(k)).collect()
             }
             (None, Some(until)) => {
                 let rate = settings.fps;
                 let frame_at = |t: Time| (t.as_secs() * rate.as_fps()).floor() as i64;
                 let (first, last) = (frame_at(from) - 1, frame_at(until) + 1);
-                enough(last.saturating_sub(first))?;
+                check_count(last.saturating_sub(first))?;
                 let inside = |t: &Time| (from..=until).contains(t);
                 (first..=last).map(|k| rate.time_of(k)).filter(inside).collect()
             }
@@ -190,7 +190,7 @@ impl<'a> Looks<'a> {
         Ok(times)
     }
 
-    /// Times as in [`Looks::times`], and the ends of a span even if they lie between two frames.
+    /// Times as in [`SnapshotCache::times`], and the ends of a span even if they lie between two frames.
     pub(crate) fn times_and_ends(&self, e: &Expectation) -> Result<Vec<Time>, Unjudged> {
         let mut times = self.times(e)?;
         if let When::During(from, until) = e.when {
@@ -210,9 +210,9 @@ impl<'a> Looks<'a> {
     }
 }
 
-fn enough(looks: i64) -> Result<(), Unjudged> {
-    match looks > MOST {
-        true => Err(Unjudged::TooManyLooks(looks)),
+fn check_count(count: i64) -> Result<(), Unjudged> {
+    match count > MOST {
+        true => Err(Unjudged::TooManySnapshots(count)),
         false => Ok(()),
     }
 }

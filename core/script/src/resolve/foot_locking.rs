@@ -6,7 +6,7 @@ use choreo_motion::Time;
 use choreo_stage::{Actor, Constraint, ConstraintKind, FootLock, Property, StandingFade};
 
 /// A crossfade with phase matching.
-pub(super) struct InStep {
+pub(super) struct PhaseMatchedCues {
     pub actor: usize,
     pub span: (Time, Time),
     /// Whether root motion moves the actor.
@@ -15,22 +15,22 @@ pub(super) struct InStep {
 
 /// Locks the feet of moving actors during phase-matched crossfades. The strides of the two clips differ in length, so the feet of
 /// the blend would slide.
-pub(super) fn plant_in_step(build: &mut Build, matched: Vec<InStep>) {
-    for InStep { actor, span, carried } in matched {
+pub(super) fn lock_feet_in_phase_matched_fades(build: &mut Build, matched: Vec<PhaseMatchedCues>) {
+    for PhaseMatchedCues { actor, span, carried } in matched {
         let Some(ActorDraft { actor, .. }) = build.actors.get_mut(actor) else { continue };
-        let gets_on = carried || is_moved(actor);
-        let planted = foot_locks(actor).next().map(|lock| &mut lock.only);
-        match planted {
+        let is_carried_or_moved = carried || is_moved(actor);
+        let foot_lock = foot_locks(actor).next().map(|lock| &mut lock.only);
+        match foot_lock {
             // The script or an earlier fade has made a foot lock.
             Some(only) => only.extend((!only.is_empty()).then_some(span)),
-            None if gets_on => plant(actor, vec![span], Vec::new()),
+            None if is_carried_or_moved => lock_feet(actor, vec![span], Vec::new()),
             None => {}
         }
     }
 }
 
 /// Locks the feet of moving characters during fades between walking and standing, so that they step instead of sliding.
-pub(super) fn plant_in_fades(build: &mut Build, standing_fades: Vec<Vec<StandingFade>>) {
+pub(super) fn lock_feet_in_standing_fades(build: &mut Build, standing_fades: Vec<Vec<StandingFade>>) {
     for (ActorDraft { actor, walks, .. }, mut fades) in build.actors.iter_mut().zip(standing_fades) {
         // A walk of `walk_to` begins with a turn and may end with one, so the fade includes the turn.
         for walk in walks.iter() {
@@ -54,7 +54,7 @@ pub(super) fn plant_in_fades(build: &mut Build, standing_fades: Vec<Vec<Standing
             lock.standing_fades.clone_from(&fades);
         }
         if foot_locks(actor).next().is_none() {
-            plant(actor, spans, fades);
+            lock_feet(actor, spans, fades);
         }
     }
 }
@@ -67,7 +67,7 @@ fn foot_locks(actor: &mut Actor) -> impl Iterator<Item = &mut FootLock> {
 }
 
 /// Locks the feet of an actor, if it has legs.
-fn plant(actor: &mut Actor, only: Vec<(Time, Time)>, standing_fades: Vec<StandingFade>) {
+fn lock_feet(actor: &mut Actor, only: Vec<(Time, Time)>, standing_fades: Vec<StandingFade>) {
     let legs = legs::legs(&actor.asset);
     if !legs.is_empty() {
         let hips = legs::hips(&actor.asset, &legs);

@@ -1,6 +1,6 @@
 //! Default checks of a script without sections: no errors or warnings, every frame is finite, and running it again gives the same result.
 
-use super::looks::Looks;
+use super::snapshot_cache::SnapshotCache;
 use super::{failed, texts, words};
 use crate::outcome::{Check, SourceLocation};
 use choreo_motion::Time;
@@ -10,10 +10,10 @@ use choreo_stage::{ActorState, Evaluator, Snapshot};
 /// Largest number of frames that are tested; of longer scripts, this number spread over the length.
 const MOST_FRAMES: i64 = 2000;
 /// Number of frames evaluated once more, in reverse order.
-const AGAIN: usize = 16;
+const REPEATED_FRAMES: usize = 16;
 
-pub fn judge(run: &SectionRun, looks: &mut [Looks]) -> Vec<Check> {
-    let Some(own) = looks.first_mut() else { return Vec::new() };
+pub fn judge(run: &SectionRun, snapshots: &mut [SnapshotCache]) -> Vec<Check> {
+    let Some(own) = snapshots.first_mut() else { return Vec::new() };
     let place = || SourceLocation { file: run.info.file.clone(), line: 0, column: 0 };
     let passed =
         |title: &str, got: String| Check { passed: true, ..failed(place(), title, got.clone(), got) };
@@ -50,34 +50,38 @@ pub fn judge(run: &SectionRun, looks: &mut [Looks]) -> Vec<Check> {
         None => passed(title, format!("{count} frames")),
     });
     let title = "deterministic";
-    checks.push(match again(run, own, &times) {
+    checks.push(match difference_of_second_run(run, own, &times) {
         Some(how) => failed(place(), title, "the same bits on a second run and in any order", how),
         None => passed(title, "the same bits".into()),
     });
     checks
 }
 
-fn not_finite(looks: &Looks, snapshot: &Snapshot) -> Option<String> {
+fn not_finite(snapshots: &SnapshotCache, snapshot: &Snapshot) -> Option<String> {
     let finite = |state: &ActorState| {
         state.world_from_model.is_finite() && state.model_from_joint.iter().all(|m| m.is_finite())
     };
     if let Some(actor) = snapshot.actors.iter().position(|state| !finite(state)) {
-        let name = looks.stage.actors.get(actor).map_or("", |a| a.name.as_str());
+        let name = snapshots.stage.actors.get(actor).map_or("", |a| a.name.as_str());
         return Some(format!("actor \"{name}\" is not finite"));
     }
     (!snapshot.camera.world_from_view.is_finite()).then(|| "the camera is not finite".to_string())
 }
 
-fn again(run: &SectionRun, looks: &mut Looks, times: &[Time]) -> Option<String> {
+fn difference_of_second_run(
+    run: &SectionRun,
+    snapshots: &mut SnapshotCache,
+    times: &[Time],
+) -> Option<String> {
     if let Some(second) = run.hash_again
-        && second != looks.stage.content_hash()
+        && second != snapshots.stage.content_hash()
     {
         return Some("running the script twice gives different stages".into());
     }
-    let step = times.len().div_ceil(AGAIN).max(1);
-    let mut fresh = Evaluator::new(looks.stage.clone());
+    let step = times.len().div_ceil(REPEATED_FRAMES).max(1);
+    let mut fresh = Evaluator::new(snapshots.stage.clone());
     for time in times.iter().step_by(step).rev() {
-        let (Ok(first), Ok(second)) = (looks.at(*time), fresh.at(*time)) else { continue };
+        let (Ok(first), Ok(second)) = (snapshots.at(*time), fresh.at(*time)) else { continue };
         if first.content_hash() != second.content_hash() {
             return Some(format!(
                 "{} differs when frames are evaluated in another order",
