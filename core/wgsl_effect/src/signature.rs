@@ -51,7 +51,11 @@ const PIXEL: Signature = Signature {
 /// The signature of shaders/surface.wgsl, and the order of `choreo_plugin::SurfaceSample`.
 const SURFACE: Signature = Signature {
     text: "fn effect(color: vec4<f32>, surface: SurfaceSample, p: Parameters) -> vec4<f32>",
-    parts: &[ValueType::Vector(F, VectorSize::Quad), ValueType::Struct("SurfaceSample"), ValueType::Parameters],
+    parts: &[
+        ValueType::Vector(F, VectorSize::Quad),
+        ValueType::Struct("SurfaceSample"),
+        ValueType::Parameters,
+    ],
     gives: &[ValueType::Vector(F, VectorSize::Quad)],
     declared: "struct SurfaceSample { world: vec3<f32>, distance: f32, normal: vec3<f32>, facing: f32, background: vec3<f32>, \
         joints: vec3<f32>, uv: vec2<f32>, shadow: f32, viewer: vec3<f32> }\n",

@@ -176,8 +176,9 @@ mod tests {
         let text = "struct Pair { a: f32, b: vec2<f32> } // not: this\nfn twice(x: f32) -> f32 { let y = x; return y; }";
         let names: Vec<&str> = names_of(text).into_iter().map(|(name, _)| name).collect();
         assert_eq!(names, ["Pair", "a", "b", "twice", "x", "y"]);
-        let near =
-            |message: &str| near(message, text, "struct SurfaceSample { facing: f32 }", &mut ["amount"].into_iter());
+        let near = |message: &str| {
+            near(message, text, "struct SurfaceSample { facing: f32 }", &mut ["amount"].into_iter())
+        };
         assert_eq!(near("no definition in scope for identifier: `amuont`"), "; did you mean \"amount\"?");
         assert_eq!(near("no definition in scope for identifier: `twic`"), "; did you mean \"twice\"?");
         assert_eq!(

@@ -155,7 +155,9 @@ fn names_of_the_program_are_not_declared_again() {
     );
     let text = "// effect: w\n// hook: vertex\n// reach: 1\n\
          fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color; }";
-    assert!(error(text).contains("effect must be fn effect(vertex: VertexSample, p: Parameters) -> vec3<f32>"));
+    assert!(
+        error(text).contains("effect must be fn effect(vertex: VertexSample, p: Parameters) -> vec3<f32>")
+    );
 }
 
 #[test]

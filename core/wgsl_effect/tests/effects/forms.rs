@@ -275,7 +275,10 @@ fn mistakes_have_their_line_and_what_was_meant() {
     let taken = of("// hook: overlay\n// count: 4\n// param joint = 1 in 0..2: x", "");
     assert_eq!(taken, "my.wgsl:4:1: joint is a function that the program declares; use another name");
     let hull = of("// hook: outline", "fn effect(p: array<f32, 8>) -> InvertedHul { return InvertedHul(); }");
-    assert_eq!(hull, "my.wgsl:3:32: no definition in scope for identifier: `InvertedHul`; did you mean \"InvertedHull\"?");
+    assert_eq!(
+        hull,
+        "my.wgsl:3:32: no definition in scope for identifier: `InvertedHul`; did you mean \"InvertedHull\"?"
+    );
 }
 
 /// The README's examples compile as they stand, but for their names.
