@@ -18,13 +18,13 @@ const CLIPS: [&str; 2] = ["Walk", "Dance_Groove"];
 const TIMES: u32 = 211;
 
 /// Another skeleton with the same joint positions at rest, other joint axes, and one joint fewer.
-struct ActorSample {
+struct TargetSkeleton {
     skeleton: Skeleton,
     /// Joint of the source that each joint follows, and the rotation of its axes in the space of that joint.
     follows: Vec<(usize, DQuat)>,
 }
 
-fn other_body(source: &Skeleton) -> Result<Body, String> {
+fn other_body(source: &Skeleton) -> Result<TargetSkeleton, String> {
     let gone = source.find(LACKS).ok_or(format!("the mannequin has no joint {LACKS}"))?;
     let at_rest = model_from_joint(source, &rest(source));
     let mut random = Random(77);
@@ -54,11 +54,11 @@ fn other_body(source: &Skeleton) -> Result<Body, String> {
         });
     }
     let skeleton = Skeleton::new(names, parents, locals).map_err(|e| e.to_string())?;
-    Ok(Body { skeleton, follows })
+    Ok(TargetSkeleton { skeleton, follows })
 }
 
 /// Angles in degrees between joints and the joints that they follow, and the place of the worst.
-fn errors(source: &Skeleton, clip: &Clip, body: &Body, found: &Clip) -> (Spread, String) {
+fn errors(source: &Skeleton, clip: &Clip, body: &TargetSkeleton, found: &Clip) -> (Spread, String) {
     let (mut error, mut place) = (Spread::default(), String::new());
     for i in 0..TIMES {
         let time = Time::from_secs(clip.duration.as_secs() * (f64::from(i) + 0.37) / f64::from(TIMES));

@@ -36,7 +36,9 @@ use checker::Checker;
 use choreo::App;
 use choreo_command_line::Device;
 use choreo_plugin::{Frame, Registry};
-use choreo_session::{FrameRenderer, FrameReply, Problem, Scene, SceneSource, SceneVersion, SessionThread};
+use choreo_session::{
+    FrameRenderer, FrameReply, Problem, Scene, SceneSource, SceneVersion, SessionThread, StartRenderer,
+};
 use error::ViewerError;
 use event_log::EventLog;
 use gpu_error::GpuError;
