@@ -110,7 +110,7 @@ fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
     let plugins = &app.registry;
     match command {
         Command::Render(given) => {
-            render::run(RenderArgs { again: interrupt::command_to_resume(args), ..given }, plugins)
+            render::run(RenderArgs { resume_command: interrupt::command_to_resume(args), ..given }, plugins)
         }
         Command::Join(args) => join::run(&args, plugins, &app.software()),
         Command::Check(args) => check::run(args, no_project_file, plugins),

@@ -37,7 +37,7 @@ pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Fa
     let exporter = target.exporter(plugins)?;
     let limits = values::limits(&args.limit)?;
     let Gathered { segments, damaged, sources, info, files } =
-        waited(args, &target, exporter.as_ref(), software)?;
+        gather_with_wait(args, &target, exporter.as_ref(), software)?;
     let inputs = Inputs::new(files.iter().cloned());
     let joining = Joining {
         target: &target,
@@ -87,20 +87,20 @@ struct Gathered {
 }
 
 /// Reason why a film cannot be made.
-enum Lack {
+enum GatherError {
     /// Frames are missing or damaged: on a shared file system they may still arrive.
     Missing(Failure),
     Failure(Failure),
 }
 
-impl From<Failure> for Lack {
-    fn from(failure: Failure) -> Lack {
-        Lack::Failure(failure)
+impl From<Failure> for GatherError {
+    fn from(failure: Failure) -> GatherError {
+        GatherError::Failure(failure)
     }
 }
 
 /// Gathers the film from its segments, and waits up to `--wait` seconds for missing frames, measured by this process alone.
-fn waited(
+fn gather_with_wait(
     args: &JoinArgs,
     target: &Target,
     exporter: &dyn Exporter,
@@ -110,13 +110,13 @@ fn waited(
     loop {
         let seen = lengths(&args.segments);
         let mut damaged = Vec::new();
-        let lack = match gathered(args, target, exporter, software, &mut damaged) {
-            Err(Lack::Missing(lack)) if start.elapsed() < patience => lack,
+        let lack = match gather(args, target, exporter, software, &mut damaged) {
+            Err(GatherError::Missing(lack)) if start.elapsed() < patience => lack,
             result => {
                 // Printed even with --quiet: a machine or a disk may be failing.
                 damaged.iter().for_each(|what| print_message(format_args!("warning: {what}")));
                 return result.map(|gathered| Gathered { damaged, ..gathered }).map_err(|lack| match lack {
-                    Lack::Missing(failure) | Lack::Failure(failure) => failure,
+                    GatherError::Missing(failure) | GatherError::Failure(failure) => failure,
                 });
             }
         };
@@ -138,15 +138,15 @@ fn lengths(given: &[PathBuf]) -> Vec<(PathBuf, u64)> {
         .collect()
 }
 
-fn gathered(
+fn gather(
     args: &JoinArgs,
     target: &Target,
     exporter: &dyn Exporter,
     software: &str,
     damaged: &mut Vec<String>,
-) -> Result<Gathered, Lack> {
-    let files = files(&args.segments).map_err(Lack::Missing)?;
-    let segments = opened(&files, args.quiet, damaged).map_err(Lack::Missing)?;
+) -> Result<Gathered, GatherError> {
+    let files = files(&args.segments).map_err(GatherError::Missing)?;
+    let segments = opened(&files, args.quiet, damaged).map_err(GatherError::Missing)?;
     let film = same_film(&segments, damaged, exporter, software)?;
     let options = export::options(&film.film.options, exporter.manifest())?;
     let info = film.film.info(options);
@@ -156,8 +156,8 @@ fn gathered(
     }
     let piece = exporter.piece(&info).or(exporter.one_frame_per_file().then_some(std::num::NonZeroU64::MIN));
     let sources = cover(&segments, piece).map_err(|gap| match gap {
-        Gap::Missing(_) => Lack::Missing(gap_failure(gap, &segments, damaged, target)),
-        _ => Lack::Failure(gap_failure(gap, &segments, damaged, target)),
+        Gap::Missing(_) => GatherError::Missing(gap_failure(gap, &segments, damaged, target)),
+        _ => GatherError::Failure(gap_failure(gap, &segments, damaged, target)),
     })?;
     Ok(Gathered { segments, damaged: Vec::new(), sources, info, files })
 }

@@ -50,7 +50,7 @@ impl Host for Program {
 
     fn survey(&self, stage: &Arc<Stage>, places: &Places, project: &Project) -> Vec<Diagnostic> {
         let registry = project.registry.settled();
-        let (problems, on_stage) = check::look(stage, &registry, places, &project.limits, &|| true);
+        let (problems, on_stage) = check::check_stage(stage, &registry, places, &project.limits, &|| true);
         problems.into_iter().map(Diagnostic::from).chain(places.findings(&on_stage)).collect()
     }
 

@@ -22,7 +22,7 @@ pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
         return Err(Failure::Usage(format!("--mesh {}: write a name that ends in .obj", path.display())));
     }
     let registry = scene::plugins(&args.scene, plugins)?;
-    let scene = scene::open(&args.scene, &registry, Opening::TO_TELL)?;
+    let scene = scene::open(&args.scene, &registry, Opening::TO_INSPECT)?;
     let snapshot = Evaluator::new(scene.stage.clone())
         .posing_hidden()
         .at(at)

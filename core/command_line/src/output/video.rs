@@ -67,7 +67,7 @@ struct Policy {
     resume: bool,
     discard: bool,
     /// The command that resumes the render.
-    again: String,
+    resume_command: String,
 }
 
 impl Video {
@@ -111,7 +111,7 @@ impl Video {
         folder.done = found.records.len();
         folder.part.keep(true);
         if !args.resume {
-            let note = folder.thrown_away(&found.identity, identity, args)?;
+            let note = folder.check_discard(&found.identity, identity, args)?;
             let video = folder.begin(exporter, info, identity)?;
             return Ok((Some(video), Begun { note, ..Begun::default() }));
         }
@@ -157,7 +157,7 @@ impl Video {
             End::Nothing => Ok(()),
             End::Copy { mut body, to } => {
                 body.seek(SeekFrom::Start(0))?;
-                Ok(joined(&head, &mut body, to)?)
+                Ok(write_head_and_body(&head, &mut body, to)?)
             }
             End::Folder(folder) => folder.finish(&head),
         });
@@ -165,7 +165,7 @@ impl Video {
     }
 
     /// Ends the video after a failure. Keeps the part folder for `--resume` if it has finished frames and they are wanted.
-    pub fn leave(self, keep: bool) {
+    pub fn end_after_failure(self, keep: bool) {
         let End::Folder(mut folder) = self.end else { return };
         let wanted = folder.policy.resume || keep && !folder.policy.discard;
         if folder.done == 0 || !wanted {
@@ -204,7 +204,7 @@ fn finished_in(journal: impl Read) -> Option<Journal> {
     journal::read(BufReader::new(journal)).filter(|found| !found.records.is_empty())
 }
 
-fn joined(head: &[u8], body: &mut File, mut to: File) -> io::Result<()> {
+fn write_head_and_body(head: &[u8], body: &mut File, mut to: File) -> io::Result<()> {
     to.write_all(head)?;
     io::copy(body, &mut to)?;
     to.flush()
@@ -221,7 +221,7 @@ impl Folder {
             changes: Changes::default(),
             scratch: Vec::new(),
             done: 0,
-            policy: Policy { resume: args.resume, discard: args.discard, again: args.again.clone() },
+            policy: Policy { resume: args.resume, discard: args.discard, resume_command: args.resume_command.clone() },
         }
     }
 
@@ -255,7 +255,7 @@ impl Folder {
     /// Message about finished frames that are deleted because the render starts again. Without `--resume` and `--discard` it refuses to
     /// delete frames that this very render could use. Frames of other renders are deleted: after an edit of the script the user wants to
     /// see the new result.
-    fn thrown_away(
+    fn check_discard(
         &self,
         was: &Identity,
         is: &Identity,
@@ -404,7 +404,7 @@ impl Folder {
         self.done = frames;
         if !self.policy.discard {
             self.part.keep(true);
-            kept_frames::set(frames, self.part.path(), self.policy.again.clone());
+            kept_frames::set(frames, self.part.path(), self.policy.resume_command.clone());
         }
     }
 
@@ -433,7 +433,7 @@ impl Folder {
             self.part.finish("body")?;
         } else {
             let mut body = self.part.reopen("body")?.ok_or(io::Error::from(io::ErrorKind::NotFound))?;
-            joined(head, &mut body, self.part.create("result")?)?;
+            write_head_and_body(head, &mut body, self.part.create("result")?)?;
             self.part.finish("result")?;
         }
         self.part.remove_other_part_folders();

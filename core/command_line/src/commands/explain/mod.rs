@@ -35,7 +35,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
         Err(unknown) => return Err(Failure::Usage(format!("--passes: {unknown}"))),
     };
     let registry = scene::plugins(&args.scene, plugins)?;
-    let scene = scene::open(&args.scene, &registry, Opening::TO_TELL)?;
+    let scene = scene::open(&args.scene, &registry, Opening::TO_INSPECT)?;
     let stage = &scene.stage;
     let size = size.unwrap_or(stage.settings.size);
     let samples = samples.or(stage.settings.samples).unwrap_or(4);

@@ -18,7 +18,7 @@ use crate::output::target::Target;
 use crate::process::scratch;
 use crate::project_file;
 use crate::scene;
-use crate::scene::opening::Keep;
+use crate::scene::opening::ReopenState;
 use crate::scene::pack::Unpacked;
 use crate::scene::rows::{self, Row};
 use choreo_files::write_whole_beneath;
@@ -139,7 +139,7 @@ fn films_of_rows(
     let rows = order.rows.as_deref().unwrap_or_default();
     let options = order.args.options_of_render();
     let start = Instant::now();
-    let (keep, all) = (Keep::default(), render_args(order, &options, app)?);
+    let (keep, all) = (ReopenState::default(), render_args(order, &options, app)?);
     let (mut films, mut measured) = (Vec::new(), None);
     let most = (slurm::MOST_TASKS / rows.len() as u64).max(1);
     for (row, output) in rows.iter().zip(outputs) {
@@ -262,7 +262,7 @@ fn render_args(order: &Order, options: &[String], app: &App) -> Result<RenderArg
 }
 
 /// Opens the render in the same way as a machine of the farm.
-fn opened(args: &RenderArgs, app: &App, keep: Option<&Keep>) -> Result<render::Job, Failure> {
+fn opened(args: &RenderArgs, app: &App, keep: Option<&ReopenState>) -> Result<render::Job, Failure> {
     let registry = scene::plugins(&args.scene, &app.registry)?;
     // The job makes the folder of a film of numbered images.
     render::prepare(args, Target::parse(&args.output)?, &registry, keep)

@@ -37,7 +37,7 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
     memory::guard(limits.memory);
     let open = |path: &std::path::Path| {
         let choice = model::choice(&args.import)?;
-        model::import(path, &args.search, &choice, &registry, &limits, Opening::TO_TELL)
+        model::import(path, &args.search, &choice, &registry, &limits, Opening::TO_INSPECT)
             .map(|imported| imported.asset)
     };
     let asset = open(&args.file)?;

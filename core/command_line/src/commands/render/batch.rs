@@ -5,13 +5,13 @@ use crate::args::RenderArgs;
 use crate::args::values;
 use crate::commands::render::draw::{self, Drawn};
 use crate::drawing::device;
-use crate::drawing::frame_cache::Remembering;
+use crate::drawing::frame_cache::CachingRenderer;
 use crate::drawing::pipeline::render_failure;
 use crate::failure::{Failure, output_error, print_json, print_message};
 use crate::output::target::Target;
 use crate::process::panics::plugin_failures;
 use crate::scene;
-use crate::scene::opening::Keep;
+use crate::scene::opening::ReopenState;
 use crate::scene::rows::{self, Row};
 use choreo_plugin::Registry;
 use serde_json::json;
@@ -44,8 +44,8 @@ pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Fa
     let started = device::start(super::wanted(args), registry.effects()).wait()?;
     let mut batch = Batch {
         registry,
-        keep: Keep::default(),
-        renderer: Remembering::shared_only(started.renderer),
+        keep: ReopenState::default(),
+        renderer: CachingRenderer::shared_only(started.renderer),
         note: started.note,
         reason: started.reason,
         jobs,
@@ -81,8 +81,8 @@ fn of_row(args: &RenderArgs, row: &Row, output: &str) -> RenderArgs {
 /// State shared by all rows.
 struct Batch {
     registry: Registry,
-    keep: Keep,
-    renderer: Remembering,
+    keep: ReopenState,
+    renderer: CachingRenderer,
     /// Note about the device, printed with the first row.
     note: Option<String>,
     reason: Option<String>,

@@ -137,7 +137,7 @@ impl Drawing<'_> {
                 // A failed script would fail again at the same frame. After a failure outside the script, the render can be resumed.
                 let outside =
                     matches!(failure, Failure::Output(_) | Failure::Device(_) | Failure::Interrupted);
-                video.leave(outside);
+                video.end_after_failure(outside);
                 Err(failure)
             }
         };

@@ -18,7 +18,7 @@ use crate::output::segment::SegmentExporter;
 use crate::output::target::Target;
 use crate::scene::{
     self, ONE_FRAME, OpenedScene,
-    opening::{Keep, Opening},
+    opening::{ReopenState, Opening},
 };
 use choreo_motion::Time;
 use choreo_plugin::{ExportOptions, Exporter, FrameWish, Hook, Passes, Registry, ViewOrder};
@@ -95,7 +95,7 @@ pub fn prepare(
     args: &RenderArgs,
     target: Target,
     registry: &Registry,
-    keep: Option<&Keep>,
+    keep: Option<&ReopenState>,
 ) -> Result<Job, Failure> {
     let exporter = target.exporter(registry)?;
     let options = export::options(&args.given(), exporter.manifest())?;
