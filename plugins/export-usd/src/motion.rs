@@ -63,17 +63,17 @@ pub fn animate<'a>(prim: &mut Prim<'a>, property: usize, samples: Samples<'a>) {
 
 /// Places an actor over time. A hidden actor is invisible, and has size 0 for programs that ignore visibility.
 pub fn place_actor<'a>(prim: &mut Prim<'a>, at: &Transform, sets: &[&Rc<TrackSet<'a>>], frames: Frames) {
-    let places = place_by_parts(prim, at);
+    let property_indices = place_by_parts(prim, at);
     for set in sets {
         let own = set.tracks.iter().enumerate().filter(|(_, track)| track.joint == 0);
         for (number, track) in own {
-            let place = match track.path {
+            let part = match track.path {
                 Path::Translation => 0,
                 Path::Rotation => 1,
                 Path::Scale => 2,
                 Path::Weights(_) => continue,
             };
-            animate(prim, places[place], track_samples(set, number, frames));
+            animate(prim, property_indices[part], track_samples(set, number, frames));
             if track.path == Path::Scale {
                 visibility(prim, set, number, frames);
             }
@@ -320,14 +320,14 @@ fn aligned_rows(
     for (own, joint) in row.chunks_mut(of.width).zip(moving) {
         put(of, part(&rig.rest()[*joint as usize]), own);
     }
-    let places: Vec<Option<usize>> =
+    let row_indices: Vec<Option<usize>> =
         curves.iter().map(|(joint, _)| moving.iter().position(|own| own == joint)).collect();
     for key in 0..keys {
-        for ((_, values), place) in curves.iter().zip(&places) {
-            let Some(place) = place else { continue };
+        for ((_, values), index) in curves.iter().zip(&row_indices) {
+            let Some(index) = index else { continue };
             let mut numbers = [0.0; 4];
             numbers[..of.width].copy_from_slice(&values[key * of.width..][..of.width]);
-            put(of, numbers, &mut row[place * of.width..][..of.width]);
+            put(of, numbers, &mut row[index * of.width..][..of.width]);
         }
         take(row)?;
     }

@@ -1,8 +1,8 @@
-//! Members with the same key times become curves of a clip: linear where a line is close enough, else cubic with exact slopes,
+//! Transform parts with the same key times become curves of a clip: linear where a line is close enough, else cubic with exact slopes,
 //! with added keys where a cubic is not close enough.
 
 use crate::file::Accuracy;
-use crate::joined::{Latest, Member};
+use crate::joined::{Latest, TransformPart};
 use crate::keys::{Blend, Keys, finish};
 use choreo_motion::{Interpolation, Path, Time};
 
@@ -22,7 +22,7 @@ struct Key {
 }
 
 /// Number of parts into which each interval is cut, so that the member that needs most is close enough.
-pub fn parts(members: &[Member<'_>], accuracy: Accuracy) -> Vec<u32> {
+pub fn parts(members: &[TransformPart<'_>], accuracy: Accuracy) -> Vec<u32> {
     let Some(first) = members.first() else { return Vec::new() };
     let mut out = vec![1; first.curves.intervals.len()];
     for (interval, parts) in out.iter_mut().enumerate() {
@@ -67,7 +67,7 @@ fn cut(from: Time, to: Time, k: u32, parts: u32) -> Time {
 }
 
 /// The keys of one member at these times.
-pub fn curve(member: &Member<'_>, parts: &[u32], times: &[Time], accuracy: Accuracy) -> Keys {
+pub fn curve(member: &TransformPart<'_>, parts: &[u32], times: &[Time], accuracy: Accuracy) -> Keys {
     let mut latest = Latest::default();
     let along = Along { intervals: &member.curves.intervals, parts, times };
     let limit = limit(member.path, accuracy);

@@ -2,7 +2,7 @@
 //! largest error of a cubic that has these values and slopes.
 
 use crate::curve::Piece;
-use crate::local::{HALF_RAD, Local, Turn};
+use crate::local::{HALF_RAD, Local, EulerRotation};
 use choreo_motion::{Path, Time};
 use glam::DVec3;
 
@@ -129,15 +129,15 @@ fn bell([a, b, c]: [f64; 3]) -> [f64; 4] {
 }
 
 /// One animated part of a node's transform: translation, rotation or scale.
-pub struct Member<'a> {
+pub struct TransformPart<'a> {
     pub joint: u32,
     pub path: Path,
     pub local: &'a Local,
     /// Three curves of the part itself, then those whose first indices the next three fields hold.
     pub curves: Joined,
     /// First rotation curve and first scale curve, for a translation that swings about a pivot.
-    pub turned: Option<usize>,
-    pub scaled: Option<usize>,
+    pub rotation_curve: Option<usize>,
+    pub scale_curve: Option<usize>,
     /// First curves of the inherited scales that multiply the part.
     pub factors: Vec<usize>,
     /// Rotation (degrees) and scale where they have no curves.
@@ -161,10 +161,10 @@ fn product(a: &Bounds, b: &Bounds) -> Bounds {
 
 /// Cache of the latest Euler rotation: neighboring intervals share their end angles.
 #[derive(Default)]
-pub struct Latest(Option<(DVec3, Turn)>);
+pub struct Latest(Option<(DVec3, EulerRotation)>);
 
 impl Latest {
-    fn turn(&mut self, local: &Local, degrees: DVec3) -> Turn {
+    fn turn(&mut self, local: &Local, degrees: DVec3) -> EulerRotation {
         match self.0 {
             Some((known, turn)) if known == degrees => turn,
             _ => {
@@ -176,7 +176,7 @@ impl Latest {
     }
 }
 
-impl Member<'_> {
+impl TransformPart<'_> {
     /// The exact value and its change over the interval, at a position `u` in the interval.
     pub fn at(&self, interval: usize, u: f64, latest: &mut Latest) -> ([f64; 4], [f64; 4]) {
         let (mut value, mut slope) = self.read(interval, 0, u);
@@ -197,8 +197,8 @@ impl Member<'_> {
                     Some(first) => self.read(interval, first, u),
                     None => (rest, DVec3::ZERO),
                 };
-                let (turned, turning) = other(self.turned, self.rest[0]);
-                let (scale, scaling) = other(self.scaled, self.rest[1]);
+                let (turned, turning) = other(self.rotation_curve, self.rest[0]);
+                let (scale, scaling) = other(self.scale_curve, self.rest[1]);
                 let turn = latest.turn(local, turned);
                 let at = local.translation_at(value, &turn, scale);
                 (wide(at), wide(local.translation_rate((&turn, scale), (slope, turning, scaling))))
@@ -222,7 +222,7 @@ impl Member<'_> {
             // The chord between two quaternions is half the angle of rotation.
             Path::Rotation => 2.0 * bell(self.curves.bounds(interval, 0, HALF_RAD))[3] / 384.0,
             Path::Scale => self.local.scale_at(self.multiplied(interval)).abs().max_element() / 384.0,
-            _ => (self.multiplied(interval).length() * self.local.metres() + self.swung(interval)) / 384.0,
+            _ => (self.multiplied(interval).length() * self.local.metres() + self.swing_bound(interval)) / 384.0,
         }
     }
 
@@ -237,16 +237,16 @@ impl Member<'_> {
     }
 
     /// Bound of the fourth derivative of the swing about a pivot, in metres.
-    fn swung(&self, interval: usize) -> f64 {
-        let Some(turned) = self.turned else { return 0.0 };
+    fn swing_bound(&self, interval: usize) -> f64 {
+        let Some(turned) = self.rotation_curve else { return 0.0 };
         let r = bell(self.curves.bounds(interval, turned, 2.0 * HALF_RAD));
-        let arm = self.local.scaled_swing_metres();
-        let Some(scaled) = self.scaled else {
-            return self.local.swing_metres(self.rest[1]) * r[3];
+        let arm = self.local.scaled_lever_arm_metres();
+        let Some(scaled) = self.scale_curve else {
+            return self.local.lever_arm_metres(self.rest[1]) * r[3];
         };
         let s = self.curves.bounds(interval, scaled, 1.0);
         let widest = self.curves.value(interval, scaled, 0.0).abs() + DVec3::splat(s[0]);
-        let swing = self.local.swing_metres(DVec3::ZERO) + arm * widest.length();
+        let swing = self.local.lever_arm_metres(DVec3::ZERO) + arm * widest.length();
         // Leibniz's rule for a swing that changes with the scale, times a rotation.
         swing * r[3] + arm * (4.0 * s[0] * r[2] + 6.0 * s[1] * r[1] + 4.0 * s[2] * r[0])
     }

@@ -117,7 +117,7 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &Impo
     Ok(asset)
 }
 
-fn decode(file: &File<'_>, tree: &nodes::Tree, materials: &[materials::Read]) -> Result<Asset> {
+fn decode(file: &File<'_>, tree: &nodes::Tree, materials: &[materials::MaterialDraft]) -> Result<Asset> {
     let mut asset = Asset::default();
     let shown = meshes::shown(file, tree);
     if file.needs.geometry {

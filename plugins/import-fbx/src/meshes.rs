@@ -2,7 +2,7 @@
 
 use crate::file::{File, place_of};
 use crate::geometry::Geometry;
-use crate::materials::Read;
+use crate::materials::MaterialDraft;
 use crate::nodes::{self, Tree};
 use crate::{morphs, skinning, vertices};
 use choreo_asset::{Asset, Mesh, MeshInstance};
@@ -66,7 +66,7 @@ pub fn read(
     file: &File<'_>,
     tree: &Tree,
     shown: &[Shown<'_>],
-    materials: &[Read],
+    materials: &[MaterialDraft],
     asset: &mut Asset,
 ) -> Result<()> {
     // Key: the mesh, and the materials that its node assigns.
@@ -111,7 +111,7 @@ fn slots(one: &Shown<'_>) -> Vec<u32> {
 }
 
 /// Builds a mesh; `None` where no face has an area.
-fn build(file: &File<'_>, one: &Shown<'_>, slots: &[u32], materials: &[Read]) -> Result<Option<Mesh>> {
+fn build(file: &File<'_>, one: &Shown<'_>, slots: &[u32], materials: &[MaterialDraft]) -> Result<Option<Mesh>> {
     let mesh = one.mesh;
     let place = || match mesh.element.name.as_ref() {
         "" => format!("mesh of {}", place_of(&one.node.element)),

@@ -3,7 +3,7 @@
 use crate::convert::vec3;
 use crate::file::File;
 use crate::geometry::Geometry;
-use crate::materials::Read;
+use crate::materials::MaterialDraft;
 use crate::morphs::Target;
 use crate::skinning::Weights;
 use choreo_asset::{MorphTarget, Primitive};
@@ -25,7 +25,7 @@ pub fn primitives(
     file: &File<'_>,
     mesh: &Mesh,
     slots: &[u32],
-    materials: &[Read],
+    materials: &[MaterialDraft],
     of_points: OfPoints<'_>,
     place: &dyn Fn() -> String,
 ) -> Result<Vec<Primitive>> {
@@ -58,7 +58,7 @@ fn uv_sets<'m>(
     file: &File<'_>,
     mesh: &'m Mesh,
     slots: &[u32],
-    materials: &[Read],
+    materials: &[MaterialDraft],
     place: &dyn Fn() -> String,
 ) -> [Option<&'m VertexVec2>; 2] {
     let sets = mesh.uv_sets.as_ref();

@@ -44,7 +44,7 @@ pub enum Meaning {
     /// A property of a node, as in plain channels.
     Node(usize, Property),
     /// A property of each object that the file's element became: a camera on two nodes is two objects.
-    Things { targets: Vec<PropertyTarget>, factor: f32 },
+    Properties { targets: Vec<PropertyTarget>, factor: f32 },
 }
 
 /// Resolves a pointer; `None` where it names nothing that can be animated.
@@ -53,7 +53,7 @@ pub fn meaning(file: &File<'_>, tree: &Tree, pointer: &str) -> Option<Meaning> {
     let number = |text: &str| text.parse::<usize>().ok();
     let things = |list: Vec<u32>, target: fn(u32) -> PropertyTarget, factor: f32| {
         let targets: Vec<PropertyTarget> = list.into_iter().map(target).collect();
-        (!targets.is_empty()).then_some(Meaning::Things { targets, factor })
+        (!targets.is_empty()).then_some(Meaning::Properties { targets, factor })
     };
     match steps[..] {
         ["nodes", node, property] => {
@@ -97,7 +97,7 @@ pub fn meaning(file: &File<'_>, tree: &Tree, pointer: &str) -> Option<Meaning> {
             let material = number(material).filter(|m| *m < file.root.materials.len())?;
             let (property, factor) = material_property(&file.root.materials[material], path)?;
             let targets = vec![PropertyTarget::Material(material as u32, property)];
-            Some(Meaning::Things { targets, factor })
+            Some(Meaning::Properties { targets, factor })
         }
         _ => None,
     }

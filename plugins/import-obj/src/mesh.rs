@@ -179,7 +179,7 @@ impl Builder<'_> {
                 match how {
                     Cut::Whole => {}
                     Cut::Crossing => self.crossing.add(line),
-                    Cut::TooMuch => self.too_much.add(line),
+                    Cut::OverBudget => self.too_much.add(line),
                 }
             }
         }

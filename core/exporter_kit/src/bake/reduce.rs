@@ -46,13 +46,13 @@ pub(crate) fn common_tracks(
     let mut out = none();
     let kept = match (1..rows.len()).all(|index| row(index) == row(0)) {
         true => vec![0],
-        false => longest_ways(rows.len(), |from, to| {
+        false => reduce_greedy(rows.len(), |from, to| {
             (from + 1..to).all(|between| {
                 let t = rows[between].time.fraction(rows[from].time, rows[to].time);
                 let far = row(between)[..3].iter().fold(0.0f32, |most, v| most.max(v.abs()));
                 let allowed = (tolerance as f32).max(far * 4.0 * f32::EPSILON);
                 let three = [row(from), row(to), row(between)];
-                rig::apart(parents, three, t, sampled.reach, &mut spaces) <= allowed
+                rig::max_distance(parents, three, t, sampled.reach, &mut spaces) <= allowed
             })
         }),
     };
@@ -213,7 +213,7 @@ impl Series {
 }
 
 /// Indices from the first to the last: from each, the farthest next one that `fits` accepts.
-fn longest_ways(count: usize, mut fits: impl FnMut(usize, usize) -> bool) -> Vec<usize> {
+fn reduce_greedy(count: usize, mut fits: impl FnMut(usize, usize) -> bool) -> Vec<usize> {
     let (mut out, last, mut at) = (vec![0], count.saturating_sub(1), 0);
     while at < last {
         // Galloping search (doubling, then bisection) needs few tests for a long way.
@@ -250,10 +250,10 @@ pub fn series(signal: &Signal, rows: &[&Row]) -> Series {
     let mut fits = |from: usize, to: usize| {
         (from + 1..to).all(|row| {
             let t = rows[row].time.fraction(rows[from].time, rows[to].time);
-            signal.between(value(from), value(to), t, &mut between);
+            signal.interpolate(value(from), value(to), t, &mut between);
             signal.is_near(&between, value(row))
         })
     };
-    longest_ways(rows.len(), &mut fits).into_iter().skip(1).for_each(push);
+    reduce_greedy(rows.len(), &mut fits).into_iter().skip(1).for_each(push);
     out
 }

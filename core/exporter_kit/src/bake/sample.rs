@@ -164,7 +164,7 @@ impl Worker<'_> {
         for signal in &self.sampler.signals {
             let [a, b, truth] = [a, b, middle].map(|row| &row.values[signal.offset..][..signal.width]);
             value.resize(signal.width, 0.0);
-            signal.between(a, b, t, &mut value);
+            signal.interpolate(a, b, t, &mut value);
             worst = worst.max(signal.error(&value, truth));
         }
         for sampled in &self.sampler.actors {
@@ -173,7 +173,7 @@ impl Worker<'_> {
             // Far from the origin, f32 cannot place anything more accurately.
             let far = rows[2][..3].iter().fold(0.0f32, |most, v| most.max(v.abs()));
             let allowed = self.sampler.tolerance.max(far * 4.0 * f32::EPSILON);
-            worst = worst.max(rig::apart(parents, rows, t, sampled.reach, &mut self.spaces) / allowed);
+            worst = worst.max(rig::max_distance(parents, rows, t, sampled.reach, &mut self.spaces) / allowed);
         }
         worst
     }
