@@ -1,7 +1,8 @@
 //! All plugins known to the program.
 
 use crate::isolated::{
-    AfterFailures, IsolatedExporter, IsolatedImporter, IsolatedSceneExporter, failed_claim, isolated_effect,
+    ImporterWithClaimWarnings, IsolatedExporter, IsolatedImporter, IsolatedSceneExporter, failed_claim,
+    isolated_effect,
 };
 use crate::suggest::{did_you_mean, list};
 use crate::{
@@ -339,7 +340,7 @@ impl Registry {
                 let importer = Arc::clone(importer);
                 Ok(match failures.is_empty() {
                     true => importer,
-                    false => Arc::new(AfterFailures { importer, failures }),
+                    false => Arc::new(ImporterWithClaimWarnings { importer, failures }),
                 })
             }
             _ => Err(error(

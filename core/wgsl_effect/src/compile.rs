@@ -164,13 +164,13 @@ impl Source<'_> {
         let parsed = naga::front::wgsl::parse_str(&self.whole).map_err(of_parser);
         parsed.map_err(|mistake| match mistake.span {
             Some(_) => mistake,
-            None => Mistake { span: self.culprit(), ..mistake },
+            None => Mistake { span: self.faulty_statement(), ..mistake },
         })
     }
 
     /// The statement of a mistake for which the parser gives no place. Leaves out the end of each function, and then the end of the faulty
     /// function from statement to statement, until the mistake is gone.
-    fn culprit(&self) -> Option<Range<usize>> {
+    fn faulty_statement(&self) -> Option<Range<usize>> {
         let fails = |text: &str| {
             naga::front::wgsl::parse_str(text).is_err_and(|e| e.labels().all(|(span, _)| !span.is_defined()))
         };
@@ -250,7 +250,7 @@ pub fn compile(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, Ef
 fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, EffectError> {
     let signature = head.signature();
     let declared = declared(signature, head, &text.scene);
-    if let Some((line, message)) = taken(text, signature, &declared, manifest) {
+    if let Some((line, message)) = reserved_name(text, signature, &declared, manifest) {
         return Err(text.error((line, 1), message));
     }
     // The shader that calls the function declares these types and functions. They are below the author's text, so that its line numbers
@@ -381,7 +381,7 @@ fn declared(signature: &Signature, head: &Head, scene: &SceneCalls) -> Vec<Decla
 }
 
 /// The first line (from 1) that declares a name which the program declares, and the message about it.
-fn taken(
+fn reserved_name(
     text: &Text,
     signature: &Signature,
     around: &[Declared],

@@ -112,7 +112,8 @@ impl Bones {
     /// Marks the bones whose offset in this pose differs from rest.
     pub(crate) fn find_moving(&mut self, pose: &Pose, tolerance: f64) {
         for bone in 0..self.names.len() {
-            self.has_position_channels[bone] |= (self.local_position(pose, bone) - self.offsets[bone]).length() > tolerance;
+            self.has_position_channels[bone] |=
+                (self.local_position(pose, bone) - self.offsets[bone]).length() > tolerance;
         }
     }
 

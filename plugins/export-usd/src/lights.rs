@@ -115,7 +115,9 @@ fn of_light<'a>(
     }
     let (mut out, property_indices) = light(names.free(&of.name), &now, &at);
     let factor = if now.kind.is_directional() { 1.0 } else { SPHERE };
-    for (part, property) in [(LightPart::Position, property_indices[0]), (LightPart::Rotation, property_indices[1])] {
+    for (part, property) in
+        [(LightPart::Position, property_indices[0]), (LightPart::Rotation, property_indices[1])]
+    {
         let has_it =
             if part == LightPart::Position { !now.kind.is_directional() } else { now.kind.has_direction() };
         if let Some(series) = series(part).filter(|series| !series.is_still() && has_it) {

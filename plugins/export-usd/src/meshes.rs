@@ -85,7 +85,8 @@ fn colors<'a>(out: &mut Prim<'a>, p: &'a Primitive) {
     out.set(COLOR3F, "primvars:displayColor", Value::array(colors.len(), color)).set_interpolation("vertex");
     if colors.iter().any(|color| color.w != 1.0) {
         let opacity = move |i: usize| f64::from(colors[i].w.clamp(0.0, 1.0));
-        out.set(FLOAT, "primvars:displayOpacity", Value::array(colors.len(), opacity)).set_interpolation("vertex");
+        out.set(FLOAT, "primvars:displayOpacity", Value::array(colors.len(), opacity))
+            .set_interpolation("vertex");
     }
 }
 

@@ -2,7 +2,7 @@
 //! largest error of a cubic that has these values and slopes.
 
 use crate::curve::Piece;
-use crate::local::{HALF_RAD, Local, EulerRotation};
+use crate::local::{EulerRotation, HALF_RAD, Local};
 use choreo_motion::{Path, Time};
 use glam::DVec3;
 
@@ -222,7 +222,10 @@ impl TransformPart<'_> {
             // The chord between two quaternions is half the angle of rotation.
             Path::Rotation => 2.0 * bell(self.curves.bounds(interval, 0, HALF_RAD))[3] / 384.0,
             Path::Scale => self.local.scale_at(self.multiplied(interval)).abs().max_element() / 384.0,
-            _ => (self.multiplied(interval).length() * self.local.metres() + self.swing_bound(interval)) / 384.0,
+            _ => {
+                (self.multiplied(interval).length() * self.local.metres() + self.swing_bound(interval))
+                    / 384.0
+            }
         }
     }
 

@@ -181,7 +181,8 @@ impl Local {
     /// The node's translation in metres, pivots included.
     pub(crate) fn translation_at(&self, translation: DVec3, turn: &EulerRotation, scaling: DVec3) -> DVec3 {
         let swing = self.lever_arm_at(scaling);
-        let turned = if swing == DVec3::ZERO { swing } else { self.left_rotation * turn.all * self.post * swing };
+        let turned =
+            if swing == DVec3::ZERO { swing } else { self.left_rotation * turn.all * self.post * swing };
         self.to_metres(turned + self.offset + translation)
     }
 
@@ -190,7 +191,11 @@ impl Local {
     }
 
     /// Derivative of the translation where translation, rotation and scale change.
-    pub(crate) fn translation_rate(&self, at: (&EulerRotation, DVec3), rates: (DVec3, DVec3, DVec3)) -> DVec3 {
+    pub(crate) fn translation_rate(
+        &self,
+        at: (&EulerRotation, DVec3),
+        rates: (DVec3, DVec3, DVec3),
+    ) -> DVec3 {
         let ((turn, scaling), (translation, rotation, scale)) = (at, rates);
         let (swing, swing_rate) = (self.lever_arm_at(scaling), scale * self.scaled_lever_arm);
         if swing == DVec3::ZERO && swing_rate == DVec3::ZERO {
@@ -293,7 +298,11 @@ pub fn euler(degrees: DVec3) -> DQuat {
 
 fn turn(axes: Option<[usize; 3]>, degrees: DVec3) -> EulerRotation {
     let Some(axes) = axes else {
-        return EulerRotation { parts: [DQuat::IDENTITY; 3], first_two: DQuat::IDENTITY, all: DQuat::IDENTITY };
+        return EulerRotation {
+            parts: [DQuat::IDENTITY; 3],
+            first_two: DQuat::IDENTITY,
+            all: DQuat::IDENTITY,
+        };
     };
     let parts = axes.map(|axis| {
         if degrees[axis] == 0.0 {

@@ -111,7 +111,12 @@ fn slots(one: &Shown<'_>) -> Vec<u32> {
 }
 
 /// Builds a mesh; `None` where no face has an area.
-fn build(file: &File<'_>, one: &Shown<'_>, slots: &[u32], materials: &[MaterialDraft]) -> Result<Option<Mesh>> {
+fn build(
+    file: &File<'_>,
+    one: &Shown<'_>,
+    slots: &[u32],
+    materials: &[MaterialDraft],
+) -> Result<Option<Mesh>> {
     let mesh = one.mesh;
     let place = || match mesh.element.name.as_ref() {
         "" => format!("mesh of {}", place_of(&one.node.element)),

@@ -24,9 +24,8 @@ pub struct PackedView {
 pub fn read(extension: &Value) -> Result<PackedView> {
     let number = |key: &str, default: Option<u64>| match extension.get(key) {
         None => default.ok_or_else(|| format!("has no {key}")),
-        Some(value) => {
-            as_integer(value).ok_or_else(|| format!("has a {key} of {value}; whole numbers from 0 are allowed"))
-        }
+        Some(value) => as_integer(value)
+            .ok_or_else(|| format!("has a {key} of {value}; whole numbers from 0 are allowed")),
     };
     let size = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
     let text = |key: &str| extension.get(key).map(|value| value.as_str().unwrap_or_default());

@@ -51,7 +51,9 @@ fn write_whole_numbers(root: &mut Value) -> bool {
             Value::Object(map) => open.extend(map.values_mut()),
             Value::Number(number) if number.is_f64() => {
                 // −0 stays, because as a float it differs from 0.
-                if let Some(n) = as_integer(value).filter(|_| value.as_f64().is_some_and(f64::is_sign_positive)) {
+                if let Some(n) =
+                    as_integer(value).filter(|_| value.as_f64().is_some_and(f64::is_sign_positive))
+                {
                     *value = n.into();
                     changed = true;
                 }

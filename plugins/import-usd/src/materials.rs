@@ -169,7 +169,12 @@ impl<'a> Materials<'a> {
     }
 
     /// The texture that drives an input.
-    fn texture(&mut self, shader: &'a Prim, input: &str, (path, known): (&str, &mut MaterialInfo)) -> Option<TextureInput> {
+    fn texture(
+        &mut self,
+        shader: &'a Prim,
+        input: &str,
+        (path, known): (&str, &mut MaterialInfo),
+    ) -> Option<TextureInput> {
         let source = shader.connections.get(input)?.first()?.clone();
         let (at, output) = source.rsplit_once('.')?;
         let texture = self.root.at(at)?;

@@ -2,7 +2,7 @@
 
 use crate::facing::from_unity;
 use crate::json::At;
-use crate::springs::{Numbers, colliders, gravity, drop_duplicates, tail};
+use crate::springs::{Numbers, colliders, drop_duplicates, gravity, tail};
 use choreo_asset::Asset;
 use choreo_importer_kit::Result;
 use choreo_importer_kit::bones::model_from_joints;

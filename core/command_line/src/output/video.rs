@@ -221,7 +221,11 @@ impl Folder {
             changes: Changes::default(),
             scratch: Vec::new(),
             done: 0,
-            policy: Policy { resume: args.resume, discard: args.discard, resume_command: args.resume_command.clone() },
+            policy: Policy {
+                resume: args.resume,
+                discard: args.discard,
+                resume_command: args.resume_command.clone(),
+            },
         }
     }
 

@@ -28,7 +28,8 @@ pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result
     let registry = scene::plugins(&args.scene, plugins)?;
     let text = std::fs::read_to_string(&args.scene.input).unwrap_or_default();
     let root = has_sections(&text).then(|| root(&args.scene.input, no_project_file)).flatten();
-    let scene = scene::open(&args.scene, &registry, Opening { root: root.as_deref(), ..Opening::TO_INSPECT })?;
+    let scene =
+        scene::open(&args.scene, &registry, Opening { root: root.as_deref(), ..Opening::TO_INSPECT })?;
     if !args.json {
         scene.printed.iter().flat_map(|text| text.lines()).for_each(print_message);
     }

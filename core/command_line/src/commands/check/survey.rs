@@ -22,7 +22,10 @@ pub struct SceneToSurvey<'s> {
 
 /// Messages of `choreo check --notes` that go beyond those of the script's run and its assets: first findings in the order of their places,
 /// then errors. `None` if `should_continue` returned false.
-pub fn survey(scene: SceneToSurvey<'_>, should_continue: &(dyn Fn() -> bool + Sync)) -> Option<Vec<Diagnostic>> {
+pub fn survey(
+    scene: SceneToSurvey<'_>,
+    should_continue: &(dyn Fn() -> bool + Sync),
+) -> Option<Vec<Diagnostic>> {
     let SceneToSurvey { input, stage, registry, all_plugins, places, options } = scene;
     let (mut problems, on_stage) = check_stage(stage, registry, places, &options.limits, should_continue);
     let text = places.sources.get(&places.main);

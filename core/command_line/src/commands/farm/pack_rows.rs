@@ -3,7 +3,7 @@
 use crate::args::PackArgs;
 use crate::commands::pack;
 use crate::failure::{Failure, print_message};
-use crate::scene::opening::{ReopenState, Opening};
+use crate::scene::opening::{Opening, ReopenState};
 use crate::scene::pack::Unpacked;
 use crate::scene::rows::{self, Row};
 use crate::scene::{self, OpenedScene};

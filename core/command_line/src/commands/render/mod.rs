@@ -18,7 +18,7 @@ use crate::output::segment::SegmentExporter;
 use crate::output::target::Target;
 use crate::scene::{
     self, ONE_FRAME, OpenedScene,
-    opening::{ReopenState, Opening},
+    opening::{Opening, ReopenState},
 };
 use choreo_motion::Time;
 use choreo_plugin::{ExportOptions, Exporter, FrameWish, Hook, Passes, Registry, ViewOrder};
