@@ -146,7 +146,7 @@ fn gather(
     damaged: &mut Vec<String>,
 ) -> Result<Gathered, GatherError> {
     let files = files(&args.segments).map_err(GatherError::Missing)?;
-    let segments = opened(&files, args.quiet, damaged).map_err(GatherError::Missing)?;
+    let segments = open_segments(&files, args.quiet, damaged).map_err(GatherError::Missing)?;
     let film = same_film(&segments, damaged, exporter, software)?;
     let options = export::options(&film.film.options, exporter.manifest())?;
     let info = film.film.info(options);
@@ -185,7 +185,7 @@ fn files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 }
 
 /// Opens the segments. Descriptions of damage, each with the segment's name, are added to `damaged`.
-fn opened(files: &[PathBuf], quiet: bool, damaged: &mut Vec<String>) -> Result<Vec<Segment>, Failure> {
+fn open_segments(files: &[PathBuf], quiet: bool, damaged: &mut Vec<String>) -> Result<Vec<Segment>, Failure> {
     let progress = Progress::new(files.len() as u64, quiet);
     let mut segments = Vec::new();
     for file in files {
@@ -295,7 +295,7 @@ impl Joining<'_> {
     /// Writes the film to one file.
     fn film(&self) -> Result<JoinedFrames, Failure> {
         let path = self.target.file(0);
-        self.inputs.refuse(&path)?;
+        self.inputs.check_output(&path)?;
         let shown = path.display().to_string();
         let failed = |e: std::io::Error| output_error(&shown, &e);
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -339,7 +339,7 @@ impl Joining<'_> {
     fn images(&self) -> Result<JoinedFrames, Failure> {
         let last = i64::try_from(self.info.frames).unwrap_or(i64::MAX) - 1;
         let names = (0..=last).map(|number| self.target.file(number));
-        names.clone().try_for_each(|name| self.inputs.refuse(&name))?;
+        names.clone().try_for_each(|name| self.inputs.check_output(&name))?;
         self.target.prepare()?;
         let _claim = Claim::take(self.target, 0, last)?;
         for (&(segment, place), name) in self.sources.iter().zip(names) {

@@ -28,7 +28,7 @@ pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
         .at(at)
         .map_err(|e| Failure::input(e.to_string()))?;
     if let Some(path) = &args.mesh {
-        scene.inputs.refuse(path)?;
+        scene.inputs.check_output(path)?;
         let shown = path.display().to_string();
         let failed = |e| write_failure(&shown, e);
         let part = PartFile::create(path).map_err(failed)?;

@@ -34,7 +34,7 @@ enum End {
 
 /// Finished work of an earlier render, for the user.
 #[derive(Default)]
-pub struct Begun {
+pub struct ResumedWork {
     /// Frames that are finished, from the first on.
     pub done: usize,
     pub note: Option<String>,
@@ -88,42 +88,42 @@ impl Video {
         identity: &Identity,
         args: &RenderArgs,
         is_made: impl Fn() -> bool,
-    ) -> Result<(Option<Video>, Begun), Failure> {
+    ) -> Result<(Option<Video>, ResumedWork), Failure> {
         let shown = path.display().to_string();
         let (parent, name) = match Destination::of(path).map_err(|e| write_failure(&shown, e))? {
             Destination::File { folder, name } => (folder, name),
             Destination::Direct(to) => {
-                return Video::direct(shown, to, exporter, info).map(|v| (Some(v), Begun::default()));
+                return Video::direct(shown, to, exporter, info).map(|v| (Some(v), ResumedWork::default()));
             }
         };
         let part = open_part(&parent, &name, args).map_err(|e| write_failure(&shown, e))?;
         if args.resume && is_made() {
             part.remove_other_part_folders();
-            return Ok((None, Begun::default()));
+            return Ok((None, ResumedWork::default()));
         }
         let mut folder = Folder::new(part, path, args);
         if args.resume {
             folder.copy_of_others(identity).map_err(|e| write_failure(&shown, e))?;
         }
         let Some(mut found) = finished_in(folder.part.lock_file()) else {
-            return Ok((Some(folder.begin(exporter, info, identity)?), Begun::default()));
+            return Ok((Some(folder.begin(exporter, info, identity)?), ResumedWork::default()));
         };
         folder.done = found.records.len();
         folder.part.keep(true);
         if !args.resume {
             let note = folder.check_discard(&found.identity, identity, args)?;
             let video = folder.begin(exporter, info, identity)?;
-            return Ok((Some(video), Begun { note, ..Begun::default() }));
+            return Ok((Some(video), ResumedWork { note, ..ResumedWork::default() }));
         }
         provenance::same(&shown, &folder.part.path(), &found.identity, identity)?;
         folder.part.check_lock().map_err(|e| write_failure(&shown, e))?;
         found.records.truncate(info.frames as usize);
         if found.records.len() as u64 == info.frames && folder.is_in_place(&found) {
             folder.part.keep(false);
-            return Ok((None, Begun { done: found.records.len(), note: None }));
+            return Ok((None, ResumedWork { done: found.records.len(), note: None }));
         }
         let (video, done) = folder.resume(&found, exporter, info, identity)?;
-        Ok((Some(video), Begun { done, note: None }))
+        Ok((Some(video), ResumedWork { done, note: None }))
     }
 
     /// Begins a video whose output is a pipe or device, which is written directly.

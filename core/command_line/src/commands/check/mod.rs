@@ -129,7 +129,7 @@ pub fn check_stage(
     }
     for (index, used) in stage.effects.iter().enumerate() {
         if let Some(effect) = registry.effect(&used.plugin)
-            && let Some(text) = left_out(effect, used, stage)
+            && let Some(text) = overlay_left_out(effect, used, stage)
         {
             let text = format!("effect \"{}\": {text}", used.plugin);
             let subject = Subject::Effect(index);
@@ -217,7 +217,7 @@ fn too_many_lights(stage: &Stage) -> Option<Finding> {
 }
 
 /// Overlay that an effect leaves out at the beginning or in the middle of its duration, if any.
-fn left_out(effect: &Effect, used: &EffectUse, stage: &Stage) -> Option<String> {
+fn overlay_left_out(effect: &Effect, used: &EffectUse, stage: &Stage) -> Option<String> {
     let Effect::Overlay(drawing) = effect else { return None };
     let end = used.end.unwrap_or(stage.settings.length).max(used.start);
     let middle = used.start + (end - used.start).scaled(0.5);

@@ -88,7 +88,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
         "{}frames     {frames}\n\n{}\n{}",
         text(&facts),
         inside.table().text_within(width),
-        left_out(&plan).text_within(width)
+        left_out_table(&plan).text_within(width)
     ))
 }
 
@@ -242,7 +242,7 @@ fn text(f: &Value) -> String {
     t
 }
 
-fn left_out(plan: &Plan) -> Table {
+fn left_out_table(plan: &Plan) -> Table {
     let mut table = Table::new("", &[("what is left out", "what"), ("why", "why")]);
     table.rows = plan.left_out.iter().map(|l| vec![Cell::text(&l.what), Cell::text(&l.why)]).collect();
     table

@@ -42,7 +42,7 @@ pub(super) fn write(
     }
     let Some(scene) = all else {
         print(&failures);
-        return ended(&failures, rows.len()).map(|()| failures);
+        return check_row_failures(&failures, rows.len()).map(|()| failures);
     };
     let prove = |unpacked: Unpacked| {
         let mut packed = args.scene.clone();
@@ -73,6 +73,6 @@ pub(super) fn print(failures: &[RowFailure]) {
 }
 
 /// Fails if rows failed.
-pub(super) fn ended(failures: &[RowFailure], rows: usize) -> Result<(), Failure> {
-    rows::failed(rows, failures.iter().map(|(row, failure)| (*row, failure)))
+pub(super) fn check_row_failures(failures: &[RowFailure], rows: usize) -> Result<(), Failure> {
+    rows::rows_failure(rows, failures.iter().map(|(row, failure)| (*row, failure)))
 }

@@ -69,7 +69,7 @@ pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Fa
         result.print(args);
         results.push(result);
     }
-    ended(args, &results)
+    report_rows(args, &results)
 }
 
 /// Arguments for the render of one row.
@@ -99,7 +99,7 @@ impl Batch {
             make_folder(&job.target)?;
         }
         self.renderer.begin().map_err(render_failure)?;
-        let started = device::Started {
+        let started = device::StartedRenderer {
             renderer: Box::new(self.renderer.clone()),
             time: None,
             stages: None,
@@ -156,13 +156,13 @@ impl RowResult {
 }
 
 /// Prints the report of all rows, and fails if a row failed.
-fn ended(args: &RenderArgs, results: &[RowResult]) -> Result<(), Failure> {
+fn report_rows(args: &RenderArgs, results: &[RowResult]) -> Result<(), Failure> {
     if args.json {
         let rows: Vec<serde_json::Value> = results.iter().map(RowResult::json).collect();
         let all = results.iter().all(|result| result.drawn.is_ok());
         print_json(&json!({ "ok": all, "rows": rows }))?;
     }
-    rows::failed(
+    rows::rows_failure(
         results.len(),
         results.iter().filter_map(|result| Some((result.row, result.drawn.as_ref().err()?))),
     )

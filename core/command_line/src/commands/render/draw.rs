@@ -54,7 +54,7 @@ pub struct Drawn {
 pub fn draw(
     args: &RenderArgs,
     job: &Job,
-    started: device::Started,
+    started: device::StartedRenderer,
     jobs: Option<usize>,
 ) -> Result<Drawn, Failure> {
     let (renderer, time) = (started.renderer, started.time);
@@ -178,7 +178,7 @@ impl Drawing<'_> {
             None => None,
         };
         let frames = match self.args.resume {
-            true => image_files::missing(&job.target, info, &job.frames)?,
+            true => image_files::missing_frames(&job.target, info, &job.frames)?,
             false => job.frames.clone(),
         };
         let mut open = match &job.target {

@@ -81,8 +81,8 @@ fn begin_report(args: &RenderArgs) {
     }
 }
 
-fn wanted(args: &RenderArgs) -> device::Wanted {
-    device::Wanted {
+fn wanted(args: &RenderArgs) -> device::DeviceRequest {
+    device::DeviceRequest {
         device: args.device,
         gpu: args.gpu.clone(),
         timings: args.timings,
@@ -140,7 +140,7 @@ pub fn prepare(
     let (target, segment) = segment.map_or((target, None), |(file, segment)| (file, Some(segment)));
     let exporter = segment.clone().map_or(exporter.clone(), |segment| segment as Arc<dyn Exporter>);
     if target != Target::Stdout {
-        frames.iter().try_for_each(|(number, _)| scene.inputs.refuse(&target.file(*number)))?;
+        frames.iter().try_for_each(|(number, _)| scene.inputs.check_output(&target.file(*number)))?;
     }
     let exporter = Arc::new(Budgeted::new(exporter, scene.limits.output));
     notes.extend(without_display(wish, &scene.stage, registry));

@@ -40,7 +40,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
             let registry = scene::plugins(&args.scene, plugins)?;
             let job = super::prepare(args, target.clone(), &registry, Some(&keep))?;
             renderer.begin().map_err(render_failure)?;
-            let started = device::Started {
+            let started = device::StartedRenderer {
                 renderer: Box::new(renderer.clone()),
                 time: None,
                 stages: None,
@@ -60,7 +60,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
             Err(failure) => failure.lines().iter().for_each(print_message),
         }
         watch.set(interest(args, &keep));
-        memory::rest();
+        memory::stop_guard();
         let changed = loop {
             match watch.wait(Some(Duration::from_millis(200))).map_err(failed)? {
                 WatchEvent::Changed(files) => break files,
