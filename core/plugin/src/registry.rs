@@ -125,7 +125,7 @@ struct EffectWithImages {
 }
 
 /// An importer with its claim on a file.
-type Claimed<'r> = (Claim, &'r Arc<dyn Importer>);
+type ClaimedImporter<'r> = (Claim, &'r Arc<dyn Importer>);
 
 impl Registry {
     /// Adds an importer. It replaces one of the same name, here and in the methods below, so that a user's plugin can take the place of a
@@ -283,15 +283,15 @@ impl Registry {
     /// The claims of all importers on a file, the greatest first. Of equal claims, those of importers whose manifest has the file's
     /// extension come first, then those of importers added later, so that a user's own plugin wins over ours.
     pub fn claims(&self, source: &Source) -> Vec<(Claim, &Arc<dyn Importer>)> {
-        self.ask(source).0
+        self.collect_claims(source).0
     }
 
     /// The failures of importers that were asked whether the file is their own. These importers claim nothing.
     pub fn failed_claims(&self, source: &Source) -> Vec<PluginPanic> {
-        self.ask(source).1
+        self.collect_claims(source).1
     }
 
-    fn ask(&self, source: &Source) -> (Vec<Claimed<'_>>, Vec<PluginPanic>) {
+    fn collect_claims(&self, source: &Source) -> (Vec<ClaimedImporter<'_>>, Vec<PluginPanic>) {
         let (extension, mut failures) = (source.extension(), Vec::new());
         let mut claim = |importer: &Arc<dyn Importer>| {
             importer.checked_claim(source).unwrap_or_else(|panic| {
@@ -334,7 +334,7 @@ impl Registry {
                 error(what, format!("importers: {}{}", list(names(), 30), self.faulty_hint(IMPORTERS)))
             });
         }
-        let (claims, failures) = self.ask(source);
+        let (claims, failures) = self.collect_claims(source);
         match claims.first() {
             Some((claim, importer)) if *claim > Claim::NotMine => {
                 let importer = Arc::clone(importer);

@@ -1,6 +1,6 @@
 //! Compiles an author's text to a program: parses and validates the text, compares it with the signature of its hook, and tries it.
 
-use crate::environment::Host;
+use crate::environment::HostFunction;
 use crate::error::EffectError;
 use crate::head::{self, Head};
 use crate::head_error::HeadError;
@@ -44,7 +44,7 @@ pub enum Output {
 
 /// A function that the shader around the author's text supplies: its name, a WGSL declaration that stands for it, and the code that runs on
 /// the CPU.
-pub(crate) type Declared = (String, String, Host);
+pub(crate) type Declared = (String, String, HostFunction);
 
 /// The author's text, and the texts that are made from it.
 pub struct Text {
@@ -273,7 +273,7 @@ fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, E
         }
         let near = suggestions::of_other_hook(&mistake.text, head, &declared)
             .or_else(|| suggestions::parameter(&mistake.text, manifest))
-            .unwrap_or_else(|| suggestions::near(&mistake.text, &text.author, &fields, &mut names()));
+            .unwrap_or_else(|| suggestions::suggest_name(&mistake.text, &text.author, &fields, &mut names()));
         let near = if near.is_empty() { suggestions::texture(&mistake.text, head) } else { near };
         source.error(mistake.span, format!("{}{near}", mistake.text))
     })?;
@@ -344,12 +344,12 @@ fn programs(
         return Ok(programs);
     }
     // The text that runs counts the rounds of loops; mistakes are placed in the author's text.
-    let (module, info) = counted(run, source)?;
+    let (module, info) = validate_counted(run, source)?;
     lowered((&module, &info)).map_err(|e| source.error(None, format!("a loop cannot be counted: {}", e.what)))
 }
 
 /// The module of a text with counted loops, whose author's part is valid.
-fn counted(text: &str, source: &Source) -> Result<(Module, ModuleInfo), EffectError> {
+fn validate_counted(text: &str, source: &Source) -> Result<(Module, ModuleInfo), EffectError> {
     let faulty = |what: String| source.error(None, format!("a loop cannot be counted: {what}"));
     let module = naga::front::wgsl::parse_str(text).map_err(|e| faulty(e.message().into()))?;
     let info = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
@@ -358,24 +358,24 @@ fn counted(text: &str, source: &Source) -> Result<(Module, ModuleInfo), EffectEr
 }
 
 fn declared(signature: &Signature, head: &Head, scene: &SceneCalls) -> Vec<Declared> {
-    const ROUND: (&str, &str, Host) = (
+    const ROUND: (&str, &str, HostFunction) = (
         "effect_round",
         "fn effect_round(cost: u32, loop_number: u32) -> bool { return cost == loop_number; }\n",
-        Host::Round,
+        HostFunction::Round,
     );
     let history = if head.history > 0 { signature.with_history } else { &[] };
     let always = signature.functions.iter().chain(history).chain([&ROUND]);
     let mut all: Vec<Declared> =
         always.map(|(name, text, host)| (name.to_string(), text.to_string(), *host)).collect();
-    all.extend(scene.supplied());
-    all.extend(passes::supplied(&head.pass_lines));
+    all.extend(scene.supplied_functions());
+    all.extend(passes::supplied_functions(&head.pass_lines));
     all.extend(head.joints.iter().enumerate().map(|(i, joint)| {
         let text = format!("fn {}() -> u32 {{ return {i}u; }}\n", joint.name);
-        (joint.name.clone(), text, Host::Named(i))
+        (joint.name.clone(), text, HostFunction::Named(i))
     }));
     all.extend(head.textures.iter().enumerate().map(|(i, t)| {
         let text = format!("fn {}(uv: vec2<f32>) -> vec4<f32> {{ return uv.xyxy; }}\n", t.name);
-        (t.name.clone(), text, Host::Texture(i))
+        (t.name.clone(), text, HostFunction::Texture(i))
     }));
     all
 }

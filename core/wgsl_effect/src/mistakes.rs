@@ -203,11 +203,11 @@ impl<'a> InFunction<'a> {
         in_wgsl(pointee.unwrap_or(&text))
     }
 
-    fn inner(&self, inner: &TypeInner) -> String {
+    fn inner_type_name(&self, inner: &TypeInner) -> String {
         self.resolved(&TypeResolution::Value(inner.clone()))
     }
 
-    fn named(&self, ty: Handle<Type>) -> String {
+    fn type_name(&self, ty: Handle<Type>) -> String {
         in_wgsl(&self.module.to_ctx().type_to_string(ty))
     }
 
@@ -220,7 +220,7 @@ impl<'a> InFunction<'a> {
         Mistake::new(if span.is_defined() { span } else { self.innermost }, text)
     }
 
-    fn here(&self, text: impl Into<String>) -> Mistake {
+    fn at_innermost(&self, text: impl Into<String>) -> Mistake {
         Mistake::new(self.innermost, text.into())
     }
 
@@ -230,7 +230,7 @@ impl<'a> InFunction<'a> {
             FunctionError::Expression { handle, source } => self.expression(*handle, source),
             FunctionError::LocalVariable { name, source, handle } => {
                 let variable = &self.function.local_variables[*handle];
-                let ty = self.named(variable.ty);
+                let ty = self.type_name(variable.ty);
                 let what = match (source, variable.init) {
                     (LocalVariableError::InitializerType, Some(init)) => {
                         format!("{name} is {ty}, its first value {}", self.of(init))
@@ -244,7 +244,7 @@ impl<'a> InFunction<'a> {
             }
             FunctionError::InvalidReturnType { expression, expected_ty } => {
                 let returns = match expected_ty {
-                    Some(ty) => format!("{} returns {}", named(), self.named(*ty)),
+                    Some(ty) => format!("{} returns {}", named(), self.type_name(*ty)),
                     None => format!("{} returns nothing", named()),
                 };
                 match expression {
@@ -253,7 +253,7 @@ impl<'a> InFunction<'a> {
                         self.whole,
                         format!("{returns}, but one way through it ends without return"),
                     ),
-                    None => self.here(format!("{returns}, this return has no value")),
+                    None => self.at_innermost(format!("{returns}, this return has no value")),
                 }
             }
             FunctionError::InvalidIfType(value) => {
@@ -270,27 +270,33 @@ impl<'a> InFunction<'a> {
                 self.at(*pointer, "this cannot be assigned to; declare it with var".into())
             }
             FunctionError::InvalidCall { function, error } => self.call(*function, error),
-            FunctionError::BreakOutsideOfLoopOrSwitch => self.here("break is outside of a loop or switch"),
-            FunctionError::ContinueOutsideOfLoop => self.here("continue is outside of a loop"),
-            FunctionError::InvalidReturnSpot => self.here("return is inside a continuing block"),
+            FunctionError::BreakOutsideOfLoopOrSwitch => {
+                self.at_innermost("break is outside of a loop or switch")
+            }
+            FunctionError::ContinueOutsideOfLoop => self.at_innermost("continue is outside of a loop"),
+            FunctionError::InvalidReturnSpot => self.at_innermost("return is inside a continuing block"),
             FunctionError::ConflictingSwitchCase(_) => Mistake::new(
                 double_case(&self.function.body).unwrap_or(self.innermost),
                 "switch has two cases of one value".into(),
             ),
-            FunctionError::ConflictingCaseType => self.here("the cases of switch have different types"),
-            FunctionError::MissingDefaultCase => self.here("switch has no default case"),
-            FunctionError::MultipleDefaultCases => self.here("switch has two default cases"),
+            FunctionError::ConflictingCaseType => {
+                self.at_innermost("the cases of switch have different types")
+            }
+            FunctionError::MissingDefaultCase => self.at_innermost("switch has no default case"),
+            FunctionError::MultipleDefaultCases => self.at_innermost("switch has two default cases"),
             FunctionError::PipelineInputRegularFunction { name } => {
-                self.here(format!("{name} has an attribute; parameters of an effect have none"))
+                self.at_innermost(format!("{name} has an attribute; parameters of an effect have none"))
             }
             FunctionError::PipelineOutputRegularFunction => {
-                self.here("the result has an attribute; that of an effect has none")
+                self.at_innermost("the result has an attribute; that of an effect has none")
             }
             FunctionError::InvalidArgumentType { name, .. } => {
-                self.here(format!("{name}: a parameter cannot have this type"))
+                self.at_innermost(format!("{name}: a parameter cannot have this type"))
             }
-            FunctionError::NonConstructibleReturnType => self.here("a function cannot return this type"),
-            other => self.here(in_wgsl(&chain(other))),
+            FunctionError::NonConstructibleReturnType => {
+                self.at_innermost("a function cannot return this type")
+            }
+            other => self.at_innermost(in_wgsl(&chain(other))),
         }
     }
 
@@ -299,15 +305,15 @@ impl<'a> InFunction<'a> {
         let name = function.name.clone().unwrap_or_default();
         match error {
             CallError::ArgumentCount { required, seen } => {
-                self.here(format!("{name} takes {required} arguments, {seen} are given"))
+                self.at_innermost(format!("{name} takes {required} arguments, {seen} are given"))
             }
             CallError::ArgumentType { index, required, seen_expression } => {
                 let parameter =
                     function.arguments.get(*index).and_then(|a| a.name.clone()).unwrap_or_default();
-                let (wanted, given) = (self.named(*required), self.of(*seen_expression));
+                let (wanted, given) = (self.type_name(*required), self.of(*seen_expression));
                 self.at(*seen_expression, format!("{name}: {parameter} is {wanted}, this value is {given}"))
             }
-            other => self.here(format!("{name}: {}", in_wgsl(&chain(other)))),
+            other => self.at_innermost(format!("{name}: {}", in_wgsl(&chain(other)))),
         }
     }
 
@@ -318,8 +324,8 @@ impl<'a> InFunction<'a> {
                 format!(
                     "{} cannot work with {} and {}",
                     sign(*op),
-                    self.inner(lhs_type),
-                    self.inner(rhs_type)
+                    self.inner_type_name(lhs_type),
+                    self.inner_type_name(rhs_type)
                 )
             }
             E::InvalidUnaryOperandType(op, value) => {
@@ -333,12 +339,12 @@ impl<'a> InFunction<'a> {
             E::SelectValuesTypeMismatch { accept, reject } => {
                 format!(
                     "select chooses between values of one type, not {} and {}",
-                    self.inner(reject),
-                    self.inner(accept)
+                    self.inner_type_name(reject),
+                    self.inner_type_name(accept)
                 )
             }
             E::SelectConditionNotABool { actual } => {
-                format!("the condition of select is bool, this value is {}", self.inner(actual))
+                format!("the condition of select is bool, this value is {}", self.inner_type_name(actual))
             }
             E::InvalidIndexType(value) => {
                 format!("an index is i32 or u32, this value is {}", self.of(*value))
@@ -364,7 +370,7 @@ impl<'a> InFunction<'a> {
             E::InvalidSplatType(value) => format!("a scalar is needed, this value is {}", self.of(*value)),
             E::Compose(error) => self.compose(handle, error),
             E::ShiftAmountTooLarge { lhs_type, .. } => {
-                format!("{} has fewer bits than it is shifted by", self.inner(lhs_type))
+                format!("{} has fewer bits than it is shifted by", self.inner_type_name(lhs_type))
             }
             E::DivideByZero => "division by zero".into(),
             other => in_wgsl(&chain(other)),
@@ -376,7 +382,7 @@ impl<'a> InFunction<'a> {
         let Expression::Compose { ty, components } = &self.function.expressions[handle] else {
             return in_wgsl(&chain(error));
         };
-        let ty = self.named(*ty);
+        let ty = self.type_name(*ty);
         match error {
             ComposeError::ComponentCount { given, expected } => {
                 format!("{ty} is made of {expected} values, {given} are given")

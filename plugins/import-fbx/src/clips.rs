@@ -6,10 +6,10 @@ use crate::curve::{self, Span};
 use crate::driven::{Driven, Props};
 use crate::emit;
 use crate::file::{File, place_of};
-use crate::joined::{Joined, TransformPart};
+use crate::joined::{JoinedCurves, TransformPart};
 use crate::keys::{self, Blend, Keys, Times};
 use crate::local;
-use crate::meshes::Shown;
+use crate::meshes::VisibleMesh;
 use crate::morphs;
 use crate::nodes::Tree;
 use crate::objects::Object;
@@ -31,7 +31,7 @@ const STILL: f32 = 1e-6;
 pub fn read(
     file: &File<'_>,
     tree: &Tree,
-    shown: &[Shown<'_>],
+    shown: &[VisibleMesh<'_>],
     objects: &[Object<'_>],
 ) -> Result<Vec<Arc<Clip>>> {
     let mut clips = Vec::new();
@@ -81,7 +81,7 @@ fn span(stack: &AnimStack, driven: &Driven<'_>) -> Result<Span> {
 pub struct Maker<'a, 'f> {
     pub file: &'a File<'f>,
     tree: &'a Tree,
-    shown: &'a [Shown<'f>],
+    shown: &'a [VisibleMesh<'f>],
     pub objects: &'a [Object<'f>],
     pub stack: &'a AnimStack,
     pub driven: Driven<'a>,
@@ -241,7 +241,7 @@ impl Maker<'_, '_> {
             joint,
             path,
             local,
-            curves: Joined::new(&slices),
+            curves: JoinedCurves::new(&slices),
             rotation_curve,
             scale_curve,
             factors: multiplied,

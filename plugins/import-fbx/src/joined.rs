@@ -11,18 +11,18 @@ const JUMP: f64 = 1e-9;
 
 /// Polynomials of several curves over shared intervals. A gap between two intervals is a jump of all curves.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Joined {
+pub struct JoinedCurves {
     pub intervals: Vec<(Time, Time)>,
     /// Polynomials of each interval, one for each curve.
     pieces: Vec<[f64; 4]>,
     width: usize,
 }
 
-impl Joined {
+impl JoinedCurves {
     /// Joins curves without gaps, as [`crate::curve::pieces`] makes them.
-    pub fn new(curves: &[&[Piece]]) -> Joined {
+    pub fn new(curves: &[&[Piece]]) -> JoinedCurves {
         let width = curves.len();
-        let mut out = Joined { width, ..Joined::default() };
+        let mut out = JoinedCurves { width, ..JoinedCurves::default() };
         let mut at = vec![0; width];
         let mut from = Time::ZERO;
         let mut late = false;
@@ -134,7 +134,7 @@ pub struct TransformPart<'a> {
     pub path: Path,
     pub local: &'a Local,
     /// Three curves of the part itself, then those whose first indices the next three fields hold.
-    pub curves: Joined,
+    pub curves: JoinedCurves,
     /// First rotation curve and first scale curve, for a translation that swings about a pivot.
     pub rotation_curve: Option<usize>,
     pub scale_curve: Option<usize>,
@@ -161,9 +161,9 @@ fn product(a: &Bounds, b: &Bounds) -> Bounds {
 
 /// Cache of the latest Euler rotation: neighboring intervals share their end angles.
 #[derive(Default)]
-pub struct Latest(Option<(DVec3, EulerRotation)>);
+pub struct RotationCache(Option<(DVec3, EulerRotation)>);
 
-impl Latest {
+impl RotationCache {
     fn turn(&mut self, local: &Local, degrees: DVec3) -> EulerRotation {
         match self.0 {
             Some((known, turn)) if known == degrees => turn,
@@ -178,7 +178,7 @@ impl Latest {
 
 impl TransformPart<'_> {
     /// The exact value and its change over the interval, at a position `u` in the interval.
-    pub fn at(&self, interval: usize, u: f64, latest: &mut Latest) -> ([f64; 4], [f64; 4]) {
+    pub fn at(&self, interval: usize, u: f64, latest: &mut RotationCache) -> ([f64; 4], [f64; 4]) {
         let (mut value, mut slope) = self.read(interval, 0, u);
         for first in &self.factors {
             let (factor, change) = self.read(interval, *first, u);
@@ -208,7 +208,7 @@ impl TransformPart<'_> {
 
     /// The value of a part whose curves never change.
     pub(crate) fn at_start(&self) -> ([f64; 4], [f64; 4]) {
-        self.at(0, 0.0, &mut Latest::default())
+        self.at(0, 0.0, &mut RotationCache::default())
     }
 
     fn read(&self, interval: usize, first: usize, u: f64) -> (DVec3, DVec3) {

@@ -22,7 +22,7 @@ use compose::{Composer, Packages};
 use glam::{Affine3A, DMat4, DVec3};
 use layer::{Layer, Prim};
 use materials::{MaterialInfo, Materials};
-use meshes::{FaceSubset, Reading};
+use meshes::{FaceSubset, MeshContext};
 use nodes::{Node, Tree};
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
@@ -203,7 +203,7 @@ impl<'b> MeshReader<'_, 'b> {
             false => ["st".into(), String::new()],
         };
         let colors = known.colors || known.index.is_none();
-        let reading = Reading { path: &node.path, budget, notes, uvs, colors, shapes, skinned };
+        let reading = MeshContext { path: &node.path, budget, notes, uvs, colors, shapes, skinned };
         let Some(mut mesh) = meshes::mesh(prim, &parts.0, &reading, &mut self.triangulator)? else {
             return Ok(());
         };

@@ -1,7 +1,7 @@
 //! Key reduction: rows of samples become curves of a rig, without the keys that follow from the others.
 
 use crate::bake::rig::{self, STRIDE};
-use crate::bake::sample::{Row, Sampled};
+use crate::bake::sample::{Row, SampledActor};
 use crate::bake::signals::Signal;
 use crate::bake::tracks::{Track, TrackSet, Values};
 use choreo_plugin::glam;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 /// Reduced curves of an actor, each with its own key times. `tolerance`: metres in the world.
 pub(crate) fn actor_tracks(
     actor: &Actor,
-    sampled: &Sampled,
+    sampled: &SampledActor,
     rows: &[Row],
     tolerance: f64,
 ) -> TrackSet<'static> {
@@ -36,7 +36,7 @@ pub(crate) fn actor_tracks(
 /// world.
 pub(crate) fn common_tracks(
     actor: &Actor,
-    sampled: &Sampled,
+    sampled: &SampledActor,
     rows: &[Row],
     tolerance: f64,
 ) -> TrackSet<'static> {
@@ -72,7 +72,7 @@ fn none() -> TrackSet<'static> {
 
 /// The curves of a rig in some rows. Curves whose numbers differ by at most `rounding` are constant and go to `still`.
 fn curves(
-    sampled: &Sampled,
+    sampled: &SampledActor,
     rows: &[&Row],
     rounding: f32,
     still: &mut Vec<(u32, Path, Vec<f32>)>,
@@ -152,7 +152,11 @@ fn subdivided(curve: &Curve, most: f64) -> Curve {
 const MIN_TICKS: i64 = Time::TICKS_PER_SECOND / 1000;
 
 /// The skeleton on which errors are measured; for an actor without pose, a root and one joint as far away as its farthest vertex.
-fn skeleton(actor: &Actor, sampled: &Sampled, world: choreo_plugin::motion::Transform) -> Option<Skeleton> {
+fn skeleton(
+    actor: &Actor,
+    sampled: &SampledActor,
+    world: choreo_plugin::motion::Transform,
+) -> Option<Skeleton> {
     if sampled.pose {
         return rig::skeleton(actor, world);
     }

@@ -52,7 +52,7 @@ fn head(tables_at: u64) -> [u8; HEAD] {
 }
 
 /// Writes everything after the header, and returns the header.
-pub fn rest(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<[u8; HEAD]> {
+pub fn write_body(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<[u8; HEAD]> {
     let mut writer = Writer {
         out,
         tokens: Table::default(),
