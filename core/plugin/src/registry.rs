@@ -120,8 +120,8 @@ pub struct Registry {
 /// An effect with images that a script has chosen.
 #[derive(Clone)]
 struct EffectWithImages {
-    of: Effect,
-    made: Effect,
+    original: Effect,
+    with_images: Effect,
 }
 
 /// An importer with its claim on a file.
@@ -239,14 +239,17 @@ impl Registry {
         for used in effects.filter(|used| !used.images.is_empty()) {
             let name = used.drawn_by();
             let Some(of) = settled.effect(&used.plugin).cloned() else { continue };
-            if all.iter().any(|one| one.made.manifest().name == name) {
+            if all.iter().any(|one| one.with_images.manifest().name == name) {
                 continue;
             }
-            let before = known.iter().find(|one| one.of.is_same(&of) && one.made.manifest().name == name);
-            let make = || Some(EffectWithImages { made: with_images(&of, &name, used)?, of: of.clone() });
+            let before =
+                known.iter().find(|one| one.original.is_same(&of) && one.with_images.manifest().name == name);
+            let make = || {
+                Some(EffectWithImages { with_images: with_images(&of, &name, used)?, original: of.clone() })
+            };
             all.extend(before.cloned().or_else(make));
         }
-        settled.effects.extend(all.iter().map(|one| one.made.clone()));
+        settled.effects.extend(all.iter().map(|one| one.with_images.clone()));
         *known = all;
         settled
     }

@@ -126,11 +126,11 @@ impl Text {
 struct Source<'a> {
     text: &'a Text,
     /// The text with all declarations below it.
-    whole: String,
+    full_text: String,
 }
 
 impl Source<'_> {
-    /// `span` is a range of bytes of `whole`. Without a span, or outside of the author's text, the error is at the first line.
+    /// `span` is a range of bytes of `full_text`. Without a span, or outside of the author's text, the error is at the first line.
     fn error(&self, span: Option<Range<usize>>, message: String) -> EffectError {
         let own = span.filter(|span| span.start < self.text.author.len());
         self.text.error(own.map_or((1, 1), |span| place(&self.text.author, span.start)), message)
@@ -161,7 +161,7 @@ impl Source<'_> {
 
     fn parse(&self) -> Result<Module, Mistake> {
         let of_parser = |e| mistakes::of_parser(&e, self.text.author.len());
-        let parsed = naga::front::wgsl::parse_str(&self.whole).map_err(of_parser);
+        let parsed = naga::front::wgsl::parse_str(&self.full_text).map_err(of_parser);
         parsed.map_err(|mistake| match mistake.span {
             Some(_) => mistake,
             None => Mistake { span: self.faulty_statement(), ..mistake },
@@ -177,7 +177,7 @@ impl Source<'_> {
         // The search takes long in a text of many functions, so it is limited to this number of them.
         const MOST: usize = 200;
         let without = |body: &FunctionBody, at: usize, open: usize| {
-            let (head, tail) = (&self.whole[..at], &self.whole[body.end..]);
+            let (head, tail) = (&self.full_text[..at], &self.full_text[body.end..]);
             format!("{head}{}{tail}", "}".repeat(open))
         };
         let bodies = bodies(&self.text.author);
@@ -185,7 +185,7 @@ impl Source<'_> {
         // The mistake is in the statement before the first cut that has it.
         let first = body.cuts.partition_point(|(at, open)| !fails(&without(body, *at, *open)));
         let start = first.checked_sub(1).map_or(body.start, |before| body.cuts[before].0);
-        let (token, _) = Tokens::of(&self.whole[start..]).next()?;
+        let (token, _) = Tokens::of(&self.full_text[start..]).next()?;
         Some(start + token..body.cuts.get(first).map_or(body.end, |(at, _)| *at))
     }
 }
@@ -257,7 +257,7 @@ fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, E
     // stay.
     let functions: String = declared.iter().map(|(_, text, _)| text.as_str()).collect();
     let below = format!("{}{}{functions}", text.appended, signature.declared);
-    let source = Source { text, whole: format!("{}\n{below}", text.author) };
+    let source = Source { text, full_text: format!("{}\n{below}", text.author) };
     let choices: Vec<String> = typed_parameters::choices(manifest).map(|(name, _)| name).collect();
     let fields = format!("{}{}", signature.declared, if text.is_typed { &text.appended } else { "" });
     let names = || {

@@ -126,8 +126,8 @@ pub fn of_validator(error: &WithSpan<ValidationError>, module: &Module) -> Mista
     let mistake = match error.as_inner() {
         ValidationError::Function { handle, source, .. } => {
             let function = &module.functions[*handle];
-            let whole = module.functions.get_span(*handle);
-            InFunction::new(module, function, innermost, whole).mistake(source)
+            let function_span = module.functions.get_span(*handle);
+            InFunction::new(module, function, innermost, function_span).mistake(source)
         }
         ValidationError::EntryPoint { name, source, .. } => {
             let found = module.entry_points.iter().find(|e| e.name == *name);
@@ -175,17 +175,22 @@ struct InFunction<'a> {
     known: usize,
     /// The innermost span that the validator gives, and that of the function.
     innermost: Span,
-    whole: Span,
+    function_span: Span,
 }
 
 impl<'a> InFunction<'a> {
-    fn new(module: &'a Module, function: &'a Function, innermost: Span, whole: Span) -> InFunction<'a> {
+    fn new(
+        module: &'a Module,
+        function: &'a Function,
+        innermost: Span,
+        function_span: Span,
+    ) -> InFunction<'a> {
         let mut types = Typifier::new();
         let context = ResolveContext::with_locals(module, &function.local_variables, &function.arguments);
         let mut has_type =
             |handle: Handle<Expression>| types.grow(handle, &function.expressions, &context).is_ok();
         let known = function.expressions.iter().take_while(|(handle, _)| has_type(*handle)).count();
-        InFunction { module, function, types, known, innermost, whole }
+        InFunction { module, function, types, known, innermost, function_span }
     }
 
     /// The type of a value as WGSL writes it.
@@ -249,8 +254,8 @@ impl<'a> InFunction<'a> {
                 };
                 match expression {
                     Some(value) => self.at(*value, format!("{returns}, this value is {}", self.of(*value))),
-                    None if self.innermost == self.whole => Mistake::new(
-                        self.whole,
+                    None if self.innermost == self.function_span => Mistake::new(
+                        self.function_span,
                         format!("{returns}, but one way through it ends without return"),
                     ),
                     None => self.at_innermost(format!("{returns}, this return has no value")),

@@ -346,7 +346,7 @@ impl Maker<'_, '_> {
         let known = |id: u32, name: &str| {
             self.objects.iter().any(|o| o.element_id() == Some(id) && properties::is_known(o, name))
         };
-        for (id, names) in self.driven.others(known) {
+        for (id, names) in self.driven.other_properties(known) {
             let Some(of_file) = self.file.scene.elements.get(id as usize) else { continue };
             let list = names.iter().take(6).copied().collect::<Vec<_>>().join(", ");
             let what = format!("animates {list}, which clips cannot hold; the value at rest is used");

@@ -164,11 +164,11 @@ fn product(a: &Bounds, b: &Bounds) -> Bounds {
 pub struct RotationCache(Option<(DVec3, EulerRotation)>);
 
 impl RotationCache {
-    fn turn(&mut self, local: &Local, degrees: DVec3) -> EulerRotation {
+    fn euler_rotation(&mut self, local: &Local, degrees: DVec3) -> EulerRotation {
         match self.0 {
             Some((known, turn)) if known == degrees => turn,
             _ => {
-                let turn = local.turn(degrees);
+                let turn = local.euler_rotation(degrees);
                 self.0 = Some((degrees, turn));
                 turn
             }
@@ -188,7 +188,7 @@ impl TransformPart<'_> {
         let wide = |v: DVec3| [v.x, v.y, v.z, 0.0];
         match self.path {
             Path::Rotation => {
-                let turn = latest.turn(local, value);
+                let turn = latest.euler_rotation(local, value);
                 (local.rotation_of(&turn).to_array(), local.rotation_rate(&turn, slope).to_array())
             }
             Path::Scale => (wide(local.scale_at(value)), wide(local.scale_at(slope))),
@@ -199,7 +199,7 @@ impl TransformPart<'_> {
                 };
                 let (turned, turning) = other(self.rotation_curve, self.rest[0]);
                 let (scale, scaling) = other(self.scale_curve, self.rest[1]);
-                let turn = latest.turn(local, turned);
+                let turn = latest.euler_rotation(local, turned);
                 let at = local.translation_at(value, &turn, scale);
                 (wide(at), wide(local.translation_rate((&turn, scale), (slope, turning, scaling))))
             }

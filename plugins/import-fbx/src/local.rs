@@ -139,22 +139,22 @@ impl Local {
         (scaled || self.lever_arm != DVec3::ZERO, scaled)
     }
 
-    pub fn turn(&self, degrees: DVec3) -> EulerRotation {
+    pub fn euler_rotation(&self, degrees: DVec3) -> EulerRotation {
         turn(self.axes, degrees)
     }
 
     /// The node's rotation for an Euler rotation, with the fixed rotations around it.
     pub fn rotation_of(&self, turn: &EulerRotation) -> DQuat {
-        self.mirrored(self.between(turn.all))
+        self.mirrored(self.with_fixed_rotations(turn.all))
     }
 
     /// Derivative of the node's rotation where the angles change by `rates`, in degrees for each unit of time.
     pub(crate) fn rotation_rate(&self, turn: &EulerRotation, rates: DVec3) -> DQuat {
-        self.mirrored(self.between(self.euler_rate(turn, rates)))
+        self.mirrored(self.with_fixed_rotations(self.euler_rate(turn, rates)))
     }
 
     /// Skips identities: most nodes have no axis conversion and no pre- or post-rotation.
-    fn between(&self, q: DQuat) -> DQuat {
+    fn with_fixed_rotations(&self, q: DQuat) -> DQuat {
         let q = if self.right_rotation == DQuat::IDENTITY { q } else { q * self.right_rotation };
         let q = if self.left_rotation == DQuat::IDENTITY { q } else { self.left_rotation * q };
         if self.axes_turn == DQuat::IDENTITY { q } else { self.axes_turn * q }
@@ -235,7 +235,7 @@ impl Local {
 
     /// Parent-from-node matrix at rest.
     pub(crate) fn matrix_at_rest(&self) -> DAffine3 {
-        let turn = self.turn(self.rotation);
+        let turn = self.euler_rotation(self.rotation);
         let translation = self.translation_at(self.translation * self.factors[0], &turn, self.scaling);
         let scale = self.scale_at(self.scaling) * self.factors[1];
         DAffine3::from_scale_rotation_translation(scale, self.rotation_of(&turn), translation)
@@ -243,7 +243,7 @@ impl Local {
 
     /// The transform at rest.
     pub fn at_rest(&self) -> Transform {
-        let turn = self.turn(self.rotation);
+        let turn = self.euler_rotation(self.rotation);
         let rotation = self.rotation_of(&turn);
         let length = rotation.length();
         let sound = length.is_finite() && length > 1e-9;

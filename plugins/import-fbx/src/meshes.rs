@@ -32,7 +32,7 @@ pub fn visible_meshes<'a>(file: &File<'a>, tree: &Tree) -> Vec<VisibleMesh<'a>> 
         for attribute in holder.all_attribs.as_ref() {
             let place = || place_of(&node.element);
             if let Some(mesh) = ufbx::as_mesh(attribute) {
-                if !tree.shown[*joint as usize] {
+                if !tree.visible[*joint as usize] {
                     file.notes.warn(
                         place(),
                         "its mesh is hidden in the file and left out; the option hidden shows it",

@@ -48,7 +48,7 @@ fn channels<'a>(object: &Object<'a>) -> Vec<Channel<'a>> {
         element: &light.element,
         name,
         target,
-        lens: Lens::Times(factor),
+        lens: Lens::Proportional(factor),
         rest: rest.map(|v| v * factor),
     };
     let one = |v: f64| [v, 0.0, 0.0];

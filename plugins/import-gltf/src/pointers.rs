@@ -147,14 +147,14 @@ fn material_property(material: &gltf::json::Material, path: &[&str]) -> Option<(
 
 /// The asset's cameras that a camera of the file became. Their order is that of `objects::cameras`.
 fn cameras_of(file: &File<'_>, tree: &Tree, camera: usize) -> Vec<u32> {
-    let shown = tree.node_of_joint[..tree.shown].iter();
+    let shown = tree.node_of_joint[..tree.scene_joint_count].iter();
     let all = shown.filter_map(|node| file.root.nodes[*node].camera.map(|c| c.value()));
     (0..).zip(all).filter(|(_, of)| *of == camera).map(|(index, _)| index).collect()
 }
 
 /// The asset's lights that a light of the file became. Their order is that of `objects::lights`.
 fn lights_of(file: &File<'_>, tree: &Tree, light: usize) -> Vec<u32> {
-    let shown = tree.node_of_joint[..tree.shown].iter();
+    let shown = tree.node_of_joint[..tree.scene_joint_count].iter();
     let all = shown.filter_map(|node| {
         let extensions = file.root.nodes[*node].extensions.as_ref()?;
         Some(extensions.khr_lights_punctual.as_ref()?.light.value())

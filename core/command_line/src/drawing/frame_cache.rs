@@ -25,7 +25,7 @@ struct Shared {
     resources: Arc<SceneResources>,
     effects: Vec<Effect>,
     /// Whether frames are kept.
-    keeps: bool,
+    keeps_frames: bool,
     frames: BTreeMap<Key, CachedFrame>,
     bytes: usize,
     /// Frames submitted and not yet collected, and whether the renderer draws them.
@@ -48,7 +48,7 @@ impl CachingRenderer {
             renderer,
             resources: Arc::default(),
             effects: Vec::new(),
-            keeps: true,
+            keeps_frames: true,
             frames: BTreeMap::new(),
             bytes: 0,
             queue: VecDeque::new(),
@@ -61,7 +61,7 @@ impl CachingRenderer {
     /// Creates a renderer that is shared by renders of different films; their frames are not kept.
     pub(crate) fn shared_only(renderer: Box<dyn Renderer>) -> CachingRenderer {
         let shared = CachingRenderer::new(renderer);
-        shared.shared().keeps = false;
+        shared.shared().keeps_frames = false;
         shared
     }
 
@@ -107,7 +107,7 @@ impl Renderer for CachingRenderer {
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
         let mut shared = self.shared();
         // Float frames are too large to be kept.
-        if !shared.keeps || plan.wish != FrameWish::Bytes {
+        if !shared.keeps_frames || plan.wish != FrameWish::Bytes {
             shared.renderer.submit(plan)?;
             shared.queue.push_back((Key::default(), true));
             return Ok(());
@@ -135,7 +135,7 @@ impl Renderer for CachingRenderer {
         };
         if drawn {
             let frame = shared.renderer.collect(reuse)?;
-            if shared.keeps {
+            if shared.keeps_frames {
                 shared.keep(key, &frame);
             }
             return Ok(frame);

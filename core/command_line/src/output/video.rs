@@ -3,7 +3,7 @@
 use crate::args::RenderArgs;
 use crate::drawing::pipeline::Pixels;
 use crate::failure::{Failure, output_error, write_failure};
-use crate::output::journal::{self, Changes, Identity, Journal, Kept, Record, Span};
+use crate::output::journal::{self, Changes, Identity, Journal, KeptFrame, Record, Span};
 use crate::output::provenance;
 use crate::output::target::export_failure;
 use crate::process::{interrupt, kept_frames, machine};
@@ -307,7 +307,7 @@ impl Folder {
     /// Whether the result was already renamed into place: the body is gone, and the file in place has its bytes.
     fn is_in_place(&self, found: &Journal) -> bool {
         let Some((last, _)) = found.records.last() else { return false };
-        let settled = matches!(last.kept, Kept::Settled(_));
+        let settled = matches!(last.kept, KeptFrame::Settled(_));
         settled
             && matches!(self.part.reopen("body"), Ok(None))
             && choreo_files::open_file(&self.place)
@@ -333,8 +333,8 @@ impl Folder {
         self.frames = self.part.reopen("frames").map_err(not_written)?;
         let settled = found.settled(&mut file);
         let states = found.records[..settled].iter().filter_map(|(record, _)| match &record.kept {
-            Kept::Settled(state) => Some(state.clone()),
-            Kept::Open(_) => None,
+            KeptFrame::Settled(state) => Some(state.clone()),
+            KeptFrame::Open(_) => None,
         });
         let states: Vec<Vec<u8>> = states.collect();
         let length = settled.checked_sub(1).map_or(0, |i| found.records[i].0.body);
@@ -351,7 +351,7 @@ impl Folder {
         file.seek(SeekFrom::Start(length)).map_err(failed)?;
         out.lock().length = length;
         let mut done = settled;
-        while let Some((Record { kept: Kept::Open(span), .. }, _)) = found.records.get(done) {
+        while let Some((Record { kept: KeptFrame::Open(span), .. }, _)) = found.records.get(done) {
             let Some(kept) = self.kept_frame(span, info) else { break };
             sink.again(kept).map_err(export_failed)?;
             self.frames_end = span.at + u64::from(span.length);
@@ -393,9 +393,9 @@ impl Folder {
             Mark::Settled(state) => {
                 self.changes.restart();
                 self.frames_end = 0;
-                Kept::Settled(state)
+                KeptFrame::Settled(state)
             }
-            Mark::Open(parts) => Kept::Open(self.keep_frame(&parts)?),
+            Mark::Open(parts) => KeptFrame::Open(self.keep_frame(&parts)?),
         };
         let (body, crc) = body.measured()?;
         journal::append(&mut self.part.lock_file(), &Record { body, crc, kept })?;
