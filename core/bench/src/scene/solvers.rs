@@ -94,7 +94,8 @@ fn joints_of(stage: &Stage, of: impl Fn(&Actor) -> Vec<u32>) -> Joints {
     actors.flat_map(|(index, actor)| of(actor).into_iter().map(move |joint| (index, joint))).collect()
 }
 
-/// Adds a row for each of `methods`: the distance of the joints from their places with the exact settings, and the time that the poses take.
+/// Adds a row for each of `methods`: the distance of the joints from their places with the exact settings, and the time that the poses
+/// take.
 fn fill(
     choice: &mut Choice,
     scene: &MeasuredScene,

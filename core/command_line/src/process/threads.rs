@@ -22,7 +22,8 @@ pub fn cores() -> usize {
 /// started later.
 pub fn start(wanted: Option<usize>) -> Result<(), Failure> {
     let wanted = wanted.unwrap_or_else(cores).max(1);
-    let held: Vec<HeldThread> = (0..LATER).map_while(|i| hold_thread(if i == 0 { STACK } else { 2 << 20 })).collect();
+    let held: Vec<HeldThread> =
+        (0..LATER).map_while(|i| hold_thread(if i == 0 { STACK } else { 2 << 20 })).collect();
     let mut workers: Vec<Sender<ThreadBuilder>> = (0..wanted).map_while(|_| worker()).collect();
     let started = held.len() + workers.len();
     // Tested while no other threads start, because they would be refused during the test.

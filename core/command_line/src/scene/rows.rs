@@ -151,8 +151,10 @@ pub(crate) fn outputs(rows: &[Row], pattern: &str) -> Result<Vec<String>, Failur
     // Some file systems do not distinguish upper and lower case.
     let mut seen = BTreeMap::new();
     for row in rows {
-        let parts =
-            pattern.split('/').map(|part| fill_placeholders(part, row, pattern)).collect::<Result<Vec<_>, _>>()?;
+        let parts = pattern
+            .split('/')
+            .map(|part| fill_placeholders(part, row, pattern))
+            .collect::<Result<Vec<_>, _>>()?;
         let output = parts.join("/");
         if let Some(before) = seen.insert(output.to_lowercase(), row.number) {
             return Err(Failure::input(format!(

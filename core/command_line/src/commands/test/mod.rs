@@ -157,7 +157,8 @@ impl Job {
 
     fn cases(&self, registry: &Registry) -> Result<Vec<Case>, Failure> {
         let project = |file: &Path| project_file::root_of(file).filter(|_| self.in_projects);
-        let cases = collect::collect(&self.paths, registry, &self.options.test, project).map_err(nothing_to_run)?;
+        let cases =
+            collect::collect(&self.paths, registry, &self.options.test, project).map_err(nothing_to_run)?;
         collect::select(cases, &self.selection).map_err(nothing_to_run)
     }
 }
