@@ -1,6 +1,6 @@
 //! Reference blend of two poses in f64, and the error of other blends against it.
 
-use crate::truth::{self, Local, Spread};
+use crate::reference::{self, Local, Spread};
 use choreo_motion::{Pose, Skeleton, Transform};
 use glam::{Affine3A, DAffine3, DVec3, Vec3};
 
@@ -13,7 +13,7 @@ pub(crate) fn exact(skeleton: &Skeleton, from: &Pose, to: &Pose, weight: f64) ->
     };
     let mixed: Vec<Local> =
         from.iter().zip(to.iter()).map(|(a, b)| local(a).mixed(&local(b), weight)).collect();
-    truth::model_from_joint(skeleton, &mixed)
+    reference::model_from_joint(skeleton, &mixed)
 }
 
 /// Adds the distance of each joint from its exact position, in millimetres of model space. Returns the joint with the worst error so far,

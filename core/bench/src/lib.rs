@@ -7,11 +7,11 @@ pub mod blend;
 mod error;
 pub mod moment;
 pub mod plots;
+pub mod reference;
 pub mod rotation;
 pub mod scene;
 pub mod skins;
 pub mod timing;
-pub mod truth;
 pub mod vertex;
 pub mod video;
 

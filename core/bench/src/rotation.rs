@@ -11,7 +11,7 @@ pub type Rotations = [Eight; 4];
 pub type Interpolate = fn(&Rotations, &Rotations, f32) -> Rotations;
 
 /// Name and function of each method.
-pub const WAYS: [(&str, Interpolate); 4] = [
+pub const METHODS: [(&str, Interpolate); 4] = [
     ("slerp, sines by polynomials", slerp),
     ("slerp, power series of 26 terms", slerp_series),
     ("nlerp, corrected", nlerp_corrected),
@@ -55,8 +55,8 @@ pub fn unit(q: &Rotations) -> Rotations {
 /// 1 − cos θ of each pair, from the difference instead of the dot product, which keeps the digits of small angles.
 #[inline(always)]
 fn one_minus_cos(a: &Rotations, b: &Rotations) -> Eight {
-    let way: Rotations = std::array::from_fn(|row| each(|i| b[row][i] - a[row][i]));
-    let squared = dot(&way, &way);
+    let difference: Rotations = std::array::from_fn(|row| each(|i| b[row][i] - a[row][i]));
+    let squared = dot(&difference, &difference);
     each(|i| 0.5 * squared[i])
 }
 
@@ -140,11 +140,11 @@ pub(crate) fn nlerp_corrected(a: &Rotations, b: &Rotations, t: f32) -> Rotations
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::truth;
+    use crate::reference;
     use glam::Vec3;
 
     /// Worst error in degrees at one distance of two rotations; lane after lane has another axis.
-    fn worst(way: Interpolate, degrees: f32) -> f64 {
+    fn worst(method: Interpolate, degrees: f32) -> f64 {
         let a = [Quat::from_rotation_z(0.7); 8];
         let b = std::array::from_fn(|i| {
             let axis = [Vec3::X, Vec3::new(0.6, 0.0, 0.8), Vec3::splat(0.57735026)][i % 3];
@@ -153,11 +153,11 @@ mod tests {
         let mut worst = 0.0f64;
         for step in 0..=32 {
             let t = step as f32 / 32.0;
-            let got = way(&rows(&a), &rows(&b), t);
+            let got = method(&rows(&a), &rows(&b), t);
             for i in 0..8 {
                 let exact =
-                    truth::slerp(a[i].as_dquat().normalize(), b[i].as_dquat().normalize(), f64::from(t));
-                worst = worst.max(truth::angle_between(lane(&got, i).as_dquat(), exact).to_degrees());
+                    reference::slerp(a[i].as_dquat().normalize(), b[i].as_dquat().normalize(), f64::from(t));
+                worst = worst.max(reference::angle_between(lane(&got, i).as_dquat(), exact).to_degrees());
             }
         }
         worst

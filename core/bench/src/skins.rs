@@ -12,15 +12,15 @@ struct Motion {
 
 /// Transform of a joint in two parts: a symmetric stretch, then a rigid motion.
 #[derive(Clone, Copy, Debug)]
-pub struct Parted {
+pub struct PolarParts {
     motion: Motion,
     stretch: DMat3,
 }
 
-impl Parted {
+impl PolarParts {
     /// Polar decomposition by Newton's method (N. Higham, "Computing the polar decomposition", 1986). A map that mirrors has a negative
     /// stretch. A map without an inverse keeps its matrix as the stretch.
-    pub fn of(map: &DAffine3) -> Parted {
+    pub fn of(map: &DAffine3) -> PolarParts {
         let m = map.matrix3;
         let sign = if m.determinant() < 0.0 { -1.0 } else { 1.0 };
         let mut turn = m * sign;
@@ -31,7 +31,7 @@ impl Parted {
             turn = DMat3::IDENTITY;
         }
         let motion = Motion { turn: DQuat::from_mat3(&turn).normalize(), shift: map.translation };
-        Parted { motion, stretch: turn.transpose() * m }
+        PolarParts { motion, stretch: turn.transpose() * m }
     }
 }
 
@@ -48,23 +48,23 @@ pub fn linear(maps: &[DAffine3], influences: &[Influence], point: DVec3) -> DVec
 }
 
 /// Dual-quaternion linear blending (Kavan et al. 2008, §4) of the motions, after the weighted sum of the stretches.
-pub fn dual(parts: &[Parted], influences: &[Influence], point: DVec3) -> DVec3 {
+pub fn dual(parts: &[PolarParts], influences: &[Influence], point: DVec3) -> DVec3 {
     let stretched = stretched(parts, influences, point);
     blended(parts, influences).map_or(stretched, |motion| motion.turn * stretched + motion.shift)
 }
 
 /// Mean of the rigid motions in their group, after the weighted sum of the stretches. The weighted sum of the screws from this mean to all
 /// motions is zero; it is found by steps along that sum ("dual quaternion iterative blending" of the same paper, §5).
-pub(crate) fn mean_motion(parts: &[Parted], influences: &[Influence], point: DVec3) -> DVec3 {
+pub(crate) fn mean_motion(parts: &[PolarParts], influences: &[Influence], point: DVec3) -> DVec3 {
     let stretched = stretched(parts, influences, point);
     let Some(mut mean) = blended(parts, influences) else { return stretched };
     for _ in 0..50 {
         let mut screw = [DVec3::ZERO; 2];
         for (joint, weight) in influences {
-            let [turn, shift] = mean.inverse().then_before(&parts[*joint].motion).screw();
+            let [turn, shift] = mean.inverse().then_before(&parts[*joint].motion).log();
             screw = [screw[0] + turn * *weight, screw[1] + shift * *weight];
         }
-        mean = mean.then_before(&Motion::along(screw));
+        mean = mean.then_before(&Motion::exp(screw));
         if screw[0].length() + screw[1].length() < 1e-14 {
             break;
         }
@@ -72,12 +72,12 @@ pub(crate) fn mean_motion(parts: &[Parted], influences: &[Influence], point: DVe
     mean.turn * stretched + mean.shift
 }
 
-fn stretched(parts: &[Parted], influences: &[Influence], point: DVec3) -> DVec3 {
+fn stretched(parts: &[PolarParts], influences: &[Influence], point: DVec3) -> DVec3 {
     influences.iter().map(|(joint, weight)| parts[*joint].stretch * point * *weight).sum()
 }
 
 /// Normalized weighted sum of dual quaternions, in the hemisphere of the heaviest; `None` if no weight is positive.
-fn blended(parts: &[Parted], influences: &[Influence]) -> Option<Motion> {
+fn blended(parts: &[PolarParts], influences: &[Influence]) -> Option<Motion> {
     let heaviest = influences.iter().rev().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|i| i.1 > 0.0)?;
     let pivot = parts[heaviest.0].motion.turn;
     let (mut real, mut dual) = (DQuat::from_array([0.0; 4]), DQuat::from_array([0.0; 4]));
@@ -104,7 +104,7 @@ impl Motion {
     }
 
     /// Logarithm of the motion: a rotation vector and a shift, the constant velocities that reach it in one unit of time.
-    fn screw(&self) -> [DVec3; 2] {
+    fn log(&self) -> [DVec3; 2] {
         let q = if self.turn.w < 0.0 { -self.turn } else { self.turn };
         let sine = q.xyz().length();
         let angle = 2.0 * libm::atan2(sine, q.w);
@@ -119,8 +119,8 @@ impl Motion {
         [turn, self.shift - across * 0.5 + turn.cross(across) * factor]
     }
 
-    /// Exponential map, the inverse of [`Motion::screw`].
-    fn along([turn, shift]: [DVec3; 2]) -> Motion {
+    /// Exponential map, the inverse of [`Motion::log`].
+    fn exp([turn, shift]: [DVec3; 2]) -> Motion {
         let angle = turn.length();
         let squared = angle * angle;
         let (first, second) = match angle < 1e-4 {
@@ -151,10 +151,10 @@ mod tests {
         let point = DVec3::new(0.3, 2.4, 0.0);
         for degrees in [0.0, 1e-5, 30.0, 120.0, 170.0] {
             let maps = [0.0, degrees].map(|d| about(pivot, axis, d));
-            let parts = maps.each_ref().map(Parted::of);
+            let parts = maps.each_ref().map(PolarParts::of);
             let half = about(pivot, axis, degrees / 2.0).transform_point3(point);
-            for way in [dual, mean_motion] {
-                let off = way(&parts, &[(0, 0.5), (1, 0.5)], point).distance(half);
+            for method in [dual, mean_motion] {
+                let off = method(&parts, &[(0, 0.5), (1, 0.5)], point).distance(half);
                 assert!(off < 1e-12, "{degrees}°: {off}");
             }
             let thin = linear(&maps, &[(0, 0.5), (1, 0.5)], point).distance(pivot);
@@ -175,7 +175,7 @@ mod tests {
             let map = DAffine3::from_scale_rotation_translation(scale, turn, DVec3::new(3.0, -1.0, 2.0));
             let (point, one) = (DVec3::new(0.1, 0.2, 0.3), [(0, 1.0)]);
             let exact = map.transform_point3(point);
-            let parts = [Parted::of(&map)];
+            let parts = [PolarParts::of(&map)];
             let got =
                 [linear(&[map], &one, point), dual(&parts, &one, point), mean_motion(&parts, &one, point)];
             assert!(got.iter().all(|got| got.distance(exact) < 1e-12), "{scale}: {got:?}");

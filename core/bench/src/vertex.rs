@@ -78,8 +78,8 @@ mod tests {
             let a = i as f32 * 2.399_963;
             let r = (1.0 - z * z).max(0.0).sqrt();
             let n = Vec3::new(r * libm::cosf(a), r * libm::sinf(a), z).normalize();
-            for ((_, _, way), worst) in NORMALS.iter().zip(&mut worst) {
-                *worst = worst.max(degrees_between(n, way(n)));
+            for ((_, _, method), worst) in NORMALS.iter().zip(&mut worst) {
+                *worst = worst.max(degrees_between(n, method(n)));
             }
         }
         assert!(worst.iter().zip(limits).all(|(w, l)| *w < l), "{worst:?}");
@@ -88,8 +88,8 @@ mod tests {
 
     #[test]
     fn weights_keep_their_sum() {
-        for (name, _, way) in WEIGHTS {
-            let back = way(&[0.33331, 0.33333, 0.2, 0.13336]);
+        for (name, _, method) in WEIGHTS {
+            let back = method(&[0.33331, 0.33333, 0.2, 0.13336]);
             let sum: f32 = back.iter().sum();
             assert!((sum - 1.0).abs() < 1e-4, "{name}: {sum}");
         }

@@ -57,7 +57,7 @@ fn run(folder: &Path, args: &[&str]) {
 
 /// Runs a command in a process of its own, and bounds its memory.
 fn takes_at_most(most: u64, args: &[&str]) {
-    if alone::elsewhere() {
+    if alone::ran_in_own_process() {
         return;
     }
     let folder = folder();
@@ -171,7 +171,7 @@ fn a_render_holds_the_image_once_with_its_mipmaps() {
 /// The bounds can be exceeded: with the header alone nothing can be drawn.
 #[test]
 fn what_decodes_the_image_takes_more_than_a_header() {
-    if alone::elsewhere() {
+    if alone::ran_in_own_process() {
         return;
     }
     let folder = folder();

@@ -24,7 +24,7 @@ pub enum Failure {
     Internal(String),
     Interrupted,
     /// Another program of choreo ended with this exit code, and has printed the reason.
-    Told(u8),
+    AlreadyReported(u8),
     /// The reader of standard output has gone.
     ClosedPipe,
 }
@@ -86,7 +86,7 @@ impl Failure {
             Failure::Machine(_) => 5,
             Failure::Internal(_) => 6,
             Failure::Interrupted => 130,
-            Failure::Told(code) => *code,
+            Failure::AlreadyReported(code) => *code,
             // The exit code that a shell reports for a process ended by SIGPIPE.
             Failure::ClosedPipe => 141,
         }
@@ -105,7 +105,7 @@ impl Failure {
                 "internal error: {text}\n    hint: this is a fault of choreo, whatever the input; please report it with the command and its files"
             )],
             Failure::Interrupted => vec!["interrupted".to_string()],
-            Failure::ClosedPipe | Failure::Told(_) => Vec::new(),
+            Failure::ClosedPipe | Failure::AlreadyReported(_) => Vec::new(),
         }
     }
 
@@ -121,7 +121,7 @@ impl Failure {
             Failure::Internal(_) => "internal",
             Failure::Interrupted => "interrupted",
             Failure::ClosedPipe => "closed pipe",
-            Failure::Told(_) => "viewer",
+            Failure::AlreadyReported(_) => "viewer",
         };
         let errors: Vec<serde_json::Value> = match self {
             Failure::Input(problems) => problems.iter().map(Problem::json).collect(),

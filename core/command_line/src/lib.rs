@@ -37,9 +37,9 @@ use std::process::ExitCode;
 /// Ctrl-C and panics until the process ends.
 pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     let args = help::as_flag(args.into_iter().collect());
-    let extended = match project_file::extended(&args, app) {
+    let extended = match project_file::with_project_options(&args, app) {
         Ok(extended) => extended,
-        Err(failure) => return ended(&failure, args.iter().any(|a| a == "--json"), &args),
+        Err(failure) => return report_failure(&failure, args.iter().any(|a| a == "--json"), &args),
     };
     let parsed = help::command(&args, app).try_get_matches_from(&extended);
     let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
@@ -53,7 +53,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     worker::end(result.as_ref().err());
     scratch::remove();
     let Err(failure) = result else { return ExitCode::SUCCESS };
-    ended(&failure, json, &args)
+    report_failure(&failure, json, &args)
 }
 
 /// An error in the `choreo.toml` of a project, with hints.
@@ -74,7 +74,7 @@ pub fn command(app: &App) -> clap::Command {
     help::command(&[], app)
 }
 
-fn ended(failure: &Failure, json: bool, args: &[OsString]) -> ExitCode {
+fn report_failure(failure: &Failure, json: bool, args: &[OsString]) -> ExitCode {
     failure.lines().iter().for_each(print_message);
     // The report of failed tests or rows contains it already.
     if json && !matches!(failure, Failure::Tests(_) | Failure::Rows(_)) {
@@ -110,7 +110,7 @@ fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
     let plugins = &app.registry;
     match command {
         Command::Render(given) => {
-            render::run(RenderArgs { again: interrupt::command_to_resume(args), ..given }, plugins)
+            render::run(RenderArgs { resume_command: interrupt::command_to_resume(args), ..given }, plugins)
         }
         Command::Join(args) => join::run(&args, plugins, &app.software()),
         Command::Check(args) => check::run(args, no_project_file, plugins),

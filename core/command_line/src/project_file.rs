@@ -40,7 +40,7 @@ const OPTIONS: [&str; 15] = [
 ];
 
 /// Adds default options to the command line: first those of the input's `choreo.toml`, then those of the program.
-pub fn extended(args: &[OsString], app: &App) -> Result<Vec<OsString>, Failure> {
+pub fn with_project_options(args: &[OsString], app: &App) -> Result<Vec<OsString>, Failure> {
     let args = with_options(args, |name, given| match given.get_flag("no_project_file") {
         true => Ok(None),
         false if packed(given).is_some() => Ok(packed(given).and_then(ProjectFile::of_pack)),
@@ -81,11 +81,11 @@ fn with_options(
     let Some(file) = file(name, given)? else { return Ok(args.to_vec()) };
     let cli = Cli::command();
     let Some(command) = cli.find_subcommand(name) else { return Ok(args.to_vec()) };
-    Ok(appended(args, file.options(&cli, command, given)?))
+    Ok(insert_options(args, file.options(&cli, command, given)?))
 }
 
 /// Inserts options before `--`: words after it are not options.
-fn appended(args: &[OsString], options: Vec<OsString>) -> Vec<OsString> {
+fn insert_options(args: &[OsString], options: Vec<OsString>) -> Vec<OsString> {
     let end = args.iter().position(|a| a == "--").unwrap_or(args.len());
     let mut extended = args.to_vec();
     extended.splice(end..end, options);
@@ -109,7 +109,7 @@ fn with_folders(args: Vec<OsString>, app: &App) -> Result<Vec<OsString>, Failure
             options.extend(folders.iter().flat_map(|folder| [flag.clone(), folder.clone().into()]));
         }
     }
-    Ok(appended(&args, options))
+    Ok(insert_options(&args, options))
 }
 
 /// Folder in which the search for the file begins. `None` for the viewer, which looks for the file itself ([`folders`]).

@@ -40,7 +40,7 @@ pub fn panorama(name: &str, bytes: &[u8]) -> Result<Panorama> {
 }
 
 /// Width, height and RGB texels of an image; or the problem, and a hint.
-type Read = std::result::Result<(u32, u32, Vec<f32>), (String, Option<&'static str>)>;
+type PanoramaResult = std::result::Result<(u32, u32, Vec<f32>), (String, Option<&'static str>)>;
 
 /// Checks a size before anything is decoded.
 fn checked(width: u64, height: u64) -> std::result::Result<(), (String, Option<&'static str>)> {
@@ -57,7 +57,7 @@ fn checked(width: u64, height: u64) -> std::result::Result<(), (String, Option<&
     Ok(())
 }
 
-fn radiance(bytes: &[u8]) -> Read {
+fn radiance(bytes: &[u8]) -> PanoramaResult {
     let reader = || {
         let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Hdr);
         let mut limits = image::Limits::default();
@@ -74,7 +74,7 @@ fn radiance(bytes: &[u8]) -> Read {
 }
 
 /// Reads the first layer with channels R, G and B. Negative values, which filters leave at bright edges, count as 0.
-fn open_exr(bytes: &[u8]) -> Read {
+fn open_exr(bytes: &[u8]) -> PanoramaResult {
     let metadata = MetaData::read_from_buffered(Cursor::new(bytes), false);
     let metadata = metadata.map_err(|e| (format!("has a damaged header: {e}"), None))?;
     for header in &metadata.headers {

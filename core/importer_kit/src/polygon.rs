@@ -13,7 +13,7 @@ pub struct Triangulator {
     flat: Vec<DVec2>,
     next: Vec<u32>,
     previous: Vec<u32>,
-    dents: Vec<u32>,
+    reflex: Vec<u32>,
 }
 
 /// How a polygon was cut.
@@ -23,7 +23,7 @@ pub enum Cut {
     /// The polygon crosses itself, or has no area: the triangles are a guess.
     Crossing,
     /// The budget of the file is spent: the polygon, or the rest of it, is a triangle fan.
-    TooMuch,
+    OverBudget,
 }
 
 /// Buffers for polygons of more vertices are freed instead of reused.
@@ -64,19 +64,19 @@ impl Triangulator {
                 return Cut::Whole;
             }
         }
-        self.dents.clear();
+        self.reflex.clear();
         let (mut before, mut at) = (flat(count - 1), flat(0));
         for i in 0..count {
             let after = flat(if i + 1 < count { i + 1 } else { 0 });
             if orient(before, at, after) < 0.0 {
-                self.dents.push(i as u32);
+                self.reflex.push(i as u32);
             }
             (before, at) = (at, after);
         }
-        let cost = count as u64 * self.dents.len() as u64;
-        if self.dents.is_empty() || self.spent + cost > BUDGET {
+        let cost = count as u64 * self.reflex.len() as u64;
+        if self.reflex.is_empty() || self.spent + cost > BUDGET {
             (2..count as u32).for_each(|i| out([0, i - 1, i]));
-            return if self.dents.is_empty() { Cut::Whole } else { Cut::TooMuch };
+            return if self.reflex.is_empty() { Cut::Whole } else { Cut::OverBudget };
         }
         self.flat.clear();
         self.flat.extend((0..count).map(flat));
@@ -97,10 +97,10 @@ impl Triangulator {
         let mut left = n;
         let mut at = first;
         // Number of vertices tested since the last ear.
-        let mut in_vain = 0;
+        let mut since_last_ear = 0;
         while left > 3 {
             let (before, after) = (self.previous[at as usize], self.next[at as usize]);
-            let gone_round = in_vain >= left;
+            let gone_round = since_last_ear >= left;
             if gone_round || self.is_ear(before, at, after) {
                 if gone_round {
                     cut = Cut::Crossing;
@@ -109,16 +109,16 @@ impl Triangulator {
                 self.next[before as usize] = after;
                 self.previous[after as usize] = before;
                 left -= 1;
-                in_vain = 0;
+                since_last_ear = 0;
                 // A reflex vertex may have become straight or convex.
                 self.refresh(before, after, at);
                 at = after;
                 if self.spent > BUDGET {
                     self.fan_rest(at, left, out);
-                    return Cut::TooMuch;
+                    return Cut::OverBudget;
                 }
             } else {
-                in_vain += 1;
+                since_last_ear += 1;
                 at = after;
             }
         }
@@ -129,8 +129,8 @@ impl Triangulator {
     /// Removes the vertices that are no longer reflex from the list of reflex vertices.
     fn refresh(&mut self, before: u32, after: u32, removed: u32) {
         let (flat, next, previous) = (&self.flat, &self.next, &self.previous);
-        self.spent += self.dents.len() as u64;
-        self.dents.retain(|d| {
+        self.spent += self.reflex.len() as u64;
+        self.reflex.retain(|d| {
             let neighbour = *d == before || *d == after;
             let at = |i: u32| flat[i as usize];
             *d != removed
@@ -142,11 +142,11 @@ impl Triangulator {
     /// vertices does not count: polygons with holes run along a seam there and back.
     fn is_ear(&mut self, before: u32, at: u32, after: u32) -> bool {
         let [a, b, c] = [before, at, after].map(|i| self.flat[i as usize]);
-        if orient(a, b, c) < 0.0 || self.dents.binary_search(&at).is_ok() {
+        if orient(a, b, c) < 0.0 || self.reflex.binary_search(&at).is_ok() {
             return false;
         }
-        self.spent += self.dents.len() as u64;
-        !self.dents.iter().filter(|d| **d != before && **d != after).map(|d| self.flat[*d as usize]).any(
+        self.spent += self.reflex.len() as u64;
+        !self.reflex.iter().filter(|d| **d != before && **d != after).map(|d| self.flat[*d as usize]).any(
             |p| {
                 p != a
                     && p != b
@@ -307,7 +307,7 @@ mod tests {
         // A comb of a hundred thousand teeth is beyond the budget.
         let comb: Vec<[f64; 2]> =
             (0..100_000).map(|i| [f64::from(i), f64::from(i % 2) * 5.0]).chain([[5e4, 9e9]]).collect();
-        assert_eq!(cut(&comb).1, Cut::TooMuch);
+        assert_eq!(cut(&comb).1, Cut::OverBudget);
         assert_eq!((cut(&[]).0.len(), cut(&[[0.0; 2]; 2]).0.len()), (0, 0));
     }
 }

@@ -5,7 +5,7 @@ use choreo_motion::Time;
 
 /// Accuracy and limits of the sampling.
 #[derive(Clone, Copy, Debug)]
-pub struct Nearness {
+pub struct SamplingLimits {
     /// Largest error of a number, as a share of its largest value.
     pub tolerance: f32,
     /// Largest number of times that an interval between two keys is halved.
@@ -18,21 +18,25 @@ pub struct Nearness {
 pub type Row = (Time, Vec<f32>);
 
 /// Samples `at` at these ascending times and, where needed, between them. `None` if this takes more rows than allowed.
-pub fn rows(times: &[Time], nearness: Nearness, mut at: impl FnMut(Time) -> Vec<f32>) -> Option<Vec<Row>> {
+pub fn rows(
+    times: &[Time],
+    limits: SamplingLimits,
+    mut at: impl FnMut(Time) -> Vec<f32>,
+) -> Option<Vec<Row>> {
     let at_keys: Vec<Row> = times.iter().map(|time| (*time, at(*time))).collect();
     let mut allowed: Vec<f32> = Vec::new();
     for (_, row) in &at_keys {
-        allowed.resize(row.len(), 1e-6 * nearness.tolerance);
-        let own = row.iter().map(|v| v.abs() * nearness.tolerance);
+        allowed.resize(row.len(), 1e-6 * limits.tolerance);
+        let own = row.iter().map(|v| v.abs() * limits.tolerance);
         allowed.iter_mut().zip(own).for_each(|(most, v)| *most = most.max(v));
     }
     let mut out: Vec<Row> = Vec::with_capacity(at_keys.len());
     for row in at_keys {
         if let Some(before) = out.last().cloned() {
-            refine((&before, &row), (nearness, &allowed), &mut at, &mut out);
+            refine((&before, &row), (limits, &allowed), &mut at, &mut out);
         }
         out.push(row);
-        if out.len() > nearness.rows {
+        if out.len() > limits.rows {
             return None;
         }
     }
@@ -42,12 +46,12 @@ pub fn rows(times: &[Time], nearness: Nearness, mut at: impl FnMut(Time) -> Vec<
 /// Adds rows between two rows until linear interpolation is accurate enough.
 fn refine(
     (a, b): (&Row, &Row),
-    (nearness, allowed): (Nearness, &[f32]),
+    (limits, allowed): (SamplingLimits, &[f32]),
     at: &mut impl FnMut(Time) -> Vec<f32>,
     out: &mut Vec<Row>,
 ) {
     let span = b.0.0 - a.0.0;
-    if nearness.depth == 0 || span < Time::TICKS_PER_SECOND / 2000 || out.len() > nearness.rows {
+    if limits.depth == 0 || span < Time::TICKS_PER_SECOND / 2000 || out.len() > limits.rows {
         return;
     }
     let mut row = |quarter: i64| -> Row {
@@ -62,7 +66,7 @@ fn refine(
     // An S-shaped curve may leave the line although its middle is near the line.
     let middle = row(2);
     if off(&middle) || off(&row(1)) || off(&row(3)) {
-        let half = (Nearness { depth: nearness.depth - 1, ..nearness }, allowed);
+        let half = (SamplingLimits { depth: limits.depth - 1, ..limits }, allowed);
         refine((a, &middle), half, at, out);
         out.push(middle.clone());
         refine((&middle, b), half, at, out);
@@ -75,10 +79,10 @@ mod tests {
 
     #[test]
     fn straight_lines_between_rows_are_near_the_curve() {
-        let nearness = Nearness { tolerance: 1e-4, depth: 9, rows: 1000 };
+        let limits = SamplingLimits { tolerance: 1e-4, depth: 9, rows: 1000 };
         let curve = |time: Time| vec![libm::sin(3.0 * time.as_secs()) as f32, 2.0];
         let times = [0.0, 0.5, 2.0].map(Time::from_secs);
-        let rows = rows(&times, nearness, curve).unwrap_or_default();
+        let rows = rows(&times, limits, curve).unwrap_or_default();
         assert!((20..400).contains(&rows.len()), "{}", rows.len());
         assert!(times.iter().all(|time| rows.iter().any(|row| row.0 == *time)));
         for pair in rows.windows(2) {
@@ -93,9 +97,9 @@ mod tests {
     #[test]
     fn straight_lines_need_nothing_between_and_too_many_rows_are_refused() {
         let times = [0.0, 1.0].map(Time::from_secs);
-        let nearness = Nearness { tolerance: 1e-4, depth: 9, rows: 8 };
-        let straight = rows(&times, nearness, |time| vec![time.as_secs() as f32]);
+        let limits = SamplingLimits { tolerance: 1e-4, depth: 9, rows: 8 };
+        let straight = rows(&times, limits, |time| vec![time.as_secs() as f32]);
         assert_eq!(straight.map(|rows| rows.len()), Some(2));
-        assert_eq!(rows(&times, nearness, |time| vec![libm::sin(40.0 * time.as_secs()) as f32]), None);
+        assert_eq!(rows(&times, limits, |time| vec![libm::sin(40.0 * time.as_secs()) as f32]), None);
     }
 }

@@ -22,7 +22,7 @@ pub fn normals(p: &mut Primitive, limit_rad: f64, group: Option<&[u32]>) {
             (b - a).cross(c - a).normalize_or_zero()
         })
         .collect();
-    let around = Around::new(p);
+    let around = FaceVerticesByPosition::new(p);
     // Each angle weights all normals around it, so it is computed only once.
     let angles: Vec<f64> =
         around.face_vertices.iter().map(|face_vertex| angle(p, *face_vertex as usize)).collect();
@@ -61,7 +61,7 @@ fn angle(p: &Primitive, face_vertex: usize) -> f64 {
 }
 
 /// Face vertices by position. Equal bits are the same position, even of different vertices.
-struct Around {
+struct FaceVerticesByPosition {
     place_of_vertex: Vec<u32>,
     /// Index of the first entry of each position in `face_vertices`; one entry more than positions.
     start: Vec<u32>,
@@ -69,8 +69,8 @@ struct Around {
     face_vertices: Vec<u32>,
 }
 
-impl Around {
-    fn new(p: &Primitive) -> Around {
+impl FaceVerticesByPosition {
+    fn new(p: &Primitive) -> FaceVerticesByPosition {
         // The map is never iterated, so its random order has no effect.
         let mut places: HashMap<[u32; 3], u32> = HashMap::with_capacity(p.positions.len());
         let mut place_of_vertex = Vec::with_capacity(p.positions.len());
@@ -97,7 +97,7 @@ impl Around {
                 next[place] += 1;
             }
         }
-        Around { place_of_vertex, start, face_vertices }
+        FaceVerticesByPosition { place_of_vertex, start, face_vertices }
     }
 
     /// Range in `face_vertices` of the face vertices at the position of a vertex; empty if there are too many to compare.

@@ -7,7 +7,7 @@ const MARK: &str = "CHOREO_ALONE";
 
 /// Runs the calling test in a process of its own: this test binary again, with that test only. Returns true in the calling process, where
 /// nothing is left to do; false in the new process, or if the test is alone already. Panics with the test's output if it fails there.
-pub fn elsewhere() -> bool {
+pub fn ran_in_own_process() -> bool {
     let thread = std::thread::current();
     // libtest names a thread after its test. Without threads it runs one test at a time, which is alone already.
     let Some(name) = thread.name().filter(|name| *name != "main") else { return false };
@@ -44,7 +44,7 @@ mod tests {
     #[test]
     fn a_test_runs_once_more_in_a_process_of_its_own() {
         let here = std::process::id();
-        if elsewhere() {
+        if ran_in_own_process() {
             return;
         }
         println!("process {here}");

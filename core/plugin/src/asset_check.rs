@@ -21,7 +21,7 @@ const WEIGHT_SUM_TOLERANCE: f32 = 1e-3;
 
 /// Checks an asset. Returns it with normalized weights, and with a warning for each mesh that is not drawn.
 pub(crate) fn checked(mut asset: Asset, scope: ImportScope) -> Result<Asset, AssetFault> {
-    places(&asset, scope)?;
+    check_references(&asset, scope)?;
     if !scope.geometry {
         return Ok(asset);
     }
@@ -65,7 +65,7 @@ fn fault(place: String, what: impl Into<String>) -> AssetFault {
 }
 
 /// Checks the indices that refer to other parts of the asset, and that numbers are finite.
-fn places(asset: &Asset, scope: ImportScope) -> Result<(), AssetFault> {
+fn check_references(asset: &Asset, scope: ImportScope) -> Result<(), AssetFault> {
     let joints = asset.skeleton.len();
     let rest = asset.skeleton.rest().iter().position(|rest| !rest.is_finite());
     if let Some(joint) = rest {

@@ -34,7 +34,7 @@ fn argument<T: Transfer>() -> Result<T, TransferError> {
 /// Leaks a result and returns its address in the upper 32 bits and its length in the lower 32. After the call the program reads the result
 /// and the lists that it refers to. Nothing is freed, because the program makes no further call in this memory.
 fn reply<T: Transfer>(value: T) -> u64 {
-    let mut out = Written::by_place();
+    let mut out = Written::by_address();
     value.write(&mut out);
     std::mem::forget(value);
     let bytes = out.into_bytes().leak();
@@ -54,12 +54,12 @@ pub fn claim(importer: &dyn Importer) -> u64 {
 
 /// The file of a request.
 fn source(request: &ImportRequest) -> Source {
-    Source { name: request.name.clone(), bytes: Arc::new(taken(request.length)) }
+    Source { name: request.name.clone(), bytes: Arc::new(read_ready_bytes(request.length)) }
 }
 
 /// Copies the bytes that the program holds ready: the file of an import, or the result of the last `read` or `snapshot`.
-fn taken(length: usize) -> Vec<u8> {
-    host::taken(length)
+fn read_ready_bytes(length: usize) -> Vec<u8> {
+    host::read_ready_bytes(length)
 }
 
 /// Lets the program parse the numbers of a text: see [`read_block`](crate::text_numbers::read_block).
@@ -112,7 +112,8 @@ mod host {
         /// Reads a file by its name. Returns its length, or on failure −1 − the length of the error text.
         pub safe fn read(name: *const u8, length: usize) -> i64;
         /// Copies the bytes that are ready (the file of an import, the last `read` or `snapshot`) to an address.
-        fn take(to: *mut u8);
+        #[link_name = "take"]
+        fn copy_ready_bytes(to: *mut u8);
         /// Parses the numbers of one type in a text, and writes each number and the byte behind it. Returns how many there were.
         #[link_name = "numbers"]
         safe fn numbers_of(
@@ -138,12 +139,12 @@ mod host {
     }
 
     /// Copies the `length` bytes that the program holds ready.
-    pub fn taken(length: usize) -> Vec<u8> {
+    pub fn read_ready_bytes(length: usize) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(length);
         // SAFETY: the program writes as many bytes as it has stated, from the place on; bytes that nothing has written are never read.
         #[allow(unsafe_code)]
         unsafe {
-            take(bytes.as_mut_ptr());
+            copy_ready_bytes(bytes.as_mut_ptr());
             bytes.set_len(length);
         }
         bytes
@@ -161,7 +162,7 @@ mod host {
     pub fn read(_: *const u8, _: usize) -> i64 {
         -1
     }
-    pub fn taken(length: usize) -> Vec<u8> {
+    pub fn read_ready_bytes(length: usize) -> Vec<u8> {
         vec![0; length]
     }
     pub use crate::text_numbers::read_block as numbers;
@@ -187,7 +188,7 @@ struct HostFiles;
 impl Files for HostFiles {
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
         let length = host::read(relative.as_ptr(), relative.len());
-        let bytes = taken(if length < 0 { -1 - length } else { length } as usize);
+        let bytes = read_ready_bytes(if length < 0 { -1 - length } else { length } as usize);
         match length < 0 {
             true => Err(String::from_utf8_lossy(&bytes).into_owned()),
             false => Ok(Arc::new(bytes)),
@@ -205,7 +206,7 @@ impl Files for HostFiles {
 
 /// A snapshot of the exported scene.
 fn snapshot_at(time: Time) -> Snapshot {
-    let bytes = taken(host::snapshot(time.0));
+    let bytes = read_ready_bytes(host::snapshot(time.0));
     from_bytes(&bytes).unwrap_or_else(|e| panic!("an invalid snapshot: {e}"))
 }
 

@@ -114,7 +114,7 @@ impl Importer for IsolatedImporter {
 }
 
 /// An importer of a file that other importers have failed to claim. It adds a warning about each of them to its assets.
-pub(crate) struct AfterFailures {
+pub(crate) struct ImporterWithClaimWarnings {
     pub importer: Arc<dyn Importer>,
     pub failures: Vec<PluginPanic>,
 }
@@ -124,7 +124,7 @@ pub(crate) fn failed_claim(panic: &PluginPanic) -> String {
     format!("{panic} (while it checked whether it can read the file; the other importers were tried)")
 }
 
-impl Importer for AfterFailures {
+impl Importer for ImporterWithClaimWarnings {
     fn manifest(&self) -> &Manifest {
         self.importer.manifest()
     }

@@ -1,7 +1,8 @@
 //! All plugins known to the program.
 
 use crate::isolated::{
-    AfterFailures, IsolatedExporter, IsolatedImporter, IsolatedSceneExporter, failed_claim, isolated_effect,
+    ImporterWithClaimWarnings, IsolatedExporter, IsolatedImporter, IsolatedSceneExporter, failed_claim,
+    isolated_effect,
 };
 use crate::suggest::{did_you_mean, list};
 use crate::{
@@ -119,12 +120,12 @@ pub struct Registry {
 /// An effect with images that a script has chosen.
 #[derive(Clone)]
 struct EffectWithImages {
-    of: Effect,
-    made: Effect,
+    original: Effect,
+    with_images: Effect,
 }
 
 /// An importer with its claim on a file.
-type Claimed<'r> = (Claim, &'r Arc<dyn Importer>);
+type ClaimedImporter<'r> = (Claim, &'r Arc<dyn Importer>);
 
 impl Registry {
     /// Adds an importer. It replaces one of the same name, here and in the methods below, so that a user's plugin can take the place of a
@@ -238,14 +239,17 @@ impl Registry {
         for used in effects.filter(|used| !used.images.is_empty()) {
             let name = used.drawn_by();
             let Some(of) = settled.effect(&used.plugin).cloned() else { continue };
-            if all.iter().any(|one| one.made.manifest().name == name) {
+            if all.iter().any(|one| one.with_images.manifest().name == name) {
                 continue;
             }
-            let before = known.iter().find(|one| one.of.is_same(&of) && one.made.manifest().name == name);
-            let make = || Some(EffectWithImages { made: with_images(&of, &name, used)?, of: of.clone() });
+            let before =
+                known.iter().find(|one| one.original.is_same(&of) && one.with_images.manifest().name == name);
+            let make = || {
+                Some(EffectWithImages { with_images: with_images(&of, &name, used)?, original: of.clone() })
+            };
             all.extend(before.cloned().or_else(make));
         }
-        settled.effects.extend(all.iter().map(|one| one.made.clone()));
+        settled.effects.extend(all.iter().map(|one| one.with_images.clone()));
         *known = all;
         settled
     }
@@ -282,15 +286,15 @@ impl Registry {
     /// The claims of all importers on a file, the greatest first. Of equal claims, those of importers whose manifest has the file's
     /// extension come first, then those of importers added later, so that a user's own plugin wins over ours.
     pub fn claims(&self, source: &Source) -> Vec<(Claim, &Arc<dyn Importer>)> {
-        self.ask(source).0
+        self.collect_claims(source).0
     }
 
     /// The failures of importers that were asked whether the file is their own. These importers claim nothing.
     pub fn failed_claims(&self, source: &Source) -> Vec<PluginPanic> {
-        self.ask(source).1
+        self.collect_claims(source).1
     }
 
-    fn ask(&self, source: &Source) -> (Vec<Claimed<'_>>, Vec<PluginPanic>) {
+    fn collect_claims(&self, source: &Source) -> (Vec<ClaimedImporter<'_>>, Vec<PluginPanic>) {
         let (extension, mut failures) = (source.extension(), Vec::new());
         let mut claim = |importer: &Arc<dyn Importer>| {
             importer.checked_claim(source).unwrap_or_else(|panic| {
@@ -333,13 +337,13 @@ impl Registry {
                 error(what, format!("importers: {}{}", list(names(), 30), self.faulty_hint(IMPORTERS)))
             });
         }
-        let (claims, failures) = self.ask(source);
+        let (claims, failures) = self.collect_claims(source);
         match claims.first() {
             Some((claim, importer)) if *claim > Claim::NotMine => {
                 let importer = Arc::clone(importer);
                 Ok(match failures.is_empty() {
                     true => importer,
-                    false => Arc::new(AfterFailures { importer, failures }),
+                    false => Arc::new(ImporterWithClaimWarnings { importer, failures }),
                 })
             }
             _ => Err(error(

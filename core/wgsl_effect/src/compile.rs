@@ -1,6 +1,6 @@
 //! Compiles an author's text to a program: parses and validates the text, compares it with the signature of its hook, and tries it.
 
-use crate::environment::Host;
+use crate::environment::HostFunction;
 use crate::error::EffectError;
 use crate::head::{self, Head};
 use crate::head_error::HeadError;
@@ -44,7 +44,7 @@ pub enum Output {
 
 /// A function that the shader around the author's text supplies: its name, a WGSL declaration that stands for it, and the code that runs on
 /// the CPU.
-pub(crate) type Declared = (String, String, Host);
+pub(crate) type Declared = (String, String, HostFunction);
 
 /// The author's text, and the texts that are made from it.
 pub struct Text {
@@ -126,11 +126,11 @@ impl Text {
 struct Source<'a> {
     text: &'a Text,
     /// The text with all declarations below it.
-    whole: String,
+    full_text: String,
 }
 
 impl Source<'_> {
-    /// `span` is a range of bytes of `whole`. Without a span, or outside of the author's text, the error is at the first line.
+    /// `span` is a range of bytes of `full_text`. Without a span, or outside of the author's text, the error is at the first line.
     fn error(&self, span: Option<Range<usize>>, message: String) -> EffectError {
         let own = span.filter(|span| span.start < self.text.author.len());
         self.text.error(own.map_or((1, 1), |span| place(&self.text.author, span.start)), message)
@@ -161,23 +161,23 @@ impl Source<'_> {
 
     fn parse(&self) -> Result<Module, Mistake> {
         let of_parser = |e| mistakes::of_parser(&e, self.text.author.len());
-        let parsed = naga::front::wgsl::parse_str(&self.whole).map_err(of_parser);
+        let parsed = naga::front::wgsl::parse_str(&self.full_text).map_err(of_parser);
         parsed.map_err(|mistake| match mistake.span {
             Some(_) => mistake,
-            None => Mistake { span: self.culprit(), ..mistake },
+            None => Mistake { span: self.faulty_statement(), ..mistake },
         })
     }
 
     /// The statement of a mistake for which the parser gives no place. Leaves out the end of each function, and then the end of the faulty
     /// function from statement to statement, until the mistake is gone.
-    fn culprit(&self) -> Option<Range<usize>> {
+    fn faulty_statement(&self) -> Option<Range<usize>> {
         let fails = |text: &str| {
             naga::front::wgsl::parse_str(text).is_err_and(|e| e.labels().all(|(span, _)| !span.is_defined()))
         };
         // The search takes long in a text of many functions, so it is limited to this number of them.
         const MOST: usize = 200;
         let without = |body: &FunctionBody, at: usize, open: usize| {
-            let (head, tail) = (&self.whole[..at], &self.whole[body.end..]);
+            let (head, tail) = (&self.full_text[..at], &self.full_text[body.end..]);
             format!("{head}{}{tail}", "}".repeat(open))
         };
         let bodies = bodies(&self.text.author);
@@ -185,7 +185,7 @@ impl Source<'_> {
         // The mistake is in the statement before the first cut that has it.
         let first = body.cuts.partition_point(|(at, open)| !fails(&without(body, *at, *open)));
         let start = first.checked_sub(1).map_or(body.start, |before| body.cuts[before].0);
-        let (token, _) = Tokens::of(&self.whole[start..]).next()?;
+        let (token, _) = Tokens::of(&self.full_text[start..]).next()?;
         Some(start + token..body.cuts.get(first).map_or(body.end, |(at, _)| *at))
     }
 }
@@ -250,14 +250,14 @@ pub fn compile(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, Ef
 fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, EffectError> {
     let signature = head.signature();
     let declared = declared(signature, head, &text.scene);
-    if let Some((line, message)) = taken(text, signature, &declared, manifest) {
+    if let Some((line, message)) = reserved_name(text, signature, &declared, manifest) {
         return Err(text.error((line, 1), message));
     }
     // The shader that calls the function declares these types and functions. They are below the author's text, so that its line numbers
     // stay.
     let functions: String = declared.iter().map(|(_, text, _)| text.as_str()).collect();
     let below = format!("{}{}{functions}", text.appended, signature.declared);
-    let source = Source { text, whole: format!("{}\n{below}", text.author) };
+    let source = Source { text, full_text: format!("{}\n{below}", text.author) };
     let choices: Vec<String> = typed_parameters::choices(manifest).map(|(name, _)| name).collect();
     let fields = format!("{}{}", signature.declared, if text.is_typed { &text.appended } else { "" });
     let names = || {
@@ -273,7 +273,7 @@ fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, E
         }
         let near = suggestions::of_other_hook(&mistake.text, head, &declared)
             .or_else(|| suggestions::parameter(&mistake.text, manifest))
-            .unwrap_or_else(|| suggestions::near(&mistake.text, &text.author, &fields, &mut names()));
+            .unwrap_or_else(|| suggestions::suggest_name(&mistake.text, &text.author, &fields, &mut names()));
         let near = if near.is_empty() { suggestions::texture(&mistake.text, head) } else { near };
         source.error(mistake.span, format!("{}{near}", mistake.text))
     })?;
@@ -344,12 +344,12 @@ fn programs(
         return Ok(programs);
     }
     // The text that runs counts the rounds of loops; mistakes are placed in the author's text.
-    let (module, info) = counted(run, source)?;
+    let (module, info) = validate_counted(run, source)?;
     lowered((&module, &info)).map_err(|e| source.error(None, format!("a loop cannot be counted: {}", e.what)))
 }
 
 /// The module of a text with counted loops, whose author's part is valid.
-fn counted(text: &str, source: &Source) -> Result<(Module, ModuleInfo), EffectError> {
+fn validate_counted(text: &str, source: &Source) -> Result<(Module, ModuleInfo), EffectError> {
     let faulty = |what: String| source.error(None, format!("a loop cannot be counted: {what}"));
     let module = naga::front::wgsl::parse_str(text).map_err(|e| faulty(e.message().into()))?;
     let info = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
@@ -358,30 +358,30 @@ fn counted(text: &str, source: &Source) -> Result<(Module, ModuleInfo), EffectEr
 }
 
 fn declared(signature: &Signature, head: &Head, scene: &SceneCalls) -> Vec<Declared> {
-    const ROUND: (&str, &str, Host) = (
+    const ROUND: (&str, &str, HostFunction) = (
         "effect_round",
         "fn effect_round(cost: u32, loop_number: u32) -> bool { return cost == loop_number; }\n",
-        Host::Round,
+        HostFunction::Round,
     );
     let history = if head.history > 0 { signature.with_history } else { &[] };
     let always = signature.functions.iter().chain(history).chain([&ROUND]);
     let mut all: Vec<Declared> =
         always.map(|(name, text, host)| (name.to_string(), text.to_string(), *host)).collect();
-    all.extend(scene.supplied());
-    all.extend(passes::supplied(&head.pass_lines));
+    all.extend(scene.supplied_functions());
+    all.extend(passes::supplied_functions(&head.pass_lines));
     all.extend(head.joints.iter().enumerate().map(|(i, joint)| {
         let text = format!("fn {}() -> u32 {{ return {i}u; }}\n", joint.name);
-        (joint.name.clone(), text, Host::Named(i))
+        (joint.name.clone(), text, HostFunction::Named(i))
     }));
     all.extend(head.textures.iter().enumerate().map(|(i, t)| {
         let text = format!("fn {}(uv: vec2<f32>) -> vec4<f32> {{ return uv.xyxy; }}\n", t.name);
-        (t.name.clone(), text, Host::Texture(i))
+        (t.name.clone(), text, HostFunction::Texture(i))
     }));
     all
 }
 
 /// The first line (from 1) that declares a name which the program declares, and the message about it.
-fn taken(
+fn reserved_name(
     text: &Text,
     signature: &Signature,
     around: &[Declared],

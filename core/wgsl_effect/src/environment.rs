@@ -6,7 +6,7 @@ use glam::{DVec3, Vec2, Vec4};
 
 /// A function that the shader supplies to the effect's function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Host {
+pub enum HostFunction {
     /// Counts a round of a loop; implemented in the machine.
     Round,
     Picture,
@@ -41,12 +41,12 @@ pub enum Host {
 /// The functions and images that are available to an effect's function while it runs.
 pub trait Environment {
     /// The image that `host` reads by pixel; `None` for all other functions.
-    fn image(&self, _host: Host) -> Option<EffectImage<'_>> {
+    fn image(&self, _host: HostFunction) -> Option<EffectImage<'_>> {
         None
     }
 
     /// Calls a function. Arguments and result are the bits of their components.
-    fn call(&self, host: Host, arguments: &[u32]) -> [u32; 4];
+    fn call(&self, host: HostFunction, arguments: &[u32]) -> [u32; 4];
 }
 
 fn floats(v: Vec4) -> [u32; 4] {
@@ -61,13 +61,15 @@ fn ints(values: [i32; 2]) -> [u32; 4] {
 pub(crate) struct Placeholder;
 
 impl Environment for Placeholder {
-    fn call(&self, host: Host, arguments: &[u32]) -> [u32; 4] {
+    fn call(&self, host: HostFunction, arguments: &[u32]) -> [u32; 4] {
         let bits = arguments.last().copied().unwrap_or(0);
         match host {
-            Host::PictureSize | Host::OriginalSize | Host::PassSize(_) => ints([1280, 720]),
-            Host::Shrink => ints([4, 0]),
-            Host::Named(i) => ints([i as i32, 0]),
-            Host::Parent => ints([arguments.first().map_or(0, |v| *v as i32) - 1, 0]),
+            HostFunction::PictureSize | HostFunction::OriginalSize | HostFunction::PassSize(_) => {
+                ints([1280, 720])
+            }
+            HostFunction::Shrink => ints([4, 0]),
+            HostFunction::Named(i) => ints([i as i32, 0]),
+            HostFunction::Parent => ints([arguments.first().map_or(0, |v| *v as i32) - 1, 0]),
             _ => floats(Vec4::new(f32::from((bits & 255) as u8) / 255.0, 0.5, 0.25, 1.0)),
         }
     }
@@ -77,8 +79,8 @@ impl Environment for Placeholder {
 pub struct Textures<'a>(pub &'a [EffectTexture]);
 
 impl Environment for Textures<'_> {
-    fn call(&self, host: Host, arguments: &[u32]) -> [u32; 4] {
-        let (Host::Texture(i), [u, v]) = (host, arguments) else { return [0; 4] };
+    fn call(&self, host: HostFunction, arguments: &[u32]) -> [u32; 4] {
+        let (HostFunction::Texture(i), [u, v]) = (host, arguments) else { return [0; 4] };
         let uv = Vec2::new(f32::from_bits(*u), f32::from_bits(*v));
         floats(self.0.get(i).map_or(Vec4::ZERO, |texture| texture.sample(uv)))
     }
@@ -92,8 +94,8 @@ pub(crate) struct InFrame<'a> {
 }
 
 impl Environment for InFrame<'_> {
-    fn call(&self, host: Host, arguments: &[u32]) -> [u32; 4] {
-        let Host::FrameRow(row) = host else { return Textures(self.textures).call(host, arguments) };
+    fn call(&self, host: HostFunction, arguments: &[u32]) -> [u32; 4] {
+        let HostFunction::FrameRow(row) = host else { return Textures(self.textures).call(host, arguments) };
         let row = self.numbers.as_chunks().0.get(row);
         row.map_or([0; 4], |row| row.map(f32::to_bits))
     }
@@ -129,34 +131,34 @@ impl PassImages<'_> {
 }
 
 impl Environment for PassImages<'_> {
-    fn image(&self, host: Host) -> Option<EffectImage<'_>> {
+    fn image(&self, host: HostFunction) -> Option<EffectImage<'_>> {
         match host {
-            Host::Picture => Some(self.images.now),
-            Host::Original => Some(self.images.original),
-            Host::PassTexture(pass) => self.texture(pass),
-            Host::SceneSurface => self.images.scene.and_then(|scene| scene.surface),
-            Host::SceneMotion => self.images.scene.and_then(|scene| scene.motion),
+            HostFunction::Picture => Some(self.images.now),
+            HostFunction::Original => Some(self.images.original),
+            HostFunction::PassTexture(pass) => self.texture(pass),
+            HostFunction::SceneSurface => self.images.scene.and_then(|scene| scene.surface),
+            HostFunction::SceneMotion => self.images.scene.and_then(|scene| scene.motion),
             _ => None,
         }
     }
 
-    fn call(&self, host: Host, arguments: &[u32]) -> [u32; 4] {
+    fn call(&self, host: HostFunction, arguments: &[u32]) -> [u32; 4] {
         match (host, arguments) {
-            (Host::Texture(_), _) => Textures(self.textures).call(host, arguments),
-            (Host::PictureSize, _) => ints(self.images.now.size.map(|s| s as i32)),
-            (Host::OriginalSize, _) => ints(self.images.original.size.map(|s| s as i32)),
-            (Host::Shrink, _) => ints([self.shrink() as i32, 0]),
-            (Host::PassBetween(pass), [u, v]) => {
+            (HostFunction::Texture(_), _) => Textures(self.textures).call(host, arguments),
+            (HostFunction::PictureSize, _) => ints(self.images.now.size.map(|s| s as i32)),
+            (HostFunction::OriginalSize, _) => ints(self.images.original.size.map(|s| s as i32)),
+            (HostFunction::Shrink, _) => ints([self.shrink() as i32, 0]),
+            (HostFunction::PassBetween(pass), [u, v]) => {
                 floats(self.between(pass, Vec2::new(f32::from_bits(*u), f32::from_bits(*v))))
             }
-            (Host::PassSize(pass), _) => {
+            (HostFunction::PassSize(pass), _) => {
                 let shrink = self.shrinks.get(pass).copied().unwrap_or(1);
                 ints(self.images.original.size.map(|s| s.div_ceil(shrink) as i32))
             }
-            (Host::SceneRow(i), _) => self.images.scene.map_or([0; 4], |scene| floats(scene.rows[i])),
+            (HostFunction::SceneRow(i), _) => self.images.scene.map_or([0; 4], |scene| floats(scene.rows[i])),
             // This branch runs only if the scene's image is unknown.
-            (Host::SceneSurface, _) => floats(SceneImages::NO_SURFACE),
-            (Host::Previous, [frames, x, y]) => {
+            (HostFunction::SceneSurface, _) => floats(SceneImages::NO_SURFACE),
+            (HostFunction::Previous, [frames, x, y]) => {
                 // Frames farther back than the head allows read the farthest frame. A plan of a single time has no previous frames: the
                 // original image is read instead.
                 let frames = (*frames).clamp(1, self.history.max(1));
@@ -180,23 +182,23 @@ pub(crate) struct Surroundings<'a> {
 }
 
 impl Environment for Surroundings<'_> {
-    fn call(&self, host: Host, arguments: &[u32]) -> [u32; 4] {
+    fn call(&self, host: HostFunction, arguments: &[u32]) -> [u32; 4] {
         let bone = self.bones.all.get(arguments.last().map_or(0, |v| *v as usize));
         let earlier = || {
             let frames = arguments.first().map_or(0, |v| *v as usize);
             self.actor.map(|actor| self.scene.earlier(actor, frames).unwrap_or(*actor))
         };
         let at = match host {
-            Host::Texture(_) => return Textures(self.textures).call(host, arguments),
-            Host::Parent => {
+            HostFunction::Texture(_) => return Textures(self.textures).call(host, arguments),
+            HostFunction::Parent => {
                 let parent = bone.and_then(|(_, parent)| *parent);
                 return ints([parent.map_or(-1, |parent| parent as i32), 0]);
             }
-            Host::Named(i) => return [self.bones.named.get(i).copied().unwrap_or(u32::MAX), 0, 0, 0],
-            Host::Joint => joint(self.actor, bone),
-            Host::PreviousJoint => joint(earlier().as_ref(), bone),
-            Host::InWorld => in_world(self.actor, arguments),
-            Host::PreviousInWorld => in_world(earlier().as_ref(), arguments),
+            HostFunction::Named(i) => return [self.bones.named.get(i).copied().unwrap_or(u32::MAX), 0, 0, 0],
+            HostFunction::Joint => joint(self.actor, bone),
+            HostFunction::PreviousJoint => joint(earlier().as_ref(), bone),
+            HostFunction::InWorld => in_world(self.actor, arguments),
+            HostFunction::PreviousInWorld => in_world(earlier().as_ref(), arguments),
             _ => DVec3::ZERO,
         };
         floats(at.as_vec3().extend(0.0))

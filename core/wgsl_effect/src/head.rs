@@ -58,7 +58,7 @@ pub struct Head {
     /// Scale of the passes before the last, if they have no textures of their own.
     pub shrink: Option<Scale>,
     /// The parameter value with which the effect changes nothing.
-    pub off: Option<Off>,
+    pub off: Option<OffCondition>,
     pub passes: u32,
     /// The passes before the last, if they have textures of their own.
     pub pass_lines: Vec<PassLine>,
@@ -77,7 +77,7 @@ pub struct Head {
 
 /// `off: NAME = VALUE`.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Off {
+pub(crate) struct OffCondition {
     pub name: String,
     /// Index of the parameter's number.
     pub index: usize,
@@ -274,7 +274,7 @@ impl Head {
                 Hook::Surface
             }
             "background" => {
-                self.background = truth(name, value, manifest)?;
+                self.background = flag_amount(name, value, manifest)?;
                 Hook::Surface
             }
             "inputs" => {
@@ -312,11 +312,11 @@ impl Head {
                 Hook::Image
             }
             "count" => {
-                self.count = things(value, manifest)?;
+                self.count = element_count(value, manifest)?;
                 Hook::Overlay
             }
             "over" => {
-                self.over = truth(name, value, manifest)?;
+                self.over = flag_amount(name, value, manifest)?;
                 Hook::Overlay
             }
             "of" => {
@@ -328,7 +328,7 @@ impl Head {
                 return Ok(None);
             }
             _ => {
-                return match slip(name) {
+                return match misspelled_key(name) {
                     Some(meant) => Err(HeadMistake::Misspelt { word: name.into(), meant: meant.into() }),
                     None => Ok(None),
                 };
@@ -418,7 +418,7 @@ const WORDS: [&str; 17] = [
 ];
 
 /// The known word of which `name` is a typing mistake. All other words are the author's own.
-fn slip(name: &str) -> Option<&'static str> {
+fn misspelled_key(name: &str) -> Option<&'static str> {
     if WORDS.contains(&name) || name.contains(char::is_whitespace) {
         return None;
     }
@@ -439,11 +439,16 @@ fn reach(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
     }
     let metres = value.parse::<f32>().ok().filter(|m| (0.0..=1e6).contains(m));
     metres.map(Amount::Number).ok_or_else(|| {
-        refused("reach", "metres, 0 to 1000000, or the name of a parameter", value, near(value, manifest))
+        refused(
+            "reach",
+            "metres, 0 to 1000000, or the name of a parameter",
+            value,
+            similar_parameter(value, manifest),
+        )
     })
 }
 
-fn things(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
+fn element_count(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
     let most = Overlay::MOST;
     if manifest.options.iter().any(|o| o.name == value) {
         let bounds = |kind: &OptionKind| match kind {
@@ -459,12 +464,12 @@ fn things(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
     let number = value.parse::<u32>().ok().filter(|n| (1..=most as u32).contains(n));
     number.map(|n| Amount::Number(n as f32)).ok_or_else(|| {
         let allowed = format!("a whole number from 1 to {most}, or the name of a parameter");
-        refused("count", allowed, value, near(value, manifest))
+        refused("count", allowed, value, similar_parameter(value, manifest))
     })
 }
 
 /// `true`, `false`, the name of a flag, or `not` and the name of a flag.
-fn truth(name: &str, value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
+fn flag_amount(name: &str, value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
     if let Ok(flag) = value.parse::<bool>() {
         return Ok(Amount::Number(f32::from(u8::from(flag))));
     }
@@ -473,7 +478,12 @@ fn truth(name: &str, value: &str, manifest: &Manifest) -> Result<Amount, HeadMis
     let index = manifest.options.iter().position(|o| o.name == flag && is_flag(&o.kind));
     let number = index.map(|index| manifest.first_number(index));
     number.map(|index| if negated { Amount::Not(index) } else { Amount::Parameter(index) }).ok_or_else(|| {
-        refused(name, "true, false, or the name of a parameter that is", value, near(value, manifest))
+        refused(
+            name,
+            "true, false, or the name of a parameter that is",
+            value,
+            similar_parameter(value, manifest),
+        )
     })
 }
 
@@ -489,17 +499,17 @@ pub fn halve(value: &str, manifest: &Manifest) -> Result<Scale, HeadMistake> {
 }
 
 /// `strength = 0`: a number parameter, and the value with which the effect changes nothing.
-fn off(value: &str, manifest: &Manifest) -> Result<Off, HeadMistake> {
+fn off(value: &str, manifest: &Manifest) -> Result<OffCondition, HeadMistake> {
     let (name, at) = value.split_once('=').map(|(name, at)| (name.trim(), at.trim())).unwrap_or((value, ""));
     let (_, index) = number_of(name, manifest)
-        .ok_or_else(|| HeadMistake::NoOff { name: name.into(), near: near(name, manifest) })?;
+        .ok_or_else(|| HeadMistake::NoOff { name: name.into(), near: similar_parameter(name, manifest) })?;
     let at = at.parse().ok().filter(|at: &f32| at.is_finite());
     let value = at.ok_or(HeadMistake::Form("off: PARAMETER = NUMBER"))?;
-    Ok(Off { name: name.into(), index, value })
+    Ok(OffCondition { name: name.into(), index, value })
 }
 
 /// Suggestion of a parameter whose name is similar to the value.
-fn near(value: &str, manifest: &Manifest) -> String {
+fn similar_parameter(value: &str, manifest: &Manifest) -> String {
     did_you_mean(value, manifest.options.iter().map(|o| o.name.as_str()).filter(|name| *name != value))
 }
 
@@ -670,7 +680,10 @@ mod tests {
     #[test]
     fn a_parameter_turns_an_effect_off() {
         let off = |text: &str| head_of(text).map(|h| h.off);
-        assert_eq!(off("// off: high = 0"), Ok(Some(Off { name: "high".into(), index: 0, value: 0.0 })));
+        assert_eq!(
+            off("// off: high = 0"),
+            Ok(Some(OffCondition { name: "high".into(), index: 0, value: 0.0 }))
+        );
         assert_eq!(off("// hook: image"), Ok(None));
         let unknown =
             "write // off: PARAMETER = NUMBER; no parameter \"hihg\" is a number; did you mean \"high\"?";

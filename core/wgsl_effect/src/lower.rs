@@ -1,6 +1,6 @@
 //! Lowers a validated naga module to register code. Features that the machine does not support are refused here, with their place.
 
-use crate::environment::Host;
+use crate::environment::HostFunction;
 use crate::operators::{
     Conversion, FloatOperator, IntegerOperator, Operands, Operator, is_component_function,
 };
@@ -19,7 +19,7 @@ pub fn lower(
     module: &Module,
     info: &ModuleInfo,
     entry: Handle<Function>,
-    host: impl Fn(&str) -> Option<Host>,
+    host: impl Fn(&str) -> Option<HostFunction>,
 ) -> Result<Program, Unsupported> {
     static NEXT_ID: AtomicU64 = AtomicU64::new(0);
     if let Some((handle, variable)) = module.global_variables.iter().next() {
@@ -337,7 +337,7 @@ impl<'a> Lowering<'a> {
     }
 
     /// Finishes the routine. With `host`, the routine only calls the supplied function, and needs no body.
-    fn routine(mut self, host: Option<Host>, is_entry: bool) -> Result<Routine, Unsupported> {
+    fn routine(mut self, host: Option<HostFunction>, is_entry: bool) -> Result<Routine, Unsupported> {
         if let Some(host) = host {
             let arguments: Vec<Register> = self.arguments.concat();
             let body = vec![Node::Host { host, arguments, result: self.result }];

@@ -3,7 +3,7 @@
 //! Lanes that do not take a branch are masked out; a branch that no lane takes is skipped. Every lane gets the bits that it would get
 //! alone, because each operation is one IEEE operation per lane.
 
-use crate::environment::{Environment, Host};
+use crate::environment::{Environment, HostFunction};
 use crate::operators::{Column, Columns, Kernel};
 use crate::program::{
     Case, Compute, Kernels, MAX_STEPS, MOST_STEPS, Node, Program, Register, Registers, Routine,
@@ -52,7 +52,7 @@ pub struct Machine<const N: usize> {
 
 /// Lanes that have left a loop's body or a switch.
 #[derive(Default)]
-struct Left {
+struct ExitedLanes {
     broken: u32,
     continued: u32,
 }
@@ -154,7 +154,7 @@ where
         let mask = if lanes >= 32 { u32::MAX } else { (1 << lanes) - 1 };
         let registers = &mut self.registers;
         let mut run = Run { program, environment, registers, steps: 0, spent: [0; N], endless: [0; N] };
-        let done = run.block(&program.entry().body, mask, program.entry(), &mut Left::default());
+        let done = run.block(&program.entry().body, mask, program.entry(), &mut ExitedLanes::default());
         (self.steps, self.endless) = (run.steps, run.endless);
         done.map(|_| ())
     }
@@ -195,7 +195,7 @@ where
         nodes: &[Node],
         mut mask: u32,
         routine: &Routine,
-        left: &mut Left,
+        left: &mut ExitedLanes,
     ) -> Result<u32, TooLong> {
         for node in nodes {
             match node {
@@ -243,7 +243,7 @@ where
                     for (to, from) in to.zip(arguments) {
                         self.registers[to as usize] = *self.column(*from);
                     }
-                    self.block(&routine.body, mask, routine, &mut Left::default())?;
+                    self.block(&routine.body, mask, routine, &mut ExitedLanes::default())?;
                 }
                 Node::Host { host, arguments, result } => {
                     self.host(*host, arguments, result.iter(), mask);
@@ -283,7 +283,7 @@ where
         cases: &[Case],
         mask: u32,
         routine: &Routine,
-        left: &mut Left,
+        left: &mut ExitedLanes,
     ) -> Result<u32, TooLong> {
         let values = *self.column(selector);
         let default = cases.iter().position(|case| case.value.is_none());
@@ -296,7 +296,7 @@ where
         }
         // Lanes that match no case, and lanes that reach the end of a case.
         let mut after = mask & !starts.iter().fold(0, |all, lanes| all | lanes);
-        let (mut inner, mut falling) = (Left::default(), 0);
+        let (mut inner, mut falling) = (ExitedLanes::default(), 0);
         for (case, start) in cases.iter().zip(starts) {
             let now = falling | start;
             let end = if now == 0 { 0 } else { self.block(&case.body, now, routine, &mut inner)? };
@@ -313,12 +313,12 @@ where
         let (mut live, mut after) = (mask, 0);
         while live != 0 {
             self.step(1)?;
-            let mut left = Left::default();
+            let mut left = ExitedLanes::default();
             let end = self.block(body, live, routine, &mut left)?;
             after |= left.broken;
             live = end | left.continued;
             if live != 0 {
-                live = self.block(continuing, live, routine, &mut Left::default())?;
+                live = self.block(continuing, live, routine, &mut ExitedLanes::default())?;
                 if let Some(condition) = break_if {
                     let done = live & self.lanes(*condition);
                     after |= done;
@@ -344,12 +344,12 @@ where
 
     fn host(
         &mut self,
-        host: Host,
+        host: HostFunction,
         arguments: &[Register],
         mut result: impl Iterator<Item = Register>,
         mask: u32,
     ) {
-        if let (Host::Round, [cost, number]) = (host, arguments) {
+        if let (HostFunction::Round, [cost, number]) = (host, arguments) {
             let (cost, number) = (self.column(*cost).0, self.column(*number).0);
             let over = self.round(cost, number, mask);
             if let Some(to) = result.next() {

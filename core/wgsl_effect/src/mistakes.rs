@@ -126,8 +126,8 @@ pub fn of_validator(error: &WithSpan<ValidationError>, module: &Module) -> Mista
     let mistake = match error.as_inner() {
         ValidationError::Function { handle, source, .. } => {
             let function = &module.functions[*handle];
-            let whole = module.functions.get_span(*handle);
-            InFunction::new(module, function, innermost, whole).mistake(source)
+            let function_span = module.functions.get_span(*handle);
+            InFunction::new(module, function, innermost, function_span).mistake(source)
         }
         ValidationError::EntryPoint { name, source, .. } => {
             let found = module.entry_points.iter().find(|e| e.name == *name);
@@ -175,17 +175,22 @@ struct InFunction<'a> {
     known: usize,
     /// The innermost span that the validator gives, and that of the function.
     innermost: Span,
-    whole: Span,
+    function_span: Span,
 }
 
 impl<'a> InFunction<'a> {
-    fn new(module: &'a Module, function: &'a Function, innermost: Span, whole: Span) -> InFunction<'a> {
+    fn new(
+        module: &'a Module,
+        function: &'a Function,
+        innermost: Span,
+        function_span: Span,
+    ) -> InFunction<'a> {
         let mut types = Typifier::new();
         let context = ResolveContext::with_locals(module, &function.local_variables, &function.arguments);
         let mut has_type =
             |handle: Handle<Expression>| types.grow(handle, &function.expressions, &context).is_ok();
         let known = function.expressions.iter().take_while(|(handle, _)| has_type(*handle)).count();
-        InFunction { module, function, types, known, innermost, whole }
+        InFunction { module, function, types, known, innermost, function_span }
     }
 
     /// The type of a value as WGSL writes it.
@@ -203,11 +208,11 @@ impl<'a> InFunction<'a> {
         in_wgsl(pointee.unwrap_or(&text))
     }
 
-    fn inner(&self, inner: &TypeInner) -> String {
+    fn inner_type_name(&self, inner: &TypeInner) -> String {
         self.resolved(&TypeResolution::Value(inner.clone()))
     }
 
-    fn named(&self, ty: Handle<Type>) -> String {
+    fn type_name(&self, ty: Handle<Type>) -> String {
         in_wgsl(&self.module.to_ctx().type_to_string(ty))
     }
 
@@ -220,7 +225,7 @@ impl<'a> InFunction<'a> {
         Mistake::new(if span.is_defined() { span } else { self.innermost }, text)
     }
 
-    fn here(&self, text: impl Into<String>) -> Mistake {
+    fn at_innermost(&self, text: impl Into<String>) -> Mistake {
         Mistake::new(self.innermost, text.into())
     }
 
@@ -230,7 +235,7 @@ impl<'a> InFunction<'a> {
             FunctionError::Expression { handle, source } => self.expression(*handle, source),
             FunctionError::LocalVariable { name, source, handle } => {
                 let variable = &self.function.local_variables[*handle];
-                let ty = self.named(variable.ty);
+                let ty = self.type_name(variable.ty);
                 let what = match (source, variable.init) {
                     (LocalVariableError::InitializerType, Some(init)) => {
                         format!("{name} is {ty}, its initial value is {}", self.of(init))
@@ -244,16 +249,16 @@ impl<'a> InFunction<'a> {
             }
             FunctionError::InvalidReturnType { expression, expected_ty } => {
                 let returns = match expected_ty {
-                    Some(ty) => format!("{} returns {}", named(), self.named(*ty)),
+                    Some(ty) => format!("{} returns {}", named(), self.type_name(*ty)),
                     None => format!("{} returns nothing", named()),
                 };
                 match expression {
                     Some(value) => self.at(*value, format!("{returns}, this value is {}", self.of(*value))),
-                    None if self.innermost == self.whole => Mistake::new(
-                        self.whole,
+                    None if self.innermost == self.function_span => Mistake::new(
+                        self.function_span,
                         format!("{returns}, but one path through it ends without return"),
                     ),
-                    None => self.here(format!("{returns}, this return has no value")),
+                    None => self.at_innermost(format!("{returns}, this return has no value")),
                 }
             }
             FunctionError::InvalidIfType(value) => {
@@ -270,27 +275,33 @@ impl<'a> InFunction<'a> {
                 self.at(*pointer, "this cannot be assigned to; declare it with var".into())
             }
             FunctionError::InvalidCall { function, error } => self.call(*function, error),
-            FunctionError::BreakOutsideOfLoopOrSwitch => self.here("break is outside of a loop or switch"),
-            FunctionError::ContinueOutsideOfLoop => self.here("continue is outside of a loop"),
-            FunctionError::InvalidReturnSpot => self.here("return is inside a continuing block"),
+            FunctionError::BreakOutsideOfLoopOrSwitch => {
+                self.at_innermost("break is outside of a loop or switch")
+            }
+            FunctionError::ContinueOutsideOfLoop => self.at_innermost("continue is outside of a loop"),
+            FunctionError::InvalidReturnSpot => self.at_innermost("return is inside a continuing block"),
             FunctionError::ConflictingSwitchCase(_) => Mistake::new(
                 double_case(&self.function.body).unwrap_or(self.innermost),
                 "switch has two cases with the same value".into(),
             ),
-            FunctionError::ConflictingCaseType => self.here("the cases of switch have different types"),
-            FunctionError::MissingDefaultCase => self.here("switch has no default case"),
-            FunctionError::MultipleDefaultCases => self.here("switch has two default cases"),
+            FunctionError::ConflictingCaseType => {
+                self.at_innermost("the cases of switch have different types")
+            }
+            FunctionError::MissingDefaultCase => self.at_innermost("switch has no default case"),
+            FunctionError::MultipleDefaultCases => self.at_innermost("switch has two default cases"),
             FunctionError::PipelineInputRegularFunction { name } => {
-                self.here(format!("{name} has an attribute; parameters of an effect have none"))
+                self.at_innermost(format!("{name} has an attribute; parameters of an effect have none"))
             }
             FunctionError::PipelineOutputRegularFunction => {
-                self.here("the result has an attribute; that of an effect has none")
+                self.at_innermost("the result has an attribute; that of an effect has none")
             }
             FunctionError::InvalidArgumentType { name, .. } => {
-                self.here(format!("{name}: a parameter cannot have this type"))
+                self.at_innermost(format!("{name}: a parameter cannot have this type"))
             }
-            FunctionError::NonConstructibleReturnType => self.here("a function cannot return this type"),
-            other => self.here(in_wgsl(&chain(other))),
+            FunctionError::NonConstructibleReturnType => {
+                self.at_innermost("a function cannot return this type")
+            }
+            other => self.at_innermost(in_wgsl(&chain(other))),
         }
     }
 
@@ -299,15 +310,15 @@ impl<'a> InFunction<'a> {
         let name = function.name.clone().unwrap_or_default();
         match error {
             CallError::ArgumentCount { required, seen } => {
-                self.here(format!("{name} takes {required} arguments, {seen} are given"))
+                self.at_innermost(format!("{name} takes {required} arguments, {seen} are given"))
             }
             CallError::ArgumentType { index, required, seen_expression } => {
                 let parameter =
                     function.arguments.get(*index).and_then(|a| a.name.clone()).unwrap_or_default();
-                let (wanted, given) = (self.named(*required), self.of(*seen_expression));
+                let (wanted, given) = (self.type_name(*required), self.of(*seen_expression));
                 self.at(*seen_expression, format!("{name}: {parameter} is {wanted}, this value is {given}"))
             }
-            other => self.here(format!("{name}: {}", in_wgsl(&chain(other)))),
+            other => self.at_innermost(format!("{name}: {}", in_wgsl(&chain(other)))),
         }
     }
 
@@ -318,8 +329,8 @@ impl<'a> InFunction<'a> {
                 format!(
                     "{} cannot work with {} and {}",
                     sign(*op),
-                    self.inner(lhs_type),
-                    self.inner(rhs_type)
+                    self.inner_type_name(lhs_type),
+                    self.inner_type_name(rhs_type)
                 )
             }
             E::InvalidUnaryOperandType(op, value) => {
@@ -333,12 +344,12 @@ impl<'a> InFunction<'a> {
             E::SelectValuesTypeMismatch { accept, reject } => {
                 format!(
                     "select chooses between values of one type, not {} and {}",
-                    self.inner(reject),
-                    self.inner(accept)
+                    self.inner_type_name(reject),
+                    self.inner_type_name(accept)
                 )
             }
             E::SelectConditionNotABool { actual } => {
-                format!("the condition of select is bool, this value is {}", self.inner(actual))
+                format!("the condition of select is bool, this value is {}", self.inner_type_name(actual))
             }
             E::InvalidIndexType(value) => {
                 format!("an index is i32 or u32, this value is {}", self.of(*value))
@@ -364,7 +375,7 @@ impl<'a> InFunction<'a> {
             E::InvalidSplatType(value) => format!("a scalar is needed, this value is {}", self.of(*value)),
             E::Compose(error) => self.compose(handle, error),
             E::ShiftAmountTooLarge { lhs_type, .. } => {
-                format!("{} has fewer bits than it is shifted by", self.inner(lhs_type))
+                format!("{} has fewer bits than it is shifted by", self.inner_type_name(lhs_type))
             }
             E::DivideByZero => "division by zero".into(),
             other => in_wgsl(&chain(other)),
@@ -376,7 +387,7 @@ impl<'a> InFunction<'a> {
         let Expression::Compose { ty, components } = &self.function.expressions[handle] else {
             return in_wgsl(&chain(error));
         };
-        let ty = self.named(*ty);
+        let ty = self.type_name(*ty);
         match error {
             ComposeError::ComponentCount { given, expected } => {
                 format!("{ty} is made of {expected} values, {given} are given")

@@ -27,7 +27,7 @@ pub struct Drawing<'a> {
 
 /// The geometry made so far.
 #[derive(Default)]
-struct Made {
+struct OverlayGeometry {
     out: Overlay,
     steps: u32,
     /// How many elements were requested, and how many of them cannot be drawn.
@@ -41,7 +41,7 @@ struct Made {
 impl Drawing<'_> {
     pub fn run(&self, scene: &EffectScene) -> Overlay {
         let time = scene.snapshot.time.as_secs() as f32;
-        let mut made = Made::default();
+        let mut made = OverlayGeometry::default();
         if self.head.of_scene {
             let mut bounds = DAabb::EMPTY;
             for own in scene.instances().filter(|_| self.boxes).map(|body| body.bounds()) {
@@ -75,11 +75,11 @@ impl Drawing<'_> {
                 known = Some((body.asset, bones));
             }
         }
-        self.finished(made)
+        self.finish_overlay(made)
     }
 
     /// Adds all elements around one actor.
-    fn one(&self, body: [u32; 12], around: &Surroundings, made: &mut Made) {
+    fn one(&self, body: [u32; 12], around: &Surroundings, made: &mut OverlayGeometry) {
         let count = self.head.count.of(self.parameters).clamp(0.0, Overlay::MOST as f32) as u32;
         made.asked += u64::from(count);
         let program = self.program;
@@ -107,7 +107,7 @@ impl Drawing<'_> {
     }
 
     /// Adds the result of the function, if it is visible.
-    fn add(&self, machine: &Machine<1>, made: &mut Made) {
+    fn add(&self, machine: &Machine<1>, made: &mut OverlayGeometry) {
         let f = |i: u32| machine.float(self.program, 0, i);
         let place = |i: u32| DVec3::new(f(i).into(), f(i + 1).into(), f(i + 2).into());
         let color = |i: u32| Vec4::new(f(i), f(i + 1), f(i + 2), f(i + 3).clamp(0.0, 1.0));
@@ -137,7 +137,7 @@ impl Drawing<'_> {
     }
 
     /// Adds an element whose color marks a fault, which the renderers report.
-    fn add_faulty(&self, fault: f32, made: &mut Made) {
+    fn add_faulty(&self, fault: f32, made: &mut OverlayGeometry) {
         let (color, zero) = (Vec4::splat(fault), DVec3::ZERO);
         match self.output {
             Output::Triangles => made.out.triangles.push(Triangle { vertices: [zero; 3], color }),
@@ -154,8 +154,8 @@ impl Drawing<'_> {
         }
     }
 
-    fn finished(&self, made: Made) -> Overlay {
-        let Made { mut out, steps, asked, not_finite, too_long, full } = made;
+    fn finish_overlay(&self, made: OverlayGeometry) -> Overlay {
+        let OverlayGeometry { mut out, steps, asked, not_finite, too_long, full } = made;
         let what = match self.output {
             Output::Triangles => "triangles",
             Output::Lattices => "lattices",

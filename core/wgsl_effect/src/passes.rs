@@ -6,7 +6,7 @@
 //! // pass spread = halve radius to 8: that light, blurred
 //! ```
 
-use crate::environment::Host;
+use crate::environment::HostFunction;
 use crate::head::{Amount, comment, halve};
 use crate::head_error::{HeadError, HeadMistake};
 use crate::parameters::identifier;
@@ -149,16 +149,18 @@ pub(crate) fn helpers_called(author: &str) -> String {
 }
 
 /// The functions that read textures of passes: name, a declaration that stands for it, and the code that runs on the CPU.
-pub(crate) fn supplied(lines: &[PassLine]) -> impl Iterator<Item = (String, String, Host)> + '_ {
+pub(crate) fn supplied_functions(
+    lines: &[PassLine],
+) -> impl Iterator<Item = (String, String, HostFunction)> + '_ {
     lines.iter().enumerate().flat_map(|(i, line)| {
         let [at, uv, size] = functions_of(&line.name);
         let of_at = format!("fn {at}(at: vec2<i32>) -> vec4<f32> {{ return vec4(f32(at.x)); }}\n");
         let of_uv = format!("fn {uv}(uv: vec2<f32>) -> vec4<f32> {{ return uv.xyxy; }}\n");
         let of_size = format!("fn {size}() -> vec2<i32> {{ return vec2(1); }}\n");
         [
-            (at, of_at, Host::PassTexture(i)),
-            (uv, of_uv, Host::PassBetween(i)),
-            (size, of_size, Host::PassSize(i)),
+            (at, of_at, HostFunction::PassTexture(i)),
+            (uv, of_uv, HostFunction::PassBetween(i)),
+            (size, of_size, HostFunction::PassSize(i)),
         ]
     })
 }

@@ -6,13 +6,13 @@ use std::cell::RefCell;
 use std::thread::LocalKey;
 
 /// A machine, and the program and the bits of the parameters for which it was made.
-pub struct Kept<M> {
+pub struct PooledMachine<M> {
     program: u64,
     parameters: Vec<u32>,
     machine: M,
 }
 
-type Pool<M> = RefCell<Vec<Kept<M>>>;
+type Pool<M> = RefCell<Vec<PooledMachine<M>>>;
 
 /// Machines of a width that has a pool.
 pub(crate) trait Pooled: Sized + 'static {
@@ -50,7 +50,7 @@ pub fn with<M: Pooled>(program: &Program, parameters: &[f32], run: impl FnOnce(&
             .rposition(|kept| kept.program == program.id && kept.parameters.iter().copied().eq(bits()))?;
         Some(all.swap_remove(at))
     });
-    let mut kept = taken.unwrap_or_else(|| Kept {
+    let mut kept = taken.unwrap_or_else(|| PooledMachine {
         program: program.id,
         parameters: bits().collect(),
         machine: M::new(program, parameters),

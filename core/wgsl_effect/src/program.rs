@@ -3,7 +3,7 @@
 //! Every component of every value has its own register, a column with one entry per lane. WGSL forbids recursion, so each function has its
 //! own registers: a call copies its arguments and needs no stack.
 
-use crate::environment::Host;
+use crate::environment::HostFunction;
 use crate::operators::{Kernel, Operands, Operator, kernel};
 use crate::shape::ComponentKind;
 use naga::Span;
@@ -137,7 +137,7 @@ pub enum Node {
     },
     /// Calls a function that the shader supplies.
     Host {
-        host: Host,
+        host: HostFunction,
         arguments: Vec<Register>,
         result: Registers,
     },

@@ -3,7 +3,7 @@
 //! calls them, the same on both devices. The renderers supply the functions that they call (`scene_surface`, `scene_motion`, `scene_row_0`
 //! and so on).
 
-use crate::environment::Host;
+use crate::environment::HostFunction;
 use crate::tokens::Tokens;
 use choreo_plugin::{EffectFrame, Hook, SceneInputs};
 use std::collections::BTreeSet;
@@ -138,23 +138,23 @@ impl SceneCalls {
     }
 
     /// The functions that the renderers supply to this WGSL: name, a declaration that stands for it, and the code that runs on the CPU.
-    pub(crate) fn supplied(&self) -> Vec<(String, String, Host)> {
-        let image = |name: &str, host: Host| {
+    pub(crate) fn supplied_functions(&self) -> Vec<(String, String, HostFunction)> {
+        let image = |name: &str, host: HostFunction| {
             let text = format!("fn {name}(at: vec2<i32>) -> vec4<f32> {{ return vec4(f32(at.x)); }}\n");
             (name.to_string(), text, host)
         };
         let row = |i: usize| {
             let text = format!("fn scene_row_{i}() -> vec4<f32> {{ return vec4(1.0); }}\n");
-            (format!("scene_row_{i}"), text, Host::SceneRow(i))
+            (format!("scene_row_{i}"), text, HostFunction::SceneRow(i))
         };
         let of_frame = |i: usize| {
             let text = format!("fn effect_frame_row_{i}() -> vec4<f32> {{ return vec4(1.0); }}\n");
-            (format!("effect_frame_row_{i}"), text, Host::FrameRow(i))
+            (format!("effect_frame_row_{i}"), text, HostFunction::FrameRow(i))
         };
         let mut all = Vec::new();
         all.extend((0..EffectFrame::NUMBERS / 4).filter(|_| self.reads_frame).map(of_frame));
-        all.extend(self.inputs.surface.then(|| image("scene_surface", Host::SceneSurface)));
-        all.extend(self.inputs.motion.then(|| image("scene_motion", Host::SceneMotion)));
+        all.extend(self.inputs.surface.then(|| image("scene_surface", HostFunction::SceneSurface)));
+        all.extend(self.inputs.motion.then(|| image("scene_motion", HostFunction::SceneMotion)));
         if self.wgsl.contains("scene_row_") {
             all.extend((0..EffectFrame::ROWS).map(row));
         }
@@ -191,7 +191,7 @@ mod tests {
         let calls = SceneCalls::of("fn effect() { let v = view_at(at); } // time()", Hook::Image);
         assert_eq!(calls.inputs, SURFACE.union(CAMERA));
         assert!(calls.wgsl.contains("fn view_at(") && !calls.wgsl.contains("fn time("));
-        assert_eq!(calls.supplied().len(), 1 + EffectFrame::ROWS);
+        assert_eq!(calls.supplied_functions().len(), 1 + EffectFrame::ROWS);
         assert_eq!(SceneCalls::of("fn effect() { let time = p[time]; }", Hook::Image).inputs, NONE);
         // A function that the author declares is no input.
         assert_eq!(
@@ -205,7 +205,7 @@ mod tests {
         let text = "fn effect() { let t = time() + depth_at(at); }";
         let calls = SceneCalls::of(text, Hook::Pixel);
         assert!(calls.reads_frame && calls.wgsl.contains("fn time(") && !calls.wgsl.contains("depth_at"));
-        assert_eq!((calls.inputs, calls.supplied().len()), (NONE, 2));
+        assert_eq!((calls.inputs, calls.supplied_functions().len()), (NONE, 2));
         assert!(
             !SceneCalls::of(text, Hook::Shutter).reads_frame
                 && !SceneCalls::of(text, Hook::Image).reads_frame

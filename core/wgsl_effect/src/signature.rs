@@ -1,6 +1,6 @@
 //! The parameters and result of the function of each hook, in WGSL and as components.
 
-use crate::environment::Host;
+use crate::environment::HostFunction;
 use naga::{Module, ScalarKind, TypeInner, VectorSize};
 
 /// Type of a parameter or of the result of an effect's function.
@@ -22,14 +22,14 @@ pub(crate) struct Signature {
     gives: &'static [ValueType],
     /// Types that the shader declares; appended below the author's text, so that its line numbers stay.
     pub declared: &'static str,
-    /// Functions that the shader supplies, as [`Host`] lists them. Their WGSL is only parsed, never run.
+    /// Functions that the shader supplies, as [`HostFunction`] lists them. Their WGSL is only parsed, never run.
     pub functions: &'static [Declared],
     /// Further functions, if the head requests a history.
     pub with_history: &'static [Declared],
 }
 
 /// Name, WGSL declaration, and the code that runs on the CPU.
-type Declared = (&'static str, &'static str, Host);
+type Declared = (&'static str, &'static str, HostFunction);
 
 const F: ScalarKind = ScalarKind::Float;
 const I: ScalarKind = ScalarKind::Sint;
@@ -91,16 +91,28 @@ const PICTURE: Signature = Signature {
     gives: &[ValueType::Vector(F, VectorSize::Quad)],
     declared: "",
     functions: &[
-        ("picture", "fn picture(at: vec2<i32>) -> vec4<f32> { return vec4(f32(at.x)); }\n", Host::Picture),
-        ("original", "fn original(at: vec2<i32>) -> vec4<f32> { return vec4(f32(at.x)); }\n", Host::Original),
-        ("picture_size", "fn picture_size() -> vec2<i32> { return vec2(1); }\n", Host::PictureSize),
-        ("original_size", "fn original_size() -> vec2<i32> { return vec2(1); }\n", Host::OriginalSize),
-        ("shrink_factor", "fn shrink_factor() -> i32 { return 1; }\n", Host::Shrink),
+        (
+            "picture",
+            "fn picture(at: vec2<i32>) -> vec4<f32> { return vec4(f32(at.x)); }\n",
+            HostFunction::Picture,
+        ),
+        (
+            "original",
+            "fn original(at: vec2<i32>) -> vec4<f32> { return vec4(f32(at.x)); }\n",
+            HostFunction::Original,
+        ),
+        ("picture_size", "fn picture_size() -> vec2<i32> { return vec2(1); }\n", HostFunction::PictureSize),
+        (
+            "original_size",
+            "fn original_size() -> vec2<i32> { return vec2(1); }\n",
+            HostFunction::OriginalSize,
+        ),
+        ("shrink_factor", "fn shrink_factor() -> i32 { return 1; }\n", HostFunction::Shrink),
     ],
     with_history: &[(
         "previous",
         "fn previous(frames: u32, at: vec2<i32>) -> vec4<f32> { return vec4(f32(at.x) + f32(frames)); }\n",
-        Host::Previous,
+        HostFunction::Previous,
     )],
 };
 
@@ -122,20 +134,20 @@ const OVERLAY: Signature = Signature {
         struct Lattice { origin: vec3<f32>, along: vec3<f32>, across: vec3<f32>, cell: f32, every: u32, widths: vec2<f32>, \
         color: vec4<f32>, fade: f32 }\n",
     functions: &[
-        ("joint", "fn joint(number: u32) -> vec3<f32> { return vec3(f32(number)); }\n", Host::Joint),
-        ("parent", "fn parent(number: u32) -> i32 { return i32(number) - 1; }\n", Host::Parent),
-        ("in_world", "fn in_world(place: vec3<f32>) -> vec3<f32> { return place; }\n", Host::InWorld),
+        ("joint", "fn joint(number: u32) -> vec3<f32> { return vec3(f32(number)); }\n", HostFunction::Joint),
+        ("parent", "fn parent(number: u32) -> i32 { return i32(number) - 1; }\n", HostFunction::Parent),
+        ("in_world", "fn in_world(place: vec3<f32>) -> vec3<f32> { return place; }\n", HostFunction::InWorld),
     ],
     with_history: &[
         (
             "previous_joint",
             "fn previous_joint(frames: u32, number: u32) -> vec3<f32> { return vec3(f32(number + frames)); }\n",
-            Host::PreviousJoint,
+            HostFunction::PreviousJoint,
         ),
         (
             "previous_in_world",
             "fn previous_in_world(frames: u32, place: vec3<f32>) -> vec3<f32> { return place * f32(frames); }\n",
-            Host::PreviousInWorld,
+            HostFunction::PreviousInWorld,
         ),
     ],
 };

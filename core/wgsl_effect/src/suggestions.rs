@@ -103,7 +103,7 @@ const BUILT_IN: [&str; 46] = [
 
 /// `; did you mean "amount"?` if a name is similar to one of the program, of the text, or a built-in one. `declared`: declarations of the
 /// program below the text.
-pub fn near<'a>(
+pub fn suggest_name<'a>(
     message: &str,
     text: &'a str,
     declared: &'a str,
@@ -177,7 +177,7 @@ mod tests {
         let names: Vec<&str> = names_of(text).into_iter().map(|(name, _)| name).collect();
         assert_eq!(names, ["Pair", "a", "b", "twice", "x", "y"]);
         let near = |message: &str| {
-            near(message, text, "struct SurfaceSample { facing: f32 }", &mut ["amount"].into_iter())
+            suggest_name(message, text, "struct SurfaceSample { facing: f32 }", &mut ["amount"].into_iter())
         };
         assert_eq!(near("no definition in scope for identifier: `amuont`"), "; did you mean \"amount\"?");
         assert_eq!(near("no definition in scope for identifier: `twic`"), "; did you mean \"twice\"?");

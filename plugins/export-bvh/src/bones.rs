@@ -13,7 +13,7 @@ pub struct Bones {
     /// Rest rotations in model space.
     rest: Vec<DQuat>,
     /// Whether each bone has position channels.
-    pub moving: Vec<bool>,
+    pub has_position_channels: Vec<bool>,
     /// Whether a root was added above several roots of the skeleton.
     added_root: bool,
 }
@@ -47,7 +47,7 @@ impl Bones {
             children: vec![Vec::new(); skeleton.len() + shift],
             offsets: Vec::new(),
             rest: Vec::new(),
-            moving: Vec::new(),
+            has_position_channels: Vec::new(),
             added_root,
         };
         if added_root {
@@ -73,7 +73,7 @@ impl Bones {
         }
         self.offsets.push(offset);
         self.rest.push(rest);
-        self.moving.push(parent.is_none());
+        self.has_position_channels.push(parent.is_none());
     }
 
     pub(crate) fn is_leaf(&self, bone: usize) -> bool {
@@ -112,7 +112,8 @@ impl Bones {
     /// Marks the bones whose offset in this pose differs from rest.
     pub(crate) fn find_moving(&mut self, pose: &Pose, tolerance: f64) {
         for bone in 0..self.names.len() {
-            self.moving[bone] |= (self.local_position(pose, bone) - self.offsets[bone]).length() > tolerance;
+            self.has_position_channels[bone] |=
+                (self.local_position(pose, bone) - self.offsets[bone]).length() > tolerance;
         }
     }
 

@@ -113,7 +113,7 @@ fn hierarchy(bones: &Bones, units: f64) -> String {
         let [x, y, z] = (bones.offsets[bone] * units).to_array();
         let _ = writeln!(text, "{indent}{word} {}\n{indent}{{", bones.names[bone]);
         let _ = writeln!(text, "{indent}\tOFFSET {x:.6} {y:.6} {z:.6}");
-        let channels = match bones.moving[bone] {
+        let channels = match bones.has_position_channels[bone] {
             true => "6 Xposition Yposition Zposition Zrotation Xrotation Yrotation",
             false => "3 Zrotation Xrotation Yrotation",
         };
@@ -144,7 +144,7 @@ fn frame(
     line: &mut String,
 ) {
     for bone in order.iter().copied() {
-        if bones.moving[bone] {
+        if bones.has_position_channels[bone] {
             let [x, y, z] = (bones.local_position(pose, bone) * units).to_array();
             let _ = write!(line, "{x:.6} {y:.6} {z:.6} ");
         }
@@ -175,7 +175,7 @@ fn zxy(rotation: DQuat, last: [f64; 3]) -> [f64; 3] {
 /// Notes for the user.
 fn notes(bones: &Bones, units: f64) -> Vec<String> {
     let mut notes = Vec::new();
-    let moving = bones.moving.iter().filter(|moving| **moving).count().saturating_sub(1);
+    let moving = bones.has_position_channels.iter().filter(|moving| **moving).count().saturating_sub(1);
     if moving > 0 {
         notes.push(format!(
             "joints besides the root with position channels, because their offsets change: {moving}"

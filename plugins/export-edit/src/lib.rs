@@ -31,7 +31,7 @@ impl SceneExporter for EditExporter {
     }
 
     fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
-        whole(scene)?;
+        check_all_frames(scene)?;
         match scene.extension.as_str() {
             "edl" => {
                 edl::write(scene, &media(scene), files.main())?;
@@ -62,7 +62,7 @@ impl SceneExporter for EditExporter {
 ///
 /// # Errors
 /// Only some frames are exported.
-fn whole(scene: &ExportedScene) -> Result<(), ExportError> {
+fn check_all_frames(scene: &ExportedScene) -> Result<(), ExportError> {
     match scene.times.len() as i64 == shots::total(scene) {
         true => Ok(()),
         false => Err(ExportError::Format("an edit holds the whole scene; remove --frames".into())),

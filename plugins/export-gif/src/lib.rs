@@ -137,7 +137,7 @@ impl FrameSink for GifSink {
             )));
         }
         let first = self.shown.is_empty();
-        let new_colors = self.quantizer.look(&frame.rgba, self.colors);
+        let new_colors = self.quantizer.prepare(&frame.rgba, self.colors);
         self.global_palette &= first || !new_colors;
         self.shown.resize(w * h, [0; 3]);
         self.indices.clear();

@@ -62,7 +62,7 @@ impl Quantizer {
 
     /// Prepares the palette for a frame. True where a new palette was made; false where the last one is still good enough: an
     /// unchanged palette keeps still parts of the image identical to the bit.
-    pub fn look(&mut self, rgba: &[u8], colors: usize) -> bool {
+    pub fn prepare(&mut self, rgba: &[u8], colors: usize) -> bool {
         self.counts.fill(0);
         for p in rgba.as_chunks::<4>().0 {
             self.counts[key([p[0], p[1], p[2]])] += 1;

@@ -125,7 +125,7 @@ pub(crate) fn write_set<'a>(parts: &mut Parts<'a>, set: TrackSet<'a>, start: Tim
         };
         out.push((track.joint, track.path, Sampler { input: inputs[track.times], interpolation, output }));
     }
-    parts.buffer.made(of_times + of_values, move |file| {
+    parts.buffer.add_computed(of_times + of_values, move |file| {
         let mut numbers = Vec::new();
         for times in &times {
             each_chunk(times.len(), |i| [times[i]], |bytes| file.write_all(bytes))?;

@@ -82,7 +82,7 @@ impl<'a> Buffer<'a> {
     }
 
     /// Adds a view whose content is computed as it is written; `make` must write exactly `length` bytes.
-    pub fn made(&mut self, length: u64, make: impl Fn(&mut dyn Write) -> Result<()> + 'a) -> Index {
+    pub fn add_computed(&mut self, length: u64, make: impl Fn(&mut dyn Write) -> Result<()> + 'a) -> Index {
         self.add(length, None, Box::new(make))
     }
 

@@ -48,10 +48,10 @@ impl<'a> ActorWriter<'a, '_> {
         let path = format!("{}/{name}", self.path);
         let sets: Vec<_> = self.baked.motions[index].sets.iter().map(|set| &self.sets[*set]).collect();
         let count = self.copies(index, common);
-        let looks = self.looks(index, model, common);
+        let material_overrides = self.material_overrides(index, model, common);
         let asset = &actor.asset;
         let mut prim = match asset.placements.is_empty() {
-            true => self.body(index, (name, &path), model, (&still, looks, known)),
+            true => self.body(index, (name, &path), model, (&still, material_overrides, known)),
             false => {
                 let mut above = Prim::new("Xform", name);
                 let places: Vec<Affine3A> = asset.first_placements(count).collect();
@@ -60,7 +60,7 @@ impl<'a> ActorWriter<'a, '_> {
                         let mut copies =
                             model::instancer("copies", &places, format!("{path}/copies/prototype"));
                         let at = format!("{path}/copies/prototype");
-                        let still = (&still[..], looks, known);
+                        let still = (&still[..], material_overrides, known);
                         copies.children.push(self.body(index, ("prototype", &at), model, still));
                         above.children.push(copies);
                     }
@@ -68,7 +68,7 @@ impl<'a> ActorWriter<'a, '_> {
                         for (number, place) in places.iter().enumerate() {
                             let name = format!("body_{number}");
                             let at = format!("{path}/{name}");
-                            let still = (&still[..], looks.clone(), &mut *known);
+                            let still = (&still[..], material_overrides.clone(), &mut *known);
                             let mut body = self.body(index, (&name, &at), model, still);
                             let place = rig::parts(&widen(place), &Transform::IDENTITY);
                             motion::place_by_parts(&mut body, &place);
@@ -108,12 +108,12 @@ impl<'a> ActorWriter<'a, '_> {
         index: usize,
         (name, path): (&str, &str),
         model: &Model<'a>,
-        (still, looks, known): (&[Transform], Option<Prim<'a>>, &mut KnownAnimations),
+        (still, material_overrides, known): (&[Transform], Option<Prim<'a>>, &mut KnownAnimations),
     ) -> Prim<'a> {
         let actor = &self.stage.actors[index];
         let mut prim = Prim::new(if model.joints.is_some() { "SkelRoot" } else { "Xform" }, name);
         prim.reference = Some(model.path.clone());
-        prim.children.extend(looks);
+        prim.children.extend(material_overrides);
         if model.joints.is_none() {
             return prim;
         }
@@ -173,8 +173,8 @@ impl<'a> ActorWriter<'a, '_> {
     }
 
     /// Overrides for the materials of the actor that differ from the model's.
-    fn looks(&self, index: usize, model: &Model<'a>, common: &mut Common) -> Option<Prim<'a>> {
-        let mut looks = Prim::over("materials");
+    fn material_overrides(&self, index: usize, model: &Model<'a>, common: &mut Common) -> Option<Prim<'a>> {
+        let mut material_overrides = Prim::over("materials");
         for (number, of_model) in model.materials.iter().enumerate() {
             let Some(of_model) = of_model else { continue };
             let (times, states) = self.material_states(index, number);
@@ -192,9 +192,9 @@ impl<'a> ActorWriter<'a, '_> {
             let times = self.frames.list(&times);
             let mut material = Prim::over(of_model.name.clone());
             differences(&of_model.network, &networks, &times, &mut material);
-            looks.children.extend((!material.children.is_empty()).then_some(material));
+            material_overrides.children.extend((!material.children.is_empty()).then_some(material));
         }
-        (!looks.children.is_empty()).then_some(looks)
+        (!material_overrides.children.is_empty()).then_some(material_overrides)
     }
 
     /// The times at which a material changes, and the material at each; a single one where it does not change.

@@ -84,10 +84,10 @@ fn camera<'a>(shot: &Shot, name: String, aspect: f64, frames: Frames) -> Prim<'a
         rotation: Quat::from_slice(rotation.first()),
         scale: Vec3::ONE,
     };
-    let places = place_by_parts(&mut out, &at);
-    for (series, place) in [(position, places[0]), (rotation, places[1])] {
+    let property_indices = place_by_parts(&mut out, &at);
+    for (series, property) in [(position, property_indices[0]), (rotation, property_indices[1])] {
         if !series.is_still() {
-            animate(&mut out, place, series_samples(series, frames, f64::from));
+            animate(&mut out, property, series_samples(series, frames, f64::from));
         }
     }
     out

@@ -246,7 +246,7 @@ impl<'a> Attribute<'a> {
     }
 
     /// Sets the interpolation of a primvar: "vertex", "constant".
-    pub fn across(&mut self, interpolation: &'static str) -> &mut Self {
+    pub fn set_interpolation(&mut self, interpolation: &'static str) -> &mut Self {
         self.interpolation = Some(interpolation);
         self
     }

@@ -15,7 +15,7 @@ mod names;
 mod textures;
 
 use actors::KnownAnimations;
-use choreo_exporter_kit::bake::check::{self, AsWritten};
+use choreo_exporter_kit::bake::check::{self, FileRounding};
 use choreo_exporter_kit::bake::{self, Baked, Style};
 use choreo_exporter_kit::losses;
 use choreo_plugin::asset::Asset;
@@ -58,7 +58,7 @@ const MODELS: &str = "_models";
 
 /// Precision of the written numbers, for the error check: times are exact in f64; joint scales are in half precision
 /// (UsdSkelAnimation).
-const AS_WRITTEN: AsWritten = AsWritten {
+const FILE_ROUNDING: FileRounding = FileRounding {
     times: |times, start| times.iter().map(|time| *time - start).collect(),
     number: |path, number| match path {
         Path::Scale => half::f16::from_f32(number).to_f32(),
@@ -77,7 +77,7 @@ impl SceneExporter for UsdExporter {
     fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
         let tolerance = scene.options.number("tolerance").unwrap_or(0.0001);
         let mut baked = bake::bake(scene, tolerance, Style::Common)?;
-        files.deviation(check::worst(scene, &baked, &AS_WRITTEN)?);
+        files.deviation(check::worst(scene, &baked, &FILE_ROUNDING)?);
         let sets: Vec<_> = std::mem::take(&mut baked.sets).into_iter().map(Rc::new).collect();
         // The writers below ask each set for its constant values.
         baked.sets = sets.iter().map(|set| still_of(set)).collect();
@@ -201,7 +201,7 @@ fn write(
         return Ok(out.finish()?);
     }
     out.put(&[0; HEAD])?;
-    let head = binary::rest(layer, &mut out)?;
+    let head = binary::write_body(layer, &mut out)?;
     out.finish()?;
     files.replace(0, &head)
 }
@@ -220,7 +220,7 @@ fn write_package(
     out.begin_file();
     out.put(&[0; HEAD])?;
     out.begin_sum()?;
-    let head = binary::rest(layer, &mut out)?;
+    let head = binary::write_body(layer, &mut out)?;
     let mut sum = crc32fast::Hasher::new();
     sum.update(&head);
     sum.combine(&out.end_sum()?);

@@ -113,13 +113,15 @@ fn of_light<'a>(
     if now.kind.is_directional() {
         at.translation = Vec3::ZERO;
     }
-    let (mut out, places) = light(names.free(&of.name), &now, &at);
+    let (mut out, property_indices) = light(names.free(&of.name), &now, &at);
     let factor = if now.kind.is_directional() { 1.0 } else { SPHERE };
-    for (part, place) in [(LightPart::Position, places[0]), (LightPart::Rotation, places[1])] {
+    for (part, property) in
+        [(LightPart::Position, property_indices[0]), (LightPart::Rotation, property_indices[1])]
+    {
         let has_it =
             if part == LightPart::Position { !now.kind.is_directional() } else { now.kind.has_direction() };
         if let Some(series) = series(part).filter(|series| !series.is_still() && has_it) {
-            animate(&mut out, place, series_samples(series, frames, f64::from));
+            animate(&mut out, property, series_samples(series, frames, f64::from));
         }
     }
     for (part, name, factor) in [
@@ -129,15 +131,15 @@ fn of_light<'a>(
     ] {
         let moving = series(part).filter(|series| !series.is_still());
         if let Some(series) = moving.filter(|_| now.kind.cone().is_some() || part != LightPart::Outer)
-            && let Some(place) = place_of(&out, name)
+            && let Some(property) = property_index(&out, name)
         {
-            animate(&mut out, place, series_samples(series, frames, |v| f64::from(v) * f64::from(factor)));
+            animate(&mut out, property, series_samples(series, frames, |v| f64::from(v) * f64::from(factor)));
         }
     }
     out
 }
 
-fn place_of(prim: &Prim<'_>, name: &str) -> Option<usize> {
+fn property_index(prim: &Prim<'_>, name: &str) -> Option<usize> {
     let is = |p: &Property<'_>| matches!(p, Property::Attribute(Attribute { name: own, .. }) if own == name);
     prim.properties.iter().position(is)
 }
@@ -167,8 +169,8 @@ fn light<'a>(name: String, light: &Light, at: &Transform) -> (Prim<'a>, [usize; 
         let softness = (1.0 - inner / outer.max(1e-6)).clamp(0.0, 1.0);
         out.number(FLOAT, "inputs:shaping:cone:softness", &[softness]);
     }
-    let places = place_by_parts(&mut out, at);
-    (out, places)
+    let property_indices = place_by_parts(&mut out, at);
+    (out, property_indices)
 }
 
 /// Adds the lights of an actor's file, placed at their joints in the pose at the start.

@@ -55,19 +55,19 @@ struct Builder<'b> {
 }
 
 /// How a texture is sampled: scale and bias of its values, color space.
-struct Reading {
+struct TextureSampling {
     scale: Vec4,
     bias: Vec4,
     space: &'static str,
 }
 
-impl Reading {
-    fn color(scale: Vec4) -> Reading {
-        Reading { scale, bias: Vec4::ZERO, space: "sRGB" }
+impl TextureSampling {
+    fn color(scale: Vec4) -> TextureSampling {
+        TextureSampling { scale, bias: Vec4::ZERO, space: "sRGB" }
     }
 
-    fn raw(scale: Vec4, bias: Vec4) -> Reading {
-        Reading { scale, bias, space: "raw" }
+    fn raw(scale: Vec4, bias: Vec4) -> TextureSampling {
+        TextureSampling { scale, bias, space: "raw" }
     }
 }
 
@@ -99,7 +99,7 @@ impl Builder<'_> {
     fn material(&mut self, m: &Material, losses: &mut Losses) {
         let color = m.base_color.clamp(Vec4::ZERO, Vec4::ONE);
         let unlit = matches!(m.shading, Shading::Unlit | Shading::Toon);
-        let base = self.texture("base_color", &m.base_color_texture, Reading::color(color));
+        let base = self.texture("base_color", &m.base_color_texture, TextureSampling::color(color));
         let (lit, name) = if unlit { (false, "emissiveColor") } else { (true, "diffuseColor") };
         match &base {
             Some(texture) => {
@@ -121,7 +121,7 @@ impl Builder<'_> {
             self.input("diffuseColor", COLOR3F, &[0.0; 3]);
         } else {
             let emissive = m.emissive.max(Vec3::ZERO);
-            let reading = Reading::color(emissive.extend(1.0));
+            let reading = TextureSampling::color(emissive.extend(1.0));
             match self.texture("emissive", &m.emissive_texture, reading) {
                 Some(texture) => self.connected("emissiveColor", COLOR3F, format!("{texture}.outputs:rgb")),
                 None => self.input("emissiveColor", COLOR3F, &emissive.to_array()),
@@ -145,12 +145,13 @@ impl Builder<'_> {
             self.input("opacity", FLOAT, &[(1.0 - 0.85 * through).clamp(0.0, 1.0)]);
         }
         let s = m.normal_scale;
-        let reading = Reading::raw(Vec4::new(2.0 * s, 2.0 * s, 2.0, 1.0), Vec4::new(-s, -s, -1.0, 0.0));
+        let reading =
+            TextureSampling::raw(Vec4::new(2.0 * s, 2.0 * s, 2.0, 1.0), Vec4::new(-s, -s, -1.0, 0.0));
         if let Some(texture) = self.texture("normal", &m.normal_texture, reading) {
             self.connected("normal", NORMAL3F, format!("{texture}.outputs:rgb"));
         }
         let s = m.occlusion_strength.clamp(0.0, 1.0);
-        let reading = Reading::raw(Vec4::splat(s), Vec4::splat(1.0 - s));
+        let reading = TextureSampling::raw(Vec4::splat(s), Vec4::splat(1.0 - s));
         if let Some(texture) = self.texture("occlusion", &m.occlusion_texture, reading) {
             self.connected("occlusion", FLOAT, format!("{texture}.outputs:r"));
         }
@@ -164,7 +165,7 @@ impl Builder<'_> {
         };
         let texture =
             m.metallic_roughness_texture.clone().filter(|_| m.shading == Shading::MetallicRoughness);
-        let reading = Reading::raw(Vec4::new(1.0, roughness, metallic, 1.0), Vec4::ZERO);
+        let reading = TextureSampling::raw(Vec4::new(1.0, roughness, metallic, 1.0), Vec4::ZERO);
         match self.texture("metallic_roughness", &texture, reading) {
             Some(texture) => {
                 self.connected("metallic", FLOAT, format!("{texture}.outputs:b"));
@@ -192,7 +193,7 @@ impl Builder<'_> {
         &mut self,
         name: &'static str,
         texture: &Option<TextureRef>,
-        reading: Reading,
+        reading: TextureSampling,
     ) -> Option<String> {
         let has_uvs = |t: &&TextureRef| self.of.uvs.get(usize::from(t.uv_set)).is_some_and(|has| *has);
         let texture = texture.as_ref().filter(has_uvs)?;

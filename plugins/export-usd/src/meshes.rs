@@ -61,7 +61,7 @@ fn triangles<'a>(name: &str, p: &'a Primitive) -> Prim<'a> {
     out.set(POINT3F, "points", vectors(&p.positions));
     out.uniform_token("subdivisionScheme", "none");
     if p.normals.len() == count {
-        out.set(NORMAL3F, "normals", vectors(&p.normals)).across("vertex");
+        out.set(NORMAL3F, "normals", vectors(&p.normals)).set_interpolation("vertex");
     }
     for (uvs, name) in p.uvs.iter().zip(["primvars:st", "primvars:st1"]).filter(|(uvs, _)| uvs.len() == count)
     {
@@ -70,7 +70,7 @@ fn triangles<'a>(name: &str, p: &'a Primitive) -> Prim<'a> {
             let uv = uvs[i / 2];
             f64::from(if i.is_multiple_of(2) { uv.x } else { 1.0 - uv.y })
         };
-        out.set(TEXCOORD2F, name, Value::array(count, number)).across("vertex");
+        out.set(TEXCOORD2F, name, Value::array(count, number)).set_interpolation("vertex");
     }
     colors(&mut out, p);
     out
@@ -82,10 +82,11 @@ fn colors<'a>(out: &mut Prim<'a>, p: &'a Primitive) {
         return;
     }
     let color = move |i: usize| f64::from(colors[i / 3][i % 3].clamp(0.0, 1.0));
-    out.set(COLOR3F, "primvars:displayColor", Value::array(colors.len(), color)).across("vertex");
+    out.set(COLOR3F, "primvars:displayColor", Value::array(colors.len(), color)).set_interpolation("vertex");
     if colors.iter().any(|color| color.w != 1.0) {
         let opacity = move |i: usize| f64::from(colors[i].w.clamp(0.0, 1.0));
-        out.set(FLOAT, "primvars:displayOpacity", Value::array(colors.len(), opacity)).across("vertex");
+        out.set(FLOAT, "primvars:displayOpacity", Value::array(colors.len(), opacity))
+            .set_interpolation("vertex");
     }
 }
 
@@ -97,7 +98,7 @@ fn lines<'a>(name: &str, p: &'a Primitive) -> Prim<'a> {
     out.set(INT, "curveVertexCounts", Value::array(count, |_| 2.0));
     out.set(POINT3F, "points", Value::array(2 * count, at));
     out.uniform_token("type", "linear");
-    out.set(FLOAT, "widths", Value::array(1, |_| 0.005)).across("constant");
+    out.set(FLOAT, "widths", Value::array(1, |_| 0.005)).set_interpolation("constant");
     out
 }
 
@@ -105,7 +106,7 @@ fn points<'a>(name: &str, p: &'a Primitive) -> Prim<'a> {
     let mut out = Prim::new("Points", name);
     let at = move |i: usize| f64::from(p.positions[p.indices[i / 3] as usize][i % 3]);
     out.set(POINT3F, "points", Value::array(p.indices.len(), at));
-    out.set(FLOAT, "widths", Value::array(1, |_| 0.01)).across("constant");
+    out.set(FLOAT, "widths", Value::array(1, |_| 0.01)).set_interpolation("constant");
     out
 }
 
@@ -121,9 +122,9 @@ pub fn bind<'a>(out: &mut Prim<'a>, p: &'a Primitive, binding: Binding<'_>, skel
         Binding::Rigid { joint, .. } => {
             let indices =
                 out.set(INT, "primvars:skel:jointIndices", Value::array(1, move |_| f64::from(joint)));
-            indices.across("constant").element_size = Some(1);
+            indices.set_interpolation("constant").element_size = Some(1);
             let weights = out.set(FLOAT, "primvars:skel:jointWeights", Value::array(1, |_| 1.0));
-            weights.across("constant").element_size = Some(1);
+            weights.set_interpolation("constant").element_size = Some(1);
         }
         Binding::Skin { joints, .. } => {
             let (count, size, joints) = (p.joint_weights.len(), p.influences, joints.to_vec());
@@ -134,10 +135,10 @@ pub fn bind<'a>(out: &mut Prim<'a>, p: &'a Primitive, binding: Binding<'_>, skel
                 f64::from(joints.get(usize::from(joint)).copied().unwrap_or(0))
             };
             let indices = out.set(INT, "primvars:skel:jointIndices", Value::array(count, joint));
-            indices.across("vertex").element_size = Some(size);
+            indices.set_interpolation("vertex").element_size = Some(size);
             let weight = move |i: usize| f64::from(p.joint_weights[i]);
             let weights = out.set(FLOAT, "primvars:skel:jointWeights", Value::array(count, weight));
-            weights.across("vertex").element_size = Some(size);
+            weights.set_interpolation("vertex").element_size = Some(size);
         }
     }
 }

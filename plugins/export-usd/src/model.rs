@@ -73,7 +73,7 @@ pub fn model<'a>(
         common,
     };
     let mut prim = Prim::new(if has_rig { "SkelRoot" } else { "Xform" }, name);
-    let looks = maker.looks();
+    let materials = maker.materials();
     maker.names.free("materials");
     if let Some(joints) = &maker.joints {
         maker.names.free("skeleton");
@@ -83,7 +83,7 @@ pub fn model<'a>(
         let corners = [bounds.min, bounds.max];
         prim.set(FLOAT3, "extent", Value::array(2, move |i| f64::from(corners[i / 3][i % 3])));
     }
-    prim.children.extend((!looks.children.is_empty()).then_some(looks));
+    prim.children.extend((!materials.children.is_empty()).then_some(materials));
     let mut shapes = Vec::new();
     for instance in &asset.instances {
         shapes.push(maker.instance(instance, &mut prim.children));
@@ -116,8 +116,8 @@ pub fn surroundings(asset: &Asset, material: Option<u32>) -> Surroundings<'_> {
 }
 
 impl<'a> Maker<'a, '_> {
-    fn looks(&mut self) -> Prim<'a> {
-        let mut looks = Prim::new("Scope", "materials");
+    fn materials(&mut self) -> Prim<'a> {
+        let mut materials = Prim::new("Scope", "materials");
         let mut names = Names::default();
         let count = self.asset.materials.len() as u32;
         for index in (0..count).map(Some).chain([None]) {
@@ -133,10 +133,10 @@ impl<'a> Maker<'a, '_> {
             let network = materials::network(material, surroundings, textures, losses);
             let name = names.free(if material.name.is_empty() { "material" } else { &material.name });
             let path = format!("{}/materials/{name}", self.path);
-            looks.children.push(network.prim(&name, &path, &material.name));
+            materials.children.push(network.prim(&name, &path, &material.name));
             self.materials.push(Some(ModelMaterial { name, network }));
         }
-        looks
+        materials
     }
 
     /// Adds the prims of a mesh instance. Returns the names of its blend shapes.

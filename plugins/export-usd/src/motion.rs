@@ -63,17 +63,17 @@ pub fn animate<'a>(prim: &mut Prim<'a>, property: usize, samples: Samples<'a>) {
 
 /// Places an actor over time. A hidden actor is invisible, and has size 0 for programs that ignore visibility.
 pub fn place_actor<'a>(prim: &mut Prim<'a>, at: &Transform, sets: &[&Rc<TrackSet<'a>>], frames: Frames) {
-    let places = place_by_parts(prim, at);
+    let property_indices = place_by_parts(prim, at);
     for set in sets {
         let own = set.tracks.iter().enumerate().filter(|(_, track)| track.joint == 0);
         for (number, track) in own {
-            let place = match track.path {
+            let part = match track.path {
                 Path::Translation => 0,
                 Path::Rotation => 1,
                 Path::Scale => 2,
                 Path::Weights(_) => continue,
             };
-            animate(prim, places[place], track_samples(set, number, frames));
+            animate(prim, property_indices[part], track_samples(set, number, frames));
             if track.path == Path::Scale {
                 visibility(prim, set, number, frames);
             }
@@ -188,12 +188,13 @@ pub fn animation<'a>(
         let skeleton = rig::skeleton(actor, Transform::IDENTITY)?;
         let rig =
             Skeleton::new(skeleton.names().to_vec(), skeleton.parents().to_vec(), still.to_vec()).ok()?;
-        let mut moving: Vec<u32> = set.tracks.iter().filter(|t| is_of_joint(t)).map(|t| t.joint).collect();
-        moving.sort_unstable();
-        moving.dedup();
-        let names = moving.iter().map(|joint| paths[*joint as usize - 1].clone()).collect();
+        let mut animated_joints: Vec<u32> =
+            set.tracks.iter().filter(|t| is_of_joint(t)).map(|t| t.joint).collect();
+        animated_joints.sort_unstable();
+        animated_joints.dedup();
+        let names = animated_joints.iter().map(|joint| paths[*joint as usize - 1].clone()).collect();
         out.uniform_tokens("joints", names);
-        let of = Joints { set: set.clone(), rig: Rc::new(rig), moving: moving.into() };
+        let of = JointTracks { set: set.clone(), rig: Rc::new(rig), animated_joints: animated_joints.into() };
         of.attribute(&mut out, (QUATF, "rotations"), (Path::Rotation, |t| t.rotation.to_array()), frames);
         of.attribute(&mut out, (HALF3, "scales"), (Path::Scale, |t| t.scale.extend(0.0).to_array()), frames);
         let translation: TransformPart = (Path::Translation, |t| t.translation.extend(0.0).to_array());
@@ -256,14 +257,14 @@ fn add_weights<'a>(out: &mut Prim<'a>, model: &Model<'a>, all: Vec<(usize, Weigh
 type TransformPart = (Path, fn(&Transform) -> [f32; 4]);
 
 /// The moving joints of a rig, with their curves.
-struct Joints<'a> {
+struct JointTracks<'a> {
     set: Rc<TrackSet<'a>>,
     /// The rig, with the pose of the joints that do not move as its rest pose.
     rig: Rc<Skeleton>,
-    moving: Rc<[u32]>,
+    animated_joints: Rc<[u32]>,
 }
 
-impl<'a> Joints<'a> {
+impl<'a> JointTracks<'a> {
     fn attribute(
         &self,
         out: &mut Prim<'a>,
@@ -273,22 +274,28 @@ impl<'a> Joints<'a> {
     ) {
         let attribute: &mut Attribute<'a> = out.attribute(of, name);
         let times = self.set.common_times(|track| track.joint > 0 && track.path == path);
-        let count = self.moving.len();
+        let count = self.animated_joints.len();
         if times.is_empty() {
-            let (rig, moving) = (self.rig.clone(), self.moving.clone());
+            let (rig, animated_joints) = (self.rig.clone(), self.animated_joints.clone());
             let number = move |i: usize| {
-                let joint = moving[i / of.width] as usize;
+                let joint = animated_joints[i / of.width] as usize;
                 f64::from(part(&rig.rest()[joint])[i % of.width])
             };
             attribute.with(Value::array(count, number));
             return;
         }
         let list = frames.list(&times);
-        let (set, rig, moving) = (self.set.clone(), self.rig.clone(), self.moving.clone());
+        let (set, rig, animated_joints) = (self.set.clone(), self.rig.clone(), self.animated_joints.clone());
         let each = move |take: Taker<'_>| {
             let mut row: Vec<f64> = vec![0.0; count * of.width];
             if let Some(curves) = set.aligned(path, &times) {
-                return aligned_rows((&rig, &moving), &curves, (of, part), (&mut row, times.len()), take);
+                return aligned_rows(
+                    (&rig, &animated_joints),
+                    &curves,
+                    (of, part),
+                    (&mut row, times.len()),
+                    take,
+                );
             }
             let mut curves = Vec::new();
             set.add_curves(|times| times.to_vec(), |_, number| number, &mut curves);
@@ -297,7 +304,7 @@ impl<'a> Joints<'a> {
             let mut pose = Pose::rest(&rig);
             for time in &times {
                 Sample { clip: &clip, time: *time, pose: &mut pose }.run();
-                for (own, joint) in row.chunks_mut(of.width).zip(moving.iter()) {
+                for (own, joint) in row.chunks_mut(of.width).zip(animated_joints.iter()) {
                     put(of, part(&pose.get(*joint as usize)), own);
                 }
                 take(&row)?;
@@ -311,23 +318,23 @@ impl<'a> Joints<'a> {
 
 /// Hands over one row a key, from curves that all have the same key times; joints without a curve keep the rest pose.
 fn aligned_rows(
-    (rig, moving): (&Skeleton, &[u32]),
+    (rig, animated_joints): (&Skeleton, &[u32]),
     curves: &[(u32, Vec<f32>)],
     (of, part): (Type, fn(&Transform) -> [f32; 4]),
     (row, keys): (&mut [f64], usize),
     take: Taker<'_>,
 ) -> std::io::Result<()> {
-    for (own, joint) in row.chunks_mut(of.width).zip(moving) {
+    for (own, joint) in row.chunks_mut(of.width).zip(animated_joints) {
         put(of, part(&rig.rest()[*joint as usize]), own);
     }
-    let places: Vec<Option<usize>> =
-        curves.iter().map(|(joint, _)| moving.iter().position(|own| own == joint)).collect();
+    let row_indices: Vec<Option<usize>> =
+        curves.iter().map(|(joint, _)| animated_joints.iter().position(|own| own == joint)).collect();
     for key in 0..keys {
-        for ((_, values), place) in curves.iter().zip(&places) {
-            let Some(place) = place else { continue };
+        for ((_, values), index) in curves.iter().zip(&row_indices) {
+            let Some(index) = index else { continue };
             let mut numbers = [0.0; 4];
             numbers[..of.width].copy_from_slice(&values[key * of.width..][..of.width]);
-            put(of, numbers, &mut row[place * of.width..][..of.width]);
+            put(of, numbers, &mut row[index * of.width..][..of.width]);
         }
         take(row)?;
     }

@@ -381,7 +381,7 @@ impl<'a> Reader<'_, 'a> {
                     match self.triangulator.cut(count as usize, place, add) {
                         Cut::Whole => {}
                         Cut::Crossing => crossing += 1,
-                        Cut::TooMuch => fans += 1,
+                        Cut::OverBudget => fans += 1,
                     }
                 }
             }

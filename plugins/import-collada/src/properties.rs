@@ -9,7 +9,7 @@ use crate::sampler::Sampler;
 use crate::xml::{Node, NodeId, Xml, name_of};
 use choreo_asset::{AssetCamera, AssetLight};
 use choreo_importer_kit::Result;
-use choreo_importer_kit::rows::{Nearness, rows};
+use choreo_importer_kit::rows::{SamplingLimits, rows};
 use choreo_motion::{Interpolation, PropertyCurve, PropertyTarget, Time};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -61,13 +61,13 @@ impl Driven {
 type ValuesOf<'f> = &'f dyn Fn(&Numbers) -> Vec<f32>;
 
 /// An animated camera or light.
-struct Moving<'d> {
+struct AnimatedObject<'d> {
     rest: Numbers,
     driven: Vec<&'d Driven>,
     value: ValuesOf<'d>,
 }
 
-impl Moving<'_> {
+impl AnimatedObject<'_> {
     fn at(&self, time: Time) -> Vec<f32> {
         let mut numbers = self.rest.clone();
         for driven in &self.driven {
@@ -98,7 +98,7 @@ pub fn curves(
             "orthographic" => (PropertyTarget::CameraHeight(index), &height),
             _ => (PropertyTarget::CameraYfov(index), &angle),
         };
-        let moving = Moving { rest: Numbers::read(xml, camera.numbers_of)?, driven, value };
+        let moving = AnimatedObject { rest: Numbers::read(xml, camera.numbers_of)?, driven, value };
         add(xml, &moving, &[target], range, &mut out)?;
     }
     for (index, light) in (0u32..).zip(&objects.lights) {
@@ -108,7 +108,7 @@ pub fn curves(
             let cone = light.kind.cone().into_iter().flatten();
             light.color.to_array().into_iter().chain([light.intensity]).chain(cone).collect()
         };
-        let moving = Moving { rest: Numbers::read(xml, light.numbers_of)?, driven, value: &value };
+        let moving = AnimatedObject { rest: Numbers::read(xml, light.numbers_of)?, driven, value: &value };
         let all = [
             PropertyTarget::LightColor(index),
             PropertyTarget::LightIntensity(index),
@@ -124,7 +124,7 @@ pub fn curves(
 /// Adds the curves of one object, except those that stay at their rest value.
 fn add(
     xml: &Xml<'_>,
-    moving: &Moving<'_>,
+    moving: &AnimatedObject<'_>,
     targets: &[PropertyTarget],
     range: (Time, Time),
     out: &mut Vec<PropertyCurve>,
@@ -134,8 +134,8 @@ fn add(
     }
     let samplers = || moving.driven.iter().map(|driven| &*driven.sampler);
     let key_times = held_keys(&key_times(samplers(), range.0, range.1), samplers);
-    let nearness = Nearness { tolerance: TOLERANCE as f32, depth: MAX_DEPTH, rows: MAX_KEYS };
-    let Some(keys) = rows(&key_times, nearness, |time| moving.at(time)) else {
+    let limits = SamplingLimits { tolerance: TOLERANCE as f32, depth: MAX_DEPTH, rows: MAX_KEYS };
+    let Some(keys) = rows(&key_times, limits, |time| moving.at(time)) else {
         return Err(format!("its animation comes to more than {MAX_KEYS} keys, which is the limit").into());
     };
     xml.budget.charge(keys.len() as u64, 64)?;

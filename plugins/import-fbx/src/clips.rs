@@ -6,10 +6,10 @@ use crate::curve::{self, Span};
 use crate::driven::{Driven, Props};
 use crate::emit;
 use crate::file::{File, place_of};
-use crate::joined::{Joined, Member};
+use crate::joined::{JoinedCurves, TransformPart};
 use crate::keys::{self, Blend, Keys, Times};
 use crate::local;
-use crate::meshes::Shown;
+use crate::meshes::VisibleMesh;
 use crate::morphs;
 use crate::nodes::Tree;
 use crate::objects::Object;
@@ -31,7 +31,7 @@ const STILL: f32 = 1e-6;
 pub fn read(
     file: &File<'_>,
     tree: &Tree,
-    shown: &[Shown<'_>],
+    shown: &[VisibleMesh<'_>],
     objects: &[Object<'_>],
 ) -> Result<Vec<Arc<Clip>>> {
     let mut clips = Vec::new();
@@ -81,7 +81,7 @@ fn span(stack: &AnimStack, driven: &Driven<'_>) -> Result<Span> {
 pub struct Maker<'a, 'f> {
     pub file: &'a File<'f>,
     tree: &'a Tree,
-    shown: &'a [Shown<'f>],
+    shown: &'a [VisibleMesh<'f>],
     pub objects: &'a [Object<'f>],
     pub stack: &'a AnimStack,
     pub driven: Driven<'a>,
@@ -92,8 +92,8 @@ pub struct Maker<'a, 'f> {
     curves: Vec<Curve>,
 }
 
-/// Members grouped by their intervals, which they share.
-type Groups<'a> = BTreeMap<Vec<(Time, Time)>, Vec<Member<'a>>>;
+/// Transform parts grouped by their intervals, which they share.
+type Groups<'a> = BTreeMap<Vec<(Time, Time)>, Vec<TransformPart<'a>>>;
 
 impl Maker<'_, '_> {
     pub fn place(&self) -> String {
@@ -105,11 +105,11 @@ impl Maker<'_, '_> {
         self.nodes()?;
         self.weights()?;
         let mut properties = self.properties()?;
-        self.left_out();
+        self.warn_unsupported();
         if self.curves.iter().all(|c| self.is_still(c)) && properties.is_empty() {
             return Ok(None);
         }
-        self.reach(&mut properties);
+        self.extend_to_end(&mut properties);
         Clip::new(name(self.stack), self.tree.skeleton.len(), self.curves)
             .and_then(|clip| clip.with_properties(properties))
             .map(Some)
@@ -218,11 +218,11 @@ impl Maker<'_, '_> {
         let whole: f64 = (0..factors.len()).map(|f| greatest(&of_factor(f))).product();
         let tolerance = self.tolerance(path, own, props) / whole.max(1e-9);
         add(&|axis| props.curve(own, axis), tolerance)?;
-        let turned = match swung {
+        let rotation_curve = match swung {
             true => Some(add(&|axis| props.curve(1, axis), self.tolerance(path, 1, props))?),
             false => None,
         };
-        let scaled = match with_scale {
+        let scale_curve = match with_scale {
             true => Some(add(&|axis| props.curve(2, axis), self.tolerance(path, 2, props))?),
             false => None,
         };
@@ -237,13 +237,13 @@ impl Maker<'_, '_> {
         let slices: Vec<&[curve::Piece]> = curves.iter().map(|c| c.as_slice()).collect();
         let count: usize = slices.iter().map(|c| c.len()).sum();
         self.file.charge(count, 32 * slices.len(), || self.place())?;
-        let member = Member {
+        let member = TransformPart {
             joint,
             path,
             local,
-            curves: Joined::new(&slices),
-            turned,
-            scaled,
+            curves: JoinedCurves::new(&slices),
+            rotation_curve,
+            scale_curve,
             factors: multiplied,
             rest: [props.rest(1), props.rest(2)],
         };
@@ -267,8 +267,8 @@ impl Maker<'_, '_> {
         };
         match part {
             0 => accuracy.metres / local.metres().max(1e-12),
-            1 => swung(accuracy.radians, local.swing_metres(props.rest(2))).to_degrees(),
-            _ => swung(accuracy.scale, local.scaled_swing_metres()),
+            1 => swung(accuracy.radians, local.lever_arm_metres(props.rest(2))).to_degrees(),
+            _ => swung(accuracy.scale, local.scaled_lever_arm_metres()),
         }
     }
 
@@ -342,11 +342,11 @@ impl Maker<'_, '_> {
     }
 
     /// Warns about animated properties that clips cannot hold.
-    fn left_out(&self) {
+    fn warn_unsupported(&self) {
         let known = |id: u32, name: &str| {
             self.objects.iter().any(|o| o.element_id() == Some(id) && properties::is_known(o, name))
         };
-        for (id, names) in self.driven.others(known) {
+        for (id, names) in self.driven.other_properties(known) {
             let Some(of_file) = self.file.scene.elements.get(id as usize) else { continue };
             let list = names.iter().take(6).copied().collect::<Vec<_>>().join(", ");
             let what = format!("animates {list}, which clips cannot hold; the value at rest is used");
@@ -356,7 +356,7 @@ impl Maker<'_, '_> {
 
     /// Extends the first curve to the end of the stack's time span, where all curves end earlier: a clip is as long as its
     /// longest curve.
-    fn reach(&mut self, properties: &mut [PropertyCurve]) {
+    fn extend_to_end(&mut self, properties: &mut [PropertyCurve]) {
         let length = self.span.length();
         let of_joints = self.curves.iter().map(|c| &c.times);
         let ends = of_joints.chain(properties.iter().map(|p| &p.times)).filter_map(|t| t.last());

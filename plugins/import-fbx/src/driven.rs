@@ -183,7 +183,7 @@ impl<'a> Driven<'a> {
     }
 
     /// Animated properties that are neither transforms, nor blend weights, nor `known` for their element.
-    pub fn others(&self, known: impl Fn(u32, &str) -> bool) -> BTreeMap<u32, Vec<&'a str>> {
+    pub fn other_properties(&self, known: impl Fn(u32, &str) -> bool) -> BTreeMap<u32, Vec<&'a str>> {
         let mut out = BTreeMap::new();
         for (id, (kind, list)) in &self.entries {
             let known = |name: &str| match kind {

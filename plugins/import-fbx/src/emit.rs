@@ -1,8 +1,8 @@
-//! Members with the same key times become curves of a clip: linear where a line is close enough, else cubic with exact slopes,
+//! Transform parts with the same key times become curves of a clip: linear where a line is close enough, else cubic with exact slopes,
 //! with added keys where a cubic is not close enough.
 
 use crate::file::Accuracy;
-use crate::joined::{Latest, Member};
+use crate::joined::{RotationCache, TransformPart};
 use crate::keys::{Blend, Keys, finish};
 use choreo_motion::{Interpolation, Path, Time};
 
@@ -22,7 +22,7 @@ struct Key {
 }
 
 /// Number of parts into which each interval is cut, so that the member that needs most is close enough.
-pub fn parts(members: &[Member<'_>], accuracy: Accuracy) -> Vec<u32> {
+pub fn parts(members: &[TransformPart<'_>], accuracy: Accuracy) -> Vec<u32> {
     let Some(first) = members.first() else { return Vec::new() };
     let mut out = vec![1; first.curves.intervals.len()];
     for (interval, parts) in out.iter_mut().enumerate() {
@@ -67,16 +67,16 @@ fn cut(from: Time, to: Time, k: u32, parts: u32) -> Time {
 }
 
 /// The keys of one member at these times.
-pub fn curve(member: &Member<'_>, parts: &[u32], times: &[Time], accuracy: Accuracy) -> Keys {
-    let mut latest = Latest::default();
-    let along = Along { intervals: &member.curves.intervals, parts, times };
+pub fn curve(member: &TransformPart<'_>, parts: &[u32], times: &[Time], accuracy: Accuracy) -> Keys {
+    let mut latest = RotationCache::default();
+    let along = KeyIntervals { intervals: &member.curves.intervals, parts, times };
     let limit = limit(member.path, accuracy);
     spline(along, member.path, limit, accuracy, |i, u| member.at(i, u, &mut latest))
 }
 
 /// Intervals without gaps except at jumps, the number of parts of each, and the key times that follow from both.
 #[derive(Clone, Copy)]
-pub struct Along<'a> {
+pub struct KeyIntervals<'a> {
     pub intervals: &'a [(Time, Time)],
     pub parts: &'a [u32],
     pub times: &'a [Time],
@@ -84,13 +84,13 @@ pub struct Along<'a> {
 
 /// Keys of any function that gives value and slope within each interval: lines where they stay within `limit`, else cubics.
 pub fn spline(
-    along: Along<'_>,
+    along: KeyIntervals<'_>,
     path: Path,
     limit: f64,
     accuracy: Accuracy,
     at: impl FnMut(usize, f64) -> ([f64; 4], [f64; 4]),
 ) -> Keys {
-    let Along { intervals, parts, times } = along;
+    let KeyIntervals { intervals, parts, times } = along;
     let keys = keys(intervals, parts, at);
     let width = path.width();
     let blend = if path == Path::Rotation { Blend::Rotation } else { Blend::Numbers };

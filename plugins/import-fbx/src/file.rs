@@ -7,7 +7,7 @@ use choreo_plugin::{Files, ImportOptions, ImportScope};
 use ufbx::{CoordinateAxis, Element, Exporter, Scene};
 
 /// Limit of all decoded images of one file together, bytes.
-const MAX_PICTURE_BYTES: u64 = 1 << 30;
+const MAX_IMAGE_BYTES: u64 = 1 << 30;
 
 /// Largest error of a clip against the file's own curves, anywhere between keys.
 #[derive(Clone, Copy, Debug)]
@@ -44,7 +44,7 @@ pub struct File<'a> {
     pub vertex_colors: bool,
     pub notes: Notes,
     pub budget: Budget,
-    pub picture_budget: Budget,
+    pub image_budget: Budget,
 }
 
 impl<'a> File<'a> {
@@ -68,7 +68,7 @@ impl<'a> File<'a> {
             vertex_colors: options.bool("vertex_colors").unwrap_or(true),
             notes: Notes::default(),
             budget: Budget::new(load::memory_limit(size) as u64),
-            picture_budget: Budget::new(MAX_PICTURE_BYTES),
+            image_budget: Budget::new(MAX_IMAGE_BYTES),
         }
     }
 

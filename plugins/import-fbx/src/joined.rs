@@ -2,7 +2,7 @@
 //! largest error of a cubic that has these values and slopes.
 
 use crate::curve::Piece;
-use crate::local::{HALF_RAD, Local, Turn};
+use crate::local::{EulerRotation, HALF_RAD, Local};
 use choreo_motion::{Path, Time};
 use glam::DVec3;
 
@@ -11,18 +11,18 @@ const JUMP: f64 = 1e-9;
 
 /// Polynomials of several curves over shared intervals. A gap between two intervals is a jump of all curves.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Joined {
+pub struct JoinedCurves {
     pub intervals: Vec<(Time, Time)>,
     /// Polynomials of each interval, one for each curve.
     pieces: Vec<[f64; 4]>,
     width: usize,
 }
 
-impl Joined {
+impl JoinedCurves {
     /// Joins curves without gaps, as [`crate::curve::pieces`] makes them.
-    pub fn new(curves: &[&[Piece]]) -> Joined {
+    pub fn new(curves: &[&[Piece]]) -> JoinedCurves {
         let width = curves.len();
-        let mut out = Joined { width, ..Joined::default() };
+        let mut out = JoinedCurves { width, ..JoinedCurves::default() };
         let mut at = vec![0; width];
         let mut from = Time::ZERO;
         let mut late = false;
@@ -129,15 +129,15 @@ fn bell([a, b, c]: [f64; 3]) -> [f64; 4] {
 }
 
 /// One animated part of a node's transform: translation, rotation or scale.
-pub struct Member<'a> {
+pub struct TransformPart<'a> {
     pub joint: u32,
     pub path: Path,
     pub local: &'a Local,
     /// Three curves of the part itself, then those whose first indices the next three fields hold.
-    pub curves: Joined,
+    pub curves: JoinedCurves,
     /// First rotation curve and first scale curve, for a translation that swings about a pivot.
-    pub turned: Option<usize>,
-    pub scaled: Option<usize>,
+    pub rotation_curve: Option<usize>,
+    pub scale_curve: Option<usize>,
     /// First curves of the inherited scales that multiply the part.
     pub factors: Vec<usize>,
     /// Rotation (degrees) and scale where they have no curves.
@@ -161,14 +161,14 @@ fn product(a: &Bounds, b: &Bounds) -> Bounds {
 
 /// Cache of the latest Euler rotation: neighboring intervals share their end angles.
 #[derive(Default)]
-pub struct Latest(Option<(DVec3, Turn)>);
+pub struct RotationCache(Option<(DVec3, EulerRotation)>);
 
-impl Latest {
-    fn turn(&mut self, local: &Local, degrees: DVec3) -> Turn {
+impl RotationCache {
+    fn euler_rotation(&mut self, local: &Local, degrees: DVec3) -> EulerRotation {
         match self.0 {
             Some((known, turn)) if known == degrees => turn,
             _ => {
-                let turn = local.turn(degrees);
+                let turn = local.euler_rotation(degrees);
                 self.0 = Some((degrees, turn));
                 turn
             }
@@ -176,9 +176,9 @@ impl Latest {
     }
 }
 
-impl Member<'_> {
+impl TransformPart<'_> {
     /// The exact value and its change over the interval, at a position `u` in the interval.
-    pub fn at(&self, interval: usize, u: f64, latest: &mut Latest) -> ([f64; 4], [f64; 4]) {
+    pub fn at(&self, interval: usize, u: f64, latest: &mut RotationCache) -> ([f64; 4], [f64; 4]) {
         let (mut value, mut slope) = self.read(interval, 0, u);
         for first in &self.factors {
             let (factor, change) = self.read(interval, *first, u);
@@ -188,7 +188,7 @@ impl Member<'_> {
         let wide = |v: DVec3| [v.x, v.y, v.z, 0.0];
         match self.path {
             Path::Rotation => {
-                let turn = latest.turn(local, value);
+                let turn = latest.euler_rotation(local, value);
                 (local.rotation_of(&turn).to_array(), local.rotation_rate(&turn, slope).to_array())
             }
             Path::Scale => (wide(local.scale_at(value)), wide(local.scale_at(slope))),
@@ -197,9 +197,9 @@ impl Member<'_> {
                     Some(first) => self.read(interval, first, u),
                     None => (rest, DVec3::ZERO),
                 };
-                let (turned, turning) = other(self.turned, self.rest[0]);
-                let (scale, scaling) = other(self.scaled, self.rest[1]);
-                let turn = latest.turn(local, turned);
+                let (turned, turning) = other(self.rotation_curve, self.rest[0]);
+                let (scale, scaling) = other(self.scale_curve, self.rest[1]);
+                let turn = latest.euler_rotation(local, turned);
                 let at = local.translation_at(value, &turn, scale);
                 (wide(at), wide(local.translation_rate((&turn, scale), (slope, turning, scaling))))
             }
@@ -208,7 +208,7 @@ impl Member<'_> {
 
     /// The value of a part whose curves never change.
     pub(crate) fn at_start(&self) -> ([f64; 4], [f64; 4]) {
-        self.at(0, 0.0, &mut Latest::default())
+        self.at(0, 0.0, &mut RotationCache::default())
     }
 
     fn read(&self, interval: usize, first: usize, u: f64) -> (DVec3, DVec3) {
@@ -222,7 +222,10 @@ impl Member<'_> {
             // The chord between two quaternions is half the angle of rotation.
             Path::Rotation => 2.0 * bell(self.curves.bounds(interval, 0, HALF_RAD))[3] / 384.0,
             Path::Scale => self.local.scale_at(self.multiplied(interval)).abs().max_element() / 384.0,
-            _ => (self.multiplied(interval).length() * self.local.metres() + self.swung(interval)) / 384.0,
+            _ => {
+                (self.multiplied(interval).length() * self.local.metres() + self.swing_bound(interval))
+                    / 384.0
+            }
         }
     }
 
@@ -237,16 +240,16 @@ impl Member<'_> {
     }
 
     /// Bound of the fourth derivative of the swing about a pivot, in metres.
-    fn swung(&self, interval: usize) -> f64 {
-        let Some(turned) = self.turned else { return 0.0 };
+    fn swing_bound(&self, interval: usize) -> f64 {
+        let Some(turned) = self.rotation_curve else { return 0.0 };
         let r = bell(self.curves.bounds(interval, turned, 2.0 * HALF_RAD));
-        let arm = self.local.scaled_swing_metres();
-        let Some(scaled) = self.scaled else {
-            return self.local.swing_metres(self.rest[1]) * r[3];
+        let arm = self.local.scaled_lever_arm_metres();
+        let Some(scaled) = self.scale_curve else {
+            return self.local.lever_arm_metres(self.rest[1]) * r[3];
         };
         let s = self.curves.bounds(interval, scaled, 1.0);
         let widest = self.curves.value(interval, scaled, 0.0).abs() + DVec3::splat(s[0]);
-        let swing = self.local.swing_metres(DVec3::ZERO) + arm * widest.length();
+        let swing = self.local.lever_arm_metres(DVec3::ZERO) + arm * widest.length();
         // Leibniz's rule for a swing that changes with the scale, times a rotation.
         swing * r[3] + arm * (4.0 * s[0] * r[2] + 6.0 * s[1] * r[1] + 4.0 * s[2] * r[0])
     }

@@ -127,9 +127,9 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &Impo
     Ok(asset)
 }
 
-fn decode(file: &File<'_>, tree: &nodes::Tree, materials: &[materials::Read]) -> Result<Asset> {
+fn decode(file: &File<'_>, tree: &nodes::Tree, materials: &[materials::MaterialDraft]) -> Result<Asset> {
     let mut asset = Asset::default();
-    let shown = meshes::shown(file, tree);
+    let shown = meshes::visible_meshes(file, tree);
     if file.needs.geometry {
         meshes::read(file, tree, &shown, materials, &mut asset)?;
     }

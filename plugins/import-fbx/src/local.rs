@@ -34,13 +34,13 @@ pub struct Local {
     axes: Option<[usize; 3]>,
     /// Fixed rotations to the left and to the right of the Euler rotation; `axes_turn` converts the file's axes, and does not
     /// apply to offsets.
-    before: DQuat,
-    after: DQuat,
+    left_rotation: DQuat,
+    right_rotation: DQuat,
     post: DQuat,
     axes_turn: DQuat,
     /// Soff + Sp − Rp, and −Sp: the lever arms that the rotation swings, without and with the scale.
-    swing: DVec3,
-    scaled_swing: DVec3,
+    lever_arm: DVec3,
+    scaled_lever_arm: DVec3,
     /// Rp + Roff.
     offset: DVec3,
     metres: f64,
@@ -54,7 +54,7 @@ pub struct Local {
 
 /// An Euler rotation, with the partial products that its rate of change needs.
 #[derive(Clone, Copy, Debug)]
-pub struct Turn {
+pub struct EulerRotation {
     parts: [DQuat; 3],
     /// Product of the first two rotations, and of all three.
     first_two: DQuat,
@@ -100,12 +100,12 @@ impl Local {
             rotation: at(ROTATION),
             scaling: property(node, SCALING).unwrap_or(DVec3::ONE),
             axes: axes(order),
-            before: pre,
-            after: post,
+            left_rotation: pre,
+            right_rotation: post,
             post,
             axes_turn: DQuat::IDENTITY,
-            swing: at("ScalingOffset") + at("ScalingPivot") - at("RotationPivot"),
-            scaled_swing: -at("ScalingPivot"),
+            lever_arm: at("ScalingOffset") + at("ScalingPivot") - at("RotationPivot"),
+            scaled_lever_arm: -at("ScalingPivot"),
             offset: at("RotationPivot") + at("RotationOffset"),
             metres: 1.0,
             resize: 1.0,
@@ -120,7 +120,7 @@ impl Local {
         };
         if node.has_adjust_transform {
             local.axes_turn = quaternion(&node.adjust_pre_rotation);
-            local.after = post * quaternion(&node.adjust_post_rotation);
+            local.right_rotation = post * quaternion(&node.adjust_post_rotation);
             local.offset += vector(&node.adjust_pre_translation);
             local.metres = node.adjust_pre_scale * node.adjust_translation_scale;
             local.resize = node.adjust_pre_scale * node.adjust_post_scale;
@@ -135,28 +135,28 @@ impl Local {
 
     /// Whether rotation or scale moves the node's origin, and whether scale does.
     pub fn swings(&self) -> (bool, bool) {
-        let scaled = self.scaled_swing != DVec3::ZERO;
-        (scaled || self.swing != DVec3::ZERO, scaled)
+        let scaled = self.scaled_lever_arm != DVec3::ZERO;
+        (scaled || self.lever_arm != DVec3::ZERO, scaled)
     }
 
-    pub fn turn(&self, degrees: DVec3) -> Turn {
+    pub fn euler_rotation(&self, degrees: DVec3) -> EulerRotation {
         turn(self.axes, degrees)
     }
 
     /// The node's rotation for an Euler rotation, with the fixed rotations around it.
-    pub fn rotation_of(&self, turn: &Turn) -> DQuat {
-        self.mirrored(self.between(turn.all))
+    pub fn rotation_of(&self, turn: &EulerRotation) -> DQuat {
+        self.mirrored(self.with_fixed_rotations(turn.all))
     }
 
     /// Derivative of the node's rotation where the angles change by `rates`, in degrees for each unit of time.
-    pub(crate) fn rotation_rate(&self, turn: &Turn, rates: DVec3) -> DQuat {
-        self.mirrored(self.between(self.euler_rate(turn, rates)))
+    pub(crate) fn rotation_rate(&self, turn: &EulerRotation, rates: DVec3) -> DQuat {
+        self.mirrored(self.with_fixed_rotations(self.euler_rate(turn, rates)))
     }
 
     /// Skips identities: most nodes have no axis conversion and no pre- or post-rotation.
-    fn between(&self, q: DQuat) -> DQuat {
-        let q = if self.after == DQuat::IDENTITY { q } else { q * self.after };
-        let q = if self.before == DQuat::IDENTITY { q } else { self.before * q };
+    fn with_fixed_rotations(&self, q: DQuat) -> DQuat {
+        let q = if self.right_rotation == DQuat::IDENTITY { q } else { q * self.right_rotation };
+        let q = if self.left_rotation == DQuat::IDENTITY { q } else { self.left_rotation * q };
         if self.axes_turn == DQuat::IDENTITY { q } else { self.axes_turn * q }
     }
 
@@ -171,7 +171,7 @@ impl Local {
         }
     }
 
-    fn euler_rate(&self, turn: &Turn, rates: DVec3) -> DQuat {
+    fn euler_rate(&self, turn: &EulerRotation, rates: DVec3) -> DQuat {
         let Some([a, b, c]) = self.axes else { return DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0) };
         let half = |axis: usize| rates[axis] * HALF_RAD;
         let inner = turn.parts[2] * axis_times(b, turn.first_two);
@@ -179,25 +179,30 @@ impl Local {
     }
 
     /// The node's translation in metres, pivots included.
-    pub(crate) fn translation_at(&self, translation: DVec3, turn: &Turn, scaling: DVec3) -> DVec3 {
-        let swing = self.swing_at(scaling);
-        let turned = if swing == DVec3::ZERO { swing } else { self.before * turn.all * self.post * swing };
+    pub(crate) fn translation_at(&self, translation: DVec3, turn: &EulerRotation, scaling: DVec3) -> DVec3 {
+        let swing = self.lever_arm_at(scaling);
+        let turned =
+            if swing == DVec3::ZERO { swing } else { self.left_rotation * turn.all * self.post * swing };
         self.to_metres(turned + self.offset + translation)
     }
 
-    fn swing_at(&self, scaling: DVec3) -> DVec3 {
-        self.swing + scaling * self.scaled_swing
+    fn lever_arm_at(&self, scaling: DVec3) -> DVec3 {
+        self.lever_arm + scaling * self.scaled_lever_arm
     }
 
     /// Derivative of the translation where translation, rotation and scale change.
-    pub(crate) fn translation_rate(&self, at: (&Turn, DVec3), rates: (DVec3, DVec3, DVec3)) -> DVec3 {
+    pub(crate) fn translation_rate(
+        &self,
+        at: (&EulerRotation, DVec3),
+        rates: (DVec3, DVec3, DVec3),
+    ) -> DVec3 {
         let ((turn, scaling), (translation, rotation, scale)) = (at, rates);
-        let (swing, swing_rate) = (self.swing_at(scaling), scale * self.scaled_swing);
+        let (swing, swing_rate) = (self.lever_arm_at(scaling), scale * self.scaled_lever_arm);
         if swing == DVec3::ZERO && swing_rate == DVec3::ZERO {
             return self.to_metres(translation);
         }
-        let q = self.before * turn.all * self.post;
-        let dq = self.before * self.euler_rate(turn, rotation) * self.post;
+        let q = self.left_rotation * turn.all * self.post;
+        let dq = self.left_rotation * self.euler_rate(turn, rotation) * self.post;
         let (v, w) = (q.xyz(), q.w);
         let (dv, dw) = (dq.xyz(), dq.w);
         // Derivative of r = s + 2 (w v×s + v×(v×s)).
@@ -216,12 +221,12 @@ impl Local {
     }
 
     /// The greatest distance, in metres, by which a rotation swings the node's origin about its pivot.
-    pub(crate) fn swing_metres(&self, scaling: DVec3) -> f64 {
-        self.swing_at(scaling).length() * self.metres()
+    pub(crate) fn lever_arm_metres(&self, scaling: DVec3) -> f64 {
+        self.lever_arm_at(scaling).length() * self.metres()
     }
 
-    pub(crate) fn scaled_swing_metres(&self) -> f64 {
-        self.scaled_swing.length() * self.metres()
+    pub(crate) fn scaled_lever_arm_metres(&self) -> f64 {
+        self.scaled_lever_arm.length() * self.metres()
     }
 
     pub(crate) fn scale_at(&self, scaling: DVec3) -> DVec3 {
@@ -230,7 +235,7 @@ impl Local {
 
     /// Parent-from-node matrix at rest.
     pub(crate) fn matrix_at_rest(&self) -> DAffine3 {
-        let turn = self.turn(self.rotation);
+        let turn = self.euler_rotation(self.rotation);
         let translation = self.translation_at(self.translation * self.factors[0], &turn, self.scaling);
         let scale = self.scale_at(self.scaling) * self.factors[1];
         DAffine3::from_scale_rotation_translation(scale, self.rotation_of(&turn), translation)
@@ -238,7 +243,7 @@ impl Local {
 
     /// The transform at rest.
     pub fn at_rest(&self) -> Transform {
-        let turn = self.turn(self.rotation);
+        let turn = self.euler_rotation(self.rotation);
         let rotation = self.rotation_of(&turn);
         let length = rotation.length();
         let sound = length.is_finite() && length > 1e-9;
@@ -291,9 +296,13 @@ pub fn euler(degrees: DVec3) -> DQuat {
     turn(Some([0, 1, 2]), degrees).all
 }
 
-fn turn(axes: Option<[usize; 3]>, degrees: DVec3) -> Turn {
+fn turn(axes: Option<[usize; 3]>, degrees: DVec3) -> EulerRotation {
     let Some(axes) = axes else {
-        return Turn { parts: [DQuat::IDENTITY; 3], first_two: DQuat::IDENTITY, all: DQuat::IDENTITY };
+        return EulerRotation {
+            parts: [DQuat::IDENTITY; 3],
+            first_two: DQuat::IDENTITY,
+            all: DQuat::IDENTITY,
+        };
     };
     let parts = axes.map(|axis| {
         if degrees[axis] == 0.0 {
@@ -304,7 +313,7 @@ fn turn(axes: Option<[usize; 3]>, degrees: DVec3) -> Turn {
         DQuat::from_xyzw(v.x, v.y, v.z, cos)
     });
     let first_two = parts[1] * parts[0];
-    Turn { parts, first_two, all: parts[2] * first_two }
+    EulerRotation { parts, first_two, all: parts[2] * first_two }
 }
 
 #[cfg(test)]

@@ -13,16 +13,16 @@ use ufbx::{MaterialMap, ShaderType, Texture};
 const DIELECTRIC_F0: f32 = 0.04;
 
 /// A material, and the data to finish it with when its images are decoded.
-pub struct Read {
+pub struct MaterialDraft {
     pub material: Material,
     /// Names of further texture coordinate sets that its textures use.
     pub uv_names: Vec<String>,
     pub alpha: Alpha,
 }
 
-pub fn read(file: &File<'_>, table: &mut Table) -> Result<Vec<Read>> {
+pub fn read(file: &File<'_>, table: &mut Table) -> Result<Vec<MaterialDraft>> {
     let scene = file.scene;
-    file.charge(scene.materials.len(), size_of::<Read>() + 64, || "materials".into())?;
+    file.charge(scene.materials.len(), size_of::<MaterialDraft>() + 64, || "materials".into())?;
     // The first mesh with the material determines which set a name means.
     let mut mesh_of = vec![None; scene.materials.len()];
     for mesh in &scene.meshes {
@@ -51,7 +51,7 @@ pub fn read(file: &File<'_>, table: &mut Table) -> Result<Vec<Read>> {
             own.shading = Shading::Unlit;
         }
         repair(file, &mut own, &place);
-        out.push(Read { material: own, uv_names: reader.uv_names, alpha });
+        out.push(MaterialDraft { material: own, uv_names: reader.uv_names, alpha });
     }
     Ok(out)
 }
@@ -136,10 +136,10 @@ impl Reader<'_, '_> {
             out.specular_color_texture = texture;
         }
         out.normal_texture = self.normal(texture(&fbx.normal_map), texture(&fbx.bump))?;
-        let cover = texture(&fbx.transparency_color).or(texture(&fbx.transparency_factor));
-        let alpha = match cover {
+        let map = texture(&fbx.transparency_color).or(texture(&fbx.transparency_factor));
+        let alpha = match map {
             // The map holds transparency, not opacity.
-            Some(cover) => self.cover(cover, base_texture(m), &mut out, true)?,
+            Some(map) => self.opacity_map(map, base_texture(m), &mut out, true)?,
             None => {
                 out.base_color.w = self.opacity(m);
                 Alpha::Constant
@@ -203,7 +203,7 @@ impl Reader<'_, '_> {
         out.normal_texture = self.normal(texture(&pbr.normal_map), texture(&m.fbx.bump))?;
         out.occlusion_texture = self.texture(texture(&pbr.ambient_occlusion))?;
         let alpha = match texture(&pbr.opacity) {
-            Some(cover) => self.cover(cover, texture(&pbr.base_color), &mut out, false)?,
+            Some(map) => self.opacity_map(map, texture(&pbr.base_color), &mut out, false)?,
             None => {
                 out.base_color.w = real(&pbr.opacity, 1.0).clamp(0.0, 1.0);
                 Alpha::Constant
@@ -261,24 +261,24 @@ impl Reader<'_, '_> {
     }
 
     /// Uses an opacity image: it already is the alpha of the base color's image, or it is combined into that.
-    fn cover(
+    fn opacity_map(
         &mut self,
-        cover: &Texture,
+        map: &Texture,
         base: Option<&Texture>,
         out: &mut Material,
         shows_through: bool,
     ) -> Result<Alpha> {
-        let same = match (self.table.picture(self.file, cover)?, base) {
+        let same = match (self.table.image_index(self.file, map)?, base) {
             (None, _) => return Ok(Alpha::Constant),
-            (Some(cover), Some(base)) => self.table.picture(self.file, base)? == Some(cover),
+            (Some(map), Some(base)) => self.table.image_index(self.file, base)? == Some(map),
             (Some(_), None) => false,
         };
         if same {
             return Ok(Alpha::OfTexture);
         }
-        let slot = self.uv_slot(base.unwrap_or(cover));
+        let slot = self.uv_slot(base.unwrap_or(map));
         let of = |channel| base.map(|texture| Source { texture, channel, invert: false });
-        let alpha = Source { texture: cover, channel: Channel::AlphaOrGray, invert: shows_through };
+        let alpha = Source { texture: map, channel: Channel::AlphaOrGray, invert: shows_through };
         let sources = [of(Channel::Red), of(Channel::Green), of(Channel::Blue), Some(alpha)];
         if let Some(made) = self.table.combined(self.file, sources, slot)? {
             out.base_color_texture = Some(made);

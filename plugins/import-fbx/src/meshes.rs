@@ -2,7 +2,7 @@
 
 use crate::file::{File, place_of};
 use crate::geometry::Geometry;
-use crate::materials::Read;
+use crate::materials::MaterialDraft;
 use crate::nodes::{self, Tree};
 use crate::{morphs, skinning, vertices};
 use choreo_asset::{Asset, Mesh, MeshInstance};
@@ -13,7 +13,7 @@ use std::sync::Arc;
 use ufbx::{Node, SubdivisionDisplayMode};
 
 /// A mesh on a shown node.
-pub struct Shown<'a> {
+pub struct VisibleMesh<'a> {
     pub joint: u32,
     /// The node of the file. A helper below it may hold the mesh instead: `holder`.
     pub node: &'a Node,
@@ -22,7 +22,7 @@ pub struct Shown<'a> {
 }
 
 /// Shown meshes in the order of their joints. Warns about objects that are not shown, with the reason.
-pub fn shown<'a>(file: &File<'a>, tree: &Tree) -> Vec<Shown<'a>> {
+pub fn visible_meshes<'a>(file: &File<'a>, tree: &Tree) -> Vec<VisibleMesh<'a>> {
     let mut out = Vec::new();
     for (joint, id) in &tree.holders {
         let Some(holder) = file.scene.nodes.as_ref().get(*id) else { continue };
@@ -32,7 +32,7 @@ pub fn shown<'a>(file: &File<'a>, tree: &Tree) -> Vec<Shown<'a>> {
         for attribute in holder.all_attribs.as_ref() {
             let place = || place_of(&node.element);
             if let Some(mesh) = ufbx::as_mesh(attribute) {
-                if !tree.shown[*joint as usize] {
+                if !tree.visible[*joint as usize] {
                     file.notes.warn(
                         place(),
                         "its mesh is hidden in the file and left out; the option hidden shows it",
@@ -40,7 +40,7 @@ pub fn shown<'a>(file: &File<'a>, tree: &Tree) -> Vec<Shown<'a>> {
                     break;
                 }
                 meshes += 1;
-                out.push(Shown { joint: *joint, node, holder, mesh });
+                out.push(VisibleMesh { joint: *joint, node, holder, mesh });
                 continue;
             }
             let kind = match attribute.type_ {
@@ -65,8 +65,8 @@ pub fn shown<'a>(file: &File<'a>, tree: &Tree) -> Vec<Shown<'a>> {
 pub fn read(
     file: &File<'_>,
     tree: &Tree,
-    shown: &[Shown<'_>],
-    materials: &[Read],
+    shown: &[VisibleMesh<'_>],
+    materials: &[MaterialDraft],
     asset: &mut Asset,
 ) -> Result<()> {
     // Key: the mesh, and the materials that its node assigns.
@@ -100,7 +100,7 @@ pub fn read(
 
 /// Materials of a mesh instance, by `typed_id`. They come from the file's node, because ufbx gives helpers the materials of the
 /// mesh's first node.
-fn slots(one: &Shown<'_>) -> Vec<u32> {
+fn slots(one: &VisibleMesh<'_>) -> Vec<u32> {
     let list = |node: &Node| -> Vec<u32> { node.materials.into_iter().map(|m| m.element.typed_id).collect() };
     let mut out = list(one.holder);
     let above = one.holder.parent.as_ref().filter(|_| one.holder.is_geometry_transform_helper);
@@ -111,22 +111,30 @@ fn slots(one: &Shown<'_>) -> Vec<u32> {
 }
 
 /// Builds a mesh; `None` where no face has an area.
-fn build(file: &File<'_>, one: &Shown<'_>, slots: &[u32], materials: &[Read]) -> Result<Option<Mesh>> {
+fn build(
+    file: &File<'_>,
+    one: &VisibleMesh<'_>,
+    slots: &[u32],
+    materials: &[MaterialDraft],
+) -> Result<Option<Mesh>> {
     let mesh = one.mesh;
     let place = || match mesh.element.name.as_ref() {
         "" => format!("mesh of {}", place_of(&one.node.element)),
         _ => place_of(&mesh.element),
     };
-    left_out(file, mesh, &place());
+    warn_unread(file, mesh, &place());
     let weights = skinning::weights(file, mesh, &place)?;
     let geometry = Geometry::of(one.holder);
     let mut targets = morphs::targets(file, mesh, &place)?;
     if let Some(geometry) = &geometry {
         targets.iter_mut().for_each(|t| t.turn(geometry));
     }
-    let of_points =
-        vertices::OfPoints { weights: weights.as_ref(), targets: &targets, geometry: geometry.as_ref() };
-    let primitives = vertices::primitives(file, mesh, slots, materials, of_points, &place)?;
+    let point_attributes = vertices::PointAttributes {
+        weights: weights.as_ref(),
+        targets: &targets,
+        geometry: geometry.as_ref(),
+    };
+    let primitives = vertices::primitives(file, mesh, slots, materials, point_attributes, &place)?;
     if primitives.is_empty() {
         file.notes.warn(place(), "has no face with three or more vertices and is left out");
         return Ok(None);
@@ -142,7 +150,7 @@ fn build(file: &File<'_>, one: &Shown<'_>, slots: &[u32], materials: &[Read]) ->
 }
 
 /// Warns about parts of a mesh that are not read.
-fn left_out(file: &File<'_>, mesh: &ufbx::Mesh, place: &str) {
+fn warn_unread(file: &File<'_>, mesh: &ufbx::Mesh, place: &str) {
     let few = mesh.num_point_faces + mesh.num_line_faces;
     if few > 0 {
         file.notes.warn(place, format!("{} with one or two vertices left out", count(few, "face")));

@@ -14,7 +14,7 @@ pub struct Tree {
     /// (joint, node) pairs in the order of the joints. A geometry helper that is folded into its mesh has its parent's joint.
     pub holders: Vec<(u32, usize)>,
     /// Whether the file shows the node, by joint.
-    pub shown: Vec<bool>,
+    pub visible: Vec<bool>,
 }
 
 pub fn read(file: &File<'_>) -> Result<Tree> {
@@ -29,7 +29,7 @@ pub fn read(file: &File<'_>) -> Result<Tree> {
     tree.holders.sort_unstable();
     let skeleton =
         Skeleton::new(names, tree.parents, rest).map_err(|e| Problem::new("nodes", e.to_string()))?;
-    Ok(Tree { skeleton, joint_of_node: tree.joint_of_node, holders: tree.holders, shown: tree.shown })
+    Ok(Tree { skeleton, joint_of_node: tree.joint_of_node, holders: tree.holders, visible: tree.visible })
 }
 
 /// The transform at rest. Nodes that [`Local`] covers use our own trigonometry: the same bits on every machine.
@@ -49,7 +49,7 @@ struct Walk<'a> {
     joint_of_node: Vec<Option<u32>>,
     nodes: Vec<&'a Node>,
     parents: Vec<Option<u32>>,
-    shown: Vec<bool>,
+    visible: Vec<bool>,
     holders: Vec<(u32, usize)>,
 }
 
@@ -82,7 +82,7 @@ impl<'a> Walk<'a> {
                     self.holders.push((joint, node.element.typed_id as usize));
                     self.nodes.push(node);
                     self.parents.push(parent);
-                    self.shown.push(shown);
+                    self.visible.push(shown);
                     Some(joint)
                 }
             };

@@ -95,7 +95,7 @@ pub fn lights<'a>(file: &File<'a>, tree: &Tree, objects: &mut Vec<Object<'a>>) -
     for (joint, id) in &tree.holders {
         let Some(node) = file.scene.nodes.as_ref().get(*id) else { continue };
         for light in node.all_attribs.as_ref().iter().filter_map(|a| ufbx::as_light(a)) {
-            if !light.cast_light || !tree.shown[*joint as usize] {
+            if !light.cast_light || !tree.visible[*joint as usize] {
                 file.notes.warn(place_of(&node.element), "its light is off in the file and left out");
                 continue;
             }

@@ -4,8 +4,8 @@
 use crate::clips::Maker;
 use crate::curve;
 use crate::driven::Source;
-use crate::emit::{self, Along};
-use crate::joined::Joined;
+use crate::emit::{self, KeyIntervals};
+use crate::joined::JoinedCurves;
 use crate::keys::{self, Blend, Keys};
 use crate::lens::{self, Lens};
 use crate::objects::Object;
@@ -48,7 +48,7 @@ fn channels<'a>(object: &Object<'a>) -> Vec<Channel<'a>> {
         element: &light.element,
         name,
         target,
-        lens: Lens::Times(factor),
+        lens: Lens::Proportional(factor),
         rest: rest.map(|v| v * factor),
     };
     let one = |v: f64| [v, 0.0, 0.0];
@@ -143,7 +143,7 @@ impl Maker<'_, '_> {
             pieces.push(out);
         }
         let slices: Vec<&[curve::Piece]> = pieces.iter().map(Vec::as_slice).collect();
-        let joined = Joined::new(&slices);
+        let joined = JoinedCurves::new(&slices);
         let at = |interval: usize, u: f64| joined.numbers(interval, u, |v| lens.at(v));
         if joined.is_constant() {
             let values = at(0, 0.0).0[..width].iter().map(|v| *v as f32).collect();
@@ -161,7 +161,7 @@ impl Maker<'_, '_> {
         };
         self.file.charge(parts.iter().map(|n| *n as usize + 1).sum(), 96 + 24 * width, || self.place())?;
         let times = emit::times(&joined.intervals, &parts);
-        let along = Along { intervals: &joined.intervals, parts: &parts, times: &times };
+        let along = KeyIntervals { intervals: &joined.intervals, parts: &parts, times: &times };
         Ok(emit::spline(along, Path::Weights(width as u32), limit, self.file.accuracy, at))
     }
 

@@ -3,7 +3,7 @@
 use crate::convert;
 use crate::file::{File, place_of};
 use crate::local::Local;
-use crate::meshes::Shown;
+use crate::meshes::VisibleMesh;
 use crate::nodes::{self, Tree};
 use choreo_asset::Skin;
 use choreo_importer_kit::{Problem, Result};
@@ -28,7 +28,7 @@ fn deformer(mesh: &Mesh) -> Option<&SkinDeformer> {
 
 /// The joints and inverse bind matrices of a mesh on one node. The node itself comes after the clusters, and carries the points
 /// without influence.
-pub fn skin(file: &File<'_>, tree: &Tree, one: &Shown<'_>) -> Result<Option<Skin>> {
+pub fn skin(file: &File<'_>, tree: &Tree, one: &VisibleMesh<'_>) -> Result<Option<Skin>> {
     let Some(deformer) = deformer(one.mesh) else { return Ok(None) };
     let place = || place_of(&deformer.element);
     let mut skin = Skin::default();

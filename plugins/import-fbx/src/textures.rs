@@ -3,7 +3,7 @@
 use crate::alpha::{self, Alpha};
 use crate::file::{File, place_of};
 use crate::local;
-use crate::materials::Read;
+use crate::materials::MaterialDraft;
 use choreo_asset::{Image, Sampler, TextureRef, Wrap};
 use choreo_importer_kit::images::{Encoded, Formats};
 use choreo_importer_kit::search;
@@ -59,7 +59,7 @@ impl Table {
         texture: &Texture,
         uv_set: u8,
     ) -> Result<Option<TextureRef>> {
-        let image = self.picture(file, texture)?;
+        let image = self.image_index(file, texture)?;
         Ok(image.map(|image| place(file, texture, image, uv_set)))
     }
 
@@ -74,8 +74,8 @@ impl Table {
         let mut leader = None;
         for (slot, source) in recipe.iter_mut().zip(&sources) {
             let Some(source) = source else { continue };
-            if let Some(picture) = self.picture(file, source.texture)? {
-                *slot = Some((picture, source.channel, source.invert));
+            if let Some(image) = self.image_index(file, source.texture)? {
+                *slot = Some((image, source.channel, source.invert));
                 leader.get_or_insert(source.texture);
             }
         }
@@ -85,7 +85,7 @@ impl Table {
             None => {
                 let size =
                     recipe.iter().flatten().map(|r| self.encoded[r.0 as usize].pixels()).max().unwrap_or(0);
-                file.picture_budget.charge(size, 4).at(|| place_of(&leader.element))?;
+                file.image_budget.charge(size, 4).at(|| place_of(&leader.element))?;
                 self.recipes.push(recipe);
                 self.recipes.len() - 1
             }
@@ -94,7 +94,7 @@ impl Table {
     }
 
     /// Index of a texture's image; `None`, with a warning, where it cannot be found or read.
-    pub fn picture(&mut self, file: &File<'_>, texture: &Texture) -> Result<Option<u32>> {
+    pub fn image_index(&mut self, file: &File<'_>, texture: &Texture) -> Result<Option<u32>> {
         if !file.needs.textures {
             return Ok(None);
         }
@@ -115,7 +115,7 @@ impl Table {
             .map(|t| t.as_ref())
             .or((texture.type_ == TextureType::File).then_some(texture))
         {
-            Some(picture) => self.load(file, picture, &place)?,
+            Some(image) => self.load(file, image, &place)?,
             None => None,
         };
         self.known.insert(texture.element.typed_id, found);
@@ -137,7 +137,7 @@ impl Table {
             }
         };
         let too_much = |p: Problem| Problem::new(place, format!("\"{}\" {}", encoded.name, p.what));
-        file.picture_budget.charge(encoded.pixels(), 4).map_err(too_much)?;
+        file.image_budget.charge(encoded.pixels(), 4).map_err(too_much)?;
         self.encoded.push(encoded);
         Ok(Some(self.encoded.len() as u32 - 1))
     }
@@ -147,12 +147,12 @@ impl Table {
         &self,
         file: &File<'_>,
         decoded: Vec<Result<Arc<Image>>>,
-        materials: &mut [Read],
+        materials: &mut [MaterialDraft],
     ) -> Result<Vec<Arc<Image>>> {
         let decoded: Vec<Option<Arc<Image>>> = decoded
             .into_iter()
-            .map(|picture| {
-                picture
+            .map(|image| {
+                image
                     .map_err(|p| file.notes.warn(p.place, format!("{}; the texture is left out", p.what)))
                     .ok()
             })

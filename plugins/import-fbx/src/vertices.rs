@@ -3,7 +3,7 @@
 use crate::convert::vec3;
 use crate::file::File;
 use crate::geometry::Geometry;
-use crate::materials::Read;
+use crate::materials::MaterialDraft;
 use crate::morphs::Target;
 use crate::skinning::Weights;
 use choreo_asset::{MorphTarget, Primitive};
@@ -15,7 +15,7 @@ use ufbx::{Face, Mesh, MeshPart, VertexVec2, VertexVec3, VertexVec4};
 
 /// Attributes of the points of a mesh besides their positions.
 #[derive(Clone, Copy)]
-pub struct OfPoints<'a> {
+pub struct PointAttributes<'a> {
     pub weights: Option<&'a Weights>,
     pub targets: &'a [Target],
     pub geometry: Option<&'a Geometry>,
@@ -25,8 +25,8 @@ pub fn primitives(
     file: &File<'_>,
     mesh: &Mesh,
     slots: &[u32],
-    materials: &[Read],
-    of_points: OfPoints<'_>,
+    materials: &[MaterialDraft],
+    point_attributes: PointAttributes<'_>,
     place: &dyn Fn() -> String,
 ) -> Result<Vec<Primitive>> {
     let uv_sets = uv_sets(file, mesh, slots, materials, place);
@@ -38,7 +38,7 @@ pub fn primitives(
         let maker = Maker {
             file,
             mesh,
-            of_points,
+            point_attributes,
             uv_sets: &uv_sets,
             welder: &mut welder,
             of_file: Vec::new(),
@@ -58,7 +58,7 @@ fn uv_sets<'m>(
     file: &File<'_>,
     mesh: &'m Mesh,
     slots: &[u32],
-    materials: &[Read],
+    materials: &[MaterialDraft],
     place: &dyn Fn() -> String,
 ) -> [Option<&'m VertexVec2>; 2] {
     let sets = mesh.uv_sets.as_ref();
@@ -83,7 +83,7 @@ fn uv_sets<'m>(
 struct Maker<'a, 'f> {
     file: &'a File<'f>,
     mesh: &'a Mesh,
-    of_points: OfPoints<'a>,
+    point_attributes: PointAttributes<'a>,
     uv_sets: &'a [Option<&'a VertexVec2>; 2],
     welder: &'a mut Welder,
     /// The point of the mesh that each vertex came from.
@@ -111,9 +111,9 @@ impl Maker<'_, '_> {
         }
         self.welder.start(self.mesh.num_vertices);
         // An upper bound: no vertices are shared, and 120 bytes hold a vertex without skin and morphs.
-        let skin = self.of_points.weights.map_or(0, |w| w.influences * 6);
+        let skin = self.point_attributes.weights.map_or(0, |w| w.influences * 6);
         let morphs: usize =
-            self.of_points.targets.iter().map(|t| if t.normals.is_empty() { 12 } else { 24 }).sum();
+            self.point_attributes.targets.iter().map(|t| if t.normals.is_empty() { 12 } else { 24 }).sum();
         self.file.charge(part.num_triangles, 12, place)?;
         self.triangles(part);
         self.file.charge(self.out.positions.len(), 120 + skin + morphs, place)?;
@@ -162,7 +162,7 @@ impl Maker<'_, '_> {
                 .take(count as usize * 3)
                 .for_each(|face_vertex| self.face_vertex(*face_vertex));
         }
-        if self.of_points.geometry.is_some_and(|g| g.mirrors) {
+        if self.point_attributes.geometry.is_some_and(|g| g.mirrors) {
             self.out.indices.chunks_exact_mut(3).for_each(|t| t.swap(1, 2));
         }
         // Triangles are always complete: `face_vertex` skips no single vertex of a face.
@@ -176,9 +176,11 @@ impl Maker<'_, '_> {
         let point =
             mesh.vertex_indices.as_ref().get(at).copied().unwrap_or(0).min(mesh.num_vertices as u32 - 1);
         let values = FaceVertex {
-            normal: at3(&mesh.vertex_normal, at).map_or(Vec3::ZERO, |n| match self.of_points.geometry {
-                Some(geometry) => geometry.normal(n),
-                None => vec3(n),
+            normal: at3(&mesh.vertex_normal, at).map_or(Vec3::ZERO, |n| {
+                match self.point_attributes.geometry {
+                    Some(geometry) => geometry.normal(n),
+                    None => vec3(n),
+                }
             }),
             uv: self.uv_sets.map(|set| {
                 // FBX has v pointing up; here it points down.
@@ -204,7 +206,7 @@ impl Maker<'_, '_> {
     }
 
     fn push(&mut self, point: u32, values: FaceVertex) {
-        let place = |p: &ufbx::Vec3| self.of_points.geometry.map_or_else(|| vec3(p), |g| g.point(p));
+        let place = |p: &ufbx::Vec3| self.point_attributes.geometry.map_or_else(|| vec3(p), |g| g.point(p));
         let position = self.mesh.vertices.as_ref().get(point as usize).map_or(Vec3::ZERO, place);
         self.out.positions.push(position);
         self.out.normals.push(values.normal);
@@ -242,7 +244,7 @@ impl Maker<'_, '_> {
     }
 
     fn skin(&mut self) {
-        let Some(weights) = self.of_points.weights else { return };
+        let Some(weights) = self.point_attributes.weights else { return };
         let n = weights.influences;
         self.out.influences = n;
         self.out.joint_indices.reserve(self.of_file.len() * n);
@@ -255,7 +257,7 @@ impl Maker<'_, '_> {
     }
 
     fn morphs(&mut self) {
-        for target in self.of_points.targets {
+        for target in self.point_attributes.targets {
             let moves = |offsets: &[Vec3]| -> Vec<Vec3> {
                 let get = |p: &u32| offsets.get(*p as usize).copied().unwrap_or(Vec3::ZERO);
                 match self.of_file.iter().any(|p| get(p) != Vec3::ZERO) {

@@ -119,7 +119,7 @@ fn target(
     if let Some(pointer) = file.pointers.get(&(animation, number)) {
         return match pointers::meaning(file, tree, pointer) {
             Some(Meaning::Node(node, property)) => node_target(file, tree, node, property, morphs, place),
-            Some(Meaning::Things { targets, factor }) => Ok(Some(Target::Properties { targets, factor })),
+            Some(Meaning::Properties { targets, factor }) => Ok(Some(Target::Properties { targets, factor })),
             None => {
                 file.warn(
                     place(),

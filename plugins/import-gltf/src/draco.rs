@@ -3,7 +3,7 @@
 use crate::accessor::Decoded;
 use crate::file::File;
 use crate::problem::{Problem, Result, element};
-use crate::repair::whole;
+use crate::repair::as_integer;
 use draco_core::{DecodeLimits, DecoderBuffer, Mesh, MeshDecoder};
 use gltf::json::accessor::ComponentType;
 use gltf::json::mesh::Primitive;
@@ -33,7 +33,7 @@ pub fn unpack(file: &File<'_>, primitive: &Primitive, place: &dyn Fn() -> String
         return Ok(Unpacked::default());
     };
     let place = || format!("{}.{NAME}", place());
-    let number = |value: Option<&Value>| value.and_then(whole).and_then(|n| usize::try_from(n).ok());
+    let number = |value: Option<&Value>| value.and_then(as_integer).and_then(|n| usize::try_from(n).ok());
     let view =
         number(extension.get("bufferView")).ok_or_else(|| Problem::new(place(), "has no bufferView"))?;
     let broken = |what: String| {

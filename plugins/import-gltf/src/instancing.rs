@@ -3,7 +3,7 @@
 use crate::accessor::Integers;
 use crate::file::File;
 use crate::problem::{Problem, Result, WithPlace};
-use crate::repair::whole;
+use crate::repair::as_integer;
 use glam::{Affine3A, Quat, Vec3};
 use serde_json::Value;
 use std::sync::Arc;
@@ -18,7 +18,7 @@ pub fn copies(file: &File<'_>, node: usize) -> Result<Arc<[Affine3A]>> {
     let listed = extension.get("attributes").and_then(Value::as_object);
     let accessor = |name: &str| -> Result<Option<usize>> {
         let Some(value) = listed.and_then(|l| l.get(name)) else { return Ok(None) };
-        let index = whole(value).and_then(|n| usize::try_from(n).ok());
+        let index = as_integer(value).and_then(|n| usize::try_from(n).ok());
         index
             .map(Some)
             .ok_or_else(|| Problem::new(format!("{}.{name}", place()), "is not the number of an accessor"))

@@ -3,7 +3,7 @@
 
 use crate::materials::{Reader, TextureUse};
 use crate::problem::{Problem, Result};
-use crate::repair::{self, whole};
+use crate::repair::{self, as_integer};
 use choreo_asset::{Material, MaterialLayers, Shading, TextureRef};
 use glam::Vec3;
 use serde_json::{Map, Value};
@@ -52,7 +52,7 @@ impl Extension<'_, '_, '_, '_, '_> {
 
     fn texture(&mut self, key: &'static str) -> Result<Option<TextureRef>> {
         let Some(info) = self.value.get(key) else { return Ok(None) };
-        let number = |key: &str| info.get(key).and_then(whole);
+        let number = |key: &str| info.get(key).and_then(as_integer);
         let Some(texture) = number("index").and_then(|n| usize::try_from(n).ok()) else {
             return Err(self.problem(key, "has no index of a texture"));
         };

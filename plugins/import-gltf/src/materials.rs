@@ -6,7 +6,7 @@ use crate::images::ImageTable;
 use crate::layers;
 use crate::problem::{Problem, Result, WithPlace, element};
 use crate::profile::Profile;
-use crate::repair::{self, whole};
+use crate::repair::{self, as_integer};
 use choreo_asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
 use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 use gltf::json;
@@ -218,7 +218,7 @@ impl<'a> Reader<'a, '_, '_> {
         };
         let extension = |name: &str| {
             let extension = texture.extensions.as_ref()?.others.get(name)?;
-            extension.get("source").and_then(whole)
+            extension.get("source").and_then(as_integer)
         };
         let source = match (texture.source.value(), extension("EXT_texture_webp")) {
             (_, Some(webp)) => webp as usize,

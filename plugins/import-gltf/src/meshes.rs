@@ -314,7 +314,7 @@ pub fn instances(
         .map(|m| m.primitives.iter().flat_map(|p| p.joint_indices.iter().copied()).max())
         .collect();
     let mut out = Vec::new();
-    for (joint, node) in tree.node_of_joint[..tree.shown].iter().enumerate() {
+    for (joint, node) in tree.node_of_joint[..tree.scene_joint_count].iter().enumerate() {
         let json = &file.root.nodes[*node];
         let Some(index) = json.mesh.map(|m| m.value()) else { continue };
         let place = || format!("nodes[{node}]");

@@ -19,7 +19,7 @@ pub struct Tree {
     pub node_of_joint: Vec<usize>,
     /// Number of joints that belong to the scene. The joints after them are read because skins refer to them; nothing on them is
     /// shown.
-    pub shown: usize,
+    pub scene_joint_count: usize,
 }
 
 pub fn read(file: &File<'_>, scene: Option<usize>) -> Result<Tree> {
@@ -36,7 +36,7 @@ pub fn read(file: &File<'_>, scene: Option<usize>) -> Result<Tree> {
     for root in roots {
         tree.add(root);
     }
-    let shown = tree.node_of_joint.len();
+    let scene_joint_count = tree.node_of_joint.len();
     for joint in skin_joints_outside(file, &tree)? {
         if tree.joint_of_node[joint].is_some() {
             continue;
@@ -70,7 +70,12 @@ pub fn read(file: &File<'_>, scene: Option<usize>) -> Result<Tree> {
     }
     let skeleton =
         Skeleton::new(names, tree.parent_of_joint, rest).map_err(|e| Problem::new("nodes", e.to_string()))?;
-    Ok(Tree { skeleton, joint_of_node: tree.joint_of_node, node_of_joint: tree.node_of_joint, shown })
+    Ok(Tree {
+        skeleton,
+        joint_of_node: tree.joint_of_node,
+        node_of_joint: tree.node_of_joint,
+        scene_joint_count,
+    })
 }
 
 struct Walk<'a> {

@@ -15,7 +15,7 @@ const MIN_OUTER_RAD: f32 = 1e-4;
 
 pub fn cameras(file: &File<'_>, tree: &Tree) -> Result<Vec<AssetCamera>> {
     let mut out = Vec::new();
-    for (joint, node) in tree.node_of_joint[..tree.shown].iter().enumerate() {
+    for (joint, node) in tree.node_of_joint[..tree.scene_joint_count].iter().enumerate() {
         let Some(index) = file.root.nodes[*node].camera else { continue };
         let user = || format!("nodes[{node}].camera");
         let camera = element(&file.root.cameras, index.value(), "cameras", user)?;
@@ -62,7 +62,7 @@ pub fn lights(file: &File<'_>, tree: &Tree) -> Result<Vec<AssetLight>> {
         None => &[],
     };
     let mut out = Vec::new();
-    for (joint, node) in tree.node_of_joint[..tree.shown].iter().enumerate() {
+    for (joint, node) in tree.node_of_joint[..tree.scene_joint_count].iter().enumerate() {
         let node_json = &file.root.nodes[*node];
         let Some(own) = node_json.extensions.as_ref().and_then(|e| e.khr_lights_punctual.as_ref()) else {
             continue;
@@ -123,7 +123,7 @@ fn punctual(
 pub fn skins(file: &File<'_>, tree: &Tree) -> Result<Vec<Skin>> {
     let mut out = Vec::with_capacity(file.root.skins.len());
     let mut user = vec![None; file.root.skins.len()];
-    for node in &tree.node_of_joint[..tree.shown] {
+    for node in &tree.node_of_joint[..tree.scene_joint_count] {
         if let Some(slot) = file.root.nodes[*node].skin.and_then(|s| user.get_mut(s.value())) {
             *slot = Some(*node);
         }

@@ -2,7 +2,7 @@
 
 use crate::meshopt::{Filter, Mode, Packed};
 use crate::problem::Result;
-use crate::repair::whole;
+use crate::repair::as_integer;
 use serde_json::{Map, Value};
 
 const NAMES: [&str; 2] = ["KHR_meshopt_compression", "EXT_meshopt_compression"];
@@ -24,9 +24,8 @@ pub struct PackedView {
 pub fn read(extension: &Value) -> Result<PackedView> {
     let number = |key: &str, default: Option<u64>| match extension.get(key) {
         None => default.ok_or_else(|| format!("has no {key}")),
-        Some(value) => {
-            whole(value).ok_or_else(|| format!("has a {key} of {value}; whole numbers from 0 are allowed"))
-        }
+        Some(value) => as_integer(value)
+            .ok_or_else(|| format!("has a {key} of {value}; whole numbers from 0 are allowed")),
     };
     let size = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
     let text = |key: &str| extension.get(key).map(|value| value.as_str().unwrap_or_default());

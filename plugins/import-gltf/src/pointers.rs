@@ -44,7 +44,7 @@ pub enum Meaning {
     /// A property of a node, as in plain channels.
     Node(usize, Property),
     /// A property of each object that the file's element became: a camera on two nodes is two objects.
-    Things { targets: Vec<PropertyTarget>, factor: f32 },
+    Properties { targets: Vec<PropertyTarget>, factor: f32 },
 }
 
 /// Resolves a pointer; `None` where it names nothing that can be animated.
@@ -53,7 +53,7 @@ pub fn meaning(file: &File<'_>, tree: &Tree, pointer: &str) -> Option<Meaning> {
     let number = |text: &str| text.parse::<usize>().ok();
     let things = |list: Vec<u32>, target: fn(u32) -> PropertyTarget, factor: f32| {
         let targets: Vec<PropertyTarget> = list.into_iter().map(target).collect();
-        (!targets.is_empty()).then_some(Meaning::Things { targets, factor })
+        (!targets.is_empty()).then_some(Meaning::Properties { targets, factor })
     };
     match steps[..] {
         ["nodes", node, property] => {
@@ -97,7 +97,7 @@ pub fn meaning(file: &File<'_>, tree: &Tree, pointer: &str) -> Option<Meaning> {
             let material = number(material).filter(|m| *m < file.root.materials.len())?;
             let (property, factor) = material_property(&file.root.materials[material], path)?;
             let targets = vec![PropertyTarget::Material(material as u32, property)];
-            Some(Meaning::Things { targets, factor })
+            Some(Meaning::Properties { targets, factor })
         }
         _ => None,
     }
@@ -147,14 +147,14 @@ fn material_property(material: &gltf::json::Material, path: &[&str]) -> Option<(
 
 /// The asset's cameras that a camera of the file became. Their order is that of `objects::cameras`.
 fn cameras_of(file: &File<'_>, tree: &Tree, camera: usize) -> Vec<u32> {
-    let shown = tree.node_of_joint[..tree.shown].iter();
+    let shown = tree.node_of_joint[..tree.scene_joint_count].iter();
     let all = shown.filter_map(|node| file.root.nodes[*node].camera.map(|c| c.value()));
     (0..).zip(all).filter(|(_, of)| *of == camera).map(|(index, _)| index).collect()
 }
 
 /// The asset's lights that a light of the file became. Their order is that of `objects::lights`.
 fn lights_of(file: &File<'_>, tree: &Tree, light: usize) -> Vec<u32> {
-    let shown = tree.node_of_joint[..tree.shown].iter();
+    let shown = tree.node_of_joint[..tree.scene_joint_count].iter();
     let all = shown.filter_map(|node| {
         let extensions = file.root.nodes[*node].extensions.as_ref()?;
         Some(extensions.khr_lights_punctual.as_ref()?.light.value())

@@ -8,7 +8,7 @@ use serde_json::Value;
 const MAX_WHOLE: f64 = (1u64 << 53) as f64;
 
 /// A JSON number as an integer, where it is one. JSON does not distinguish the two, and some programs write `1.0` for 1.
-pub fn whole(value: &Value) -> Option<u64> {
+pub fn as_integer(value: &Value) -> Option<u64> {
     value.as_u64().or_else(|| {
         let number = value.as_f64()?;
         (number.fract() == 0.0 && (0.0..=MAX_WHOLE).contains(&number)).then_some(number as u64)
@@ -51,7 +51,9 @@ fn write_whole_numbers(root: &mut Value) -> bool {
             Value::Object(map) => open.extend(map.values_mut()),
             Value::Number(number) if number.is_f64() => {
                 // −0 stays, because as a float it differs from 0.
-                if let Some(n) = whole(value).filter(|_| value.as_f64().is_some_and(f64::is_sign_positive)) {
+                if let Some(n) =
+                    as_integer(value).filter(|_| value.as_f64().is_some_and(f64::is_sign_positive))
+                {
                     *value = n.into();
                     changed = true;
                 }
@@ -91,7 +93,7 @@ mod tests {
 
     #[test]
     fn whole_numbers_of_any_spelling() {
-        let read = |text: &str| whole(&serde_json::from_str(text).unwrap());
+        let read = |text: &str| as_integer(&serde_json::from_str(text).unwrap());
         for (text, number) in [("1", 1), ("1.0", 1), ("1e3", 1000), ("0.0", 0), ("5126.000", 5126)] {
             assert_eq!(read(text), Some(number), "{text}");
         }

@@ -2,7 +2,7 @@
 
 use crate::file::File;
 use crate::problem::{Problem, Result};
-use crate::repair::whole;
+use crate::repair::as_integer;
 use gltf::json;
 use serde_json::Value;
 
@@ -39,8 +39,8 @@ pub fn material(file: &File<'_>, primitive: &json::mesh::Primitive) -> Option<us
         primitive.extensions.as_ref().and_then(|e| e.others.get(NAME)?.get("mappings")?.as_array());
     let names_it = |m: &&Value| {
         let variants = m.get("variants").and_then(Value::as_array);
-        variants.is_some_and(|list| list.iter().any(|v| whole(v) == Some(variant)))
+        variants.is_some_and(|list| list.iter().any(|v| as_integer(v) == Some(variant)))
     };
-    let mapped = mappings.and_then(|list| list.iter().find(names_it)?.get("material").and_then(whole));
+    let mapped = mappings.and_then(|list| list.iter().find(names_it)?.get("material").and_then(as_integer));
     mapped.and_then(|m| usize::try_from(m).ok()).or(own)
 }

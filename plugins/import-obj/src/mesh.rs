@@ -37,8 +37,8 @@ pub fn build(model: &Model, settings: &Settings, notes: &Notes) -> Vec<(u32, Pri
         settings,
         own: vec![NONE; model.vertex_count()],
         triangulator: Triangulator::default(),
-        crossing: Counted::default(),
-        too_much: Counted::default(),
+        crossing: LineTally::default(),
+        too_much: LineTally::default(),
     };
     let mut out = Vec::new();
     let mut missing = 0;
@@ -78,12 +78,12 @@ pub fn build(model: &Model, settings: &Settings, notes: &Notes) -> Vec<(u32, Pri
 }
 
 #[derive(Default)]
-struct Counted {
+struct LineTally {
     count: usize,
     line: u32,
 }
 
-impl Counted {
+impl LineTally {
     fn add(&mut self, line: u32) {
         if self.count == 0 {
             self.line = line;
@@ -98,8 +98,8 @@ struct Builder<'a> {
     /// The primitive's vertex for each vertex of the file; cleared after each primitive.
     own: Vec<u32>,
     triangulator: Triangulator,
-    crossing: Counted,
-    too_much: Counted,
+    crossing: LineTally,
+    too_much: LineTally,
 }
 
 /// The attributes of a primitive's vertices besides their positions.
@@ -179,7 +179,7 @@ impl Builder<'_> {
                 match how {
                     Cut::Whole => {}
                     Cut::Crossing => self.crossing.add(line),
-                    Cut::TooMuch => self.too_much.add(line),
+                    Cut::OverBudget => self.too_much.add(line),
                 }
             }
         }
@@ -198,10 +198,10 @@ impl Builder<'_> {
 
 /// Adds a vertex of the file to a primitive, with the primitive's attributes.
 fn add(out: &mut Primitive, model: &Model, vertex: u32, settings: &Settings, attributes: Attributes) {
-    out.positions.push((turned(model.position(vertex), settings.up_z) * settings.scale).as_vec3());
+    out.positions.push((to_y_up(model.position(vertex), settings.up_z) * settings.scale).as_vec3());
     if attributes.normals {
         let normal = model.normal(vertex).unwrap_or_default().as_dvec3();
-        out.normals.push(turned(normal, settings.up_z).normalize_or_zero().as_vec3());
+        out.normals.push(to_y_up(normal, settings.up_z).normalize_or_zero().as_vec3());
     }
     if attributes.uvs {
         // OBJ has v pointing up; here it points down.
@@ -215,6 +215,6 @@ fn add(out: &mut Primitive, model: &Model, vertex: u32, settings: &Settings, att
 }
 
 /// +Z up to +Y up: x stays, z becomes y, y becomes −z.
-fn turned(v: DVec3, up_z: bool) -> DVec3 {
+fn to_y_up(v: DVec3, up_z: bool) -> DVec3 {
     if up_z { DVec3::new(v.x, v.z, -v.y) } else { v }
 }

@@ -21,8 +21,8 @@ use clips::Clips;
 use compose::{Composer, Packages};
 use glam::{Affine3A, DMat4, DVec3};
 use layer::{Layer, Prim};
-use materials::{Known, Materials};
-use meshes::{FaceSubset, Reading};
+use materials::{MaterialInfo, Materials};
+use meshes::{FaceSubset, MeshContext};
 use nodes::{Node, Tree};
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
@@ -203,7 +203,7 @@ impl<'b> MeshReader<'_, 'b> {
             false => ["st".into(), String::new()],
         };
         let colors = known.colors || known.index.is_none();
-        let reading = Reading { path: &node.path, budget, notes, uvs, colors, shapes, skinned };
+        let reading = MeshContext { path: &node.path, budget, notes, uvs, colors, shapes, skinned };
         let Some(mut mesh) = meshes::mesh(prim, &parts.0, &reading, &mut self.triangulator)? else {
             return Ok(());
         };
@@ -227,7 +227,7 @@ impl<'b> MeshReader<'_, 'b> {
     }
 
     /// The material subsets of a mesh, and what the first material reads from the mesh.
-    fn parts(&mut self, node: &Node<'_>) -> (Vec<FaceSubset>, Known) {
+    fn parts(&mut self, node: &Node<'_>) -> (Vec<FaceSubset>, MaterialInfo) {
         let bound = |prim: &Prim| prim.targets("material:binding").first().cloned();
         let whole = self.tree.inherited(node, bound);
         let mut first = whole.map(|path| self.materials.at(&path)).unwrap_or_default();

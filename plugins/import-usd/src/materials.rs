@@ -16,13 +16,13 @@ pub struct Materials<'a> {
     pub files: &'a dyn Files,
     pub budget: &'a Budget,
     pub notes: &'a Notes,
-    known: BTreeMap<String, Known>,
+    known: BTreeMap<String, MaterialInfo>,
     wants_textures: bool,
 }
 
 /// A material that has been read.
 #[derive(Clone, Debug, Default)]
-pub struct Known {
+pub struct MaterialInfo {
     pub index: Option<u32>,
     pub uvs: [String; 2],
     /// The material reads vertex colors.
@@ -32,7 +32,7 @@ pub struct Known {
 }
 
 /// A texture with the settings of the shader that reads it.
-struct Read {
+struct TextureInput {
     texture: TextureRef,
     channel: String,
     scale: Vec4,
@@ -50,7 +50,7 @@ impl<'a> Materials<'a> {
     }
 
     /// The material at a path, read on first use.
-    pub fn at(&mut self, path: &str) -> Known {
+    pub fn at(&mut self, path: &str) -> MaterialInfo {
         if let Some(known) = self.known.get(path) {
             return known.clone();
         }
@@ -58,14 +58,14 @@ impl<'a> Materials<'a> {
             Some(prim) => self.read(prim, path),
             None => {
                 self.notes.warn(path, "is bound as a material, but does not exist");
-                Known::default()
+                MaterialInfo::default()
             }
         };
         self.known.insert(path.to_string(), known.clone());
         known
     }
 
-    fn read(&mut self, prim: &'a Prim, path: &str) -> Known {
+    fn read(&mut self, prim: &'a Prim, path: &str) -> MaterialInfo {
         let surface = ["outputs:surface", "outputs:mtlx:surface", "outputs:surface:surface"];
         let source = surface.iter().find_map(|name| prim.connections.get(*name)?.first());
         let shader = source.and_then(|source| self.root.at(prim_of(source)));
@@ -78,19 +78,19 @@ impl<'a> Materials<'a> {
                 ..named(prim)
             };
             self.list.push(gray);
-            return Known { index: Some(self.list.len() as u32 - 1), ..Known::default() };
+            return MaterialInfo { index: Some(self.list.len() as u32 - 1), ..MaterialInfo::default() };
         };
-        let mut known = Known { uvs: ["st".into(), String::new()], ..Known::default() };
+        let mut known = MaterialInfo { uvs: ["st".into(), String::new()], ..MaterialInfo::default() };
         let mut out = Material { metallic: 0.0, ..named(prim) };
         self.colors(shader, (path, &mut known), &mut out);
         self.reflection(shader, (path, &mut known), &mut out);
-        sound(&mut out);
+        replace_non_finite(&mut out);
         self.list.push(out);
         known.index = Some(self.list.len() as u32 - 1);
         known
     }
 
-    fn colors(&mut self, shader: &'a Prim, (path, known): (&str, &mut Known), out: &mut Material) {
+    fn colors(&mut self, shader: &'a Prim, (path, known): (&str, &mut MaterialInfo), out: &mut Material) {
         let color = |name: &str, default: f32| -> Vec3 {
             let found = shader.numbers(name).and_then(|v| v.first_chunk::<3>());
             found.map_or(Vec3::splat(default), |v| DVec3::from_array(*v).as_vec3())
@@ -128,13 +128,13 @@ impl<'a> Materials<'a> {
         }
     }
 
-    fn reflection(&mut self, shader: &'a Prim, (path, known): (&str, &mut Known), out: &mut Material) {
+    fn reflection(&mut self, shader: &'a Prim, (path, known): (&str, &mut MaterialInfo), out: &mut Material) {
         let number = |name: &str, default: f32| shader.number(name).map_or(default, |v| v as f32);
         out.metallic = number("inputs:metallic", 0.0);
         out.roughness = number("inputs:roughness", 0.5);
         let metallic = self.texture(shader, "inputs:metallic", (path, known));
         let roughness = self.texture(shader, "inputs:roughness", (path, known));
-        let fits = |read: &Read, channel: &str| read.channel == channel || read.channel == "rgb";
+        let fits = |read: &TextureInput, channel: &str| read.channel == channel || read.channel == "rgb";
         match (metallic, roughness) {
             (Some(m), Some(r)) if m.texture == r.texture && fits(&m, "b") && fits(&r, "g") => {
                 (out.metallic, out.roughness) = (m.scale.z, r.scale.y);
@@ -169,7 +169,12 @@ impl<'a> Materials<'a> {
     }
 
     /// The texture that drives an input.
-    fn texture(&mut self, shader: &'a Prim, input: &str, (path, known): (&str, &mut Known)) -> Option<Read> {
+    fn texture(
+        &mut self,
+        shader: &'a Prim,
+        input: &str,
+        (path, known): (&str, &mut MaterialInfo),
+    ) -> Option<TextureInput> {
         let source = shader.connections.get(input)?.first()?.clone();
         let (at, output) = source.rsplit_once('.')?;
         let texture = self.root.at(at)?;
@@ -219,7 +224,7 @@ impl<'a> Materials<'a> {
         let channel = output.trim_start_matches("outputs:").to_string();
         let texture = TextureRef { image, sampler, uv_set: uv_set as u8, uv_transform };
         known.read = true;
-        Some(Read { texture, channel, scale, bias })
+        Some(TextureInput { texture, channel, scale, bias })
     }
 
     /// The primvar name of a texture's coordinates, and their transform with the origin at the top.
@@ -275,7 +280,7 @@ fn from_below(prim: &Prim) -> Affine2 {
 }
 
 /// Replaces non-finite numbers in the material of a damaged file.
-fn sound(m: &mut Material) {
+fn replace_non_finite(m: &mut Material) {
     let plain = Material::default();
     if !m.base_color.is_finite() {
         m.base_color = plain.base_color;

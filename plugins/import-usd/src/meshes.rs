@@ -14,7 +14,7 @@ const SMOOTH: f64 = 60.0;
 const MOST_INFLUENCES: usize = 8;
 
 /// The parts of a mesh to read, and the context for reading them.
-pub struct Reading<'a> {
+pub struct MeshContext<'a> {
     pub path: &'a str,
     pub budget: &'a Budget,
     pub notes: &'a Notes,
@@ -39,11 +39,11 @@ struct Primvar<'a> {
     values: &'a [f64],
     width: usize,
     indices: Option<&'a [f64]>,
-    across: Across,
+    interpolation: PrimvarInterpolation,
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum Across {
+enum PrimvarInterpolation {
     Constant,
     Faces,
     Vertices,
@@ -58,23 +58,23 @@ impl<'a> Primvar<'a> {
         name: &str,
         width: usize,
         counts: [usize; 3],
-        reading: &Reading<'_>,
+        reading: &MeshContext<'_>,
     ) -> Option<Self> {
         let attribute: &'a Attribute = prim.attributes.get(name)?;
         let values = prim.numbers(name)?;
         let indices = prim.numbers(&format!("{name}:indices"));
         let [faces, vertices, face_vertices] = counts;
-        let (across, count) = match attribute.interpolation.as_str() {
-            "uniform" => (Across::Faces, faces),
-            "vertex" | "varying" => (Across::Vertices, vertices),
-            "faceVarying" => (Across::FaceVertices, face_vertices),
-            "constant" => (Across::Constant, 1),
+        let (interpolation, count) = match attribute.interpolation.as_str() {
+            "uniform" => (PrimvarInterpolation::Faces, faces),
+            "vertex" | "varying" => (PrimvarInterpolation::Vertices, vertices),
+            "faceVarying" => (PrimvarInterpolation::FaceVertices, face_vertices),
+            "constant" => (PrimvarInterpolation::Constant, 1),
             // Normals without an interpolation belong to vertices, unless their number is that of the face vertices.
             _ if name == "normals" && values.len() / width == face_vertices => {
-                (Across::FaceVertices, face_vertices)
+                (PrimvarInterpolation::FaceVertices, face_vertices)
             }
-            _ if name == "normals" => (Across::Vertices, vertices),
-            _ => (Across::Constant, 1),
+            _ if name == "normals" => (PrimvarInterpolation::Vertices, vertices),
+            _ => (PrimvarInterpolation::Constant, 1),
         };
         let elements = indices.map_or(values.len() / width, <[f64]>::len);
         let in_range = |index: &f64| *index >= 0.0 && (*index as usize) < values.len() / width;
@@ -84,15 +84,15 @@ impl<'a> Primvar<'a> {
             reading.notes.warn(reading.path, what);
             return None;
         }
-        Some(Primvar { values, width, indices, across })
+        Some(Primvar { values, width, indices, interpolation })
     }
 
     fn at(&self, face: usize, vertex: usize, face_vertex: usize) -> &'a [f64] {
-        let element = match self.across {
-            Across::Constant => 0,
-            Across::Faces => face,
-            Across::Vertices => vertex,
-            Across::FaceVertices => face_vertex,
+        let element = match self.interpolation {
+            PrimvarInterpolation::Constant => 0,
+            PrimvarInterpolation::Faces => face,
+            PrimvarInterpolation::Vertices => vertex,
+            PrimvarInterpolation::FaceVertices => face_vertex,
         };
         let index = self.indices.map_or(element, |indices| indices[element] as usize);
         &self.values[index * self.width..][..self.width]
@@ -138,7 +138,7 @@ impl<'a> Faces<'a> {
 pub fn mesh(
     prim: &Prim,
     parts: &[FaceSubset],
-    reading: &Reading<'_>,
+    reading: &MeshContext<'_>,
     triangulator: &mut Triangulator,
 ) -> Result<Option<Mesh>> {
     let Some(faces) = Faces::of(prim, reading.path)? else { return Ok(None) };
@@ -194,7 +194,7 @@ struct Primvars<'a> {
 }
 
 impl<'a> Primvars<'a> {
-    fn of(prim: &'a Prim, counts: [usize; 3], reading: &Reading<'_>) -> Primvars<'a> {
+    fn of(prim: &'a Prim, counts: [usize; 3], reading: &MeshContext<'_>) -> Primvars<'a> {
         let find = |name: &str, width| Primvar::of(prim, name, width, counts, reading);
         let uv = |name: &String| find(&format!("primvars:{name}"), 2).filter(|_| !name.is_empty());
         Primvars {
@@ -352,7 +352,7 @@ struct Influences {
 }
 
 impl Influences {
-    fn of(prim: &Prim, points: usize, reading: &Reading<'_>) -> Option<Influences> {
+    fn of(prim: &Prim, points: usize, reading: &MeshContext<'_>) -> Option<Influences> {
         let joints = prim.numbers("primvars:skel:jointIndices")?;
         let weights = prim.numbers("primvars:skel:jointWeights")?;
         let attribute = prim.attributes.get("primvars:skel:jointIndices")?;

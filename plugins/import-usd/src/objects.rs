@@ -5,14 +5,14 @@ use crate::layer::Prim;
 use crate::nodes::Tree;
 use crate::transforms;
 use choreo_asset::{Asset, AssetCamera, AssetLight, Light, LightKind, Projection};
-use choreo_importer_kit::rows::{Nearness, rows};
+use choreo_importer_kit::rows::{SamplingLimits, rows};
 use choreo_importer_kit::{Notes, Result};
 use choreo_motion::{Interpolation, PropertyCurve, PropertyTarget, Time};
 use glam::Vec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Accuracy of the keys that are added for nonlinear properties, such as field of view from focal length.
-const NEARNESS: Nearness = Nearness { tolerance: 5e-5, depth: 9, rows: 1_000_000 };
+const SAMPLING_LIMITS: SamplingLimits = SamplingLimits { tolerance: 5e-5, depth: 9, rows: 1_000_000 };
 
 /// A prim evaluated at a time code.
 #[derive(Clone, Copy)]
@@ -215,14 +215,14 @@ fn properties(
     clips.budget.charge(times.len() as u64, 64)?;
     let (start, rate) = (clips.start, clips.rate);
     let width: usize = targets.iter().map(|target| target.width()).sum();
-    let made = rows(&times, NEARNESS, |time: Time| {
+    let made = rows(&times, SAMPLING_LIMITS, |time: Time| {
         let mut row = row(start + time.as_secs() * rate);
         // A spot whose cone opens to 90 degrees becomes a point, so its angles are filled in with 90 degrees.
         row.resize(width, FRAC_PI_2 as f32);
         row
     });
     let Some(made) = made else {
-        return Err(format!("{} has more than {} keys", prim.name, NEARNESS.rows).into());
+        return Err(format!("{} has more than {} keys", prim.name, SAMPLING_LIMITS.rows).into());
     };
     clips.budget.charge(made.len() as u64, 64)?;
     let mut from = 0;

@@ -38,7 +38,7 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &m
                 let color = bind.text("type").and_then(color_of);
                 let to = bind.first::<4>("targetValue")?;
                 let (Some(color), Some(to)) = (color, to) else {
-                    faces.unpainted(&face);
+                    faces.note_incomplete(&face);
                     continue;
                 };
                 let material = faces.material(&bind, bind.needed_index("material")?)?;
@@ -99,9 +99,9 @@ pub(crate) fn read_v0(
         }
         for value in at.list("materialValues")? {
             let to = value.first::<4>("targetValue")?;
-            let material = value.text("materialName").and_then(|name| faces.named(name));
+            let material = value.text("materialName").and_then(|name| faces.material_index(name));
             let (Some(to), Some(material)) = (to, material) else {
-                faces.unpainted(&face);
+                faces.note_incomplete(&face);
                 continue;
             };
             match value.text("propertyName") {
@@ -115,7 +115,7 @@ pub(crate) fn read_v0(
                     let [r, g, b] = [to[0], to[1], to[2]].map(|c| linear_from_srgb(c.max(0.0)));
                     ColorBind { material, color, to: Vec4::new(r, g, b, to[3]) }
                 })),
-                _ => faces.unpainted(&face),
+                _ => faces.note_incomplete(&face),
             }
         }
         faces.add(face, &at);
@@ -189,12 +189,12 @@ struct Faces<'a, 'd> {
     geometry: bool,
     asset: &'a mut Asset,
     /// Names of expressions that also change a material property which is not supported, or a missing material.
-    unpainted: Vec<String>,
+    incomplete: Vec<String>,
 }
 
 impl<'a, 'd> Faces<'a, 'd> {
     fn new(document: &'a Document<'d>, needs: ImportScope, asset: &'a mut Asset) -> Faces<'a, 'd> {
-        Faces { document, geometry: needs.geometry, asset, unpainted: Vec::new() }
+        Faces { document, geometry: needs.geometry, asset, incomplete: Vec::new() }
     }
 
     fn bind(
@@ -240,13 +240,13 @@ impl<'a, 'd> Faces<'a, 'd> {
         }
     }
 
-    fn named(&self, name: &str) -> Option<u32> {
+    fn material_index(&self, name: &str) -> Option<u32> {
         self.asset.materials.iter().position(|m| m.name == name).map(|i| i as u32)
     }
 
-    fn unpainted(&mut self, face: &Expression) {
-        if !self.unpainted.contains(&face.name) && (self.geometry || !self.asset.materials.is_empty()) {
-            self.unpainted.push(face.name.clone());
+    fn note_incomplete(&mut self, face: &Expression) {
+        if !self.incomplete.contains(&face.name) && (self.geometry || !self.asset.materials.is_empty()) {
+            self.incomplete.push(face.name.clone());
         }
     }
 
@@ -264,10 +264,10 @@ impl<'a, 'd> Faces<'a, 'd> {
     }
 
     fn finish(self, place: String) {
-        if !self.unpainted.is_empty() {
-            let names: Vec<&str> = self.unpainted.iter().take(12).map(String::as_str).collect();
+        if !self.incomplete.is_empty() {
+            let names: Vec<&str> = self.incomplete.iter().take(12).map(String::as_str).collect();
             let what = "also change material properties that are missing or not drawn";
-            let count = self.unpainted.len();
+            let count = self.incomplete.len();
             self.document.warn(place, format!("{count} expressions {what}: {}", names.join(", ")));
         }
     }

@@ -43,14 +43,14 @@ pub fn read(document: &Document<'_>, springs: &At<'_>, asset: &Asset) -> Result<
     let rest = model_from_joints(&asset.skeleton);
     let mut swinging = BTreeMap::new();
     for (index, at) in springs.list("springs")?.enumerate() {
-        let joints = sticks(document, &at, &asset.skeleton, &rest)?;
+        let joints = spring_joints(document, &at, &asset.skeleton, &rest)?;
         let center = match at.index("center")? {
             None => None,
             Some(node) => document.joint(node, &|| at.place_of("center"))?,
         };
         let chain = SpringChain {
             name: at.text("name").unwrap_or_default().to_string(),
-            joints: once(document, joints, &mut swinging, index, &at),
+            joints: drop_duplicates(document, joints, &mut swinging, index, &at),
             colliders: colliders(document, &at, &groups)?,
             center,
         };
@@ -74,7 +74,7 @@ pub fn colliders(document: &Document<'_>, at: &At<'_>, groups: &[Vec<u32>]) -> R
 }
 
 /// Drops joints that an earlier spring moves (§"Exception"), because two springs cannot move one joint.
-pub fn once(
+pub fn drop_duplicates(
     document: &Document<'_>,
     joints: Vec<SpringJoint>,
     swinging: &mut BTreeMap<u32, usize>,
@@ -95,7 +95,7 @@ pub fn once(
 }
 
 /// Makes spring joints from the joints of a chain, each with the next joint as its tail. The last joint is only a tail.
-fn sticks(
+fn spring_joints(
     document: &Document<'_>,
     spring: &At<'_>,
     skeleton: &Skeleton,
@@ -124,7 +124,7 @@ fn sticks(
             head.tail = tail(&rest[head.joint as usize], &rest[joint as usize]);
             out.push(head);
         }
-        before = Some(stick(document, &at, joint)?);
+        before = Some(spring_joint(document, &at, joint)?);
     }
     Ok(out)
 }
@@ -142,7 +142,7 @@ pub fn tail(model_from_joint: &DAffine3, model_from_other: &DAffine3) -> Vec3 {
     if tail.is_finite() { tail } else { Vec3::ZERO }
 }
 
-fn stick(document: &Document<'_>, at: &At<'_>, joint: u32) -> Result<SpringJoint> {
+fn spring_joint(document: &Document<'_>, at: &At<'_>, joint: u32) -> Result<SpringJoint> {
     let default = SpringJoint::default();
     let mut numbers = Numbers { document, at };
     let direction = at.vec3_or("gravityDir", default.gravity_direction)?;

@@ -2,7 +2,7 @@
 
 use crate::facing::from_unity;
 use crate::json::At;
-use crate::springs::{Numbers, colliders, gravity, once, tail};
+use crate::springs::{Numbers, colliders, drop_duplicates, gravity, tail};
 use choreo_asset::Asset;
 use choreo_importer_kit::Result;
 use choreo_importer_kit::bones::model_from_joints;
@@ -64,7 +64,7 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &Asset) -> Result<Spri
             }
             let joints = subtree(root, &children, &rest, skeleton.parents(), &like);
             document.charge(joints.len() as u64, size_of::<SpringJoint>(), &|| bone.place())?;
-            let joints = once(document, joints, &mut swinging, out.chains.len(), &bone);
+            let joints = drop_duplicates(document, joints, &mut swinging, out.chains.len(), &bone);
             let name = at.text("comment").unwrap_or_default().to_string();
             out.chains.push(SpringChain { name, joints, colliders: colliders.clone(), center });
         }

@@ -2,8 +2,8 @@
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Choice, Row};
+use choreo_bench::reference::Spread;
 use choreo_bench::timing::{Case, Clock, interleaved};
-use choreo_bench::truth::Spread;
 use choreo_plugin::{Effect, EffectImage};
 use glam::{DVec3, Vec3, Vec4};
 use std::hint::black_box;

@@ -2,8 +2,8 @@
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::reference::{self, Spread};
 use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
-use choreo_bench::truth::{self, Spread};
 use choreo_motion::{Level, LocalToModel, Pose, Skeleton, Transform};
 use glam::{Affine3A, DAffine3, DVec3, Quat, Vec3};
 
@@ -22,7 +22,7 @@ pub fn section() -> Result<Section, String> {
     for (at, length) in LENGTHS.iter().enumerate() {
         for seed in 0..8 {
             let (skeleton, pose) = chain(*length, seed)?;
-            let exact = truth::model_from_joint(&skeleton, &truth::rest(&skeleton));
+            let exact = reference::model_from_joint(&skeleton, &reference::rest(&skeleton));
             for (way, errors) in by_length.iter_mut().enumerate() {
                 let mut buffers = Buffers::default();
                 buffers.run(way, &skeleton, &pose);

@@ -4,8 +4,8 @@ use crate::images::{drawn, srgb, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Choice, Row};
+use choreo_bench::reference::Spread;
 use choreo_bench::timing::{Case, Clock, interleaved};
-use choreo_bench::truth::Spread;
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Renderer};
 

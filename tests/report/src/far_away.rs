@@ -3,8 +3,8 @@
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_asset::Projection;
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::reference::Spread;
 use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
-use choreo_bench::truth::Spread;
 use choreo_render::plan::View;
 use choreo_render::view::relative;
 use choreo_stage::CameraState;

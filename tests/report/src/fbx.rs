@@ -3,7 +3,7 @@
 use crate::Section;
 use crate::scenes::import;
 use choreo_bench::plots::{Choice, Row};
-use choreo_bench::truth::{Spread, angle_between, pose};
+use choreo_bench::reference::{Spread, angle_between, pose};
 use choreo_motion::Time;
 use choreo_plugin::OptionValue;
 use glam::DQuat;

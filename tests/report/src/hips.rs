@@ -2,8 +2,8 @@
 
 use crate::{BUDGET_SECS, scenes};
 use choreo_bench::plots::{Choice, Row, quantity};
+use choreo_bench::reference::{Spread, model_from_joint, pose, rest};
 use choreo_bench::timing::{Case, Clock, interleaved};
-use choreo_bench::truth::{Spread, model_from_joint, pose, rest};
 use choreo_motion::retarget::{Retarget, RetargetOptions};
 use choreo_motion::{Clip, HumanoidJoints, LocalToModel, Pose, Sample, Skeleton, Time, Transform};
 use glam::{Affine3A, DAffine3};

@@ -2,8 +2,8 @@
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::reference::Spread;
 use choreo_bench::timing::{Case, Clock, interleaved};
-use choreo_bench::truth::Spread;
 use choreo_motion::ik::{Chain, ChainBone, Limit, Solver};
 use choreo_stage::SolverSettings;
 use glam::{DQuat, DVec3};

@@ -3,8 +3,8 @@
 use crate::BUDGET_SECS;
 use crate::images::stage;
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::reference::Spread;
 use choreo_bench::timing::{Case, Clock, interleaved};
-use choreo_bench::truth::Spread;
 use choreo_motion::{Ease, Interpolation, Time};
 use choreo_stage::{Channel, Property};
 

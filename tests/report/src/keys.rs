@@ -2,8 +2,8 @@
 
 use crate::{BUDGET_SECS, Random, Section, key_weights};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::reference::Spread;
 use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
-use choreo_bench::truth::Spread;
 use choreo_motion::Time;
 use choreo_stage::Tangents;
 use std::f64::consts::TAU;

@@ -3,9 +3,9 @@
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_asset::Image;
 use choreo_bench::plots::{Choice, Row};
+use choreo_bench::reference::Spread;
 use choreo_bench::scene::mips::mips;
 use choreo_bench::timing::{Case, Clock, interleaved};
-use choreo_bench::truth::Spread;
 use std::f64::consts::TAU;
 
 const SIDE: usize = 256;

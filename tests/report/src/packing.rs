@@ -2,7 +2,7 @@
 
 use crate::{Random, Section};
 use choreo_bench::plots::{Choice, Row};
-use choreo_bench::truth::Spread;
+use choreo_bench::reference::Spread;
 use choreo_bench::vertex::{NORMALS, WEIGHTS, degrees_between};
 use glam::{DMat3, DQuat, DVec3, Vec3};
 

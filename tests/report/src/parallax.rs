@@ -2,8 +2,8 @@
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Choice, Row};
+use choreo_bench::reference::Spread;
 use choreo_bench::timing::{Case, Clock, interleaved};
-use choreo_bench::truth::Spread;
 use glam::{DVec2, Vec2};
 use std::array::from_fn;
 use std::f64::consts::TAU;

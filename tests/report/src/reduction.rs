@@ -2,8 +2,8 @@
 
 use crate::{BUDGET_SECS, Section, scenes};
 use choreo_bench::plots::{Choice, Row};
+use choreo_bench::reference::{self, Spread};
 use choreo_bench::timing::{Case, Clock, interleaved};
-use choreo_bench::truth::{self, Spread};
 use choreo_motion::edit::reduce::KeptTimes;
 use choreo_motion::{Clip, FrameRate, Pose, Sample, Skeleton, Time};
 
@@ -80,7 +80,7 @@ fn errors(skeleton: &Skeleton, dense: &Clip, clip: &Clip) -> Spread {
     let mut errors = Spread::default();
     for i in 0..400 {
         let at = Time((dense.duration.0 as f64 * ((f64::from(i) * 0.618_033_988_75) % 1.0)) as i64);
-        let model = |clip: &Clip| truth::model_from_joint(skeleton, &truth::pose(clip, skeleton, at));
+        let model = |clip: &Clip| reference::model_from_joint(skeleton, &reference::pose(clip, skeleton, at));
         for (a, b) in model(dense).iter().zip(&model(clip)) {
             errors.add((a.translation - b.translation).length() * 1e3);
         }

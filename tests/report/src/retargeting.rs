@@ -2,8 +2,8 @@
 
 use crate::{BUDGET_SECS, Random, Section, hips, scenes};
 use choreo_bench::plots::{Choice, Row, quantity};
+use choreo_bench::reference::{Spread, angle_between, model_from_joint, pose, rest};
 use choreo_bench::timing::{Case, Clock, interleaved};
-use choreo_bench::truth::{Spread, angle_between, model_from_joint, pose, rest};
 use choreo_motion::retarget::bind::bind_by_name;
 use choreo_motion::retarget::{Retarget, RetargetOptions};
 use choreo_motion::{Clip, Curve, Interpolation, Path, Skeleton, Time, Transform};

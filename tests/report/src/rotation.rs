@@ -2,9 +2,9 @@
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity, time};
-use choreo_bench::rotation::{Eight, Interpolate, Rotations, WAYS, lane, rows, unit};
+use choreo_bench::reference::{Spread, angle_between};
+use choreo_bench::rotation::{Eight, Interpolate, METHODS, Rotations, lane, rows, unit};
 use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
-use choreo_bench::truth::{Spread, angle_between};
 use choreo_motion::{Clip, Curve, Interpolation, Level, Path, Pose, Sample, Time};
 use glam::{DQuat, DVec3, Quat};
 use std::sync::Arc;
@@ -16,7 +16,7 @@ const OURS: &str = "Sample (power series, as many terms as the keys need)";
 const SPLINE: &str = "cubic spline with the true tangents";
 
 pub fn section() -> Result<Section, String> {
-    let names: Vec<&str> = WAYS.iter().map(|w| w.0).chain([SPLINE, OURS]).collect();
+    let names: Vec<&str> = METHODS.iter().map(|w| w.0).chain([SPLINE, OURS]).collect();
     let mut by_degrees = vec![vec![Spread::default(); DEGREES.len()]; names.len()];
     let mut all = vec![Spread::default(); names.len()];
     let mut places = vec![String::new(); names.len()];
@@ -29,7 +29,7 @@ pub fn section() -> Result<Section, String> {
                 let t = step as f64 / STEPS as f64;
                 let exact = turn.at(t);
                 for way in 0..names.len() {
-                    let got = match WAYS.get(way) {
+                    let got = match METHODS.get(way) {
                         Some((_, way)) => turn.between(*way, t),
                         None if names[way] == SPLINE => turn.spline(t),
                         None => sampled(&ours, t),
@@ -188,7 +188,7 @@ fn times(names: &[&str]) -> Result<(Vec<Nanos>, Nanos), String> {
         .collect();
     let clip = many(&turns)?;
     let mut cases: Vec<Case> = Vec::new();
-    for (_, way) in WAYS {
+    for (_, way) in METHODS {
         let keys = &keys;
         let mut out = vec![[[0.0; 8]; 4]; keys.len()];
         cases.push(Case::new(PAIRS, move || {

@@ -2,8 +2,8 @@
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::reference::Spread;
 use choreo_bench::timing::{Case, Clock, interleaved};
-use choreo_bench::truth::Spread;
 use choreo_motion::spring::sphere::{exp, log};
 use choreo_motion::spring::{
     BoneState, Drive, RigBone, SpringBone, SpringRig, SpringScratch, SpringState, SpringStep,

@@ -2,8 +2,8 @@
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Choice, Row};
+use choreo_bench::reference::Spread;
 use choreo_bench::timing::{Case, Clock, interleaved};
-use choreo_bench::truth::Spread;
 use choreo_render::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
 
 const DECODE: [&str; 4] = ["table of 256", "formula, f32 power", "2.2 power", "cubic polynomial"];

@@ -3,8 +3,8 @@
 use crate::images::{drawn, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::reference::Spread;
 use choreo_bench::timing::{Case, Clock, interleaved};
-use choreo_bench::truth::Spread;
 use choreo_motion::Time;
 use choreo_render::plan::motion_blur::plan_at;
 use choreo_render::scene_resources::mipmap::srgb_to_linear_table;

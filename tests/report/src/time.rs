@@ -2,8 +2,8 @@
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::reference::Spread;
 use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
-use choreo_bench::truth::Spread;
 use choreo_motion::{FrameRate, Time};
 
 const HOURS: [(f64, &str); 5] =

@@ -203,10 +203,10 @@ pub fn time(nanos: Nanos) -> Cell {
 /// Text in place of a difference that may be chance.
 const WITHIN_NOISE: &str = "within the noise";
 
-/// How many times as long `way` takes as `of`, unless they may differ by chance.
-pub fn ratio(of: &Nanos, way: &Nanos) -> Cell {
-    let times = way.median / of.median;
-    if of.differs(way) { Cell::number(format!("{times:.2}"), times) } else { Cell::text(WITHIN_NOISE) }
+/// How many times as long `method` takes as `of`, unless they may differ by chance.
+pub fn ratio(of: &Nanos, method: &Nanos) -> Cell {
+    let times = method.median / of.median;
+    if of.differs(method) { Cell::number(format!("{times:.2}"), times) } else { Cell::text(WITHIN_NOISE) }
 }
 
 /// The time that `beyond` takes more than `of`, unless they may differ by chance.

@@ -2,8 +2,8 @@
 
 use super::{Limits, MeasuredScene, SceneChoices, pick};
 use crate::plots::{Choice, Row};
+use crate::reference::{self, Spread};
 use crate::timing::{Case, Clock, interleaved};
-use crate::truth::{self, Spread};
 use choreo_motion::{Clip, FrameRate, LocalToModel, Path, Pose, Sample, Skeleton, Time};
 use glam::{Affine3A, Vec3};
 use std::sync::Arc;
@@ -53,7 +53,7 @@ pub fn bake(clips: &[Played], budget_secs: f64) -> Choice {
     let joints: usize = clips.iter().map(|c| c.1.len()).sum::<usize>() / clips.len().max(1);
     let plural = if clips.len() == 1 { "" } else { "s" };
     choice.per = format!("sample of {joints} joints at a random time, over {} clip{plural}", clips.len());
-    let mut ways: Vec<(String, Vec<Played>)> = vec![("as authored".into(), clips.to_vec())];
+    let mut methods: Vec<(String, Vec<Played>)> = vec![("as authored".into(), clips.to_vec())];
     for rate in RATES {
         let baked: Result<Vec<Played>, _> = clips
             .iter()
@@ -64,7 +64,7 @@ pub fn bake(clips: &[Played], budget_secs: f64) -> Choice {
             .collect::<Result<_, choreo_motion::BakeError>>();
         // A clip of hours can be too long to be baked at this rate.
         if let Ok(baked) = baked {
-            ways.push((format!("baked at {rate} Hz"), baked));
+            methods.push((format!("baked at {rate} Hz"), baked));
         }
     }
     for mm in [0.1, 1.0] {
@@ -73,31 +73,31 @@ pub fn bake(clips: &[Played], budget_secs: f64) -> Choice {
             .map(|(clip, skeleton)| Ok((Arc::new(clip.compressed(skeleton, mm * 1e-3)?.0), skeleton.clone())))
             .collect::<Result<_, choreo_motion::CompressError>>();
         if let Some(small) = small.ok().filter(|clips| clips.iter().any(|(clip, _)| clip.is_compressed())) {
-            ways.push((format!("compressed, {mm} mm"), small));
+            methods.push((format!("compressed, {mm} mm"), small));
         }
     }
-    let mut errors = vec![Spread::default(); ways.len()];
-    let mut places = vec![String::new(); ways.len()];
+    let mut errors = vec![Spread::default(); methods.len()];
+    let mut places = vec![String::new(); methods.len()];
     for (index, (source, skeleton)) in clips.iter().enumerate() {
         for time in times(source) {
-            let exact = truth::model_from_joint(skeleton, &truth::pose(source, skeleton, time));
-            for (way, (_, clips)) in ways.iter().enumerate() {
+            let exact = reference::model_from_joint(skeleton, &reference::pose(source, skeleton, time));
+            for (method, (_, clips)) in methods.iter().enumerate() {
                 let got = sampled(&clips[index].0, skeleton, time);
                 for (joint, (got, exact)) in got.iter().zip(&exact).enumerate() {
                     let error = (Vec3::from(got.translation).as_dvec3() - exact.translation).length() * 1e3;
-                    if errors[way].add(error) {
+                    if errors[method].add(error) {
                         let name = skeleton.names().get(joint).map_or("", String::as_str);
-                        places[way] = format!("{name}, \"{}\" at {:.3} s", source.name, time.as_secs());
+                        places[method] = format!("{name}, \"{}\" at {:.3} s", source.name, time.as_secs());
                     }
                 }
             }
         }
     }
-    let mut cases: Vec<Case> = ways.iter().map(|(_, clips)| timed(clips)).collect();
+    let mut cases: Vec<Case> = methods.iter().map(|(_, clips)| timed(clips)).collect();
     let nanos = interleaved(Clock::Thread, budget_secs, &mut cases);
     drop(cases);
     for (((name, clips), error), (place, nanos)) in
-        ways.iter().zip(&errors).zip(places.into_iter().zip(nanos))
+        methods.iter().zip(&errors).zip(places.into_iter().zip(nanos))
     {
         let bytes: usize = clips.iter().map(|(clip, _)| clip.stored_bytes()).sum();
         let row = Row::new(name.clone())

@@ -3,8 +3,8 @@
 use super::{Limits, MeasuredScene, SceneChoices, pick};
 use crate::blend::{add_errors, exact};
 use crate::plots::{Choice, Row};
+use crate::reference::Spread;
 use crate::timing::{Case, Clock, interleaved};
-use crate::truth::Spread;
 use choreo_motion::{BlendOnto, LocalToModel, Pose, RotationBlend, Sample, Skeleton, Time};
 use choreo_stage::Cue;
 use glam::Affine3A;
@@ -14,7 +14,7 @@ const MOST_FADES: usize = 16;
 const WEIGHTS: [f32; 5] = [0.1, 0.25, 0.4, 0.7, 0.9];
 const LIMITS: Limits = Limits { rounding: 0.01, seen: 1.0, words: "1 mm" };
 /// Methods; each blends eight joints at once.
-const WAYS: [(&str, RotationBlend); 3] = [
+const METHODS: [(&str, RotationBlend); 3] = [
     ("nlerp", RotationBlend::Nlerp),
     (NOW, RotationBlend::CorrectedNlerp),
     ("slerp, power series", RotationBlend::Slerp),
@@ -77,10 +77,10 @@ pub fn crossfade(fades: &[Fade], budget_secs: f64) -> Choice {
         "joints in model space against f64 slerp of the same two poses, at five weights".into();
     let joints = fades.iter().map(|f| f.skeleton.len()).sum::<usize>() / fades.len().max(1);
     choice.per = format!("blend of {joints} joints");
-    let names = WAYS.map(|way| way.0);
-    let blend = |way: usize, fade: &Fade, weight: f32, out: &mut Pose| {
+    let names = METHODS.map(|method| method.0);
+    let blend = |method: usize, fade: &Fade, weight: f32, out: &mut Pose| {
         out.copy_from(&fade.from);
-        BlendOnto { pose: out, to: &fade.to, weight, mask: None }.run_as(WAYS[way].1);
+        BlendOnto { pose: out, to: &fade.to, weight, mask: None }.run_as(METHODS[method].1);
     };
     let mut errors = vec![Spread::default(); names.len()];
     let mut places = vec![String::new(); names.len()];
@@ -89,11 +89,11 @@ pub fn crossfade(fades: &[Fade], budget_secs: f64) -> Choice {
         let mut matrices = vec![Affine3A::IDENTITY; fade.skeleton.len()];
         for weight in WEIGHTS {
             let truth = exact(&fade.skeleton, &fade.from, &fade.to, f64::from(weight));
-            for way in 0..names.len() {
-                blend(way, fade, weight, &mut out);
+            for method in 0..names.len() {
+                blend(method, fade, weight, &mut out);
                 LocalToModel { skeleton: &fade.skeleton, pose: &out, model_from_joint: &mut matrices }.run();
-                if let Some(joint) = add_errors(&mut errors[way], &matrices, &truth) {
-                    places[way] =
+                if let Some(joint) = add_errors(&mut errors[method], &matrices, &truth) {
+                    places[method] =
                         format!("{}, {}, weight {weight}", fade.skeleton.names()[joint], fade.place);
                 }
             }
@@ -103,10 +103,10 @@ pub fn crossfade(fades: &[Fade], budget_secs: f64) -> Choice {
     let mut cases: Vec<Case> = outs
         .iter_mut()
         .enumerate()
-        .map(|(way, out)| {
+        .map(|(method, out)| {
             Case::new(WEIGHTS.len(), move || {
                 for weight in WEIGHTS {
-                    blend(way, &fades[0], weight, out);
+                    blend(method, &fades[0], weight, out);
                     std::hint::black_box(&out);
                 }
             })

@@ -3,8 +3,8 @@
 use super::{MeasuredScene, SceneChoices};
 use crate::moment::Moment;
 use crate::plots::{Choice, Row};
+use crate::reference::Spread;
 use crate::timing::{Case, Clock, interleaved};
-use crate::truth::Spread;
 use choreo_asset::Image;
 use choreo_render::scene_resources::mipmap::{levels_below, linear_to_srgb8, srgb_to_linear_table};
 
@@ -12,7 +12,7 @@ use choreo_render::scene_resources::mipmap::{levels_below, linear_to_srgb8, srgb
 const MOST_SIDE: u32 = 512;
 
 /// Names of the methods; the program uses the first.
-const WAYS: [&str; 3] = ["linear light, unrounded levels", "linear light, rounded levels", "sRGB codes"];
+const METHODS: [&str; 3] = ["linear light, unrounded levels", "linear light, rounded levels", "sRGB codes"];
 
 pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
     let textures = moment.resources.textures.iter().filter(|t| t.srgb && t.mipmaps);
@@ -41,47 +41,47 @@ pub fn mips(image: &Image, budget_secs: f64) -> Choice {
     choice.reference =
         "the mean in linear light, in f64, of all image pixels that a texel covers, at all levels".into();
     choice.per = "pixel of the image".into();
-    let made: Vec<Vec<Level>> = (0..WAYS.len()).map(|way| levels(image, way)).collect();
-    let mut errors = vec![Spread::default(); WAYS.len()];
-    let mut places = vec![String::new(); WAYS.len()];
+    let made: Vec<Vec<Level>> = (0..METHODS.len()).map(|method| levels(image, method)).collect();
+    let mut errors = vec![Spread::default(); METHODS.len()];
+    let mut places = vec![String::new(); METHODS.len()];
     let depth = made.iter().map(Vec::len).min().unwrap_or(0);
     for level in 0..depth {
         let (width, height, _) = made[0][level];
         let exact = exact_level(image, width, height);
-        for (way, levels) in made.iter().enumerate() {
+        for (method, levels) in made.iter().enumerate() {
             for (i, exact) in exact.iter().enumerate() {
                 let got = &levels[level].2[i * 4..i * 4 + 3];
                 let error = got.iter().zip(exact).map(|(g, e)| (f64::from(*g) - e).abs()).fold(0.0, f64::max);
-                if errors[way].add(error) {
-                    places[way] = format!("level {} of \"{}\"", level + 1, image.name);
+                if errors[method].add(error) {
+                    places[method] = format!("level {} of \"{}\"", level + 1, image.name);
                 }
             }
         }
     }
     let pixels = (image.width * image.height) as usize;
-    let case = |way: usize| Case::new(pixels, move || drop(std::hint::black_box(levels(image, way))));
-    let mut cases: Vec<Case> = (0..WAYS.len()).map(case).collect();
+    let case = |method: usize| Case::new(pixels, move || drop(std::hint::black_box(levels(image, method))));
+    let mut cases: Vec<Case> = (0..METHODS.len()).map(case).collect();
     // The first method uses all threads.
     let nanos = interleaved(Clock::Process, budget_secs, &mut cases);
     drop(cases);
-    for (((name, error), place), nanos) in WAYS.iter().zip(&errors).zip(places).zip(nanos) {
+    for (((name, error), place), nanos) in METHODS.iter().zip(&errors).zip(places).zip(nanos) {
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).at(place).nanos(nanos));
     }
-    choice.choose(WAYS[0], "exact up to the final rounding; mipmaps are made only once");
+    choice.choose(METHODS[0], "exact up to the final rounding; mipmaps are made only once");
     choice
 }
 
 type Level = (u32, u32, Vec<u8>);
 
-fn levels(image: &Image, way: usize) -> Vec<Level> {
-    if way == 0 {
+fn levels(image: &Image, method: usize) -> Vec<Level> {
+    if method == 0 {
         return levels_below(image, true).into_iter().map(|l| (l.width, l.height, l.rgba)).collect();
     }
     let mut levels: Vec<Level> = Vec::new();
     let (mut width, mut height) = (image.width, image.height);
     let mut above = image.rgba.clone();
     while width > 1 || height > 1 {
-        let next = halved(&above, width, height, way == 1);
+        let next = halved(&above, width, height, method == 1);
         (width, height) = ((width / 2).max(1), (height / 2).max(1));
         above.clone_from(&next);
         levels.push((width, height, next));

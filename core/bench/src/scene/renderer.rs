@@ -71,7 +71,7 @@ pub fn choices(scene: &mut MeasuredScene, moment: &Moment) -> Result<SceneChoice
     let wanted = scene.stage.settings.samples.unwrap_or(4);
     choice.rows = rows.iter().zip(nanos).map(|((_, row), nanos)| row.clone().nanos(nanos)).collect();
     let kinds: Vec<DeviceKind> = scene.renderers.iter().map(|r| r.device().kind).collect();
-    let (taken, reason) = taken(&kinds, scene.asks_for_vulkan);
+    let (taken, reason) = default_renderer(&kinds, scene.asks_for_vulkan);
     // There are two rows per renderer.
     let of_taken = |samples: u32| (2 * taken..2 * taken + 2).find(|i| rows[*i].0 == samples);
     if let (Some(chosen), Some(one), Some(four)) = (of_taken(wanted), of_taken(1), of_taken(4)) {
@@ -90,7 +90,7 @@ pub fn choices(scene: &mut MeasuredScene, moment: &Moment) -> Result<SceneChoice
 }
 
 /// The renderer that the program would use, and why. A Vulkan driver that draws on the CPU is used only if it was requested (decision 30).
-fn taken(kinds: &[DeviceKind], asks_for_vulkan: bool) -> (usize, &'static str) {
+fn default_renderer(kinds: &[DeviceKind], asks_for_vulkan: bool) -> (usize, &'static str) {
     let of = |kind: DeviceKind| kinds.iter().position(|k| *k == kind);
     match (of(DeviceKind::VulkanGpu), of(DeviceKind::VulkanCpu)) {
         (Some(gpu), _) => (gpu, "on the GPU"),
@@ -122,8 +122,8 @@ mod tests {
     #[test]
     fn a_driver_that_draws_on_the_cpu_is_taken_only_where_it_is_asked_for() {
         use DeviceKind::{CpuReference, VulkanCpu, VulkanGpu};
-        assert_eq!(taken(&[CpuReference], false).0, 0);
-        assert_eq!([false, true].map(|asks| taken(&[CpuReference, VulkanCpu], asks).0), [0, 1]);
-        assert_eq!([false, true].map(|asks| taken(&[CpuReference, VulkanGpu], asks).0), [1, 1]);
+        assert_eq!(default_renderer(&[CpuReference], false).0, 0);
+        assert_eq!([false, true].map(|asks| default_renderer(&[CpuReference, VulkanCpu], asks).0), [0, 1]);
+        assert_eq!([false, true].map(|asks| default_renderer(&[CpuReference, VulkanGpu], asks).0), [1, 1]);
     }
 }

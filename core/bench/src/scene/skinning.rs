@@ -4,9 +4,9 @@ use super::vertices::model_from_mesh;
 use super::{MeasuredScene, SceneChoices};
 use crate::moment::Moment;
 use crate::plots::{Choice, Row, quantity};
-use crate::skins::{self, Parted};
+use crate::reference::Spread;
+use crate::skins::{self, PolarParts};
 use crate::timing::{Case, Clock, interleaved};
-use crate::truth::Spread;
 use choreo_asset::Primitive;
 use choreo_motion::{
     DualQuaternion, DualQuaternionSkinning, LinearSkinning, Skinning, StretchedDualQuaternion, stretch_matrix,
@@ -42,13 +42,13 @@ pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
     let mut places = [String::new(), String::new()];
     for p in &posed {
         let [mean, linear, dual] = p.exact();
-        for (way, how) in [Skinning::Linear, Skinning::DualQuaternion].into_iter().enumerate() {
-            let formula = if way == 0 { &linear } else { &dual };
+        for (method, how) in [Skinning::Linear, Skinning::DualQuaternion].into_iter().enumerate() {
+            let formula = if method == 0 { &linear } else { &dual };
             for (v, skinned) in p.skinned(how).iter().enumerate() {
                 let off = |exact: &[DVec3]| (skinned.as_dvec3() - exact[v]).length() * 1e3;
-                rounding[way].add(off(formula));
-                if errors[way].add(off(&mean)) {
-                    places[way] = format!("{}, vertex {v}", p.place);
+                rounding[method].add(off(formula));
+                if errors[method].add(off(&mean)) {
+                    places[method] = format!("{}, vertex {v}", p.place);
                 }
             }
         }
@@ -59,9 +59,9 @@ pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
     };
     let mut cases = [timed(Skinning::Linear), timed(Skinning::DualQuaternion)];
     let nanos = interleaved(Clock::Thread, scene.budget_secs, &mut cases);
-    for (way, (error, place)) in errors.iter().zip(places).enumerate() {
-        let note = format!("{} mm off the same formula in f64", quantity(rounding[way].worst));
-        let row = Row::new(NAMES[way]).error(error.worst, error.mean()).nanos(nanos[way]).at(place);
+    for (method, (error, place)) in errors.iter().zip(places).enumerate() {
+        let note = format!("{} mm off the same formula in f64", quantity(rounding[method].worst));
+        let row = Row::new(NAMES[method]).error(error.worst, error.mean()).nanos(nanos[method]).at(place);
         choice.rows.push(row.note(note));
     }
     let dual = scene.stage.actors.iter().any(|a| a.skinning == Skinning::DualQuaternion);
@@ -121,7 +121,7 @@ impl Posed<'_> {
     /// Exact positions in model space: by the mean motion, by linear blend skinning, and by dual quaternions.
     fn exact(&self) -> [Vec<DVec3>; 3] {
         let p = self.primitive;
-        let parts: Vec<Parted> = self.maps.iter().map(Parted::of).collect();
+        let parts: Vec<PolarParts> = self.maps.iter().map(PolarParts::of).collect();
         let mut out = [Vec::new(), Vec::new(), Vec::new()];
         let all = p.joint_indices.chunks(p.influences).zip(p.joint_weights.chunks(p.influences));
         for (position, (joints, weights)) in p.positions.iter().zip(all) {

@@ -2,8 +2,8 @@
 
 use super::{MeasuredScene, SceneChoices};
 use crate::plots::{Choice, Row};
+use crate::reference::Spread;
 use crate::timing::{Case, Clock, interleaved};
-use crate::truth::Spread;
 use choreo_asset::Panorama;
 use choreo_render::sky::harmonics::harmonics;
 use choreo_render::sky::octahedral::OctahedralMap;
@@ -34,10 +34,10 @@ fn directions(count: u32) -> Vec<DVec3> {
 /// Reference reflections: (direction, roughness, mean light of the GGX lobe around the direction, weighted with the cosine), for N = V, in
 /// f64, by 2^14 points of each lobe.
 fn lobes(sky: &Panorama) -> Vec<(DVec3, f64, DVec3)> {
-    let ways = directions(40);
+    let normals = directions(40);
     let mut all = Vec::new();
     for roughness in [0.05, 0.15, 0.3, 0.5, 0.7, 0.9, 1.0] {
-        for &n in &ways {
+        for &n in &normals {
             let across = n.any_orthonormal_vector();
             let along = n.cross(across);
             let a2 = f64::powi(roughness, 4);
@@ -75,7 +75,7 @@ pub fn mirrored(sky: &Panorama, budget_secs: f64) -> Choice {
     let truth = lobes(sky);
     let mean =
         truth.iter().map(|(.., light)| light.dot(DVec3::splat(1.0 / 3.0))).sum::<f64>() / truth.len() as f64;
-    let ways = [
+    let methods = [
         (64, 4, 16),
         (64, 6, 32),
         (128, 6, 16),
@@ -87,12 +87,12 @@ pub fn mirrored(sky: &Panorama, budget_secs: f64) -> Choice {
         (512, 8, 64),
     ];
     let mut cases: Vec<Case> = Vec::new();
-    for (size, levels, samples) in ways {
+    for (size, levels, samples) in methods {
         let options = SkyOptions { size, levels, samples, ..SkyOptions::default() };
         let maps = SkyMaps::new(sky, &options);
         let mut error = Spread::default();
-        for (way, roughness, light) in &truth {
-            let got = maps.specular(way.as_vec3(), *roughness as f32).as_dvec3();
+        for (direction, roughness, light) in &truth {
+            let got = maps.specular(direction.as_vec3(), *roughness as f32).as_dvec3();
             error.add((got - *light).abs().dot(DVec3::splat(1.0 / 3.0)) / mean);
         }
         let bytes = (maps.texels.len() * 8) as f64;
@@ -121,10 +121,14 @@ pub fn diffuse(sky: &Panorama, budget_secs: f64) -> Choice {
     choice.per = "lookup".into();
     let map = base(sky, 256);
     let h = harmonics(&map);
-    let lights: Vec<(DVec3, DVec3)> =
-        directions(32_768).into_iter().map(|way| (way, radiance(sky, way.as_vec3()).as_dvec3())).collect();
+    let lights: Vec<(DVec3, DVec3)> = directions(32_768)
+        .into_iter()
+        .map(|direction| (direction, radiance(sky, direction.as_vec3()).as_dvec3()))
+        .collect();
     let irradiance = |n: DVec3| -> DVec3 {
-        let sum = lights.iter().fold(DVec3::ZERO, |sum, (way, light)| sum + *light * way.dot(n).max(0.0));
+        let sum = lights
+            .iter()
+            .fold(DVec3::ZERO, |sum, (direction, light)| sum + *light * direction.dot(n).max(0.0));
         sum * 4.0 / lights.len() as f64
     };
     let truth: Vec<(DVec3, DVec3)> = directions(200).into_iter().map(|n| (n, irradiance(n))).collect();
@@ -141,7 +145,7 @@ pub fn diffuse(sky: &Panorama, budget_secs: f64) -> Choice {
         move |n: Vec3| map.sample(n)
     };
     type Lookup = Box<dyn Fn(Vec3) -> Vec3>;
-    let ways: [(&str, f64, Lookup); 6] = [
+    let methods: [(&str, f64, Lookup); 6] = [
         ("constant in all directions", 12.0, Box::new(to_order(1))),
         ("harmonics to order 1", 48.0, Box::new(to_order(2))),
         ("harmonics to order 2", 108.0, Box::new(to_order(3))),
@@ -150,7 +154,7 @@ pub fn diffuse(sky: &Panorama, budget_secs: f64) -> Choice {
         ("a map of 32 texels a side", 8.0 * 1156.0, Box::new(of_map(32))),
     ];
     let mut cases: Vec<Case> = Vec::new();
-    for (name, bytes, lookup) in &ways {
+    for (name, bytes, lookup) in &methods {
         let mut error = Spread::default();
         for (n, light) in &truth {
             error.add((lookup(n.as_vec3()).as_dvec3() - *light).abs().dot(DVec3::splat(1.0 / 3.0)) / mean);

@@ -3,8 +3,8 @@
 use super::{Limits, MeasuredScene, SceneChoices, pick};
 use crate::error::BenchError;
 use crate::plots::{Choice, Row};
+use crate::reference::Spread;
 use crate::timing::{Case, Clock, interleaved};
-use crate::truth::Spread;
 use choreo_motion::Time;
 use choreo_motion::ik::Solver;
 use choreo_stage::{Actor, ConstraintKind, Evaluator, ReachConstraint, Snapshot, SolverSettings, Stage};
@@ -35,14 +35,15 @@ pub fn springs(scene: &MeasuredScene) -> Result<SceneChoices, BenchError> {
     let ours = scene.stage.solvers;
     let with = |spring_rate: i64| SolverSettings { spring_rate, ..ours };
     let name = |rate: i64| format!("{rate} steps a second");
-    let ways: Vec<(String, SolverSettings)> = RATES.iter().map(|rate| (name(*rate), with(*rate))).collect();
+    let methods: Vec<(String, SolverSettings)> =
+        RATES.iter().map(|rate| (name(*rate), with(*rate))).collect();
     let mut choice = Choice::new("springs", "How many steps a second do springs take?");
     choice.reference =
         format!("{EXACT_RATE} steps a second; all joints with springs, positions in world space");
     let until = scene.at.min(Time::from_secs(MOST_SECS)).max(Time::from_secs(0.5));
     choice.per = format!("{:.2} s of the scene, all its poses", until.as_secs() / MOMENTS as f64);
     let window = (Time(until.0 / MOMENTS), until);
-    fill(&mut choice, scene, &ways, with(EXACT_RATE), &joints, window)?;
+    fill(&mut choice, scene, &methods, with(EXACT_RATE), &joints, window)?;
     choice.choose(&name(ours.spring_rate), "the rate at which other programs tune spring parameters");
     Ok(SceneChoices::Choices(vec![choice]))
 }
@@ -60,7 +61,7 @@ pub fn chains(scene: &MeasuredScene) -> Result<SceneChoices, BenchError> {
         chain_iterations,
         ..ours
     };
-    let ways: Vec<(String, SolverSettings)> = SOLVERS
+    let methods: Vec<(String, SolverSettings)> = SOLVERS
         .iter()
         .flat_map(|(solver, name)| ITERATIONS.map(|n| (format!("{name}, {n} iterations"), with(*solver, n))))
         .collect();
@@ -70,7 +71,7 @@ pub fn chains(scene: &MeasuredScene) -> Result<SceneChoices, BenchError> {
     choice.per = "frame, all its poses".into();
     let exact = SolverSettings { chain_tolerance: 1e-9, ..with(Solver::LeastSquares, 1000) };
     let last = Time((scene.stage.settings.length.0 - 1).max(0));
-    fill(&mut choice, scene, &ways, exact, &joints, (Time::ZERO, last))?;
+    fill(&mut choice, scene, &methods, exact, &joints, (Time::ZERO, last))?;
     pick(&mut choice, &LIMITS);
     Ok(SceneChoices::Choices(vec![choice]))
 }
@@ -92,11 +93,12 @@ fn joints_of(stage: &Stage, of: impl Fn(&Actor) -> Vec<u32>) -> Joints {
     actors.flat_map(|(index, actor)| of(actor).into_iter().map(move |joint| (index, joint))).collect()
 }
 
-/// Adds a row for each of `ways`: the distance of the joints from their places with the exact settings, and the time that the poses take.
+/// Adds a row for each of `methods`: the distance of the joints from their places with the exact settings, and the time that the poses
+/// take.
 fn fill(
     choice: &mut Choice,
     scene: &MeasuredScene,
-    ways: &[(String, SolverSettings)],
+    methods: &[(String, SolverSettings)],
     exact: SolverSettings,
     joints: &Joints,
     (first, last): (Time, Time),
@@ -105,8 +107,8 @@ fn fill(
     let stage_with = |solvers: SolverSettings| Arc::new(Stage { solvers, ..(**scene.stage).clone() });
     let times: Vec<Time> = (0..MOMENTS).map(|i| first + Time((last - first).0 / (MOMENTS - 1) * i)).collect();
     let truth = places(&stage_with(exact), &times, joints)?;
-    let stages: Vec<Arc<Stage>> = ways.iter().map(|(_, solvers)| stage_with(*solvers)).collect();
-    for ((name, _), stage) in ways.iter().zip(&stages) {
+    let stages: Vec<Arc<Stage>> = methods.iter().map(|(_, solvers)| stage_with(*solvers)).collect();
+    for ((name, _), stage) in methods.iter().zip(&stages) {
         let (mut error, mut place) = (Spread::default(), String::new());
         for (i, (got, exact)) in places(stage, &times, joints)?.iter().zip(&truth).enumerate() {
             if error.add((*got - *exact).length() * 1e3) {

@@ -93,7 +93,7 @@ struct Reference {
 }
 
 /// One stage, ready to be drawn.
-struct Drawn<'a> {
+struct StageRender<'a> {
     evaluator: Evaluator,
     moment: &'a Moment,
     at: Time,
@@ -101,7 +101,7 @@ struct Drawn<'a> {
     all_sub_frames: bool,
 }
 
-impl Drawn<'_> {
+impl StageRender<'_> {
     fn draw(&mut self, renderer: &mut CpuRenderer, size: [u32; 2]) -> Result<Frame, BenchError> {
         let options = PlanOptions {
             effects: &self.moment.effects,
@@ -126,7 +126,7 @@ fn rows(
     let smaller = (1..=64).find(|n| (width / n) * (height / n) <= MOST_PIXELS).unwrap_or(64);
     let size = [width / smaller, height / smaller].map(|n| n.max(16));
     let samples = scene.stage.settings.samples.unwrap_or(4);
-    let drawn = |stage: &Stage, samples: u32, all_sub_frames: bool| Drawn {
+    let drawn = |stage: &Stage, samples: u32, all_sub_frames: bool| StageRender {
         evaluator: Evaluator::new(Arc::new(stage.clone())),
         moment,
         at: scene.at,
@@ -143,7 +143,7 @@ fn rows(
     choice.by_mean = true;
     choice.reference += &format!(", at {}×{}; mean over all channels of all pixels", size[0], size[1]);
     choice.per = format!("image by the CPU renderer, {}", Clock::Process.words());
-    let mut all: Vec<Drawn> =
+    let mut all: Vec<StageRender> =
         variants.iter().map(|variant| drawn(&variant.stage, samples, variant.all_sub_frames)).collect();
     let mut rows = Vec::new();
     for (variant, drawn) in variants.iter().zip(&mut all) {

@@ -3,7 +3,7 @@
 use super::{MeasuredScene, SceneChoices};
 use crate::moment::Moment;
 use crate::plots::{Choice, Row};
-use crate::truth::Spread;
+use crate::reference::Spread;
 use crate::vertex::{NORMALS, WEIGHTS, degrees_between};
 use choreo_asset::{Asset, Skin};
 use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
@@ -39,9 +39,9 @@ fn normals(assets: &[(&Arc<Asset>, usize)]) -> Option<Choice> {
             let count: usize = mesh.primitives.iter().map(|p| p.normals.len()).sum();
             let step = count.div_ceil(MOST_VERTICES).max(1);
             for normal in mesh.primitives.iter().flat_map(|p| &p.normals).step_by(step) {
-                for (way, (_, _, pack)) in NORMALS.iter().enumerate() {
-                    if errors[way].add(degrees_between(*normal, pack(*normal))) {
-                        places[way] = format!("{}, mesh \"{}\"", asset.name, mesh.name);
+                for (method, (_, _, pack)) in NORMALS.iter().enumerate() {
+                    if errors[method].add(degrees_between(*normal, pack(*normal))) {
+                        places[method] = format!("{}, mesh \"{}\"", asset.name, mesh.name);
                     }
                 }
             }
@@ -92,9 +92,9 @@ fn weights(assets: &[(&Arc<Asset>, usize)], moment: &Moment) -> Option<Choice> {
                         each.sum()
                     };
                     let exact = place(given);
-                    for (way, (_, _, pack)) in WEIGHTS.iter().enumerate() {
-                        if errors[way].add((place(&pack(given)) - exact).length() * 1e3) {
-                            places[way] = format!("{}, mesh \"{}\", vertex {v}", asset.name, mesh.name);
+                    for (method, (_, _, pack)) in WEIGHTS.iter().enumerate() {
+                        if errors[method].add((place(&pack(given)) - exact).length() * 1e3) {
+                            places[method] = format!("{}, mesh \"{}\", vertex {v}", asset.name, mesh.name);
                         }
                     }
                 }

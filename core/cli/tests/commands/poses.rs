@@ -21,13 +21,13 @@ const CASES: &[(&str, &str, f64)] = &[
 /// Largest difference, as a share of the model's size: f32 through a dozen joints.
 const ALLOWED: f64 = 1e-6;
 
-struct Told {
+struct PoseOutput {
     joints: Vec<DVec3>,
     vertices: Vec<DVec3>,
 }
 
 /// The output of the program, and the file that it writes.
-fn told(file: &str, clip: &str, at: f64) -> Told {
+fn pose_output(file: &str, clip: &str, at: f64) -> PoseOutput {
     let folder = tempfile::tempdir().unwrap();
     let file = assets().unwrap().join("gltf").join(file);
     let args = ["pose", file.to_str().unwrap(), "--clip", clip, "--json", "--mesh", "posed.obj", "--at"];
@@ -45,12 +45,12 @@ fn told(file: &str, clip: &str, at: f64) -> Told {
         let n: Vec<f64> = l.strip_prefix("v ")?.split(' ').map(|n| n.parse().unwrap()).collect();
         Some(DVec3::from_slice(&n))
     };
-    Told { joints, vertices: obj.lines().filter_map(vertex).collect() }
+    PoseOutput { joints, vertices: obj.lines().filter_map(vertex).collect() }
 }
 
 /// Worst distances of joints and of vertices, of the model's size. Joints are the scene's nodes, parents first; vertices
 /// come instance by instance.
-fn worst(told: &Told, oracle: &Oracle, clip: &str, at: f64) -> (f64, f64) {
+fn worst_distances(output: &PoseOutput, oracle: &Oracle, clip: &str, at: f64) -> (f64, f64) {
     let names = oracle::list(&oracle.json, "animations");
     let clip = names.iter().position(|a| a["name"] == clip).unwrap();
     let (world, weights) = oracle.pose(Some(clip), at);
@@ -69,24 +69,24 @@ fn worst(told: &Told, oracle: &Oracle, clip: &str, at: f64) -> (f64, f64) {
         assert_eq!(a.len(), b.len());
         a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / (high - low).length()
     };
-    (apart(&told.joints, &joints), apart(&told.vertices, &vertices))
+    (apart(&output.joints, &joints), apart(&output.vertices, &vertices))
 }
 
 #[test]
 fn joints_and_meshes_are_where_the_specification_puts_them() {
     let Some(folder) = assets() else { return };
     for (file, clip, at) in CASES {
-        let told = told(file, clip, *at);
+        let output = pose_output(file, clip, *at);
         let mut oracle = Oracle::open(&folder.join("gltf").join(file));
-        let (joints, vertices) = worst(&told, &oracle, clip, *at);
+        let (joints, vertices) = worst_distances(&output, &oracle, clip, *at);
         println!(
             "{file} {clip} {at} s: joints {joints:.1e}, {} vertices {vertices:.1e}",
-            told.vertices.len()
+            output.vertices.len()
         );
         assert!(joints < ALLOWED && vertices < ALLOWED, "{file}: joints {joints:e}, vertices {vertices:e}");
         // A fiftieth of a second late is seen.
         oracle.fault = Some(Fault::Late { secs: 0.02 });
-        let (joints, vertices) = worst(&told, &oracle, clip, *at);
+        let (joints, vertices) = worst_distances(&output, &oracle, clip, *at);
         assert!(joints.max(vertices) > 100.0 * ALLOWED, "{file}: a late pose passes");
     }
 }

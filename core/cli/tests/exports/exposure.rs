@@ -14,13 +14,13 @@ use std::sync::Arc;
 const SIDE: u32 = 32;
 
 /// Draws scripts by the CPU and, where there is some, by Vulkan.
-struct Drawn {
+struct Renderers {
     registry: choreo_plugin::Registry,
     renderers: Vec<(Box<dyn Renderer>, &'static str)>,
 }
 
-impl Drawn {
-    fn new() -> Drawn {
+impl Renderers {
+    fn new() -> Renderers {
         let registry = choreo::registry();
         let effects = registry.effects().to_vec();
         let mut renderers: Vec<(Box<dyn Renderer>, &str)> =
@@ -32,7 +32,7 @@ impl Drawn {
             }
             Err(e) => panic!("{e}"),
         }
-        Drawn { registry, renderers }
+        Renderers { registry, renderers }
     }
 
     /// The frame of a script with a file `lamp.gltf` beside it, by each renderer.
@@ -81,7 +81,7 @@ fn hue(c: [u8; 3]) -> f64 {
 
 #[test]
 fn grey_and_white_under_default_lights() {
-    let mut drawn = Drawn::new();
+    let mut drawn = Renderers::new();
     for lights in ["sun();", "", "point();", "spot();", "sun(#{ shadow: true });"] {
         for (frame, name) in drawn.frames(&floor("", "#808080", lights), "") {
             let grey = middle(&frame);
@@ -116,7 +116,7 @@ fn grey_and_white_under_default_lights() {
 
 #[test]
 fn raw_values_and_stops() {
-    let mut drawn = Drawn::new();
+    let mut drawn = Renderers::new();
     let mut shown = |stage: &str, color: &str| -> Vec<[u8; 3]> {
         drawn.frames(&floor(stage, color, "sun();"), "").iter().map(|(frame, _)| middle(frame)).collect()
     };
@@ -156,7 +156,7 @@ fn lamp(light: &str, at: [f64; 3]) -> String {
 
 #[test]
 fn a_light_of_a_file_shines_as_the_same_light_of_a_script() {
-    let mut drawn = Drawn::new();
+    let mut drawn = Renderers::new();
     let (inner, outer) = (20.0_f64, 40.0_f64);
     let spot = format!(
         "\"type\": \"spot\", \"intensity\": 37.0, \"spot\": {{ \"innerConeAngle\": {}, \"outerConeAngle\": {} }}",

@@ -55,7 +55,7 @@ const FLAT: f64 = 0.01;
 
 /// Millimetres of a leg of a metre.
 #[derive(Default)]
-struct Seen {
+struct HipErrors {
     /// Most that the hips' height, less the source's times the scale, changes in a frame.
     step: f64,
     /// Most that this change itself changes from one frame to the next, and when.
@@ -80,7 +80,7 @@ fn largest_jolt(heights: &[f64]) -> (f64, usize) {
     all.map(jolt).fold((0.0, 0), |most, next| if next.0 > most.0 { next } else { most })
 }
 
-fn watch(from: &Sampled, clip: &Clip, to: &Sampled) -> Option<Seen> {
+fn watch(from: &Sampled, clip: &Clip, to: &Sampled) -> Option<HipErrors> {
     let (source, target) = (&from.asset.skeleton, &to.asset.skeleton);
     let retarget = Retarget::new(source, target, RetargetOptions::default());
     if !retarget.is_humanoid() {
@@ -99,7 +99,8 @@ fn watch(from: &Sampled, clip: &Clip, to: &Sampled) -> Option<Seen> {
         let [own, theirs] = [0, 1].map(|i| humans[i].joint(n));
         own.is_some() && theirs.is_some_and(|toe| retarget.map().source(toe) == own)
     });
-    let mut seen = Seen { stands: report.rests_standing && report.target_stands, ..Seen::default() };
+    let mut seen =
+        HipErrors { stands: report.rests_standing && report.target_stands, ..HipErrors::default() };
     let (mut own, mut theirs, mut feet) = (Vec::new(), Vec::new(), Vec::new());
     for i in 0..=(clip.duration.as_secs() * RATE) as i64 {
         let time = Time::from_secs(i as f64 / RATE);

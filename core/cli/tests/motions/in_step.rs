@@ -41,7 +41,7 @@ const PAIRS: [(&str, f64, &str, &str, f64); 10] = [
 /// A foot counts as planted after this time, in 240ths of a second.
 const SHORTEST: u32 = 12;
 
-struct Seen {
+struct StepErrors {
     /// Farthest that a planted foot went, metres of the world, and how often one was planted.
     moved: f64,
     stands: usize,
@@ -50,9 +50,15 @@ struct Seen {
 }
 
 /// `planted`: by leg and time, whether it should be.
-fn watch(stage: &Stage, legs: &[Leg], from: f64, to: f64, planted: &dyn Fn(usize, Time) -> bool) -> Seen {
+fn watch(
+    stage: &Stage,
+    legs: &[Leg],
+    from: f64,
+    to: f64,
+    planted: &dyn Fn(usize, Time) -> bool,
+) -> StepErrors {
     let mut eyes = Evaluator::new(Arc::new(stage.clone()));
-    let mut seen = Seen { moved: 0.0, stands: 0, step: 0.0 };
+    let mut errors = StepErrors { moved: 0.0, stands: 0, step: 0.0 };
     // Where, how long ago in looks, how far since.
     let mut begun: Vec<Option<(DVec3, u32, f64)>> = vec![None; legs.len()];
     let mut before: Vec<Option<DVec3>> = vec![None; legs.len()];
@@ -64,7 +70,7 @@ fn watch(stage: &Stage, legs: &[Leg], from: f64, to: f64, planted: &dyn Fn(usize
         for (index, leg) in legs.iter().enumerate() {
             let m = state.model_from_joint[leg.toe.unwrap_or(leg.foot) as usize];
             let now = state.world_from_model.transform_point3(glam::Vec3::from(m.translation).as_dvec3());
-            seen.step = seen.step.max(before[index].map_or(0.0, |b| (now - b).length()));
+            errors.step = errors.step.max(before[index].map_or(0.0, |b| (now - b).length()));
             before[index] = Some(now);
             if !planted(index, time) {
                 begun[index] = None;
@@ -75,12 +81,12 @@ fn watch(stage: &Stage, legs: &[Leg], from: f64, to: f64, planted: &dyn Fn(usize
             *moved = moved.max((now - *first).length());
             // A touch of less than a twentieth of a second is no stand.
             if *looks > SHORTEST {
-                seen.stands += usize::from(*looks == SHORTEST + 1);
-                seen.moved = seen.moved.max(*moved);
+                errors.stands += usize::from(*looks == SHORTEST + 1);
+                errors.moved = errors.moved.max(*moved);
             }
         }
     }
-    seen
+    errors
 }
 
 #[test]

@@ -211,7 +211,7 @@ pub(crate) struct RenderArgs {
     pub discard: bool,
     /// The command that resumes this render, for messages
     #[arg(skip)]
-    pub again: String,
+    pub resume_command: String,
     /// Draw the affected frames again after every save and rewrite the output, until Ctrl-C
     #[arg(long, conflicts_with = "resume")]
     pub watch: bool,

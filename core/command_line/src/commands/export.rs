@@ -145,7 +145,7 @@ struct OpenFile {
 
 impl OpenFile {
     fn create(path: &Path, inputs: &Inputs, budget: &Budget) -> Result<OpenFile, Failure> {
-        inputs.refuse(path)?;
+        inputs.check_output(path)?;
         let shown = path.display().to_string();
         let part = PartFile::create(path).map_err(|e| write_failure(&shown, e))?;
         let writer = part.writer().map_err(|e| output_error(&shown, &e))?;

@@ -37,7 +37,7 @@ pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Fa
     let exporter = target.exporter(plugins)?;
     let limits = values::limits(&args.limit)?;
     let Gathered { segments, damaged, sources, info, files } =
-        waited(args, &target, exporter.as_ref(), software)?;
+        gather_with_wait(args, &target, exporter.as_ref(), software)?;
     let inputs = Inputs::new(files.iter().cloned());
     let joining = Joining {
         target: &target,
@@ -87,20 +87,20 @@ struct Gathered {
 }
 
 /// Reason why a film cannot be made.
-enum Lack {
+enum GatherError {
     /// Frames are missing or damaged: on a shared file system they may still arrive.
     Missing(Failure),
     Failure(Failure),
 }
 
-impl From<Failure> for Lack {
-    fn from(failure: Failure) -> Lack {
-        Lack::Failure(failure)
+impl From<Failure> for GatherError {
+    fn from(failure: Failure) -> GatherError {
+        GatherError::Failure(failure)
     }
 }
 
 /// Gathers the film from its segments, and waits up to `--wait` seconds for missing frames, measured by this process alone.
-fn waited(
+fn gather_with_wait(
     args: &JoinArgs,
     target: &Target,
     exporter: &dyn Exporter,
@@ -110,13 +110,13 @@ fn waited(
     loop {
         let seen = lengths(&args.segments);
         let mut damaged = Vec::new();
-        let lack = match gathered(args, target, exporter, software, &mut damaged) {
-            Err(Lack::Missing(lack)) if start.elapsed() < patience => lack,
+        let lack = match gather(args, target, exporter, software, &mut damaged) {
+            Err(GatherError::Missing(lack)) if start.elapsed() < patience => lack,
             result => {
                 // Printed even with --quiet: a machine or a disk may be failing.
                 damaged.iter().for_each(|what| print_message(format_args!("warning: {what}")));
                 return result.map(|gathered| Gathered { damaged, ..gathered }).map_err(|lack| match lack {
-                    Lack::Missing(failure) | Lack::Failure(failure) => failure,
+                    GatherError::Missing(failure) | GatherError::Failure(failure) => failure,
                 });
             }
         };
@@ -138,15 +138,15 @@ fn lengths(given: &[PathBuf]) -> Vec<(PathBuf, u64)> {
         .collect()
 }
 
-fn gathered(
+fn gather(
     args: &JoinArgs,
     target: &Target,
     exporter: &dyn Exporter,
     software: &str,
     damaged: &mut Vec<String>,
-) -> Result<Gathered, Lack> {
-    let files = files(&args.segments).map_err(Lack::Missing)?;
-    let segments = opened(&files, args.quiet, damaged).map_err(Lack::Missing)?;
+) -> Result<Gathered, GatherError> {
+    let files = files(&args.segments).map_err(GatherError::Missing)?;
+    let segments = open_segments(&files, args.quiet, damaged).map_err(GatherError::Missing)?;
     let film = same_film(&segments, damaged, exporter, software)?;
     let options = export::options(&film.film.options, exporter.manifest())?;
     let info = film.film.info(options);
@@ -160,8 +160,8 @@ fn gathered(
     }
     let piece = exporter.piece(&info).or(exporter.one_frame_per_file().then_some(std::num::NonZeroU64::MIN));
     let sources = cover(&segments, piece).map_err(|gap| match gap {
-        Gap::Missing(_) => Lack::Missing(gap_failure(gap, &segments, damaged, target)),
-        _ => Lack::Failure(gap_failure(gap, &segments, damaged, target)),
+        Gap::Missing(_) => GatherError::Missing(gap_failure(gap, &segments, damaged, target)),
+        _ => GatherError::Failure(gap_failure(gap, &segments, damaged, target)),
     })?;
     Ok(Gathered { segments, damaged: Vec::new(), sources, info, files })
 }
@@ -189,7 +189,7 @@ fn files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 }
 
 /// Opens the segments. Descriptions of damage, each with the segment's name, are added to `damaged`.
-fn opened(files: &[PathBuf], quiet: bool, damaged: &mut Vec<String>) -> Result<Vec<Segment>, Failure> {
+fn open_segments(files: &[PathBuf], quiet: bool, damaged: &mut Vec<String>) -> Result<Vec<Segment>, Failure> {
     let progress = Progress::new(files.len() as u64, quiet);
     let mut segments = Vec::new();
     for file in files {
@@ -299,7 +299,7 @@ impl Joining<'_> {
     /// Writes the film to one file.
     fn film(&self) -> Result<JoinedFrames, Failure> {
         let path = self.target.file(0);
-        self.inputs.refuse(&path)?;
+        self.inputs.check_output(&path)?;
         let shown = path.display().to_string();
         let failed = |e: std::io::Error| output_error(&shown, &e);
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -343,7 +343,7 @@ impl Joining<'_> {
     fn images(&self) -> Result<JoinedFrames, Failure> {
         let last = i64::try_from(self.info.frames).unwrap_or(i64::MAX) - 1;
         let names = (0..=last).map(|number| self.target.file(number));
-        names.clone().try_for_each(|name| self.inputs.refuse(&name))?;
+        names.clone().try_for_each(|name| self.inputs.check_output(&name))?;
         self.target.prepare()?;
         let _claim = Claim::take(self.target, 0, last)?;
         for (&(segment, place), name) in self.sources.iter().zip(names) {

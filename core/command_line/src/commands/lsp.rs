@@ -37,7 +37,8 @@ impl Host for Program {
     /// Settings that `choreo check SCRIPT` would use.
     fn project(&self, script: &Path) -> Result<Project, HostError> {
         let words = [OsString::from(self.app.name), "check".into(), script.into()];
-        let words = project_file::extended(&words, &self.app).map_err(|e| HostError(in_words(&e)))?;
+        let words =
+            project_file::with_project_options(&words, &self.app).map_err(|e| HostError(in_words(&e)))?;
         let cli = Cli::try_parse_from(words).map_err(|e| HostError(e.to_string()))?;
         let Command::Check(args) = cli.command else {
             return Err(HostError("choreo.toml names another command".into()));
@@ -50,7 +51,7 @@ impl Host for Program {
 
     fn survey(&self, stage: &Arc<Stage>, places: &Places, project: &Project) -> Vec<Diagnostic> {
         let registry = project.registry.settled();
-        let (problems, on_stage) = check::look(stage, &registry, places, &project.limits, &|| true);
+        let (problems, on_stage) = check::check_stage(stage, &registry, places, &project.limits, &|| true);
         problems.into_iter().map(Diagnostic::from).chain(places.findings(&on_stage)).collect()
     }
 

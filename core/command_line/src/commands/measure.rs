@@ -24,7 +24,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     let size = args.size.as_deref().map(values::size).transpose()?;
     let registry = scene::plugins(&args.scene, plugins)?;
     let scene = scene::open(&args.scene, &registry, Opening::TO_DRAW)?;
-    args.plot.as_deref().map_or(Ok(()), |path| scene.inputs.refuse(path))?;
+    args.plot.as_deref().map_or(Ok(()), |path| scene.inputs.check_output(path))?;
     let (stage, registry) = (&scene.stage, &scene.registry);
     let mut renderers: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(registry.effects()))];
     let mut note = None;

@@ -50,7 +50,7 @@ pub(crate) fn write_open(
     prove: impl FnOnce(Unpacked) -> Result<(), Failure>,
 ) -> Result<Packed, Failure> {
     let shown = args.output.display().to_string();
-    scene.inputs.refuse(&args.output)?;
+    scene.inputs.check_output(&args.output)?;
     let failed = |e: std::io::Error| output_error(&shown, &e);
     if is_folder(&args.output) {
         // The folder appears complete: it is made under a temporary name beside its place.

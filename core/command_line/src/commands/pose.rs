@@ -22,13 +22,13 @@ pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
         return Err(Failure::Usage(format!("--mesh {}: write a name that ends in .obj", path.display())));
     }
     let registry = scene::plugins(&args.scene, plugins)?;
-    let scene = scene::open(&args.scene, &registry, Opening::TO_TELL)?;
+    let scene = scene::open(&args.scene, &registry, Opening::TO_INSPECT)?;
     let snapshot = Evaluator::new(scene.stage.clone())
         .posing_hidden()
         .at(at)
         .map_err(|e| Failure::input(e.to_string()))?;
     if let Some(path) = &args.mesh {
-        scene.inputs.refuse(path)?;
+        scene.inputs.check_output(path)?;
         let shown = path.display().to_string();
         let failed = |e| write_failure(&shown, e);
         let part = PartFile::create(path).map_err(failed)?;

@@ -46,7 +46,7 @@ pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failu
     match status.code() {
         Some(0) => Ok(()),
         // The viewer has printed the reason.
-        Some(code) => Err(Failure::Told(u8::try_from(code).unwrap_or(1))),
+        Some(code) => Err(Failure::AlreadyReported(u8::try_from(code).unwrap_or(1))),
         None => Err(Failure::Device("the viewer was ended by a signal".into())),
     }
 }

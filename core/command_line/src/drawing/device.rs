@@ -16,7 +16,7 @@ use std::thread::JoinHandle;
 
 /// The requested device.
 #[derive(Clone, Debug)]
-pub struct Wanted {
+pub struct DeviceRequest {
     pub device: Device,
     /// Part of the name of the Vulkan device.
     pub gpu: Option<String>,
@@ -26,13 +26,13 @@ pub struct Wanted {
     pub anisotropy: Option<u8>,
 }
 
-impl From<Device> for Wanted {
-    fn from(device: Device) -> Wanted {
-        Wanted { device, gpu: None, timings: false, anisotropy: None }
+impl From<Device> for DeviceRequest {
+    fn from(device: Device) -> DeviceRequest {
+        DeviceRequest { device, gpu: None, timings: false, anisotropy: None }
     }
 }
 
-pub struct Started {
+pub struct StartedRenderer {
     pub renderer: Box<dyn Renderer>,
     /// The device's time, if it was requested and the device has a clock.
     pub time: Option<Arc<DeviceTime>>,
@@ -45,39 +45,39 @@ pub struct Started {
 }
 
 /// A renderer that is being started.
-pub(crate) enum Starting {
-    OnThread(JoinHandle<Result<Started, Failure>>),
-    /// No thread could be started: the caller of [`Starting::wait`] starts the renderer.
-    WhenWaitedFor(Wanted, Vec<Effect>),
+pub(crate) enum PendingRenderer {
+    OnThread(JoinHandle<Result<StartedRenderer, Failure>>),
+    /// No thread could be started: the caller of [`PendingRenderer::wait`] starts the renderer.
+    OnWait(DeviceRequest, Vec<Effect>),
 }
 
-pub fn start(wanted: impl Into<Wanted>, effects: &[Effect]) -> Starting {
+pub fn start(wanted: impl Into<DeviceRequest>, effects: &[Effect]) -> PendingRenderer {
     let (wanted, effects) = (wanted.into(), effects.to_vec());
     let (its_wanted, its_effects) = (wanted.clone(), effects.clone());
     let thread =
         std::thread::Builder::new().name("device".into()).spawn(move || open(its_wanted, its_effects));
     match thread {
-        Ok(thread) => Starting::OnThread(thread),
-        Err(_) => Starting::WhenWaitedFor(wanted, effects),
+        Ok(thread) => PendingRenderer::OnThread(thread),
+        Err(_) => PendingRenderer::OnWait(wanted, effects),
     }
 }
 
-impl Starting {
-    pub fn wait(self) -> Result<Started, Failure> {
+impl PendingRenderer {
+    pub fn wait(self) -> Result<StartedRenderer, Failure> {
         let failed = |_| Err(Failure::Device("the renderer failed to start".into()));
         match self {
-            Starting::OnThread(thread) => thread.join().unwrap_or_else(failed),
-            Starting::WhenWaitedFor(wanted, effects) => open(wanted, effects),
+            PendingRenderer::OnThread(thread) => thread.join().unwrap_or_else(failed),
+            PendingRenderer::OnWait(wanted, effects) => open(wanted, effects),
         }
     }
 }
 
-fn open(wanted: Wanted, effects: Vec<Effect>) -> Result<Started, Failure> {
+fn open(wanted: DeviceRequest, effects: Vec<Effect>) -> Result<StartedRenderer, Failure> {
     let device = wanted.device;
     let cpu = |note, reason| {
         let renderer = CpuRenderer::new(&effects);
         let stages = wanted.timings.then(|| renderer.stage_times());
-        Ok(Started { renderer: Box::new(renderer), time: None, stages, note, reason })
+        Ok(StartedRenderer { renderer: Box::new(renderer), time: None, stages, note, reason })
     };
     if device == Device::Cpu {
         return cpu(None, None);
@@ -108,7 +108,7 @@ fn open(wanted: Wanted, effects: Vec<Effect>) -> Result<Started, Failure> {
     match RecoveringRenderer::new(options) {
         Ok(renderer) => {
             let reason = found.map(|_| "the fastest Vulkan device".to_string());
-            Ok(Started { renderer: Box::new(renderer), time, stages: None, note: None, reason })
+            Ok(StartedRenderer { renderer: Box::new(renderer), time, stages: None, note: None, reason })
         }
         // A device that is named must be used: there is no fallback to the CPU.
         Err(error) if device == Device::Vulkan || wanted.gpu.is_some() => Err(render_failure(error)),

@@ -15,7 +15,7 @@ const MOST_BYTES: usize = 512 << 20;
 
 /// Clones share one renderer and one memory.
 #[derive(Clone)]
-pub(crate) struct Remembering {
+pub(crate) struct CachingRenderer {
     shared: Arc<Mutex<Shared>>,
     device: DeviceInfo,
 }
@@ -25,50 +25,50 @@ struct Shared {
     resources: Arc<SceneResources>,
     effects: Vec<Effect>,
     /// Whether frames are kept.
-    keeps: bool,
-    frames: BTreeMap<Key, Known>,
+    keeps_frames: bool,
+    frames: BTreeMap<Key, CachedFrame>,
     bytes: usize,
     /// Frames submitted and not yet collected, and whether the renderer draws them.
     queue: VecDeque<(Key, bool)>,
     /// Number of the current render.
-    round: u64,
+    render_number: u64,
     reused: u64,
 }
 
-struct Known {
+struct CachedFrame {
     png: Vec<u8>,
     /// Number of the render that last requested the frame.
-    round: u64,
+    render_number: u64,
 }
 
-impl Remembering {
-    pub fn new(renderer: Box<dyn Renderer>) -> Remembering {
+impl CachingRenderer {
+    pub fn new(renderer: Box<dyn Renderer>) -> CachingRenderer {
         let device = renderer.device().clone();
         let shared = Shared {
             renderer,
             resources: Arc::default(),
             effects: Vec::new(),
-            keeps: true,
+            keeps_frames: true,
             frames: BTreeMap::new(),
             bytes: 0,
             queue: VecDeque::new(),
-            round: 0,
+            render_number: 0,
             reused: 0,
         };
-        Remembering { shared: Arc::new(Mutex::new(shared)), device }
+        CachingRenderer { shared: Arc::new(Mutex::new(shared)), device }
     }
 
     /// Creates a renderer that is shared by renders of different films; their frames are not kept.
-    pub(crate) fn shared_only(renderer: Box<dyn Renderer>) -> Remembering {
-        let shared = Remembering::new(renderer);
-        shared.shared().keeps = false;
+    pub(crate) fn shared_only(renderer: Box<dyn Renderer>) -> CachingRenderer {
+        let shared = CachingRenderer::new(renderer);
+        shared.shared().keeps_frames = false;
         shared
     }
 
     /// Begins a new render: no frame is in flight, and none has been reused.
     pub fn begin(&self) -> Result<(), RenderError> {
         let mut shared = self.shared();
-        shared.round += 1;
+        shared.render_number += 1;
         shared.reused = 0;
         // Discards the frames in flight of a render that failed.
         while let Some((_, drawn)) = shared.queue.pop_front() {
@@ -89,7 +89,7 @@ impl Remembering {
     }
 }
 
-impl Renderer for Remembering {
+impl Renderer for CachingRenderer {
     fn device(&self) -> &DeviceInfo {
         &self.device
     }
@@ -107,7 +107,7 @@ impl Renderer for Remembering {
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
         let mut shared = self.shared();
         // Float frames are too large to be kept.
-        if !shared.keeps || plan.wish != FrameWish::Bytes {
+        if !shared.keeps_frames || plan.wish != FrameWish::Bytes {
             shared.renderer.submit(plan)?;
             shared.queue.push_back((Key::default(), true));
             return Ok(());
@@ -120,9 +120,9 @@ impl Renderer for Remembering {
             shared.renderer.submit(plan)?;
         }
         // Marks the frame as used in this render, so that it is not dropped before it is collected.
-        let round = shared.round;
+        let render_number = shared.render_number;
         if let Some(known) = shared.frames.get_mut(&key) {
-            known.round = round;
+            known.render_number = render_number;
         }
         shared.queue.push_back((key, drawn));
         Ok(())
@@ -135,7 +135,7 @@ impl Renderer for Remembering {
         };
         if drawn {
             let frame = shared.renderer.collect(reuse)?;
-            if shared.keeps {
+            if shared.keeps_frames {
                 shared.keep(key, &frame);
             }
             return Ok(frame);
@@ -178,8 +178,8 @@ impl Shared {
         let Some(png) = write(frame) else { return };
         if self.bytes + png.len() > MOST_BYTES {
             // Frames of earlier versions go first.
-            let round = self.round;
-            self.frames.retain(|_, known| known.round == round);
+            let render_number = self.render_number;
+            self.frames.retain(|_, known| known.render_number == render_number);
             self.bytes = self.frames.values().map(|known| known.png.len()).sum();
         }
         // The frames of this render will be drawn again in the same order: the first ones are kept, and the rest is drawn each time. Frames
@@ -187,7 +187,7 @@ impl Shared {
         let waited_for = self.queue.iter().any(|(k, _)| *k == key);
         if self.bytes + png.len() <= MOST_BYTES || waited_for {
             self.bytes += png.len();
-            self.frames.insert(key, Known { png, round: self.round });
+            self.frames.insert(key, CachedFrame { png, render_number: self.render_number });
         }
     }
 }

@@ -266,7 +266,7 @@ impl Finished {
 
 /// A frame in flight: number and time, the pixel format that the renderer draws, and its layers. Without layers it repeats the previous
 /// frame.
-type Flying = ((i64, Time), Option<FrameWish>, Option<Layers>);
+type QueuedFrame = ((i64, Time), Option<FrameWish>, Option<Layers>);
 
 fn draw(
     shared: &Shared,
@@ -275,7 +275,7 @@ fn draw(
     to: SyncSender<DrawnFrame>,
 ) {
     let depth = renderer.frames_in_flight().max(1);
-    let mut flying: VecDeque<Flying> = VecDeque::with_capacity(depth);
+    let mut flying: VecDeque<QueuedFrame> = VecDeque::with_capacity(depth);
     let mut finished = Finished::default();
     let mut more = true;
     while !shared.stopped() && (more || !flying.is_empty()) {

@@ -20,7 +20,7 @@ impl Budget {
 
     /// Wraps a writer, so that its bytes are counted.
     pub fn count(&self, inner: Box<dyn Write + Send>) -> Box<dyn Write + Send> {
-        Box::new(Counted { budget: self.clone(), inner })
+        Box::new(CountedWriter { budget: self.clone(), inner })
     }
 }
 
@@ -36,7 +36,7 @@ impl Budgeted {
     }
 }
 
-type Begun = Result<Box<dyn FrameSink>, ExportError>;
+type BeginResult = Result<Box<dyn FrameSink>, ExportError>;
 
 impl Exporter for Budgeted {
     fn manifest(&self) -> &Manifest {
@@ -54,7 +54,7 @@ impl Exporter for Budgeted {
     fn head_comes_last(&self) -> bool {
         self.inner.head_comes_last()
     }
-    fn begin(&self, info: &VideoInfo, out: Box<dyn Write + Send>) -> Begun {
+    fn begin(&self, info: &VideoInfo, out: Box<dyn Write + Send>) -> BeginResult {
         self.inner.begin(info, self.budget.count(out))
     }
     fn with_provenance(
@@ -74,17 +74,17 @@ impl Exporter for Budgeted {
         states: &[Vec<u8>],
         so_far: &mut dyn Read,
         out: Box<dyn Write + Send>,
-    ) -> Begun {
+    ) -> BeginResult {
         self.inner.resume(info, states, so_far, self.budget.count(out))
     }
 }
 
-struct Counted {
+struct CountedWriter {
     budget: Budget,
     inner: Box<dyn Write + Send>,
 }
 
-impl Write for Counted {
+impl Write for CountedWriter {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         let before = self.budget.written.fetch_add(bytes.len() as u64, Ordering::Relaxed);
         if before.saturating_add(bytes.len() as u64) > self.budget.limit {

@@ -35,7 +35,7 @@ pub(crate) fn write(
         };
     }
     let made = Arc::new(Mutex::new(Some(Vec::new())));
-    let both = |out| -> Box<dyn Write + Send> { Box::new(Both { out, made: made.clone() }) };
+    let both = |out| -> Box<dyn Write + Send> { Box::new(TeeWriter { out, made: made.clone() }) };
     write_through(&place, part, exporter, &info, &picture.pixels, both)?;
     *file = made.lock().unwrap_or_else(PoisonError::into_inner).take();
     Ok(())
@@ -45,12 +45,12 @@ pub(crate) fn write(
 const MOST_KEPT: usize = 32 << 20;
 
 /// Writes to a file and keeps a copy of the bytes for a frame with the same pixels; `None` once there are too many.
-struct Both {
+struct TeeWriter {
     out: Box<dyn Write + Send>,
     made: Arc<Mutex<Option<Vec<u8>>>>,
 }
 
-impl Write for Both {
+impl Write for TeeWriter {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         let written = self.out.write(bytes)?;
         let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
@@ -96,7 +96,7 @@ fn write_through(
 }
 
 /// Frames that no complete file holds yet. A complete image with another provenance is an error, because it would be replaced.
-pub fn missing(
+pub fn missing_frames(
     target: &Target,
     info: &VideoInfo,
     frames: &[(i64, Time)],

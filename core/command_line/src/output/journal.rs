@@ -15,11 +15,11 @@ pub struct Record {
     pub body: u64,
     /// CRC-32 of the bytes added to the body since the previous record.
     pub crc: u32,
-    pub kept: Kept,
+    pub kept: KeptFrame,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Kept {
+pub enum KeptFrame {
     /// State of the exporter, from `Mark::Settled`.
     Settled(Vec<u8>),
     /// Frame that the encoder still holds (`Mark::Open`): place of its bytes in the file `frames`.
@@ -40,11 +40,11 @@ impl Record {
         let mut bytes = self.body.to_le_bytes().to_vec();
         bytes.extend(self.crc.to_le_bytes());
         match &self.kept {
-            Kept::Settled(state) => {
+            KeptFrame::Settled(state) => {
                 bytes.push(b'S');
                 bytes.extend(state);
             }
-            Kept::Open(span) => {
+            KeptFrame::Open(span) => {
                 bytes.push(b'O');
                 bytes.extend(span.at.to_le_bytes());
                 for number in [span.length, span.crc].iter().chain(&span.parts) {
@@ -60,13 +60,13 @@ impl Record {
         let (crc, rest) = rest.split_first_chunk::<4>()?;
         let (kind, rest) = rest.split_first()?;
         let kept = match kind {
-            b'S' => Kept::Settled(rest.to_vec()),
+            b'S' => KeptFrame::Settled(rest.to_vec()),
             b'O' => {
                 let (at, rest) = rest.split_first_chunk::<8>()?;
                 let numbers: &[u8; 20] = rest.try_into().ok()?;
                 let mut numbers = numbers.as_chunks::<4>().0.iter().map(|n| u32::from_le_bytes(*n));
                 let mut next = || numbers.next();
-                Kept::Open(Span {
+                KeptFrame::Open(Span {
                     at: u64::from_le_bytes(*at),
                     length: next()?,
                     crc: next()?,
@@ -141,7 +141,7 @@ impl Journal {
                 _ => break,
             }
             at = record.body;
-            if matches!(record.kept, Kept::Settled(_)) {
+            if matches!(record.kept, KeptFrame::Settled(_)) {
                 settled = i + 1;
             }
         }
@@ -260,9 +260,9 @@ mod tests {
         let identity = vec![("a".to_string(), "b".to_string()), (String::new(), "ü\n".to_string())];
         let span = Span { at: 7, length: 9, crc: 11, parts: [1, 2, 3] };
         let records = vec![
-            Record { body: 10, crc: 1, kept: Kept::Settled(vec![]) },
-            Record { body: 20, crc: 2, kept: Kept::Open(span) },
-            Record { body: 1 << 40, crc: 3, kept: Kept::Settled((0..200).collect()) },
+            Record { body: 10, crc: 1, kept: KeptFrame::Settled(vec![]) },
+            Record { body: 20, crc: 2, kept: KeptFrame::Open(span) },
+            Record { body: 1 << 40, crc: 3, kept: KeptFrame::Settled((0..200).collect()) },
         ];
         let mut bytes = head(&identity);
         records.iter().for_each(|r| append(&mut bytes, r).unwrap());

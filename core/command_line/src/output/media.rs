@@ -147,8 +147,8 @@ fn read_y4m(bytes: &[u8]) -> Media {
 
 fn read_mp4(bytes: &[u8]) -> Media {
     let mut media = Media { format: "MP4 video", ..Media::default() };
-    let Some(moov) = inner(bytes, b"moov") else { return media };
-    let tkhd = inner(moov, b"trak").and_then(|t| inner(t, b"tkhd"));
+    let Some(moov) = first_box(bytes, b"moov") else { return media };
+    let tkhd = first_box(moov, b"trak").and_then(|t| first_box(t, b"tkhd"));
     if let Some(tkhd) = tkhd
         && tkhd.len() >= 8
     {
@@ -156,9 +156,13 @@ fn read_mp4(bytes: &[u8]) -> Media {
         media.width = be32(tkhd, tkhd.len() - 8).unwrap_or(0) >> 16;
         media.height = be32(tkhd, tkhd.len() - 4).unwrap_or(0) >> 16;
     }
-    let ilst = inner(moov, b"udta").and_then(|u| inner(u, b"meta")).and_then(|m| inner(m.get(4..)?, b"ilst"));
-    let data =
-        ilst.and_then(|l| inner(l, b"\xa9cmt")).and_then(|c| inner(c, b"data")).and_then(|d| d.get(8..));
+    let ilst = first_box(moov, b"udta")
+        .and_then(|u| first_box(u, b"meta"))
+        .and_then(|m| first_box(m.get(4..)?, b"ilst"));
+    let data = ilst
+        .and_then(|l| first_box(l, b"\xa9cmt"))
+        .and_then(|c| first_box(c, b"data"))
+        .and_then(|d| d.get(8..));
     media.provenance = comment(data.unwrap_or_default());
     media
 }
@@ -256,7 +260,7 @@ fn whole_exr(bytes: &[u8]) -> Option<Media> {
 }
 
 /// The content of the first box of a kind.
-fn inner<'a>(mut rest: &'a [u8], kind: &[u8; 4]) -> Option<&'a [u8]> {
+fn first_box<'a>(mut rest: &'a [u8], kind: &[u8; 4]) -> Option<&'a [u8]> {
     loop {
         let size = be32(rest, 0)? as usize;
         let content = rest.get(8..size)?;

@@ -20,6 +20,6 @@ pub fn check(path: Option<&Path>) -> Result<(), Failure> {
 
 /// Writes a plot. `inputs`: files of the scene, which must not be replaced.
 pub fn write(path: &Path, svg: &str, inputs: &Inputs) -> Result<(), Failure> {
-    inputs.refuse(path)?;
+    inputs.check_output(path)?;
     write_whole(path, svg.as_bytes()).map_err(|e| write_failure(&path.display().to_string(), e))
 }

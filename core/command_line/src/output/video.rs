@@ -3,7 +3,7 @@
 use crate::args::RenderArgs;
 use crate::drawing::pipeline::Pixels;
 use crate::failure::{Failure, output_error, write_failure};
-use crate::output::journal::{self, Changes, Identity, Journal, Kept, Record, Span};
+use crate::output::journal::{self, Changes, Identity, Journal, KeptFrame, Record, Span};
 use crate::output::provenance;
 use crate::output::target::export_failure;
 use crate::process::{interrupt, kept_frames, machine};
@@ -34,7 +34,7 @@ enum End {
 
 /// Finished work of an earlier render, for the user.
 #[derive(Default)]
-pub struct Begun {
+pub struct ResumedWork {
     /// Frames that are finished, from the first on.
     pub done: usize,
     pub note: Option<String>,
@@ -67,7 +67,7 @@ struct Policy {
     resume: bool,
     discard: bool,
     /// The command that resumes the render.
-    again: String,
+    resume_command: String,
 }
 
 impl Video {
@@ -88,42 +88,42 @@ impl Video {
         identity: &Identity,
         args: &RenderArgs,
         is_made: impl Fn() -> bool,
-    ) -> Result<(Option<Video>, Begun), Failure> {
+    ) -> Result<(Option<Video>, ResumedWork), Failure> {
         let shown = path.display().to_string();
         let (parent, name) = match Destination::of(path).map_err(|e| write_failure(&shown, e))? {
             Destination::File { folder, name } => (folder, name),
             Destination::Direct(to) => {
-                return Video::direct(shown, to, exporter, info).map(|v| (Some(v), Begun::default()));
+                return Video::direct(shown, to, exporter, info).map(|v| (Some(v), ResumedWork::default()));
             }
         };
         let part = open_part(&parent, &name, args).map_err(|e| write_failure(&shown, e))?;
         if args.resume && is_made() {
             part.remove_other_part_folders();
-            return Ok((None, Begun::default()));
+            return Ok((None, ResumedWork::default()));
         }
         let mut folder = Folder::new(part, path, args);
         if args.resume {
             folder.copy_of_others(identity).map_err(|e| write_failure(&shown, e))?;
         }
         let Some(mut found) = finished_in(folder.part.lock_file()) else {
-            return Ok((Some(folder.begin(exporter, info, identity)?), Begun::default()));
+            return Ok((Some(folder.begin(exporter, info, identity)?), ResumedWork::default()));
         };
         folder.done = found.records.len();
         folder.part.keep(true);
         if !args.resume {
-            let note = folder.thrown_away(&found.identity, identity, args)?;
+            let note = folder.check_discard(&found.identity, identity, args)?;
             let video = folder.begin(exporter, info, identity)?;
-            return Ok((Some(video), Begun { note, ..Begun::default() }));
+            return Ok((Some(video), ResumedWork { note, ..ResumedWork::default() }));
         }
         provenance::same(&shown, &folder.part.path(), &found.identity, identity)?;
         folder.part.check_lock().map_err(|e| write_failure(&shown, e))?;
         found.records.truncate(info.frames as usize);
         if found.records.len() as u64 == info.frames && folder.is_in_place(&found) {
             folder.part.keep(false);
-            return Ok((None, Begun { done: found.records.len(), note: None }));
+            return Ok((None, ResumedWork { done: found.records.len(), note: None }));
         }
         let (video, done) = folder.resume(&found, exporter, info, identity)?;
-        Ok((Some(video), Begun { done, note: None }))
+        Ok((Some(video), ResumedWork { done, note: None }))
     }
 
     /// Begins a video whose output is a pipe or device, which is written directly.
@@ -157,7 +157,7 @@ impl Video {
             End::Nothing => Ok(()),
             End::Copy { mut body, to } => {
                 body.seek(SeekFrom::Start(0))?;
-                Ok(joined(&head, &mut body, to)?)
+                Ok(write_head_and_body(&head, &mut body, to)?)
             }
             End::Folder(folder) => folder.finish(&head),
         });
@@ -165,7 +165,7 @@ impl Video {
     }
 
     /// Ends the video after a failure. Keeps the part folder for `--resume` if it has finished frames and they are wanted.
-    pub fn leave(self, keep: bool) {
+    pub fn end_after_failure(self, keep: bool) {
         let End::Folder(mut folder) = self.end else { return };
         let wanted = folder.policy.resume || keep && !folder.policy.discard;
         if folder.done == 0 || !wanted {
@@ -204,7 +204,7 @@ fn finished_in(journal: impl Read) -> Option<Journal> {
     journal::read(BufReader::new(journal)).filter(|found| !found.records.is_empty())
 }
 
-fn joined(head: &[u8], body: &mut File, mut to: File) -> io::Result<()> {
+fn write_head_and_body(head: &[u8], body: &mut File, mut to: File) -> io::Result<()> {
     to.write_all(head)?;
     io::copy(body, &mut to)?;
     to.flush()
@@ -221,7 +221,11 @@ impl Folder {
             changes: Changes::default(),
             scratch: Vec::new(),
             done: 0,
-            policy: Policy { resume: args.resume, discard: args.discard, again: args.again.clone() },
+            policy: Policy {
+                resume: args.resume,
+                discard: args.discard,
+                resume_command: args.resume_command.clone(),
+            },
         }
     }
 
@@ -255,7 +259,7 @@ impl Folder {
     /// Message about finished frames that are deleted because the render starts again. Without `--resume` and `--discard` it refuses to
     /// delete frames that this very render could use. Frames of other renders are deleted: after an edit of the script the user wants to
     /// see the new result.
-    fn thrown_away(
+    fn check_discard(
         &self,
         was: &Identity,
         is: &Identity,
@@ -303,7 +307,7 @@ impl Folder {
     /// Whether the result was already renamed into place: the body is gone, and the file in place has its bytes.
     fn is_in_place(&self, found: &Journal) -> bool {
         let Some((last, _)) = found.records.last() else { return false };
-        let settled = matches!(last.kept, Kept::Settled(_));
+        let settled = matches!(last.kept, KeptFrame::Settled(_));
         settled
             && matches!(self.part.reopen("body"), Ok(None))
             && choreo_files::open_file(&self.place)
@@ -329,8 +333,8 @@ impl Folder {
         self.frames = self.part.reopen("frames").map_err(not_written)?;
         let settled = found.settled(&mut file);
         let states = found.records[..settled].iter().filter_map(|(record, _)| match &record.kept {
-            Kept::Settled(state) => Some(state.clone()),
-            Kept::Open(_) => None,
+            KeptFrame::Settled(state) => Some(state.clone()),
+            KeptFrame::Open(_) => None,
         });
         let states: Vec<Vec<u8>> = states.collect();
         let length = settled.checked_sub(1).map_or(0, |i| found.records[i].0.body);
@@ -347,7 +351,7 @@ impl Folder {
         file.seek(SeekFrom::Start(length)).map_err(failed)?;
         out.lock().length = length;
         let mut done = settled;
-        while let Some((Record { kept: Kept::Open(span), .. }, _)) = found.records.get(done) {
+        while let Some((Record { kept: KeptFrame::Open(span), .. }, _)) = found.records.get(done) {
             let Some(kept) = self.kept_frame(span, info) else { break };
             sink.again(kept).map_err(export_failed)?;
             self.frames_end = span.at + u64::from(span.length);
@@ -389,9 +393,9 @@ impl Folder {
             Mark::Settled(state) => {
                 self.changes.restart();
                 self.frames_end = 0;
-                Kept::Settled(state)
+                KeptFrame::Settled(state)
             }
-            Mark::Open(parts) => Kept::Open(self.keep_frame(&parts)?),
+            Mark::Open(parts) => KeptFrame::Open(self.keep_frame(&parts)?),
         };
         let (body, crc) = body.measured()?;
         journal::append(&mut self.part.lock_file(), &Record { body, crc, kept })?;
@@ -404,7 +408,7 @@ impl Folder {
         self.done = frames;
         if !self.policy.discard {
             self.part.keep(true);
-            kept_frames::set(frames, self.part.path(), self.policy.again.clone());
+            kept_frames::set(frames, self.part.path(), self.policy.resume_command.clone());
         }
     }
 
@@ -433,7 +437,7 @@ impl Folder {
             self.part.finish("body")?;
         } else {
             let mut body = self.part.reopen("body")?.ok_or(io::Error::from(io::ErrorKind::NotFound))?;
-            joined(head, &mut body, self.part.create("result")?)?;
+            write_head_and_body(head, &mut body, self.part.create("result")?)?;
             self.part.finish("result")?;
         }
         self.part.remove_other_part_folders();

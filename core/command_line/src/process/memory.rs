@@ -35,7 +35,7 @@ pub fn guard(limit: u64) {
 }
 
 /// Ends the watch until the next [`guard`].
-pub fn rest() {
+pub fn stop_guard() {
     AWAKE.store(false, Ordering::SeqCst);
 }
 

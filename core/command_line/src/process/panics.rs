@@ -19,7 +19,7 @@ pub fn install() {
     let before = wanted.then(take_hook);
     set_hook(Box::new(move |panic| {
         if panic.payload_as_str() != Some(CONSEQUENCE) {
-            *LATEST.lock().unwrap_or_else(PoisonError::into_inner) = Some(described(panic));
+            *LATEST.lock().unwrap_or_else(PoisonError::into_inner) = Some(describe(panic));
         }
         before.iter().for_each(|before| before(panic));
     }));
@@ -46,7 +46,7 @@ pub fn exit_code_of_abort() {
     });
 }
 
-fn described(panic: &PanicHookInfo<'_>) -> String {
+fn describe(panic: &PanicHookInfo<'_>) -> String {
     let text = panic.payload_as_str().unwrap_or("no message");
     match panic.location() {
         Some(at) => format!("{text} ({}:{})", at.file(), at.line()),

@@ -22,11 +22,12 @@ pub fn cores() -> usize {
 /// started later.
 pub fn start(wanted: Option<usize>) -> Result<(), Failure> {
     let wanted = wanted.unwrap_or_else(cores).max(1);
-    let held: Vec<Held> = (0..LATER).map_while(|i| hold(if i == 0 { STACK } else { 2 << 20 })).collect();
+    let held: Vec<HeldThread> =
+        (0..LATER).map_while(|i| hold_thread(if i == 0 { STACK } else { 2 << 20 })).collect();
     let mut workers: Vec<Sender<ThreadBuilder>> = (0..wanted).map_while(|_| worker()).collect();
     let started = held.len() + workers.len();
     // Tested while no other threads start, because they would be refused during the test.
-    let driver: Vec<Held> = (0..cores() + DRIVER).map_while(|_| hold(2 << 20)).collect();
+    let driver: Vec<HeldThread> = (0..cores() + DRIVER).map_while(|_| hold_thread(2 << 20)).collect();
     let _ = THREADS_FOR_A_DRIVER.set(driver.len() == cores() + DRIVER);
     for (end, thread) in held.into_iter().chain(driver) {
         drop(end);
@@ -57,14 +58,14 @@ pub(crate) fn room_for_a_driver() -> bool {
 }
 
 /// Starts a thread that does nothing until the sender is dropped.
-fn hold(stack: usize) -> Option<Held> {
+fn hold_thread(stack: usize) -> Option<HeldThread> {
     let (end, ended): (_, Receiver<()>) = channel();
     let thread =
         std::thread::Builder::new().stack_size(stack).spawn(move || ended.recv().unwrap_or_default());
     thread.ok().map(|thread| (end, thread))
 }
 
-type Held = (Sender<()>, JoinHandle<()>);
+type HeldThread = (Sender<()>, JoinHandle<()>);
 
 /// Starts a thread that becomes one of rayon's when it receives its builder.
 fn worker() -> Option<Sender<ThreadBuilder>> {

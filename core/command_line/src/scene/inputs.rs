@@ -28,8 +28,8 @@ impl Inputs {
 
     /// Refuses an output that is an input, whose temporary file is an input, or whose path leaves the scene's folder through a symbolic
     /// link.
-    pub fn refuse(&self, output: &Path) -> Result<(), Failure> {
-        if let Some(link) = self.folder.as_deref().and_then(|folder| link_out(output, folder)) {
+    pub fn check_output(&self, output: &Path) -> Result<(), Failure> {
+        if let Some(link) = self.folder.as_deref().and_then(|folder| escaping_link(output, folder)) {
             return Err(Failure::Output(format!(
                 "{}: cannot write: {} is a symbolic link that leads out of the scene's folder; remove it, or name the folder it leads to",
                 output.display(),
@@ -52,7 +52,7 @@ impl Inputs {
 }
 
 /// The first symbolic link on the way from the folder to the output that leads out of the folder.
-fn link_out(output: &Path, folder: &Path) -> Option<PathBuf> {
+fn escaping_link(output: &Path, folder: &Path) -> Option<PathBuf> {
     let below = std::path::absolute(output).ok()?;
     let below = below.parent()?.strip_prefix(folder).ok()?.to_path_buf();
     let mut place = folder.to_path_buf();

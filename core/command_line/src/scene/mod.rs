@@ -105,7 +105,7 @@ fn open_script(
         played_clips_only: opening.keep.is_none(),
         ..ScriptOptions::default()
     };
-    let bar = Bar::over(&options.imports, opening.quiet);
+    let bar = Bar::for_imports(&options.imports, opening.quiet);
     let (script, touched) = run_file_touching(&args.input, registry, &options);
     drop(bar);
     let inputs = Inputs::new(touched.read.keys().cloned()).in_folder_of(&args.input);

@@ -126,7 +126,7 @@ pub fn import(
         None => loader,
     };
     let loader = Arc::new(loader.watched_by(&imports));
-    let _bar = Bar::over(&imports, opening.quiet);
+    let _bar = Bar::for_imports(&imports, opening.quiet);
     let asset = loader.load(name, choice);
     let touched = Touched::by(&loader);
     if let Some(keep) = opening.keep {

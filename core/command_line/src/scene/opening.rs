@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 pub struct Opening<'a> {
     pub needs: ImportScope,
     pub quiet: bool,
-    pub keep: Option<&'a Keep>,
+    pub keep: Option<&'a ReopenState>,
     /// A folder around the script; the script may read everything in it.
     pub root: Option<&'a Path>,
 }
@@ -23,18 +23,18 @@ impl Opening<'_> {
     pub(crate) const TO_EXPORT: Opening<'static> =
         Opening { needs: ImportScope::WITH_IMAGE_FILES, quiet: false, keep: None, root: None };
     /// Images are not decoded.
-    pub(crate) const TO_TELL: Opening<'static> =
+    pub(crate) const TO_INSPECT: Opening<'static> =
         Opening { needs: ImportScope::NO_PIXELS, quiet: false, keep: None, root: None };
 }
 
 /// State kept between openings of the same input: the assets, and the files that the last opening read, even if it failed.
 #[derive(Debug, Default)]
-pub struct Keep {
+pub struct ReopenState {
     pub assets: AssetCache,
     touched: Mutex<Touched>,
 }
 
-impl Keep {
+impl ReopenState {
     pub fn touched(&self) -> Touched {
         self.touched.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }

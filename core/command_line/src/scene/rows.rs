@@ -124,7 +124,7 @@ fn of_json(text: &str) -> Result<Vec<Values>, TableError> {
 }
 
 /// Failure of a batch: numbers of the failed rows, and a hint at a likely cause.
-pub(crate) fn failed<'f>(
+pub(crate) fn rows_failure<'f>(
     rows: usize,
     failures: impl Iterator<Item = (usize, &'f Failure)>,
 ) -> Result<(), Failure> {
@@ -151,8 +151,10 @@ pub(crate) fn outputs(rows: &[Row], pattern: &str) -> Result<Vec<String>, Failur
     // Some file systems do not distinguish upper and lower case.
     let mut seen = BTreeMap::new();
     for row in rows {
-        let parts =
-            pattern.split('/').map(|part| filled(part, row, pattern)).collect::<Result<Vec<_>, _>>()?;
+        let parts = pattern
+            .split('/')
+            .map(|part| fill_placeholders(part, row, pattern))
+            .collect::<Result<Vec<_>, _>>()?;
         let output = parts.join("/");
         if let Some(before) = seen.insert(output.to_lowercase(), row.number) {
             return Err(Failure::input(format!(
@@ -166,7 +168,7 @@ pub(crate) fn outputs(rows: &[Row], pattern: &str) -> Result<Vec<String>, Failur
 }
 
 /// Replaces the placeholders in one component of the pattern's path.
-fn filled(part: &str, row: &Row, pattern: &str) -> Result<String, Failure> {
+fn fill_placeholders(part: &str, row: &Row, pattern: &str) -> Result<String, Failure> {
     let (mut filled, mut rest) = (String::new(), part);
     while let Some((before, name, after)) = placeholder(rest) {
         filled += before;

@@ -15,7 +15,7 @@ const EVERY: Duration = Duration::from_millis(100);
 pub struct Bar(Option<(Sender<()>, JoinHandle<()>)>);
 
 impl Bar {
-    pub fn over(imports: &Imports, quiet: bool) -> Bar {
+    pub fn for_imports(imports: &Imports, quiet: bool) -> Bar {
         if quiet || !std::io::stderr().is_terminal() {
             return Bar(None);
         }

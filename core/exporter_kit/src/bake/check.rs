@@ -12,7 +12,7 @@ use choreo_plugin::{ExportDeviation, ExportedScene};
 const MOST_JOINTS: usize = 400_000;
 
 /// Changes of times and numbers by a file format.
-pub struct AsWritten {
+pub struct FileRounding {
     /// Key times as the file holds them, from the start of the export.
     pub times: fn(&[Time], Time) -> Vec<Time>,
     /// Number of a curve as the file holds it.
@@ -20,7 +20,7 @@ pub struct AsWritten {
 }
 
 /// Key times in seconds as f32, numbers as they are.
-pub const SINGLE_SECONDS: AsWritten = AsWritten {
+pub const SINGLE_SECONDS: FileRounding = FileRounding {
     times: |times, start| {
         seconds(times, start).into_iter().map(|secs| Time::from_secs(secs.into())).collect()
     },
@@ -34,7 +34,7 @@ pub const SINGLE_SECONDS: AsWritten = AsWritten {
 pub fn worst(
     scene: &ExportedScene,
     baked: &Baked<'_>,
-    file: &AsWritten,
+    file: &FileRounding,
 ) -> Result<ExportDeviation, StageError> {
     let stage = &scene.stage;
     let joints: usize = stage.actors.iter().map(|a| a.asset.skeleton.len() + 1).sum();
@@ -56,7 +56,7 @@ pub fn worst(
 /// The largest distance of a joint of one actor.
 fn worst_of_actor<'s>(
     (scene, baked, index): (&ExportedScene, &Baked<'_>, usize),
-    file: &AsWritten,
+    file: &FileRounding,
     snapshots: impl Iterator<Item = (Time, &'s Snapshot)>,
 ) -> ExportDeviation {
     let actor = &scene.stage.actors[index];
@@ -87,7 +87,11 @@ fn worst_of_actor<'s>(
 }
 
 /// The rig as a player of the file has it.
-fn written(baked: &Baked<'_>, (actor, index): (&Actor, usize), file: &AsWritten) -> Option<(Skeleton, Clip)> {
+fn written(
+    baked: &Baked<'_>,
+    (actor, index): (&Actor, usize),
+    file: &FileRounding,
+) -> Option<(Skeleton, Clip)> {
     let mut still = baked.still_rig(actor, index);
     let tracks = baked.motions[index].sets.iter().flat_map(|set| &baked.sets[*set].tracks);
     for track in tracks.filter(|track| track.joint > 0) {

@@ -12,7 +12,7 @@ pub mod tracks;
 pub use reduce::Series;
 
 use crate::bake::rig::STRIDE;
-use crate::bake::sample::{Sampled, Sampler};
+use crate::bake::sample::{SampledActor, Sampler};
 use crate::bake::shots::Shot;
 use crate::bake::signals::{CameraPart, Quantity, Signal};
 use crate::bake::tracks::{TrackSet, Values};
@@ -58,9 +58,9 @@ pub enum Style {
 
 /// The part of an actor that must be sampled.
 #[derive(Clone, Copy, PartialEq)]
-enum Need {
+enum SampledPart {
     Nothing,
-    Place,
+    Transform,
     Pose,
 }
 
@@ -87,7 +87,7 @@ pub fn bake<'a>(scene: &'a ExportedScene, tolerance: f64, style: Style) -> Resul
     };
     let needs = take_keys(stage, style, &mut baked);
     // Half of the tolerance is for errors between samples, half for keys that are removed.
-    let signals = signals::of_stage(stage, tolerance as f32 * 0.5, |actor| needs[actor] == Need::Pose);
+    let signals = signals::of_stage(stage, tolerance as f32 * 0.5, |actor| needs[actor] == SampledPart::Pose);
     sample(scene, &needs, signals, (tolerance, style), &mut baked)?;
     shots::place_still(scene, &mut baked)?;
     Ok(baked)
@@ -103,12 +103,12 @@ fn span(scene: &ExportedScene) -> (Time, Time) {
 }
 
 /// Takes the keys of clips that play unchanged. Returns the part of each actor that remains to be sampled.
-fn take_keys<'a>(stage: &'a Stage, style: Style, baked: &mut Baked<'a>) -> Vec<Need> {
+fn take_keys<'a>(stage: &'a Stage, style: Style, baked: &mut Baked<'a>) -> Vec<SampledPart> {
     let mut known: BTreeMap<Vec<u64>, Option<usize>> = BTreeMap::new();
     let mut needs = Vec::with_capacity(stage.actors.len());
     for (index, actor) in stage.actors.iter().enumerate() {
         if !keys::plays_unchanged(stage, actor) {
-            needs.push(Need::Pose);
+            needs.push(SampledPart::Pose);
             continue;
         }
         let (sets, start, end) = (&mut baked.sets, baked.start, baked.end);
@@ -124,9 +124,9 @@ fn take_keys<'a>(stage: &'a Stage, style: Style, baked: &mut Baked<'a>) -> Vec<N
         baked.motions[index].sets.extend(set);
         baked.motions[index].hidden = !baked.first.actors[index].visible;
         needs.push(match (set, stands_still(stage, actor)) {
-            (None, _) => Need::Pose,
-            (_, true) => Need::Nothing,
-            (_, false) => Need::Place,
+            (None, _) => SampledPart::Pose,
+            (_, true) => SampledPart::Nothing,
+            (_, false) => SampledPart::Transform,
         });
     }
     needs
@@ -146,29 +146,29 @@ fn stands_still(stage: &Stage, actor: &Actor) -> bool {
 /// Samples the actors and signals that need it, in parts that fit into memory.
 fn sample(
     scene: &ExportedScene,
-    needs: &[Need],
+    needs: &[SampledPart],
     mut signals: Vec<Signal>,
     (tolerance, style): (f64, Style),
     baked: &mut Baked<'_>,
 ) -> Result<(), StageError> {
     let stage = &scene.stage;
-    let posed: Vec<usize> = (0..needs.len()).filter(|a| needs[*a] == Need::Pose).collect();
+    let posed: Vec<usize> = (0..needs.len()).filter(|a| needs[*a] == SampledPart::Pose).collect();
     let times = sample::first_times(scene, baked.start, baked.end, &posed);
     let most = (MOST_NUMBERS / (4 * times.len())).max(1);
-    let mut left: Vec<usize> = (0..needs.len()).filter(|a| needs[*a] != Need::Nothing).collect();
+    let mut left: Vec<usize> = (0..needs.len()).filter(|a| needs[*a] != SampledPart::Nothing).collect();
     left.reverse();
     while !left.is_empty() || !signals.is_empty() {
-        let mut actors: Vec<Sampled> = Vec::new();
+        let mut actors: Vec<SampledActor> = Vec::new();
         while let Some(actor) = left.last().copied().filter(|_| Sampler::width(&signals, &actors) < most) {
             left.pop();
             let asset = &stage.actors[actor].asset;
-            let pose = needs[actor] == Need::Pose;
+            let pose = needs[actor] == SampledPart::Pose;
             let joints = if pose { asset.skeleton.len() + 1 } else { 1 };
             let offset = Sampler::width(&signals, &actors);
             let bounds = asset.spread(&asset.rest_bounds());
             let reach = bounds.min.abs().max(bounds.max.abs()).length();
             let reach = if reach.is_finite() { reach } else { 1.0 };
-            actors.push(Sampled { actor, pose, offset, joints, reach });
+            actors.push(SampledActor { actor, pose, offset, joints, reach });
         }
         let sampler = Sampler::new(stage, std::mem::take(&mut signals), actors, tolerance as f32 * 0.5);
         let rows = sampler.rows(&times)?;

@@ -1,7 +1,7 @@
 //! Key reduction: rows of samples become curves of a rig, without the keys that follow from the others.
 
 use crate::bake::rig::{self, STRIDE};
-use crate::bake::sample::{Row, Sampled};
+use crate::bake::sample::{Row, SampledActor};
 use crate::bake::signals::Signal;
 use crate::bake::tracks::{Track, TrackSet, Values};
 use choreo_plugin::glam;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 /// Reduced curves of an actor, each with its own key times. `tolerance`: metres in the world.
 pub(crate) fn actor_tracks(
     actor: &Actor,
-    sampled: &Sampled,
+    sampled: &SampledActor,
     rows: &[Row],
     tolerance: f64,
 ) -> TrackSet<'static> {
@@ -36,7 +36,7 @@ pub(crate) fn actor_tracks(
 /// world.
 pub(crate) fn common_tracks(
     actor: &Actor,
-    sampled: &Sampled,
+    sampled: &SampledActor,
     rows: &[Row],
     tolerance: f64,
 ) -> TrackSet<'static> {
@@ -46,13 +46,13 @@ pub(crate) fn common_tracks(
     let mut out = none();
     let kept = match (1..rows.len()).all(|index| row(index) == row(0)) {
         true => vec![0],
-        false => longest_ways(rows.len(), |from, to| {
+        false => reduce_greedy(rows.len(), |from, to| {
             (from + 1..to).all(|between| {
                 let t = rows[between].time.fraction(rows[from].time, rows[to].time);
                 let far = row(between)[..3].iter().fold(0.0f32, |most, v| most.max(v.abs()));
                 let allowed = (tolerance as f32).max(far * 4.0 * f32::EPSILON);
                 let three = [row(from), row(to), row(between)];
-                rig::apart(parents, three, t, sampled.reach, &mut spaces) <= allowed
+                rig::max_distance(parents, three, t, sampled.reach, &mut spaces) <= allowed
             })
         }),
     };
@@ -72,7 +72,7 @@ fn none() -> TrackSet<'static> {
 
 /// The curves of a rig in some rows. Curves whose numbers differ by at most `rounding` are constant and go to `still`.
 fn curves(
-    sampled: &Sampled,
+    sampled: &SampledActor,
     rows: &[&Row],
     rounding: f32,
     still: &mut Vec<(u32, Path, Vec<f32>)>,
@@ -152,7 +152,11 @@ fn subdivided(curve: &Curve, most: f64) -> Curve {
 const MIN_TICKS: i64 = Time::TICKS_PER_SECOND / 1000;
 
 /// The skeleton on which errors are measured; for an actor without pose, a root and one joint as far away as its farthest vertex.
-fn skeleton(actor: &Actor, sampled: &Sampled, world: choreo_plugin::motion::Transform) -> Option<Skeleton> {
+fn skeleton(
+    actor: &Actor,
+    sampled: &SampledActor,
+    world: choreo_plugin::motion::Transform,
+) -> Option<Skeleton> {
     if sampled.pose {
         return rig::skeleton(actor, world);
     }
@@ -213,7 +217,7 @@ impl Series {
 }
 
 /// Indices from the first to the last: from each, the farthest next one that `fits` accepts.
-fn longest_ways(count: usize, mut fits: impl FnMut(usize, usize) -> bool) -> Vec<usize> {
+fn reduce_greedy(count: usize, mut fits: impl FnMut(usize, usize) -> bool) -> Vec<usize> {
     let (mut out, last, mut at) = (vec![0], count.saturating_sub(1), 0);
     while at < last {
         // Galloping search (doubling, then bisection) needs few tests for a long way.
@@ -250,10 +254,10 @@ pub fn series(signal: &Signal, rows: &[&Row]) -> Series {
     let mut fits = |from: usize, to: usize| {
         (from + 1..to).all(|row| {
             let t = rows[row].time.fraction(rows[from].time, rows[to].time);
-            signal.between(value(from), value(to), t, &mut between);
+            signal.interpolate(value(from), value(to), t, &mut between);
             signal.is_near(&between, value(row))
         })
     };
-    longest_ways(rows.len(), &mut fits).into_iter().skip(1).for_each(push);
+    reduce_greedy(rows.len(), &mut fits).into_iter().skip(1).for_each(push);
     out
 }

@@ -76,7 +76,7 @@ fn between(a: &[f32], b: &[f32], t: f32) -> Transform {
 
 /// The largest distance between the row `truth` and the interpolation of the rows `a` and `b` at `t`, in metres: of any joint, or of a
 /// point that turns with it. `reach`: metres to the farthest vertex, for a rig of the actor alone.
-pub fn apart(
+pub fn max_distance(
     parents: &[Option<u32>],
     [a, b, truth]: [&[f32]; 3],
     t: f32,
@@ -119,7 +119,7 @@ pub fn apart(
     worst
 }
 
-/// Buffer of [`apart`].
+/// Buffer of [`max_distance`].
 #[derive(Default)]
 pub struct Spaces(Vec<(Affine3A, Affine3A)>);
 

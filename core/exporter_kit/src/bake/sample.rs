@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 /// An actor whose rig is sampled.
 #[derive(Clone, Copy, Debug)]
-pub struct Sampled {
+pub struct SampledActor {
     pub actor: usize,
     /// The joints are sampled as well, not only the actor's transform.
     pub pose: bool,
@@ -34,7 +34,7 @@ pub struct Sampler<'a> {
     stage: &'a Stage,
     evaluator: Evaluator,
     pub signals: Vec<Signal>,
-    pub actors: Vec<Sampled>,
+    pub actors: Vec<SampledActor>,
     /// Largest error of a joint in the middle between samples, metres.
     tolerance: f32,
 }
@@ -60,10 +60,10 @@ impl<'a> Sampler<'a> {
     pub fn new(
         stage: &'a Arc<Stage>,
         signals: Vec<Signal>,
-        actors: Vec<Sampled>,
+        actors: Vec<SampledActor>,
         tolerance: f32,
     ) -> Sampler<'a> {
-        let evaluator = match without_others(stage, &signals, &actors) {
+        let evaluator = match stage_without_others(stage, &signals, &actors) {
             Some(fewer) => Evaluator::new(Arc::new(fewer)),
             None => Evaluator::new(stage.clone()).posing_hidden(),
         };
@@ -71,7 +71,7 @@ impl<'a> Sampler<'a> {
     }
 
     /// Count of numbers in a row.
-    pub fn width(signals: &[Signal], actors: &[Sampled]) -> usize {
+    pub fn width(signals: &[Signal], actors: &[SampledActor]) -> usize {
         let of_signals = signals.last().map_or(0, |last| last.offset + last.width);
         actors.last().map_or(of_signals, |last| last.offset + last.joints * STRIDE)
     }
@@ -164,7 +164,7 @@ impl Worker<'_> {
         for signal in &self.sampler.signals {
             let [a, b, truth] = [a, b, middle].map(|row| &row.values[signal.offset..][..signal.width]);
             value.resize(signal.width, 0.0);
-            signal.between(a, b, t, &mut value);
+            signal.interpolate(a, b, t, &mut value);
             worst = worst.max(signal.error(&value, truth));
         }
         for sampled in &self.sampler.actors {
@@ -173,7 +173,7 @@ impl Worker<'_> {
             // Far from the origin, f32 cannot place anything more accurately.
             let far = rows[2][..3].iter().fold(0.0f32, |most, v| most.max(v.abs()));
             let allowed = self.sampler.tolerance.max(far * 4.0 * f32::EPSILON);
-            worst = worst.max(rig::apart(parents, rows, t, sampled.reach, &mut self.spaces) / allowed);
+            worst = worst.max(rig::max_distance(parents, rows, t, sampled.reach, &mut self.spaces) / allowed);
         }
         worst
     }
@@ -188,7 +188,7 @@ struct Interval {
 
 /// The stage with all actors hidden that are neither sampled nor parents of anything, so that they are not posed. `None` if hiding them
 /// could change the rest: with callbacks, without cameras, or with a camera that frames all visible actors.
-fn without_others(stage: &Stage, signals: &[Signal], sampled: &[Sampled]) -> Option<Stage> {
+fn stage_without_others(stage: &Stage, signals: &[Signal], sampled: &[SampledActor]) -> Option<Stage> {
     let frames = |camera: &Camera| matches!(camera.rig, Rig::Frame { .. });
     if !stage.hooks.is_empty() || stage.cameras.is_empty() || stage.cameras.iter().any(frames) {
         return None;

@@ -73,7 +73,7 @@ pub struct Signal {
     pub offset: usize,
     pub width: usize,
     /// Largest error: radians for a rotation, else the difference of each number.
-    pub allowed: f32,
+    pub tolerance: f32,
 }
 
 impl Signal {
@@ -90,9 +90,9 @@ impl Signal {
         if self.is_rotation() {
             let (a, b) = (Quat::from_slice(a), Quat::from_slice(b));
             let chord = (a - b).length().min((a + b).length());
-            return 2.0 * chord / self.allowed;
+            return 2.0 * chord / self.tolerance;
         }
-        a.iter().zip(b).map(|(a, b)| (a - b).abs() / self.allowed).fold(0.0, f32::max)
+        a.iter().zip(b).map(|(a, b)| (a - b).abs() / self.tolerance).fold(0.0, f32::max)
     }
 
     pub fn is_near(&self, a: &[f32], b: &[f32]) -> bool {
@@ -100,7 +100,7 @@ impl Signal {
     }
 
     /// Interpolates between two values: slerp for rotations, else linear.
-    pub fn between(&self, a: &[f32], b: &[f32], t: f32, out: &mut [f32]) {
+    pub fn interpolate(&self, a: &[f32], b: &[f32], t: f32, out: &mut [f32]) {
         if self.is_rotation() {
             out.copy_from_slice(&Quat::from_slice(a).slerp(Quat::from_slice(b), t).to_array());
             return;
@@ -184,9 +184,9 @@ pub fn is_still(stage: &Stage, camera: &Camera) -> bool {
 struct Signals(Vec<Signal>);
 
 impl Signals {
-    fn add(&mut self, quantity: Quantity, width: usize, allowed: f32) {
+    fn add(&mut self, quantity: Quantity, width: usize, tolerance: f32) {
         let offset = self.0.last().map_or(0, |last| last.offset + last.width);
-        self.0.push(Signal { quantity, offset, width, allowed });
+        self.0.push(Signal { quantity, offset, width, tolerance });
     }
 
     fn material(&mut self, actor: usize, material: u32, of: &Material, [colored, changing]: [bool; 2]) {

@@ -17,11 +17,11 @@ use glam::{Vec2, Vec3, Vec4};
 /// # Ok::<(), choreo_plugin::BuildError>(())
 /// ```
 pub fn primitive(data: &MeshData) -> Result<Primitive> {
-    taken(&mut data.clone())
+    take_primitive(&mut data.clone())
 }
 
 /// Does what [`primitive`] does, but takes the arrays out of `data`: positions, normals, uvs and indices are not copied.
-pub(super) fn taken(data: &mut MeshData) -> Result<Primitive> {
+pub(super) fn take_primitive(data: &mut MeshData) -> Result<Primitive> {
     let vertices = vectors::<3>(&data.positions, "positions", None)?.len();
     if vertices > MOST || data.indices.len() > MOST {
         return fail(format!(

@@ -282,7 +282,7 @@ impl AssetBuilder {
             let count = self.asset.materials.len();
             return fail(format!("mesh \"{name}\": material {material} does not exist, there are {count}"));
         }
-        let mut primitive = arrays::taken(&mut data).map_err(with)?;
+        let mut primitive = arrays::take_primitive(&mut data).map_err(with)?;
         let skin = match data.weights.is_empty() && data.joints.is_empty() {
             true => None,
             false => {

@@ -34,12 +34,12 @@ pub(super) fn split(whole: Primitive, parts: &[MeshPart], materials: usize) -> R
     }
     Ok(parts
         .iter()
-        .map(|part| Primitive { material: part.material, ..used(&whole, &part.indices) })
+        .map(|part| Primitive { material: part.material, ..extract_used_vertices(&whole, &part.indices) })
         .collect())
 }
 
 /// A primitive with only the vertices that the indices use, in the order of their first use.
-fn used(whole: &Primitive, indices: &[u32]) -> Primitive {
+fn extract_used_vertices(whole: &Primitive, indices: &[u32]) -> Primitive {
     let mut number: Vec<Option<u32>> = vec![None; whole.positions.len()];
     let mut vertices: Vec<usize> = Vec::new();
     let mut renumbered = Vec::with_capacity(indices.len());

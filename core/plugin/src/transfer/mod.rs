@@ -69,13 +69,13 @@ pub trait Transfer: Sized {
 pub struct Written {
     bytes: Vec<u8>,
     /// Whether long lists of numbers are written as addresses in memory.
-    by_place: bool,
+    by_address: bool,
 }
 
 impl Written {
     /// Bytes that refer to lists in the memory of the writer, which must not change until the bytes are read.
-    pub fn by_place() -> Written {
-        Written { bytes: Vec::new(), by_place: true }
+    pub fn by_address() -> Written {
+        Written { bytes: Vec::new(), by_address: true }
     }
 
     /// Bytes so far.
@@ -85,7 +85,7 @@ impl Written {
 }
 
 /// Bit of a list's length which means that the list is elsewhere in memory; its address follows.
-const ELSEWHERE: u64 = 1 << 63;
+const BY_ADDRESS_BIT: u64 = 1 << 63;
 
 /// Size in bytes of the shortest list that is written as an address.
 const LONG: usize = 1024;
@@ -152,7 +152,7 @@ impl<'b> Bytes<'b> {
     }
 
     /// Bytes at an address of the memory.
-    fn elsewhere(&mut self, place: usize, count: usize) -> Result<&'b [u8]> {
+    fn bytes_at(&mut self, place: usize, count: usize) -> Result<&'b [u8]> {
         let found = self.memory.get(place..place.saturating_add(count));
         let found = found.ok_or_else(|| {
             self.wrong(format!("a list of {count} bytes at {place}, outside of its memory"))
@@ -180,22 +180,22 @@ fn bytes_of_all<'b, T>(count: usize, from: &mut Bytes<'b>) -> Result<&'b [u8]> {
 /// Takes the bytes of a list of values without padding, which begins with its length.
 fn bytes_of_list<'b, T>(from: &mut Bytes<'b>) -> Result<&'b [u8]> {
     let length = u64::read(from)?;
-    let count = usize::try_from(length & !ELSEWHERE).map_err(|_| from.wrong("a list without end"))?;
-    if length & ELSEWHERE == 0 {
+    let count = usize::try_from(length & !BY_ADDRESS_BIT).map_err(|_| from.wrong("a list without end"))?;
+    if length & BY_ADDRESS_BIT == 0 {
         return bytes_of_all::<T>(count, from);
     }
     let place = usize::read(from)?;
     let size = count.checked_mul(size_of::<T>());
-    from.elsewhere(place, size.ok_or_else(|| from.wrong("a list without end"))?)
+    from.bytes_at(place, size.ok_or_else(|| from.wrong("a list without end"))?)
 }
 
 /// Writes a list of values without padding: its bytes, or its address if it is long and the writer allows that.
 fn write_plain_list<T: Transfer>(list: &[T], out: &mut Written) {
-    if !out.by_place || size_of_val(list) < LONG {
+    if !out.by_address || size_of_val(list) < LONG {
         list.len().write(out);
         return T::write_all(list, out);
     }
-    (list.len() as u64 | ELSEWHERE).write(out);
+    (list.len() as u64 | BY_ADDRESS_BIT).write(out);
     (list.as_ptr().addr() as u64).write(out);
 }
 

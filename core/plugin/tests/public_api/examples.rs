@@ -40,7 +40,8 @@ impl Examples {
 
     /// Reads a text that rustfmt has formatted: an item begins at its indentation.
     pub fn text(&mut self, text: &str) {
-        let (mut docs, mut attributes, mut item) = (Vec::<&str>::new(), String::new(), Around::default());
+        let (mut docs, mut attributes, mut item) =
+            (Vec::<&str>::new(), String::new(), EnclosingItem::default());
         for line in text.lines() {
             let code = line.trim_start();
             if let Some(doc) = code.strip_prefix("///").or_else(|| code.strip_prefix("//!")) {
@@ -92,18 +93,18 @@ impl Examples {
 
 /// The item around a line.
 #[derive(Default)]
-struct Around {
+struct EnclosingItem {
     name: Option<String>,
     is_trait: bool,
 }
 
-impl Around {
+impl EnclosingItem {
     /// An item without indentation that needs an example.
     fn top(&mut self, code: &str, exported: bool) -> Option<(String, String)> {
         let first = |text: &str| -> String {
             text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
         };
-        *self = Around::default();
+        *self = EnclosingItem::default();
         if let Some(name) = code.strip_prefix("macro_rules! ").map(first) {
             return exported.then(|| (format!("macro {name}"), name));
         }

@@ -37,15 +37,15 @@ fn body(places: &[Affine3A]) -> Arc<Asset> {
     Arc::new(Asset { skeleton, skins: vec![skin], placements: places.into(), ..Asset::default() })
 }
 
-struct Seen {
+struct TestScene {
     stage: Stage,
     snapshot: Snapshot,
     before: Vec<Snapshot>,
 }
 
 /// Posed as at rest, a second and a half in.
-fn seen(actors: &[(&Arc<Asset>, DAffine3)]) -> Seen {
-    let mut seen = Seen { stage: Stage::default(), snapshot: Snapshot::default(), before: Vec::new() };
+fn test_scene(actors: &[(&Arc<Asset>, DAffine3)]) -> TestScene {
+    let mut seen = TestScene { stage: Stage::default(), snapshot: Snapshot::default(), before: Vec::new() };
     seen.snapshot.time = Time::from_secs(1.5);
     for (i, (asset, place)) in actors.iter().enumerate() {
         seen.stage.actors.push(Actor::new(&format!("a{i}"), (*asset).clone()));
@@ -59,7 +59,7 @@ fn seen(actors: &[(&Arc<Asset>, DAffine3)]) -> Seen {
     seen
 }
 
-impl Seen {
+impl TestScene {
     fn draw(&self, effect: &WgslEffect, p: &[f32]) -> Overlay {
         let mut parameters = [0.0; 8];
         parameters[..p.len()].copy_from_slice(p);
@@ -79,7 +79,7 @@ fn moved(x: f64, y: f64, z: f64) -> DAffine3 {
 fn lines_know_the_body_they_are_around() {
     let asset = body(&[]);
     let quarter = DAffine3::from_rotation_y(std::f64::consts::FRAC_PI_2);
-    let scene = seen(&[(&asset, moved(5.0, 0.0, 0.0)), (&asset, moved(0.0, 0.0, 7.0) * quarter)]);
+    let scene = test_scene(&[(&asset, moved(5.0, 0.0, 0.0)), (&asset, moved(0.0, 0.0, 7.0) * quarter)]);
     let all = |from: &str, to: &str, width: &str| {
         let body = format!("return Line({from}, {to}, {width}, vec4(f32(index), p[n], actor.time, 0.5));");
         scene.draw(&overlay("// count: n", LINE, &body), &[2.0])
@@ -104,7 +104,7 @@ fn lines_know_the_body_they_are_around() {
 #[test]
 fn bodies_at_places_have_lines_each() {
     let places = [1.0, 2.0, 3.0].map(|x| Affine3A::from_translation(Vec3::X * x));
-    let mut scene = seen(&[(&body(&places), moved(0.0, 0.0, 4.0))]);
+    let mut scene = test_scene(&[(&body(&places), moved(0.0, 0.0, 4.0))]);
     let dots = overlay("// count: 1", LINE, "return Line(joint(1u), actor.position, 3.0, vec4(1.0));");
     let at = |made: Overlay| made.strokes.iter().map(|s| [s.from.x, s.from.y, s.to.z]).collect::<Vec<_>>();
     assert_eq!(at(scene.draw(&dots, &[])), [[1.0, 2.0, 4.0], [2.0, 2.0, 4.0], [3.0, 2.0, 4.0]]);
@@ -117,11 +117,11 @@ fn bodies_at_places_have_lines_each() {
 #[test]
 fn lines_know_where_bodies_were() {
     let places = [0.0, 9.0].map(|x| Affine3A::from_translation(Vec3::X * x));
-    let mut scene = seen(&[(&body(&places), moved(0.0, 0.0, 4.0))]);
+    let mut scene = test_scene(&[(&body(&places), moved(0.0, 0.0, 4.0))]);
     let trail = "return Line(previous_joint(index, 1u), previous_in_world(index, vec3(1.0, 0.0, 0.0)), 1.0, vec4(1.0));";
     let trail = overlay("// count: 4\n// history: 2", LINE, trail);
     assert_eq!(trail.history(&[0.0; 8]), 2);
-    let at = |scene: &Seen| {
+    let at = |scene: &TestScene| {
         scene
             .draw(&trail, &[])
             .strokes
@@ -151,7 +151,7 @@ fn lines_know_where_bodies_were() {
 
 #[test]
 fn joints_are_found_by_their_names() {
-    let scene = seen(&[(&body(&[]), moved(5.0, 0.0, 0.0))]);
+    let scene = test_scene(&[(&body(&[]), moved(5.0, 0.0, 0.0))]);
     let head = "// count: 1\n// joint end = no_such|tip: a bone\n// joint middle = between: none of the bones\n// joint tail = tail: not there";
     let text = "return Line(joint(end()), joint(middle()) + joint(tail()), 1.0, vec4(f32(end()), f32(middle()), f32(parent(middle())), f32(actor.joints) / 4.0));";
     let made = scene.draw(&overlay(head, LINE, text), &[]);
@@ -164,7 +164,7 @@ fn joints_are_found_by_their_names() {
 #[test]
 fn triangles_over_all_and_once_for_the_scene() {
     let asset = body(&[]);
-    let scene = seen(&[(&asset, moved(-3.0, 0.0, 0.0)), (&asset, moved(4.0, 0.0, 1.0))]);
+    let scene = test_scene(&[(&asset, moved(-3.0, 0.0, 0.0)), (&asset, moved(4.0, 0.0, 1.0))]);
     let text =
         "return Triangle(actor.low, actor.high, vec3(f32(index)), vec4(0.1, 0.2, 0.3, 2.0 - f32(index)));";
     let made = scene.draw(&overlay("// count: n\n// over: thru\n// of: scene", TRIANGLE, text), &[3.0, 1.0]);
@@ -182,7 +182,7 @@ fn triangles_over_all_and_once_for_the_scene() {
 
 #[test]
 fn what_cannot_be_drawn_is_said() {
-    let scene = seen(&[(&body(&[]), DAffine3::IDENTITY)]);
+    let scene = test_scene(&[(&body(&[]), DAffine3::IDENTITY)]);
     let made = |body: &str, n: f32| scene.draw(&overlay("// count: n", LINE, body), &[n, 0.0]);
     let bad = made("return Line(vec3(0.0), vec3(1.0 / f32(index % 2u)), 1.0, vec4(1.0));", 10.0);
     // Renderers report the lines whose color is a fault.

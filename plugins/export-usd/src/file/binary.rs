@@ -52,7 +52,7 @@ fn head(tables_at: u64) -> [u8; HEAD] {
 }
 
 /// Writes everything after the header, and returns the header.
-pub fn rest(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<[u8; HEAD]> {
+pub fn write_body(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<[u8; HEAD]> {
     let mut writer = Writer {
         out,
         tokens: Table::default(),
@@ -131,7 +131,7 @@ impl Writer<'_, '_> {
     }
 
     /// The description of a value that is written at the current position.
-    fn here(&self, code: u8) -> u64 {
+    fn value_at_position(&self, code: u8) -> u64 {
         u64::from(code) << 48 | self.out.position()
     }
 
@@ -146,14 +146,14 @@ impl Writer<'_, '_> {
 
     fn token_vector(&mut self, names: &[&str]) -> Result<u64> {
         let list: Vec<u32> = names.iter().map(|name| self.token(name)).collect();
-        let value = self.here(TOKEN_VECTOR);
+        let value = self.value_at_position(TOKEN_VECTOR);
         self.indices(&list)?;
         Ok(value)
     }
 
     /// Writes a list operation over indices. `kind` is [`EXPLICIT`] or [`PREPENDED`].
     fn list_op(&mut self, code: u8, kind: u8, list: &[u32]) -> Result<u64> {
-        let value = self.here(code);
+        let value = self.value_at_position(code);
         self.out.put(&[kind])?;
         self.indices(list)?;
         Ok(value)
@@ -250,7 +250,7 @@ impl Writer<'_, '_> {
 
     fn reference(&mut self, path: &str) -> Result<u64> {
         let (file, path) = (self.string(""), self.path(path));
-        let value = self.here(REFERENCE_LIST_OP);
+        let value = self.value_at_position(REFERENCE_LIST_OP);
         self.out.put(&[PREPENDED])?;
         self.word(1)?;
         self.out.put(&file.to_le_bytes())?;
@@ -318,7 +318,7 @@ impl Writer<'_, '_> {
             }
             Value::Texts(list) => {
                 let list: Vec<u32> = list.iter().map(|text| self.text(of, text)).collect();
-                let value = self.here(of.code) | IS_ARRAY;
+                let value = self.value_at_position(of.code) | IS_ARRAY;
                 self.indices(&list)?;
                 Ok(value)
             }
@@ -339,14 +339,14 @@ impl Writer<'_, '_> {
                 bytes[..written.len()].copy_from_slice(&written);
                 return Ok(inlined(of.code, u64::from_le_bytes(bytes)));
             }
-            let value = self.here(of.code);
+            let value = self.value_at_position(of.code);
             self.all(of, of.width, number)?;
             return Ok(value);
         };
         if count == 0 {
             return Ok(u64::from(of.code) << 48 | IS_ARRAY);
         }
-        let value = self.here(of.code) | IS_ARRAY;
+        let value = self.value_at_position(of.code) | IS_ARRAY;
         self.word(count as u64)?;
         self.all(of, count * of.width, number)?;
         Ok(value)
@@ -385,7 +385,7 @@ impl Writer<'_, '_> {
                 let head = if count.is_some() { 8 } else { 0 };
                 let numbers = count.unwrap_or(1) * of.width;
                 let length = head + numbers as u64 * size_of(of.component);
-                let first = self.here(of.code) | flag;
+                let first = self.value_at_position(of.code) | flag;
                 let number = samples.times.len() as u64;
                 values.extend((0..number).map(|index| first + index * length));
                 let mut bytes = Vec::new();
@@ -397,7 +397,7 @@ impl Writer<'_, '_> {
                     put(of.component, list, &mut bytes);
                     self.out.put(&bytes)
                 })?;
-                debug_assert_eq!(self.here(of.code) | flag, first + number * length);
+                debug_assert_eq!(self.value_at_position(of.code) | flag, first + number * length);
             }
             SampleValues::Numbers { each, .. } => {
                 let mut list = Vec::new();
@@ -410,7 +410,7 @@ impl Writer<'_, '_> {
                 }
             }
         }
-        let value = self.here(TIME_SAMPLES);
+        let value = self.value_at_position(TIME_SAMPLES);
         // The list of times and the list of values follow, each after its distance in bytes.
         self.word(8)?;
         self.word(times)?;
@@ -425,7 +425,7 @@ impl Writer<'_, '_> {
         if let Some((_, value)) = self.times.iter().rev().take(4).find(|known| is_same(known)) {
             return Ok(*value);
         }
-        let value = self.here(DOUBLE_VECTOR);
+        let value = self.value_at_position(DOUBLE_VECTOR);
         self.word(times.len() as u64)?;
         self.all(crate::layer::DOUBLE, times.len(), &|i| times[i])?;
         self.times.push((times.clone(), value));
@@ -438,7 +438,7 @@ impl Writer<'_, '_> {
             let key = self.string(key);
             values.push((key, self.meta(meta)?));
         }
-        let value = self.here(DICTIONARY);
+        let value = self.value_at_position(DICTIONARY);
         self.word(values.len() as u64)?;
         for (key, value) in values {
             self.out.put(&key.to_le_bytes())?;

@@ -7,7 +7,7 @@ use import_fbx::FbxImporter;
 
 #[test]
 fn truncated_and_flipped() {
-    if alone::elsewhere() {
+    if alone::ran_in_own_process() {
         return;
     }
     let flips = damage::flips();

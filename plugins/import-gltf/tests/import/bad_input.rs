@@ -384,7 +384,7 @@ fn damaged(name: &str, bytes: Vec<u8>) -> bool {
 
 #[test]
 fn truncated_and_flipped() {
-    if alone::elsewhere() {
+    if alone::ran_in_own_process() {
         return;
     }
     let (json, bin) = sample();

@@ -122,7 +122,7 @@ fn joints_swing_once_however_often_they_are_named() {
 
 #[test]
 fn samples_of_our_own_cut_off_and_with_bits_turned_over() {
-    if alone::elsewhere() {
+    if alone::ran_in_own_process() {
         return;
     }
     let flips = damage::flips();
@@ -136,7 +136,7 @@ fn samples_of_our_own_cut_off_and_with_bits_turned_over() {
 /// `CHOREO_FLIPS=1000` for as many as the others have.
 #[test]
 fn samples_of_others_cut_off_and_with_bits_turned_over() {
-    if alone::elsewhere() {
+    if alone::ran_in_own_process() {
         return;
     }
     let Some(folder) = assets(10) else { return };

@@ -13,7 +13,7 @@ const GLTF: Samples = (GLTF_SAMPLES, gltf_samples);
 
 /// Cuts and flips of each file.
 fn run((count, samples): Samples, cuts: usize, flips: usize, budget_bytes: usize) {
-    if alone::elsewhere() {
+    if alone::ran_in_own_process() {
         return;
     }
     let Some(folder) = assets(count) else { return };
@@ -55,7 +55,7 @@ fn run((count, samples): Samples, cuts: usize, flips: usize, budget_bytes: usize
 
 /// Models as USD, cut off and with bits turned over.
 fn run_usd(cuts: usize, flips: usize) {
-    if alone::elsewhere() {
+    if alone::ran_in_own_process() {
         return;
     }
     let Some(folder) = assets(1) else { return };

@@ -6,8 +6,8 @@ use super::{MeasuredScene, SceneChoices};
 use crate::error::BenchError;
 use crate::moment::Moment;
 use crate::plots::{Choice, Row};
+use crate::reference::Spread;
 use crate::timing::{Case, Clock, interleaved};
-use crate::truth::Spread;
 use choreo_asset::srgb_from_linear;
 use choreo_render::scene_resources::mipmap::srgb_to_linear_table;
 use choreo_render::{CpuRenderer, Renderer};
@@ -94,26 +94,26 @@ fn compare(
     lights: &[Light],
     budget_secs: f64,
     truth: fn(DVec3) -> DVec3,
-    ways: &[(&str, &dyn Fn(Vec3) -> Vec3)],
+    methods: &[(&str, &dyn Fn(Vec3) -> Vec3)],
 ) {
     choice.error_unit = "codes of 255";
     choice.per = "pixel".into();
     let exact: Vec<DVec3> = lights.iter().map(|(_, c)| truth(c.as_dvec3())).collect();
-    for (name, way) in ways {
+    for (name, method) in methods {
         let mut error = Spread::default();
         for ((_, light), exact) in lights.iter().zip(&exact) {
-            let got = way(*light).as_dvec3();
+            let got = method(*light).as_dvec3();
             error.add((0..3).map(|c| (code(got[c]) - code(exact[c])).abs()).fold(0.0, f64::max));
         }
         let at = lights[error.worst_at].0.clone();
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).at(at));
     }
-    let mut cases: Vec<Case> = ways
+    let mut cases: Vec<Case> = methods
         .iter()
-        .map(|(_, way)| {
+        .map(|(_, method)| {
             Case::new(lights.len(), move || {
                 for (_, light) in lights {
-                    black_box(way(black_box(*light)));
+                    black_box(method(black_box(*light)));
                 }
             })
         })

@@ -12,11 +12,11 @@ const MOST_FRAMES: i64 = 20_000;
 const MOST_PROBLEMS: usize = 20;
 
 /// Result of one frame: its failure with the time in seconds, if any. The outer `None` means that the frame was not tried.
-type Looked = Option<Option<(Problem, f64)>>;
+type FrameResult = Option<Option<(Problem, f64)>>;
 
 /// Runs the callbacks, and gives each different failure once, with its first time and the number of frames. Callbacks cannot read the
-/// stage, so they run without posing it. No further frame is tried once `goes_on` returns false.
-pub fn failures(stage: &Stage, limits: &Limits, goes_on: &(dyn Fn() -> bool + Sync)) -> Vec<Problem> {
+/// stage, so they run without posing it. No further frame is tried once `should_continue` returns false.
+pub fn failures(stage: &Stage, limits: &Limits, should_continue: &(dyn Fn() -> bool + Sync)) -> Vec<Problem> {
     if stage.hooks.is_empty() {
         return Vec::new();
     }
@@ -26,8 +26,8 @@ pub fn failures(stage: &Stage, limits: &Limits, goes_on: &(dyn Fn() -> bool + Sy
     let wanted: Vec<i64> = (0..frames).step_by(step.max(1) as usize).collect();
     // The results are in the order of the frames, regardless of the threads.
     let started = Instant::now();
-    let late = || started.elapsed().as_secs_f64() > limits.check_seconds || !goes_on();
-    let results: Vec<Looked> =
+    let late = || started.elapsed().as_secs_f64() > limits.check_seconds || !should_continue();
+    let results: Vec<FrameResult> =
         wanted.par_iter().map(|f| if late() { None } else { Some(failure(stage, *f)) }).collect();
     let done = results.iter().flatten().count();
     // Problems that are equal except for the time: (problem, first time, number of frames).

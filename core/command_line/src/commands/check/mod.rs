@@ -28,17 +28,18 @@ pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result
     let registry = scene::plugins(&args.scene, plugins)?;
     let text = std::fs::read_to_string(&args.scene.input).unwrap_or_default();
     let root = has_sections(&text).then(|| root(&args.scene.input, no_project_file)).flatten();
-    let scene = scene::open(&args.scene, &registry, Opening { root: root.as_deref(), ..Opening::TO_TELL })?;
+    let scene =
+        scene::open(&args.scene, &registry, Opening { root: root.as_deref(), ..Opening::TO_INSPECT })?;
     if !args.json {
         scene.printed.iter().flat_map(|text| text.lines()).for_each(print_message);
     }
     let (mut problems, on_stage) =
-        look(&scene.stage, &scene.registry, &scene.places, &scene.limits, &|| true);
+        check_stage(&scene.stage, &scene.registry, &scene.places, &scene.limits, &|| true);
     if has_sections(&text) {
         let script = ScriptOptions {
             search_paths: args.scene.search.clone(),
             limits: scene.limits.clone(),
-            needs: Opening::TO_TELL.needs,
+            needs: Opening::TO_INSPECT.needs,
             ..ScriptOptions::default()
         };
         problems.extend(of_sections(&args.scene.input, root, script, &registry, &|| true));
@@ -95,30 +96,30 @@ fn of_sections(
     root: Option<PathBuf>,
     script: ScriptOptions,
     registry: &Registry,
-    goes_on: &dyn Fn() -> bool,
+    should_continue: &dyn Fn() -> bool,
 ) -> Vec<Problem> {
     let options = TestOptions { script, root, ..TestOptions::default() };
-    let found = section_errors(input, registry, &options, goes_on);
+    let found = section_errors(input, registry, &options, should_continue);
     found.errors.into_iter().map(Problem::Script).collect()
 }
 
-/// Errors of the stage, and findings that are probably not intended. The findings are incomplete once `goes_on` returns false.
-pub fn look(
+/// Errors of the stage, and findings that are probably not intended. The findings are incomplete once `should_continue` returns false.
+pub fn check_stage(
     stage: &Arc<Stage>,
     registry: &Registry,
     places: &Places,
     limits: &Limits,
-    goes_on: &(dyn Fn() -> bool + Sync),
+    should_continue: &(dyn Fn() -> bool + Sync),
 ) -> (Vec<Problem>, Vec<Finding>) {
     let mut problems: Vec<Problem> = stage.check().iter().map(|e| Problem::Text(e.to_string())).collect();
     problems.extend(unknown_effects(stage, registry));
-    problems.extend(callbacks::failures(stage, limits, goes_on));
+    problems.extend(callbacks::failures(stage, limits, should_continue));
     let mut on_stage = Vec::new();
     if !problems.is_empty() {
         // Findings about a stage with errors would mislead, and would take the time of its callbacks.
         return (problems, on_stage);
     }
-    match stage.survey_while(goes_on) {
+    match stage.survey_while(should_continue) {
         Ok(found) => on_stage = found,
         Err(error) => problems.push(Problem::Text(error.to_string())),
     }
@@ -128,7 +129,7 @@ pub fn look(
     }
     for (index, used) in stage.effects.iter().enumerate() {
         if let Some(effect) = registry.effect(&used.plugin)
-            && let Some(text) = left_out(effect, used, stage)
+            && let Some(text) = overlay_left_out(effect, used, stage)
         {
             let text = format!("effect \"{}\": {text}", used.plugin);
             let subject = Subject::Effect(index);
@@ -216,7 +217,7 @@ fn too_many_lights(stage: &Stage) -> Option<Finding> {
 }
 
 /// Overlay that an effect leaves out at the beginning or in the middle of its duration, if any.
-fn left_out(effect: &Effect, used: &EffectUse, stage: &Stage) -> Option<String> {
+fn overlay_left_out(effect: &Effect, used: &EffectUse, stage: &Stage) -> Option<String> {
     let Effect::Overlay(drawing) = effect else { return None };
     let end = used.end.unwrap_or(stage.settings.length).max(used.start);
     let middle = used.start + (end - used.start).scaled(0.5);

@@ -1,6 +1,6 @@
 //! Messages of `check` about a scene that another program has already opened, such as the viewer.
 
-use super::{look, of_sections, root};
+use super::{check_stage, of_sections, root};
 use choreo_plugin::Registry;
 use choreo_script::testing::has_sections;
 use choreo_script::{Diagnostic, Places, ScriptOptions};
@@ -21,14 +21,17 @@ pub struct SceneToSurvey<'s> {
 }
 
 /// Messages of `choreo check --notes` that go beyond those of the script's run and its assets: first findings in the order of their places,
-/// then errors. `None` if `goes_on` returned false.
-pub fn survey(scene: SceneToSurvey<'_>, goes_on: &(dyn Fn() -> bool + Sync)) -> Option<Vec<Diagnostic>> {
+/// then errors. `None` if `should_continue` returned false.
+pub fn survey(
+    scene: SceneToSurvey<'_>,
+    should_continue: &(dyn Fn() -> bool + Sync),
+) -> Option<Vec<Diagnostic>> {
     let SceneToSurvey { input, stage, registry, all_plugins, places, options } = scene;
-    let (mut problems, on_stage) = look(stage, registry, places, &options.limits, goes_on);
+    let (mut problems, on_stage) = check_stage(stage, registry, places, &options.limits, should_continue);
     let text = places.sources.get(&places.main);
-    if goes_on() && text.is_some_and(|text| has_sections(text)) {
-        problems.extend(of_sections(input, root(input, false), options, all_plugins, goes_on));
+    if should_continue() && text.is_some_and(|text| has_sections(text)) {
+        problems.extend(of_sections(input, root(input, false), options, all_plugins, should_continue));
     }
     let findings = places.findings(&on_stage).into_iter();
-    goes_on().then(|| findings.chain(problems.into_iter().map(Diagnostic::from)).collect())
+    should_continue().then(|| findings.chain(problems.into_iter().map(Diagnostic::from)).collect())
 }

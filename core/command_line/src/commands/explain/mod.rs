@@ -35,7 +35,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
         Err(unknown) => return Err(Failure::Usage(format!("--passes: {unknown}"))),
     };
     let registry = scene::plugins(&args.scene, plugins)?;
-    let scene = scene::open(&args.scene, &registry, Opening::TO_TELL)?;
+    let scene = scene::open(&args.scene, &registry, Opening::TO_INSPECT)?;
     let stage = &scene.stage;
     let size = size.unwrap_or(stage.settings.size);
     let samples = samples.or(stage.settings.samples).unwrap_or(4);
@@ -88,7 +88,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
         "{}frames     {frames}\n\n{}\n{}",
         text(&facts),
         inside.table().text_within(width),
-        left_out(&plan).text_within(width)
+        left_out_table(&plan).text_within(width)
     ))
 }
 
@@ -242,7 +242,7 @@ fn text(f: &Value) -> String {
     t
 }
 
-fn left_out(plan: &Plan) -> Table {
+fn left_out_table(plan: &Plan) -> Table {
     let mut table = Table::new("", &[("left out", "what"), ("why", "why")]);
     table.rows = plan.left_out.iter().map(|l| vec![Cell::text(&l.what), Cell::text(&l.why)]).collect();
     table

@@ -18,7 +18,7 @@ use crate::output::target::Target;
 use crate::process::scratch;
 use crate::project_file;
 use crate::scene;
-use crate::scene::opening::Keep;
+use crate::scene::opening::ReopenState;
 use crate::scene::pack::Unpacked;
 use crate::scene::rows::{self, Row};
 use choreo_files::write_whole_beneath;
@@ -103,16 +103,16 @@ pub fn run(args: &FarmArgs, app: &App, options: String) -> Result<(), Failure> {
             .map_err(|e| write_failure(&shown, e))?;
     }
     report(&order, &farm_job, &files, cost.as_ref(), &failures)?;
-    pack_rows::ended(&failures, order.rows.as_deref().unwrap_or_default().len())
+    pack_rows::check_row_failures(&failures, order.rows.as_deref().unwrap_or_default().len())
 }
 
 /// The film, after its preview if one is wanted, and the measured cost.
 fn films(order: &Order, app: &App) -> Result<(Vec<Film>, Option<Cost>), Failure> {
-    let every = order.args.preview.as_deref().map(preview::every).transpose()?;
+    let every = order.args.preview.as_deref().map(preview::parse_every).transpose()?;
     let options = order.args.options_of_render();
     let start = Instant::now();
     let args = render_args(order, &options, app)?;
-    let job = opened(&args, app, None)?;
+    let job = open_job(&args, app, None)?;
     let cost = cost(order, &args, &job, start)?;
     let film = |segments: &str, output: String, options, job: &render::Job, cost: Option<&Cost>| {
         let (frames, chunks) = (job.frames.len() as u64, chunks(order, job, cost, slurm::MOST_TASKS));
@@ -121,7 +121,7 @@ fn films(order: &Order, app: &App) -> Result<(Vec<Film>, Option<Cost>), Failure>
     let mut films = Vec::new();
     if let Some(every) = every {
         let options = preview::options(&options, &job, every);
-        let small = opened(&render_args(order, &options, app)?, app, None)?;
+        let small = open_job(&render_args(order, &options, app)?, app, None)?;
         let output = format!("{}/{}", preview::FOLDER, order.output);
         let cost = cost.as_ref().map(|cost| preview::cost(cost, every));
         films.push(film(preview::FOLDER, output, options, &small, cost.as_ref()));
@@ -140,7 +140,7 @@ fn films_of_rows(
     let rows = order.rows.as_deref().unwrap_or_default();
     let options = order.args.options_of_render();
     let start = Instant::now();
-    let (keep, all) = (Keep::default(), render_args(order, &options, app)?);
+    let (keep, all) = (ReopenState::default(), render_args(order, &options, app)?);
     let (mut films, mut measured) = (Vec::new(), None);
     let most = (slurm::MOST_TASKS / rows.len() as u64).max(1);
     for (row, output) in rows.iter().zip(outputs) {
@@ -148,7 +148,7 @@ fn films_of_rows(
             continue;
         }
         let args = RenderArgs { scene: row.scene(&all.scene), output: output.clone(), ..all.clone() };
-        let job = match opened(&args, app, Some(&keep)) {
+        let job = match open_job(&args, app, Some(&keep)) {
             Ok(job) => job,
             Err(failure) => {
                 failures.push((row.number, failure));
@@ -171,7 +171,7 @@ fn films_of_rows(
     }
     match films.is_empty() {
         true => {
-            pack_rows::ended(failures, rows.len())?;
+            pack_rows::check_row_failures(failures, rows.len())?;
             Err(Failure::input("there are no rows"))
         }
         false => Ok((films, measured)),
@@ -250,7 +250,7 @@ fn render_args(order: &Order, options: &[String], app: &App) -> Result<RenderArg
     let mut words: Vec<OsString> = vec![app.name.into(), "render".into(), scene.into(), "-o".into()];
     words.push(order.output.into());
     words.extend(options.iter().map(OsString::from));
-    let words = project_file::extended(&words, app)?;
+    let words = project_file::with_project_options(&words, app)?;
     let parsed = <Cli as clap::CommandFactory>::command().try_get_matches_from(words);
     let cli = parsed.and_then(|matches| Cli::from_arg_matches(&matches));
     let Command::Render(mut render_args) = cli.map_err(|e| Failure::Usage(e.to_string()))?.command else {
@@ -263,7 +263,7 @@ fn render_args(order: &Order, options: &[String], app: &App) -> Result<RenderArg
 }
 
 /// Opens the render in the same way as a machine of the farm.
-fn opened(args: &RenderArgs, app: &App, keep: Option<&Keep>) -> Result<render::Job, Failure> {
+fn open_job(args: &RenderArgs, app: &App, keep: Option<&ReopenState>) -> Result<render::Job, Failure> {
     let registry = scene::plugins(&args.scene, &app.registry)?;
     // The job makes the folder of a film of numbered images.
     render::prepare(args, Target::parse(&args.output)?, &registry, keep)

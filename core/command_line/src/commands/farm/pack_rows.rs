@@ -3,7 +3,7 @@
 use crate::args::PackArgs;
 use crate::commands::pack;
 use crate::failure::{Failure, print_message};
-use crate::scene::opening::{Keep, Opening};
+use crate::scene::opening::{Opening, ReopenState};
 use crate::scene::pack::Unpacked;
 use crate::scene::rows::{self, Row};
 use crate::scene::{self, OpenedScene};
@@ -20,7 +20,7 @@ pub(super) fn write(
     options: String,
 ) -> Result<Vec<RowFailure>, Failure> {
     let registry = scene::plugins(&args.scene, plugins)?;
-    let keep = Keep::default();
+    let keep = ReopenState::default();
     let opening = Opening { quiet: true, keep: Some(&keep), ..Opening::TO_DRAW };
     let (mut failures, mut stages) = (Vec::new(), Vec::new());
     let mut all: Option<OpenedScene> = None;
@@ -42,14 +42,14 @@ pub(super) fn write(
     }
     let Some(scene) = all else {
         print(&failures);
-        return ended(&failures, rows.len()).map(|()| failures);
+        return check_row_failures(&failures, rows.len()).map(|()| failures);
     };
     let prove = |unpacked: Unpacked| {
         let mut packed = args.scene.clone();
         (packed.search, packed.import.plugins, packed.set) = (Vec::new(), Vec::new(), Vec::new());
         unpacked.arguments(&mut packed);
         let registry = scene::plugins(&packed, plugins)?;
-        let keep = Keep::default();
+        let keep = ReopenState::default();
         for (row, stage) in &stages {
             let opening = Opening { quiet: true, keep: Some(&keep), ..Opening::TO_DRAW };
             let opened = scene::open(&row.scene(&packed), &registry, opening)?;
@@ -73,6 +73,6 @@ pub(super) fn print(failures: &[RowFailure]) {
 }
 
 /// Fails if rows failed.
-pub(super) fn ended(failures: &[RowFailure], rows: usize) -> Result<(), Failure> {
-    rows::failed(rows, failures.iter().map(|(row, failure)| (*row, failure)))
+pub(super) fn check_row_failures(failures: &[RowFailure], rows: usize) -> Result<(), Failure> {
+    rows::rows_failure(rows, failures.iter().map(|(row, failure)| (*row, failure)))
 }

@@ -9,7 +9,7 @@ use crate::failure::Failure;
 pub(super) const FOLDER: &str = "preview";
 
 /// Parses N from 1/N.
-pub(super) fn every(text: &str) -> Result<u32, Failure> {
+pub(super) fn parse_every(text: &str) -> Result<u32, Failure> {
     let every = text.strip_prefix("1/").and_then(|every| every.parse().ok());
     every
         .filter(|every| (2..=1000).contains(every))

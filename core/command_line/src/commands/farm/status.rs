@@ -154,7 +154,7 @@ impl Progress {
             frames: job.films.iter().map(|film| film.frames).sum(),
             done: job.films.iter().enumerate().map(|(number, film)| done_of(number, film)).sum(),
             rate: (rate > 0.0).then_some(rate),
-            films: job.films.iter().map(|film| is_there(&there(film))).collect(),
+            films: job.films.iter().map(|film| is_film_in_place(&there(film))).collect(),
         }
     }
 
@@ -236,7 +236,7 @@ impl Progress {
 }
 
 /// Whether a film is in place: its file, or the folder of its images with at least one file.
-fn is_there(path: &Path) -> bool {
+fn is_film_in_place(path: &Path) -> bool {
     let numbered = path.file_name().is_some_and(|name| name.to_string_lossy().contains('%'));
     let folder = path.parent().filter(|_| numbered);
     folder.map_or(path.is_file(), |folder| {
@@ -268,14 +268,14 @@ fn write_sheet(file: &Path, chunks: &[ChunkStatus]) -> Result<(), Failure> {
     let [width, height] = if cell == [1, 1] { [192, 108] } else { cell };
     let cells = shown_chunks.iter().zip(images).map(|(chunk, image)| {
         let (first, last) = chunk.frames;
-        (format!("{first}-{last}: {}", chunk.word()), placed(image, [width, height]))
+        (format!("{first}-{last}: {}", chunk.word()), fit_into_cell(image, [width, height]))
     });
     let sheet = png(&sheet::compose(cells.collect())).map_err(|e| export_failure(&shown, e))?;
     write_whole(file, &sheet).map_err(|e| write_failure(&shown, e))
 }
 
 /// Places an image into a cell that may be larger, since films of a batch may differ in size. Without an image the cell is black.
-fn placed(image: Option<Frame>, [width, height]: [u32; 2]) -> Frame {
+fn fit_into_cell(image: Option<Frame>, [width, height]: [u32; 2]) -> Frame {
     let mut cell = Frame { width, height, rgba: [0, 0, 0, 255].repeat(width as usize * height as usize) };
     let Some(image) = image else { return cell };
     let row_bytes = 4 * image.width as usize;

@@ -37,7 +37,7 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
     memory::guard(limits.memory);
     let open = |path: &std::path::Path| {
         let choice = model::choice(&args.import)?;
-        model::import(path, &args.search, &choice, &registry, &limits, Opening::TO_TELL)
+        model::import(path, &args.search, &choice, &registry, &limits, Opening::TO_INSPECT)
             .map(|imported| imported.asset)
     };
     let asset = open(&args.file)?;
@@ -46,7 +46,7 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
     let followed = match &args.on {
         Some(path) => {
             let on = open(path)?;
-            Some(followed(&asset, &on)?)
+            Some(retarget_lines(&asset, &on)?)
         }
         None => None,
     };
@@ -71,7 +71,7 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
 }
 
 /// Retargeting of the file's first clip to another character. A file without clips is tried with an empty clip.
-fn followed(asset: &Asset, on: &Asset) -> Result<Vec<String>, Failure> {
+fn retarget_lines(asset: &Asset, on: &Asset) -> Result<Vec<String>, Failure> {
     let still = Clip::new(String::new(), asset.skeleton.len(), Vec::new()).ok().map(Arc::new);
     let Some(clip) = asset.clips.first().cloned().or(still) else { return Ok(Vec::new()) };
     let lines = mapping_lines(asset, on, &clip, Default::default());

@@ -59,7 +59,7 @@ pub fn run(args: NewArgs) -> Result<(), Failure> {
     if args.wasm && kind == PluginKind::Effect {
         return Err(Failure::Usage("--wasm is for importers and exporters; effects are WGSL".into()));
     }
-    if args.single { single(&args, kind, &into) } else { whole(&args, kind, &into) }
+    if args.single { create_single_file(&args, kind, &into) } else { create_crate(&args, kind, &into) }
 }
 
 /// Checks the name of a crate: a Rust identifier in which `_` stands for `-`, and no keyword.
@@ -92,7 +92,7 @@ fn hook_text(hook: Option<HookArg>) -> &'static str {
     }
 }
 
-fn single(args: &NewArgs, kind: PluginKind, into: &Path) -> Result<(), Failure> {
+fn create_single_file(args: &NewArgs, kind: PluginKind, into: &Path) -> Result<(), Failure> {
     let named = |text: &str| text.replace("NAME", &args.name);
     let name = &args.name;
     let (file, text, sample) = match kind {
@@ -115,7 +115,7 @@ fn single(args: &NewArgs, kind: PluginKind, into: &Path) -> Result<(), Failure> 
     print(&format!("{}: written\n    try: {try_it}\n", into.join(file).display()))
 }
 
-fn whole(args: &NewArgs, kind: PluginKind, into: &Path) -> Result<(), Failure> {
+fn create_crate(args: &NewArgs, kind: PluginKind, into: &Path) -> Result<(), Failure> {
     let name = &args.name;
     let sources = sources(args)?;
     let template = match kind {
@@ -127,7 +127,7 @@ fn whole(args: &NewArgs, kind: PluginKind, into: &Path) -> Result<(), Failure> {
     let folder = into.join(&own);
     free(&folder)?;
     let here = if into.as_os_str().is_empty() { Path::new(".") } else { into };
-    let workspace = Workspace::around(here, &sources);
+    let workspace = Workspace::find(here, &sources);
     let mut files: Vec<(String, String)> = match args.hook.filter(|hook| *hook != HookArg::Pixel) {
         Some(hook) => hook_crate(hook, name).into(),
         None => {
@@ -169,7 +169,7 @@ enum Workspace {
 
 impl Workspace {
     /// Finds the workspace as Cargo does: the nearest `Cargo.toml` above with a `[workspace]`.
-    fn around(folder: &Path, sources: &Path) -> Workspace {
+    fn find(folder: &Path, sources: &Path) -> Workspace {
         let Ok(folder) = folder.canonicalize() else { return Workspace::None };
         if folder == sources.join("plugins") {
             return Workspace::Ours;

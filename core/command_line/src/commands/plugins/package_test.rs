@@ -125,9 +125,9 @@ fn files(folder: &Path) -> Vec<(String, PathBuf)> {
 }
 
 /// Files in the folder of a sample, for importers.
-struct Beside(Folder);
+struct SampleFolder(Folder);
 
-impl Files for Beside {
+impl Files for SampleFolder {
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
         let bytes = self.0.read(Path::new(relative), MOST_SAMPLE);
         bytes.map(Arc::new).map_err(|e| format!("{relative}: {e}"))
@@ -151,7 +151,7 @@ fn importer(name: &str, folder: &Path, registry: &Registry) -> Result<Vec<String
         if plugin.claim(&source) == Claim::NotMine {
             continue;
         }
-        match sample(&**plugin, &source, &Beside(opened)) {
+        match sample(&**plugin, &source, &SampleFolder(opened)) {
             Ok(line) => lines.push(format!("importer {name}: {line}")),
             Err(fault) => faults.push(fault.to_string()),
         }
@@ -179,7 +179,7 @@ enum PluginFault {
     Export(#[from] ExportError),
 }
 
-fn sample(importer: &dyn Importer, source: &Source, beside: &Beside) -> Result<String, PluginFault> {
+fn sample(importer: &dyn Importer, source: &Source, beside: &SampleFolder) -> Result<String, PluginFault> {
     let manifest = importer.manifest();
     let options = manifest.complete(&ImportOptions::default())?;
     let import = |source: &Source| importer.import(source, beside, ImportScope::ALL, &options);

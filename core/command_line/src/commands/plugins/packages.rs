@@ -164,12 +164,12 @@ fn copy(source: &Path, to: &Path) -> Result<(), Failure> {
     let from = Folder::open(source).map_err(read)?;
     let to = Folder::open(to).map_err(WriteError::Io);
     let to = to.and_then(|to| to.create_folders(Path::new("new"))).map_err(|e| write_failure(&shown, e))?;
-    let mut copying = Copying { source: source.to_path_buf(), shown, files: 0, bytes: 0 };
+    let mut copying = FolderCopy { source: source.to_path_buf(), shown, files: 0, bytes: 0 };
     copying.folder(&from, &to, Path::new(""), 0)
 }
 
 /// A copy in progress, with the number of files and bytes so far.
-struct Copying {
+struct FolderCopy {
     source: PathBuf,
     /// Path of the copy in messages.
     shown: String,
@@ -177,7 +177,7 @@ struct Copying {
     bytes: u64,
 }
 
-impl Copying {
+impl FolderCopy {
     /// Copies the regular files and the folders in a folder. Hidden files and build output of Cargo are left out; links are refused.
     fn folder(&mut self, from: &Folder, to: &Folder, below: &Path, level: usize) -> Result<(), Failure> {
         if level > MOST_LEVELS {

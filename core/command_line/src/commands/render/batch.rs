@@ -5,13 +5,13 @@ use crate::args::RenderArgs;
 use crate::args::values;
 use crate::commands::render::draw::{self, Drawn};
 use crate::drawing::device;
-use crate::drawing::frame_cache::Remembering;
+use crate::drawing::frame_cache::CachingRenderer;
 use crate::drawing::pipeline::render_failure;
 use crate::failure::{Failure, output_error, print_json, print_message};
 use crate::output::target::Target;
 use crate::process::panics::plugin_failures;
 use crate::scene;
-use crate::scene::opening::Keep;
+use crate::scene::opening::ReopenState;
 use crate::scene::rows::{self, Row};
 use choreo_plugin::Registry;
 use serde_json::json;
@@ -44,8 +44,8 @@ pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Fa
     let started = device::start(super::wanted(args), registry.effects()).wait()?;
     let mut batch = Batch {
         registry,
-        keep: Keep::default(),
-        renderer: Remembering::shared_only(started.renderer),
+        keep: ReopenState::default(),
+        renderer: CachingRenderer::shared_only(started.renderer),
         note: started.note,
         reason: started.reason,
         jobs,
@@ -69,7 +69,7 @@ pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Fa
         result.print(args);
         results.push(result);
     }
-    ended(args, &results)
+    report_rows(args, &results)
 }
 
 /// Arguments for the render of one row.
@@ -81,8 +81,8 @@ fn of_row(args: &RenderArgs, row: &Row, output: &str) -> RenderArgs {
 /// State shared by all rows.
 struct Batch {
     registry: Registry,
-    keep: Keep,
-    renderer: Remembering,
+    keep: ReopenState,
+    renderer: CachingRenderer,
     /// Note about the device, printed with the first row.
     note: Option<String>,
     reason: Option<String>,
@@ -99,7 +99,7 @@ impl Batch {
             make_folder(&job.target)?;
         }
         self.renderer.begin().map_err(render_failure)?;
-        let started = device::Started {
+        let started = device::StartedRenderer {
             renderer: Box::new(self.renderer.clone()),
             time: None,
             stages: None,
@@ -156,13 +156,13 @@ impl RowResult {
 }
 
 /// Prints the report of all rows, and fails if a row failed.
-fn ended(args: &RenderArgs, results: &[RowResult]) -> Result<(), Failure> {
+fn report_rows(args: &RenderArgs, results: &[RowResult]) -> Result<(), Failure> {
     if args.json {
         let rows: Vec<serde_json::Value> = results.iter().map(RowResult::json).collect();
         let all = results.iter().all(|result| result.drawn.is_ok());
         print_json(&json!({ "ok": all, "rows": rows }))?;
     }
-    rows::failed(
+    rows::rows_failure(
         results.len(),
         results.iter().filter_map(|result| Some((result.row, result.drawn.as_ref().err()?))),
     )

@@ -54,7 +54,7 @@ pub struct Drawn {
 pub fn draw(
     args: &RenderArgs,
     job: &Job,
-    started: device::Started,
+    started: device::StartedRenderer,
     jobs: Option<usize>,
 ) -> Result<Drawn, Failure> {
     let (renderer, time) = (started.renderer, started.time);
@@ -137,7 +137,7 @@ impl Drawing<'_> {
                 // A failed script would fail again at the same frame. After a failure outside the script, the render can be resumed.
                 let outside =
                     matches!(failure, Failure::Output(_) | Failure::Device(_) | Failure::Interrupted);
-                video.leave(outside);
+                video.end_after_failure(outside);
                 Err(failure)
             }
         };
@@ -178,7 +178,7 @@ impl Drawing<'_> {
             None => None,
         };
         let frames = match self.args.resume {
-            true => image_files::missing(&job.target, info, &job.frames)?,
+            true => image_files::missing_frames(&job.target, info, &job.frames)?,
             false => job.frames.clone(),
         };
         let mut open = match &job.target {

@@ -18,7 +18,7 @@ use crate::output::segment::SegmentExporter;
 use crate::output::target::Target;
 use crate::scene::{
     self, ONE_FRAME, OpenedScene,
-    opening::{Keep, Opening},
+    opening::{Opening, ReopenState},
 };
 use choreo_motion::Time;
 use choreo_plugin::{ExportOptions, Exporter, FrameWish, Hook, Passes, Registry, ViewOrder};
@@ -81,8 +81,8 @@ fn begin_report(args: &RenderArgs) {
     }
 }
 
-fn wanted(args: &RenderArgs) -> device::Wanted {
-    device::Wanted {
+fn wanted(args: &RenderArgs) -> device::DeviceRequest {
+    device::DeviceRequest {
         device: args.device,
         gpu: args.gpu.clone(),
         timings: args.timings,
@@ -95,7 +95,7 @@ pub fn prepare(
     args: &RenderArgs,
     target: Target,
     registry: &Registry,
-    keep: Option<&Keep>,
+    keep: Option<&ReopenState>,
 ) -> Result<Job, Failure> {
     let exporter = target.exporter(registry)?;
     let options = export::options(&args.given(), exporter.manifest())?;
@@ -140,7 +140,7 @@ pub fn prepare(
     let (target, segment) = segment.map_or((target, None), |(file, segment)| (file, Some(segment)));
     let exporter = segment.clone().map_or(exporter.clone(), |segment| segment as Arc<dyn Exporter>);
     if target != Target::Stdout {
-        frames.iter().try_for_each(|(number, _)| scene.inputs.refuse(&target.file(*number)))?;
+        frames.iter().try_for_each(|(number, _)| scene.inputs.check_output(&target.file(*number)))?;
     }
     let exporter = Arc::new(Budgeted::new(exporter, scene.limits.output));
     notes.extend(without_display(wish, &scene.stage, registry));

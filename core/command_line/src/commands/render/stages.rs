@@ -82,7 +82,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let args = RenderArgs { at: args.at.clone().or_else(|| Some("0".into())), ..args.clone() };
     let job = render::prepare(&args, target, &registry, None)?;
     for (number, name) in (1..).zip(STAGES) {
-        job.scene.inputs.refuse(&file(number, name))?;
+        job.scene.inputs.check_output(&file(number, name))?;
     }
     let effects = job.scene.registry.effects();
     let mut renderer = CpuRenderer::new(effects);

@@ -5,14 +5,14 @@ use crate::args::values;
 use crate::commands::render::draw;
 use crate::commands::render::summary;
 use crate::drawing::device;
-use crate::drawing::frame_cache::Remembering;
+use crate::drawing::frame_cache::CachingRenderer;
 use crate::drawing::pipeline::render_failure;
 use crate::failure::{Failure, print, print_message};
 use crate::output::target::Target;
 use crate::process::interrupt;
 use crate::process::memory;
 use crate::scene;
-use crate::scene::opening::Keep;
+use crate::scene::opening::ReopenState;
 use choreo_plugin::Registry;
 use choreo_script::content_of;
 use choreo_session::package::ENDINGS;
@@ -31,16 +31,16 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let failed = |e: choreo_session::WatchError| Failure::input(format!("--watch: {e}"));
     let mut watch = Watch::new().map_err(failed)?;
     let started = device::start(args.device, plugins.effects()).wait()?;
-    let renderer = Remembering::new(started.renderer);
+    let renderer = CachingRenderer::new(started.renderer);
     let (mut note, reason) = (started.note, started.reason);
-    let keep = Keep::default();
+    let keep = ReopenState::default();
     loop {
         let begun = Instant::now();
         let round = || {
             let registry = scene::plugins(&args.scene, plugins)?;
             let job = super::prepare(args, target.clone(), &registry, Some(&keep))?;
             renderer.begin().map_err(render_failure)?;
-            let started = device::Started {
+            let started = device::StartedRenderer {
                 renderer: Box::new(renderer.clone()),
                 time: None,
                 stages: None,
@@ -60,7 +60,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
             Err(failure) => failure.lines().iter().for_each(print_message),
         }
         watch.set(interest(args, &keep));
-        memory::rest();
+        memory::stop_guard();
         let changed = loop {
             match watch.wait(Some(Duration::from_millis(200))).map_err(failed)? {
                 WatchEvent::Changed(files) => break files,
@@ -76,7 +76,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
 }
 
 /// Files of the last round, and folders in which plugin files would be found.
-fn interest(args: &RenderArgs, keep: &Keep) -> WatchedPaths {
+fn interest(args: &RenderArgs, keep: &ReopenState) -> WatchedPaths {
     let touched = keep.touched();
     let mut interest = WatchedPaths::default();
     interest.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));

@@ -45,10 +45,10 @@ pub fn run(mut args: TestArgs, no_project_file: bool, plugins: &Registry) -> Res
             false => print(&terminal::list(&cases)),
         };
     }
-    judged(&once(&args, &job, &cases, &listing.registry)?)
+    check_report(&run_once(&args, &job, &cases, &listing.registry)?)
 }
 
-fn judged(report: &Report) -> Result<(), Failure> {
+fn check_report(report: &Report) -> Result<(), Failure> {
     match report.failure() {
         None => Ok(()),
         Some(why) if without_thread(report) => {
@@ -85,7 +85,7 @@ pub(crate) fn run_package(args: TestArgs, folder: &Path, plugins: &Registry) -> 
     let job = Job::new(&args)?;
     let listing = job.plugins(&args, plugins)?;
     let cases = job.cases(&listing.registry)?;
-    judged(&once(&args, &job, &cases, &listing.registry)?)?;
+    check_report(&run_once(&args, &job, &cases, &listing.registry)?)?;
     Ok(listing.unused_effects())
 }
 
@@ -138,7 +138,7 @@ impl Job {
             changed: args.changed || args.watch,
             program: program.unwrap_or_default(),
             gpu_cache: device::cache_dir(),
-            words: words(args),
+            words: folder_options(args),
         };
         let shard = args.shard.as_deref().map(shard).transpose()?;
         for path in [&args.junit, &args.html].into_iter().flatten() {
@@ -150,26 +150,27 @@ impl Job {
 
     /// Registry with the plugin files found now. Plugin files beside any test are available to all tests.
     fn plugins(&self, args: &TestArgs, plugins: &Registry) -> Result<Listing, Failure> {
-        let files = collect::files(&self.paths).map_err(nothing)?;
+        let files = collect::files(&self.paths).map_err(nothing_to_run)?;
         let beside: Vec<&Path> = files.iter().map(|(file, _)| file.as_path()).collect();
         plugin_files::listing(plugins, &args.plugins, &beside)
     }
 
     fn cases(&self, registry: &Registry) -> Result<Vec<Case>, Failure> {
         let project = |file: &Path| project_file::root_of(file).filter(|_| self.in_projects);
-        let cases = collect::collect(&self.paths, registry, &self.options.test, project).map_err(nothing)?;
-        collect::select(cases, &self.selection).map_err(nothing)
+        let cases =
+            collect::collect(&self.paths, registry, &self.options.test, project).map_err(nothing_to_run)?;
+        collect::select(cases, &self.selection).map_err(nothing_to_run)
     }
 }
 
 /// Options for the folders that were given, for the commands in messages that run sections again.
-fn words(args: &TestArgs) -> String {
+fn folder_options(args: &TestArgs) -> String {
     let one = |flag: &str, folder: &PathBuf| format!(" {flag} {}", quoted(&folder.display().to_string()));
     let plugins = args.plugins.iter().map(|folder| one("--plugins", folder));
     plugins.chain(args.search.iter().map(|folder| one("--search", folder))).collect()
 }
 
-fn nothing(why: NothingToRun) -> Failure {
+fn nothing_to_run(why: NothingToRun) -> Failure {
     match why {
         NothingToRun::Usage(text) => Failure::Usage(text),
         NothingToRun::Input(text) => Failure::input(text),
@@ -224,9 +225,9 @@ fn without_thread(report: &Report) -> bool {
 }
 
 /// Runs the tests once and writes all reports.
-fn once(args: &TestArgs, job: &Job, cases: &[Case], registry: &Registry) -> Result<Report, Failure> {
+fn run_once(args: &TestArgs, job: &Job, cases: &[Case], registry: &Registry) -> Result<Report, Failure> {
     let inputs = Inputs::new(cases.iter().map(|case| case.path.clone()));
-    [&args.junit, &args.html].into_iter().flatten().try_for_each(|path| inputs.refuse(path))?;
+    [&args.junit, &args.html].into_iter().flatten().try_for_each(|path| inputs.check_output(path))?;
     let mut reporter = progress::ProgressReporter::new(args, cases);
     let report = run_cases(cases, registry, &job.options, &mut |outcome| reporter.report(outcome));
     reporter.finish(&report)?;
@@ -241,7 +242,7 @@ fn once(args: &TestArgs, job: &Job, cases: &[Case], registry: &Registry) -> Resu
     }
     let inputs = Inputs::new(report.files.iter().cloned());
     let write = |path: &Path, text: String| {
-        inputs.refuse(path)?;
+        inputs.check_output(path)?;
         write_whole(path, text.as_bytes()).map_err(|e| write_failure(&path.display().to_string(), e))
     };
     if let Some(path) = &args.junit {

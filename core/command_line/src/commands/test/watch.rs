@@ -1,7 +1,7 @@
 //! `--watch`: after each run, waits until the content of a read file changes or a test file appears, and runs the affected sections. It
 //! uses the same mechanism as hot reload ([`choreo_session::Watch`]).
 
-use super::{Job, once};
+use super::{Job, run_once};
 use crate::args::TestArgs;
 use crate::failure::{Failure, print, print_message};
 use choreo_plugin::Registry;
@@ -32,7 +32,7 @@ pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure
         let ran = job.plugins(args, plugins).and_then(|Listing { registry, .. }| {
             let cases = job.cases(&registry)?;
             read.extend(cases.iter().filter_map(|c| c.path.canonicalize().ok()));
-            once(args, job, &cases, &registry)
+            run_once(args, job, &cases, &registry)
         });
         match ran {
             Ok(report) => read.extend(report.files),

@@ -51,7 +51,7 @@ impl Segment {
     /// Opens a segment and checks all of it. Damage after the head is no error: the records before it are used.
     pub fn open(path: &Path) -> Result<Segment, Fault> {
         let file = choreo_files::open_file(path)?;
-        let mut from = Counted { inner: BufReader::with_capacity(1 << 16, &file), at: 0 };
+        let mut from = CountingReader { inner: BufReader::with_capacity(1 << 16, &file), at: 0 };
         if from.line()?.as_deref() != Some(MAGIC) {
             return Err(Fault::Foreign);
         }
@@ -123,12 +123,12 @@ fn decoded(png: &[u8], [width, height]: [u32; 2]) -> Option<Frame> {
 }
 
 /// A reader that counts the bytes that it has read.
-struct Counted<R> {
+struct CountingReader<R> {
     inner: BufReader<R>,
     at: u64,
 }
 
-impl<R: Read> Counted<R> {
+impl<R: Read> CountingReader<R> {
     /// Reads the next line with its line break; `None` at the end of the file.
     fn line(&mut self) -> io::Result<Option<Vec<u8>>> {
         let mut line = Vec::new();

@@ -116,7 +116,7 @@ struct OpenPiece {
 }
 
 /// Form in which a frame is given to the exporter of the film.
-enum Given<'a> {
+enum FrameInput<'a> {
     Frame(&'a Frame),
     Repeat(&'a Frame),
     Float(&'a FloatFrame),
@@ -144,22 +144,22 @@ impl SegmentSink {
         Ok(self.open.as_mut())
     }
 
-    fn next_frame(&mut self, given: Given<'_>) -> Result<(), ExportError> {
+    fn next_frame(&mut self, given: FrameInput<'_>) -> Result<(), ExportError> {
         let (next, repeatable) = (self.next, self.repeatable);
         if let Some(piece) = self.piece()? {
             match given {
-                Given::Repeat(frame) if piece.first < next => piece.sink.repeat(frame)?,
-                Given::Frame(frame) | Given::Repeat(frame) => piece.sink.frame(frame)?,
-                Given::Float(frame) => piece.sink.float_frame(frame)?,
-                Given::Kept(kept) => piece.sink.again(kept)?,
+                FrameInput::Repeat(frame) if piece.first < next => piece.sink.repeat(frame)?,
+                FrameInput::Frame(frame) | FrameInput::Repeat(frame) => piece.sink.frame(frame)?,
+                FrameInput::Float(frame) => piece.sink.float_frame(frame)?,
+                FrameInput::Kept(kept) => piece.sink.again(kept)?,
             }
             self.next += 1;
             return self.close_piece();
         }
         let (kind, bytes) = match given {
-            Given::Repeat(_) if repeatable => (RecordKind::Repeat, Vec::new()),
-            Given::Frame(frame) | Given::Repeat(frame) => (RecordKind::Image, png(frame)?),
-            Given::Float(_) | Given::Kept(_) => {
+            FrameInput::Repeat(_) if repeatable => (RecordKind::Repeat, Vec::new()),
+            FrameInput::Frame(frame) | FrameInput::Repeat(frame) => (RecordKind::Image, png(frame)?),
+            FrameInput::Float(_) | FrameInput::Kept(_) => {
                 return Err(ExportError::Format("a segment keeps no such frame".into()));
             }
         };
@@ -203,19 +203,19 @@ impl SegmentSink {
 
 impl FrameSink for SegmentSink {
     fn frame(&mut self, frame: &Frame) -> Result<(), ExportError> {
-        self.next_frame(Given::Frame(frame))
+        self.next_frame(FrameInput::Frame(frame))
     }
 
     fn float_frame(&mut self, frame: &FloatFrame) -> Result<(), ExportError> {
-        self.next_frame(Given::Float(frame))
+        self.next_frame(FrameInput::Float(frame))
     }
 
     fn repeat(&mut self, frame: &Frame) -> Result<(), ExportError> {
-        self.next_frame(Given::Repeat(frame))
+        self.next_frame(FrameInput::Repeat(frame))
     }
 
     fn again(&mut self, kept: &[u8]) -> Result<(), ExportError> {
-        self.next_frame(Given::Kept(kept))
+        self.next_frame(FrameInput::Kept(kept))
     }
 
     fn mark(&mut self) -> Mark<'_> {
