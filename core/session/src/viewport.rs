@@ -74,7 +74,7 @@ pub enum Placed {
 
 impl Placed {
     /// Writes the placement into the stage, and removes the keys of the property.
-    fn put(&self, stage: &mut Stage) {
+    fn apply_to(&self, stage: &mut Stage) {
         let unkeyed =
             |channels: &mut Vec<Channel>, property| channels.retain(|keys| keys.property != property);
         match self {
@@ -132,11 +132,11 @@ struct Addition {
 }
 
 impl Addition {
-    /// Parameters of the effect. `reach`: distance from the camera to what it shows, metres.
-    fn parameters(&self, reach: f64) -> Vec<(String, f64)> {
+    /// Parameters of the effect. `view_distance`: distance from the camera to what it shows, metres.
+    fn parameters(&self, view_distance: f64) -> Vec<(String, f64)> {
         let mut all: Vec<(&str, f64)> = self.parameters.to_vec();
         if let Some(coarser) = self.coarser {
-            let (cell, opacity) = grid_cell(reach, coarser);
+            let (cell, opacity) = grid_cell(view_distance, coarser);
             // A small height above the ground avoids z-fighting with a floor at the same height.
             all.extend([
                 ("cell", cell),
@@ -151,8 +151,8 @@ impl Addition {
 
 /// Cell size in metres and opacity of a ground grid, where `coarser` is 0 for the finest and 1 for the next coarser one. Cells are 1 m wide at a
 /// distance of 2 to 20 m, and change by powers of ten elsewhere. The finest grid fades out before the next one takes its place, as in Blender.
-fn grid_cell(reach: f64, coarser: i32) -> (f64, f64) {
-    let exponent = libm::log10(reach.max(1e-9) / 2.0).clamp(f64::from(CELLS.0), f64::from(CELLS.1));
+fn grid_cell(view_distance: f64, coarser: i32) -> (f64, f64) {
+    let exponent = libm::log10(view_distance.max(1e-9) / 2.0).clamp(f64::from(CELLS.0), f64::from(CELLS.1));
     let power = libm::floor(exponent);
     let fading = ((1.0 - (exponent - power)) / 0.3).min(1.0);
     let cell = libm::pow(10.0, power + f64::from(coarser));
@@ -161,7 +161,7 @@ fn grid_cell(reach: f64, coarser: i32) -> (f64, f64) {
 
 /// Distance from the camera to what it shows, metres: to the nearest visible actor, else to the origin. In parallel projection it follows from the
 /// height of the view.
-fn reach(snapshot: &Snapshot) -> f64 {
+fn view_distance(snapshot: &Snapshot) -> f64 {
     if let Projection::Orthographic { height, .. } = snapshot.camera.projection {
         return f64::from(height) * 1.4;
     }
@@ -235,9 +235,9 @@ impl ViewEvaluators {
                 self.before_drag.get_or_insert_default().at(&request, time)?;
             (snapshot.camera, snapshot.dissolve) = (camera, dissolve);
         }
-        let reach = reach(&snapshot);
+        let view_distance = view_distance(&snapshot);
         for (index, addition) in additions(request).into_iter().enumerate() {
-            let parameters = addition.parameters(reach);
+            let parameters = addition.parameters(view_distance);
             let effect = EffectState { effect: scene.stage.effects.len() + index, parameters };
             snapshot.dissolve.iter_mut().for_each(|dissolve| dissolve.effects.push(effect.clone()));
             snapshot.effects.push(effect);
@@ -265,7 +265,7 @@ impl ViewEvaluators {
                 let layer = stage.actors.get_mut(*actor).and_then(|a| a.layers.get_mut(*layer));
                 layer.into_iter().for_each(|layer| layer.cues.clear());
             }
-            placed.iter().for_each(|placed| placed.put(&mut stage));
+            placed.iter().for_each(|placed| placed.apply_to(&mut stage));
             Changed { muted: muted.clone(), placed: placed.clone(), stage: Arc::new(stage) }
         };
         let changed = (!is_plain).then(changed);
@@ -328,13 +328,13 @@ mod tests {
 
     #[test]
     fn cells_are_the_power_of_ten_that_is_seen_and_change_without_a_jump() {
-        for (reach, cell) in
+        for (view_distance, cell) in
             [(5.0, 1.0), (2.01, 1.0), (19.9, 1.0), (0.5, 0.1), (0.05, 0.01), (60.0, 10.0), (1e9, 1000.0)]
         {
-            let (fine, _) = grid_cell(reach, 0);
-            let (coarse, _) = grid_cell(reach, 1);
-            assert!((fine / cell - 1.0).abs() < 1e-9, "{reach}: {fine}");
-            assert!((coarse / fine - 10.0).abs() < 1e-9, "{reach}: {coarse}");
+            let (fine, _) = grid_cell(view_distance, 0);
+            let (coarse, _) = grid_cell(view_distance, 1);
+            assert!((fine / cell - 1.0).abs() < 1e-9, "{view_distance}: {fine}");
+            assert!((coarse / fine - 10.0).abs() < 1e-9, "{view_distance}: {coarse}");
         }
         assert_eq!(grid_cell(0.0, 0).0, 0.001);
         // When the cell size changes, the grid that disappears is invisible, and the other one does not change.

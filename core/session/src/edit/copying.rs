@@ -142,7 +142,7 @@ pub fn paste_cue(
     let mut new = shifted.apply(copied);
     if from.secs == 0.0 {
         // A clip starts at time 0 by default.
-        new = ScriptObject::at(&new, 1, 1)?.unstate(&["from"]).apply(&new);
+        new = ScriptObject::at(&new, 1, 1)?.remove_values(&["from"]).apply(&new);
     }
     let object = ScriptObject::at(text, line, column)?;
     // The copy uses a variable of the script that holds the file: that of the actor's own file, else any other.
@@ -154,8 +154,9 @@ pub fn paste_cue(
     let own = copy.calls_of("load").next().and_then(|load| {
         let file = first(&copy, &load);
         let of_object = object.asset_object().ok();
-        let of_object = of_object.filter(|own| own.made_by() == "load" && first(&script, &own.made) == file);
-        let of_object = of_object.and_then(|own| script.variable_before(own.made.name.start));
+        let of_object =
+            of_object.filter(|own| own.made_by() == "load" && first(&script, &own.creating_call) == file);
+        let of_object = of_object.and_then(|own| script.variable_before(own.creating_call.name.start));
         let name = of_object.or_else(|| loaded_as(&script, &file, text.len()))?;
         Some((load.name.start..load.end, name.to_string()))
     });

@@ -22,16 +22,16 @@ pub struct EditTime {
 impl EditTime {
     /// The time as a person would write it into this script, if it has no such time yet.
     pub fn written(self, script: &str) -> String {
-        self.anew(&Source::new(script))
+        self.new_text(&Source::new(script))
     }
 
     /// Text of a time that the script does not state yet: seconds. Frames, `f(12)`, if seconds would need more digits than a person writes and most
     /// times of the script count frames.
-    pub(super) fn anew(self, script: &Source) -> String {
+    pub(super) fn new_text(self, script: &Source) -> String {
         self.short(|| counts_frames(script, self.fps))
     }
 
-    /// Like [`EditTime::anew`], but in the style of the times with these names that the call states, if there are any.
+    /// Like [`EditTime::new_text`], but in the style of the times with these names that the call states, if there are any.
     fn beside(self, text: &Source, call: &Call, names: &[&str]) -> String {
         let stated = names.iter().filter_map(|name| TimeLiteral::of(text, &stated_time(text, call, name)?));
         let styles: Vec<bool> = stated.map(|time| time.in_frames).collect();
@@ -48,9 +48,9 @@ impl EditTime {
         if is_long && counts_frames() { self.text(true) } else { text }
     }
 
-    /// The time in a given style: in frames or in seconds, or like [`EditTime::anew`] for `None`.
+    /// The time in a given style: in frames or in seconds, or like [`EditTime::new_text`] for `None`.
     pub(super) fn like(self, in_frames: Option<bool>, script: &Source) -> String {
-        in_frames.map_or_else(|| self.anew(script), |in_frames| self.text(in_frames))
+        in_frames.map_or_else(|| self.new_text(script), |in_frames| self.text(in_frames))
     }
 
     /// Text of the time: `f(31)` if `in_frames` and it falls on a frame, else seconds with a decimal point. Seconds are rounded to the millisecond;
@@ -115,7 +115,7 @@ impl TimeLiteral {
 
     /// The edit that replaces the time, in the same style.
     pub fn set(self, text: &str, time: EditTime) -> Edit {
-        Edit::over(text, self.range, &time.text(self.in_frames))
+        Edit::in_old_style(text, self.range, &time.text(self.in_frames))
     }
 }
 
@@ -127,7 +127,7 @@ pub(super) fn restated(text: &Source, bytes: &Range<usize>, time: EditTime) -> O
     let frames = text.call_from(range.start).filter(is_frame);
     let number = frames.as_ref().map_or(&range, |call| &call.inside);
     let in_frames = frames.is_some();
-    is_calculation(text, number).then(|| Edit::over(text, range.clone(), &time.text(in_frames)))
+    is_calculation(text, number).then(|| Edit::in_old_style(text, range.clone(), &time.text(in_frames)))
 }
 
 /// The part of a cue to be changed.

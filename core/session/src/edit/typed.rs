@@ -1,8 +1,8 @@
 //! Numbers that the user typed, written into the script as they were typed.
 
+use super::number_style::without_point;
 use super::times::EditTime;
 use super::values::format_number;
-use super::whole::without_point;
 use super::{Edit, EditRefused};
 
 /// A number with its source text, which may be an expression: `1.0 / 3.0` or `f(12)`.
@@ -57,7 +57,7 @@ impl Typed {
             |edit: Edit| digits.iter().find_map(|digits| self.replaced(digits, text, &edit)).unwrap_or(edit);
         match made {
             Ok(edit) => Ok(kept(edit)),
-            Err(refused) => Err(EditRefused { over: refused.over.map(kept), ..refused }),
+            Err(refused) => Err(EditRefused { alternative: refused.alternative.map(kept), ..refused }),
         }
     }
 

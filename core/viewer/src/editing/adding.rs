@@ -324,9 +324,9 @@ impl Viewer {
                 let count =
                     if copies.len() == 1 { "a file".into() } else { format!("{} files", copies.len()) };
                 let why = format!("{count} from outside the script's folder, copied into {ASSETS}/:");
-                let agree = "Copy and add".into();
+                let label = "Copy and add".into();
                 self.offer =
-                    Some(Offer { why, agree, difference, copies, edit, text, selects, ..Offer::default() });
+                    Some(Offer { why, label, difference, copies, edit, text, selects, ..Offer::default() });
             }
         }
         if refused.is_empty() { Ok(()) } else { Err(EditError::refused(refused.join("; "))) }

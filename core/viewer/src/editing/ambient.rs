@@ -3,7 +3,7 @@
 use super::{EditError, FieldChange};
 use crate::app::Viewer;
 use choreo_asset::srgb_from_linear;
-use choreo_session::edit::{Anew, ScriptObject, Typed, expression};
+use choreo_session::edit::{NewValueSyntax, ScriptObject, Typed, expression};
 use glam::Vec3;
 
 /// Ambient light: sRGB colors from above and from below, and the strength.
@@ -69,9 +69,9 @@ impl Viewer {
         };
         match place {
             Some(place) => self.change(&place, 1, |text| {
-                ScriptObject::at(text, place.line, place.column)?.state_inside(&value)
+                ScriptObject::at(text, place.line, place.column)?.set_arguments(&value)
             }),
-            None => self.change_stage(&FieldChange::Value("ambient", value, Anew::Option)),
+            None => self.change_stage(&FieldChange::Value("ambient", value, NewValueSyntax::Option)),
         }
     }
 }

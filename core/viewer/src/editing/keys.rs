@@ -201,10 +201,10 @@ impl Viewer {
     }
 
     /// Sets the interpolation of all keys of the properties of `keys`, as source text. `None`: linear.
-    pub fn set_key_how(&mut self, keys: &[KeyRef], how: Option<&str>) -> Result<(), EditError> {
+    pub fn set_key_interpolation(&mut self, keys: &[KeyRef], how: Option<&str>) -> Result<(), EditError> {
         let how = how.map(str::to_string);
         let change = move |object: &ScriptObject, property: &str, at: &[EditTime]| {
-            object.set_key_how(property, at[0].fps, how.as_deref())
+            object.set_key_interpolation(property, at[0].fps, how.as_deref())
         };
         let steps = self.key_steps(keys, change, &|at| Some(at))?;
         self.change_all(steps)
@@ -258,7 +258,7 @@ impl Viewer {
             let (place, siblings) = self.place_of(&what).ok_or(EditError::Gone)?;
             let by = self.edit_time(secs - first);
             let make = move |text: &str, line, column| {
-                ScriptObject::at(text, line, column)?.changing_all().paste_keys(&copied, by)
+                ScriptObject::at(text, line, column)?.allow_shared_edits().paste_keys(&copied, by)
             };
             steps.push(self.with_key_place(Step::new(place, siblings, make), &property, &[]));
         }
@@ -414,11 +414,11 @@ impl Viewer {
         }
         let (name, all) = (property.clone(), stated.clone());
         let make = move |text: &str, line, column| {
-            let object = ScriptObject::at(text, line, column)?.changing_all();
+            let object = ScriptObject::at(text, line, column)?.allow_shared_edits();
             match has_keys {
                 true => object
                     .set_key(&name, when, value.value())
-                    .map_err(|refused| anew(&object, refused, &name, &all)),
+                    .map_err(|refused| refuse_with_all_keys(&object, refused, &name, &all)),
                 false => object.add_keys(&name, when, value.value()),
             }
         };
@@ -446,7 +446,7 @@ impl Viewer {
             1 if uses > 1 => {
                 let stated: Vec<(EditTime, KeyValue)> =
                     stated.iter().map(|(time, text)| (*time, text.value())).collect();
-                Step { siblings: uses, alone: object.keys_anew(property, &stated), shared, ..step }
+                Step { siblings: uses, alone: object.all_keys_line(property, &stated), shared, ..step }
             }
             _ => Step { shared, ..step },
         }
@@ -469,8 +469,9 @@ impl Viewer {
             let at: Vec<EditTime> = at.iter().map(|at| self.edit_time(at.as_secs())).collect();
             let (name, change, all) = (property.to_string(), change.clone(), stated.clone());
             let make = move |text: &str, line, column| {
-                let object = ScriptObject::at(text, line, column)?.changing_all();
-                change(&object, &name, &at).map_err(|refused| anew(&object, refused, &name, &all))
+                let object = ScriptObject::at(text, line, column)?.allow_shared_edits();
+                change(&object, &name, &at)
+                    .map_err(|refused| refuse_with_all_keys(&object, refused, &name, &all))
             };
             steps.push(self.with_key_place(Step::new(place, siblings, make), property, &stated));
         }
@@ -514,14 +515,14 @@ impl Event {
     }
 }
 
-fn anew(
+fn refuse_with_all_keys(
     object: &ScriptObject,
     refused: EditRefused,
     property: &str,
     stated: &[(EditTime, ValueText)],
 ) -> EditRefused {
     let stated: Vec<(EditTime, KeyValue)> = stated.iter().map(|(time, text)| (*time, text.value())).collect();
-    object.stated_anew(refused, property, &stated)
+    object.offering_all_keys(refused, property, &stated)
 }
 
 /// Times of keys, grouped by object and property.

@@ -40,13 +40,13 @@ impl Viewer {
         let alone = alone.map(|edit| (format!("Take {} out of the chain", layer[at].label), edit));
         let lines = |edit: &Edit| difference::lines(&text, &edit.apply(&text));
         let mut offers = alone.into_iter().chain(all);
-        if let Some((agree, edit)) = offers.next() {
+        if let Some((label, edit)) = offers.next() {
             let other =
-                offers.next().map(|(agree, edit)| Alternative { agree, difference: lines(&edit), edit });
+                offers.next().map(|(label, edit)| Alternative { label, difference: lines(&edit), edit });
             let selects = what.actor().map(|name| Selected::Actor(name.to_string()));
             let (why, difference) = (format!("{why}. This would change:"), lines(&edit));
             self.offer =
-                Some(Offer { why, agree, difference, edit, other, text, selects, ..Offer::default() });
+                Some(Offer { why, label, difference, edit, other, text, selects, ..Offer::default() });
         }
         Some(EditError::refused_at(&place, &why))
     }
@@ -75,7 +75,7 @@ impl Viewer {
         steps.extend(before.map(|before| match next.is_some() || is_stated {
             true => self.time_step(before, CueTime::End, until.secs),
             false => self.step(before, |text, line, column| {
-                Ok(ScriptObject::at(text, line, column)?.unstate(&["until"]))
+                Ok(ScriptObject::at(text, line, column)?.remove_values(&["until"]))
             }),
         }));
         // Later positions come first, like in `change_all`.

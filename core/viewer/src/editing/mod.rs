@@ -201,19 +201,19 @@ impl Viewer {
                 let difference = difference::lines(&known, &edit.apply(&text));
                 let why = "the file has changed on disk since it was shown; with both changes it would be:"
                     .to_string();
-                let agree = "Write both".into();
-                self.offer = Some(Offer { why, agree, difference, edit, text, ..Offer::default() });
+                let label = "Write both".into();
+                self.offer = Some(Offer { why, label, difference, edit, text, ..Offer::default() });
             }
             return Err(if self.faulty { EditError::Faulty } else { EditError::ChangedOnDisk });
         }
         match made {
             Ok(edit) => self.write_edit(&path, &text, edit),
-            Err(EditRefused { why, line, over, agree, .. }) => {
+            Err(EditRefused { why, line, alternative, alternative_label, .. }) => {
                 let why = format!("{}: {why}", file_name(&places.main));
-                if let Some(edit) = over {
+                if let Some(edit) = alternative {
                     let difference = difference::lines(&text, &edit.apply(&text));
-                    let (why, agree) = (why.clone(), agree.into());
-                    self.offer = Some(Offer { why, agree, difference, edit, text, ..Offer::default() });
+                    let (why, label) = (why.clone(), alternative_label.into());
+                    self.offer = Some(Offer { why, label, difference, edit, text, ..Offer::default() });
                 }
                 Err(EditError::Refused { why, line })
             }
@@ -301,7 +301,7 @@ impl Viewer {
         }
         self.write_edit(&path, &now, edit)?;
         self.selection = offer.selects.or(self.selection.take());
-        let writes_out = offer.agree == shared::WRITE_OUT;
+        let writes_out = offer.label == shared::WRITE_OUT;
         self.repeat = self.repeat.take().filter(|_| writes_out).map(|(change, _)| (change, true));
         Ok(())
     }
@@ -399,9 +399,21 @@ fn made_of(steps: &[Step], text: &str) -> Result<Edit, EditRefused> {
         let edit = match made {
             Ok(edit) => edit,
             // The remaining steps are applied to the offered edit.
-            Err(EditRefused { over: Some(over), why, line, agree, is_computed }) => {
-                refused.get_or_insert(EditRefused { over: None, why, line, agree, is_computed });
-                over
+            Err(EditRefused {
+                alternative: Some(alternative),
+                why,
+                line,
+                alternative_label,
+                is_computed,
+            }) => {
+                refused.get_or_insert(EditRefused {
+                    alternative: None,
+                    why,
+                    line,
+                    alternative_label,
+                    is_computed,
+                });
+                alternative
             }
             Err(refused) => return Err(refused),
         };
@@ -410,7 +422,7 @@ fn made_of(steps: &[Step], text: &str) -> Result<Edit, EditRefused> {
     }
     let edit = Edit::between(text, &after);
     match refused {
-        Some(refused) => Err(EditRefused { over: Some(edit), ..refused }),
+        Some(refused) => Err(EditRefused { alternative: Some(edit), ..refused }),
         None => Ok(edit),
     }
 }

@@ -14,8 +14,8 @@ use choreo_motion::Time;
 use choreo_script::Place;
 use choreo_session::Placed;
 use choreo_session::edit::{
-    Anew, Edit, EditRefused, EditTime, KeyValue, ScriptObject, Typed, format_as_meant, format_number,
-    numbered_name,
+    Edit, EditRefused, EditTime, KeyValue, NewValueSyntax, ScriptObject, Typed, format_as_meant,
+    format_number, numbered_name,
 };
 use choreo_stage::{Actor, Camera, Placement, Property, Rig, Stage, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
@@ -287,10 +287,10 @@ impl Viewer {
                 true => object.set_key("fov", when, KeyValue::Text(written)),
                 // A `fov` before `focal_length` would have no effect.
                 false if states("focal_length") && !states("fov") => {
-                    object.state("focal_length", &length, Anew::Method)
+                    object.set_value("focal_length", &length, NewValueSyntax::Method)
                 }
                 false if written == format_number(degrees) => object.set("fov", &[degrees]),
-                false => object.state("fov", written, Anew::Method),
+                false => object.set_value("fov", written, NewValueSyntax::Method),
             }
         })
     }
@@ -403,7 +403,7 @@ fn lens_edit(
         }
     };
     let lenses = ["fov", "focal_length", "ortho"];
-    (!is_same).then(|| object.state_one_of(&lenses, name, &value)).transpose()
+    (!is_same).then(|| object.set_one_of(&lenses, name, &value)).transpose()
 }
 
 fn face_turns(line: usize) -> EditRefused {

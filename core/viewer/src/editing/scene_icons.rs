@@ -9,7 +9,7 @@ use crate::state::selection::{Selected, actor};
 use choreo_asset::LightKind;
 use choreo_motion::Time;
 use choreo_session::Placed;
-use choreo_session::edit::{Anew, Edit, EditRefused, KeyValue, ScriptObject, format_number};
+use choreo_session::edit::{Edit, EditRefused, KeyValue, NewValueSyntax, ScriptObject, format_number};
 use choreo_stage::{ConstraintKind, Property, Rig, Stage, Target};
 use glam::DVec3;
 
@@ -93,7 +93,7 @@ impl Viewer {
             match (&camera.rig, &rig) {
                 (from, to @ Rig::Orbit { .. }) => orbit_change(text, &object, [from, to]),
                 (_, Rig::Follow { offset, .. }) => match object.argument(1) {
-                    Some(list) if list.starts_with('[') => object.state_argument(1, &point_text(*offset)),
+                    Some(list) if list.starts_with('[') => object.set_argument(1, &point_text(*offset)),
                     _ => Err(EditRefused::at(place.line, "its offset is computed; change it there")),
                 },
                 _ => object.set("at", &rounded(keyed).to_array()),
@@ -149,7 +149,7 @@ fn orbit_change(text: &str, object: &ScriptObject, [from, to]: [&Rig; 2]) -> Res
             continue;
         }
         let object = ScriptObject::at(&after, line, column)?;
-        let step = object.state(name, &format_number(new), Anew::Option);
+        let step = object.set_value(name, &format_number(new), NewValueSyntax::Option);
         let step = step.map_err(|refused| refused.before(text, &steps))?;
         after = step.apply(&after);
         steps.push(step);

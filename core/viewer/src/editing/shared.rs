@@ -43,9 +43,9 @@ impl Viewer {
         let unrolled = unroll(&text, place.line, place.column).ok();
         let lines = |edit: &Edit| difference::lines(&text, &edit.apply(&text));
         let line = place.line;
-        let offer = |why: String, agree: String, edit: Edit, other| Offer {
+        let offer = |why: String, label: String, edit: Edit, other| Offer {
             why,
-            agree,
+            label,
             difference: lines(&edit),
             edit,
             other,
@@ -60,16 +60,16 @@ impl Viewer {
         let makes = format!("line {line} makes {objects} objects");
         self.offer = match (all, one) {
             (Some(all), one) => {
-                let other = one.map(|(agree, _, edit)| Alternative {
-                    agree: agree.into(),
+                let other = one.map(|(label, _, edit)| Alternative {
+                    label: label.into(),
                     difference: lines(&edit),
                     edit,
                 });
                 let why = format!("{makes}. This would change all of them:");
                 Some(offer(why, format!("Change all {objects}"), all, other))
             }
-            (None, Some((agree, about, edit))) => {
-                Some(offer(format!("{makes}. {about}"), agree.into(), edit, None))
+            (None, Some((label, about, edit))) => {
+                Some(offer(format!("{makes}. {about}"), label.into(), edit, None))
             }
             (None, None) => None,
         };
@@ -95,10 +95,10 @@ impl Viewer {
         let (of_own, of_all) = (lines(&own), lines(&all));
         self.offer = Some(Offer {
             why: format!("{why}. {actor} alone would get an asset of its own:"),
-            agree: format!("Change {actor} alone"),
+            label: format!("Change {actor} alone"),
             difference: of_own,
             edit: own,
-            other: Some(Alternative { agree: format!("Change all {actors}"), difference: of_all, edit: all }),
+            other: Some(Alternative { label: format!("Change all {actors}"), difference: of_all, edit: all }),
             text: text.clone(),
             ..Offer::default()
         });

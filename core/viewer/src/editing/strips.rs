@@ -7,7 +7,7 @@ use crate::state::selection::{Selected, actor};
 use crate::state::timeline::{Bar, Strip};
 use choreo_motion::Repeat;
 use choreo_session::edit::{
-    CueTime, EditTime, Rest, ScriptObject, copied_cues, copied_start, copy_cue, duplicate_cue, has_end,
+    CueTime, EditTime, ScriptObject, SecondHalf, copied_cues, copied_start, copy_cue, duplicate_cue, has_end,
     paste_cue, set_disabled, set_number, split_cue,
 };
 
@@ -27,7 +27,9 @@ impl Viewer {
                 return Err(EditError::refused_at(&bar.place, "the playhead is not within this clip"));
             }
             let rest = match rest(&bar, &strip, at)? {
-                Rest::Trim(trim) => Rest::Trim(within(&strip, trim, self.playhead.fps().as_fps())),
+                SecondHalf::Trim(trim) => {
+                    SecondHalf::Trim(within(&strip, trim, self.playhead.fps().as_fps()))
+                }
                 rest => rest,
             };
             let upper = matches!(what, Selected::Cue { layer: 1.., .. });
@@ -235,7 +237,7 @@ impl Viewer {
 }
 
 /// Content of the second half of a clip that is split at a time.
-fn rest(bar: &Bar, strip: &Strip, at: f64) -> Result<Rest, EditError> {
+fn rest(bar: &Bar, strip: &Strip, at: f64) -> Result<SecondHalf, EditError> {
     let refuse = |why: &str| Err(EditError::refused_at(&bar.place, why));
     let played = (at - bar.start.as_secs()) * strip.speed.abs();
     let [from, to] = strip.trim;
@@ -247,20 +249,20 @@ fn rest(bar: &Bar, strip: &Strip, at: f64) -> Result<Rest, EditError> {
         Repeat::Once if played >= length - NOTHING => {
             refuse("its clip has ended before that time; the last pose is held")
         }
-        Repeat::Once if strip.speed < 0.0 => Ok(Rest::Trim([from, to - played])),
-        Repeat::Once => Ok(Rest::Trim([from + played, to])),
+        Repeat::Once if strip.speed < 0.0 => Ok(SecondHalf::Trim([from, to - played])),
+        Repeat::Once => Ok(SecondHalf::Trim([from + played, to])),
         Repeat::Loop if strip.speed > 0.0 && length > NOTHING => {
             let into = played % length;
             // Times are written with 3 decimal places.
             if into < 5e-4 || length - into < 5e-4 {
-                return Ok(Rest::Same);
+                return Ok(SecondHalf::Same);
             }
             // The rest, up to the end of the crossfade into the next clip, fits into this round.
             if (bar.end.as_secs() - at) * strip.speed <= length - into {
-                return Ok(Rest::Trim([from + into, to]));
+                return Ok(SecondHalf::Trim([from + into, to]));
             }
             let end = bar.end.as_secs().max(at + 1.0);
-            Ok(Rest::ClipTime([[at, from + into], [end, from + into + (end - at) * strip.speed]]))
+            Ok(SecondHalf::ClipTime([[at, from + into], [end, from + into + (end - at) * strip.speed]]))
         }
         _ => refuse("it plays as ping-pong, or backwards in a loop; split it in the script"),
     }

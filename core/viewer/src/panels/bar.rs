@@ -243,7 +243,7 @@ pub fn offer(ui: &Ui, viewer: &mut Viewer) {
         lines(ui, &offer.difference);
         ui.add_space(6.0);
         ui.horizontal(|ui| {
-            if ui.button(&offer.agree).clicked() {
+            if ui.button(&offer.label).clicked() {
                 agreed = Some(Agreed::First);
             }
             if offer.other.is_none() && ui.button("Leave it").clicked() {
@@ -256,7 +256,7 @@ pub fn offer(ui: &Ui, viewer: &mut Viewer) {
             lines(ui, &other.difference);
             ui.add_space(6.0);
             ui.horizontal(|ui| {
-                if ui.button(&other.agree).clicked() {
+                if ui.button(&other.label).clicked() {
                     agreed = Some(Agreed::Other);
                 }
                 if ui.button("Leave it").clicked() {
@@ -271,7 +271,7 @@ pub fn offer(ui: &Ui, viewer: &mut Viewer) {
             if let Some(offer) = &mut viewer.offer
                 && let Some(other) = offer.other.take()
             {
-                (offer.edit, offer.agree) = (other.edit, other.agree);
+                (offer.edit, offer.label) = (other.edit, other.label);
             }
             viewer.edit(|v| v.accept_offer());
         }

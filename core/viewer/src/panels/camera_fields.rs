@@ -7,7 +7,7 @@ use super::values;
 use crate::app::Viewer;
 use crate::editing::{FieldChange, StatedCall, expression};
 use crate::state::selection::Selected;
-use choreo_session::edit::{Anew, quoted};
+use choreo_session::edit::{NewValueSyntax, quoted};
 use choreo_stage::{Camera, Property, Rig, RigOption, Target};
 use egui::{Grid, Ui};
 use glam::DVec3;
@@ -83,7 +83,7 @@ fn stands(
                         let text = values::list(ui, written, &now.to_array(), axis, to);
                         let is_list = written.map_or(name == "look_at", |written| written.starts_with('['));
                         let text = if is_list { format!("[{text}]") } else { text };
-                        FieldChange::Value(name, text, Anew::Method)
+                        FieldChange::Value(name, text, NewValueSyntax::Method)
                     }
                 });
             }
@@ -126,7 +126,7 @@ fn options(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, all: &[RigOption]) -
                 Some(now) => {
                     let name_shown = format!("camera {name}");
                     let set = values::written(ui, &name_shown, now, 0.05, *low..=*high, written);
-                    let change = |to| FieldChange::Value(name, to, Anew::Option);
+                    let change = |to| FieldChange::Value(name, to, NewValueSyntax::Option);
                     wanted = set.map(change).or(wanted.take());
                 }
                 // The script computes the value, so its source text is displayed.

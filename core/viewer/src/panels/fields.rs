@@ -8,7 +8,7 @@ use crate::editing::{FieldChange, expression};
 use crate::state::selection::{Selected, actor};
 use choreo_asset::{AlphaMode, Asset, Material};
 use choreo_motion::Repeat;
-use choreo_session::edit::{Anew, CueTime, quoted};
+use choreo_session::edit::{CueTime, NewValueSyntax, quoted};
 use choreo_stage::{
     Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Property, Shadow, Stage,
     StageLight,
@@ -101,13 +101,13 @@ pub(super) fn name_text(name: &str, is_stated: bool) -> RichText {
 }
 
 /// Syntax of a value that the script does not state yet.
-fn anew_of(form: &Form, name: &str) -> Anew {
+fn new_value_syntax(form: &Form, name: &str) -> NewValueSyntax {
     match name {
         // No method has this name.
-        "inertial" => Anew::Option,
-        _ if form.is_cue => Anew::Alike,
-        "scale" | "near" | "far" | "from" | "until" => Anew::Method,
-        _ => Anew::Option,
+        "inertial" => NewValueSyntax::Option,
+        _ if form.is_cue => NewValueSyntax::LikeOthers,
+        "scale" | "near" | "far" | "from" | "until" => NewValueSyntax::Method,
+        _ => NewValueSyntax::Option,
     }
 }
 
@@ -124,11 +124,11 @@ pub fn described<T: Described>(
     let set = match ((field.get)(of), field.of_type) {
         (FieldValue::Number(n), FieldType::Number(low, high, unit)) => {
             let set = written(ui, &shown, n, low..=high, (unit, form.stated.get(name)));
-            set.map(|to| FieldChange::Value(name, to, anew_of(form, name)))
+            set.map(|to| FieldChange::Value(name, to, new_value_syntax(form, name)))
         }
         (FieldValue::Number(n), FieldType::Degrees(low, high)) => {
             let set = written(ui, &shown, n.to_degrees(), low..=high, ("°", form.stated.get(name)));
-            set.map(|to| FieldChange::Value(name, to, anew_of(form, name)))
+            set.map(|to| FieldChange::Value(name, to, new_value_syntax(form, name)))
         }
         (value, FieldType::Time | FieldType::Duration) => {
             let set = match value {
@@ -136,8 +136,13 @@ pub fn described<T: Described>(
                 _ => {
                     let derived = form.end.filter(|_| name == "until");
                     let row = |ui: &mut Ui| {
-                        let set =
-                            values::unstated(ui, &format!("{shown} field"), derived, 0.0..=LONGEST, true);
+                        let set = values::derived_number(
+                            ui,
+                            &format!("{shown} field"),
+                            derived,
+                            0.0..=LONGEST,
+                            true,
+                        );
                         ui.weak("s");
                         set
                     };
@@ -148,8 +153,8 @@ pub fn described<T: Described>(
                 ("from", _) => FieldChange::Time(CueTime::Start, to),
                 ("until", _) => FieldChange::Time(CueTime::End, to),
                 ("fade", true) => FieldChange::Time(CueTime::FadeIn, to),
-                ("fade", false) => FieldChange::Value(name, to.text, Anew::Method),
-                _ => FieldChange::Value(name, to.text, anew_of(form, name)),
+                ("fade", false) => FieldChange::Value(name, to.text, NewValueSyntax::Method),
+                _ => FieldChange::Value(name, to.text, new_value_syntax(form, name)),
             })
         }
         (value, FieldType::Flag) => flag(ui, name, &shown, value == FieldValue::Flag(true)),
@@ -164,7 +169,7 @@ pub fn described<T: Described>(
                         // `.at(x, y)` and `at: [x, y]` have different syntax.
                         let is_method = stated.is_some_and(|stated| !stated.starts_with('['));
                         let text = if is_method { text } else { format!("[{text}]") };
-                        set = Some(FieldChange::Value(name, text, Anew::Option));
+                        set = Some(FieldChange::Value(name, text, NewValueSyntax::Option));
                     }
                 }
             });
@@ -188,9 +193,9 @@ fn flag(ui: &mut Ui, name: &'static str, shown: &str, on: bool) -> Option<FieldC
     });
     response.changed().then(|| match now {
         // The default of `keep` is not always `false`.
-        now if name == "keep" => FieldChange::Text(name, now.to_string(), Anew::Option),
+        now if name == "keep" => FieldChange::Text(name, now.to_string(), NewValueSyntax::Option),
         // A method without an argument switches the flag on.
-        true => FieldChange::Text(name, String::new(), Anew::Method),
+        true => FieldChange::Text(name, String::new(), NewValueSyntax::Method),
         false => FieldChange::Reset(vec![name]),
     })
 }
@@ -366,7 +371,9 @@ fn ease(ui: &mut Ui, stated: &Stated) -> Option<FieldChange> {
     let written = stated.get("ease").cloned().unwrap_or_else(|| "\"linear\"".to_string());
     let names = choreo_script::easing_names();
     let chosen = choice(ui, "ease", written.trim_matches('"'), names.iter().map(String::as_str));
-    wanted = chosen.map(|name| FieldChange::Text("ease", format!("\"{name}\""), Anew::Alike)).or(wanted);
+    wanted = chosen
+        .map(|name| FieldChange::Text("ease", format!("\"{name}\""), NewValueSyntax::LikeOthers))
+        .or(wanted);
     ui.end_row();
     wanted
 }
@@ -387,7 +394,7 @@ fn mask(ui: &mut Ui, now: &str, asset: &Asset) -> Option<FieldChange> {
     let set = set.inner.filter(|text| !text.is_empty())?;
     let is_written = set.starts_with(['"', '[', '#', '`']) || !(is_text || branches.contains(&set));
     let text = if is_written { set } else { quoted(&set) };
-    Some(FieldChange::Text("on", text, Anew::Method))
+    Some(FieldChange::Text("on", text, NewValueSyntax::Method))
 }
 
 /// Fields for mask, priority and weight of a layer, on the clip that states them.
@@ -406,7 +413,7 @@ fn layer_fields(ui: &mut Ui, stated: &Stated, asset: &Asset) -> Option<FieldChan
         }
         wanted = label(ui, stated, name, hint).or(wanted);
         let set = source(ui, name, now, hint);
-        wanted = set.map(|text| FieldChange::Text(name, text, Anew::Method)).or(wanted);
+        wanted = set.map(|text| FieldChange::Text(name, text, NewValueSyntax::Method)).or(wanted);
         ui.end_row();
     }
     wanted
@@ -443,7 +450,7 @@ fn lens(
             if let (Some(FieldChange::Value(_, value, _)), FieldValue::Number(_)) =
                 (&row, (field.get)(camera))
             {
-                row = Some(FieldChange::Value(field.name, value.clone(), Anew::Method));
+                row = Some(FieldChange::Value(field.name, value.clone(), NewValueSyntax::Method));
             }
             wanted = row.or(wanted.take());
         }
@@ -481,7 +488,7 @@ fn shadow(
         let reset = label(ui, stated, "shadow", "lit objects cast shadows");
         let set = flag(ui, "shadow", "shadow", light.shadow.is_some());
         wanted = set.map(|change| match change {
-            FieldChange::Text(name, ..) => FieldChange::Text(name, "true".into(), Anew::Option),
+            FieldChange::Text(name, ..) => FieldChange::Text(name, "true".into(), NewValueSyntax::Option),
             other => other,
         });
         wanted = wanted.take().or(reset);
@@ -540,14 +547,14 @@ fn title(
             for (name, value, low, high) in numbers.into_iter().chain(width) {
                 wanted = label(ui, stated, name, "").or(wanted.take());
                 let set = number(ui, name, value, low..=high, "");
-                let change = |to| FieldChange::Value(name, values::text(ui, to), Anew::Option);
+                let change = |to| FieldChange::Value(name, values::text(ui, to), NewValueSyntax::Option);
                 wanted = set.map(change).or(wanted.take());
                 ui.end_row();
             }
             wanted = label(ui, stated, "align", "").or(wanted.take());
             let now = format!("{align:?}").to_lowercase();
             let set = choice(ui, "align", &now, ["left", "center", "right"].into_iter());
-            let change = |name| FieldChange::Value("align", format!("\"{name}\""), Anew::Option);
+            let change = |name| FieldChange::Value("align", format!("\"{name}\""), NewValueSyntax::Option);
             wanted = set.map(change).or(wanted.take());
             ui.end_row();
             wanted = color_row(ui, stated, "color", color.truncate()).or(wanted.take());
@@ -560,8 +567,8 @@ fn color_row(ui: &mut Ui, stated: &Stated, name: &'static str, linear: glam::Vec
     let mut wanted = label(ui, stated, name, "");
     let shown = linear.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)));
     if let Some([r, g, b]) = values::color(ui, name, shown) {
-        let anew = if name == "tint" { Anew::Method } else { Anew::Option };
-        wanted = Some(FieldChange::Value(name, format!("\"#{r:02x}{g:02x}{b:02x}\""), anew));
+        let syntax = if name == "tint" { NewValueSyntax::Method } else { NewValueSyntax::Option };
+        wanted = Some(FieldChange::Value(name, format!("\"#{r:02x}{g:02x}{b:02x}\""), syntax));
     }
     ui.end_row();
     wanted

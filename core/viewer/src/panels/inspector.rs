@@ -38,7 +38,7 @@ enum Wanted {
     Value(&'static str, String),
     Parameter(String, String),
     /// Removes a parameter of an effect from the script, since it has its default value.
-    Unstated(String),
+    RemoveParameter(String),
     Clip(String, f64),
     /// Field of view in degrees, and its source text.
     FieldOfView(f64, String),
@@ -159,7 +159,7 @@ fn apply(viewer: &mut Viewer, selection: Selected, wanted: Wanted, known: &[Keye
         }
         Wanted::Value(name, value) => viewer.set_value(&selection, name, &value),
         Wanted::Parameter(name, value) => viewer.set_value(&selection, &name, &value),
-        Wanted::Unstated(name) => viewer.unstate(&selection, &name),
+        Wanted::RemoveParameter(name) => viewer.remove_parameter(&selection, &name),
         Wanted::Clip(clip, secs) => {
             selection.actor().map_or(Ok(()), |name| viewer.add_clip(name, name, &clip, secs))
         }
@@ -463,7 +463,7 @@ fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -
             None
         }
         Some(now) => values::number(ui, "light kelvin", now, 10.0, range),
-        None => values::unstated(ui, "light kelvin", None, range, false),
+        None => values::derived_number(ui, "light kelvin", None, range, false),
     };
     wanted = set.map(|to| Wanted::Value("kelvin", values::text(ui, to))).or(wanted);
     ui.end_row();
@@ -573,7 +573,7 @@ fn parameters(
             let is_usual =
                 |to: &str| is_number && !is_keyed && to.parse::<f32>().is_ok_and(|to| to == usual[0]);
             let change = |(name, to): (String, String)| match is_usual(&to) {
-                true => Wanted::Unstated(name),
+                true => Wanted::RemoveParameter(name),
                 false => Wanted::Parameter(name, to),
             };
             wanted = set.map(change).or(wanted.take());

@@ -22,7 +22,7 @@ pub enum KeyAct {
     /// Sets the easing of the spans before the selected keys, as source text.
     Ease(Option<String>),
     /// Sets the interpolation of all keys of their properties, as source text.
-    How(Option<String>),
+    Interpolation(Option<String>),
     /// Moves a key to a time in seconds.
     Time(KeyRef, Typed),
     /// Sets all components of a key's value; the last field is the one that was typed.
@@ -129,7 +129,7 @@ fn entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
     ui.menu_button("Between all keys", |ui| {
         let mut all: Vec<String> = KEY_INTERPOLATIONS.iter().map(ToString::to_string).collect();
         all.extend(easing_names().into_iter().filter(|name| name.contains('_')));
-        act = choice(ui, "default: linear", &all).map(KeyAct::How).or(act.take());
+        act = choice(ui, "default: linear", &all).map(KeyAct::Interpolation).or(act.take());
     });
     ui.separator();
     for (command, name, key) in COMMANDS {
@@ -222,7 +222,7 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, act: KeyAct) {
     match act {
         KeyAct::Select(keys) => viewer.select_keys(keys),
         KeyAct::Ease(ease) => viewer.edit(|v| v.set_key_ease(&keys, ease.as_deref())),
-        KeyAct::How(how) => viewer.edit(|v| v.set_key_how(&keys, how.as_deref())),
+        KeyAct::Interpolation(how) => viewer.edit(|v| v.set_key_interpolation(&keys, how.as_deref())),
         KeyAct::Time(key, time) => viewer.edit(|v| v.set_key_time(&key, &time)),
         KeyAct::Value(key, numbers, typed) => viewer.edit(|v| v.set_key_value(&key, &numbers, &typed)),
         KeyAct::Tangents(choice) => viewer.edit(|v| v.set_key_tangents(&keys, choice)),

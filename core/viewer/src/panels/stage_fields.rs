@@ -6,7 +6,7 @@ use super::values::{self, Number};
 use crate::app::Viewer;
 use crate::editing::{Ambient, FieldChange, expression};
 use crate::state::selection::Selected;
-use choreo_session::edit::{Addition, Anew, format_number};
+use choreo_session::edit::{Addition, NewValueSyntax, format_number};
 use choreo_stage::{Background, Settings, ViewTransform};
 use egui::{Grid, RichText, Ui};
 use glam::Vec3;
@@ -78,7 +78,8 @@ fn rows(ui: &mut Ui, stated: &Stated, settings: &Settings) -> Option<FieldChange
         |ui: &mut Ui, name: &'static str, about: &str, field: &mut dyn FnMut(&mut Ui) -> Option<String>| {
             wanted = fields::label(ui, stated, name, about).or(wanted.take());
             let set = ui.horizontal(field).inner;
-            wanted = set.map(|value| FieldChange::Value(name, value, Anew::Option)).or(wanted.take());
+            wanted =
+                set.map(|value| FieldChange::Value(name, value, NewValueSyntax::Option)).or(wanted.take());
             ui.end_row();
         };
     row(ui, "length", "seconds", &mut |ui| {

@@ -231,7 +231,7 @@ pub fn reset(response: &Response, default: f64) -> Option<f64> {
 
 /// A number that the script does not state: displays `derived`, the value that applies instead, in a weak color, or nothing, until something is
 /// typed.
-pub fn unstated(
+pub fn derived_number(
     ui: &mut Ui,
     name: &str,
     derived: Option<f64>,

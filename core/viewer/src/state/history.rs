@@ -34,7 +34,7 @@ pub(crate) struct Done {
 pub struct Offer {
     pub why: String,
     /// Label of the button.
-    pub agree: String,
+    pub label: String,
     /// Lines of the difference: removed (`-`), added (`+`) and unchanged (` `).
     pub difference: Vec<(char, String)>,
     /// Files to copy before the edit: source and destination.
@@ -51,7 +51,7 @@ pub struct Offer {
 /// The second of two offered edits.
 pub struct Alternative {
     /// Label of the button.
-    pub agree: String,
+    pub label: String,
     /// Lines of the difference: removed (`-`), added (`+`) and unchanged (` `).
     pub difference: Vec<(char, String)>,
     pub(crate) edit: Edit,

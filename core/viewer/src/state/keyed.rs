@@ -358,7 +358,7 @@ fn properties_in(scene: &Scene, text: Option<&ScriptText>, what: &Selected) -> V
     let place = place_of(scene, what)
         .filter(|(place, count)| *count == 1 && place.line > 0 && place.file == scene.places.main);
     let object = place.zip(text).and_then(|((place, _), text)| text.object(place.line, place.column).ok());
-    let object = object.map(ScriptObject::changing_all);
+    let object = object.map(ScriptObject::allow_shared_edits);
     let found = match what {
         Selected::Actor(name) => actor(stage, name).map(|index| {
             let actor = &stage.actors[index];

@@ -76,8 +76,10 @@ impl KeyedProperty {
         let [from, to] = [written.keys.get(before)?, written.keys.get(next)?];
         let [leaving, reaching] = [from.shape.as_ref()?, to.shape.as_ref()?];
         let has_tangents = leaving.outgoing.is_given() || reaching.incoming.is_given();
-        let how = written.how.as_deref().unwrap_or("\"linear\"");
-        let eased_by_all = how.starts_with('[') || how.starts_with("\"in_") || how.starts_with("\"out_");
+        let interpolation = written.interpolation.as_deref().unwrap_or("\"linear\"");
+        let eased_by_all = interpolation.starts_with('[')
+            || interpolation.starts_with("\"in_")
+            || interpolation.starts_with("\"out_");
         if reaching.ease.is_some() || eased_by_all && !has_tangents {
             return None;
         }
@@ -85,7 +87,7 @@ impl KeyedProperty {
         let span = (self.keys[next] - self.keys[before]).as_secs();
         let tangent = match &own.tangent {
             Some(own) => self.all_numbers(own),
-            None => self.automatic(how, key, [before, next]),
+            None => self.automatic(interpolation, key, [before, next]),
         };
         let weight = own.weight.as_ref().map_or(vec![EVEN; self.width()], |own| match own.as_slice() {
             [one] => vec![*one; self.width()],
@@ -115,8 +117,8 @@ impl KeyedProperty {
     }
 
     /// Tangent that the interpolation gives a key. `span`: the keys whose straight connection is used for linear keys.
-    fn automatic(&self, how: &str, key: usize, span: [usize; 2]) -> Vec<f64> {
-        let tangents = match how {
+    fn automatic(&self, interpolation: &str, key: usize, span: [usize; 2]) -> Vec<f64> {
+        let tangents = match interpolation {
             "\"smooth\"" => Some(Tangents::Flat),
             "\"cubic\"" => Some(Tangents::Limited),
             "\"catmull_rom\"" => Some(Tangents::CatmullRom),

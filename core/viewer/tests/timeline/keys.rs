@@ -303,7 +303,7 @@ fn easings_are_written_for_one_key_or_for_all() {
     let fov = [key(Selected::Camera("wide".into()), "fov", 2.0)];
     let text = text_after(|place| place.viewer.edit(|v| v.set_key_ease(&fov, Some("\"in_expo\""))));
     assert_eq!(text, replaced(&[("[2.0, 50]], \"smooth\"", "[2.0, 50, \"in_expo\"]]")]));
-    let text = text_after(|place| place.viewer.edit(|v| v.set_key_how(&fov, Some("\"step\""))));
+    let text = text_after(|place| place.viewer.edit(|v| v.set_key_interpolation(&fov, Some("\"step\""))));
     assert_eq!(text, replaced(&[("\"smooth\"", "\"step\"")]));
 }
 
