@@ -93,7 +93,7 @@ pub struct FrameReply {
     /// Numbers of objects that the renderer has created since its start.
     pub work: CreatedCounts,
     /// Objects that the renderer currently has on its device.
-    pub held: DeviceUsage,
+    pub device_usage: DeviceUsage,
     /// Messages for the user.
     pub notes: Vec<String>,
 }
@@ -249,13 +249,13 @@ impl RenderState {
             self.begin_anew();
             Err(FrameError::of_panic(&*panic))
         });
-        let (mut work, mut held) = (CreatedCounts::default(), DeviceUsage::default());
+        let (mut work, mut device_usage) = (CreatedCounts::default(), DeviceUsage::default());
         if let Ok(renderer) = &mut self.renderer {
             notes.extend(renderer.take_notes());
-            (work, held) = (renderer.created(), renderer.usage());
+            (work, device_usage) = (renderer.created(), renderer.usage());
         }
         let FrameRequest { ticket, view, .. } = *request;
-        FrameReply { ticket, view, result, work, held, notes }
+        FrameReply { ticket, view, result, work, device_usage, notes }
     }
 
     /// Resets the state after a panic, which may have interrupted anything: unfinished frames are dropped; evaluators, effects and resources are

@@ -25,7 +25,7 @@ use crate::state::span::Span;
 use crate::state::tempo::Tempo;
 use crate::state::timeline::{Bar, Row, RowNumber, Timeline};
 use crate::state::trail::{JointRef, Trails};
-use crate::state::view::{Resolution, View, ViewCamera, Wish, fitted};
+use crate::state::view::{FrameKey, Resolution, View, ViewCamera, fitted};
 use choreo_motion::Time;
 use choreo_plugin::Frame;
 use choreo_render::renderer::{CreatedCounts, DeviceUsage};
@@ -68,7 +68,7 @@ pub struct Dragging {
 }
 
 /// An edit that is made again later.
-pub(crate) type ChangeAgain = Box<dyn FnOnce(&mut Viewer)>;
+pub(crate) type DeferredEdit = Box<dyn FnOnce(&mut Viewer)>;
 
 pub struct Viewer {
     /// Name of the script or model, for titles.
@@ -82,7 +82,7 @@ pub struct Viewer {
     pub editor: Editor,
     pub history: History,
     /// A refused edit of one of several objects of a loop, and whether it is made as soon as the loop is unrolled.
-    pub(crate) repeat: Option<(ChangeAgain, bool)>,
+    pub(crate) pending_edit_after_unroll: Option<(DeferredEdit, bool)>,
     /// An edit that the user must accept first.
     pub offer: Option<Offer>,
     /// Whether the window is to be closed.
@@ -101,7 +101,7 @@ pub struct Viewer {
     pub render_form: RenderForm,
     pub tests: TestRun,
     /// Script or folder whose tests are run; empty: the open script.
-    pub tested: String,
+    pub test_path: String,
     /// The last good version.
     pub scene: Option<Arc<Scene>>,
     pub timeline: Timeline,
@@ -112,7 +112,7 @@ pub struct Viewer {
     /// Whether the newest version is faulty, so that the previous one is displayed.
     pub faulty: bool,
     /// Problems of the renderer: driver failures, shaders that do not compile, callbacks that fail at the displayed time.
-    pub trouble: Vec<String>,
+    pub renderer_problems: Vec<String>,
     /// Reason why the window itself is drawn on the CPU, if it is.
     pub without_vulkan: Option<String>,
     /// Device that draws the window, with the reason if it is not Vulkan.
@@ -139,7 +139,7 @@ pub struct Viewer {
     /// Clipboard text of the clips copied last, one per line.
     pub(crate) copied: String,
     /// Further selected objects, and the selection that they belong to.
-    pub(crate) more: (Option<Selected>, Vec<Selected>),
+    pub(crate) further_selected: (Option<Selected>, Vec<Selected>),
     /// The bar that was clicked to select its camera, which may have several.
     pub(crate) shot: Option<Bar>,
     /// Selected keys, sorted, and the selection that they belong to.
@@ -153,26 +153,26 @@ pub struct Viewer {
     /// Beats of the music, which dragged times also snap to.
     pub tempo: Tempo,
     /// Whether the script panel has the pointer or the keyboard, so that keys typed do not change the selection.
-    pub(crate) over_script: bool,
+    pub(crate) script_has_input: bool,
     /// Line that the script panel scrolls to, from 1.
     pub go_to: Option<usize>,
     /// Files dropped on the window, previewed in place of the script.
-    pub guests: Vec<PathBuf>,
+    pub previewed_files: Vec<PathBuf>,
     /// Newly dropped files; the window starts a session that previews them.
     pub dropped: Vec<PathBuf>,
     /// Models dropped on a viewport; the window reads them.
     pub dropped_models: Option<DroppedModels>,
-    pub guests_leave: bool,
+    pub close_preview: bool,
     /// File that the next image of the active viewport is saved to.
     pub screenshot: Option<PathBuf>,
     pub work: Work,
-    pub drawn: CreatedCounts,
-    pub held: DeviceUsage,
+    pub created_counts: CreatedCounts,
+    pub device_usage: DeviceUsage,
     pub performance: Performance,
     /// Reduced resolution while the view moves.
     pub reduction: Reduction,
     /// Whether the view, the playhead or an object is being dragged.
-    pub scrubs: bool,
+    pub is_scrubbing: bool,
     pub build_took: Duration,
     samples: Option<u32>,
     reloads: u64,
@@ -190,7 +190,7 @@ impl Viewer {
             shortcuts: Shortcuts::default(),
             editor: Editor::of_environment(),
             history: History::default(),
-            repeat: None,
+            pending_edit_after_unroll: None,
             offer: None,
             message: None,
             message_line: None,
@@ -201,13 +201,13 @@ impl Viewer {
             renders: RenderQueue::default(),
             render_form: RenderForm::default(),
             tests: TestRun::default(),
-            tested: String::new(),
+            test_path: String::new(),
             scene: None,
             timeline: Timeline::default(),
             problems: Vec::new(),
             severities: HashMap::new(),
             faulty: false,
-            trouble: Vec::new(),
+            renderer_problems: Vec::new(),
             without_vulkan: None,
             window_device: String::new(),
             playhead: Playhead::default(),
@@ -224,7 +224,7 @@ impl Viewer {
             selection: None,
             to_rename: None,
             copied: String::new(),
-            more: (None, Vec::new()),
+            further_selected: (None, Vec::new()),
             shot: None,
             keys: (None, Vec::new()),
             curves: Curves::default(),
@@ -232,19 +232,19 @@ impl Viewer {
             in_seconds: true,
             snap: true,
             tempo: Tempo::default(),
-            over_script: false,
+            script_has_input: false,
             go_to: None,
-            guests: Vec::new(),
+            previewed_files: Vec::new(),
             dropped: Vec::new(),
             dropped_models: None,
-            guests_leave: false,
+            close_preview: false,
             screenshot: None,
             work: Work::default(),
-            drawn: CreatedCounts::default(),
-            held: DeviceUsage::default(),
+            created_counts: CreatedCounts::default(),
+            device_usage: DeviceUsage::default(),
             performance: Performance::default(),
             reduction: Reduction::default(),
-            scrubs: false,
+            is_scrubbing: false,
             build_took: Duration::ZERO,
             samples: None,
             reloads: 0,
@@ -314,7 +314,8 @@ impl Viewer {
             self.curves.time = Span::whole(length);
         }
         self.playhead.set_scene(settings.fps, settings.length);
-        let (is_main, further) = (self.more.0 == self.selection, std::mem::take(&mut self.more.1));
+        let (is_main, further) =
+            (self.further_selected.0 == self.selection, std::mem::take(&mut self.further_selected.1));
         let before: Vec<Bar> = self.bars().cloned().collect();
         self.timeline = Timeline::new(&scene);
         let found = |what: Selected| self.found_again(&before, what).filter(|what| what.is_on(&scene.stage));
@@ -323,7 +324,7 @@ impl Viewer {
             (self.selection.clone().and_then(found), self.keys.0.clone().and_then(found));
         self.selection = selection;
         // Further selected objects belong to the selection that they were added to.
-        self.more = (self.selection.clone(), if is_main { further } else { Vec::new() });
+        self.further_selected = (self.selection.clone(), if is_main { further } else { Vec::new() });
         self.keys.0 = of_keys;
         self.shot = self.selected_shot().cloned();
         self.scene = Some(scene);
@@ -370,15 +371,15 @@ impl Viewer {
         if reply.ticket == view.ticket {
             view.waiting = false;
         }
-        self.drawn = reply.work;
-        self.held = reply.held;
-        self.trouble = reply.notes;
+        self.created_counts = reply.work;
+        self.device_usage = reply.device_usage;
+        self.renderer_problems = reply.notes;
         match reply.result {
             Ok((frame, shown)) => {
                 self.performance.add(shown.evaluated_in, shown.planned_in, shown.drawn_in);
                 let took = shown.evaluated_in + shown.planned_in + shown.drawn_in;
-                let asked = view.asked.as_ref().filter(|asked| asked.time == shown.time);
-                if asked.is_some_and(|asked| asked.moving) && view.resolution == Resolution::Fitted {
+                let requested = view.requested.as_ref().filter(|key| key.time == shown.time);
+                if requested.is_some_and(|key| key.moving) && view.resolution == Resolution::Fitted {
                     let budget = 1e3 / self.playhead.fps().as_fps();
                     self.reduction.took(took.as_secs_f64() * 1e3, budget);
                 }
@@ -390,7 +391,7 @@ impl Viewer {
                 Some((index, frame))
             }
             Err(error) => {
-                self.trouble.push(error.to_string());
+                self.renderer_problems.push(error.to_string());
                 None
             }
         }
@@ -404,15 +405,15 @@ impl Viewer {
         let overrides = self.overrides(&scene);
         let moving = self.is_moving();
         let (saves, active) = (self.screenshot.is_some(), self.active.min(self.views.len() - 1));
-        for (index, view) in self.views.iter_mut().enumerate().filter(|(_, v)| v.seen && !v.waiting) {
+        for (index, view) in self.views.iter_mut().enumerate().filter(|(_, v)| v.is_visible && !v.waiting) {
             let size = match view.resolution {
                 Resolution::Full => scene.stage.settings.size.map(|s| s.clamp(1, LARGEST)),
                 Resolution::Fitted => {
                     let divisor = self.reduction.divisor(moving);
-                    fitted(scene.stage.settings.size, view.room, divisor, LARGEST)
+                    fitted(scene.stage.settings.size, view.panel_size, divisor, LARGEST)
                 }
             };
-            let wish = Wish {
+            let key = FrameKey {
                 number: scene.number,
                 reloads: self.reloads,
                 time: self.playhead.time(),
@@ -422,14 +423,14 @@ impl Viewer {
                 moving,
                 overrides: view_overrides(&overrides, view, saves && index == active),
             };
-            if view.asked.as_ref() == Some(&wish) {
+            if view.requested.as_ref() == Some(&key) {
                 continue;
             }
             self.ticket += 1;
             view.waiting = true;
             view.ticket = self.ticket;
-            let Wish { time, viewport_camera, moving, overrides, .. } = wish.clone();
-            view.asked = Some(wish);
+            let FrameKey { time, viewport_camera, moving, overrides, .. } = key.clone();
+            view.requested = Some(key);
             let ticket = self.ticket;
             return Some(FrameRequest {
                 scene,
@@ -475,7 +476,7 @@ impl Viewer {
     /// Whether images are only shown briefly.
     pub(crate) fn is_moving(&self) -> bool {
         let is_dragged = self.dragging.is_some() || self.dragged_icon.is_some() || self.placed.is_some();
-        self.playhead.is_playing() || self.scrubs || is_dragged
+        self.playhead.is_playing() || self.is_scrubbing || is_dragged
     }
 
     /// Whether a frame is being rendered.
@@ -556,17 +557,17 @@ impl Viewer {
     }
 
     /// Further objects that are selected in addition to the selection.
-    pub(crate) fn more(&self) -> &[Selected] {
-        if self.more.0 == self.selection { &self.more.1 } else { &[] }
+    pub(crate) fn further_selected(&self) -> &[Selected] {
+        if self.further_selected.0 == self.selection { &self.further_selected.1 } else { &[] }
     }
 
     pub(crate) fn is_selected(&self, what: &Selected) -> bool {
-        self.selection.as_ref() == Some(what) || self.more().contains(what)
+        self.selection.as_ref() == Some(what) || self.further_selected().contains(what)
     }
 
     /// Selected bars of the timeline.
     pub fn selected_bars(&self) -> Vec<Selected> {
-        let all = self.selection.iter().chain(self.more());
+        let all = self.selection.iter().chain(self.further_selected());
         all.filter(|what| self.bars().any(|bar| bar.what == **what)).cloned().collect()
     }
 
@@ -587,7 +588,7 @@ impl Viewer {
     /// Name of a locked actor that is selected, or that a selected clip or key belongs to.
     pub(crate) fn locked_selection(&self) -> Option<&str> {
         let keys = self.selected_keys().iter().map(|key| &key.what);
-        let all = self.selection.iter().chain(self.more()).chain(keys);
+        let all = self.selection.iter().chain(self.further_selected()).chain(keys);
         all.filter_map(Selected::actor).find(|name| self.toggles.locked.contains(*name))
     }
 
@@ -614,7 +615,7 @@ impl Viewer {
         self.shot = None;
         let mut all = all.into_iter();
         self.selection = all.next();
-        self.more = (self.selection.clone(), all.collect());
+        self.further_selected = (self.selection.clone(), all.collect());
         self.keys = (None, Vec::new());
     }
 

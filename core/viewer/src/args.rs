@@ -52,7 +52,7 @@ struct Args {
     full_size: bool,
     /// Lose the device at these frames of the window, for tests; repeatable
     #[arg(long = "lose-device-at", value_name = "FRAME", hide = true)]
-    lose: Vec<u64>,
+    lose_device_at: Vec<u64>,
     /// Print what has been done and shown, and when, on standard output, for tests and measurements
     #[arg(long, hide = true)]
     event_log: bool,
@@ -69,7 +69,7 @@ pub(crate) struct ViewerOptions {
     /// Whether images have the size that `render` uses.
     pub full_size: bool,
     /// Numbers of window frames at which a lost device is simulated.
-    pub lose: Vec<u64>,
+    pub lose_device_at: Vec<u64>,
     /// Whether events are reported on standard output, one line each.
     pub event_log: bool,
     pub commands: Commands,
@@ -187,8 +187,8 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
         ..SceneSource::new("")
     };
     let files = FileOptions { like, project_file: !args.no_project_file, app: app.clone() };
-    let Args { input: first, device, at, play, full_size, lose, event_log, .. } = args;
-    Ok(ViewerOptions { first, files, device, at, play, full_size, lose, event_log, commands })
+    let Args { input: first, device, at, play, full_size, lose_device_at, event_log, .. } = args;
+    Ok(ViewerOptions { first, files, device, at, play, full_size, lose_device_at, event_log, commands })
 }
 
 #[cfg(test)]

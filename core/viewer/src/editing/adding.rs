@@ -336,7 +336,7 @@ impl Viewer {
     ///
     /// # Errors
     /// The files that could not be added, with reasons: unreadable, or outside the script's folder. The others are added.
-    pub fn add_guests(&mut self) -> Result<(), EditError> {
+    pub fn add_previewed_files(&mut self) -> Result<(), EditError> {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let folder = folder_of(&path);
         let mut text = read(&path)?;
@@ -351,15 +351,15 @@ impl Viewer {
             .ok_or_else(|| EditError::refused("the dropped files cannot be read"))?;
         let (mut shown, mut refused) = (scene.stage.actors.iter().peekable(), Vec::new());
         let mut selects = None;
-        for guest in &self.guests {
+        for file in &self.previewed_files {
             // Actors are in the order of the dropped files, without the unreadable ones.
-            let is_it = |actor: &&Actor| guest.file_name().is_some_and(|name| *name == *actor.asset.name);
+            let is_it = |actor: &&Actor| file.file_name().is_some_and(|name| *name == *actor.asset.name);
             let Some(actor) = shown.next_if(is_it) else {
-                refused.push(format!("{}: it cannot be read", guest.display()));
+                refused.push(format!("{}: it cannot be read", file.display()));
                 continue;
             };
             let at = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
-            match loaded_as(guest, &folder) {
+            match loaded_as(file, &folder) {
                 Some(inside) => {
                     let (lines, name) = cast_lines(&text, &inside, at, None);
                     text.push_str(&lines);
@@ -367,14 +367,14 @@ impl Viewer {
                 }
                 None => refused.push(format!(
                     "{}: it is outside the script's folder, and load(…) reads only inside; copy it into that folder first",
-                    guest.display()
+                    file.display()
                 )),
             }
         }
-        if refused.len() < self.guests.len() {
+        if refused.len() < self.previewed_files.len() {
             let edit = Edit { range: begins..begins, text: text.split_off(begins) };
             self.write_edit(&path, &before, edit)?;
-            self.guests_leave = true;
+            self.close_preview = true;
             self.selection = selects;
         }
         if refused.is_empty() { Ok(()) } else { Err(EditError::refused(refused.join("; "))) }

@@ -302,7 +302,8 @@ impl Viewer {
         self.write_edit(&path, &now, edit)?;
         self.selection = offer.selects.or(self.selection.take());
         let writes_out = offer.label == shared::WRITE_OUT;
-        self.repeat = self.repeat.take().filter(|_| writes_out).map(|(change, _)| (change, true));
+        self.pending_edit_after_unroll =
+            self.pending_edit_after_unroll.take().filter(|_| writes_out).map(|(change, _)| (change, true));
         Ok(())
     }
 
@@ -342,7 +343,7 @@ impl Viewer {
             return false;
         }
         self.history.undone.pop();
-        self.repeat = None;
+        self.pending_edit_after_unroll = None;
         (self.dragging, self.placed) = (None, None);
         let error = problems.iter().find(|problem| problem.severity == Severity::Error);
         let (message, line) = error.map_or(("", 0), |error| (error.message.as_str(), error.line));
@@ -359,7 +360,7 @@ impl Viewer {
             return;
         }
         self.history.unshown = None;
-        if let Some((change, _)) = self.repeat.take_if(|(_, is_agreed)| *is_agreed) {
+        if let Some((change, _)) = self.pending_edit_after_unroll.take_if(|(_, is_agreed)| *is_agreed) {
             change(self);
         }
     }

@@ -26,8 +26,10 @@ impl Viewer {
             Ok(made.edit)
         })?;
         let left: Vec<String> = left.iter().map(usize::to_string).collect();
-        let lacks = (!left.is_empty())
-            .then(|| format!("the copy lacks the effect of other statements, in lines {}", left.join(", ")));
+        let lines = if left.len() == 1 { "line" } else { "lines" };
+        let lacks = (!left.is_empty()).then(|| {
+            format!("the copy lacks the effect of other statements, in {lines} {}", left.join(", "))
+        });
         let stays = stays.map(|line| {
             format!("the copy is at the same place as the original: line {line} computes its place")
         });

@@ -18,7 +18,7 @@ impl Viewer {
         change: impl FnOnce(&mut Viewer) -> Result<(), EditError> + 'static,
     ) -> Result<(), EditError> {
         if matches!(done, Err(EditError::SharedLine { .. })) {
-            self.repeat = Some((Box::new(move |viewer| viewer.edit(change)), false));
+            self.pending_edit_after_unroll = Some((Box::new(move |viewer| viewer.edit(change)), false));
         }
         done
     }

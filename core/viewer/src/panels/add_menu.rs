@@ -152,7 +152,7 @@ pub fn menu(ui: &mut Ui, viewer: &mut Viewer) {
 
 /// Whether there is a script to add to; previewed files are not one.
 pub fn is_possible(viewer: &Viewer) -> bool {
-    viewer.path.is_some() && viewer.scene.is_some() && viewer.guests.is_empty()
+    viewer.path.is_some() && viewer.scene.is_some() && viewer.previewed_files.is_empty()
 }
 
 /// Entries of the menu.

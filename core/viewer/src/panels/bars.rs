@@ -1,12 +1,12 @@
 //! Bars in a row of the sequencer: drawn, selected, and dragged by their center, ends and handles.
 
 use super::bar_menu::{self, Command};
+use super::gesture;
 use super::headers;
-use super::held;
 use super::hint::Hint;
 use super::inspector::ClipDrag;
 use super::marks;
-use super::sequencer::{STRIP, color_of, followed, row_places};
+use super::sequencer::{FOOT_STRIP, color_of, followed, row_places};
 use crate::app::Viewer;
 use crate::editing::{ClipOf, EditError};
 use crate::state::selection::Selected;
@@ -97,7 +97,7 @@ impl Lane {
 
     fn place(&self, viewer: &Viewer, from: f64, to: f64) -> Rect {
         let (left, right) = (self.x(viewer, from), self.x(viewer, to));
-        let bottom = self.rect.bottom() - STRIP - 1.0;
+        let bottom = self.rect.bottom() - FOOT_STRIP - 1.0;
         Rect::from_min_max(pos2(left, self.rect.top() + 1.5), pos2(right, bottom))
     }
 }
@@ -117,13 +117,13 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
         let wrong = viewer.severity(&bar.place);
         draw(&ui.painter_at(lane.rect), viewer, bar, place, lane, (selected, wrong));
         if response.clicked() {
-            act = Some(Act::Select(bar.clone(), held::adds(ui)));
+            act = Some(Act::Select(bar.clone(), gesture::adds_to_selection(ui)));
         }
         act = match locked {
             true => {
                 response.drag_started_by(PointerButton::Primary).then(|| Act::Locked(bar.clone())).or(act)
             }
-            false => carried(ui, viewer, bar, &response, lane).or(act),
+            false => drag_bar(ui, viewer, bar, &response, lane).or(act),
         };
         act = bar_menu::show(&response, viewer, bar).or(act);
         if response.hint(hover(viewer, bar)).hovered() {
@@ -256,7 +256,7 @@ fn handles(bar: &Bar) -> Vec<(CueTime, Time)> {
 }
 
 /// Draws the preview of a dragged bar; at the end of the drag, returns its move or slip.
-fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane) -> Option<Act> {
+fn drag_bar(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane) -> Option<Act> {
     if !response.dragged_by(PointerButton::Primary) && !response.drag_stopped() {
         return None;
     }
@@ -268,7 +268,7 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
     // Distance from the start of the bar to the point where it was grabbed, points.
     let grabbed: f32 = ui.data(|d| d.get_temp(id))?;
     let pointer = response.interact_pointer_pos()?.x - grabbed;
-    let Modifiers { alt, shift, command, .. } = held::modifiers(ui);
+    let Modifiers { alt, shift, command, .. } = gesture::modifiers(ui);
     let length = (bar.end - bar.start).as_secs();
     let painter = ui.painter_at(lane.rect);
     if let (true, Some(strip)) = (alt, bar.strip) {
@@ -292,7 +292,7 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
         let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Foreground, id));
         let ghost = other.place(viewer, start, start + length).intersect(other.rect);
         outline(&painter, ghost);
-        if let Some(text) = onto(ui, viewer, bar, other.row) {
+        if let Some(text) = drop_text(ui, viewer, bar, other.row) {
             beside(ui, response.interact_pointer_pos()?, &text);
         }
         return response.drag_stopped().then(|| Act::MoveTo(bar.clone(), start, other.row));
@@ -329,7 +329,7 @@ fn other_row(ui: &Ui, viewer: &Viewer, bar: &Bar, lane: &Lane, at: Pos2) -> Opti
 }
 
 /// Text for a clip held over a row: the reason why the row refuses it, else the number of joints that follow.
-fn onto(ui: &Ui, viewer: &Viewer, bar: &Bar, row: usize) -> Option<String> {
+fn drop_text(ui: &Ui, viewer: &Viewer, bar: &Bar, row: usize) -> Option<String> {
     let on = match viewer.actor_for(bar, row) {
         Ok(on) => on,
         Err(why) => return Some(why.to_string()),
@@ -342,7 +342,7 @@ fn onto(ui: &Ui, viewer: &Viewer, bar: &Bar, row: usize) -> Option<String> {
     Some(format!("on {on}: {joints} of {moved} joints follow"))
 }
 
-/// An area that drags a point (`anchor`). Returns the position of the point during the drag, like [`held::dragged`].
+/// An area that drags a point (`anchor`). Returns the position of the point during the drag, like [`gesture::dragged_position`].
 fn grip(
     ui: &Ui,
     (place, anchor): (Rect, Pos2),
@@ -352,7 +352,7 @@ fn grip(
 ) -> (Response, Option<Pos2>) {
     let response = ui.interact(place, id, Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label.clone()));
-    let dragged = held::dragged(ui, &response, anchor);
+    let dragged = gesture::dragged_position(ui, &response, anchor);
     (response.on_hover_cursor(cursor), dragged)
 }
 
@@ -387,10 +387,10 @@ fn handle(
         let is_there =
             |bar: &&Bar| secs.is_some_and(|secs| (bar.start.as_secs()..bar.end.as_secs()).contains(&secs));
         let clicked = bars.iter().rev().find(is_there).unwrap_or(bar);
-        return Some(Act::Select(clicked.clone(), held::adds(ui)));
+        return Some(Act::Select(clicked.clone(), gesture::adds_to_selection(ui)));
     }
     let Some(pointer) = dragged else { return bar_menu::show(&response, viewer, bar) };
-    let keep = held::modifiers(ui).alt;
+    let keep = gesture::modifiers(ui).alt;
     // The end rolls the boundary with Alt, like the start of the next clip.
     let next = bars.get(number + 1).filter(|next| next.strip.is_some() && bar.meets(next));
     let (bar, part) = match next.filter(|_| keep && part == CueTime::End) {
@@ -456,7 +456,7 @@ fn handle_place(
 
 /// Speed handle of a selected clip: a triangle at the bottom, next to the handle of the end. Dragging it changes the speed.
 fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane) -> Option<Act> {
-    let (x, bottom) = (lane.x(viewer, bar.played_until().as_secs()), lane.rect.bottom() - STRIP - 1.0);
+    let (x, bottom) = (lane.x(viewer, bar.played_until().as_secs()), lane.rect.bottom() - FOOT_STRIP - 1.0);
     let place = Rect::from_min_max(pos2(x - GRIP - 11.0, bottom - 7.0), pos2(x - GRIP - 1.0, bottom))
         .intersect(lane.rect);
     if place.width() <= 0.0 {
@@ -565,7 +565,7 @@ fn draw(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane,
     let color = match wrong {
         Some(choreo_script::Severity::Error) => FAULTY,
         Some(choreo_script::Severity::Warning) => WARNED,
-        _ => color_of(bar.kind),
+        _ => color_of(bar.color_index),
     };
     let x = |time: Time| lane.x(viewer, time.as_secs());
     let round = CornerRadius::same(3);

@@ -2,8 +2,8 @@
 
 use super::bars::beside;
 use super::fixed_digits;
+use super::gesture;
 use super::headers;
-use super::held;
 use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
 use super::marks::SELECTED;
@@ -351,7 +351,7 @@ fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
                 );
                 if response.hint("click: hide or show it; Ctrl click: show it alone").clicked() {
                     let curve = (property.what.clone(), property.name.clone(), part);
-                    toggled = Some((curve, held::modifiers(ui).command));
+                    toggled = Some((curve, gesture::modifiers(ui).command));
                 }
             }
         }
@@ -449,7 +449,7 @@ fn background(ui: &Ui, viewer: &mut Viewer, plot: &Plot, what: &Selected, all: &
             }
         }
     }
-    if held::adds(ui) {
+    if gesture::adds_to_selection(ui) {
         keys.extend(viewer.selected_keys().iter().cloned());
     }
     viewer.select_keys(keys);
@@ -519,7 +519,7 @@ fn points(ui: &Ui, viewer: &mut Viewer, plot: &Plot, property: &KeyedProperty, i
             let place = by.map_or(place, |drag| moved(viewer, plot, property, part, *at, drag));
             point(ui, plot, place, color(ui, property, index, part), selected || response.hovered());
             if response.clicked() {
-                act = Some(Act::Click(key.clone(), held::adds(ui)));
+                act = Some(Act::Click(key.clone(), gesture::adds_to_selection(ui)));
             }
             act = key_menu::show(&response, viewer, std::slice::from_ref(&key)).map(Act::Key).or(act);
             let number = fixed_digits(property.at(*at).get(part).copied().unwrap_or_default(), 3);
@@ -583,7 +583,7 @@ fn dragged(
     }
     let from: Pos2 = ui.data(|d| d.get_temp(id)).unwrap_or(to);
     let mut by = to - from;
-    if held::modifiers(ui).shift {
+    if gesture::modifiers(ui).shift {
         by = if by.x.abs() > by.y.abs() { vec2(by.x, 0.0) } else { vec2(0.0, by.y) };
     }
     let secs = match by.x.abs() < SLACK {
@@ -658,7 +658,7 @@ fn handle(
     let label = ["start of the easing", "end of the easing"][side];
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label));
     let mut now = ease;
-    if let Some(at) = held::dragged(ui, &response, place(ease)) {
+    if let Some(at) = gesture::dragged_position(ui, &response, place(ease)) {
         let part = |at: f32, from: f32, size: f32| f64::from((at - from) / size).clamp(0.0, 1.0);
         let hundredth = |value: f64| (value * 100.0).round() / 100.0;
         if size.x.abs() > 1.0 {

@@ -42,7 +42,10 @@ pub fn take(waiting: &mut Waiting, ui: &Ui, viewer: &mut Viewer) {
     }
     let files = std::mem::take(&mut waiting.files);
     let is_model = |file: &PathBuf| !file.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai"));
-    let scene = viewer.path.is_some() && viewer.scene.is_some() && viewer.guests.is_empty() && !viewer.faulty;
+    let scene = viewer.path.is_some()
+        && viewer.scene.is_some()
+        && viewer.previewed_files.is_empty()
+        && !viewer.faulty;
     let pointer = ui.input(|i| i.pointer.latest_pos());
     let at = pointer.and_then(|at| ground(viewer, at)).filter(|_| scene && files.iter().all(is_model));
     match at {
@@ -57,7 +60,7 @@ pub(super) fn ground(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     let scene = viewer.scene.as_ref()?;
     let inside = |view: &&crate::state::view::View| {
         let [left, top, right, bottom] = view.place;
-        view.seen && Rect::from_min_max(Pos2::new(left, top), Pos2::new(right, bottom)).contains(at)
+        view.is_visible && Rect::from_min_max(Pos2::new(left, top), Pos2::new(right, bottom)).contains(at)
     };
     let view = viewer.views.iter().find(inside)?;
     let [left, top, right, bottom] = view.place.map(f64::from);

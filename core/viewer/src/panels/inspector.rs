@@ -260,7 +260,7 @@ fn transform(
                 // An object with a scale of 0 would vanish.
                 let to = if to.abs() < 1e-3 { 1e-3_f64.copysign(to) } else { to };
                 let by = to / placed.scale[axis];
-                let all = super::held::modifiers(ui).shift;
+                let all = super::gesture::modifiers(ui).shift;
                 let mut scale = if all { DVec3::splat(by) } else { DVec3::ONE };
                 scale[axis] = by;
                 wanted = Some(Wanted::Actor(Change::Scale(scale), values::typed(ui, to)));

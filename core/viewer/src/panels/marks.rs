@@ -1,11 +1,11 @@
 //! Marks in a row of the sequencer in addition to its bars: events and foot contacts. A click moves the playhead there.
 
 use super::bars::beside;
-use super::held;
+use super::foot_contacts::FootContacts;
+use super::gesture;
 use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
-use super::sequencer::{COLORS, STRIP};
-use super::strip::Strips;
+use super::sequencer::{COLORS, FOOT_STRIP};
 use crate::app::Viewer;
 use crate::editing::file_name;
 use crate::state::events::{Event, EventKind};
@@ -104,7 +104,7 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect
         if !keys.is_empty() {
             acted = key_menu::show(&response, viewer, &keys).map(MarkAct::Key).or(acted);
         }
-        let add = held::adds(ui);
+        let add = gesture::adds_to_selection(ui);
         if response.hint(hover(viewer, event)).clicked() {
             acted = Some(MarkAct::Click(event.clone(), add));
         }
@@ -170,16 +170,16 @@ pub fn feet(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
     let (Some(scene), Some(Selected::Actor(name))) = (&viewer.scene, &row.what) else { return None };
     let is_base = row.bars.iter().any(|b| matches!(b.what, Selected::Cue { layer: 0, .. }));
     let index = actor(&scene.stage, name).filter(|_| is_base)?;
-    let id = egui::Id::new("strips");
-    let mut strips: Strips = ui.data(|d| d.get_temp(id)).unwrap_or_default();
-    let found = strips.get(scene.number, &scene.stage, index);
-    ui.data_mut(|d| d.insert_temp(id, strips));
+    let id = egui::Id::new("foot contacts");
+    let mut contacts: FootContacts = ui.data(|d| d.get_temp(id)).unwrap_or_default();
+    let found = contacts.get(scene.number, &scene.stage, index);
+    ui.data_mut(|d| d.insert_temp(id, contacts));
     let found = found?;
     let painter = ui.painter_at(lane);
-    let high = STRIP / found.len() as f32;
+    let high = FOOT_STRIP / found.len() as f32;
     for (foot, part) in found.iter().enumerate() {
         let [r, g, b] = COLORS[foot % COLORS.len()];
-        let top = lane.bottom() - STRIP + foot as f32 * high;
+        let top = lane.bottom() - FOOT_STRIP + foot as f32 * high;
         for (from, to) in &part.spans {
             let x = |secs: f64| lane.left() + viewer.span.x_of(secs, lane.width());
             let part = Rect::from_min_max(pos2(x(*from), top), pos2(x(*to), top + high));
@@ -187,7 +187,7 @@ pub fn feet(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
         }
     }
     // The clickable area is a little higher than the lines.
-    let band = Rect::from_min_max(pos2(lane.left(), lane.bottom() - STRIP - 1.0), lane.max);
+    let band = Rect::from_min_max(pos2(lane.left(), lane.bottom() - FOOT_STRIP - 1.0), lane.max);
     let response = ui.interact(band, ui.id().with(("feet", index)), Sense::click());
     let label = format!("feet of {name}");
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, label.clone()));

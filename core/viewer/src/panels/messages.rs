@@ -10,13 +10,13 @@ const MOST: usize = 100;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let visuals = ui.visuals().clone();
-    if viewer.problems.is_empty() && viewer.trouble.is_empty() && viewer.without_vulkan.is_none() {
+    if viewer.problems.is_empty() && viewer.renderer_problems.is_empty() && viewer.without_vulkan.is_none() {
         ui.label("no messages");
     }
     if let Some(text) = &viewer.without_vulkan {
         ui.label(RichText::new(text).color(visuals.warn_fg_color).monospace());
     }
-    for text in &viewer.trouble {
+    for text in &viewer.renderer_problems {
         ui.label(RichText::new(text).color(visuals.error_fg_color).monospace());
     }
     let mut go_to = None;

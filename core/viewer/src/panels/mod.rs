@@ -17,9 +17,10 @@ mod drop;
 mod explain;
 mod fields;
 mod files;
+mod foot_contacts;
+mod gesture;
 mod handles;
 mod headers;
-mod held;
 mod hint;
 mod icons;
 mod inspected;
@@ -47,7 +48,6 @@ mod script;
 mod sequencer;
 mod stage_fields;
 mod start;
-mod strip;
 mod tangents;
 mod tests;
 mod toolbar;
@@ -249,13 +249,13 @@ impl Panels {
         if viewer.go_to.is_some() {
             self.bring(Tab::Script);
         }
-        viewer.views.iter_mut().for_each(|view| view.seen = false);
-        viewer.over_script = false;
+        viewer.views.iter_mut().for_each(|view| view.is_visible = false);
+        viewer.script_has_input = false;
         if viewer.documents.start {
             return start::show(self, ui, viewer);
         }
         self.overlays = viewer.views[0].overlays;
-        viewer.scrubs = false;
+        viewer.is_scrubbing = false;
         (viewer.curves.hovered, viewer.curves.seen) = (false, false);
         // Fills the gaps at the rounded corners of the panels.
         ui.painter().rect_filled(ui.available_rect_before_wrap(), 0.0, ui.visuals().panel_fill);

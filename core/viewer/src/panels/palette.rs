@@ -201,7 +201,7 @@ fn entries(viewer: &Viewer) -> Vec<Entry> {
         let keys: Vec<String> = actions::panel_keys(viewer, tab).iter().map(ToString::to_string).collect();
         all.push(entry(format!("panel {}", tab.title()), keys.join(", "), Target::Panel(tab)));
     }
-    if viewer.path.is_some() && viewer.guests.is_empty() {
+    if viewer.path.is_some() && viewer.previewed_files.is_empty() {
         let additions = super::add_menu::commands(viewer).into_iter();
         all.extend(additions.map(|(text, what)| entry(text, "new".into(), Target::Add(what))));
         let constraints = super::add_menu::constraints(viewer).into_iter();

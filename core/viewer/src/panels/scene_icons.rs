@@ -62,7 +62,11 @@ fn icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon> {
             Projection::Perspective { yfov, .. } => f64::from(yfov),
             Projection::Orthographic { .. } => 0.0,
         };
-        Some(SceneIcon { what: IconOf::Camera(camera.name.clone()), at, kind: IconKind::Camera(target, angle) })
+        Some(SceneIcon {
+            what: IconOf::Camera(camera.name.clone()),
+            at,
+            kind: IconKind::Camera(target, angle),
+        })
     });
     lights.chain(cameras).chain(targets(scene, shown)).collect()
 }

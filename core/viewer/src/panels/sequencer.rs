@@ -15,7 +15,7 @@ use crate::state::playhead::SPEEDS;
 use crate::state::selection::Selected;
 use crate::state::span::Span;
 use crate::state::tempo::Tempo;
-use crate::state::timeline::{RowNumber, kind};
+use crate::state::timeline::{RowNumber, color_index};
 use choreo_motion::Time;
 use choreo_script::Severity;
 use egui::{Color32, FontId, Rect, Response, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
@@ -23,7 +23,7 @@ use egui::{Color32, FontId, Rect, Response, Sense, Stroke, StrokeKind, Ui, pos2,
 pub(super) const LABELS: f32 = 150.0;
 const ROW: f32 = 22.0;
 /// Height of the foot contacts at the bottom of a row, points.
-pub(crate) const STRIP: f32 = 3.0;
+pub(crate) const FOOT_STRIP: f32 = 3.0;
 pub(super) const RULER: f32 = 22.0;
 /// Smallest distance of beats that are drawn, points.
 const BEATS: f32 = 6.0;
@@ -41,16 +41,16 @@ pub const COLORS: [[u8; 3]; 8] = [
 ];
 
 /// Color of a bar by its number: eight hues, each bright or dark.
-pub(super) fn color_of(kind: usize) -> Color32 {
-    let [r, g, b] = COLORS[kind % COLORS.len()];
-    let is_dark = kind / COLORS.len() % 2 == 1;
+pub(super) fn color_of(color_index: usize) -> Color32 {
+    let [r, g, b] = COLORS[color_index % COLORS.len()];
+    let is_dark = color_index / COLORS.len() % 2 == 1;
     let shade = |value: u8| if is_dark { (u16::from(value) * 7 / 10) as u8 } else { value };
     Color32::from_rgb(shade(r), shade(g), shade(b))
 }
 
 /// Color of a clip's bars, sRGB.
 pub fn color_of_clip(name: &str) -> [u8; 3] {
-    let [r, g, b, _] = color_of(kind(name)).to_array();
+    let [r, g, b, _] = color_of(color_index(name)).to_array();
     [r, g, b]
 }
 
@@ -212,7 +212,7 @@ fn nearest_frame(fps: f64, secs: f64) -> f64 {
 pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span), label: &str) {
     let response = ui.interact(ruler, ui.id().with("ruler"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label));
-    viewer.scrubs |= response.dragged();
+    viewer.is_scrubbing |= response.dragged();
     if let Some(pointer) = response.interact_pointer_pos() {
         let time = |x: f32| {
             let secs = span.secs_at(x - ruler.left(), ruler.width());
@@ -221,7 +221,7 @@ pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span
         };
         let from = ui.input(|i| i.pointer.press_origin()).map_or(pointer.x, |p| p.x);
         let (from, to) = (time(from), time(pointer.x));
-        match held::modifiers(ui).shift {
+        match gesture::modifiers(ui).shift {
             true if response.dragged() => viewer.playhead.set_range(Some((from, to))),
             true => {}
             false => viewer.playhead.seek(to),
@@ -433,7 +433,7 @@ fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[RowNumber]) {
     let keys = drawn.iter().filter_map(|(number, rect)| Some((viewer.timeline.row(*number)?, *rect)));
     let mut keys: Vec<KeyRef> =
         keys.flat_map(|(row, rect)| marks::keys_within(viewer, row, lane(rect), area)).collect();
-    if held::modifiers(ui).shift {
+    if gesture::modifiers(ui).shift {
         all.extend(viewer.selected_bars());
         keys.extend(viewer.selected_keys().iter().cloned());
     }

@@ -17,7 +17,7 @@ const VIEWS: [(ViewTransform, &str); 3] =
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(scene) = viewer.scene.clone() else { return };
-    if viewer.path.is_none() || !viewer.guests.is_empty() {
+    if viewer.path.is_none() || !viewer.previewed_files.is_empty() {
         ui.label("select an actor, a bar, a camera or a light");
         return;
     }

@@ -24,7 +24,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     ui.horizontal_wrapped(|ui| {
         let label = ui.label("tests in");
         let proposed = viewer.commands.input.display().to_string();
-        ui.add(TextEdit::singleline(&mut viewer.tested).hint_text(proposed)).labelled_by(label.id);
+        ui.add(TextEdit::singleline(&mut viewer.test_path).hint_text(proposed)).labelled_by(label.id);
         if viewer.tests.is_running() {
             ui.spinner();
             if ui.button("Stop").clicked() {
@@ -46,7 +46,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         one(ui, viewer, section, run, &mut choice);
     }
     if let Some(choice) = choice {
-        let path = match viewer.tested.trim() {
+        let path = match viewer.test_path.trim() {
             "" => viewer.commands.input.clone(),
             text => PathBuf::from(text),
         };

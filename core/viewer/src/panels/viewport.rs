@@ -44,7 +44,7 @@ pub fn screenshot(viewer: &mut Viewer) {
     let stem = viewer.name.rsplit_once('.').map_or(viewer.name.as_str(), |(stem, _)| stem).to_string();
     viewer.screenshot = Some(folder.join(format!("{stem}_{}.png", viewer.playhead.frame())));
     // The frame is requested again, so that there is an image to save.
-    viewer.view_mut().asked = None;
+    viewer.view_mut().requested = None;
 }
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<TextureId>) {
@@ -57,8 +57,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     }
     let pixels = ui.ctx().pixels_per_point();
     let view = &mut viewer.views[index];
-    view.seen = true;
-    view.room = [rect.width(), rect.height()].map(|points| (points * pixels).round().max(1.0) as u32);
+    view.is_visible = true;
+    view.panel_size = [rect.width(), rect.height()].map(|points| (points * pixels).round().max(1.0) as u32);
     let painter = ui.painter_at(rect);
     painter.rect_filled(rect, 0.0, Color32::from_gray(24));
     let size = view.shown.as_ref().map(|shown| shown.size);
@@ -75,7 +75,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     {
         viewer.dropped_models = Some(DroppedModels { files: vec![model.0.clone()], at, beside: false });
     }
-    viewer.scrubs |= response.dragged();
+    viewer.is_scrubbing |= response.dragged();
     let fills = viewer.views[index].resolution == Resolution::Fitted;
     let place = placed(rect, size, pixels, fills);
     viewer.views[index].place = [place.left(), place.top(), place.right(), place.bottom()];
@@ -258,10 +258,10 @@ fn click(viewer: &mut Viewer, index: usize, lens: &Lens, at: DVec2) {
 /// Text about the reduced quality of the image while the view moves: resolution, effects, frames.
 fn reduced(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
     let view = &viewer.views[index];
-    let Some(asked) = view.asked.as_ref().filter(|asked| asked.moving) else { return };
+    let Some(requested) = view.requested.as_ref().filter(|key| key.moving) else { return };
     let mut parts: Vec<String> = Vec::new();
     if view.resolution == Resolution::Fitted {
-        match viewer.reduction.divisor(asked.moving) {
+        match viewer.reduction.divisor(requested.moving) {
             2 => parts.push("½ resolution".into()),
             4 => parts.push("¼ resolution".into()),
             _ => {}
@@ -307,7 +307,7 @@ fn placed(room: Rect, size: [u32; 2], pixels_per_point: f32, fills: bool) -> Rec
 fn mouse(ui: &Ui, viewer: &mut Viewer, index: usize, response: &egui::Response, height: f32) {
     let by = response.drag_delta();
     let by = DVec2::new(f64::from(by.x), f64::from(by.y)) / f64::from(height.max(1.0));
-    let shift = super::held::modifiers(ui).shift;
+    let shift = super::gesture::modifiers(ui).shift;
     if by != DVec2::ZERO {
         let pans = response.dragged_by(PointerButton::Middle) || shift;
         let turns = response.dragged_by(PointerButton::Primary) && !shift;

@@ -1,6 +1,6 @@
 //! Opens another file in the window.
 
-use super::{News, ViewerWindow, watched};
+use super::{ViewerWindow, WindowMessage, start_session};
 use crate::app::Viewer;
 use crate::args::FileOptions;
 use crate::library::documents::Documents;
@@ -57,19 +57,21 @@ impl ViewerWindow {
                 if source.input != self.source.input {
                     (source.clip, source.set) = (None, Vec::new());
                 }
-                let live = watched(source.clone(), &self.registry, &self.proxy, self.guests + 1);
-                Ok((live.map_err(|error| error.to_string())?, source))
+                let session =
+                    start_session(source.clone(), &self.registry, &self.proxy, self.newest_session + 1);
+                Ok((session.map_err(|error| error.to_string())?, source))
             });
-        let (live, source) = match opened {
+        let (session, source) = match opened {
             Ok(opened) => opened,
             Err(why) => {
                 self.viewer.message = Some(why);
                 return self.redraw();
             }
         };
-        self.guests += 1;
-        (self.own_number, self.live, self.own) = (self.guests, Some(live), None);
-        (self.guest, self.placing) = (None, None);
+        self.newest_session += 1;
+        (self.open_file_number, self.session, self.last_good_version) =
+            (self.newest_session, Some(session), None);
+        (self.preview_session, self.model_session) = (None, None);
         self.checker.cancel();
         self.unchecked = None;
         self.frames.clear();
@@ -85,8 +87,8 @@ impl ViewerWindow {
         if let Some(open) = &self.open {
             open.window.set_title(&format!("{} – {}", self.viewer.name, self.program));
         }
-        self.remember();
+        self.save_settings();
         // The window is drawn again without the former content.
-        let _ = self.proxy.send_event(News::Repaint(std::time::Duration::ZERO));
+        let _ = self.proxy.send_event(WindowMessage::Repaint(std::time::Duration::ZERO));
     }
 }

@@ -361,7 +361,7 @@ fn the_grid_is_in_the_viewport_and_in_no_saved_image() {
     let script =
         SCRIPT.replace("samples: 1", "samples: 1, background: #{ top: \"#000000\", bottom: \"#000000\" }");
     let mut place = Place::new(&script);
-    place.viewer.views[0].room = [640, 360];
+    place.viewer.views[0].panel_size = [640, 360];
     place.viewer.views[0].overlays.grid = false;
     let without = place.paint().unwrap();
     place.viewer.views[0].overlays.grid = true;
