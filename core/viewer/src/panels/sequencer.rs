@@ -6,7 +6,7 @@ use super::inspector::ClipDrag;
 use super::marks::MarkAct;
 use super::toolbar::Toolbar;
 use super::{
-    bar_menu, bars, headers, held, icons, key_menu, markers, marks, property_row, row_order, values,
+    bar_menu, bars, gesture, headers, icons, key_menu, markers, marks, property_row, row_order, values,
 };
 use crate::app::Viewer;
 use crate::editing::{ClipOf, EditError};

@@ -591,8 +591,8 @@ impl ApplicationHandler<WindowMessage> for ViewerWindow {
         }
     }
 
-    fn user_event(&mut self, events: &ActiveEventLoop, news: WindowMessage) {
-        match news {
+    fn user_event(&mut self, events: &ActiveEventLoop, message: WindowMessage) {
+        match message {
             WindowMessage::Version(file_number, version) => {
                 self.take_version(file_number, *version);
                 self.advance();
