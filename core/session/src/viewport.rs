@@ -38,12 +38,12 @@ pub struct ViewOverrides {
     /// Muted layers, whose clips do not play: actor and layer.
     pub muted: Vec<(usize, usize)>,
     /// The object that is being dragged, with its current placement.
-    pub placed: Option<Placed>,
+    pub placed: Option<PlacementOverride>,
 }
 
 /// Placement of an object that replaces its own at all times.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Placed {
+pub enum PlacementOverride {
     /// Parent-space transform of an actor. `property`: the dragged property, whose keys are ignored.
     Actor {
         actor: usize,
@@ -72,38 +72,38 @@ pub enum Placed {
     },
 }
 
-impl Placed {
+impl PlacementOverride {
     /// Writes the placement into the stage, and removes the keys of the property.
     fn apply_to(&self, stage: &mut Stage) {
         let unkeyed =
             |channels: &mut Vec<Channel>, property| channels.retain(|keys| keys.property != property);
         match self {
-            Placed::Actor { actor, property, to } => {
+            PlacementOverride::Actor { actor, property, to } => {
                 if let Some(actor) = stage.actors.get_mut(*actor) {
                     actor.transform = *to;
                     unkeyed(&mut actor.channels, *property);
                 }
             }
-            Placed::Target { actor, constraint, to } => {
+            PlacementOverride::Target { actor, constraint, to } => {
                 let constraints = stage.actors.get_mut(*actor).map(|actor| &mut actor.constraints);
                 let found = constraints.and_then(|all| all.get_mut(*constraint));
                 if let Some(Constraint { kind: ConstraintKind::Reach(reach), .. }) = found {
                     reach.target = Target::Point(*to - reach.offset.unwrap_or(DVec3::ZERO));
                 }
             }
-            Placed::Light { light, to } => {
+            PlacementOverride::Light { light, to } => {
                 if let Some(light) = stage.lights.get_mut(*light) {
                     light.position = *to;
                     unkeyed(&mut light.channels, Property::Translation);
                 }
             }
-            Placed::Sun { light, direction } => {
+            PlacementOverride::Sun { light, direction } => {
                 if let Some(light) = stage.lights.get_mut(*light) {
                     light.direction = *direction;
                     unkeyed(&mut light.channels, Property::Rotation);
                 }
             }
-            Placed::Camera { camera, rig } => {
+            PlacementOverride::Camera { camera, rig } => {
                 if let Some(camera) = stage.cameras.get_mut(*camera) {
                     camera.rig = rig.clone();
                     unkeyed(&mut camera.channels, Property::Translation);
@@ -173,9 +173,9 @@ fn view_distance(snapshot: &Snapshot) -> f64 {
 }
 
 /// A stage without muted layers and with the dragged object, and the overrides that it was made for.
-struct Changed {
+struct ModifiedStage {
     muted: Vec<(usize, usize)>,
-    placed: Option<Placed>,
+    placed: Option<PlacementOverride>,
     stage: Arc<Stage>,
 }
 
@@ -184,7 +184,7 @@ struct Changed {
 pub(crate) struct ViewEvaluators {
     scene: Option<Arc<Scene>>,
     /// The stage with muted layers and the dragged object applied, if there are any.
-    changed: Option<Changed>,
+    changed: Option<ModifiedStage>,
     own: Option<Evaluator>,
     /// Evaluators of the stage with one camera active all the time, by camera.
     cameras: BTreeMap<usize, Evaluator>,
@@ -266,7 +266,7 @@ impl ViewEvaluators {
                 layer.into_iter().for_each(|layer| layer.cues.clear());
             }
             placed.iter().for_each(|placed| placed.apply_to(&mut stage));
-            Changed { muted: muted.clone(), placed: placed.clone(), stage: Arc::new(stage) }
+            ModifiedStage { muted: muted.clone(), placed: placed.clone(), stage: Arc::new(stage) }
         };
         let changed = (!is_plain).then(changed);
         let before_drag = self.before_drag.take();
@@ -301,7 +301,7 @@ impl ViewEvaluators {
 /// The same request without the drag of an actor. The frame uses its camera, because the drag is measured through the camera: a camera that follows
 /// or frames the actor must not move with it.
 fn before_drag(request: &FrameRequest) -> Option<FrameRequest> {
-    let Some(Placed::Actor { .. }) = request.overrides.placed else { return None };
+    let Some(PlacementOverride::Actor { .. }) = request.overrides.placed else { return None };
     let muted = request.overrides.muted.clone();
     Some(FrameRequest { overrides: ViewOverrides { muted, ..ViewOverrides::default() }, ..request.clone() })
 }

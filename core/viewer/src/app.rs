@@ -31,7 +31,7 @@ use choreo_plugin::Frame;
 use choreo_render::renderer::{CreatedCounts, DeviceUsage};
 use choreo_script::{Place, Severity};
 use choreo_session::{
-    FrameInfo, FrameReply, FrameRequest, Placed, Problem, Scene, SceneVersion, ViewOverrides, Work,
+    FrameInfo, FrameReply, FrameRequest, PlacementOverride, Problem, Scene, SceneVersion, ViewOverrides, Work,
 };
 use glam::DVec3;
 use std::cell::Cell;
@@ -128,7 +128,7 @@ pub struct Viewer {
     /// Cache of [`Viewer::sunlit()`] for the scene.
     pub(crate) sunlit: Cell<Option<DVec3>>,
     /// Placement of a dragged icon after its release, used until the next version has it.
-    pub(crate) placed: Option<Placed>,
+    pub(crate) placed: Option<PlacementOverride>,
     /// Joint that is selected in addition to the selection.
     pub joint: Option<JointRef>,
     pub trails: Trails,
@@ -254,7 +254,7 @@ impl Viewer {
     }
 
     /// Creates the viewer of another file in the same window, which takes over documents, renders and preferences.
-    pub(crate) fn succeeded_by(&mut self, name: impl Into<String>) -> Viewer {
+    pub(crate) fn for_other_file(&mut self, name: impl Into<String>) -> Viewer {
         let performance = Performance { cap: self.performance.cap, ..Performance::default() };
         Viewer {
             documents: std::mem::take(&mut self.documents),
@@ -283,8 +283,8 @@ impl Viewer {
     }
 
     /// Records the opened file as the most recent one, and restores its tempo.
-    pub fn shows(&mut self, file: &Path) {
-        self.documents.shows(file);
+    pub fn record_opened(&mut self, file: &Path) {
+        self.documents.record_opened(file);
         self.tempo = self.documents.tempo_of(file);
     }
 
@@ -318,7 +318,8 @@ impl Viewer {
             (self.further_selected.0 == self.selection, std::mem::take(&mut self.further_selected.1));
         let before: Vec<Bar> = self.bars().cloned().collect();
         self.timeline = Timeline::new(&scene);
-        let found = |what: Selected| self.found_again(&before, what).filter(|what| what.is_on(&scene.stage));
+        let found =
+            |what: Selected| self.find_in_new_timeline(&before, what).filter(|what| what.is_on(&scene.stage));
         let further: Vec<Selected> = further.into_iter().filter_map(found).collect();
         let (selection, of_keys) =
             (self.selection.clone().and_then(found), self.keys.0.clone().and_then(found));
@@ -330,7 +331,7 @@ impl Viewer {
         self.scene = Some(scene);
         self.sunlit.take();
         self.find_keys_again();
-        self.check_wanted();
+        self.check_expected_placement();
         self.change_is_shown();
     }
 
@@ -381,11 +382,11 @@ impl Viewer {
                 let requested = view.requested.as_ref().filter(|key| key.time == shown.time);
                 if requested.is_some_and(|key| key.moving) && view.resolution == Resolution::Fitted {
                     let budget = 1e3 / self.playhead.fps().as_fps();
-                    self.reduction.took(took.as_secs_f64() * 1e3, budget);
+                    self.reduction.record_duration(took.as_secs_f64() * 1e3, budget);
                 }
                 if index == self.active.min(last_view) {
                     let frame = self.playhead.frame_at(shown.time);
-                    self.reduction.shown(frame, self.playhead.is_playing());
+                    self.reduction.record_frame(frame, self.playhead.is_playing());
                 }
                 view.shown = Some(shown);
                 Some((index, frame))
@@ -664,7 +665,7 @@ impl Viewer {
     }
 
     /// Moves the selection with keys that were moved, until the reload shows them. `by`: seconds.
-    pub(crate) fn keys_have_moved(&mut self, moved: &[KeyRef], by: f64) {
+    pub(crate) fn move_key_selection(&mut self, moved: &[KeyRef], by: f64) {
         for key in self.keys.1.iter_mut().filter(|key| moved.contains(key)) {
             key.at = Time::from_secs((key.at.as_secs() + by).max(0.0));
         }
@@ -672,7 +673,7 @@ impl Viewer {
     }
 
     /// Finds a clip of the previous version in the present timeline, by its position in the script if an edit has changed its index.
-    fn found_again(&self, before: &[Bar], what: Selected) -> Option<Selected> {
+    fn find_in_new_timeline(&self, before: &[Bar], what: Selected) -> Option<Selected> {
         let is_cue = matches!(what, Selected::Cue { .. });
         let Some(old) = before.iter().find(|bar| is_cue && bar.what == what) else { return Some(what) };
         let is_same = |bar: &&Bar| bar.label == old.label && bar.start == old.start;
@@ -734,7 +735,7 @@ impl Viewer {
 
     /// If times snap: the nearest marker, beat, edge of a bar, end of the scene or playhead within `reach` of a dragged time, all in seconds.
     /// `not`: the dragged bar.
-    pub(crate) fn attracted(&self, secs: f64, reach: f64, not: Option<&Bar>) -> Option<f64> {
+    pub(crate) fn snap_target(&self, secs: f64, reach: f64, not: Option<&Bar>) -> Option<f64> {
         let is_other = |bar: &&Bar| not.is_none_or(|not| not.what != bar.what || not.start != bar.start);
         let edges = self.bars().filter(is_other).flat_map(|bar| [bar.start, bar.until, bar.end]);
         let markers = self.timeline.markers.iter().map(|(_, at)| *at);

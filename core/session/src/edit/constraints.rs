@@ -26,7 +26,7 @@ impl ScriptObject<'_> {
     ///
     /// # Errors
     /// The object has no variable.
-    pub fn named(&self) -> Result<&str, EditRefused> {
+    pub fn required_variable(&self) -> Result<&str, EditRefused> {
         let none =
             || EditRefused::at(self.line, "it has no variable in the script; write let NAME = cast(…)");
         self.variable.as_deref().ok_or_else(none)

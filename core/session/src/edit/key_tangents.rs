@@ -41,14 +41,14 @@ impl KeyShape {
     }
 
     /// The incoming side, which is empty if an easing shapes the span.
-    fn into(&self) -> KeySide {
+    fn incoming_side(&self) -> KeySide {
         if self.ease.is_some() { KeySide::default() } else { self.incoming.clone() }
     }
 
     /// Options of the key with their values, in the order in which they are written.
     fn entries(&self) -> Vec<(&'static str, Entry)> {
         let mut all: Vec<(&'static str, Entry)> = Vec::new();
-        let into = self.into();
+        let into = self.incoming_side();
         all.extend(self.ease.clone().map(|ease| ("ease", Entry::Text(ease))));
         let mut add = |both: &'static str, ways: [&'static str; 2], sides: [Option<Vec<f64>>; 2]| match sides
         {
@@ -65,7 +65,7 @@ impl KeyShape {
 
     /// Text after the value of a key; empty if the key has neither easing nor tangents.
     fn text(&self) -> String {
-        if !self.into().is_given() && !self.outgoing.is_given() {
+        if !self.incoming_side().is_given() && !self.outgoing.is_given() {
             return self.ease.as_ref().map_or(String::new(), |ease| format!(", {ease}"));
         }
         let entries: Vec<String> =

@@ -520,7 +520,7 @@ fn numbers_like(near: &[f64], value: &KeyValue) -> Vec<f64> {
             [x, y, z] => euler_degrees_near(q, DVec3::new(*x, *y, *z)).to_array().to_vec(),
             _ if q.x.abs() < 1e-9 && q.z.abs() < 1e-9 => {
                 let degrees = 2.0 * libm::atan2(q.y, q.w).to_degrees();
-                vec![turns(degrees, near.first().copied().unwrap_or(0.0))]
+                vec![nearest_equivalent_angle(degrees, near.first().copied().unwrap_or(0.0))]
             }
             _ => {
                 let upright = DVec3::new(0.0, near.first().copied().unwrap_or(0.0), 0.0);
@@ -534,7 +534,7 @@ fn numbers_like(near: &[f64], value: &KeyValue) -> Vec<f64> {
 }
 
 /// The equivalent angle within half a turn of `near`, degrees; the greater one at exactly half a turn.
-fn turns(degrees: f64, near: f64) -> f64 {
+fn nearest_equivalent_angle(degrees: f64, near: f64) -> f64 {
     degrees + 360.0 * libm::floor((near - degrees) / 360.0 + 0.5 + 1e-6)
 }
 
@@ -542,7 +542,13 @@ fn turns(degrees: f64, near: f64) -> f64 {
 pub fn euler_degrees_near(q: DQuat, near: DVec3) -> DVec3 {
     let one = euler_degrees(q);
     let other = DVec3::new(one.x + 180.0, 180.0 - one.y, one.z + 180.0);
-    let all = [one, other].map(|e| DVec3::new(turns(e.x, near.x), turns(e.y, near.y), turns(e.z, near.z)));
+    let all = [one, other].map(|e| {
+        DVec3::new(
+            nearest_equivalent_angle(e.x, near.x),
+            nearest_equivalent_angle(e.y, near.y),
+            nearest_equivalent_angle(e.z, near.z),
+        )
+    });
     debug_assert!(all.iter().all(|e| rotation_of(*e).dot(q).abs() > 1.0 - 1e-6));
     if (all[1] - near).length() < (all[0] - near).length() - 1e-6 { all[1] } else { all[0] }
 }

@@ -53,8 +53,8 @@ pub use strips::{
     SecondHalf, cues_before, duplicate_cue, is_of_layer, set_disabled, set_number, set_trim, shift_cue,
     shift_keys, split_cue,
 };
-pub use times::{CueTime, EditTime, follows, set_time};
-pub use typed::Typed;
+pub use times::{CueTime, EditTime, follows_previous_cue, set_time};
+pub use typed::TypedNumber;
 pub use unroll::unroll;
 pub use values::{format_as_meant, format_number};
 

@@ -319,7 +319,7 @@ impl<'a> ScriptObject<'a> {
         let is_own = |call: &Call| call.name.start == asset.start && call.end <= asset.end;
         let own = self.text.call_from(asset.start).filter(is_own).map(|call| call.name.start);
         let made =
-            own.or_else(|| self.text.made_as(&self.text[asset.clone()], self.creating_call.name.start));
+            own.or_else(|| self.text.assigned_call(&self.text[asset.clone()], self.creating_call.name.start));
         let (line, column) = self.text.place_of(made.ok_or_else(refuse)?);
         ScriptObject::at(self.text.whole(), line, column)
     }
@@ -330,7 +330,7 @@ impl<'a> ScriptObject<'a> {
     }
 
     /// Name of the function or method that creates the object.
-    pub fn made_by(&self) -> &str {
+    pub fn creating_function(&self) -> &str {
         &self.text[self.creating_call.name.clone()]
     }
 }

@@ -12,11 +12,11 @@ impl ScriptObject<'_> {
     /// asset.
     pub fn asset_variable(&self) -> Option<(&str, usize)> {
         let name = self.text.argument(&self.creating_call.inside, 1)?;
-        let made = self.text.made_as(&self.text[name.clone()], self.creating_call.name.start)?;
+        let made = self.text.assigned_call(&self.text[name.clone()], self.creating_call.name.start)?;
         let is_of_it = |call: &Call| {
             self.text.argument(&call.inside, 1).is_some_and(|other| {
                 self.text[other.clone()] == self.text[name.clone()]
-                    && self.text.made_as(&self.text[other], call.inside.start) == Some(made)
+                    && self.text.assigned_call(&self.text[other], call.inside.start) == Some(made)
             })
         };
         let count = self.text.calls_of("cast").filter(is_of_it).count();
@@ -33,7 +33,7 @@ impl ScriptObject<'_> {
         let argument = self.text.argument(&self.creating_call.inside, 1).ok_or_else(refuse)?;
         let made = self
             .text
-            .made_as(&self.text[argument.clone()], self.creating_call.name.start)
+            .assigned_call(&self.text[argument.clone()], self.creating_call.name.start)
             .ok_or_else(refuse)?;
         let changed = change.apply(&self.text);
         let source = Source::new(&changed);

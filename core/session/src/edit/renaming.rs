@@ -51,7 +51,7 @@ impl ScriptObject<'_> {
         if to.is_empty() {
             return Err(EditRefused::at(self.line, "a name has at least one letter"));
         }
-        let declared = self.declared();
+        let declared = self.variable_declaration();
         match (self.stated_name(by), declared) {
             (Some(range), declared) => {
                 let old = unquoted(&self.text[range.clone()]).ok_or_else(|| {
@@ -83,7 +83,7 @@ impl ScriptObject<'_> {
     }
 
     /// Byte at which the statement of the creating call declares the variable, and the variable.
-    fn declared(&self) -> Option<(usize, &str)> {
+    fn variable_declaration(&self) -> Option<(usize, &str)> {
         let start = self.text.statement_start(self.creating_call.name.start);
         let name = self.text.variable_of(start).filter(|name| self.variable.as_deref() == Some(name))?;
         Some((self.text.skip(start + "let".len()), name))

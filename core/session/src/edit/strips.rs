@@ -404,7 +404,7 @@ pub fn duplicate_cue(
     let shifted =
         shift_keys(then, 1, 2, by).map_err(|refused| EditRefused { line: Some(line), ..refused })?;
     let blanks = &second[..second.len() - then.len()];
-    let until = until.map(|until| format!(".until({})", until.like(strip.in_frames(), &strip.text)));
+    let until = until.map(|until| format!(".until({})", until.text_in_style(strip.in_frames(), &strip.text)));
     let second = format!("{blanks}{}{}", shifted.apply(then), until.unwrap_or_default());
     Ok(indented(text, Edit::between(text, &strip.followed_by(&second))))
 }

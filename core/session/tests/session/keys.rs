@@ -1,6 +1,8 @@
 //! Keys in a script's text, changed and added.
 
-use choreo_session::edit::{Edit, EditTime, KeyShape, KeySide, KeyValue, ScriptObject, Typed, set_trim};
+use choreo_session::edit::{
+    Edit, EditTime, KeyShape, KeySide, KeyValue, ScriptObject, TypedNumber, set_trim,
+};
 use glam::{DQuat, DVec3};
 
 /// About x, then y, then z (fixed axes), degrees.
@@ -108,7 +110,7 @@ fn only_the_numbers_that_are_others_are_written() {
 #[test]
 fn a_typed_number_takes_the_place_of_its_own_digits() {
     let text = "let a = cast(\"a\", m).at(0.333, 0.333, 0.0).key(\"position\", [[0.333, [0.333, 0.333, 0.0], #{ tangent: [0.333, 0.333, 0.0] }], [1.0, [0.333, 0.0, 0.0]]]);\na.play(c).trim(f(3), 0.333);";
-    let typed = Typed { value: 1.0 / 3.0, text: "1.0 / 3.0".into() };
+    let typed = TypedNumber { value: 1.0 / 3.0, text: "1.0 / 3.0".into() };
     let (before, now) = ([0.333, 0.333, 0.0], [0.333, typed.value, 0.0]);
     let object = ScriptObject::at(text, 1, 9).unwrap();
     let kept = |made| typed.keep_time(text, made, FPS).unwrap().apply(text);

@@ -142,7 +142,7 @@ fn clips_words_and_assets_are_found() {
     ] {
         let edit = object(text, |object| {
             let asset = object.asset_object().unwrap();
-            assert_eq!(asset.made_by(), "shape");
+            assert_eq!(asset.creating_function(), "shape");
             asset.set_value("roughness", "0.5", NewValueSyntax::Option).unwrap()
         });
         let after = edit.apply(&text.replacen('|', "", 1));

@@ -37,7 +37,7 @@ struct Framing {
 
 /// Source of an added clip.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum ClipOf {
+pub enum ClipSource {
     /// The file of an actor, given by its name.
     Actor(String),
     /// A file in the script's folder, or a built-in asset.
@@ -55,7 +55,7 @@ impl Viewer {
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn add_clip(&mut self, name: &str, of: &str, clip: &str, secs: f64) -> Result<(), EditError> {
         let secs = Some(secs).filter(|secs| !self.begins_at(name, *secs));
-        self.add_clip_to_layer(name, &ClipOf::Actor(of.to_string()), clip, secs, 0)
+        self.add_clip_to_layer(name, &ClipSource::Actor(of.to_string()), clip, secs, 0)
     }
 
     /// Plays a clip on an actor from a time on; `None`: after the last clip. `layer`: the row that the clip was dropped on.
@@ -65,7 +65,7 @@ impl Viewer {
     pub fn add_clip_to_layer(
         &mut self,
         name: &str,
-        of: &ClipOf,
+        of: &ClipSource,
         clip: &str,
         secs: Option<f64>,
         layer: usize,
@@ -82,10 +82,10 @@ impl Viewer {
             );
             return Err(EditError::refused_at(&place, &why));
         }
-        let takes_over = self.takes_over(name, clip, secs, layer);
+        let takes_over = self.overlap_note(name, clip, secs, layer);
         let follow = match of {
-            ClipOf::Actor(of) => self.add_clip_of_actor(name, of, clip, secs)?,
-            ClipOf::File(file) => self.add_clip_of_file(name, file, clip, secs).map(|()| None)?,
+            ClipSource::Actor(of) => self.add_clip_of_actor(name, of, clip, secs)?,
+            ClipSource::File(file) => self.add_clip_of_file(name, file, clip, secs).map(|()| None)?,
         };
         let notes: Vec<String> = follow.into_iter().chain(takes_over).collect();
         self.note = (!notes.is_empty()).then(|| notes.join("; "));
@@ -94,7 +94,7 @@ impl Viewer {
 
     /// Options of a clip that follows others.
     fn options_of_next(&self, name: &str) -> String {
-        if self.plays(name) { format!(", #{{ fade: {FADE} }}") } else { String::new() }
+        if self.has_base_clip(name) { format!(", #{{ fade: {FADE} }}") } else { String::new() }
     }
 
     /// Returns a note about how many joints follow the clip.
@@ -167,7 +167,7 @@ impl Viewer {
             Addition::Orbit(Some(name)) | Addition::Follow(name) => Some(self.framing(name)?),
             _ => None,
         };
-        let taken = room::taken(stage, now);
+        let taken = room::footprints(stage, now);
         let own = Footprint::around(0.3);
         // Positions to the left and to the right of the center in turn.
         let beside = (0..).map(|n: i32| f64::from((n + 1) / 2 * if n % 2 == 0 { -1 } else { 1 }));
@@ -284,7 +284,7 @@ impl Viewer {
         let mut selects = None;
         let mut shown = scene.stage.actors.iter().peekable();
         let now = self.playhead.time();
-        let mut taken = self.scene.as_ref().map(|own| room::taken(&own.stage, now)).unwrap_or_default();
+        let mut taken = self.scene.as_ref().map(|own| room::footprints(&own.stage, now)).unwrap_or_default();
         for file in &dropped.files {
             let is_it = |actor: &&Actor| file.file_name().is_some_and(|name| *name == *actor.asset.name);
             let Some(actor) = shown.next_if(is_it) else {
@@ -293,7 +293,7 @@ impl Viewer {
             };
             let file = file.canonicalize().unwrap_or_else(|_| file.clone());
             let name = loaded_as(&file, &folder)
-                .unwrap_or_else(|| slashed(&copied(&file, &folder, &read.read, &mut copies)));
+                .unwrap_or_else(|| load_path(&asset_destination(&file, &folder, &read.read, &mut copies)));
             let along_x = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
             let own =
                 room::footprint(actor, None, Time::ZERO).unwrap_or(Footprint::around(0.5).moved(along_x));
@@ -395,12 +395,12 @@ fn loaded_as(file: &Path, folder: &Path) -> Option<String> {
 }
 
 /// A path as `load` takes it.
-fn slashed(path: &Path) -> String {
+fn load_path(path: &Path) -> String {
     path.to_string_lossy().replace('\\', "/")
 }
 
 /// Destination of a file in the assets folder. Adds it and the files that it reads from its own folder (buffers, images) to `copies`.
-fn copied(
+fn asset_destination(
     file: &Path,
     folder: &Path,
     files_read: &[PathBuf],

@@ -7,7 +7,8 @@ use crate::state::timeline::Bar;
 use choreo_motion::Time;
 use choreo_script::Place;
 use choreo_session::edit::{
-    CueTime, EditTime, cues_before, delete_cue, follows, has_end, set_number, set_time, shift_keys,
+    CueTime, EditTime, cues_before, delete_cue, follows_previous_cue, has_end, set_number, set_time,
+    shift_keys,
 };
 use std::collections::BTreeSet;
 
@@ -101,7 +102,7 @@ impl Viewer {
         let note = self.moved_ends(&bars, by);
         self.change_all(steps)?;
         self.note = note;
-        self.keys_have_moved(&keys, by);
+        self.move_key_selection(&keys, by);
         Ok(())
     }
 
@@ -251,7 +252,7 @@ impl Viewer {
     /// Index of the bar whose end is the start of each bar of a layer.
     pub(super) fn followed(&self, layer: &[Bar]) -> Vec<Option<usize>> {
         let (before, known) = (self.cues_before(layer), self.known().unwrap_or_default());
-        let begins_there = |bar: &Bar| follows(&known, bar.place.line, bar.place.column);
+        let begins_there = |bar: &Bar| follows_previous_cue(&known, bar.place.line, bar.place.column);
         let all = before.into_iter().zip(layer);
         all.map(|(before, bar)| before.filter(|_| begins_there(bar))).collect()
     }

@@ -6,7 +6,7 @@ use crate::app::Viewer;
 use crate::state::selection::{Selected, actor};
 use choreo_script::{Place, mask_problem};
 use choreo_session::edit::{
-    CueTime, Edit, EditRefused, EditTime, KeyValue, NewValueSyntax, ScriptObject, Typed, expression,
+    CueTime, Edit, EditRefused, EditTime, KeyValue, NewValueSyntax, ScriptObject, TypedNumber, expression,
     format_as_meant, set_time, set_trim,
 };
 use choreo_stage::{Camera, Property};
@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, PartialEq)]
 pub enum FieldChange {
     /// A time of a cue, effect or title, seconds.
-    Time(CueTime, Typed),
+    Time(CueTime, TypedNumber),
     /// A value as source text. Computed values are not overwritten.
     Value(&'static str, String, NewValueSyntax),
     /// A value as source text that also overwrites a computed one.
@@ -25,7 +25,7 @@ pub enum FieldChange {
     /// Removes these values.
     Reset(Vec<&'static str>),
     /// Trimmed part of a clip, clip seconds, and the end of it that the user typed.
-    Trim([f64; 2], Typed),
+    Trim([f64; 2], TypedNumber),
     /// `once`, `loop` or `ping_pong`.
     Repeat(&'static str),
     Clip(String),
@@ -40,7 +40,7 @@ pub enum FieldChange {
     /// An argument of the creating call, counted from 0, as source text.
     Argument(usize, String),
     /// A key of a point at the playhead: property name, new value, and the component that the user typed.
-    KeyedPoint(&'static str, DVec3, Typed),
+    KeyedPoint(&'static str, DVec3, TypedNumber),
 }
 
 /// A call in the script that belongs to an actor or a camera: a constraint, an attachment, springs, or a camera motion.
@@ -220,7 +220,7 @@ impl Viewer {
             StatedCall { place, siblings, title, arguments, written }
         };
         let read = self.read_object(place, siblings, |object| {
-            let title = format!("{} {}", object.made_by(), object.arguments());
+            let title = format!("{} {}", object.creating_function(), object.arguments());
             let arguments = [0, 1].map(|number| object.argument(number).map(str::to_string));
             Some(call(title.trim().to_string(), arguments, object.all_written()))
         });
@@ -251,7 +251,7 @@ impl Viewer {
     ) -> Option<(String, String, BTreeMap<String, String>)> {
         self.read_selected(what, |object| {
             let asset = object.asset_object().ok()?;
-            Some((asset.made_by().to_string(), asset.arguments().to_string(), asset.all_written()))
+            Some((asset.creating_function().to_string(), asset.arguments().to_string(), asset.all_written()))
         })
     }
 
@@ -321,7 +321,7 @@ fn stage_length(
     let frame = EditTime { secs: (secs * fps).round().max(1.0) / fps, fps };
     let made = object.set_time_value("length", frame, NewValueSyntax::Option);
     // An expression stays as it was typed.
-    let typed = Typed { value: frame.secs, text: length.to_string() };
+    let typed = TypedNumber { value: frame.secs, text: length.to_string() };
     let is_number = length.parse::<f64>().is_ok();
     Some(if is_number { made } else { typed.keep_time(text, made, fps) })
 }

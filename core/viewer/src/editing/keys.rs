@@ -4,14 +4,14 @@
 use super::{EditError, Step, expression};
 use crate::app::Viewer;
 use crate::state::curves::KnownProperties;
-use crate::state::events::{Event, KeyOf};
+use crate::state::events::{Event, EventKey};
 use crate::state::keyed::{self, KeyRef, KeyedProperty, ValueKind, ValueText};
 use crate::state::selection::{Selected, actor};
 use crate::state::tangents::TangentChoice;
 use choreo_motion::Time;
 use choreo_script::Place;
 use choreo_session::edit::{
-    Edit, EditRefused, EditTime, KeyShape, KeyValue, ScriptObject, Typed, copied_keys,
+    Edit, EditRefused, EditTime, KeyShape, KeyValue, ScriptObject, TypedNumber, copied_keys,
 };
 use std::collections::BTreeMap;
 
@@ -44,7 +44,7 @@ impl Viewer {
     ) -> Result<(), EditError> {
         let steps = self.key_drag_steps(keys, by, value)?;
         self.change_all(steps)?;
-        self.keys_have_moved(keys, by);
+        self.move_key_selection(keys, by);
         Ok(())
     }
 
@@ -83,11 +83,11 @@ impl Viewer {
     }
 
     /// Moves a key to a typed time.
-    pub(crate) fn set_key_time(&mut self, key: &KeyRef, time: &Typed) -> Result<(), EditError> {
+    pub(crate) fn set_key_time(&mut self, key: &KeyRef, time: &TypedNumber) -> Result<(), EditError> {
         let (keys, by) = (std::slice::from_ref(key), time.value - key.at.as_secs());
         let (steps, fps) = (self.key_move_steps(keys, by)?, self.playhead.fps().as_fps());
         self.change_all(steps.into_iter().map(|step| step.keeping_time(time, fps)).collect())?;
-        self.keys_have_moved(keys, by);
+        self.move_key_selection(keys, by);
         Ok(())
     }
 
@@ -96,7 +96,7 @@ impl Viewer {
         &mut self,
         key: &KeyRef,
         numbers: &[f64],
-        typed: &Typed,
+        typed: &TypedNumber,
     ) -> Result<(), EditError> {
         let keyed = self.keyed(&key.what, &key.property)?;
         let step = self.value_step(&keyed, key.at, numbers)?;
@@ -108,7 +108,7 @@ impl Viewer {
         &mut self,
         key: KeyRef,
         shape: KeyShape,
-        typed: Option<&Typed>,
+        typed: Option<&TypedNumber>,
     ) -> Result<(), EditError> {
         let steps = self.shape_steps(&[(key, shape)])?.into_iter();
         self.change_all(match typed {
@@ -162,7 +162,7 @@ impl Viewer {
         for key in keys {
             let keyed = self.keyed(&key.what, &key.property)?;
             let index = keyed.keys.iter().position(|at| *at == key.at).ok_or(EditError::Gone)?;
-            let shape = keyed.chosen(index, choice).ok_or_else(|| {
+            let shape = keyed.shape_of_choice(index, choice).ok_or_else(|| {
                 let why = format!("keys of its {} cannot have tangents", keyed.name);
                 let place = self.place_of(&key.what).map(|(place, _)| place).unwrap_or_default();
                 EditError::refused_at(&place, &why)
@@ -506,7 +506,7 @@ impl Viewer {
 impl Event {
     /// The keys that a mark stands for.
     pub fn key_refs(&self) -> Vec<KeyRef> {
-        let key = |KeyOf { what, property, .. }: &KeyOf| KeyRef {
+        let key = |EventKey { what, property, .. }: &EventKey| KeyRef {
             what: what.clone(),
             property: property.clone(),
             at: self.at,

@@ -36,7 +36,7 @@ impl Viewer {
         let all = all.map(|edit| (format!("Change all {}", chain.len()), edit));
         let neighbours =
             [before[at], before.iter().position(|before| *before == Some(at))].map(|at| Some(&layer[at?]));
-        let alone = self.taken_out(&layer[at], neighbours, change, &text);
+        let alone = self.moved_out_of_chain(&layer[at], neighbours, change, &text);
         let alone = alone.map(|edit| (format!("Take {} out of the chain", layer[at].label), edit));
         let lines = |edit: &Edit| difference::lines(&text, &edit.apply(&text));
         let mut offers = alone.into_iter().chain(all);
@@ -53,7 +53,7 @@ impl Viewer {
 
     /// The edit that takes a clip out of its chain into a call of its own and changes it there. The previous clip of the chain continues until its
     /// end.
-    fn taken_out(
+    fn moved_out_of_chain(
         &self,
         bar: &Bar,
         [before, next]: [Option<&Bar>; 2],

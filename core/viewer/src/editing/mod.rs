@@ -25,7 +25,7 @@ mod standing_clip;
 mod strips;
 mod trimming;
 
-pub use adding::ClipOf;
+pub use adding::ClipSource;
 pub use ambient::Ambient;
 pub use choreo_session::edit::expression;
 pub use error::EditError;
@@ -34,26 +34,26 @@ pub use fields::{FieldChange, StatedCall};
 pub use keys::ValueDrag;
 
 use crate::app::Viewer;
-use crate::state::history::{Done, Offer};
+use crate::state::history::{AppliedEdit, Offer};
 use crate::state::keyed::KeyRef;
 use crate::state::selection::Selected;
 use choreo_files::{WriteError, write_whole};
 use choreo_script::{Place, Severity};
 use choreo_session::Problem;
 use choreo_session::edit::{
-    CueTime, Edit, EditRefused, EditTime, ScriptObject, ScriptText, Typed, set_marker, set_time,
+    CueTime, Edit, EditRefused, EditTime, ScriptObject, ScriptText, TypedNumber, set_marker, set_time,
 };
 use std::path::Path;
 use std::sync::Arc;
 
 /// An edit of the call at a line and column.
-type Make<'m> = Box<dyn Fn(&str, usize, usize) -> Result<Edit, EditRefused> + 'm>;
+type MakeEdit<'m> = Box<dyn Fn(&str, usize, usize) -> Result<Edit, EditRefused> + 'm>;
 
 /// One part of an edit: a change of the call at one position.
 pub(crate) struct Step<'m> {
     pub place: Place,
     pub siblings: usize,
-    pub make: Make<'m>,
+    pub make: MakeEdit<'m>,
     /// Position of keys in a script function, which all siblings share, if it differs from `place`.
     pub shared: Option<Place>,
     /// A line that makes the change for this object alone.
@@ -70,14 +70,14 @@ impl<'m> Step<'m> {
     }
 
     /// The same step that keeps a number as it was typed.
-    pub fn keeping(self, typed: &Typed) -> Step<'m> {
+    pub fn keeping(self, typed: &TypedNumber) -> Step<'m> {
         let (make, typed) = (self.make, typed.clone());
         let make = move |text: &str, line, column| typed.keep(text, make(text, line, column));
         Step { make: Box::new(make), ..self }
     }
 
     /// The same step that keeps a time as it was typed. `fps`: frame rate of the stage.
-    pub fn keeping_time(self, typed: &Typed, fps: f64) -> Step<'m> {
+    pub fn keeping_time(self, typed: &TypedNumber, fps: f64) -> Step<'m> {
         let (make, typed) = (self.make, typed.clone());
         let make = move |text: &str, line, column| typed.keep_time(text, make(text, line, column), fps);
         Step { make: Box::new(make), ..self }
@@ -102,7 +102,7 @@ impl Viewer {
         &mut self,
         what: &Selected,
         part: CueTime,
-        typed: &Typed,
+        typed: &TypedNumber,
     ) -> Result<(), EditError> {
         let (bar, secs) = (self.bar(what)?, typed.value);
         let place = bar.place.clone();
@@ -281,7 +281,7 @@ impl Viewer {
         write(path, &after)?;
         let keys = self.keys_beside_selection();
         self.history.unshown = Some(after.clone());
-        self.history.done.push(Done { back: edit.inverse(text), text: after, keys });
+        self.history.done.push(AppliedEdit { back: edit.inverse(text), text: after, keys });
         self.history.undone.clear();
         Ok(())
     }
@@ -365,14 +365,14 @@ impl Viewer {
         }
     }
 
-    fn take_back(&self, back: &Edit, from: &str) -> Result<Done, EditError> {
+    fn take_back(&self, back: &Edit, from: &str) -> Result<AppliedEdit, EditError> {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let now = read(&path)?;
         let back = if now == from { Some(back.clone()) } else { back.carried_over(from, &now) };
         let back = back.ok_or(EditError::Overtaken("the line has changed since; undo it in the editor"))?;
         let after = back.apply(&now);
         write(&path, &after)?;
-        Ok(Done { back: back.inverse(&now), text: after, keys: self.keys_beside_selection() })
+        Ok(AppliedEdit { back: back.inverse(&now), text: after, keys: self.keys_beside_selection() })
     }
 
     fn keys_beside_selection(&self) -> (Option<Selected>, Vec<KeyRef>) {
@@ -380,7 +380,7 @@ impl Viewer {
     }
 
     /// Selects the keys again that were selected before an undone edit, once that text is displayed, unless something else is selected.
-    fn restore_keys(&mut self, taken_back: Option<Done>, again: &Done) {
+    fn restore_keys(&mut self, taken_back: Option<AppliedEdit>, again: &AppliedEdit) {
         let keys = taken_back.map(|done| done.keys).filter(|(beside, _)| *beside == self.selection);
         self.history.restored = keys.map(|(_, keys)| (again.text.clone(), keys));
     }

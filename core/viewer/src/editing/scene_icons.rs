@@ -4,11 +4,11 @@ use super::EditError;
 use super::placing::ScriptCamera;
 use crate::app::Viewer;
 use crate::geometry::{picking, rig};
-use crate::state::dragged_icon::{DraggedIcon, IconOf};
+use crate::state::dragged_icon::{DraggedIcon, IconObject};
 use crate::state::selection::{Selected, actor};
 use choreo_asset::LightKind;
 use choreo_motion::Time;
-use choreo_session::Placed;
+use choreo_session::PlacementOverride;
 use choreo_session::edit::{Edit, EditRefused, KeyValue, NewValueSyntax, ScriptObject, format_number};
 use choreo_stage::{ConstraintKind, Property, Rig, Stage, Target};
 use glam::DVec3;
@@ -19,22 +19,22 @@ impl Viewer {
         &self,
         stage: &Stage,
         DraggedIcon { what, to, .. }: &DraggedIcon,
-    ) -> Option<Placed> {
+    ) -> Option<PlacementOverride> {
         let to = *to;
         Some(match what {
-            IconOf::Light(light) => match stage.lights.get(*light)?.light.kind {
+            IconObject::Light(light) => match stage.lights.get(*light)?.light.kind {
                 LightKind::Directional => {
-                    Placed::Sun { light: *light, direction: self.direction_from(to).as_vec3() }
+                    PlacementOverride::Sun { light: *light, direction: self.direction_from(to).as_vec3() }
                 }
-                LightKind::Point | LightKind::Spot { .. } => Placed::Light { light: *light, to },
+                LightKind::Point | LightKind::Spot { .. } => PlacementOverride::Light { light: *light, to },
             },
-            IconOf::Camera(name) => {
+            IconObject::Camera(name) => {
                 let camera = stage.cameras.iter().position(|camera| camera.name == *name)?;
                 let rig = rig::moved(stage, &self.shown()?.snapshot, &stage.cameras[camera].rig, to)?;
-                Placed::Camera { camera, rig }
+                PlacementOverride::Camera { camera, rig }
             }
-            IconOf::Reach(name, constraint) => {
-                Placed::Target { actor: actor(stage, name)?, constraint: *constraint, to }
+            IconObject::Reach(name, constraint) => {
+                PlacementOverride::Target { actor: actor(stage, name)?, constraint: *constraint, to }
             }
         })
     }

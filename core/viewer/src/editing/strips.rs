@@ -26,7 +26,7 @@ impl Viewer {
             if at <= bar.start.as_secs() + NOTHING || at >= bar.until.as_secs() - NOTHING {
                 return Err(EditError::refused_at(&bar.place, "the playhead is not within this clip"));
             }
-            let rest = match rest(&bar, &strip, at)? {
+            let rest = match second_half(&bar, &strip, at)? {
                 SecondHalf::Trim(trim) => {
                     SecondHalf::Trim(within(&strip, trim, self.playhead.fps().as_fps()))
                 }
@@ -237,7 +237,7 @@ impl Viewer {
 }
 
 /// Content of the second half of a clip that is split at a time.
-fn rest(bar: &Bar, strip: &Strip, at: f64) -> Result<SecondHalf, EditError> {
+fn second_half(bar: &Bar, strip: &Strip, at: f64) -> Result<SecondHalf, EditError> {
     let refuse = |why: &str| Err(EditError::refused_at(&bar.place, why));
     let played = (at - bar.start.as_secs()) * strip.speed.abs();
     let [from, to] = strip.trim;

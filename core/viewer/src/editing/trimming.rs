@@ -85,7 +85,7 @@ impl Viewer {
     /// Slips a clip: shows content `by` seconds later in the clip between the same ends, in playing direction. A clip without a trim gets one.
     pub fn slip_cue(&mut self, what: &Selected, by: f64) -> Result<(), EditError> {
         let (bar, strip) = self.strip(what)?;
-        let trim = slipped(&bar, &strip, by).ok_or_else(|| {
+        let trim = slipped_trim(&bar, &strip, by).ok_or_else(|| {
             let why = match strip.repeat {
                 Repeat::Once => "its clip is played whole: there is nothing beyond its ends",
                 _ => "it repeats its whole clip: make the bar shorter than one repetition, or write .once()",
@@ -118,7 +118,7 @@ fn trimmed_from(bar: &Bar, strip: &Strip, secs: f64) -> Result<[f64; 2], EditErr
 }
 
 /// Trim after a slip, clip seconds. `None` if the whole clip is visible.
-fn slipped(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
+fn slipped_trim(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
     let [from, to] = strip.trim;
     let length = to - from;
     // A repeating clip must not start again before the next clip has faded in.
@@ -182,7 +182,7 @@ mod tests {
     fn a_slip_moves_the_seen_part_within_the_clip() {
         let slip = |length, trim, speed, repeat, by| {
             let strip = strip(trim, speed, repeat);
-            slipped(&bar(length, strip), &strip, by)
+            slipped_trim(&bar(length, strip), &strip, by)
         };
         for repeat in [Repeat::Once, Repeat::Loop, Repeat::PingPong] {
             // The visible part of a clip without a trim, cut short by the end of the bar, keeps its length.

@@ -237,17 +237,17 @@ pub fn offer(ui: &Ui, viewer: &mut Viewer) {
         if let Some(line) = viewer.message_line
             && ui.link(format!("go to line {line}")).clicked()
         {
-            agreed = Some(Agreed::GoTo(line));
+            agreed = Some(OfferAnswer::GoTo(line));
         }
         ui.add_space(6.0);
         lines(ui, &offer.difference);
         ui.add_space(6.0);
         ui.horizontal(|ui| {
             if ui.button(&offer.label).clicked() {
-                agreed = Some(Agreed::First);
+                agreed = Some(OfferAnswer::First);
             }
             if offer.other.is_none() && ui.button("Leave it").clicked() {
-                agreed = Some(Agreed::None);
+                agreed = Some(OfferAnswer::None);
             }
         });
         if let Some(other) = &offer.other {
@@ -257,17 +257,17 @@ pub fn offer(ui: &Ui, viewer: &mut Viewer) {
             ui.add_space(6.0);
             ui.horizontal(|ui| {
                 if ui.button(&other.label).clicked() {
-                    agreed = Some(Agreed::Other);
+                    agreed = Some(OfferAnswer::Other);
                 }
                 if ui.button("Leave it").clicked() {
-                    agreed = Some(Agreed::None);
+                    agreed = Some(OfferAnswer::None);
                 }
             });
         }
     });
-    match agreed.or(is_left.then_some(Agreed::None)) {
-        Some(Agreed::First) => viewer.edit(|v| v.accept_offer()),
-        Some(Agreed::Other) => {
+    match agreed.or(is_left.then_some(OfferAnswer::None)) {
+        Some(OfferAnswer::First) => viewer.edit(|v| v.accept_offer()),
+        Some(OfferAnswer::Other) => {
             if let Some(offer) = &mut viewer.offer
                 && let Some(other) = offer.other.take()
             {
@@ -275,14 +275,14 @@ pub fn offer(ui: &Ui, viewer: &mut Viewer) {
             }
             viewer.edit(|v| v.accept_offer());
         }
-        Some(Agreed::GoTo(line)) => (viewer.offer, viewer.go_to) = (None, Some(line)),
-        Some(Agreed::None) => viewer.offer = None,
+        Some(OfferAnswer::GoTo(line)) => (viewer.offer, viewer.go_to) = (None, Some(line)),
+        Some(OfferAnswer::None) => viewer.offer = None,
         None => {}
     }
 }
 
 /// Answer to an offer.
-enum Agreed {
+enum OfferAnswer {
     First,
     Other,
     /// No edit; goes to the line that caused the refusal.

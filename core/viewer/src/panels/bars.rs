@@ -8,7 +8,7 @@ use super::inspector::ClipDrag;
 use super::marks;
 use super::sequencer::{FOOT_STRIP, color_of, followed, row_places};
 use crate::app::Viewer;
-use crate::editing::{ClipOf, EditError};
+use crate::editing::{ClipSource, EditError};
 use crate::state::selection::Selected;
 use crate::state::timeline::Bar;
 use choreo_motion::{Repeat, Time};
@@ -84,7 +84,7 @@ impl Lane {
     /// Time at a dragged position, snapped to nearby times of other bars, else to a frame. `not`: the dragged bar.
     pub fn snapped(&self, viewer: &Viewer, x: f32, not: Option<&Bar>) -> f64 {
         let secs = self.secs(viewer, x);
-        let near = viewer.attracted(secs, self.reach(viewer), not);
+        let near = viewer.snap_target(secs, self.reach(viewer), not);
         near.unwrap_or_else(|| self.on_frame(viewer, secs))
     }
 
@@ -282,8 +282,8 @@ fn drag_bar(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lan
     }
     let (wanted, reach) = (lane.secs(viewer, pointer), lane.reach(viewer));
     // The edge that is nearest to a snap position decides.
-    let starts = viewer.attracted(wanted, reach, Some(bar));
-    let ends = viewer.attracted(wanted + length, reach, Some(bar)).map(|end| end - length);
+    let starts = viewer.snap_target(wanted, reach, Some(bar));
+    let ends = viewer.snap_target(wanted + length, reach, Some(bar)).map(|end| end - length);
     let near = starts.into_iter().chain(ends);
     let near = near.min_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs()));
     let start = near.unwrap_or_else(|| lane.on_frame(viewer, wanted));
@@ -293,7 +293,7 @@ fn drag_bar(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lan
         let ghost = other.place(viewer, start, start + length).intersect(other.rect);
         outline(&painter, ghost);
         if let Some(text) = drop_text(ui, viewer, bar, other.row) {
-            beside(ui, response.interact_pointer_pos()?, &text);
+            draw_text_at_pointer(ui, response.interact_pointer_pos()?, &text);
         }
         return response.drag_stopped().then(|| Act::MoveTo(bar.clone(), start, other.row));
     }
@@ -309,7 +309,7 @@ fn drag_bar(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lan
     let all = if drag == Drag::Alone && all.contains(&bar.what) { all } else { vec![bar.what.clone()] };
     let end = viewer.moved_end(&bar.what, &all, by).filter(|_| by != 0.0 && drag != Drag::Overlap);
     if let Some(end) = end {
-        beside(ui, response.interact_pointer_pos()?, &end);
+        draw_text_at_pointer(ui, response.interact_pointer_pos()?, &end);
     }
     let moved = response.drag_stopped() && by != 0.0;
     moved.then(|| Act::Move(bar.clone(), start, drag))
@@ -334,7 +334,7 @@ fn drop_text(ui: &Ui, viewer: &Viewer, bar: &Bar, row: usize) -> Option<String> 
         Ok(on) => on,
         Err(why) => return Some(why.to_string()),
     };
-    let of = ClipOf::Actor(bar.what.actor()?.to_string());
+    let of = ClipSource::Actor(bar.what.actor()?.to_string());
     let (joints, moved) = followed(ui, viewer, &ClipDrag { of, clip: bar.label.clone() }, on)?;
     if joints == 0 && moved > 0 {
         return Some(format!("no joint of {on} follows {} of {}", bar.label, bar.what.actor()?));
@@ -415,7 +415,7 @@ fn handle(
         };
         let end = viewer.moved_end(&bar.what, &[], secs - bar.start.as_secs()).filter(|_| !keep);
         let text = end.map_or_else(|| text.to_string(), |end| format!("{text}\n{end}"));
-        beside(ui, pos2(lane.x(viewer, secs), rect.top()), &text);
+        draw_text_at_pointer(ui, pos2(lane.x(viewer, secs), rect.top()), &text);
     }
     let before = match part {
         CueTime::FadeIn => bar.fade_in,
@@ -478,7 +478,7 @@ fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane)
     let length = (bar.played_until() - bar.start).as_secs() / (end - bar.start.as_secs()).max(1e-3);
     let ghost = lane.place(viewer, bar.start.as_secs(), end);
     outline(&ui.painter_at(lane.rect), ghost);
-    beside(ui, pointer, &format!("speed {:.2}", speed * length));
+    draw_text_at_pointer(ui, pointer, &format!("speed {:.2}", speed * length));
     response.drag_stopped().then(|| Act::Stretch(bar.what.clone(), end))
 }
 
@@ -514,12 +514,12 @@ fn weight_handle(ui: &Ui, bar: &Bar, number: usize, lane: &Lane, bar_place: Rect
         response.hint(format!("weight {weight:.2}: drag up or down"));
         return None;
     };
-    beside(ui, at, &format!("weight {to:.2}"));
+    draw_text_at_pointer(ui, at, &format!("weight {to:.2}"));
     (response.drag_stopped() && to != weight).then(|| Act::Weight(bar.what.clone(), to))
 }
 
 /// Draws a short text next to the pointer.
-pub(super) fn beside(ui: &Ui, at: egui::Pos2, text: &str) {
+pub(super) fn draw_text_at_pointer(ui: &Ui, at: egui::Pos2, text: &str) {
     let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Tooltip, egui::Id::new("beside")));
     let galley = painter.layout_no_wrap(text.to_string(), FontId::proportional(12.0), Color32::WHITE);
     let rect = Rect::from_min_size(at + vec2(14.0, -22.0), galley.size()).expand(3.0);
@@ -559,9 +559,16 @@ pub(super) fn off_text(visuals: &egui::Visuals) -> Color32 {
     visuals.strong_text_color()
 }
 
-type Looks = (bool, Option<choreo_script::Severity>);
+type BarState = (bool, Option<choreo_script::Severity>);
 
-fn draw(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane, (selected, wrong): Looks) {
+fn draw(
+    painter: &Painter,
+    viewer: &Viewer,
+    bar: &Bar,
+    place: Rect,
+    lane: &Lane,
+    (selected, wrong): BarState,
+) {
     let color = match wrong {
         Some(choreo_script::Severity::Error) => FAULTY,
         Some(choreo_script::Severity::Warning) => WARNED,
@@ -589,7 +596,7 @@ fn draw(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane,
         wedge(begin, x(bar.end), x(bar.end));
     }
     let ink = if is_off { off_text(&painter.ctx().global_style().visuals) } else { Color32::WHITE };
-    rounds(painter, viewer, bar, place, lane, ink);
+    draw_round_starts(painter, viewer, bar, place, lane, ink);
     let text = painter.with_clip_rect(place.shrink2(vec2(4.0, 0.0)).intersect(painter.clip_rect()));
     let left = pos2(place.left() + 5.0, place.center().y);
     text.text(left, Align2::LEFT_CENTER, &bar.label, FontId::proportional(11.5), ink);
@@ -639,7 +646,7 @@ fn whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
 }
 
 /// Marks the starts of further rounds of a clip.
-fn rounds(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane, ink: Color32) {
+fn draw_round_starts(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane, ink: Color32) {
     let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.length() > 1e-3) else { return };
     if strip.repeat == Repeat::Once {
         return;

@@ -1,6 +1,6 @@
 //! Curve editor: keyed values of the selection over time as evaluated by the stage, with the keys as draggable points.
 
-use super::bars::beside;
+use super::bars::draw_text_at_pointer;
 use super::fixed_digits;
 use super::gesture;
 use super::headers;
@@ -220,7 +220,7 @@ fn fit(viewer: &mut Viewer, all: &[KeyedProperty]) {
         viewer.curves.time = Span::whole(viewer.playhead.length().as_secs());
         return;
     };
-    viewer.curves.time = around(first, last);
+    viewer.curves.time = with_margin(first, last);
     viewer.curves.fit_values(all, Time::ZERO, Some((first, last)));
 }
 
@@ -231,12 +231,12 @@ fn fit_first(viewer: &mut Viewer, all: &[KeyedProperty]) {
     let (Some(first), Some(last)) = (keys().min(), keys().max()) else { return };
     let shown = viewer.curves.time;
     if first.as_secs() < shown.from || last.as_secs() > shown.to {
-        viewer.curves.time = around(*first, *last);
+        viewer.curves.time = with_margin(*first, *last);
     }
 }
 
 /// A time span with a margin.
-fn around(first: Time, last: Time) -> Span {
+fn with_margin(first: Time, last: Time) -> Span {
     let margin = ((last - first).as_secs() * 0.06).max(0.2);
     Span { from: first.as_secs() - margin, to: last.as_secs() + margin }
 }
@@ -591,7 +591,8 @@ fn dragged(
         false => {
             let wanted = key.at.as_secs() + plot.secs(by.x) - plot.secs(0.0);
             let reach = plot.secs(6.0) - plot.secs(0.0);
-            viewer.attracted(wanted, reach, None).unwrap_or_else(|| viewer.snapped(wanted)) - key.at.as_secs()
+            viewer.snap_target(wanted, reach, None).unwrap_or_else(|| viewer.snapped(wanted))
+                - key.at.as_secs()
         }
     };
     let (_, divide) = viewer.curves.scale(property);
@@ -603,7 +604,7 @@ fn dragged(
     let time = viewer.shown_time(key.at + Time::from_secs(secs));
     let unit = property.unit;
     let number = fixed_digits((now + value).clamp(property.range[0], property.range[1]), 3);
-    beside(ui, to, &format!("{time}   {} {number} {unit}", property.part(part)));
+    draw_text_at_pointer(ui, to, &format!("{time}   {} {number} {unit}", property.part(part)));
     if response.drag_stopped() {
         viewer.curves.drag = None;
         ui.data_mut(|d| d.remove::<Pos2>(id));

@@ -17,12 +17,12 @@ const STEEP_ENOUGH: f64 = 0.05;
 
 /// Dropped files whose position is not known yet, and the time of the drop in seconds.
 #[derive(Default)]
-pub struct Waiting {
+pub struct PendingDrop {
     files: Vec<PathBuf>,
     since: f64,
 }
 
-pub fn take(waiting: &mut Waiting, ui: &Ui, viewer: &mut Viewer) {
+pub fn take(waiting: &mut PendingDrop, ui: &Ui, viewer: &mut Viewer) {
     let (dropped, now) = ui.input(|i| (i.raw.dropped_files.clone(), i.time));
     for file in dropped {
         let path = file.path().to_path_buf();
@@ -64,8 +64,11 @@ pub(super) fn ground(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     };
     let view = viewer.views.iter().find(inside)?;
     let [left, top, right, bottom] = view.place.map(f64::from);
-    let lens =
-        Lens::new(&view.now(&scene.stage)?, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
+    let lens = Lens::new(
+        &view.displayed_camera(&scene.stage)?,
+        DVec2::new(left, top),
+        DVec2::new(right - left, bottom - top),
+    );
     let (origin, direction) = lens.ray(DVec2::new(f64::from(at.x), f64::from(at.y)));
     let far = -origin.y / direction.y;
     let meets = match lens.is_perspective() {

@@ -24,11 +24,11 @@ const LEAST: f64 = 0.01;
 const SURFACE: [(&str, f64, f64, f64); 2] = [("roughness", 0.0, 1.0, 0.9), ("metallic", 0.0, 1.0, 0.0)];
 
 /// Source text of everything that the script states about an object, by name.
-pub type Stated = BTreeMap<String, String>;
+pub type StatedValues = BTreeMap<String, String>;
 
 /// The object whose fields are shown.
 pub struct Form<'f> {
-    pub stated: &'f Stated,
+    pub stated: &'f StatedValues,
     /// Prefix of the names of its fields, to distinguish them from fields with the same name.
     pub owner: &'f str,
     pub is_cue: bool,
@@ -37,7 +37,7 @@ pub struct Form<'f> {
 }
 
 impl Form<'_> {
-    fn of<'f>(stated: &'f Stated, what: &Selected) -> Form<'f> {
+    fn of<'f>(stated: &'f StatedValues, what: &Selected) -> Form<'f> {
         Form { stated, owner: "", is_cue: matches!(what, Selected::Cue { .. }), end: None }
     }
 
@@ -54,7 +54,7 @@ pub fn show(
     viewer: &Viewer,
     stage: &Stage,
     what: &Selected,
-    stated: &Stated,
+    stated: &StatedValues,
 ) -> Option<FieldChange> {
     match what {
         Selected::Cue { actor: name, layer, cue } => {
@@ -86,7 +86,7 @@ pub fn reset(name: &Response, names: &[&'static str]) -> Option<FieldChange> {
 }
 
 /// Name of a field with its context menu; strong if the script states the value.
-pub fn label(ui: &mut Ui, stated: &Stated, name: &'static str, about: &str) -> Option<FieldChange> {
+pub fn label(ui: &mut Ui, stated: &StatedValues, name: &'static str, about: &str) -> Option<FieldChange> {
     let is_stated = stated.contains_key(name);
     let response = ui.add(egui::Label::new(name_text(name, is_stated)).sense(egui::Sense::click()));
     let hint = if is_stated { "stated by the script; right click: reset to default" } else { "by default" };
@@ -277,7 +277,7 @@ pub(super) fn source(ui: &mut Ui, name: &'static str, now: &str, hint: &str) -> 
 fn clip(
     ui: &mut Ui,
     viewer: &Viewer,
-    (stage, stated): (&Stage, &Stated),
+    (stage, stated): (&Stage, &StatedValues),
     what: &Selected,
     played: &Cue,
     layer: usize,
@@ -338,14 +338,14 @@ fn keys_of(viewer: &Viewer, what: &Selected, played: &Cue, name: &str) -> Option
 }
 
 /// Row of a keyed value, without a field, since a number would replace the keys.
-fn keyed(ui: &mut Ui, stated: &Stated, name: &'static str, keys: &str) -> Option<FieldChange> {
+fn keyed(ui: &mut Ui, stated: &StatedValues, name: &'static str, keys: &str) -> Option<FieldChange> {
     let wanted = label(ui, stated, name, "keyed in the script");
     ui.monospace(keys);
     ui.end_row();
     wanted
 }
 
-fn trim(ui: &mut Ui, stated: &Stated, played: &Cue) -> Option<FieldChange> {
+fn trim(ui: &mut Ui, stated: &StatedValues, played: &Cue) -> Option<FieldChange> {
     let mut wanted = label(ui, stated, "trim", "the part of the clip that is played");
     let now = [played.trim.0.as_secs(), played.trim.1.as_secs()];
     let whole = played.clip.duration.as_secs();
@@ -366,7 +366,7 @@ fn trim(ui: &mut Ui, stated: &Stated, played: &Cue) -> Option<FieldChange> {
     wanted
 }
 
-fn ease(ui: &mut Ui, stated: &Stated) -> Option<FieldChange> {
+fn ease(ui: &mut Ui, stated: &StatedValues) -> Option<FieldChange> {
     let mut wanted = label(ui, stated, "ease", "easing of the fades");
     let written = stated.get("ease").cloned().unwrap_or_else(|| "\"linear\"".to_string());
     let names = choreo_script::easing_names();
@@ -398,7 +398,7 @@ fn mask(ui: &mut Ui, now: &str, asset: &Asset) -> Option<FieldChange> {
 }
 
 /// Fields for mask, priority and weight of a layer, on the clip that states them.
-fn layer_fields(ui: &mut Ui, stated: &Stated, asset: &Asset) -> Option<FieldChange> {
+fn layer_fields(ui: &mut Ui, stated: &StatedValues, asset: &Asset) -> Option<FieldChange> {
     let mut wanted = None;
     if let Some(now) = stated.get("on") {
         wanted = label(ui, stated, "on", "joints of the layer: Spine.., or [\"Head\", \"*Arm*\"]");
@@ -422,7 +422,7 @@ fn layer_fields(ui: &mut Ui, stated: &Stated, asset: &Asset) -> Option<FieldChan
 fn lens(
     ui: &mut Ui,
     viewer: &Viewer,
-    stated: &Stated,
+    stated: &StatedValues,
     what: &Selected,
     camera: &Camera,
 ) -> Option<FieldChange> {
@@ -481,7 +481,7 @@ fn shadow(
     viewer: &Viewer,
     light: &StageLight,
     what: &Selected,
-    stated: &Stated,
+    stated: &StatedValues,
 ) -> Option<FieldChange> {
     let mut wanted = None;
     Grid::new("shadow").num_columns(2).show(ui, |ui| {
@@ -518,7 +518,7 @@ fn shadow(
 fn title(
     ui: &mut Ui,
     viewer: &Viewer,
-    (what, stated): (&Selected, &Stated),
+    (what, stated): (&Selected, &StatedValues),
     layer: &Layer2d,
 ) -> Option<FieldChange> {
     let mut wanted = None;
@@ -563,7 +563,12 @@ fn title(
     wanted
 }
 
-fn color_row(ui: &mut Ui, stated: &Stated, name: &'static str, linear: glam::Vec3) -> Option<FieldChange> {
+fn color_row(
+    ui: &mut Ui,
+    stated: &StatedValues,
+    name: &'static str,
+    linear: glam::Vec3,
+) -> Option<FieldChange> {
     let mut wanted = label(ui, stated, name, "");
     let shown = linear.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)));
     if let Some([r, g, b]) = values::color(ui, name, shown) {
@@ -581,7 +586,7 @@ fn surface(
     stage: &Stage,
     what: &Selected,
     name: &str,
-    stated: &Stated,
+    stated: &StatedValues,
 ) -> Option<FieldChange> {
     let found = &stage.actors[actor(stage, name)?];
     let mut wanted = None;
@@ -609,7 +614,7 @@ fn surface(
 }
 
 /// Name of an asset's option with the context menu that resets it; strong if the script states it.
-fn option_label(ui: &mut Ui, written: &Stated, name: &'static str) -> Option<FieldChange> {
+fn option_label(ui: &mut Ui, written: &StatedValues, name: &'static str) -> Option<FieldChange> {
     let text = name_text(name, written.contains_key(name));
     let response = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
     reset(
@@ -620,7 +625,7 @@ fn option_label(ui: &mut Ui, written: &Stated, name: &'static str) -> Option<Fie
 }
 
 /// Fields for the size of a shape along its axes, metres. `kind`: source text with quotes.
-fn size(ui: &mut Ui, written: &Stated, kind: &str, asset: &Asset) -> Option<FieldChange> {
+fn size(ui: &mut Ui, written: &StatedValues, kind: &str, asset: &Asset) -> Option<FieldChange> {
     let axes: &[usize] = match kind {
         "\"plane\"" => &[0, 2],
         "\"quad\"" => &[0, 1],
@@ -660,7 +665,12 @@ fn size_range(kind: &str, axis: usize, now: &[f64]) -> std::ops::RangeInclusive<
 }
 
 /// Row with a color of an actor's asset.
-fn asset_color(ui: &mut Ui, written: &Stated, name: &'static str, linear: glam::Vec3) -> Option<FieldChange> {
+fn asset_color(
+    ui: &mut Ui,
+    written: &StatedValues,
+    name: &'static str,
+    linear: glam::Vec3,
+) -> Option<FieldChange> {
     let wanted = option_label(ui, written, name);
     let shown = linear.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)));
     let set = values::color(ui, &format!("asset {name}"), shown);
@@ -670,7 +680,7 @@ fn asset_color(ui: &mut Ui, written: &Stated, name: &'static str, linear: glam::
 }
 
 /// Fields of a shape's material. Options that exclude each other or require another one are only offered where the script accepts them.
-fn material(ui: &mut Ui, viewer: &Viewer, written: &Stated, made: &Material) -> Option<FieldChange> {
+fn material(ui: &mut Ui, viewer: &Viewer, written: &StatedValues, made: &Material) -> Option<FieldChange> {
     let (fps, mut wanted) = (viewer.playhead.fps().as_fps(), None);
     let row = |ui: &mut Ui, (name, low, high, usual): (&'static str, f64, f64, f64)| {
         let label = option_label(ui, written, name);

@@ -8,7 +8,7 @@ use crate::state::selection::Selected;
 use crate::state::tangents::TangentChoice;
 use choreo_motion::Time;
 use choreo_script::{KEY_INTERPOLATIONS, easing_names};
-use choreo_session::edit::{KeyShape, Typed, are_keys_of_cue};
+use choreo_session::edit::{KeyShape, TypedNumber, are_keys_of_cue};
 use egui::containers::menu::menu_style;
 use egui::{
     Align, Button, Event, Id, Layout, Popup, PopupAnchor, PopupCloseBehavior, PopupKind, Pos2, Response, Ui,
@@ -24,13 +24,13 @@ pub enum KeyAct {
     /// Sets the interpolation of all keys of their properties, as source text.
     Interpolation(Option<String>),
     /// Moves a key to a time in seconds.
-    Time(KeyRef, Typed),
+    Time(KeyRef, TypedNumber),
     /// Sets all components of a key's value; the last field is the one that was typed.
-    Value(KeyRef, Vec<f64>, Typed),
+    Value(KeyRef, Vec<f64>, TypedNumber),
     /// Sets the tangents of the selected keys.
     Tangents(TangentChoice),
     /// Sets easing and tangents of a key; the last field is the number that was typed.
-    Shape(KeyRef, KeyShape, Option<Typed>),
+    Shape(KeyRef, KeyShape, Option<TypedNumber>),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! Marks in a row of the sequencer in addition to its bars: events and foot contacts. A click moves the playhead there.
 
-use super::bars::beside;
+use super::bars::draw_text_at_pointer;
 use super::foot_contacts::FootContacts;
 use super::gesture;
 use super::hint::Hint;
@@ -96,7 +96,7 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect
         let shown = by.map_or(x, |by| lane.left() + viewer.span.x_of(event.at.as_secs() + by, lane.width()));
         painter.add(shape(event.kind, pos2(shown, y), fill));
         if let (Some(by), Some(at), true) = (by, pointer, dragged) {
-            beside(ui, at, &viewer.shown_time(event.at + Time::from_secs(by)));
+            draw_text_at_pointer(ui, at, &viewer.shown_time(event.at + Time::from_secs(by)));
             if response.drag_stopped() && by != 0.0 {
                 acted = Some(MarkAct::Move(event.clone(), by));
             }
@@ -132,7 +132,7 @@ fn dragged_to(viewer: &Viewer, event: &Event, lane: Rect, x: f32) -> f64 {
     let secs = |x: f32| viewer.span.secs_at(x, lane.width());
     let wanted = secs(x - lane.left());
     let reach = secs(6.0) - secs(0.0);
-    let near = viewer.attracted(wanted, reach, None).filter(|at| (at - event.at.as_secs()).abs() > 1e-9);
+    let near = viewer.snap_target(wanted, reach, None).filter(|at| (at - event.at.as_secs()).abs() > 1e-9);
     near.unwrap_or_else(|| viewer.snapped(wanted))
 }
 

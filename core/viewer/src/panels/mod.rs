@@ -163,7 +163,7 @@ pub struct Panels {
     dock: DockState<Tab>,
     splits: layout::SplitFractions,
     key_list: key_list::KeyList,
-    waiting: drop::Waiting,
+    waiting: drop::PendingDrop,
     pictures: pictures::Pictures,
     browser: assets::Browser,
     palette: palette::Palette,

@@ -24,7 +24,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             }
         });
         cap.response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::ComboBox, true, "at most"));
-        if let Some([median, high]) = viewer.performance.typical() {
+        if let Some([median, high]) = viewer.performance.median_and_p95() {
             ui.separator();
             ui.monospace(format!("median {median:.1} ms, 95 % below {high:.1} ms"));
         }

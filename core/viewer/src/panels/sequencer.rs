@@ -9,7 +9,7 @@ use super::{
     bar_menu, bars, gesture, headers, icons, key_menu, markers, marks, property_row, row_order, values,
 };
 use crate::app::Viewer;
-use crate::editing::{ClipOf, EditError};
+use crate::editing::{ClipSource, EditError};
 use crate::state::keyed::KeyRef;
 use crate::state::playhead::SPEEDS;
 use crate::state::selection::Selected;
@@ -502,7 +502,7 @@ fn dropped(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) -> Optio
         let x = lane.left() + viewer.span.x_of(secs, lane.width());
         ui.painter_at(lane).vline(x, lane.y_range(), Stroke::new(2.0, ui.visuals().strong_text_color()));
         if let Some((joints, moved)) = followed(ui, viewer, &clip, on) {
-            bars::beside(ui, pointer, &format!("on {on}: {joints} of {moved} joints follow"));
+            bars::draw_text_at_pointer(ui, pointer, &format!("on {on}: {joints} of {moved} joints follow"));
         }
     }
     let clip = response.dnd_release_payload::<ClipDrag>()?;
@@ -518,7 +518,7 @@ fn dropped(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) -> Optio
 
 /// Number of an actor's joints that follow a dragged clip, and number of joints that the clip moves; computed once per drag.
 pub(super) fn followed(ui: &Ui, viewer: &Viewer, clip: &ClipDrag, on: &str) -> Option<(usize, usize)> {
-    let ClipOf::Actor(of) = &clip.of else { return None };
+    let ClipSource::Actor(of) = &clip.of else { return None };
     let number = viewer.scene.as_ref()?.number;
     let id = egui::Id::new("followed").with((number, of, &clip.clip, on));
     if let Some(known) = ui.data(|d| d.get_temp(id)) {

@@ -1,6 +1,6 @@
 //! Settings of the stage, which the inspector shows while nothing is selected.
 
-use super::fields::{self, Stated};
+use super::fields::{self, StatedValues};
 use super::hint::Hint;
 use super::values::{self, Number};
 use crate::app::Viewer;
@@ -72,7 +72,7 @@ fn light(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-fn rows(ui: &mut Ui, stated: &Stated, settings: &Settings) -> Option<FieldChange> {
+fn rows(ui: &mut Ui, stated: &StatedValues, settings: &Settings) -> Option<FieldChange> {
     let mut wanted = None;
     let mut row =
         |ui: &mut Ui, name: &'static str, about: &str, field: &mut dyn FnMut(&mut Ui) -> Option<String>| {

@@ -99,7 +99,7 @@ impl HandlePlace<'_> {
         if let Some(shape) = &shape {
             self.preview(ui, plot, shape);
             let text = format!("{now:.3} {}/s   {length:.2} of the span", self.property.unit);
-            super::bars::beside(ui, response.interact_pointer_pos().unwrap_or(tip), &text);
+            super::bars::draw_text_at_pointer(ui, response.interact_pointer_pos().unwrap_or(tip), &text);
         }
         if !response.drag_stopped() {
             let hint = "drag: direction; with Ctrl: length, too; with Alt: only this side";

@@ -188,16 +188,17 @@ fn compared(ui: &mut Ui, images: &Images, run: u64) {
 
 /// Textures of the images of the last results.
 #[derive(Clone, Default)]
-struct Read {
+struct TestImages {
     run: u64,
     textures: BTreeMap<PathBuf, Option<TextureHandle>>,
 }
 
 fn texture(ui: &Ui, file: &Path, run: u64) -> Option<TextureHandle> {
     let id = egui::Id::new("images of tests");
-    let mut read: Arc<Read> = ui.data_mut(|data| data.get_temp_mut_or_default::<Arc<Read>>(id).clone());
+    let mut read: Arc<TestImages> =
+        ui.data_mut(|data| data.get_temp_mut_or_default::<Arc<TestImages>>(id).clone());
     if read.run != run {
-        read = Arc::new(Read { run, ..Read::default() });
+        read = Arc::new(TestImages { run, ..TestImages::default() });
     }
     if let Some(known) = read.textures.get(file) {
         return known.clone();

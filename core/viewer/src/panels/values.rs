@@ -2,7 +2,7 @@
 //! of the script.
 
 use crate::editing::expression;
-use choreo_session::edit::{Typed, format_number};
+use choreo_session::edit::{TypedNumber, format_number};
 use egui::emath::format_with_decimals_in_range;
 use egui::{DragValue, Id, Key, Popup, Rect, Response, SetOpenCommand, Slider, Ui, WidgetInfo, WidgetType};
 use std::ops::RangeInclusive;
@@ -63,10 +63,10 @@ pub(super) fn takes_refused(ui: &Ui) -> bool {
 }
 
 /// A number with the text that was typed for it, if that was an expression: `1.0 / 3.0` or `f(12)`.
-pub fn typed(ui: &Ui, value: f64) -> Typed {
+pub fn typed(ui: &Ui, value: f64) -> TypedNumber {
     let last = ui.data(|d| d.get_temp::<(String, f64)>(typed_id())).filter(|(_, meant)| *meant == value);
     let text = last.and_then(|(text, _)| expression::script_text(&text));
-    text.map_or_else(|| Typed::from(value), |text| Typed { value, text })
+    text.map_or_else(|| TypedNumber::from(value), |text| TypedNumber { value, text })
 }
 
 /// Source text of a number; see [`typed`].

@@ -87,7 +87,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
         painter.rect_stroke(place, 0.0, stroke, StrokeKind::Inside);
     }
     reduced(ui, viewer, index, place);
-    let camera = viewer.scene.as_ref().and_then(|scene| viewer.views[index].now(&scene.stage));
+    let camera = viewer.scene.as_ref().and_then(|scene| viewer.views[index].displayed_camera(&scene.stage));
     if let Some(camera) = camera {
         let vector = |x: f32, y: f32| DVec2::new(f64::from(x), f64::from(y));
         let corner = vector(place.left(), place.top());

@@ -30,14 +30,14 @@ pub struct Curves {
     /// Whether the editor was drawn in the last frame.
     pub seen: bool,
     pub drag: Option<KeyDrag>,
-    known: Option<Known>,
+    known: Option<CachedProperties>,
 }
 
 /// Properties of an object that can have keys, and those that do.
 pub type KnownProperties = (Arc<Vec<KeyedProperty>>, Arc<Vec<KeyedProperty>>);
 
 /// Cached properties of an object in one version of the scene.
-struct Known {
+struct CachedProperties {
     number: u64,
     what: Selected,
     all: Arc<Vec<KeyedProperty>>,
@@ -89,7 +89,8 @@ impl Curves {
         }
         let all = Arc::new(find());
         let keyed = Arc::new(all.iter().filter(|p| p.has_keys()).cloned().collect::<Vec<_>>());
-        self.known = Some(Known { number, what: what.clone(), all: all.clone(), keyed: keyed.clone() });
+        self.known =
+            Some(CachedProperties { number, what: what.clone(), all: all.clone(), keyed: keyed.clone() });
         self.drag = None;
         (all, keyed)
     }

@@ -10,17 +10,17 @@ use std::path::PathBuf;
 /// Edits that can be undone and redone, the newest last.
 #[derive(Default)]
 pub struct History {
-    pub(crate) done: Vec<Done>,
-    pub(crate) undone: Vec<Done>,
+    pub(crate) done: Vec<AppliedEdit>,
+    pub(crate) undone: Vec<AppliedEdit>,
     /// Text after the newest edit, until a version of it is displayed.
     pub(crate) unshown: Option<String>,
     /// Text that an undo has restored, until it is displayed, and the keys to select then.
     pub(crate) restored: Option<(String, Vec<KeyRef>)>,
     /// Expected placement of an actor in the next version, to detect an edit without effect.
-    pub(crate) wanted: Option<ExpectedPlacement>,
+    pub(crate) expected_placement: Option<ExpectedPlacement>,
 }
 
-pub(crate) struct Done {
+pub(crate) struct AppliedEdit {
     /// The inverse edit.
     pub(crate) back: Edit,
     /// The text that `back` applies to.

@@ -1,6 +1,6 @@
 //! The stage as rows of a sequencer: cues, active cameras and other objects over time.
 
-use crate::state::events::{self, Event, Gathered, KeyOf};
+use crate::state::events::{self, Event, EventCollector, EventKey};
 use crate::state::selection::Selected;
 use choreo_asset::LightKind;
 use choreo_motion::{FrameRate, Repeat, Time};
@@ -105,7 +105,7 @@ impl Row {
 
     /// Adds a part for each keyed property.
     fn with_parts(self) -> Row {
-        let part = |(key, events): (&KeyOf, Vec<Event>)| Row {
+        let part = |(key, events): (&EventKey, Vec<Event>)| Row {
             label: key.label.clone(),
             what: Some(key.what.clone()),
             layer: self.layer,
@@ -227,7 +227,7 @@ fn actor_rows(scene: &Scene, index: usize) -> Vec<Row> {
     let (actor, length) = (&stage.actors[index], stage.settings.length);
     let what = Some(Selected::Actor(actor.name.clone()));
     let place = places.actors.get(index).cloned().unwrap_or_default();
-    let mut gathered = Gathered::default();
+    let mut gathered = EventCollector::default();
     gathered.actor(actor, scene);
     if actor.layers.is_empty() {
         let events = gathered.events(length, what.as_ref(), &place);

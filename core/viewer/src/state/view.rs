@@ -154,7 +154,7 @@ impl View {
     }
 
     /// Camera of the displayed image, with movements by the mouse already applied.
-    pub fn now(&self, stage: &Stage) -> Option<CameraState> {
+    pub fn displayed_camera(&self, stage: &Stage) -> Option<CameraState> {
         let shown = self.shown.as_ref()?;
         Some(match self.viewport_camera(stage) {
             ViewportCamera::Free(camera) => camera,

@@ -28,7 +28,7 @@ pub(crate) fn first_viewer(
         Some(source) => {
             viewer.path = source.is_script().then(|| source.input.clone());
             viewer.documents.missing = viewer.path.clone().filter(|path| !path.exists());
-            viewer.shows(&source.input);
+            viewer.record_opened(&source.input);
         }
         None => viewer.documents.start = true,
     }
@@ -75,14 +75,14 @@ impl ViewerWindow {
         self.checker.cancel();
         self.unchecked = None;
         self.frames.clear();
-        self.viewer = self.viewer.succeeded_by(name_of(&source));
+        self.viewer = self.viewer.for_other_file(name_of(&source));
         self.viewer.path = source.is_script().then(|| source.input.clone());
         self.viewer.commands.take_file(&source.input);
         let documents = &mut self.viewer.documents;
         documents.start = false;
         documents.missing = (source.is_script() && !source.input.exists()).then(|| source.input.clone());
         documents.thumbnails.forget();
-        self.viewer.shows(&source.input);
+        self.viewer.record_opened(&source.input);
         self.source = source;
         if let Some(open) = &self.open {
             open.window.set_title(&format!("{} – {}", self.viewer.name, self.program));

@@ -29,7 +29,7 @@ use crate::args::{FileOptions, ViewerOptions};
 use crate::library::documents::Documents;
 use crate::panels::Panels;
 use crate::state::dropped_models::DroppedModels;
-use crate::state::settings::{Due, Settings, Writing};
+use crate::state::settings::{SaveTime, Settings, SettingsWriter};
 use crate::state::shortcuts::Shortcuts;
 use crate::state::view::Resolution;
 use checker::Checker;
@@ -114,7 +114,7 @@ pub fn run(viewer_options: ViewerOptions, program: &App) -> Result<(), ViewerErr
         program: program.name,
         viewer,
         panels: Panels::new(&settings),
-        settings: Writing::new(settings),
+        settings: SettingsWriter::new(settings),
         settings_file,
         written_preset,
         initial_playback: Some((viewer_options.at, viewer_options.play)),
@@ -189,7 +189,7 @@ struct ViewerWindow {
     program: &'static str,
     viewer: Viewer,
     panels: Panels,
-    settings: Writing,
+    settings: SettingsWriter,
     settings_file: Option<PathBuf>,
     /// Preset of the keyboard shortcuts in their file.
     written_preset: String,
@@ -291,9 +291,9 @@ impl ViewerWindow {
         self.save_shortcuts();
         let (settings, now) = (self.present_settings(), self.now());
         match self.settings.due(&settings, now) {
-            Due::Now => self.save_settings(),
-            Due::In(secs) => self.wake_in(Duration::from_secs_f64(secs)),
-            Due::Never => {}
+            SaveTime::Now => self.save_settings(),
+            SaveTime::In(secs) => self.wake_in(Duration::from_secs_f64(secs)),
+            SaveTime::Never => {}
         }
     }
 

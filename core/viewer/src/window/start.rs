@@ -121,7 +121,7 @@ pub fn renderer(
 ) -> StartRenderer {
     let auto = device == Device::Auto && shaders.is_none();
     Box::new(move || {
-        super::priority::after_the_window();
+        super::priority::lower_for_background_work();
         let slower = || chosen_device().is_ok_and(|found| found.kind == DeviceKind::VulkanCpu);
         if device == Device::Cpu || auto && slower() {
             event_log.done("renderer");

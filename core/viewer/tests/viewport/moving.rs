@@ -37,7 +37,7 @@ fn an_image_fills_the_viewport_and_shrinks_while_it_plays_too_slowly() {
     assert!(!whole.moving);
     viewer.views[0].waiting = false;
     viewer.playhead.play(0.0);
-    viewer.reduction.took(90.0, 40.0);
+    viewer.reduction.record_duration(90.0, 40.0);
     let half = viewer.next_request().unwrap();
     assert!(half.moving);
     assert!((half.size[0] * 2).abs_diff(whole.size[0]) <= 1, "{:?} of {:?}", half.size, whole.size);
@@ -80,7 +80,7 @@ fn reduced(secs: f64) -> Place {
     place.viewer.playhead.play(0.0);
     place.paint();
     place.viewer.reduction = Default::default();
-    place.viewer.reduction.took(90.0, 40.0);
+    place.viewer.reduction.record_duration(90.0, 40.0);
     place
 }
 
