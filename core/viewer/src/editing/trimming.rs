@@ -168,7 +168,7 @@ mod tests {
             holds_from: None,
             place: Place::default(),
             cut: None,
-            kind: 0,
+            color_index: 0,
             strip: Some(strip),
         }
     }

@@ -399,7 +399,7 @@ impl TabViewer for Tabs<'_> {
                 let view = *view as usize % MOST_VIEWS;
                 while self.viewer.views.len() <= view {
                     let overlays = self.viewer.views[0].overlays;
-                    self.viewer.views.push(View { seen: false, overlays, ..View::default() });
+                    self.viewer.views.push(View { is_visible: false, overlays, ..View::default() });
                 }
                 let picture = self.pictures.get(view).copied().flatten();
                 viewport::show(ui, self.viewer, view, picture);
