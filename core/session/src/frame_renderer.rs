@@ -246,7 +246,7 @@ impl RenderState {
         let mut notes = std::mem::take(&mut self.notes);
         let drawn = catch_unwind(AssertUnwindSafe(|| self.picture(request, shaders, spare, &mut notes)));
         let result = drawn.unwrap_or_else(|panic| {
-            self.begin_anew();
+            self.reset_after_panic();
             Err(FrameError::of_panic(&*panic))
         });
         let (mut work, mut device_usage) = (CreatedCounts::default(), DeviceUsage::default());
@@ -260,7 +260,7 @@ impl RenderState {
 
     /// Resets the state after a panic, which may have interrupted anything: unfinished frames are dropped; evaluators, effects and resources are
     /// created and loaded again with the next frame.
-    fn begin_anew(&mut self) {
+    fn reset_after_panic(&mut self) {
         (self.views, self.effects, self.resources) = (ViewEvaluators::default(), Vec::new(), None);
         if let Ok(renderer) = &mut self.renderer {
             // The loop ends when the queue is empty or the renderer fails again.

@@ -332,7 +332,7 @@ impl Viewer {
         self.sunlit.take();
         self.find_keys_again();
         self.check_expected_placement();
-        self.change_is_shown();
+        self.apply_edit_after_unroll();
     }
 
     /// Adds the messages of `choreo check` about a version, which arrive after it.

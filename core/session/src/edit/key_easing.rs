@@ -119,7 +119,7 @@ impl ScriptObject<'_> {
     fn as_method(&self, option: &Call, interpolation: &str) -> (Edit, usize) {
         let [name, list] = [&option.name, &option.inside].map(|bytes| &self.text[bytes.clone()]);
         let method = format!("{name}({list}, {interpolation})");
-        let added = self.added(&method);
+        let added = self.add_method(&method);
         let start = added.range.start + added.text.find(&method).unwrap_or_default();
         let with = added.apply(&self.text);
         // Removing the option moves the method, which comes after it.

@@ -365,7 +365,7 @@ impl ScriptObject<'_> {
             KeyName::Method(method) if self.written(method).is_some() => {
                 self.set_value(method, list, NewValueSyntax::Method)
             }
-            KeyName::Method(_) if self.variable.is_none() => Ok(self.added(&call)),
+            KeyName::Method(_) if self.variable.is_none() => Ok(self.add_method(&call)),
             _ => self.add_call(&call, None),
         }
     }

@@ -201,14 +201,14 @@ impl<'a> ScriptObject<'a> {
     }
 
     /// Adds a method, `scale(2.0)`, to the chain of the creating call.
-    pub(super) fn added(&self, method: &str) -> Edit {
-        chain::added(&self.text, &self.creating_call, method)
+    pub(super) fn add_method(&self, method: &str) -> Edit {
+        chain::add_method(&self.text, &self.creating_call, method)
     }
 
     /// Writes `.name(values)`: over the last call of this name, else as a new one in the chain of the creating call.
     pub fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let new = call_text(name, values);
-        let Some(call) = self.last(&[name]) else { return Ok(self.added(&new)) };
+        let Some(call) = self.last(&[name]) else { return Ok(self.add_method(&new)) };
         if let Some(edit) = numbers_over(&self.text, &call.inside, values) {
             return Ok(edit);
         }
@@ -231,7 +231,7 @@ impl<'a> ScriptObject<'a> {
     /// The script computes the value of the method to be replaced.
     pub fn set_one_of(&self, names: &[&str], name: &str, value: &str) -> Result<Edit, EditRefused> {
         let new = format!("{name}({value})");
-        let Some(old) = self.last(names) else { return Ok(self.added(&new)) };
+        let Some(old) = self.last(names) else { return Ok(self.add_method(&new)) };
         literals(&self.text, &old.inside).ok_or_else(|| self.computed(old, &new))?;
         let value = in_number_style(&self.text[old.inside.clone()], value);
         Ok(Edit { range: old.name.start..old.end, text: format!("{name}({value})") })
@@ -241,7 +241,7 @@ impl<'a> ScriptObject<'a> {
     pub fn set_point(&self, name: &str, point: DVec3) -> Result<Edit, EditRefused> {
         let [x, y, z] = point.to_array().map(format_number);
         let new = format!("{name}([{x}, {y}, {z}])");
-        let Some(call) = self.last(&[name]) else { return Ok(self.added(&new)) };
+        let Some(call) = self.last(&[name]) else { return Ok(self.add_method(&new)) };
         let changed = numbers_over(&self.text, &call.inside, &point.to_array());
         changed.ok_or_else(|| self.computed(call, &new))
     }
@@ -262,7 +262,7 @@ impl<'a> ScriptObject<'a> {
         let angles = euler_degrees(by);
         let new =
             if upright { call_text("turn", &[degrees]) } else { call_text("rotate", &angles.to_array()) };
-        let Some(call) = self.last(&["turn", "rotate"]) else { return self.added(&new) };
+        let Some(call) = self.last(&["turn", "rotate"]) else { return self.add_method(&new) };
         let old = literals(&self.text, &call.inside).unwrap_or_default();
         let values: Vec<f64> = old.iter().map(|(_, v)| *v).collect();
         let changed = match (&self.text[call.name.clone()], values.as_slice()) {
@@ -274,7 +274,7 @@ impl<'a> ScriptObject<'a> {
             _ => None,
         };
         let new_call = || match self.text.chain_after(self.creating_call.end).contains(call) {
-            true => chain::behind(&self.text, &self.creating_call, call.end, &new),
+            true => chain::add_method_after(&self.text, &self.creating_call, call.end, &new),
             false => Edit { range: call.end..call.end, text: format!(".{new}") },
         };
         changed.unwrap_or_else(new_call)
@@ -283,7 +283,7 @@ impl<'a> ScriptObject<'a> {
     /// Writes a time as `.from(…)`, `.until(…)`, `.cut(…)` …: over the last call of this name, else as a new one.
     pub fn time(&self, name: &str, time: EditTime) -> Result<Edit, EditRefused> {
         let new = format!("{name}({})", time.new_text(&self.text));
-        let Some(call) = self.last(&[name]) else { return Ok(self.added(&new)) };
+        let Some(call) = self.last(&[name]) else { return Ok(self.add_method(&new)) };
         restated(&self.text, &call.inside, time).ok_or_else(|| self.computed(call, &new))
     }
 
@@ -399,7 +399,7 @@ impl<'a> ScriptObject<'a> {
                 "it has no variable in the script; write let NAME = cast(…)",
             ));
         }
-        Ok(chain::behind(&self.text, &self.creating_call, end, call))
+        Ok(chain::add_method_after(&self.text, &self.creating_call, end, call))
     }
 
     /// Source text of the asset that the actor is cast from: the variable of the loaded file, if there is one, else the argument of `cast`.

@@ -59,7 +59,7 @@ impl<'a> ScriptObject<'a> {
             NewValueSyntax::LikeOthers => becomes_method(&self.text, &self.creating_call, &self.calls, name),
         };
         match is_method && option_value(&self.text, &self.creating_call, name).is_none() {
-            true => Ok(self.added(&format!("{name}({value})"))),
+            true => Ok(self.add_method(&format!("{name}({value})"))),
             false => set_option(&self.text, &self.creating_call, self.line, name, value),
         }
     }

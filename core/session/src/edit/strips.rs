@@ -116,7 +116,7 @@ impl<'a> Strip<'a> {
             true => None,
             false => set_option(&self.text, &self.call, self.line, name, &value).ok(),
         };
-        option.unwrap_or_else(|| chain::added(&self.text, &self.call, &format!("{name}({numbers})")))
+        option.unwrap_or_else(|| chain::add_method(&self.text, &self.call, &format!("{name}({numbers})")))
     }
 
     /// Comment at the end of the cue's last line, with the whitespace before it.

@@ -184,7 +184,7 @@ pub fn set_time(
         return refuse("it begins where the clip before it ends; change the end of that clip");
     }
     let written = time.text_like_times_of(text, &call, &["from", "until"]);
-    Ok(chain::added(text, &call, &format!("{name}({written})")))
+    Ok(chain::add_method(text, &call, &format!("{name}({written})")))
 }
 
 /// Sets the duration of the transition into or out of a cue: in place of the stated value with one of these names, else as a new value with the
@@ -208,7 +208,7 @@ fn set_fade(
     match (old, becomes_method(text, call, chain, name)) {
         (Some(edit), _) => Ok(edit),
         (None, false) => set_option(text, call, line, name, &written),
-        (None, true) => Ok(chain::added(text, call, &format!("{name}({written})"))),
+        (None, true) => Ok(chain::add_method(text, call, &format!("{name}({written})"))),
     }
 }
 

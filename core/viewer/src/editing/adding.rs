@@ -211,7 +211,7 @@ impl Viewer {
         let what = Selected::Actor(name.to_string());
         let (place, siblings) = self.place_of(&what).ok_or(EditError::Gone)?;
         self.check_place(&place, siblings)?;
-        let known = self.known().ok_or(EditError::NothingShown)?;
+        let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let object = ScriptObject::at(&known, place.line, place.column);
         let declared = object.ok().and_then(|object| object.with_variable(name));
         let (variable, declares) = declared.ok_or_else(|| {

@@ -68,7 +68,7 @@ impl Viewer {
     pub(crate) fn change_field(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
         let done = self.change_field_once(what, change);
         let (what, change) = (what.clone(), change.clone());
-        self.or_written_out(done, move |viewer| viewer.change_field(&what, &change))
+        self.or_after_unroll(done, move |viewer| viewer.change_field(&what, &change))
     }
 
     fn change_field_once(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {

@@ -2,7 +2,7 @@
 //! are offered: take the clip out of the chain, or change the whole chain.
 
 use super::fields::changed;
-use super::{EditError, FieldChange, Step, difference, made_of, read};
+use super::{EditError, FieldChange, Step, combine_steps, difference, read};
 use crate::app::Viewer;
 use crate::state::history::{Alternative, Offer};
 use crate::state::selection::Selected;
@@ -18,7 +18,7 @@ impl Viewer {
         let (FieldChange::Value(name, ..) | FieldChange::Text(name, ..)) = change else { return None };
         let (place, siblings) = self.place_of(what).filter(|_| is_of_layer(name))?;
         self.check_place(&place, siblings).ok().filter(|()| self.written(what, name).is_none())?;
-        let (known, path) = (self.known()?, self.path.clone()?);
+        let (known, path) = (self.displayed_text()?, self.path.clone()?);
         let text = read(&path).ok().filter(|text| **text == *known && !self.faulty)?;
         let layer = self.layer_of(what);
         let before = self.cues_before(&layer);
@@ -83,6 +83,6 @@ impl Viewer {
             paste_cue(text, line, column, &copied, from)
         }));
         steps.sort_by_key(|step| std::cmp::Reverse((step.place.line, step.place.column)));
-        made_of(&steps, text).ok()
+        combine_steps(&steps, text).ok()
     }
 }

@@ -107,8 +107,8 @@ impl Viewer {
         let (bar, secs) = (self.bar(what)?, typed.value);
         let place = bar.place.clone();
         if part == CueTime::Start {
-            self.check_begins(&place, &bar.label, secs)?;
-            if let Some(before) = self.followed_bar(what) {
+            self.check_start(&place, &bar.label, secs)?;
+            if let Some(before) = self.previous_bar(what) {
                 // The boundary of two clips is written as the end of the first one.
                 self.check_boundary(Some(&before), &bar, secs)?;
                 let note = self.moved_end(what, &[], secs - bar.start.as_secs());
@@ -155,7 +155,7 @@ impl Viewer {
     }
 
     /// Text of the displayed version of the script.
-    fn known(&self) -> Option<Arc<str>> {
+    fn displayed_text(&self) -> Option<Arc<str>> {
         let places = &self.scene.as_ref()?.places;
         places.sources.get(&places.main).cloned()
     }
@@ -185,7 +185,7 @@ impl Viewer {
     ) -> Result<(), EditError> {
         if let Err(error) = self.check_place(place, siblings) {
             let is_shared = matches!(error, EditError::SharedLine { .. });
-            let made = self.known().filter(|_| is_shared).map(|known| make(&known));
+            let made = self.displayed_text().filter(|_| is_shared).map(|known| make(&known));
             return Err(self.offer_of_shared(error, place, made, None));
         }
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
@@ -231,11 +231,11 @@ impl Viewer {
         });
         if let Some((error, place)) = shared {
             let is_shared = matches!(error, EditError::SharedLine { .. });
-            let made = self.known().filter(|_| is_shared).map(|known| made_of(&steps, &known));
+            let made = self.displayed_text().filter(|_| is_shared).map(|known| combine_steps(&steps, &known));
             let alone = if let [step] = &mut steps[..] { step.alone.take() } else { None };
             return Err(self.offer_of_shared(error, &place, made, alone));
         }
-        self.change(&first, 1, |text| made_of(&steps, text))
+        self.change(&first, 1, |text| combine_steps(&steps, text))
     }
 
     /// Fails if the object created at a position cannot be edited alone.
@@ -313,7 +313,7 @@ impl Viewer {
     /// Fails as [`Viewer::set_cue`] does, or if there is no edit to undo.
     pub fn undo(&mut self) -> Result<(), EditError> {
         let last = self.history.done.last().ok_or(EditError::NothingToUndo)?;
-        let again = self.take_back(&last.back, &last.text)?;
+        let again = self.apply_inverse(&last.back, &last.text)?;
         let undone = self.history.done.pop();
         self.restore_keys(undone, &again);
         self.history.undone.push(again);
@@ -326,7 +326,7 @@ impl Viewer {
     /// Fails as [`Viewer::undo`] does.
     pub fn redo(&mut self) -> Result<(), EditError> {
         let last = self.history.undone.last().ok_or(EditError::NothingToRedo)?;
-        let again = self.take_back(&last.back, &last.text)?;
+        let again = self.apply_inverse(&last.back, &last.text)?;
         let redone = self.history.undone.pop();
         self.restore_keys(redone, &again);
         self.history.done.push(again);
@@ -353,7 +353,7 @@ impl Viewer {
     }
 
     /// Called when a version is displayed: makes the edit that waited for its loop to be unrolled.
-    pub(crate) fn change_is_shown(&mut self) {
+    pub(crate) fn apply_edit_after_unroll(&mut self) {
         let Some(places) = self.scene.as_ref().map(|scene| &scene.places) else { return };
         let shown = places.sources.get(&places.main).map(|text| text.to_string());
         if self.history.unshown.is_some() && self.history.unshown != shown {
@@ -365,7 +365,7 @@ impl Viewer {
         }
     }
 
-    fn take_back(&self, back: &Edit, from: &str) -> Result<AppliedEdit, EditError> {
+    fn apply_inverse(&self, back: &Edit, from: &str) -> Result<AppliedEdit, EditError> {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let now = read(&path)?;
         let back = if now == from { Some(back.clone()) } else { back.carried_over(from, &now) };
@@ -392,7 +392,7 @@ pub(crate) fn is_locked(name: &str) -> String {
 }
 
 /// Combines several steps into one edit.
-fn made_of(steps: &[Step], text: &str) -> Result<Edit, EditRefused> {
+fn combine_steps(steps: &[Step], text: &str) -> Result<Edit, EditRefused> {
     let (mut after, mut edits, mut refused) = (text.to_string(), Vec::new(), None);
     for Step { place, make, .. } in steps {
         // A refusal refers to lines of the text that the user sees.

@@ -91,7 +91,7 @@ impl Viewer {
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
         let in_parent = self.change_in_parent(&scene.stage.actors[index], index, change)?;
         let (done, name) = (self.place_actor(name, in_parent, None), name.to_string());
-        self.or_written_out(done, move |viewer| viewer.change_actor(&name, change))
+        self.or_after_unroll(done, move |viewer| viewer.change_actor(&name, change))
     }
 
     /// Converts a change of an actor from world space to the space of its parent.
@@ -251,7 +251,7 @@ impl Viewer {
         let name = numbered_name("view", taken);
         let point = |p: DVec3| p.to_array().map(format_number).join(", ");
         let (at, center) = (point(from.camera().world_from_view.translation), point(from.center));
-        let known = self.known().unwrap_or_default();
+        let known = self.displayed_text().unwrap_or_default();
         let time = self.edit_time(self.playhead.time().as_secs()).written(&known);
         let cut = if scene.stage.cameras.is_empty() { String::new() } else { format!(".cut({time})") };
         let lens = match from.camera().projection {

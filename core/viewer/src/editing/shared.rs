@@ -12,7 +12,7 @@ pub(super) const WRITE_OUT: &str = "Write the loop out";
 
 impl Viewer {
     /// Keeps a refused edit of one of several objects of a loop, to be made after the user accepts to unroll the loop. `done`: result of the edit.
-    pub(super) fn or_written_out(
+    pub(super) fn or_after_unroll(
         &mut self,
         done: Result<(), EditError>,
         change: impl FnOnce(&mut Viewer) -> Result<(), EditError> + 'static,
@@ -34,7 +34,7 @@ impl Viewer {
     ) -> EditError {
         let EditError::SharedLine { objects, .. } = &error else { return error };
         let objects = *objects;
-        let (Some(known), Some(path)) = (self.known(), self.path.clone()) else { return error };
+        let (Some(known), Some(path)) = (self.displayed_text(), self.path.clone()) else { return error };
         // Positions refer to the displayed text.
         let Some(text) = read(&path).ok().filter(|text| **text == *known && !self.faulty) else {
             return error;
@@ -84,7 +84,7 @@ impl Viewer {
         place: &Place,
         change: impl Fn(&ScriptObject, &str) -> Result<Edit, EditRefused>,
     ) -> Option<EditError> {
-        let (known, path, actor) = (self.known()?, self.path.clone()?, what.actor()?);
+        let (known, path, actor) = (self.displayed_text()?, self.path.clone()?, what.actor()?);
         let text = read(&path).ok().filter(|text| **text == *known && !self.faulty)?;
         let object = ScriptObject::at(&text, place.line, place.column).ok()?;
         let (variable, actors) = object.asset_variable().filter(|(_, actors)| *actors > 1)?;

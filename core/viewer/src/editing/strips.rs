@@ -47,7 +47,7 @@ impl Viewer {
     /// Adds a copy of a clip right after it; later clips of the layer move back.
     pub fn duplicate_cue(&mut self, what: &Selected) -> Result<(), EditError> {
         let (bar, strip) = self.strip(what)?;
-        let known = self.known().ok_or(EditError::NothingShown)?;
+        let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let ends = has_end(&known, bar.place.line, bar.place.column);
         if !ends && strip.repeat != Repeat::Once {
             let why = "it repeats to the end of the scene; give it an end first";
@@ -60,16 +60,16 @@ impl Viewer {
         let layer = self.layer_of(what);
         let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
         let begins = if ends { bar.until.as_secs() } else { bar.start.as_secs() + length };
-        self.check_begins(&bar.place, &bar.label, begins)?;
+        self.check_start(&bar.place, &bar.label, begins)?;
         let until = ends.then(|| self.edit_time(bar.until.as_secs() + length));
         let by = self.edit_time(length);
         let mut steps =
             vec![self.step(&bar, move |text, line, column| duplicate_cue(text, line, column, by, until))];
         let moved = self.move_steps(&layer, &|index| index > at, length)?;
         // Cues that follow the end of the clip now follow the end of the copy.
-        let is_followed = self.followed(&layer).contains(&Some(at));
+        let is_followed = self.previous_bars(&layer).contains(&Some(at));
         steps.extend(moved.into_iter().filter(|step| !(is_followed && step.place == bar.place)));
-        let note = self.pushed_out(&layer[at + 1..], length);
+        let note = self.note_of_hidden_bars(&layer[at + 1..], length);
         self.change_all(steps)?;
         self.note = note;
         Ok(())
@@ -112,7 +112,7 @@ impl Viewer {
             self.check_place(&bar.place, self.bars().filter(|other| other.place == bar.place).count())?;
             let copied = self.copied(&bar)?;
             let from = self.edit_time((bar.start.as_secs() + by).max(0.0));
-            self.check_begins(&bar.place, clip, from.secs)?;
+            self.check_start(&bar.place, clip, from.secs)?;
             let make = move |text: &str, line, column| paste_cue(text, line, column, &copied, from);
             steps.push(Step::new(place.clone(), siblings, make));
         }
@@ -124,7 +124,7 @@ impl Viewer {
 
     /// A clip as text for the clipboard.
     pub(super) fn copied(&self, bar: &Bar) -> Result<String, EditError> {
-        let known = self.known().ok_or(EditError::NothingShown)?;
+        let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let (line, column) = (bar.place.line, bar.place.column);
         let until = has_end(&known, line, column).then(|| self.edit_time(bar.until.as_secs()));
         copy_cue(&known, line, column, self.edit_time(bar.start.as_secs()), until)
@@ -151,7 +151,7 @@ impl Viewer {
             ));
         }
         let last = starts.iter().copied().fold(secs, |last, start| last.max(secs + start - first));
-        self.check_begins(&place, "the last pasted clip", last)?;
+        self.check_start(&place, "the last pasted clip", last)?;
         let steps = cues.into_iter().zip(starts).map(|(copied, start)| {
             let from = self.edit_time(secs + start - first);
             let make = move |text: &str, line, column| paste_cue(text, line, column, &copied, from);
@@ -184,7 +184,7 @@ impl Viewer {
     /// Changes the speed of a clip so that its present end, or the pose that it holds, is reached at the time `end`.
     pub fn stretch_cue(&mut self, what: &Selected, end: f64) -> Result<(), EditError> {
         let (bar, strip) = self.strip(what)?;
-        let known = self.known().ok_or(EditError::NothingShown)?;
+        let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let ends = bar.holds_from.is_none() && has_end(&known, bar.place.line, bar.place.column);
         let start = bar.start.as_secs();
         let length = bar.played_until().as_secs() - start;

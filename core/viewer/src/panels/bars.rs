@@ -6,7 +6,7 @@ use super::headers;
 use super::hint::Hint;
 use super::inspector::ClipDrag;
 use super::marks;
-use super::sequencer::{FOOT_STRIP, color_of, followed, row_places};
+use super::sequencer::{FOOT_STRIP, color_of, count_following_joints, row_places};
 use crate::app::Viewer;
 use crate::editing::{ClipSource, EditError};
 use crate::state::selection::Selected;
@@ -335,7 +335,7 @@ fn drop_text(ui: &Ui, viewer: &Viewer, bar: &Bar, row: usize) -> Option<String> 
         Err(why) => return Some(why.to_string()),
     };
     let of = ClipSource::Actor(bar.what.actor()?.to_string());
-    let (joints, moved) = followed(ui, viewer, &ClipDrag { of, clip: bar.label.clone() }, on)?;
+    let (joints, moved) = count_following_joints(ui, viewer, &ClipDrag { of, clip: bar.label.clone() }, on)?;
     if joints == 0 && moved > 0 {
         return Some(format!("no joint of {on} follows {} of {}", bar.label, bar.what.actor()?));
     }

@@ -276,7 +276,7 @@ impl Panels {
         if after_drag {
             keys::handle(self, ui, viewer, now);
         }
-        if values::takes_refused(ui) {
+        if values::take_refused_flag(ui) {
             viewer.edit(|_| Err(EditError::refused(values::NO_TIME)));
         }
         refusal::show(&mut self.refusals, ui, viewer);

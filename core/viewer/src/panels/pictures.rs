@@ -30,8 +30,10 @@ impl Pictures {
         let painter = ui.painter_at(place);
         painter.rect_filled(place, 3.0, ui.visuals().extreme_bg_color);
         match &made {
-            ThumbnailState::Waiting => word(&painter, place, "…", ui.visuals().weak_text_color()),
-            ThumbnailState::Failed(_) => word(&painter, place, "no image", ui.visuals().weak_text_color()),
+            ThumbnailState::Waiting => draw_placeholder(&painter, place, "…", ui.visuals().weak_text_color()),
+            ThumbnailState::Failed(_) => {
+                draw_placeholder(&painter, place, "no image", ui.visuals().weak_text_color())
+            }
             ThumbnailState::Ready(thumbnail) => {
                 let number = shown_frame(ui, thumbnail);
                 if let Some(texture) = self.textures(ui.ctx(), subject, thumbnail).get(number) {
@@ -74,7 +76,7 @@ fn wake(context: &Context) -> Box<dyn Fn() + Send> {
     Box::new(move || context.request_repaint())
 }
 
-fn word(painter: &Painter, place: Rect, text: &str, color: Color32) {
+fn draw_placeholder(painter: &Painter, place: Rect, text: &str, color: Color32) {
     painter.text(place.center(), Align2::CENTER_CENTER, text, FontId::proportional(12.0), color);
 }
 

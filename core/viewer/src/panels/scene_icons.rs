@@ -106,7 +106,7 @@ impl Handle {
     }
 
     /// Distance of a pointer position in points, or `None` if it is out of reach. Lines count as farther away than discs.
-    fn to(&self, at: DVec2) -> Option<f64> {
+    fn distance(&self, at: DVec2) -> Option<f64> {
         let to_disc = self.disc.map(|disc| (disc - at).length()).filter(|d| *d <= REACH);
         let to_line = self.lines.iter().map(|[a, b]| to_segment(at, *a, *b)).min_by(f64::total_cmp);
         to_disc.or(to_line.filter(|d| *d <= REACH_OF_LINE).map(|d| REACH + d))
@@ -136,7 +136,8 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     }
     let handles: Vec<Handle> = icons.iter().map(|icon| Handle::of(viewer, icon, lens)).collect();
     let near = |at: DVec2| {
-        let reached = icons.iter().zip(&handles).filter_map(|(icon, handle)| Some((icon, handle.to(at)?)));
+        let reached =
+            icons.iter().zip(&handles).filter_map(|(icon, handle)| Some((icon, handle.distance(at)?)));
         reached.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(icon, _)| icon.clone())
     };
     let hot = canvas.hovered().and_then(near);
@@ -184,7 +185,7 @@ fn drag(
     } else if response.drag_stopped() {
         let dragged = viewer.dragged_icon.take();
         if let Some(dragged) = dragged.filter(|d| d.from != d.to) {
-            put(viewer, scene, &dragged, DVec3::from_array(at));
+            write_position(viewer, scene, &dragged, DVec3::from_array(at));
         }
     } else if !response.dragged() {
         viewer.dragged_icon = None;
@@ -201,7 +202,7 @@ fn point_at_depth_of(lens: &Lens, place: DVec3, at: DVec2) -> Option<DVec3> {
 }
 
 /// Writes the new position of an icon into the script.
-fn put(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedIcon, at: DVec3) {
+fn write_position(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedIcon, at: DVec3) {
     let list = |v: DVec3| {
         let [x, y, z] = v.to_array().map(|v| super::rounded(v, 1e3));
         format!("[{x:?}, {y:?}, {z:?}]")
@@ -295,7 +296,7 @@ struct Beam {
 }
 
 /// Two unit vectors perpendicular to a direction: right and up.
-fn across(direction: DVec3) -> [DVec3; 2] {
+fn perpendicular_axes(direction: DVec3) -> [DVec3; 2] {
     let right = direction.cross(DVec3::Y).normalize_or(DVec3::X);
     [right, right.cross(direction)]
 }
@@ -304,7 +305,7 @@ impl Beam {
     /// Lines of a cone: its ring and its sides.
     fn cone(&self) -> Vec<[DVec3; 2]> {
         let Beam { at, along, angle, length } = *self;
-        let [right, up] = across(along);
+        let [right, up] = perpendicular_axes(along);
         let radius = libm::tan(angle.min(1.4)) * length;
         let ring = (0..=16).map(|i| {
             let (sin, cos) = libm::sincos(f64::from(i) / 16.0 * core::f64::consts::TAU);
@@ -319,7 +320,7 @@ impl Beam {
 /// Draws the view frustum of a camera, with an aspect ratio of 16:9.
 fn frame(painter: &Painter, lens: &Lens, beam: &Beam, stroke: Stroke) {
     let Beam { at, along, angle, length } = *beam;
-    let [right, up] = across(along);
+    let [right, up] = perpendicular_axes(along);
     let high = if angle > 0.0 { libm::tan(angle / 2.0) * length } else { 0.3 };
     let wide = high * 16.0 / 9.0;
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]

@@ -102,7 +102,7 @@ fn one(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, choice: &m
         }
         let checks = section.checks.iter();
         for (index, check) in checks.enumerate().filter(|(_, c)| !c.passed || c.images.is_some()) {
-            ui.push_id(index, |ui| judged(ui, viewer, section, check, run, choice));
+            ui.push_id(index, |ui| section_row(ui, viewer, section, check, run, choice));
         }
     });
     if is_cut {
@@ -120,7 +120,7 @@ fn go_to(viewer: &mut Viewer, section: &Section, line: usize) {
     }
 }
 
-fn judged(
+fn section_row(
     ui: &mut Ui,
     viewer: &mut Viewer,
     section: &Section,
@@ -142,7 +142,7 @@ fn judged(
         }
     }
     let Some(images) = check.images.as_ref().filter(|_| !check.passed) else { return };
-    compared(ui, images, run);
+    draw_comparison(ui, images, run);
     let accept = ui.add_enabled(!viewer.tests.is_running(), egui::Button::new("Accept"));
     let accept =
         accept.hint(format!("the rendered image becomes the golden image {}", images.stored.display()));
@@ -152,7 +152,7 @@ fn judged(
 }
 
 /// Draws the golden image, the rendered image and their difference, side by side.
-fn compared(ui: &mut Ui, images: &Images, run: u64) {
+fn draw_comparison(ui: &mut Ui, images: &Images, run: u64) {
     let files = [
         ("expected", images.expected.as_ref()),
         ("actual", images.got.as_ref()),

@@ -77,7 +77,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     }
     viewer.is_scrubbing |= response.dragged();
     let fills = viewer.views[index].resolution == Resolution::Fitted;
-    let place = placed(rect, size, pixels, fills);
+    let place = image_rect(rect, size, pixels, fills);
     viewer.views[index].place = [place.left(), place.top(), place.right(), place.bottom()];
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     painter.image(texture, place, whole, Color32::WHITE);
@@ -86,7 +86,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
         let stroke = Stroke::new(3.0, ui.visuals().error_fg_color);
         painter.rect_stroke(place, 0.0, stroke, StrokeKind::Inside);
     }
-    reduced(ui, viewer, index, place);
+    draw_quality_note(ui, viewer, index, place);
     let camera = viewer.scene.as_ref().and_then(|scene| viewer.views[index].displayed_camera(&scene.stage));
     if let Some(camera) = camera {
         let vector = |x: f32, y: f32| DVec2::new(f64::from(x), f64::from(y));
@@ -256,7 +256,7 @@ fn click(viewer: &mut Viewer, index: usize, lens: &Lens, at: DVec2) {
 }
 
 /// Text about the reduced quality of the image while the view moves: resolution, effects, frames.
-fn reduced(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
+fn draw_quality_note(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
     let view = &viewer.views[index];
     let Some(requested) = view.requested.as_ref().filter(|key| key.moving) else { return };
     let mut parts: Vec<String> = Vec::new();
@@ -294,7 +294,7 @@ fn reduced(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
 
 /// Centered rectangle of an image: as large as possible if `fills`, else at most one screen pixel per pixel of the image. Edges are aligned to
 /// screen pixels.
-fn placed(room: Rect, size: [u32; 2], pixels_per_point: f32, fills: bool) -> Rect {
+fn image_rect(room: Rect, size: [u32; 2], pixels_per_point: f32, fills: bool) -> Rect {
     let size = Vec2::new(size[0] as f32, size[1] as f32) / pixels_per_point;
     let largest = if fills { f32::INFINITY } else { 1.0 };
     let scale = (room.width() / size.x).min(room.height() / size.y).min(largest);
@@ -351,14 +351,14 @@ mod tests {
     fn the_picture_lies_on_whole_pixels_and_keeps_its_shape() {
         let room = Rect::from_min_max(pos2(10.3, 20.7), pos2(1033.9, 811.1));
         for (size, pixels) in [([1280, 720], 1.0), ([640, 361], 1.0), ([1280, 720], 1.5)] {
-            let place = placed(room, size, pixels, false);
+            let place = image_rect(room, size, pixels, false);
             for edge in [place.min.x, place.min.y] {
                 assert!((edge * pixels - (edge * pixels).round()).abs() < 1e-3);
             }
             let shape = place.width() / place.height();
             assert!((shape - size[0] as f32 / size[1] as f32).abs() < 1e-3);
             assert!(place.width() <= size[0] as f32 / pixels + 1e-3, "pixel on pixel");
-            let filled = placed(room, size, pixels, true);
+            let filled = image_rect(room, size, pixels, true);
             let free = (room.size() - filled.size()).min_elem();
             assert!(free.abs() < 1.0, "{filled:?} in {room:?}");
         }

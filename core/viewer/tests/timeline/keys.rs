@@ -818,7 +818,11 @@ fn speeds_at_keys_are_those_of_one_side() {
     let mut place = Place::new(SCRIPT);
     place.viewer.curves.speed = true;
     let speed = |name: &str, secs: f64| {
-        place.viewer.curves.drawn(&property(&place, &ball(), name), Time::from_secs(secs), (0.0, 1.0))[0]
+        place.viewer.curves.displayed_values(
+            &property(&place, &ball(), name),
+            Time::from_secs(secs),
+            (0.0, 1.0),
+        )[0]
     };
     for (name, secs, expected) in [
         ("rotation", 0.0, 360.0),
