@@ -38,7 +38,7 @@ pub struct ViewOverrides {
     /// Muted layers, whose clips do not play: actor and layer.
     pub muted: Vec<(usize, usize)>,
     /// The object that is being dragged, with its current placement.
-    pub placed: Option<PlacementOverride>,
+    pub placement: Option<PlacementOverride>,
 }
 
 /// Placement of an object that replaces its own at all times.
@@ -175,7 +175,7 @@ fn view_distance(snapshot: &Snapshot) -> f64 {
 /// A stage without muted layers and with the dragged object, and the overrides that it was made for.
 struct ModifiedStage {
     muted: Vec<(usize, usize)>,
-    placed: Option<PlacementOverride>,
+    placement: Option<PlacementOverride>,
     stage: Arc<Stage>,
 }
 
@@ -252,10 +252,10 @@ impl ViewEvaluators {
     }
 
     fn set_scene(&mut self, request: &FrameRequest) {
-        let (scene, ViewOverrides { muted, placed, .. }) = (&request.scene, &request.overrides);
-        let is_plain = muted.is_empty() && placed.is_none();
+        let (scene, ViewOverrides { muted, placement, .. }) = (&request.scene, &request.overrides);
+        let is_plain = muted.is_empty() && placement.is_none();
         let is_same =
-            self.changed.as_ref().map_or(is_plain, |now| now.muted == *muted && now.placed == *placed);
+            self.changed.as_ref().map_or(is_plain, |now| now.muted == *muted && now.placement == *placement);
         if self.scene.as_ref().is_some_and(|s| Arc::ptr_eq(s, scene)) && is_same {
             return;
         }
@@ -265,8 +265,8 @@ impl ViewEvaluators {
                 let layer = stage.actors.get_mut(*actor).and_then(|a| a.layers.get_mut(*layer));
                 layer.into_iter().for_each(|layer| layer.cues.clear());
             }
-            placed.iter().for_each(|placed| placed.apply_to(&mut stage));
-            ModifiedStage { muted: muted.clone(), placed: placed.clone(), stage: Arc::new(stage) }
+            placement.iter().for_each(|placement| placement.apply_to(&mut stage));
+            ModifiedStage { muted: muted.clone(), placement: placement.clone(), stage: Arc::new(stage) }
         };
         let changed = (!is_plain).then(changed);
         let before_drag = self.before_drag.take();
@@ -301,7 +301,7 @@ impl ViewEvaluators {
 /// The same request without the drag of an actor. The frame uses its camera, because the drag is measured through the camera: a camera that follows
 /// or frames the actor must not move with it.
 fn before_drag(request: &FrameRequest) -> Option<FrameRequest> {
-    let Some(PlacementOverride::Actor { .. }) = request.overrides.placed else { return None };
+    let Some(PlacementOverride::Actor { .. }) = request.overrides.placement else { return None };
     let muted = request.overrides.muted.clone();
     Some(FrameRequest { overrides: ViewOverrides { muted, ..ViewOverrides::default() }, ..request.clone() })
 }

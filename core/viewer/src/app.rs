@@ -128,7 +128,7 @@ pub struct Viewer {
     /// Cache of [`Viewer::sunlit()`] for the scene.
     pub(crate) sunlit: Cell<Option<DVec3>>,
     /// Placement of a dragged icon after its release, used until the next version has it.
-    pub(crate) placed: Option<PlacementOverride>,
+    pub(crate) placement_override: Option<PlacementOverride>,
     /// Joint that is selected in addition to the selection.
     pub joint: Option<JointRef>,
     pub trails: Trails,
@@ -137,7 +137,7 @@ pub struct Viewer {
     /// Object that is being renamed in a text field.
     pub(crate) to_rename: Option<Selected>,
     /// Clipboard text of the clips copied last, one per line.
-    pub(crate) copied: String,
+    pub(crate) copied_clips: String,
     /// Further selected objects, and the selection that they belong to.
     pub(crate) further_selected: (Option<Selected>, Vec<Selected>),
     /// The bar that was clicked to select its camera, which may have several.
@@ -217,13 +217,13 @@ impl Viewer {
             dragging: None,
             dragged_icon: None,
             sunlit: Cell::default(),
-            placed: None,
+            placement_override: None,
             joint: None,
             trails: Trails::default(),
             toggles: Toggles::default(),
             selection: None,
             to_rename: None,
-            copied: String::new(),
+            copied_clips: String::new(),
             further_selected: (None, Vec::new()),
             shot: None,
             keys: (None, Vec::new()),
@@ -260,7 +260,7 @@ impl Viewer {
             documents: std::mem::take(&mut self.documents),
             shortcuts: self.shortcuts.clone(),
             editor: self.editor.clone(),
-            copied: std::mem::take(&mut self.copied),
+            copied_clips: std::mem::take(&mut self.copied_clips),
             // Renders continue in the queue.
             commands: std::mem::take(&mut self.commands),
             renders: std::mem::take(&mut self.renders),
@@ -299,7 +299,7 @@ impl Viewer {
         self.documents.read = version.read;
         self.build_took = version.took;
         self.faulty = version.scene.is_none();
-        (self.dragging, self.placed) = (None, None);
+        (self.dragging, self.placement_override) = (None, None);
         if version.shaders {
             self.reloads += 1;
         }
@@ -464,9 +464,10 @@ impl Viewer {
         let muted =
             muted.filter_map(|(name, layer)| Some((selection::actor(stage, name)?, *layer))).collect();
         let dragged = self.dragged_icon.as_ref().filter(|dragged| dragged.from != dragged.to);
-        let placed = dragged.and_then(|dragged| self.place_of_icon(stage, dragged));
-        let placed = placed.or_else(|| self.placed.clone()).or_else(|| self.place_of_drag(stage));
-        ViewOverrides { hidden, outlined, muted, placed, grid: false }
+        let placement = dragged.and_then(|dragged| self.place_of_icon(stage, dragged));
+        let placement =
+            placement.or_else(|| self.placement_override.clone()).or_else(|| self.place_of_drag(stage));
+        ViewOverrides { hidden, outlined, muted, placement, grid: false }
     }
 
     /// Number of shader changes so far.
@@ -476,7 +477,8 @@ impl Viewer {
 
     /// Whether images are only shown briefly.
     pub(crate) fn is_moving(&self) -> bool {
-        let is_dragged = self.dragging.is_some() || self.dragged_icon.is_some() || self.placed.is_some();
+        let is_dragged =
+            self.dragging.is_some() || self.dragged_icon.is_some() || self.placement_override.is_some();
         self.playhead.is_playing() || self.is_scrubbing || is_dragged
     }
 

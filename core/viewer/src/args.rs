@@ -102,7 +102,7 @@ fn commands(args: &Args, app: &App) -> Commands {
 /// Options for every file that the window opens.
 pub(crate) struct FileOptions {
     /// The options without a file and without the folders of a project.
-    like: SceneSource,
+    base_source: SceneSource,
     /// Whether a project's `choreo.toml` is read.
     project_file: bool,
     app: App,
@@ -119,8 +119,8 @@ pub(crate) enum ProjectError {
 
 impl FileOptions {
     /// The options without a file.
-    pub fn like(&self) -> &SceneSource {
-        &self.like
+    pub fn base_source(&self) -> &SceneSource {
+        &self.base_source
     }
 
     /// The source of a file, including the folders of its project. Fails if its `choreo.toml` has an error.
@@ -133,12 +133,12 @@ impl FileOptions {
         // The folders are options of this program, so they are parsed as such.
         let words = [name.into(), input.clone().into()].into_iter().chain(of_project);
         let of_project = Args::try_parse_from(words)?;
-        let like = &self.like;
+        let base_source = &self.base_source;
         Ok(SceneSource {
-            search: [like.search.clone(), of_project.search, self.app.search.clone()].concat(),
-            plugins: [like.plugins.clone(), of_project.plugins, self.app.plugins.clone()].concat(),
+            search: [base_source.search.clone(), of_project.search, self.app.search.clone()].concat(),
+            plugins: [base_source.plugins.clone(), of_project.plugins, self.app.plugins.clone()].concat(),
             input,
-            ..like.clone()
+            ..base_source.clone()
         })
     }
 }
@@ -176,7 +176,7 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
         return Err(usage(format!("--at {}: write seconds", args.at)));
     }
     let commands = commands(&args, app);
-    let like = SceneSource {
+    let base_source = SceneSource {
         set,
         search: args.search,
         plugins: args.plugins,
@@ -186,7 +186,7 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
         shaders: args.shaders,
         ..SceneSource::new("")
     };
-    let files = FileOptions { like, project_file: !args.no_project_file, app: app.clone() };
+    let files = FileOptions { base_source, project_file: !args.no_project_file, app: app.clone() };
     let Args { input: first, device, at, play, full_size, lose_device_at, event_log, .. } = args;
     Ok(ViewerOptions { first, files, device, at, play, full_size, lose_device_at, event_log, commands })
 }

@@ -63,7 +63,7 @@ impl Viewer {
         let (actor, siblings) = self.place_of(&Selected::Actor(bar.what.actor()?.to_string()))?;
         let [from, until] = [bar.start, bar.until].map(|time| self.edit_time(time.as_secs()));
         let is_stated = has_end(text, bar.place.line, bar.place.column);
-        let mut copied = self.copied(bar).ok()?;
+        let mut copied = self.clip_text(bar).ok()?;
         if next.is_some() && !is_stated {
             copied = set_time(&copied, 1, 1, CueTime::End, until).ok()?.apply(&copied);
         }

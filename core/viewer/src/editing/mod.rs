@@ -275,13 +275,13 @@ impl Viewer {
     fn write_edit(&mut self, path: &Path, text: &str, edit: Edit) -> Result<(), EditError> {
         let after = edit.apply(text);
         if after == text {
-            (self.dragging, self.placed) = (None, None);
+            (self.dragging, self.placement_override) = (None, None);
             return Ok(());
         }
         write(path, &after)?;
         let keys = self.keys_beside_selection();
-        self.history.unshown = Some(after.clone());
-        self.history.done.push(AppliedEdit { back: edit.inverse(text), text: after, keys });
+        self.history.pending_text = Some(after.clone());
+        self.history.done.push(AppliedEdit { inverse: edit.inverse(text), text: after, keys });
         self.history.undone.clear();
         Ok(())
     }
@@ -313,7 +313,7 @@ impl Viewer {
     /// Fails as [`Viewer::set_cue`] does, or if there is no edit to undo.
     pub fn undo(&mut self) -> Result<(), EditError> {
         let last = self.history.done.last().ok_or(EditError::NothingToUndo)?;
-        let again = self.apply_inverse(&last.back, &last.text)?;
+        let again = self.apply_inverse(&last.inverse, &last.text)?;
         let undone = self.history.done.pop();
         self.restore_keys(undone, &again);
         self.history.undone.push(again);
@@ -326,7 +326,7 @@ impl Viewer {
     /// Fails as [`Viewer::undo`] does.
     pub fn redo(&mut self) -> Result<(), EditError> {
         let last = self.history.undone.last().ok_or(EditError::NothingToRedo)?;
-        let again = self.apply_inverse(&last.back, &last.text)?;
+        let again = self.apply_inverse(&last.inverse, &last.text)?;
         let redone = self.history.undone.pop();
         self.restore_keys(redone, &again);
         self.history.done.push(again);
@@ -336,7 +336,7 @@ impl Viewer {
     /// Undoes the newest edit if the script no longer loads because of it, and reports why. Returns whether it did.
     pub(crate) fn take_back_faulty(&mut self, problems: &[Problem]) -> bool {
         let is_loaded = self.scene.is_some() && !self.faulty;
-        let Some(text) = self.history.unshown.take().filter(|_| is_loaded) else { return false };
+        let Some(text) = self.history.pending_text.take().filter(|_| is_loaded) else { return false };
         let is_newest = self.history.done.last().is_some_and(|done| done.text == text);
         let is_there = self.path.as_ref().and_then(|path| read(path).ok()).is_some_and(|now| now == text);
         if !is_newest || !is_there || self.undo().is_err() {
@@ -344,7 +344,7 @@ impl Viewer {
         }
         self.history.undone.pop();
         self.pending_edit_after_unroll = None;
-        (self.dragging, self.placed) = (None, None);
+        (self.dragging, self.placement_override) = (None, None);
         let error = problems.iter().find(|problem| problem.severity == Severity::Error);
         let (message, line) = error.map_or(("", 0), |error| (error.message.as_str(), error.line));
         let why = format!("undone, because the script would not load: {message}");
@@ -356,23 +356,24 @@ impl Viewer {
     pub(crate) fn apply_edit_after_unroll(&mut self) {
         let Some(places) = self.scene.as_ref().map(|scene| &scene.places) else { return };
         let shown = places.sources.get(&places.main).map(|text| text.to_string());
-        if self.history.unshown.is_some() && self.history.unshown != shown {
+        if self.history.pending_text.is_some() && self.history.pending_text != shown {
             return;
         }
-        self.history.unshown = None;
+        self.history.pending_text = None;
         if let Some((change, _)) = self.pending_edit_after_unroll.take_if(|(_, is_agreed)| *is_agreed) {
             change(self);
         }
     }
 
-    fn apply_inverse(&self, back: &Edit, from: &str) -> Result<AppliedEdit, EditError> {
+    fn apply_inverse(&self, inverse: &Edit, from: &str) -> Result<AppliedEdit, EditError> {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let now = read(&path)?;
-        let back = if now == from { Some(back.clone()) } else { back.carried_over(from, &now) };
-        let back = back.ok_or(EditError::Overtaken("the line has changed since; undo it in the editor"))?;
-        let after = back.apply(&now);
+        let inverse = if now == from { Some(inverse.clone()) } else { inverse.carried_over(from, &now) };
+        let inverse =
+            inverse.ok_or(EditError::Overtaken("the line has changed since; undo it in the editor"))?;
+        let after = inverse.apply(&now);
         write(&path, &after)?;
-        Ok(AppliedEdit { back: back.inverse(&now), text: after, keys: self.keys_beside_selection() })
+        Ok(AppliedEdit { inverse: inverse.inverse(&now), text: after, keys: self.keys_beside_selection() })
     }
 
     fn keys_beside_selection(&self) -> (Option<Selected>, Vec<KeyRef>) {

@@ -82,7 +82,7 @@ impl Viewer {
             bars.push(self.strip(what)?.0);
         }
         bars.sort_by_key(|bar| bar.start);
-        let all = bars.iter().map(|bar| self.copied(bar));
+        let all = bars.iter().map(|bar| self.clip_text(bar));
         Ok(all.collect::<Result<Vec<_>, _>>()?.join("\n"))
     }
 
@@ -110,7 +110,7 @@ impl Viewer {
                 None => {}
             }
             self.check_place(&bar.place, self.bars().filter(|other| other.place == bar.place).count())?;
-            let copied = self.copied(&bar)?;
+            let copied = self.clip_text(&bar)?;
             let from = self.edit_time((bar.start.as_secs() + by).max(0.0));
             self.check_start(&bar.place, clip, from.secs)?;
             let make = move |text: &str, line, column| paste_cue(text, line, column, &copied, from);
@@ -123,7 +123,7 @@ impl Viewer {
     }
 
     /// A clip as text for the clipboard.
-    pub(super) fn copied(&self, bar: &Bar) -> Result<String, EditError> {
+    pub(super) fn clip_text(&self, bar: &Bar) -> Result<String, EditError> {
         let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let (line, column) = (bar.place.line, bar.place.column);
         let until = has_end(&known, line, column).then(|| self.edit_time(bar.until.as_secs()));

@@ -237,7 +237,7 @@ fn run_command(ui: &Ui, viewer: &mut Viewer, command: KeyCommand, keys: &[KeyRef
         KeyCommand::Duplicate => viewer.edit(|v| v.duplicate_keys(keys, at)),
         KeyCommand::Copy | KeyCommand::Cut => match viewer.copy_keys(keys) {
             Ok(text) => {
-                viewer.copied.clone_from(&text);
+                viewer.copied_clips.clone_from(&text);
                 ui.ctx().copy_text(text);
                 if command == KeyCommand::Cut {
                     viewer.edit(|v| v.delete_keys(keys));
@@ -246,7 +246,7 @@ fn run_command(ui: &Ui, viewer: &mut Viewer, command: KeyCommand, keys: &[KeyRef
             Err(error) => viewer.edit(|_| Err(error)),
         },
         KeyCommand::Paste => {
-            let copied = viewer.copied.clone();
+            let copied = viewer.copied_clips.clone();
             paste(viewer, &copied);
         }
         KeyCommand::Delete => viewer.edit(|v| v.delete_keys(keys)),

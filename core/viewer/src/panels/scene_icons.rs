@@ -208,7 +208,7 @@ fn write_position(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedIcon, at:
         format!("[{x:?}, {y:?}, {z:?}]")
     };
     // The object stays at its new position until the reload shows it.
-    viewer.placed = viewer.place_of_icon(&scene.stage, dragged);
+    viewer.placement_override = viewer.place_of_icon(&scene.stage, dragged);
     match &dragged.what {
         IconObject::Light(number) => {
             let light = scene.stage.lights.get(*number);
@@ -223,7 +223,7 @@ fn write_position(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedIcon, at:
         IconObject::Reach(name, number) => viewer.edit(|v| v.move_target(name, *number, at)),
     }
     if viewer.message.is_some() {
-        viewer.placed = None;
+        viewer.placement_override = None;
     }
 }
 

@@ -13,7 +13,7 @@ pub struct History {
     pub(crate) done: Vec<AppliedEdit>,
     pub(crate) undone: Vec<AppliedEdit>,
     /// Text after the newest edit, until a version of it is displayed.
-    pub(crate) unshown: Option<String>,
+    pub(crate) pending_text: Option<String>,
     /// Text that an undo has restored, until it is displayed, and the keys to select then.
     pub(crate) restored: Option<(String, Vec<KeyRef>)>,
     /// Expected placement of an actor in the next version, to detect an edit without effect.
@@ -22,8 +22,8 @@ pub struct History {
 
 pub(crate) struct AppliedEdit {
     /// The inverse edit.
-    pub(crate) back: Edit,
-    /// The text that `back` applies to.
+    pub(crate) inverse: Edit,
+    /// The text that `inverse` applies to.
     pub(crate) text: String,
     /// The selection before the edit, and the keys that were selected.
     pub(crate) keys: (Option<Selected>, Vec<KeyRef>),

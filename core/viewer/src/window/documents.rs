@@ -20,7 +20,7 @@ pub(crate) fn first_viewer(
     settings: &Settings,
 ) -> Viewer {
     let mut viewer = Viewer::new(source.map_or("start".to_string(), name_of));
-    let thumbnails = Thumbnails::new(registry, options.like(), choreo_command_line::cache_dir());
+    let thumbnails = Thumbnails::new(registry, options.base_source(), choreo_command_line::cache_dir());
     let (recent, tempos) = (settings.recent.clone(), settings.tempos.clone());
     let lessons = lessons::find();
     viewer.documents = Documents { recent, tempos, lessons, thumbnails, ..Documents::new(registry) };

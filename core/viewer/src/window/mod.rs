@@ -74,9 +74,9 @@ enum WindowMessage {
 const FIRST_FILE: u64 = 0;
 
 /// Opens the window, and returns when it is closed. The error says what is missing.
-pub fn run(viewer_options: ViewerOptions, program: &App) -> Result<(), ViewerError> {
-    let source = viewer_options.first.map(|input| viewer_options.files.source(input)).transpose()?;
-    let event_log = EventLog::new(viewer_options.event_log);
+pub fn run(options: ViewerOptions, program: &App) -> Result<(), ViewerError> {
+    let source = options.first.map(|input| options.files.source(input)).transpose()?;
+    let event_log = EventLog::new(options.event_log);
     let events = start::event_loop()?;
     #[cfg(target_os = "linux")]
     lost_display::watch(&events);
@@ -90,23 +90,19 @@ pub fn run(viewer_options: ViewerOptions, program: &App) -> Result<(), ViewerErr
     }
     let registry = program.registry.clone();
     let effects = registry.effects().to_vec();
-    let renderer = start::renderer(
-        effects,
-        viewer_options.files.like().shaders.clone(),
-        viewer_options.device,
-        event_log,
-    );
+    let renderer =
+        start::renderer(effects, options.files.base_source().shaders.clone(), options.device, event_log);
     let frame_renderer = start_frame_renderer(renderer, &proxy)?;
     let session =
         source.clone().map(|source| start_session(source, &registry, &proxy, FIRST_FILE)).transpose()?;
     let settings_file = Settings::file();
     let settings = settings_file.as_deref().map(Settings::read).unwrap_or_default();
-    let mut viewer = documents::first_viewer(source.as_ref(), &registry, &viewer_options.files, &settings);
+    let mut viewer = documents::first_viewer(source.as_ref(), &registry, &options.files, &settings);
     let shortcuts_file = settings_file.as_ref().map(|file| file.with_file_name(Shortcuts::FILE));
     viewer.message = documents::read_shortcuts(&mut viewer, shortcuts_file.as_deref());
-    viewer.commands = viewer_options.commands;
+    viewer.commands = options.commands;
     viewer.views.iter_mut().for_each(|view| view.overlays = settings.overlays);
-    if viewer_options.full_size {
+    if options.full_size {
         viewer.views.iter_mut().for_each(|view| view.resolution = Resolution::Full);
     }
     let written_preset = viewer.shortcuts.preset.clone();
@@ -117,11 +113,11 @@ pub fn run(viewer_options: ViewerOptions, program: &App) -> Result<(), ViewerErr
         settings: SettingsWriter::new(settings),
         settings_file,
         written_preset,
-        initial_playback: Some((viewer_options.at, viewer_options.play)),
+        initial_playback: Some((options.at, options.play)),
         frame_renderer,
-        source: source.unwrap_or_else(|| viewer_options.files.like().clone()),
-        options: viewer_options.files,
-        device: viewer_options.device,
+        source: source.unwrap_or_else(|| options.files.base_source().clone()),
+        options: options.files,
+        device: options.device,
         registry,
         session,
         open_file_number: FIRST_FILE,
@@ -141,7 +137,7 @@ pub fn run(viewer_options: ViewerOptions, program: &App) -> Result<(), ViewerErr
         drawn: 0,
         pressed: false,
         covered: false,
-        lose_device_at: viewer_options.lose_device_at,
+        lose_device_at: options.lose_device_at,
         event_log,
         failures: 0,
         failed: None,
