@@ -93,7 +93,7 @@ pub struct FrameReply {
     /// Numbers of objects that the renderer has created since its start.
     pub work: CreatedCounts,
     /// Objects that the renderer currently has on its device.
-    pub held: DeviceUsage,
+    pub device_usage: DeviceUsage,
     /// Messages for the user.
     pub notes: Vec<String>,
 }
@@ -246,21 +246,21 @@ impl RenderState {
         let mut notes = std::mem::take(&mut self.notes);
         let drawn = catch_unwind(AssertUnwindSafe(|| self.picture(request, shaders, spare, &mut notes)));
         let result = drawn.unwrap_or_else(|panic| {
-            self.begin_anew();
+            self.reset_after_panic();
             Err(FrameError::of_panic(&*panic))
         });
-        let (mut work, mut held) = (CreatedCounts::default(), DeviceUsage::default());
+        let (mut work, mut device_usage) = (CreatedCounts::default(), DeviceUsage::default());
         if let Ok(renderer) = &mut self.renderer {
             notes.extend(renderer.take_notes());
-            (work, held) = (renderer.created(), renderer.usage());
+            (work, device_usage) = (renderer.created(), renderer.usage());
         }
         let FrameRequest { ticket, view, .. } = *request;
-        FrameReply { ticket, view, result, work, held, notes }
+        FrameReply { ticket, view, result, work, device_usage, notes }
     }
 
     /// Resets the state after a panic, which may have interrupted anything: unfinished frames are dropped; evaluators, effects and resources are
     /// created and loaded again with the next frame.
-    fn begin_anew(&mut self) {
+    fn reset_after_panic(&mut self) {
         (self.views, self.effects, self.resources) = (ViewEvaluators::default(), Vec::new(), None);
         if let Ok(renderer) = &mut self.renderer {
             // The loop ends when the queue is empty or the renderer fails again.

@@ -24,5 +24,5 @@ pub use frame_renderer::{FrameError, FrameInfo, FrameRenderer, FrameReply, Frame
 pub use scene_source::SceneSource;
 pub use session::{Problem, Scene, SceneVersion, Session, Work};
 pub use session_thread::SessionThread;
-pub use viewport::{Placed, ViewOverrides, ViewportCamera};
+pub use viewport::{PlacementOverride, ViewOverrides, ViewportCamera};
 pub use watch::{Waker, Watch, WatchError, WatchEvent, WatchedPaths};

@@ -317,10 +317,10 @@ impl Listing {
     }
 
     /// One sentence for each plugin of this listing that has the name of one in another listing, with both files.
-    pub fn also_in(&self, other: &Listing) -> Vec<String> {
+    pub fn name_conflicts_with(&self, other: &Listing) -> Vec<String> {
         let both = |entry: &Entry| {
             let theirs = other.entries.iter().find(|theirs| theirs.is_named_as(entry))?;
-            let (kind, name) = entry.named()?;
+            let (kind, name) = entry.kind_and_name()?;
             let (ours, theirs) = (&entry.source.shown, &theirs.source.shown);
             Some(format!("the {} {name} of {ours} is also in {theirs}", kind.word()))
         };
@@ -364,7 +364,7 @@ impl Listing {
                     let make = move || reading().and_then(|(shown, file)| effect(&shown, file));
                     Plugin::Effect(Arc::new(LazyEffect::new(&name, make)))
                 }
-                None => Plugin::Faulty(source.fault()),
+                None => Plugin::Faulty(source.effect_error()),
             }
         } else if source.is_wasm() {
             let made = reading().and_then(|(shown, file)| wasm_plugin(&shown, file));
@@ -436,7 +436,7 @@ impl Listing {
 
 impl Entry {
     /// Kind and name of the plugin, without compiling it. `None` for a faulty file.
-    fn named(&self) -> Option<(PackagedKind, &str)> {
+    fn kind_and_name(&self) -> Option<(PackagedKind, &str)> {
         let name = match &self.plugin {
             Plugin::Effect(effect) => effect.name(),
             Plugin::Importer(importer) => &importer.manifest().name,
@@ -450,7 +450,7 @@ impl Entry {
 
     /// Whether two plugins have the same kind and name.
     fn is_named_as(&self, other: &Entry) -> bool {
-        self.named().is_some_and(|named| other.named() == Some(named))
+        self.kind_and_name().is_some_and(|named| other.kind_and_name() == Some(named))
     }
 
     /// Manifest of a working plugin. An effect is compiled to get it.
@@ -497,7 +497,7 @@ impl Entry {
 impl Source {
     /// Reads the description of a package.
     fn package(&self) -> Result<Package, ReadError> {
-        let bytes = self.folder.read(&self.name, MOST_DESCRIPTION).map_err(|e| self.failed(&e))?;
+        let bytes = self.folder.read(&self.name, MOST_DESCRIPTION).map_err(|e| self.read_error(&e))?;
         let text = String::from_utf8(bytes)
             .map_err(|_| ReadError(format!("{}: it is not UTF-8 text", self.shown)))?;
         Package::parse(&self.shown, &text).map_err(|e| ReadError(e.to_string()))
@@ -511,7 +511,7 @@ impl Source {
         self.shown.ends_with(".wasm")
     }
 
-    fn failed(&self, error: &FileError) -> ReadError {
+    fn read_error(&self, error: &FileError) -> ReadError {
         let shown = &self.shown;
         ReadError(match error {
             FileError::TooLarge(most) => format!("{shown}: a plugin of more than {most} bytes"),
@@ -527,16 +527,16 @@ impl Source {
 
     /// Beginning of the text; invalid UTF-8 is left for the compiler to report.
     fn head(&self) -> Result<String, ReadError> {
-        let file = self.folder.open_file(&self.name).map_err(|e| self.failed(&e))?;
+        let file = self.folder.open_file(&self.name).map_err(|e| self.read_error(&e))?;
         let mut bytes = Vec::new();
         let read = file.take(HEAD_BYTES).read_to_end(&mut bytes);
-        read.map_err(|e| self.failed(&FileError::Io(e)))?;
+        read.map_err(|e| self.read_error(&FileError::Io(e)))?;
         Ok(String::from_utf8_lossy(&bytes).into_owned())
     }
 
     fn bytes(&self) -> Result<Vec<u8>, ReadError> {
         let most = if self.is_wasm() { MOST_WASM_BYTES } else { MOST_BYTES };
-        self.folder.read(&self.name, most).map_err(|e| self.failed(&e))
+        self.folder.read(&self.name, most).map_err(|e| self.read_error(&e))
     }
 
     fn text(&self) -> Result<String, ReadError> {
@@ -553,12 +553,12 @@ impl Source {
         }
         let text = self.text()?;
         let named = if self.is_wgsl() { choreo_wgsl_effect::files(&text) } else { Vec::new() };
-        let beside = named.into_iter().map(|name| self.beside(name)).collect();
+        let beside = named.into_iter().map(|name| self.read_beside(name)).collect();
         Ok(PluginFile { path, bytes: text.into_bytes().into(), beside })
     }
 
     /// Reads a file in the plugin's own folder or below.
-    fn beside(&self, name: String) -> BesideFile {
+    fn read_beside(&self, name: String) -> BesideFile {
         let path = self.path.with_file_name(&name);
         let refused = || "a plugin reads files of its own folder only".to_string();
         let bytes = (|| {
@@ -577,7 +577,7 @@ impl Source {
     }
 
     /// Error of an effect without a name.
-    fn fault(&self) -> String {
+    fn effect_error(&self) -> String {
         let compiled = self.text().map_err(|e| e.0).and_then(|text| {
             WgslEffect::from_text(&self.shown, &text).map(|_| String::new()).map_err(|e| e.to_string())
         });

@@ -105,7 +105,7 @@ pub struct Session {
 const KEPT_IMPORTS: u64 = 64;
 
 /// Result of a build, before it becomes a version.
-struct Built {
+struct BuildResult {
     stage: Stage,
     places: Places,
     parameters: Vec<Parameter>,
@@ -174,7 +174,7 @@ impl Session {
                 let there = content_of(&path);
                 interest.files.insert(path, there);
             }
-            interest.folders.insert((folder.clone(), choreo_look_ending()));
+            interest.folders.insert((folder.clone(), effect_file_ending()));
         }
         if let Some(watch) = &mut self.watch {
             watch.set(interest);
@@ -210,7 +210,7 @@ impl Session {
             true => self.script(&registry, touched)?,
             false => self.model(&registry, touched)?,
         };
-        let Built { mut stage, places, parameters, printed, mut warnings } = built;
+        let BuildResult { mut stage, places, parameters, printed, mut warnings } = built;
         stage.settings.size = self.source.size.unwrap_or(stage.settings.size);
         for used in stage.effects.iter().filter(|used| registry.effect(&used.plugin).is_none()) {
             warnings.push(Diagnostic::warning(format!("unknown effect \"{}\"; it is left out", used.plugin)));
@@ -222,7 +222,7 @@ impl Session {
         let mut evaluator = Evaluator::new(stage.clone());
         // An error at time 0 makes the version faulty; an error at a later time is reported when that frame is shown.
         let zero = choreo_motion::Time::ZERO;
-        evaluator.at(zero).map_err(|error| vec![of_stage(&error)])?;
+        evaluator.at(zero).map_err(|error| vec![stage_problem(&error)])?;
         let (all_plugins, registry) = (registry.clone(), registry.settled_for([&*stage]));
         let scene = Scene {
             number,
@@ -247,8 +247,11 @@ impl Session {
         let listing = found.map_err(|error| vec![Diagnostic::error(error.to_string())])?;
         for folder in &listing.folders {
             // The path of a folder that does not exist yet is derived from its parent.
-            let folder =
-                folder.canonicalize().ok().or_else(|| above(folder)).unwrap_or_else(|| folder.clone());
+            let folder = folder
+                .canonicalize()
+                .ok()
+                .or_else(|| canonical_new_folder(folder))
+                .unwrap_or_else(|| folder.clone());
             interest.folders.extend(ENDINGS.iter().map(|ending| (folder.clone(), ending.to_string())));
         }
         if self.watch.is_some() {
@@ -260,7 +263,7 @@ impl Session {
         Ok(registry)
     }
 
-    fn script(&self, registry: &Registry, touched: &mut Touched) -> Result<Built, Vec<Problem>> {
+    fn script(&self, registry: &Registry, touched: &mut Touched) -> Result<BuildResult, Vec<Problem>> {
         let options =
             ScriptOptions { imports: self.imports.clone(), ..self.source.script_options(&self.assets) };
         let (result, files) = run_file_touching(&self.source.input, registry, &options);
@@ -268,7 +271,7 @@ impl Session {
         let script = result?;
         let mut warnings = script.warnings;
         warnings.extend(asset_warnings(&script.stage));
-        Ok(Built {
+        Ok(BuildResult {
             stage: script.stage,
             places: script.places,
             parameters: script.parameters,
@@ -278,7 +281,7 @@ impl Session {
     }
 
     /// Loads the models that can be read, and reports the others as warnings. Fails if none can be read.
-    fn model(&self, registry: &Registry, touched: &mut Touched) -> Result<Built, Vec<Problem>> {
+    fn model(&self, registry: &Registry, touched: &mut Touched) -> Result<BuildResult, Vec<Problem>> {
         let paths = || std::iter::once(&self.source.input).chain(&self.source.beside);
         let (mut assets, mut failed) = (Vec::new(), Vec::new());
         for path in paths() {
@@ -292,13 +295,13 @@ impl Session {
         }
         let stage = match (&assets[..], paths().count()) {
             ([(_, asset)], 1) => model::stage(asset.clone(), self.source.clip.as_deref())
-                .map_err(|e| vec![in_file(&self.source.input, e.to_string(), None)])?,
+                .map_err(|e| vec![file_error(&self.source.input, e.to_string(), None)])?,
             _ => model::side_by_side(&assets),
         };
         let mut warnings = asset_warnings(&stage);
         warnings.extend(failed.into_iter().map(|p| Problem { severity: Severity::Warning, ..p }));
         let (places, parameters, printed) = Default::default();
-        Ok(Built { stage, places, parameters, printed, warnings })
+        Ok(BuildResult { stage, places, parameters, printed, warnings })
     }
 
     fn asset(&self, registry: &Registry, path: &Path, touched: &mut Touched) -> Result<Arc<Asset>, Problem> {
@@ -306,7 +309,7 @@ impl Session {
         let base = if built_in.is_some() { Path::new("choreo.rhai") } else { path };
         let folder = base.parent().unwrap_or(Path::new(""));
         let folders = Folders::new(folder, &self.source.search, self.source.limits.file);
-        let folders = folders.map_err(|e| in_file(path, e.message, e.hint))?;
+        let folders = folders.map_err(|e| file_error(path, e.message, e.hint))?;
         let loader = Loader::new(registry, folders, self.source.needs);
         let loader = Arc::new(loader.with_cache(&self.assets).watched_by(&self.imports));
         let name = built_in.or_else(|| path.file_name().and_then(|n| n.to_str())).unwrap_or_default();
@@ -314,16 +317,16 @@ impl Session {
         let Touched { read, looked_for } = Touched::by(&loader);
         touched.read.extend(read);
         touched.looked_for.extend(looked_for);
-        loaded.map_err(|e| in_file(path, e.message, e.hint))
+        loaded.map_err(|e| file_error(path, e.message, e.hint))
     }
 }
 
-fn in_file(path: &Path, message: String, hint: Option<String>) -> Problem {
+fn file_error(path: &Path, message: String, hint: Option<String>) -> Problem {
     Problem { hint, ..Diagnostic::error(message).in_file(path.display().to_string()) }
 }
 
 /// Diagnostic of a stage error, with its position in the script if a callback failed.
-fn of_stage(error: &StageError) -> Problem {
+fn stage_problem(error: &StageError) -> Problem {
     if let StageError::Hook { error: cause, time } = error
         && let Some(own) = (&**cause as &(dyn std::error::Error + 'static)).downcast_ref::<Diagnostic>()
     {
@@ -333,12 +336,12 @@ fn of_stage(error: &StageError) -> Problem {
 }
 
 /// Canonical path of a folder that does not exist yet: its canonical parent with its name.
-fn above(folder: &Path) -> Option<PathBuf> {
+fn canonical_new_folder(folder: &Path) -> Option<PathBuf> {
     let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     Some(parent.canonicalize().ok()?.join(folder.file_name()?))
 }
 
-fn choreo_look_ending() -> String {
+fn effect_file_ending() -> String {
     choreo_wgsl_effect::ENDING.to_string()
 }
 

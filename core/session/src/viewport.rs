@@ -38,12 +38,12 @@ pub struct ViewOverrides {
     /// Muted layers, whose clips do not play: actor and layer.
     pub muted: Vec<(usize, usize)>,
     /// The object that is being dragged, with its current placement.
-    pub placed: Option<Placed>,
+    pub placement: Option<PlacementOverride>,
 }
 
 /// Placement of an object that replaces its own at all times.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Placed {
+pub enum PlacementOverride {
     /// Parent-space transform of an actor. `property`: the dragged property, whose keys are ignored.
     Actor {
         actor: usize,
@@ -72,38 +72,38 @@ pub enum Placed {
     },
 }
 
-impl Placed {
+impl PlacementOverride {
     /// Writes the placement into the stage, and removes the keys of the property.
-    fn put(&self, stage: &mut Stage) {
+    fn apply_to(&self, stage: &mut Stage) {
         let unkeyed =
             |channels: &mut Vec<Channel>, property| channels.retain(|keys| keys.property != property);
         match self {
-            Placed::Actor { actor, property, to } => {
+            PlacementOverride::Actor { actor, property, to } => {
                 if let Some(actor) = stage.actors.get_mut(*actor) {
                     actor.transform = *to;
                     unkeyed(&mut actor.channels, *property);
                 }
             }
-            Placed::Target { actor, constraint, to } => {
+            PlacementOverride::Target { actor, constraint, to } => {
                 let constraints = stage.actors.get_mut(*actor).map(|actor| &mut actor.constraints);
                 let found = constraints.and_then(|all| all.get_mut(*constraint));
                 if let Some(Constraint { kind: ConstraintKind::Reach(reach), .. }) = found {
                     reach.target = Target::Point(*to - reach.offset.unwrap_or(DVec3::ZERO));
                 }
             }
-            Placed::Light { light, to } => {
+            PlacementOverride::Light { light, to } => {
                 if let Some(light) = stage.lights.get_mut(*light) {
                     light.position = *to;
                     unkeyed(&mut light.channels, Property::Translation);
                 }
             }
-            Placed::Sun { light, direction } => {
+            PlacementOverride::Sun { light, direction } => {
                 if let Some(light) = stage.lights.get_mut(*light) {
                     light.direction = *direction;
                     unkeyed(&mut light.channels, Property::Rotation);
                 }
             }
-            Placed::Camera { camera, rig } => {
+            PlacementOverride::Camera { camera, rig } => {
                 if let Some(camera) = stage.cameras.get_mut(*camera) {
                     camera.rig = rig.clone();
                     unkeyed(&mut camera.channels, Property::Translation);
@@ -132,11 +132,11 @@ struct Addition {
 }
 
 impl Addition {
-    /// Parameters of the effect. `reach`: distance from the camera to what it shows, metres.
-    fn parameters(&self, reach: f64) -> Vec<(String, f64)> {
+    /// Parameters of the effect. `view_distance`: distance from the camera to what it shows, metres.
+    fn parameters(&self, view_distance: f64) -> Vec<(String, f64)> {
         let mut all: Vec<(&str, f64)> = self.parameters.to_vec();
         if let Some(coarser) = self.coarser {
-            let (cell, opacity) = grid_cell(reach, coarser);
+            let (cell, opacity) = grid_cell(view_distance, coarser);
             // A small height above the ground avoids z-fighting with a floor at the same height.
             all.extend([
                 ("cell", cell),
@@ -151,8 +151,8 @@ impl Addition {
 
 /// Cell size in metres and opacity of a ground grid, where `coarser` is 0 for the finest and 1 for the next coarser one. Cells are 1 m wide at a
 /// distance of 2 to 20 m, and change by powers of ten elsewhere. The finest grid fades out before the next one takes its place, as in Blender.
-fn grid_cell(reach: f64, coarser: i32) -> (f64, f64) {
-    let exponent = libm::log10(reach.max(1e-9) / 2.0).clamp(f64::from(CELLS.0), f64::from(CELLS.1));
+fn grid_cell(view_distance: f64, coarser: i32) -> (f64, f64) {
+    let exponent = libm::log10(view_distance.max(1e-9) / 2.0).clamp(f64::from(CELLS.0), f64::from(CELLS.1));
     let power = libm::floor(exponent);
     let fading = ((1.0 - (exponent - power)) / 0.3).min(1.0);
     let cell = libm::pow(10.0, power + f64::from(coarser));
@@ -161,7 +161,7 @@ fn grid_cell(reach: f64, coarser: i32) -> (f64, f64) {
 
 /// Distance from the camera to what it shows, metres: to the nearest visible actor, else to the origin. In parallel projection it follows from the
 /// height of the view.
-fn reach(snapshot: &Snapshot) -> f64 {
+fn view_distance(snapshot: &Snapshot) -> f64 {
     if let Projection::Orthographic { height, .. } = snapshot.camera.projection {
         return f64::from(height) * 1.4;
     }
@@ -173,9 +173,9 @@ fn reach(snapshot: &Snapshot) -> f64 {
 }
 
 /// A stage without muted layers and with the dragged object, and the overrides that it was made for.
-struct Changed {
+struct ModifiedStage {
     muted: Vec<(usize, usize)>,
-    placed: Option<Placed>,
+    placement: Option<PlacementOverride>,
     stage: Arc<Stage>,
 }
 
@@ -184,7 +184,7 @@ struct Changed {
 pub(crate) struct ViewEvaluators {
     scene: Option<Arc<Scene>>,
     /// The stage with muted layers and the dragged object applied, if there are any.
-    changed: Option<Changed>,
+    changed: Option<ModifiedStage>,
     own: Option<Evaluator>,
     /// Evaluators of the stage with one camera active all the time, by camera.
     cameras: BTreeMap<usize, Evaluator>,
@@ -235,9 +235,9 @@ impl ViewEvaluators {
                 self.before_drag.get_or_insert_default().at(&request, time)?;
             (snapshot.camera, snapshot.dissolve) = (camera, dissolve);
         }
-        let reach = reach(&snapshot);
+        let view_distance = view_distance(&snapshot);
         for (index, addition) in additions(request).into_iter().enumerate() {
-            let parameters = addition.parameters(reach);
+            let parameters = addition.parameters(view_distance);
             let effect = EffectState { effect: scene.stage.effects.len() + index, parameters };
             snapshot.dissolve.iter_mut().for_each(|dissolve| dissolve.effects.push(effect.clone()));
             snapshot.effects.push(effect);
@@ -252,10 +252,10 @@ impl ViewEvaluators {
     }
 
     fn set_scene(&mut self, request: &FrameRequest) {
-        let (scene, ViewOverrides { muted, placed, .. }) = (&request.scene, &request.overrides);
-        let is_plain = muted.is_empty() && placed.is_none();
+        let (scene, ViewOverrides { muted, placement, .. }) = (&request.scene, &request.overrides);
+        let is_plain = muted.is_empty() && placement.is_none();
         let is_same =
-            self.changed.as_ref().map_or(is_plain, |now| now.muted == *muted && now.placed == *placed);
+            self.changed.as_ref().map_or(is_plain, |now| now.muted == *muted && now.placement == *placement);
         if self.scene.as_ref().is_some_and(|s| Arc::ptr_eq(s, scene)) && is_same {
             return;
         }
@@ -265,8 +265,8 @@ impl ViewEvaluators {
                 let layer = stage.actors.get_mut(*actor).and_then(|a| a.layers.get_mut(*layer));
                 layer.into_iter().for_each(|layer| layer.cues.clear());
             }
-            placed.iter().for_each(|placed| placed.put(&mut stage));
-            Changed { muted: muted.clone(), placed: placed.clone(), stage: Arc::new(stage) }
+            placement.iter().for_each(|placement| placement.apply_to(&mut stage));
+            ModifiedStage { muted: muted.clone(), placement: placement.clone(), stage: Arc::new(stage) }
         };
         let changed = (!is_plain).then(changed);
         let before_drag = self.before_drag.take();
@@ -301,7 +301,7 @@ impl ViewEvaluators {
 /// The same request without the drag of an actor. The frame uses its camera, because the drag is measured through the camera: a camera that follows
 /// or frames the actor must not move with it.
 fn before_drag(request: &FrameRequest) -> Option<FrameRequest> {
-    let Some(Placed::Actor { .. }) = request.overrides.placed else { return None };
+    let Some(PlacementOverride::Actor { .. }) = request.overrides.placement else { return None };
     let muted = request.overrides.muted.clone();
     Some(FrameRequest { overrides: ViewOverrides { muted, ..ViewOverrides::default() }, ..request.clone() })
 }
@@ -328,13 +328,13 @@ mod tests {
 
     #[test]
     fn cells_are_the_power_of_ten_that_is_seen_and_change_without_a_jump() {
-        for (reach, cell) in
+        for (view_distance, cell) in
             [(5.0, 1.0), (2.01, 1.0), (19.9, 1.0), (0.5, 0.1), (0.05, 0.01), (60.0, 10.0), (1e9, 1000.0)]
         {
-            let (fine, _) = grid_cell(reach, 0);
-            let (coarse, _) = grid_cell(reach, 1);
-            assert!((fine / cell - 1.0).abs() < 1e-9, "{reach}: {fine}");
-            assert!((coarse / fine - 10.0).abs() < 1e-9, "{reach}: {coarse}");
+            let (fine, _) = grid_cell(view_distance, 0);
+            let (coarse, _) = grid_cell(view_distance, 1);
+            assert!((fine / cell - 1.0).abs() < 1e-9, "{view_distance}: {fine}");
+            assert!((coarse / fine - 10.0).abs() < 1e-9, "{view_distance}: {coarse}");
         }
         assert_eq!(grid_cell(0.0, 0).0, 0.001);
         // When the cell size changes, the grid that disappears is invisible, and the other one does not change.

@@ -14,14 +14,14 @@ use std::time::{Duration, Instant};
 use thiserror::Error;
 
 /// Quiet time after a file was closed or moved into place: it is complete, and other files of the same save follow within this time.
-const WHOLE: Duration = Duration::from_millis(3);
+const COMPLETE: Duration = Duration::from_millis(3);
 /// Quiet time after a file was opened, written or removed: its writer continues within this time.
 const UNFINISHED: Duration = Duration::from_millis(60);
 /// Changes are reported after this time even if events keep coming.
-const LONGEST: Duration = Duration::from_secs(2);
+const MAX_DELAY: Duration = Duration::from_secs(2);
 
 /// Limit of watched folders, since the system limits the watches of each user.
-const MOST_FOLDERS: usize = 2000;
+const MAX_FOLDERS: usize = 2000;
 
 #[derive(Debug, Error)]
 pub enum WatchError {
@@ -67,7 +67,7 @@ impl Waker {
 enum Signal {
     Event(Event),
     /// Files that were read before they were watched.
-    Look(BTreeSet<PathBuf>),
+    Compare(BTreeSet<PathBuf>),
     /// Events were lost, so all files are compared again.
     Lost,
     Wake,
@@ -78,7 +78,7 @@ enum Signal {
 struct EventFilter {
     interest: WatchedPaths,
     /// All ancestor folders of watched files and folders.
-    ways: BTreeSet<PathBuf>,
+    ancestor_folders: BTreeSet<PathBuf>,
 }
 
 impl EventFilter {
@@ -87,7 +87,10 @@ impl EventFilter {
             return false;
         }
         let in_tree = |path: &Path| self.interest.trees.iter().any(|(root, _)| path.starts_with(root));
-        event.paths.iter().any(|path| self.ways.contains(path) || self.interest.has(path) || in_tree(path))
+        event
+            .paths
+            .iter()
+            .any(|path| self.ancestor_folders.contains(path) || self.interest.has(path) || in_tree(path))
     }
 }
 
@@ -97,7 +100,7 @@ impl WatchedPaths {
     }
 
     /// All ancestor folders of watched files and folders.
-    fn ways(&self) -> BTreeSet<PathBuf> {
+    fn ancestor_folders(&self) -> BTreeSet<PathBuf> {
         let folders = self.files.keys().filter_map(|file| file.parent());
         let folders = folders.chain(self.folders.iter().map(|(folder, _)| folder.as_path()));
         let folders: BTreeSet<&Path> = folders.collect();
@@ -121,11 +124,11 @@ impl Watch {
     pub fn new() -> Result<Watch, WatchError> {
         let (to, signals) = channel();
         let event_filter = Arc::new(Mutex::new(EventFilter::default()));
-        let (events, hears) = (to.clone(), event_filter.clone());
+        let (events, filter) = (to.clone(), event_filter.clone());
         let watcher = notify::recommended_watcher(move |event: notify::Result<Event>| {
             let signal = match event {
                 Ok(event) if event.need_rescan() => Signal::Lost,
-                Ok(event) if !lock(&hears).concerns(&event) => return,
+                Ok(event) if !lock(&filter).concerns(&event) => return,
                 Ok(event) => Signal::Event(event),
                 Err(_) => Signal::Lost,
             };
@@ -148,27 +151,27 @@ impl Watch {
     /// Replaces the watched paths. A new one that has changed since it was read is reported by the next [`Watch::wait`].
     pub fn set(&mut self, interest: WatchedPaths) {
         let before = std::mem::replace(&mut self.interest, interest);
-        self.grow();
-        let new = self.arrange();
+        self.add_tree_folders();
+        let new = self.update_watches();
         let fresh = self.interest.files.keys().filter(|file| !before.has(file));
         let fresh: BTreeSet<PathBuf> = fresh.cloned().collect();
         let signal = match new.is_empty() && self.interest.folders.is_subset(&before.folders) {
             true if fresh.is_empty() => return,
-            true => Signal::Look(fresh),
+            true => Signal::Compare(fresh),
             false => Signal::Lost,
         };
         let _ = self.to.send(signal);
     }
 
     /// Existing files in the watched folders and trees.
-    pub fn there(&self) -> BTreeSet<PathBuf> {
+    pub fn existing_files(&self) -> BTreeSet<PathBuf> {
         self.in_folders()
     }
 
     /// Sets the known content of a file; another content counts as a change.
-    pub fn knows(&mut self, path: PathBuf, content: Option<[u8; 32]>) {
+    pub fn set_known_content(&mut self, path: PathBuf, content: Option<[u8; 32]>) {
         let mut event_filter = lock(&self.event_filter);
-        event_filter.ways.extend(path.ancestors().skip(1).map(Path::to_path_buf));
+        event_filter.ancestor_folders.extend(path.ancestors().skip(1).map(Path::to_path_buf));
         event_filter.interest.files.insert(path.clone(), content);
         self.interest.files.insert(path, content);
     }
@@ -207,9 +210,9 @@ impl Watch {
                 }
                 Signal::Lost => {
                     let all: BTreeSet<PathBuf> = self.all();
-                    candidates.add(all, WHOLE);
+                    candidates.add(all, COMPLETE);
                 }
-                Signal::Look(files) => candidates.add(files, WHOLE),
+                Signal::Compare(files) => candidates.add(files, COMPLETE),
                 Signal::Event(event) => {
                     let touched = self.touched(&event);
                     if !touched.is_empty() {
@@ -221,15 +224,15 @@ impl Watch {
     }
 
     /// Adds the folders that now exist below the trees.
-    fn grow(&mut self) {
+    fn add_tree_folders(&mut self) {
         for (root, ending) in self.interest.trees.clone() {
             let mut open = vec![root];
             while let Some(folder) = open.pop() {
-                if self.interest.folders.len() >= MOST_FOLDERS {
+                if self.interest.folders.len() >= MAX_FOLDERS {
                     return;
                 }
                 for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
-                    if entry.file_type().is_ok_and(|t| t.is_dir()) && !is_passed_over(&entry.path()) {
+                    if entry.file_type().is_ok_and(|t| t.is_dir()) && !is_skipped(&entry.path()) {
                         open.push(entry.path());
                     }
                 }
@@ -246,14 +249,14 @@ impl Watch {
                 touched.insert(path.clone());
             }
             let in_tree = self.interest.trees.iter().any(|(root, _)| path.starts_with(root));
-            if in_tree && !is_passed_over(path) && path.is_dir() {
-                self.grow();
-                self.arrange();
+            if in_tree && !is_skipped(path) && path.is_dir() {
+                self.add_tree_folders();
+                self.update_watches();
                 // The new folder may already contain files.
                 touched.extend(self.in_folders().into_iter().filter(|file| file.starts_with(path)));
             }
             // An ancestor folder was created, removed or replaced.
-            if lock(&self.event_filter).ways.contains(path) {
+            if lock(&self.event_filter).ancestor_folders.contains(path) {
                 let below = self.all().into_iter().filter(|f| f != path && f.starts_with(path));
                 let below: Vec<PathBuf> = below.collect();
                 let gone: Vec<PathBuf> =
@@ -263,7 +266,7 @@ impl Watch {
                     let _ = self.watcher.unwatch(&folder);
                     self.watched.remove(&folder);
                 }
-                self.arrange();
+                self.update_watches();
                 touched.extend(below);
                 touched.extend(self.in_folders());
             }
@@ -301,12 +304,14 @@ impl Watch {
 
     /// Watches the folder of each watched path and that folder's parent, where it could be replaced. Returns the folders that were not watched
     /// before.
-    fn arrange(&mut self) -> Vec<PathBuf> {
+    fn update_watches(&mut self) -> Vec<PathBuf> {
         let folders = self.interest.files.keys().filter_map(|f| f.parent());
         let folders = folders.chain(self.interest.folders.iter().map(|(folder, _)| folder.as_path()));
         // The filter is set first, so that no event is missed.
-        *lock(&self.event_filter) =
-            EventFilter { interest: self.interest.clone(), ways: self.interest.ways() };
+        *lock(&self.event_filter) = EventFilter {
+            interest: self.interest.clone(),
+            ancestor_folders: self.interest.ancestor_folders(),
+        };
         let mut wanted = BTreeSet::new();
         for folder in folders {
             let Some(there) = folder.ancestors().find(|f| f.is_dir()) else { continue };
@@ -320,7 +325,7 @@ impl Watch {
         let mut new = Vec::new();
         for folder in wanted {
             // A folder that was removed meanwhile or cannot be read is skipped.
-            if self.watched.len() < MOST_FOLDERS
+            if self.watched.len() < MAX_FOLDERS
                 && !self.watched.contains(&folder)
                 && self.watcher.watch(&folder, RecursiveMode::NonRecursive).is_ok()
             {
@@ -345,15 +350,15 @@ fn is_in(path: &Path, (folder, ending): &(PathBuf, String)) -> bool {
     path.parent() == Some(folder) && path.file_name().is_some_and(is_named)
 }
 
-fn is_passed_over(folder: &Path) -> bool {
+fn is_skipped(folder: &Path) -> bool {
     folder.file_name().is_some_and(|name| name == "target" || name.to_string_lossy().starts_with('.'))
 }
 
 /// Quiet time after an event until the change counts as complete.
 fn quiet_after(kind: EventKind) -> Duration {
     match kind {
-        EventKind::Access(_) => WHOLE,
-        EventKind::Modify(ModifyKind::Name(RenameMode::To | RenameMode::Both)) => WHOLE,
+        EventKind::Access(_) => COMPLETE,
+        EventKind::Modify(ModifyKind::Name(RenameMode::To | RenameMode::Both)) => COMPLETE,
         _ => UNFINISHED,
     }
 }
@@ -363,7 +368,7 @@ fn quiet_after(kind: EventKind) -> Duration {
 struct Candidates {
     paths: BTreeSet<PathBuf>,
     first: Option<Instant>,
-    look_at: Option<Instant>,
+    due_at: Option<Instant>,
 }
 
 impl Candidates {
@@ -371,11 +376,11 @@ impl Candidates {
         let now = Instant::now();
         self.paths.extend(paths);
         let first = *self.first.get_or_insert(now);
-        self.look_at = Some((now + quiet).min(first + LONGEST));
+        self.due_at = Some((now + quiet).min(first + MAX_DELAY));
     }
 
     fn due(&self) -> Option<Instant> {
-        self.look_at
+        self.due_at
     }
 
     fn take(&mut self) -> BTreeSet<PathBuf> {

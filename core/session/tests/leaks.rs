@@ -100,7 +100,7 @@ impl Bench {
         let scene = version.scene.unwrap_or_else(|| panic!("{:?}", version.problems));
         self.renderer.ask(FrameRequest::new(scene, Time::from_secs(1.0), 4, 0));
         let reply = self.reply.recv_timeout(Duration::from_secs(300)).unwrap();
-        let held = reply.held;
+        let held = reply.device_usage;
         self.renderer.give_back(reply.result.unwrap().0);
         held
     }

@@ -25,13 +25,13 @@ use crate::state::span::Span;
 use crate::state::tempo::Tempo;
 use crate::state::timeline::{Bar, Row, RowNumber, Timeline};
 use crate::state::trail::{JointRef, Trails};
-use crate::state::view::{Resolution, View, ViewCamera, Wish, fitted};
+use crate::state::view::{FrameKey, Resolution, View, ViewCamera, fitted};
 use choreo_motion::Time;
 use choreo_plugin::Frame;
 use choreo_render::renderer::{CreatedCounts, DeviceUsage};
 use choreo_script::{Place, Severity};
 use choreo_session::{
-    FrameInfo, FrameReply, FrameRequest, Placed, Problem, Scene, SceneVersion, ViewOverrides, Work,
+    FrameInfo, FrameReply, FrameRequest, PlacementOverride, Problem, Scene, SceneVersion, ViewOverrides, Work,
 };
 use glam::DVec3;
 use std::cell::Cell;
@@ -68,7 +68,7 @@ pub struct Dragging {
 }
 
 /// An edit that is made again later.
-pub(crate) type ChangeAgain = Box<dyn FnOnce(&mut Viewer)>;
+pub(crate) type DeferredEdit = Box<dyn FnOnce(&mut Viewer)>;
 
 pub struct Viewer {
     /// Name of the script or model, for titles.
@@ -82,7 +82,7 @@ pub struct Viewer {
     pub editor: Editor,
     pub history: History,
     /// A refused edit of one of several objects of a loop, and whether it is made as soon as the loop is unrolled.
-    pub(crate) repeat: Option<(ChangeAgain, bool)>,
+    pub(crate) pending_edit_after_unroll: Option<(DeferredEdit, bool)>,
     /// An edit that the user must accept first.
     pub offer: Option<Offer>,
     /// Whether the window is to be closed.
@@ -101,7 +101,7 @@ pub struct Viewer {
     pub render_form: RenderForm,
     pub tests: TestRun,
     /// Script or folder whose tests are run; empty: the open script.
-    pub tested: String,
+    pub test_path: String,
     /// The last good version.
     pub scene: Option<Arc<Scene>>,
     pub timeline: Timeline,
@@ -112,7 +112,7 @@ pub struct Viewer {
     /// Whether the newest version is faulty, so that the previous one is displayed.
     pub faulty: bool,
     /// Problems of the renderer: driver failures, shaders that do not compile, callbacks that fail at the displayed time.
-    pub trouble: Vec<String>,
+    pub renderer_problems: Vec<String>,
     /// Reason why the window itself is drawn on the CPU, if it is.
     pub without_vulkan: Option<String>,
     /// Device that draws the window, with the reason if it is not Vulkan.
@@ -128,7 +128,7 @@ pub struct Viewer {
     /// Cache of [`Viewer::sunlit()`] for the scene.
     pub(crate) sunlit: Cell<Option<DVec3>>,
     /// Placement of a dragged icon after its release, used until the next version has it.
-    pub(crate) placed: Option<Placed>,
+    pub(crate) placement_override: Option<PlacementOverride>,
     /// Joint that is selected in addition to the selection.
     pub joint: Option<JointRef>,
     pub trails: Trails,
@@ -137,9 +137,9 @@ pub struct Viewer {
     /// Object that is being renamed in a text field.
     pub(crate) to_rename: Option<Selected>,
     /// Clipboard text of the clips copied last, one per line.
-    pub(crate) copied: String,
+    pub(crate) copied_clips: String,
     /// Further selected objects, and the selection that they belong to.
-    pub(crate) more: (Option<Selected>, Vec<Selected>),
+    pub(crate) further_selected: (Option<Selected>, Vec<Selected>),
     /// The bar that was clicked to select its camera, which may have several.
     pub(crate) shot: Option<Bar>,
     /// Selected keys, sorted, and the selection that they belong to.
@@ -153,26 +153,26 @@ pub struct Viewer {
     /// Beats of the music, which dragged times also snap to.
     pub tempo: Tempo,
     /// Whether the script panel has the pointer or the keyboard, so that keys typed do not change the selection.
-    pub(crate) over_script: bool,
+    pub(crate) script_has_input: bool,
     /// Line that the script panel scrolls to, from 1.
     pub go_to: Option<usize>,
     /// Files dropped on the window, previewed in place of the script.
-    pub guests: Vec<PathBuf>,
+    pub previewed_files: Vec<PathBuf>,
     /// Newly dropped files; the window starts a session that previews them.
     pub dropped: Vec<PathBuf>,
     /// Models dropped on a viewport; the window reads them.
     pub dropped_models: Option<DroppedModels>,
-    pub guests_leave: bool,
+    pub close_preview: bool,
     /// File that the next image of the active viewport is saved to.
     pub screenshot: Option<PathBuf>,
     pub work: Work,
-    pub drawn: CreatedCounts,
-    pub held: DeviceUsage,
+    pub created_counts: CreatedCounts,
+    pub device_usage: DeviceUsage,
     pub performance: Performance,
     /// Reduced resolution while the view moves.
     pub reduction: Reduction,
     /// Whether the view, the playhead or an object is being dragged.
-    pub scrubs: bool,
+    pub is_scrubbing: bool,
     pub build_took: Duration,
     samples: Option<u32>,
     reloads: u64,
@@ -190,7 +190,7 @@ impl Viewer {
             shortcuts: Shortcuts::default(),
             editor: Editor::of_environment(),
             history: History::default(),
-            repeat: None,
+            pending_edit_after_unroll: None,
             offer: None,
             message: None,
             message_line: None,
@@ -201,13 +201,13 @@ impl Viewer {
             renders: RenderQueue::default(),
             render_form: RenderForm::default(),
             tests: TestRun::default(),
-            tested: String::new(),
+            test_path: String::new(),
             scene: None,
             timeline: Timeline::default(),
             problems: Vec::new(),
             severities: HashMap::new(),
             faulty: false,
-            trouble: Vec::new(),
+            renderer_problems: Vec::new(),
             without_vulkan: None,
             window_device: String::new(),
             playhead: Playhead::default(),
@@ -217,14 +217,14 @@ impl Viewer {
             dragging: None,
             dragged_icon: None,
             sunlit: Cell::default(),
-            placed: None,
+            placement_override: None,
             joint: None,
             trails: Trails::default(),
             toggles: Toggles::default(),
             selection: None,
             to_rename: None,
-            copied: String::new(),
-            more: (None, Vec::new()),
+            copied_clips: String::new(),
+            further_selected: (None, Vec::new()),
             shot: None,
             keys: (None, Vec::new()),
             curves: Curves::default(),
@@ -232,19 +232,19 @@ impl Viewer {
             in_seconds: true,
             snap: true,
             tempo: Tempo::default(),
-            over_script: false,
+            script_has_input: false,
             go_to: None,
-            guests: Vec::new(),
+            previewed_files: Vec::new(),
             dropped: Vec::new(),
             dropped_models: None,
-            guests_leave: false,
+            close_preview: false,
             screenshot: None,
             work: Work::default(),
-            drawn: CreatedCounts::default(),
-            held: DeviceUsage::default(),
+            created_counts: CreatedCounts::default(),
+            device_usage: DeviceUsage::default(),
             performance: Performance::default(),
             reduction: Reduction::default(),
-            scrubs: false,
+            is_scrubbing: false,
             build_took: Duration::ZERO,
             samples: None,
             reloads: 0,
@@ -254,13 +254,13 @@ impl Viewer {
     }
 
     /// Creates the viewer of another file in the same window, which takes over documents, renders and preferences.
-    pub(crate) fn succeeded_by(&mut self, name: impl Into<String>) -> Viewer {
+    pub(crate) fn for_other_file(&mut self, name: impl Into<String>) -> Viewer {
         let performance = Performance { cap: self.performance.cap, ..Performance::default() };
         Viewer {
             documents: std::mem::take(&mut self.documents),
             shortcuts: self.shortcuts.clone(),
             editor: self.editor.clone(),
-            copied: std::mem::take(&mut self.copied),
+            copied_clips: std::mem::take(&mut self.copied_clips),
             // Renders continue in the queue.
             commands: std::mem::take(&mut self.commands),
             renders: std::mem::take(&mut self.renders),
@@ -283,8 +283,8 @@ impl Viewer {
     }
 
     /// Records the opened file as the most recent one, and restores its tempo.
-    pub fn shows(&mut self, file: &Path) {
-        self.documents.shows(file);
+    pub fn record_opened(&mut self, file: &Path) {
+        self.documents.record_opened(file);
         self.tempo = self.documents.tempo_of(file);
     }
 
@@ -299,7 +299,7 @@ impl Viewer {
         self.documents.read = version.read;
         self.build_took = version.took;
         self.faulty = version.scene.is_none();
-        (self.dragging, self.placed) = (None, None);
+        (self.dragging, self.placement_override) = (None, None);
         if version.shaders {
             self.reloads += 1;
         }
@@ -314,23 +314,25 @@ impl Viewer {
             self.curves.time = Span::whole(length);
         }
         self.playhead.set_scene(settings.fps, settings.length);
-        let (is_main, further) = (self.more.0 == self.selection, std::mem::take(&mut self.more.1));
+        let (is_main, further) =
+            (self.further_selected.0 == self.selection, std::mem::take(&mut self.further_selected.1));
         let before: Vec<Bar> = self.bars().cloned().collect();
         self.timeline = Timeline::new(&scene);
-        let found = |what: Selected| self.found_again(&before, what).filter(|what| what.is_on(&scene.stage));
+        let found =
+            |what: Selected| self.find_in_new_timeline(&before, what).filter(|what| what.is_on(&scene.stage));
         let further: Vec<Selected> = further.into_iter().filter_map(found).collect();
         let (selection, of_keys) =
             (self.selection.clone().and_then(found), self.keys.0.clone().and_then(found));
         self.selection = selection;
         // Further selected objects belong to the selection that they were added to.
-        self.more = (self.selection.clone(), if is_main { further } else { Vec::new() });
+        self.further_selected = (self.selection.clone(), if is_main { further } else { Vec::new() });
         self.keys.0 = of_keys;
         self.shot = self.selected_shot().cloned();
         self.scene = Some(scene);
         self.sunlit.take();
         self.find_keys_again();
-        self.check_wanted();
-        self.change_is_shown();
+        self.check_expected_placement();
+        self.apply_edit_after_unroll();
     }
 
     /// Adds the messages of `choreo check` about a version, which arrive after it.
@@ -370,27 +372,27 @@ impl Viewer {
         if reply.ticket == view.ticket {
             view.waiting = false;
         }
-        self.drawn = reply.work;
-        self.held = reply.held;
-        self.trouble = reply.notes;
+        self.created_counts = reply.work;
+        self.device_usage = reply.device_usage;
+        self.renderer_problems = reply.notes;
         match reply.result {
             Ok((frame, shown)) => {
                 self.performance.add(shown.evaluated_in, shown.planned_in, shown.drawn_in);
                 let took = shown.evaluated_in + shown.planned_in + shown.drawn_in;
-                let asked = view.asked.as_ref().filter(|asked| asked.time == shown.time);
-                if asked.is_some_and(|asked| asked.moving) && view.resolution == Resolution::Fitted {
+                let requested = view.requested.as_ref().filter(|key| key.time == shown.time);
+                if requested.is_some_and(|key| key.moving) && view.resolution == Resolution::Fitted {
                     let budget = 1e3 / self.playhead.fps().as_fps();
-                    self.reduction.took(took.as_secs_f64() * 1e3, budget);
+                    self.reduction.record_duration(took.as_secs_f64() * 1e3, budget);
                 }
                 if index == self.active.min(last_view) {
                     let frame = self.playhead.frame_at(shown.time);
-                    self.reduction.shown(frame, self.playhead.is_playing());
+                    self.reduction.record_frame(frame, self.playhead.is_playing());
                 }
                 view.shown = Some(shown);
                 Some((index, frame))
             }
             Err(error) => {
-                self.trouble.push(error.to_string());
+                self.renderer_problems.push(error.to_string());
                 None
             }
         }
@@ -404,15 +406,15 @@ impl Viewer {
         let overrides = self.overrides(&scene);
         let moving = self.is_moving();
         let (saves, active) = (self.screenshot.is_some(), self.active.min(self.views.len() - 1));
-        for (index, view) in self.views.iter_mut().enumerate().filter(|(_, v)| v.seen && !v.waiting) {
+        for (index, view) in self.views.iter_mut().enumerate().filter(|(_, v)| v.is_visible && !v.waiting) {
             let size = match view.resolution {
                 Resolution::Full => scene.stage.settings.size.map(|s| s.clamp(1, LARGEST)),
                 Resolution::Fitted => {
                     let divisor = self.reduction.divisor(moving);
-                    fitted(scene.stage.settings.size, view.room, divisor, LARGEST)
+                    fitted(scene.stage.settings.size, view.panel_size, divisor, LARGEST)
                 }
             };
-            let wish = Wish {
+            let key = FrameKey {
                 number: scene.number,
                 reloads: self.reloads,
                 time: self.playhead.time(),
@@ -422,14 +424,14 @@ impl Viewer {
                 moving,
                 overrides: view_overrides(&overrides, view, saves && index == active),
             };
-            if view.asked.as_ref() == Some(&wish) {
+            if view.requested.as_ref() == Some(&key) {
                 continue;
             }
             self.ticket += 1;
             view.waiting = true;
             view.ticket = self.ticket;
-            let Wish { time, viewport_camera, moving, overrides, .. } = wish.clone();
-            view.asked = Some(wish);
+            let FrameKey { time, viewport_camera, moving, overrides, .. } = key.clone();
+            view.requested = Some(key);
             let ticket = self.ticket;
             return Some(FrameRequest {
                 scene,
@@ -462,9 +464,10 @@ impl Viewer {
         let muted =
             muted.filter_map(|(name, layer)| Some((selection::actor(stage, name)?, *layer))).collect();
         let dragged = self.dragged_icon.as_ref().filter(|dragged| dragged.from != dragged.to);
-        let placed = dragged.and_then(|dragged| self.place_of_icon(stage, dragged));
-        let placed = placed.or_else(|| self.placed.clone()).or_else(|| self.place_of_drag(stage));
-        ViewOverrides { hidden, outlined, muted, placed, grid: false }
+        let placement = dragged.and_then(|dragged| self.place_of_icon(stage, dragged));
+        let placement =
+            placement.or_else(|| self.placement_override.clone()).or_else(|| self.place_of_drag(stage));
+        ViewOverrides { hidden, outlined, muted, placement, grid: false }
     }
 
     /// Number of shader changes so far.
@@ -474,8 +477,9 @@ impl Viewer {
 
     /// Whether images are only shown briefly.
     pub(crate) fn is_moving(&self) -> bool {
-        let is_dragged = self.dragging.is_some() || self.dragged_icon.is_some() || self.placed.is_some();
-        self.playhead.is_playing() || self.scrubs || is_dragged
+        let is_dragged =
+            self.dragging.is_some() || self.dragged_icon.is_some() || self.placement_override.is_some();
+        self.playhead.is_playing() || self.is_scrubbing || is_dragged
     }
 
     /// Whether a frame is being rendered.
@@ -556,17 +560,17 @@ impl Viewer {
     }
 
     /// Further objects that are selected in addition to the selection.
-    pub(crate) fn more(&self) -> &[Selected] {
-        if self.more.0 == self.selection { &self.more.1 } else { &[] }
+    pub(crate) fn further_selected(&self) -> &[Selected] {
+        if self.further_selected.0 == self.selection { &self.further_selected.1 } else { &[] }
     }
 
     pub(crate) fn is_selected(&self, what: &Selected) -> bool {
-        self.selection.as_ref() == Some(what) || self.more().contains(what)
+        self.selection.as_ref() == Some(what) || self.further_selected().contains(what)
     }
 
     /// Selected bars of the timeline.
     pub fn selected_bars(&self) -> Vec<Selected> {
-        let all = self.selection.iter().chain(self.more());
+        let all = self.selection.iter().chain(self.further_selected());
         all.filter(|what| self.bars().any(|bar| bar.what == **what)).cloned().collect()
     }
 
@@ -587,7 +591,7 @@ impl Viewer {
     /// Name of a locked actor that is selected, or that a selected clip or key belongs to.
     pub(crate) fn locked_selection(&self) -> Option<&str> {
         let keys = self.selected_keys().iter().map(|key| &key.what);
-        let all = self.selection.iter().chain(self.more()).chain(keys);
+        let all = self.selection.iter().chain(self.further_selected()).chain(keys);
         all.filter_map(Selected::actor).find(|name| self.toggles.locked.contains(*name))
     }
 
@@ -614,7 +618,7 @@ impl Viewer {
         self.shot = None;
         let mut all = all.into_iter();
         self.selection = all.next();
-        self.more = (self.selection.clone(), all.collect());
+        self.further_selected = (self.selection.clone(), all.collect());
         self.keys = (None, Vec::new());
     }
 
@@ -663,7 +667,7 @@ impl Viewer {
     }
 
     /// Moves the selection with keys that were moved, until the reload shows them. `by`: seconds.
-    pub(crate) fn keys_have_moved(&mut self, moved: &[KeyRef], by: f64) {
+    pub(crate) fn move_key_selection(&mut self, moved: &[KeyRef], by: f64) {
         for key in self.keys.1.iter_mut().filter(|key| moved.contains(key)) {
             key.at = Time::from_secs((key.at.as_secs() + by).max(0.0));
         }
@@ -671,7 +675,7 @@ impl Viewer {
     }
 
     /// Finds a clip of the previous version in the present timeline, by its position in the script if an edit has changed its index.
-    fn found_again(&self, before: &[Bar], what: Selected) -> Option<Selected> {
+    fn find_in_new_timeline(&self, before: &[Bar], what: Selected) -> Option<Selected> {
         let is_cue = matches!(what, Selected::Cue { .. });
         let Some(old) = before.iter().find(|bar| is_cue && bar.what == what) else { return Some(what) };
         let is_same = |bar: &&Bar| bar.label == old.label && bar.start == old.start;
@@ -733,7 +737,7 @@ impl Viewer {
 
     /// If times snap: the nearest marker, beat, edge of a bar, end of the scene or playhead within `reach` of a dragged time, all in seconds.
     /// `not`: the dragged bar.
-    pub(crate) fn attracted(&self, secs: f64, reach: f64, not: Option<&Bar>) -> Option<f64> {
+    pub(crate) fn snap_target(&self, secs: f64, reach: f64, not: Option<&Bar>) -> Option<f64> {
         let is_other = |bar: &&Bar| not.is_none_or(|not| not.what != bar.what || not.start != bar.start);
         let edges = self.bars().filter(is_other).flat_map(|bar| [bar.start, bar.until, bar.end]);
         let markers = self.timeline.markers.iter().map(|(_, at)| *at);

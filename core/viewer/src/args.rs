@@ -52,7 +52,7 @@ struct Args {
     full_size: bool,
     /// Lose the device at these frames of the window, for tests; repeatable
     #[arg(long = "lose-device-at", value_name = "FRAME", hide = true)]
-    lose: Vec<u64>,
+    lose_device_at: Vec<u64>,
     /// Print what has been done and shown, and when, on standard output, for tests and measurements
     #[arg(long, hide = true)]
     event_log: bool,
@@ -69,7 +69,7 @@ pub(crate) struct ViewerOptions {
     /// Whether images have the size that `render` uses.
     pub full_size: bool,
     /// Numbers of window frames at which a lost device is simulated.
-    pub lose: Vec<u64>,
+    pub lose_device_at: Vec<u64>,
     /// Whether events are reported on standard output, one line each.
     pub event_log: bool,
     pub commands: Commands,
@@ -102,7 +102,7 @@ fn commands(args: &Args, app: &App) -> Commands {
 /// Options for every file that the window opens.
 pub(crate) struct FileOptions {
     /// The options without a file and without the folders of a project.
-    like: SceneSource,
+    base_source: SceneSource,
     /// Whether a project's `choreo.toml` is read.
     project_file: bool,
     app: App,
@@ -119,8 +119,8 @@ pub(crate) enum ProjectError {
 
 impl FileOptions {
     /// The options without a file.
-    pub fn like(&self) -> &SceneSource {
-        &self.like
+    pub fn base_source(&self) -> &SceneSource {
+        &self.base_source
     }
 
     /// The source of a file, including the folders of its project. Fails if its `choreo.toml` has an error.
@@ -133,12 +133,12 @@ impl FileOptions {
         // The folders are options of this program, so they are parsed as such.
         let words = [name.into(), input.clone().into()].into_iter().chain(of_project);
         let of_project = Args::try_parse_from(words)?;
-        let like = &self.like;
+        let base_source = &self.base_source;
         Ok(SceneSource {
-            search: [like.search.clone(), of_project.search, self.app.search.clone()].concat(),
-            plugins: [like.plugins.clone(), of_project.plugins, self.app.plugins.clone()].concat(),
+            search: [base_source.search.clone(), of_project.search, self.app.search.clone()].concat(),
+            plugins: [base_source.plugins.clone(), of_project.plugins, self.app.plugins.clone()].concat(),
             input,
-            ..like.clone()
+            ..base_source.clone()
         })
     }
 }
@@ -176,7 +176,7 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
         return Err(usage(format!("--at {}: write seconds", args.at)));
     }
     let commands = commands(&args, app);
-    let like = SceneSource {
+    let base_source = SceneSource {
         set,
         search: args.search,
         plugins: args.plugins,
@@ -186,9 +186,9 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
         shaders: args.shaders,
         ..SceneSource::new("")
     };
-    let files = FileOptions { like, project_file: !args.no_project_file, app: app.clone() };
-    let Args { input: first, device, at, play, full_size, lose, event_log, .. } = args;
-    Ok(ViewerOptions { first, files, device, at, play, full_size, lose, event_log, commands })
+    let files = FileOptions { base_source, project_file: !args.no_project_file, app: app.clone() };
+    let Args { input: first, device, at, play, full_size, lose_device_at, event_log, .. } = args;
+    Ok(ViewerOptions { first, files, device, at, play, full_size, lose_device_at, event_log, commands })
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use super::scan::{Call, Source};
 use super::strips::is_of_layer;
 
 /// Methods that return another object or value: the calls after them are no longer about the object of the chain.
-const OTHERS: [&str; 15] = [
+const RETURN_OTHER_VALUES: [&str; 15] = [
     "joint",
     "joints",
     "reach",
@@ -50,32 +50,32 @@ fn order(is_timed: bool, name: &str) -> usize {
 }
 
 /// The edit that adds a method, `scale(2.0)`, to the chain of a call, after the methods that come before it in [`order`].
-pub(super) fn added(text: &Source, made: &Call, method: &str) -> Edit {
-    let maker = &text[made.name.clone()];
+pub(super) fn add_method(text: &Source, creating_call: &Call, method: &str) -> Edit {
+    let maker = &text[creating_call.name.clone()];
     let name = method.split('(').next().unwrap_or_default();
     let is_timed = TIMED.contains(&maker);
     let own = order(is_timed, name);
-    let chain = text.chain_after(made.end);
+    let chain = text.chain_after(creating_call.end);
     let is_before = |call: &&Call| {
         let other = &text[call.name.clone()];
-        let is_other = OTHERS.contains(&other) || other == "look_at" && maker == "cast";
+        let is_other = RETURN_OTHER_VALUES.contains(&other) || other == "look_at" && maker == "cast";
         // A `fade` also sets the fade-out, so it must come before a `fade_out`.
         let ends = own == 0 && PARENTS.contains(&other) || name == "fade" && other == "fade_out";
         !is_other && !ends
     };
     let before = chain.iter().take_while(is_before);
     let last = before.filter(|call| order(is_timed, &text[call.name.clone()]) <= own).last();
-    behind(text, made, last.map_or(made.end, |call| call.end), method)
+    add_method_after(text, creating_call, last.map_or(creating_call.end, |call| call.end), method)
 }
 
 /// The edit that adds a method after a byte of a chain: on a line of its own if the calls of the chain are, with the same indentation and after the
 /// comment of the line.
-pub(super) fn behind(text: &Source, made: &Call, at: usize, method: &str) -> Edit {
+pub(super) fn add_method_after(text: &Source, creating_call: &Call, at: usize, method: &str) -> Edit {
     let end = text[at..].find('\n').map_or(text.len(), |end| at + end);
     let rest = text[at..end].trim_end();
     let next = text.skip(at);
     let continues = next < end && text[next..].starts_with('.');
-    let Some(blanks) = indentation(text, made).filter(|_| !continues) else {
+    let Some(blanks) = indentation(text, creating_call).filter(|_| !continues) else {
         return Edit { range: at..at, text: format!(".{method}") };
     };
     let line = format!("\n{blanks}.{method}");
@@ -96,15 +96,15 @@ pub(super) fn behind(text: &Source, made: &Call, at: usize, method: &str) -> Edi
 }
 
 /// Indentation of the calls of a chain that begin a line. `None` if none does.
-fn indentation<'t>(text: &'t Source, made: &Call) -> Option<&'t str> {
+fn indentation<'t>(text: &'t Source, creating_call: &Call) -> Option<&'t str> {
     let begins = |call: &Call| {
         let dot = text[..call.name.start].rfind('.')?;
         let line = text[..dot].rfind('\n')? + 1;
         Some(&text[line..dot]).filter(|blanks| blanks.trim().is_empty())
     };
-    let chain = text.chain_after(made.end);
+    let chain = text.chain_after(creating_call.end);
     // A `then` gets a line of its own if each clip of the chain has one.
-    let next = || text.call_from(made.end).filter(|call| text[call.name.clone()] == *"play");
+    let next = || text.call_from(creating_call.end).filter(|call| text[call.name.clone()] == *"play");
     match chain.is_empty() {
         true => next().as_ref().and_then(begins),
         false => chain.iter().find_map(begins),
@@ -120,7 +120,7 @@ mod tests {
         let text = format!("{made}{chain}");
         let source = Source::new(&text);
         let made_call = source.call_from(made.find('.').unwrap_or(0)).unwrap();
-        added(&source, &made_call, method).apply(&text).strip_prefix(made).unwrap().to_string()
+        add_method(&source, &made_call, method).apply(&text).strip_prefix(made).unwrap().to_string()
     }
 
     #[test]

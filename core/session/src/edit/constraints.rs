@@ -18,7 +18,7 @@ impl ScriptObject<'_> {
             let why = "it is made in a block, and its name is unknown outside; write the constraint there";
             return Err(EditRefused::at(target.line, why));
         }
-        let needs = target.and_then(|target| Some((target.variable.as_deref()?, target.made.end)));
+        let needs = target.and_then(|target| Some((target.variable.as_deref()?, target.creating_call.end)));
         self.add_call(call, needs)
     }
 
@@ -26,7 +26,7 @@ impl ScriptObject<'_> {
     ///
     /// # Errors
     /// The object has no variable.
-    pub fn named(&self) -> Result<&str, EditRefused> {
+    pub fn required_variable(&self) -> Result<&str, EditRefused> {
         let none =
             || EditRefused::at(self.line, "it has no variable in the script; write let NAME = cast(…)");
         self.variable.as_deref().ok_or_else(none)

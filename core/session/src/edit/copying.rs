@@ -67,7 +67,7 @@ fn with_times(
         let copied = Strip::at(&copy, 1, 1)?;
         let value = copied.value(name);
         let literal = value.as_ref().and_then(|value| TimeLiteral::of(&copied.text, value));
-        let written = time.like(strip.in_frames(), &strip.text);
+        let written = time.text_in_style(strip.in_frames(), &strip.text);
         let edit = match (value, literal) {
             (_, Some(literal)) if name == "from" => {
                 begins = Some(literal.secs(start.fps));
@@ -142,7 +142,7 @@ pub fn paste_cue(
     let mut new = shifted.apply(copied);
     if from.secs == 0.0 {
         // A clip starts at time 0 by default.
-        new = ScriptObject::at(&new, 1, 1)?.unstate(&["from"]).apply(&new);
+        new = ScriptObject::at(&new, 1, 1)?.remove_values(&["from"]).apply(&new);
     }
     let object = ScriptObject::at(text, line, column)?;
     // The copy uses a variable of the script that holds the file: that of the actor's own file, else any other.
@@ -154,8 +154,9 @@ pub fn paste_cue(
     let own = copy.calls_of("load").next().and_then(|load| {
         let file = first(&copy, &load);
         let of_object = object.asset_object().ok();
-        let of_object = of_object.filter(|own| own.made_by() == "load" && first(&script, &own.made) == file);
-        let of_object = of_object.and_then(|own| script.variable_before(own.made.name.start));
+        let of_object = of_object
+            .filter(|own| own.creating_function() == "load" && first(&script, &own.creating_call) == file);
+        let of_object = of_object.and_then(|own| script.variable_before(own.creating_call.name.start));
         let name = of_object.or_else(|| loaded_as(&script, &file, text.len()))?;
         Some((load.name.start..load.end, name.to_string()))
     });

@@ -63,7 +63,7 @@ pub fn delete_cue(
         // The following clip keeps its start, written like the deleted end: in seconds or in frames.
         let end = stated_time(source, &call, "until").and_then(|end| TimeLiteral::of(source, &end));
         let in_frames = end.map(|end| end.in_frames);
-        let from = next.map(|next| format!(".from({})", next.like(in_frames, source)));
+        let from = next.map(|next| format!(".from({})", next.text_in_style(in_frames, source)));
         let kept = &text[follower.name.end..follower.end];
         let range = call.name.start..follower.end;
         let edit = Edit { range, text: format!("play{kept}{}", from.unwrap_or_default()) };
@@ -71,13 +71,13 @@ pub fn delete_cue(
     }
     match whole_statement(source, &call, end) {
         Some(range) => Ok(Edit { range, text: String::new() }),
-        None => Ok(Edit::between(text, &without(source, &call, end))),
+        None => Ok(Edit::between(text, &without_call(source, &call, end))),
     }
 }
 
 /// The text without one call of a chain (its bytes up to `end`) and without the comment of that line. A comment between the call and the code
 /// before it stays, after the code of both lines.
-fn without(source: &Source, call: &Call, end: usize) -> String {
+fn without_call(source: &Source, call: &Call, end: usize) -> String {
     let text = source.whole();
     let dot = text[..call.name.start].rfind('.').unwrap_or(call.name.start);
     let before = source.code_end(dot);

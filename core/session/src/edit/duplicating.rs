@@ -36,7 +36,7 @@ pub fn duplicate_object(
 ) -> Result<Duplicate, EditRefused> {
     let object = ScriptObject::at(text, line, column)?;
     let source = &object.text;
-    let (ranges, left) = statements_about(source, object.made.name.start, line)?;
+    let (ranges, left) = statements_about(source, object.creating_call.name.start, line)?;
     let stated = object.stated_name(by);
     let name = match stated.as_ref().map(|range| (object.name(by), &text[range.clone()])) {
         None => None,
@@ -75,7 +75,7 @@ pub fn duplicate_object(
     let at = source.own_lines(&last).map_or(last.end, |lines| lines.start + text[lines].trim_end().len());
     let after = Edit { range: at..at, text: copy }.apply(text);
     let longer = old.zip(variable.as_ref()).map_or(0, |(old, new)| new.len() - old.len());
-    let made_at = at + 1 + object.made.name.start - ranges[0].start + longer;
+    let made_at = at + 1 + object.creating_call.name.start - ranges[0].start + longer;
     let moved = offset.map(|by| moved(&after, made_at, by)).transpose();
     let stays = moved.as_ref().err().and_then(|refused| refused.line);
     let after = moved.ok().flatten().map_or(after.clone(), |edit| edit.apply(&after));

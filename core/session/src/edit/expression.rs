@@ -72,7 +72,7 @@ struct Parser<'t> {
 
 impl Parser<'_> {
     /// Consumes `sign` if it comes next, and returns whether it did.
-    fn takes(&mut self, sign: &str) -> bool {
+    fn consume(&mut self, sign: &str) -> bool {
         let rest = self.rest.trim_start();
         let found = rest.strip_prefix(sign);
         self.rest = found.unwrap_or(rest);
@@ -82,9 +82,9 @@ impl Parser<'_> {
     fn sum(&mut self) -> Option<f64> {
         let mut value = self.product()?;
         loop {
-            if self.takes("+") {
+            if self.consume("+") {
                 value += self.product()?;
-            } else if self.takes("-") {
+            } else if self.consume("-") {
                 value -= self.product()?;
             } else {
                 return Some(value);
@@ -95,9 +95,9 @@ impl Parser<'_> {
     fn product(&mut self) -> Option<f64> {
         let mut value = self.signed()?;
         loop {
-            if self.takes("*") {
+            if self.consume("*") {
                 value *= self.signed()?;
-            } else if self.takes("/") {
+            } else if self.consume("/") {
                 value /= self.signed()?;
             } else {
                 return Some(value);
@@ -107,19 +107,19 @@ impl Parser<'_> {
 
     fn signed(&mut self) -> Option<f64> {
         // The minus sign U+2212 is accepted, too.
-        let minus = self.takes("-") || self.takes("\u{2212}");
+        let minus = self.consume("-") || self.consume("\u{2212}");
         let value = self.atom()?;
         Some(if minus { -value } else { value })
     }
 
     fn atom(&mut self) -> Option<f64> {
-        let frames = self.takes("f(");
-        if frames || self.takes("(") {
+        let frames = self.consume("f(");
+        if frames || self.consume("(") {
             self.depth += 1;
             let value = if self.depth <= DEEPEST { self.sum()? } else { return None };
             self.depth -= 1;
             let value = if frames { value / self.fps } else { value };
-            return self.takes(")").then_some(value);
+            return self.consume(")").then_some(value);
         }
         let rest = self.rest.trim_start();
         let end = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());

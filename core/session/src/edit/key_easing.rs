@@ -31,8 +31,9 @@ impl ScriptObject<'_> {
                 "an easing leads from one key to the next; no key comes before the first",
             ));
         }
-        let how = self.how(property, &call);
-        let of_all = how.as_ref().map_or("\"linear\"", |how| &self.text[how.clone()]);
+        let interpolation = self.interpolation(property, &call);
+        let of_all =
+            interpolation.as_ref().map_or("\"linear\"", |interpolation| &self.text[interpolation.clone()]);
         let with_ease = |index: usize| eased(&self.text, &keys[index], ease);
         if ease.is_none() || of_all == "\"linear\"" || is_easing(of_all) {
             return Ok(with_ease(index));
@@ -46,7 +47,7 @@ impl ScriptObject<'_> {
         };
         let mut edits: Vec<Edit> =
             (1..keys.len()).map(|n| if n == index { with_ease(n) } else { others(n) }).collect();
-        edits.extend(how.map(|how| self.without_how(how)));
+        edits.extend(interpolation.map(|interpolation| self.without_interpolation(interpolation)));
         let edit = Edit::joined(&self.text, edits);
         if keep.is_some() {
             return Ok(edit);
@@ -54,38 +55,47 @@ impl ScriptObject<'_> {
         let shown = KeyName::of(property).shown();
         let why =
             format!("all keys of its {shown} are {of_all}; an easing of one key makes the others linear");
-        let agree = "Make the others linear";
-        Err(EditRefused { over: Some(edit), agree, ..EditRefused::at(line, &why) })
+        let alternative_label = "Make the others linear";
+        Err(EditRefused { alternative: Some(edit), alternative_label, ..EditRefused::at(line, &why) })
     }
 
     /// Sets the interpolation or the easing of all keys of a property, as source text. `None`: linear.
     ///
     /// # Errors
     /// The keys are computed or stated elsewhere, or have easings or tangents of their own; then an edit is offered that removes these.
-    pub fn set_key_how(&self, property: &str, fps: f64, how: Option<&str>) -> Result<Edit, EditRefused> {
+    pub fn set_key_interpolation(
+        &self,
+        property: &str,
+        fps: f64,
+        interpolation: Option<&str>,
+    ) -> Result<Edit, EditRefused> {
         let (call, keys) = self.keys(property, fps)?;
-        let old = self.how(property, &call);
+        let old = self.interpolation(property, &call);
         let mut at = call.name.start;
-        let edit = match (old, how) {
-            (None, Some(how)) if call.is_option() => {
-                let (edit, method) = self.as_method(&call, how);
+        let edit = match (old, interpolation) {
+            (None, Some(interpolation)) if call.is_option() => {
+                let (edit, method) = self.as_method(&call, interpolation);
                 at = method;
                 edit
             }
-            (Some(old), Some(how)) => Edit::over(&self.text, old, how),
-            (Some(old), None) => self.without_how(old),
-            (None, how) => {
+            (Some(old), Some(interpolation)) => Edit::in_old_style(&self.text, old, interpolation),
+            (Some(old), None) => self.without_interpolation(old),
+            (None, interpolation) => {
                 let list = arguments(&self.text, &call)[leading(property)].clone();
                 let end = self.text.trimmed(&list).end;
-                let text = how.map_or(String::new(), |how| format!(", {how}"));
+                let text = interpolation.map_or(String::new(), |interpolation| format!(", {interpolation}"));
                 Edit { range: end..end, text }
             }
         };
         let shapes: Vec<KeyShape> =
             keys.iter().map(|key| shape_of(&self.text, key).unwrap_or_default()).collect();
         let has_eases = shapes.iter().any(|shape| shape.ease.is_some());
-        let holds = how == Some("\"step\"") && shapes.iter().any(KeyShape::has_tangents);
-        if !holds && (!has_eases || how.is_none_or(|how| how == "\"linear\"" || is_easing(how))) {
+        let holds = interpolation == Some("\"step\"") && shapes.iter().any(KeyShape::has_tangents);
+        if !holds
+            && (!has_eases
+                || interpolation
+                    .is_none_or(|interpolation| interpolation == "\"linear\"" || is_easing(interpolation)))
+        {
             return Ok(edit);
         }
         let mut after = edit.apply(&self.text);
@@ -100,39 +110,41 @@ impl ScriptObject<'_> {
         let own = if holds { "tangents" } else { "easings" };
         let shown = KeyName::of(property).shown();
         let why = format!("keys of its {shown} have {own} of their own, which this would replace");
-        let over = Some(Edit::between(&self.text, &after));
+        let alternative = Some(Edit::between(&self.text, &after));
         let line = self.line_of(call.name.start);
-        Err(EditRefused { over, agree: "Drop them", ..EditRefused::at(line, &why) })
+        Err(EditRefused { alternative, alternative_label: "Drop them", ..EditRefused::at(line, &why) })
     }
 
     /// Rewrites keys in an option of a cue as a method, since only a method can state an interpolation. Also returns the first byte of the method.
-    fn as_method(&self, option: &Call, how: &str) -> (Edit, usize) {
+    fn as_method(&self, option: &Call, interpolation: &str) -> (Edit, usize) {
         let [name, list] = [&option.name, &option.inside].map(|bytes| &self.text[bytes.clone()]);
-        let method = format!("{name}({list}, {how})");
-        let added = self.added(&method);
+        let method = format!("{name}({list}, {interpolation})");
+        let added = self.add_method(&method);
         let start = added.range.start + added.text.find(&method).unwrap_or_default();
         let with = added.apply(&self.text);
         // Removing the option moves the method, which comes after it.
-        let after = self.unstate(&[name]).apply(&with);
+        let after = self.remove_values(&[name]).apply(&with);
         (Edit::between(&self.text, &after), start + after.len() - with.len())
     }
 
     /// Bytes of the argument after the list of keys, the interpolation or easing of all.
-    pub(super) fn how(&self, property: &str, call: &Call) -> Option<Range<usize>> {
-        let how = arguments(&self.text, call).get(leading(property) + 1)?.clone();
-        Some(self.text.trimmed(&how))
+    pub(super) fn interpolation(&self, property: &str, call: &Call) -> Option<Range<usize>> {
+        let interpolation = arguments(&self.text, call).get(leading(property) + 1)?.clone();
+        Some(self.text.trimmed(&interpolation))
     }
 
     /// Removes the argument after the list of keys, with its comma.
-    pub(super) fn without_how(&self, how: Range<usize>) -> Edit {
-        let comma = self.text[..how.start].rfind(',').unwrap_or(how.start);
-        Edit { range: comma..how.end, text: String::new() }
+    pub(super) fn without_interpolation(&self, interpolation: Range<usize>) -> Edit {
+        let comma = self.text[..interpolation.start].rfind(',').unwrap_or(interpolation.start);
+        Edit { range: comma..interpolation.end, text: String::new() }
     }
 }
 
 /// Whether the interpolation of all keys is an easing, which a key may override.
-fn is_easing(how: &str) -> bool {
-    how.starts_with('[') || how.starts_with("\"in_") || how.starts_with("\"out_")
+fn is_easing(interpolation: &str) -> bool {
+    interpolation.starts_with('[')
+        || interpolation.starts_with("\"in_")
+        || interpolation.starts_with("\"out_")
 }
 
 /// Replaces or removes the easing of the span before a key. An easing replaces an incoming tangent.
@@ -143,7 +155,7 @@ fn eased(text: &Source, key: &Key, ease: Option<&str>) -> Edit {
         return shaped(text, key, &KeyShape { ease: ease.map(str::to_string), ..old });
     }
     match (&key.shape, ease) {
-        (Some(old), Some(ease)) => Edit::over(text, old.clone(), ease),
+        (Some(old), Some(ease)) => Edit::in_old_style(text, old.clone(), ease),
         (Some(old), None) => Edit { range: start..old.end, text: String::new() },
         (None, Some(ease)) => Edit { range: start..start, text: format!(", {ease}") },
         (None, None) => Edit { range: start..start, text: String::new() },

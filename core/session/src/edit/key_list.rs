@@ -3,9 +3,9 @@
 
 use super::Edit;
 use super::key_name::KeyName;
+use super::number_style::in_number_style;
 use super::scan::{Call, Source};
 use super::times::{EditTime, TimeLiteral};
-use super::whole::written_like;
 use std::ops::Range;
 
 /// One of the keys in the text.
@@ -128,7 +128,8 @@ pub(super) fn retimed(text: &str, keys: &[Key], times: &[Option<EditTime>]) -> E
     order.sort_by(|a, b| secs(a).total_cmp(&secs(b)));
     if order.is_sorted() {
         let moved = keys.iter().zip(times).filter_map(|(key, time)| Some((key, (*time)?)));
-        let moved = moved.map(|(key, time)| Edit::over(text, key.time.clone(), &time.text(key.in_frames)));
+        let moved =
+            moved.map(|(key, time)| Edit::in_old_style(text, key.time.clone(), &time.text(key.in_frames)));
         return Edit::joined(text, moved.collect());
     }
     let tails: Vec<Tail> = keys.iter().map(|key| Tail::of(text, key)).collect();
@@ -138,7 +139,7 @@ pub(super) fn retimed(text: &str, keys: &[Key], times: &[Option<EditTime>]) -> E
         let key = &keys[*index];
         out += &text[at..keys[slot].all.start];
         let old = &text[key.time.clone()];
-        let time = times[*index].map(|time| written_like(old, &time.text(key.in_frames)));
+        let time = times[*index].map(|time| in_number_style(old, &time.text(key.in_frames)));
         out += &text[key.all.start..key.time.start];
         out += time.as_deref().unwrap_or(old);
         out += &text[key.time.end..key.all.end];

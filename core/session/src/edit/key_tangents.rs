@@ -41,14 +41,14 @@ impl KeyShape {
     }
 
     /// The incoming side, which is empty if an easing shapes the span.
-    fn into(&self) -> KeySide {
+    fn incoming_side(&self) -> KeySide {
         if self.ease.is_some() { KeySide::default() } else { self.incoming.clone() }
     }
 
     /// Options of the key with their values, in the order in which they are written.
     fn entries(&self) -> Vec<(&'static str, Entry)> {
         let mut all: Vec<(&'static str, Entry)> = Vec::new();
-        let into = self.into();
+        let into = self.incoming_side();
         all.extend(self.ease.clone().map(|ease| ("ease", Entry::Text(ease))));
         let mut add = |both: &'static str, ways: [&'static str; 2], sides: [Option<Vec<f64>>; 2]| match sides
         {
@@ -65,7 +65,7 @@ impl KeyShape {
 
     /// Text after the value of a key; empty if the key has neither easing nor tangents.
     fn text(&self) -> String {
-        if !self.into().is_given() && !self.outgoing.is_given() {
+        if !self.incoming_side().is_given() && !self.outgoing.is_given() {
             return self.ease.as_ref().map_or(String::new(), |ease| format!(", {ease}"));
         }
         let entries: Vec<String> =
@@ -142,7 +142,7 @@ pub(super) fn shaped(text: &Source, key: &Key, shape: &KeyShape) -> Edit {
     // A comment before the easing is kept if an easing or tangent is written in its place.
     let new = shape.text();
     let whole = match new.strip_prefix(", ") {
-        Some(new) => Edit::over(text, bytes.clone(), new),
+        Some(new) => Edit::in_old_style(text, bytes.clone(), new),
         None => Edit { range: end..bytes.end, text: new },
     };
     let (Some(old), new) = (map_entries(text, bytes), shape.entries()) else { return whole };
@@ -160,7 +160,7 @@ pub(super) fn shaped(text: &Source, key: &Key, shape: &KeyShape) -> Edit {
             Entry::Text(new) if *new == text[value.clone()] => return None,
             Entry::Text(_) => None,
         };
-        Some(kept.unwrap_or_else(|| Edit::over(text, value.clone(), &entry.text())))
+        Some(kept.unwrap_or_else(|| Edit::in_old_style(text, value.clone(), &entry.text())))
     });
     Edit::joined(text, changed.collect())
 }
@@ -190,16 +190,19 @@ impl ScriptObject<'_> {
             }
             edits.push(shaped(&self.text, &keys[index], shape));
         }
-        let how = self.how(property, &call);
-        let holds = how.as_ref().filter(|how| self.text[(*how).clone()] == *"\"step\"").cloned();
+        let interpolation = self.interpolation(property, &call);
+        let holds = interpolation
+            .as_ref()
+            .filter(|interpolation| self.text[(*interpolation).clone()] == *"\"step\"")
+            .cloned();
         let holds = holds.filter(|_| shapes.iter().any(|(_, shape)| shape.has_tangents()));
-        edits.extend(holds.clone().map(|how| self.without_how(how)));
+        edits.extend(holds.clone().map(|interpolation| self.without_interpolation(interpolation)));
         let edit = Edit::joined(&self.text, edits);
         if holds.is_none() {
             return Ok(edit);
         }
         let why = format!("all keys of its {shown} hold their values; a tangent makes all of them linear");
-        let agree = "Make the keys linear";
-        Err(EditRefused { over: Some(edit), agree, ..EditRefused::at(line, &why) })
+        let alternative_label = "Make the keys linear";
+        Err(EditRefused { alternative: Some(edit), alternative_label, ..EditRefused::at(line, &why) })
     }
 }

@@ -6,9 +6,9 @@ use super::key_list::{Key, arguments, inserted, key_at, keys_in, leading, parts,
 use super::key_name::{JointKey, KeyName, copied_call, is_keyed_method, property_of};
 use super::key_tangents::{KeyShape, shape_of};
 use super::object::{ScriptObject, euler_degrees, rotation_of};
+use super::object_values::NewValueSyntax;
 use super::refused::ADD;
 use super::scan::{Call, Source};
-use super::stating::Anew;
 use super::times::EditTime;
 use super::values::{format_number, is_plain, literals, option_of, rewritten};
 use super::{Edit, EditRefused};
@@ -41,7 +41,7 @@ pub struct WrittenKeys {
     /// Line of the `.key(…)`, from 1.
     pub line: usize,
     /// Source text of the interpolation or the easing of all keys. `None`: linear.
-    pub how: Option<String>,
+    pub interpolation: Option<String>,
     pub keys: Vec<WrittenKey>,
 }
 
@@ -63,7 +63,9 @@ impl ScriptObject<'_> {
     /// The keys are computed, or the script does not state them with this object.
     pub fn written_keys(&self, property: &str, fps: f64) -> Result<WrittenKeys, EditRefused> {
         let (call, keys) = self.keys(property, fps)?;
-        let how = arguments(&self.text, &call).get(leading(property) + 1).map(|how| self.text.trimmed(how));
+        let interpolation = arguments(&self.text, &call)
+            .get(leading(property) + 1)
+            .map(|interpolation| self.text.trimmed(interpolation));
         let shown = |bytes: &Range<usize>| self.text[bytes.clone()].to_string();
         let written = |key: &Key| WrittenKey {
             secs: key.secs,
@@ -72,7 +74,11 @@ impl ScriptObject<'_> {
             shape: shape_of(&self.text, key),
         };
         let keys = keys.iter().map(written).collect();
-        Ok(WrittenKeys { line: self.line_of(call.name.start), how: how.as_ref().map(shown), keys })
+        Ok(WrittenKeys {
+            line: self.line_of(call.name.start),
+            interpolation: interpolation.as_ref().map(shown),
+            keys,
+        })
     }
 
     /// Changes the key of a property at a time, or adds one.
@@ -85,16 +91,16 @@ impl ScriptObject<'_> {
             if value == KeyValue::Between {
                 return Ok(Edit { range: call.end..call.end, text: String::new() });
             }
-            let changed = over(&self.text, &keys[at].value, &value);
+            let changed = replaced_value(&self.text, &keys[at].value, &value);
             return changed.ok_or_else(|| self.computed_keys(property, &call));
         }
         let next = keys.iter().position(|key| key.secs > when.secs).unwrap_or(keys.len());
         let time = time_like(&keys, next, when);
-        let near = near(&self.text, &keys, next, when.secs);
+        let near = interpolated_neighbors(&self.text, &keys, next, when.secs);
         if near.is_empty() && value == KeyValue::Between {
             return Err(self.computed_keys(property, &call));
         }
-        let key = format!("[{time}, {}]", written_like(&near, &value));
+        let key = format!("[{time}, {}]", value_text(&near, &value));
         Ok(inserted(&self.text, &keys, next, &key))
     }
 
@@ -104,8 +110,8 @@ impl ScriptObject<'_> {
     /// # Errors
     /// The object has no variable, and other calls follow its chain.
     pub fn add_keys(&self, property: &str, when: EditTime, value: KeyValue) -> Result<Edit, EditRefused> {
-        let value = written_like(&[], &value);
-        let list = format!("[[{}, {value}]]", when.anew(&self.text));
+        let value = value_text(&[], &value);
+        let list = format!("[[{}, {value}]]", when.new_text(&self.text));
         let added = self.add_key_call(KeyName::of(property), &list)?;
         let of_place = |call: &&Call| PLACES.contains(&&self.text[call.name.clone()]);
         let mut places = self.calls.iter().filter(of_place);
@@ -117,7 +123,7 @@ impl ScriptObject<'_> {
             {
                 let (line, column) = self.place();
                 let keyed = added.apply(&self.text);
-                let after = ScriptObject::at(&keyed, line, column)?.unstate(&["at"]).apply(&keyed);
+                let after = ScriptObject::at(&keyed, line, column)?.remove_values(&["at"]).apply(&keyed);
                 Ok(Edit::between(&self.text, &after))
             }
             _ => Ok(added),
@@ -180,7 +186,7 @@ impl ScriptObject<'_> {
         found.dedup();
         if found.len() == keys.len() {
             if call.is_option() {
-                return Ok(self.unstate(&[&self.text[call.name]]));
+                return Ok(self.remove_values(&[&self.text[call.name]]));
             }
             let joint = self.joint_key(property).and_then(|key| key.of.clone());
             let first = joint.as_ref().unwrap_or(&call);
@@ -259,28 +265,35 @@ impl ScriptObject<'_> {
     }
 
     /// Adds to a refusal because of computed keys the line that states all keys of the property anew: `anna.key("position", [[0.0, …], …]);`.
-    pub fn stated_anew(
+    pub fn offering_all_keys(
         &self,
         refused: EditRefused,
         property: &str,
         keys: &[(EditTime, KeyValue)],
     ) -> EditRefused {
         match refused.is_computed && !keys.is_empty() {
-            true => EditRefused { over: self.keys_anew(property, keys), agree: ADD, ..refused },
+            true => EditRefused {
+                alternative: self.all_keys_line(property, keys),
+                alternative_label: ADD,
+                ..refused
+            },
             false => refused,
         }
     }
 
     /// A line that states all keys of a property anew. `None` if the object has no variable, or the property no keys.
-    pub fn keys_anew(&self, property: &str, keys: &[(EditTime, KeyValue)]) -> Option<Edit> {
+    pub fn all_keys_line(&self, property: &str, keys: &[(EditTime, KeyValue)]) -> Option<Edit> {
         let call = self.key_call(property).filter(|_| !keys.is_empty())?;
-        let how = arguments(&self.text, &call).get(leading(property) + 1).map(|how| self.text.trimmed(how));
-        let how = how.map_or(String::new(), |how| format!(", {}", &self.text[how]));
+        let interpolation = arguments(&self.text, &call)
+            .get(leading(property) + 1)
+            .map(|interpolation| self.text.trimmed(interpolation));
+        let interpolation =
+            interpolation.map_or(String::new(), |interpolation| format!(", {}", &self.text[interpolation]));
         let all = keys
             .iter()
-            .map(|(time, value)| format!("[{}, {}]", time.anew(&self.text), written_like(&[], value)));
+            .map(|(time, value)| format!("[{}, {}]", time.new_text(&self.text), value_text(&[], value)));
         let all = all.collect::<Vec<_>>().join(", ");
-        let line = format!("{}[{all}]{how})", KeyName::of(property).opening());
+        let line = format!("{}[{all}]{interpolation})", KeyName::of(property).opening());
         self.new_line(&line)
     }
 
@@ -293,7 +306,10 @@ impl ScriptObject<'_> {
 
     /// Number of calls of the script function that a call stands in, or 1 outside functions.
     fn uses_of(&self, call: &Call) -> usize {
-        self.handed.iter().find(|handed| handed.call == *call).map_or(1, |handed| handed.uses)
+        self.calls_in_functions
+            .iter()
+            .find(|parameter| parameter.call == *call)
+            .map_or(1, |parameter| parameter.uses)
     }
 
     /// Whether the script states keys of a property with this object.
@@ -315,14 +331,15 @@ impl ScriptObject<'_> {
                     && property_of(&self.text, call).as_deref() == Some(property)
             }
         };
-        let handed = self.handed.iter().rev().map(|handed| &handed.call);
-        self.calls.iter().rev().chain(handed).find(is_it).cloned().or_else(|| self.keyed_option(name))
+        let in_functions = self.calls_in_functions.iter().rev().map(|parameter| &parameter.call);
+        self.calls.iter().rev().chain(in_functions).find(is_it).cloned().or_else(|| self.keyed_option(name))
     }
 
     /// The option of a cue that states keys, unless a method of the same name overrides it.
     fn keyed_option(&self, name: KeyName) -> Option<Call> {
         let KeyName::Method(name) = name else { return None };
-        let option = option_of(&self.text, &self.made, name).filter(|_| self.last(&[name]).is_none())?;
+        let option =
+            option_of(&self.text, &self.creating_call, name).filter(|_| self.last(&[name]).is_none())?;
         self.text.option_from(option.start).filter(|option| is_keyed_method(&self.text, option, name))
     }
 
@@ -346,9 +363,9 @@ impl ScriptObject<'_> {
         let call = format!("{}{list})", name.opening());
         match name {
             KeyName::Method(method) if self.written(method).is_some() => {
-                self.state(method, list, Anew::Method)
+                self.set_value(method, list, NewValueSyntax::Method)
             }
-            KeyName::Method(_) if self.variable.is_none() => Ok(self.added(&call)),
+            KeyName::Method(_) if self.variable.is_none() => Ok(self.add_method(&call)),
             _ => self.add_call(&call, None),
         }
     }
@@ -362,7 +379,7 @@ impl ScriptObject<'_> {
             return Err(EditRefused::at(self.line, &why));
         };
         let uses = self.uses_of(&call);
-        if uses > 1 && !self.changes_all {
+        if uses > 1 && !self.allows_shared_edits {
             let why = format!("this line makes {uses} objects; change it there");
             return Err(EditRefused::at(self.line_of(call.name.start), &why));
         }
@@ -407,9 +424,9 @@ pub(super) fn shifted_keys(text: &Source, bytes: Range<usize>, by: EditTime) -> 
 }
 
 /// Replaces a value. `None` if it is computed.
-fn over(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Option<Edit> {
+fn replaced_value(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Option<Edit> {
     if let KeyValue::Text(new) = value {
-        return is_plain(text, bytes).then(|| Edit::over(text, bytes.clone(), new));
+        return is_plain(text, bytes).then(|| Edit::in_old_style(text, bytes.clone(), new));
     }
     if let KeyValue::Numbers { before, now } = value {
         let written = numbers_in(text, bytes);
@@ -423,7 +440,7 @@ fn over(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Option<Edit> {
     match new.len() == old.len() {
         // The text between the numbers stays as it is.
         true => rewritten(text, &old, &new),
-        false => Some(Edit::over(text, bytes.clone(), &list(&new))),
+        false => Some(Edit::in_old_style(text, bytes.clone(), &list(&new))),
     }
 }
 
@@ -453,7 +470,7 @@ fn changed_numbers(text: &Source, written: &[Range<usize>], before: &[f64], now:
 
 /// Numbers of a new key before the key `next`: linear interpolation of its neighbors, or those of the only neighbor. Empty if the neighbors are
 /// computed.
-fn near(text: &Source, keys: &[Key], next: usize, secs: f64) -> Vec<f64> {
+fn interpolated_neighbors(text: &Source, keys: &[Key], next: usize, secs: f64) -> Vec<f64> {
     let of = |key: Option<&Key>| -> Option<(f64, Vec<f64>)> {
         let numbers = literals(text, &key?.value)?;
         Some((key?.secs, numbers.iter().map(|(_, v)| *v).collect()))
@@ -474,7 +491,7 @@ fn time_like(keys: &[Key], next: usize, when: EditTime) -> String {
     when.text(keys.get(next.saturating_sub(1)).is_some_and(|key| key.in_frames))
 }
 
-fn written_like(near: &[f64], value: &KeyValue) -> String {
+fn value_text(near: &[f64], value: &KeyValue) -> String {
     match value {
         KeyValue::Text(new) => new.to_string(),
         _ => list(&numbers_like(near, value)),
@@ -503,7 +520,7 @@ fn numbers_like(near: &[f64], value: &KeyValue) -> Vec<f64> {
             [x, y, z] => euler_degrees_near(q, DVec3::new(*x, *y, *z)).to_array().to_vec(),
             _ if q.x.abs() < 1e-9 && q.z.abs() < 1e-9 => {
                 let degrees = 2.0 * libm::atan2(q.y, q.w).to_degrees();
-                vec![turns(degrees, near.first().copied().unwrap_or(0.0))]
+                vec![nearest_equivalent_angle(degrees, near.first().copied().unwrap_or(0.0))]
             }
             _ => {
                 let upright = DVec3::new(0.0, near.first().copied().unwrap_or(0.0), 0.0);
@@ -517,7 +534,7 @@ fn numbers_like(near: &[f64], value: &KeyValue) -> Vec<f64> {
 }
 
 /// The equivalent angle within half a turn of `near`, degrees; the greater one at exactly half a turn.
-fn turns(degrees: f64, near: f64) -> f64 {
+fn nearest_equivalent_angle(degrees: f64, near: f64) -> f64 {
     degrees + 360.0 * libm::floor((near - degrees) / 360.0 + 0.5 + 1e-6)
 }
 
@@ -525,7 +542,13 @@ fn turns(degrees: f64, near: f64) -> f64 {
 pub fn euler_degrees_near(q: DQuat, near: DVec3) -> DVec3 {
     let one = euler_degrees(q);
     let other = DVec3::new(one.x + 180.0, 180.0 - one.y, one.z + 180.0);
-    let all = [one, other].map(|e| DVec3::new(turns(e.x, near.x), turns(e.y, near.y), turns(e.z, near.z)));
+    let all = [one, other].map(|e| {
+        DVec3::new(
+            nearest_equivalent_angle(e.x, near.x),
+            nearest_equivalent_angle(e.y, near.y),
+            nearest_equivalent_angle(e.z, near.z),
+        )
+    });
     debug_assert!(all.iter().all(|e| rotation_of(*e).dot(q).abs() > 1.0 - 1e-6));
     if (all[1] - near).length() < (all[0] - near).length() - 1e-6 { all[1] } else { all[0] }
 }

@@ -10,7 +10,6 @@ mod cues;
 mod deleting;
 mod duplicating;
 pub mod expression;
-mod handed;
 mod indenting;
 mod key_easing;
 mod key_list;
@@ -19,19 +18,20 @@ mod key_tangents;
 mod keys;
 #[cfg(test)]
 mod marked;
+mod number_style;
 mod object;
+mod object_values;
 mod own_asset;
+mod parameter_calls;
 mod refused;
 mod renaming;
 mod reordering;
 mod scan;
-mod stating;
 mod strips;
 mod times;
 mod typed;
 mod unroll;
 mod values;
-mod whole;
 
 use std::ops::Range;
 
@@ -45,16 +45,16 @@ pub use key_name::{are_keys, are_keys_of_cue};
 pub use key_tangents::{KeyShape, KeySide};
 pub use keys::{KeyValue, WrittenKey, WrittenKeys, copied_keys, euler_degrees_near};
 pub use object::{ScriptObject, ScriptText, quoted, rotation_of, set_call, set_marker};
+pub use object_values::NewValueSyntax;
 pub use refused::EditRefused;
 pub use renaming::{NamedBy, Renaming};
 pub use reordering::{RowSide, reorder};
-pub use stating::Anew;
 pub use strips::{
-    Rest, cues_before, duplicate_cue, is_of_layer, set_disabled, set_number, set_trim, shift_cue, shift_keys,
-    split_cue,
+    SecondHalf, cues_before, duplicate_cue, is_of_layer, set_disabled, set_number, set_trim, shift_cue,
+    shift_keys, split_cue,
 };
-pub use times::{CueTime, EditTime, follows, set_time};
-pub use typed::Typed;
+pub use times::{CueTime, EditTime, follows_previous_cue, set_time};
+pub use typed::TypedNumber;
 pub use unroll::unroll;
 pub use values::{format_as_meant, format_number};
 

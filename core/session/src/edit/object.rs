@@ -3,8 +3,9 @@
 
 use super::casting::{first_free, identifier};
 use super::cues::statement_start;
-use super::handed::{HandedCall, handed_calls};
 use super::key_name::{JointKey, joint_keys};
+use super::number_style::in_number_style;
+use super::parameter_calls::{ParameterCall, parameter_calls};
 use super::refused::ADD;
 use super::scan::{Call, Source, Tokens, tokens_of};
 use super::times::{EditTime, TimeLiteral, restated};
@@ -12,7 +13,6 @@ use super::values::{
     format_number, is_calculation, keeps_computed, literals, numbers_over, numbers_plus, option_of,
     rewritten, set_option,
 };
-use super::whole::written_like;
 use super::{Edit, EditRefused, chain};
 use glam::{DMat3, DQuat, DVec3};
 use std::sync::Arc;
@@ -21,7 +21,7 @@ use std::sync::Arc;
 pub struct ScriptObject<'a> {
     pub(super) text: Source<'a>,
     pub(super) line: usize,
-    pub(super) made: Call,
+    pub(super) creating_call: Call,
     /// Variable that holds the object.
     pub variable: Option<String>,
     /// Calls of the object's methods in the order of the text; the last call of a name counts. Calls on its joints are not among them.
@@ -29,9 +29,9 @@ pub struct ScriptObject<'a> {
     /// Keys of the actor's joints in the order of the text.
     pub(super) joints: Vec<JointKey>,
     /// Method calls on the object in functions of the script that get it as an argument, in the order in which the script calls those functions.
-    pub(super) handed: Vec<HandedCall>,
+    pub(super) calls_in_functions: Vec<ParameterCall>,
     /// Whether an edit of a call in such a function is allowed, although it may change other objects, too.
-    pub(super) changes_all: bool,
+    pub(super) allows_shared_edits: bool,
     /// Byte of the last statement at the same bracket depth that calls the object's methods.
     pub(super) last_at: usize,
 }
@@ -65,29 +65,43 @@ impl<'a> ScriptObject<'a> {
     fn within(text: Source<'a>, line: usize, column: usize) -> Result<ScriptObject<'a>, EditRefused> {
         let refuse = |why: &str| EditRefused::at(line, why);
         let at = text.byte_at(line, column).ok_or_else(|| refuse("the script has no such line"))?;
-        let made = text.call_from(at).ok_or_else(|| refuse("there is no call to change here"))?;
-        let start = statement_start(&text, &made).filter(|_| text[made.name.clone()] == *"play");
-        let variable = text.variable_before(start.unwrap_or(made.name.start)).map(str::to_string);
-        let chain = text.chain_after(made.end);
-        let mut joints = joint_keys(&text, made.end, &chain);
+        let creating_call = text.call_from(at).ok_or_else(|| refuse("there is no call to change here"))?;
+        let start =
+            statement_start(&text, &creating_call).filter(|_| text[creating_call.name.clone()] == *"play");
+        let variable = text.variable_before(start.unwrap_or(creating_call.name.start)).map(str::to_string);
+        let chain = text.chain_after(creating_call.end);
+        let mut joints = joint_keys(&text, creating_call.end, &chain);
         let mut calls = own(&text, chain);
-        let (mut last_at, mut handed) = (made.end, Vec::new());
+        let (mut last_at, mut calls_in_functions) = (creating_call.end, Vec::new());
         if let Some(name) = &variable {
-            let later = text.chains_of(name, made.name.start).into_iter().filter(|(at, _)| *at > made.end);
+            let later = text
+                .chains_of(name, creating_call.name.start)
+                .into_iter()
+                .filter(|(at, _)| *at > creating_call.end);
             for (at, chain) in later {
                 last_at = at;
                 joints.extend(joint_keys(&text, at, &chain));
                 calls.extend(own(&text, chain));
             }
-            handed = handed_calls(&text, name, made.name.start);
+            calls_in_functions = parameter_calls(&text, name, creating_call.name.start);
         }
-        Ok(ScriptObject { text, line, made, variable, calls, joints, handed, changes_all: false, last_at })
+        Ok(ScriptObject {
+            text,
+            line,
+            creating_call,
+            variable,
+            calls,
+            joints,
+            calls_in_functions,
+            allows_shared_edits: false,
+            last_at,
+        })
     }
 
     /// The same object, with edits allowed that change other objects, too: those that are passed to the same function.
     #[must_use]
-    pub fn changing_all(self) -> ScriptObject<'a> {
-        ScriptObject { changes_all: true, ..self }
+    pub fn allow_shared_edits(self) -> ScriptObject<'a> {
+        ScriptObject { allows_shared_edits: true, ..self }
     }
 
     /// The variable of an actor. Without one, also the edit that declares it, named after `name`: `cast("ada", hero).play(walk);` becomes `let ada
@@ -98,7 +112,7 @@ impl<'a> ScriptObject<'a> {
         if let Some(variable) = &self.variable {
             return Some((variable.clone(), None));
         }
-        let start = self.made.name.start;
+        let start = self.creating_call.name.start;
         if self.text.statement_start(start) != start || self.text.depth_to(start) > 0 {
             return None;
         }
@@ -106,9 +120,9 @@ impl<'a> ScriptObject<'a> {
             |n| if n == 1 { identifier(name) } else { format!("{}_{n}", identifier(name)) },
             |name| self.text.contains(&format!("let {name} ")),
         );
-        let own = self.text.chain_after(self.made.end).into_iter();
+        let own = self.text.chain_after(self.creating_call.end).into_iter();
         let own = own.take_while(|call| ITSELF.contains(&&self.text[call.name.clone()]));
-        let end = own.last().map_or(self.made.end, |call| call.end);
+        let end = own.last().map_or(self.creating_call.end, |call| call.end);
         let rest =
             if self.text[end..].trim_start().starts_with('.') { format!(";\n{name}") } else { String::new() };
         let after = self.text.skip(end);
@@ -130,12 +144,12 @@ impl<'a> ScriptObject<'a> {
         self.text[..byte].matches('\n').count() + 1
     }
 
-    fn computed(&self, call: &Call, over: &str) -> EditRefused {
+    fn computed(&self, call: &Call, new_call: &str) -> EditRefused {
         let (name, inside) = (&self.text[call.name.clone()], self.text[call.inside.clone()].trim());
         let line = self.line_of(call.name.start);
         let why = format!(".{name}({inside}) is computed; change it there, or add a line that sets it again");
-        let over = self.variable.as_ref().and_then(|_| self.new_line(over));
-        EditRefused { over, agree: ADD, is_computed: true, ..EditRefused::at(line, &why) }
+        let alternative = self.variable.as_ref().and_then(|_| self.new_line(new_call));
+        EditRefused { alternative, alternative_label: ADD, is_computed: true, ..EditRefused::at(line, &why) }
     }
 
     /// Adds `variable.call;` after the last statement about the object.
@@ -161,15 +175,15 @@ impl<'a> ScriptObject<'a> {
         uses.filter(|at| depth > 0 || !text.is_in_function(*at)).last().unwrap_or(self.last_at)
     }
 
-    /// The last byte outside functions at which a name occurs, else `made`, the byte after the call that makes its value.
-    fn last_use(&self, name: &str, made: usize) -> usize {
-        let uses = self.text.uses_of(name).filter(|at| *at > made && self.depth() == 0);
-        uses.filter(|at| !self.text.is_in_function(*at)).last().unwrap_or(made)
+    /// The last byte outside functions at which a name occurs, else `after`, the byte after the call that makes its value.
+    fn last_use(&self, name: &str, after: usize) -> usize {
+        let uses = self.text.uses_of(name).filter(|at| *at > after && self.depth() == 0);
+        uses.filter(|at| !self.text.is_in_function(*at)).last().unwrap_or(after)
     }
 
     /// Number of brackets that are open at the creating call.
     pub(super) fn depth(&self) -> usize {
-        self.text.depth_to(self.made.name.start)
+        self.text.depth_to(self.creating_call.name.start)
     }
 
     /// Adds `variable.call;` after the statement around a byte.
@@ -181,20 +195,20 @@ impl<'a> ScriptObject<'a> {
         if rest.trim().is_empty() || rest.trim_start().starts_with("//") {
             end += rest.trim_end().len();
         }
-        let start = self.text[..self.made.name.start].rfind('\n').map_or(0, |n| n + 1);
+        let start = self.text[..self.creating_call.name.start].rfind('\n').map_or(0, |n| n + 1);
         let indent: String = self.text[start..].chars().take_while(|c| *c == ' ' || *c == '\t').collect();
         Some(Edit { range: end..end, text: format!("\n{indent}{name}.{call};") })
     }
 
     /// Adds a method, `scale(2.0)`, to the chain of the creating call.
-    pub(super) fn added(&self, method: &str) -> Edit {
-        chain::added(&self.text, &self.made, method)
+    pub(super) fn add_method(&self, method: &str) -> Edit {
+        chain::add_method(&self.text, &self.creating_call, method)
     }
 
     /// Writes `.name(values)`: over the last call of this name, else as a new one in the chain of the creating call.
     pub fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let new = call_text(name, values);
-        let Some(call) = self.last(&[name]) else { return Ok(self.added(&new)) };
+        let Some(call) = self.last(&[name]) else { return Ok(self.add_method(&new)) };
         if let Some(edit) = numbers_over(&self.text, &call.inside, values) {
             return Ok(edit);
         }
@@ -202,7 +216,7 @@ impl<'a> ScriptObject<'a> {
             // One factor becomes three.
             Some(old) if old.len() != values.len() => {
                 let inside = values.iter().map(|v| format_number(*v)).collect::<Vec<_>>().join(", ");
-                Ok(Edit::over(&self.text, call.inside.clone(), &inside))
+                Ok(Edit::in_old_style(&self.text, call.inside.clone(), &inside))
             }
             _ => match values {
                 [value] => self.overwrite(call, call.inside.clone(), &format_number(*value)),
@@ -215,11 +229,11 @@ impl<'a> ScriptObject<'a> {
     ///
     /// # Errors
     /// The script computes the value of the method to be replaced.
-    pub fn state_one_of(&self, names: &[&str], name: &str, value: &str) -> Result<Edit, EditRefused> {
+    pub fn set_one_of(&self, names: &[&str], name: &str, value: &str) -> Result<Edit, EditRefused> {
         let new = format!("{name}({value})");
-        let Some(old) = self.last(names) else { return Ok(self.added(&new)) };
+        let Some(old) = self.last(names) else { return Ok(self.add_method(&new)) };
         literals(&self.text, &old.inside).ok_or_else(|| self.computed(old, &new))?;
-        let value = written_like(&self.text[old.inside.clone()], value);
+        let value = in_number_style(&self.text[old.inside.clone()], value);
         Ok(Edit { range: old.name.start..old.end, text: format!("{name}({value})") })
     }
 
@@ -227,7 +241,7 @@ impl<'a> ScriptObject<'a> {
     pub fn set_point(&self, name: &str, point: DVec3) -> Result<Edit, EditRefused> {
         let [x, y, z] = point.to_array().map(format_number);
         let new = format!("{name}([{x}, {y}, {z}])");
-        let Some(call) = self.last(&[name]) else { return Ok(self.added(&new)) };
+        let Some(call) = self.last(&[name]) else { return Ok(self.add_method(&new)) };
         let changed = numbers_over(&self.text, &call.inside, &point.to_array());
         changed.ok_or_else(|| self.computed(call, &new))
     }
@@ -248,7 +262,7 @@ impl<'a> ScriptObject<'a> {
         let angles = euler_degrees(by);
         let new =
             if upright { call_text("turn", &[degrees]) } else { call_text("rotate", &angles.to_array()) };
-        let Some(call) = self.last(&["turn", "rotate"]) else { return self.added(&new) };
+        let Some(call) = self.last(&["turn", "rotate"]) else { return self.add_method(&new) };
         let old = literals(&self.text, &call.inside).unwrap_or_default();
         let values: Vec<f64> = old.iter().map(|(_, v)| *v).collect();
         let changed = match (&self.text[call.name.clone()], values.as_slice()) {
@@ -259,17 +273,17 @@ impl<'a> ScriptObject<'a> {
             }
             _ => None,
         };
-        let anew = || match self.text.chain_after(self.made.end).contains(call) {
-            true => chain::behind(&self.text, &self.made, call.end, &new),
+        let new_call = || match self.text.chain_after(self.creating_call.end).contains(call) {
+            true => chain::add_method_after(&self.text, &self.creating_call, call.end, &new),
             false => Edit { range: call.end..call.end, text: format!(".{new}") },
         };
-        changed.unwrap_or_else(anew)
+        changed.unwrap_or_else(new_call)
     }
 
     /// Writes a time as `.from(…)`, `.until(…)`, `.cut(…)` …: over the last call of this name, else as a new one.
     pub fn time(&self, name: &str, time: EditTime) -> Result<Edit, EditRefused> {
-        let new = format!("{name}({})", time.anew(&self.text));
-        let Some(call) = self.last(&[name]) else { return Ok(self.added(&new)) };
+        let new = format!("{name}({})", time.new_text(&self.text));
+        let Some(call) = self.last(&[name]) else { return Ok(self.add_method(&new)) };
         restated(&self.text, &call.inside, time).ok_or_else(|| self.computed(call, &new))
     }
 
@@ -279,13 +293,17 @@ impl<'a> ScriptObject<'a> {
             return self.overwrite(call, call.inside.clone(), value);
         }
         // A light has either `kelvin` or `color`.
-        if let (Some(old), "color") = (option_of(&self.text, &self.made, "kelvin"), name) {
+        if let (Some(old), "color") = (option_of(&self.text, &self.creating_call, "kelvin"), name) {
             let line = self.line_of(old.start);
             let why = format!("{} sets its color; a color would replace that", &self.text[old.clone()]);
-            let over = Some(Edit { range: old, text: format!("color: {value}") });
-            return Err(EditRefused { over, agree: "Write the color", ..EditRefused::at(line, &why) });
+            let alternative = Some(Edit { range: old, text: format!("color: {value}") });
+            return Err(EditRefused {
+                alternative,
+                alternative_label: "Write the color",
+                ..EditRefused::at(line, &why)
+            });
         }
-        set_option(&self.text, &self.made, self.line, name, value)
+        set_option(&self.text, &self.creating_call, self.line, name, value)
     }
 
     /// Sets a parameter: in the last `.set("name", …)`, else as an option.
@@ -299,7 +317,7 @@ impl<'a> ScriptObject<'a> {
             let first = self.text.value_end(call.inside.start, call.inside.end);
             return self.overwrite(call, (first + 1).min(call.inside.end)..call.inside.end, value);
         }
-        set_option(&self.text, &self.made, self.line, name, value)
+        set_option(&self.text, &self.creating_call, self.line, name, value)
     }
 
     pub(super) fn overwrite(
@@ -317,7 +335,7 @@ impl<'a> ScriptObject<'a> {
             return Err(self.computed(call, &format!("{}({value})", &self.text[call.name.clone()])));
         }
         let start = bytes.start + (inside.len() - inside.trim_start().len());
-        Ok(Edit::over(&self.text, start..start + inside.trim().len(), value))
+        Ok(Edit::in_old_style(&self.text, start..start + inside.trim().len(), value))
     }
 
     /// Adds a line that plays a clip from a time on: `anna.play(hero.clip("Wave"), #{ fade: 0.3 }).from(2.0);`. The clip comes from the actor's own
@@ -334,7 +352,7 @@ impl<'a> ScriptObject<'a> {
     ) -> Result<Edit, EditRefused> {
         let asset = of.unwrap_or(self).asset()?;
         let call = format!("play({asset}.clip({}){options}){}", quoted(clip), self.start_call(from));
-        self.add_call(&call, of.map(|of| (asset.as_str(), of.made.end)))
+        self.add_call(&call, of.map(|of| (asset.as_str(), of.creating_call.end)))
     }
 
     /// Adds a line that plays a clip of a file, `file` as in `load`. The line uses the variable of the loaded file, if the script has one.
@@ -357,7 +375,7 @@ impl<'a> ScriptObject<'a> {
 
     /// `.from(1.0)` in the style of the script; empty at time 0, where a clip starts by default.
     fn start_call(&self, from: EditTime) -> String {
-        if from.secs == 0.0 { String::new() } else { format!(".from({})", from.anew(&self.text)) }
+        if from.secs == 0.0 { String::new() } else { format!(".from({})", from.new_text(&self.text)) }
     }
 
     /// Adds a call as a line of its own after the last statement about the object. `needs`: a variable that the line uses, and the byte after the
@@ -370,18 +388,18 @@ impl<'a> ScriptObject<'a> {
         if let Some(line) = self.new_line_after(call, at) {
             return Ok(line);
         }
-        let end = self.calls.last().map_or(self.made.end, |c| c.end);
+        let end = self.calls.last().map_or(self.creating_call.end, |c| c.end);
         let is_later = needs.is_some_and(|(_, made)| made > end);
         // A call after a constraint in an actor's chain would be about the constraint.
-        let is_constrained =
-            self.text[self.made.name.clone()] == *"cast" && self.last(&["reach", "aim", "look_at"]).is_some();
+        let is_constrained = self.text[self.creating_call.name.clone()] == *"cast"
+            && self.last(&["reach", "aim", "look_at"]).is_some();
         if self.text[self.text.skip(end)..].starts_with('.') || is_later || is_constrained {
             return Err(EditRefused::at(
                 self.line,
                 "it has no variable in the script; write let NAME = cast(…)",
             ));
         }
-        Ok(chain::behind(&self.text, &self.made, end, call))
+        Ok(chain::add_method_after(&self.text, &self.creating_call, end, call))
     }
 
     /// Source text of the asset that the actor is cast from: the variable of the loaded file, if there is one, else the argument of `cast`.
@@ -389,12 +407,12 @@ impl<'a> ScriptObject<'a> {
     /// # Errors
     /// The call has no asset argument.
     pub(super) fn asset(&self) -> Result<String, EditRefused> {
-        let asset = self.text.argument(&self.made.inside, 1);
+        let asset = self.text.argument(&self.creating_call.inside, 1);
         let asset = asset.ok_or_else(|| EditRefused::at(self.line, "it is not cast from a file"))?;
         let named = self.text.call_from(asset.start).filter(|load| self.text[load.name.clone()] == *"load");
         let named = named.and_then(|load| {
             let file = self.text.argument(&load.inside, 0)?;
-            loaded_as(&self.text, &self.text[file], self.made.name.start)
+            loaded_as(&self.text, &self.text[file], self.creating_call.name.start)
         });
         Ok(named.unwrap_or(&self.text[asset]).to_string())
     }
@@ -488,7 +506,7 @@ pub(super) fn euler_degrees(q: DQuat) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::edit::Anew;
+    use crate::edit::NewValueSyntax;
     use crate::edit::marked::marked;
 
     fn at(secs: f64) -> EditTime {
@@ -543,10 +561,10 @@ mod tests {
         let refused = changed(text, |o| o.move_by(by, by)).unwrap_err();
         assert!(refused.why.starts_with("line 2: .at(x + 1, 0, 0) is computed"), "{}", refused.why);
         let plain = text.replacen('|', "", 1);
-        let over = refused.over.unwrap().apply(&plain);
+        let over = refused.alternative.unwrap().apply(&plain);
         assert!(over.contains("(x + 1, 0, 0);\n  a.move_by(0.5, 0.0, 0.0);\nlet b"), "{over}");
         let nameless = changed("|cast(\"a\", m).at(x, 0, 0);", |o| o.move_by(by, by)).unwrap_err();
-        assert_eq!(nameless.over, None);
+        assert_eq!(nameless.alternative, None);
     }
 
     #[test]
@@ -559,7 +577,7 @@ mod tests {
         assert!(refused.starts_with("line 1: .at(1.0 / 3.0, 0, 2.0 * x) is computed"), "{refused}");
         // A stated value is written even if the computed value is the same.
         let stated = |value: &str| {
-            let at = |o: &ScriptObject| o.state("at", value, Anew::Method);
+            let at = |o: &ScriptObject| o.set_value("at", value, NewValueSyntax::Method);
             changed("|camera(\"c\").at(0, 1, 2 * x);", at)
         };
         assert_eq!(stated("0.0, 2.0, 2 * x").unwrap(), "camera(\"c\").at(0, 2, 2 * x);");

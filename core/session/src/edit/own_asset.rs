@@ -11,12 +11,12 @@ impl ScriptObject<'_> {
     /// Variable of the asset that an actor is cast from, and the number of `cast` calls that use it. `None` if the actor's own call makes the
     /// asset.
     pub fn asset_variable(&self) -> Option<(&str, usize)> {
-        let name = self.text.argument(&self.made.inside, 1)?;
-        let made = self.text.made_as(&self.text[name.clone()], self.made.name.start)?;
+        let name = self.text.argument(&self.creating_call.inside, 1)?;
+        let made = self.text.assigned_call(&self.text[name.clone()], self.creating_call.name.start)?;
         let is_of_it = |call: &Call| {
             self.text.argument(&call.inside, 1).is_some_and(|other| {
                 self.text[other.clone()] == self.text[name.clone()]
-                    && self.text.made_as(&self.text[other], call.inside.start) == Some(made)
+                    && self.text.assigned_call(&self.text[other], call.inside.start) == Some(made)
             })
         };
         let count = self.text.calls_of("cast").filter(is_of_it).count();
@@ -30,17 +30,20 @@ impl ScriptObject<'_> {
     /// The asset is not made by `let NAME = …`.
     pub fn own_asset(&self, change: &Edit) -> Result<Edit, EditRefused> {
         let refuse = || EditRefused::at(self.line, "its asset is made elsewhere; change it there");
-        let argument = self.text.argument(&self.made.inside, 1).ok_or_else(refuse)?;
-        let made =
-            self.text.made_as(&self.text[argument.clone()], self.made.name.start).ok_or_else(refuse)?;
+        let argument = self.text.argument(&self.creating_call.inside, 1).ok_or_else(refuse)?;
+        let made = self
+            .text
+            .assigned_call(&self.text[argument.clone()], self.creating_call.name.start)
+            .ok_or_else(refuse)?;
         let changed = change.apply(&self.text);
         let source = Source::new(&changed);
         let value = changed[made..source.statement_end(made)].trim_end_matches(';').to_string();
-        let first = self.made.inside.start..self.text.value_end(self.made.inside.start, self.made.inside.end);
+        let first = self.creating_call.inside.start
+            ..self.text.value_end(self.creating_call.inside.start, self.creating_call.inside.end);
         let actor = self.text[first].trim().trim_matches('"');
         let kind = if value.starts_with("load") { "model" } else { "asset" };
         let name = free_name(&self.text, &format!("{actor}_{kind}"));
-        let start = statement_start(&self.text, &self.made).unwrap_or(self.made.name.start);
+        let start = statement_start(&self.text, &self.creating_call).unwrap_or(self.creating_call.name.start);
         let start = self.text.statement_start(start);
         let line = self.text[..start].rfind('\n').map_or(0, |end| end + 1);
         let indent = &self.text[line..start];

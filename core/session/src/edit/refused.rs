@@ -10,9 +10,9 @@ pub struct EditRefused {
     /// Line of the script that caused the refusal, from 1.
     pub line: Option<usize>,
     /// Alternative edit: adds a line that overrides a computed value, or replaces the line that prevents the edit.
-    pub over: Option<Edit>,
-    /// Label of the button for `over`.
-    pub agree: &'static str,
+    pub alternative: Option<Edit>,
+    /// Label of the button for `alternative`.
+    pub alternative_label: &'static str,
     /// Whether the script computes the value that was to be changed.
     pub is_computed: bool,
 }
@@ -46,7 +46,7 @@ impl EditRefused {
 
 impl From<String> for EditRefused {
     fn from(why: String) -> EditRefused {
-        EditRefused { why, line: None, over: None, agree: ADD, is_computed: false }
+        EditRefused { why, line: None, alternative: None, alternative_label: ADD, is_computed: false }
     }
 }
 

@@ -33,10 +33,10 @@ impl ScriptObject<'_> {
     }
 
     pub(super) fn stated_name(&self, by: NamedBy) -> Option<Range<usize>> {
-        let inside = &self.made.inside;
+        let inside = &self.creating_call.inside;
         let range = match by {
             NamedBy::Argument => inside.start..self.text.value_end(inside.start, inside.end),
-            NamedBy::Option => option_value(&self.text, &self.made, "name")?,
+            NamedBy::Option => option_value(&self.text, &self.creating_call, "name")?,
             NamedBy::Variable => return None,
         };
         Some(self.text.trimmed(&range))
@@ -51,7 +51,7 @@ impl ScriptObject<'_> {
         if to.is_empty() {
             return Err(EditRefused::at(self.line, "a name has at least one letter"));
         }
-        let declared = self.declared();
+        let declared = self.variable_declaration();
         match (self.stated_name(by), declared) {
             (Some(range), declared) => {
                 let old = unquoted(&self.text[range.clone()]).ok_or_else(|| {
@@ -73,7 +73,7 @@ impl ScriptObject<'_> {
                 Ok(Renaming { stated: None, variable: Some((at, name)) })
             }
             (None, None) if by == NamedBy::Option => {
-                let stated = set_option(&self.text, &self.made, self.line, "name", &quoted(to))?;
+                let stated = set_option(&self.text, &self.creating_call, self.line, "name", &quoted(to))?;
                 Ok(Renaming { stated: Some(stated), variable: None })
             }
             (None, None) => {
@@ -83,16 +83,16 @@ impl ScriptObject<'_> {
     }
 
     /// Byte at which the statement of the creating call declares the variable, and the variable.
-    fn declared(&self) -> Option<(usize, &str)> {
-        let start = self.text.statement_start(self.made.name.start);
+    fn variable_declaration(&self) -> Option<(usize, &str)> {
+        let start = self.text.statement_start(self.creating_call.name.start);
         let name = self.text.variable_of(start).filter(|name| self.variable.as_deref() == Some(name))?;
         Some((self.text.skip(start + "let".len()), name))
     }
 
     /// Fails if another object of the same kind has this name.
     fn refuse_taken(&self, to: &str) -> Result<(), EditRefused> {
-        let made = &self.text[self.made.name.clone()];
-        for other in self.text.calls_of(made).filter(|call| call.name != self.made.name) {
+        let made = &self.text[self.creating_call.name.clone()];
+        for other in self.text.calls_of(made).filter(|call| call.name != self.creating_call.name) {
             let first = other.inside.start..self.text.value_end(other.inside.start, other.inside.end);
             let option = option_value(&self.text, &other, "name").unwrap_or(first);
             if unquoted(self.text[option].trim()).as_deref() == Some(to) {

@@ -46,12 +46,12 @@ pub fn reorder(
     if lines.contains(&target_lines.start) {
         return Err(EditRefused::at(moved.0, "this statement makes both objects; their order is fixed"));
     }
-    let with_more = lines.start..about_it(source, &lines);
+    let with_more = lines.start..end_of_statements_about(source, &lines);
     let with_more = if with_more.contains(&target_lines.start) { lines.clone() } else { with_more };
-    let target_lines = target_lines.start..about_it(source, &target_lines);
+    let target_lines = target_lines.start..end_of_statements_about(source, &target_lines);
     let mut refused = None;
     for lines in [with_more, lines] {
-        match passes(source, &lines, &target_lines, side) {
+        match check_order(source, &lines, &target_lines, side) {
             Ok(()) => return Ok(Edit::between(text, &swapped(text, lines, target_lines, side))),
             Err(why) => drop(refused.get_or_insert(why)),
         }
@@ -60,7 +60,7 @@ pub fn reorder(
 }
 
 /// End of the statements that directly follow these lines and begin with the variable that the lines declare.
-fn about_it(source: &Source, lines: &Range<usize>) -> usize {
+fn end_of_statements_about(source: &Source, lines: &Range<usize>) -> usize {
     let mut end = lines.end;
     let Some(name) = source.variable_of(source.skip(lines.start)) else { return end };
     loop {
@@ -79,7 +79,7 @@ fn about_it(source: &Source, lines: &Range<usize>) -> usize {
 }
 
 /// Fails if statements would behave differently after they pass the ones before or after them, because either set a variable that the other uses.
-fn passes(
+fn check_order(
     source: &Source,
     lines: &Range<usize>,
     target: &Range<usize>,
@@ -90,13 +90,13 @@ fn passes(
     let line_of = |byte: usize| source.place_of(byte).0;
     let refuse = |byte: usize, why: String| Err(EditRefused::at(line_of(byte), &why));
     let inside = |range: &Range<usize>, name: &str| source.uses_of(name).find(|at| range.contains(at));
-    for set in source.set_within(lines) {
+    for set in source.assigned_names_in(lines) {
         let name = &source[set];
         if let Some(used) = inside(&between, name) {
             return refuse(used, format!("this line uses {name}, which the moved line sets"));
         }
     }
-    for set in source.set_within(&between) {
+    for set in source.assigned_names_in(&between) {
         let name = &source[set.clone()];
         if inside(lines, name).is_some() {
             let way = if upwards { "before" } else { "behind" };

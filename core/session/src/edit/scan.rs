@@ -239,7 +239,7 @@ impl<'a> Source<'a> {
     }
 
     /// Bytes of the names that statements in a range declare or assign.
-    pub(super) fn set_within(&self, range: &Range<usize>) -> Vec<Range<usize>> {
+    pub(super) fn assigned_names_in(&self, range: &Range<usize>) -> Vec<Range<usize>> {
         let tokens = self.index(range.start)..self.index(range.end);
         let is_set = |index: &usize| {
             let before = index.checked_sub(1).map_or("", |before| self.token(before));
@@ -451,7 +451,7 @@ impl<'a> Source<'a> {
     }
 
     /// First byte of the last call before `before` that is assigned by `let NAME =` or `NAME =`.
-    pub(crate) fn made_as(&self, name: &str, before: usize) -> Option<usize> {
+    pub(crate) fn assigned_call(&self, name: &str, before: usize) -> Option<usize> {
         let is_it = |index: &usize| {
             self.call_from(self.start(*index)).is_some_and(|call| call.name.start == self.start(*index))
                 && self.variable_before(self.start(*index)) == Some(name)

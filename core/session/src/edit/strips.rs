@@ -4,13 +4,13 @@ use super::cues::{CueChange, comment_behind, set_times, statement_start};
 use super::indenting::indented;
 use super::key_list::parts;
 use super::keys::shifted_keys;
+use super::number_style::in_number_style;
 use super::object::ScriptObject;
 use super::scan::{Call, Source};
 use super::times::{CueTime, EditTime, TimeLiteral};
 use super::values::{
     becomes_method, format_number, is_calculation, numbers_over, option_value, options_of, set_option,
 };
-use super::whole::written_like;
 use super::{Edit, EditRefused, chain};
 use choreo_stage::{Cue, Described};
 use std::ops::Range;
@@ -52,7 +52,7 @@ pub(super) struct Strip<'a> {
 
 /// Content of the second half of a split cue.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Rest {
+pub enum SecondHalf {
     /// Plays this part of the clip, clip seconds.
     Trim([f64; 2]),
     /// Repeats the clip: two keys of stage time and clip time, seconds.
@@ -116,7 +116,7 @@ impl<'a> Strip<'a> {
             true => None,
             false => set_option(&self.text, &self.call, self.line, name, &value).ok(),
         };
-        option.unwrap_or_else(|| chain::added(&self.text, &self.call, &format!("{name}({numbers})")))
+        option.unwrap_or_else(|| chain::add_method(&self.text, &self.call, &format!("{name}({numbers})")))
     }
 
     /// Comment at the end of the cue's last line, with the whitespace before it.
@@ -322,13 +322,13 @@ pub fn set_disabled(text: &str, line: usize, column: usize, off: bool) -> Result
             return Err(strip.computed("weight", &value));
         }
         let old = &strip.text[old];
-        return Ok(Edit { text: format!("{} /* {old} */", written_like(old, "0.0")), range });
+        return Ok(Edit { text: format!("{} /* {old} */", in_number_style(old, "0.0")), range });
     }
     if let Some(old) = inside.split_once("/*").and_then(|(_, rest)| rest.split_once("*/")) {
         return Ok(Edit { range, text: old.0.trim().to_string() });
     }
     // The cue had no stated weight before it was disabled, so the call is removed.
-    Ok(ScriptObject::at(text, line, column)?.unstate(&["weight"]))
+    Ok(ScriptObject::at(text, line, column)?.remove_values(&["weight"]))
 }
 
 /// Splits a cue at a time: it ends there, and a second cue with the rest of its clip follows. `fade_out`: fade-out of a cue on an upper layer,
@@ -341,7 +341,7 @@ pub fn split_cue(
     line: usize,
     column: usize,
     at: EditTime,
-    rest: Rest,
+    second_half: SecondHalf,
     fade_out: Option<f64>,
 ) -> Result<Edit, EditRefused> {
     let strip = Strip::at(text, line, column)?;
@@ -350,16 +350,16 @@ pub fn split_cue(
     let until = strip.value("until").map(|until| strip.text[until].trim().to_string());
     // The second cue is written in the style of the first: with methods or with options.
     let is_method = becomes_method(&strip.text, &strip.call, &strip.chain, "trim");
-    match rest {
-        Rest::Trim(trim) => second = with_value(&second, is_method, ("trim", &seconds(&trim, at.fps))),
-        Rest::ClipTime(keys) => {
+    match second_half {
+        SecondHalf::Trim(trim) => second = with_value(&second, is_method, ("trim", &seconds(&trim, at.fps))),
+        SecondHalf::ClipTime(keys) => {
             let keys = keys.map(|[when, shown]| {
-                let when = EditTime { secs: when, fps: at.fps }.anew(&strip.text);
+                let when = EditTime { secs: when, fps: at.fps }.new_text(&strip.text);
                 format!("[{when}, {}]", format_number(shown))
             });
             second += &format!(".clip_time([{}])", keys.join(", "));
         }
-        Rest::Same => {}
+        SecondHalf::Same => {}
     }
     if let Some(until) = &until {
         second += &format!(".until({until})");
@@ -404,7 +404,7 @@ pub fn duplicate_cue(
     let shifted =
         shift_keys(then, 1, 2, by).map_err(|refused| EditRefused { line: Some(line), ..refused })?;
     let blanks = &second[..second.len() - then.len()];
-    let until = until.map(|until| format!(".until({})", until.like(strip.in_frames(), &strip.text)));
+    let until = until.map(|until| format!(".until({})", until.text_in_style(strip.in_frames(), &strip.text)));
     let second = format!("{blanks}{}{}", shifted.apply(then), until.unwrap_or_default());
     Ok(indented(text, Edit::between(text, &strip.followed_by(&second))))
 }

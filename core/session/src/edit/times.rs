@@ -22,35 +22,35 @@ pub struct EditTime {
 impl EditTime {
     /// The time as a person would write it into this script, if it has no such time yet.
     pub fn written(self, script: &str) -> String {
-        self.anew(&Source::new(script))
+        self.new_text(&Source::new(script))
     }
 
     /// Text of a time that the script does not state yet: seconds. Frames, `f(12)`, if seconds would need more digits than a person writes and most
     /// times of the script count frames.
-    pub(super) fn anew(self, script: &Source) -> String {
-        self.short(|| counts_frames(script, self.fps))
+    pub(super) fn new_text(self, script: &Source) -> String {
+        self.short_text(|| counts_frames(script, self.fps))
     }
 
-    /// Like [`EditTime::anew`], but in the style of the times with these names that the call states, if there are any.
-    fn beside(self, text: &Source, call: &Call, names: &[&str]) -> String {
+    /// Like [`EditTime::new_text`], but in the style of the times with these names that the call states, if there are any.
+    fn text_like_times_of(self, text: &Source, call: &Call, names: &[&str]) -> String {
         let stated = names.iter().filter_map(|name| TimeLiteral::of(text, &stated_time(text, call, name)?));
         let styles: Vec<bool> = stated.map(|time| time.in_frames).collect();
         let frames = styles.iter().filter(|in_frames| **in_frames).count();
-        self.short(
-            || if styles.is_empty() { counts_frames(text, self.fps) } else { 2 * frames > styles.len() },
-        )
+        self.short_text(|| {
+            if styles.is_empty() { counts_frames(text, self.fps) } else { 2 * frames > styles.len() }
+        })
     }
 
     /// Text of the time in seconds. In frames if seconds need more digits than a person writes and `counts_frames` is true.
-    fn short(self, counts_frames: impl FnOnce() -> bool) -> String {
+    fn short_text(self, counts_frames: impl FnOnce() -> bool) -> String {
         let text = self.text(false);
         let is_long = text.split('.').nth(1).is_some_and(|digits| digits.len() > USUAL_DIGITS);
         if is_long && counts_frames() { self.text(true) } else { text }
     }
 
-    /// The time in a given style: in frames or in seconds, or like [`EditTime::anew`] for `None`.
-    pub(super) fn like(self, in_frames: Option<bool>, script: &Source) -> String {
-        in_frames.map_or_else(|| self.anew(script), |in_frames| self.text(in_frames))
+    /// The time in a given style: in frames or in seconds, or like [`EditTime::new_text`] for `None`.
+    pub(super) fn text_in_style(self, in_frames: Option<bool>, script: &Source) -> String {
+        in_frames.map_or_else(|| self.new_text(script), |in_frames| self.text(in_frames))
     }
 
     /// Text of the time: `f(31)` if `in_frames` and it falls on a frame, else seconds with a decimal point. Seconds are rounded to the millisecond;
@@ -115,7 +115,7 @@ impl TimeLiteral {
 
     /// The edit that replaces the time, in the same style.
     pub fn set(self, text: &str, time: EditTime) -> Edit {
-        Edit::over(text, self.range, &time.text(self.in_frames))
+        Edit::in_old_style(text, self.range, &time.text(self.in_frames))
     }
 }
 
@@ -127,7 +127,7 @@ pub(super) fn restated(text: &Source, bytes: &Range<usize>, time: EditTime) -> O
     let frames = text.call_from(range.start).filter(is_frame);
     let number = frames.as_ref().map_or(&range, |call| &call.inside);
     let in_frames = frames.is_some();
-    is_calculation(text, number).then(|| Edit::over(text, range.clone(), &time.text(in_frames)))
+    is_calculation(text, number).then(|| Edit::in_old_style(text, range.clone(), &time.text(in_frames)))
 }
 
 /// The part of a cue to be changed.
@@ -183,8 +183,8 @@ pub fn set_time(
     if part == CueTime::Start && text[call.name.clone()] == *"then" {
         return refuse("it begins where the clip before it ends; change the end of that clip");
     }
-    let written = time.beside(text, &call, &["from", "until"]);
-    Ok(chain::added(text, &call, &format!("{name}({written})")))
+    let written = time.text_like_times_of(text, &call, &["from", "until"]);
+    Ok(chain::add_method(text, &call, &format!("{name}({written})")))
 }
 
 /// Sets the duration of the transition into or out of a cue: in place of the stated value with one of these names, else as a new value with the
@@ -204,11 +204,11 @@ fn set_fade(
     let stated = |name: &&&str| option_value(text, call, name).is_some();
     let name = names.iter().find(stated).unwrap_or(&name);
     let old = option_value(text, call, name).and_then(|bytes| restated(text, &bytes, time));
-    let written = time.beside(text, call, &["fade", "fade_out"]);
+    let written = time.text_like_times_of(text, call, &["fade", "fade_out"]);
     match (old, becomes_method(text, call, chain, name)) {
         (Some(edit), _) => Ok(edit),
         (None, false) => set_option(text, call, line, name, &written),
-        (None, true) => Ok(chain::added(text, call, &format!("{name}({written})"))),
+        (None, true) => Ok(chain::add_method(text, call, &format!("{name}({written})"))),
     }
 }
 
@@ -218,7 +218,7 @@ pub(super) fn stated_time(text: &Source, call: &Call, name: &str) -> Option<Rang
 }
 
 /// Whether the call at a position is a `then` without `from`, which begins where the previous clip ends.
-pub fn follows(text: &str, line: usize, column: usize) -> bool {
+pub fn follows_previous_cue(text: &str, line: usize, column: usize) -> bool {
     let text = &Source::new(text);
     let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
     call.is_some_and(|call| text[call.name.clone()] == *"then" && stated_time(text, &call, "from").is_none())

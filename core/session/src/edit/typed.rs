@@ -1,24 +1,24 @@
 //! Numbers that the user typed, written into the script as they were typed.
 
+use super::number_style::without_point;
 use super::times::EditTime;
 use super::values::format_number;
-use super::whole::without_point;
 use super::{Edit, EditRefused};
 
 /// A number with its source text, which may be an expression: `1.0 / 3.0` or `f(12)`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Typed {
+pub struct TypedNumber {
     pub value: f64,
     pub text: String,
 }
 
-impl From<f64> for Typed {
-    fn from(value: f64) -> Typed {
-        Typed { value, text: format_number(value) }
+impl From<f64> for TypedNumber {
+    fn from(value: f64) -> TypedNumber {
+        TypedNumber { value, text: format_number(value) }
     }
 }
 
-impl Typed {
+impl TypedNumber {
     /// Replaces the digits of the number in an edit with the typed text; also in the line that a refusal offers. `made`: the edit with digits.
     ///
     /// # Errors
@@ -27,7 +27,7 @@ impl Typed {
         self.in_place_of(&[format_number(self.value)], text, made)
     }
 
-    /// Like [`Typed::keep`] for a time in seconds. `fps`: frame rate of the stage.
+    /// Like [`TypedNumber::keep`] for a time in seconds. `fps`: frame rate of the stage.
     ///
     /// # Errors
     /// `made` is a refusal.
@@ -57,7 +57,7 @@ impl Typed {
             |edit: Edit| digits.iter().find_map(|digits| self.replaced(digits, text, &edit)).unwrap_or(edit);
         match made {
             Ok(edit) => Ok(kept(edit)),
-            Err(refused) => Err(EditRefused { over: refused.over.map(kept), ..refused }),
+            Err(refused) => Err(EditRefused { alternative: refused.alternative.map(kept), ..refused }),
         }
     }
 
@@ -95,12 +95,12 @@ impl Typed {
 mod tests {
     use super::*;
 
-    fn third() -> Typed {
-        Typed { value: 1.0 / 3.0, text: "1.0 / 3.0".to_string() }
+    fn third() -> TypedNumber {
+        TypedNumber { value: 1.0 / 3.0, text: "1.0 / 3.0".to_string() }
     }
 
     /// The second text after an edit from the first one keeps the typed number.
-    fn kept(typed: &Typed, before: &str, after: &str) -> String {
+    fn kept(typed: &TypedNumber, before: &str, after: &str) -> String {
         let edit = Edit::between(before, after);
         typed.keep_time(before, Ok(edit), 25.0).unwrap().apply(before)
     }
@@ -126,7 +126,7 @@ mod tests {
 
     #[test]
     fn a_typed_frame_is_kept_in_place_of_seconds() {
-        let frame = Typed { value: 0.48, text: "f(12)".to_string() };
+        let frame = TypedNumber { value: 0.48, text: "f(12)".to_string() };
         assert_eq!(kept(&frame, "from(0.5)", "from(0.48)"), "from(f(12))");
         assert_eq!(kept(&frame, "from(f(3))", "from(f(12))"), "from(f(12))");
         // A typed number without an expression is written in the style of the script.

@@ -44,13 +44,13 @@ pub fn unroll(text: &str, line: usize, column: usize) -> Result<Edit, EditRefuse
     }
     let indent = indent_before(text, found.all.start);
     let round = |number: &str, value: &str| {
-        let mut round = Round::default();
+        let mut round = LoopIteration::default();
         let mut at = found.body.start;
         for word in words.iter().filter(|word| is_variable(text, word)) {
             let name = &text[(*word).clone()];
             round.text += &text[at..word.start];
             match name == found.name {
-                true => round.put_in(text, word, value),
+                true => round.insert_value(text, word, value),
                 false if made.contains(&name) => round.text += &format!("{name}_{number}"),
                 false => round.text += name,
             }
@@ -117,10 +117,10 @@ fn without_constant(text: &str, name: &str) -> Option<String> {
     let whole = start..end;
     let lines = Source::new(text).own_lines(&whole).unwrap_or(start..end + blanks(&text[end..]));
     let (mut round, mut at) =
-        (Round { text: text[..lines.start].to_string(), ..Round::default() }, lines.end);
+        (LoopIteration { text: text[..lines.start].to_string(), ..LoopIteration::default() }, lines.end);
     for word in uses {
         round.text += &text[at..word.start];
-        round.put_in(text, word, &text[value.clone()]);
+        round.insert_value(text, word, &text[value.clone()]);
         at = word.end;
     }
     round.text += &text[at..];
@@ -174,23 +174,23 @@ fn is_variable(text: &str, word: &Range<usize>) -> bool {
 
 /// The body of a loop with a value in place of the variable.
 #[derive(Default)]
-struct Round {
+struct LoopIteration {
     text: String,
     /// One byte of each inserted value.
     places: Vec<usize>,
 }
 
-impl Round {
+impl LoopIteration {
     /// Writes a value in place of a word, in parentheses where operator precedence would change its meaning.
-    fn put_in(&mut self, text: &str, word: &Range<usize>, value: &str) {
+    fn insert_value(&mut self, text: &str, word: &Range<usize>, value: &str) {
         let (before, behind) = (text[..word.start].trim_end(), text[word.end..].trim_start());
         let begins = before.ends_with(['(', '[', '{', ',', ';', ':'])
             || before.ends_with('=') && !["==", "!=", "<=", ">="].iter().any(|sign| before.ends_with(sign));
         let ends = behind.starts_with([')', ']', '}', ',', ';']);
-        let digits = value.strip_prefix('-').filter(|digits| is_whole(digits));
+        let digits = value.strip_prefix('-').filter(|digits| needs_no_parentheses(digits));
         let is_negative = digits.is_some() && literal(value, &(0..value.len())).is_some();
         let is_summand = is_negative && behind.starts_with(['+', '-', '*', '/', '%']);
-        let is_safe = begins && (ends || is_summand) || is_whole(value);
+        let is_safe = begins && (ends || is_summand) || needs_no_parentheses(value);
         self.places.push(self.text.len() + usize::from(!is_safe));
         self.text += &if is_safe { value.to_string() } else { format!("({value})") };
     }
@@ -206,7 +206,7 @@ impl Round {
 }
 
 /// Whether a value needs no parentheses in any expression: it has no operators outside brackets.
-fn is_whole(value: &str) -> bool {
+fn needs_no_parentheses(value: &str) -> bool {
     let mut depth = 0usize;
     token_ranges(value).into_iter().map(|token| &value[token]).all(|token| {
         match token {

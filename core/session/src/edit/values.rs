@@ -1,9 +1,9 @@
 //! Values in a text: number literals, lists of them, and options of calls.
 
 use super::expression::calculated;
+use super::number_style::in_number_style;
 use super::scan::{Call, Source};
 use super::times::TimeLiteral;
-use super::whole::written_like;
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
@@ -96,11 +96,13 @@ pub(super) fn numbers_over(text: &Source, bytes: &Range<usize>, new: &[f64]) -> 
     let (is_alike, is_alone) = (old.len() == new.len(), old.len() == 1);
     let part = |((range, old), new): (Component, &f64)| {
         let written = &text[range.clone()];
-        let anew = match old {
+        let new = match old {
             Some(old) => changed(written, old, *new, is_alone),
-            None => Some(is_calculation(text, &range).then(|| written_like(written, &format_number(*new)))?),
+            None => {
+                Some(is_calculation(text, &range).then(|| in_number_style(written, &format_number(*new)))?)
+            }
         };
-        Some((range, anew))
+        Some((range, new))
     };
     let parts: Option<Vec<_>> = old.into_iter().zip(new).map(part).collect();
     replaced(text, &parts.filter(|_| is_alike)?)
@@ -112,8 +114,8 @@ pub(super) fn numbers_plus(text: &Source, bytes: &Range<usize>, by: &[f64]) -> O
     let (is_alike, is_alone) = (old.len() == by.len(), old.len() == 1);
     let part = |((range, old), by): (Component, &f64)| match old {
         Some(old) => {
-            let anew = changed(&text[range.clone()], old, old + by, is_alone);
-            Some((range, anew))
+            let new = changed(&text[range.clone()], old, old + by, is_alone);
+            Some((range, new))
         }
         None => (format_number(*by) == format_number(0.0)).then_some((range, None)),
     };
@@ -129,7 +131,7 @@ fn changed(written: &str, old: f64, new: f64, is_alone: bool) -> Option<String> 
     let digits = format_number(new);
     match format_number(old) == digits {
         true => ((old - new).abs() >= SAME || is_alone).then(|| written.to_string()),
-        false => Some(written_like(written, &digits)),
+        false => Some(in_number_style(written, &digits)),
     }
 }
 
@@ -137,11 +139,11 @@ fn changed(written: &str, old: f64, new: f64, is_alone: bool) -> Option<String> 
 fn replaced(text: &str, parts: &[(Range<usize>, Option<String>)]) -> Option<Edit> {
     let start = parts.first()?.0.start;
     let mut edit: Option<Edit> = None;
-    for (range, anew) in parts {
-        let Some(anew) = anew else { continue };
+    for (range, new) in parts {
+        let Some(new) = new else { continue };
         let edit = edit.get_or_insert_with(|| Edit { range: range.start..range.start, text: String::new() });
         edit.text += &text[edit.range.end..range.start];
-        edit.text += anew;
+        edit.text += new;
         edit.range.end = range.end;
     }
     Some(edit.unwrap_or(Edit { range: start..start, text: String::new() }))
@@ -234,7 +236,7 @@ pub(crate) fn set_option(
         }
         let inside = &text[bytes.clone()];
         let start = bytes.start + (inside.len() - inside.trim_start().len());
-        return Ok(Edit::over(text, start..start + inside.trim().len(), value));
+        return Ok(Edit::in_old_style(text, start..start + inside.trim().len(), value));
     }
     let comma = if text[map.clone()].trim().is_empty() { " " } else { ", " };
     let last = map.start + text[map.clone()].trim_end().len();

@@ -1,6 +1,8 @@
 //! Keys in a script's text, changed and added.
 
-use choreo_session::edit::{Edit, EditTime, KeyShape, KeySide, KeyValue, ScriptObject, Typed, set_trim};
+use choreo_session::edit::{
+    Edit, EditTime, KeyShape, KeySide, KeyValue, ScriptObject, TypedNumber, set_trim,
+};
 use glam::{DQuat, DVec3};
 
 /// About x, then y, then z (fixed axes), degrees.
@@ -108,7 +110,7 @@ fn only_the_numbers_that_are_others_are_written() {
 #[test]
 fn a_typed_number_takes_the_place_of_its_own_digits() {
     let text = "let a = cast(\"a\", m).at(0.333, 0.333, 0.0).key(\"position\", [[0.333, [0.333, 0.333, 0.0], #{ tangent: [0.333, 0.333, 0.0] }], [1.0, [0.333, 0.0, 0.0]]]);\na.play(c).trim(f(3), 0.333);";
-    let typed = Typed { value: 1.0 / 3.0, text: "1.0 / 3.0".into() };
+    let typed = TypedNumber { value: 1.0 / 3.0, text: "1.0 / 3.0".into() };
     let (before, now) = ([0.333, 0.333, 0.0], [0.333, typed.value, 0.0]);
     let object = ScriptObject::at(text, 1, 9).unwrap();
     let kept = |made| typed.keep_time(text, made, FPS).unwrap().apply(text);
@@ -180,7 +182,7 @@ fn no_text_makes_it_panic() {
                 let _ = object.set_key_shapes("position", &[(time(secs), shape)]);
                 let _ = object.paste_keys(&text[text.find(".key").unwrap()..*to.max(&11)], time(secs));
             }
-            let _ = object.set_key_how("position", FPS, Some("\"step\""));
+            let _ = object.set_key_interpolation("position", FPS, Some("\"step\""));
             let _ = object.copy_keys("position", &[time(0.0), time(2.0)]);
             let _ = object.written_keys("position", FPS);
         }
@@ -192,7 +194,7 @@ fn no_text_makes_it_panic() {
             let _ = object.set_key(property, time(1.0), KeyValue::Text("0.5"));
             let _ = object.add_keys(property, time(1.0), KeyValue::Text("1.0"));
             let _ = object.delete_keys(property, &[time(0.0), time(2.0)]);
-            let _ = object.set_key_how(property, FPS, Some("\"step\""));
+            let _ = object.set_key_interpolation(property, FPS, Some("\"step\""));
         }
     }
 }
@@ -223,7 +225,7 @@ fn a_color_takes_the_place_of_kelvin() {
     let object = ScriptObject::at(text, 1, 9).unwrap();
     let refused = object.option("color", "\"#ffffff\"").unwrap_err();
     assert_eq!(refused.why, "line 1: kelvin: 3200 sets its color; a color would replace that");
-    let after = refused.over.unwrap().apply(text);
+    let after = refused.alternative.unwrap().apply(text);
     assert_eq!(after, "let l = spot(#{ inner: 10, color: \"#ffffff\" /* warm */, outer: 20 });");
 }
 
@@ -396,16 +398,16 @@ fn easings_of_keys_and_of_all() {
     let refused = object.set_key_ease("scale", time(1.0), Some("\"in_quad\"")).unwrap_err();
     assert!(refused.why.contains("all keys of its scale are \"cubic\""), "{}", refused.why);
     assert_eq!(
-        refused.over.unwrap().apply(&cubic),
+        refused.alternative.unwrap().apply(&cubic),
         "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, 2, \"in_quad\"], [2.0, 3]]);"
     );
-    let how = |text: &str, how| changed(text, |o| o.set_key_how("scale", FPS, how));
+    let how = |text: &str, how| changed(text, |o| o.set_key_interpolation("scale", FPS, how));
     assert_eq!(how(all, Some("\"cubic\"")).unwrap(), cubic);
     assert_eq!(how(all, None).unwrap(), all.replace(", \"smooth\"", ""));
     assert_eq!(how(text, Some("\"in_sine\"")).unwrap(), text.replace("]]);", "]], \"in_sine\");"));
     let object = ScriptObject::at(text, 1, 9).unwrap();
-    let refused = object.set_key_how("scale", FPS, Some("\"step\"")).unwrap_err();
-    assert_eq!(refused.over.unwrap().apply(text), text.replace(", \"in_quad\"]]", "]], \"step\""));
+    let refused = object.set_key_interpolation("scale", FPS, Some("\"step\"")).unwrap_err();
+    assert_eq!(refused.alternative.unwrap().apply(text), text.replace(", \"in_quad\"]]", "]], \"step\""));
 }
 
 #[test]
@@ -444,11 +446,11 @@ fn tangents_are_written_into_their_key_alone() {
     let step = text.replace(", \"in_quad\"", "").replace("}]]);", "}]], \"step\");");
     let object = ScriptObject::at(&step, 1, 9).unwrap();
     let refused = object.set_key_shapes("position", &[(time(0.0), even(&[0.0]))]).unwrap_err();
-    assert!(refused.over.unwrap().apply(&step).contains("[0.0, [0, 0, 0], #{ tangent: 0.0 }]"));
+    assert!(refused.alternative.unwrap().apply(&step).contains("[0.0, [0, 0, 0], #{ tangent: 0.0 }]"));
     let object = ScriptObject::at(text, 1, 9).unwrap();
-    let refused = object.set_key_how("position", FPS, Some("\"step\"")).unwrap_err();
+    let refused = object.set_key_interpolation("position", FPS, Some("\"step\"")).unwrap_err();
     assert!(refused.why.contains("keys of its position have tangents of their own"), "{}", refused.why);
-    assert!(refused.over.unwrap().apply(text).ends_with("[2.0, [0, 0, 0]]], \"step\");"));
+    assert!(refused.alternative.unwrap().apply(text).ends_with("[2.0, [0, 0, 0]]], \"step\");"));
     let computed = text.replace("out_tangent: [1,", "out_tangent: [x,");
     let why = set(&computed, 2.0, even(&[0.0])).unwrap_err();
     assert!(why.contains("a key of its position has tangents that are computed"), "{why}");
@@ -497,7 +499,7 @@ fn keys_of_a_cue_are_those_of_its_methods() {
     assert_eq!(set, text.replace("[2.0, 1, ", "[2.0, 0.5, "));
     let set = made(2, "play", &|o| o.set_key(".weight", time(3.0), half));
     assert_eq!(set, text.replace("\"in_quad\"]]", "\"in_quad\"], [3.0, 0.5]]"));
-    let eased = made(2, "play", &|o| o.set_key_how(".weight", FPS, Some("\"in_sine\"")));
+    let eased = made(2, "play", &|o| o.set_key_interpolation(".weight", FPS, Some("\"in_sine\"")));
     assert_eq!(eased, text.replace("\"in_quad\"]])", "\"in_quad\"]], \"in_sine\")"));
     let gone = made(2, "play", &|o| o.delete_keys(".weight", &[time(1.0), time(2.0)]));
     assert_eq!(gone, text.replace(".weight([[1.0, 0], [2.0, 1, \"in_quad\"]])", ""));
@@ -568,14 +570,14 @@ fn keys_among_options_become_a_method_where_only_that_will_do() {
             change(&ScriptObject::at(text, 1, column).unwrap()).map(|edit| edit.apply(text))
         };
     let text = "a.play(c, #{ weight: [[0.0, 0], [1.0, 1]] }).until(4.0);";
-    let smooth = made(text, &|o| o.set_key_how(".weight", FPS, Some("\"smooth\""))).unwrap();
+    let smooth = made(text, &|o| o.set_key_interpolation(".weight", FPS, Some("\"smooth\""))).unwrap();
     assert_eq!(smooth, "a.play(c).until(4.0).weight([[0.0, 0], [1.0, 1]], \"smooth\");");
-    let linear = made(text, &|o| o.set_key_how(".weight", FPS, None)).unwrap();
+    let linear = made(text, &|o| o.set_key_interpolation(".weight", FPS, None)).unwrap();
     assert_eq!(linear, text);
     // Easings of single keys would be replaced.
     let eased = text.replace("[1.0, 1]", "[1.0, 1, \"in_quad\"]");
-    let refused = made(&eased, &|o| o.set_key_how(".weight", FPS, Some("\"cubic\""))).unwrap_err();
-    let over = refused.over.unwrap().apply(&eased);
+    let refused = made(&eased, &|o| o.set_key_interpolation(".weight", FPS, Some("\"cubic\""))).unwrap_err();
+    let over = refused.alternative.unwrap().apply(&eased);
     assert_eq!(over, "a.play(c).until(4.0).weight([[0.0, 0], [1.0, 1]], \"cubic\");");
     // A method counts more than the option, and a number is no list.
     let both = "a.play(c, #{ weight: [[0.0, 0]] }).weight(0.5);";
@@ -599,7 +601,7 @@ fn keys_of_joints_and_of_morph_targets_are_not_taken_for_others() {
     let weight = KeyValue::Text("0.25");
     assert_eq!(set(text, "morph:smile", 0.0, weight).unwrap(), text.replace("0.5", "0.25"));
     let written = ScriptObject::at(text, 1, 9).unwrap().written_keys("morph:blink", FPS).unwrap();
-    assert_eq!((written.line, written.how.as_deref()), (3, Some("\"smooth\"")));
+    assert_eq!((written.line, written.interpolation.as_deref()), (3, Some("\"smooth\"")));
     assert_eq!(written.keys[0].numbers, Some(vec![0.7]));
     let added = changed("let a = cast(\"a\", m);", |o| o.add_keys("morph:it", time(1.0), weight)).unwrap();
     assert_eq!(added, "let a = cast(\"a\", m);\na.key(\"morph\", \"it\", [[1.0, 0.25]]);");
@@ -610,9 +612,10 @@ fn computed_keys_can_be_stated_anew_in_a_line() {
     let text = "let a = cast(\"a\", m).key(\"scale\", [[x, 1], [2.0, 3]], \"smooth\");\nlet b = 1;";
     let object = ScriptObject::at(text, 1, 9).unwrap();
     let refused = object.move_key("scale", time(2.0), time(3.0)).unwrap_err();
-    assert!(refused.is_computed && refused.over.is_none());
+    assert!(refused.is_computed && refused.alternative.is_none());
     let scale = |value: f64| KeyValue::Scale(DVec3::splat(value));
-    let anew = object.stated_anew(refused, "scale", &[(time(0.4), scale(1.0)), (time(3.0), scale(3.0))]);
+    let anew =
+        object.offering_all_keys(refused, "scale", &[(time(0.4), scale(1.0)), (time(3.0), scale(3.0))]);
     let line = "a.key(\"scale\", [[0.4, 1.0], [3.0, 3.0]], \"smooth\");";
-    assert_eq!(anew.over.unwrap().apply(text), text.replace("\nlet b", &format!("\n{line}\nlet b")));
+    assert_eq!(anew.alternative.unwrap().apply(text), text.replace("\nlet b", &format!("\n{line}\nlet b")));
 }

@@ -3,7 +3,7 @@
 mod keys;
 #[path = "../../src/edit/marked.rs"]
 mod marked;
+mod object_values;
 mod reload;
-mod stating;
 mod strips_text;
 mod watching;

@@ -2,8 +2,9 @@
 
 use crate::marked::marked;
 use choreo_session::edit::{
-    Anew, CueTime, Edit, EditRefused, EditTime, Rest, ScriptObject, copied_cues, copy_cue, delete_cue,
-    duplicate_cue, paste_cue, set_disabled, set_number, set_time, set_trim, shift_cue, shift_keys, split_cue,
+    CueTime, Edit, EditRefused, EditTime, NewValueSyntax, ScriptObject, SecondHalf, copied_cues, copy_cue,
+    delete_cue, duplicate_cue, paste_cue, set_disabled, set_number, set_time, set_trim, shift_cue,
+    shift_keys, split_cue,
 };
 
 fn at(secs: f64) -> EditTime {
@@ -73,11 +74,17 @@ fn a_new_value_is_written_as_the_others_are() {
     let end = |text: &str| changed(text, &|t, l, c| set_time(t, l, c, CueTime::End, at(3.0))).unwrap();
     assert_eq!(end("a.|play(c, #{ until: f(50) });"), "a.play(c, #{ until: f(75) });");
     let stated = |text: &str, anew| {
-        changed(text, &|t, l, c| ScriptObject::at(t, l, c)?.state("speed", "1.0 / 3.0", anew)).unwrap()
+        changed(text, &|t, l, c| ScriptObject::at(t, l, c)?.set_value("speed", "1.0 / 3.0", anew)).unwrap()
     };
-    assert_eq!(stated("a.|play(c).weight(0.5);", Anew::Alike), "a.play(c).weight(0.5).speed(1.0 / 3.0);");
-    assert_eq!(stated("a.|play(c);", Anew::Alike), "a.play(c, #{ speed: 1.0 / 3.0 });");
-    assert_eq!(stated("a.|play(c).speed(2.0 / 3.0);", Anew::Alike), "a.play(c).speed(1.0 / 3.0);");
+    assert_eq!(
+        stated("a.|play(c).weight(0.5);", NewValueSyntax::LikeOthers),
+        "a.play(c).weight(0.5).speed(1.0 / 3.0);"
+    );
+    assert_eq!(stated("a.|play(c);", NewValueSyntax::LikeOthers), "a.play(c, #{ speed: 1.0 / 3.0 });");
+    assert_eq!(
+        stated("a.|play(c).speed(2.0 / 3.0);", NewValueSyntax::LikeOthers),
+        "a.play(c).speed(1.0 / 3.0);"
+    );
 }
 
 #[test]
@@ -102,16 +109,16 @@ fn a_disabled_clip_remembers_its_weight() {
 
 #[test]
 fn a_split_clip_is_two_with_the_same_content() {
-    let rest = Rest::Trim([1.0, 2.5]);
+    let rest = SecondHalf::Trim([1.0, 2.5]);
     let split = |text: &str, rest, fade| changed(text, &|t, l, c| split_cue(t, l, c, at(1.5), rest, fade));
     assert_eq!(
         split("x();\n  a.|play(c, #{ fade: 0.3, speed: 2 }).from(0.5).until(f(75)); // in", rest, None)
             .unwrap(),
         "x();\n  a.play(c, #{ fade: 0.3, speed: 2 }).from(0.5).until(1.5) // in\n      .then(c, #{ speed: 2, trim: [1.0, 2.5] }).until(f(75));"
     );
-    let chain = split("a.|play(c).weight(0.5)\n    .then(d);", Rest::Same, None).unwrap();
+    let chain = split("a.|play(c).weight(0.5)\n    .then(d);", SecondHalf::Same, None).unwrap();
     assert_eq!(chain, "a.play(c).until(1.5).weight(0.5)\n    .then(c).weight(0.5)\n    .then(d);");
-    let keys = Rest::ClipTime([[1.5, 0.25], [4.0, 2.75]]);
+    let keys = SecondHalf::ClipTime([[1.5, 0.25], [4.0, 2.75]]);
     // All that is not about its ends, so that a new option needs no entry in a list.
     let in_place =
         split("a.|play(c, #{ reverse: true, ease: \"smooth\" }).in_place().inertial(0.2);", rest, None);
@@ -296,7 +303,7 @@ fn no_text_makes_it_panic() {
         for to in ends.iter().filter(|to| *to >= from) {
             for column in 1..9 {
                 let part = &text[*from..*to];
-                let _ = split_cue(part, 1, column, at(1.0), Rest::Same, Some(0.1));
+                let _ = split_cue(part, 1, column, at(1.0), SecondHalf::Same, Some(0.1));
                 let _ = duplicate_cue(part, 1, column, at(1.0), None);
                 let _ = set_disabled(part, 1, column, false);
                 let _ = copy_cue(part, 1, column, at(0.0), None);

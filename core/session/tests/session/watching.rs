@@ -198,8 +198,8 @@ fn a_tree_s_new_folders_are_watched_and_what_is_passed_over_is_not() {
     let mut watch = Watch::new().unwrap();
     let trees = BTreeSet::from([(folder.at("suite"), ".rhai".to_string())]);
     watch.set(WatchedPaths { trees, ..WatchedPaths::default() });
-    assert_eq!(watch.there(), BTreeSet::from([folder.at("suite/a/old.rhai")]));
-    watch.knows(folder.at("suite/a/old.rhai"), hash(b"0"));
+    assert_eq!(watch.existing_files(), BTreeSet::from([folder.at("suite/a/old.rhai")]));
+    watch.set_known_content(folder.at("suite/a/old.rhai"), hash(b"0"));
     assert_eq!(watch.wait(NOTHING).unwrap(), WatchEvent::TimedOut);
     // A folder in a new folder, with its file at once or later.
     for (name, pause) in [("suite/b/c", 0), ("suite/d/e", 150)] {

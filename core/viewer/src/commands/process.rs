@@ -7,15 +7,15 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A started command. Clones refer to the same process.
 #[derive(Clone)]
-pub struct Process(Arc<Mutex<Started>>);
+pub struct Process(Arc<Mutex<ChildState>>);
 
-struct Started {
+struct ChildState {
     child: Child,
     interrupted: bool,
 }
 
 /// Output streams of a finished command.
-pub struct Ended {
+pub struct CommandOutput {
     pub stdout: String,
     pub stderr: String,
     pub interrupted: bool,
@@ -29,15 +29,15 @@ impl Process {
         let (program, args) = words.split_first().ok_or(io::ErrorKind::NotFound)?;
         let mut command = Command::new(program);
         command.args(args).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        Ok(Process(Arc::new(Mutex::new(Started { child: command.spawn()?, interrupted: false }))))
+        Ok(Process(Arc::new(Mutex::new(ChildState { child: command.spawn()?, interrupted: false }))))
     }
 
-    fn locked(&self) -> MutexGuard<'_, Started> {
+    fn locked(&self) -> MutexGuard<'_, ChildState> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Waits for the end. `line`: called with each line of standard error; lines for which it returns `true` are not kept.
-    pub fn finish(&self, mut line: impl FnMut(&str) -> bool) -> io::Result<Ended> {
+    pub fn finish(&self, mut line: impl FnMut(&str) -> bool) -> io::Result<CommandOutput> {
         let (stdout, stderr) = {
             let child = &mut self.locked().child;
             (child.stdout.take(), child.stderr.take())
@@ -64,7 +64,7 @@ impl Process {
         let stdout = reader.join().unwrap_or_default();
         let mut started = self.locked();
         started.child.wait()?;
-        Ok(Ended { stdout, stderr: kept, interrupted: started.interrupted })
+        Ok(CommandOutput { stdout, stderr: kept, interrupted: started.interrupted })
     }
 
     /// Interrupts the process like Ctrl-C, so that it removes incomplete files; the second call kills it.

@@ -87,7 +87,7 @@ impl TestRun {
             let (shared, of_thread) = (self.0.clone(), process.clone());
             let thread = std::thread::Builder::new().name("tests".into());
             thread.spawn(move || {
-                let ended = judged(&of_thread);
+                let ended = read_results(&of_thread);
                 locked(&shared).take(ended, all);
                 changed();
             })?;
@@ -121,7 +121,7 @@ enum NoResults {
 }
 
 /// Waits for a run and parses its sections.
-fn judged(process: &Process) -> Result<Vec<Section>, NoResults> {
+fn read_results(process: &Process) -> Result<Vec<Section>, NoResults> {
     let ended = process.finish(|_| false).map_err(NoResults::Process)?;
     if ended.interrupted {
         return Err(NoResults::Stopped);

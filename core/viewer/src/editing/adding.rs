@@ -37,7 +37,7 @@ struct Framing {
 
 /// Source of an added clip.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum ClipOf {
+pub enum ClipSource {
     /// The file of an actor, given by its name.
     Actor(String),
     /// A file in the script's folder, or a built-in asset.
@@ -55,7 +55,7 @@ impl Viewer {
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn add_clip(&mut self, name: &str, of: &str, clip: &str, secs: f64) -> Result<(), EditError> {
         let secs = Some(secs).filter(|secs| !self.begins_at(name, *secs));
-        self.add_clip_to_layer(name, &ClipOf::Actor(of.to_string()), clip, secs, 0)
+        self.add_clip_to_layer(name, &ClipSource::Actor(of.to_string()), clip, secs, 0)
     }
 
     /// Plays a clip on an actor from a time on; `None`: after the last clip. `layer`: the row that the clip was dropped on.
@@ -65,7 +65,7 @@ impl Viewer {
     pub fn add_clip_to_layer(
         &mut self,
         name: &str,
-        of: &ClipOf,
+        of: &ClipSource,
         clip: &str,
         secs: Option<f64>,
         layer: usize,
@@ -82,10 +82,10 @@ impl Viewer {
             );
             return Err(EditError::refused_at(&place, &why));
         }
-        let takes_over = self.takes_over(name, clip, secs, layer);
+        let takes_over = self.overlap_note(name, clip, secs, layer);
         let follow = match of {
-            ClipOf::Actor(of) => self.add_clip_of_actor(name, of, clip, secs)?,
-            ClipOf::File(file) => self.add_clip_of_file(name, file, clip, secs).map(|()| None)?,
+            ClipSource::Actor(of) => self.add_clip_of_actor(name, of, clip, secs)?,
+            ClipSource::File(file) => self.add_clip_of_file(name, file, clip, secs).map(|()| None)?,
         };
         let notes: Vec<String> = follow.into_iter().chain(takes_over).collect();
         self.note = (!notes.is_empty()).then(|| notes.join("; "));
@@ -94,7 +94,7 @@ impl Viewer {
 
     /// Options of a clip that follows others.
     fn options_of_next(&self, name: &str) -> String {
-        if self.plays(name) { format!(", #{{ fade: {FADE} }}") } else { String::new() }
+        if self.has_base_clip(name) { format!(", #{{ fade: {FADE} }}") } else { String::new() }
     }
 
     /// Returns a note about how many joints follow the clip.
@@ -167,7 +167,7 @@ impl Viewer {
             Addition::Orbit(Some(name)) | Addition::Follow(name) => Some(self.framing(name)?),
             _ => None,
         };
-        let taken = room::taken(stage, now);
+        let taken = room::footprints(stage, now);
         let own = Footprint::around(0.3);
         // Positions to the left and to the right of the center in turn.
         let beside = (0..).map(|n: i32| f64::from((n + 1) / 2 * if n % 2 == 0 { -1 } else { 1 }));
@@ -211,7 +211,7 @@ impl Viewer {
         let what = Selected::Actor(name.to_string());
         let (place, siblings) = self.place_of(&what).ok_or(EditError::Gone)?;
         self.check_place(&place, siblings)?;
-        let known = self.known().ok_or(EditError::NothingShown)?;
+        let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let object = ScriptObject::at(&known, place.line, place.column);
         let declared = object.ok().and_then(|object| object.with_variable(name));
         let (variable, declares) = declared.ok_or_else(|| {
@@ -284,7 +284,7 @@ impl Viewer {
         let mut selects = None;
         let mut shown = scene.stage.actors.iter().peekable();
         let now = self.playhead.time();
-        let mut taken = self.scene.as_ref().map(|own| room::taken(&own.stage, now)).unwrap_or_default();
+        let mut taken = self.scene.as_ref().map(|own| room::footprints(&own.stage, now)).unwrap_or_default();
         for file in &dropped.files {
             let is_it = |actor: &&Actor| file.file_name().is_some_and(|name| *name == *actor.asset.name);
             let Some(actor) = shown.next_if(is_it) else {
@@ -293,7 +293,7 @@ impl Viewer {
             };
             let file = file.canonicalize().unwrap_or_else(|_| file.clone());
             let name = loaded_as(&file, &folder)
-                .unwrap_or_else(|| slashed(&copied(&file, &folder, &read.read, &mut copies)));
+                .unwrap_or_else(|| load_path(&asset_destination(&file, &folder, &read.read, &mut copies)));
             let along_x = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
             let own =
                 room::footprint(actor, None, Time::ZERO).unwrap_or(Footprint::around(0.5).moved(along_x));
@@ -324,9 +324,9 @@ impl Viewer {
                 let count =
                     if copies.len() == 1 { "a file".into() } else { format!("{} files", copies.len()) };
                 let why = format!("{count} from outside the script's folder, copied into {ASSETS}/:");
-                let agree = "Copy and add".into();
+                let label = "Copy and add".into();
                 self.offer =
-                    Some(Offer { why, agree, difference, copies, edit, text, selects, ..Offer::default() });
+                    Some(Offer { why, label, difference, copies, edit, text, selects, ..Offer::default() });
             }
         }
         if refused.is_empty() { Ok(()) } else { Err(EditError::refused(refused.join("; "))) }
@@ -336,7 +336,7 @@ impl Viewer {
     ///
     /// # Errors
     /// The files that could not be added, with reasons: unreadable, or outside the script's folder. The others are added.
-    pub fn add_guests(&mut self) -> Result<(), EditError> {
+    pub fn add_previewed_files(&mut self) -> Result<(), EditError> {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let folder = folder_of(&path);
         let mut text = read(&path)?;
@@ -351,15 +351,15 @@ impl Viewer {
             .ok_or_else(|| EditError::refused("the dropped files cannot be read"))?;
         let (mut shown, mut refused) = (scene.stage.actors.iter().peekable(), Vec::new());
         let mut selects = None;
-        for guest in &self.guests {
+        for file in &self.previewed_files {
             // Actors are in the order of the dropped files, without the unreadable ones.
-            let is_it = |actor: &&Actor| guest.file_name().is_some_and(|name| *name == *actor.asset.name);
+            let is_it = |actor: &&Actor| file.file_name().is_some_and(|name| *name == *actor.asset.name);
             let Some(actor) = shown.next_if(is_it) else {
-                refused.push(format!("{}: it cannot be read", guest.display()));
+                refused.push(format!("{}: it cannot be read", file.display()));
                 continue;
             };
             let at = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
-            match loaded_as(guest, &folder) {
+            match loaded_as(file, &folder) {
                 Some(inside) => {
                     let (lines, name) = cast_lines(&text, &inside, at, None);
                     text.push_str(&lines);
@@ -367,14 +367,14 @@ impl Viewer {
                 }
                 None => refused.push(format!(
                     "{}: it is outside the script's folder, and load(…) reads only inside; copy it into that folder first",
-                    guest.display()
+                    file.display()
                 )),
             }
         }
-        if refused.len() < self.guests.len() {
+        if refused.len() < self.previewed_files.len() {
             let edit = Edit { range: begins..begins, text: text.split_off(begins) };
             self.write_edit(&path, &before, edit)?;
-            self.guests_leave = true;
+            self.close_preview = true;
             self.selection = selects;
         }
         if refused.is_empty() { Ok(()) } else { Err(EditError::refused(refused.join("; "))) }
@@ -395,12 +395,12 @@ fn loaded_as(file: &Path, folder: &Path) -> Option<String> {
 }
 
 /// A path as `load` takes it.
-fn slashed(path: &Path) -> String {
+fn load_path(path: &Path) -> String {
     path.to_string_lossy().replace('\\', "/")
 }
 
 /// Destination of a file in the assets folder. Adds it and the files that it reads from its own folder (buffers, images) to `copies`.
-fn copied(
+fn asset_destination(
     file: &Path,
     folder: &Path,
     files_read: &[PathBuf],

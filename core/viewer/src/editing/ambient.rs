@@ -3,7 +3,7 @@
 use super::{EditError, FieldChange};
 use crate::app::Viewer;
 use choreo_asset::srgb_from_linear;
-use choreo_session::edit::{Anew, ScriptObject, Typed, expression};
+use choreo_session::edit::{NewValueSyntax, ScriptObject, TypedNumber, expression};
 use glam::Vec3;
 
 /// Ambient light: sRGB colors from above and from below, and the strength.
@@ -11,7 +11,7 @@ use glam::Vec3;
 pub struct Ambient {
     pub up: [u8; 3],
     pub down: [u8; 3],
-    pub strength: Typed,
+    pub strength: TypedNumber,
 }
 
 impl Viewer {
@@ -69,9 +69,9 @@ impl Viewer {
         };
         match place {
             Some(place) => self.change(&place, 1, |text| {
-                ScriptObject::at(text, place.line, place.column)?.state_inside(&value)
+                ScriptObject::at(text, place.line, place.column)?.set_arguments(&value)
             }),
-            None => self.change_stage(&FieldChange::Value("ambient", value, Anew::Option)),
+            None => self.change_stage(&FieldChange::Value("ambient", value, NewValueSyntax::Option)),
         }
     }
 }
@@ -99,15 +99,16 @@ fn is_color(argument: &str) -> bool {
 }
 
 /// The strength that is written after the colors; 1 if there is none.
-fn strength_of(written: &str) -> Typed {
+fn strength_of(written: &str) -> TypedNumber {
     let in_map = written.trim().strip_prefix("#{").and_then(|map| map.split_once("strength:"));
     let text = match in_map {
         Some((_, rest)) => rest.split([',', '}']).next(),
         None => arguments(written).last().copied(),
     };
-    let typed =
-        |text: &str| Some(Typed { value: expression::value(text, 1.0)?, text: text.trim().to_string() });
-    text.and_then(typed).filter(|typed| typed.value > 0.0).unwrap_or_else(|| Typed::from(1.0))
+    let typed = |text: &str| {
+        Some(TypedNumber { value: expression::value(text, 1.0)?, text: text.trim().to_string() })
+    };
+    text.and_then(typed).filter(|typed| typed.value > 0.0).unwrap_or_else(|| TypedNumber::from(1.0))
 }
 
 #[cfg(test)]

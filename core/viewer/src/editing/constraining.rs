@@ -29,7 +29,7 @@ impl ConstraintCall {
     pub const ALL: [ConstraintCall; 3] = [ConstraintCall::Reach, ConstraintCall::LookAt, ConstraintCall::Aim];
 
     /// Label in menus, before the target.
-    pub fn words(self) -> &'static str {
+    pub fn label(self) -> &'static str {
         match self {
             ConstraintCall::Reach => "Hand reaches",
             ConstraintCall::LookAt => "Look at",
@@ -46,7 +46,7 @@ impl ConstraintCall {
     }
 
     /// Offset of the target point from the joint: forward and up, in heights of the character.
-    fn way(self) -> [f64; 2] {
+    fn target_offset(self) -> [f64; 2] {
         match self {
             // The point is within the reach of a hanging arm.
             ConstraintCall::Reach => [0.15, 0.1],
@@ -96,14 +96,14 @@ impl Viewer {
         };
         let now = self.playhead.time();
         let snapshot = scene.stage.at(now).map_err(|error| EditError::refused(error.to_string()))?;
-        let point = point_before(found, &snapshot.actors[index], joint, new.call.way());
+        let point = point_before(found, &snapshot.actors[index], joint, new.call.target_offset());
         let from = self.edit_time(now.as_secs());
         let joint = quoted(found.asset.skeleton.short_name(joint));
         self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             let of = of.as_ref().map(|of| ScriptObject::at(text, of.line, of.column)).transpose()?;
             let target = match &of {
-                Some(of) => of.named()?.to_string(),
+                Some(of) => of.required_variable()?.to_string(),
                 None => format!("[{}]", point.to_array().map(format_number).join(", ")),
             };
             let from = if from.secs > 0.0 { format!(".from({})", from.written(text)) } else { String::new() };

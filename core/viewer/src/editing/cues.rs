@@ -7,7 +7,8 @@ use crate::state::timeline::Bar;
 use choreo_motion::Time;
 use choreo_script::Place;
 use choreo_session::edit::{
-    CueTime, EditTime, cues_before, delete_cue, follows, has_end, set_number, set_time, shift_keys,
+    CueTime, EditTime, cues_before, delete_cue, follows_previous_cue, has_end, set_number, set_time,
+    shift_keys,
 };
 use std::collections::BTreeSet;
 
@@ -21,9 +22,9 @@ impl Viewer {
         let layer = self.layer_of(what);
         let at = layer.iter().position(|bar| bar.what == *what).ok_or(EditError::Gone)?;
         let by = secs.max(0.0) - layer[at].start.as_secs();
-        self.check_begins(&layer[at].place, &layer[at].label, secs)?;
+        self.check_start(&layer[at].place, &layer[at].label, secs)?;
         let steps = self.move_steps(&layer, &|index| index == at || ripple && index > at, by)?;
-        let note = self.pushed_out(&layer[at + 1..], by).filter(|_| ripple);
+        let note = self.note_of_hidden_bars(&layer[at + 1..], by).filter(|_| ripple);
         let note = note.or_else(|| self.moved_end(what, std::slice::from_ref(what), by));
         self.change_all(steps)?;
         self.note = note;
@@ -31,7 +32,7 @@ impl Viewer {
     }
 
     /// Fails if a bar would begin after the end of the scene, where it is never visible.
-    pub(super) fn check_begins(&self, place: &Place, label: &str, secs: f64) -> Result<(), EditError> {
+    pub(super) fn check_start(&self, place: &Place, label: &str, secs: f64) -> Result<(), EditError> {
         let (begins, length) = (Time::from_secs(secs), self.timeline.length);
         if begins < length {
             return Ok(());
@@ -43,17 +44,17 @@ impl Viewer {
     }
 
     /// The clip whose end is the start of a bar.
-    pub(super) fn followed_bar(&self, what: &Selected) -> Option<Bar> {
+    pub(super) fn previous_bar(&self, what: &Selected) -> Option<Bar> {
         let layer = self.layer_of(what);
         let at = layer.iter().position(|bar| bar.what == *what)?;
-        let before = self.followed(&layer)[at]?;
+        let before = self.previous_bars(&layer)[at]?;
         layer.into_iter().nth(before)
     }
 
     /// Note that the end of the previous clip moves with the start of a bar that begins there. `None` if there is no such clip, or it is one of
     /// `all`, which move, too.
     pub(crate) fn moved_end(&self, what: &Selected, all: &[Selected], by: f64) -> Option<String> {
-        let before = self.followed_bar(what).filter(|before| !all.contains(&before.what))?;
+        let before = self.previous_bar(what).filter(|before| !all.contains(&before.what))?;
         let ends = self.shown_time(self.bar(what).ok()?.start + Time::from_secs(by));
         Some(format!("{}, which it follows, now ends at {ends}", before.label))
     }
@@ -65,7 +66,7 @@ impl Viewer {
     }
 
     /// Note about bars that are no longer visible if they begin later by `by` seconds.
-    pub(super) fn pushed_out(&self, later: &[Bar], by: f64) -> Option<String> {
+    pub(super) fn note_of_hidden_bars(&self, later: &[Bar], by: f64) -> Option<String> {
         let length = self.timeline.length;
         let is_out = |bar: &&Bar| bar.start < length && bar.start + Time::from_secs(by) >= length;
         let labels: Vec<&str> = later.iter().filter(is_out).map(|bar| bar.label.as_str()).collect();
@@ -101,7 +102,7 @@ impl Viewer {
         let note = self.moved_ends(&bars, by);
         self.change_all(steps)?;
         self.note = note;
-        self.keys_have_moved(&keys, by);
+        self.move_key_selection(&keys, by);
         Ok(())
     }
 
@@ -110,7 +111,7 @@ impl Viewer {
         let mut layers: BTreeSet<Vec<Selected>> = BTreeSet::new();
         for what in all {
             let bar = self.bar(what)?;
-            self.check_begins(&bar.place, &bar.label, bar.start.as_secs() + by)?;
+            self.check_start(&bar.place, &bar.label, bar.start.as_secs() + by)?;
             if matches!(what, Selected::Cue { .. }) {
                 layers.insert(self.layer_of(what).into_iter().map(|bar| bar.what).collect());
                 continue;
@@ -136,8 +137,8 @@ impl Viewer {
         moves: &dyn Fn(usize) -> bool,
         by: f64,
     ) -> Result<Vec<Step<'static>>, EditError> {
-        let known = self.known().ok_or(EditError::NothingShown)?;
-        let (mut steps, followed) = (Vec::new(), self.followed(layer));
+        let known = self.displayed_text().ok_or(EditError::NothingShown)?;
+        let (mut steps, followed) = (Vec::new(), self.previous_bars(layer));
         let later = |time: Time| (time.as_secs() + by).max(0.0);
         for (index, bar) in layer.iter().enumerate().filter(|(index, _)| moves(*index)) {
             let (line, column) = (bar.place.line, bar.place.column);
@@ -245,13 +246,13 @@ impl Viewer {
     /// Index of the bar that precedes each bar in its chain of the script, which may differ from the previous one in the row.
     pub(super) fn cues_before(&self, layer: &[Bar]) -> Vec<Option<usize>> {
         let places: Vec<_> = layer.iter().map(|bar| (bar.place.line, bar.place.column)).collect();
-        self.known().map_or_else(|| vec![None; layer.len()], |text| cues_before(&text, &places))
+        self.displayed_text().map_or_else(|| vec![None; layer.len()], |text| cues_before(&text, &places))
     }
 
     /// Index of the bar whose end is the start of each bar of a layer.
-    pub(super) fn followed(&self, layer: &[Bar]) -> Vec<Option<usize>> {
-        let (before, known) = (self.cues_before(layer), self.known().unwrap_or_default());
-        let begins_there = |bar: &Bar| follows(&known, bar.place.line, bar.place.column);
+    pub(super) fn previous_bars(&self, layer: &[Bar]) -> Vec<Option<usize>> {
+        let (before, known) = (self.cues_before(layer), self.displayed_text().unwrap_or_default());
+        let begins_there = |bar: &Bar| follows_previous_cue(&known, bar.place.line, bar.place.column);
         let all = before.into_iter().zip(layer);
         all.map(|(before, bar)| before.filter(|_| begins_there(bar))).collect()
     }

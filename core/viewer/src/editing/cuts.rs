@@ -73,7 +73,7 @@ impl Viewer {
             let why = "it is on until the scene ends: no camera takes over from it";
             return Err(EditError::refused_at(&bar.place, why));
         };
-        self.check_begins(&next.place, &next.label, secs)?;
+        self.check_start(&next.place, &next.label, secs)?;
         if secs <= bar.start.as_secs() {
             let shown = |secs: f64| self.shown_time(Time::from_secs(secs));
             let (end, start) = (shown(secs), shown(bar.start.as_secs()));

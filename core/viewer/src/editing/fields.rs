@@ -6,8 +6,8 @@ use crate::app::Viewer;
 use crate::state::selection::{Selected, actor};
 use choreo_script::{Place, mask_problem};
 use choreo_session::edit::{
-    Anew, CueTime, Edit, EditRefused, EditTime, KeyValue, ScriptObject, Typed, expression, format_as_meant,
-    set_time, set_trim,
+    CueTime, Edit, EditRefused, EditTime, KeyValue, NewValueSyntax, ScriptObject, TypedNumber, expression,
+    format_as_meant, set_time, set_trim,
 };
 use choreo_stage::{Camera, Property};
 use glam::DVec3;
@@ -17,15 +17,15 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, PartialEq)]
 pub enum FieldChange {
     /// A time of a cue, effect or title, seconds.
-    Time(CueTime, Typed),
+    Time(CueTime, TypedNumber),
     /// A value as source text. Computed values are not overwritten.
-    Value(&'static str, String, Anew),
+    Value(&'static str, String, NewValueSyntax),
     /// A value as source text that also overwrites a computed one.
-    Text(&'static str, String, Anew),
+    Text(&'static str, String, NewValueSyntax),
     /// Removes these values.
     Reset(Vec<&'static str>),
     /// Trimmed part of a clip, clip seconds, and the end of it that the user typed.
-    Trim([f64; 2], Typed),
+    Trim([f64; 2], TypedNumber),
     /// `once`, `loop` or `ping_pong`.
     Repeat(&'static str),
     Clip(String),
@@ -40,7 +40,7 @@ pub enum FieldChange {
     /// An argument of the creating call, counted from 0, as source text.
     Argument(usize, String),
     /// A key of a point at the playhead: property name, new value, and the component that the user typed.
-    KeyedPoint(&'static str, DVec3, Typed),
+    KeyedPoint(&'static str, DVec3, TypedNumber),
 }
 
 /// A call in the script that belongs to an actor or a camera: a constraint, an attachment, springs, or a camera motion.
@@ -68,7 +68,7 @@ impl Viewer {
     pub(crate) fn change_field(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
         let done = self.change_field_once(what, change);
         let (what, change) = (what.clone(), change.clone());
-        self.or_written_out(done, move |viewer| viewer.change_field(&what, &change))
+        self.or_after_unroll(done, move |viewer| viewer.change_field(&what, &change))
     }
 
     fn change_field_once(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
@@ -123,10 +123,10 @@ impl Viewer {
     ///
     /// # Errors
     /// Fails as [`Viewer::change_field`] does.
-    pub(crate) fn unstate(&mut self, what: &Selected, name: &str) -> Result<(), EditError> {
+    pub(crate) fn remove_parameter(&mut self, what: &Selected, name: &str) -> Result<(), EditError> {
         let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
         self.change(&place, siblings, |text| {
-            Ok(ScriptObject::at(text, place.line, place.column)?.unstate(&[name]))
+            Ok(ScriptObject::at(text, place.line, place.column)?.remove_values(&[name]))
         })
     }
 
@@ -150,9 +150,9 @@ impl Viewer {
             return self.change(place, 1, |text| {
                 let object = ScriptObject::at(text, place.line, place.column)?;
                 match change {
-                    FieldChange::Value("length", length, anew) => {
+                    FieldChange::Value("length", length, syntax) => {
                         let in_frames = stage_length(&object, text, length, fps);
-                        in_frames.unwrap_or_else(|| object.state("length", length, *anew))
+                        in_frames.unwrap_or_else(|| object.set_value("length", length, *syntax))
                     }
                     change => changed(&object, text, change),
                 }
@@ -191,7 +191,11 @@ impl Viewer {
                         CueTime::End => "until",
                         CueTime::FadeIn | CueTime::FadeOut => "fade",
                     };
-                    let made = object.state_time(name, EditTime { secs: time.value, fps }, Anew::Option);
+                    let made = object.set_time_value(
+                        name,
+                        EditTime { secs: time.value, fps },
+                        NewValueSyntax::Option,
+                    );
                     time.keep_time(text, made, fps)
                 }
                 change => changed(&object, text, change),
@@ -216,7 +220,7 @@ impl Viewer {
             StatedCall { place, siblings, title, arguments, written }
         };
         let read = self.read_object(place, siblings, |object| {
-            let title = format!("{} {}", object.made_by(), object.arguments());
+            let title = format!("{} {}", object.creating_function(), object.arguments());
             let arguments = [0, 1].map(|number| object.argument(number).map(str::to_string));
             Some(call(title.trim().to_string(), arguments, object.all_written()))
         });
@@ -247,7 +251,7 @@ impl Viewer {
     ) -> Option<(String, String, BTreeMap<String, String>)> {
         self.read_selected(what, |object| {
             let asset = object.asset_object().ok()?;
-            Some((asset.made_by().to_string(), asset.arguments().to_string(), asset.all_written()))
+            Some((asset.creating_function().to_string(), asset.arguments().to_string(), asset.all_written()))
         })
     }
 
@@ -292,7 +296,7 @@ impl Viewer {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match is_keyed {
                 true => object.set_key("focal_length", when, KeyValue::Text(length_text)),
-                false => object.state("focal_length", length_text, Anew::Method),
+                false => object.set_value("focal_length", length_text, NewValueSyntax::Method),
             }
         })
     }
@@ -315,9 +319,9 @@ fn stage_length(
     object.written("length").filter(|written| expression::counts_frames(written))?;
     let secs = expression::value(length, fps)?;
     let frame = EditTime { secs: (secs * fps).round().max(1.0) / fps, fps };
-    let made = object.state_time("length", frame, Anew::Option);
+    let made = object.set_time_value("length", frame, NewValueSyntax::Option);
     // An expression stays as it was typed.
-    let typed = Typed { value: frame.secs, text: length.to_string() };
+    let typed = TypedNumber { value: frame.secs, text: length.to_string() };
     let is_number = length.parse::<f64>().is_ok();
     Some(if is_number { made } else { typed.keep_time(text, made, fps) })
 }
@@ -339,47 +343,47 @@ fn in_place_of(
         return make(text);
     }
     // Text before the call has not changed.
-    let unstated = object.unstate(others);
-    let plain = unstated.apply(text);
-    let edit = make(&plain).map_err(|refused| refused.before(text, &[unstated]))?;
+    let removal = object.remove_values(others);
+    let plain = removal.apply(text);
+    let edit = make(&plain).map_err(|refused| refused.before(text, &[removal]))?;
     Ok(Edit::between(text, &edit.apply(&plain)))
 }
 
 /// The edit for a change of an object.
 pub(super) fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Edit, EditRefused> {
     match change {
-        FieldChange::Value("inertial", value, anew) => {
+        FieldChange::Value("inertial", value, syntax) => {
             let (line, column) = object.place();
             in_place_of(text, (line, column), &["fade", "in_step"], |text| {
-                ScriptObject::at(text, line, column)?.state("inertial", value, *anew)
+                ScriptObject::at(text, line, column)?.set_value("inertial", value, *syntax)
             })
         }
-        FieldChange::Value(name, value, anew) => object.state(name, value, *anew),
-        FieldChange::Text(name, value, anew) => object.state_over(name, value, *anew),
-        FieldChange::Reset(names) => Ok(object.unstate(names)),
-        FieldChange::Clip(name) => object.state_clip(name),
-        FieldChange::Words(words) => object.state_words(words),
+        FieldChange::Value(name, value, syntax) => object.set_value(name, value, *syntax),
+        FieldChange::Text(name, value, syntax) => object.overwrite_value(name, value, *syntax),
+        FieldChange::Reset(names) => Ok(object.remove_values(names)),
+        FieldChange::Clip(name) => object.set_clip(name),
+        FieldChange::Words(words) => object.set_words(words),
         FieldChange::Repeat(how) => {
             let (line, column) = object.place();
             let value = format!("\"{how}\"");
             in_place_of(text, (line, column), &REPEATS, |text| {
-                ScriptObject::at(text, line, column)?.state("repeat", &value, Anew::Option)
+                ScriptObject::at(text, line, column)?.set_value("repeat", &value, NewValueSyntax::Option)
             })
         }
         FieldChange::Within(option, name, value) => match value {
-            Some(value) => object.state_within(option, name, value),
-            None => Ok(object.unstate_within(option, name)),
+            Some(value) => object.set_value_in_option(option, name, value),
+            None => Ok(object.remove_value_in_option(option, name)),
         },
         FieldChange::Material(name, value) => {
             let asset = object.asset_object()?;
             match value {
-                Some(value) => asset.state(name, value, Anew::Option),
+                Some(value) => asset.set_value(name, value, NewValueSyntax::Option),
                 // `emissive_strength` without `emissive` is an error in scripts.
-                None if *name == "emissive" => Ok(asset.unstate(&["emissive", "emissive_strength"])),
-                None => Ok(asset.unstate(&[name])),
+                None if *name == "emissive" => Ok(asset.remove_values(&["emissive", "emissive_strength"])),
+                None => Ok(asset.remove_values(&[name])),
             }
         }
-        FieldChange::Argument(number, value) => object.state_argument(*number, value),
+        FieldChange::Argument(number, value) => object.set_argument(*number, value),
         FieldChange::Time(..)
         | FieldChange::Trim(..)
         | FieldChange::FocalLength(..)

@@ -4,14 +4,14 @@
 use super::{EditError, Step, expression};
 use crate::app::Viewer;
 use crate::state::curves::KnownProperties;
-use crate::state::events::{Event, KeyOf};
+use crate::state::events::{Event, EventKey};
 use crate::state::keyed::{self, KeyRef, KeyedProperty, ValueKind, ValueText};
 use crate::state::selection::{Selected, actor};
 use crate::state::tangents::TangentChoice;
 use choreo_motion::Time;
 use choreo_script::Place;
 use choreo_session::edit::{
-    Edit, EditRefused, EditTime, KeyShape, KeyValue, ScriptObject, Typed, copied_keys,
+    Edit, EditRefused, EditTime, KeyShape, KeyValue, ScriptObject, TypedNumber, copied_keys,
 };
 use std::collections::BTreeMap;
 
@@ -44,7 +44,7 @@ impl Viewer {
     ) -> Result<(), EditError> {
         let steps = self.key_drag_steps(keys, by, value)?;
         self.change_all(steps)?;
-        self.keys_have_moved(keys, by);
+        self.move_key_selection(keys, by);
         Ok(())
     }
 
@@ -83,11 +83,11 @@ impl Viewer {
     }
 
     /// Moves a key to a typed time.
-    pub(crate) fn set_key_time(&mut self, key: &KeyRef, time: &Typed) -> Result<(), EditError> {
+    pub(crate) fn set_key_time(&mut self, key: &KeyRef, time: &TypedNumber) -> Result<(), EditError> {
         let (keys, by) = (std::slice::from_ref(key), time.value - key.at.as_secs());
         let (steps, fps) = (self.key_move_steps(keys, by)?, self.playhead.fps().as_fps());
         self.change_all(steps.into_iter().map(|step| step.keeping_time(time, fps)).collect())?;
-        self.keys_have_moved(keys, by);
+        self.move_key_selection(keys, by);
         Ok(())
     }
 
@@ -96,7 +96,7 @@ impl Viewer {
         &mut self,
         key: &KeyRef,
         numbers: &[f64],
-        typed: &Typed,
+        typed: &TypedNumber,
     ) -> Result<(), EditError> {
         let keyed = self.keyed(&key.what, &key.property)?;
         let step = self.value_step(&keyed, key.at, numbers)?;
@@ -108,7 +108,7 @@ impl Viewer {
         &mut self,
         key: KeyRef,
         shape: KeyShape,
-        typed: Option<&Typed>,
+        typed: Option<&TypedNumber>,
     ) -> Result<(), EditError> {
         let steps = self.shape_steps(&[(key, shape)])?.into_iter();
         self.change_all(match typed {
@@ -162,7 +162,7 @@ impl Viewer {
         for key in keys {
             let keyed = self.keyed(&key.what, &key.property)?;
             let index = keyed.keys.iter().position(|at| *at == key.at).ok_or(EditError::Gone)?;
-            let shape = keyed.chosen(index, choice).ok_or_else(|| {
+            let shape = keyed.shape_of_choice(index, choice).ok_or_else(|| {
                 let why = format!("keys of its {} cannot have tangents", keyed.name);
                 let place = self.place_of(&key.what).map(|(place, _)| place).unwrap_or_default();
                 EditError::refused_at(&place, &why)
@@ -201,10 +201,10 @@ impl Viewer {
     }
 
     /// Sets the interpolation of all keys of the properties of `keys`, as source text. `None`: linear.
-    pub fn set_key_how(&mut self, keys: &[KeyRef], how: Option<&str>) -> Result<(), EditError> {
+    pub fn set_key_interpolation(&mut self, keys: &[KeyRef], how: Option<&str>) -> Result<(), EditError> {
         let how = how.map(str::to_string);
         let change = move |object: &ScriptObject, property: &str, at: &[EditTime]| {
-            object.set_key_how(property, at[0].fps, how.as_deref())
+            object.set_key_interpolation(property, at[0].fps, how.as_deref())
         };
         let steps = self.key_steps(keys, change, &|at| Some(at))?;
         self.change_all(steps)
@@ -258,7 +258,7 @@ impl Viewer {
             let (place, siblings) = self.place_of(&what).ok_or(EditError::Gone)?;
             let by = self.edit_time(secs - first);
             let make = move |text: &str, line, column| {
-                ScriptObject::at(text, line, column)?.changing_all().paste_keys(&copied, by)
+                ScriptObject::at(text, line, column)?.allow_shared_edits().paste_keys(&copied, by)
             };
             steps.push(self.with_key_place(Step::new(place, siblings, make), &property, &[]));
         }
@@ -414,11 +414,11 @@ impl Viewer {
         }
         let (name, all) = (property.clone(), stated.clone());
         let make = move |text: &str, line, column| {
-            let object = ScriptObject::at(text, line, column)?.changing_all();
+            let object = ScriptObject::at(text, line, column)?.allow_shared_edits();
             match has_keys {
                 true => object
                     .set_key(&name, when, value.value())
-                    .map_err(|refused| anew(&object, refused, &name, &all)),
+                    .map_err(|refused| refuse_with_all_keys(&object, refused, &name, &all)),
                 false => object.add_keys(&name, when, value.value()),
             }
         };
@@ -446,7 +446,7 @@ impl Viewer {
             1 if uses > 1 => {
                 let stated: Vec<(EditTime, KeyValue)> =
                     stated.iter().map(|(time, text)| (*time, text.value())).collect();
-                Step { siblings: uses, alone: object.keys_anew(property, &stated), shared, ..step }
+                Step { siblings: uses, alone: object.all_keys_line(property, &stated), shared, ..step }
             }
             _ => Step { shared, ..step },
         }
@@ -469,8 +469,9 @@ impl Viewer {
             let at: Vec<EditTime> = at.iter().map(|at| self.edit_time(at.as_secs())).collect();
             let (name, change, all) = (property.to_string(), change.clone(), stated.clone());
             let make = move |text: &str, line, column| {
-                let object = ScriptObject::at(text, line, column)?.changing_all();
-                change(&object, &name, &at).map_err(|refused| anew(&object, refused, &name, &all))
+                let object = ScriptObject::at(text, line, column)?.allow_shared_edits();
+                change(&object, &name, &at)
+                    .map_err(|refused| refuse_with_all_keys(&object, refused, &name, &all))
             };
             steps.push(self.with_key_place(Step::new(place, siblings, make), property, &stated));
         }
@@ -505,7 +506,7 @@ impl Viewer {
 impl Event {
     /// The keys that a mark stands for.
     pub fn key_refs(&self) -> Vec<KeyRef> {
-        let key = |KeyOf { what, property, .. }: &KeyOf| KeyRef {
+        let key = |EventKey { what, property, .. }: &EventKey| KeyRef {
             what: what.clone(),
             property: property.clone(),
             at: self.at,
@@ -514,14 +515,14 @@ impl Event {
     }
 }
 
-fn anew(
+fn refuse_with_all_keys(
     object: &ScriptObject,
     refused: EditRefused,
     property: &str,
     stated: &[(EditTime, ValueText)],
 ) -> EditRefused {
     let stated: Vec<(EditTime, KeyValue)> = stated.iter().map(|(time, text)| (*time, text.value())).collect();
-    object.stated_anew(refused, property, &stated)
+    object.offering_all_keys(refused, property, &stated)
 }
 
 /// Times of keys, grouped by object and property.

@@ -2,7 +2,7 @@
 //! are offered: take the clip out of the chain, or change the whole chain.
 
 use super::fields::changed;
-use super::{EditError, FieldChange, Step, difference, made_of, read};
+use super::{EditError, FieldChange, Step, combine_steps, difference, read};
 use crate::app::Viewer;
 use crate::state::history::{Alternative, Offer};
 use crate::state::selection::Selected;
@@ -18,7 +18,7 @@ impl Viewer {
         let (FieldChange::Value(name, ..) | FieldChange::Text(name, ..)) = change else { return None };
         let (place, siblings) = self.place_of(what).filter(|_| is_of_layer(name))?;
         self.check_place(&place, siblings).ok().filter(|()| self.written(what, name).is_none())?;
-        let (known, path) = (self.known()?, self.path.clone()?);
+        let (known, path) = (self.displayed_text()?, self.path.clone()?);
         let text = read(&path).ok().filter(|text| **text == *known && !self.faulty)?;
         let layer = self.layer_of(what);
         let before = self.cues_before(&layer);
@@ -36,24 +36,24 @@ impl Viewer {
         let all = all.map(|edit| (format!("Change all {}", chain.len()), edit));
         let neighbours =
             [before[at], before.iter().position(|before| *before == Some(at))].map(|at| Some(&layer[at?]));
-        let alone = self.taken_out(&layer[at], neighbours, change, &text);
+        let alone = self.moved_out_of_chain(&layer[at], neighbours, change, &text);
         let alone = alone.map(|edit| (format!("Take {} out of the chain", layer[at].label), edit));
         let lines = |edit: &Edit| difference::lines(&text, &edit.apply(&text));
         let mut offers = alone.into_iter().chain(all);
-        if let Some((agree, edit)) = offers.next() {
+        if let Some((label, edit)) = offers.next() {
             let other =
-                offers.next().map(|(agree, edit)| Alternative { agree, difference: lines(&edit), edit });
+                offers.next().map(|(label, edit)| Alternative { label, difference: lines(&edit), edit });
             let selects = what.actor().map(|name| Selected::Actor(name.to_string()));
             let (why, difference) = (format!("{why}. This would change:"), lines(&edit));
             self.offer =
-                Some(Offer { why, agree, difference, edit, other, text, selects, ..Offer::default() });
+                Some(Offer { why, label, difference, edit, other, text, selects, ..Offer::default() });
         }
         Some(EditError::refused_at(&place, &why))
     }
 
     /// The edit that takes a clip out of its chain into a call of its own and changes it there. The previous clip of the chain continues until its
     /// end.
-    fn taken_out(
+    fn moved_out_of_chain(
         &self,
         bar: &Bar,
         [before, next]: [Option<&Bar>; 2],
@@ -63,7 +63,7 @@ impl Viewer {
         let (actor, siblings) = self.place_of(&Selected::Actor(bar.what.actor()?.to_string()))?;
         let [from, until] = [bar.start, bar.until].map(|time| self.edit_time(time.as_secs()));
         let is_stated = has_end(text, bar.place.line, bar.place.column);
-        let mut copied = self.copied(bar).ok()?;
+        let mut copied = self.clip_text(bar).ok()?;
         if next.is_some() && !is_stated {
             copied = set_time(&copied, 1, 1, CueTime::End, until).ok()?.apply(&copied);
         }
@@ -75,7 +75,7 @@ impl Viewer {
         steps.extend(before.map(|before| match next.is_some() || is_stated {
             true => self.time_step(before, CueTime::End, until.secs),
             false => self.step(before, |text, line, column| {
-                Ok(ScriptObject::at(text, line, column)?.unstate(&["until"]))
+                Ok(ScriptObject::at(text, line, column)?.remove_values(&["until"]))
             }),
         }));
         // Later positions come first, like in `change_all`.
@@ -83,6 +83,6 @@ impl Viewer {
             paste_cue(text, line, column, &copied, from)
         }));
         steps.sort_by_key(|step| std::cmp::Reverse((step.place.line, step.place.column)));
-        made_of(&steps, text).ok()
+        combine_steps(&steps, text).ok()
     }
 }

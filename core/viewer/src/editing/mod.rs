@@ -25,7 +25,7 @@ mod standing_clip;
 mod strips;
 mod trimming;
 
-pub use adding::ClipOf;
+pub use adding::ClipSource;
 pub use ambient::Ambient;
 pub use choreo_session::edit::expression;
 pub use error::EditError;
@@ -34,26 +34,26 @@ pub use fields::{FieldChange, StatedCall};
 pub use keys::ValueDrag;
 
 use crate::app::Viewer;
-use crate::state::history::{Done, Offer};
+use crate::state::history::{AppliedEdit, Offer};
 use crate::state::keyed::KeyRef;
 use crate::state::selection::Selected;
 use choreo_files::{WriteError, write_whole};
 use choreo_script::{Place, Severity};
 use choreo_session::Problem;
 use choreo_session::edit::{
-    CueTime, Edit, EditRefused, EditTime, ScriptObject, ScriptText, Typed, set_marker, set_time,
+    CueTime, Edit, EditRefused, EditTime, ScriptObject, ScriptText, TypedNumber, set_marker, set_time,
 };
 use std::path::Path;
 use std::sync::Arc;
 
 /// An edit of the call at a line and column.
-type Make<'m> = Box<dyn Fn(&str, usize, usize) -> Result<Edit, EditRefused> + 'm>;
+type MakeEdit<'m> = Box<dyn Fn(&str, usize, usize) -> Result<Edit, EditRefused> + 'm>;
 
 /// One part of an edit: a change of the call at one position.
 pub(crate) struct Step<'m> {
     pub place: Place,
     pub siblings: usize,
-    pub make: Make<'m>,
+    pub make: MakeEdit<'m>,
     /// Position of keys in a script function, which all siblings share, if it differs from `place`.
     pub shared: Option<Place>,
     /// A line that makes the change for this object alone.
@@ -70,14 +70,14 @@ impl<'m> Step<'m> {
     }
 
     /// The same step that keeps a number as it was typed.
-    pub fn keeping(self, typed: &Typed) -> Step<'m> {
+    pub fn keeping(self, typed: &TypedNumber) -> Step<'m> {
         let (make, typed) = (self.make, typed.clone());
         let make = move |text: &str, line, column| typed.keep(text, make(text, line, column));
         Step { make: Box::new(make), ..self }
     }
 
     /// The same step that keeps a time as it was typed. `fps`: frame rate of the stage.
-    pub fn keeping_time(self, typed: &Typed, fps: f64) -> Step<'m> {
+    pub fn keeping_time(self, typed: &TypedNumber, fps: f64) -> Step<'m> {
         let (make, typed) = (self.make, typed.clone());
         let make = move |text: &str, line, column| typed.keep_time(text, make(text, line, column), fps);
         Step { make: Box::new(make), ..self }
@@ -102,13 +102,13 @@ impl Viewer {
         &mut self,
         what: &Selected,
         part: CueTime,
-        typed: &Typed,
+        typed: &TypedNumber,
     ) -> Result<(), EditError> {
         let (bar, secs) = (self.bar(what)?, typed.value);
         let place = bar.place.clone();
         if part == CueTime::Start {
-            self.check_begins(&place, &bar.label, secs)?;
-            if let Some(before) = self.followed_bar(what) {
+            self.check_start(&place, &bar.label, secs)?;
+            if let Some(before) = self.previous_bar(what) {
                 // The boundary of two clips is written as the end of the first one.
                 self.check_boundary(Some(&before), &bar, secs)?;
                 let note = self.moved_end(what, &[], secs - bar.start.as_secs());
@@ -155,7 +155,7 @@ impl Viewer {
     }
 
     /// Text of the displayed version of the script.
-    fn known(&self) -> Option<Arc<str>> {
+    fn displayed_text(&self) -> Option<Arc<str>> {
         let places = &self.scene.as_ref()?.places;
         places.sources.get(&places.main).cloned()
     }
@@ -185,7 +185,7 @@ impl Viewer {
     ) -> Result<(), EditError> {
         if let Err(error) = self.check_place(place, siblings) {
             let is_shared = matches!(error, EditError::SharedLine { .. });
-            let made = self.known().filter(|_| is_shared).map(|known| make(&known));
+            let made = self.displayed_text().filter(|_| is_shared).map(|known| make(&known));
             return Err(self.offer_of_shared(error, place, made, None));
         }
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
@@ -201,19 +201,19 @@ impl Viewer {
                 let difference = difference::lines(&known, &edit.apply(&text));
                 let why = "the file has changed on disk since it was shown; with both changes it would be:"
                     .to_string();
-                let agree = "Write both".into();
-                self.offer = Some(Offer { why, agree, difference, edit, text, ..Offer::default() });
+                let label = "Write both".into();
+                self.offer = Some(Offer { why, label, difference, edit, text, ..Offer::default() });
             }
             return Err(if self.faulty { EditError::Faulty } else { EditError::ChangedOnDisk });
         }
         match made {
             Ok(edit) => self.write_edit(&path, &text, edit),
-            Err(EditRefused { why, line, over, agree, .. }) => {
+            Err(EditRefused { why, line, alternative, alternative_label, .. }) => {
                 let why = format!("{}: {why}", file_name(&places.main));
-                if let Some(edit) = over {
+                if let Some(edit) = alternative {
                     let difference = difference::lines(&text, &edit.apply(&text));
-                    let (why, agree) = (why.clone(), agree.into());
-                    self.offer = Some(Offer { why, agree, difference, edit, text, ..Offer::default() });
+                    let (why, label) = (why.clone(), alternative_label.into());
+                    self.offer = Some(Offer { why, label, difference, edit, text, ..Offer::default() });
                 }
                 Err(EditError::Refused { why, line })
             }
@@ -231,11 +231,11 @@ impl Viewer {
         });
         if let Some((error, place)) = shared {
             let is_shared = matches!(error, EditError::SharedLine { .. });
-            let made = self.known().filter(|_| is_shared).map(|known| made_of(&steps, &known));
+            let made = self.displayed_text().filter(|_| is_shared).map(|known| combine_steps(&steps, &known));
             let alone = if let [step] = &mut steps[..] { step.alone.take() } else { None };
             return Err(self.offer_of_shared(error, &place, made, alone));
         }
-        self.change(&first, 1, |text| made_of(&steps, text))
+        self.change(&first, 1, |text| combine_steps(&steps, text))
     }
 
     /// Fails if the object created at a position cannot be edited alone.
@@ -275,13 +275,13 @@ impl Viewer {
     fn write_edit(&mut self, path: &Path, text: &str, edit: Edit) -> Result<(), EditError> {
         let after = edit.apply(text);
         if after == text {
-            (self.dragging, self.placed) = (None, None);
+            (self.dragging, self.placement_override) = (None, None);
             return Ok(());
         }
         write(path, &after)?;
         let keys = self.keys_beside_selection();
-        self.history.unshown = Some(after.clone());
-        self.history.done.push(Done { back: edit.inverse(text), text: after, keys });
+        self.history.pending_text = Some(after.clone());
+        self.history.done.push(AppliedEdit { inverse: edit.inverse(text), text: after, keys });
         self.history.undone.clear();
         Ok(())
     }
@@ -301,8 +301,9 @@ impl Viewer {
         }
         self.write_edit(&path, &now, edit)?;
         self.selection = offer.selects.or(self.selection.take());
-        let writes_out = offer.agree == shared::WRITE_OUT;
-        self.repeat = self.repeat.take().filter(|_| writes_out).map(|(change, _)| (change, true));
+        let writes_out = offer.label == shared::WRITE_OUT;
+        self.pending_edit_after_unroll =
+            self.pending_edit_after_unroll.take().filter(|_| writes_out).map(|(change, _)| (change, true));
         Ok(())
     }
 
@@ -312,7 +313,7 @@ impl Viewer {
     /// Fails as [`Viewer::set_cue`] does, or if there is no edit to undo.
     pub fn undo(&mut self) -> Result<(), EditError> {
         let last = self.history.done.last().ok_or(EditError::NothingToUndo)?;
-        let again = self.take_back(&last.back, &last.text)?;
+        let again = self.apply_inverse(&last.inverse, &last.text)?;
         let undone = self.history.done.pop();
         self.restore_keys(undone, &again);
         self.history.undone.push(again);
@@ -325,7 +326,7 @@ impl Viewer {
     /// Fails as [`Viewer::undo`] does.
     pub fn redo(&mut self) -> Result<(), EditError> {
         let last = self.history.undone.last().ok_or(EditError::NothingToRedo)?;
-        let again = self.take_back(&last.back, &last.text)?;
+        let again = self.apply_inverse(&last.inverse, &last.text)?;
         let redone = self.history.undone.pop();
         self.restore_keys(redone, &again);
         self.history.done.push(again);
@@ -335,15 +336,15 @@ impl Viewer {
     /// Undoes the newest edit if the script no longer loads because of it, and reports why. Returns whether it did.
     pub(crate) fn take_back_faulty(&mut self, problems: &[Problem]) -> bool {
         let is_loaded = self.scene.is_some() && !self.faulty;
-        let Some(text) = self.history.unshown.take().filter(|_| is_loaded) else { return false };
+        let Some(text) = self.history.pending_text.take().filter(|_| is_loaded) else { return false };
         let is_newest = self.history.done.last().is_some_and(|done| done.text == text);
         let is_there = self.path.as_ref().and_then(|path| read(path).ok()).is_some_and(|now| now == text);
         if !is_newest || !is_there || self.undo().is_err() {
             return false;
         }
         self.history.undone.pop();
-        self.repeat = None;
-        (self.dragging, self.placed) = (None, None);
+        self.pending_edit_after_unroll = None;
+        (self.dragging, self.placement_override) = (None, None);
         let error = problems.iter().find(|problem| problem.severity == Severity::Error);
         let (message, line) = error.map_or(("", 0), |error| (error.message.as_str(), error.line));
         let why = format!("undone, because the script would not load: {message}");
@@ -352,26 +353,27 @@ impl Viewer {
     }
 
     /// Called when a version is displayed: makes the edit that waited for its loop to be unrolled.
-    pub(crate) fn change_is_shown(&mut self) {
+    pub(crate) fn apply_edit_after_unroll(&mut self) {
         let Some(places) = self.scene.as_ref().map(|scene| &scene.places) else { return };
         let shown = places.sources.get(&places.main).map(|text| text.to_string());
-        if self.history.unshown.is_some() && self.history.unshown != shown {
+        if self.history.pending_text.is_some() && self.history.pending_text != shown {
             return;
         }
-        self.history.unshown = None;
-        if let Some((change, _)) = self.repeat.take_if(|(_, is_agreed)| *is_agreed) {
+        self.history.pending_text = None;
+        if let Some((change, _)) = self.pending_edit_after_unroll.take_if(|(_, is_agreed)| *is_agreed) {
             change(self);
         }
     }
 
-    fn take_back(&self, back: &Edit, from: &str) -> Result<Done, EditError> {
+    fn apply_inverse(&self, inverse: &Edit, from: &str) -> Result<AppliedEdit, EditError> {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let now = read(&path)?;
-        let back = if now == from { Some(back.clone()) } else { back.carried_over(from, &now) };
-        let back = back.ok_or(EditError::Overtaken("the line has changed since; undo it in the editor"))?;
-        let after = back.apply(&now);
+        let inverse = if now == from { Some(inverse.clone()) } else { inverse.carried_over(from, &now) };
+        let inverse =
+            inverse.ok_or(EditError::Overtaken("the line has changed since; undo it in the editor"))?;
+        let after = inverse.apply(&now);
         write(&path, &after)?;
-        Ok(Done { back: back.inverse(&now), text: after, keys: self.keys_beside_selection() })
+        Ok(AppliedEdit { inverse: inverse.inverse(&now), text: after, keys: self.keys_beside_selection() })
     }
 
     fn keys_beside_selection(&self) -> (Option<Selected>, Vec<KeyRef>) {
@@ -379,7 +381,7 @@ impl Viewer {
     }
 
     /// Selects the keys again that were selected before an undone edit, once that text is displayed, unless something else is selected.
-    fn restore_keys(&mut self, taken_back: Option<Done>, again: &Done) {
+    fn restore_keys(&mut self, taken_back: Option<AppliedEdit>, again: &AppliedEdit) {
         let keys = taken_back.map(|done| done.keys).filter(|(beside, _)| *beside == self.selection);
         self.history.restored = keys.map(|(_, keys)| (again.text.clone(), keys));
     }
@@ -391,7 +393,7 @@ pub(crate) fn is_locked(name: &str) -> String {
 }
 
 /// Combines several steps into one edit.
-fn made_of(steps: &[Step], text: &str) -> Result<Edit, EditRefused> {
+fn combine_steps(steps: &[Step], text: &str) -> Result<Edit, EditRefused> {
     let (mut after, mut edits, mut refused) = (text.to_string(), Vec::new(), None);
     for Step { place, make, .. } in steps {
         // A refusal refers to lines of the text that the user sees.
@@ -399,9 +401,21 @@ fn made_of(steps: &[Step], text: &str) -> Result<Edit, EditRefused> {
         let edit = match made {
             Ok(edit) => edit,
             // The remaining steps are applied to the offered edit.
-            Err(EditRefused { over: Some(over), why, line, agree, is_computed }) => {
-                refused.get_or_insert(EditRefused { over: None, why, line, agree, is_computed });
-                over
+            Err(EditRefused {
+                alternative: Some(alternative),
+                why,
+                line,
+                alternative_label,
+                is_computed,
+            }) => {
+                refused.get_or_insert(EditRefused {
+                    alternative: None,
+                    why,
+                    line,
+                    alternative_label,
+                    is_computed,
+                });
+                alternative
             }
             Err(refused) => return Err(refused),
         };
@@ -410,7 +424,7 @@ fn made_of(steps: &[Step], text: &str) -> Result<Edit, EditRefused> {
     }
     let edit = Edit::between(text, &after);
     match refused {
-        Some(refused) => Err(EditRefused { over: Some(edit), ..refused }),
+        Some(refused) => Err(EditRefused { alternative: Some(edit), ..refused }),
         None => Ok(edit),
     }
 }

@@ -24,7 +24,7 @@ impl Viewer {
     }
 
     /// Whether an actor has a clip on its base layer.
-    pub(super) fn plays(&self, name: &str) -> bool {
+    pub(super) fn has_base_clip(&self, name: &str) -> bool {
         !self.base_cues(name).is_empty()
     }
 
@@ -60,7 +60,7 @@ impl Viewer {
 
     /// Note about the effect of an added clip on other clips of the actor, since only one of them can have the whole body. `layer`: the row that
     /// the clip was dropped on.
-    pub(super) fn takes_over(&self, name: &str, clip: &str, secs: f64, layer: usize) -> Option<String> {
+    pub(super) fn overlap_note(&self, name: &str, clip: &str, secs: f64, layer: usize) -> Option<String> {
         let at = Time::from_secs(secs);
         let cues = self.base_cues(name);
         let before = cues.iter().rev().find(|cue| cue.start <= at);

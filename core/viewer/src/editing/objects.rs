@@ -17,7 +17,7 @@ impl Viewer {
     pub fn duplicate_object(&mut self, what: &Selected) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
-        let (by, offset) = (self.named_by(what), self.beside(what));
+        let (by, offset) = (self.named_by(what), self.copy_offset(what));
         let (mut name, mut line, mut left, mut stays) = (None, 0, Vec::new(), None);
         self.change(&place, siblings, |text| {
             let made = duplicate_object(text, (place.line, place.column), by, offset)?;
@@ -26,12 +26,14 @@ impl Viewer {
             Ok(made.edit)
         })?;
         let left: Vec<String> = left.iter().map(usize::to_string).collect();
-        let lacks = (!left.is_empty())
-            .then(|| format!("the copy lacks the effect of other statements, in lines {}", left.join(", ")));
+        let lines = if left.len() == 1 { "line" } else { "lines" };
+        let lacks = (!left.is_empty()).then(|| {
+            format!("the copy lacks the effect of other statements, in {lines} {}", left.join(", "))
+        });
         let stays = stays.map(|line| {
             format!("the copy is at the same place as the original: line {line} computes its place")
         });
-        let carried = self.carried_by(what).map(|parent| {
+        let carried = self.attached_to(what).map(|parent| {
             format!("the copy is at the same place as the original: both are attached to {parent}")
         });
         let notes: Vec<String> = lacks.into_iter().chain(stays).chain(carried).collect();
@@ -49,7 +51,7 @@ impl Viewer {
     }
 
     /// Name of the actor that an actor is attached to.
-    fn carried_by(&self, what: &Selected) -> Option<String> {
+    fn attached_to(&self, what: &Selected) -> Option<String> {
         let Selected::Actor(name) = what else { return None };
         let stage = &self.scene.as_ref()?.stage;
         let parents = &stage.actors[actor(stage, name)?].parents;
@@ -58,7 +60,7 @@ impl Viewer {
     }
 
     /// Offset of an actor's copy in world space, metres. `None` if it is attached to another actor.
-    fn beside(&self, what: &Selected) -> Option<DVec3> {
+    fn copy_offset(&self, what: &Selected) -> Option<DVec3> {
         let Selected::Actor(name) = what else { return None };
         let stage = &self.scene.as_ref()?.stage;
         let index = actor(stage, name)?;

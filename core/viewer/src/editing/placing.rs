@@ -12,10 +12,10 @@ use crate::state::selection::{Selected, actor};
 use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_script::Place;
-use choreo_session::Placed;
+use choreo_session::PlacementOverride;
 use choreo_session::edit::{
-    Anew, Edit, EditRefused, EditTime, KeyValue, ScriptObject, Typed, format_as_meant, format_number,
-    numbered_name,
+    Edit, EditRefused, EditTime, KeyValue, NewValueSyntax, ScriptObject, TypedNumber, format_as_meant,
+    format_number, numbered_name,
 };
 use choreo_stage::{Actor, Camera, Placement, Property, Rig, Stage, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
@@ -53,7 +53,7 @@ pub(crate) fn light_at(light: &StageLight, time: Time) -> StageLight {
 }
 
 /// Converts a change from world space to the space of a parent.
-fn inside(change: Change, world_from_parent: &DAffine3) -> Change {
+fn to_parent_space(change: Change, world_from_parent: &DAffine3) -> Change {
     match change {
         Change::Move(by) => Change::Move(world_from_parent.matrix3.inverse() * by),
         Change::Turn(by) => {
@@ -66,7 +66,7 @@ fn inside(change: Change, world_from_parent: &DAffine3) -> Change {
 }
 
 /// The transform after a change, and the changed property.
-fn changed(old: Placement, change: Change) -> (Placement, Property) {
+fn apply_change(old: Placement, change: Change) -> (Placement, Property) {
     match change {
         Change::Move(by) => (Placement { translation: old.translation + by, ..old }, Property::Translation),
         Change::Turn(by) => (Placement { rotation: by * old.rotation, ..old }, Property::Rotation),
@@ -91,7 +91,7 @@ impl Viewer {
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
         let in_parent = self.change_in_parent(&scene.stage.actors[index], index, change)?;
         let (done, name) = (self.place_actor(name, in_parent, None), name.to_string());
-        self.or_written_out(done, move |viewer| viewer.change_actor(&name, change))
+        self.or_after_unroll(done, move |viewer| viewer.change_actor(&name, change))
     }
 
     /// Converts a change of an actor from world space to the space of its parent.
@@ -109,11 +109,11 @@ impl Viewer {
         let parent = parent.filter(|parent| parent.matrix3.determinant().abs() > 1e-12);
         let parent =
             parent.ok_or_else(|| EditError::refused("its parent is not shown; show the parent first"))?;
-        Ok(inside(change, &parent))
+        Ok(to_parent_space(change, &parent))
     }
 
     /// Placement of the dragged actor. `None` if the script would not change.
-    pub(crate) fn place_of_drag(&self, stage: &Stage) -> Option<Placed> {
+    pub(crate) fn place_of_drag(&self, stage: &Stage) -> Option<PlacementOverride> {
         let Dragging { actor: name, drag, change } = self.dragging.as_ref()?;
         if *change == Change::none(drag.tool) {
             return None;
@@ -121,8 +121,8 @@ impl Viewer {
         let index = actor(stage, name)?;
         let found = &stage.actors[index];
         let change = self.change_in_parent(found, index, *change).ok()?;
-        let (to, property) = changed(placement(found, self.playhead.time()), change);
-        Some(Placed::Actor { actor: index, property, to })
+        let (to, property) = apply_change(placement(found, self.playhead.time()), change);
+        Some(PlacementOverride::Actor { actor: index, property, to })
     }
 
     /// Like [`Viewer::change_actor`], but along the axes of the actor's parent. `typed`: the number that the user typed, if any.
@@ -130,7 +130,7 @@ impl Viewer {
         &mut self,
         name: &str,
         change: Change,
-        typed: Option<&Typed>,
+        typed: Option<&TypedNumber>,
     ) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
@@ -139,7 +139,7 @@ impl Viewer {
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
         let time = self.playhead.time();
         let old = placement(found, time);
-        let (to, property) = changed(old, change);
+        let (to, property) = apply_change(old, change);
         let (at, rotation) = (to.translation, to.rotation);
         let faces = found.face.is_some() && property == Property::Rotation;
         if !faces && found.channels.iter().any(|channel| channel.property == property) {
@@ -181,7 +181,7 @@ impl Viewer {
                 }
             })?;
         }
-        self.history.wanted =
+        self.history.expected_placement =
             Some(ExpectedPlacement { actor: name.to_string(), time, at, rotation, line: place.line });
         Ok(())
     }
@@ -196,7 +196,7 @@ impl Viewer {
     }
 
     /// The camera with this name. Fails if a rig moves it.
-    pub(super) fn camera_that_stands(&self, name: &str) -> Result<ScriptCamera, EditError> {
+    pub(super) fn fixed_camera(&self, name: &str) -> Result<ScriptCamera, EditError> {
         let found = self.script_camera(name)?;
         match found.camera.rig {
             Rig::Fixed { .. } => Ok(found),
@@ -213,7 +213,7 @@ impl Viewer {
     /// # Errors
     /// Fails as [`Viewer::change_actor`] does.
     pub fn set_camera(&mut self, name: &str, from: &Orbit) -> Result<(), EditError> {
-        let ScriptCamera { camera, place, siblings } = self.camera_that_stands(name)?;
+        let ScriptCamera { camera, place, siblings } = self.fixed_camera(name)?;
         let keyed = camera.channels.iter().any(|c| c.property == Property::Translation);
         if camera.channels.iter().any(|c| c.property == Property::Rotation) {
             return Err(EditError::refused_at(&place, "its rotation has keys; change them there"));
@@ -251,11 +251,11 @@ impl Viewer {
         let name = numbered_name("view", taken);
         let point = |p: DVec3| p.to_array().map(format_number).join(", ");
         let (at, center) = (point(from.camera().world_from_view.translation), point(from.center));
-        let known = self.known().unwrap_or_default();
+        let known = self.displayed_text().unwrap_or_default();
         let time = self.edit_time(self.playhead.time().as_secs()).written(&known);
         let cut = if scene.stage.cameras.is_empty() { String::new() } else { format!(".cut({time})") };
         let lens = match from.camera().projection {
-            Projection::Perspective { yfov, .. } if is_usual(yfov) => String::new(),
+            Projection::Perspective { yfov, .. } if is_default_yfov(yfov) => String::new(),
             Projection::Perspective { yfov, .. } => {
                 format!(".fov({})", format_number(f64::from(yfov).to_degrees()))
             }
@@ -287,10 +287,10 @@ impl Viewer {
                 true => object.set_key("fov", when, KeyValue::Text(written)),
                 // A `fov` before `focal_length` would have no effect.
                 false if states("focal_length") && !states("fov") => {
-                    object.state("focal_length", &length, Anew::Method)
+                    object.set_value("focal_length", &length, NewValueSyntax::Method)
                 }
                 false if written == format_number(degrees) => object.set("fov", &[degrees]),
-                false => object.state("fov", written, Anew::Method),
+                false => object.set_value("fov", written, NewValueSyntax::Method),
             }
         })
     }
@@ -339,8 +339,8 @@ impl Viewer {
     }
 
     /// Tells the user if another line of the script overrides the edited placement.
-    pub(crate) fn check_wanted(&mut self) {
-        let Some(wanted) = self.history.wanted.take() else { return };
+    pub(crate) fn check_expected_placement(&mut self) {
+        let Some(wanted) = self.history.expected_placement.take() else { return };
         let scene = self.scene.as_ref();
         let Some((scene, index)) = scene.and_then(|s| Some((s, actor(&s.stage, &wanted.actor)?))) else {
             return;
@@ -360,7 +360,7 @@ impl Viewer {
 }
 
 /// Whether a vertical field of view, in radians, is the default of cameras.
-fn is_usual(yfov: f32) -> bool {
+fn is_default_yfov(yfov: f32) -> bool {
     matches!(Projection::default(), Projection::Perspective { yfov: usual, .. } if (usual - yfov).abs() < 1e-5)
 }
 
@@ -403,7 +403,7 @@ fn lens_edit(
         }
     };
     let lenses = ["fov", "focal_length", "ortho"];
-    (!is_same).then(|| object.state_one_of(&lenses, name, &value)).transpose()
+    (!is_same).then(|| object.set_one_of(&lenses, name, &value)).transpose()
 }
 
 fn face_turns(line: usize) -> EditRefused {

@@ -56,12 +56,12 @@ impl Viewer {
         let by = self.named_by(what);
         let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
         self.change(&place, siblings, |text| renamed(text, &place, by, to))?;
-        self.goes_by(what, to);
+        self.update_name(what, to);
         Ok(())
     }
 
     /// Replaces the name in the selection, the views and the toggles of the window.
-    fn goes_by(&mut self, what: &Selected, to: &str) {
+    fn update_name(&mut self, what: &Selected, to: &str) {
         let new = match what {
             Selected::Actor(name) => {
                 let rename = |set: &mut BTreeSet<String>| {

@@ -39,7 +39,7 @@ impl Footprint {
         self.high - self.low
     }
 
-    fn meets(self, other: Footprint, gap: f64) -> bool {
+    fn overlaps(self, other: Footprint, gap: f64) -> bool {
         (self.low - gap).cmplt(other.high).all() && (self.high + gap).cmpgt(other.low).all()
     }
 }
@@ -61,7 +61,7 @@ pub(super) fn footprint(actor: &Actor, state: Option<&ActorState>, time: Time) -
 }
 
 /// Footprints of the actors of a stage at a time.
-pub(super) fn taken(stage: &Stage, time: Time) -> Vec<Footprint> {
+pub(super) fn footprints(stage: &Stage, time: Time) -> Vec<Footprint> {
     // If the stage cannot be evaluated, the rest poses are used.
     let snapshot = stage.at(time).ok();
     let state = |index: usize| snapshot.as_ref().and_then(|s| s.actors.get(index));
@@ -70,7 +70,7 @@ pub(super) fn taken(stage: &Stage, time: Time) -> Vec<Footprint> {
 }
 
 /// Footprints that are in the way of an object; sets are not.
-fn in_the_way(taken: &[Footprint], own: Footprint) -> impl Iterator<Item = Footprint> {
+fn obstacles(taken: &[Footprint], own: Footprint) -> impl Iterator<Item = Footprint> {
     let is_set =
         move |other: &Footprint| (other.size() / own.size().max(DVec2::splat(1e-9))).min_element() > SET;
     taken.iter().copied().filter(move |other| !is_set(other))
@@ -78,13 +78,13 @@ fn in_the_way(taken: &[Footprint], own: Footprint) -> impl Iterator<Item = Footp
 
 /// Whether an object has room where it stands.
 pub(super) fn is_free(taken: &[Footprint], own: Footprint) -> bool {
-    in_the_way(taken, own).all(|other| !own.meets(other, 0.0))
+    obstacles(taken, own).all(|other| !own.overlaps(other, 0.0))
 }
 
 /// The free position nearest to a point along x. `own`: footprint of the object at the origin.
 pub(super) fn nearest_free(taken: &[Footprint], own: Footprint, around: DVec3) -> DVec3 {
     let gap = GAP * own.size().max_element();
-    let others: Vec<Footprint> = in_the_way(taken, own).collect();
+    let others: Vec<Footprint> = obstacles(taken, own).collect();
     let beside = others
         .iter()
         .flat_map(|other| [(other.high.x - own.low.x + gap, 1.0), (other.low.x - own.high.x - gap, -1.0)]);
@@ -94,7 +94,7 @@ pub(super) fn nearest_free(taken: &[Footprint], own: Footprint, around: DVec3) -
     let at = |x: f64| DVec3::new(x, around.y, around.z);
     let mut places: Vec<f64> = std::iter::once(around.x).chain(beside).collect();
     places.sort_by(|a, b| (a - around.x).abs().total_cmp(&(b - around.x).abs()));
-    let free = |x: &f64| others.iter().all(|other| !own.moved(at(*x)).meets(*other, gap * 0.5));
+    let free = |x: &f64| others.iter().all(|other| !own.moved(at(*x)).overlaps(*other, gap * 0.5));
     places.iter().copied().find(free).map_or(around, at)
 }
 

@@ -21,8 +21,8 @@ impl Viewer {
     /// # Errors
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn move_row(&mut self, row: usize, to: usize, side: RowSide) -> Result<(), EditError> {
-        let (group, what) = self.ordered(row).ok_or_else(|| fixed(row))?;
-        let target = self.target(&group, to).ok_or_else(|| elsewhere(&group))?;
+        let (group, what) = self.group_and_object(row).ok_or_else(|| immovable_row_error(row))?;
+        let target = self.target(&group, to).ok_or_else(|| other_group_error(&group))?;
         let (place, siblings) = self.place_of(&what).ok_or(EditError::Gone)?;
         let (beside, _) = self.place_of(&target).ok_or(EditError::Gone)?;
         if what == target {
@@ -40,11 +40,11 @@ impl Viewer {
     /// # Errors
     /// Fails as [`Viewer::move_row`] does, or if the row is already the first or the last of its group.
     pub fn shift_row(&mut self, row: usize, side: RowSide) -> Result<(), EditError> {
-        let (group, what) = self.ordered(row).ok_or_else(|| fixed(row))?;
+        let (group, what) = self.group_and_object(row).ok_or_else(|| immovable_row_error(row))?;
         let all = 0..self.timeline.rows.len();
         let rows: Vec<(usize, Selected)> = all
             .filter_map(|row| {
-                self.ordered(row).filter(|(other, _)| *other == group).map(|(_, what)| (row, what))
+                self.group_and_object(row).filter(|(other, _)| *other == group).map(|(_, what)| (row, what))
             })
             .collect();
         let at = rows.iter().position(|(_, other)| *other == what).ok_or(EditError::Gone)?;
@@ -60,7 +60,7 @@ impl Viewer {
     }
 
     /// Group of a row, and the object whose position in the script decides the order. `None` if the row cannot be moved.
-    fn ordered(&self, row: usize) -> Option<(Group, Selected)> {
+    fn group_and_object(&self, row: usize) -> Option<(Group, Selected)> {
         let row = self.timeline.rows.get(row)?;
         let what = row.what.clone()?;
         match (&what, row.layer) {
@@ -75,7 +75,7 @@ impl Viewer {
 
     /// The object next to which a row of a group would be moved, given the row under the pointer.
     fn target(&self, group: &Group, row: usize) -> Option<Selected> {
-        match (group, self.ordered(row)?) {
+        match (group, self.group_and_object(row)?) {
             (Group::Actors, (Group::Layers(name), _)) => Some(Selected::Actor(name)),
             (group, (other, what)) => (*group == other).then_some(what),
         }
@@ -83,7 +83,7 @@ impl Viewer {
 
     /// Rows of the object next to which a row would be moved, in order. `to`: the row under the pointer.
     pub(crate) fn rows_of_target(&self, row: usize, to: usize) -> Option<Vec<usize>> {
-        let (group, _) = self.ordered(row)?;
+        let (group, _) = self.group_and_object(row)?;
         let target = self.target(&group, to)?;
         let is_of_it = |row: &usize| self.target(&group, *row).as_ref() == Some(&target);
         Some((0..self.timeline.rows.len()).filter(is_of_it).collect())
@@ -132,14 +132,14 @@ impl Viewer {
     }
 }
 
-fn fixed(row: usize) -> EditError {
+fn immovable_row_error(row: usize) -> EditError {
     EditError::refused(match row {
         0 => "the row of cameras stays above the others",
         _ => "rows of actors, of their layers and of lights can be moved; this one cannot",
     })
 }
 
-fn elsewhere(group: &Group) -> EditError {
+fn other_group_error(group: &Group) -> EditError {
     EditError::refused(match group {
         Group::Actors => "the row of an actor can only be moved above or below that of another actor",
         Group::Layers(_) => "a layer can only be moved above or below another layer of its actor",

@@ -4,12 +4,12 @@ use super::EditError;
 use super::placing::ScriptCamera;
 use crate::app::Viewer;
 use crate::geometry::{picking, rig};
-use crate::state::dragged_icon::{DraggedIcon, IconOf};
+use crate::state::dragged_icon::{DraggedIcon, IconObject};
 use crate::state::selection::{Selected, actor};
 use choreo_asset::LightKind;
 use choreo_motion::Time;
-use choreo_session::Placed;
-use choreo_session::edit::{Anew, Edit, EditRefused, KeyValue, ScriptObject, format_number};
+use choreo_session::PlacementOverride;
+use choreo_session::edit::{Edit, EditRefused, KeyValue, NewValueSyntax, ScriptObject, format_number};
 use choreo_stage::{ConstraintKind, Property, Rig, Stage, Target};
 use glam::DVec3;
 
@@ -19,22 +19,22 @@ impl Viewer {
         &self,
         stage: &Stage,
         DraggedIcon { what, to, .. }: &DraggedIcon,
-    ) -> Option<Placed> {
+    ) -> Option<PlacementOverride> {
         let to = *to;
         Some(match what {
-            IconOf::Light(light) => match stage.lights.get(*light)?.light.kind {
+            IconObject::Light(light) => match stage.lights.get(*light)?.light.kind {
                 LightKind::Directional => {
-                    Placed::Sun { light: *light, direction: self.direction_from(to).as_vec3() }
+                    PlacementOverride::Sun { light: *light, direction: self.direction_from(to).as_vec3() }
                 }
-                LightKind::Point | LightKind::Spot { .. } => Placed::Light { light: *light, to },
+                LightKind::Point | LightKind::Spot { .. } => PlacementOverride::Light { light: *light, to },
             },
-            IconOf::Camera(name) => {
+            IconObject::Camera(name) => {
                 let camera = stage.cameras.iter().position(|camera| camera.name == *name)?;
                 let rig = rig::moved(stage, &self.shown()?.snapshot, &stage.cameras[camera].rig, to)?;
-                Placed::Camera { camera, rig }
+                PlacementOverride::Camera { camera, rig }
             }
-            IconOf::Reach(name, constraint) => {
-                Placed::Target { actor: actor(stage, name)?, constraint: *constraint, to }
+            IconObject::Reach(name, constraint) => {
+                PlacementOverride::Target { actor: actor(stage, name)?, constraint: *constraint, to }
             }
         })
     }
@@ -93,7 +93,7 @@ impl Viewer {
             match (&camera.rig, &rig) {
                 (from, to @ Rig::Orbit { .. }) => orbit_change(text, &object, [from, to]),
                 (_, Rig::Follow { offset, .. }) => match object.argument(1) {
-                    Some(list) if list.starts_with('[') => object.state_argument(1, &point_text(*offset)),
+                    Some(list) if list.starts_with('[') => object.set_argument(1, &point_text(*offset)),
                     _ => Err(EditRefused::at(place.line, "its offset is computed; change it there")),
                 },
                 _ => object.set("at", &rounded(keyed).to_array()),
@@ -149,7 +149,7 @@ fn orbit_change(text: &str, object: &ScriptObject, [from, to]: [&Rig; 2]) -> Res
             continue;
         }
         let object = ScriptObject::at(&after, line, column)?;
-        let step = object.state(name, &format_number(new), Anew::Option);
+        let step = object.set_value(name, &format_number(new), NewValueSyntax::Option);
         let step = step.map_err(|refused| refused.before(text, &steps))?;
         after = step.apply(&after);
         steps.push(step);

@@ -12,13 +12,13 @@ pub(super) const WRITE_OUT: &str = "Write the loop out";
 
 impl Viewer {
     /// Keeps a refused edit of one of several objects of a loop, to be made after the user accepts to unroll the loop. `done`: result of the edit.
-    pub(super) fn or_written_out(
+    pub(super) fn or_after_unroll(
         &mut self,
         done: Result<(), EditError>,
         change: impl FnOnce(&mut Viewer) -> Result<(), EditError> + 'static,
     ) -> Result<(), EditError> {
         if matches!(done, Err(EditError::SharedLine { .. })) {
-            self.repeat = Some((Box::new(move |viewer| viewer.edit(change)), false));
+            self.pending_edit_after_unroll = Some((Box::new(move |viewer| viewer.edit(change)), false));
         }
         done
     }
@@ -34,7 +34,7 @@ impl Viewer {
     ) -> EditError {
         let EditError::SharedLine { objects, .. } = &error else { return error };
         let objects = *objects;
-        let (Some(known), Some(path)) = (self.known(), self.path.clone()) else { return error };
+        let (Some(known), Some(path)) = (self.displayed_text(), self.path.clone()) else { return error };
         // Positions refer to the displayed text.
         let Some(text) = read(&path).ok().filter(|text| **text == *known && !self.faulty) else {
             return error;
@@ -43,9 +43,9 @@ impl Viewer {
         let unrolled = unroll(&text, place.line, place.column).ok();
         let lines = |edit: &Edit| difference::lines(&text, &edit.apply(&text));
         let line = place.line;
-        let offer = |why: String, agree: String, edit: Edit, other| Offer {
+        let offer = |why: String, label: String, edit: Edit, other| Offer {
             why,
-            agree,
+            label,
             difference: lines(&edit),
             edit,
             other,
@@ -60,16 +60,16 @@ impl Viewer {
         let makes = format!("line {line} makes {objects} objects");
         self.offer = match (all, one) {
             (Some(all), one) => {
-                let other = one.map(|(agree, _, edit)| Alternative {
-                    agree: agree.into(),
+                let other = one.map(|(label, _, edit)| Alternative {
+                    label: label.into(),
                     difference: lines(&edit),
                     edit,
                 });
                 let why = format!("{makes}. This would change all of them:");
                 Some(offer(why, format!("Change all {objects}"), all, other))
             }
-            (None, Some((agree, about, edit))) => {
-                Some(offer(format!("{makes}. {about}"), agree.into(), edit, None))
+            (None, Some((label, about, edit))) => {
+                Some(offer(format!("{makes}. {about}"), label.into(), edit, None))
             }
             (None, None) => None,
         };
@@ -84,7 +84,7 @@ impl Viewer {
         place: &Place,
         change: impl Fn(&ScriptObject, &str) -> Result<Edit, EditRefused>,
     ) -> Option<EditError> {
-        let (known, path, actor) = (self.known()?, self.path.clone()?, what.actor()?);
+        let (known, path, actor) = (self.displayed_text()?, self.path.clone()?, what.actor()?);
         let text = read(&path).ok().filter(|text| **text == *known && !self.faulty)?;
         let object = ScriptObject::at(&text, place.line, place.column).ok()?;
         let (variable, actors) = object.asset_variable().filter(|(_, actors)| *actors > 1)?;
@@ -95,10 +95,10 @@ impl Viewer {
         let (of_own, of_all) = (lines(&own), lines(&all));
         self.offer = Some(Offer {
             why: format!("{why}. {actor} alone would get an asset of its own:"),
-            agree: format!("Change {actor} alone"),
+            label: format!("Change {actor} alone"),
             difference: of_own,
             edit: own,
-            other: Some(Alternative { agree: format!("Change all {actors}"), difference: of_all, edit: all }),
+            other: Some(Alternative { label: format!("Change all {actors}"), difference: of_all, edit: all }),
             text: text.clone(),
             ..Offer::default()
         });

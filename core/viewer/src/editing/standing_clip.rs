@@ -7,7 +7,7 @@ const STANDING: [&str; 3] = ["idle", "stand", "rest"];
 
 /// Name of the idle clip, else of the first clip.
 pub(super) fn standing_clip(asset: &Asset) -> Option<&str> {
-    chosen(asset.clips.iter().map(|clip| clip.name.as_str()))
+    best_idle_name(asset.clips.iter().map(|clip| clip.name.as_str()))
 }
 
 /// The best name: one that ends with such a word and has the fewest other words, else one that contains such a word, else the first.
@@ -57,7 +57,7 @@ mod tests {
             (&["Run", "Walk"], Some("Run")),
             (&[], None),
         ] {
-            assert_eq!(chosen(names.iter().copied()), expected, "{names:?}");
+            assert_eq!(best_idle_name(names.iter().copied()), expected, "{names:?}");
         }
     }
 }

@@ -7,7 +7,7 @@ use crate::state::selection::{Selected, actor};
 use crate::state::timeline::{Bar, Strip};
 use choreo_motion::Repeat;
 use choreo_session::edit::{
-    CueTime, EditTime, Rest, ScriptObject, copied_cues, copied_start, copy_cue, duplicate_cue, has_end,
+    CueTime, EditTime, ScriptObject, SecondHalf, copied_cues, copied_start, copy_cue, duplicate_cue, has_end,
     paste_cue, set_disabled, set_number, split_cue,
 };
 
@@ -26,8 +26,10 @@ impl Viewer {
             if at <= bar.start.as_secs() + NOTHING || at >= bar.until.as_secs() - NOTHING {
                 return Err(EditError::refused_at(&bar.place, "the playhead is not within this clip"));
             }
-            let rest = match rest(&bar, &strip, at)? {
-                Rest::Trim(trim) => Rest::Trim(within(&strip, trim, self.playhead.fps().as_fps())),
+            let rest = match second_half(&bar, &strip, at)? {
+                SecondHalf::Trim(trim) => {
+                    SecondHalf::Trim(within(&strip, trim, self.playhead.fps().as_fps()))
+                }
                 rest => rest,
             };
             let upper = matches!(what, Selected::Cue { layer: 1.., .. });
@@ -45,7 +47,7 @@ impl Viewer {
     /// Adds a copy of a clip right after it; later clips of the layer move back.
     pub fn duplicate_cue(&mut self, what: &Selected) -> Result<(), EditError> {
         let (bar, strip) = self.strip(what)?;
-        let known = self.known().ok_or(EditError::NothingShown)?;
+        let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let ends = has_end(&known, bar.place.line, bar.place.column);
         if !ends && strip.repeat != Repeat::Once {
             let why = "it repeats to the end of the scene; give it an end first";
@@ -58,16 +60,16 @@ impl Viewer {
         let layer = self.layer_of(what);
         let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
         let begins = if ends { bar.until.as_secs() } else { bar.start.as_secs() + length };
-        self.check_begins(&bar.place, &bar.label, begins)?;
+        self.check_start(&bar.place, &bar.label, begins)?;
         let until = ends.then(|| self.edit_time(bar.until.as_secs() + length));
         let by = self.edit_time(length);
         let mut steps =
             vec![self.step(&bar, move |text, line, column| duplicate_cue(text, line, column, by, until))];
         let moved = self.move_steps(&layer, &|index| index > at, length)?;
         // Cues that follow the end of the clip now follow the end of the copy.
-        let is_followed = self.followed(&layer).contains(&Some(at));
+        let is_followed = self.previous_bars(&layer).contains(&Some(at));
         steps.extend(moved.into_iter().filter(|step| !(is_followed && step.place == bar.place)));
-        let note = self.pushed_out(&layer[at + 1..], length);
+        let note = self.note_of_hidden_bars(&layer[at + 1..], length);
         self.change_all(steps)?;
         self.note = note;
         Ok(())
@@ -80,7 +82,7 @@ impl Viewer {
             bars.push(self.strip(what)?.0);
         }
         bars.sort_by_key(|bar| bar.start);
-        let all = bars.iter().map(|bar| self.copied(bar));
+        let all = bars.iter().map(|bar| self.clip_text(bar));
         Ok(all.collect::<Result<Vec<_>, _>>()?.join("\n"))
     }
 
@@ -108,9 +110,9 @@ impl Viewer {
                 None => {}
             }
             self.check_place(&bar.place, self.bars().filter(|other| other.place == bar.place).count())?;
-            let copied = self.copied(&bar)?;
+            let copied = self.clip_text(&bar)?;
             let from = self.edit_time((bar.start.as_secs() + by).max(0.0));
-            self.check_begins(&bar.place, clip, from.secs)?;
+            self.check_start(&bar.place, clip, from.secs)?;
             let make = move |text: &str, line, column| paste_cue(text, line, column, &copied, from);
             steps.push(Step::new(place.clone(), siblings, make));
         }
@@ -121,8 +123,8 @@ impl Viewer {
     }
 
     /// A clip as text for the clipboard.
-    pub(super) fn copied(&self, bar: &Bar) -> Result<String, EditError> {
-        let known = self.known().ok_or(EditError::NothingShown)?;
+    pub(super) fn clip_text(&self, bar: &Bar) -> Result<String, EditError> {
+        let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let (line, column) = (bar.place.line, bar.place.column);
         let until = has_end(&known, line, column).then(|| self.edit_time(bar.until.as_secs()));
         copy_cue(&known, line, column, self.edit_time(bar.start.as_secs()), until)
@@ -149,7 +151,7 @@ impl Viewer {
             ));
         }
         let last = starts.iter().copied().fold(secs, |last, start| last.max(secs + start - first));
-        self.check_begins(&place, "the last pasted clip", last)?;
+        self.check_start(&place, "the last pasted clip", last)?;
         let steps = cues.into_iter().zip(starts).map(|(copied, start)| {
             let from = self.edit_time(secs + start - first);
             let make = move |text: &str, line, column| paste_cue(text, line, column, &copied, from);
@@ -182,7 +184,7 @@ impl Viewer {
     /// Changes the speed of a clip so that its present end, or the pose that it holds, is reached at the time `end`.
     pub fn stretch_cue(&mut self, what: &Selected, end: f64) -> Result<(), EditError> {
         let (bar, strip) = self.strip(what)?;
-        let known = self.known().ok_or(EditError::NothingShown)?;
+        let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let ends = bar.holds_from.is_none() && has_end(&known, bar.place.line, bar.place.column);
         let start = bar.start.as_secs();
         let length = bar.played_until().as_secs() - start;
@@ -235,7 +237,7 @@ impl Viewer {
 }
 
 /// Content of the second half of a clip that is split at a time.
-fn rest(bar: &Bar, strip: &Strip, at: f64) -> Result<Rest, EditError> {
+fn second_half(bar: &Bar, strip: &Strip, at: f64) -> Result<SecondHalf, EditError> {
     let refuse = |why: &str| Err(EditError::refused_at(&bar.place, why));
     let played = (at - bar.start.as_secs()) * strip.speed.abs();
     let [from, to] = strip.trim;
@@ -247,20 +249,20 @@ fn rest(bar: &Bar, strip: &Strip, at: f64) -> Result<Rest, EditError> {
         Repeat::Once if played >= length - NOTHING => {
             refuse("its clip has ended before that time; the last pose is held")
         }
-        Repeat::Once if strip.speed < 0.0 => Ok(Rest::Trim([from, to - played])),
-        Repeat::Once => Ok(Rest::Trim([from + played, to])),
+        Repeat::Once if strip.speed < 0.0 => Ok(SecondHalf::Trim([from, to - played])),
+        Repeat::Once => Ok(SecondHalf::Trim([from + played, to])),
         Repeat::Loop if strip.speed > 0.0 && length > NOTHING => {
             let into = played % length;
             // Times are written with 3 decimal places.
             if into < 5e-4 || length - into < 5e-4 {
-                return Ok(Rest::Same);
+                return Ok(SecondHalf::Same);
             }
             // The rest, up to the end of the crossfade into the next clip, fits into this round.
             if (bar.end.as_secs() - at) * strip.speed <= length - into {
-                return Ok(Rest::Trim([from + into, to]));
+                return Ok(SecondHalf::Trim([from + into, to]));
             }
             let end = bar.end.as_secs().max(at + 1.0);
-            Ok(Rest::ClipTime([[at, from + into], [end, from + into + (end - at) * strip.speed]]))
+            Ok(SecondHalf::ClipTime([[at, from + into], [end, from + into + (end - at) * strip.speed]]))
         }
         _ => refuse("it plays as ping-pong, or backwards in a loop; split it in the script"),
     }

@@ -19,10 +19,10 @@ impl Viewer {
     /// The edit is refused, with a text for the user; the script does not change. The same holds for the functions below.
     pub fn trim_cue(&mut self, what: &Selected, secs: f64) -> Result<(), EditError> {
         let (bar, strip) = self.strip(what)?;
-        let known = self.known().ok_or(EditError::NothingShown)?;
+        let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let layer = self.layer_of(what);
         let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
-        let followed = self.followed(&layer)[at];
+        let followed = self.previous_bars(&layer)[at];
         let is_chained = followed.is_some();
         let before = followed.or(at.checked_sub(1)).map(|before| &layer[before]);
         let meets = before.is_some_and(|before| before.meets(&bar));
@@ -53,7 +53,8 @@ impl Viewer {
     pub(crate) fn set_end(&mut self, bar: &Bar, secs: f64) -> Result<(), EditError> {
         let layer = self.layer_of(&bar.what);
         let at = layer.iter().position(|other| other.what == bar.what);
-        let next = at.and_then(|at| layer.get(at + 1).filter(|_| self.followed(&layer)[at + 1] != Some(at)));
+        let next =
+            at.and_then(|at| layer.get(at + 1).filter(|_| self.previous_bars(&layer)[at + 1] != Some(at)));
         let next = next.filter(|next| bar.meets(next) && secs > next.start.as_secs());
         if let Some(next) = next {
             let (label, start) = (&next.label, self.shown_time(next.start));
@@ -68,7 +69,7 @@ impl Viewer {
     /// Fails if one of the clips at a moved boundary would have no length.
     pub(super) fn check_boundary(&self, before: Option<&Bar>, bar: &Bar, secs: f64) -> Result<(), EditError> {
         let shown = |secs: f64| self.shown_time(choreo_motion::Time::from_secs(secs));
-        let ends = self.known().is_some_and(|text| has_end(&text, bar.place.line, bar.place.column));
+        let ends = self.displayed_text().is_some_and(|text| has_end(&text, bar.place.line, bar.place.column));
         if let Some(before) = before.filter(|before| secs <= before.start.as_secs() + NOTHING) {
             let (label, start) = (&before.label, shown(before.start.as_secs()));
             let why = format!("{label}, which it follows, begins at {start} and would have no length");
@@ -85,7 +86,7 @@ impl Viewer {
     /// Slips a clip: shows content `by` seconds later in the clip between the same ends, in playing direction. A clip without a trim gets one.
     pub fn slip_cue(&mut self, what: &Selected, by: f64) -> Result<(), EditError> {
         let (bar, strip) = self.strip(what)?;
-        let trim = slipped(&bar, &strip, by).ok_or_else(|| {
+        let trim = slipped_trim(&bar, &strip, by).ok_or_else(|| {
             let why = match strip.repeat {
                 Repeat::Once => "its clip is played whole: there is nothing beyond its ends",
                 _ => "it repeats its whole clip: make the bar shorter than one repetition, or write .once()",
@@ -118,7 +119,7 @@ fn trimmed_from(bar: &Bar, strip: &Strip, secs: f64) -> Result<[f64; 2], EditErr
 }
 
 /// Trim after a slip, clip seconds. `None` if the whole clip is visible.
-fn slipped(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
+fn slipped_trim(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
     let [from, to] = strip.trim;
     let length = to - from;
     // A repeating clip must not start again before the next clip has faded in.
@@ -168,7 +169,7 @@ mod tests {
             holds_from: None,
             place: Place::default(),
             cut: None,
-            kind: 0,
+            color_index: 0,
             strip: Some(strip),
         }
     }
@@ -182,7 +183,7 @@ mod tests {
     fn a_slip_moves_the_seen_part_within_the_clip() {
         let slip = |length, trim, speed, repeat, by| {
             let strip = strip(trim, speed, repeat);
-            slipped(&bar(length, strip), &strip, by)
+            slipped_trim(&bar(length, strip), &strip, by)
         };
         for repeat in [Repeat::Once, Repeat::Loop, Repeat::PingPong] {
             // The visible part of a clip without a trim, cut short by the end of the bar, keeps its length.

@@ -42,7 +42,7 @@ impl Documents {
     }
 
     /// Records an opened file as the most recent one.
-    pub fn shows(&mut self, file: &Path) {
+    pub fn record_opened(&mut self, file: &Path) {
         let file = file.canonicalize().unwrap_or_else(|_| file.to_path_buf());
         self.recent.retain(|other| *other != file);
         self.recent.insert(0, file);

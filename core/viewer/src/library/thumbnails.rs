@@ -56,7 +56,7 @@ pub struct Thumbnail {
 
 /// State of a thumbnail.
 #[derive(Clone, Debug)]
-pub enum Made {
+pub enum ThumbnailState {
     Waiting,
     Ready(Arc<Thumbnail>),
     /// The file cannot be displayed; with the reason.
@@ -70,7 +70,7 @@ struct Job {
     asset: Option<Arc<Asset>>,
 }
 
-type Finished = (Subject, Result<Thumbnail, ThumbnailError>);
+type FinishedThumbnail = (Subject, Result<Thumbnail, ThumbnailError>);
 
 /// Reason why a file has no thumbnail.
 #[derive(Debug, thiserror::Error)]
@@ -97,8 +97,8 @@ pub type Wake = Box<dyn Fn() + Send>;
 
 #[derive(Default)]
 pub struct Thumbnails {
-    known: BTreeMap<Subject, Made>,
-    worker: Option<(Sender<Job>, Receiver<Finished>)>,
+    known: BTreeMap<Subject, ThumbnailState>,
+    worker: Option<(Sender<Job>, Receiver<FinishedThumbnail>)>,
     /// Plugins and options of the worker. `None`: no thumbnails are drawn.
     workshop: Option<(Registry, SceneSource)>,
     /// Folder of cached thumbnails. `None`: no cache.
@@ -117,14 +117,14 @@ impl Thumbnails {
         subject: &Subject,
         asset: Option<&Arc<Asset>>,
         wake: impl FnOnce() -> Wake,
-    ) -> Made {
+    ) -> ThumbnailState {
         self.take_finished();
         if let Some(made) = self.known.get(subject) {
             return made.clone();
         }
         let made = match self.start(subject, asset, wake) {
-            true => Made::Waiting,
-            false => Made::Failed("thumbnails are not drawn here".to_string()),
+            true => ThumbnailState::Waiting,
+            false => ThumbnailState::Failed("thumbnails are not drawn here".to_string()),
         };
         self.known.insert(subject.clone(), made.clone());
         made
@@ -148,8 +148,8 @@ impl Thumbnails {
         let Some((_, finished)) = &self.worker else { return };
         for (subject, result) in finished.try_iter() {
             let made = result.map_or_else(
-                |error| Made::Failed(error.to_string()),
-                |thumbnail| Made::Ready(Arc::new(thumbnail)),
+                |error| ThumbnailState::Failed(error.to_string()),
+                |thumbnail| ThumbnailState::Ready(Arc::new(thumbnail)),
             );
             self.known.insert(subject, made);
         }
@@ -165,13 +165,13 @@ impl Thumbnails {
 
     /// Forgets finished thumbnails, since files may have changed, and previews of older versions of the scene.
     pub fn forget(&mut self) {
-        self.known.retain(|_, made| matches!(made, Made::Waiting));
+        self.known.retain(|_, made| matches!(made, ThumbnailState::Waiting));
     }
 
     /// Number of thumbnails that are not finished.
     pub fn waiting(&mut self) -> usize {
         self.take_finished();
-        self.known.values().filter(|made| matches!(made, Made::Waiting)).count()
+        self.known.values().filter(|made| matches!(made, ThumbnailState::Waiting)).count()
     }
 }
 
@@ -180,13 +180,13 @@ fn worker(
     registry: Registry,
     cache: Option<PathBuf>,
     wake: Wake,
-) -> Option<(Sender<Job>, Receiver<Finished>)> {
+) -> Option<(Sender<Job>, Receiver<FinishedThumbnail>)> {
     let (jobs, taken) = channel::<Job>();
     let (done, finished) = channel();
     let work = move || {
         for job in taken {
             let subject = job.subject.clone();
-            let result = kept(&registry, cache.as_deref(), job);
+            let result = cached_thumbnail(&registry, cache.as_deref(), job);
             if done.send((subject, result)).is_err() {
                 return;
             }
@@ -198,7 +198,11 @@ fn worker(
 }
 
 /// A thumbnail from the cache, else drawn and stored there. Previews are not cached.
-fn kept(registry: &Registry, cache: Option<&Path>, job: Job) -> Result<Thumbnail, ThumbnailError> {
+fn cached_thumbnail(
+    registry: &Registry,
+    cache: Option<&Path>,
+    job: Job,
+) -> Result<Thumbnail, ThumbnailError> {
     let subject = job.subject.clone();
     let file = cache
         .filter(|_| subject.on.is_none())
@@ -206,7 +210,7 @@ fn kept(registry: &Registry, cache: Option<&Path>, job: Job) -> Result<Thumbnail
     if let Some(known) = file.as_deref().and_then(thumbnail_file::read) {
         return Ok(known);
     }
-    let thumbnail = made(registry, job)?;
+    let thumbnail = make_thumbnail(registry, job)?;
     if let Some(file) = file {
         thumbnail_file::write(&file, &thumbnail);
         file.parent().into_iter().for_each(|folder| thumbnail_file::limit(folder, thumbnail_file::MOST_KEPT));
@@ -214,7 +218,7 @@ fn kept(registry: &Registry, cache: Option<&Path>, job: Job) -> Result<Thumbnail
     Ok(thumbnail)
 }
 
-fn made(registry: &Registry, job: Job) -> Result<Thumbnail, ThumbnailError> {
+fn make_thumbnail(registry: &Registry, job: Job) -> Result<Thumbnail, ThumbnailError> {
     let is_script = job.source.is_script();
     let clip = job.source.clip.clone();
     let source = SceneSource { clip: clip.clone().filter(|_| job.asset.is_none()), ..job.source };
@@ -230,17 +234,17 @@ fn made(registry: &Registry, job: Job) -> Result<Thumbnail, ThumbnailError> {
         clips.map(|clip| ClipEntry { name: clip.name.clone(), secs: clip.duration.as_secs() }).collect();
     if let Some(on) = job.asset {
         let from = asset.ok_or(ThumbnailError::NoModel)?;
-        let (scene, secs, note) = performed(&scene, &from, clip.as_deref(), on)?;
+        let (scene, secs, note) = preview_scene(&scene, &from, clip.as_deref(), on)?;
         let times = (0..PREVIEW_FRAMES).map(|n| secs * f64::from(n) / f64::from(PREVIEW_FRAMES));
-        let frames = drawn(&scene, &times.map(Time::from_secs).collect::<Vec<_>>())?;
+        let frames = draw_frames(&scene, &times.map(Time::from_secs).collect::<Vec<_>>())?;
         return Ok(Thumbnail { frames, secs, clips, note: Some(note) });
     }
     let at = Time::from_secs(scene.stage.settings.length.as_secs() * SHOWN_AT);
-    Ok(Thumbnail { frames: drawn(&scene, &[at])?, secs: 0.0, clips, note: None })
+    Ok(Thumbnail { frames: draw_frames(&scene, &[at])?, secs: 0.0, clips, note: None })
 }
 
 /// A scene in which a character plays a clip of another file, the length of the clip in seconds, and a note about how many joints follow.
-fn performed(
+fn preview_scene(
     read: &Scene,
     from: &Asset,
     clip: Option<&str>,
@@ -274,7 +278,7 @@ fn performed(
     Ok((Arc::new(scene), secs, note))
 }
 
-fn drawn(scene: &Arc<Scene>, times: &[Time]) -> Result<Vec<Frame>, ThumbnailError> {
+fn draw_frames(scene: &Arc<Scene>, times: &[Time]) -> Result<Vec<Frame>, ThumbnailError> {
     let (to, reply) = channel::<FrameReply>();
     let effects = scene.registry.effects().to_vec();
     let start = Box::new(move || {

@@ -264,7 +264,7 @@ pub(crate) fn panel_keys(viewer: &Viewer, tab: Tab) -> Vec<Chord> {
 }
 
 /// An action or a panel, with its keys.
-pub(crate) struct Keyed {
+pub(crate) struct KeyedAction {
     /// Name in the shortcuts file.
     pub id: String,
     pub title: String,
@@ -272,14 +272,14 @@ pub(crate) struct Keyed {
 }
 
 /// All actions and panels, in the order of the list of shortcuts.
-pub(crate) fn all_keyed(viewer: &Viewer) -> Vec<Keyed> {
+pub(crate) fn all_keyed_actions(viewer: &Viewer) -> Vec<KeyedAction> {
     let actions = ACTIONS.iter().map(|action| {
         let (id, title) = (action.id.to_string(), action.title.to_string());
-        Keyed { id, title, chords: viewer.shortcuts.of(action.id, action.keys) }
+        KeyedAction { id, title, chords: viewer.shortcuts.of(action.id, action.keys) }
     });
     let panels = Tab::ALL.into_iter().map(|tab| {
         let (id, title) = (panel_id(tab), format!("panel {}", tab.title()));
-        Keyed { id, title, chords: panel_keys(viewer, tab) }
+        KeyedAction { id, title, chords: panel_keys(viewer, tab) }
     });
     actions.chain(panels).collect()
 }
@@ -323,7 +323,7 @@ fn ask(c: &mut Context, purpose: Purpose) {
 }
 
 /// The toolkit's modifiers and key for a shortcut. `None` if there is no key with this name; upper and lower case are the same.
-pub(super) fn pressed(chord: &Chord) -> Option<(Modifiers, Key)> {
+pub(super) fn egui_shortcut(chord: &Chord) -> Option<(Modifiers, Key)> {
     let held =
         [(chord.ctrl, Modifiers::COMMAND), (chord.shift, Modifiers::SHIFT), (chord.alt, Modifiers::ALT)];
     let held = held.into_iter().filter(|(is_held, _)| *is_held);
@@ -360,7 +360,7 @@ pub fn handle(c: &mut Context) {
     // A shortcut also matches if more modifiers are held, so those with most modifiers are tested first.
     all.sort_by_key(|(chord, _)| std::cmp::Reverse(chord.held()));
     for (chord, bound) in all {
-        let Some((modifiers, key)) = pressed(&chord) else { continue };
+        let Some((modifiers, key)) = egui_shortcut(&chord) else { continue };
         if !c.ui.input_mut(|i| i.consume_key(modifiers, key)) {
             continue;
         }
@@ -380,7 +380,7 @@ pub fn problem(viewer: &Viewer) -> Option<String> {
         }
         let read = viewer.shortcuts.of(id, "");
         let written = keys.split(", ").filter(|key| !key.trim().is_empty()).count();
-        if read.len() != written || read.iter().any(|chord| pressed(chord).is_none()) {
+        if read.len() != written || read.iter().any(|chord| egui_shortcut(chord).is_none()) {
             return Some(format!(
                 "shortcuts.json: {id}: \"{keys}\" is not a key; write for example \"Ctrl+Shift+D, F5\""
             ));
@@ -393,7 +393,7 @@ pub fn problem(viewer: &Viewer) -> Option<String> {
 pub(crate) fn takes_walking_keys(viewer: &Viewer) -> bool {
     let walks = |chord: &Chord| {
         use Key::{A, D, E, Q, S, W};
-        matches!(pressed(chord), Some((Modifiers::NONE, W | A | S | D | Q | E)))
+        matches!(egui_shortcut(chord), Some((Modifiers::NONE, W | A | S | D | Q | E)))
     };
     ACTIONS.iter().any(|action| viewer.shortcuts.of(action.id, action.keys).iter().any(walks))
 }
@@ -434,9 +434,9 @@ mod tests {
             let mut viewer = Viewer::new("x");
             viewer.shortcuts = Shortcuts { preset: preset.to_string(), ..Shortcuts::default() };
             let mut taken: BTreeMap<Chord, String> = BTreeMap::new();
-            for Keyed { id, chords, .. } in all_keyed(&viewer) {
+            for KeyedAction { id, chords, .. } in all_keyed_actions(&viewer) {
                 for chord in chords {
-                    assert!(pressed(&chord).is_some(), "{preset}, {id}: {chord}");
+                    assert!(egui_shortcut(&chord).is_some(), "{preset}, {id}: {chord}");
                     assert!(
                         !chord.to_string().contains(','),
                         "a comma separates keys: {preset}, {id}: {chord}"
@@ -464,7 +464,8 @@ mod tests {
 
     #[test]
     fn other_words_are_of_actions_and_panels() {
-        let all: Vec<String> = all_keyed(&Viewer::new("x")).into_iter().map(|keyed| keyed.id).collect();
+        let all: Vec<String> =
+            all_keyed_actions(&Viewer::new("x")).into_iter().map(|keyed| keyed.id).collect();
         for (id, _) in OTHER_WORDS {
             assert!(all.iter().any(|known| known == id), "{id}");
         }

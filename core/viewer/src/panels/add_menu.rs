@@ -94,7 +94,7 @@ pub fn constraints(viewer: &Viewer) -> Vec<(String, NewConstraint)> {
         let all = std::iter::once(None).chain(targets.iter().cloned().map(Some));
         all.map(move |target| {
             let shown = target.as_deref().unwrap_or("a point");
-            let words = format!("add constraint: {} {shown}", call.words().to_lowercase());
+            let words = format!("add constraint: {} {shown}", call.label().to_lowercase());
             (words, NewConstraint { call, target })
         })
     };
@@ -115,11 +115,11 @@ fn constraint_menu(ui: &mut Ui, viewer: &Viewer) -> Option<NewConstraint> {
     let add = |ui: &mut Ui| {
         for call in ConstraintCall::ALL {
             let about = "of the selected joint, else of its right hand or head; from the playhead on";
-            if ui.button(format!("{} a point", call.words())).hint(about).clicked() {
+            if ui.button(format!("{} a point", call.label())).hint(about).clicked() {
                 wanted = Some(NewConstraint { call, target: None });
             }
             ui.add_enabled_ui(!targets.is_empty(), |ui| {
-                ui.menu_button(call.words(), |ui| {
+                ui.menu_button(call.label(), |ui| {
                     egui::ScrollArea::vertical().show(ui, |ui| {
                         for name in &targets {
                             if ui.button(name).hint(about).clicked() {
@@ -152,7 +152,7 @@ pub fn menu(ui: &mut Ui, viewer: &mut Viewer) {
 
 /// Whether there is a script to add to; previewed files are not one.
 pub fn is_possible(viewer: &Viewer) -> bool {
-    viewer.path.is_some() && viewer.scene.is_some() && viewer.guests.is_empty()
+    viewer.path.is_some() && viewer.scene.is_some() && viewer.previewed_files.is_empty()
 }
 
 /// Entries of the menu.

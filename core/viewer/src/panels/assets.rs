@@ -6,9 +6,9 @@ use super::icons;
 use super::inspector::ClipDrag;
 use super::pictures::{self, Pictures};
 use crate::app::Viewer;
-use crate::editing::ClipOf;
+use crate::editing::ClipSource;
 use crate::library::folder::{Entry, FileKind, list};
-use crate::library::thumbnails::{ClipEntry, Made, Subject};
+use crate::library::thumbnails::{ClipEntry, Subject, ThumbnailState};
 use crate::state::dropped_models::DroppedModels;
 use crate::state::selection::{Selected, actor};
 use choreo_asset::Asset;
@@ -196,9 +196,11 @@ fn chosen(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, pictures: &mu
         Box::new(move || context.request_repaint())
     });
     let thumbnail = match made {
-        Made::Ready(thumbnail) => thumbnail,
-        Made::Waiting => return drop(ui.weak("reading…")),
-        Made::Failed(why) => return drop(ui.label(RichText::new(why).color(ui.visuals().error_fg_color))),
+        ThumbnailState::Ready(thumbnail) => thumbnail,
+        ThumbnailState::Waiting => return drop(ui.weak("reading…")),
+        ThumbnailState::Failed(why) => {
+            return drop(ui.label(RichText::new(why).color(ui.visuals().error_fg_color)));
+        }
     };
     let on = character(viewer);
     ui.horizontal_top(|ui| {
@@ -249,13 +251,15 @@ fn preview(
     let made = pictures.show(ui, viewer, &subject, asset.as_ref(), place);
     ui.add(egui::Label::new(RichText::new(title).small()).truncate());
     match made {
-        Made::Failed(why) => drop(ui.label(RichText::new(why).small().color(ui.visuals().error_fg_color))),
-        Made::Ready(thumbnail) => {
+        ThumbnailState::Failed(why) => {
+            drop(ui.label(RichText::new(why).small().color(ui.visuals().error_fg_color)))
+        }
+        ThumbnailState::Ready(thumbnail) => {
             if let Some(note) = &thumbnail.note {
                 ui.label(RichText::new(note).small().weak());
             }
         }
-        Made::Waiting => {}
+        ThumbnailState::Waiting => {}
     }
 }
 
@@ -285,14 +289,14 @@ fn clips(
             let button = egui::Button::selectable(is_chosen, text).sense(Sense::click_and_drag()).truncate();
             let response = ui.add(button);
             response.dnd_set_drag_payload(ClipDrag {
-                of: ClipOf::File(file.to_path_buf()),
+                of: ClipSource::File(file.to_path_buf()),
                 clip: clip.name.clone(),
             });
             if response.clicked() {
                 browser.clip = Some(clip.name.clone());
             }
             if let Some(name) = on.filter(|_| add.clicked() || response.double_clicked()) {
-                let of = ClipOf::File(file.to_path_buf());
+                let of = ClipSource::File(file.to_path_buf());
                 viewer.edit(|v| v.add_clip_to_layer(name, &of, &clip.name, None, 0));
             }
         });

@@ -33,12 +33,12 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             bar.enabled(super::add_menu::is_possible(viewer));
             bar.menu("Panels", "", |ui, window| panel_entries(ui, window.panels));
             bar.stays_open();
-            bar.menu("Look", "", |ui, window| look_entries(ui, window.panels));
+            bar.menu("Appearance", "", |ui, window| appearance_entries(ui, window.panels));
             bar.toggle(panels.key_list.open, "Shortcuts", "", |window| window.panels.key_list.open ^= true);
             // The name follows the menus, so that its length does not move them.
             let name = viewer.name.clone();
             bar.widget("name", true, move |ui, _| short(ui, RichText::new(&name).strong(), &name));
-            guests(&mut bar, viewer);
+            preview_entries(&mut bar, viewer);
             status(&mut bar, ui, viewer);
             // Texts at the end of the bar, from right to left. If there is no room, they move into the menu of the toolbar.
             let figures = figures(viewer);
@@ -79,7 +79,7 @@ fn panel_entries(ui: &mut Ui, panels: &mut Panels) {
     }
 }
 
-fn look_entries(ui: &mut Ui, panels: &mut Panels) {
+fn appearance_entries(ui: &mut Ui, panels: &mut Panels) {
     ui.radio_value(&mut panels.light, false, "Dark");
     ui.radio_value(&mut panels.light, true, "Light");
     ui.separator();
@@ -127,22 +127,22 @@ fn short(ui: &mut Ui, name: RichText, whole: &str) {
 }
 
 /// Entries for previewed files, which are displayed in place of the script.
-fn guests(bar: &mut Toolbar<'_, Window<'_>>, viewer: &Viewer) {
-    let Some(first) = viewer.guests.first() else { return };
+fn preview_entries(bar: &mut Toolbar<'_, Window<'_>>, viewer: &Viewer) {
+    let Some(first) = viewer.previewed_files.first() else { return };
     let name = first.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let name = match viewer.guests.len() {
+    let name = match viewer.previewed_files.len() {
         1 => name,
         more => format!("{name} and {} more", more - 1),
     };
-    let all: Vec<String> = viewer.guests.iter().map(|guest| guest.display().to_string()).collect();
+    let all: Vec<String> = viewer.previewed_files.iter().map(|file| file.display().to_string()).collect();
     bar.separator();
-    bar.widget("guests", true, move |ui, _| {
+    bar.widget("previewed files", true, move |ui, _| {
         short(ui, RichText::new(name).color(ui.visuals().warn_fg_color).strong(), &all.join("\n"));
     });
     if viewer.path.is_some() {
-        bar.button("Add to script", "", |window| window.viewer.edit(|v| v.add_guests()));
+        bar.button("Add to script", "", |window| window.viewer.edit(|v| v.add_previewed_files()));
     }
-    bar.button("Back to the script", "", |window| window.viewer.guests_leave = true);
+    bar.button("Back to the script", "", |window| window.viewer.close_preview = true);
 }
 
 /// The first problem, in one line; a click goes to its line.
@@ -175,10 +175,10 @@ fn status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
             false => "faulty: nothing to show yet",
         };
         RichText::new(text).color(visuals.error_fg_color).strong()
-    } else if viewer.without_vulkan.is_some() && viewer.trouble.len() == 1 {
+    } else if viewer.without_vulkan.is_some() && viewer.renderer_problems.len() == 1 {
         // The renderer reports the same.
         RichText::new("drawn on the CPU").color(visuals.warn_fg_color)
-    } else if !viewer.trouble.is_empty() {
+    } else if !viewer.renderer_problems.is_empty() {
         RichText::new("problems: see Messages").color(visuals.error_fg_color)
     } else {
         let parts: Vec<String> = many(errors, "error").into_iter().chain(many(warnings, "warning")).collect();
@@ -188,7 +188,7 @@ fn status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
         let color = if errors > 0 { visuals.error_fg_color } else { visuals.warn_fg_color };
         RichText::new(parts.join(", ")).color(color)
     };
-    let all = viewer.problems.iter().map(ToString::to_string).chain(viewer.trouble.iter().cloned());
+    let all = viewer.problems.iter().map(ToString::to_string).chain(viewer.renderer_problems.iter().cloned());
     let all: Vec<String> = all.take(MOST_TOLD).collect();
     bar.widget("status", false, move |ui, window| {
         let label = ui.add(egui::Label::new(text).extend().sense(egui::Sense::click()));
@@ -237,17 +237,17 @@ pub fn offer(ui: &Ui, viewer: &mut Viewer) {
         if let Some(line) = viewer.message_line
             && ui.link(format!("go to line {line}")).clicked()
         {
-            agreed = Some(Agreed::GoTo(line));
+            agreed = Some(OfferAnswer::GoTo(line));
         }
         ui.add_space(6.0);
         lines(ui, &offer.difference);
         ui.add_space(6.0);
         ui.horizontal(|ui| {
-            if ui.button(&offer.agree).clicked() {
-                agreed = Some(Agreed::First);
+            if ui.button(&offer.label).clicked() {
+                agreed = Some(OfferAnswer::First);
             }
             if offer.other.is_none() && ui.button("Leave it").clicked() {
-                agreed = Some(Agreed::None);
+                agreed = Some(OfferAnswer::None);
             }
         });
         if let Some(other) = &offer.other {
@@ -256,33 +256,33 @@ pub fn offer(ui: &Ui, viewer: &mut Viewer) {
             lines(ui, &other.difference);
             ui.add_space(6.0);
             ui.horizontal(|ui| {
-                if ui.button(&other.agree).clicked() {
-                    agreed = Some(Agreed::Other);
+                if ui.button(&other.label).clicked() {
+                    agreed = Some(OfferAnswer::Other);
                 }
                 if ui.button("Leave it").clicked() {
-                    agreed = Some(Agreed::None);
+                    agreed = Some(OfferAnswer::None);
                 }
             });
         }
     });
-    match agreed.or(is_left.then_some(Agreed::None)) {
-        Some(Agreed::First) => viewer.edit(|v| v.accept_offer()),
-        Some(Agreed::Other) => {
+    match agreed.or(is_left.then_some(OfferAnswer::None)) {
+        Some(OfferAnswer::First) => viewer.edit(|v| v.accept_offer()),
+        Some(OfferAnswer::Other) => {
             if let Some(offer) = &mut viewer.offer
                 && let Some(other) = offer.other.take()
             {
-                (offer.edit, offer.agree) = (other.edit, other.agree);
+                (offer.edit, offer.label) = (other.edit, other.label);
             }
             viewer.edit(|v| v.accept_offer());
         }
-        Some(Agreed::GoTo(line)) => (viewer.offer, viewer.go_to) = (None, Some(line)),
-        Some(Agreed::None) => viewer.offer = None,
+        Some(OfferAnswer::GoTo(line)) => (viewer.offer, viewer.go_to) = (None, Some(line)),
+        Some(OfferAnswer::None) => viewer.offer = None,
         None => {}
     }
 }
 
 /// Answer to an offer.
-enum Agreed {
+enum OfferAnswer {
     First,
     Other,
     /// No edit; goes to the line that caused the refusal.

@@ -160,7 +160,7 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
         }
         Command::Copy | Command::Cut => match viewer.copy_cues(&all) {
             Ok(text) => {
-                viewer.copied.clone_from(&text);
+                viewer.copied_clips.clone_from(&text);
                 ui.ctx().copy_text(text);
                 if command == Command::Cut {
                     viewer.edit(|v| v.delete_cues(&all));
@@ -169,7 +169,7 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
             Err(error) => viewer.edit(|_| Err(error)),
         },
         Command::Paste => {
-            let copied = viewer.copied.clone();
+            let copied = viewer.copied_clips.clone();
             paste(viewer, &copied);
         }
         Command::Rename => rename::ask(viewer),

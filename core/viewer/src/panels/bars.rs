@@ -1,14 +1,14 @@
 //! Bars in a row of the sequencer: drawn, selected, and dragged by their center, ends and handles.
 
 use super::bar_menu::{self, Command};
+use super::gesture;
 use super::headers;
-use super::held;
 use super::hint::Hint;
 use super::inspector::ClipDrag;
 use super::marks;
-use super::sequencer::{STRIP, color_of, followed, row_places};
+use super::sequencer::{FOOT_STRIP, color_of, count_following_joints, row_places};
 use crate::app::Viewer;
-use crate::editing::{ClipOf, EditError};
+use crate::editing::{ClipSource, EditError};
 use crate::state::selection::Selected;
 use crate::state::timeline::Bar;
 use choreo_motion::{Repeat, Time};
@@ -84,7 +84,7 @@ impl Lane {
     /// Time at a dragged position, snapped to nearby times of other bars, else to a frame. `not`: the dragged bar.
     pub fn snapped(&self, viewer: &Viewer, x: f32, not: Option<&Bar>) -> f64 {
         let secs = self.secs(viewer, x);
-        let near = viewer.attracted(secs, self.reach(viewer), not);
+        let near = viewer.snap_target(secs, self.reach(viewer), not);
         near.unwrap_or_else(|| self.on_frame(viewer, secs))
     }
 
@@ -97,7 +97,7 @@ impl Lane {
 
     fn place(&self, viewer: &Viewer, from: f64, to: f64) -> Rect {
         let (left, right) = (self.x(viewer, from), self.x(viewer, to));
-        let bottom = self.rect.bottom() - STRIP - 1.0;
+        let bottom = self.rect.bottom() - FOOT_STRIP - 1.0;
         Rect::from_min_max(pos2(left, self.rect.top() + 1.5), pos2(right, bottom))
     }
 }
@@ -117,13 +117,13 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
         let wrong = viewer.severity(&bar.place);
         draw(&ui.painter_at(lane.rect), viewer, bar, place, lane, (selected, wrong));
         if response.clicked() {
-            act = Some(Act::Select(bar.clone(), held::adds(ui)));
+            act = Some(Act::Select(bar.clone(), gesture::adds_to_selection(ui)));
         }
         act = match locked {
             true => {
                 response.drag_started_by(PointerButton::Primary).then(|| Act::Locked(bar.clone())).or(act)
             }
-            false => carried(ui, viewer, bar, &response, lane).or(act),
+            false => drag_bar(ui, viewer, bar, &response, lane).or(act),
         };
         act = bar_menu::show(&response, viewer, bar).or(act);
         if response.hint(hover(viewer, bar)).hovered() {
@@ -256,7 +256,7 @@ fn handles(bar: &Bar) -> Vec<(CueTime, Time)> {
 }
 
 /// Draws the preview of a dragged bar; at the end of the drag, returns its move or slip.
-fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane) -> Option<Act> {
+fn drag_bar(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane) -> Option<Act> {
     if !response.dragged_by(PointerButton::Primary) && !response.drag_stopped() {
         return None;
     }
@@ -268,7 +268,7 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
     // Distance from the start of the bar to the point where it was grabbed, points.
     let grabbed: f32 = ui.data(|d| d.get_temp(id))?;
     let pointer = response.interact_pointer_pos()?.x - grabbed;
-    let Modifiers { alt, shift, command, .. } = held::modifiers(ui);
+    let Modifiers { alt, shift, command, .. } = gesture::modifiers(ui);
     let length = (bar.end - bar.start).as_secs();
     let painter = ui.painter_at(lane.rect);
     if let (true, Some(strip)) = (alt, bar.strip) {
@@ -282,8 +282,8 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
     }
     let (wanted, reach) = (lane.secs(viewer, pointer), lane.reach(viewer));
     // The edge that is nearest to a snap position decides.
-    let starts = viewer.attracted(wanted, reach, Some(bar));
-    let ends = viewer.attracted(wanted + length, reach, Some(bar)).map(|end| end - length);
+    let starts = viewer.snap_target(wanted, reach, Some(bar));
+    let ends = viewer.snap_target(wanted + length, reach, Some(bar)).map(|end| end - length);
     let near = starts.into_iter().chain(ends);
     let near = near.min_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs()));
     let start = near.unwrap_or_else(|| lane.on_frame(viewer, wanted));
@@ -292,8 +292,8 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
         let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Foreground, id));
         let ghost = other.place(viewer, start, start + length).intersect(other.rect);
         outline(&painter, ghost);
-        if let Some(text) = onto(ui, viewer, bar, other.row) {
-            beside(ui, response.interact_pointer_pos()?, &text);
+        if let Some(text) = drop_text(ui, viewer, bar, other.row) {
+            draw_text_at_pointer(ui, response.interact_pointer_pos()?, &text);
         }
         return response.drag_stopped().then(|| Act::MoveTo(bar.clone(), start, other.row));
     }
@@ -309,7 +309,7 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
     let all = if drag == Drag::Alone && all.contains(&bar.what) { all } else { vec![bar.what.clone()] };
     let end = viewer.moved_end(&bar.what, &all, by).filter(|_| by != 0.0 && drag != Drag::Overlap);
     if let Some(end) = end {
-        beside(ui, response.interact_pointer_pos()?, &end);
+        draw_text_at_pointer(ui, response.interact_pointer_pos()?, &end);
     }
     let moved = response.drag_stopped() && by != 0.0;
     moved.then(|| Act::Move(bar.clone(), start, drag))
@@ -329,20 +329,20 @@ fn other_row(ui: &Ui, viewer: &Viewer, bar: &Bar, lane: &Lane, at: Pos2) -> Opti
 }
 
 /// Text for a clip held over a row: the reason why the row refuses it, else the number of joints that follow.
-fn onto(ui: &Ui, viewer: &Viewer, bar: &Bar, row: usize) -> Option<String> {
+fn drop_text(ui: &Ui, viewer: &Viewer, bar: &Bar, row: usize) -> Option<String> {
     let on = match viewer.actor_for(bar, row) {
         Ok(on) => on,
         Err(why) => return Some(why.to_string()),
     };
-    let of = ClipOf::Actor(bar.what.actor()?.to_string());
-    let (joints, moved) = followed(ui, viewer, &ClipDrag { of, clip: bar.label.clone() }, on)?;
+    let of = ClipSource::Actor(bar.what.actor()?.to_string());
+    let (joints, moved) = count_following_joints(ui, viewer, &ClipDrag { of, clip: bar.label.clone() }, on)?;
     if joints == 0 && moved > 0 {
         return Some(format!("no joint of {on} follows {} of {}", bar.label, bar.what.actor()?));
     }
     Some(format!("on {on}: {joints} of {moved} joints follow"))
 }
 
-/// An area that drags a point (`anchor`). Returns the position of the point during the drag, like [`held::dragged`].
+/// An area that drags a point (`anchor`). Returns the position of the point during the drag, like [`gesture::dragged_position`].
 fn grip(
     ui: &Ui,
     (place, anchor): (Rect, Pos2),
@@ -352,7 +352,7 @@ fn grip(
 ) -> (Response, Option<Pos2>) {
     let response = ui.interact(place, id, Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label.clone()));
-    let dragged = held::dragged(ui, &response, anchor);
+    let dragged = gesture::dragged_position(ui, &response, anchor);
     (response.on_hover_cursor(cursor), dragged)
 }
 
@@ -387,10 +387,10 @@ fn handle(
         let is_there =
             |bar: &&Bar| secs.is_some_and(|secs| (bar.start.as_secs()..bar.end.as_secs()).contains(&secs));
         let clicked = bars.iter().rev().find(is_there).unwrap_or(bar);
-        return Some(Act::Select(clicked.clone(), held::adds(ui)));
+        return Some(Act::Select(clicked.clone(), gesture::adds_to_selection(ui)));
     }
     let Some(pointer) = dragged else { return bar_menu::show(&response, viewer, bar) };
-    let keep = held::modifiers(ui).alt;
+    let keep = gesture::modifiers(ui).alt;
     // The end rolls the boundary with Alt, like the start of the next clip.
     let next = bars.get(number + 1).filter(|next| next.strip.is_some() && bar.meets(next));
     let (bar, part) = match next.filter(|_| keep && part == CueTime::End) {
@@ -415,7 +415,7 @@ fn handle(
         };
         let end = viewer.moved_end(&bar.what, &[], secs - bar.start.as_secs()).filter(|_| !keep);
         let text = end.map_or_else(|| text.to_string(), |end| format!("{text}\n{end}"));
-        beside(ui, pos2(lane.x(viewer, secs), rect.top()), &text);
+        draw_text_at_pointer(ui, pos2(lane.x(viewer, secs), rect.top()), &text);
     }
     let before = match part {
         CueTime::FadeIn => bar.fade_in,
@@ -456,7 +456,7 @@ fn handle_place(
 
 /// Speed handle of a selected clip: a triangle at the bottom, next to the handle of the end. Dragging it changes the speed.
 fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane) -> Option<Act> {
-    let (x, bottom) = (lane.x(viewer, bar.played_until().as_secs()), lane.rect.bottom() - STRIP - 1.0);
+    let (x, bottom) = (lane.x(viewer, bar.played_until().as_secs()), lane.rect.bottom() - FOOT_STRIP - 1.0);
     let place = Rect::from_min_max(pos2(x - GRIP - 11.0, bottom - 7.0), pos2(x - GRIP - 1.0, bottom))
         .intersect(lane.rect);
     if place.width() <= 0.0 {
@@ -478,7 +478,7 @@ fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane)
     let length = (bar.played_until() - bar.start).as_secs() / (end - bar.start.as_secs()).max(1e-3);
     let ghost = lane.place(viewer, bar.start.as_secs(), end);
     outline(&ui.painter_at(lane.rect), ghost);
-    beside(ui, pointer, &format!("speed {:.2}", speed * length));
+    draw_text_at_pointer(ui, pointer, &format!("speed {:.2}", speed * length));
     response.drag_stopped().then(|| Act::Stretch(bar.what.clone(), end))
 }
 
@@ -514,12 +514,12 @@ fn weight_handle(ui: &Ui, bar: &Bar, number: usize, lane: &Lane, bar_place: Rect
         response.hint(format!("weight {weight:.2}: drag up or down"));
         return None;
     };
-    beside(ui, at, &format!("weight {to:.2}"));
+    draw_text_at_pointer(ui, at, &format!("weight {to:.2}"));
     (response.drag_stopped() && to != weight).then(|| Act::Weight(bar.what.clone(), to))
 }
 
 /// Draws a short text next to the pointer.
-pub(super) fn beside(ui: &Ui, at: egui::Pos2, text: &str) {
+pub(super) fn draw_text_at_pointer(ui: &Ui, at: egui::Pos2, text: &str) {
     let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Tooltip, egui::Id::new("beside")));
     let galley = painter.layout_no_wrap(text.to_string(), FontId::proportional(12.0), Color32::WHITE);
     let rect = Rect::from_min_size(at + vec2(14.0, -22.0), galley.size()).expand(3.0);
@@ -559,13 +559,20 @@ pub(super) fn off_text(visuals: &egui::Visuals) -> Color32 {
     visuals.strong_text_color()
 }
 
-type Looks = (bool, Option<choreo_script::Severity>);
+type BarState = (bool, Option<choreo_script::Severity>);
 
-fn draw(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane, (selected, wrong): Looks) {
+fn draw(
+    painter: &Painter,
+    viewer: &Viewer,
+    bar: &Bar,
+    place: Rect,
+    lane: &Lane,
+    (selected, wrong): BarState,
+) {
     let color = match wrong {
         Some(choreo_script::Severity::Error) => FAULTY,
         Some(choreo_script::Severity::Warning) => WARNED,
-        _ => color_of(bar.kind),
+        _ => color_of(bar.color_index),
     };
     let x = |time: Time| lane.x(viewer, time.as_secs());
     let round = CornerRadius::same(3);
@@ -589,7 +596,7 @@ fn draw(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane,
         wedge(begin, x(bar.end), x(bar.end));
     }
     let ink = if is_off { off_text(&painter.ctx().global_style().visuals) } else { Color32::WHITE };
-    rounds(painter, viewer, bar, place, lane, ink);
+    draw_round_starts(painter, viewer, bar, place, lane, ink);
     let text = painter.with_clip_rect(place.shrink2(vec2(4.0, 0.0)).intersect(painter.clip_rect()));
     let left = pos2(place.left() + 5.0, place.center().y);
     text.text(left, Align2::LEFT_CENTER, &bar.label, FontId::proportional(11.5), ink);
@@ -639,7 +646,7 @@ fn whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
 }
 
 /// Marks the starts of further rounds of a clip.
-fn rounds(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane, ink: Color32) {
+fn draw_round_starts(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane, ink: Color32) {
     let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.length() > 1e-3) else { return };
     if strip.repeat == Repeat::Once {
         return;

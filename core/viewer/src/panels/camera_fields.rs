@@ -1,13 +1,13 @@
 //! Inspector fields of a camera: its position and target, or its motion around or after a target.
 
-use super::fields::{self, Stated};
+use super::fields::{self, StatedValues};
 use super::hint::Hint;
 use super::rig::CallChange;
 use super::values;
 use crate::app::Viewer;
 use crate::editing::{FieldChange, StatedCall, expression};
 use crate::state::selection::Selected;
-use choreo_session::edit::{Anew, quoted};
+use choreo_session::edit::{NewValueSyntax, quoted};
 use choreo_stage::{Camera, Property, Rig, RigOption, Target};
 use egui::{Grid, Ui};
 use glam::DVec3;
@@ -22,7 +22,7 @@ pub enum CameraChange {
 pub fn show(
     ui: &mut Ui,
     viewer: &Viewer,
-    stated: &Stated,
+    stated: &StatedValues,
     camera: &Camera,
     mut key_button: impl FnMut(&mut Ui, &'static str),
 ) -> Option<CameraChange> {
@@ -30,21 +30,22 @@ pub fn show(
     Grid::new("camera").num_columns(2).show(ui, |ui| {
         wanted = match &camera.rig {
             Rig::Fixed { position, look_at, .. } => {
-                let moved = stands(ui, viewer, stated, camera, (*position, look_at), &mut key_button);
+                let moved =
+                    fixed_camera_fields(ui, viewer, stated, camera, (*position, look_at), &mut key_button);
                 moved.map(CameraChange::Field)
             }
-            Rig::Orbit { target, .. } => moves(ui, viewer, camera, "orbit", |ui, call| {
+            Rig::Orbit { target, .. } => motion_fields(ui, viewer, camera, "orbit", |ui, call| {
                 let of = options(ui, viewer, call, &Rig::ORBIT);
-                aims_at(ui, viewer, call, target).or(of)
+                target_field(ui, viewer, call, target).or(of)
             }),
             Rig::Frame { .. } => {
-                moves(ui, viewer, camera, "frame", |ui, call| options(ui, viewer, call, &Rig::FRAME))
+                motion_fields(ui, viewer, camera, "frame", |ui, call| options(ui, viewer, call, &Rig::FRAME))
             }
-            Rig::Follow { target, offset } => moves(ui, viewer, camera, "follow", |ui, call| {
+            Rig::Follow { target, offset } => motion_fields(ui, viewer, camera, "follow", |ui, call| {
                 let stated = call.arguments[1].as_deref();
                 let to = point(ui, ["offset", "camera offset"], *offset, stated);
                 let to = to.map(|text| FieldChange::Argument(1, text));
-                aims_at(ui, viewer, call, target).or(to)
+                target_field(ui, viewer, call, target).or(to)
             }),
             Rig::File { .. } => None,
         };
@@ -53,10 +54,10 @@ pub fn show(
 }
 
 /// Position and target of a camera that no rig moves; at the playhead if they have keys.
-fn stands(
+fn fixed_camera_fields(
     ui: &mut Ui,
     viewer: &Viewer,
-    stated: &Stated,
+    stated: &StatedValues,
     camera: &Camera,
     (position, look_at): (DVec3, &Option<Target>),
     key_button: &mut impl FnMut(&mut Ui, &'static str),
@@ -83,7 +84,7 @@ fn stands(
                         let text = values::list(ui, written, &now.to_array(), axis, to);
                         let is_list = written.map_or(name == "look_at", |written| written.starts_with('['));
                         let text = if is_list { format!("[{text}]") } else { text };
-                        FieldChange::Value(name, text, Anew::Method)
+                        FieldChange::Value(name, text, NewValueSyntax::Method)
                     }
                 });
             }
@@ -102,7 +103,7 @@ fn stands(
 }
 
 /// Fields of the call that moves a camera.
-fn moves(
+fn motion_fields(
     ui: &mut Ui,
     viewer: &Viewer,
     camera: &Camera,
@@ -126,7 +127,7 @@ fn options(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, all: &[RigOption]) -
                 Some(now) => {
                     let name_shown = format!("camera {name}");
                     let set = values::written(ui, &name_shown, now, 0.05, *low..=*high, written);
-                    let change = |to| FieldChange::Value(name, to, Anew::Option);
+                    let change = |to| FieldChange::Value(name, to, NewValueSyntax::Option);
                     wanted = set.map(change).or(wanted.take());
                 }
                 // The script computes the value, so its source text is displayed.
@@ -140,7 +141,7 @@ fn options(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, all: &[RigOption]) -
 }
 
 /// Target of a camera: a point in world space, a whole actor, or one of its joints.
-fn aims_at(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target) -> Option<FieldChange> {
+fn target_field(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target) -> Option<FieldChange> {
     /// Label of the choice of a whole actor.
     const WHOLE: &str = "whole actor";
     let (actor, joint) = match target {

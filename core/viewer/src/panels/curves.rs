@@ -1,14 +1,14 @@
 //! Curve editor: keyed values of the selection over time as evaluated by the stage, with the keys as draggable points.
 
-use super::bars::beside;
+use super::bars::draw_text_at_pointer;
 use super::fixed_digits;
+use super::gesture;
 use super::headers;
-use super::held;
 use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
 use super::marks::SELECTED;
 use super::overlay::{X, Y, Z};
-use super::sequencer::{LABELS, RULER, over_all, scrub};
+use super::sequencer::{LABELS, RULER, draw_beats_and_playhead, scrub};
 use super::tangents;
 use super::toolbar::Toolbar;
 use crate::app::Viewer;
@@ -82,7 +82,7 @@ impl Plot {
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     viewer.curves.seen = true;
-    let Some((what, all)) = shown(viewer) else {
+    let Some((what, all)) = displayed_properties(viewer) else {
         ui.label(
             "select an actor, a camera, a light, an effect or a title: its keys are shown here as curves",
         );
@@ -99,7 +99,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     viewer.curves.hovered = ui.rect_contains_pointer(area);
     if viewer.curves.fit {
         fit(viewer, &all);
-    } else if viewer.curves.shows_first(&what, &all) {
+    } else if viewer.curves.changes_object(&what, &all) {
         fit_first(viewer, &all);
     }
     wheel(ui, viewer, rect);
@@ -118,7 +118,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         act = shaped.map(|(key, shape)| Act::Key(KeyAct::Shape(key, shape, None))).or(act);
         act = points(ui, viewer, &plot, property, index).or(act);
     }
-    over_all(ui, viewer, area, (ruler, viewer.curves.time));
+    draw_beats_and_playhead(ui, viewer, area, (ruler, viewer.curves.time));
     if all.is_empty() {
         let text = "no keys yet: press K, or click the diamond beside a value in the inspector";
         let color = ui.visuals().weak_text_color();
@@ -137,7 +137,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// The object whose curves are shown, and its properties that have keys.
-fn shown(viewer: &mut Viewer) -> Option<(Selected, Arc<Vec<KeyedProperty>>)> {
+fn displayed_properties(viewer: &mut Viewer) -> Option<(Selected, Arc<Vec<KeyedProperty>>)> {
     let what = viewer.keyed_selection()?;
     let (_, keyed) = viewer.known_properties(&what)?;
     Some((what, keyed))
@@ -220,7 +220,7 @@ fn fit(viewer: &mut Viewer, all: &[KeyedProperty]) {
         viewer.curves.time = Span::whole(viewer.playhead.length().as_secs());
         return;
     };
-    viewer.curves.time = around(first, last);
+    viewer.curves.time = with_margin(first, last);
     viewer.curves.fit_values(all, Time::ZERO, Some((first, last)));
 }
 
@@ -231,12 +231,12 @@ fn fit_first(viewer: &mut Viewer, all: &[KeyedProperty]) {
     let (Some(first), Some(last)) = (keys().min(), keys().max()) else { return };
     let shown = viewer.curves.time;
     if first.as_secs() < shown.from || last.as_secs() > shown.to {
-        viewer.curves.time = around(*first, *last);
+        viewer.curves.time = with_margin(*first, *last);
     }
 }
 
 /// A time span with a margin.
-fn around(first: Time, last: Time) -> Span {
+fn with_margin(first: Time, last: Time) -> Span {
     let margin = ((last - first).as_secs() * 0.06).max(0.2);
     Span { from: first.as_secs() - margin, to: last.as_secs() + margin }
 }
@@ -351,7 +351,7 @@ fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
                 );
                 if response.hint("click: hide or show it; Ctrl click: show it alone").clicked() {
                     let curve = (property.what.clone(), property.name.clone(), part);
-                    toggled = Some((curve, held::modifiers(ui).command));
+                    toggled = Some((curve, gesture::modifiers(ui).command));
                 }
             }
         }
@@ -384,11 +384,11 @@ pub(super) fn color(ui: &Ui, property: &KeyedProperty, index: usize, part: usize
         (_, 2) => Z,
         _ => Color32::GRAY,
     };
-    shaded(color, property.kind == ValueKind::Rotation, ui.visuals().dark_mode)
+    theme_color(color, property.kind == ValueKind::Rotation, ui.visuals().dark_mode)
 }
 
 /// Color adapted to the theme. Rotations contrast more with the background than positions along the same axis.
-fn shaded(color: Color32, is_rotation: bool, dark_mode: bool) -> Color32 {
+fn theme_color(color: Color32, is_rotation: bool, dark_mode: bool) -> Color32 {
     let of = |value: u8| match (dark_mode, is_rotation) {
         (true, false) => value,
         (true, true) => value + (255 - value) / 2,
@@ -441,7 +441,7 @@ fn background(ui: &Ui, viewer: &mut Viewer, plot: &Plot, what: &Selected, all: &
     for property in all {
         let scale = viewer.curves.scale(property);
         for key in &property.keys {
-            let shown = viewer.curves.drawn(property, *key, scale);
+            let shown = viewer.curves.displayed_values(property, *key, scale);
             let mut parts =
                 shown.iter().enumerate().filter(|(part, _)| viewer.curves.is_shown(property, *part));
             if parts.any(|(_, value)| area.contains(pos2(plot.x(*key), plot.y(*value)))) {
@@ -449,7 +449,7 @@ fn background(ui: &Ui, viewer: &mut Viewer, plot: &Plot, what: &Selected, all: &
             }
         }
     }
-    if held::adds(ui) {
+    if gesture::adds_to_selection(ui) {
         keys.extend(viewer.selected_keys().iter().cloned());
     }
     viewer.select_keys(keys);
@@ -468,7 +468,7 @@ fn curve_at<'p>(
 ) -> Option<&'p KeyedProperty> {
     let time = Time::from_secs(plot.secs(at.x));
     all.iter().find(|property| {
-        let values = viewer.curves.drawn(property, time, viewer.curves.scale(property));
+        let values = viewer.curves.displayed_values(property, time, viewer.curves.scale(property));
         let mut shown = values.iter().enumerate().filter(|(part, _)| viewer.curves.is_shown(property, *part));
         shown.any(|(_, value)| (plot.y(*value) - at.y).abs() < 8.0)
     })
@@ -480,7 +480,7 @@ fn lines(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, index:
     let from = Time::from_secs(plot.time.from.max(0.0));
     let to = Time::from_secs(plot.time.to.min(viewer.playhead.length().as_secs()).max(plot.time.from));
     let count = (plot.rect.width() / STEP) as usize;
-    let samples = viewer.curves.sampled(property, from, to, count);
+    let samples = viewer.curves.samples(property, from, to, count);
     for part in (0..property.width()).filter(|part| viewer.curves.is_shown(property, *part)) {
         let points = samples.iter().filter_map(|(time, v)| Some(pos2(plot.x(*time), plot.y(*v.get(part)?))));
         let color = color(ui, property, index, part);
@@ -500,7 +500,7 @@ fn points(ui: &Ui, viewer: &mut Viewer, plot: &Plot, property: &KeyedProperty, i
         }
         let key = key_of(property, *at);
         let selected = viewer.is_key_selected(&key);
-        let values = viewer.curves.drawn(property, *at, scale);
+        let values = viewer.curves.displayed_values(property, *at, scale);
         let parts =
             (0..property.width().min(values.len())).filter(|part| viewer.curves.is_shown(property, *part));
         for part in parts.collect::<Vec<_>>() {
@@ -514,12 +514,13 @@ fn points(ui: &Ui, viewer: &mut Viewer, plot: &Plot, property: &KeyedProperty, i
             let name = format!("{} {}", property.title(), property.part(part)).trim_end().to_string();
             let label = format!("key {name} at {}", fps.frames_in(*at));
             response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, label.clone()));
-            act = dragged(ui, viewer, plot, property, &key, part, &response).or(act);
+            act = drag_key(ui, viewer, plot, property, &key, part, &response).or(act);
             let by = viewer.curves.drag.as_ref().filter(|_| selected);
-            let place = by.map_or(place, |drag| moved(viewer, plot, property, part, *at, drag));
+            let place =
+                by.map_or(place, |drag| dragged_key_position(viewer, plot, property, part, *at, drag));
             point(ui, plot, place, color(ui, property, index, part), selected || response.hovered());
             if response.clicked() {
-                act = Some(Act::Click(key.clone(), held::adds(ui)));
+                act = Some(Act::Click(key.clone(), gesture::adds_to_selection(ui)));
             }
             act = key_menu::show(&response, viewer, std::slice::from_ref(&key)).map(Act::Key).or(act);
             let number = fixed_digits(property.at(*at).get(part).copied().unwrap_or_default(), 3);
@@ -540,7 +541,7 @@ fn point(ui: &Ui, plot: &Plot, at: Pos2, color: Color32, strong: bool) {
 }
 
 /// Position of a selected key during a drag.
-fn moved(
+fn dragged_key_position(
     viewer: &Viewer,
     plot: &Plot,
     property: &KeyedProperty,
@@ -554,14 +555,14 @@ fn moved(
     }
     let (add, divide) = viewer.curves.scale(property);
     let drawn = match viewer.curves.speed {
-        true => viewer.curves.drawn(property, at, (add, divide))[part],
+        true => viewer.curves.displayed_values(property, at, (add, divide))[part],
         false => (numbers[part] + add) / divide,
     };
     pos2(plot.x(at + Time::from_secs(drag.by)), plot.y(drawn))
 }
 
 /// Handles the drag of a key in time and value; with Shift only along one axis.
-fn dragged(
+fn drag_key(
     ui: &Ui,
     viewer: &mut Viewer,
     plot: &Plot,
@@ -583,7 +584,7 @@ fn dragged(
     }
     let from: Pos2 = ui.data(|d| d.get_temp(id)).unwrap_or(to);
     let mut by = to - from;
-    if held::modifiers(ui).shift {
+    if gesture::modifiers(ui).shift {
         by = if by.x.abs() > by.y.abs() { vec2(by.x, 0.0) } else { vec2(0.0, by.y) };
     }
     let secs = match by.x.abs() < SLACK {
@@ -591,7 +592,8 @@ fn dragged(
         false => {
             let wanted = key.at.as_secs() + plot.secs(by.x) - plot.secs(0.0);
             let reach = plot.secs(6.0) - plot.secs(0.0);
-            viewer.attracted(wanted, reach, None).unwrap_or_else(|| viewer.snapped(wanted)) - key.at.as_secs()
+            viewer.snap_target(wanted, reach, None).unwrap_or_else(|| viewer.snapped(wanted))
+                - key.at.as_secs()
         }
     };
     let (_, divide) = viewer.curves.scale(property);
@@ -603,7 +605,7 @@ fn dragged(
     let time = viewer.shown_time(key.at + Time::from_secs(secs));
     let unit = property.unit;
     let number = fixed_digits((now + value).clamp(property.range[0], property.range[1]), 3);
-    beside(ui, to, &format!("{time}   {} {number} {unit}", property.part(part)));
+    draw_text_at_pointer(ui, to, &format!("{time}   {} {number} {unit}", property.part(part)));
     if response.drag_stopped() {
         viewer.curves.drag = None;
         ui.data_mut(|d| d.remove::<Pos2>(id));
@@ -623,7 +625,7 @@ fn handles(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, inde
         let ease = written.keys.get(number).and_then(|key| key.shape.as_ref()?.ease.as_deref());
         let ease = ease.and_then(bezier);
         let Some(ease) = ease.filter(|_| near.contains(&true)) else { continue };
-        let [from, to] = [before, at].map(|at| viewer.curves.drawn(property, at, scale));
+        let [from, to] = [before, at].map(|at| viewer.curves.displayed_values(property, at, scale));
         for part in
             (0..property.width().min(from.len())).filter(|part| viewer.curves.is_shown(property, *part))
         {
@@ -658,7 +660,7 @@ fn handle(
     let label = ["start of the easing", "end of the easing"][side];
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label));
     let mut now = ease;
-    if let Some(at) = held::dragged(ui, &response, place(ease)) {
+    if let Some(at) = gesture::dragged_position(ui, &response, place(ease)) {
         let part = |at: f32, from: f32, size: f32| f64::from((at - from) / size).clamp(0.0, 1.0);
         let hundredth = |value: f64| (value * 100.0).round() / 100.0;
         if size.x.abs() > 1.0 {
@@ -683,13 +685,13 @@ fn bezier(ease: &str) -> Option<[f64; 4]> {
 
 #[cfg(test)]
 mod tests {
-    use super::{X, Y, Z, shaded};
+    use super::{X, Y, Z, theme_color};
 
     #[test]
     fn rotations_have_other_colors_than_places() {
         for dark_mode in [true, false] {
             for axis in [X, Y, Z] {
-                let [place, rotation] = [false, true].map(|is| shaded(axis, is, dark_mode));
+                let [place, rotation] = [false, true].map(|is| theme_color(axis, is, dark_mode));
                 let apart = |of: fn(&egui::Color32) -> u8| of(&place).abs_diff(of(&rotation));
                 let apart = u32::from(apart(egui::Color32::r))
                     + u32::from(apart(egui::Color32::g))

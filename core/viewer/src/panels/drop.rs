@@ -17,12 +17,12 @@ const STEEP_ENOUGH: f64 = 0.05;
 
 /// Dropped files whose position is not known yet, and the time of the drop in seconds.
 #[derive(Default)]
-pub struct Waiting {
+pub struct PendingDrop {
     files: Vec<PathBuf>,
     since: f64,
 }
 
-pub fn take(waiting: &mut Waiting, ui: &Ui, viewer: &mut Viewer) {
+pub fn take(waiting: &mut PendingDrop, ui: &Ui, viewer: &mut Viewer) {
     let (dropped, now) = ui.input(|i| (i.raw.dropped_files.clone(), i.time));
     for file in dropped {
         let path = file.path().to_path_buf();
@@ -42,7 +42,10 @@ pub fn take(waiting: &mut Waiting, ui: &Ui, viewer: &mut Viewer) {
     }
     let files = std::mem::take(&mut waiting.files);
     let is_model = |file: &PathBuf| !file.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai"));
-    let scene = viewer.path.is_some() && viewer.scene.is_some() && viewer.guests.is_empty() && !viewer.faulty;
+    let scene = viewer.path.is_some()
+        && viewer.scene.is_some()
+        && viewer.previewed_files.is_empty()
+        && !viewer.faulty;
     let pointer = ui.input(|i| i.pointer.latest_pos());
     let at = pointer.and_then(|at| ground(viewer, at)).filter(|_| scene && files.iter().all(is_model));
     match at {
@@ -57,12 +60,15 @@ pub(super) fn ground(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     let scene = viewer.scene.as_ref()?;
     let inside = |view: &&crate::state::view::View| {
         let [left, top, right, bottom] = view.place;
-        view.seen && Rect::from_min_max(Pos2::new(left, top), Pos2::new(right, bottom)).contains(at)
+        view.is_visible && Rect::from_min_max(Pos2::new(left, top), Pos2::new(right, bottom)).contains(at)
     };
     let view = viewer.views.iter().find(inside)?;
     let [left, top, right, bottom] = view.place.map(f64::from);
-    let lens =
-        Lens::new(&view.now(&scene.stage)?, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
+    let lens = Lens::new(
+        &view.displayed_camera(&scene.stage)?,
+        DVec2::new(left, top),
+        DVec2::new(right - left, bottom - top),
+    );
     let (origin, direction) = lens.ray(DVec2::new(f64::from(at.x), f64::from(at.y)));
     let far = -origin.y / direction.y;
     let meets = match lens.is_perspective() {

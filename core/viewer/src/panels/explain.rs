@@ -21,7 +21,10 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             "meshes, textures, materials, pipelines made so far",
             format!(
                 "{}, {}, {}, {}",
-                viewer.drawn.meshes, viewer.drawn.textures, viewer.drawn.materials, viewer.drawn.pipelines
+                viewer.created_counts.meshes,
+                viewer.created_counts.textures,
+                viewer.created_counts.materials,
+                viewer.created_counts.pipelines
             ),
         ),
     ];

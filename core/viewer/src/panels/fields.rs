@@ -8,7 +8,7 @@ use crate::editing::{FieldChange, expression};
 use crate::state::selection::{Selected, actor};
 use choreo_asset::{AlphaMode, Asset, Material};
 use choreo_motion::Repeat;
-use choreo_session::edit::{Anew, CueTime, quoted};
+use choreo_session::edit::{CueTime, NewValueSyntax, quoted};
 use choreo_stage::{
     Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Property, Shadow, Stage,
     StageLight,
@@ -24,11 +24,11 @@ const LEAST: f64 = 0.01;
 const SURFACE: [(&str, f64, f64, f64); 2] = [("roughness", 0.0, 1.0, 0.9), ("metallic", 0.0, 1.0, 0.0)];
 
 /// Source text of everything that the script states about an object, by name.
-pub type Stated = BTreeMap<String, String>;
+pub type StatedValues = BTreeMap<String, String>;
 
 /// The object whose fields are shown.
 pub struct Form<'f> {
-    pub stated: &'f Stated,
+    pub stated: &'f StatedValues,
     /// Prefix of the names of its fields, to distinguish them from fields with the same name.
     pub owner: &'f str,
     pub is_cue: bool,
@@ -37,7 +37,7 @@ pub struct Form<'f> {
 }
 
 impl Form<'_> {
-    fn of<'f>(stated: &'f Stated, what: &Selected) -> Form<'f> {
+    fn of<'f>(stated: &'f StatedValues, what: &Selected) -> Form<'f> {
         Form { stated, owner: "", is_cue: matches!(what, Selected::Cue { .. }), end: None }
     }
 
@@ -54,7 +54,7 @@ pub fn show(
     viewer: &Viewer,
     stage: &Stage,
     what: &Selected,
-    stated: &Stated,
+    stated: &StatedValues,
 ) -> Option<FieldChange> {
     match what {
         Selected::Cue { actor: name, layer, cue } => {
@@ -86,7 +86,7 @@ pub fn reset(name: &Response, names: &[&'static str]) -> Option<FieldChange> {
 }
 
 /// Name of a field with its context menu; strong if the script states the value.
-pub fn label(ui: &mut Ui, stated: &Stated, name: &'static str, about: &str) -> Option<FieldChange> {
+pub fn label(ui: &mut Ui, stated: &StatedValues, name: &'static str, about: &str) -> Option<FieldChange> {
     let is_stated = stated.contains_key(name);
     let response = ui.add(egui::Label::new(name_text(name, is_stated)).sense(egui::Sense::click()));
     let hint = if is_stated { "stated by the script; right click: reset to default" } else { "by default" };
@@ -101,13 +101,13 @@ pub(super) fn name_text(name: &str, is_stated: bool) -> RichText {
 }
 
 /// Syntax of a value that the script does not state yet.
-fn anew_of(form: &Form, name: &str) -> Anew {
+fn new_value_syntax(form: &Form, name: &str) -> NewValueSyntax {
     match name {
         // No method has this name.
-        "inertial" => Anew::Option,
-        _ if form.is_cue => Anew::Alike,
-        "scale" | "near" | "far" | "from" | "until" => Anew::Method,
-        _ => Anew::Option,
+        "inertial" => NewValueSyntax::Option,
+        _ if form.is_cue => NewValueSyntax::LikeOthers,
+        "scale" | "near" | "far" | "from" | "until" => NewValueSyntax::Method,
+        _ => NewValueSyntax::Option,
     }
 }
 
@@ -124,11 +124,11 @@ pub fn described<T: Described>(
     let set = match ((field.get)(of), field.of_type) {
         (FieldValue::Number(n), FieldType::Number(low, high, unit)) => {
             let set = written(ui, &shown, n, low..=high, (unit, form.stated.get(name)));
-            set.map(|to| FieldChange::Value(name, to, anew_of(form, name)))
+            set.map(|to| FieldChange::Value(name, to, new_value_syntax(form, name)))
         }
         (FieldValue::Number(n), FieldType::Degrees(low, high)) => {
             let set = written(ui, &shown, n.to_degrees(), low..=high, ("°", form.stated.get(name)));
-            set.map(|to| FieldChange::Value(name, to, anew_of(form, name)))
+            set.map(|to| FieldChange::Value(name, to, new_value_syntax(form, name)))
         }
         (value, FieldType::Time | FieldType::Duration) => {
             let set = match value {
@@ -136,8 +136,13 @@ pub fn described<T: Described>(
                 _ => {
                     let derived = form.end.filter(|_| name == "until");
                     let row = |ui: &mut Ui| {
-                        let set =
-                            values::unstated(ui, &format!("{shown} field"), derived, 0.0..=LONGEST, true);
+                        let set = values::derived_number(
+                            ui,
+                            &format!("{shown} field"),
+                            derived,
+                            0.0..=LONGEST,
+                            true,
+                        );
                         ui.weak("s");
                         set
                     };
@@ -148,8 +153,8 @@ pub fn described<T: Described>(
                 ("from", _) => FieldChange::Time(CueTime::Start, to),
                 ("until", _) => FieldChange::Time(CueTime::End, to),
                 ("fade", true) => FieldChange::Time(CueTime::FadeIn, to),
-                ("fade", false) => FieldChange::Value(name, to.text, Anew::Method),
-                _ => FieldChange::Value(name, to.text, anew_of(form, name)),
+                ("fade", false) => FieldChange::Value(name, to.text, NewValueSyntax::Method),
+                _ => FieldChange::Value(name, to.text, new_value_syntax(form, name)),
             })
         }
         (value, FieldType::Flag) => flag(ui, name, &shown, value == FieldValue::Flag(true)),
@@ -164,7 +169,7 @@ pub fn described<T: Described>(
                         // `.at(x, y)` and `at: [x, y]` have different syntax.
                         let is_method = stated.is_some_and(|stated| !stated.starts_with('['));
                         let text = if is_method { text } else { format!("[{text}]") };
-                        set = Some(FieldChange::Value(name, text, Anew::Option));
+                        set = Some(FieldChange::Value(name, text, NewValueSyntax::Option));
                     }
                 }
             });
@@ -188,9 +193,9 @@ fn flag(ui: &mut Ui, name: &'static str, shown: &str, on: bool) -> Option<FieldC
     });
     response.changed().then(|| match now {
         // The default of `keep` is not always `false`.
-        now if name == "keep" => FieldChange::Text(name, now.to_string(), Anew::Option),
+        now if name == "keep" => FieldChange::Text(name, now.to_string(), NewValueSyntax::Option),
         // A method without an argument switches the flag on.
-        true => FieldChange::Text(name, String::new(), Anew::Method),
+        true => FieldChange::Text(name, String::new(), NewValueSyntax::Method),
         false => FieldChange::Reset(vec![name]),
     })
 }
@@ -272,7 +277,7 @@ pub(super) fn source(ui: &mut Ui, name: &'static str, now: &str, hint: &str) -> 
 fn clip(
     ui: &mut Ui,
     viewer: &Viewer,
-    (stage, stated): (&Stage, &Stated),
+    (stage, stated): (&Stage, &StatedValues),
     what: &Selected,
     played: &Cue,
     layer: usize,
@@ -333,14 +338,14 @@ fn keys_of(viewer: &Viewer, what: &Selected, played: &Cue, name: &str) -> Option
 }
 
 /// Row of a keyed value, without a field, since a number would replace the keys.
-fn keyed(ui: &mut Ui, stated: &Stated, name: &'static str, keys: &str) -> Option<FieldChange> {
+fn keyed(ui: &mut Ui, stated: &StatedValues, name: &'static str, keys: &str) -> Option<FieldChange> {
     let wanted = label(ui, stated, name, "keyed in the script");
     ui.monospace(keys);
     ui.end_row();
     wanted
 }
 
-fn trim(ui: &mut Ui, stated: &Stated, played: &Cue) -> Option<FieldChange> {
+fn trim(ui: &mut Ui, stated: &StatedValues, played: &Cue) -> Option<FieldChange> {
     let mut wanted = label(ui, stated, "trim", "the part of the clip that is played");
     let now = [played.trim.0.as_secs(), played.trim.1.as_secs()];
     let whole = played.clip.duration.as_secs();
@@ -361,12 +366,14 @@ fn trim(ui: &mut Ui, stated: &Stated, played: &Cue) -> Option<FieldChange> {
     wanted
 }
 
-fn ease(ui: &mut Ui, stated: &Stated) -> Option<FieldChange> {
+fn ease(ui: &mut Ui, stated: &StatedValues) -> Option<FieldChange> {
     let mut wanted = label(ui, stated, "ease", "easing of the fades");
     let written = stated.get("ease").cloned().unwrap_or_else(|| "\"linear\"".to_string());
     let names = choreo_script::easing_names();
     let chosen = choice(ui, "ease", written.trim_matches('"'), names.iter().map(String::as_str));
-    wanted = chosen.map(|name| FieldChange::Text("ease", format!("\"{name}\""), Anew::Alike)).or(wanted);
+    wanted = chosen
+        .map(|name| FieldChange::Text("ease", format!("\"{name}\""), NewValueSyntax::LikeOthers))
+        .or(wanted);
     ui.end_row();
     wanted
 }
@@ -387,11 +394,11 @@ fn mask(ui: &mut Ui, now: &str, asset: &Asset) -> Option<FieldChange> {
     let set = set.inner.filter(|text| !text.is_empty())?;
     let is_written = set.starts_with(['"', '[', '#', '`']) || !(is_text || branches.contains(&set));
     let text = if is_written { set } else { quoted(&set) };
-    Some(FieldChange::Text("on", text, Anew::Method))
+    Some(FieldChange::Text("on", text, NewValueSyntax::Method))
 }
 
 /// Fields for mask, priority and weight of a layer, on the clip that states them.
-fn layer_fields(ui: &mut Ui, stated: &Stated, asset: &Asset) -> Option<FieldChange> {
+fn layer_fields(ui: &mut Ui, stated: &StatedValues, asset: &Asset) -> Option<FieldChange> {
     let mut wanted = None;
     if let Some(now) = stated.get("on") {
         wanted = label(ui, stated, "on", "joints of the layer: Spine.., or [\"Head\", \"*Arm*\"]");
@@ -406,7 +413,7 @@ fn layer_fields(ui: &mut Ui, stated: &Stated, asset: &Asset) -> Option<FieldChan
         }
         wanted = label(ui, stated, name, hint).or(wanted);
         let set = source(ui, name, now, hint);
-        wanted = set.map(|text| FieldChange::Text(name, text, Anew::Method)).or(wanted);
+        wanted = set.map(|text| FieldChange::Text(name, text, NewValueSyntax::Method)).or(wanted);
         ui.end_row();
     }
     wanted
@@ -415,7 +422,7 @@ fn layer_fields(ui: &mut Ui, stated: &Stated, asset: &Asset) -> Option<FieldChan
 fn lens(
     ui: &mut Ui,
     viewer: &Viewer,
-    stated: &Stated,
+    stated: &StatedValues,
     what: &Selected,
     camera: &Camera,
 ) -> Option<FieldChange> {
@@ -443,7 +450,7 @@ fn lens(
             if let (Some(FieldChange::Value(_, value, _)), FieldValue::Number(_)) =
                 (&row, (field.get)(camera))
             {
-                row = Some(FieldChange::Value(field.name, value.clone(), Anew::Method));
+                row = Some(FieldChange::Value(field.name, value.clone(), NewValueSyntax::Method));
             }
             wanted = row.or(wanted.take());
         }
@@ -474,14 +481,14 @@ fn shadow(
     viewer: &Viewer,
     light: &StageLight,
     what: &Selected,
-    stated: &Stated,
+    stated: &StatedValues,
 ) -> Option<FieldChange> {
     let mut wanted = None;
     Grid::new("shadow").num_columns(2).show(ui, |ui| {
         let reset = label(ui, stated, "shadow", "lit objects cast shadows");
         let set = flag(ui, "shadow", "shadow", light.shadow.is_some());
         wanted = set.map(|change| match change {
-            FieldChange::Text(name, ..) => FieldChange::Text(name, "true".into(), Anew::Option),
+            FieldChange::Text(name, ..) => FieldChange::Text(name, "true".into(), NewValueSyntax::Option),
             other => other,
         });
         wanted = wanted.take().or(reset);
@@ -511,7 +518,7 @@ fn shadow(
 fn title(
     ui: &mut Ui,
     viewer: &Viewer,
-    (what, stated): (&Selected, &Stated),
+    (what, stated): (&Selected, &StatedValues),
     layer: &Layer2d,
 ) -> Option<FieldChange> {
     let mut wanted = None;
@@ -540,14 +547,14 @@ fn title(
             for (name, value, low, high) in numbers.into_iter().chain(width) {
                 wanted = label(ui, stated, name, "").or(wanted.take());
                 let set = number(ui, name, value, low..=high, "");
-                let change = |to| FieldChange::Value(name, values::text(ui, to), Anew::Option);
+                let change = |to| FieldChange::Value(name, values::text(ui, to), NewValueSyntax::Option);
                 wanted = set.map(change).or(wanted.take());
                 ui.end_row();
             }
             wanted = label(ui, stated, "align", "").or(wanted.take());
             let now = format!("{align:?}").to_lowercase();
             let set = choice(ui, "align", &now, ["left", "center", "right"].into_iter());
-            let change = |name| FieldChange::Value("align", format!("\"{name}\""), Anew::Option);
+            let change = |name| FieldChange::Value("align", format!("\"{name}\""), NewValueSyntax::Option);
             wanted = set.map(change).or(wanted.take());
             ui.end_row();
             wanted = color_row(ui, stated, "color", color.truncate()).or(wanted.take());
@@ -556,12 +563,17 @@ fn title(
     wanted
 }
 
-fn color_row(ui: &mut Ui, stated: &Stated, name: &'static str, linear: glam::Vec3) -> Option<FieldChange> {
+fn color_row(
+    ui: &mut Ui,
+    stated: &StatedValues,
+    name: &'static str,
+    linear: glam::Vec3,
+) -> Option<FieldChange> {
     let mut wanted = label(ui, stated, name, "");
     let shown = linear.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)));
     if let Some([r, g, b]) = values::color(ui, name, shown) {
-        let anew = if name == "tint" { Anew::Method } else { Anew::Option };
-        wanted = Some(FieldChange::Value(name, format!("\"#{r:02x}{g:02x}{b:02x}\""), anew));
+        let syntax = if name == "tint" { NewValueSyntax::Method } else { NewValueSyntax::Option };
+        wanted = Some(FieldChange::Value(name, format!("\"#{r:02x}{g:02x}{b:02x}\""), syntax));
     }
     ui.end_row();
     wanted
@@ -574,7 +586,7 @@ fn surface(
     stage: &Stage,
     what: &Selected,
     name: &str,
-    stated: &Stated,
+    stated: &StatedValues,
 ) -> Option<FieldChange> {
     let found = &stage.actors[actor(stage, name)?];
     let mut wanted = None;
@@ -602,7 +614,7 @@ fn surface(
 }
 
 /// Name of an asset's option with the context menu that resets it; strong if the script states it.
-fn option_label(ui: &mut Ui, written: &Stated, name: &'static str) -> Option<FieldChange> {
+fn option_label(ui: &mut Ui, written: &StatedValues, name: &'static str) -> Option<FieldChange> {
     let text = name_text(name, written.contains_key(name));
     let response = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
     reset(
@@ -613,7 +625,7 @@ fn option_label(ui: &mut Ui, written: &Stated, name: &'static str) -> Option<Fie
 }
 
 /// Fields for the size of a shape along its axes, metres. `kind`: source text with quotes.
-fn size(ui: &mut Ui, written: &Stated, kind: &str, asset: &Asset) -> Option<FieldChange> {
+fn size(ui: &mut Ui, written: &StatedValues, kind: &str, asset: &Asset) -> Option<FieldChange> {
     let axes: &[usize] = match kind {
         "\"plane\"" => &[0, 2],
         "\"quad\"" => &[0, 1],
@@ -653,7 +665,12 @@ fn size_range(kind: &str, axis: usize, now: &[f64]) -> std::ops::RangeInclusive<
 }
 
 /// Row with a color of an actor's asset.
-fn asset_color(ui: &mut Ui, written: &Stated, name: &'static str, linear: glam::Vec3) -> Option<FieldChange> {
+fn asset_color(
+    ui: &mut Ui,
+    written: &StatedValues,
+    name: &'static str,
+    linear: glam::Vec3,
+) -> Option<FieldChange> {
     let wanted = option_label(ui, written, name);
     let shown = linear.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)));
     let set = values::color(ui, &format!("asset {name}"), shown);
@@ -663,7 +680,7 @@ fn asset_color(ui: &mut Ui, written: &Stated, name: &'static str, linear: glam::
 }
 
 /// Fields of a shape's material. Options that exclude each other or require another one are only offered where the script accepts them.
-fn material(ui: &mut Ui, viewer: &Viewer, written: &Stated, made: &Material) -> Option<FieldChange> {
+fn material(ui: &mut Ui, viewer: &Viewer, written: &StatedValues, made: &Material) -> Option<FieldChange> {
     let (fps, mut wanted) = (viewer.playhead.fps().as_fps(), None);
     let row = |ui: &mut Ui, (name, low, high, usual): (&'static str, f64, f64, f64)| {
         let label = option_label(ui, written, name);

@@ -1,7 +1,7 @@
 //! Gizmo of the selected actor in a viewport: draws and drags it.
 
 use super::canvas::Canvas;
-use super::held;
+use super::gesture;
 use super::overlay::{X, Y, Z, line, point};
 use crate::app::{Dragging, Viewer};
 use crate::geometry::gizmo::{Change, Drag, Handle, LENGTH, Tool, arm, handle_at, ring};
@@ -36,7 +36,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
         let drag = Drag { tool: viewer.tool, handle, world_from_model, from };
         viewer.dragging = Some(Dragging { actor: name.clone(), drag, change: Change::none(viewer.tool) });
     }
-    let in_steps = held::modifiers(ui).command;
+    let in_steps = gesture::modifiers(ui).command;
     let Some(dragging) = viewer.dragging.as_mut().filter(|d| d.actor == name) else { return false };
     if let Some(at) = at.filter(|_| response.dragged()) {
         dragging.change = dragging.drag.change(lens, at, in_steps);

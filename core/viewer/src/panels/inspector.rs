@@ -6,7 +6,7 @@ use super::rig::CallChange;
 use super::{fields as stated, headers, icons, rig, values};
 use crate::app::Viewer;
 use crate::editing::placing::{light_at, placement};
-use crate::editing::{ClipOf, EditError, FieldChange, expression};
+use crate::editing::{ClipSource, EditError, FieldChange, expression};
 use crate::geometry::gizmo::Change;
 use crate::state::keyed::{self, KeyRef, KeyedProperty};
 use crate::state::selection::{Selected, actor};
@@ -14,7 +14,7 @@ use choreo_asset::{Asset, LightKind, Projection};
 use choreo_motion::Time;
 use choreo_plugin::{OptionKind, OptionSpec};
 use choreo_script::Place;
-use choreo_session::edit::{Typed, euler_degrees_near};
+use choreo_session::edit::{TypedNumber, euler_degrees_near};
 use choreo_session::{FrameInfo, Scene};
 use choreo_stage::{
     ActiveClip, ActorState, Camera, Described, EffectUse, FieldType, FieldValue, Rig, Sky, Stage, StageLight,
@@ -27,18 +27,18 @@ use std::sync::Arc;
 /// Payload of a clip dragged onto the sequencer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ClipDrag {
-    pub of: ClipOf,
+    pub of: ClipSource,
     pub clip: String,
 }
 
 /// An edit by the user, made after all fields have been drawn.
-enum Wanted {
+enum InspectorEdit {
     /// A change of an actor's transform, and the number that was typed.
-    Actor(Change, Typed),
+    Actor(Change, TypedNumber),
     Value(&'static str, String),
     Parameter(String, String),
     /// Removes a parameter of an effect from the script, since it has its default value.
-    Unstated(String),
+    RemoveParameter(String),
     Clip(String, f64),
     /// Field of view in degrees, and its source text.
     FieldOfView(f64, String),
@@ -50,7 +50,7 @@ enum Wanted {
 }
 
 /// Properties of the selection that have keys or can have keys.
-type Keyable<'k> = &'k [KeyedProperty];
+type KeyableProperties<'k> = &'k [KeyedProperty];
 
 const MOST_CLIPS: usize = 200;
 const MOST_JOINTS: usize = 400;
@@ -66,7 +66,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         what => viewer.known_properties(what).map(|(all, _)| all),
     };
     let known = known.unwrap_or_default();
-    let keyable: Keyable = &known;
+    let keyable: KeyableProperties = &known;
     let rows = rows(viewer, &scene, &selection, keyable);
     let title = match &selection {
         Selected::Actor(name) | Selected::Camera(name) => name.clone(),
@@ -107,7 +107,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         Selected::Cue { .. } | Selected::Title(_) => {}
     }
     let field = stated::show(ui, viewer, &scene.stage, &selection, &written);
-    wanted = field.map(Wanted::Field).or(name.map(Wanted::Name)).or(wanted);
+    wanted = field.map(InspectorEdit::Field).or(name.map(InspectorEdit::Name)).or(wanted);
     wanted = keys_menu(ui, viewer, keyable).or(wanted);
     Grid::new("inspector").num_columns(2).striped(true).show(ui, |ui| {
         for (name, value) in rows {
@@ -121,7 +121,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     {
         let asset = &scene.stage.actors[index].asset;
         wanted = clips(ui, viewer, name, asset).or(wanted);
-        wanted = rig::show(ui, viewer, &scene.stage.actors[index], index).map(Wanted::Call).or(wanted);
+        wanted = rig::show(ui, viewer, &scene.stage.actors[index], index).map(InspectorEdit::Call).or(wanted);
         materials(ui, asset);
         if let Some(state) = viewer.shown().and_then(|s| s.snapshot.actors.get(index)) {
             joints(ui, asset, state);
@@ -132,35 +132,35 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-fn apply(viewer: &mut Viewer, selection: Selected, wanted: Wanted, known: &[KeyedProperty]) {
+fn apply(viewer: &mut Viewer, selection: Selected, wanted: InspectorEdit, known: &[KeyedProperty]) {
     viewer.note = None;
     let locked = selection.actor().filter(|name| viewer.toggles.locked.contains(*name));
     // The lock protects the row, but not its name.
-    if let Some(name) = locked.filter(|_| !matches!(wanted, Wanted::Name(_))) {
+    if let Some(name) = locked.filter(|_| !matches!(wanted, InspectorEdit::Name(_))) {
         return viewer.report(Err(EditError::refused(headers::is_locked(name))));
     }
     let change = match wanted {
-        Wanted::Field(change) => viewer.change_field(&selection, &change),
-        Wanted::Name(name) => viewer.rename(&selection, &name),
-        Wanted::Call(CallChange(call, change)) => viewer.change_call(&call, &change),
-        Wanted::FieldOfView(degrees, written) => match &selection {
+        InspectorEdit::Field(change) => viewer.change_field(&selection, &change),
+        InspectorEdit::Name(name) => viewer.rename(&selection, &name),
+        InspectorEdit::Call(CallChange(call, change)) => viewer.change_call(&call, &change),
+        InspectorEdit::FieldOfView(degrees, written) => match &selection {
             Selected::Camera(name) => viewer.set_field_of_view(name, degrees, &written),
             _ => Ok(()),
         },
-        Wanted::Key(name, true) => {
+        InspectorEdit::Key(name, true) => {
             let at = viewer.playhead.time();
             let there = known.iter().find(|p| p.name == name);
             let there = there.and_then(|p| Some(p.keys[p.key_at(at, viewer.playhead.fps())?]));
             there.map_or(Ok(()), |at| viewer.delete_keys(&[KeyRef { what: selection, property: name, at }]))
         }
-        Wanted::Key(name, false) => viewer.set_keys(&selection, &[&name]),
-        Wanted::Actor(change, typed) => {
+        InspectorEdit::Key(name, false) => viewer.set_keys(&selection, &[&name]),
+        InspectorEdit::Actor(change, typed) => {
             selection.actor().map_or(Ok(()), |name| viewer.place_actor(name, change, Some(&typed)))
         }
-        Wanted::Value(name, value) => viewer.set_value(&selection, name, &value),
-        Wanted::Parameter(name, value) => viewer.set_value(&selection, &name, &value),
-        Wanted::Unstated(name) => viewer.unstate(&selection, &name),
-        Wanted::Clip(clip, secs) => {
+        InspectorEdit::Value(name, value) => viewer.set_value(&selection, name, &value),
+        InspectorEdit::Parameter(name, value) => viewer.set_value(&selection, &name, &value),
+        InspectorEdit::RemoveParameter(name) => viewer.remove_parameter(&selection, &name),
+        InspectorEdit::Clip(clip, secs) => {
             selection.actor().map_or(Ok(()), |name| viewer.add_clip(name, name, &clip, secs))
         }
     };
@@ -168,7 +168,7 @@ fn apply(viewer: &mut Viewer, selection: Selected, wanted: Wanted, known: &[Keye
 }
 
 /// The diamond next to a value. It is filled if there is a key at the playhead, which a click deletes; otherwise a click sets one.
-fn key_button(ui: &mut Ui, viewer: &Viewer, keyable: Keyable, name: &str) -> Option<Wanted> {
+fn key_button(ui: &mut Ui, viewer: &Viewer, keyable: KeyableProperties, name: &str) -> Option<InspectorEdit> {
     let property = keyable.iter().find(|property| property.name == name)?;
     let here = property.key_at(viewer.playhead.time(), viewer.playhead.fps()).is_some();
     let color = match (here, property.has_keys()) {
@@ -191,11 +191,11 @@ fn key_button(ui: &mut Ui, viewer: &Viewer, keyable: Keyable, name: &str) -> Opt
             format!("set a key of {} at the playhead (K: of all properties with keys)", property.title())
         }
     };
-    response.hint(hint).clicked().then(|| Wanted::Key(name.to_string(), here))
+    response.hint(hint).clicked().then(|| InspectorEdit::Key(name.to_string(), here))
 }
 
 /// Menu of keys for all properties that can have them, including those without a field.
-fn keys_menu(ui: &mut Ui, viewer: &Viewer, keyable: Keyable) -> Option<Wanted> {
+fn keys_menu(ui: &mut Ui, viewer: &Viewer, keyable: KeyableProperties) -> Option<InspectorEdit> {
     if keyable.is_empty() {
         return None;
     }
@@ -225,9 +225,9 @@ fn transform(
     ui: &mut Ui,
     viewer: &Viewer,
     stage: &Stage,
-    (name, written): (&str, &stated::Stated),
-    keyable: Keyable,
-) -> Option<Wanted> {
+    (name, written): (&str, &stated::StatedValues),
+    keyable: KeyableProperties,
+) -> Option<InspectorEdit> {
     let placed = placement(stage.actors.get(actor(stage, name)?)?, viewer.playhead.time());
     let mut wanted = None;
     Grid::new("transform").num_columns(5).show(ui, |ui| {
@@ -237,7 +237,7 @@ fn transform(
             if let Some(to) = field(letter, value, 0.01, -1e9..=1e9, 0.0).show(ui) {
                 let mut by = DVec3::ZERO;
                 by[axis] = to - placed.translation[axis];
-                wanted = Some(Wanted::Actor(Change::Move(by), values::typed(ui, to)));
+                wanted = Some(InspectorEdit::Actor(Change::Move(by), values::typed(ui, to)));
             }
         }
         wanted = key_button(ui, viewer, keyable, "position").or(wanted.take());
@@ -248,7 +248,7 @@ fn transform(
         if let Some(to) = field("degrees", degrees, 0.5, -360.0..=360.0, 0.0).show(ui) {
             let (sin, cos) = libm::sincos((to - degrees).to_radians() / 2.0);
             let turn = Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos));
-            wanted = Some(Wanted::Actor(turn, values::typed(ui, to)));
+            wanted = Some(InspectorEdit::Actor(turn, values::typed(ui, to)));
         }
         wanted = key_button(ui, viewer, keyable, "rotation").or(wanted.take());
         ui.end_row();
@@ -260,10 +260,10 @@ fn transform(
                 // An object with a scale of 0 would vanish.
                 let to = if to.abs() < 1e-3 { 1e-3_f64.copysign(to) } else { to };
                 let by = to / placed.scale[axis];
-                let all = super::held::modifiers(ui).shift;
+                let all = super::gesture::modifiers(ui).shift;
                 let mut scale = if all { DVec3::splat(by) } else { DVec3::ONE };
                 scale[axis] = by;
-                wanted = Some(Wanted::Actor(Change::Scale(scale), values::typed(ui, to)));
+                wanted = Some(InspectorEdit::Actor(Change::Scale(scale), values::typed(ui, to)));
             }
         }
         wanted = key_button(ui, viewer, keyable, "scale").or(wanted.take());
@@ -280,7 +280,7 @@ fn projection(viewer: &Viewer, stage: &Stage, name: &str) -> Option<Projection> 
 }
 
 /// Vertical field of view by the script's keys, else by its calls, degrees. `None` if a file defines it.
-fn stated_field_of_view(camera: &Camera, time: Time, keyable: Keyable) -> Option<f64> {
+fn stated_field_of_view(camera: &Camera, time: Time, keyable: KeyableProperties) -> Option<f64> {
     let keyed = |name: &str| {
         let property = keyable.iter().find(|property| property.name == name && property.has_keys())?;
         property.at(time).first().copied()
@@ -300,7 +300,7 @@ fn field_of_view_by_callback(
     scene: &Scene,
     name: &str,
     degrees: f64,
-    keyable: Keyable,
+    keyable: KeyableProperties,
 ) -> Option<String> {
     let frame = frame_of_callbacks(viewer, scene)?;
     let index = frame.snapshot.camera.camera?;
@@ -313,9 +313,9 @@ fn lens(
     ui: &mut Ui,
     viewer: &Viewer,
     scene: &Scene,
-    (name, written): (&str, &stated::Stated),
-    keyable: Keyable,
-) -> Option<Wanted> {
+    (name, written): (&str, &stated::StatedValues),
+    keyable: KeyableProperties,
+) -> Option<InspectorEdit> {
     let Projection::Perspective { yfov, .. } = projection(viewer, &scene.stage, name)? else { return None };
     let mut wanted = None;
     ui.horizontal(|ui| {
@@ -329,7 +329,7 @@ fn lens(
             return;
         }
         let number = field("field of view", degrees, 0.25, 1.0..=170.0, usual);
-        let set = number.show(ui).map(|to| Wanted::FieldOfView(to, values::text(ui, to)));
+        let set = number.show(ui).map(|to| InspectorEdit::FieldOfView(to, values::text(ui, to)));
         wanted = set.or(wanted.take());
         for name in ["fov", "focal_length"] {
             wanted = key_button(ui, viewer, keyable, name).or(wanted.take());
@@ -343,17 +343,17 @@ fn camera(
     ui: &mut Ui,
     viewer: &Viewer,
     stage: &Stage,
-    (name, written): (&str, &stated::Stated),
-    keyable: Keyable,
-) -> Option<Wanted> {
+    (name, written): (&str, &stated::StatedValues),
+    keyable: KeyableProperties,
+) -> Option<InspectorEdit> {
     let camera = stage.cameras.iter().find(|camera| camera.name == name)?;
     let mut key = None;
     let change = camera_fields::show(ui, viewer, written, camera, |ui, name| {
         key = key_button(ui, viewer, keyable, name).or(key.take());
     });
     let change = change.map(|change| match change {
-        CameraChange::Field(change) => Wanted::Field(change),
-        CameraChange::Call(change) => Wanted::Call(change),
+        CameraChange::Field(change) => InspectorEdit::Field(change),
+        CameraChange::Call(change) => InspectorEdit::Call(change),
     });
     change.or(key)
 }
@@ -367,9 +367,9 @@ fn light(
     ui: &mut Ui,
     viewer: &Viewer,
     (stage, index): (&Stage, usize),
-    keyable: Keyable,
-    written: &stated::Stated,
-) -> Option<Wanted> {
+    keyable: KeyableProperties,
+    written: &stated::StatedValues,
+) -> Option<InspectorEdit> {
     let light = light_at(stage.lights.get(index)?, viewer.playhead.time());
     let mut wanted = None;
     Grid::new("light").num_columns(4).show(ui, |ui| {
@@ -392,7 +392,7 @@ fn light(
                 }
                 _ => continue,
             };
-            wanted = set.map(|value| Wanted::Value(field.name, value)).or(wanted.take());
+            wanted = set.map(|value| InspectorEdit::Value(field.name, value)).or(wanted.take());
             if let Some((name, _)) = field.keyed {
                 wanted = key_button(ui, viewer, keyable, name).or(wanted.take());
             }
@@ -411,7 +411,7 @@ fn light(
             if name == "position" { &["position", "at"] } else { &["direction", "look_at"] };
         wanted = name_with_menu(ui, written, [label, ""], resets).or(wanted.take());
         let set = vector_field(ui, ["light x", "light y", "light z"], vector, speed, text);
-        wanted = set.map(|text| Wanted::Value(name, text)).or(wanted.take());
+        wanted = set.map(|text| InspectorEdit::Value(name, text)).or(wanted.take());
         wanted = key_button(ui, viewer, keyable, name).or(wanted.take());
         ui.end_row();
         wanted = aim(ui, &light, written, is_aimed(keyable)).or(wanted.take());
@@ -420,7 +420,7 @@ fn light(
 }
 
 /// Range of a spot's cone angle, degrees: the inner angle is smaller than the outer one.
-fn cone_range(light: &StageLight, name: &str, written: &stated::Stated) -> Option<RangeInclusive<f64>> {
+fn cone_range(light: &StageLight, name: &str, written: &stated::StatedValues) -> Option<RangeInclusive<f64>> {
     const APART: f64 = 0.01;
     let LightKind::Spot { inner, outer } = light.light.kind else { return None };
     let [inner, outer] = [inner, outer].map(|angle| f64::from(angle).to_degrees());
@@ -433,12 +433,17 @@ fn cone_range(light: &StageLight, name: &str, written: &stated::Stated) -> Optio
 }
 
 /// Whether keys rotate a light.
-fn is_aimed(keyable: Keyable) -> bool {
+fn is_aimed(keyable: KeyableProperties) -> bool {
     keyable.iter().any(|property| property.name == "direction" && property.has_keys())
 }
 
 /// Fields of a spot's target or direction, and of the color temperature.
-fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -> Option<Wanted> {
+fn aim(
+    ui: &mut Ui,
+    light: &StageLight,
+    written: &stated::StatedValues,
+    keyed: bool,
+) -> Option<InspectorEdit> {
     let mut wanted = None;
     if matches!(light.light.kind, LightKind::Spot { .. }) && !keyed {
         let at = written.get("look_at").and_then(|text| super::fields::point(text));
@@ -450,7 +455,7 @@ fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -
         ui.label(label);
         let text = written.get(name).map(String::as_str);
         let set = vector_field(ui, ["aim x", "aim y", "aim z"], vector, 0.01, text);
-        wanted = set.map(|text| Wanted::Value(name, text));
+        wanted = set.map(|text| InspectorEdit::Value(name, text));
         ui.end_row();
     }
     wanted = default_menu(ui, written, "kelvin").or(wanted);
@@ -463,9 +468,9 @@ fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -
             None
         }
         Some(now) => values::number(ui, "light kelvin", now, 10.0, range),
-        None => values::unstated(ui, "light kelvin", None, range, false),
+        None => values::derived_number(ui, "light kelvin", None, range, false),
     };
-    wanted = set.map(|to| Wanted::Value("kelvin", values::text(ui, to))).or(wanted);
+    wanted = set.map(|to| InspectorEdit::Value("kelvin", values::text(ui, to))).or(wanted);
     ui.end_row();
     wanted
 }
@@ -490,7 +495,7 @@ fn vector_field(
 }
 
 /// Fields of the sky at the playhead.
-fn sky(ui: &mut Ui, viewer: &Viewer, stage: &Stage, keyable: Keyable) -> Option<Wanted> {
+fn sky(ui: &mut Ui, viewer: &Viewer, stage: &Stage, keyable: KeyableProperties) -> Option<InspectorEdit> {
     let (sky, mut wanted) = (stage.sky.as_ref()?, None);
     Grid::new("sky").num_columns(3).show(ui, |ui| {
         for field in Sky::FIELDS.iter() {
@@ -505,7 +510,7 @@ fn sky(ui: &mut Ui, viewer: &Viewer, stage: &Stage, keyable: Keyable) -> Option<
             ui.label(field.name);
             let name = format!("sky {}", field.name);
             let set = values::number(ui, &name, now.unwrap_or(stated), speed, low..=high);
-            wanted = set.map(|to| Wanted::Value(field.name, values::text(ui, to))).or(wanted.take());
+            wanted = set.map(|to| InspectorEdit::Value(field.name, values::text(ui, to))).or(wanted.take());
             wanted = key_button(ui, viewer, keyable, key).or(wanted.take());
             ui.end_row();
         }
@@ -514,7 +519,7 @@ fn sky(ui: &mut Ui, viewer: &Viewer, stage: &Stage, keyable: Keyable) -> Option<
 }
 
 /// Name of a light's field with a context menu that resets it; strong if the script states the value.
-fn default_menu(ui: &mut Ui, written: &stated::Stated, name: &'static str) -> Option<Wanted> {
+fn default_menu(ui: &mut Ui, written: &stated::StatedValues, name: &'static str) -> Option<InspectorEdit> {
     let names: &[&'static str] = if name == "color" { &["color", "kelvin"] } else { &[name] };
     name_with_menu(ui, written, [name, ""], names)
 }
@@ -522,14 +527,14 @@ fn default_menu(ui: &mut Ui, written: &stated::Stated, name: &'static str) -> Op
 /// A name with a context menu that resets the values `names`; strong if the script states one of them. `about`: text before the hint.
 fn name_with_menu(
     ui: &mut Ui,
-    written: &stated::Stated,
+    written: &stated::StatedValues,
     [label, about]: [&str; 2],
     names: &[&'static str],
-) -> Option<Wanted> {
+) -> Option<InspectorEdit> {
     let is_stated = names.iter().any(|name| written.contains_key(*name));
     let response = ui.add(egui::Label::new(stated::name_text(label, is_stated)).sense(egui::Sense::click()));
     let hint = if is_stated { "stated by the script; right click: reset to default" } else { "by default" };
-    stated::reset(&response.hint(format!("{about}{hint}")), names).map(Wanted::Field)
+    stated::reset(&response.hint(format!("{about}{hint}")), names).map(InspectorEdit::Field)
 }
 
 /// Fields of an effect's parameters, as described by its manifest.
@@ -537,9 +542,9 @@ fn parameters(
     ui: &mut Ui,
     viewer: &Viewer,
     scene: &Scene,
-    (index, written): (usize, &stated::Stated),
-    keyable: Keyable,
-) -> Option<Wanted> {
+    (index, written): (usize, &stated::StatedValues),
+    keyable: KeyableProperties,
+) -> Option<InspectorEdit> {
     let used = scene.stage.effects.get(index)?;
     let plugin = scene.registry.effect(&used.plugin)?;
     let shown = frame_of_callbacks(viewer, scene);
@@ -573,8 +578,8 @@ fn parameters(
             let is_usual =
                 |to: &str| is_number && !is_keyed && to.parse::<f32>().is_ok_and(|to| to == usual[0]);
             let change = |(name, to): (String, String)| match is_usual(&to) {
-                true => Wanted::Unstated(name),
-                false => Wanted::Parameter(name, to),
+                true => InspectorEdit::RemoveParameter(name),
+                false => InspectorEdit::Parameter(name, to),
             };
             wanted = set.map(change).or(wanted.take());
             wanted = key_button(ui, viewer, keyable, &option.name).or(wanted.take());
@@ -691,7 +696,7 @@ fn parameter(
 }
 
 /// List of clips that can be dragged onto a row of the sequencer, or added at the playhead.
-fn clips(ui: &mut Ui, viewer: &Viewer, name: &str, asset: &Asset) -> Option<Wanted> {
+fn clips(ui: &mut Ui, viewer: &Viewer, name: &str, asset: &Asset) -> Option<InspectorEdit> {
     if asset.clips.is_empty() {
         return None;
     }
@@ -702,10 +707,10 @@ fn clips(ui: &mut Ui, viewer: &Viewer, name: &str, asset: &Asset) -> Option<Want
             ui.horizontal(|ui| {
                 let (label, hint) = (format!("play {}", clip.name), "from the playhead on");
                 if icons::small(ui, icons::PLUS, &label, hint).clicked() {
-                    wanted = Some(Wanted::Clip(clip.name.clone(), viewer.playhead.time().as_secs()));
+                    wanted = Some(InspectorEdit::Clip(clip.name.clone(), viewer.playhead.time().as_secs()));
                 }
                 let id = ui.id().with(("clip", &clip.name));
-                let payload = ClipDrag { of: ClipOf::Actor(name.to_string()), clip: clip.name.clone() };
+                let payload = ClipDrag { of: ClipSource::Actor(name.to_string()), clip: clip.name.clone() };
                 ui.dnd_drag_source(id, payload, |ui| {
                     ui.label(format!("{}  {:.2} s", clip.name, clip.duration.as_secs()));
                 });
@@ -773,7 +778,12 @@ fn degrees(angles: DVec3) -> String {
 }
 
 /// Values that have no field.
-fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected, keyable: Keyable) -> Vec<(String, String)> {
+fn rows(
+    viewer: &Viewer,
+    scene: &Scene,
+    selection: &Selected,
+    keyable: KeyableProperties,
+) -> Vec<(String, String)> {
     let stage = &scene.stage;
     let mut rows = Vec::new();
     let mut row = |name: &str, value: String| rows.push((name.to_string(), value));

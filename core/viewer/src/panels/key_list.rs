@@ -1,6 +1,6 @@
 //! List of keyboard shortcuts, in which the keys of each action can be changed.
 
-use super::actions::{self, Keyed};
+use super::actions::{self, KeyedAction};
 use super::hint::Hint;
 use super::{icons, values};
 use crate::app::Viewer;
@@ -108,7 +108,7 @@ pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
         });
         ui.weak("Click a shortcut, then press the new key. Escape keeps the old one, Delete removes it.");
         ui.separator();
-        let all = actions::all_keyed(viewer);
+        let all = actions::all_keyed_actions(viewer);
         ScrollArea::vertical().max_height(room - 60.0).show(ui, |ui| {
             Grid::new("keys").num_columns(2).spacing([16.0, 4.0]).show(ui, |ui| {
                 for keyed in &all {
@@ -140,8 +140,8 @@ pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
 }
 
 /// Keys of an action; a click changes them, and a button resets keys of the user's own.
-fn key(ui: &mut Ui, choosing: &mut Option<String>, keyed: &Keyed, viewer: &mut Viewer) {
-    let Keyed { id, title, chords } = keyed;
+fn key(ui: &mut Ui, choosing: &mut Option<String>, keyed: &KeyedAction, viewer: &mut Viewer) {
+    let KeyedAction { id, title, chords } = keyed;
     let is_chosen = choosing.as_ref() == Some(id);
     let keys = actions::system_key(id).map(str::to_string).into_iter();
     let keys = keys.chain(chords.iter().map(ToString::to_string)).collect::<Vec<_>>().join(", ");
@@ -163,10 +163,10 @@ fn key(ui: &mut Ui, choosing: &mut Option<String>, keyed: &Keyed, viewer: &mut V
 }
 
 /// Names of other actions with one of these keys.
-fn others(keyed: &Keyed, all: &[Keyed]) -> Option<String> {
-    let own: Vec<_> = keyed.chords.iter().filter_map(actions::pressed).collect();
-    let has_one = |other: &&Keyed| {
-        let mut keys = other.chords.iter().filter_map(actions::pressed);
+fn others(keyed: &KeyedAction, all: &[KeyedAction]) -> Option<String> {
+    let own: Vec<_> = keyed.chords.iter().filter_map(actions::egui_shortcut).collect();
+    let has_one = |other: &&KeyedAction| {
+        let mut keys = other.chords.iter().filter_map(actions::egui_shortcut);
         other.id != keyed.id && keys.any(|key| own.contains(&key))
     };
     let titles: Vec<&str> = all.iter().filter(has_one).map(|other| other.title.as_str()).collect();

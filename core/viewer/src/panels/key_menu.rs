@@ -8,7 +8,7 @@ use crate::state::selection::Selected;
 use crate::state::tangents::TangentChoice;
 use choreo_motion::Time;
 use choreo_script::{KEY_INTERPOLATIONS, easing_names};
-use choreo_session::edit::{KeyShape, Typed, are_keys_of_cue};
+use choreo_session::edit::{KeyShape, TypedNumber, are_keys_of_cue};
 use egui::containers::menu::menu_style;
 use egui::{
     Align, Button, Event, Id, Layout, Popup, PopupAnchor, PopupCloseBehavior, PopupKind, Pos2, Response, Ui,
@@ -22,15 +22,15 @@ pub enum KeyAct {
     /// Sets the easing of the spans before the selected keys, as source text.
     Ease(Option<String>),
     /// Sets the interpolation of all keys of their properties, as source text.
-    How(Option<String>),
+    Interpolation(Option<String>),
     /// Moves a key to a time in seconds.
-    Time(KeyRef, Typed),
+    Time(KeyRef, TypedNumber),
     /// Sets all components of a key's value; the last field is the one that was typed.
-    Value(KeyRef, Vec<f64>, Typed),
+    Value(KeyRef, Vec<f64>, TypedNumber),
     /// Sets the tangents of the selected keys.
     Tangents(TangentChoice),
     /// Sets easing and tangents of a key; the last field is the number that was typed.
-    Shape(KeyRef, KeyShape, Option<Typed>),
+    Shape(KeyRef, KeyShape, Option<TypedNumber>),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,7 +129,7 @@ fn entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
     ui.menu_button("Between all keys", |ui| {
         let mut all: Vec<String> = KEY_INTERPOLATIONS.iter().map(ToString::to_string).collect();
         all.extend(easing_names().into_iter().filter(|name| name.contains('_')));
-        act = choice(ui, "default: linear", &all).map(KeyAct::How).or(act.take());
+        act = choice(ui, "default: linear", &all).map(KeyAct::Interpolation).or(act.take());
     });
     ui.separator();
     for (command, name, key) in COMMANDS {
@@ -222,7 +222,7 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, act: KeyAct) {
     match act {
         KeyAct::Select(keys) => viewer.select_keys(keys),
         KeyAct::Ease(ease) => viewer.edit(|v| v.set_key_ease(&keys, ease.as_deref())),
-        KeyAct::How(how) => viewer.edit(|v| v.set_key_how(&keys, how.as_deref())),
+        KeyAct::Interpolation(how) => viewer.edit(|v| v.set_key_interpolation(&keys, how.as_deref())),
         KeyAct::Time(key, time) => viewer.edit(|v| v.set_key_time(&key, &time)),
         KeyAct::Value(key, numbers, typed) => viewer.edit(|v| v.set_key_value(&key, &numbers, &typed)),
         KeyAct::Tangents(choice) => viewer.edit(|v| v.set_key_tangents(&keys, choice)),
@@ -237,7 +237,7 @@ fn run_command(ui: &Ui, viewer: &mut Viewer, command: KeyCommand, keys: &[KeyRef
         KeyCommand::Duplicate => viewer.edit(|v| v.duplicate_keys(keys, at)),
         KeyCommand::Copy | KeyCommand::Cut => match viewer.copy_keys(keys) {
             Ok(text) => {
-                viewer.copied.clone_from(&text);
+                viewer.copied_clips.clone_from(&text);
                 ui.ctx().copy_text(text);
                 if command == KeyCommand::Cut {
                     viewer.edit(|v| v.delete_keys(keys));
@@ -246,7 +246,7 @@ fn run_command(ui: &Ui, viewer: &mut Viewer, command: KeyCommand, keys: &[KeyRef
             Err(error) => viewer.edit(|_| Err(error)),
         },
         KeyCommand::Paste => {
-            let copied = viewer.copied.clone();
+            let copied = viewer.copied_clips.clone();
             paste(viewer, &copied);
         }
         KeyCommand::Delete => viewer.edit(|v| v.delete_keys(keys)),

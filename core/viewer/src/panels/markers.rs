@@ -1,6 +1,6 @@
 //! Markers: lines over all rows of the sequencer, each with a flag that can be dragged.
 
-use super::held;
+use super::gesture;
 use super::hint::Hint;
 use crate::app::Viewer;
 use choreo_motion::Time;
@@ -48,7 +48,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
         let response = response
             .on_hover_cursor(egui::CursorIcon::ResizeHorizontal)
             .hint(format!("{name}\n{}", viewer.shown_time(*time)));
-        if let Some(pointer) = held::dragged(ui, &response, pos2(x, at.y)) {
+        if let Some(pointer) = gesture::dragged_position(ui, &response, pos2(x, at.y)) {
             let secs = viewer.snapped(viewer.span.secs_at(pointer.x - ruler.left(), ruler.width()));
             painter.vline(
                 place(Time::from_secs(secs)),

@@ -1,11 +1,11 @@
 //! Marks in a row of the sequencer in addition to its bars: events and foot contacts. A click moves the playhead there.
 
-use super::bars::beside;
-use super::held;
+use super::bars::draw_text_at_pointer;
+use super::foot_contacts::FootContacts;
+use super::gesture;
 use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
-use super::sequencer::{COLORS, STRIP};
-use super::strip::Strips;
+use super::sequencer::{COLORS, FOOT_STRIP};
 use crate::app::Viewer;
 use crate::editing::file_name;
 use crate::state::events::{Event, EventKind};
@@ -96,7 +96,7 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect
         let shown = by.map_or(x, |by| lane.left() + viewer.span.x_of(event.at.as_secs() + by, lane.width()));
         painter.add(shape(event.kind, pos2(shown, y), fill));
         if let (Some(by), Some(at), true) = (by, pointer, dragged) {
-            beside(ui, at, &viewer.shown_time(event.at + Time::from_secs(by)));
+            draw_text_at_pointer(ui, at, &viewer.shown_time(event.at + Time::from_secs(by)));
             if response.drag_stopped() && by != 0.0 {
                 acted = Some(MarkAct::Move(event.clone(), by));
             }
@@ -104,7 +104,7 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect
         if !keys.is_empty() {
             acted = key_menu::show(&response, viewer, &keys).map(MarkAct::Key).or(acted);
         }
-        let add = held::adds(ui);
+        let add = gesture::adds_to_selection(ui);
         if response.hint(hover(viewer, event)).clicked() {
             acted = Some(MarkAct::Click(event.clone(), add));
         }
@@ -132,7 +132,7 @@ fn dragged_to(viewer: &Viewer, event: &Event, lane: Rect, x: f32) -> f64 {
     let secs = |x: f32| viewer.span.secs_at(x, lane.width());
     let wanted = secs(x - lane.left());
     let reach = secs(6.0) - secs(0.0);
-    let near = viewer.attracted(wanted, reach, None).filter(|at| (at - event.at.as_secs()).abs() > 1e-9);
+    let near = viewer.snap_target(wanted, reach, None).filter(|at| (at - event.at.as_secs()).abs() > 1e-9);
     near.unwrap_or_else(|| viewer.snapped(wanted))
 }
 
@@ -170,16 +170,16 @@ pub fn feet(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
     let (Some(scene), Some(Selected::Actor(name))) = (&viewer.scene, &row.what) else { return None };
     let is_base = row.bars.iter().any(|b| matches!(b.what, Selected::Cue { layer: 0, .. }));
     let index = actor(&scene.stage, name).filter(|_| is_base)?;
-    let id = egui::Id::new("strips");
-    let mut strips: Strips = ui.data(|d| d.get_temp(id)).unwrap_or_default();
-    let found = strips.get(scene.number, &scene.stage, index);
-    ui.data_mut(|d| d.insert_temp(id, strips));
+    let id = egui::Id::new("foot contacts");
+    let mut contacts: FootContacts = ui.data(|d| d.get_temp(id)).unwrap_or_default();
+    let found = contacts.get(scene.number, &scene.stage, index);
+    ui.data_mut(|d| d.insert_temp(id, contacts));
     let found = found?;
     let painter = ui.painter_at(lane);
-    let high = STRIP / found.len() as f32;
+    let high = FOOT_STRIP / found.len() as f32;
     for (foot, part) in found.iter().enumerate() {
         let [r, g, b] = COLORS[foot % COLORS.len()];
-        let top = lane.bottom() - STRIP + foot as f32 * high;
+        let top = lane.bottom() - FOOT_STRIP + foot as f32 * high;
         for (from, to) in &part.spans {
             let x = |secs: f64| lane.left() + viewer.span.x_of(secs, lane.width());
             let part = Rect::from_min_max(pos2(x(*from), top), pos2(x(*to), top + high));
@@ -187,7 +187,7 @@ pub fn feet(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
         }
     }
     // The clickable area is a little higher than the lines.
-    let band = Rect::from_min_max(pos2(lane.left(), lane.bottom() - STRIP - 1.0), lane.max);
+    let band = Rect::from_min_max(pos2(lane.left(), lane.bottom() - FOOT_STRIP - 1.0), lane.max);
     let response = ui.interact(band, ui.id().with(("feet", index)), Sense::click());
     let label = format!("feet of {name}");
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, label.clone()));

@@ -10,18 +10,18 @@ const MOST: usize = 100;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let visuals = ui.visuals().clone();
-    if viewer.problems.is_empty() && viewer.trouble.is_empty() && viewer.without_vulkan.is_none() {
+    if viewer.problems.is_empty() && viewer.renderer_problems.is_empty() && viewer.without_vulkan.is_none() {
         ui.label("no messages");
     }
     if let Some(text) = &viewer.without_vulkan {
         ui.label(RichText::new(text).color(visuals.warn_fg_color).monospace());
     }
-    for text in &viewer.trouble {
+    for text in &viewer.renderer_problems {
         ui.label(RichText::new(text).color(visuals.error_fg_color).monospace());
     }
     let mut go_to = None;
     let mut open = None;
-    let shown = shown(&viewer.problems);
+    let shown = problems_to_show(&viewer.problems);
     let left_out = viewer.problems.len() - shown.len();
     for problem in shown {
         let color = match problem.severity {
@@ -58,7 +58,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// The most severe problems, in their order.
-fn shown(problems: &[Problem]) -> Vec<&Problem> {
+fn problems_to_show(problems: &[Problem]) -> Vec<&Problem> {
     let mut worst: Vec<usize> = (0..problems.len()).collect();
     worst.sort_by_key(|index| problems[*index].severity);
     worst.truncate(MOST);
@@ -74,9 +74,9 @@ mod tests {
     fn of_very_many_messages_the_worst_are_shown() {
         let mut problems = vec![Problem::warning("gap"); 4 * MOST];
         problems.push(Problem::error("late"));
-        let shown = shown(&problems);
+        let shown = problems_to_show(&problems);
         assert_eq!(shown.len(), MOST);
         assert_eq!(shown.last().map(|problem| problem.message.as_str()), Some("late"));
-        assert_eq!(super::shown(&problems[..3]).len(), 3);
+        assert_eq!(super::problems_to_show(&problems[..3]).len(), 3);
     }
 }

@@ -17,9 +17,10 @@ mod drop;
 mod explain;
 mod fields;
 mod files;
+mod foot_contacts;
+mod gesture;
 mod handles;
 mod headers;
-mod held;
 mod hint;
 mod icons;
 mod inspected;
@@ -47,7 +48,6 @@ mod script;
 mod sequencer;
 mod stage_fields;
 mod start;
-mod strip;
 mod tangents;
 mod tests;
 mod toolbar;
@@ -163,7 +163,7 @@ pub struct Panels {
     dock: DockState<Tab>,
     splits: layout::SplitFractions,
     key_list: key_list::KeyList,
-    waiting: drop::Waiting,
+    waiting: drop::PendingDrop,
     pictures: pictures::Pictures,
     browser: assets::Browser,
     palette: palette::Palette,
@@ -249,13 +249,13 @@ impl Panels {
         if viewer.go_to.is_some() {
             self.bring(Tab::Script);
         }
-        viewer.views.iter_mut().for_each(|view| view.seen = false);
-        viewer.over_script = false;
+        viewer.views.iter_mut().for_each(|view| view.is_visible = false);
+        viewer.script_has_input = false;
         if viewer.documents.start {
             return start::show(self, ui, viewer);
         }
         self.overlays = viewer.views[0].overlays;
-        viewer.scrubs = false;
+        viewer.is_scrubbing = false;
         (viewer.curves.hovered, viewer.curves.seen) = (false, false);
         // Fills the gaps at the rounded corners of the panels.
         ui.painter().rect_filled(ui.available_rect_before_wrap(), 0.0, ui.visuals().panel_fill);
@@ -276,7 +276,7 @@ impl Panels {
         if after_drag {
             keys::handle(self, ui, viewer, now);
         }
-        if values::takes_refused(ui) {
+        if values::take_refused_flag(ui) {
             viewer.edit(|_| Err(EditError::refused(values::NO_TIME)));
         }
         refusal::show(&mut self.refusals, ui, viewer);
@@ -399,7 +399,7 @@ impl TabViewer for Tabs<'_> {
                 let view = *view as usize % MOST_VIEWS;
                 while self.viewer.views.len() <= view {
                     let overlays = self.viewer.views[0].overlays;
-                    self.viewer.views.push(View { seen: false, overlays, ..View::default() });
+                    self.viewer.views.push(View { is_visible: false, overlays, ..View::default() });
                 }
                 let picture = self.pictures.get(view).copied().flatten();
                 viewport::show(ui, self.viewer, view, picture);

@@ -74,7 +74,7 @@ impl Palette {
     }
 
     /// Entries that match the text, the best first.
-    fn found(&self) -> Vec<Entry> {
+    fn matching_entries(&self) -> Vec<Entry> {
         let text = self.text.to_lowercase();
         let words: Vec<&str> = text.split_whitespace().collect();
         let mut found: Vec<(usize, usize, &Entry)> = Vec::new();
@@ -116,7 +116,7 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
         if field.changed() {
             palette.at = 0;
         }
-        let found = palette.found();
+        let found = palette.matching_entries();
         let last = found.len().saturating_sub(1);
         palette.at = match (down, up) {
             (true, false) => (palette.at + 1).min(last),
@@ -201,7 +201,7 @@ fn entries(viewer: &Viewer) -> Vec<Entry> {
         let keys: Vec<String> = actions::panel_keys(viewer, tab).iter().map(ToString::to_string).collect();
         all.push(entry(format!("panel {}", tab.title()), keys.join(", "), Target::Panel(tab)));
     }
-    if viewer.path.is_some() && viewer.guests.is_empty() {
+    if viewer.path.is_some() && viewer.previewed_files.is_empty() {
         let additions = super::add_menu::commands(viewer).into_iter();
         all.extend(additions.map(|(text, what)| entry(text, "new".into(), Target::Add(what))));
         let constraints = super::add_menu::constraints(viewer).into_iter();

@@ -24,7 +24,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             }
         });
         cap.response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::ComboBox, true, "at most"));
-        if let Some([median, high]) = viewer.performance.typical() {
+        if let Some([median, high]) = viewer.performance.median_and_p95() {
             ui.separator();
             ui.monospace(format!("median {median:.1} ms, 95 % below {high:.1} ms"));
         }
@@ -40,9 +40,12 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         ("plan", millis(shown.planned_in)),
         ("drawing", millis(shown.drawn_in)),
         ("draws, triangles", format!("{}, {}", shown.draws, shown.triangles)),
-        ("pipelines", viewer.held.pipelines.to_string()),
-        ("memory objects, blocks", format!("{}, {}", viewer.held.memory_objects, viewer.held.memory_blocks)),
-        ("memory on the device", format!("{:.1} MB", viewer.held.bytes as f64 / 1e6)),
+        ("pipelines", viewer.device_usage.pipelines.to_string()),
+        (
+            "memory objects, blocks",
+            format!("{}, {}", viewer.device_usage.memory_objects, viewer.device_usage.memory_blocks),
+        ),
+        ("memory on the device", format!("{:.1} MB", viewer.device_usage.bytes as f64 / 1e6)),
         ("device", shown.device.name.clone()),
         ("window drawn by", viewer.window_device.clone()),
     ];

@@ -1,7 +1,7 @@
 //! Thumbnails as textures.
 
 use crate::app::Viewer;
-use crate::library::thumbnails::{Made, SIZE, Subject, Thumbnail};
+use crate::library::thumbnails::{SIZE, Subject, Thumbnail, ThumbnailState};
 use choreo_asset::Asset;
 use egui::{
     Align2, Color32, ColorImage, Context, FontId, Painter, Rect, TextureHandle, TextureOptions, Ui, pos2,
@@ -25,14 +25,16 @@ impl Pictures {
         subject: &Subject,
         asset: Option<&Arc<Asset>>,
         place: Rect,
-    ) -> Made {
+    ) -> ThumbnailState {
         let made = viewer.documents.thumbnails.get(subject, asset, || wake(ui.ctx()));
         let painter = ui.painter_at(place);
         painter.rect_filled(place, 3.0, ui.visuals().extreme_bg_color);
         match &made {
-            Made::Waiting => word(&painter, place, "…", ui.visuals().weak_text_color()),
-            Made::Failed(_) => word(&painter, place, "no image", ui.visuals().weak_text_color()),
-            Made::Ready(thumbnail) => {
+            ThumbnailState::Waiting => draw_placeholder(&painter, place, "…", ui.visuals().weak_text_color()),
+            ThumbnailState::Failed(_) => {
+                draw_placeholder(&painter, place, "no image", ui.visuals().weak_text_color())
+            }
+            ThumbnailState::Ready(thumbnail) => {
                 let number = shown_frame(ui, thumbnail);
                 if let Some(texture) = self.textures(ui.ctx(), subject, thumbnail).get(number) {
                     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
@@ -74,7 +76,7 @@ fn wake(context: &Context) -> Box<dyn Fn() + Send> {
     Box::new(move || context.request_repaint())
 }
 
-fn word(painter: &Painter, place: Rect, text: &str, color: Color32) {
+fn draw_placeholder(painter: &Painter, place: Rect, text: &str, color: Color32) {
     painter.text(place.center(), Align2::CENTER_CENTER, text, FontId::proportional(12.0), color);
 }
 

@@ -2,7 +2,7 @@
 
 use super::hint::Hint;
 use super::marks::{self, MarkAct};
-use super::sequencer::{name, next_row, run_mark, take_dropped};
+use super::sequencer::{add_dropped_clip, name, next_row, run_mark};
 use crate::app::Viewer;
 use crate::state::events::Event;
 use crate::state::timeline::RowNumber;
@@ -25,7 +25,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, number: RowNumber, ruler: Rect) {
         .clicked()
         .then(|| row.events.iter().flat_map(Event::key_refs).collect());
     let marked = marks::events(ui, viewer, row, number, lane);
-    take_dropped(ui, viewer, number, lane);
+    add_dropped_clip(ui, viewer, number, lane);
     if let Some(MarkAct::Click(event, _)) = &marked {
         viewer.playhead.seek(event.at);
     }

@@ -6,7 +6,7 @@ use crate::app::Viewer;
 use crate::geometry::gizmo::to_segment;
 use crate::geometry::projection::Lens;
 use crate::geometry::rig;
-use crate::state::dragged_icon::{DraggedIcon, IconOf};
+use crate::state::dragged_icon::{DraggedIcon, IconObject};
 use crate::state::view::ViewCamera;
 use choreo_asset::{LightKind, Projection};
 use choreo_session::{FrameInfo, Scene};
@@ -24,7 +24,7 @@ const SUN: f64 = 3.0;
 /// An icon in the viewport.
 #[derive(Clone, Debug)]
 struct SceneIcon {
-    what: IconOf,
+    what: IconObject,
     at: DVec3,
     kind: IconKind,
 }
@@ -54,7 +54,7 @@ fn icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon> {
             LightKind::Spot { outer, .. } => (light.position, IconKind::Spot(direction, f64::from(outer))),
             LightKind::Point => (light.position, IconKind::Point),
         };
-        Some(SceneIcon { what: IconOf::Light(number), at, kind })
+        Some(SceneIcon { what: IconObject::Light(number), at, kind })
     });
     let cameras = stage.cameras.iter().filter_map(|camera| {
         let [at, target] = rig::places(stage, &shown.snapshot, camera)?;
@@ -63,7 +63,7 @@ fn icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon> {
             Projection::Orthographic { .. } => 0.0,
         };
         Some(SceneIcon {
-            what: IconOf::Camera(camera.name.clone()),
+            what: IconObject::Camera(camera.name.clone()),
             at,
             kind: IconKind::Camera(target, angle),
         })
@@ -82,7 +82,7 @@ fn targets(scene: &Scene, shown: &FrameInfo) -> Vec<SceneIcon> {
             let joint = reach.joints.last().and_then(|joint| state.model_from_joint.get(*joint as usize));
             let Some(joint) = joint.map(|m| m.translation.as_dvec3()) else { continue };
             icons.push(SceneIcon {
-                what: IconOf::Reach(actor.name.clone(), number),
+                what: IconObject::Reach(actor.name.clone(), number),
                 at: *point + reach.offset.unwrap_or(DVec3::ZERO),
                 kind: IconKind::Reach(state.world_from_model.transform_point3(joint)),
             });
@@ -106,7 +106,7 @@ impl Handle {
     }
 
     /// Distance of a pointer position in points, or `None` if it is out of reach. Lines count as farther away than discs.
-    fn to(&self, at: DVec2) -> Option<f64> {
+    fn distance(&self, at: DVec2) -> Option<f64> {
         let to_disc = self.disc.map(|disc| (disc - at).length()).filter(|d| *d <= REACH);
         let to_line = self.lines.iter().map(|[a, b]| to_segment(at, *a, *b)).min_by(f64::total_cmp);
         to_disc.or(to_line.filter(|d| *d <= REACH_OF_LINE).map(|d| REACH + d))
@@ -136,7 +136,8 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     }
     let handles: Vec<Handle> = icons.iter().map(|icon| Handle::of(viewer, icon, lens)).collect();
     let near = |at: DVec2| {
-        let reached = icons.iter().zip(&handles).filter_map(|(icon, handle)| Some((icon, handle.to(at)?)));
+        let reached =
+            icons.iter().zip(&handles).filter_map(|(icon, handle)| Some((icon, handle.distance(at)?)));
         reached.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(icon, _)| icon.clone())
     };
     let hot = canvas.hovered().and_then(near);
@@ -166,7 +167,7 @@ fn drag(
     let start = canvas.drag_start(ui);
     if let Some((icon, start)) = start.and_then(|start| Some((near(start)?, start))) {
         let (what, from) = (icon.what, icon.at);
-        let taken_at = beside(lens, from, start).unwrap_or(from);
+        let taken_at = point_at_depth_of(lens, from, start).unwrap_or(from);
         viewer.selection = Some(what.selected());
         viewer.dragged_icon = Some(DraggedIcon { view: *index, what, from, to: from, taken_at });
     }
@@ -175,7 +176,7 @@ fn drag(
         return false;
     };
     let pointer = canvas.pointer().filter(|_| response.dragged());
-    if let Some(at) = pointer.and_then(|at| beside(lens, dragged.from, at)) {
+    if let Some(at) = pointer.and_then(|at| point_at_depth_of(lens, dragged.from, at)) {
         dragged.to = dragged.from + (at - dragged.taken_at);
     }
     let at = dragged.to.to_array().map(|v| super::rounded(v, 1e3));
@@ -184,7 +185,7 @@ fn drag(
     } else if response.drag_stopped() {
         let dragged = viewer.dragged_icon.take();
         if let Some(dragged) = dragged.filter(|d| d.from != d.to) {
-            put(viewer, scene, &dragged, DVec3::from_array(at));
+            write_position(viewer, scene, &dragged, DVec3::from_array(at));
         }
     } else if !response.dragged() {
         viewer.dragged_icon = None;
@@ -193,7 +194,7 @@ fn drag(
 }
 
 /// World position under a point of the window, at the same depth as another position.
-fn beside(lens: &Lens, place: DVec3, at: DVec2) -> Option<DVec3> {
+fn point_at_depth_of(lens: &Lens, place: DVec3, at: DVec2) -> Option<DVec3> {
     let (origin, direction) = lens.ray(at);
     let normal = lens.forward();
     let along = (place - origin).dot(normal) / direction.dot(normal);
@@ -201,15 +202,15 @@ fn beside(lens: &Lens, place: DVec3, at: DVec2) -> Option<DVec3> {
 }
 
 /// Writes the new position of an icon into the script.
-fn put(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedIcon, at: DVec3) {
+fn write_position(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedIcon, at: DVec3) {
     let list = |v: DVec3| {
         let [x, y, z] = v.to_array().map(|v| super::rounded(v, 1e3));
         format!("[{x:?}, {y:?}, {z:?}]")
     };
     // The object stays at its new position until the reload shows it.
-    viewer.placed = viewer.place_of_icon(&scene.stage, dragged);
+    viewer.placement_override = viewer.place_of_icon(&scene.stage, dragged);
     match &dragged.what {
-        IconOf::Light(number) => {
+        IconObject::Light(number) => {
             let light = scene.stage.lights.get(*number);
             let sun = light.is_some_and(|l| matches!(l.light.kind, LightKind::Directional));
             let (name, value) = match sun {
@@ -218,19 +219,19 @@ fn put(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedIcon, at: DVec3) {
             };
             viewer.edit(|v| v.set_value(&dragged.what.selected(), name, &value));
         }
-        IconOf::Camera(name) => viewer.edit(|v| v.move_camera(name, at)),
-        IconOf::Reach(name, number) => viewer.edit(|v| v.move_target(name, *number, at)),
+        IconObject::Camera(name) => viewer.edit(|v| v.move_camera(name, at)),
+        IconObject::Reach(name, number) => viewer.edit(|v| v.move_target(name, *number, at)),
     }
     if viewer.message.is_some() {
-        viewer.placed = None;
+        viewer.placement_override = None;
     }
 }
 
-fn name(what: &IconOf) -> String {
+fn name(what: &IconObject) -> String {
     match what {
-        IconOf::Light(index) => format!("light {}: drag to move it", index + 1),
-        IconOf::Camera(name) => format!("camera {name}: drag to move it"),
-        IconOf::Reach(name, _) => format!("target that {name} reaches for: drag to move it"),
+        IconObject::Light(index) => format!("light {}: drag to move it", index + 1),
+        IconObject::Camera(name) => format!("camera {name}: drag to move it"),
+        IconObject::Reach(name, _) => format!("target that {name} reaches for: drag to move it"),
     }
 }
 
@@ -295,7 +296,7 @@ struct Beam {
 }
 
 /// Two unit vectors perpendicular to a direction: right and up.
-fn across(direction: DVec3) -> [DVec3; 2] {
+fn perpendicular_axes(direction: DVec3) -> [DVec3; 2] {
     let right = direction.cross(DVec3::Y).normalize_or(DVec3::X);
     [right, right.cross(direction)]
 }
@@ -304,7 +305,7 @@ impl Beam {
     /// Lines of a cone: its ring and its sides.
     fn cone(&self) -> Vec<[DVec3; 2]> {
         let Beam { at, along, angle, length } = *self;
-        let [right, up] = across(along);
+        let [right, up] = perpendicular_axes(along);
         let radius = libm::tan(angle.min(1.4)) * length;
         let ring = (0..=16).map(|i| {
             let (sin, cos) = libm::sincos(f64::from(i) / 16.0 * core::f64::consts::TAU);
@@ -319,7 +320,7 @@ impl Beam {
 /// Draws the view frustum of a camera, with an aspect ratio of 16:9.
 fn frame(painter: &Painter, lens: &Lens, beam: &Beam, stroke: Stroke) {
     let Beam { at, along, angle, length } = *beam;
-    let [right, up] = across(along);
+    let [right, up] = perpendicular_axes(along);
     let high = if angle > 0.0 { libm::tan(angle / 2.0) * length } else { 0.3 };
     let wide = high * 16.0 / 9.0;
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]

@@ -18,7 +18,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         ui.label("there is no script");
         return;
     };
-    viewer.over_script = ui.rect_contains_pointer(ui.max_rect());
+    viewer.script_has_input = ui.rect_contains_pointer(ui.max_rect());
     ui.horizontal(|ui| {
         ui.label(RichText::new("read only").small().weak())
             .hint("click a line to select the object that it makes");
@@ -55,7 +55,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             has_focus |= label.has_focus();
             if label.clicked() {
                 // Only a click with Ctrl opens the editor; a double click selects text, as elsewhere.
-                clicked = Some((line, super::held::modifiers(ui).command));
+                clicked = Some((line, super::gesture::modifiers(ui).command));
             }
             label.context_menu(|ui| {
                 if ui.button(format!("Open line {line} in the editor")).clicked() {
@@ -65,7 +65,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             });
         }
     });
-    viewer.over_script |= has_focus;
+    viewer.script_has_input |= has_focus;
     match clicked {
         Some((line, true)) => open_in_editor(viewer, line),
         Some((line, false)) => select_line(viewer, line),
@@ -124,10 +124,10 @@ impl MarkedLines {
 pub(super) fn refuses_keys(viewer: &mut Viewer) -> bool {
     const WHY: &str = "the script is read only here: open it in the editor to type; \
         with the pointer elsewhere, the key acts on the selection";
-    if viewer.over_script {
+    if viewer.script_has_input {
         viewer.edit(|_| Err(EditError::refused(WHY)));
     }
-    viewer.over_script
+    viewer.script_has_input
 }
 
 pub(crate) fn open_in_editor(viewer: &mut Viewer, line: usize) {

@@ -6,16 +6,16 @@ use super::inspector::ClipDrag;
 use super::marks::MarkAct;
 use super::toolbar::Toolbar;
 use super::{
-    bar_menu, bars, headers, held, icons, key_menu, markers, marks, property_row, row_order, values,
+    bar_menu, bars, gesture, headers, icons, key_menu, markers, marks, property_row, row_order, values,
 };
 use crate::app::Viewer;
-use crate::editing::{ClipOf, EditError};
+use crate::editing::{ClipSource, EditError};
 use crate::state::keyed::KeyRef;
 use crate::state::playhead::SPEEDS;
 use crate::state::selection::Selected;
 use crate::state::span::Span;
 use crate::state::tempo::Tempo;
-use crate::state::timeline::{RowNumber, kind};
+use crate::state::timeline::{RowNumber, color_index};
 use choreo_motion::Time;
 use choreo_script::Severity;
 use egui::{Color32, FontId, Rect, Response, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
@@ -23,7 +23,7 @@ use egui::{Color32, FontId, Rect, Response, Sense, Stroke, StrokeKind, Ui, pos2,
 pub(super) const LABELS: f32 = 150.0;
 const ROW: f32 = 22.0;
 /// Height of the foot contacts at the bottom of a row, points.
-pub(crate) const STRIP: f32 = 3.0;
+pub(crate) const FOOT_STRIP: f32 = 3.0;
 pub(super) const RULER: f32 = 22.0;
 /// Smallest distance of beats that are drawn, points.
 const BEATS: f32 = 6.0;
@@ -41,16 +41,16 @@ pub const COLORS: [[u8; 3]; 8] = [
 ];
 
 /// Color of a bar by its number: eight hues, each bright or dark.
-pub(super) fn color_of(kind: usize) -> Color32 {
-    let [r, g, b] = COLORS[kind % COLORS.len()];
-    let is_dark = kind / COLORS.len() % 2 == 1;
+pub(super) fn color_of(color_index: usize) -> Color32 {
+    let [r, g, b] = COLORS[color_index % COLORS.len()];
+    let is_dark = color_index / COLORS.len() % 2 == 1;
     let shade = |value: u8| if is_dark { (u16::from(value) * 7 / 10) as u8 } else { value };
     Color32::from_rgb(shade(r), shade(g), shade(b))
 }
 
 /// Color of a clip's bars, sRGB.
 pub fn color_of_clip(name: &str) -> [u8; 3] {
-    let [r, g, b, _] = color_of(kind(name)).to_array();
+    let [r, g, b, _] = color_of(color_index(name)).to_array();
     [r, g, b]
 }
 
@@ -83,15 +83,15 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         }
     });
     ui.spacing_mut().item_spacing.y = spacing;
-    over_all(ui, viewer, area, (ruler, viewer.span));
+    draw_beats_and_playhead(ui, viewer, area, (ruler, viewer.span));
     markers::show(ui, viewer, area, ruler);
-    wrong(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), ruler.bottom())));
+    problem_count(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), ruler.bottom())));
 }
 
 fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     ui.horizontal(|ui| {
         let mut bar = Toolbar::new("timeline");
-        moves(&mut bar, viewer, now);
+        playhead_buttons(&mut bar, viewer, now);
         bar.separator();
         let playhead = &viewer.playhead;
         let (time, last) = (playhead.time().as_secs(), playhead.length().as_secs());
@@ -151,7 +151,7 @@ fn beats(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// Buttons that move the playhead and control playback.
-fn moves(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
+fn playhead_buttons(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
     let playhead = &viewer.playhead;
     let keys = |id| hint_of(viewer, id, "");
     bar.icon(icons::SKIP_BACK, "First frame", &keys("first_frame"), |viewer| {
@@ -212,7 +212,7 @@ fn nearest_frame(fps: f64, secs: f64) -> f64 {
 pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span), label: &str) {
     let response = ui.interact(ruler, ui.id().with("ruler"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label));
-    viewer.scrubs |= response.dragged();
+    viewer.is_scrubbing |= response.dragged();
     if let Some(pointer) = response.interact_pointer_pos() {
         let time = |x: f32| {
             let secs = span.secs_at(x - ruler.left(), ruler.width());
@@ -221,7 +221,7 @@ pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span
         };
         let from = ui.input(|i| i.pointer.press_origin()).map_or(pointer.x, |p| p.x);
         let (from, to) = (time(from), time(pointer.x));
-        match held::modifiers(ui).shift {
+        match gesture::modifiers(ui).shift {
             true if response.dragged() => viewer.playhead.set_range(Some((from, to))),
             true => {}
             false => viewer.playhead.seek(to),
@@ -315,7 +315,7 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
         let is_other = |what: &Selected| viewer.selection.as_ref() != Some(what);
         clicked = event.what.clone().filter(|what| event.keys.is_empty() && is_other(what));
     }
-    take_dropped(ui, viewer, number, lane);
+    add_dropped_clip(ui, viewer, number, lane);
     if let Some(toggle) = toggled {
         headers::toggle(viewer, toggle);
     }
@@ -433,7 +433,7 @@ fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[RowNumber]) {
     let keys = drawn.iter().filter_map(|(number, rect)| Some((viewer.timeline.row(*number)?, *rect)));
     let mut keys: Vec<KeyRef> =
         keys.flat_map(|(row, rect)| marks::keys_within(viewer, row, lane(rect), area)).collect();
-    if held::modifiers(ui).shift {
+    if gesture::modifiers(ui).shift {
         all.extend(viewer.selected_bars());
         keys.extend(viewer.selected_keys().iter().cloned());
     }
@@ -483,14 +483,19 @@ pub(super) fn name(ui: &Ui, name: &str, place: Rect, color: Color32) {
 }
 
 /// Adds a clip that was dropped on a lane to the actor of its row.
-pub(super) fn take_dropped(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) {
-    let Some((clip, on, secs)) = dropped(ui, viewer, number, lane) else { return };
+pub(super) fn add_dropped_clip(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) {
+    let Some((clip, on, secs)) = dropped_clip(ui, viewer, number, lane) else { return };
     let layer = viewer.timeline.rows.get(number.row).and_then(|row| row.layer).unwrap_or(0);
     viewer.edit(|v| v.add_clip_to_layer(&on, &clip.of, &clip.clip, Some(secs), layer));
 }
 
 /// A clip that was dropped on a lane: the clip, the actor of the row, and the time in seconds.
-fn dropped(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) -> Option<(ClipDrag, String, f64)> {
+fn dropped_clip(
+    ui: &Ui,
+    viewer: &mut Viewer,
+    number: RowNumber,
+    lane: Rect,
+) -> Option<(ClipDrag, String, f64)> {
     let response = ui.interact(lane, ui.id().with(("lane", number)), Sense::hover());
     let index = number.row;
     let hovering = response.dnd_hover_payload::<ClipDrag>();
@@ -501,8 +506,8 @@ fn dropped(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) -> Optio
     if let (Some(clip), Some(on)) = (hovering, on) {
         let x = lane.left() + viewer.span.x_of(secs, lane.width());
         ui.painter_at(lane).vline(x, lane.y_range(), Stroke::new(2.0, ui.visuals().strong_text_color()));
-        if let Some((joints, moved)) = followed(ui, viewer, &clip, on) {
-            bars::beside(ui, pointer, &format!("on {on}: {joints} of {moved} joints follow"));
+        if let Some((joints, moved)) = count_following_joints(ui, viewer, &clip, on) {
+            bars::draw_text_at_pointer(ui, pointer, &format!("on {on}: {joints} of {moved} joints follow"));
         }
     }
     let clip = response.dnd_release_payload::<ClipDrag>()?;
@@ -517,8 +522,13 @@ fn dropped(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) -> Optio
 }
 
 /// Number of an actor's joints that follow a dragged clip, and number of joints that the clip moves; computed once per drag.
-pub(super) fn followed(ui: &Ui, viewer: &Viewer, clip: &ClipDrag, on: &str) -> Option<(usize, usize)> {
-    let ClipOf::Actor(of) = &clip.of else { return None };
+pub(super) fn count_following_joints(
+    ui: &Ui,
+    viewer: &Viewer,
+    clip: &ClipDrag,
+    on: &str,
+) -> Option<(usize, usize)> {
+    let ClipSource::Actor(of) = &clip.of else { return None };
     let number = viewer.scene.as_ref()?.number;
     let id = egui::Id::new("followed").with((number, of, &clip.clip, on));
     if let Some(known) = ui.data(|d| d.get_temp(id)) {
@@ -550,7 +560,7 @@ fn wheel(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
 }
 
 /// Draws the beats and the playhead over all rows.
-pub(super) fn over_all(ui: &Ui, viewer: &Viewer, area: Rect, (ruler, span): (Rect, Span)) {
+pub(super) fn draw_beats_and_playhead(ui: &Ui, viewer: &Viewer, area: Rect, (ruler, span): (Rect, Span)) {
     let lanes = Rect::from_min_max(ruler.min, area.max);
     let painter = ui.painter_at(lanes);
     let x = |time: Time| ruler.left() + span.x_of(time.as_secs(), ruler.width());
@@ -570,7 +580,7 @@ pub(super) fn over_all(ui: &Ui, viewer: &Viewer, area: Rect, (ruler, span): (Rec
 }
 
 /// Number of errors or warnings, if there are any; a click goes to the first.
-fn wrong(ui: &Ui, viewer: &mut Viewer, place: Rect) {
+fn problem_count(ui: &Ui, viewer: &mut Viewer, place: Rect) {
     let of = |severity| viewer.problems.iter().filter(move |p| p.severity == severity);
     let worst = [Severity::Error, Severity::Warning].into_iter().find(|worst| of(*worst).next().is_some());
     let Some((worst, first)) = worst.and_then(|worst| Some((worst, of(worst).next()?))) else { return };

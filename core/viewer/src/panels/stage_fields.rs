@@ -1,12 +1,12 @@
 //! Settings of the stage, which the inspector shows while nothing is selected.
 
-use super::fields::{self, Stated};
+use super::fields::{self, StatedValues};
 use super::hint::Hint;
 use super::values::{self, Number};
 use crate::app::Viewer;
 use crate::editing::{Ambient, FieldChange, expression};
 use crate::state::selection::Selected;
-use choreo_session::edit::{Addition, Anew, format_number};
+use choreo_session::edit::{Addition, NewValueSyntax, format_number};
 use choreo_stage::{Background, Settings, ViewTransform};
 use egui::{Grid, RichText, Ui};
 use glam::Vec3;
@@ -17,7 +17,7 @@ const VIEWS: [(ViewTransform, &str); 3] =
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(scene) = viewer.scene.clone() else { return };
-    if viewer.path.is_none() || !viewer.guests.is_empty() {
+    if viewer.path.is_none() || !viewer.previewed_files.is_empty() {
         ui.label("select an actor, a bar, a camera or a light");
         return;
     }
@@ -72,13 +72,14 @@ fn light(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-fn rows(ui: &mut Ui, stated: &Stated, settings: &Settings) -> Option<FieldChange> {
+fn rows(ui: &mut Ui, stated: &StatedValues, settings: &Settings) -> Option<FieldChange> {
     let mut wanted = None;
     let mut row =
         |ui: &mut Ui, name: &'static str, about: &str, field: &mut dyn FnMut(&mut Ui) -> Option<String>| {
             wanted = fields::label(ui, stated, name, about).or(wanted.take());
             let set = ui.horizontal(field).inner;
-            wanted = set.map(|value| FieldChange::Value(name, value, Anew::Option)).or(wanted.take());
+            wanted =
+                set.map(|value| FieldChange::Value(name, value, NewValueSyntax::Option)).or(wanted.take());
             ui.end_row();
         };
     row(ui, "length", "seconds", &mut |ui| {

@@ -6,7 +6,7 @@ use super::pictures::{self, Pictures};
 use crate::app::Viewer;
 use crate::library::file_dialog::Purpose;
 use crate::library::templates::TEMPLATES;
-use crate::library::thumbnails::{Made, Subject};
+use crate::library::thumbnails::{Subject, ThumbnailState};
 use egui::{RichText, ScrollArea, Sense, Ui, vec2};
 use std::path::{Path, PathBuf};
 
@@ -106,7 +106,7 @@ fn tiles(
             let name = super::elided(ui.painter(), title, 13.0, color, TILE);
             ui.painter().galley(egui::pos2(place.left(), image.bottom() + 4.0), name, color);
             let mut hint = file.display().to_string();
-            if let Made::Failed(why) = made {
+            if let ThumbnailState::Failed(why) = made {
                 hint = format!("{hint}\n{why}");
             }
             if response.hint(hint).clicked() {

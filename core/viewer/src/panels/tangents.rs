@@ -1,7 +1,7 @@
 //! Tangent handles of selected keys in the curve editor: drawn, dragged, chosen from a menu, or edited as numbers.
 
 use super::curves::{MOST, Plot, color, key_of};
-use super::held;
+use super::gesture;
 use super::hint::Hint;
 use super::key_menu::KeyAct;
 use super::values;
@@ -99,7 +99,7 @@ impl HandlePlace<'_> {
         if let Some(shape) = &shape {
             self.preview(ui, plot, shape);
             let text = format!("{now:.3} {}/s   {length:.2} of the span", self.property.unit);
-            super::bars::beside(ui, response.interact_pointer_pos().unwrap_or(tip), &text);
+            super::bars::draw_text_at_pointer(ui, response.interact_pointer_pos().unwrap_or(tip), &text);
         }
         if !response.drag_stopped() {
             let hint = "drag: direction; with Ctrl: length, too; with Alt: only this side";
@@ -131,7 +131,7 @@ impl HandlePlace<'_> {
         let change = self.sign() * weight * span * tangent - plot.value_of(by.y) * self.scale.1;
         let length = (self.sign() * secs / span).clamp(SHORTEST, 1.0);
         let slope = change / (self.sign() * length * span);
-        let modifiers = held::modifiers(ui);
+        let modifiers = gesture::modifiers(ui);
         let weight = modifiers.command.then_some((length * 100.0).round() / 100.0);
         let (side, part) = (self.side, self.part);
         let pixel = plot.value_of_pixel(ui) * self.scale.1 / (length * span);

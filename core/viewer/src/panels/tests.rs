@@ -24,7 +24,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     ui.horizontal_wrapped(|ui| {
         let label = ui.label("tests in");
         let proposed = viewer.commands.input.display().to_string();
-        ui.add(TextEdit::singleline(&mut viewer.tested).hint_text(proposed)).labelled_by(label.id);
+        ui.add(TextEdit::singleline(&mut viewer.test_path).hint_text(proposed)).labelled_by(label.id);
         if viewer.tests.is_running() {
             ui.spinner();
             if ui.button("Stop").clicked() {
@@ -46,7 +46,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         one(ui, viewer, section, run, &mut choice);
     }
     if let Some(choice) = choice {
-        let path = match viewer.tested.trim() {
+        let path = match viewer.test_path.trim() {
             "" => viewer.commands.input.clone(),
             text => PathBuf::from(text),
         };
@@ -102,7 +102,7 @@ fn one(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, choice: &m
         }
         let checks = section.checks.iter();
         for (index, check) in checks.enumerate().filter(|(_, c)| !c.passed || c.images.is_some()) {
-            ui.push_id(index, |ui| judged(ui, viewer, section, check, run, choice));
+            ui.push_id(index, |ui| section_row(ui, viewer, section, check, run, choice));
         }
     });
     if is_cut {
@@ -120,7 +120,7 @@ fn go_to(viewer: &mut Viewer, section: &Section, line: usize) {
     }
 }
 
-fn judged(
+fn section_row(
     ui: &mut Ui,
     viewer: &mut Viewer,
     section: &Section,
@@ -142,7 +142,7 @@ fn judged(
         }
     }
     let Some(images) = check.images.as_ref().filter(|_| !check.passed) else { return };
-    compared(ui, images, run);
+    draw_comparison(ui, images, run);
     let accept = ui.add_enabled(!viewer.tests.is_running(), egui::Button::new("Accept"));
     let accept =
         accept.hint(format!("the rendered image becomes the golden image {}", images.stored.display()));
@@ -152,7 +152,7 @@ fn judged(
 }
 
 /// Draws the golden image, the rendered image and their difference, side by side.
-fn compared(ui: &mut Ui, images: &Images, run: u64) {
+fn draw_comparison(ui: &mut Ui, images: &Images, run: u64) {
     let files = [
         ("expected", images.expected.as_ref()),
         ("actual", images.got.as_ref()),
@@ -188,16 +188,17 @@ fn compared(ui: &mut Ui, images: &Images, run: u64) {
 
 /// Textures of the images of the last results.
 #[derive(Clone, Default)]
-struct Read {
+struct TestImages {
     run: u64,
     textures: BTreeMap<PathBuf, Option<TextureHandle>>,
 }
 
 fn texture(ui: &Ui, file: &Path, run: u64) -> Option<TextureHandle> {
     let id = egui::Id::new("images of tests");
-    let mut read: Arc<Read> = ui.data_mut(|data| data.get_temp_mut_or_default::<Arc<Read>>(id).clone());
+    let mut read: Arc<TestImages> =
+        ui.data_mut(|data| data.get_temp_mut_or_default::<Arc<TestImages>>(id).clone());
     if read.run != run {
-        read = Arc::new(Read { run, ..Read::default() });
+        read = Arc::new(TestImages { run, ..TestImages::default() });
     }
     if let Some(known) = read.textures.get(file) {
         return known.clone();

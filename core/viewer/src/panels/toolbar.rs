@@ -193,7 +193,7 @@ impl<'a, C> Toolbar<'a, C> {
             })
             .collect();
         let room = ui.available_width() - reserved - ROUNDED;
-        let on_line = placed(&parts, spacing, room, more);
+        let on_line = fits_in_line(&parts, spacing, room, more);
         let (id, mut rest) = (self.id, Vec::new());
         for (number, (entry, is_on_line)) in self.entries.into_iter().zip(on_line).enumerate() {
             match is_on_line {
@@ -237,7 +237,7 @@ fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width:
         EntryKind::Separator => drop(ui.separator()),
         EntryKind::Text(style) => {
             let label = ui.add(egui::Label::new(RichText::new(face).text_style(style)).extend());
-            described(label, false, &name, &hint, None);
+            describe(label, false, &name, &hint, None);
         }
         EntryKind::Widget(show) => {
             let begin = ui.cursor().left();
@@ -251,20 +251,20 @@ fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width:
         }
         EntryKind::Button(act) => {
             let button = ui.add(Button::new(face).min_size(vec2(least, 0.0)));
-            if described(button, is_icon, &name, &hint, None).clicked() {
+            if describe(button, is_icon, &name, &hint, None).clicked() {
                 act(context);
             }
         }
         EntryKind::Toggle(on, act) => {
             let button = ui.add(Button::selectable(on, face).min_size(vec2(least, 0.0)));
-            if described(button, is_icon, &name, &hint, Some(on)).clicked() {
+            if describe(button, is_icon, &name, &hint, Some(on)).clicked() {
                 act(context);
             }
         }
         EntryKind::Menu(show) => {
             let button = Button::new(face).min_size(vec2(width, 0.0));
             let (response, _) = MenuButton::from_button(button).config(menu).ui(ui, |ui| show(ui, context));
-            described(response, false, &name, &hint, None);
+            describe(response, false, &name, &hint, None);
         }
     };
     // An entry has the same identity no matter which entries are next to it.
@@ -287,19 +287,19 @@ fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
                 }
                 false => ui.add(label.extend()),
             };
-            described(label, false, &name, &hint, None);
+            describe(label, false, &name, &hint, None);
         }
         EntryKind::Widget(show) => drop(ui.horizontal(|ui| show(ui, context))),
         EntryKind::Button(act) => {
             let response = ui.add_enabled(enabled, Button::new(words));
-            if described(response, is_icon, &name, &hint, None).clicked() {
+            if describe(response, is_icon, &name, &hint, None).clicked() {
                 act(context);
                 ui.close();
             }
         }
         EntryKind::Toggle(on, act) => {
             let response = ui.add_enabled(enabled, Button::selectable(on, words));
-            if described(response, is_icon, &name, &hint, Some(on)).clicked() {
+            if describe(response, is_icon, &name, &hint, Some(on)).clicked() {
                 act(context);
                 ui.close();
             }
@@ -308,14 +308,14 @@ fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
             ui.add_enabled_ui(enabled, |ui| {
                 let menu = SubMenuButton::new(words).config(menu);
                 let (response, _) = menu.ui(ui, |ui| show(ui, context));
-                described(response, is_icon, &name, &hint, None);
+                describe(response, is_icon, &name, &hint, None);
             });
         }
     }
 }
 
 /// Adds the name, the hint and the state of an entry.
-fn described(response: Response, is_icon: bool, name: &str, hint: &str, on: Option<bool>) -> Response {
+fn describe(response: Response, is_icon: bool, name: &str, hint: &str, on: Option<bool>) -> Response {
     let enabled = response.enabled();
     if is_icon {
         response.widget_info(|| match on {
@@ -340,7 +340,7 @@ struct EntryLayout {
 
 /// Whether each entry is in the line. If there is no room for all, those that yield leave first, then the others, from the last to the first, until
 /// the rest fits next to the menu button, which is `more` wide. Separators without neighbors leave, too.
-fn placed(parts: &[EntryLayout], spacing: f32, room: f32, more: f32) -> Vec<bool> {
+fn fits_in_line(parts: &[EntryLayout], spacing: f32, room: f32, more: f32) -> Vec<bool> {
     let mut on_line = vec![true; parts.len()];
     let taken = |on_line: &[bool]| {
         let widths =
@@ -394,7 +394,7 @@ mod tests {
         let text = || EntryLayout { yields: true, ..part(100.0) };
         let parts = [part(20.0), separator(), text(), separator(), part(20.0), part(20.0)];
         let shown = |room: f32| -> String {
-            placed(&parts, 4.0, room, 10.0).into_iter().map(|on| if on { '1' } else { '0' }).collect()
+            fits_in_line(&parts, 4.0, room, 10.0).into_iter().map(|on| if on { '1' } else { '0' }).collect()
         };
         // 192 points of entries and five gaps.
         assert_eq!(shown(192.0), "111111");

@@ -99,7 +99,7 @@ fn path(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, joint: usize) 
             painter.circle_filled(point(dot), 1.8, color);
         }
     }
-    if let Some(dot) = trail.near(now).and_then(at).and_then(|at| lens.point(at)) {
+    if let Some(dot) = trail.nearest_frame(now).and_then(at).and_then(|at| lens.point(at)) {
         painter.circle_filled(point(dot), 4.0, NOW);
     }
 }
@@ -109,7 +109,8 @@ fn skins(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, parents: &[Op
     for skin in SKINS {
         let time = Time(now.0 + skin * frame.0);
         let ends = trail.frames.first().zip(trail.frames.last());
-        let Some(index) = trail.near(time).filter(|_| ends.is_some_and(|(a, b)| a.0 <= time && time <= b.0))
+        let Some(index) =
+            trail.nearest_frame(time).filter(|_| ends.is_some_and(|(a, b)| a.0 <= time && time <= b.0))
         else {
             continue;
         };

@@ -2,7 +2,7 @@
 //! of the script.
 
 use crate::editing::expression;
-use choreo_session::edit::{Typed, format_number};
+use choreo_session::edit::{TypedNumber, format_number};
 use egui::emath::format_with_decimals_in_range;
 use egui::{DragValue, Id, Key, Popup, Rect, Response, SetOpenCommand, Slider, Ui, WidgetInfo, WidgetType};
 use std::ops::RangeInclusive;
@@ -58,15 +58,15 @@ fn refused_id(id: Id) -> Id {
 }
 
 /// Whether a field was left in this frame with an input that [`NO_TIME`] refuses. Resets the flag.
-pub(super) fn takes_refused(ui: &Ui) -> bool {
+pub(super) fn take_refused_flag(ui: &Ui) -> bool {
     ui.data_mut(|d| d.remove_temp(refused_id(rate_id()))).unwrap_or(false)
 }
 
 /// A number with the text that was typed for it, if that was an expression: `1.0 / 3.0` or `f(12)`.
-pub fn typed(ui: &Ui, value: f64) -> Typed {
+pub fn typed(ui: &Ui, value: f64) -> TypedNumber {
     let last = ui.data(|d| d.get_temp::<(String, f64)>(typed_id())).filter(|(_, meant)| *meant == value);
     let text = last.and_then(|(text, _)| expression::script_text(&text));
-    text.map_or_else(|| Typed::from(value), |text| Typed { value, text })
+    text.map_or_else(|| TypedNumber::from(value), |text| TypedNumber { value, text })
 }
 
 /// Source text of a number; see [`typed`].
@@ -158,7 +158,7 @@ fn settled(
     // A field that was left unchanged holds the rounded digits that it displays.
     let is_as_shown = response.lost_focus() && (super::rounded(value, 1e3) - now).abs() < 1e-9;
     if default.is_none() {
-        ask_name(&response);
+        open_name_menu(&response);
     }
     let reset = default.and_then(|default| reset(&response, default));
     if reset.is_some() || done && !response.lost_focus() {
@@ -183,7 +183,7 @@ fn name_id() -> Id {
 }
 
 /// Key of a flag: whether a number has requested the context menu of a name.
-fn asked_id(name: Id) -> Id {
+fn menu_flag_id(name: Id) -> Id {
     name.with("menu")
 }
 
@@ -192,21 +192,21 @@ pub(super) fn menu_of_name(name: &Response) -> Popup<'_> {
     let of_row = Name { id: name.id, rect: name.rect };
     let is_asked = name.ctx.data_mut(|d| {
         d.insert_temp(name_id(), of_row);
-        d.remove_temp(asked_id(name.id)).unwrap_or(false)
+        d.remove_temp(menu_flag_id(name.id)).unwrap_or(false)
     });
     let menu = Popup::context_menu(name);
     if is_asked { menu.open_memory(Some(SetOpenCommand::Bool(true))) } else { menu }
 }
 
 /// Opens the context menu of the name if a number next to it is clicked with the right button.
-fn ask_name(number: &Response) {
+fn open_name_menu(number: &Response) {
     let name: Option<Name> = number.ctx.data(|d| d.get_temp(name_id()));
     let is_beside = |name: &Name| {
         let apart = (name.rect.center().y - number.rect.center().y).abs();
         number.rect.left() >= name.rect.right() && apart < 0.5 * (name.rect.height() + number.rect.height())
     };
     if let Some(name) = name.filter(|name| number.secondary_clicked() && is_beside(name)) {
-        number.ctx.data_mut(|d| d.insert_temp(asked_id(name.id), true));
+        number.ctx.data_mut(|d| d.insert_temp(menu_flag_id(name.id), true));
         number.ctx.request_repaint();
     }
 }
@@ -231,7 +231,7 @@ pub fn reset(response: &Response, default: f64) -> Option<f64> {
 
 /// A number that the script does not state: displays `derived`, the value that applies instead, in a weak color, or nothing, until something is
 /// typed.
-pub fn unstated(
+pub fn derived_number(
     ui: &mut Ui,
     name: &str,
     derived: Option<f64>,

@@ -44,7 +44,7 @@ pub fn screenshot(viewer: &mut Viewer) {
     let stem = viewer.name.rsplit_once('.').map_or(viewer.name.as_str(), |(stem, _)| stem).to_string();
     viewer.screenshot = Some(folder.join(format!("{stem}_{}.png", viewer.playhead.frame())));
     // The frame is requested again, so that there is an image to save.
-    viewer.view_mut().asked = None;
+    viewer.view_mut().requested = None;
 }
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<TextureId>) {
@@ -57,8 +57,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     }
     let pixels = ui.ctx().pixels_per_point();
     let view = &mut viewer.views[index];
-    view.seen = true;
-    view.room = [rect.width(), rect.height()].map(|points| (points * pixels).round().max(1.0) as u32);
+    view.is_visible = true;
+    view.panel_size = [rect.width(), rect.height()].map(|points| (points * pixels).round().max(1.0) as u32);
     let painter = ui.painter_at(rect);
     painter.rect_filled(rect, 0.0, Color32::from_gray(24));
     let size = view.shown.as_ref().map(|shown| shown.size);
@@ -75,9 +75,9 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     {
         viewer.dropped_models = Some(DroppedModels { files: vec![model.0.clone()], at, beside: false });
     }
-    viewer.scrubs |= response.dragged();
+    viewer.is_scrubbing |= response.dragged();
     let fills = viewer.views[index].resolution == Resolution::Fitted;
-    let place = placed(rect, size, pixels, fills);
+    let place = image_rect(rect, size, pixels, fills);
     viewer.views[index].place = [place.left(), place.top(), place.right(), place.bottom()];
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     painter.image(texture, place, whole, Color32::WHITE);
@@ -86,8 +86,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
         let stroke = Stroke::new(3.0, ui.visuals().error_fg_color);
         painter.rect_stroke(place, 0.0, stroke, StrokeKind::Inside);
     }
-    reduced(ui, viewer, index, place);
-    let camera = viewer.scene.as_ref().and_then(|scene| viewer.views[index].now(&scene.stage));
+    draw_quality_note(ui, viewer, index, place);
+    let camera = viewer.scene.as_ref().and_then(|scene| viewer.views[index].displayed_camera(&scene.stage));
     if let Some(camera) = camera {
         let vector = |x: f32, y: f32| DVec2::new(f64::from(x), f64::from(y));
         let corner = vector(place.left(), place.top());
@@ -256,12 +256,12 @@ fn click(viewer: &mut Viewer, index: usize, lens: &Lens, at: DVec2) {
 }
 
 /// Text about the reduced quality of the image while the view moves: resolution, effects, frames.
-fn reduced(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
+fn draw_quality_note(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
     let view = &viewer.views[index];
-    let Some(asked) = view.asked.as_ref().filter(|asked| asked.moving) else { return };
+    let Some(requested) = view.requested.as_ref().filter(|key| key.moving) else { return };
     let mut parts: Vec<String> = Vec::new();
     if view.resolution == Resolution::Fitted {
-        match viewer.reduction.divisor(asked.moving) {
+        match viewer.reduction.divisor(requested.moving) {
             2 => parts.push("½ resolution".into()),
             4 => parts.push("¼ resolution".into()),
             _ => {}
@@ -294,7 +294,7 @@ fn reduced(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
 
 /// Centered rectangle of an image: as large as possible if `fills`, else at most one screen pixel per pixel of the image. Edges are aligned to
 /// screen pixels.
-fn placed(room: Rect, size: [u32; 2], pixels_per_point: f32, fills: bool) -> Rect {
+fn image_rect(room: Rect, size: [u32; 2], pixels_per_point: f32, fills: bool) -> Rect {
     let size = Vec2::new(size[0] as f32, size[1] as f32) / pixels_per_point;
     let largest = if fills { f32::INFINITY } else { 1.0 };
     let scale = (room.width() / size.x).min(room.height() / size.y).min(largest);
@@ -307,7 +307,7 @@ fn placed(room: Rect, size: [u32; 2], pixels_per_point: f32, fills: bool) -> Rec
 fn mouse(ui: &Ui, viewer: &mut Viewer, index: usize, response: &egui::Response, height: f32) {
     let by = response.drag_delta();
     let by = DVec2::new(f64::from(by.x), f64::from(by.y)) / f64::from(height.max(1.0));
-    let shift = super::held::modifiers(ui).shift;
+    let shift = super::gesture::modifiers(ui).shift;
     if by != DVec2::ZERO {
         let pans = response.dragged_by(PointerButton::Middle) || shift;
         let turns = response.dragged_by(PointerButton::Primary) && !shift;
@@ -351,14 +351,14 @@ mod tests {
     fn the_picture_lies_on_whole_pixels_and_keeps_its_shape() {
         let room = Rect::from_min_max(pos2(10.3, 20.7), pos2(1033.9, 811.1));
         for (size, pixels) in [([1280, 720], 1.0), ([640, 361], 1.0), ([1280, 720], 1.5)] {
-            let place = placed(room, size, pixels, false);
+            let place = image_rect(room, size, pixels, false);
             for edge in [place.min.x, place.min.y] {
                 assert!((edge * pixels - (edge * pixels).round()).abs() < 1e-3);
             }
             let shape = place.width() / place.height();
             assert!((shape - size[0] as f32 / size[1] as f32).abs() < 1e-3);
             assert!(place.width() <= size[0] as f32 / pixels + 1e-3, "pixel on pixel");
-            let filled = placed(room, size, pixels, true);
+            let filled = image_rect(room, size, pixels, true);
             let free = (room.size() - filled.size()).min_elem();
             assert!(free.abs() < 1.0, "{filled:?} in {room:?}");
         }

@@ -30,14 +30,14 @@ pub struct Curves {
     /// Whether the editor was drawn in the last frame.
     pub seen: bool,
     pub drag: Option<KeyDrag>,
-    known: Option<Known>,
+    known: Option<CachedProperties>,
 }
 
 /// Properties of an object that can have keys, and those that do.
 pub type KnownProperties = (Arc<Vec<KeyedProperty>>, Arc<Vec<KeyedProperty>>);
 
 /// Cached properties of an object in one version of the scene.
-struct Known {
+struct CachedProperties {
     number: u64,
     what: Selected,
     all: Arc<Vec<KeyedProperty>>,
@@ -89,13 +89,14 @@ impl Curves {
         }
         let all = Arc::new(find());
         let keyed = Arc::new(all.iter().filter(|p| p.has_keys()).cloned().collect::<Vec<_>>());
-        self.known = Some(Known { number, what: what.clone(), all: all.clone(), keyed: keyed.clone() });
+        self.known =
+            Some(CachedProperties { number, what: what.clone(), all: all.clone(), keyed: keyed.clone() });
         self.drag = None;
         (all, keyed)
     }
 
     /// Whether the object of the curves has changed since the last call.
-    pub(crate) fn shows_first(&mut self, what: &Selected, keyed: &[KeyedProperty]) -> bool {
+    pub(crate) fn changes_object(&mut self, what: &Selected, keyed: &[KeyedProperty]) -> bool {
         let is_other = self.shown.as_ref() != Some(what);
         self.shown = Some(what.clone()).filter(|_| !keyed.is_empty());
         is_other && !keyed.is_empty()
@@ -121,7 +122,7 @@ impl Curves {
         for property in properties {
             let (Some(first), Some(last)) = (property.keys.first(), property.keys.last()) else { continue };
             let (from, to) = span.unwrap_or((*first, (*last).max(at_least)));
-            let samples = self.sampled(property, from, to, 200);
+            let samples = self.samples(property, from, to, 200);
             for (_, numbers) in samples {
                 let shown = numbers.iter().enumerate().filter(|(part, _)| self.is_shown(property, *part));
                 for (_, number) in shown {
@@ -151,7 +152,7 @@ impl Curves {
     }
 
     /// Samples of a curve between two times: values on the common scale, or their change per second.
-    pub fn sampled(
+    pub fn samples(
         &self,
         property: &KeyedProperty,
         from: Time,
@@ -170,11 +171,16 @@ impl Curves {
         times.sort_unstable();
         times.dedup();
         let scale = self.scale(property);
-        times.into_iter().map(|time| (time, self.drawn(property, time, scale))).collect()
+        times.into_iter().map(|time| (time, self.displayed_values(property, time, scale))).collect()
     }
 
     /// Components of a property at a time as drawn. The last argument is the result of [`Curves::scale`].
-    pub fn drawn(&self, property: &KeyedProperty, time: Time, (add, divide): (f64, f64)) -> Vec<f64> {
+    pub fn displayed_values(
+        &self,
+        property: &KeyedProperty,
+        time: Time,
+        (add, divide): (f64, f64),
+    ) -> Vec<f64> {
         match self.speed {
             true => speed(property, time),
             false => property.at(time).iter().map(|v| (v + add) / divide).collect(),

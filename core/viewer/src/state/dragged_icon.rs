@@ -4,20 +4,20 @@ use crate::state::selection::Selected;
 use glam::DVec3;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum IconOf {
+pub enum IconObject {
     Light(usize),
     Camera(String),
     /// A target point of inverse kinematics: name of the actor, and index of the constraint.
     Reach(String, usize),
 }
 
-impl IconOf {
+impl IconObject {
     /// The object that a click on the icon selects.
     pub fn selected(&self) -> Selected {
         match self {
-            IconOf::Light(index) => Selected::Light(*index),
-            IconOf::Camera(name) => Selected::Camera(name.clone()),
-            IconOf::Reach(actor, _) => Selected::Actor(actor.clone()),
+            IconObject::Light(index) => Selected::Light(*index),
+            IconObject::Camera(name) => Selected::Camera(name.clone()),
+            IconObject::Reach(actor, _) => Selected::Actor(actor.clone()),
         }
     }
 }
@@ -26,7 +26,7 @@ impl IconOf {
 pub struct DraggedIcon {
     /// Index of the viewport.
     pub view: usize,
-    pub what: IconOf,
+    pub what: IconObject,
     /// World positions of the icon: before the drag, and now.
     pub from: DVec3,
     pub to: DVec3,

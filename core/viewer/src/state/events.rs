@@ -36,12 +36,12 @@ pub struct Event {
     pub what: Option<Selected>,
     pub place: Place,
     /// Keys at that time.
-    pub keys: Vec<KeyOf>,
+    pub keys: Vec<EventKey>,
 }
 
 /// A property that has a key.
 #[derive(Clone, Debug, PartialEq)]
-pub struct KeyOf {
+pub struct EventKey {
     pub what: Selected,
     pub property: String,
     /// Displayed name of the property, after the name of its object if the row has several objects.
@@ -50,18 +50,18 @@ pub struct KeyOf {
 
 /// Events of a row that are being collected; events at the same time are merged.
 #[derive(Default)]
-pub(crate) struct Gathered {
-    all: Vec<(Time, EventKind, String, Option<KeyOf>)>,
+pub(crate) struct EventCollector {
+    all: Vec<(Time, EventKind, String, Option<EventKey>)>,
 }
 
-impl Gathered {
+impl EventCollector {
     fn add(&mut self, at: Time, kind: EventKind, label: impl Into<String>) {
         if self.all.len() < MOST {
             self.all.push((at, kind, label.into(), None));
         }
     }
 
-    fn add_key(&mut self, at: Time, label: &str, key: Option<&KeyOf>) {
+    fn add_key(&mut self, at: Time, label: &str, key: Option<&EventKey>) {
         if self.all.len() < MOST {
             self.all.push((at, EventKind::Key, label.to_string(), key.cloned()));
         }
@@ -74,7 +74,8 @@ impl Gathered {
                 continue;
             }
             let label = format!("{of}{}", keyed.title());
-            let key = KeyOf { what: keyed.what.clone(), property: keyed.name.clone(), label: label.clone() };
+            let key =
+                EventKey { what: keyed.what.clone(), property: keyed.name.clone(), label: label.clone() };
             keyed.keys.iter().for_each(|at| self.add_key(*at, &label, Some(&key)));
         }
     }
@@ -114,7 +115,8 @@ impl Gathered {
             for (at, value) in channel.times.iter().zip(&channel.values) {
                 let now = *value > 0.5;
                 if now != seen {
-                    let key = KeyOf { what: what.clone(), property: VISIBLE.into(), label: VISIBLE.into() };
+                    let key =
+                        EventKey { what: what.clone(), property: VISIBLE.into(), label: VISIBLE.into() };
                     let label = if now { "appears" } else { "goes" };
                     self.all.push((*at, EventKind::Entrance, label.to_string(), Some(key)));
                 }
@@ -181,14 +183,14 @@ impl Gathered {
 }
 
 /// Events of each keyed property, if there are several.
-pub(crate) fn by_property(events: &[Event]) -> Vec<(&KeyOf, Vec<Event>)> {
-    let is_same = |a: &KeyOf, b: &KeyOf| a.property == b.property && a.what == b.what;
+pub(crate) fn by_property(events: &[Event]) -> Vec<(&EventKey, Vec<Event>)> {
+    let is_same = |a: &EventKey, b: &EventKey| a.property == b.property && a.what == b.what;
     let keys = || events.iter().flat_map(|event| event.keys.iter().map(move |key| (event, key)));
     let first = keys().next();
     if first.is_none_or(|(_, first)| keys().all(|(_, key)| is_same(first, key))) {
         return Vec::new();
     }
-    let mut all: Vec<(&KeyOf, Vec<Event>)> = Vec::new();
+    let mut all: Vec<(&EventKey, Vec<Event>)> = Vec::new();
     for (event, key) in keys() {
         let is_visible = key.property == VISIBLE;
         let kind = if is_visible { EventKind::Entrance } else { EventKind::Key };
@@ -206,7 +208,7 @@ pub(crate) fn by_property(events: &[Event]) -> Vec<(&KeyOf, Vec<Event>)> {
 
 /// Keys of all cameras.
 pub(crate) fn of_cameras(scene: &Scene) -> Vec<Event> {
-    let mut gathered = Gathered::default();
+    let mut gathered = EventCollector::default();
     for camera in &scene.stage.cameras {
         let what = Selected::Camera(camera.name.clone());
         gathered
@@ -217,13 +219,13 @@ pub(crate) fn of_cameras(scene: &Scene) -> Vec<Event> {
 
 /// Keys of a light.
 pub(crate) fn of_light(scene: &Scene, index: usize, place: &Place) -> Vec<Event> {
-    let (mut gathered, what) = (Gathered::default(), Selected::Light(index));
+    let (mut gathered, what) = (EventCollector::default(), Selected::Light(index));
     gathered.keys(&keyed::properties_of(scene, &what, scene.stage.lights[index].channels.iter()), "");
     gathered.events(scene.stage.settings.length, Some(&what), place)
 }
 
 pub(crate) fn of_sky(scene: &Scene, place: &Place) -> Vec<Event> {
-    let mut gathered = Gathered::default();
+    let mut gathered = EventCollector::default();
     let channels = scene.stage.sky.iter().flat_map(|sky| &sky.channels);
     gathered.keys(&keyed::properties_of(scene, &Selected::Sky, channels), "sky ");
     gathered.events(scene.stage.settings.length, Some(&Selected::Sky), place)
@@ -231,7 +233,7 @@ pub(crate) fn of_sky(scene: &Scene, place: &Place) -> Vec<Event> {
 
 /// Keys of some titles, images and panels, given by their indices.
 pub(crate) fn of_titles(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
-    let mut gathered = Gathered::default();
+    let mut gathered = EventCollector::default();
     for &index in numbers {
         let layer = &scene.stage.layers_2d[index];
         let keyed = keyed::properties_of(scene, &Selected::Title(index), layer.channels.iter());
@@ -255,7 +257,7 @@ pub(crate) fn title(layer: &Layer2d) -> String {
 
 /// Keys of some effects, given by their indices.
 pub(crate) fn of_effects(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
-    let mut gathered = Gathered::default();
+    let mut gathered = EventCollector::default();
     for &index in numbers {
         let used = &scene.stage.effects[index];
         let keyed = keyed::properties_of(

@@ -10,20 +10,20 @@ use std::path::PathBuf;
 /// Edits that can be undone and redone, the newest last.
 #[derive(Default)]
 pub struct History {
-    pub(crate) done: Vec<Done>,
-    pub(crate) undone: Vec<Done>,
+    pub(crate) done: Vec<AppliedEdit>,
+    pub(crate) undone: Vec<AppliedEdit>,
     /// Text after the newest edit, until a version of it is displayed.
-    pub(crate) unshown: Option<String>,
+    pub(crate) pending_text: Option<String>,
     /// Text that an undo has restored, until it is displayed, and the keys to select then.
     pub(crate) restored: Option<(String, Vec<KeyRef>)>,
     /// Expected placement of an actor in the next version, to detect an edit without effect.
-    pub(crate) wanted: Option<ExpectedPlacement>,
+    pub(crate) expected_placement: Option<ExpectedPlacement>,
 }
 
-pub(crate) struct Done {
+pub(crate) struct AppliedEdit {
     /// The inverse edit.
-    pub(crate) back: Edit,
-    /// The text that `back` applies to.
+    pub(crate) inverse: Edit,
+    /// The text that `inverse` applies to.
     pub(crate) text: String,
     /// The selection before the edit, and the keys that were selected.
     pub(crate) keys: (Option<Selected>, Vec<KeyRef>),
@@ -34,7 +34,7 @@ pub(crate) struct Done {
 pub struct Offer {
     pub why: String,
     /// Label of the button.
-    pub agree: String,
+    pub label: String,
     /// Lines of the difference: removed (`-`), added (`+`) and unchanged (` `).
     pub difference: Vec<(char, String)>,
     /// Files to copy before the edit: source and destination.
@@ -51,7 +51,7 @@ pub struct Offer {
 /// The second of two offered edits.
 pub struct Alternative {
     /// Label of the button.
-    pub agree: String,
+    pub label: String,
     /// Lines of the difference: removed (`-`), added (`+`) and unchanged (` `).
     pub difference: Vec<(char, String)>,
     pub(crate) edit: Edit,

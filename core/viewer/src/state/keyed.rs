@@ -163,7 +163,7 @@ impl KeyedProperty {
             }
             ValueKind::Numbers(count) => raw[..count.min(4)].to_vec(),
             ValueKind::Degrees => vec![raw[0].to_degrees()],
-            ValueKind::Rotation => self.turned(time, DQuat::from_array(raw)),
+            ValueKind::Rotation => self.unwrapped_angles(time, DQuat::from_array(raw)),
             ValueKind::Direction => (DQuat::from_array(raw) * DVec3::NEG_Z).to_array().to_vec(),
             ValueKind::Scale if self.is_even() => vec![raw[0]],
             ValueKind::Scale | ValueKind::Kelvin => raw[..3].to_vec(),
@@ -172,7 +172,7 @@ impl KeyedProperty {
     }
 
     /// Angles of a rotation at a time, degrees, with as many full turns as the surrounding keys.
-    fn turned(&self, time: Time, rotation: DQuat) -> Vec<f64> {
+    fn unwrapped_angles(&self, time: Time, rotation: DQuat) -> Vec<f64> {
         let next = self.keys.partition_point(|key| *key <= time);
         let near = match (next.checked_sub(1), self.keys.get(next)) {
             (Some(before), Some(after)) => {
@@ -358,7 +358,7 @@ fn properties_in(scene: &Scene, text: Option<&ScriptText>, what: &Selected) -> V
     let place = place_of(scene, what)
         .filter(|(place, count)| *count == 1 && place.line > 0 && place.file == scene.places.main);
     let object = place.zip(text).and_then(|((place, _), text)| text.object(place.line, place.column).ok());
-    let object = object.map(ScriptObject::changing_all);
+    let object = object.map(ScriptObject::allow_shared_edits);
     let found = match what {
         Selected::Actor(name) => actor(stage, name).map(|index| {
             let actor = &stage.actors[index];

@@ -25,7 +25,7 @@ impl Performance {
     }
 
     /// Median and 95th percentile of total frame times, milliseconds.
-    pub fn typical(&self) -> Option<[f32; 2]> {
+    pub fn median_and_p95(&self) -> Option<[f32; 2]> {
         let mut all: Vec<f32> = self.frames.iter().map(|f| f.iter().sum()).collect();
         all.sort_by(f32::total_cmp);
         let last = all.len().checked_sub(1)?;
@@ -40,12 +40,12 @@ mod tests {
     #[test]
     fn it_remembers_the_last_frames() {
         let mut p = Performance::default();
-        assert_eq!(p.typical(), None);
+        assert_eq!(p.median_and_p95(), None);
         for n in 0..1000u64 {
             p.add(Duration::from_millis(n), Duration::from_millis(1), Duration::ZERO);
         }
         assert_eq!(p.frames.len(), FRAMES);
-        let [median, high] = p.typical().unwrap();
+        let [median, high] = p.median_and_p95().unwrap();
         assert!((median - 880.0).abs() < 1.0 && (high - 988.0).abs() < 1.5, "{median} {high}");
     }
 }

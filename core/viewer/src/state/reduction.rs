@@ -29,7 +29,7 @@ impl Reduction {
     }
 
     /// Records the duration of a moving image and the time that the frame rate allows for it, both in milliseconds.
-    pub fn took(&mut self, millis: f64, budget: f64) {
+    pub fn record_duration(&mut self, millis: f64, budget: f64) {
         if millis > budget {
             self.divisor = (self.divisor * 2).min(LEAST);
         } else if self.divisor > 1 && millis * 4.0 < budget * ROOM {
@@ -39,7 +39,7 @@ impl Reduction {
     }
 
     /// Records a displayed frame. `playing`: whether the next one should be its successor.
-    pub fn shown(&mut self, frame: i64, playing: bool) {
+    pub fn record_frame(&mut self, frame: i64, playing: bool) {
         match (self.last, playing) {
             // The difference is negative at the start of a loop.
             (Some(last), true) => self.dropped += (frame - last - 1).max(0),
@@ -58,16 +58,16 @@ mod tests {
     fn images_shrink_until_they_hold_the_rate_and_grow_again() {
         let mut r = Reduction::default();
         assert_eq!((r.divisor(true), r.divisor(false)), (1, 1));
-        r.took(90.0, 40.0);
+        r.record_duration(90.0, 40.0);
         assert_eq!((r.divisor(true), r.divisor(false)), (2, 1));
-        r.took(22.0, 40.0);
+        r.record_duration(22.0, 40.0);
         assert_eq!(r.divisor(true), 2, "whole ones would take 88");
-        r.took(50.0, 40.0);
-        r.took(50.0, 40.0);
+        r.record_duration(50.0, 40.0);
+        r.record_duration(50.0, 40.0);
         assert_eq!(r.divisor(true), 4);
-        r.took(6.0, 40.0);
+        r.record_duration(6.0, 40.0);
         assert_eq!(r.divisor(true), 2);
-        r.took(6.0, 40.0);
+        r.record_duration(6.0, 40.0);
         assert_eq!(r.divisor(true), 1);
     }
 
@@ -75,12 +75,12 @@ mod tests {
     fn frames_that_are_passed_over_are_counted() {
         let mut r = Reduction::default();
         for (frame, dropped) in [(10, 0), (11, 0), (14, 2), (15, 2), (2, 2), (4, 3)] {
-            r.shown(frame, true);
+            r.record_frame(frame, true);
             assert_eq!(r.dropped, dropped, "at {frame}");
         }
-        r.shown(90, false);
+        r.record_frame(90, false);
         assert_eq!(r.dropped, 3);
-        r.shown(5, true);
+        r.record_frame(5, true);
         assert_eq!(r.dropped, 0);
     }
 }

@@ -94,38 +94,38 @@ const REST: f64 = 3.0;
 
 /// Settings in the file, and pending changes of the window's settings.
 #[derive(Default)]
-pub struct Writing {
+pub struct SettingsWriter {
     written: Settings,
     /// The changed settings, and the time since when they have not changed again, seconds.
     changed: Option<(Settings, f64)>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Due {
+pub enum SaveTime {
     Now,
     /// Remaining time, seconds.
     In(f64),
     Never,
 }
 
-impl Writing {
-    pub fn new(written: Settings) -> Writing {
-        Writing { written, changed: None }
+impl SettingsWriter {
+    pub fn new(written: Settings) -> SettingsWriter {
+        SettingsWriter { written, changed: None }
     }
 
     /// When to write these settings. `now`: seconds.
-    pub fn due(&mut self, settings: &Settings, now: f64) -> Due {
+    pub fn due(&mut self, settings: &Settings, now: f64) -> SaveTime {
         if *settings == self.written {
             self.changed = None;
-            return Due::Never;
+            return SaveTime::Never;
         }
         let since = self.changed.as_ref().filter(|(changed, _)| changed == settings).map(|(_, since)| *since);
         let Some(since) = since else {
             self.changed = Some((settings.clone(), now));
-            return Due::In(REST);
+            return SaveTime::In(REST);
         };
         let left = since + REST - now;
-        if left <= 0.0 { Due::Now } else { Due::In(left) }
+        if left <= 0.0 { SaveTime::Now } else { SaveTime::In(left) }
     }
 
     /// Writes settings if they differ from those in the file.
@@ -175,20 +175,20 @@ mod tests {
     fn changed_settings_are_due_once_they_rest() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("view.json");
-        let mut writing = Writing::new(Settings::default());
-        assert_eq!(writing.due(&Settings::default(), 0.0), Due::Never);
+        let mut writing = SettingsWriter::new(Settings::default());
+        assert_eq!(writing.due(&Settings::default(), 0.0), SaveTime::Never);
         let wide = |scale: f32| Settings { scale, ..Settings::default() };
-        assert_eq!(writing.due(&wide(1.2), 10.0), Due::In(REST));
-        assert_eq!(writing.due(&wide(1.2), 11.0), Due::In(REST - 1.0));
-        assert_eq!(writing.due(&wide(1.3), 12.0), Due::In(REST), "it goes on changing");
-        assert_eq!(writing.due(&wide(1.3), 12.0 + REST), Due::Now);
+        assert_eq!(writing.due(&wide(1.2), 10.0), SaveTime::In(REST));
+        assert_eq!(writing.due(&wide(1.2), 11.0), SaveTime::In(REST - 1.0));
+        assert_eq!(writing.due(&wide(1.3), 12.0), SaveTime::In(REST), "it goes on changing");
+        assert_eq!(writing.due(&wide(1.3), 12.0 + REST), SaveTime::Now);
         writing.write(wide(1.3), &file);
         assert_eq!(Settings::read(&file), wide(1.3));
-        assert_eq!(writing.due(&wide(1.3), 30.0), Due::Never);
+        assert_eq!(writing.due(&wide(1.3), 30.0), SaveTime::Never);
         // A change that was reverted is not written.
-        assert_eq!(writing.due(&wide(1.4), 31.0), Due::In(REST));
-        assert_eq!(writing.due(&wide(1.3), 32.0), Due::Never);
-        assert_eq!(writing.due(&wide(1.4), 40.0), Due::In(REST));
+        assert_eq!(writing.due(&wide(1.4), 31.0), SaveTime::In(REST));
+        assert_eq!(writing.due(&wide(1.3), 32.0), SaveTime::Never);
+        assert_eq!(writing.due(&wide(1.4), 40.0), SaveTime::In(REST));
     }
 
     #[test]

@@ -76,8 +76,10 @@ impl KeyedProperty {
         let [from, to] = [written.keys.get(before)?, written.keys.get(next)?];
         let [leaving, reaching] = [from.shape.as_ref()?, to.shape.as_ref()?];
         let has_tangents = leaving.outgoing.is_given() || reaching.incoming.is_given();
-        let how = written.how.as_deref().unwrap_or("\"linear\"");
-        let eased_by_all = how.starts_with('[') || how.starts_with("\"in_") || how.starts_with("\"out_");
+        let interpolation = written.interpolation.as_deref().unwrap_or("\"linear\"");
+        let eased_by_all = interpolation.starts_with('[')
+            || interpolation.starts_with("\"in_")
+            || interpolation.starts_with("\"out_");
         if reaching.ease.is_some() || eased_by_all && !has_tangents {
             return None;
         }
@@ -85,7 +87,7 @@ impl KeyedProperty {
         let span = (self.keys[next] - self.keys[before]).as_secs();
         let tangent = match &own.tangent {
             Some(own) => self.all_numbers(own),
-            None => self.automatic(how, key, [before, next]),
+            None => self.automatic_tangent(interpolation, key, [before, next]),
         };
         let weight = own.weight.as_ref().map_or(vec![EVEN; self.width()], |own| match own.as_slice() {
             [one] => vec![*one; self.width()],
@@ -115,8 +117,8 @@ impl KeyedProperty {
     }
 
     /// Tangent that the interpolation gives a key. `span`: the keys whose straight connection is used for linear keys.
-    fn automatic(&self, how: &str, key: usize, span: [usize; 2]) -> Vec<f64> {
-        let tangents = match how {
+    fn automatic_tangent(&self, interpolation: &str, key: usize, span: [usize; 2]) -> Vec<f64> {
+        let tangents = match interpolation {
             "\"smooth\"" => Some(Tangents::Flat),
             "\"cubic\"" => Some(Tangents::Limited),
             "\"catmull_rom\"" => Some(Tangents::CatmullRom),
@@ -124,7 +126,7 @@ impl KeyedProperty {
         };
         match tangents {
             Some(tangents) => self.tangents(tangents, key),
-            None => self.straight(span),
+            None => self.linear_tangent(span),
         }
     }
 
@@ -137,14 +139,14 @@ impl KeyedProperty {
         tangents.of(near, &values, vector).swap_remove(1)
     }
 
-    fn straight(&self, [from, to]: [usize; 2]) -> Vec<f64> {
+    fn linear_tangent(&self, [from, to]: [usize; 2]) -> Vec<f64> {
         let secs = (self.keys[to] - self.keys[from]).as_secs();
         let [a, b] = [from, to].map(|key| self.at(self.keys[key]));
         a.iter().zip(&b).take(self.width()).map(|(a, b)| (b - a) / secs).collect()
     }
 
     /// Tangents of a key after a choice. `None` if it cannot have tangents.
-    pub fn chosen(&self, key: usize, choice: TangentChoice) -> Option<KeyShape> {
+    pub fn shape_of_choice(&self, key: usize, choice: TangentChoice) -> Option<KeyShape> {
         let now = self.shape(key)?;
         let [before, after] = self.handles(key);
         let both = |tangent: Vec<f64>| {
@@ -168,7 +170,9 @@ impl KeyedProperty {
             TangentChoice::Automatic => KeyShape { ease: now.ease.clone(), ..KeyShape::default() },
             TangentChoice::Monotone => both(self.tangents(Tangents::Limited, key)),
             TangentChoice::Flat => both(vec![0.0; self.width()]),
-            TangentChoice::Linear => each(spans.map(|span| span.map(|span| self.straight(span))), false),
+            TangentChoice::Linear => {
+                each(spans.map(|span| span.map(|span| self.linear_tangent(span))), false)
+            }
             TangentChoice::Broken => each(sides, true),
             TangentChoice::Aligned => {
                 let KeyShape { incoming, outgoing, .. } = each(sides, false);
@@ -225,13 +229,13 @@ impl KeyedProperty {
         let [leaving, reaching] = [self.handle(before, 1)?, self.handle(next, 0)?];
         let share = (at - self.keys[before]).as_secs() / leaving.span;
         let [from, to] = [before, next].map(|key| self.at(self.keys[key]));
-        let part = |n: usize| -> Option<Halves> {
+        let part = |n: usize| -> Option<SplitCurve> {
             let (w0, w1, span) = (*leaving.weight.get(n)?, *reaching.weight.get(n)?, leaving.span);
             let (m0, m1) = (leaving.tangent[n], reaching.tangent[n]);
             let values = [from[n], from[n] + w0 * span * m0, to[n] - w1 * span * m1, to[n]];
-            Some(Halves::of([0.0, w0, 1.0 - w1, 1.0], values, share, span))
+            Some(SplitCurve::of([0.0, w0, 1.0 - w1, 1.0], values, share, span))
         };
-        let parts: Vec<Halves> = (0..self.width()).map(part).collect::<Option<_>>()?;
+        let parts: Vec<SplitCurve> = (0..self.width()).map(part).collect::<Option<_>>()?;
         let side = |tangent: Vec<f64>, weight: usize| {
             let weight: Vec<f64> = parts.iter().map(|part| part.weights[weight]).collect();
             let even = weight.iter().all(|weight| (weight - EVEN).abs() < 1e-6);
@@ -247,17 +251,17 @@ impl KeyedProperty {
 }
 
 /// Two halves of a cubic Bézier curve over time, split by de Casteljau's algorithm.
-struct Halves {
+struct SplitCurve {
     /// Slope at the split, units per second.
     tangent: f64,
     /// Lengths of the four handles, each as a fraction of its half.
     weights: [f64; 4],
 }
 
-impl Halves {
+impl SplitCurve {
     /// Splits a curve. `times`, `values`: its control points, times as fractions of the span; `share`: time of the split as a fraction; `span`:
     /// seconds.
-    fn of(times: [f64; 4], values: [f64; 4], share: f64, span: f64) -> Halves {
+    fn of(times: [f64; 4], values: [f64; 4], share: f64, span: f64) -> SplitCurve {
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..60 {
             let u = 0.5 * (low + high);
@@ -268,7 +272,7 @@ impl Halves {
         let [_, va, _, vb, _] = construct(values, u);
         let lengths = [t0 / share, (share - ta) / share, (tb - share) / (1.0 - share), t3 / (1.0 - share)];
         let rise = if tb > ta { (vb - va) / ((tb - ta) * span) } else { 0.0 };
-        Halves { tangent: rise, weights: lengths.map(|length| length.clamp(0.0, 1.0)) }
+        SplitCurve { tangent: rise, weights: lengths.map(|length| length.clamp(0.0, 1.0)) }
     }
 }
 

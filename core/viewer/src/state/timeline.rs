@@ -1,6 +1,6 @@
 //! The stage as rows of a sequencer: cues, active cameras and other objects over time.
 
-use crate::state::events::{self, Event, Gathered, KeyOf};
+use crate::state::events::{self, Event, EventCollector, EventKey};
 use crate::state::selection::Selected;
 use choreo_asset::LightKind;
 use choreo_motion::{FrameRate, Repeat, Time};
@@ -25,7 +25,7 @@ pub struct Bar {
     /// Index of the stage's cut that begins the bar, if one does.
     pub cut: Option<usize>,
     /// Number that selects the color: equal for equal clips, and independent of other objects.
-    pub kind: usize,
+    pub color_index: usize,
     /// Playback of the clip, if the bar is one.
     pub strip: Option<Strip>,
 }
@@ -105,7 +105,7 @@ impl Row {
 
     /// Adds a part for each keyed property.
     fn with_parts(self) -> Row {
-        let part = |(key, events): (&KeyOf, Vec<Event>)| Row {
+        let part = |(key, events): (&EventKey, Vec<Event>)| Row {
             label: key.label.clone(),
             what: Some(key.what.clone()),
             layer: self.layer,
@@ -227,7 +227,7 @@ fn actor_rows(scene: &Scene, index: usize) -> Vec<Row> {
     let (actor, length) = (&stage.actors[index], stage.settings.length);
     let what = Some(Selected::Actor(actor.name.clone()));
     let place = places.actors.get(index).cloned().unwrap_or_default();
-    let mut gathered = Gathered::default();
+    let mut gathered = EventCollector::default();
     gathered.actor(actor, scene);
     if actor.layers.is_empty() {
         let events = gathered.events(length, what.as_ref(), &place);
@@ -240,9 +240,9 @@ fn actor_rows(scene: &Scene, index: usize) -> Vec<Row> {
         let label = if number == 0 { actor.name.clone() } else { format!("{} +{number}", actor.name) };
         let cues = layer.cues.iter().enumerate().map(|(at, cue)| {
             let place = of_layer.and_then(|l| l.get(at)).cloned().unwrap_or_default();
-            let kind = kind(&cue.clip.name);
+            let color_index = color_index(&cue.clip.name);
             let what = Selected::Cue { actor: actor.name.clone(), layer: number, cue: at };
-            bar(stage, layer, at, cue, what, place, kind)
+            bar(stage, layer, at, cue, what, place, color_index)
         });
         let bars: Vec<Bar> = cues.collect();
         if let Some(keys) = &layer.weight_keys {
@@ -272,7 +272,7 @@ fn effect(scene: &Scene, index: usize) -> Bar {
         holds_from: None,
         place: scene.places.effects.get(index).cloned().unwrap_or_default(),
         cut: None,
-        kind: kind(&effect.plugin),
+        color_index: color_index(&effect.plugin),
         strip: None,
     }
 }
@@ -332,20 +332,28 @@ fn title(scene: &Scene, index: usize) -> Bar {
         holds_from: None,
         place: scene.places.layers_2d.get(index).cloned().unwrap_or_default(),
         cut: None,
-        kind: 5,
+        color_index: 5,
         strip: None,
     }
 }
 
 /// Number that selects a color for a name, independent of other names (FNV-1a hash).
-pub(crate) fn kind(name: &str) -> usize {
+pub(crate) fn color_index(name: &str) -> usize {
     let hash =
         name.bytes().fold(0x811c_9dc5_u32, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193));
     (hash >> 16) as usize
 }
 
 /// The bar of a cue. `at`: index of the cue in its layer.
-fn bar(stage: &Stage, layer: &Layer, at: usize, cue: &Cue, what: Selected, place: Place, kind: usize) -> Bar {
+fn bar(
+    stage: &Stage,
+    layer: &Layer,
+    at: usize,
+    cue: &Cue,
+    what: Selected,
+    place: Place,
+    color_index: usize,
+) -> Bar {
     let length = stage.settings.length;
     let is_base = matches!(what, Selected::Cue { layer: 0, .. });
     let end = match layer.cues.get(at + 1) {
@@ -371,7 +379,7 @@ fn bar(stage: &Stage, layer: &Layer, at: usize, cue: &Cue, what: Selected, place
         holds_from,
         place,
         cut: None,
-        kind,
+        color_index,
         strip: Some(Strip::of(cue)),
     }
 }
@@ -399,7 +407,7 @@ fn cameras(scene: &Scene) -> Vec<Bar> {
         place: place.cloned().unwrap_or_default(),
         cut,
         // Adjacent shots have different colors.
-        kind: camera,
+        color_index: camera,
         strip: None,
     };
     starts.iter().zip(ends).map(bar).filter(|bar| bar.end > bar.start).collect()

@@ -26,7 +26,7 @@ pub struct Trail {
 
 impl Trail {
     /// Index of the frame nearest to a time.
-    pub fn near(&self, time: Time) -> Option<usize> {
+    pub fn nearest_frame(&self, time: Time) -> Option<usize> {
         let after = self.frames.partition_point(|(at, _)| *at < time);
         let before = after.saturating_sub(1);
         let distance = |index: &usize| (self.frames[*index].0 - time).0.abs();
@@ -60,7 +60,7 @@ impl Trails {
             let thread = std::thread::Builder::new().name("trail".into());
             // If no thread can be started, there is no trail.
             let _ = thread.spawn(move || {
-                if let Some(trail) = computed(&scene, &actor, &stop) {
+                if let Some(trail) = compute_trail(&scene, &actor, &stop) {
                     *found.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(trail));
                     changed();
                 }
@@ -76,7 +76,7 @@ impl Drop for Trails {
     }
 }
 
-fn computed(scene: &Scene, actor: &str, stop: &AtomicBool) -> Option<Trail> {
+fn compute_trail(scene: &Scene, actor: &str, stop: &AtomicBool) -> Option<Trail> {
     let index = scene.stage.actors.iter().position(|a| a.name == actor)?;
     let settings = &scene.stage.settings;
     let frames = settings.fps.frames_in(settings.length).max(1);

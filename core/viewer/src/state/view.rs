@@ -84,7 +84,7 @@ impl Overlays {
 
 /// Everything that a frame depends on. A frame is only requested again if this has changed.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Wish {
+pub(crate) struct FrameKey {
     pub number: u64,
     pub reloads: u64,
     pub time: Time,
@@ -102,12 +102,12 @@ pub struct View {
     /// The frame on the screen.
     pub shown: Option<FrameInfo>,
     /// Size of the panel, pixels, as drawn last.
-    pub room: [u32; 2],
+    pub panel_size: [u32; 2],
     /// Left, top, right and bottom of the image in the window, points.
     pub place: [f32; 4],
     /// Whether the panel of the view was drawn in the last window frame; other views request no frames.
-    pub seen: bool,
-    pub(crate) asked: Option<Wish>,
+    pub is_visible: bool,
+    pub(crate) requested: Option<FrameKey>,
     pub waiting: bool,
     pub ticket: u64,
 }
@@ -119,10 +119,10 @@ impl Default for View {
             resolution: Resolution::Fitted,
             overlays: Overlays::default(),
             shown: None,
-            room: [1280, 720],
+            panel_size: [1280, 720],
             place: [0.0; 4],
-            seen: true,
-            asked: None,
+            is_visible: true,
+            requested: None,
             waiting: false,
             ticket: 0,
         }
@@ -132,7 +132,7 @@ impl Default for View {
 impl View {
     /// Whether the last requested image has neither grid nor outline, like one that is saved.
     pub(crate) fn is_plain(&self) -> bool {
-        self.asked.as_ref().is_some_and(|wish| !wish.overrides.grid && wish.overrides.outlined.is_none())
+        self.requested.as_ref().is_some_and(|key| !key.overrides.grid && key.overrides.outlined.is_none())
     }
 
     /// Camera of the view for the renderer.
@@ -154,7 +154,7 @@ impl View {
     }
 
     /// Camera of the displayed image, with movements by the mouse already applied.
-    pub fn now(&self, stage: &Stage) -> Option<CameraState> {
+    pub fn displayed_camera(&self, stage: &Stage) -> Option<CameraState> {
         let shown = self.shown.as_ref()?;
         Some(match self.viewport_camera(stage) {
             ViewportCamera::Free(camera) => camera,

@@ -19,7 +19,7 @@ pub(super) struct Checker {
 impl Checker {
     pub fn new() -> Checker {
         let thread = ThreadPoolBuilder::new().num_threads(1).thread_name(|_| "check".into());
-        let thread = thread.start_handler(|_| priority::lower()).build().ok();
+        let thread = thread.start_handler(|_| priority::lower_thread()).build().ok();
         Checker { thread, wanted: Arc::default() }
     }
 

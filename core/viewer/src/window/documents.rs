@@ -1,6 +1,6 @@
 //! Opens another file in the window.
 
-use super::{News, ViewerWindow, watched};
+use super::{ViewerWindow, WindowMessage, start_session};
 use crate::app::Viewer;
 use crate::args::FileOptions;
 use crate::library::documents::Documents;
@@ -20,7 +20,7 @@ pub(crate) fn first_viewer(
     settings: &Settings,
 ) -> Viewer {
     let mut viewer = Viewer::new(source.map_or("start".to_string(), name_of));
-    let thumbnails = Thumbnails::new(registry, options.like(), choreo_command_line::cache_dir());
+    let thumbnails = Thumbnails::new(registry, options.base_source(), choreo_command_line::cache_dir());
     let (recent, tempos) = (settings.recent.clone(), settings.tempos.clone());
     let lessons = lessons::find();
     viewer.documents = Documents { recent, tempos, lessons, thumbnails, ..Documents::new(registry) };
@@ -28,7 +28,7 @@ pub(crate) fn first_viewer(
         Some(source) => {
             viewer.path = source.is_script().then(|| source.input.clone());
             viewer.documents.missing = viewer.path.clone().filter(|path| !path.exists());
-            viewer.shows(&source.input);
+            viewer.record_opened(&source.input);
         }
         None => viewer.documents.start = true,
     }
@@ -57,36 +57,38 @@ impl ViewerWindow {
                 if source.input != self.source.input {
                     (source.clip, source.set) = (None, Vec::new());
                 }
-                let live = watched(source.clone(), &self.registry, &self.proxy, self.guests + 1);
-                Ok((live.map_err(|error| error.to_string())?, source))
+                let session =
+                    start_session(source.clone(), &self.registry, &self.proxy, self.newest_session + 1);
+                Ok((session.map_err(|error| error.to_string())?, source))
             });
-        let (live, source) = match opened {
+        let (session, source) = match opened {
             Ok(opened) => opened,
             Err(why) => {
                 self.viewer.message = Some(why);
                 return self.redraw();
             }
         };
-        self.guests += 1;
-        (self.own_number, self.live, self.own) = (self.guests, Some(live), None);
-        (self.guest, self.placing) = (None, None);
+        self.newest_session += 1;
+        (self.open_file_number, self.session, self.last_good_version) =
+            (self.newest_session, Some(session), None);
+        (self.preview_session, self.model_session) = (None, None);
         self.checker.cancel();
         self.unchecked = None;
         self.frames.clear();
-        self.viewer = self.viewer.succeeded_by(name_of(&source));
+        self.viewer = self.viewer.for_other_file(name_of(&source));
         self.viewer.path = source.is_script().then(|| source.input.clone());
         self.viewer.commands.take_file(&source.input);
         let documents = &mut self.viewer.documents;
         documents.start = false;
         documents.missing = (source.is_script() && !source.input.exists()).then(|| source.input.clone());
         documents.thumbnails.forget();
-        self.viewer.shows(&source.input);
+        self.viewer.record_opened(&source.input);
         self.source = source;
         if let Some(open) = &self.open {
             open.window.set_title(&format!("{} – {}", self.viewer.name, self.program));
         }
-        self.remember();
+        self.save_settings();
         // The window is drawn again without the former content.
-        let _ = self.proxy.send_event(News::Repaint(std::time::Duration::ZERO));
+        let _ = self.proxy.send_event(WindowMessage::Repaint(std::time::Duration::ZERO));
     }
 }

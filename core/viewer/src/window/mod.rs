@@ -29,7 +29,7 @@ use crate::args::{FileOptions, ViewerOptions};
 use crate::library::documents::Documents;
 use crate::panels::Panels;
 use crate::state::dropped_models::DroppedModels;
-use crate::state::settings::{Due, Settings, Writing};
+use crate::state::settings::{SaveTime, Settings, SettingsWriter};
 use crate::state::shortcuts::Shortcuts;
 use crate::state::view::Resolution;
 use checker::Checker;
@@ -42,7 +42,7 @@ use choreo_session::{
 use error::ViewerError;
 use event_log::EventLog;
 use gpu_error::GpuError;
-use open::{Open, Shown};
+use open::{BareWindow, OpenWindow};
 use painter::Painter;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -57,7 +57,7 @@ use winit::platform::wayland::WindowAttributesExtWayland;
 use winit::window::{Window, WindowId};
 
 /// Messages from other threads to the window.
-enum News {
+enum WindowMessage {
     /// A version of the file with this number: the open file, or dropped files.
     Version(u64, Box<SceneVersion>),
     Frame(Box<FrameReply>),
@@ -73,12 +73,12 @@ enum News {
 }
 
 /// Number of the first file; dropped files and further opened ones count from 1.
-const FIRST: u64 = 0;
+const FIRST_FILE: u64 = 0;
 
 /// Opens the window, and returns when it is closed. The error says what is missing.
-pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
-    let source = asked.first.map(|input| asked.files.source(input)).transpose()?;
-    let event_log = EventLog::new(asked.event_log);
+pub fn run(options: ViewerOptions, program: &App) -> Result<(), ViewerError> {
+    let source = options.first.map(|input| options.files.source(input)).transpose()?;
+    let event_log = EventLog::new(options.event_log);
     let events = start::event_loop()?;
     #[cfg(target_os = "linux")]
     lost_display::watch(&events);
@@ -88,21 +88,23 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     {
         let proxy = proxy.clone();
         // The signal ends the program as usual if it cannot be watched.
-        let _ = termination::watch(move || drop(proxy.send_event(News::Close)));
+        let _ = termination::watch(move || drop(proxy.send_event(WindowMessage::Close)));
     }
     let registry = program.registry.clone();
     let effects = registry.effects().to_vec();
-    let renderer = start::renderer(effects, asked.files.like().shaders.clone(), asked.device, event_log);
-    let frame_renderer = sending_frames(renderer, &proxy)?;
-    let live = source.clone().map(|source| watched(source, &registry, &proxy, FIRST)).transpose()?;
+    let renderer =
+        start::renderer(effects, options.files.base_source().shaders.clone(), options.device, event_log);
+    let frame_renderer = start_frame_renderer(renderer, &proxy)?;
+    let session =
+        source.clone().map(|source| start_session(source, &registry, &proxy, FIRST_FILE)).transpose()?;
     let settings_file = Settings::file();
     let settings = settings_file.as_deref().map(Settings::read).unwrap_or_default();
-    let mut viewer = documents::first_viewer(source.as_ref(), &registry, &asked.files, &settings);
+    let mut viewer = documents::first_viewer(source.as_ref(), &registry, &options.files, &settings);
     let shortcuts_file = settings_file.as_ref().map(|file| file.with_file_name(Shortcuts::FILE));
     viewer.message = documents::read_shortcuts(&mut viewer, shortcuts_file.as_deref());
-    viewer.commands = asked.commands;
+    viewer.commands = options.commands;
     viewer.views.iter_mut().for_each(|view| view.overlays = settings.overlays);
-    if asked.full_size {
+    if options.full_size {
         viewer.views.iter_mut().for_each(|view| view.resolution = Resolution::Full);
     }
     let written_preset = viewer.shortcuts.preset.clone();
@@ -110,21 +112,21 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         program: program.name,
         viewer,
         panels: Panels::new(&settings),
-        settings: Writing::new(settings),
+        settings: SettingsWriter::new(settings),
         settings_file,
         written_preset,
-        begin: Some((asked.at, asked.play)),
+        initial_playback: Some((options.at, options.play)),
         frame_renderer,
-        source: source.unwrap_or_else(|| asked.files.like().clone()),
-        options: asked.files,
-        device: asked.device,
+        source: source.unwrap_or_else(|| options.files.base_source().clone()),
+        options: options.files,
+        device: options.device,
         registry,
-        live,
-        own_number: FIRST,
-        guest: None,
-        placing: None,
-        guests: FIRST,
-        own: None,
+        session,
+        open_file_number: FIRST_FILE,
+        preview_session: None,
+        model_session: None,
+        newest_session: FIRST_FILE,
+        last_good_version: None,
         checker: Checker::new(),
         unchecked: None,
         proxy,
@@ -132,18 +134,18 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         frames: BTreeMap::new(),
         reloads: 0,
         clock: Instant::now(),
-        last_asked: None,
+        last_requested: None,
         wake_at: None,
         drawn: 0,
         pressed: false,
         covered: false,
-        lose: asked.lose,
+        lose_device_at: options.lose_device_at,
         event_log,
         failures: 0,
         failed: None,
     };
     let ran = start::run(events, &mut app);
-    app.remember();
+    app.save_settings();
     if let Err(error) = ran {
         // The objects of the window system can no longer be freed after an error.
         #[cfg(target_os = "linux")]
@@ -158,24 +160,25 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
 }
 
 /// Starts the thread of a renderer, which sends its frames to the event loop.
-fn sending_frames(
+fn start_frame_renderer(
     renderer: StartRenderer,
-    proxy: &EventLoopProxy<News>,
+    proxy: &EventLoopProxy<WindowMessage>,
 ) -> Result<FrameRenderer, ViewerError> {
     let proxy = proxy.clone();
     // Sending fails only if the window no longer exists; here and below.
-    let report = move |reply| drop(proxy.send_event(News::Frame(Box::new(reply))));
+    let report = move |reply| drop(proxy.send_event(WindowMessage::Frame(Box::new(reply))));
     FrameRenderer::start(renderer, report).map_err(ViewerError::Thread)
 }
 
-fn watched(
+fn start_session(
     source: SceneSource,
     plugins: &Registry,
-    proxy: &EventLoopProxy<News>,
-    whose: u64,
+    proxy: &EventLoopProxy<WindowMessage>,
+    file_number: u64,
 ) -> Result<SessionThread, ViewerError> {
     let proxy = proxy.clone();
-    let report = move |version| drop(proxy.send_event(News::Version(whose, Box::new(version))));
+    let report =
+        move |version| drop(proxy.send_event(WindowMessage::Version(file_number, Box::new(version))));
     Ok(SessionThread::start(source, plugins, report)?)
 }
 
@@ -184,40 +187,40 @@ struct ViewerWindow {
     program: &'static str,
     viewer: Viewer,
     panels: Panels,
-    settings: Writing,
+    settings: SettingsWriter,
     settings_file: Option<PathBuf>,
     /// Preset of the keyboard shortcuts in their file.
     written_preset: String,
     /// Initial time in seconds and play state, until the first version arrives.
-    begin: Option<(f64, bool)>,
+    initial_playback: Option<(f64, bool)>,
     frame_renderer: FrameRenderer,
     source: SceneSource,
     options: FileOptions,
     device: Device,
     registry: Registry,
     /// Session of the open file. `None` on the start page.
-    live: Option<SessionThread>,
+    session: Option<SessionThread>,
     /// Number of the open file.
-    own_number: u64,
+    open_file_number: u64,
     /// Session that previews dropped files.
-    guest: Option<SessionThread>,
+    preview_session: Option<SessionThread>,
     /// Session that reads models dropped on a viewport, with its number and the models.
-    placing: Option<(u64, SessionThread, DroppedModels)>,
+    model_session: Option<(u64, SessionThread, DroppedModels)>,
     /// Number of the newest session; versions of older dropped files are outdated.
-    guests: u64,
+    newest_session: u64,
     /// Newest good version of the script, displayed again when the preview of dropped files is closed.
-    own: Option<SceneVersion>,
+    last_good_version: Option<SceneVersion>,
     checker: Checker,
     /// Newest scene of the script that was not checked yet; checked after its first image.
     unchecked: Option<Arc<Scene>>,
-    proxy: EventLoopProxy<News>,
-    open: Option<Open>,
+    proxy: EventLoopProxy<WindowMessage>,
+    open: Option<OpenWindow>,
     /// Rendered frames that are not on the screen yet, by view.
     frames: BTreeMap<usize, Frame>,
     /// Number of shader changes that were passed on to the renderer.
     reloads: u64,
     clock: Instant,
-    last_asked: Option<Instant>,
+    last_requested: Option<Instant>,
     wake_at: Option<Instant>,
     /// Number of frames of the window so far.
     drawn: u64,
@@ -225,7 +228,7 @@ struct ViewerWindow {
     pressed: bool,
     /// Whether something else covers the window.
     covered: bool,
-    lose: Vec<u64>,
+    lose_device_at: Vec<u64>,
     event_log: EventLog,
     /// Number of consecutive failures.
     failures: u32,
@@ -245,13 +248,13 @@ impl ViewerWindow {
 
     /// Whether the window is minimized or covered. A hidden window is not drawn, and no frames are requested for it.
     fn is_hidden(&self) -> bool {
-        let minimized = |open: &Open| open.window.is_minimized() == Some(true);
+        let minimized = |open: &OpenWindow| open.window.is_minimized() == Some(true);
         self.covered || self.open.as_ref().is_some_and(minimized)
     }
 
     /// Saves the settings, including the layout of the panels, and the shortcuts.
-    fn remember(&mut self) {
-        self.keep_shortcuts();
+    fn save_settings(&mut self) {
+        self.save_shortcuts();
         let now = self.present_settings();
         if let Some(file) = &self.settings_file {
             self.settings.write(now, file);
@@ -259,7 +262,7 @@ impl ViewerWindow {
     }
 
     /// Saves changed keyboard shortcuts at once.
-    fn keep_shortcuts(&mut self) {
+    fn save_shortcuts(&mut self) {
         let Some(file) = &self.settings_file else { return };
         let shortcuts = &mut self.viewer.shortcuts;
         if shortcuts.preset == self.written_preset && shortcuts.changed.is_empty() {
@@ -279,16 +282,16 @@ impl ViewerWindow {
     }
 
     /// Saves the settings when they have not changed for some time, so that they are not lost if the program is killed.
-    fn keep_settings(&mut self) {
+    fn save_settings_when_due(&mut self) {
         if self.settings_file.is_none() {
             return;
         }
-        self.keep_shortcuts();
+        self.save_shortcuts();
         let (settings, now) = (self.present_settings(), self.now());
         match self.settings.due(&settings, now) {
-            Due::Now => self.remember(),
-            Due::In(secs) => self.wake_in(Duration::from_secs_f64(secs)),
-            Due::Never => {}
+            SaveTime::Now => self.save_settings(),
+            SaveTime::In(secs) => self.wake_in(Duration::from_secs_f64(secs)),
+            SaveTime::Never => {}
         }
     }
 
@@ -298,20 +301,20 @@ impl ViewerWindow {
             return;
         }
         let cap = self.viewer.performance.cap.filter(|_| self.viewer.playhead.is_playing());
-        if let (Some(cap), Some(last)) = (cap, self.last_asked) {
+        if let (Some(cap), Some(last)) = (cap, self.last_requested) {
             let wait = Duration::from_secs_f64(1.0 / f64::from(cap.max(1))).saturating_sub(last.elapsed());
             if !wait.is_zero() {
                 return self.wake_in(wait);
             }
         }
         let due = self.viewer.playhead.tick(self.now());
-        while let Some(asked) = self.viewer.next_request() {
+        while let Some(request) = self.viewer.next_request() {
             if self.reloads != self.viewer.reloads() {
                 self.reloads = self.viewer.reloads();
                 self.frame_renderer.shaders_changed();
             }
-            self.last_asked = Some(Instant::now());
-            self.frame_renderer.ask(asked);
+            self.last_requested = Some(Instant::now());
+            self.frame_renderer.ask(request);
         }
         // A frame that is being rendered wakes the window itself.
         if let Some(due) = due.filter(|_| !self.viewer.is_waiting()) {
@@ -341,7 +344,7 @@ impl ViewerWindow {
         }
         self.pressed = false;
         let begin = Instant::now();
-        let input = open.taken();
+        let input = open.take_input();
         let textures = open.painter.pictures();
         let (panels, viewer) = (&mut self.panels, &mut self.viewer);
         let output = open.egui.run_ui(input, |ui| {
@@ -361,8 +364,10 @@ impl ViewerWindow {
             });
         self.event_log.painted(panels_took, begin.elapsed());
         self.drawn += 1;
-        let lost =
-            self.lose.contains(&self.drawn).then(|| "the device was lost, as the test has it".to_string());
+        let lost = self
+            .lose_device_at
+            .contains(&self.drawn)
+            .then(|| "the device was lost, as the test has it".to_string());
         let lost = lost.map_or(Ok(()), Err);
         let delay = output.viewport_output.get(&egui::ViewportId::ROOT).map(|v| v.repaint_delay);
         match drawn.map_err(|e| e.to_string()).and_then(|drawn| lost.map(|()| drawn)) {
@@ -372,7 +377,7 @@ impl ViewerWindow {
                 for (view, frame) in std::mem::take(&mut self.frames) {
                     self.frame_renderer.give_back(frame);
                     if let Some(shown) = self.viewer.views.get(view).and_then(|v| v.shown.as_ref()) {
-                        self.event_log.shown(view, shown, &self.viewer.held);
+                        self.event_log.shown(view, shown, &self.viewer.device_usage);
                     }
                 }
                 if open.painter.pictures() != textures {
@@ -380,15 +385,15 @@ impl ViewerWindow {
                     self.redraw();
                 }
             }
-            Err(error) => self.begin_again(&error, events),
+            Err(error) => self.recreate_device(&error, events),
         }
         if let Some(delay) = delay.filter(|d| *d < Duration::from_secs(3600)) {
             self.wake_in(delay);
         }
-        self.guests();
+        self.update_previews();
         self.open_document();
         self.advance();
-        self.keep_settings();
+        self.save_settings_when_due();
         if self.viewer.quit {
             events.exit();
         }
@@ -398,61 +403,61 @@ impl ViewerWindow {
     fn place_models(&mut self) {
         let Some(models) = self.viewer.dropped_models.take() else { return };
         let Some((source, _)) = SceneSource::of_models(models.files.clone(), &self.source) else { return };
-        self.guests += 1;
-        match watched(source, &self.registry, &self.proxy, self.guests) {
-            Ok(live) => self.placing = Some((self.guests, live, models)),
+        self.newest_session += 1;
+        match start_session(source, &self.registry, &self.proxy, self.newest_session) {
+            Ok(session) => self.model_session = Some((self.newest_session, session, models)),
             Err(error) => self.viewer.message = Some(error.to_string()),
         }
     }
 
     /// Previews dropped files, and closes the preview on request.
-    fn guests(&mut self) {
+    fn update_previews(&mut self) {
         self.place_models();
         let dropped = SceneSource::of_models(std::mem::take(&mut self.viewer.dropped), &self.source);
         if let Some((source, left_out)) = dropped {
             self.viewer.message = left_out;
-            self.guests += 1;
+            self.newest_session += 1;
             let files = std::iter::once(&source.input).chain(&source.beside).cloned().collect();
-            match watched(source, &self.registry, &self.proxy, self.guests) {
-                Ok(live) => {
-                    self.guest = Some(live);
-                    self.viewer.guests = files;
+            match start_session(source, &self.registry, &self.proxy, self.newest_session) {
+                Ok(session) => {
+                    self.preview_session = Some(session);
+                    self.viewer.previewed_files = files;
                 }
                 Err(error) => self.viewer.message = Some(error.to_string()),
             }
         }
-        if std::mem::take(&mut self.viewer.guests_leave) {
-            self.guest = None;
-            self.guests += 1;
-            self.viewer.guests.clear();
-            if let Some(own) = self.own.clone() {
-                self.viewer.take_version(own);
+        if std::mem::take(&mut self.viewer.close_preview) {
+            self.preview_session = None;
+            self.newest_session += 1;
+            self.viewer.previewed_files.clear();
+            if let Some(version) = self.last_good_version.clone() {
+                self.viewer.take_version(version);
             }
             self.redraw();
         }
     }
 
-    fn take_version(&mut self, whose: u64, version: SceneVersion) {
-        if let Some((_, _, models)) = self.placing.take_if(|(number, ..)| *number == whose) {
+    fn take_version(&mut self, file_number: u64, version: SceneVersion) {
+        if let Some((_, _, models)) = self.model_session.take_if(|(number, ..)| *number == file_number) {
             return self.viewer.edit(|v| v.add_models(&models, &version));
         }
-        if whose == self.own_number {
+        if file_number == self.open_file_number {
             // A faulty version does not replace the last good one.
-            if version.scene.is_some() || self.own.is_none() {
-                self.own = Some(version.clone());
+            if version.scene.is_some() || self.last_good_version.is_none() {
+                self.last_good_version = Some(version.clone());
             }
             self.checker.cancel();
             self.unchecked = version.scene.clone().filter(|_| self.source.is_script());
-            if !self.viewer.guests.is_empty() {
+            if !self.viewer.previewed_files.is_empty() {
                 return;
             }
-        } else if whose != self.guests {
+        } else if file_number != self.newest_session {
             return;
         }
         self.event_log.version(&version);
         self.viewer.take_version(version);
         if self.viewer.scene.is_some()
-            && let Some((at, play)) = self.begin.take()
+            && let Some((at, play)) = self.initial_playback.take()
         {
             self.viewer.playhead.seek(choreo_motion::Time::from_secs(at));
             if play {
@@ -464,20 +469,21 @@ impl ViewerWindow {
     /// Checks the newest scene after its first image, so that the check does not delay the image.
     fn check(&mut self) {
         let Some(scene) = self.unchecked.take() else { return };
-        let (proxy, whose, number) = (self.proxy.clone(), self.own_number, scene.number);
-        let report = move |messages| drop(proxy.send_event(News::Checked(whose, number, messages)));
+        let (proxy, file_number, number) = (self.proxy.clone(), self.open_file_number, scene.number);
+        let report =
+            move |messages| drop(proxy.send_event(WindowMessage::Checked(file_number, number, messages)));
         self.checker.start(scene, self.source.clone(), report);
     }
 
-    fn take_messages(&mut self, whose: u64, number: u64, messages: &[Problem]) {
-        if whose != self.own_number {
+    fn take_messages(&mut self, file_number: u64, number: u64, messages: &[Problem]) {
+        if file_number != self.open_file_number {
             return;
         }
         self.event_log.checked(number, messages.len());
-        if let Some(own) = self.own.as_mut().filter(|own| own.number == number) {
-            add_messages(&mut own.problems, messages);
+        if let Some(version) = self.last_good_version.as_mut().filter(|version| version.number == number) {
+            add_messages(&mut version.problems, messages);
         }
-        if self.viewer.guests.is_empty() {
+        if self.viewer.previewed_files.is_empty() {
             self.viewer.take_messages(number, messages);
         }
         self.redraw();
@@ -502,7 +508,7 @@ impl ViewerWindow {
     }
 
     /// Takes a newly opened window, and tells the user if its panels are drawn on the CPU.
-    fn opened(&mut self, open: Open) {
+    fn opened(&mut self, open: OpenWindow) {
         let why = open.no_vulkan.as_ref();
         // Drawing on the CPU by choice, because the Vulkan driver would do the same, is not reported.
         let missed = why.filter(|why| !matches!(why, GpuError::Slower(_)));
@@ -516,21 +522,22 @@ impl ViewerWindow {
     }
 
     /// Handles a lost device or surface: creates a new one, up to two times in a row. The displayed state is kept.
-    fn begin_again(&mut self, error: &str, events: &ActiveEventLoop) {
+    fn recreate_device(&mut self, error: &str, events: &ActiveEventLoop) {
         self.failures += 1;
         // A window has only one surface at a time, so the old one is dropped first.
-        let shown = self.open.take().and_then(Open::close);
+        let shown = self.open.take().and_then(OpenWindow::close);
         let again = match shown {
             Some(shown) if self.failures < 3 => {
-                Open::new(shown, self.device, &self.proxy).map_err(|e| e.to_string())
+                OpenWindow::new(shown, self.device, &self.proxy).map_err(|e| e.to_string())
             }
-            _ => Err("tried again".to_string()),
+            Some(_) => Err("three attempts in a row failed".to_string()),
+            None => Err("the window could not be kept".to_string()),
         };
         match again {
             Ok(open) => {
                 self.opened(open);
                 // The new device has no images yet, and the new egui context no colors.
-                self.viewer.views.iter_mut().for_each(|view| view.asked = None);
+                self.viewer.views.iter_mut().for_each(|view| view.requested = None);
                 self.panels.forget_context();
                 self.redraw();
             }
@@ -542,12 +549,12 @@ impl ViewerWindow {
     }
 }
 
-impl ApplicationHandler<News> for ViewerWindow {
+impl ApplicationHandler<WindowMessage> for ViewerWindow {
     fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
         if matches!(cause, StartCause::ResumeTimeReached { .. }) {
             self.wake_at = None;
             // A hidden window is not drawn, so the settings are saved here.
-            self.keep_settings();
+            self.save_settings_when_due();
             self.redraw();
         }
     }
@@ -565,10 +572,10 @@ impl ApplicationHandler<News> for ViewerWindow {
         #[cfg(target_os = "linux")]
         let attributes = attributes.with_name(format!("{}-view", self.program), self.program);
         let window = events.create_window(attributes).map_err(|e| e.to_string());
-        let shown = window.map(|window| Shown::new(window, events, &self.proxy));
+        let shown = window.map(|window| BareWindow::new(window, events, &self.proxy));
         self.event_log.done("window");
-        let opened =
-            shown.and_then(|shown| Open::new(shown, self.device, &self.proxy).map_err(|e| e.to_string()));
+        let opened = shown
+            .and_then(|shown| OpenWindow::new(shown, self.device, &self.proxy).map_err(|e| e.to_string()));
         match opened {
             Ok(open) => {
                 self.event_log.done("device of the window");
@@ -582,25 +589,27 @@ impl ApplicationHandler<News> for ViewerWindow {
         }
     }
 
-    fn user_event(&mut self, events: &ActiveEventLoop, news: News) {
-        match news {
-            News::Version(whose, version) => {
-                self.take_version(whose, *version);
+    fn user_event(&mut self, events: &ActiveEventLoop, message: WindowMessage) {
+        match message {
+            WindowMessage::Version(file_number, version) => {
+                self.take_version(file_number, *version);
                 self.advance();
                 self.redraw();
             }
-            News::Frame(reply) => {
+            WindowMessage::Frame(reply) => {
                 self.take_frame(*reply);
                 // The next frame is rendered while this one is presented.
                 self.advance();
                 self.redraw();
             }
-            News::Checked(whose, number, messages) => self.take_messages(whose, number, &messages),
-            News::Close => events.exit(),
-            News::Repaint(delay) if delay.is_zero() => self.redraw(),
-            News::Repaint(delay) => self.wake_in(delay),
+            WindowMessage::Checked(file_number, number, messages) => {
+                self.take_messages(file_number, number, &messages)
+            }
+            WindowMessage::Close => events.exit(),
+            WindowMessage::Repaint(delay) if delay.is_zero() => self.redraw(),
+            WindowMessage::Repaint(delay) => self.wake_in(delay),
             #[cfg(feature = "accesskit")]
-            News::Assistance(event) => {
+            WindowMessage::Assistance(event) => {
                 if let Some(open) = &mut self.open {
                     open.take_assistance(event);
                 }

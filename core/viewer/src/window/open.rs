@@ -1,6 +1,6 @@
 //! The open window: its input, its painter and its scale factor, which can change.
 
-use super::News;
+use super::WindowMessage;
 #[cfg(feature = "accesskit")]
 use super::assistance::Adapter;
 use super::gpu_error::GpuError;
@@ -12,7 +12,7 @@ use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
 use winit::window::Window;
 
 /// The window, the translation of its events, and the painter that draws into it.
-pub struct Open {
+pub struct OpenWindow {
     pub egui: egui::Context,
     pub input: egui_winit::State,
     // Dropped before the window, whose surface it draws on.
@@ -28,7 +28,7 @@ pub struct Open {
 }
 
 /// A window on the screen without a painter. It survives the loss of a device.
-pub struct Shown {
+pub struct BareWindow {
     window: Arc<Window>,
     #[cfg(feature = "accesskit")]
     adapter: Adapter,
@@ -37,14 +37,18 @@ pub struct Shown {
     is_read: bool,
 }
 
-impl Shown {
+impl BareWindow {
     /// Shows a window. `window`: not visible yet.
     #[cfg_attr(not(feature = "accesskit"), expect(unused_variables))]
-    pub fn new(window: Window, events: &ActiveEventLoop, proxy: &EventLoopProxy<News>) -> Shown {
+    pub fn new(
+        window: Window,
+        events: &ActiveEventLoop,
+        proxy: &EventLoopProxy<WindowMessage>,
+    ) -> BareWindow {
         #[cfg(feature = "accesskit")]
         let adapter = Adapter::with_event_loop_proxy(events, &window, proxy.clone());
         window.set_visible(true);
-        Shown {
+        BareWindow {
             window: Arc::new(window),
             #[cfg(feature = "accesskit")]
             adapter,
@@ -54,11 +58,11 @@ impl Shown {
     }
 }
 
-impl Open {
+impl OpenWindow {
     /// Drops everything that draws into the window. `None` if the accessibility adapter is missing.
     #[cfg_attr(not(feature = "accesskit"), expect(unused_mut))]
-    pub fn close(mut self) -> Option<Shown> {
-        Some(Shown {
+    pub fn close(mut self) -> Option<BareWindow> {
+        Some(BareWindow {
             window: self.window,
             #[cfg(feature = "accesskit")]
             adapter: self.input.accesskit.take()?,
@@ -67,14 +71,18 @@ impl Open {
         })
     }
 
-    pub fn new(shown: Shown, device: Device, proxy: &EventLoopProxy<News>) -> Result<Open, PaintError> {
+    pub fn new(
+        shown: BareWindow,
+        device: Device,
+        proxy: &EventLoopProxy<WindowMessage>,
+    ) -> Result<OpenWindow, PaintError> {
         let window = shown.window;
         let (painter, no_vulkan) = Painter::new(&window, device)?;
         let egui = egui::Context::default();
         let proxy = std::sync::Mutex::new(proxy.clone());
         egui.set_request_repaint_callback(move |info| {
             let proxy = proxy.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            drop(proxy.send_event(News::Repaint(info.delay)));
+            drop(proxy.send_event(WindowMessage::Repaint(info.delay)));
         });
         #[cfg_attr(not(feature = "accesskit"), expect(unused_mut))]
         let mut input = egui_winit::State::new(
@@ -93,7 +101,7 @@ impl Open {
             }
         }
         let scale = window.scale_factor();
-        Ok(Open {
+        Ok(OpenWindow {
             egui,
             input,
             painter,
@@ -106,7 +114,7 @@ impl Open {
     }
 
     /// Input events since the last call, in points of the current scale.
-    pub fn taken(&mut self) -> egui::RawInput {
+    pub fn take_input(&mut self) -> egui::RawInput {
         let mut input = self.input.take_egui_input(&self.window);
         if self.scale != self.window.scale_factor() {
             let size =

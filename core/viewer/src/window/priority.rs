@@ -5,14 +5,14 @@
 const STEPS: i32 = 5;
 
 /// Lowers the priority of the calling thread and of the thread pool for parallel work.
-pub(crate) fn after_the_window() {
-    lower();
+pub(crate) fn lower_for_background_work() {
+    lower_thread();
     #[cfg(target_os = "linux")]
-    rayon::broadcast(|_| lower());
+    rayon::broadcast(|_| lower_thread());
 }
 
 /// Lowers the priority of the calling thread.
-pub(crate) fn lower() {
+pub(crate) fn lower_thread() {
     // Each thread has its own nice value on Linux. If it cannot be changed, all threads have equal priority.
     #[cfg(target_os = "linux")]
     let _ = rustix::process::nice(STEPS);

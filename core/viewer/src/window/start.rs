@@ -1,6 +1,6 @@
 //! Event loop and renderer at startup, with messages that name the package of a missing library.
 
-use super::News;
+use super::WindowMessage;
 use super::error::ViewerError;
 use super::event_log::EventLog;
 use choreo_command_line::Device;
@@ -29,7 +29,7 @@ const PACKAGES: [(&str, &str); 8] = [
     ("wayland library", "libwayland-client0"),
 ];
 
-pub(crate) fn event_loop() -> Result<EventLoop<News>, ViewerError> {
+pub(crate) fn event_loop() -> Result<EventLoop<WindowMessage>, ViewerError> {
     let set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
     let windows = cfg!(windows) || cfg!(target_os = "macos");
     if !windows && !set("DISPLAY") && !set("WAYLAND_DISPLAY") && !set("WAYLAND_SOCKET") {
@@ -39,7 +39,7 @@ pub(crate) fn event_loop() -> Result<EventLoop<News>, ViewerError> {
     let hook = take_hook();
     set_hook(Box::new(|_| ()));
     let made = catch_unwind(|| {
-        let mut builder = EventLoop::<News>::with_user_event();
+        let mut builder = EventLoop::<WindowMessage>::with_user_event();
         #[cfg(target_os = "linux")]
         if set("DISPLAY") && !set("WAYLAND_SOCKET") && set("WAYLAND_DISPLAY") && !wayland_answers() {
             // winit chooses Wayland if its variable is set, and an event loop can only be created once.
@@ -66,7 +66,10 @@ fn wayland_answers() -> bool {
 
 /// Runs the event loop. If the display disappears, winit panics (its X11 window unwraps every reply of the server); this function returns an error
 /// instead.
-pub fn run(events: EventLoop<News>, app: &mut impl ApplicationHandler<News>) -> Result<(), ViewerError> {
+pub fn run(
+    events: EventLoop<WindowMessage>,
+    app: &mut impl ApplicationHandler<WindowMessage>,
+) -> Result<(), ViewerError> {
     let gone = Arc::new(AtomicBool::new(false));
     let usual = take_hook();
     let (seen, thread) = (gone.clone(), std::thread::current().id());
@@ -118,7 +121,7 @@ pub fn renderer(
 ) -> StartRenderer {
     let auto = device == Device::Auto && shaders.is_none();
     Box::new(move || {
-        super::priority::after_the_window();
+        super::priority::lower_for_background_work();
         let slower = || chosen_device().is_ok_and(|found| found.kind == DeviceKind::VulkanCpu);
         if device == Device::Cpu || auto && slower() {
             event_log.done("renderer");

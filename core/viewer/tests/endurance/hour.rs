@@ -112,7 +112,7 @@ impl Person<'_> {
                 self.screen.xdotool(&["windowsize", self.window, &width, &height]);
             }
             _ => {
-                // F1 is left out: a click in the list of keys takes the next key for an action.
+                // F1 is left out: a click in the list of shortcuts takes the next key for an action.
                 let keys = [
                     "space",
                     "space",

@@ -4,7 +4,7 @@ use crate::place::{Desk, Place, drag};
 use choreo_motion::Time;
 use choreo_motion::retarget::bind_or_retarget;
 use choreo_session::{SceneSource, Session};
-use choreo_viewer::editing::ClipOf;
+use choreo_viewer::editing::ClipSource;
 use choreo_viewer::state::dropped_models::DroppedModels;
 use choreo_viewer::state::selection::Selected;
 use choreo_viewer::state::side::Side;
@@ -303,7 +303,7 @@ fn a_model_is_dropped_under_the_pointer_in_every_view() {
         let dropped = desk.state_mut().viewer.dropped_models.take().unwrap();
         assert!(dropped.at.y.abs() < 1e-9, "{view}: on the ground, {}", dropped.at);
         let viewer = &desk.state().viewer;
-        let camera = viewer.views[0].now(&viewer.scene.as_ref().unwrap().stage).unwrap();
+        let camera = viewer.views[0].displayed_camera(&viewer.scene.as_ref().unwrap().stage).unwrap();
         let seen = choreo_render::plan::View::new(&camera, [right - left, bottom - top].map(|v| v as u32));
         let clip = seen.clip_from_relative * (dropped.at - seen.position).as_vec3().extend(1.0);
         let on_screen = pos2(
@@ -411,7 +411,7 @@ let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
 PLAYS
 ";
-    let of = || ClipOf::Actor("ada".into());
+    let of = || ClipSource::Actor("ada".into());
     let length = |name: &str| {
         let place = Place::new(&PLAIN.replace("PLAYS", ""));
         let stage = &place.viewer.scene.as_ref().unwrap().stage;

@@ -85,11 +85,11 @@ fn recent_files_are_each_there_once_the_newest_first() {
     let folder = tempfile::tempdir().unwrap();
     let mut documents = Documents::default();
     for name in ["a", "b", "a"] {
-        documents.shows(&folder.path().join(name));
+        documents.record_opened(&folder.path().join(name));
     }
     let names: Vec<_> = documents.recent.iter().map(|p| p.file_name().unwrap().to_owned()).collect();
     assert_eq!(names, ["a", "b"]);
-    (0..40).for_each(|n| documents.shows(&folder.path().join(n.to_string())));
+    (0..40).for_each(|n| documents.record_opened(&folder.path().join(n.to_string())));
     assert_eq!(documents.recent.len(), 12);
     std::fs::write(folder.path().join("scene.rhai"), "").unwrap();
     documents.ask(Purpose::New(TEMPLATES[0]), Some(&folder.path().join("scene.rhai")));

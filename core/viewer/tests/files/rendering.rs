@@ -246,7 +246,7 @@ fn sections_are_run_compared_and_accepted() {
     let folder = harness.state().folder.path().to_path_buf();
     let tests = folder.join("t.rhai");
     fs::write(&tests, TESTS).unwrap();
-    harness.state_mut().viewer.tested = tests.to_str().unwrap().into();
+    harness.state_mut().viewer.test_path = tests.to_str().unwrap().into();
     run_all(&mut harness, 1);
     assert_eq!(
         states(&harness),

@@ -7,7 +7,7 @@ use choreo_viewer::library::documents::Documents;
 use choreo_viewer::library::file_dialog::Purpose;
 use choreo_viewer::library::lessons;
 use choreo_viewer::library::templates::TEMPLATES;
-use choreo_viewer::library::thumbnails::{Made, SIZE, Subject, Thumbnail, Thumbnails};
+use choreo_viewer::library::thumbnails::{SIZE, Subject, Thumbnail, ThumbnailState, Thumbnails};
 use choreo_viewer::panels::Panels;
 use choreo_viewer::state::dropped_models::DroppedModels;
 use choreo_viewer::state::selection::Selected;
@@ -92,9 +92,9 @@ fn made(
 ) -> Arc<Thumbnail> {
     for _ in 0..6000 {
         match thumbnails.get(subject, on, || Box::new(|| ())) {
-            Made::Ready(thumbnail) => return thumbnail,
-            Made::Failed(why) => panic!("{why}"),
-            Made::Waiting => std::thread::sleep(Duration::from_millis(50)),
+            ThumbnailState::Ready(thumbnail) => return thumbnail,
+            ThumbnailState::Failed(why) => panic!("{why}"),
+            ThumbnailState::Waiting => std::thread::sleep(Duration::from_millis(50)),
         }
     }
     panic!("waited in vain for an image");
@@ -162,9 +162,9 @@ fn images_are_kept_by_content() {
     let mut thumbnails = fresh();
     let failed = loop {
         match thumbnails.get(&subject, None, || Box::new(|| ())) {
-            Made::Waiting => std::thread::sleep(Duration::from_millis(20)),
-            Made::Ready(_) => panic!("it is faulty"),
-            Made::Failed(why) => break why,
+            ThumbnailState::Waiting => std::thread::sleep(Duration::from_millis(20)),
+            ThumbnailState::Ready(_) => panic!("it is faulty"),
+            ThumbnailState::Failed(why) => break why,
         }
     };
     assert!(failed.contains("size"), "{failed}");

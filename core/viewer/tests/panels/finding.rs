@@ -100,7 +100,7 @@ fn the_palette_knows_the_words_of_other_programs() {
     assert_eq!(desk.state().viewer.playhead.speed(), 0.5);
 }
 
-/// A long line of the list of keys is wrapped.
+/// A long line of the list of shortcuts is wrapped.
 #[test]
 fn the_list_of_keys_fits_the_window() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1600.0, 1000.0));

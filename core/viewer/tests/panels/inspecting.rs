@@ -232,7 +232,7 @@ const TRIANGLE: &str = "v -1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 fn dropped(place: &mut Place, files: &[PathBuf]) {
     let (source, left_out) = SceneSource::of_models(files.to_vec(), place.session.source()).unwrap();
     place.viewer.message = left_out;
-    place.viewer.guests = std::iter::once(&source.input).chain(&source.beside).cloned().collect();
+    place.viewer.previewed_files = std::iter::once(&source.input).chain(&source.beside).cloned().collect();
     let mut session = Session::new(source, &choreo::registry(), false).unwrap();
     place.viewer.take_version(session.build(BTreeSet::new()));
 }
@@ -243,18 +243,20 @@ fn a_dropped_file_is_added_as_a_line() {
     let file = place.folder.path().join("My Box.obj");
     fs::write(&file, TRIANGLE).unwrap();
     dropped(&mut place, std::slice::from_ref(&file));
-    place.viewer.add_guests().unwrap();
+    place.viewer.add_previewed_files().unwrap();
     assert_eq!(place.text(), format!("{SCRIPT}let my_box = cast(\"my_box\", load(\"My Box.obj\"));\n"));
     place.reload();
     // Once more: another name.
     dropped(&mut place, &[file]);
-    place.viewer.add_guests().unwrap();
+    place.viewer.add_previewed_files().unwrap();
     assert!(place.text().ends_with("let my_box_2 = cast(\"my_box_2\", load(\"My Box.obj\"));\n"));
     place.reload();
     let elsewhere = tempfile::tempdir().unwrap();
     fs::write(elsewhere.path().join("b.obj"), TRIANGLE).unwrap();
     dropped(&mut place, &[elsewhere.path().join("b.obj")]);
-    assert!(place.viewer.add_guests().unwrap_err().to_string().contains("outside the script's folder"));
+    assert!(
+        place.viewer.add_previewed_files().unwrap_err().to_string().contains("outside the script's folder")
+    );
 }
 
 #[test]
@@ -278,7 +280,7 @@ fn files_that_are_dropped_together_stand_side_by_side_and_are_one_change() {
         scene.stage.actors.iter().map(|a| (a.name.as_str(), a.transform.translation.x)).collect();
     // Two metres wide, and a tenth between.
     assert_eq!(stand, [("one", 0.0), ("one 2", 2.2), ("two", 4.4)]);
-    let refused = place.viewer.add_guests().unwrap_err().to_string();
+    let refused = place.viewer.add_previewed_files().unwrap_err().to_string();
     assert!(refused.contains("broken.obj: it cannot be read; "), "{refused}");
     assert!(refused.contains("outside the script's folder"), "{refused}");
     let lines = "let one = cast(\"one\", load(\"one.obj\"));\n\
@@ -292,7 +294,7 @@ fn files_that_are_dropped_together_stand_side_by_side_and_are_one_change() {
     let broken = files[1].clone();
     dropped(&mut place, &[broken.clone(), broken]);
     assert!(place.viewer.faulty && place.viewer.problems.len() == 2);
-    assert!(place.viewer.add_guests().unwrap_err().to_string().contains("cannot be read"));
+    assert!(place.viewer.add_previewed_files().unwrap_err().to_string().contains("cannot be read"));
     assert_eq!(place.text(), SCRIPT);
 }
 

@@ -95,7 +95,7 @@ impl Studio {
         let Some(asked) = viewer.next_request() else { return false };
         self.painter.ask(asked);
         let reply = self.reply.recv_timeout(Duration::from_secs(600)).unwrap();
-        assert!(viewer.take_frame(reply).is_some(), "{:?}", viewer.trouble);
+        assert!(viewer.take_frame(reply).is_some(), "{:?}", viewer.renderer_problems);
         true
     }
 }
@@ -290,7 +290,7 @@ fn moved_between_scales_the_picture_is_drawn_for_each() {
         let viewer = &mut harness.state_mut().viewer;
         let asked = viewer.next_request();
         viewer.views[0].waiting = false;
-        (rect, viewer.views[0].room, asked.map(|a| a.size))
+        (rect, viewer.views[0].panel_size, asked.map(|a| a.size))
     };
     let (first, room, size) = native(&mut harness, 1.0);
     let size = size.unwrap();

@@ -16,7 +16,7 @@ camera("near").at(0.0, 1.0, 3.0).look_at([0.0, 1.0, 0.0]).cut(2.0);
 
 /// Entries of each toolbar, the first of which has room at any width.
 const TOOLBARS: [(&str, &[&str]); 4] = [
-    ("top", &["File", "Edit", "Add", "Panels", "Look", "Shortcuts"]),
+    ("top", &["File", "Edit", "Add", "Panels", "Appearance", "Shortcuts"]),
     (
         "viewport",
         &["script's camera", "camera", "free camera", "follow", "View", "full size", "Show", "Save image"],
@@ -142,7 +142,7 @@ fn what_has_no_room_works_from_the_menu() {
     assert_ne!(mouse.desk.state().viewer.views[0].overlays.grid, grid);
     // The menus of the window.
     open_more(&mut mouse, "File");
-    mouse.menu(&["Look", "Light"]);
+    mouse.menu(&["Appearance", "Light"]);
     assert!(mouse.desk.state().panels.light);
 }
 

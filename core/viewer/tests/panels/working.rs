@@ -457,7 +457,7 @@ fn all_of_it_by_the_keyboard_alone() {
     desk.run();
     press(&mut desk, none, Key::Enter);
     assert_eq!(desk.state().text(), SCRIPT.replace(".at(-0.6, 0.0", ".at(1.5, 0.0"));
-    // Panels come and go, all of it larger, and the list of keys.
+    // Panels come and go, all of it larger, and the list of shortcuts.
     press(&mut desk, Modifiers::COMMAND, Key::Num6);
     assert!(has(&desk, "   1 stage("));
     press(&mut desk, Modifiers::COMMAND, Key::Equals);

@@ -80,7 +80,7 @@ impl Place {
         painter.ask(asked);
         let reply = reply.recv_timeout(Duration::from_secs(600)).unwrap();
         let taken = self.viewer.take_frame(reply);
-        Some(taken.unwrap_or_else(|| panic!("{:?}", self.viewer.trouble)).1)
+        Some(taken.unwrap_or_else(|| panic!("{:?}", self.viewer.renderer_problems)).1)
     }
 
     /// A version that is not good.

@@ -4,7 +4,7 @@
 use crate::place::{Desk, Place, drag};
 use choreo_motion::Time;
 use choreo_viewer::app::Viewer;
-use choreo_viewer::editing::ClipOf;
+use choreo_viewer::editing::ClipSource;
 use choreo_viewer::editing::constraining::{ConstraintCall, NewConstraint};
 use choreo_viewer::library::file_dialog::Purpose;
 use choreo_viewer::state::selection::Selected;
@@ -347,7 +347,7 @@ fn nothing_is_added_to_a_locked_row() {
     desk.run();
     refused(&mut desk);
     let viewer = &mut desk.state_mut().viewer;
-    let of = ClipOf::Actor("ada".into());
+    let of = ClipSource::Actor("ada".into());
     viewer.edit(|v| v.add_clip_to_layer("ada", &of, "Wave", None, 0));
     refused(&mut desk);
     desk.state_mut().viewer.edit(|v| v.paste_cues("ada", &copied, 7.0));
@@ -536,7 +536,7 @@ fn bars_snap_to_beats() {
     for (file, bpm) in [(&copy, 80.0), (&script, 80.0), (&folder.path().join("c.rhai"), 0.0)] {
         let mut again = Viewer::new("again");
         (again.documents.recent, again.documents.tempos) = (vec![script.clone()], tempos.clone());
-        again.shows(file);
+        again.record_opened(file);
         assert_eq!(again.tempo.per_minute, bpm, "{}", file.display());
     }
     for (layer, label, from) in [(1, "Bow on ada +1", 1.0), (0, "Run on ada", 2.0)] {

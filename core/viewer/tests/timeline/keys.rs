@@ -303,7 +303,7 @@ fn easings_are_written_for_one_key_or_for_all() {
     let fov = [key(Selected::Camera("wide".into()), "fov", 2.0)];
     let text = text_after(|place| place.viewer.edit(|v| v.set_key_ease(&fov, Some("\"in_expo\""))));
     assert_eq!(text, replaced(&[("[2.0, 50]], \"smooth\"", "[2.0, 50, \"in_expo\"]]")]));
-    let text = text_after(|place| place.viewer.edit(|v| v.set_key_how(&fov, Some("\"step\""))));
+    let text = text_after(|place| place.viewer.edit(|v| v.set_key_interpolation(&fov, Some("\"step\""))));
     assert_eq!(text, replaced(&[("\"smooth\"", "\"step\"")]));
 }
 
@@ -818,7 +818,11 @@ fn speeds_at_keys_are_those_of_one_side() {
     let mut place = Place::new(SCRIPT);
     place.viewer.curves.speed = true;
     let speed = |name: &str, secs: f64| {
-        place.viewer.curves.drawn(&property(&place, &ball(), name), Time::from_secs(secs), (0.0, 1.0))[0]
+        place.viewer.curves.displayed_values(
+            &property(&place, &ball(), name),
+            Time::from_secs(secs),
+            (0.0, 1.0),
+        )[0]
     };
     for (name, secs, expected) in [
         ("rotation", 0.0, 360.0),

@@ -208,7 +208,7 @@ fn clips_are_pasted_on_the_selected_row_with_all_options() {
 fn bars_keep_their_colors_when_others_come() {
     let kinds = |place: &Place| -> Vec<(String, usize)> {
         let bars = place.viewer.timeline.rows.iter().flat_map(|row| &row.bars);
-        bars.map(|bar| (bar.label.clone(), bar.kind)).collect()
+        bars.map(|bar| (bar.label.clone(), bar.color_index)).collect()
     };
     let mut place = Place::new(SCRIPT);
     let before = kinds(&place);

@@ -51,7 +51,7 @@ fn on_screen_in(desk: &Desk, view: usize, world: DVec3) -> Pos2 {
     let viewer = &desk.state().viewer;
     let view = &viewer.views[view];
     let [left, top, right, bottom] = view.place.map(f64::from);
-    let camera = view.now(&viewer.scene.as_ref().unwrap().stage).unwrap();
+    let camera = view.displayed_camera(&viewer.scene.as_ref().unwrap().stage).unwrap();
     let lens = Lens::new(&camera, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
     let at = lens.point(world).unwrap();
     pos2(at.x as f32, at.y as f32)
@@ -290,7 +290,7 @@ fn a_joint_is_picked_and_its_trail_is_where_frames_have_it() {
         let expected = place(&scene.stage.at(*time).unwrap());
         assert!((joints[hand] - expected).length() < 1e-6, "{time:?}");
     }
-    assert_eq!(trail.near(scene.stage.settings.fps.time_of(20)), Some(20));
+    assert_eq!(trail.nearest_frame(scene.stage.settings.fps.time_of(20)), Some(20));
     desk.run();
 }
 
@@ -361,7 +361,7 @@ fn the_grid_is_in_the_viewport_and_in_no_saved_image() {
     let script =
         SCRIPT.replace("samples: 1", "samples: 1, background: #{ top: \"#000000\", bottom: \"#000000\" }");
     let mut place = Place::new(&script);
-    place.viewer.views[0].room = [640, 360];
+    place.viewer.views[0].panel_size = [640, 360];
     place.viewer.views[0].overlays.grid = false;
     let without = place.paint().unwrap();
     place.viewer.views[0].overlays.grid = true;

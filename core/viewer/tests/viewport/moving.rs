@@ -25,7 +25,7 @@ fn desk() -> Desk {
 fn an_image_fills_the_viewport_and_shrinks_while_it_plays_too_slowly() {
     let mut desk = desk();
     let viewer = &mut desk.state_mut().viewer;
-    let room = viewer.views[0].room;
+    let room = viewer.views[0].panel_size;
     let whole = viewer.next_request().unwrap();
     // 16 : 9, as large as there is room for, although the script has 64 by 36.
     let expected = (room[0].min(room[1] * 16 / 9), room[1].min(room[0] * 9 / 16));
@@ -37,7 +37,7 @@ fn an_image_fills_the_viewport_and_shrinks_while_it_plays_too_slowly() {
     assert!(!whole.moving);
     viewer.views[0].waiting = false;
     viewer.playhead.play(0.0);
-    viewer.reduction.took(90.0, 40.0);
+    viewer.reduction.record_duration(90.0, 40.0);
     let half = viewer.next_request().unwrap();
     assert!(half.moving);
     assert!((half.size[0] * 2).abs_diff(whole.size[0]) <= 1, "{:?} of {:?}", half.size, whole.size);
@@ -75,12 +75,12 @@ fn drawn(desk: &Desk, words: &str) -> Vec<Rect> {
 /// A scene that plays from a time on, with half of its pixels, however fast the image was drawn.
 fn reduced(secs: f64) -> Place {
     let mut place = Place::new(SCRIPT);
-    place.viewer.views[0].room = [64, 36];
+    place.viewer.views[0].panel_size = [64, 36];
     place.viewer.playhead.seek(Time::from_secs(secs));
     place.viewer.playhead.play(0.0);
     place.paint();
     place.viewer.reduction = Default::default();
-    place.viewer.reduction.took(90.0, 40.0);
+    place.viewer.reduction.record_duration(90.0, 40.0);
     place
 }
 
@@ -178,7 +178,7 @@ fn actors(place: &mut Place) -> Vec<choreo_stage::ActorState> {
 #[test]
 fn hands_heads_and_attached_actors_follow_an_actor_while_it_is_dragged() {
     let mut place = Place::new(REACHED);
-    place.viewer.views[0].room = [64, 36];
+    place.viewer.views[0].panel_size = [64, 36];
     // The constraints have faded in.
     place.viewer.playhead.seek(Time::from_secs(1.0));
     let before = actors(&mut place);

@@ -125,7 +125,7 @@ pub fn install(path: &Path, replace: bool, plugins: &Registry) -> Result<(), Fai
     let others: Vec<PathBuf> = packages_in(&folder).into_iter().map(|name| folder.join(name)).collect();
     let others = others.into_iter().filter(|other| *other != target);
     let others = others.filter_map(|other| list_package(&Registry::default(), &other).ok());
-    let also: Vec<String> = others.flat_map(|other| listing.also_in(&other)).collect();
+    let also: Vec<String> = others.flat_map(|other| listing.name_conflicts_with(&other)).collect();
     let made = hidden(&folder).map_err(failed)?;
     copy(&source, made.path())?;
     // An old version is moved into a hidden folder, which is then removed.

@@ -55,12 +55,12 @@ pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure
             set.insert(all);
         }
         watch.set(interest);
-        for path in watch.there() {
+        for path in watch.existing_files() {
             // The file existed before, and belongs to no test of this run.
             if !known.contains_key(&path) {
                 let content = content_of(&path);
                 known.insert(path.clone(), content);
-                watch.knows(path, content);
+                watch.set_known_content(path, content);
             }
         }
         if watch.folders() == 0 {

@@ -15,14 +15,14 @@ pub(super) fn modifiers(ui: &Ui) -> Modifiers {
 }
 
 /// Whether a click or a box adds to the selection: with Ctrl or Shift.
-pub(super) fn adds(ui: &Ui) -> bool {
+pub(super) fn adds_to_selection(ui: &Ui) -> bool {
     let modifiers = modifiers(ui);
     modifiers.command || modifiers.shift
 }
 
 /// Position of a point (`anchor`) during a drag: it moves as far as the pointer has since the press. A press without movement is a click and drags
 /// nothing.
-pub(super) fn dragged(ui: &Ui, response: &Response, anchor: Pos2) -> Option<Pos2> {
+pub(super) fn dragged_position(ui: &Ui, response: &Response, anchor: Pos2) -> Option<Pos2> {
     let id = response.id.with("grabbed");
     if response.drag_started()
         && let Some(origin) = ui.input(|i| i.pointer.press_origin())

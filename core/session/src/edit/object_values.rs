@@ -10,13 +10,13 @@ use std::ops::Range;
 
 /// Syntax of a value that the script does not state yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Anew {
+pub enum NewValueSyntax {
     /// `.fov(40.0)`
     Method,
     /// `#{ fade: 0.5 }`
     Option,
     /// An option if the cue has options or no option-like methods, else a method, to match its other values.
-    Alike,
+    LikeOthers,
 }
 
 impl<'a> ScriptObject<'a> {
@@ -24,7 +24,7 @@ impl<'a> ScriptObject<'a> {
     pub fn written(&self, name: &str) -> Option<&str> {
         let range = match self.last(&[name]) {
             Some(call) => call.inside.clone(),
-            None => option_value(&self.text, &self.made, name)?,
+            None => option_value(&self.text, &self.creating_call, name)?,
         };
         Some(self.text[range].trim())
     }
@@ -49,33 +49,38 @@ impl<'a> ScriptObject<'a> {
     ///
     /// # Errors
     /// The script computes the value.
-    pub fn state(&self, name: &str, value: &str, anew: Anew) -> Result<Edit, EditRefused> {
+    pub fn set_value(&self, name: &str, value: &str, syntax: NewValueSyntax) -> Result<Edit, EditRefused> {
         if let Some(call) = self.last(&[name]) {
             return self.overwrite(call, call.inside.clone(), value);
         }
-        let is_method = match anew {
-            Anew::Option => false,
-            Anew::Method => true,
-            Anew::Alike => becomes_method(&self.text, &self.made, &self.calls, name),
+        let is_method = match syntax {
+            NewValueSyntax::Option => false,
+            NewValueSyntax::Method => true,
+            NewValueSyntax::LikeOthers => becomes_method(&self.text, &self.creating_call, &self.calls, name),
         };
-        match is_method && option_value(&self.text, &self.made, name).is_none() {
-            true => Ok(self.added(&format!("{name}({value})"))),
-            false => set_option(&self.text, &self.made, self.line, name, value),
+        match is_method && option_value(&self.text, &self.creating_call, name).is_none() {
+            true => Ok(self.add_method(&format!("{name}({value})"))),
+            false => set_option(&self.text, &self.creating_call, self.line, name, value),
         }
     }
 
-    /// Like [`ScriptObject::state`], but also overwrites a computed value.
+    /// Like [`ScriptObject::set_value`], but also overwrites a computed value.
     ///
     /// # Errors
     /// The options of the creating call are computed.
-    pub fn state_over(&self, name: &str, value: &str, anew: Anew) -> Result<Edit, EditRefused> {
+    pub fn overwrite_value(
+        &self,
+        name: &str,
+        value: &str,
+        syntax: NewValueSyntax,
+    ) -> Result<Edit, EditRefused> {
         let over = match self.last(&[name]) {
             Some(call) => Some(call.inside.clone()),
-            None => option_value(&self.text, &self.made, name),
+            None => option_value(&self.text, &self.creating_call, name),
         };
         match over {
-            Some(range) => Ok(Edit::over(&self.text, self.text.trimmed(&range), value)),
-            None => self.state(name, value, anew),
+            Some(range) => Ok(Edit::in_old_style(&self.text, self.text.trimmed(&range), value)),
+            None => self.set_value(name, value, syntax),
         }
     }
 
@@ -83,13 +88,18 @@ impl<'a> ScriptObject<'a> {
     ///
     /// # Errors
     /// The script computes the time.
-    pub fn state_time(&self, name: &str, time: EditTime, anew: Anew) -> Result<Edit, EditRefused> {
-        let option = option_value(&self.text, &self.made, name);
+    pub fn set_time_value(
+        &self,
+        name: &str,
+        time: EditTime,
+        syntax: NewValueSyntax,
+    ) -> Result<Edit, EditRefused> {
+        let option = option_value(&self.text, &self.creating_call, name);
         let old = option.as_ref().and_then(|bytes| restated(&self.text, bytes, time));
         match (self.last(&[name]), old) {
             (None, Some(edit)) => Ok(edit),
-            (None, None) if anew == Anew::Option || option.is_some() => {
-                set_option(&self.text, &self.made, self.line, name, &time.anew(&self.text))
+            (None, None) if syntax == NewValueSyntax::Option || option.is_some() => {
+                set_option(&self.text, &self.creating_call, self.line, name, &time.new_text(&self.text))
             }
             _ => self.time(name, time),
         }
@@ -97,22 +107,22 @@ impl<'a> ScriptObject<'a> {
 
     /// The map of an option as an object: `#{ size: 1024 }` in `sun(#{ shadow: #{ size: 1024 } })`.
     pub fn within_option(&self, option: &str) -> Option<ScriptObject<'a>> {
-        let inside = self.text.trimmed(&option_value(&self.text, &self.made, option)?);
+        let inside = self.text.trimmed(&option_value(&self.text, &self.creating_call, option)?);
         self.text.map_in(&inside)?;
         let start = self.text[..inside.start].rfind(option)?;
-        let made = Call { name: start..start + option.len(), end: inside.end, inside };
-        Some(ScriptObject { made, calls: Vec::new(), variable: None, ..self.clone() })
+        let creating_call = Call { name: start..start + option.len(), end: inside.end, inside };
+        Some(ScriptObject { creating_call, calls: Vec::new(), variable: None, ..self.clone() })
     }
 
     /// States a value in the map of an option. An option that is `true` becomes a map.
     ///
     /// # Errors
     /// The script computes the option or the value.
-    pub fn state_within(&self, option: &str, name: &str, value: &str) -> Result<Edit, EditRefused> {
+    pub fn set_value_in_option(&self, option: &str, name: &str, value: &str) -> Result<Edit, EditRefused> {
         match (self.within_option(option), self.written(option)) {
-            (Some(map), _) => set_option(&self.text, &map.made, self.line, name, value),
+            (Some(map), _) => set_option(&self.text, &map.creating_call, self.line, name, value),
             (None, None | Some("true")) => {
-                self.state_over(option, &format!("#{{ {name}: {value} }}"), Anew::Option)
+                self.overwrite_value(option, &format!("#{{ {name}: {value} }}"), NewValueSyntax::Option)
             }
             (None, Some(written)) => {
                 let why = format!("{option}: {written} is computed; change it there");
@@ -122,34 +132,34 @@ impl<'a> ScriptObject<'a> {
     }
 
     /// Removes a value from the map of an option. The option becomes `true` if nothing else is in the map.
-    pub fn unstate_within(&self, option: &str, name: &str) -> Edit {
+    pub fn remove_value_in_option(&self, option: &str, name: &str) -> Edit {
         match self.within_option(option) {
             Some(map) if map.all_written().keys().all(|other| other == name) => {
-                Edit { range: map.made.inside, text: "true".to_string() }
+                Edit { range: map.creating_call.inside, text: "true".to_string() }
             }
-            Some(map) => map.unstate(&[name]),
+            Some(map) => map.remove_values(&[name]),
             None => Edit { range: 0..0, text: String::new() },
         }
     }
 
     /// Source text of an argument of the creating call, counted from 0: the target in `.follow(target, offset)`.
     pub fn argument(&self, number: usize) -> Option<&str> {
-        Some(&self.text[self.text.argument(&self.made.inside, number)?])
+        Some(&self.text[self.text.argument(&self.creating_call.inside, number)?])
     }
 
     /// Replaces an argument of the creating call, computed or not.
     ///
     /// # Errors
     /// The call has no argument with this number.
-    pub fn state_argument(&self, number: usize, value: &str) -> Result<Edit, EditRefused> {
-        let range = self.text.argument(&self.made.inside, number);
+    pub fn set_argument(&self, number: usize, value: &str) -> Result<Edit, EditRefused> {
+        let range = self.text.argument(&self.creating_call.inside, number);
         let range = range.ok_or_else(|| EditRefused::at(self.line, "the call has no such argument"))?;
-        Ok(Edit::over(&self.text, range, value))
+        Ok(Edit::in_old_style(&self.text, range, value))
     }
 
     /// Source text of all arguments of the creating call.
     pub fn inside(&self) -> &str {
-        self.text[self.made.inside.clone()].trim()
+        self.text[self.creating_call.inside.clone()].trim()
     }
 
     /// Replaces all arguments of the creating call. They must be literals: numbers, calculations with numbers alone, strings, and lists and maps of
@@ -157,23 +167,23 @@ impl<'a> ScriptObject<'a> {
     ///
     /// # Errors
     /// The script computes an argument.
-    pub fn state_inside(&self, value: &str) -> Result<Edit, EditRefused> {
-        let range = self.text.trimmed(&self.made.inside);
+    pub fn set_arguments(&self, value: &str) -> Result<Edit, EditRefused> {
+        let range = self.text.trimmed(&self.creating_call.inside);
         let tokens: Vec<&str> = self.text.tokens_within(&range).collect();
         let is_name = |token: &str| token.starts_with(|c: char| c.is_alphabetic() || c == '_');
         // Names of map entries are not variables.
         let is_entry = |index: usize| tokens.get(index + 1) == Some(&":");
         if tokens.iter().enumerate().any(|(index, token)| is_name(token) && !is_entry(index)) {
-            let name = &self.text[self.made.name.clone()];
+            let name = &self.text[self.creating_call.name.clone()];
             let why = format!("{name}({}) is computed; change it there", &self.text[range]);
             return Err(EditRefused::at(self.line, &why));
         }
-        Ok(Edit::over(&self.text, range, value))
+        Ok(Edit::in_old_style(&self.text, range, value))
     }
 
     /// Source text of the arguments of the creating call before its options.
     pub fn arguments(&self) -> &str {
-        let inside = self.made.inside.clone();
+        let inside = self.creating_call.inside.clone();
         let end = self.text.map_in(&inside).and_then(|map| self.text[..map.start].rfind("#{"));
         self.text[inside.start..end.unwrap_or(inside.end)].trim().trim_end_matches(',')
     }
@@ -185,7 +195,7 @@ impl<'a> ScriptObject<'a> {
     }
 
     /// Removes the methods and options with these names. The text does not change if there are none.
-    pub fn unstate(&self, names: &[&str]) -> Edit {
+    pub fn remove_values(&self, names: &[&str]) -> Edit {
         let mut ranges: Vec<Range<usize>> = self
             .calls
             .iter()
@@ -221,7 +231,7 @@ impl<'a> ScriptObject<'a> {
 
     /// Bytes of each option of the creating call up to its comma, and whether its name is among `names`.
     fn options(&self, names: &[&str]) -> Vec<(Range<usize>, bool)> {
-        let Some(map) = self.text.map_in(&self.made.inside) else { return Vec::new() };
+        let Some(map) = self.text.map_in(&self.creating_call.inside) else { return Vec::new() };
         let mut all: Vec<(Range<usize>, bool)> = Vec::new();
         let mut at = map.start;
         while at < map.end {
@@ -238,7 +248,7 @@ impl<'a> ScriptObject<'a> {
 
     /// Bytes to remove for the options with these names, each with one comma; the whole map if it holds no other option.
     fn options_range(&self, names: &[&str]) -> Vec<Range<usize>> {
-        let inside = &self.made.inside;
+        let inside = &self.creating_call.inside;
         let Some(map) = self.text.map_in(inside) else { return Vec::new() };
         let all = self.options(names);
         if !all.is_empty() && all.iter().all(|(_, goes)| *goes) {
@@ -268,8 +278,8 @@ impl<'a> ScriptObject<'a> {
     ///
     /// # Errors
     /// The clip is not written as `.clip("NAME")`.
-    pub fn state_clip(&self, name: &str) -> Result<Edit, EditRefused> {
-        let inside = &self.made.inside;
+    pub fn set_clip(&self, name: &str) -> Result<Edit, EditRefused> {
+        let inside = &self.creating_call.inside;
         let first = inside.start..self.text.value_end(inside.start, inside.end);
         let calls = self.text.calls_within(&first);
         let plain = |call: &&Call| {
@@ -290,13 +300,13 @@ impl<'a> ScriptObject<'a> {
     ///
     /// # Errors
     /// The script computes the words.
-    pub fn state_words(&self, words: &str) -> Result<Edit, EditRefused> {
+    pub fn set_words(&self, words: &str) -> Result<Edit, EditRefused> {
         if let Some(call) = self.last(&["words"]) {
             return self.overwrite(call, call.inside.clone(), &quoted(words));
         }
-        let inside = &self.made.inside;
+        let inside = &self.creating_call.inside;
         let first = inside.start..self.text.value_end(inside.start, inside.end);
-        self.overwrite(&self.made, first, &quoted(words))
+        self.overwrite(&self.creating_call, first, &quoted(words))
     }
 
     /// The object that makes the asset of an actor: `shape(…)` as an argument of `cast`, or the call after `let NAME =`.
@@ -305,21 +315,22 @@ impl<'a> ScriptObject<'a> {
     /// The script makes the asset in another way.
     pub fn asset_object(&self) -> Result<ScriptObject<'a>, EditRefused> {
         let refuse = || EditRefused::at(self.line, "its asset is made elsewhere; change it there");
-        let asset = self.text.argument(&self.made.inside, 1).ok_or_else(refuse)?;
+        let asset = self.text.argument(&self.creating_call.inside, 1).ok_or_else(refuse)?;
         let is_own = |call: &Call| call.name.start == asset.start && call.end <= asset.end;
         let own = self.text.call_from(asset.start).filter(is_own).map(|call| call.name.start);
-        let made = own.or_else(|| self.text.made_as(&self.text[asset.clone()], self.made.name.start));
+        let made =
+            own.or_else(|| self.text.assigned_call(&self.text[asset.clone()], self.creating_call.name.start));
         let (line, column) = self.text.place_of(made.ok_or_else(refuse)?);
         ScriptObject::at(self.text.whole(), line, column)
     }
 
     /// Line and column of the creating call, from 1.
     pub fn place(&self) -> (usize, usize) {
-        self.text.place_of(self.made.name.start)
+        self.text.place_of(self.creating_call.name.start)
     }
 
     /// Name of the function or method that creates the object.
-    pub fn made_by(&self) -> &str {
-        &self.text[self.made.name.clone()]
+    pub fn creating_function(&self) -> &str {
+        &self.text[self.creating_call.name.clone()]
     }
 }

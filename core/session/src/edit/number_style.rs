@@ -6,15 +6,15 @@ use std::ops::Range;
 
 impl Edit {
     /// Replaces a value in its style: `fov(34)` becomes `fov(40)`, and `fov(34.0)` becomes `fov(40.0)`.
-    pub(super) fn over(text: &str, range: Range<usize>, value: &str) -> Edit {
-        Edit { text: written_like(&text[range.clone()], value), range }
+    pub(super) fn in_old_style(text: &str, range: Range<usize>, value: &str) -> Edit {
+        Edit { text: in_number_style(&text[range.clone()], value), range }
     }
 }
 
 /// A new value in the style of an old one: each whole number is written without a decimal point if the old number in its place is. If the counts
 /// differ, no number has a point if no old one had. Numbers in a calculation keep their points, since a script divides numbers without one as
 /// integers.
-pub(super) fn written_like(old: &str, new: &str) -> String {
+pub(super) fn in_number_style(old: &str, new: &str) -> String {
     let is_whole = |range: &Range<usize>| !old[range.clone()].contains('.');
     let (before, after) = (values(old), values(new));
     let is_alike = before.len() == after.len();
@@ -76,7 +76,7 @@ mod tests {
             ("6 / 2", "9.0 / 4.0", "9.0 / 4.0"),
             ("2", "-(4.0)", "-(4.0)"),
         ] {
-            assert_eq!(written_like(old, new), wanted, "{new} over {old}");
+            assert_eq!(in_number_style(old, new), wanted, "{new} over {old}");
         }
     }
 }

@@ -4,7 +4,7 @@ use super::scan::{Call, Source};
 
 /// A method call in a function of the script, on a parameter that the object is passed to.
 #[derive(Clone)]
-pub(super) struct HandedCall {
+pub(super) struct ParameterCall {
     pub call: Call,
     /// Number of calls of the function in the script.
     pub uses: usize,
@@ -12,7 +12,7 @@ pub(super) struct HandedCall {
 
 /// Method calls on an object in the functions that get its variable as an argument, in the order in which the script calls those functions. Only
 /// calls of functions after the byte `like` and at the bracket depth of that byte count.
-pub(super) fn handed_calls(text: &Source, variable: &str, like: usize) -> Vec<HandedCall> {
+pub(super) fn parameter_calls(text: &Source, variable: &str, like: usize) -> Vec<ParameterCall> {
     let wanted = text.depth_to(like) + 1;
     let mut all = Vec::new();
     for at in text.uses_of(variable).filter(|at| *at > like) {
@@ -26,7 +26,7 @@ pub(super) fn handed_calls(text: &Source, variable: &str, like: usize) -> Vec<Ha
         let uses = text.calls_of(function).count() - 1;
         let chains = text.chains_of(parameter, body.start).into_iter();
         let chains = chains.filter(|(at, _)| body.contains(at));
-        all.extend(chains.flat_map(|(_, chain)| chain).map(|call| HandedCall { call, uses }));
+        all.extend(chains.flat_map(|(_, chain)| chain).map(|call| ParameterCall { call, uses }));
     }
     all
 }

@@ -7,16 +7,16 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Largest number of sampled frames; longer scenes are sampled less densely.
-const MOST_LOOKS: i64 = 2000;
+const MAX_SAMPLES: i64 = 2000;
 /// Largest number of actors whose foot contacts are computed.
-const MOST_ACTORS: usize = 64;
+const MAX_ACTORS: usize = 64;
 
 /// Foot contacts of one actor.
-pub type Feet = Vec<Foot>;
+pub type ActorContacts = Vec<FootSpans>;
 
 /// Contacts of a foot with the floor: start and end of each, stage seconds.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Foot {
+pub struct FootSpans {
     /// Short name of the foot joint.
     pub name: String,
     pub spans: Vec<(f64, f64)>,
@@ -24,31 +24,30 @@ pub struct Foot {
 
 /// Foot contacts of one version of the scene, computed for each actor on request.
 #[derive(Clone, Default)]
-pub struct Strips {
+pub struct FootContacts {
     number: u64,
-    of: BTreeMap<usize, Arc<Feet>>,
+    by_actor: BTreeMap<usize, Arc<ActorContacts>>,
 }
 
-impl Strips {
-    pub fn get(&mut self, number: u64, stage: &Stage, actor: usize) -> Option<Arc<Feet>> {
+impl FootContacts {
+    pub fn get(&mut self, number: u64, stage: &Stage, actor: usize) -> Option<Arc<ActorContacts>> {
         if self.number != number {
-            *self = Strips { number, of: BTreeMap::new() };
+            *self = FootContacts { number, by_actor: BTreeMap::new() };
         }
-        if !self.of.contains_key(&actor) && self.of.len() >= MOST_ACTORS {
+        if !self.by_actor.contains_key(&actor) && self.by_actor.len() >= MAX_ACTORS {
             return None;
         }
-        let found = self
-            .of
-            .entry(actor)
-            .or_insert_with(|| Arc::new(stage.actors.get(actor).map_or_else(Feet::new, |a| feet(stage, a))));
+        let found = self.by_actor.entry(actor).or_insert_with(|| {
+            Arc::new(stage.actors.get(actor).map_or_else(ActorContacts::new, |a| feet(stage, a)))
+        });
         (!found.is_empty()).then(|| found.clone())
     }
 }
 
-fn feet(stage: &Stage, actor: &Actor) -> Feet {
+fn feet(stage: &Stage, actor: &Actor) -> ActorContacts {
     let skeleton = &actor.asset.skeleton;
     let feet = find_feet(skeleton);
-    let Some(base) = actor.layers.first().filter(|_| !feet.is_empty()) else { return Feet::new() };
+    let Some(base) = actor.layers.first().filter(|_| !feet.is_empty()) else { return ActorContacts::new() };
     let contacts: Vec<Option<Contacts>> = base
         .cues
         .iter()
@@ -58,15 +57,16 @@ fn feet(stage: &Stage, actor: &Actor) -> Feet {
         })
         .collect();
     if contacts.iter().all(Option::is_none) {
-        return Feet::new();
+        return ActorContacts::new();
     }
     let settings = &stage.settings;
     let frames = settings.fps.frames_in(settings.length).max(1);
-    let stride = frames / MOST_LOOKS + 1;
+    let stride = frames / MAX_SAMPLES + 1;
     let name = |foot: &choreo_motion::contacts::Foot| {
         foot.joints.first().map_or("", |joint| skeleton.short_name(*joint as usize)).to_string()
     };
-    let mut out: Feet = feet.iter().map(|foot| Foot { name: name(foot), spans: Vec::new() }).collect();
+    let mut out: ActorContacts =
+        feet.iter().map(|foot| FootSpans { name: name(foot), spans: Vec::new() }).collect();
     let mut frame = 0;
     while frame < frames {
         let (from, to) = (settings.fps.time_of(frame), settings.fps.time_of((frame + stride).min(frames)));
@@ -84,7 +84,7 @@ fn feet(stage: &Stage, actor: &Actor) -> Feet {
             continue;
         };
         let round = cue.trim.1 - cue.trim.0;
-        for (Foot { spans, .. }, stands) in out.iter_mut().zip(&contacts.intervals) {
+        for (FootSpans { spans, .. }, stands) in out.iter_mut().zip(&contacts.intervals) {
             let on = |t: Time| stands.iter().any(|s| s.from <= t && t < s.to);
             if !on(strongest.clip_time) && !on(strongest.clip_time + round) {
                 continue;

@@ -1,7 +1,9 @@
 //! Values that are stated, read and taken away, and loops that are written out: the whole text after each edit is compared.
 
 use crate::marked::marked;
-use choreo_session::edit::{Anew, Edit, EditRefused, EditTime, KeyValue, NamedBy, ScriptObject, unroll};
+use choreo_session::edit::{
+    Edit, EditRefused, EditTime, KeyValue, NamedBy, NewValueSyntax, ScriptObject, unroll,
+};
 
 /// The object is made where `|` stands.
 fn object<R>(text: &str, then: impl FnOnce(&ScriptObject) -> R) -> R {
@@ -10,7 +12,7 @@ fn object<R>(text: &str, then: impl FnOnce(&ScriptObject) -> R) -> R {
 }
 
 fn unstated(text: &str, names: &[&str]) -> String {
-    let edit = object(text, |object| object.unstate(names));
+    let edit = object(text, |object| object.remove_values(names));
     edit.apply(&text.replacen('|', "", 1))
 }
 
@@ -47,30 +49,33 @@ fn what_is_taken_away_leaves_the_others_as_they_were() {
 #[test]
 fn a_value_is_stated_where_it_stands_else_anew() {
     let stated = |text: &str, name: &str, value: &str, anew| {
-        let edit = object(text, |object| object.state(name, value, anew));
+        let edit = object(text, |object| object.set_value(name, value, anew));
         edit.map(|edit| edit.apply(&text.replacen('|', "", 1))).map_err(|refused| refused.why)
     };
     let camera = "let c = |camera(\"c\");";
-    assert_eq!(stated(camera, "near", "0.2", Anew::Method).unwrap(), "let c = camera(\"c\").near(0.2);");
+    assert_eq!(
+        stated(camera, "near", "0.2", NewValueSyntax::Method).unwrap(),
+        "let c = camera(\"c\").near(0.2);"
+    );
     let lines = "let c = |camera(\"c\")\n    .at(0, 1, 5) // far\n    .cut(2.0);";
     assert_eq!(
-        stated(lines, "near", "0.2", Anew::Method).unwrap(),
+        stated(lines, "near", "0.2", NewValueSyntax::Method).unwrap(),
         "let c = camera(\"c\")\n    .at(0, 1, 5) // far\n    .near(0.2)\n    .cut(2.0);"
     );
     let play = "a.|play(c).until(2.0).then(d).ease(\"smooth\");";
     assert_eq!(
-        stated(play, "ease", "\"linear\"", Anew::Option).unwrap(),
+        stated(play, "ease", "\"linear\"", NewValueSyntax::Option).unwrap(),
         "a.play(c, #{ ease: \"linear\" }).until(2.0).then(d).ease(\"smooth\");"
     );
     assert_eq!(
-        stated("a.|play(c, #{ ease: \"smooth\" });", "ease", "\"linear\"", Anew::Method).unwrap(),
+        stated("a.|play(c, #{ ease: \"smooth\" });", "ease", "\"linear\"", NewValueSyntax::Method).unwrap(),
         "a.play(c, #{ ease: \"linear\" });"
     );
     let computed = "a.|play(c).on(names(x));";
-    assert!(stated(computed, "on", "\"Head\"", Anew::Method).unwrap_err().contains("computed"));
+    assert!(stated(computed, "on", "\"Head\"", NewValueSyntax::Method).unwrap_err().contains("computed"));
     let over = object(computed, |object| {
         assert_eq!(object.written("on"), Some("names(x)"));
-        object.state_over("on", "\"Head\"", Anew::Method).unwrap()
+        object.overwrite_value("on", "\"Head\"", NewValueSyntax::Method).unwrap()
     });
     assert_eq!(over.apply(&computed.replacen('|', "", 1)), "a.play(c).on(\"Head\");");
 }
@@ -89,7 +94,7 @@ fn whole_numbers_stay_whole() {
         ("|camera(\"c\", #{ fov: 34 });", "40.0", "camera(\"c\", #{ fov: 40 });"),
         ("|camera(\"c\", #{ fov: 34 });", "80.0 / 3.0", "camera(\"c\", #{ fov: 80.0 / 3.0 });"),
     ] {
-        assert_eq!(changed(text, &|o| o.state("fov", number, Anew::Option)), wanted);
+        assert_eq!(changed(text, &|o| o.set_value("fov", number, NewValueSyntax::Option)), wanted);
     }
     let scaled = |text: &str, to: &[f64]| changed(text, &|o| o.set("scale", to));
     assert_eq!(scaled("|cast(\"a\", m).scale(2);", &[3.0]), "cast(\"a\", m).scale(3);");
@@ -106,14 +111,14 @@ fn whole_numbers_stay_whole() {
     );
     let key = |o: &ScriptObject| o.set_key("fov", at(2.0), KeyValue::Text("30.0"));
     assert_eq!(changed(shot, &key), shot[1..].replace("[2.0, 50]", "[2.0, 30]"));
-    let lens = |o: &ScriptObject| o.state_one_of(&["fov", "ortho"], "ortho", "3.0");
+    let lens = |o: &ScriptObject| o.set_one_of(&["fov", "ortho"], "ortho", "3.0");
     assert_eq!(changed("|camera(\"c\").fov(34);", &lens), "camera(\"c\").ortho(3);");
 }
 
 #[test]
 fn clips_words_and_assets_are_found() {
     let clip = |text: &str| {
-        let edit = object(text, |object| object.state_clip("Run"));
+        let edit = object(text, |object| object.set_clip("Run"));
         edit.map(|edit| edit.apply(&text.replacen('|', "", 1))).map_err(|refused| refused.why)
     };
     assert_eq!(
@@ -126,7 +131,7 @@ fn clips_words_and_assets_are_found() {
     );
     assert!(clip("a.|play(best);").unwrap_err().contains("best is no clip by its name"));
     let title = "let t = |text(\"Hello, (you)\", #{ size: 0.1 });";
-    let words = object(title, |object| object.state_words("Bye \"now\"").unwrap());
+    let words = object(title, |object| object.set_words("Bye \"now\"").unwrap());
     assert_eq!(
         words.apply(&title.replacen('|', "", 1)),
         "let t = text(\"Bye \\\"now\\\"\", #{ size: 0.1 });"
@@ -137,8 +142,8 @@ fn clips_words_and_assets_are_found() {
     ] {
         let edit = object(text, |object| {
             let asset = object.asset_object().unwrap();
-            assert_eq!(asset.made_by(), "shape");
-            asset.state("roughness", "0.5", Anew::Option).unwrap()
+            assert_eq!(asset.creating_function(), "shape");
+            asset.set_value("roughness", "0.5", NewValueSyntax::Option).unwrap()
         });
         let after = edit.apply(&text.replacen('|', "", 1));
         assert!(after.contains("shape(\"box\", #{ size: 1.0, roughness: 0.5 })"), "{after}");
@@ -250,7 +255,7 @@ fn no_loop_makes_it_panic() {
 #[test]
 fn values_within_an_option_are_stated_and_taken_away() {
     let within = |text: &str, value: &str| {
-        let edit = object(text, |object| object.state_within("shadow", "size", value).unwrap());
+        let edit = object(text, |object| object.set_value_in_option("shadow", "size", value).unwrap());
         edit.apply(&text.replace('|', ""))
     };
     assert_eq!(within("|sun();", "512"), "sun(#{ shadow: #{ size: 512 } });");
@@ -258,10 +263,10 @@ fn values_within_an_option_are_stated_and_taken_away() {
     let both = "|sun(#{ shadow: #{ size: 1024, softness: 0.1 }, color: \"red\" });";
     assert_eq!(within(both, "512"), both.replace('|', "").replace("1024", "512"));
     let computed = "|sun(#{ shadow: soft });";
-    let refused = object(computed, |object| object.state_within("shadow", "size", "512").unwrap_err());
+    let refused = object(computed, |object| object.set_value_in_option("shadow", "size", "512").unwrap_err());
     assert!(refused.why.contains("shadow: soft is computed"), "{}", refused.why);
     let without = |text: &str, name: &str| {
-        let edit = object(text, |object| object.unstate_within("shadow", name));
+        let edit = object(text, |object| object.remove_value_in_option("shadow", name));
         edit.apply(&text.replace('|', ""))
     };
     assert_eq!(without(both, "size"), both.replace('|', "").replace("size: 1024, ", ""));
@@ -271,16 +276,23 @@ fn values_within_an_option_are_stated_and_taken_away() {
 
 #[test]
 fn times_are_stated_where_they_stand() {
-    let timed = |text: &str, anew: Anew| {
+    let timed = |text: &str, anew: NewValueSyntax| {
         let time = EditTime { secs: 1.5, fps: 30.0 };
-        object(text, |object| object.state_time("from", time, anew).unwrap()).apply(&text.replace('|', ""))
+        object(text, |object| object.set_time_value("from", time, anew).unwrap())
+            .apply(&text.replace('|', ""))
     };
-    assert_eq!(timed("a.|attach(b);", Anew::Option), "a.attach(b, #{ from: 1.5 });");
-    assert_eq!(timed("a.|attach(b, #{ from: f(6) });", Anew::Option), "a.attach(b, #{ from: f(45) });");
-    assert_eq!(timed("a.|look_at(b).from(1.0);", Anew::Option), "a.look_at(b).from(1.5);");
-    assert_eq!(timed("a.|look_at(b);", Anew::Method), "a.look_at(b).from(1.5);");
+    assert_eq!(timed("a.|attach(b);", NewValueSyntax::Option), "a.attach(b, #{ from: 1.5 });");
+    assert_eq!(
+        timed("a.|attach(b, #{ from: f(6) });", NewValueSyntax::Option),
+        "a.attach(b, #{ from: f(45) });"
+    );
+    assert_eq!(timed("a.|look_at(b).from(1.0);", NewValueSyntax::Option), "a.look_at(b).from(1.5);");
+    assert_eq!(timed("a.|look_at(b);", NewValueSyntax::Method), "a.look_at(b).from(1.5);");
     // Two arguments stand before the options of those.
-    assert_eq!(timed("a.|reach(\"hand\", b);", Anew::Option), "a.reach(\"hand\", b, #{ from: 1.5 });");
+    assert_eq!(
+        timed("a.|reach(\"hand\", b);", NewValueSyntax::Option),
+        "a.reach(\"hand\", b, #{ from: 1.5 });"
+    );
 }
 
 /// The text after the name that is stated was changed, and the variable that goes along.
