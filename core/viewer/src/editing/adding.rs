@@ -391,7 +391,7 @@ fn loaded_as(file: &Path, folder: &Path) -> Option<String> {
         return Some(file.to_string_lossy().into_owned());
     }
     let file = file.canonicalize().unwrap_or_else(|_| file.to_path_buf());
-    file.strip_prefix(folder).ok().map(slashed)
+    file.strip_prefix(folder).ok().map(load_path)
 }
 
 /// A path as `load` takes it.

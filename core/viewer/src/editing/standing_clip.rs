@@ -11,7 +11,7 @@ pub(super) fn standing_clip(asset: &Asset) -> Option<&str> {
 }
 
 /// The best name: one that ends with such a word and has the fewest other words, else one that contains such a word, else the first.
-fn chosen<'n>(names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
+fn best_idle_name<'n>(names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
     names.min_by_key(|name| {
         // Exporters prepend the armature: `Armature|Idle`.
         let own = name.rsplit(['|', ':', '/']).find(|part| !part.trim().is_empty()).unwrap_or(name);
