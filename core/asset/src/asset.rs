@@ -91,7 +91,7 @@ pub struct Warning {
 pub struct Skin {
     /// Skeleton joint of each skin joint.
     pub joints: Vec<u32>,
-    /// joint-from-mesh at bind time, one per skin joint.
+    /// Inverse bind matrices: joint-from-mesh in the bind pose, one per skin joint.
     pub inverse_bind: Vec<Mat4>,
 }
 

@@ -6,7 +6,7 @@ use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// The reason, without the output's name, with which the caller's message starts. A file or link that is in the way is named.
+/// The reason alone: the caller's message begins with the output's name. A file or link that is in the way is named.
 #[derive(Debug, Error)]
 pub enum WriteError {
     #[error("{} is a symbolic link to {}; remove it", shown(at), shown(to))]

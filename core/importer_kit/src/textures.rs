@@ -1,4 +1,5 @@
-//! Images that a file names by path, as OBJ and COLLADA do: found through [`Files`], read once, decoded beside the rest.
+//! Images that a file names by path, as OBJ and COLLADA do: found through [`Files`], read once,
+//! and decoded on other threads while the rest is imported.
 //!
 //! A missing or broken image is no reason to refuse a model: it is a warning.
 

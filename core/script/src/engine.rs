@@ -256,9 +256,9 @@ fn not_in_frames(def: &Def) -> ApiError {
     let of_kind = api::defs().iter().filter(|d| d.on == def.on && d.frame && d.on != HandleKind::None);
     let others: Vec<&str> = of_kind.map(|d| d.name).collect();
     error.hint(match others.as_slice() {
-        [] => "it builds the stage, once; call it before on_frame".to_string(),
+        [] => "it builds the stage and is called once; call it before on_frame".to_string(),
         some => format!(
-            "it builds the stage, once; what {} can change per frame: {}",
+            "it builds the stage and is called once; in on_frame, {} has: {}",
             def.on.name(),
             some.join(", ")
         ),

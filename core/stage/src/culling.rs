@@ -1,4 +1,4 @@
-//! Culling: finds actors that are certainly outside the image, before any pose is computed.
+//! Frustum culling of actors: finds those that are certainly outside the image, before any pose is computed.
 //!
 //! A joint is never farther from its parent than the longest translation of its curves, however it turns. Summed along the skeleton, this
 //! is the radius of a bounding sphere about the actor's origin that holds every vertex in every pose of its layers. An actor needs neither

@@ -713,7 +713,7 @@ impl Viewer {
         self.keys.1 = now;
     }
 
-    /// Whether a row shows a row for each of its keyed properties.
+    /// Whether a row is expanded: one sub-row for each keyed property.
     pub(crate) fn is_expanded(&self, row: &Row) -> bool {
         let expanded = &self.toggles.expanded;
         !expanded.is_empty() && !row.parts.is_empty() && expanded.contains(&row.key())

@@ -16,7 +16,7 @@ pub enum Ask {
     Progress(f32),
     WantsClip(usize, String),
     Snapshot(Time),
-    /// Opens a file beside the main one, by the ending of its name.
+    /// Opens the file that is named like the main one but with this ending.
     Beside(String),
     /// Appends bytes to the file with this name ending; the main file has an empty one.
     Write(String, Vec<u8>),

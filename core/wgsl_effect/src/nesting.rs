@@ -48,8 +48,8 @@ pub fn check(text: &str) -> Result<(), TooDeep> {
         before = token;
         let what = if scan.levels > MOST_LEVELS {
             format!(
-                "nested more than {MOST_LEVELS} levels deep: a bracket counts {BRACKET}, an operator or else if of one \
-                 statement 1; part it into several with let, or use a loop or switch"
+                "nested more than {MOST_LEVELS} levels deep: each bracket counts {BRACKET}, each operator and else if \
+                 of a statement 1; split it with let, or use a loop or switch"
             )
         } else if scan.declarations > MOST_DECLARATIONS {
             format!("more than {MOST_DECLARATIONS} declarations")

@@ -14,7 +14,7 @@ use choreo_plugin::stage::Stage;
 use serde_json::json;
 use std::collections::BTreeMap;
 
-/// The document's nodes of all animated objects.
+/// The glTF nodes of all animated objects.
 pub struct Nodes {
     /// One entry for each actor; `None` for actors that are never visible.
     pub actors: Vec<Option<ActorNodes>>,

@@ -133,7 +133,7 @@ impl<'a> ActorWriter<'a, '_> {
         }
         if let Some(source) = self.animation(index, path, model, still, known, &mut prim) {
             skeleton.api.push("SkelBindingAPI");
-            skeleton.relate("skel:animationSource", vec![source]);
+            skeleton.add_relationship("skel:animationSource", vec![source]);
         }
         if !skeleton.properties.is_empty() {
             prim.children.insert(0, skeleton);

@@ -222,7 +222,7 @@ impl<'a> Prim<'a> {
         self.set(TOKEN, name, Value::Texts(tokens)).uniform = true;
     }
 
-    pub(crate) fn relate(&mut self, name: &'static str, targets: Vec<String>) {
+    pub(crate) fn add_relationship(&mut self, name: &'static str, targets: Vec<String>) {
         self.properties.push(Property::Relationship { name, targets });
     }
 }

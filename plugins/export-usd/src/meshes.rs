@@ -113,7 +113,7 @@ fn points<'a>(name: &str, p: &'a Primitive) -> Prim<'a> {
 /// Binds a mesh to the skeleton of its model.
 pub fn bind<'a>(out: &mut Prim<'a>, p: &'a Primitive, binding: Binding<'_>, skeleton: &str) {
     out.api.push("SkelBindingAPI");
-    out.relate("skel:skeleton", vec![skeleton.into()]);
+    out.add_relationship("skel:skeleton", vec![skeleton.into()]);
     let geometry = match &binding {
         Binding::Skin { geometry, .. } | Binding::Rigid { geometry, .. } => *geometry,
     };

@@ -156,7 +156,7 @@ impl<'a> Maker<'a, '_> {
             prim.display_name = (mesh.name != name && !mesh.name.is_empty()).then(|| mesh.name.clone());
             if let Some(path) = material.0 {
                 prim.api.push("MaterialBindingAPI");
-                prim.relate("material:binding", vec![path]);
+                prim.add_relationship("material:binding", vec![path]);
             }
             let moves = primitive.topology == Topology::Triangles;
             if self.joints.is_some() && !moves {
@@ -206,7 +206,7 @@ impl<'a> Maker<'a, '_> {
                 targets.push(format!("{own}/{token}"));
             }
             prim.uniform_tokens("skel:blendShapes", shapes.to_vec());
-            prim.relate("skel:blendShapeTargets", targets);
+            prim.add_relationship("skel:blendShapeTargets", targets);
         }
         let name = prim.name.clone();
         out.push(prim);
@@ -283,7 +283,7 @@ pub fn instancer<'a>(name: &str, copies: &[Affine3A], prototype: String) -> Prim
     out.set(QUATF, "orientationsf", list(rotation, 4));
     out.set(FLOAT3, "scales", list(|t, i| t.scale[i], 3));
     out.set(INT, "protoIndices", Value::array(count, |_| 0.0));
-    out.relate("prototypes", vec![prototype]);
+    out.add_relationship("prototypes", vec![prototype]);
     out
 }
 

@@ -161,7 +161,7 @@ impl FrameSink for WebpSink {
     fn finish(mut self: Box<Self>) -> Result<Vec<u8>, ExportError> {
         if self.frames != self.info.frames {
             let (is, should) = (self.frames, self.info.frames);
-            return Err(ExportError::Format(format!("a WebP of {should} frames got {is}")));
+            return Err(ExportError::Format(format!("the WebP needs {should} frames, but got {is}")));
         }
         let about = container::xmp(&self.info.provenance);
         let about =

@@ -81,7 +81,7 @@ fn what_does_not_fit_is_refused() {
     let error = sink.frame(&Frame { width: 1, height: 1, rgba: vec![0; 4] }).unwrap_err();
     assert_eq!(error.to_string(), "a frame of 1×1 in a WebP of 41×24");
     sink.frame(&frames[0]).unwrap();
-    assert_eq!(sink.finish().unwrap_err().to_string(), "a WebP of 2 frames got 1");
+    assert_eq!(sink.finish().unwrap_err().to_string(), "the WebP needs 2 frames, but got 1");
     let wide = VideoInfo { width: 16_385, ..info(1) };
     assert!(WebpExporter.begin(&wide, Box::new(Vec::new())).is_err());
 }

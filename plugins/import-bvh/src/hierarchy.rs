@@ -138,7 +138,7 @@ pub fn read<'a>(bytes: &'a [u8], notes: &Notes) -> Result<(Vec<Joint>, Rest<'a>)
         } else if word.eq_ignore_ascii_case(b"OFFSET") {
             let mut offset = [0.0; 3];
             for value in &mut offset {
-                *value = tokens.want_number("OFFSET has three numbers")?;
+                *value = tokens.want_number("OFFSET must have three numbers")?;
             }
             joints[joint].offset = DVec3::from(offset);
         } else if word.eq_ignore_ascii_case(b"CHANNELS") {

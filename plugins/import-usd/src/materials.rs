@@ -117,7 +117,7 @@ impl<'a> Materials<'a> {
         match texture {
             Some(read) if is_of_base => out.base_color.w = read.scale.w,
             Some(_) => {
-                self.notes.warn(path, "has an opacity from another texture than its color; it is left out")
+                self.notes.warn(path, "takes its opacity from another texture than its color; the opacity is left out")
             }
             None => out.base_color.w = opacity,
         }
@@ -236,7 +236,7 @@ impl<'a> Materials<'a> {
             let Some(prim) = at.and_then(|path| self.root.at(prim_of(path))) else { break };
             match prim.text("info:id") {
                 "UsdTransform2d" => {
-                    transform = from_below(prim);
+                    transform = with_v_flipped(prim);
                     at = prim.connections.get("inputs:in").and_then(|list| list.first());
                 }
                 _ => {
@@ -266,7 +266,7 @@ fn named(prim: &Prim) -> Material {
 }
 
 /// Converts scale, rotation and translation with the origin at the bottom to a transform with the origin at the top.
-fn from_below(prim: &Prim) -> Affine2 {
+fn with_v_flipped(prim: &Prim) -> Affine2 {
     let two = |name: &str, default: Vec2| {
         let found = prim.numbers(name).and_then(|v| v.first_chunk::<2>());
         found.map_or(default, |v| DVec2::from_array(*v).as_vec2())

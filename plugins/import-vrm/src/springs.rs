@@ -86,7 +86,7 @@ pub fn drop_duplicates(
         joints.into_iter().filter(|j| *swinging.entry(j.joint).or_insert(chain) == chain).collect();
     if kept.len() < count {
         let what = format!(
-            "{} of its joints swing in an earlier spring; here they are left out",
+            "{} of its joints already belong to an earlier spring and are left out here",
             count - kept.len()
         );
         document.warn(at.place(), what);

@@ -203,7 +203,7 @@ pub fn time(nanos: Nanos) -> Cell {
 /// Text in place of a difference that may be chance.
 const WITHIN_NOISE: &str = "within the noise";
 
-/// How many times as long `method` takes as `of`, unless they may differ by chance.
+/// Time of `method` divided by that of `of`; a text if the difference may be chance.
 pub fn ratio(of: &Nanos, method: &Nanos) -> Cell {
     let times = method.median / of.median;
     if of.differs(method) { Cell::number(format!("{times:.2}"), times) } else { Cell::text(WITHIN_NOISE) }

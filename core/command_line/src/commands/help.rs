@@ -1,4 +1,4 @@
-//! `choreo help TERM`: script calls that answer a term of the field; and `--help` of the commands that read models or write results,
+//! `choreo help TERM`: script calls for a term of the field; and `--help` of the commands that read models or write results,
 //! extended by the options of the plugins, from their manifests alone.
 
 use crate::App;
@@ -31,7 +31,7 @@ pub(crate) fn as_flag(args: Vec<OsString>) -> Vec<OsString> {
     }
 }
 
-/// Prints the calls that answer a term, or a page of the documentation.
+/// Prints the calls for a term of the field, or a page of the documentation.
 pub fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
     let term = args.term.join(" ");
     if args.page {

@@ -17,7 +17,7 @@ pub(crate) struct Packed {
     pub(crate) step: i64,
     pub(crate) frames: usize,
     pub(crate) strides: Vec<Stride>,
-    /// Most terms of the slerp series that a column needs.
+    /// Largest number of terms of the slerp series that any column needs.
     pub(crate) terms: usize,
 }
 

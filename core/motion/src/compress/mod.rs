@@ -43,7 +43,7 @@ crate::error_texts! { CompressError:
 const ROUNDS: usize = 13;
 /// Factor by which tolerances are lowered each time.
 const TOLERANCE_STEP: f64 = 0.8;
-/// Most times that tolerances are then redistributed, for fewer bytes.
+/// Largest number of rounds that then redistribute tolerances to save bytes.
 const ROUNDS_TO_SAVE: usize = 8;
 
 /// Redistributes tolerances: joints get more if all joints below them are within the bound, and less if one is beyond it.

@@ -61,8 +61,8 @@ impl Clip {
     }
 }
 
-/// Scale of the difference: rest · now / from, or rest · from / now. The ratio is 1 if its divisor is 0, as in
-/// [`crate::AdditiveLayers`].
+/// Scale of the difference: rest · now / from, or rest · from / now if `taken_away`. A divisor of 0 gives the ratio 1, as in
+/// [`crate::AdditiveLayers`], or 0 for a tangent; a tangent that is taken away is 0.
 fn scale(now: f32, from: f32, rest: f32, tangent: bool, taken_away: bool) -> f32 {
     let (now, from, rest) = (f64::from(now), f64::from(from), f64::from(rest));
     let ratio = match (from.abs() < 1e-12, tangent, taken_away) {

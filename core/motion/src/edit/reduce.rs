@@ -101,7 +101,7 @@ impl Clip {
     ) -> Option<(Clip, ReductionReport)> {
         let mut share = 0.5;
         for _ in 0..ROUNDS {
-            let clip = self.without_keys(reach, tolerance_m * share, shared);
+            let clip = self.without_redundant_keys(reach, tolerance_m * share, shared);
             let worst_m = farthest(skeleton, self, &clip);
             if worst_m <= tolerance_m {
                 let (keys, bytes) = ([self.keys(), clip.keys()], [bytes(self), bytes(&clip)]);
@@ -117,7 +117,7 @@ impl Clip {
         self.curves().iter().map(|c| c.times.len()).sum()
     }
 
-    fn without_keys(&self, reach: &Reach, tolerance_m: f64, shared: bool) -> Clip {
+    fn without_redundant_keys(&self, reach: &Reach, tolerance_m: f64, shared: bool) -> Clip {
         let allowed = |curve: &Curve| {
             let joint = curve.joint as usize;
             match curve.path {

@@ -195,7 +195,7 @@ fn polynomial<F: F8, const N: usize>(x: F, coefficients: [f32; N]) -> F {
 
 /// Linear interpolation from `p` to `q`, which is negated if `side` is negative.
 #[inline(always)]
-fn straight<F: F8>(mut p: [F; 4], q: [F; 4], side: F, w: F) -> [F; 4] {
+fn nlerp_unnormalized<F: F8>(mut p: [F; 4], q: [F; 4], side: F, w: F) -> [F; 4] {
     for i in 0..4 {
         p[i] = lerp(p[i], q[i].flipped_by(side), w);
     }
@@ -206,7 +206,7 @@ impl Mix for Nlerp {
     #[inline(always)]
     fn mix<F: F8>(p: [F; 4], q: [F; 4], w: F) -> [F; 4] {
         let side = dot(p, q);
-        straight(p, q, side, w)
+        nlerp_unnormalized(p, q, side, w)
     }
 }
 
@@ -221,7 +221,7 @@ impl Mix for CorrectedNlerp {
         let middle = w.sub(F::splat(0.5));
         let k = a.mul(middle.mul(middle)).add(b);
         let w = w.add(w.mul(middle).mul(w.sub(F::splat(1.0))).mul(k));
-        straight(p, q, side, w)
+        nlerp_unnormalized(p, q, side, w)
     }
 }
 

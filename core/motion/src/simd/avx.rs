@@ -14,22 +14,22 @@ impl Lanes for Avx {
     const COUNT: usize = LANES;
     #[inline(always)]
     fn splat(v: f32) -> Self {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_set1_ps(v) })
     }
     #[inline(always)]
     fn add(self, b: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_add_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn sub(self, b: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_sub_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn mul(self, b: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_mul_ps(self.0, b.0) })
     }
     // Only skinning of vertices uses fused operations, and it is entered after a check for FMA, too.
@@ -45,37 +45,37 @@ impl Lanes for Avx {
     }
     #[inline(always)]
     fn div(self, b: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_div_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_sqrt_ps(self.0) })
     }
     #[inline(always)]
     fn flipped_by(self, by: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_xor_ps(self.0, _mm256_and_ps(by.0, _mm256_set1_ps(-0.0))) })
     }
     #[inline(always)]
     fn less(self, b: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(self.0, b.0) })
     }
     #[inline(always)]
     fn and(self, b: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_and_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn all(mask: Self) -> bool {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         unsafe { _mm256_movemask_ps(mask.0) == 0xFF }
     }
     #[inline(always)]
     fn select(mask: Self, yes: Self, no: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_blendv_ps(no.0, yes.0, mask.0) })
     }
 }
@@ -93,7 +93,7 @@ impl F8 for Avx {
     }
     #[inline(always)]
     fn equals(self, b: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_cmp_ps::<_CMP_EQ_OQ>(self.0, b.0) })
     }
     #[inline(always)]
@@ -106,7 +106,7 @@ impl F8 for Avx {
     }
     #[inline(always)]
     fn upper(half: &[f32; 4]) -> Self {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe {
             let both = Self::both(half).0;
             _mm256_blend_ps::<0xF0>(_mm256_setzero_ps(), both)
@@ -114,7 +114,7 @@ impl F8 for Avx {
     }
     #[inline(always)]
     fn spread<const I: usize>(self) -> Self {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe {
             match I {
                 0 => _mm256_permute_ps::<0x00>(self.0),
@@ -136,7 +136,7 @@ impl F8 for Avx {
     }
     #[inline(always)]
     fn column_pairs(a: [Self; 3], b: [Self; 3]) -> [Self; LANES] {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         unsafe {
             let mut low = [_mm256_setzero_ps(); 3];
             let mut high = low;
@@ -151,7 +151,7 @@ impl F8 for Avx {
     }
     #[inline(always)]
     fn half_rows(p: [Self; 4]) -> [Self; 3] {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         let [x, y, z] = unsafe { rows([p[0].0, p[1].0, p[2].0, p[3].0]) };
         [Avx(x), Avx(y), Avx(z)]
     }
@@ -166,7 +166,7 @@ impl F8 for Avx {
     }
     #[inline(always)]
     fn half_rows4(p: [Self; 4]) -> [Self; 4] {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         unsafe {
             let (ab, cd) = (_mm256_unpacklo_ps(p[0].0, p[1].0), _mm256_unpacklo_ps(p[2].0, p[3].0));
             let (ab_zw, cd_zw) = (_mm256_unpackhi_ps(p[0].0, p[1].0), _mm256_unpackhi_ps(p[2].0, p[3].0));
@@ -291,17 +291,17 @@ impl F8 for Avx {
 impl Avx {
     #[inline(always)]
     fn lower_halves(self, b: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_permute2f128_ps::<0x20>(self.0, b.0) })
     }
     #[inline(always)]
     fn upper_halves(self, b: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_permute2f128_ps::<0x31>(self.0, b.0) })
     }
 }
 
-/// Component rows of four column pairs, in each half.
+/// Transposes four columns into the rows x, y, z and w, separately in each 128-bit half.
 #[inline(always)]
 unsafe fn rows([a, b, c, d]: [__m256; 4]) -> [__m256; 3] {
     // SAFETY: on values alone; the caller is inside `run_avx2`.

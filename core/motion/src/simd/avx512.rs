@@ -17,69 +17,69 @@ impl Lanes for Avx512 {
     const COUNT: usize = COUNT;
     #[inline(always)]
     fn splat(v: f32) -> Self {
-        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_set1_ps(v) })
     }
     #[inline(always)]
     fn add(self, b: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_add_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn sub(self, b: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_sub_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn mul(self, b: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_mul_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn fused_add(self, b: Self, c: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_fmadd_ps(self.0, b.0, c.0) })
     }
     #[inline(always)]
     fn fused_sub(self, b: Self, c: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_fmsub_ps(self.0, b.0, c.0) })
     }
     #[inline(always)]
     fn div(self, b: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_div_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
-        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_sqrt_ps(self.0) })
     }
     #[inline(always)]
     fn flipped_by(self, by: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_xor_ps(self.0, _mm512_and_ps(by.0, _mm512_set1_ps(-0.0))) })
     }
     #[inline(always)]
     fn less(self, b: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
         Avx512(unsafe {
             _mm512_castsi512_ps(_mm512_movm_epi32(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(self.0, b.0)))
         })
     }
     #[inline(always)]
     fn and(self, b: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_and_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn all(mask: Self) -> bool {
-        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
         unsafe { _mm512_movepi32_mask(_mm512_castps_si512(mask.0)) == 0xFFFF }
     }
     #[inline(always)]
     fn select(mask: Self, yes: Self, no: Self) -> Self {
-        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
         Avx512(unsafe {
             _mm512_mask_blend_ps(_mm512_movepi32_mask(_mm512_castps_si512(mask.0)), no.0, yes.0)
         })
@@ -106,7 +106,7 @@ impl Vertices for Avx512 {
     #[inline(always)]
     fn four([a, b, c, d]: [Self; 4]) -> [Self; 3] {
         // Each quarter holds a column: x y z w of four vertices become components.
-        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
+        // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
         unsafe {
             let (ab, cd) = (_mm512_unpacklo_ps(a.0, b.0), _mm512_unpacklo_ps(c.0, d.0));
             let (ab_z, cd_z) = (_mm512_unpackhi_ps(a.0, b.0), _mm512_unpackhi_ps(c.0, d.0));
@@ -123,7 +123,7 @@ impl Vertices for Avx512 {
         for component in 0..3 {
             let [a, b, c, d] = fours;
             let all = [a[component].0, b[component].0, c[component].0, d[component].0];
-            // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
+            // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
             let quarters = unsafe { quarters(all) };
             for column in 0..4 {
                 columns[column][component] = Avx512(quarters[column]);
@@ -137,7 +137,7 @@ impl Vertices for Avx512 {
         let [a, b, c, d] = fours;
         for component in 0..4 {
             let (a, b, c, d) = (a[component].0, b[component].0, c[component].0, d[component].0);
-            // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
+            // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
             unsafe {
                 let ab = _mm512_insertf32x8::<1>(_mm512_castps256_ps512(a), b);
                 let cd = _mm512_insertf32x8::<1>(_mm512_castps256_ps512(c), d);

@@ -23,7 +23,7 @@ use glam::Vec3;
 pub struct Springs {
     /// Shapes that tails cannot enter.
     pub colliders: Vec<SpringCollider>,
-    /// The strands.
+    /// The chains of spring joints.
     pub chains: Vec<SpringChain>,
 }
 

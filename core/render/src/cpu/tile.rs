@@ -121,7 +121,7 @@ pub struct Tile<'a, 'b> {
     pub picture: [u32; 2],
     /// Linear RGBA background of each row.
     pub background: [Vec4; TILE_HEIGHT as usize],
-    /// Whether the rows differ.
+    /// Whether the background differs between rows.
     pub gradient: bool,
     /// Background with one color per pixel, which replaces `background`.
     pub backdrop: Option<&'a BackgroundEffects<'a>>,

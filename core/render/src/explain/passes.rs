@@ -33,7 +33,7 @@ impl Costs<'_> {
                     self.add(CostKind::Pass, what, None, self.actors(self.plan.shadow_draws()));
                 }
                 Command::DrawOverlay { effect, count, .. } => {
-                    let what = format!("in the scene: {} triangles of {effect}", count / 3);
+                    let what = format!("overlay in the scene: {} triangles of {effect}", count / 3);
                     self.add(CostKind::Pass, what, None, RequestedBy::effect(effect));
                 }
                 Command::PostPass { .. } => self.effect_pass(command),

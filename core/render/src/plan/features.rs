@@ -351,7 +351,7 @@ fn of_scene(facts: &Facts) -> Reports {
             *small > 0,
             "triangles too small to see",
             format!(
-                "about {small} models have triangles smaller than pixels, and are drawn at levels of detail, which `explain` does not make"
+                "about {small} models have triangles smaller than pixels: a render draws levels of detail of them, which `explain` does not build"
             ),
         ),
         report(
@@ -400,7 +400,7 @@ fn of_passes(all: Features, facts: &Facts) -> Reports {
     let uvs = all.has_any(Features::UV0.with(Features::UV1));
     let whole = match facts.samples {
         1 => "one sample a pixel was asked for: cutouts have hard edges",
-        _ => "all cutouts are \"hard\", or nothing is cut at an alpha above 0",
+        _ => "all cutouts are \"hard\", or no drawn material has an alpha cutoff above 0",
     };
     let (over_image, inputs) = (facts.post_passes > 0, facts.inputs);
     let alone = "no two drawn primitives are equal in shape, material and state";

@@ -217,7 +217,7 @@ fn fills_bounds(p: &Primitive, bounds: &Aabb) -> bool {
     p.topology == Topology::Triangles && wanted > 0.0 && area > 0.999_999 * wanted
 }
 
-/// Whether a whole box lies outside one plane of the view frustum `|x|,|y| ≤ w, 0 ≤ z ≤ w`.
+/// Frustum culling: whether a whole box lies outside one plane of the view frustum `|x|,|y| ≤ w, 0 ≤ z ≤ w`.
 /// A box with a number that is not finite counts as visible. `margin` widens the frustum, in clip space.
 pub(crate) fn outside(b: Aabb, clip_from_relative: &Mat4, margin: Vec2) -> bool {
     let corners = b.corners().map(|c| *clip_from_relative * c.extend(1.0));

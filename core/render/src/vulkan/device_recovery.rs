@@ -1,4 +1,4 @@
-//! A Vulkan renderer that survives the failure of its device. If the device is lost, out of memory or silent for too long, the
+//! Device-loss recovery: a Vulkan renderer that survives the failure of its device. If the device is lost, out of memory or silent for too long, the
 //! frames that were not yet collected are drawn again, once, on a newly created device with reduced demands. The same plans on
 //! the same device give the same bytes, so the images do not show it.
 

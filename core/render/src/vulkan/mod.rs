@@ -378,7 +378,7 @@ impl VulkanRenderer {
         let ids = pipelines::ids(&recording);
         self.prepare_targets(plan, &recording)?;
         self.prepare_texels(&recording)?;
-        self.layouts.prepare_light(&self.gpu, &recording)?;
+        self.layouts.prepare_gbuffer_layout(&self.gpu, &recording)?;
         for command in &recording.commands {
             if let Command::BindPipeline(variant) = command {
                 self.layouts.prepare_material(&self.gpu, texture_slots(variant.key.features))?;

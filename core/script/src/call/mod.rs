@@ -190,7 +190,7 @@ impl Call<'_, '_> {
         let name = self.text(i)?;
         match name.chars().count() {
             count if count > MOST => Err(ApiError::new(format!(
-                "{} must have at most {MOST} letters, this has {count}",
+                "{} must have at most {MOST} characters, this has {count}",
                 self.label(i)
             ))),
             _ => Ok(name),

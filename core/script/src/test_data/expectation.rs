@@ -88,7 +88,7 @@ pub enum Quantity {
     AngleTo(Subject, Target),
     /// Angle between two rotations.
     Angle(RotationQuantity, RotationQuantity),
-    /// Metres per second since the tested time before.
+    /// Mean speed since the previous tested time, metres per second.
     Speed(VectorQuantity),
     /// Metres per second², from the tested times before and after.
     Acceleration(VectorQuantity),

@@ -227,7 +227,7 @@ fn run_section_on_this_thread(
             (&expected.clone(), wrong)
         }
     };
-    let mut expected = of_section(all_expected, &info, sections);
+    let mut expected = expected_in_section(all_expected, &info, sections);
     if let Ok(file) = &file {
         let unknown = unknown_in(&file.parsed.unknown, &info, sections);
         crate::errors::note_unknown(&unknown, name, shared);
@@ -295,7 +295,7 @@ fn unknown_in(all: &[UnknownVariable], own: &SectionInfo, sections: &[SectionInf
 }
 
 /// The expected diagnostics, except those in other sections.
-fn of_section(
+fn expected_in_section(
     expected: &[ExpectedDiagnostic],
     own: &SectionInfo,
     all: &[SectionInfo],

@@ -17,8 +17,8 @@ use std::path::Path;
 /// fox.play(fox_model.clip("Survey"));
 /// ```
 ///
-/// Uses the variable of the file if the script has loaded it; for a built-in model only if it was loaded without options, since these change how
-/// the character looks. `file`: as in `load`.
+/// If a variable of the script already holds the loaded file, the lines use it; for a built-in model only if it was loaded without options,
+/// since these change the appearance of the character. `file`: as in `load`.
 pub fn cast_lines(text: &str, file: &str, at: DVec3, clip: Option<&str>) -> (String, String) {
     // Built-in models are written as `choreo:mannequin`.
     let stem = file.rsplit(['/', ':']).next().unwrap_or(file);

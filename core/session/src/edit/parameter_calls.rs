@@ -10,8 +10,8 @@ pub(super) struct ParameterCall {
     pub uses: usize,
 }
 
-/// Method calls on an object in the functions that get its variable as an argument, in the order in which the script calls those functions. Only
-/// calls of functions after the byte `like` and at the bracket depth of that byte count.
+/// Method calls on an object in the functions that get its variable as an argument, in the order in which the script calls those functions.
+/// Function calls before the byte `like`, or at another bracket depth, are ignored.
 pub(super) fn parameter_calls(text: &Source, variable: &str, like: usize) -> Vec<ParameterCall> {
     let wanted = text.depth_to(like) + 1;
     let mut all = Vec::new();

@@ -52,7 +52,7 @@ pub fn reorder(
     let mut refused = None;
     for lines in [with_more, lines] {
         match check_order(source, &lines, &target_lines, side) {
-            Ok(()) => return Ok(Edit::between(text, &swapped(text, lines, target_lines, side))),
+            Ok(()) => return Ok(Edit::between(text, &with_lines_moved(text, lines, target_lines, side))),
             Err(why) => drop(refused.get_or_insert(why)),
         }
     }
@@ -110,7 +110,7 @@ fn check_order(
 }
 
 /// The text with whole lines moved before or after other lines.
-fn swapped(text: &str, lines: Range<usize>, target: Range<usize>, side: RowSide) -> String {
+fn with_lines_moved(text: &str, lines: Range<usize>, target: Range<usize>, side: RowSide) -> String {
     let (own, own_apart) = paragraph(text, lines);
     let (other, other_apart) = paragraph(text, target);
     let mut moved = text[own.clone()].to_string();

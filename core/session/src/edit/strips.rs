@@ -24,7 +24,7 @@ const LAYER: [&str; 5] = ["on", "additive", "subtractive", "priority", "layer_we
 /// Calls whose keys are in stage time, in addition to the keyed fields that [`Cue`] describes.
 const KEYED: [&str; 2] = ["clip_time", "layer_weight"];
 
-/// Largest difference between two ends of a part of a clip that are the same, seconds.
+/// Ends of a clip's part that differ by at most this many seconds count as equal.
 const SAME: f64 = 2e-5;
 
 /// Whether a call of a cue is about its layer, and so applies to all cues of its chain.

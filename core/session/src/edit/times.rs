@@ -8,7 +8,7 @@ use super::values::{
 use super::{Edit, EditRefused, chain};
 use std::ops::Range;
 
-/// Largest difference of two times that are the same tick, seconds.
+/// Two times within this many seconds are the same tick.
 const NEAR: f64 = 0.5 / choreo_motion::Time::TICKS_PER_SECOND as f64;
 
 /// A time to be written into a script.

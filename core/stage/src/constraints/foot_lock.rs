@@ -190,8 +190,8 @@ pub(super) fn extend_rolls(
 ) {
     let RollInputs { leg, steps, gait_fades } = *inputs;
     let places = &samples.feet[index];
-    // The swing gets at least half of the time between two contacts. A contact of zero length is a foot in the air at which a step begins
-    // or ends; if both contacts are at the same position, the whole gap may be used.
+    // The swing gets at least half of the time between two contacts. A contact of zero length marks a foot that is in the air when a
+    // step begins or ends; if both contacts are at the same position, the whole gap may be used.
     let gap = |before: &Contact, after: &Contact| {
         let gap = after.from - before.to;
         let least = GaitFade::least_gap(gait_fades, index, leg, [before, after]);

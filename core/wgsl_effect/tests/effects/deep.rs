@@ -129,7 +129,7 @@ fn what_is_not_refused_needs_little_stack() {
 #[test]
 fn a_text_that_is_too_deep_is_refused_where_it_is() {
     let error = |kind: &str, n: usize| compiled(&text(kind, n)).err().unwrap();
-    let levels = "nested more than 350 levels deep: a bracket counts 5, an operator or else if of one statement 1; part it \
+    let levels = "nested more than 350 levels deep: each bracket counts 5, each operator and else if of a statement 1; split it \
         into several with let, or use a loop or switch";
     // The cases of the report: a sum of 100 KB, and 3,000 times else if.
     assert_eq!(error("chain", 20_000), format!("deep.wgsl:2:907: {levels}"));

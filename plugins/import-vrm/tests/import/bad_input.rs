@@ -66,7 +66,7 @@ fn what_is_left_or_guessed_is_said() {
             j["extensions"]["VRMC_springBone"]["springs"] = json!([again.clone(), again]);
         }),
         [
-            "extensions.VRMC_springBone.springs[1]: 2 of its joints swing in an earlier spring; here they are left out"
+            "extensions.VRMC_springBone.springs[1]: 2 of its joints already belong to an earlier spring and are left out here"
         ]
     );
     assert_eq!(

@@ -254,7 +254,7 @@ fn render_args(order: &Order, options: &[String], app: &App) -> Result<RenderArg
     let parsed = <Cli as clap::CommandFactory>::command().try_get_matches_from(words);
     let cli = parsed.and_then(|matches| Cli::from_arg_matches(&matches));
     let Command::Render(mut render_args) = cli.map_err(|e| Failure::Usage(e.to_string()))?.command else {
-        return Err(Failure::Internal("the words of a render are those of another command".into()));
+        return Err(Failure::Internal("the arguments of the render were parsed as another command".into()));
     };
     render_args.scene.software = app.software();
     render_args.quiet = true;

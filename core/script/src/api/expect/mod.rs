@@ -89,7 +89,7 @@ api! {
     /// Selects the foot sliding of a joint: metres along the floor since it touched down, 0 while it is in the air.
     /// Options: height (a joint this low is on the floor, metres, default 0.03), speed (a joint that rises or sinks
     /// faster is not on the floor, metres per second, default 0.5), swing (metres per second along the floor: a joint
-    /// that moves faster while it comes down, or is 5 mm above where it stood, swings past the floor and is not on it,
+    /// that moves faster while it comes down, or is 5 mm above where it stood, swings above the floor and is not on it,
     /// default 2), ground (y of the floor, default 0). A joint that never touches the floor is an error.
     Expect.slide("options?") -> Expect = slide, in_tests;
     /// Selects the height of an actor in the image, as a fraction of the image height.
