@@ -3,7 +3,7 @@
 //! Steps in order: keyed properties, hooks, visibility, selection of the poses that are needed, poses, world transforms, constraints (foot
 //! locks, aims, looks, reaches), world transforms again if a constraint has moved something, springs, lights, camera.
 
-use crate::constraints::foot_locks::FootLocks;
+use crate::constraints::foot_lock_cache::FootLocks;
 use crate::constraints::{self, ConstrainedScratch};
 use crate::culling::{PoseBounds, is_independent_of_poses};
 use crate::framing::Framings;

@@ -4,7 +4,7 @@
 //! last. Bounds of all visible actors are computed once, at a number of times; a camera is then fitted to them at little cost.
 
 use crate::camera::orbit_rotation;
-use crate::constraints::foot_locks::FootLocks;
+use crate::constraints::foot_lock_cache::FootLocks;
 use crate::constraints::{ConstrainedScratch, evaluate_actors};
 use crate::pose::posed_mesh::posed_body;
 use crate::pose::posed_mesh::posed_meshes;

@@ -17,7 +17,7 @@
 //! stretch.
 
 use crate::actors;
-use crate::constraints::foot_locks::FootLocks;
+use crate::constraints::foot_lock_cache::FootLocks;
 use crate::constraints::{ConstrainedScratch, evaluate_actors};
 use crate::snapshot::{ActorState, Snapshot};
 use crate::stage::edits::{ActorEdit, edits_for_index};

@@ -116,9 +116,9 @@ impl<'a> Materials<'a> {
         };
         match texture {
             Some(read) if is_of_base => out.base_color.w = read.scale.w,
-            Some(_) => {
-                self.notes.warn(path, "takes its opacity from another texture than its color; the opacity is left out")
-            }
+            Some(_) => self
+                .notes
+                .warn(path, "takes its opacity from another texture than its color; the opacity is left out"),
             None => out.base_color.w = opacity,
         }
         if threshold > 0.0 && (is_of_base || opacity < 1.0) {

@@ -167,7 +167,11 @@ impl Layouts {
     }
 
     /// Creates the descriptor set layout through which the lighting pass reads the G-buffer, if a recording needs it and it does not exist.
-    pub(crate) fn prepare_gbuffer_layout(&mut self, gpu: &Context, recording: &Recording) -> Result<(), RenderError> {
+    pub(crate) fn prepare_gbuffer_layout(
+        &mut self,
+        gpu: &Context,
+        recording: &Recording,
+    ) -> Result<(), RenderError> {
         if self.light.is_none() && recording.commands.contains(&Command::BeginGeometry) {
             self.light = Some(self.with_set(gpu, "G-buffer set layout", &super::deferred::BINDINGS)?);
         }

@@ -1,11 +1,11 @@
 //! Foot locking: feet stay in place during ground contacts.
 //!
 //! The contacts of a foot are found from its unconstrained motion over a span of the stage. They are computed once, at 60 Hz, and cached
-//! ([`super::foot_locks`]), so that frames can be evaluated in any order. During phase-matched fades the contacts come from the clips,
+//! ([`super::foot_lock_cache`]), so that frames can be evaluated in any order. During phase-matched fades the contacts come from the clips,
 //! because the mean of two strides slides. During a contact the ball of the foot stays at one point. Between two contacts the corrections
 //! of both are interpolated, so that the foot does not jump.
 
-use crate::constraints::foot_locks::{LONGEST_GAP, STEP};
+use crate::constraints::foot_lock_cache::{LONGEST_GAP, STEP};
 use crate::constraints::foot_samples::{FootSamples, Limb};
 use crate::constraints::footsteps::Footstep;
 use crate::constraints::gait_fades::{FADE_MARGIN, GaitFade, is_gait_fade};

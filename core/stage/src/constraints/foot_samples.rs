@@ -1,7 +1,7 @@
 //! Samples the motion of an actor's feet without foot locking, at 60 Hz.
 
 use crate::actors::{Scratch, evaluate_actors};
-use crate::constraints::foot_locks::STEP;
+use crate::constraints::foot_lock_cache::STEP;
 use crate::constraints::footsteps::LEG;
 use crate::constraints::solve::world_place;
 use crate::snapshot::Snapshot;

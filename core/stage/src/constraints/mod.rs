@@ -9,7 +9,7 @@
 pub(crate) mod check;
 mod foot_contacts;
 pub(crate) mod foot_lock;
-pub(crate) mod foot_locks;
+pub(crate) mod foot_lock_cache;
 mod foot_samples;
 mod footsteps;
 mod gait_fades;
@@ -25,7 +25,7 @@ mod stands;
 mod steps;
 
 use crate::actors;
-use crate::constraints::foot_locks::FootLocks;
+use crate::constraints::foot_lock_cache::FootLocks;
 use crate::constraints::solve::ConstraintScratch;
 use crate::culling::PoseBounds;
 use crate::snapshot::Snapshot;

@@ -1,7 +1,7 @@
 //! Solves the constraints of all actors at a time, actor by actor.
 
 use crate::actors;
-use crate::constraints::foot_locks::{FootLockContext, FootLocks};
+use crate::constraints::foot_lock_cache::{FootLockContext, FootLocks};
 use crate::constraints::gaze::Gaze;
 use crate::constraints::steps::{StepKind, Steps, TargetTiming};
 use crate::constraints::{foot_lock, look_at, order};

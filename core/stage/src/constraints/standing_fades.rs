@@ -2,7 +2,7 @@
 
 use crate::constraints::foot_contacts::FootContacts;
 use crate::constraints::foot_lock::{Contact, ContactSpan, clearance};
-use crate::constraints::foot_locks::{LONGEST_GAP, STEP};
+use crate::constraints::foot_lock_cache::{LONGEST_GAP, STEP};
 use crate::constraints::foot_samples::{FeetInMotion, FootSamples};
 use crate::constraints::footsteps::{FootState, Footstep, FootstepPlan};
 use crate::stage::StageError;

@@ -19,8 +19,16 @@ fn error_with(from: &str, to: &str) -> String {
 fn errors_name_the_line() {
     for (from, to, text) in [
         ("HIERARCHY", "HIERARCH", "line 1: starts with \"HIERARCH\", not with HIERARCHY"),
-        ("OFFSET 0 1.4 0", "OFFSET 0 1,4 0", "line 4: \"1,4\" is not a number; OFFSET must have three numbers"),
-        ("OFFSET 0 1.4 0", "OFFSET 0 nan 0", "line 4: \"nan\" is not a number; OFFSET must have three numbers"),
+        (
+            "OFFSET 0 1.4 0",
+            "OFFSET 0 1,4 0",
+            "line 4: \"1,4\" is not a number; OFFSET must have three numbers",
+        ),
+        (
+            "OFFSET 0 1.4 0",
+            "OFFSET 0 nan 0",
+            "line 4: \"nan\" is not a number; OFFSET must have three numbers",
+        ),
         (
             "OFFSET 0 1.4 0",
             "OFFSET 0 1e200 0",
