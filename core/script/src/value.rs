@@ -255,11 +255,11 @@ handles! {
     Joint: JointRef, |h| h.actor == DEAD, JointRef { actor: DEAD, joint: 0, asset: Arc::default() };
     Cue: CueRef, |h| h.0 == DEAD, CueRef(DEAD);
     Look: LookRef, |h| h.actor == DEAD, LookRef { actor: DEAD, index: 0 };
-    Goal: ConstraintRef, |h| h.actor == DEAD, ConstraintRef { actor: DEAD, index: 0 };
+    Constraint: ConstraintRef, |h| h.actor == DEAD, ConstraintRef { actor: DEAD, index: 0 };
     Camera: CameraRef, |h| h.0 == DEAD, CameraRef(DEAD);
     Light: LightRef, |h| h.0 == DEAD, LightRef(DEAD);
     Sky: SkyRef, |h| h.0 == DEAD, SkyRef(DEAD);
-    Flat: Layer2dRef, |h| h.0 == DEAD, Layer2dRef(DEAD);
+    Layer2d: Layer2dRef, |h| h.0 == DEAD, Layer2dRef(DEAD);
     Effect: EffectRef, |h| h.id == DEAD, EffectRef { id: DEAD, plugin: "".into() };
     Expect: ExpectRef, |h| h.id == DEAD, ExpectRef::dead();
     Stage: StageRef, |h| h.0 == DEAD, StageRef(DEAD);

@@ -23,31 +23,31 @@ api! {
     ///   two bones up), pole (pole target, an actor, joint or point, towards which the elbow or knee bends), soft
     ///   (0 to 1: share of the reach in which the limb slows down before it is straight, default 0.05; two bones
     ///   only), keep (true: the hand keeps its rotation from the clip), weight (0 to 1, default 1), from, until, fade (as the
-    ///   methods of Goal).
-    Actor.reach("joint, target, options?") -> Goal = reach;
+    ///   methods of Constraint).
+    Actor.reach("joint, target, options?") -> Constraint = reach;
     /// Rotates a joint and joints above it until it points at a target (aim constraint).
     /// - Options: joints (how many joints rotate, 1 to 64, default 1; or an array of their names from the root on),
     ///   shares (an array, one number per joint: how the rotation is shared), limit (degrees, 0 to 180, default
-    ///   80), weight (0 to 1, default 1), from, until, fade (as the methods of Goal).
-    Actor.aim("joint, target, options?") -> Goal = aim;
+    ///   80), weight (0 to 1, default 1), from, until, fade (as the methods of Constraint).
+    Actor.aim("joint, target, options?") -> Constraint = aim;
     /// Locks feet that touch the ground in place (foot locking, against foot sliding), for bipeds and quadrupeds.
     /// - Options: feet (an array of joint names; default: found by name, else by structure), ground (an actor, or an
-    ///   array of actors, whose surfaces the feet stand on), weight (0 to 1, default 1), from, until, fade (as the methods of Goal).
+    ///   array of actors, whose surfaces the feet stand on), weight (0 to 1, default 1), from, until, fade (as the methods of Constraint).
     /// - Without a call, the feet step instead of sliding where a walk fades into a stand or back, if root motion,
     ///   keyframes or a path move the actor. `plant_feet(#{ weight: 0 })` turns this off.
-    Actor.plant_feet("options?") -> Goal = plant_feet;
+    Actor.plant_feet("options?") -> Constraint = plant_feet;
     /// Exchanges left and right in the motion of its clips, for joints, morph targets and expressions, while the
     /// constraint is active. The path of root motion stays the same. Options: weight (0 to 1, default 1), from, until,
-    /// fade (as the methods of Goal).
-    Actor.mirror("options?") -> Goal = mirror;
+    /// fade (as the methods of Constraint).
+    Actor.mirror("options?") -> Constraint = mirror;
     /// Sets the start time of the constraint (default 0).
-    Goal.from("time") = from;
+    Constraint.from("time") = from;
     /// Sets the end time of the constraint.
-    Goal.until("time") = until;
+    Constraint.until("time") = until;
     /// Sets how long the constraint takes to fade in and out, in seconds (default 0.3).
-    Goal.fade("seconds") = fade;
+    Constraint.fade("seconds") = fade;
     /// Sets the weight of the constraint: 0 not at all, 1 fully (default 1).
-    Goal.weight("weight") = weight;
+    Constraint.weight("weight") = weight;
     /// Limits the rotation of the joint relative to the rest pose, whatever clips and constraints do. Options, in
     /// degrees: swing (0 to 180, a cone about axis) with twist ([low, high] about axis), or hinge ([low, high]
     /// about axis); axis (default +y).

@@ -11,11 +11,11 @@ use rhai::Dynamic;
 api! {
     /// Fades the image in from a color. 2D layers that come later in the script stay above it. Options: from (time,
     /// default 0), color (default black).
-    fade_in("seconds, options?") -> Flat = fade_in;
+    fade_in("seconds, options?") -> Layer2d = fade_in;
     /// Fades the image out to a color, which stays until a fade_in. 2D layers that come later in the script stay above
     /// it. Options: until (time at which only the color is left, default the last frame of the stage), color (default
     /// black).
-    fade_out("seconds, options?") -> Flat = fade_out;
+    fade_out("seconds, options?") -> Layer2d = fade_out;
 }
 
 fn fade_in(c: &mut Call) -> Reply {

@@ -23,44 +23,44 @@ api! {
     ///   default, or "right"), line_height (in sizes, default 1.25), font (a .ttf or .otf file, default a built-in
     ///   font). Characters that the font lacks are drawn in another built-in font, else in one of the system, with a
     ///   warning. Letters run from left to right and are not joined.
-    text("words, options?") -> Flat = text, options(|| fields::describe_options(&plain(), &METHODS));
+    text("words, options?") -> Layer2d = text, options(|| fields::describe_options(&plain(), &METHODS));
     /// Adds an image over the frame: an Image, or a PNG, JPEG, WebP, BMP or TGA file. Options: at, offset, anchor
     /// and opacity as in `text`; and one of height or width (fraction of that of the frame, default height 0.3) and
     /// fit ("contain": as large as fits, "cover": fills the frame).
-    picture("image, options?") -> Flat = picture;
+    picture("image, options?") -> Layer2d = picture;
     /// Adds a rectangle of one color over the frame. Options: at, offset, anchor and opacity as in `text`, size
     /// ([width, height] as fractions of the image, default all of it), color (default black).
-    panel("options?") -> Flat = panel;
+    panel("options?") -> Layer2d = panel;
     /// Adds bars at the edges that leave an image ratio times as wide as high, such as 2.39. With keyframes of
     /// "scale" they slide in. Options: color (default black), opacity (0 to 1, default 1).
-    letterbox("ratio, options?") -> Flat = letterbox;
+    letterbox("ratio, options?") -> Layer2d = letterbox;
     /// Sets the position of the layer's anchor, as fractions of the image.
-    Flat.at("x, y | point") = at, in_frames;
+    Layer2d.at("x, y | point") = at, in_frames;
     /// Sets the opacity: 0 is invisible, 1 hides what is below.
-    Flat.opacity("value") = opacity, in_frames;
+    Layer2d.opacity("value") = opacity, in_frames;
     /// Changes the words of a text.
-    Flat.words("text") = words, in_frames;
+    Layer2d.words("text") = words, in_frames;
     /// Draws an outline around the letters of a text. Options: color (default black), width (how far it reaches beyond
     /// the letters, in sizes of the text, 0 to 1, default 0.08).
-    Flat.outline("options?") = outline;
+    Layer2d.outline("options?") = outline;
     /// Puts a rectangle behind a text, as large as its lines and a margin; the text stays where it is. Options: color
     /// (default black with an opacity of 0.6), padding (the margin in sizes of the text, a number or [at the sides, at
     /// the top and the bottom], default [0.4, 0.15]), radius (of the rounding, in sizes of the text, 0 to 10,
     /// default 0.2).
-    Flat.panel("options?") = text_panel;
+    Layer2d.panel("options?") = text_panel;
     /// Scales the layer about its anchor.
-    Flat.scale("factor") = field;
+    Layer2d.scale("factor") = field;
     /// Sets the start time (default 0).
-    Flat.from("time") = field;
+    Layer2d.from("time") = field;
     /// Sets the end time.
-    Flat.until("time") = until;
+    Layer2d.until("time") = until;
     /// Sets the duration of the fade-in and of the fade-out in seconds (default 0).
-    Flat.fade("seconds") = field;
+    Layer2d.fade("seconds") = field;
     /// Moves the layer behind the scene, in front of the background. By default it is in front of everything.
-    Flat.under("") = field;
-    /// Animates a property with keyframes [[time, value], …]: "position" ([x, y] as in Flat.at), "scale" or
+    Layer2d.under("") = field;
+    /// Animates a property with keyframes [[time, value], …]: "position" ([x, y] as in Layer2d.at), "scale" or
     /// "opacity". `how`, easing and tangents as in Actor.key.
-    Flat.key("property, keys, how?") = key;
+    Layer2d.key("property, keys, how?") = key;
 }
 
 /// Fields of a 2D layer that are methods, not options.
