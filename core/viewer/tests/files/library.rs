@@ -117,7 +117,7 @@ fn own_keys_come_before_those_of_the_preset_and_the_usual_ones() {
     for (text, wrong) in [
         ("[", "EOF"),
         ("{\"preset\": \"maya\"}", "unknown preset \"maya\"; presets: choreo, blender, unity"),
-        ("{\"keys\": {\"play\": 3}}", "play: keys are a text"),
+        ("{\"keys\": {\"play\": 3}}", "play: keys must be a text"),
     ] {
         std::fs::write(&file, text).unwrap();
         let problem = Shortcuts::read(&file).1.unwrap();

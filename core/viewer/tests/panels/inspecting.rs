@@ -58,7 +58,7 @@ fn what_another_line_undoes_is_told() {
     place.viewer.change_actor("ada", Change::Move(DVec3::X)).unwrap();
     place.reload();
     assert!(
-        place.viewer.message.as_ref().unwrap().contains("another line places \"ada\" anew"),
+        place.viewer.message.as_ref().unwrap().contains("another line places \"ada\" again"),
         "{:?}",
         place.viewer.message
     );

@@ -101,7 +101,7 @@ fn what_is_not_one_number_is_refused_and_nothing_changes() {
     let mut place = Place::new(SCRIPT);
     let in_loop = Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 };
     let why = place.viewer.set_cue(&in_loop, CueTime::Start, 0.1).unwrap_err().to_string();
-    assert!(why.contains("a.rhai:6: this line makes 2 of them"), "{why}");
+    assert!(why.contains("a.rhai:6: this line makes 2 objects"), "{why}");
     assert_eq!(place.text(), SCRIPT);
     // Changed on disk and not yet shown.
     let other = SCRIPT.replace("she", "he");

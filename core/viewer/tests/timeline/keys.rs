@@ -265,7 +265,7 @@ fn computed_keys_are_refused_and_a_line_states_them_anew() {
     desk.state_mut().reload();
     let one = Selected::Actor("one 1.0".into());
     let refused = desk.state_mut().viewer.delete_keys(&[key(one, "scale", 1.0)]).unwrap_err();
-    assert!(refused.to_string().contains("this line makes 2 of them"), "{refused}");
+    assert!(refused.to_string().contains("this line makes 2 objects"), "{refused}");
 }
 
 #[test]
@@ -1003,7 +1003,7 @@ fn tangents_are_chosen_for_all_selected_keys() {
     assert_eq!(place.text(), SCRIPT);
     let kelvin = [key(Selected::Light(0), "kelvin", 0.0)];
     let refused = place.viewer.set_key_tangents(&kelvin, TangentChoice::Flat).unwrap_err().to_string();
-    assert!(refused.contains("a.rhai:12: keys of its kelvin have no tangents"), "{refused}");
+    assert!(refused.contains("a.rhai:12: keys of its kelvin cannot have tangents"), "{refused}");
 }
 
 /// A drag with keys held.
@@ -1429,7 +1429,7 @@ fn keys_in_a_function_are_changed_for_all_that_it_makes_or_stated_for_one() {
     // The gizmo does not change the others by itself either.
     desk.state_mut().viewer.playhead.seek(Time::from_secs(1.4));
     let refused = desk.state_mut().viewer.change_actor("c", Change::Move(DVec3::X)).unwrap_err();
-    assert!(refused.to_string().contains("a.rhai:4: this line makes 3 of them"), "{refused}");
+    assert!(refused.to_string().contains("a.rhai:4: this line makes 3 objects"), "{refused}");
     assert_eq!(desk.state().text(), all);
     drag(&mut desk, &[key(of("b"), "position", 1.4)]);
     desk.get_by_label("Add the line").click();
