@@ -61,10 +61,10 @@ pub(crate) fn mean_motion(parts: &[PolarParts], influences: &[Influence], point:
     for _ in 0..50 {
         let mut screw = [DVec3::ZERO; 2];
         for (joint, weight) in influences {
-            let [turn, shift] = mean.inverse().then_before(&parts[*joint].motion).log();
+            let [turn, shift] = mean.inverse().then_before(&parts[*joint].motion).logarithm();
             screw = [screw[0] + turn * *weight, screw[1] + shift * *weight];
         }
-        mean = mean.then_before(&Motion::exp(screw));
+        mean = mean.then_before(&Motion::exponential(screw));
         if screw[0].length() + screw[1].length() < 1e-14 {
             break;
         }
@@ -104,7 +104,7 @@ impl Motion {
     }
 
     /// Logarithm of the motion: a rotation vector and a shift, the constant velocities that reach it in one unit of time.
-    fn log(&self) -> [DVec3; 2] {
+    fn logarithm(&self) -> [DVec3; 2] {
         let q = if self.turn.w < 0.0 { -self.turn } else { self.turn };
         let sine = q.xyz().length();
         let angle = 2.0 * libm::atan2(sine, q.w);
@@ -120,7 +120,7 @@ impl Motion {
     }
 
     /// Exponential map, the inverse of [`Motion::log`].
-    fn exp([turn, shift]: [DVec3; 2]) -> Motion {
+    fn exponential([turn, shift]: [DVec3; 2]) -> Motion {
         let angle = turn.length();
         let squared = angle * angle;
         let (first, second) = match angle < 1e-4 {

@@ -371,7 +371,7 @@ fn command_lines_that_are_wrong_are_told_as_json() {
     assert!(run.out.is_empty() && run.err.contains(r#""kind":"input""#), "{}", run.err);
     // After "--" it is a name; and help is no error.
     assert_eq!(choreo(dir.path(), &["check", "--", "tri.gltf", "--json"]).out, "");
-    assert!(choreo(dir.path(), &["check", "--json", "--help"]).out.starts_with("Find everything"));
+    assert!(choreo(dir.path(), &["check", "--json", "--help"]).out.starts_with("Check a scene"));
 }
 
 #[test]

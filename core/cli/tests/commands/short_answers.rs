@@ -97,7 +97,7 @@ text("a", #{ size: 0.5 }).from(0.25);
     let text = choreo(d, &["explain", "a.rhai"]).out;
     assert!(text.contains("\nstage      1 actor from 1 asset, 8 frames\n"), "{text}");
     assert!(
-        text.contains("frames     4 of 8 frames are drawn, 3 repeat the one before, 1 only its scene"),
+        text.contains("frames     4 of 8 frames are drawn, 3 repeat the one before, 1 reuse only its scene"),
         "{text}"
     );
 }

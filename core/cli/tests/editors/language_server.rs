@@ -875,7 +875,7 @@ fn refused_options(editor: &mut Editor, uri: &str, call: &str, options: &[String
     // A second call of `stage` is refused whatever its options are, and after some failed statements a script ends.
     let at_once = if call.starts_with("stage") { 1 } else { 12 };
     const REFUSALS: [&str; 4] =
-        ["unknown option \"", "has no option", "unknown parameter \"", ".no_such_option is not known"];
+        ["unknown option \"", "has no option", "unknown parameter \"", ".no_such_option is unknown"];
     let mut refused = Vec::new();
     for options in options.chunks(at_once) {
         let lines: String = options.iter().map(line).collect();

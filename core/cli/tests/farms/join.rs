@@ -159,7 +159,7 @@ fn damaged_segments_are_named_and_others_fill_in() {
     // The frames before the damage count.
     std::fs::write(d.join(&all), &whole[..whole.len() - 100]).unwrap();
     let run = choreo(d, &["join", &all, "-o", "film.mp4"]);
-    assert!(run.err.contains("behind frame 58"), "{}", run.err);
+    assert!(run.err.contains("after frame 58"), "{}", run.err);
     assert!(run.err.contains("these are missing: 59\n"), "{}", run.err);
 }
 

@@ -153,7 +153,7 @@ fn a_broken_plugin_breaks_only_what_uses_it() {
     let text = error("effect(\"bad\");");
     assert!(text.contains("bad.rhai:4:1: plugins/bad.wgsl:5:23: no definition in scope"), "{text}");
     let levels = "nested more than 350 levels deep: each bracket counts 5, each operator and else if of a statement 1; split it \
-        several with let, or use a loop or switch";
+        with let, or use a loop or switch";
     let text = error("effect(\"deep\");");
     assert!(text.contains(&format!("bad.rhai:4:1: plugins/deep.wgsl:5:853: {levels}")), "{text}");
     let text = error("effect(\"else_ifs\");");

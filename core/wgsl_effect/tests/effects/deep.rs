@@ -130,7 +130,7 @@ fn what_is_not_refused_needs_little_stack() {
 fn a_text_that_is_too_deep_is_refused_where_it_is() {
     let error = |kind: &str, n: usize| compiled(&text(kind, n)).err().unwrap();
     let levels = "nested more than 350 levels deep: each bracket counts 5, each operator and else if of a statement 1; split it \
-        into several with let, or use a loop or switch";
+        with let, or use a loop or switch";
     // The cases of the report: a sum of 100 KB, and 3,000 times else if.
     assert_eq!(error("chain", 20_000), format!("deep.wgsl:2:907: {levels}"));
     assert_eq!(error("else_ifs", 3_000), format!("deep.wgsl:2:11968: {levels}"));

@@ -196,7 +196,7 @@ impl FolderCopy {
             }
             let Some(metadata) = from.metadata(name) else { continue };
             if metadata.is_symlink() {
-                return Err(self.refused(&path, "a package holds no links".into()));
+                return Err(self.refused(&path, "a package must not contain links".into()));
             }
             let failed = |e: FileError| write_failure(&self.shown, WriteError::at(path.clone(), e));
             if metadata.is_dir() {
