@@ -65,7 +65,7 @@ pub struct InvertedHull {
 /// ```
 /// use choreo_plugin::SurfaceSample;
 /// use choreo_plugin::glam::Vec3;
-/// let seen = SurfaceSample { normal: Vec3::Z, facing: 1.0, distance: 5.0, ..SurfaceSample::default() };
+/// let surface = SurfaceSample { normal: Vec3::Z, facing: 1.0, distance: 5.0, ..SurfaceSample::default() };
 /// # assert_eq!(surface.shadow, 0.0);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

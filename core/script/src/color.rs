@@ -13,7 +13,7 @@ pub fn parse(text: &str) -> Result<Vec4, ApiError> {
     choreo_plugin::color::parse(text).map_err(|e| ApiError::new(e.message))
 }
 
-/// The valid range of [`kelvin`], in kelvin.
+/// The range of color temperatures that have a color, in kelvin.
 pub const KELVIN: (f64, f64) = (1667.0, 25_000.0);
 
 /// Linear sRGB color of a black body, brightest channel 1. Chromaticity of the Planckian locus after Kim et al.,

@@ -165,7 +165,7 @@ fn wrong_passes_are_refused_before_the_first_frame() {
     );
     refused("x.png", &["--passes", "depth"], "--export passes=depth: ");
     let sheet = choreo(d, &["render", "scene.rhai", "--sheet", "-o", "x.exr"]);
-    assert!(sheet.code == 2 && sheet.err.contains("--sheet makes images of 8 bits"), "{}", sheet.err);
+    assert!(sheet.code == 2 && sheet.err.contains("--sheet writes images of 8 bits"), "{}", sheet.err);
     // Effects on shown colors and titles are no light.
     let text =
         "stage(#{ length: 1.0, size: [32, 18] }); title(\"a\"); effect(\"vignette\"); effect(\"bloom\");";

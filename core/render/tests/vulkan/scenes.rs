@@ -262,7 +262,7 @@ fn a_cpu_device_gets_rows_copied_and_back_faces_last() {
     let gpu = text(1, false, 2);
     assert!(gpu.contains("clear") && gpu.contains("  background\n") && gpu.contains("cull None"), "{gpu}");
     let cpu = text(1, true, 2);
-    assert!(cpu.contains("copy background\nbegin Picture, 1 samples, load"), "{cpu}");
+    assert!(cpu.contains("copy background\nbegin Image, 1 samples, load"), "{cpu}");
     assert!(!cpu.contains("  background"), "{cpu}");
     let (front, back) = (cpu.find("cull Back").unwrap(), cpu.find("cull Front").unwrap());
     assert!(
@@ -272,7 +272,7 @@ fn a_cpu_device_gets_rows_copied_and_back_faces_last() {
     assert!(!text(1, true, 4000).contains("cull Front"));
     // Copies cannot write samples: around what is drawn they are the image, and the rest is resolved into it.
     let samples = text(4, true, 2);
-    assert!(samples.contains("copy background\nbegin Picture, 4 samples, clear"), "{samples}");
+    assert!(samples.contains("copy background\nbegin Image, 4 samples, clear"), "{samples}");
     assert!(samples.contains(", 40×40 at 12, 12\n") && samples.contains("  background\n"), "{samples}");
     assert!(!text(4, false, 2).contains(" at 12, 12\n"));
     // A draw that covers most of the image is drawn whole.

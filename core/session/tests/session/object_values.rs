@@ -129,7 +129,7 @@ fn clips_words_and_assets_are_found() {
         clip("a.|play(load(\"x.glb\").clip(\"W, (\"));").unwrap(),
         "a.play(load(\"x.glb\").clip(\"Run\"));"
     );
-    assert!(clip("a.|play(best);").unwrap_err().contains("best is no clip by its name"));
+    assert!(clip("a.|play(best);").unwrap_err().contains("best is not written as .clip(NAME)"));
     let title = "let t = |text(\"Hello, (you)\", #{ size: 0.1 });";
     let words = object(title, |object| object.set_words("Bye \"now\"").unwrap());
     assert_eq!(

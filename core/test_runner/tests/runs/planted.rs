@@ -287,9 +287,9 @@ fn a_claim_about_what_has_no_value_fails_with_the_reason() {
         assert!(flying.got.contains(why), "{claim}: {flying:?}");
     }
     let own = judged("1", "expect(wide).in_picture().near([0.5, 0.5, 0.0], 99.0);");
-    assert!(!own.passed && own.hint.contains("camera wide takes this image itself"), "{own:?}");
+    assert!(!own.passed && own.hint.contains("camera wide is the camera of this image"), "{own:?}");
     let own = judged("1", "expect(side).in_picture(side).x().between(-99.0, 99.0);");
-    assert!(!own.passed && own.hint.contains("camera side takes this image itself"), "{own:?}");
+    assert!(!own.passed && own.hint.contains("camera side is the camera of this image"), "{own:?}");
     for claim in ["at(1.5)", "at(-0.1)", "not().at(2.0)", "during(0.5, 1.5)"] {
         let outside = judged("1", &format!("expect(ball).{claim}.near([9.0, 9.0, 9.0]);"));
         assert!(!outside.passed && outside.got.contains("is outside the stage"), "{claim}: {outside:?}");

@@ -246,7 +246,7 @@ fn mistakes_have_their_line_and_what_was_meant() {
     };
     assert_eq!(
         line("  return Line(actor.position, actor.positoin, 1.0, vec4(1.0));"),
-        "my.wgsl:6:32: invalid field accessor `plase`; did you mean \"place\"?"
+        "my.wgsl:6:37: invalid field accessor `positoin`; did you mean \"position\"?"
     );
     let text = line("  return Line(joint(index), actor.position, p[amuont], vec4(1.0));");
     assert_eq!(

@@ -14,5 +14,5 @@ fn effect(index: u32, actor: ActorSample, p: Parameters) -> Line {
     let others = index % 4u;
     let low = (1u << axis) - 1u;
     let bits = (others & low) | ((others & ~low) << 1u);
-    return Line(corner(body, bits), corner(body, bits | (1u << axis)), 2.0, vec4(0.9, 0.1, 0.05, 1.0));
+    return Line(corner(actor, bits), corner(actor, bits | (1u << axis)), 2.0, vec4(0.9, 0.1, 0.05, 1.0));
 }
