@@ -251,7 +251,7 @@ fn mistakes_have_their_line_and_what_was_meant() {
     let text = line("  return Line(joint(index), actor.position, p[amuont], vec4(1.0));");
     assert_eq!(
         text,
-        "my.wgsl:6:43: no definition in scope for identifier: `amuont`; did you mean \"amount\"?"
+        "my.wgsl:6:47: no definition in scope for identifier: `amuont`; did you mean \"amount\"?"
     );
     let text = line("  return Line(jiont(index), actor.position, 1.0, vec4(1.0));");
     assert_eq!(text, "my.wgsl:6:15: no definition in scope for identifier: `jiont`; did you mean \"joint\"?");
