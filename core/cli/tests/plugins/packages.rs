@@ -205,7 +205,7 @@ fn what_is_malformed_too_new_or_contradictory_is_refused() {
         std::fs::remove_file(place.path().join("source/tests/link")).unwrap();
     }
     let run = place.run(&["plugins", "install", "b.dots"]);
-    assert!(run.code == 1 && run.err.contains("plugin.toml: there is none"), "{}", run.err);
+    assert!(run.code == 1 && run.err.contains("plugin.toml: this file is missing"), "{}", run.err);
     let run = place.run(&["plugins", "install", "source/a.dots"]);
     assert!(
         run.code == 1 && run.err.contains("beside it does not name it, only dots.importer.rhai"),
