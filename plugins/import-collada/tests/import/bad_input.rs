@@ -107,7 +107,10 @@ fn odd_files_are_read_with_a_word() {
     };
     let has =
         |said: Vec<String>, text: &str| assert!(said.iter().any(|w| w.contains(text)), "{text}: {said:?}");
-    has(read("upper lower<", "upper gone<"), "1 of 2 joints are not in the scene (gone); the vertices that they move stay still");
+    has(
+        read("upper lower<", "upper gone<"),
+        "1 of 2 joints are not in the scene (gone); the vertices that they move stay still",
+    );
     has(
         read("1 0.75 0.25<", "0 0.75 0.25<"),
         "4 vertices have weights that sum to 0; their first joint gets weight 1",
