@@ -1,6 +1,6 @@
 // effect: outline
 // about: a line around actors, equally wide at any distance
-// hook: shell
+// hook: outline
 // off: width = 0
 // param width = 2 px in 0..64: width of the line, in pixels of the image
 // param color = rgb(0, 0, 0): color of the line

@@ -1,6 +1,6 @@
 // effect: wireframe
 // about: the edges of triangles as lines of one pixel
-// hook: shell
+// hook: outline
 // param color = rgb(0.02, 0.02, 0.02): color of the lines
 fn effect(p: Parameters) -> Wireframe {
     return Wireframe(p.color);

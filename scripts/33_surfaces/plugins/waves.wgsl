@@ -1,11 +1,11 @@
 // effect: waves
-// about: a surface that rises and falls in three trains of waves
+// about: a surface with three waves in different directions
 // version: 1
 // hook: vertex
 // reach: height
-// param height = 0.12 in 0..2: metres from rest to the highest crest
-// param length = 1.6 in 0.1..100: metres from crest to crest
-// param phase = 0 in -1000..1000: how many waves of the first train have gone by
+// param height = 0.12 in 0..2: amplitude of all waves together, metres
+// param length = 1.6 in 0.1..100: wavelength of the first wave, metres
+// param phase = 0 in -1000..1000: phase of the first wave, in wavelengths
 //
 // The displacement of each vertex in world-space metres; shadows and normals follow.
 const TURN = 6.2831853;

@@ -2,7 +2,7 @@
 // about: light that reaches around surfaces, warm where it fades: skin, wax, clay
 // version: 1
 // hook: lighting
-// param wrap = 0.5 in 0..1: how far around, 1 to the far side
+// param wrap = 0.5 in 0..1: how far the light wraps around; 1 reaches the opposite side
 // param warmth = 0.6 in 0..1: how red the edge of the shadow is
 //
 // What one light adds to a place. sample.lit is what the surface's own model would make of it.

@@ -1,10 +1,10 @@
 // effect: echo
-// about: what was there some frames ago, still seen, fainter and bluer
+// about: earlier frames over the image, fainter and bluer
 // version: 1
 // hook: image
 // history: 6
-// param strength = 0.6 in 0..1: how much of it
-// param steps = 3 in 1..6: how many images, two frames apart from 3 on down
+// param strength = 0.6 in 0..1: brightness of the earlier frames
+// param steps = 3 in 1..6: number of earlier frames; up to 3 are two frames apart
 //
 // picture(at) is the image now, previous(frames, at) the scene `frames` frames ago; picture_size() in pixels.
 fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32> {

@@ -1,8 +1,8 @@
 // effect: printed
 // about: the image on paper: its grain shows where the ink is thin
 // version: 1
-// param amount = 0.8 in 0..1: how much paper is seen
-// param across = 4 in 0.5..64: how often the paper repeats from left to right
+// param amount = 0.8 in 0..1: strength of the paper grain
+// param across = 4 in 0.5..64: repetitions of the paper texture across the image
 // texture paper = paper.png: fibres, white where there is most paper
 //
 // A texture's name is a function of its place, 0 to 1 from the top left and repeated; what it gives is linear.

@@ -1,12 +1,12 @@
 // effect: speed
-// about: an arrow at each joint, as long as the joint goes in a part of a second
+// about: an arrow at each joint, along its velocity
 // version: 1
 // hook: overlay
 // history: 1
 // count: 240
 // over: true
-// param ahead = 0.15 in 0..2: seconds that an arrow reaches ahead
-// param fps = 30 in 1..240: frames a second of the scene
+// param ahead = 0.15 in 0..2: length of an arrow: seconds of motion
+// param fps = 30 in 1..240: frames per second of the scene
 //
 // Three lines a joint: the shaft and two barbs; none where the joint stands still.
 fn effect(index: u32, actor: ActorSample, p: Parameters) -> Line {

@@ -1,13 +1,13 @@
 // effect: trail
-// about: a ribbon behind a hand, where it was in the last second
+// about: a ribbon along the path of a hand during the last second
 // version: 1
 // hook: overlay
 // history: 30
 // count: 60
 // joint hand = mixamorig:RightHand|hand.r: what it hangs on
 // joint arm = mixamorig:RightForeArm|lowerarm.r: the ribbon's other edge is on the way there
-// param width = 0.5 in 0..1: of the ribbon, as a share of the way from hand to arm
-// param color = rgb(1, 0.55, 0.1): of the ribbon
+// param width = 0.5 in 0..1: width of the ribbon, as a fraction of the distance from hand to arm
+// param color = rgb(1, 0.55, 0.1): color of the ribbon
 //
 // Two triangles from each frame to the frame before it, fainter the older they are.
 fn edge(frames: u32, p: Parameters) -> vec3<f32> {

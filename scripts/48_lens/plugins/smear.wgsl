@@ -1,10 +1,10 @@
 // effect: smear
-// about: smears each pixel along the way that its surface has moved: motion blur of one image
+// about: motion blur of one image: blurs each pixel along the motion of its surface
 // hook: image
 // view: before
 // off: shutter = 0
-// param shutter = 1 in 0..2: how long the shutter is open, frames
-// param samples = int(12) in 2..64: places that are looked at for each pixel
+// param shutter = 1 in 0..2: time during which the shutter is open, in frames
+// param samples = int(12) in 2..64: samples per pixel
 //
 // motion_at(at) names an input of the scene, so the frame draws motion vectors; depth_at(at) adds depth and normals. Without an effect that
 // names them neither is drawn. What moves behind a nearer surface is not smeared over it.
