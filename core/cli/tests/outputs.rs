@@ -168,7 +168,7 @@ fn planted() -> tempfile::TempDir {
     write("scene/tri.gltf", &triangle(1.0));
     write(
         "scene/suite/box.rhai",
-        "test(\"seen\", || { cast(\"b\", shape(\"box\")); camera(\"c\").frame(); expect_picture(\"box\", #{ at: 0.0, size: [32, 18] }); });\n",
+        "test(\"seen\", || { cast(\"b\", shape(\"box\")); camera(\"c\").frame(); expect_image(\"box\", #{ at: 0.0, size: [32, 18] }); });\n",
     );
     dir
 }

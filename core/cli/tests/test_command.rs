@@ -20,12 +20,12 @@ fn set(x) {
 
 test("the box is seen", || {
     set(0.0);
-    expect_picture("box", #{ at: 0.0, size: [96, 54] });
+    expect_image("box", #{ at: 0.0, size: [96, 54] });
 });
 
 test("the box is seen aside", #{ tags: ["aside"] }, || {
     set(0.7);
-    expect_picture("aside", #{ at: 0.0, size: [96, 54] });
+    expect_image("aside", #{ at: 0.0, size: [96, 54] });
 });
 
 test("numbers are numbers", || { expect(1 + 1).equals(2); });
@@ -211,14 +211,14 @@ const FAULTS: &[(&str, &str)] = &[
         "raise it with --limit",
     ),
     (
-        "test(\"a\", || { expect(1).equals(1); expect_picture(\"p\", #{ at: 0.0, size: [20000, 20000] }); });",
+        "test(\"a\", || { expect(1).equals(1); expect_image(\"p\", #{ at: 0.0, size: [20000, 20000] }); });",
         "picture",
     ),
     ("let x = 1;\nlet y = ;\n", "ERROR suite/t.rhai"),
     ("cast(\"a\", load(\"nowhere.glb\"));\n", "ERROR suite/t.rhai"),
     (
-        "test(\"a\", || { cast(\"b\", shape(\"box\")); expect_picture(\"same\"); });\n\
-         test(\"b\", || { cast(\"b\", shape(\"box\")); expect_picture(\"same\"); });",
+        "test(\"a\", || { cast(\"b\", shape(\"box\")); expect_image(\"same\"); });\n\
+         test(\"b\", || { cast(\"b\", shape(\"box\")); expect_image(\"same\"); });",
         "suite/t.rhai > a has an image of this name too",
     ),
 ];
@@ -260,7 +260,7 @@ fn known_bugs_expected_errors_and_plain_scripts_pass() {
     write(
         d,
         "suite/bug.rhai",
-        "test(\"a\", #{ fails: \"bug 8\" }, || { cast(\"b\", shape(\"box\")); expect_picture(\"p\"); });",
+        "test(\"a\", #{ fails: \"bug 8\" }, || { cast(\"b\", shape(\"box\")); expect_image(\"p\"); });",
     );
     assert_eq!(test(d, &["suite/bug.rhai", "--accept"]).code, 0);
     assert!(!d.join("suite/pictures").exists());
@@ -510,7 +510,7 @@ test("many looks", || {
 test("many images", || {
     cast("a", shape("box", #{ size: [1, 1, 1] }));
     camera("c").at(1.0, 1.6, 4.0).look_at([0.0, 0.6, 0.0]);
-    for i in 0..2000 { expect_picture(`p${i}`, #{ at: 0.0, size: [640, 360] }); }
+    for i in 0..2000 { expect_image(`p${i}`, #{ at: 0.0, size: [640, 360] }); }
 });
 test("quick", || { expect(1).equals(1); });
 "#,

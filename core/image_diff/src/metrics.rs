@@ -15,7 +15,7 @@ pub struct ImageDifference {
 
 /// A measure of an [`ImageDifference`] with a limit: 0 for equal images, 1 at most.
 pub struct ImageMetric {
-    /// Option of `expect_picture` that sets the limit.
+    /// Option of `expect_image` that sets the limit.
     pub name: &'static str,
     /// Name of the limited quantity, as in the API reference.
     pub doc: &'static str,

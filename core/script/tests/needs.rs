@@ -118,9 +118,9 @@ fn sections_that_look_at_no_picture() {
     let folder = Folder::new(&[
         ("hero.toy", ""),
         ("a.rhai", r#"test("one", || { expect(cast("a", load("hero.toy"))).at(0).visible(); });"#),
-        ("b.rhai", r#"test("one", || { cast("a", load("hero.toy")); expect_picture("p"); });"#),
+        ("b.rhai", r#"test("one", || { cast("a", load("hero.toy")); expect_image("p"); });"#),
         ("c.rhai", "import \"m\" as m;\ntest(\"one\", || { cast(\"a\", load(\"hero.toy\")); m::look(); });"),
-        ("m.rhai", r#"fn look() { expect_picture("p"); }"#),
+        ("m.rhai", r#"fn look() { expect_image("p"); }"#),
     ]);
     let run = |file: &str| {
         let (path, options) = (folder.file(file), TestOptions::default());

@@ -1,4 +1,4 @@
-//! Image expectations (`expect_picture`): draws a stage at a time and compares it with the golden image beside the test.
+//! Image expectations (`expect_image`): draws a stage at a time and compares it with the golden image beside the test.
 
 use crate::outcome::{Check, Evidence, Measures, Pictures, SourceLocation};
 use crate::painter::{Device, NoImage, Painter, Shot};

@@ -111,7 +111,7 @@ fn judge(
     }
     if run.asserts_nothing() {
         outcome.status = Status::Error(format!(
-            "{}: this section asserts nothing, so it cannot fail\n    hint: add an expect(…) or expect_picture(…), or //~ error: TEXT where an error is expected",
+            "{}: this section asserts nothing, so it cannot fail\n    hint: add an expect(…) or expect_image(…), or //~ error: TEXT where an error is expected",
             outcome.place
         ));
         return without_files(outcome);

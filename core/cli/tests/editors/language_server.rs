@@ -445,7 +445,7 @@ fn sections_of_new_files_have_diagnostics() {
         for (call, line, expected) in [
             ("expect(film.actor(\"hreo\")).y().above(-9.0)", 2, "did you mean \"hero\"?"),
             ("expect(film.actor(\"hero\")).sped().above(0.0)", 2, "Expect has no method \"sped\""),
-            ("expect_picture(\"a\", #{ sz: [8, 8] })", 2, "unknown option \"sz\""),
+            ("expect_image(\"a\", #{ sz: [8, 8] })", 2, "unknown option \"sz\""),
         ] {
             editor.set(uri, &of_film(call));
             let found = editor.checked(uri);
@@ -456,7 +456,7 @@ fn sections_of_new_files_have_diagnostics() {
         editor.set(uri, &of_film("expect(film.actor(\"hero\")).y().above(-9.0)"));
         assert_eq!(messages(&editor.checked(uri)), [""; 0], "{uri}");
         // A test of its own stage, which only compares an image.
-        editor.set(uri, "test(\"looks\", || {\n    expect_picture(\"a\", #{ sz: [8, 8] });\n});\n");
+        editor.set(uri, "test(\"looks\", || {\n    expect_image(\"a\", #{ sz: [8, 8] });\n});\n");
         let found = messages(&editor.checked(uri));
         assert!(found.len() == 1 && found[0].contains("unknown option \"sz\""), "{uri}: {found:?}");
     }
@@ -856,7 +856,7 @@ const CALLS: &str = "\
     test: test(\"a\", OPT, || { expect(h).y().above(0.0); })
     scene: TEST scene(\"other.rhai\", OPT)
     plan: TEST plan(OPT)
-    expect_picture: TEST expect_picture(\"a\", OPT)
+    expect_image: TEST expect_image(\"a\", OPT)
     Expect.on_floor: TEST expect(h.joint(\"LeftFoot\")).on_floor(OPT)
     Expect.in_frame: TEST expect(h).in_frame(OPT)
     Expect.slide: TEST expect(h.joint(\"LeftFoot\")).slide(OPT)";

@@ -35,7 +35,7 @@ fn lacks(name: &str, lessons: &[String], suite: &[String]) -> Vec<&'static str> 
         out.push("a lesson");
     }
     let sections = suite.iter().flat_map(|text| text.split("\ntest(").skip(1));
-    if !sections.clone().any(|s| s.contains(&call) && s.contains("expect_picture(")) {
+    if !sections.clone().any(|s| s.contains(&call) && s.contains("expect_image(")) {
         out.push("a section with an image");
     }
     out

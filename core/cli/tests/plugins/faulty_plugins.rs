@@ -52,7 +52,7 @@ fn panics_of_plugins_are_errors_with_name_and_version() {
     assert!(error.contains("loads.rhai:1:"), "{error}");
     assert!(error.contains("the plugin faulty 1.2 has failed: a.faulty has no header"), "{error}");
     assert_eq!(code, Some(1), "{error}");
-    let drawn = "effect(\"faulty\"); expect_picture(\"x\", #{ at: 0, size: [32, 24] });";
+    let drawn = "effect(\"faulty\"); expect_image(\"x\", #{ at: 0, size: [32, 24] });";
     write("tests.rhai", &format!("test(\"a\", || {{ cast(\"a\", shape(\"box\")); {drawn} }});\n"));
     let out = Command::new(&example).args(["test", "tests.rhai"]).current_dir(dir.path()).output().unwrap();
     let output = String::from_utf8_lossy(&out.stdout) + String::from_utf8_lossy(&out.stderr);

@@ -273,7 +273,7 @@ fn a_package_is_tested_as_its_users_meet_it() {
     fails("source: no test uses the effect swap; write effect(\"swap\") in one");
     place.write(
         "source/tests/dots.rhai",
-        &TEST.replace("expect(", "expect_picture(\"it\", #{ at: 0.0, size: [32, 32] }); expect("),
+        &TEST.replace("expect(", "expect_image(\"it\", #{ at: 0.0, size: [32, 32] }); expect("),
     );
     fails("accept: choreo test source/tests/dots.rhai --plugins source --search source --accept=it");
     let words = ["source/tests/dots.rhai", "--plugins", "source", "--search", "source", "--accept=it"];

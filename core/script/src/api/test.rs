@@ -43,7 +43,7 @@ api! {
     ///   default, or "vulkan").
     /// - Allowed difference: tolerance (per channel, in steps of 255, default 4), {}.
     /// - `large: true` allows a golden image of more than 40 KiB.
-    expect_picture("name, options?") -> () = expect_picture, in_tests, options(limits);
+    expect_image("name, options?") -> () = expect_image, in_tests, options(limits);
 }
 
 fn test(c: &mut Call) -> Reply {
@@ -422,14 +422,14 @@ fn limits() -> String {
     METRICS.map(one).join(", ")
 }
 
-fn expect_picture(c: &mut Call) -> Reply {
+fn expect_image(c: &mut Call) -> Reply {
     let name = c.text(0)?;
     let valid = !name.is_empty()
         && name.len() <= 80
         && name.chars().all(|ch| ch.is_ascii_alphanumeric() || ch == '_' || ch == '-');
     if !valid {
         return Err(ApiError::new(format!(
-            "expect_picture: name must be letters, digits, _ or -, 80 at most: it is a file's name; got \"{name}\""
+            "expect_image: name must be letters, digits, _ or -, 80 at most: it is a file's name; got \"{name}\""
         ))
         .focus(name));
     }
@@ -437,7 +437,7 @@ fn expect_picture(c: &mut Call) -> Reply {
     let o = c.options(1, &[&of_frame[..], &METRICS.map(|metric| metric.name)].concat())?;
     let tolerance = o.number_in("tolerance", 0.0, 255.0)?;
     if let Some(t) = tolerance.filter(|t| t.fract() != 0.0) {
-        return Err(ApiError::new(format!("expect_picture: tolerance must be a whole number, got {t}")));
+        return Err(ApiError::new(format!("expect_image: tolerance must be a whole number, got {t}")));
     }
     let default = ImageExpectation::new(&name);
     let mut limits = default.limits;
@@ -457,7 +457,7 @@ fn expect_picture(c: &mut Call) -> Reply {
     let same = |claim: &Claim| matches!(claim, Claim::Picture(p) if p.name == name);
     if let Some(before) = c.shared.test().expectations.iter().find(|e| same(&e.claim)) {
         return Err(ApiError::new(format!(
-            "expect_picture: the name \"{name}\" is already taken in line {}",
+            "expect_image: the name \"{name}\" is already taken in line {}",
             before.place.line
         ))
         .focus(name.clone()));

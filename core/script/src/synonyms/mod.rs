@@ -8,6 +8,7 @@ use std::sync::LazyLock;
 
 /// Other names that scripts may use, with the real names: `NAME` of a function, or `FUNCTION: OPTION`.
 pub(crate) const ALIASES: &[(&str, &str)] = &[
+    ("expect_picture", "expect_image"),
     ("title", "text"),
     ("stage: duration", "stage: length"),
     ("stage: frame_rate", "stage: fps"),

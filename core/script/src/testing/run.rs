@@ -95,7 +95,7 @@ fn asserts_nothing(info: &SectionInfo) -> Diagnostic {
     Diagnostic {
         line: info.line,
         hint: Some(
-            "add an expect(…) or expect_picture(…), or //~ error: TEXT where an error is expected".into(),
+            "add an expect(…) or expect_image(…), or //~ error: TEXT where an error is expected".into(),
         ),
         ..Diagnostic::error(text).in_file(&info.file)
     }
@@ -149,7 +149,7 @@ pub fn run_section(
 
 /// Whether a test compares images or inspects plans, by the names of the functions in its text.
 fn needs_pixels(text: &str) -> bool {
-    ["expect_picture", "plan(", "same_as", "costs_at_most"].iter().any(|word| text.contains(word))
+    ["expect_image", "expect_picture", "plan(", "same_as", "costs_at_most"].iter().any(|word| text.contains(word))
 }
 
 fn section(

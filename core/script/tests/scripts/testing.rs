@@ -255,7 +255,7 @@ fn misuse_is_answered_in_words() {
         ("test(\"a\", || 1); test(\"a\", || 1);", "the name \"a\" is already taken by the section in line 1"),
         ("test(\"a\", #{ skip: \"\" }, || 1);", "test: skip must give a reason"),
         ("expect(1).equals(1); test(\"a\", || 1);", "expect can be used in test sections only"),
-        ("test(\"a\", || { expect_picture(\"a b\"); });", "it is a file's name"),
+        ("test(\"a\", || { expect_image(\"a b\"); });", "it is a file's name"),
         ("test(\"a\", || { expect(load(\"hero.toy\")); });", "expect: what must be an Actor, Joint"),
         ("test(\"a\", || { expect(stage()).at(1).near(1); });", "near: the argument of expect must be"),
         ("test(\"a\", || { throw \"no\"; });", "t.rhai:1:16: no"),

@@ -236,7 +236,7 @@ test("a wrong sum", || {
 
 test("an image", || {
     cast("ball", ball);
-    expect_picture("ball", #{ at: 0.0, size: [48, 32] });
+    expect_image("ball", #{ at: 0.0, size: [48, 32] });
 });
 "##;
 
