@@ -236,10 +236,12 @@ fn place_files(prim: &mut Prim, layer: &str) {
         reference.file = beside(layer, &reference.file);
     }
     for attribute in prim.attributes.values_mut().filter(|a| a.kind.starts_with("asset")) {
-        if let Some(Value::Texts(list)) = &attribute.value {
-            let placed: Vec<String> =
-                list.iter().map(|f| if f.is_empty() { String::new() } else { beside(layer, f) }).collect();
-            Arc::make_mut(attribute).value = Some(Value::Texts(placed.into()));
+        let attribute = Arc::make_mut(attribute);
+        let samples = attribute.samples.iter_mut().map(|(_, value)| value);
+        for value in attribute.value.iter_mut().chain(samples) {
+            let Value::Texts(list) = value else { continue };
+            let placed = list.iter().map(|f| if f.is_empty() { String::new() } else { beside(layer, f) });
+            *value = Value::Texts(placed.collect());
         }
     }
     prim.children.iter_mut().for_each(|child| place_files(child, layer));
