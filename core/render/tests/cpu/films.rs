@@ -87,7 +87,7 @@ fn film_on(base_f0: f32, ior: f32, nanometres: f32, gain: f64) -> [f64; 3] {
 }
 
 #[test]
-fn a_film_has_the_colors_of_its_spectrum() {
+fn thin_film_colors_match_the_spectral_integral() {
     let mut worst = 0.0f64;
     for (ior, f0) in [(1.33f64, 0.2f64), (1.6, 0.04), (1.8, 0.3), (1.3, 0.5)] {
         let root = f0.sqrt();
@@ -111,7 +111,7 @@ fn a_film_has_the_colors_of_its_spectrum() {
 }
 
 #[test]
-fn a_film_of_nothing_is_no_film() {
+fn a_film_of_zero_thickness_changes_nothing() {
     for f0 in [0.04, 0.3] {
         let got = film_on(f0, 1.8, 0.0, 1.5);
         got.iter().for_each(|g| assert!((g - f64::from(f0)).abs() < 0.006, "{f0}: {g}"));
@@ -139,7 +139,7 @@ fn brushed_wall(strength: f32, rotation: f32, roughness: f32) -> Scene {
 }
 
 #[test]
-fn brushed_metal_stretches_its_highlights() {
+fn anisotropy_stretches_highlights() {
     for (strength, rotation, roughness) in
         [(0.0, 0.0, 0.5), (0.6, 0.0, 0.4), (0.9, 0.7, 0.4), (1.0, 1.2, 0.3)]
     {
@@ -182,7 +182,7 @@ fn energy(alpha: [f64; 2]) -> f64 {
 
 /// ∫ f cos dω over 250 suns spread evenly over the sky, in the image.
 #[test]
-fn brushed_metal_makes_no_light() {
+fn anisotropic_metal_reflects_no_more_light_than_it_gets() {
     for (strength, roughness) in [(0.0f64, 0.7f64), (0.5, 0.6), (0.9, 0.7)] {
         let mut scene = brushed_wall(strength as f32, 0.3, roughness as f32);
         let count = 250;
@@ -202,7 +202,7 @@ fn brushed_metal_makes_no_light() {
 }
 
 #[test]
-fn light_from_behind_shines_through() {
+fn diffuse_transmission_shows_light_from_behind() {
     for share in [0.0, 0.4, 1.0] {
         for degrees in [0.0f64, 35.0, 70.0] {
             let layers = MaterialLayers {

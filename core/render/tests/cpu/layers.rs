@@ -31,7 +31,7 @@ fn to_light(degrees: f64) -> DVec3 {
 }
 
 #[test]
-fn a_coat_over_a_dull_surface() {
+fn clearcoat_matches_its_formula() {
     for (coat, roughness) in [(1.0, 0.3), (0.5, 0.6), (0.0, 0.3)] {
         for degrees in [0.0, 15.0, 50.0] {
             let layers = MaterialLayers {
@@ -78,7 +78,7 @@ fn sheen_albedo(roughness: f64, nv: f64) -> f64 {
 }
 
 #[test]
-fn sheen_over_cloth() {
+fn sheen_matches_its_formula() {
     for roughness in [0.3, 0.5, 0.9] {
         // The fit against the integral, at N = V.
         let albedo = sheen_albedo(roughness, 1.0);
@@ -103,7 +103,7 @@ fn sheen_over_cloth() {
 }
 
 #[test]
-fn the_sheens_albedo_is_near_its_integral() {
+fn the_fitted_sheen_albedo_is_near_its_integral() {
     // Under a white sky alone a black cloth with white sheen shows the albedo, and nothing of the surface below.
     let mut worst = 0.0f64;
     for roughness in [0.1, 0.2, 0.3, 0.5, 0.7, 1.0] {
@@ -138,7 +138,7 @@ fn reflected(roughness: f64) -> f64 {
 }
 
 #[test]
-fn glass_multiplies_what_is_behind_and_adds_what_it_reflects() {
+fn thin_glass_multiplies_its_background_and_adds_reflections() {
     for (transmission, roughness, thickness) in
         [(1.0, 0.0, 0.0), (1.0, 0.5, 0.0), (0.6, 0.0, 0.5), (1.0, 0.0, 2.0)]
     {
@@ -184,7 +184,7 @@ fn glass_multiplies_what_is_behind_and_adds_what_it_reflects() {
 }
 
 #[test]
-fn glass_is_planned_twice_and_last() {
+fn thin_glass_is_drawn_last_in_two_draws() {
     let scene = layered_scene();
     let (_, plan) = scene.plan(&PlanOptions::new([200, 150], 1));
     let glass: Vec<Glass> = plan.draws.iter().map(|d| d.pipeline.glass).collect();
@@ -201,7 +201,7 @@ fn glass_is_planned_twice_and_last() {
 }
 
 #[test]
-fn without_layers_nothing_is_requested() {
+fn materials_without_layers_request_no_layer_features() {
     let what = |material: Material| {
         let mut scene = wall(material);
         scene.sun(Vec3::NEG_Z, Vec3::ONE, 0.5);
@@ -234,7 +234,7 @@ fn without_layers_nothing_is_requested() {
 }
 
 #[test]
-fn forcing_everything_in_changes_no_pixel() {
+fn forcing_all_features_in_changes_no_layered_pixel() {
     let scene = layered_scene();
     let options = PlanOptions::new([160, 120], 1);
     let lean = draw(&scene, &options);
@@ -244,7 +244,7 @@ fn forcing_everything_in_changes_no_pixel() {
 }
 
 #[test]
-fn hostile_numbers_stay_finite() {
+fn extreme_material_values_give_finite_colors() {
     for extreme in [0.0, 1e-30, 1e30, f32::MAX, f32::INFINITY] {
         let layers = MaterialLayers {
             clearcoat: 1.0,

@@ -21,7 +21,7 @@ fn at(x: f32, y: f32) -> Vec3 {
 }
 
 #[test]
-fn an_edge_through_pixel_centres_belongs_to_one_side() {
+fn an_edge_through_pixel_centers_belongs_to_one_triangle() {
     let lower = triangle(at(0.0, 0.0), at(0.0, 8.0), at(8.0, 8.0));
     let upper = triangle(at(0.0, 0.0), at(8.0, 8.0), at(8.0, 0.0));
     let count = |p: &Primitive| {
@@ -37,7 +37,7 @@ fn an_edge_through_pixel_centres_belongs_to_one_side() {
 }
 
 #[test]
-fn four_samples_cover_what_their_standard_positions_say() {
+fn four_samples_are_at_the_standard_positions() {
     let positions = [(0.375, 0.125), (0.875, 0.375), (0.125, 0.625), (0.625, 0.875)];
     // Multiples of 1/256 pixel, so that snapping changes nothing.
     let vertices = [(0.6171875, 0.40625), (1.2109375, 7.1015625), (7.4296875, 4.59375)];
@@ -106,7 +106,7 @@ fn interpolation_is_perspective_correct_even_behind_the_camera() {
 }
 
 #[test]
-fn the_nearer_one_is_visible_in_either_order() {
+fn the_nearer_surface_is_visible_in_either_order() {
     for flip in [false, true] {
         let mut scene = Scene::perspective(1.0, 5.0);
         let red = asset(vec![quad(1.0, 1.0)], vec![unlit(Vec4::new(1.0, 0.0, 0.0, 1.0))], vec![]);
@@ -121,7 +121,7 @@ fn the_nearer_one_is_visible_in_either_order() {
 }
 
 #[test]
-fn blending_is_in_linear_light_back_to_front_and_behind_opaque_is_hidden() {
+fn blending_is_linear_back_to_front_and_depth_tested() {
     let glass = |r: f32, g: f32, b: f32| {
         let m = Material { alpha_mode: AlphaMode::Blend, ..unlit(Vec4::new(r, g, b, 0.5)) };
         asset(vec![quad(2.0, 2.0)], vec![m], vec![])
@@ -142,7 +142,7 @@ fn blending_is_in_linear_light_back_to_front_and_behind_opaque_is_hidden() {
 }
 
 #[test]
-fn back_faces_mirrors_and_double_sides() {
+fn back_faces_are_culled_unless_double_sided_or_mirrored() {
     let shown = |double_sided: bool, mirror: bool, turned: bool| {
         let mut scene = Scene::ortho(2.0);
         let m = Material { double_sided, ..unlit(Vec4::ONE) };
@@ -180,7 +180,7 @@ fn lines_and_points_are_a_pixel_wide() {
 }
 
 #[test]
-fn odd_triangles_and_odd_sizes() {
+fn degenerate_triangles_and_odd_image_sizes_are_drawn() {
     let mut bad = quad(2.0, 2.0);
     bad.positions.extend([Vec3::NAN, Vec3::splat(f32::INFINITY), Vec3::splat(3e38), Vec3::splat(-3e38)]);
     bad.normals.extend([Vec3::Z; 4]);

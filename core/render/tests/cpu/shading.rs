@@ -24,7 +24,7 @@ fn metallic_roughness(base: f64, metallic: f64, roughness: f64, specular: f64, l
 }
 
 #[test]
-fn metallic_roughness_under_one_sun() {
+fn metallic_roughness_matches_its_formula_under_one_sun() {
     for (metallic, roughness, specular) in
         [(0.0, 1.0, 1.0), (0.0, 0.3, 1.0), (0.0, 0.5, 0.0), (1.0, 0.4, 1.0), (0.5, 0.7, 0.5)]
     {
@@ -66,7 +66,7 @@ fn a_white_diffuse_wall_facing_light_one_is_white() {
 }
 
 #[test]
-fn point_and_spot_lights_fall_off() {
+fn point_and_spot_light_falloff_matches_closed_forms() {
     let light = |kind, range| LightState {
         light: Light { kind, color: Vec3::ONE, intensity: 3.0, range },
         position: DVec3::new(0.0, 0.0, 2.0),
@@ -95,7 +95,7 @@ fn point_and_spot_lights_fall_off() {
 }
 
 #[test]
-fn blinn_phong_and_ambient() {
+fn blinn_phong_and_ambient_light_match_closed_forms() {
     let material = Material {
         shading: Shading::BlinnPhong,
         specular_color: Vec3::splat(0.05),
@@ -161,7 +161,7 @@ fn a_distant_chequerboard_is_grey_in_linear_light() {
 }
 
 #[test]
-fn the_alpha_mask_cuts_holes_and_leaves_what_is_behind() {
+fn alpha_masks_cut_holes_that_show_the_background() {
     let image = image(2, 1, |x, _| [255, 255, 255, if x == 0 { 100 } else { 200 }]);
     let m = Material { alpha_mode: AlphaMode::Mask(0.5), ..unlit(Vec4::ONE) };
     let mut scene = textured(m, image, 1.0, 2.0);
@@ -176,7 +176,7 @@ fn the_alpha_mask_cuts_holes_and_leaves_what_is_behind() {
 }
 
 #[test]
-fn a_normal_map_turns_the_light() {
+fn normal_maps_change_the_shading_normal() {
     let mut p = quad(2.0, 2.0);
     // u to the right, v downwards: the bitangent N × T · w must point up (−v).
     p.tangents = vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4];
@@ -225,7 +225,7 @@ fn skin_and_morphs_move_vertices_and_normals() {
 }
 
 #[test]
-fn any_number_of_threads_gives_the_same_bits() {
+fn the_number_of_threads_changes_no_bit() {
     let scene = busy_scene(DVec3::ZERO);
     for samples in [1, 4] {
         let with = |threads: usize| {
@@ -240,7 +240,7 @@ fn any_number_of_threads_gives_the_same_bits() {
 }
 
 #[test]
-fn ten_thousand_kilometres_away_it_looks_the_same() {
+fn the_image_is_the_same_10000_km_from_the_origin() {
     let near = draw_at(&busy_scene(DVec3::ZERO), [160, 120], 4);
     let far = draw_at(&busy_scene(DVec3::new(1e7, -1e7, 1e7)), [160, 120], 4);
     // Places are rounded to 2 nm out there.
@@ -249,7 +249,7 @@ fn ten_thousand_kilometres_away_it_looks_the_same() {
 }
 
 #[test]
-fn forcing_every_feature_in_changes_no_pixel() {
+fn forcing_all_features_in_changes_no_pixel() {
     let scene = busy_scene(DVec3::ZERO);
     for samples in [1, 4] {
         let options = PlanOptions::new([160, 120], samples);
@@ -285,7 +285,7 @@ fn an_effect_changes_each_pixel_by_its_function() {
 }
 
 #[test]
-fn misuse_is_an_error_with_words() {
+fn misuse_is_an_error_with_a_message() {
     let scene = wall(unlit(Vec4::ONE));
     let (resources, plan) = scene.plan(&PlanOptions::new([4, 4], 1));
     let mut r = CpuRenderer::new(&[]);

@@ -30,7 +30,7 @@ fn drawn(frame: &Frame) -> Vec<bool> {
 }
 
 #[test]
-fn covered_deep_and_shaded_are_the_same_pixels() {
+fn coverage_depth_and_shading_stages_agree_on_the_pixels() {
     let pictures = stages(&scene(-1.3));
     assert_eq!(pictures.len(), STAGES.len());
     for (picture, name) in pictures.iter().zip(STAGES) {
@@ -53,7 +53,7 @@ fn covered_deep_and_shaded_are_the_same_pixels() {
 }
 
 #[test]
-fn nothing_in_view_is_no_mistake() {
+fn an_empty_view_is_no_error() {
     let mut scene = Scene::perspective(0.9, 6.0);
     assert_eq!(stages(&scene).len(), STAGES.len());
     scene.at(&asset(vec![quad(1.0, 1.0)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 1e30);

@@ -27,7 +27,7 @@ fn all() -> Vec<Effect> {
     ])
 }
 
-fn with(scene: &mut Scene, plugin: &str, parameters: &[(&str, f64)], actors: &[usize]) {
+fn add_effect(scene: &mut Scene, plugin: &str, parameters: &[(&str, f64)], actors: &[usize]) {
     common::use_effect(scene, plugin, parameters, actors);
 }
 
@@ -47,7 +47,7 @@ fn scene() -> Scene {
 /// (What it is, the effects in order, which actors).
 type Case = (&'static str, Vec<(&'static str, Vec<(&'static str, f64)>, Vec<usize>)>);
 
-fn cases() -> Vec<Case> {
+fn effect_cases() -> Vec<Case> {
     vec![
         ("fog", vec![("fog", vec![("density", 0.2), ("falloff", 0.5)], vec![])]),
         ("colored fog", vec![("fog", vec![("density", 0.3), ("start", 3.0), ("sky", 0.0)], vec![])]),
@@ -83,7 +83,7 @@ fn cases() -> Vec<Case> {
 fn draw_case(case: &Case, drawn: &mut dyn FnMut(&Scene, &PlanOptions) -> Frame, samples: u32) -> Frame {
     let mut scene = scene();
     for (plugin, parameters, actors) in &case.1 {
-        with(&mut scene, plugin, parameters, actors);
+        add_effect(&mut scene, plugin, parameters, actors);
     }
     let effects = all();
     drawn(&scene, &PlanOptions { effects: &effects, ..PlanOptions::new([200, 150], samples) })
@@ -96,7 +96,7 @@ fn vulkan_and_the_cpu_reference_draw_the_same_effects() {
     let mut cpu = |scene: &Scene, options: &PlanOptions| draw(scene, options);
     let plain = [1, 4].map(|samples| draw_case(&("none", Vec::new()), &mut cpu, samples));
     let mut pictures: Vec<Frame> = Vec::new();
-    for (i, case) in cases().iter().enumerate() {
+    for (i, case) in effect_cases().iter().enumerate() {
         let samples = if i % 3 == 2 { 4 } else { 1 };
         let (a, b) = (draw_case(case, &mut vulkan, samples), draw_case(case, &mut cpu, samples));
         let c = compare(&a, &b, 3).unwrap();
@@ -113,13 +113,13 @@ fn vulkan_and_the_cpu_reference_draw_the_same_effects() {
 }
 
 #[test]
-fn who_has_no_effect_pays_for_none() {
+fn actors_without_effects_request_no_effect_features() {
     let keys = |effects_on: &[(&str, &[usize])]| {
         let mut scene = Scene::perspective(0.7, 6.0);
         let a = asset(vec![bulge(0.5)], vec![unlit(Vec4::ONE)], vec![]);
         scene.at(&a, -1.0, 0.0, 0.0);
         scene.add(&a, DAffine3::from_rotation_translation(DQuat::from_rotation_y(0.3), DVec3::X));
-        effects_on.iter().for_each(|(name, actors)| with(&mut scene, name, &[], actors));
+        effects_on.iter().for_each(|(name, actors)| add_effect(&mut scene, name, &[], actors));
         let effects = all();
         let (_, plan) = scene.plan(&PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], 1) });
         let out = |what: &str| plan.left_out.iter().any(|l| l.what == what);
@@ -145,12 +145,12 @@ fn who_has_no_effect_pays_for_none() {
 }
 
 #[test]
-fn fog_by_its_formula_and_only_on_surfaces() {
+fn fog_matches_its_formula() {
     // Ten metres before a camera at z = 10, half a metre up: exp(−0.1 · 10) of white is left, the rest is the sky.
     let mut scene = Scene::ortho(2.0);
     scene.snapshot.background = Background::Color(Vec4::new(0.2, 0.4, 0.6, 1.0));
     scene.at(&asset(vec![quad(0.5, 0.5)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
-    with(&mut scene, "fog", &[("density", 0.1)], &[]);
+    add_effect(&mut scene, "fog", &[("density", 0.1)], &[]);
     let effects = all();
     let frame = draw(&scene, &PlanOptions { effects: &effects, ..PlanOptions::new([21, 21], 1) });
     let left = (-1.0f64).exp();
@@ -163,7 +163,7 @@ fn fog_by_its_formula_and_only_on_surfaces() {
         scene.snapshot.background = Background::Color(Vec4::new(0.2, 0.4, 0.6, 1.0));
         scene.at(&asset(vec![quad(0.5, 0.5)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
         let red = [("color_r", 1.0), ("color_g", 0.0), ("color_b", 0.0), ("density", 0.1), ("sky", 0.0)];
-        with(&mut scene, "fog", &red, on);
+        add_effect(&mut scene, "fog", &red, on);
         let frame = draw(&scene, &PlanOptions { effects: &effects, ..PlanOptions::new([21, 21], 1) });
         assert_color(pixel(&frame, 1, 1), expected, "the background");
         assert_color(pixel(&frame, 10, 10), [1.0, left, left], "the wall");
@@ -171,12 +171,12 @@ fn fog_by_its_formula_and_only_on_surfaces() {
 }
 
 #[test]
-fn edges_are_drawn_once_and_hidden_by_what_is_before_them() {
+fn wireframe_edges_are_drawn_once_and_depth_tested() {
     assert_eq!(scene_resources::vertex_layout::edges(&[0, 1, 2, 2, 1, 3]), [0, 1, 1, 2, 0, 2, 1, 3, 2, 3]);
     // A wall stands before a quad with lines: none is seen; beside it they are.
     let mut scene = Scene::ortho(2.0);
     scene.at(&asset(vec![quad(0.9, 0.9)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
-    with(&mut scene, "wireframe", &[("color_r", 1.0), ("color_g", 0.0), ("color_b", 0.0)], &[0]);
+    add_effect(&mut scene, "wireframe", &[("color_r", 1.0), ("color_g", 0.0), ("color_b", 0.0)], &[0]);
     let effects = all();
     let options = PlanOptions { effects: &effects, ..PlanOptions::new([41, 41], 1) };
     let red = |frame: &Frame| frame.rgba.chunks_exact(4).filter(|p| p[0] == 255 && p[1] < 8).count();
@@ -188,10 +188,10 @@ fn edges_are_drawn_once_and_hidden_by_what_is_before_them() {
 }
 
 #[test]
-fn an_effect_that_asks_for_joints_gets_them_and_others_none() {
+fn only_effects_that_read_joints_get_them() {
     assert_eq!(all()[0].hook(), Hook::Surface);
     let mut scene = layered_scene();
-    with(&mut scene, "views", &[("show", 2.0)], &[]);
+    add_effect(&mut scene, "views", &[("show", 2.0)], &[]);
     let effects = all();
     let (_, plan) = scene.plan(&PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], 1) });
     // Nothing there is skinned.
@@ -216,7 +216,7 @@ fn effects_without_strength_change_nothing() {
     ];
     for (effect, parameter) in off {
         let mut scene = scene();
-        with(&mut scene, effect, &[(parameter, 0.0)], &[]);
+        add_effect(&mut scene, effect, &[(parameter, 0.0)], &[]);
         let (_, plan) = scene.plan(&options);
         let told = plan.left_out.iter().find(|l| l.what == format!("effect \"{effect}\""));
         assert_eq!(told.map(|l| l.why.clone()), Some(format!("{parameter} is 0")));
@@ -226,7 +226,7 @@ fn effects_without_strength_change_nothing() {
         let mut seen = self::scene();
         let floor = (effect == "grid").then_some(("height", -1.0));
         let on: Vec<_> = [(parameter, 1.0)].into_iter().chain(floor).collect();
-        with(&mut seen, effect, &on, &[]);
+        add_effect(&mut seen, effect, &on, &[]);
         assert!(draw_with(&mut renderer, &seen, &options) != expected, "{effect} does nothing");
     }
 }

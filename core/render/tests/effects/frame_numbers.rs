@@ -103,13 +103,13 @@ fn wall(half: f32, seconds: f64, material: Material) -> Scene {
     scene
 }
 
-fn drawn(renderer: &mut dyn Renderer, scene: &Scene) -> Frame {
+fn draw_scene(renderer: &mut dyn Renderer, scene: &Scene) -> Frame {
     let effects = effects();
     draw_with(renderer, scene, &PlanOptions { effects: &effects, ..PlanOptions::new(SIZE, 1) })
 }
 
 /// Calls a check with both renderers, at both times.
-fn on_both(check: impl Fn(&mut dyn Renderer, &str, f64)) {
+fn check_both_renderers(check: impl Fn(&mut dyn Renderer, &str, f64)) {
     let mut renderers: Vec<(&str, Box<dyn Renderer>)> = vec![("CPU", Box::new(CpuRenderer::new(&effects())))];
     let options = GpuOptions { effects: effects(), ..GpuOptions::default() };
     renderers.extend(vulkan(options).map(|renderer| ("Vulkan", Box::new(renderer) as Box<dyn Renderer>)));
@@ -119,15 +119,15 @@ fn on_both(check: impl Fn(&mut dyn Renderer, &str, f64)) {
 }
 
 #[test]
-fn functions_of_a_place_read_the_frame() {
-    on_both(|renderer, device, seconds| {
+fn pixel_and_surface_effects_read_the_frame_numbers() {
+    check_both_renderers(|renderer, device, seconds| {
         for name in ["on_pixels", "on_surfaces"] {
             let mut scene = wall(2.0, seconds, unlit(Vec4::ONE));
             if name == "on_surfaces" {
                 use_effect(&mut scene, "before", &[], &[]);
             }
             use_effect(&mut scene, name, &[], &[]);
-            let frame = drawn(renderer, &scene);
+            let frame = draw_scene(renderer, &scene);
             for (index, value) in expected(seconds).into_iter().enumerate() {
                 let got = pixel(&frame, 10 * index as u32 + 5, 75);
                 assert_color(got, [value; 3], &format!("{name} on {device}, value {index} at {seconds} s"));
@@ -137,24 +137,24 @@ fn functions_of_a_place_read_the_frame() {
 }
 
 #[test]
-fn functions_of_light_read_the_frame() {
-    on_both(|renderer, device, seconds| {
+fn light_effects_read_the_frame_numbers() {
+    check_both_renderers(|renderer, device, seconds| {
         for (index, value) in expected(seconds).into_iter().enumerate() {
             let mut scene = wall(2.0, seconds, matte(Vec4::ONE));
             use_effect(&mut scene, "on_light", &[("show", index as f64)], &[]);
-            let got = pixel(&drawn(renderer, &scene), 100, 75);
+            let got = pixel(&draw_scene(renderer, &scene), 100, 75);
             assert_color(got, [value; 3], &format!("on {device}, value {index} at {seconds} s"));
         }
     });
 }
 
 #[test]
-fn functions_of_vertices_read_the_frame() {
-    on_both(|renderer, device, seconds| {
+fn vertex_effects_read_the_frame_numbers() {
+    check_both_renderers(|renderer, device, seconds| {
         for (index, value) in expected(seconds).into_iter().enumerate() {
             let mut scene = wall(0.25, seconds, unlit(Vec4::ONE));
             use_effect(&mut scene, "on_vertices", &[("show", index as f64)], &[]);
-            let frame = drawn(renderer, &scene);
+            let frame = draw_scene(renderer, &scene);
             // 75 pixels a metre, y down: the lower edge, at −0.25 m, rises by half the value.
             let bottom = 75.0 + 75.0 * (0.25 - 0.5 * value);
             let mut rows = (0..SIZE[1]).filter(|y| pixel(&frame, 100, *y)[0] > 128);
@@ -168,7 +168,7 @@ fn functions_of_vertices_read_the_frame() {
 }
 
 #[test]
-fn a_frame_that_names_no_number_is_drawn_once() {
+fn frames_that_read_no_numbers_have_equal_keys() {
     let effects = effects();
     let options = PlanOptions { effects: &effects, ..PlanOptions::new(SIZE, 1) };
     let key = |name: &str, seconds: f64| {

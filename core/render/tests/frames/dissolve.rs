@@ -49,7 +49,7 @@ fn scene() -> Stage {
     stage
 }
 
-fn shown(stage: &Stage, secs: f64, renderer: &mut dyn Renderer) -> Frame {
+fn draw_at_time(stage: &Stage, secs: f64, renderer: &mut dyn Renderer) -> Frame {
     let effects = effects();
     let options = PlanOptions { effects: &effects, ..PlanOptions::new(SIZE, 4) };
     let resources = Arc::new(SceneResources::new(stage));
@@ -61,13 +61,13 @@ fn shown(stage: &Stage, secs: f64, renderer: &mut dyn Renderer) -> Frame {
 }
 
 /// The stage as one camera shows it all the time.
-fn alone(stage: &Stage, camera: usize, secs: f64, renderer: &mut dyn Renderer) -> Frame {
+fn draw_camera_alone(stage: &Stage, camera: usize, secs: f64, renderer: &mut dyn Renderer) -> Frame {
     let cuts = vec![Cut::new(Time::ZERO, camera)];
-    shown(&Stage { cuts, ..stage.clone() }, secs, renderer)
+    draw_at_time(&Stage { cuts, ..stage.clone() }, secs, renderer)
 }
 
 /// Largest difference of a channel to the mix of two images of opaque pixels.
-fn off(frame: &Frame, a: &Frame, b: &Frame, share_of_a: f64) -> f64 {
+fn largest_difference_to_mix(frame: &Frame, a: &Frame, b: &Frame, share_of_a: f64) -> f64 {
     let mixed = a
         .rgba
         .iter()
@@ -77,27 +77,30 @@ fn off(frame: &Frame, a: &Frame, b: &Frame, share_of_a: f64) -> f64 {
 }
 
 #[test]
-fn a_frame_is_the_mix_of_what_each_camera_shows() {
+fn a_dissolve_mixes_the_images_of_both_cameras() {
     let stage = scene();
     let mut renderer = CpuRenderer::new(&effects());
-    let [first, second] = [0, 1].map(|camera| alone(&stage, camera, 1.5, &mut renderer));
+    let [first, second] = [0, 1].map(|camera| draw_camera_alone(&stage, camera, 1.5, &mut renderer));
     assert!(compare(&first, &second, 20).unwrap().share_beyond > 0.2, "the images differ");
     for (secs, share) in [(1.0, 1.0), (1.5, 0.75), (2.0, 0.5), (2.9, 0.05)] {
-        let frame = shown(&stage, secs, &mut renderer);
+        let frame = draw_at_time(&stage, secs, &mut renderer);
         // Half a step of rounding.
         assert!(
-            off(&frame, &first, &second, share) <= 0.5001,
+            largest_difference_to_mix(&frame, &first, &second, share) <= 0.5001,
             "at {secs} s: {}",
-            off(&frame, &first, &second, share)
+            largest_difference_to_mix(&frame, &first, &second, share)
         );
-        assert!(off(&frame, &first, &second, share - 0.1) > 5.0, "the comparison can fail");
+        assert!(
+            largest_difference_to_mix(&frame, &first, &second, share - 0.1) > 5.0,
+            "the comparison can fail"
+        );
     }
-    assert_eq!(shown(&stage, 0.9, &mut renderer).rgba, first.rgba);
-    assert_eq!(shown(&stage, 3.0, &mut renderer).rgba, second.rgba);
+    assert_eq!(draw_at_time(&stage, 0.9, &mut renderer).rgba, first.rgba);
+    assert_eq!(draw_at_time(&stage, 3.0, &mut renderer).rgba, second.rgba);
 }
 
 #[test]
-fn a_mix_of_blurred_images_is_the_mix_of_both() {
+fn a_dissolve_mixes_motion_blurred_images() {
     let mut stage = scene();
     stage.effects.push(EffectUse {
         plugin: "motion_blur".into(),
@@ -108,39 +111,46 @@ fn a_mix_of_blurred_images_is_the_mix_of_both() {
     // A shutter that is still open when the dissolve ends.
     let mut renderer = CpuRenderer::new(&effects());
     let time = 2.99;
-    let [first, second] = [0, 1].map(|camera| alone(&stage, camera, time, &mut renderer));
-    let frame = shown(&stage, time, &mut renderer);
-    assert!(off(&frame, &first, &second, 0.005) <= 0.51, "{}", off(&frame, &first, &second, 0.005));
+    let [first, second] = [0, 1].map(|camera| draw_camera_alone(&stage, camera, time, &mut renderer));
+    let frame = draw_at_time(&stage, time, &mut renderer);
+    assert!(
+        largest_difference_to_mix(&frame, &first, &second, 0.005) <= 0.51,
+        "{}",
+        largest_difference_to_mix(&frame, &first, &second, 0.005)
+    );
 }
 
 #[test]
-fn both_renderers_mix_the_same() {
+fn both_renderers_draw_the_same_dissolve() {
     let Some(mut renderer) = vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() }) else {
         return;
     };
     let stage = scene();
-    let cpu = shown(&stage, 1.7, &mut CpuRenderer::new(&effects()));
-    let c = compare(&shown(&stage, 1.7, &mut renderer), &cpu, 2).unwrap();
+    let cpu = draw_at_time(&stage, 1.7, &mut CpuRenderer::new(&effects()));
+    let c = compare(&draw_at_time(&stage, 1.7, &mut renderer), &cpu, 2).unwrap();
     assert!(c.share_beyond == 0.0, "{c}");
-    assert!(compare(&shown(&stage, 1.2, &mut renderer), &cpu, 2).unwrap().share_beyond > 0.1, "it can fail");
+    assert!(
+        compare(&draw_at_time(&stage, 1.2, &mut renderer), &cpu, 2).unwrap().share_beyond > 0.1,
+        "it can fail"
+    );
 }
 
 /// An effect that reads depth gets that of the camera's own side.
 #[test]
-fn each_side_has_its_own_scene_inputs() {
+fn effects_read_the_scene_inputs_of_their_own_camera() {
     let mut stage = scene();
     stage.actors[1].transform.translation.z = 4.0;
     stage.effects = vec![EffectUse { plugin: "by_depth".into(), ..EffectUse::default() }];
     stage.layers_2d.clear();
     let check = |renderer: &mut dyn Renderer, bound: f64| {
-        let [first, second] = [0, 1].map(|camera| alone(&stage, camera, 1.5, renderer));
+        let [first, second] = [0, 1].map(|camera| draw_camera_alone(&stage, camera, 1.5, renderer));
         // 8 m and 4 m before the cameras.
         assert_color(pixel(&first, 32, 32), [0.5; 3], "the first camera");
         assert_color(pixel(&second, 32, 32), [0.25; 3], "the second camera");
-        let frame = shown(&stage, 1.5, renderer);
-        let apart = off(&frame, &first, &second, 0.75);
+        let frame = draw_at_time(&stage, 1.5, renderer);
+        let apart = largest_difference_to_mix(&frame, &first, &second, 0.75);
         assert!(apart <= bound, "{apart}");
-        assert!(off(&frame, &first, &first, 0.75) > 5.0, "the comparison can fail");
+        assert!(largest_difference_to_mix(&frame, &first, &first, 0.75) > 5.0, "the comparison can fail");
     };
     check(&mut CpuRenderer::new(&effects()), 0.5001);
     if let Some(mut renderer) = vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() }) {
@@ -149,7 +159,7 @@ fn each_side_has_its_own_scene_inputs() {
 }
 
 #[test]
-fn two_frames_of_a_dissolve_are_not_equal() {
+fn frames_of_a_dissolve_have_different_keys() {
     let stage = scene();
     let resources = SceneResources::new(&stage);
     let effects = effects();

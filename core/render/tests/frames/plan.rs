@@ -11,12 +11,12 @@ fn options() -> PlanOptions<'static> {
     PlanOptions::new([200, 100], 1)
 }
 
-fn names(plan: &Plan) -> Vec<&str> {
+fn left_out_parts(plan: &Plan) -> Vec<&str> {
     plan.left_out.iter().map(|l| l.what.as_str()).collect()
 }
 
 #[test]
-fn unlit_static_scene_needs_nothing_but_positions() {
+fn an_unlit_static_scene_requests_positions_only() {
     let mut scene = Scene::ortho(4.0);
     scene.sun(-Vec3::Z, Vec3::ONE, 1.0);
     scene.snapshot.ambient_up = Vec3::ONE;
@@ -35,7 +35,7 @@ fn unlit_static_scene_needs_nothing_but_positions() {
     assert!(plan.lights.is_empty() && plan.joint_matrices.is_empty() && plan.morphs.is_empty());
     assert_eq!(plan.ambient_up, Vec3::ZERO);
     assert!(resources.textures.is_empty(), "nothing to upload");
-    let out = names(&plan);
+    let out = left_out_parts(&plan);
     for what in ["skinning", "morph targets", "normals, lights and ambient light", "alpha test"] {
         assert!(out.contains(&what), "{what} is missing in {out:?}");
     }
@@ -46,7 +46,7 @@ fn unlit_static_scene_needs_nothing_but_positions() {
 }
 
 #[test]
-fn lit_skinned_scene_takes_them_in() {
+fn a_lit_skinned_scene_requests_lighting_and_skinning() {
     let mut scene = Scene::ortho(4.0);
     scene.sun(-Vec3::Z, Vec3::ONE, 1.0);
     let a = skinned_asset(vec![quad(1.0, 1.0)], vec![matte(Vec4::ONE)]);
@@ -56,11 +56,11 @@ fn lit_skinned_scene_takes_them_in() {
     assert_eq!(f, Features::SKIN.with(Features::METALLIC_ROUGHNESS));
     assert_eq!(plan.lights.len(), 1);
     assert_eq!(plan.joint_matrices.len(), 2);
-    assert!(!names(&plan).contains(&"skinning"));
+    assert!(!left_out_parts(&plan).contains(&"skinning"));
 }
 
 #[test]
-fn equal_content_of_two_files_is_one_entry_and_one_draw() {
+fn equal_content_of_two_files_shares_resources_and_draws() {
     let make = || {
         let material = Material { base_color_texture: Some(texture(0)), ..unlit(Vec4::ONE) };
         asset(vec![quad(0.1, 0.1)], vec![material], vec![image(2, 2, |x, y| [x as u8, y as u8, 0, 255])])
@@ -109,7 +109,7 @@ fn skinned_copies_share_one_draw_and_a_skin_is_computed_once_per_actor() {
 }
 
 #[test]
-fn a_thousand_copies_are_one_draw_and_those_outside_are_left_out() {
+fn a_thousand_copies_are_one_draw_and_culled_one_by_one() {
     let mut scene = Scene::ortho(4.0);
     let mut a = (*asset(vec![quad(0.1, 0.1)], vec![matte(Vec4::ONE)], vec![])).clone();
     let place = |i: u16| Vec3::new(f32::from(i % 40) * 0.3 - 6.0, f32::from(i / 40) * 0.15 - 1.8, 0.0);
@@ -128,7 +128,7 @@ fn a_thousand_copies_are_one_draw_and_those_outside_are_left_out() {
 }
 
 #[test]
-fn an_animated_base_color_comes_with_the_copies() {
+fn an_animated_base_color_becomes_the_instance_tint() {
     use choreo_motion::{Clip, Interpolation, PropertyCurve, PropertyTarget, Time};
     let mut a = (*asset(vec![quad(1.0, 1.0)], vec![matte(Vec4::new(0.5, 0.0, 0.5, 1.0))], vec![])).clone();
     let curve = PropertyCurve {
@@ -153,7 +153,7 @@ fn an_animated_base_color_comes_with_the_copies() {
 }
 
 #[test]
-fn what_is_outside_the_view_is_left_out() {
+fn actors_outside_the_view_are_culled() {
     let mut scene = Scene::perspective(1.0, 5.0);
     let a = asset(vec![quad(0.5, 0.5)], vec![unlit(Vec4::ONE)], vec![]);
     scene.at(&a, 0.0, 0.0, 0.0);
@@ -179,7 +179,7 @@ fn a_skinned_limb_that_reaches_into_view_is_drawn() {
 }
 
 #[test]
-fn a_morph_that_reaches_into_view_is_drawn_and_zero_weights_cost_nothing() {
+fn morph_targets_widen_bounds_and_zero_weights_request_nothing() {
     let mut scene = Scene::ortho(2.0);
     let mut p = quad(0.1, 0.1);
     p.morphs = vec![
@@ -200,7 +200,7 @@ fn a_morph_that_reaches_into_view_is_drawn_and_zero_weights_cost_nothing() {
 }
 
 #[test]
-fn opaque_then_mask_then_blend_back_to_front() {
+fn draws_are_opaque_then_masked_then_blended_back_to_front() {
     let mut scene = Scene::ortho(4.0);
     let blend = Material { alpha_mode: AlphaMode::Blend, ..unlit(Vec4::splat(0.5)) };
     let mask = Material { alpha_mode: AlphaMode::Mask(0.5), ..unlit(Vec4::ONE) };
@@ -233,7 +233,7 @@ fn a_see_through_tint_blends_and_a_mirror_flips_front_faces() {
 }
 
 #[test]
-fn ten_thousand_kilometres_away_the_plan_is_the_same() {
+fn the_plan_is_the_same_10000_km_from_the_origin() {
     let plan_at = |offset: DVec3| {
         let mut scene = Scene::perspective(1.0, 5.0);
         scene.snapshot.camera.world_from_view.translation += offset;
@@ -247,7 +247,7 @@ fn ten_thousand_kilometres_away_the_plan_is_the_same() {
 }
 
 #[test]
-fn force_all_puts_every_feature_in() {
+fn force_all_requests_every_additive_feature() {
     let mut scene = Scene::ortho(4.0);
     let a = asset(vec![quad(0.5, 0.5)], vec![matte(Vec4::ONE)], vec![]);
     scene.at(&a, 0.0, 0.0, 0.0);
@@ -264,7 +264,7 @@ fn force_all_puts_every_feature_in() {
         shader_features::FEATURES.iter().find(read).map(|f| f.bit)
     });
     for feature in surface.chain(textures) {
-        assert!(f.has(feature), "{:?}", shader_features::names(feature).collect::<Vec<_>>());
+        assert!(f.has(feature), "{:?}", shader_features::left_out_parts(feature).collect::<Vec<_>>());
     }
     assert_eq!(plan.joint_matrices.len(), 1);
 }

@@ -40,19 +40,19 @@ fn scene() -> Scene {
     scene
 }
 
-fn with(uses: &[(&str, &[(&str, f64)])]) -> Scene {
+fn scene_with_effects(uses: &[(&str, &[(&str, f64)])]) -> Scene {
     let mut scene = scene();
     uses.iter().for_each(|(plugin, parameters)| use_effect(&mut scene, plugin, parameters, &[]));
     scene
 }
 
-fn differ(a: &Frame, b: &Frame) -> choreo_image_diff::Comparison {
+fn compare_frames(a: &Frame, b: &Frame) -> choreo_image_diff::Comparison {
     assert_eq!((a.width, a.height), (b.width, b.height));
     compare(a, b, 2).unwrap()
 }
 
 #[test]
-fn tiles_give_the_image_that_is_drawn_whole() {
+fn tiled_images_equal_images_drawn_whole() {
     let effects = effects();
     let given = || GpuOptions { effects: effects.clone(), ..GpuOptions::default() };
     let Some(mut whole) = vulkan(given()) else { return };
@@ -71,15 +71,22 @@ fn tiles_give_the_image_that_is_drawn_whole() {
         ("gradient, shadow, lamps", scene()),
         ("sky", under_a_sky),
         ("parallel rays, fog", parallel),
-        ("fog over the horizon", with(&[("fog", &[("density", 0.05), ("falloff", 0.2), ("sky", 0.0)])])),
-        ("bloom and fxaa", with(&[("bloom", &[("strength", 0.6)]), ("fxaa", &[])])),
-        ("lines and lattices", with(&[("wireframe", &[]), ("grid", &[("cell", 0.3), ("height", -1.0)])])),
-        ("outlines on the screen", with(&[("outline", &[])])),
+        (
+            "fog over the horizon",
+            scene_with_effects(&[("fog", &[("density", 0.05), ("falloff", 0.2), ("sky", 0.0)])]),
+        ),
+        ("bloom and fxaa", scene_with_effects(&[("bloom", &[("strength", 0.6)]), ("fxaa", &[])])),
+        (
+            "lines and lattices",
+            scene_with_effects(&[("wireframe", &[]), ("grid", &[("cell", 0.3), ("height", -1.0)])]),
+        ),
+        ("outlines on the screen", scene_with_effects(&[("outline", &[])])),
     ];
     for (i, (what, scene)) in scenes.iter().enumerate() {
         let samples = if i % 2 == 0 { 4 } else { 1 };
         let options = PlanOptions { effects: &effects, ..PlanOptions::new(SIZE, samples) };
-        let c = differ(&draw_with(&mut tiled, scene, &options), &draw_with(&mut whole, scene, &options));
+        let c =
+            compare_frames(&draw_with(&mut tiled, scene, &options), &draw_with(&mut whole, scene, &options));
         println!("{what}, {samples} samples: {c}");
         // Where a corner is rounded otherwise, an edge may have another pixel; passes on the host have no 16-bit floats between.
         assert!(c.mean < 0.1 && c.share_beyond < 2e-3, "{what}, {samples} samples: {c}");
@@ -95,7 +102,7 @@ fn tiles_give_the_image_that_is_drawn_whole() {
 }
 
 #[test]
-fn a_misplaced_tile_shows() {
+fn the_comparison_finds_a_misplaced_tile() {
     let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
     let options = PlanOptions::new(SIZE, 1);
     let (resources, plan) = scene().plan(&options);
@@ -124,7 +131,7 @@ fn a_misplaced_tile_shows() {
 }
 
 #[test]
-fn what_tiles_cannot_show_is_reported() {
+fn features_that_tiles_do_not_support_are_reported() {
     let Some(mut tiled) = vulkan(GpuOptions { longest_side: Some(64), ..GpuOptions::default() }) else {
         return;
     };

@@ -54,12 +54,12 @@ fn crowd(count: usize) -> Scene {
     scene
 }
 
-fn triangles(resources: &SceneResources, plan: &Plan) -> usize {
+fn triangle_count(resources: &SceneResources, plan: &Plan) -> usize {
     let of = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
     plan.draws.iter().map(|d| of(d.primitive) * d.instance_count as usize).sum()
 }
 
-fn image(resources: &Arc<SceneResources>, plan: &Plan) -> Vec<u8> {
+fn draw_plan(resources: &Arc<SceneResources>, plan: &Plan) -> Vec<u8> {
     let mut renderer = CpuRenderer::new(&[]);
     renderer.load(resources.clone()).unwrap();
     renderer.submit(plan.clone()).unwrap();
@@ -67,7 +67,7 @@ fn image(resources: &Arc<SceneResources>, plan: &Plan) -> Vec<u8> {
 }
 
 /// Pixels of b that differ from a, more than a pixel away from any edge in a.
-fn far_off(a: &[u8], b: &[u8]) -> usize {
+fn differing_pixels_off_edges(a: &[u8], b: &[u8]) -> usize {
     let [w, h] = SIZE.map(|n| n as i32);
     let of = |p: &[u8], x: i32, y: i32| p[4 * (y * w + x) as usize];
     let pixels = (0..h).flat_map(|y| (0..w).map(move |x| (x, y)));
@@ -80,12 +80,12 @@ fn far_off(a: &[u8], b: &[u8]) -> usize {
 }
 
 #[test]
-fn copies_of_a_crowd_are_coarser_the_smaller_they_are() {
+fn smaller_copies_of_a_crowd_get_coarser_levels() {
     let scene = crowd(200);
     let options = PlanOptions::new(SIZE, 1);
     let (resources, plan) = scene.plan(&options);
     let (_, full) = scene.plan(&PlanOptions { full_detail: true, ..options.clone() });
-    let (few, all) = (triangles(&resources, &plan), triangles(&resources, &full));
+    let (few, all) = (triangle_count(&resources, &plan), triangle_count(&resources, &full));
     println!(
         "{few} triangles instead of {all}, in {} draws instead of {}",
         plan.draws.len(),
@@ -104,21 +104,21 @@ fn copies_of_a_crowd_are_coarser_the_smaller_they_are() {
     draws.sort_by_key(|d| d.0);
     assert!(draws.len() >= 2 && draws.windows(2).all(|d| d[0].1.1 <= d[1].1.0 + 1.0), "{draws:?}");
 
-    let (a, b) = (image(&resources, &full), image(&resources, &plan));
+    let (a, b) = (draw_plan(&resources, &full), draw_plan(&resources, &plan));
     assert!(a != b, "coarser balls are not the same to the last pixel");
-    assert_eq!(far_off(&a, &b), 0, "pixels off by more than one");
+    assert_eq!(differing_pixels_off_edges(&a, &b), 0, "pixels off by more than one");
     // All by the coarsest, the comparison fails.
     let mut wrong = (*resources).clone();
     wrong.assets[0].levels.iter_mut().for_each(|level| level.error = 0.0);
     let plan = Plan::new(&wrong, &scene.stage, &scene.snapshot, &options);
-    assert!(far_off(&a, &image(&Arc::new(wrong), &plan)) > 0);
+    assert!(differing_pixels_off_edges(&a, &draw_plan(&Arc::new(wrong), &plan)) > 0);
 }
 
 /// So small that all copies have triangles smaller than pixels.
 const SMALL: [u32; 2] = [96, 54];
 
 /// A stage whose copies are in view and small for so many images in all.
-fn seen(images: f64, count: usize) -> Scene {
+fn crowd_seen_small(images: f64, count: usize) -> Scene {
     let mut scene = crowd(count);
     scene.stage.settings.size = SMALL;
     scene.stage.cameras[0].rig =
@@ -129,18 +129,21 @@ fn seen(images: f64, count: usize) -> Scene {
 }
 
 #[test]
-fn levels_are_made_where_they_pay_and_only_there() {
+fn levels_of_detail_are_made_only_where_they_pay() {
     let levels = |scene: &Scene| scene.resources().assets[0].levels.len();
     for count in [1, 10, 50] {
-        assert_eq!(levels(&seen(0.9 * PAYS_FROM, count)), 0, "{count}");
-        assert!(levels(&seen(1.1 * PAYS_FROM, count)) > 1, "{count}: by images and not by copies");
+        assert_eq!(levels(&crowd_seen_small(0.9 * PAYS_FROM, count)), 0, "{count}");
+        assert!(
+            levels(&crowd_seen_small(1.1 * PAYS_FROM, count)) > 1,
+            "{count}: by images and not by copies"
+        );
     }
-    let scene = seen(2.0 * PAYS_FROM, 50);
+    let scene = crowd_seen_small(2.0 * PAYS_FROM, 50);
     // Near ones need all their triangles.
-    let mut near = seen(2.0 * PAYS_FROM, 50);
+    let mut near = crowd_seen_small(2.0 * PAYS_FROM, 50);
     near.stage.settings.size = [4000, 2250];
     assert_eq!(levels(&near), 0);
-    let mut off = seen(2.0 * PAYS_FROM, 50);
+    let mut off = crowd_seen_small(2.0 * PAYS_FROM, 50);
     off.stage.settings.levels_of_detail = false;
     assert_eq!(levels(&off), 0);
     // Resources made after others take the levels from there.
@@ -159,7 +162,7 @@ fn levels_are_made_where_they_pay_and_only_there() {
 }
 
 /// How deep the triangles of a ball are below its surface at most: the deepest place of one lies before its middle.
-fn depth_of(ball: &Primitive) -> f32 {
+fn largest_depth(ball: &Primitive) -> f32 {
     let depths = ball.indices.chunks_exact(3).map(|t| {
         let [a, b, c] = [t[0], t[1], t[2]].map(|i| ball.positions[i as usize]);
         RADIUS - (a + b + c).length() / 3.0
@@ -168,7 +171,7 @@ fn depth_of(ball: &Primitive) -> f32 {
 }
 
 #[test]
-fn levels_are_off_by_what_they_say_and_keep_what_vertices_have() {
+fn levels_of_detail_have_their_stated_error_and_keep_attributes() {
     let scene = crowd(100);
     let resources = scene.resources();
     let levels = &resources.assets[0].levels;
@@ -178,7 +181,7 @@ fn levels_are_off_by_what_they_say_and_keep_what_vertices_have() {
     for level in levels {
         let coarse = resources.primitives[level.primitives[0][0].unwrap() as usize].primitive();
         let triangles = coarse.indices.len() / 3;
-        let depth = depth_of(coarse) - depth_of(&fine);
+        let depth = largest_depth(coarse) - largest_depth(&fine);
         println!("{triangles} triangles, {} m stated, {depth} m deep", level.error);
         assert!(
             4 * triangles <= 3 * before && level.error > error,

@@ -124,7 +124,7 @@ fn effects() -> Vec<Effect> {
     effects::named(&["outline"])
 }
 
-fn with(mut scene: Scene, skin_once: SkinOnce) -> Scene {
+fn with_skin_once(mut scene: Scene, skin_once: SkinOnce) -> Scene {
     scene.stage.settings.skin_once = skin_once;
     scene
 }
@@ -148,14 +148,14 @@ fn assert_same(a: &Frame, b: &Frame, what: &str) {
 }
 
 #[test]
-fn pre_skinning_and_skinning_by_every_pass_give_one_image() {
+fn pre_skinning_and_vertex_shader_skinning_draw_the_same() {
     let Some(mut device) = vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() }) else { return };
     let effects = effects();
     for way in WAYS {
         for (samples, outlined) in [(1, false), (4, true)] {
             let options = PlanOptions { effects: &effects, ..PlanOptions::new([200, 150], samples) };
             let scene = |once| {
-                let mut scene = with(scene(way), once);
+                let mut scene = with_skin_once(scene(way), once);
                 if outlined {
                     use_effect(&mut scene, "outline", &[], &[0]);
                 }
@@ -187,11 +187,11 @@ fn pre_skinning_and_skinning_by_every_pass_give_one_image() {
 
 /// Frames in flight have vertices of their own, and buffers grow and are used again.
 #[test]
-fn poses_of_frames_in_flight_do_not_meet() {
+fn frames_in_flight_have_their_own_pre_skinned_vertices() {
     let Some(mut device) = vulkan(GpuOptions::default()) else { return };
     let options = PlanOptions::new([120, 90], 1);
     let at = |i: usize| {
-        let mut scene = with(scene(WAYS[0]), SkinOnce::Always);
+        let mut scene = with_skin_once(scene(WAYS[0]), SkinOnce::Always);
         let keep = if i.is_multiple_of(3) { 3 } else { 1 };
         for (a, state) in scene.snapshot.actors.iter_mut().take(3).enumerate() {
             state.visible = a < keep;
@@ -216,10 +216,10 @@ fn poses_of_frames_in_flight_do_not_meet() {
 }
 
 #[test]
-fn only_what_is_drawn_more_than_once_is_posed_once() {
+fn only_meshes_drawn_several_times_are_pre_skinned() {
     let options = PlanOptions::new([200, 150], 1);
     let of = |once, lights: usize, device| {
-        let mut scene = with(scene(WAYS[0]), once);
+        let mut scene = with_skin_once(scene(WAYS[0]), once);
         scene.snapshot.lights.truncate(1);
         let sun = scene.snapshot.lights[0];
         scene.snapshot.lights.resize(lights, sun);
@@ -260,11 +260,11 @@ fn only_what_is_drawn_more_than_once_is_posed_once() {
 
 /// A device without it draws the same.
 #[test]
-fn a_device_that_cannot_compute_poses_by_every_pass() {
+fn devices_without_compute_skin_in_the_vertex_shader() {
     let without = vec![vulkan::Ability::Compute];
     let Some(mut device) = vulkan(GpuOptions { without, ..GpuOptions::default() }) else { return };
     let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
-    let (scene, options) = (with(scene(WAYS[2]), SkinOnce::Always), PlanOptions::new([120, 90], 1));
+    let (scene, options) = (with_skin_once(scene(WAYS[2]), SkinOnce::Always), PlanOptions::new([120, 90], 1));
     let by_each = draw_with(&mut device, &scene, &options);
     assert_eq!(device.last_recording().unwrap().counts().preskinned, 0);
     let once = draw_with(&mut whole, &scene, &options);
@@ -274,9 +274,9 @@ fn a_device_that_cannot_compute_poses_by_every_pass() {
 
 /// Vertices, or the mesh that they are made from, are more than the device binds at once.
 #[test]
-fn what_cannot_be_bound_is_posed_by_every_pass() {
+fn meshes_beyond_the_buffer_limit_are_skinned_in_the_vertex_shader() {
     let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
-    let (scene, options) = (with(scene(WAYS[0]), SkinOnce::Always), PlanOptions::new([120, 90], 1));
+    let (scene, options) = (with_skin_once(scene(WAYS[0]), SkinOnce::Always), PlanOptions::new([120, 90], 1));
     let once = draw_with(&mut whole, &scene, &options);
     let (resources, plan) = scene.plan(&options);
     let bytes = whole.last_recording().unwrap().preskinned_bytes(&resources) as u32;

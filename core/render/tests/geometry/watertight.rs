@@ -103,7 +103,7 @@ fn back_faces_of_watertight_meshes_are_culled() {
 }
 
 #[test]
-fn who_may_see_the_inside_does() {
+fn back_faces_are_drawn_where_the_inside_may_be_visible() {
     let closed = |scene: &Scene| scene.plan(&PlanOptions::new(SIZE, 1)).1.draws[0].watertight;
     let alone = |material: Material, primitive: Primitive| {
         let mut scene = Scene::perspective(0.8, 6.0);
@@ -146,7 +146,7 @@ fn who_may_see_the_inside_does() {
 }
 
 #[test]
-fn vulkan_draws_the_same_without_them() {
+fn vulkan_draws_the_same_without_back_faces() {
     let Some(mut renderer) = vulkan(GpuOptions::default()) else { return };
     for samples in [1, 4] {
         let (resources, plan) = boxes().plan(&PlanOptions::new(SIZE, samples));

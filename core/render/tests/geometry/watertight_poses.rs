@@ -53,7 +53,11 @@ fn posed(body: &Primitive, upper: Affine3A) -> Scene {
     scene
 }
 
-fn drawn(renderer: &mut VulkanRenderer, scene: &Scene, closed: impl Fn(u32) -> u32) -> (Frame, u32) {
+fn draw_with_watertight_indices(
+    renderer: &mut VulkanRenderer,
+    scene: &Scene,
+    closed: impl Fn(u32) -> u32,
+) -> (Frame, u32) {
     let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
     let mut plan = Plan { skin_once: SkinOnce::Never, ..plan };
     let indices = resources.primitives[0].primitive().indices.len() as u32;
@@ -65,7 +69,7 @@ fn drawn(renderer: &mut VulkanRenderer, scene: &Scene, closed: impl Fn(u32) -> u
 }
 
 #[test]
-fn a_mesh_through_itself_has_no_hole() {
+fn self_intersecting_poses_open_no_hole() {
     let Some(mut renderer) = vulkan(GpuOptions::default()) else { return };
     let turned = |x: f32, y: f32, at: Vec3| {
         Affine3A::from_rotation_translation(Quat::from_rotation_y(y) * Quat::from_rotation_x(x), at)
@@ -82,9 +86,9 @@ fn a_mesh_through_itself_has_no_hole() {
     let body = tube();
     for (pose, upper) in poses {
         let scene = posed(&body, upper);
-        let (front, closed) = drawn(&mut renderer, &scene, |closed| closed);
+        let (front, closed) = draw_with_watertight_indices(&mut renderer, &scene, |closed| closed);
         assert_eq!(closed as usize, body.indices.len(), "{pose}");
-        let (both, _) = drawn(&mut renderer, &scene, |_| 0);
+        let (both, _) = draw_with_watertight_indices(&mut renderer, &scene, |_| 0);
         let [covered, lost, other] = lost(&front, &both);
         println!("{pose}: of {covered} pixels {lost} lost, {other} beyond 2 steps");
         assert!(covered > 800, "{pose}: {covered}");
@@ -101,9 +105,9 @@ fn a_mesh_through_itself_has_no_hole() {
     open.joint_weights.extend(&body.joint_weights);
     open.indices.extend(body.indices.iter().map(|i| i + first));
     let scene = posed(&open, turned(0.9, 0.0, Vec3::ZERO));
-    let (both, closed) = drawn(&mut renderer, &scene, |closed| closed);
+    let (both, closed) = draw_with_watertight_indices(&mut renderer, &scene, |closed| closed);
     assert_eq!(closed as usize, body.indices.len());
-    let (front, _) = drawn(&mut renderer, &scene, |_| u32::MAX);
+    let (front, _) = draw_with_watertight_indices(&mut renderer, &scene, |_| u32::MAX);
     let [_, lost, _] = lost(&front, &both);
     assert!(lost > 300, "{lost} pixels");
 }

@@ -13,14 +13,14 @@ const BLOCK: usize = 8;
 const TOP: [f64; 3] = [100.0, 60.0, 20.0];
 const BOTTOM: [f64; 3] = [104.0, 61.0, 28.0];
 
-fn light(codes: [f64; 3]) -> [f64; 3] {
+fn linear_from_codes(codes: [f64; 3]) -> [f64; 3] {
     codes.map(|code| choreo_asset::linear_from_srgb(code / 255.0))
 }
 
 /// The exact code of a row: linear light between both edges.
 fn code_at(y: usize) -> [f64; 3] {
     let t = (y as f64 + 0.5) / f64::from(SIZE[1]);
-    let (top, bottom) = (light(TOP), light(BOTTOM));
+    let (top, bottom) = (linear_from_codes(TOP), linear_from_codes(BOTTOM));
     std::array::from_fn(|i| encode(top[i] * (1.0 - t) + bottom[i] * t))
 }
 
@@ -49,7 +49,7 @@ fn worst_mean_of(frame: &Frame, exact: impl Fn(usize) -> [f64; 3]) -> f64 {
 
 fn gradient(samples: u32) -> (Scene, PlanOptions<'static>) {
     let mut scene = Scene::ortho(2.0);
-    let color = |codes| Vec3::from_array(light(codes).map(|c| c as f32));
+    let color = |codes| Vec3::from_array(linear_from_codes(codes).map(|c| c as f32));
     scene.snapshot.background = Background::Gradient { top: color(TOP), bottom: color(BOTTOM) };
     (scene, PlanOptions::new(SIZE, samples))
 }
@@ -65,7 +65,7 @@ fn renderers_with(effects: &[Effect]) -> Vec<Box<dyn Renderer>> {
 }
 
 #[test]
-fn means_of_a_slow_gradient_are_exact() {
+fn dithered_gradients_have_exact_means() {
     for samples in [1, 4] {
         let mut first: Option<Frame> = None;
         for mut renderer in renderers() {
@@ -98,7 +98,7 @@ fn means_of_a_slow_gradient_are_exact() {
 }
 
 #[test]
-fn codes_stay_codes() {
+fn dithering_keeps_exactly_representable_colors() {
     let gray = Vec3::splat(choreo_asset::linear_from_srgb(128.0 / 255.0) as f32);
     for mut renderer in renderers() {
         for background in [
@@ -138,7 +138,7 @@ fn effects() -> Vec<Effect> {
 }
 
 /// The image of a scene after an effect of [`AFTER`].
-fn after(
+fn frame_after_effect(
     name: &str,
     effects: &[Effect],
     renderer: &mut dyn Renderer,
@@ -168,7 +168,7 @@ fn images_after_effects_are_dithered() {
             if name != "blur" {
                 scene.snapshot.background = Background::Color(Vec3::splat(0.02).extend(1.0));
             }
-            let frame = after(name, &effects, &mut *renderer, scene, samples);
+            let frame = frame_after_effect(name, &effects, &mut *renderer, scene, samples);
             let exact = |y: usize| match name {
                 "blur" => code_at(y),
                 _ => [encode(0.02 * (1.0 - 0.125 * (y as f64 + 0.5) / f64::from(SIZE[1]))); 3],
@@ -200,7 +200,7 @@ fn longest_run(code: impl Fn([usize; 2]) -> u8) -> usize {
 
 /// Colors that are codes stay them through an effect that leaves their pixels as they are, whatever the target between holds.
 #[test]
-fn codes_stay_codes_after_effects() {
+fn dithering_after_effects_keeps_exactly_representable_colors() {
     let keep = [
         "// effect: shade\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color; }",
         "// effect: look\n// hook: image\n\
@@ -217,7 +217,7 @@ fn codes_stay_codes_after_effects() {
                 scene.snapshot.background = Background::Color(Vec4::new(0.0, 0.0, 0.0, 1.0));
                 let unlit = unlit(Vec3::from_array(codes.map(color)).extend(1.0));
                 scene.at(&asset(vec![quad(9.0, 9.0)], vec![unlit], vec![]), 0.0, 0.0, 0.0);
-                let frame = after(name, &effects, &mut *renderer, scene, 1);
+                let frame = frame_after_effect(name, &effects, &mut *renderer, scene, 1);
                 let [r, g, b] = codes;
                 let exact = frame.rgba.as_chunks::<4>().0.iter().all(|pixel| *pixel == [r, g, b, 255]);
                 assert!(exact, "{name}: {codes:?} became {:?}", &frame.rgba[..64]);

@@ -432,7 +432,7 @@ fn every_key_that_the_planner_can_produce_compiles() {
 }
 
 #[test]
-fn a_broken_branch_of_a_rare_combination_is_found() {
+fn the_check_finds_an_error_in_a_rare_feature_combination() {
     let rules = Rules::of_table();
     let mut scene = scene();
     let vertex = scene.iter_mut().find(|f| f.name.ends_with("vertex.wgsl")).unwrap();
@@ -449,7 +449,7 @@ fn a_broken_branch_of_a_rare_combination_is_found() {
 }
 
 #[test]
-fn every_pose_variant_compiles() {
+fn every_pre_skinning_variant_compiles() {
     let files = ShaderSources::default().files(&PRESKIN).unwrap();
     let skinning: Vec<&str> = names(Features::SKINNING).collect();
     let others = ["NORMAL", "TANGENT", "JOINTS_UNIFORM"];
@@ -472,7 +472,7 @@ fn every_pose_variant_compiles() {
 }
 
 #[test]
-fn the_other_modules_compile() {
+fn modules_outside_the_scene_shader_compile() {
     let sources = ShaderSources::default();
     for surface in [&[][..], &["SURFACE", "EFFECTS"], &["SURFACE", "EFFECTS", "TEXTURES"]] {
         for (files, switch) in [(&BACKGROUND[..], None), (&SKY, Some("SKY_BACKGROUND"))] {
@@ -488,7 +488,7 @@ fn the_other_modules_compile() {
 }
 
 #[test]
-fn the_table_is_consistent() {
+fn the_feature_table_is_consistent() {
     let names: BTreeSet<&str> = switch_names().collect();
     assert_eq!(names.len(), switch_names().count(), "a name occurs twice");
     let rules = Rules::of_table();

@@ -78,7 +78,7 @@ fn each_frame_shows_its_image_in_any_order() {
 }
 
 #[test]
-fn a_device_holds_those_of_the_last_frames_alone() {
+fn a_device_keeps_only_the_images_of_recent_frames() {
     let Some(mut gpu) = VulkanRenderer::new(GpuOptions { validation: true, ..GpuOptions::default() }).ok()
     else {
         println!("SKIP 1: no Vulkan");
@@ -96,7 +96,7 @@ fn a_device_holds_those_of_the_last_frames_alone() {
 }
 
 #[test]
-fn one_that_cannot_be_made_ends_the_frame_with_its_name() {
+fn an_image_that_cannot_be_loaded_is_an_error_with_its_name() {
     let greys = Arc::new(Greys { broken: true, ..Greys::default() });
     let mut scene = scene(&greys, false);
     scene.snapshot.time = Time::from_secs((COUNT - 2) as f64 * 0.1 + 0.05);
@@ -163,7 +163,7 @@ fn plate(slots: &[TextureSlot], index: usize, alone: bool) -> Scene {
 }
 
 #[test]
-fn every_slot_shows_its_image_as_if_it_were_alone() {
+fn every_texture_slot_shows_the_image_of_its_sequence() {
     use TextureSlot::*;
     let options = PlanOptions::new([32, 32], 1);
     let mut renderers: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(&[]))];

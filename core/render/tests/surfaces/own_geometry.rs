@@ -26,7 +26,7 @@ fn effect(name: &str, head: &str, gives: &str, body: &str) -> Effect {
     WgslEffect::from_text("my.wgsl", &text).unwrap_or_else(|e| panic!("{e}\n{text}")).into()
 }
 
-fn all() -> Vec<Effect> {
+fn test_effects() -> Vec<Effect> {
     // A square metre in two triangles, the first index nearer by `amount`, red and green.
     let square = "let half = index / 2u;\n\
         let z = actor.position.z + select(0.0, p[amount], half == 0u);\n\
@@ -93,8 +93,8 @@ fn with_wall(z: f64, name: &str, amount: f64) -> Scene {
 }
 
 #[test]
-fn triangles_are_hidden_by_what_is_nearer_and_by_each_other() {
-    let effects = all();
+fn overlay_triangles_are_depth_tested_and_sorted() {
+    let effects = test_effects();
     let middle = |scene: &Scene| {
         let frame = draw(scene, &options(&effects, 1));
         let [at, outside] = [(100, 75), (20, 75)].map(|(x, y)| pixel(&frame, x, y));
@@ -121,8 +121,8 @@ fn triangles_are_hidden_by_what_is_nearer_and_by_each_other() {
 }
 
 #[test]
-fn who_uses_none_has_no_triangles_and_what_is_outside_none() {
-    let effects = all();
+fn scenes_without_visible_overlays_plan_no_triangles() {
+    let effects = test_effects();
     let vertices = |scene: &Scene| scene.plan(&options(&effects, 1)).1.overlay.vertices.len();
     let mut scene = with_wall(-1.0, "square", 0.5);
     assert_eq!(vertices(&scene), 12);
@@ -142,8 +142,8 @@ fn who_uses_none_has_no_triangles_and_what_is_outside_none() {
 }
 
 /// The middles of points from left to right, metres, of a body that goes a metre a second.
-fn wake(time: Time) -> Vec<f64> {
-    let effects = all();
+fn positions_of_history_lines(time: Time) -> Vec<f64> {
+    let effects = test_effects();
     let at = |time: Time| {
         let mut scene = Scene::ortho(2.0);
         scene.at(&Arc::new(Asset::default()), time.as_secs(), 0.0, 0.0);
@@ -161,14 +161,14 @@ fn wake(time: Time) -> Vec<f64> {
 }
 
 #[test]
-fn lines_are_drawn_where_actors_were_frames_ago() {
+fn overlays_read_the_history_of_actors() {
     let near = |got: Vec<f64>, expected: [f64; 4]| {
         assert!(got.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-5), "{got:?} {expected:?}");
     };
     let frames = |n: f64| Time::from_secs(n / 30.0);
-    near(wake(frames(12.0)), [12.0, 11.0, 10.0, 9.0].map(|n| n / 30.0));
+    near(positions_of_history_lines(frames(12.0)), [12.0, 11.0, 10.0, 9.0].map(|n| n / 30.0));
     // Before the first frame stands the first.
-    near(wake(frames(2.0)), [2.0, 1.0, 0.0, 0.0].map(|n| n / 30.0));
+    near(positions_of_history_lines(frames(2.0)), [2.0, 1.0, 0.0, 0.0].map(|n| n / 30.0));
 }
 
 fn scene_of_all(amount: f64) -> Scene {
@@ -192,7 +192,7 @@ fn scene_of_all(amount: f64) -> Scene {
 
 #[test]
 fn vulkan_and_the_cpu_reference_draw_the_same_geometry() {
-    let effects = all();
+    let effects = test_effects();
     let Some(mut renderer) = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() }) else {
         return;
     };

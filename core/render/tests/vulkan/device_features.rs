@@ -15,7 +15,7 @@ const SIZE: [u32; 2] = [160, 96];
 const FINE: u32 = 8;
 
 /// A floor of stripes that runs to the horizon, seen from near it.
-fn floor() -> Scene {
+fn striped_floor() -> Scene {
     let mut scene = Scene::perspective(0.7, 3.0);
     scene.snapshot.camera.world_from_view.translation.y = 0.6;
     let stripes =
@@ -34,7 +34,7 @@ fn floor() -> Scene {
 }
 
 /// Linear light of the means of squares of pixels.
-fn reduced(frame: &Frame) -> Vec<f64> {
+fn downsample(frame: &Frame) -> Vec<f64> {
     let mut out = Vec::new();
     for (y, x) in (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (y, x))) {
         let inside = (0..FINE * FINE).map(|i| (x * FINE + i % FINE, y * FINE + i / FINE));
@@ -44,27 +44,27 @@ fn reduced(frame: &Frame) -> Vec<f64> {
     out
 }
 
-fn error(frame: &Frame, truth: &[f64]) -> f64 {
+fn root_mean_square_error(frame: &Frame, truth: &[f64]) -> f64 {
     let of = |i: usize| (decode(frame.rgba[4 * i]) - truth[i]).powi(2);
     ((0..truth.len()).map(of).sum::<f64>() / truth.len() as f64).sqrt()
 }
 
 #[test]
-fn anisotropic_filtering_is_nearer_to_many_samples() {
-    let scene = floor();
+fn anisotropic_filtering_is_closer_to_supersampling() {
+    let scene = striped_floor();
     let draw = |options: GpuOptions, size: [u32; 2]| {
         vulkan(options).map(|mut gpu| draw_with(&mut gpu, &scene, &PlanOptions::new(size, 1)))
     };
     let with = |anisotropy| GpuOptions { anisotropy, ..GpuOptions::default() };
     let Some(fine) = draw(with(Some(1.0)), SIZE.map(|s| s * FINE)) else { return };
-    let truth = reduced(&fine);
+    let truth = downsample(&fine);
     let [plain, most] = [Some(1.0), Some(16.0)].map(|a| draw(with(a), SIZE).unwrap());
     println!(
         "root mean square off 64 samples: {:.4} without, {:.4} with 16",
-        error(&plain, &truth),
-        error(&most, &truth)
+        root_mean_square_error(&plain, &truth),
+        root_mean_square_error(&most, &truth)
     );
-    assert!(error(&most, &truth) < 0.8 * error(&plain, &truth));
+    assert!(root_mean_square_error(&most, &truth) < 0.8 * root_mean_square_error(&plain, &truth));
     // Not by itself on a device that draws on the CPU, and not on one that lacks it.
     let kind = vulkan(GpuOptions::default()).map(|gpu| gpu.device().kind);
     if kind == Some(DeviceKind::VulkanCpu) {
@@ -89,11 +89,11 @@ fn a_device_without_any_optional_feature_draws() {
 }
 
 #[test]
-fn the_device_tells_how_long_it_was_busy() {
+fn the_device_time_of_frames_is_measured() {
     let time = Arc::new(DeviceTime::default());
     let options = GpuOptions { device_time: Some(time.clone()), ..GpuOptions::default() };
     let Some(mut gpu) = vulkan(options) else { return };
-    let scene = floor();
+    let scene = striped_floor();
     for _ in 0..5 {
         draw_with(&mut gpu, &scene, &PlanOptions::new([640, 360], 4));
     }

@@ -56,7 +56,7 @@ fn wall(material: Material) -> Scene {
 }
 
 #[test]
-fn colors_in_closed_form() {
+fn vulkan_colors_match_closed_forms() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let mut middle = |scene: &Scene| pixel(&draw_with(r, scene, &PlanOptions::new([5, 5], 1)), 2, 2);
@@ -130,7 +130,7 @@ fn vulkan_and_the_cpu_reference_draw_the_same() {
 }
 
 #[test]
-fn coats_sheen_and_glass_as_the_cpu_reference_draws_them() {
+fn material_layers_match_the_cpu_reference() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let mut scene = common::layered::layered_scene();
@@ -157,7 +157,7 @@ fn coats_sheen_and_glass_as_the_cpu_reference_draws_them() {
 }
 
 #[test]
-fn every_feature_forced_in_draws_the_same() {
+fn forcing_all_features_in_draws_the_same() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let scene = busy_scene(DVec3::ZERO);
@@ -171,7 +171,7 @@ fn every_feature_forced_in_draws_the_same() {
 }
 
 #[test]
-fn same_plan_same_bytes_in_any_order() {
+fn equal_plans_give_equal_bytes_in_any_order() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let mut scene = busy_scene(DVec3::ZERO);
@@ -201,7 +201,7 @@ fn same_plan_same_bytes_in_any_order() {
 }
 
 #[test]
-fn what_a_scene_does_not_need_is_left_out() {
+fn recordings_have_only_the_commands_that_a_scene_needs() {
     let scene = wall(unlit(Vec4::ONE));
     let (_, plan) = scene.plan(&PlanOptions::new([8, 8], 1));
     let recording = record(&plan);
@@ -245,7 +245,7 @@ fn what_a_scene_does_not_need_is_left_out() {
 }
 
 #[test]
-fn a_cpu_device_gets_rows_copied_and_back_faces_last() {
+fn cpu_devices_copy_background_rows_and_draw_back_faces_last() {
     let mut scene = Scene::ortho(2.0);
     scene.snapshot.background = Background::Gradient { top: Vec3::X, bottom: Vec3::Y };
     let double_sided = Material { double_sided: true, ..unlit(Vec4::ONE) };
@@ -284,7 +284,7 @@ fn a_cpu_device_gets_rows_copied_and_back_faces_last() {
 }
 
 #[test]
-fn a_part_drawn_with_samples_is_as_if_all_were() {
+fn multisampling_only_the_dirty_rectangle_changes_no_pixel() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let gradient = Background::Gradient { top: Vec3::new(0.1, 0.3, 0.9), bottom: Vec3::new(0.8, 0.5, 0.1) };
@@ -358,7 +358,7 @@ fn effects_run_in_order_on_linear_light() {
 }
 
 #[test]
-fn odd_sizes_and_misuse() {
+fn odd_sizes_are_drawn_and_misuse_is_an_error() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let scene = wall(unlit(Vec4::new(0.5, 0.25, 1.0, 1.0)));
@@ -436,7 +436,7 @@ fn a_thousand_frames_of_changing_size_leak_nothing() {
 }
 
 #[test]
-fn dropped_in_mid_frame_without_a_word_from_validation() {
+fn dropping_the_renderer_with_frames_in_flight_is_valid() {
     let Some(mut r) = new_renderer() else { return };
     let (resources, plan) = busy_scene(DVec3::ZERO).plan(&PlanOptions::new([64, 64], 4));
     r.load(resources).unwrap();
@@ -448,7 +448,7 @@ fn dropped_in_mid_frame_without_a_word_from_validation() {
 }
 
 #[test]
-fn the_cache_on_disk_changes_nothing_and_damage_is_harmless() {
+fn the_pipeline_cache_changes_no_pixel_and_may_be_damaged() {
     if new_renderer().is_none() {
         return;
     }

@@ -45,7 +45,7 @@ fn scene(left_out: &[&str]) -> Scene {
 }
 
 #[test]
-fn the_least_visible_are_left_out_and_named() {
+fn the_least_visible_textures_are_left_out_and_reported() {
     let (whole, options) = (scene(&[]), PlanOptions::new([160, 160], 1));
     let (_, plan) = whole.plan(&options);
     assert_eq!(texture_slots(plan.draws[0].pipeline.features).count_ones(), 8);
