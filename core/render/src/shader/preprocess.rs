@@ -73,14 +73,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_and_columns_stay() {
+    fn preprocessing_keeps_lines_and_columns() {
         let text = "a\n@if(SKIN)\nb\n@else\nc\n@end\n  @if(!LIT) d\ne";
         assert_eq!(preprocess(text, &["SKIN"]).unwrap(), "a\n\nb\n\n\n\n            d\ne\n");
         assert_eq!(preprocess(text, &["LIT"]).unwrap(), "a\n\n\n\nc\n\n\ne\n");
     }
 
     #[test]
-    fn nested_and_combined() {
+    fn nested_and_combined_conditions_are_evaluated() {
         let text = "@if(SKIN || MORPH)\n@if(SKIN && !MORPH)\nx\n@end\ny\n@end";
         assert_eq!(preprocess(text, &["MORPH"]).unwrap(), "\n\n\n\ny\n\n");
         assert_eq!(preprocess(text, &["SKIN"]).unwrap(), "\n\nx\n\ny\n\n");
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_name_their_line() {
+    fn errors_name_their_line() {
         let error = |text: &str| preprocess(text, &[]).unwrap_err().to_string();
         assert!(error("x\n@if(SKNI)\n@end").starts_with("line 2: unknown switch `SKNI`; known: SKIN,"));
         assert_eq!(error("@if(SKIN)\nx"), "line 1: `@if` without `@end`");

@@ -44,7 +44,7 @@ mod tests {
 
     /// The sky whose radiance is a clamped cosine about a pole: irradiance along the pole is ∫cos² over the half sphere, ⅔π.
     #[test]
-    fn closed_forms() {
+    fn harmonics_match_closed_forms() {
         let white = harmonics(&OctahedralMap::from_fn(64, |_, _, _| Vec3::ONE));
         assert!((white[0] - 1.0).abs().max_element() < 1e-3, "{white:?}");
         assert!(white[1..].iter().all(|c| c.abs().max_element() < 3e-4), "{white:?}");

@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn directions_come_back() {
+    fn directions_round_trip() {
         for x in 0..33u32 {
             for y in 0..33u32 {
                 let place = Vec2::new(x as f32, y as f32) / 33.0 + 0.01;
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn solid_angles_are_a_sphere() {
+    fn solid_angles_sum_to_the_sphere() {
         let sum = |size: u32| -> f64 {
             (0..size).flat_map(|y| (0..size).map(move |x| (x, y))).map(|(x, y)| solid_angle(size, x, y)).sum()
         };
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn edges_meet() {
+    fn interpolation_is_continuous_across_edges() {
         // A smooth function of the direction is sampled as well across an edge as inside.
         let smooth = |way: Vec3| Vec3::new(way.x, way.y, way.z) + 1.0;
         let map = OctahedralMap::from_fn(64, |_, _, way| smooth(way));

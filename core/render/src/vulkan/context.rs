@@ -15,13 +15,13 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, Rw
 /// All messages of the validation layer with severity warning or error.
 pub type Messages = Arc<Mutex<Vec<String>>>;
 
-const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 /// Lock for the validation layer's state of instances and devices, a map that the layer does not lock itself (`layer_data_map`,
 /// seen in 1.3.239). Locked for writing while an instance or device is created or destroyed, for reading during all other calls.
 static LAYER_STATE: RwLock<()> = RwLock::new(());
 
-fn layer_changes() -> RwLockWriteGuard<'static, ()> {
+fn lock_layer_state() -> RwLockWriteGuard<'static, ()> {
     LAYER_STATE.write().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -81,7 +81,7 @@ pub fn chosen_device() -> Result<DeviceInfo, RenderError> {
     };
     let entry = load()?;
     let (instance, _) = create_instance(&entry, &options, &Messages::default())?;
-    let info = choose_device(&instance, None).map(|(physical, _)| describe(&instance, physical).1);
+    let info = choose_device(&instance, None).map(|(physical, _)| describe_device(&instance, physical).1);
     // SAFETY: nothing made from the instance is alive.
     unsafe { instance.destroy_instance(None) };
     info
@@ -107,7 +107,7 @@ impl Context {
     pub fn new(options: &ContextOptions<'_>) -> Result<Context, RenderError> {
         let entry = load()?;
         let messages = Messages::default();
-        let _creates = options.validation.then(layer_changes);
+        let _creates = options.validation.then(lock_layer_state);
         let (instance, messenger) = create_instance(&entry, options, &messages)?;
         // Every object that exists by now is destroyed if a later step fails.
         let destroy = |error: RenderError| {
@@ -121,7 +121,7 @@ impl Context {
             error
         };
         let (physical, queue_family) = choose_device(&instance, options.device).map_err(destroy)?;
-        let (mut properties, info) = describe(&instance, physical);
+        let (mut properties, info) = describe_device(&instance, physical);
         let range = &mut properties.limits.max_storage_buffer_range;
         *range = options.storage_range.map_or(*range, |most| most.min(*range));
         options.faults.check(FaultPlace::Device).named(&format!("device {}", info.name)).map_err(destroy)?;
@@ -228,7 +228,7 @@ impl Drop for Context {
         let calls = self.calls();
         self.allocator = None;
         drop(calls);
-        let _destroys = self.messenger.is_some().then(layer_changes);
+        let _destroys = self.messenger.is_some().then(lock_layer_state);
         // SAFETY: the renderer destroyed every object of the device before; allocator, device, messenger and
         // instance go in the reverse order of their making.
         unsafe {
@@ -293,12 +293,12 @@ fn create_instance(
     if options.validation {
         // SAFETY: the loader is loaded.
         let available = unsafe { entry.enumerate_instance_layer_properties() }.named("instance layers")?;
-        if !available.iter().any(|l| l.layer_name_as_c_str() == Ok(LAYER)) {
+        if !available.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
             return Err(no_vulkan(
                 "the validation layer was asked for and is not installed (Debian: vulkan-validationlayers)",
             ));
         }
-        layers.push(LAYER.as_ptr());
+        layers.push(VALIDATION_LAYER.as_ptr());
         extensions.push(ext::debug_utils::NAME.as_ptr());
     }
     let mut debug_info = vk::DebugUtilsMessengerCreateInfoEXT::default()
@@ -414,7 +414,7 @@ fn choose_device(
     })
 }
 
-fn describe(
+fn describe_device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
 ) -> (vk::PhysicalDeviceProperties, DeviceInfo) {

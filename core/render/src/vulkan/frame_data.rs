@@ -58,7 +58,7 @@ impl Blocks {
 }
 
 /// Data that is copied unchanged from the plan.
-struct Stored<'a> {
+struct CopiedData<'a> {
     what: &'static str,
     block: Block,
     data: &'a [u8],
@@ -88,7 +88,7 @@ pub struct FrameData<'a> {
     pub light_clusters: Block,
     /// Fault records of effects.
     pub faults: Block,
-    stored: [Stored<'a>; 6],
+    stored: [CopiedData<'a>; 6],
 }
 
 impl<'a> FrameData<'a> {
@@ -129,7 +129,7 @@ impl<'a> FrameData<'a> {
         let overlay = blocks.take(overlay_data.len());
         let light_clusters = blocks.take(cluster_data.len());
         let has_effects = !plan.post.is_empty() || !plan.scene_effects.is_empty();
-        let stored = |what, block, data| Stored { what, block, data };
+        let stored = |what, block, data| CopiedData { what, block, data };
         let data = FrameData {
             reads,
             light_count: *lights as u32,
@@ -169,7 +169,7 @@ impl<'a> FrameData<'a> {
     /// Fails if a shader would read more from one buffer than the device's limit.
     fn check(&self, limit: u64) -> Result<(), RenderError> {
         match self.stored.iter().find(|s| s.data.len() as u64 > limit) {
-            Some(Stored { what, data, .. }) => {
+            Some(CopiedData { what, data, .. }) => {
                 let what = format!("size in bytes of all {what}");
                 Err(RenderError::Limit { what, value: data.len() as u64, limit })
             }
@@ -187,7 +187,7 @@ impl<'a> FrameData<'a> {
         let mut put = |at: u64, bytes: &[u8]| {
             mapped[at as usize..at as usize + bytes.len()].copy_from_slice(bytes);
         };
-        for Stored { block, data, .. } in &self.stored {
+        for CopiedData { block, data, .. } in &self.stored {
             put(block.at, data);
         }
         put(self.faults.at, &vec![u8::MAX; self.faults.bytes as usize]);
@@ -225,7 +225,7 @@ impl<'a> FrameData<'a> {
         }
         let mut before = 1;
         for (i, (block, pass)) in self.post.iter().zip(&plan.post).enumerate() {
-            let scales = scales_of(pass, &plan.post[..i]);
+            let scales = texture_scales(pass, &plan.post[..i]);
             put(
                 block.at,
                 bytemuck::bytes_of(&PostUniform::new(pass, before, plan.size, scales, &plan.effect_frame)),
@@ -238,7 +238,7 @@ impl<'a> FrameData<'a> {
 }
 
 /// Factors by which the textures that a pass reads are smaller than the whole image.
-fn scales_of(pass: &PostPass, before: &[PostPass]) -> [f32; ImagePass::MOST_READ] {
+fn texture_scales(pass: &PostPass, before: &[PostPass]) -> [f32; ImagePass::MOST_READ] {
     let mut scales = [1.0; ImagePass::MOST_READ];
     for (scale, number) in scales.iter_mut().zip(&pass.reads) {
         let read = before.iter().rev().find(|pass| pass.number == *number);

@@ -367,7 +367,7 @@ impl VulkanRenderer {
         let entry = |primitive: u32| self.scene_resources.primitives.get(primitive as usize);
         let triangles = |primitive| entry(primitive).map_or(0, |p| p.primitive().indices.len() / 3);
         let mut recording = record(plan, options, triangles);
-        if !self.can_pose(&recording) {
+        if !self.can_preskin(&recording) {
             options.no_compute = true;
             recording = record(plan, options, triangles);
         }
@@ -424,7 +424,7 @@ impl VulkanRenderer {
         let (sky, texels) = (self.resources.sky.as_ref(), self.texels.as_ref());
         let images = FrameImages { sky, texels, faults: self.pipelines.fault_bytes(), ..seen };
         slot.write(gpu, layouts, pools, plan, recording, images)?;
-        slot.write_changed(gpu, layouts, pools, scene_resources, recording, &mut self.resources)?;
+        slot.write_override_sets(gpu, layouts, pools, scene_resources, recording, &mut self.resources)?;
         if self.frugal && !uploads.is_empty() {
             self.upload_in_parts(index, std::mem::take(&mut uploads))?;
         }

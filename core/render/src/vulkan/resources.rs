@@ -417,7 +417,7 @@ impl Resources {
             }
             keep
         });
-        if let Some(mut sky) = self.sky.take_if(|sky| !sky.is_of(resources.sky.as_deref())) {
+        if let Some(mut sky) = self.sky.take_if(|sky| !sky.shows_panorama(resources.sky.as_deref())) {
             sky.destroy(gpu);
         }
         self.textures.retain(|key, image| {

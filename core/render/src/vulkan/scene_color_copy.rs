@@ -63,7 +63,7 @@ impl Execution<'_> {
         let half = |level: u32| size.map(|side| (side >> level).max(1));
         self.blit(source, (0, size), copy, (0, size), vk::Filter::NEAREST);
         for level in 0..levels {
-            self.barriers(&[of_level(copy, level)
+            self.barriers(&[level_barrier(copy, level)
                 .src_stage_mask(S::BLIT)
                 .src_access_mask(A::TRANSFER_WRITE)
                 .dst_stage_mask(S::BLIT)
@@ -132,7 +132,7 @@ impl Execution<'_> {
     }
 }
 
-fn of_level(image: &Image, level: u32) -> vk::ImageMemoryBarrier2<'static> {
+fn level_barrier(image: &Image, level: u32) -> vk::ImageMemoryBarrier2<'static> {
     let barrier = color_barrier(image);
     let range =
         vk::ImageSubresourceRange { base_mip_level: level, level_count: 1, ..barrier.subresource_range };

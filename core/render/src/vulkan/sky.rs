@@ -33,7 +33,7 @@ impl SkyImages {
         Ok(SkyImages { hash: panorama.hash(), sampler, maps: None, picture: None })
     }
 
-    pub fn is_of(&self, panorama: Option<&Panorama>) -> bool {
+    pub fn shows_panorama(&self, panorama: Option<&Panorama>) -> bool {
         panorama.is_some_and(|p| p.hash() == self.hash)
     }
 

@@ -29,7 +29,7 @@ pub struct PipelineState {
     /// Alpha to coverage: the fragment's alpha gives the number of samples that it keeps.
     pub coverage: bool,
     /// Whether the depth comparison is dynamic, set when the pass begins.
-    pub any_compare: bool,
+    pub dynamic_compare: bool,
 }
 
 /// How a fragment is blended with the image.
@@ -104,7 +104,7 @@ impl PipelineState {
                 (Glass::Light, _) => Mix::Add,
             },
             coverage: key.coverage,
-            any_compare: key.peeled && !peel,
+            dynamic_compare: key.peeled && !peel,
             ..PipelineState::full_screen(layout)
         })
     }
@@ -182,7 +182,7 @@ impl PipelineState {
             depth: None,
             mix: Mix::Replace,
             coverage: false,
-            any_compare: false,
+            dynamic_compare: false,
         }
     }
 }

@@ -264,7 +264,7 @@ fn force_all_requests_every_additive_feature() {
         shader_features::FEATURES.iter().find(read).map(|f| f.bit)
     });
     for feature in surface.chain(textures) {
-        assert!(f.has(feature), "{:?}", shader_features::left_out_parts(feature).collect::<Vec<_>>());
+        assert!(f.has(feature), "{:?}", shader_features::names(feature).collect::<Vec<_>>());
     }
     assert_eq!(plan.joint_matrices.len(), 1);
 }

@@ -68,7 +68,7 @@ struct CopyContext {
     culled: bool,
 }
 
-fn active(&(_, weight): &(usize, &f32)) -> bool {
+fn is_active_morph(&(_, weight): &(usize, &f32)) -> bool {
     *weight != 0.0 && weight.is_finite()
 }
 
@@ -111,7 +111,7 @@ impl<'a> Planner<'a> {
             info.influences > 0 && info.joint_count() <= self.skins[*s].matrices.len()
         });
         let morph_count =
-            mesh.weights.iter().take(info.morph_bounds.len()).enumerate().filter(active).count();
+            mesh.weights.iter().take(info.morph_bounds.len()).enumerate().filter(is_active_morph).count();
         let resource = self.material(entry.material, material_override);
         let material = &resource.material;
         let lit = is_lit(material.shading);
@@ -233,7 +233,7 @@ impl<'a> Planner<'a> {
                 material_override: p.material_override,
                 key: PipelineKey { features, coverage: false, surface: 0, lighting: 0, ..key },
                 instance,
-                bounds: CasterBounds { bounds: copy.bounds, filled: filled(p, copy, &key) },
+                bounds: CasterBounds { bounds: copy.bounds, filled: filled_box(p, copy, &key) },
                 watertight,
                 skin: p.skin,
                 actor: mesh.actor as u32,
@@ -320,7 +320,7 @@ impl<'a> Planner<'a> {
             let targets = p.primitive.info.morph_bounds.len();
             let (first, count) = *mesh.morphs.get_or_insert_with(|| {
                 let first = self.morphs.len();
-                let pairs = mesh.weights.iter().take(targets).enumerate().filter(active);
+                let pairs = mesh.weights.iter().take(targets).enumerate().filter(is_active_morph);
                 self.morphs.extend(pairs.map(|(t, w)| ActiveMorph { target: t as u32, weight: *w }));
                 (first as u32, (self.morphs.len() - first) as u32)
             });
@@ -375,7 +375,7 @@ pub(super) fn copy_transform(
 }
 
 /// Center and half axes of a copy that is a filled rectangle or box.
-fn filled(p: &PrimitiveContext, copy: &CopyContext, key: &PipelineKey) -> Option<[DVec3; 4]> {
+fn filled_box(p: &PrimitiveContext, copy: &CopyContext, key: &PipelineKey) -> Option<[DVec3; 4]> {
     let rigid = p.skin.is_none() && p.morph_count == 0 && key.displaced == 0;
     if !(p.primitive.info.fills_bounds && rigid && !matches!(p.alpha_mode, AlphaMode::Mask(_))) {
         return None;
