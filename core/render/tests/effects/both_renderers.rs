@@ -1,4 +1,4 @@
-//! Effects on surfaces, over images and as geometry: both renderers draw the same, each is seen, and who has none pays for none.
+//! Effects on surfaces, on images and with geometry: both renderers draw the same, each effect is visible, and actors without effects cost nothing.
 
 use crate::common;
 use crate::common::layered::{bulge, layered_scene};
@@ -31,7 +31,7 @@ fn add_effect(scene: &mut Scene, plugin: &str, parameters: &[(&str, f64)], actor
     common::use_effect(scene, plugin, parameters, actors);
 }
 
-/// Lit, unlit, textured, skinned, masked, blended, glass.
+/// Lit, unlit, textured, skinned, alpha-tested, blended and glass surfaces.
 fn scene() -> Scene {
     let mut scene = busy_scene(DVec3::ZERO);
     scene.snapshot.background =
@@ -44,7 +44,7 @@ fn scene() -> Scene {
     scene
 }
 
-/// (What it is, the effects in order, which actors).
+/// Each case: its name, and the effects in order with their parameters and actors.
 type Case = (&'static str, Vec<(&'static str, Vec<(&'static str, f64)>, Vec<usize>)>);
 
 fn effect_cases() -> Vec<Case> {
@@ -102,7 +102,7 @@ fn vulkan_and_the_cpu_reference_draw_the_same_effects() {
         let c = compare(&a, &b, 3).unwrap();
         println!("{}: {c}", case.0);
         assert!(c.mean < 0.35 && c.share_beyond < 0.02, "{}: {c}", case.0);
-        // Planted faults: each effect is seen, and none draws what another does.
+        // The comparison can fail: each effect changes the image, and no two give the same one.
         let seen = compare(&plain[usize::from(samples == 4)], &b, 3).unwrap();
         assert!(seen.share_beyond > 0.004, "{} changes the picture: {seen}", case.0);
         for other in &pictures {
@@ -135,7 +135,7 @@ fn actors_without_effects_request_no_effect_features() {
     };
     let (none, triangles) = (Features::default(), TopologyKey::Triangles);
     assert_eq!(keys(&[]), (vec![(none, 0, 2, triangles)], true, true, 0));
-    // Fog requests nothing of the mesh; a view of normals for normals; each only of its actors.
+    // Fog requests no vertex data and a view of normals requests normals, each only of its own actors.
     assert_eq!(keys(&[("fog", &[])]), (vec![(none, 1, 2, triangles)], false, true, 0));
     let views = keys(&[("views", &[1])]).0;
     assert_eq!(views, [(none, 0, 1, triangles), (Features::EFFECT_NORMALS, 1, 1, triangles)]);
@@ -146,7 +146,7 @@ fn actors_without_effects_request_no_effect_features() {
 
 #[test]
 fn fog_matches_its_formula() {
-    // Ten metres before a camera at z = 10, half a metre up: exp(−0.1 · 10) of white is left, the rest is the sky.
+    // Ten metres in front of the camera: exp(−0.1 · 10) of white remains, and the rest is the sky.
     let mut scene = Scene::ortho(2.0);
     scene.snapshot.background = Background::Color(Vec4::new(0.2, 0.4, 0.6, 1.0));
     scene.at(&asset(vec![quad(0.5, 0.5)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
@@ -157,7 +157,7 @@ fn fog_matches_its_formula() {
     let expected = [0.2, 0.4, 0.6].map(|sky: f64| sky + (1.0 - sky) * left);
     assert_color(pixel(&frame, 10, 10), expected, "a wall in fog");
     assert_color(pixel(&frame, 1, 1), [0.2, 0.4, 0.6], "the sky is its color");
-    // If the fog has a color, it replaces the infinitely far background; fog on an actor only leaves the background as it is.
+    // Colored fog replaces the background, which is infinitely far away; fog on a single actor leaves the background as it is.
     for (on, expected) in [(&[][..], [1.0, 0.0, 0.0]), (&[0][..], [0.2, 0.4, 0.6])] {
         let mut scene = Scene::ortho(2.0);
         scene.snapshot.background = Background::Color(Vec4::new(0.2, 0.4, 0.6, 1.0));
@@ -173,7 +173,7 @@ fn fog_matches_its_formula() {
 #[test]
 fn wireframe_edges_are_drawn_once_and_depth_tested() {
     assert_eq!(scene_resources::vertex_layout::edges(&[0, 1, 2, 2, 1, 3]), [0, 1, 1, 2, 0, 2, 1, 3, 2, 3]);
-    // A wall stands before a quad with lines: none is seen; beside it they are.
+    // Edges behind a wall are hidden, and edges beside it are visible.
     let mut scene = Scene::ortho(2.0);
     scene.at(&asset(vec![quad(0.9, 0.9)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
     add_effect(&mut scene, "wireframe", &[("color_r", 1.0), ("color_g", 0.0), ("color_b", 0.0)], &[0]);
@@ -194,12 +194,12 @@ fn only_effects_that_read_joints_get_them() {
     add_effect(&mut scene, "views", &[("show", 2.0)], &[]);
     let effects = all();
     let (_, plan) = scene.plan(&PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], 1) });
-    // Nothing there is skinned.
+    // No actor is skinned.
     assert!(plan.draws.iter().all(|d| !d.pipeline.features.has(Features::EFFECT_JOINTS)));
     assert!(plan.draws.iter().all(|d| d.pipeline.surface == 1));
 }
 
-/// An effect whose head says with which value it is off is left out with it, and the pixels are those without the effect.
+/// An effect with the value that its head declares as off is left out, and the pixels are those without the effect.
 #[test]
 fn effects_without_strength_change_nothing() {
     let effects = effects::named(&["bloom", "vignette", "fog", "outline", "grid"]);
@@ -222,7 +222,7 @@ fn effects_without_strength_change_nothing() {
         assert_eq!(told.map(|l| l.why.clone()), Some(format!("{parameter} is 0")));
         assert!(plan.post.is_empty() && plan.scene_effects.is_empty() && plan.overlay.parts.is_empty());
         assert!(draw_with(&mut renderer, &scene, &options) == expected, "{effect}");
-        // It does something otherwise.
+        // With another value it changes the image.
         let mut seen = self::scene();
         let floor = (effect == "grid").then_some(("height", -1.0));
         let on: Vec<_> = [(parameter, 1.0)].into_iter().chain(floor).collect();

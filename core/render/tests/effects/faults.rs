@@ -1,5 +1,5 @@
-//! Faulty effects: results that are NaN or infinite, and loops that do not end. Both devices draw the same image and give the same
-//! warning; effects without faults and loops have neither.
+//! Faulty effects: results that are NaN or infinite, and endless loops. Both renderers draw the same image and give the same
+//! warning; effects without faults give none.
 
 use crate::common::*;
 use choreo_plugin::{Effect, EffectPlugin, EffectShader, Frame, Manifest, PixelEffect};
@@ -13,7 +13,7 @@ const LIGHTING: &str = "fn effect(sample: LightSample, p: array<f32, 8>) -> vec3
 const VERTEX: &str = "fn effect(vertex: VertexSample, p: array<f32, 8>) -> vec3<f32>";
 const IMAGE: &str = "fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>";
 
-/// Name, lines of the head, declaration, body on line 5, and the warning with `PIXEL` for the first magenta pixel.
+/// Name, lines of the head, declaration, body (on line 5), and the warning, in which `PIXEL` stands for the first magenta pixel.
 type Case = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
 const NOT_FINITE: &str = "the result at PIXEL is NaN or infinite; such pixels are magenta";
@@ -135,7 +135,7 @@ fn both_renderers_draw_faulty_pixels_magenta_and_report_them() {
     let effects: Vec<Effect> = CASES.iter().map(effect).collect();
     let mut gpu = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() });
     for case in CASES {
-        // Loops that do not end take their time.
+        // Endless loops are slow, so they are drawn with one sample only.
         let is_slow = case.4 == ENDLESS;
         for samples in if is_slow { &[1][..] } else { &[1, 4] } {
             let samples = *samples;
@@ -145,7 +145,7 @@ fn both_renderers_draw_faulty_pixels_magenta_and_report_them() {
             let magenta = reference.rgba.as_chunks::<4>().0.iter().filter(|pixel| is_magenta(*pixel)).count();
             assert_eq!(magenta > 0, case.2 != VERTEX, "{}: {magenta}", case.0);
             assert!(magenta < 200 * 150, "{}", case.0);
-            // Of several samples a pixel's mean may be of another color, where the first ones are faulty.
+            // With several samples, the mean of a pixel need not be magenta if only some samples are faulty.
             let known = if samples == 1 { vec![expected_warning(case, &reference)] } else { notes.clone() };
             assert_eq!((notes.len(), &notes), (1, &known), "{}", case.0);
             // Once.
@@ -163,10 +163,10 @@ fn both_renderers_draw_faulty_pixels_magenta_and_report_them() {
     }
 }
 
-/// Name, hook, what the function gives, its body, faulty where `p[0]` is ½, the warning, whether the image is that without the effect.
+/// Name, lines of the head, declaration, body (faulty if `p[0]` is ½), the warning, and whether the faulty image equals that without the effect.
 type PartCase = (&'static str, &'static str, &'static str, &'static str, &'static str, bool);
 
-/// Results that are computed for both devices when a frame is planned.
+/// Effects that run while a frame is planned, for both renderers.
 const PARTS: &[PartCase] = &[
     (
         "hull",
@@ -258,7 +258,7 @@ fn faults_of_effects_that_run_while_planning_are_reported() {
         for (name, _, _, _, warning, nothing) in PARTS {
             let (good, notes) = draw_with_warnings(&mut **device, &scene(name, 0.0), &effects, 1);
             assert_eq!(notes, Vec::<String>::new(), "{name}");
-            // Blur of what rests is the same image.
+            // Motion blur of a static scene gives the same image.
             assert!(*name == "blur" || good.rgba != plain.rgba, "{name} shows");
             let (bad, notes) = draw_with_warnings(&mut **device, &scene(name, 0.5), &effects, 1);
             let loops = if warning.starts_with("this loop") { "my.wgsl:5:14: " } else { "" };
@@ -274,7 +274,7 @@ fn faults_of_effects_that_run_while_planning_are_reported() {
     }
 }
 
-/// A shader that does not look for NaN is found, and one that records nothing.
+/// The comparison finds a shader that does not check for NaN, and one that records no fault.
 #[test]
 fn the_comparison_fails_without_the_fault_check_in_shaders() {
     let folder = std::env::temp_dir().join(format!("choreo_effect_faults_{}", std::process::id()));
@@ -306,7 +306,7 @@ fn the_comparison_fails_without_the_fault_check_in_shaders() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// Red on both devices. An effect with a function on one device alone cannot be written: its trait demands both.
+/// An effect in Rust that paints everything red. Its trait requires both the CPU function and the WGSL.
 struct Red(Manifest);
 
 impl EffectPlugin for Red {

@@ -1,5 +1,5 @@
-//! `time()`, `delta()`, `frame()` and `resolution()` in effects on pixels, surfaces, vertices and light: closed forms on both devices;
-//! and what a frame costs that names none of them.
+//! `time()`, `delta()`, `frame()` and `resolution()` in effects on pixels, surfaces, vertices and light: closed forms in both renderers;
+//! and frames that read none of them.
 
 use crate::common::*;
 use choreo_asset::Material;
@@ -12,7 +12,7 @@ use glam::{DAffine3, Vec3, Vec4};
 
 const SIZE: [u32; 2] = [200, 150];
 
-/// A few seconds, and a frame whose number has more than 16 bits.
+/// Three seconds, and a time whose frame number has more than 16 bits.
 const SECONDS: [f64; 2] = [3.0, 70_000.5 / 30.0];
 
 const VALUE: &str = "
@@ -29,7 +29,7 @@ fn value(index: u32) -> f32 {
 }
 ";
 
-/// The value of each index in 30 frames a second.
+/// The value of each index at 30 frames per second.
 fn expected(seconds: f64) -> [f64; 6] {
     let frame = (seconds * 30.0 + 1e-6).floor();
     [
@@ -58,7 +58,7 @@ fn effects() -> Vec<Effect> {
             "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {
     return vec4(vec3(value(u32(uv.x * 20.0))), 1.0); }",
         ),
-        // The first effect has more than eight numbers, so that its rows lie before those of the others.
+        // The first effect has more than eight parameters, which shifts the uniform rows of the others.
         effect(
             "before",
             "// hook: surface\n// param a = vec4(1, 1, 1, 1) in 0..1: a\n// param b = vec4(1, 1, 1, 1) in 0..1: b\n\
@@ -94,7 +94,7 @@ fn effects() -> Vec<Effect> {
     ]
 }
 
-/// A white square of a half width before a camera that looks along −z at 2 m of height.
+/// A white square of half width `half` in front of a camera along −z whose view is 2 m high.
 fn wall(half: f32, seconds: f64, material: Material) -> Scene {
     let mut scene = Scene::ortho(2.0);
     scene.snapshot.time = Time::from_secs(seconds);
@@ -185,7 +185,7 @@ fn frames_that_read_no_numbers_have_equal_keys() {
         assert!(early != late, "{name} changes with the time");
         assert_eq!(numbers, parameters + EffectFrame::NUMBERS, "{name}");
     }
-    // A comment, and a function of the author's own.
+    // The name occurs only in a comment, or is a function of the author's own.
     for name in ["still", "still_surface"] {
         let ((early, numbers), (late, _)) = (key(name, 1.0), key(name, 2.0));
         assert_eq!((early, numbers), (late, 8), "{name}");

@@ -1,4 +1,4 @@
-//! Effects that displace vertices, replace lighting, read textures and frames before: closed forms, the CPU reference, and what they cost.
+//! Effects that displace vertices, replace lighting, and read textures or previous frames: closed forms, the CPU reference, and their cost.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -88,7 +88,7 @@ fn add_effect(scene: &mut Scene, name: &str, amount: f64) {
     use_effect(scene, name, &[("amount", amount)], &[]);
 }
 
-/// A white square before a camera that looks along −z at 2 m of height; light from above and the front.
+/// A white square in front of a camera along −z whose view is 2 m high, lit from the front and above.
 fn wall(turned: DQuat) -> Scene {
     let mut scene = Scene::ortho(2.0);
     scene.sun(Vec3::new(0.0, -0.6, -0.8), Vec3::ONE, 1.0);
@@ -109,7 +109,7 @@ fn a_displaced_square_equals_a_moved_one() {
     put.snapshot.actors[0].world_from_model.translation += DVec3::new(0.0, 0.25, 0.0);
     assert_eq!(draw_with_effects(&lifted).rgba, draw_with_effects(&put).rgba);
     assert_ne!(draw_with_effects(&wall(DQuat::IDENTITY)).rgba, draw_with_effects(&put).rgba);
-    // A displacement beyond the effect's reach is cut off there.
+    // A displacement beyond the effect's reach is clamped to it.
     let mut far = wall(DQuat::IDENTITY);
     add_effect(&mut far, "lift", 9.0);
     put.snapshot.actors[0].world_from_model.translation.y = f64::from(0.4f32);
@@ -127,7 +127,7 @@ fn culling_counts_displacement_and_unlit_surfaces_read_no_normals() {
     assert_eq!(count(&scene), 1, "it may be seen: its reach is 0.4 m");
 }
 
-/// A surface that leans has the light of a surface that leans.
+/// A surface that a displacement tilts is lit as a tilted surface.
 #[test]
 fn normals_follow_displacement() {
     for (name, turned) in
@@ -135,15 +135,15 @@ fn normals_follow_displacement() {
     {
         let mut scene = wall(turned);
         scene.snapshot.lights.clear();
-        // The light comes from the right, so that leaning towards −x counts.
+        // The light comes from the right, so that a tilt towards −x changes the shading.
         scene.sun(Vec3::new(-0.6, 0.0, -0.8), Vec3::ONE, 1.0);
         add_effect(&mut scene, name, 0.5);
         let frame = draw_with_effects(&scene);
-        // z = x / 2: the normal is (−½, 0, 1) / √(5/4), of what is turned turned.
+        // z = x / 2: the normal is (−½, 0, 1) / √(5/4), turned with the square.
         let normal = turned * (DVec3::new(-0.5, 0.0, 1.0) / 1.25f64.sqrt());
         let light = normal.dot(DVec3::new(0.6, 0.0, 0.8));
         let [r, ..] = pixel(&frame, 100, 75);
-        // Its own color but for what the specular layer takes.
+        // The diffuse color, without the share that the specular layer reflects.
         let flat = {
             let mut flat = wall(DQuat::from_rotation_arc(DVec3::Z, normal.normalize()));
             flat.snapshot.lights = scene.snapshot.lights.clone();
@@ -181,7 +181,7 @@ fn effect_textures_are_read_at_the_given_position() {
     }
 }
 
-/// A square whose image tells its place, turned about both axes; its heights lie all at a share of `relief`.
+/// A square turned about two axes, whose texture encodes the position; its height map has a constant depth of a share of `relief`.
 fn scene_with_relief(relief: f32, behind: f64) -> Scene {
     let turned = DQuat::from_rotation_y(0.6) * DQuat::from_rotation_x(-0.4);
     let mut primitive = quad(0.5, 0.5);
@@ -202,7 +202,7 @@ fn scene_with_relief(relief: f32, behind: f64) -> Scene {
     scene
 }
 
-/// Heights that lie 0.6 of 0.2 m deep show what a square that much farther back shows, in both renderers.
+/// A constant parallax depth of 0.6 · 0.2 m gives the image of a square that lies that much farther back, in both renderers.
 #[test]
 fn parallax_mapping_equals_a_square_farther_back() {
     let effects = test_effects();
@@ -225,7 +225,7 @@ fn parallax_mapping_equals_a_square_farther_back() {
     assert!(c.mean < 0.35 && c.share_beyond < 0.01, "{c}");
 }
 
-/// A square that goes from left to right.
+/// A square that moves from left to right.
 fn scene_with_moving_square(time: Time) -> Scene {
     let mut scene = wall(DQuat::IDENTITY);
     (scene.stage.settings.fps.num, scene.stage.settings.fps.den) = (10, 1);

@@ -1,5 +1,5 @@
-//! Images as parameters of effects: in the functions of every hook that shaders run, two in one effect, two uses with different images
-//! in one frame, the images of the file where none is given; closed forms on both devices.
+//! Image parameters of effects: in every hook that shaders run, two images in one effect, two uses with different images
+//! in one frame, and the default images of the file; closed forms in both renderers.
 
 use crate::common::*;
 use choreo_asset::{Image, Material};
@@ -14,7 +14,7 @@ use std::sync::Arc;
 const SIZE: [u32; 2] = [200, 150];
 const HALF: f64 = 128.0 / 255.0;
 
-/// Texels of an image of two columns and three rows: no two are equal, nor are two colors of one.
+/// Texels of an image of two columns and three rows: all texels and all channels of a texel differ.
 const TEXELS: [[[u8; 4]; 2]; 3] = [
     [[51, 204, 0, 255], [204, 102, 26, 255]],
     [[153, 0, 77, 255], [0, 128, 230, 255]],
@@ -37,7 +37,7 @@ fn tint_image() -> Arc<Image> {
     image(1, 1, |_, _| TINT)
 }
 
-/// The image `map` at a place: bilinear between the middles of texels, repeated without end.
+/// Bilinear sample of the image `map`, which repeats in both directions.
 fn sample_map(u: f64, v: f64) -> [f64; 3] {
     let (x, y) = (u * 2.0 - 0.5, v * 3.0 - 0.5);
     let texel = |dx: f64, dy: f64| {
@@ -59,8 +59,8 @@ fn product(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|c| a[c] * b[c])
 }
 
-/// An effect with two images that it multiplies with what its number says: `tint`, a color, and `map`, numbers. The `map` of its own,
-/// `own.png`, is half gray, its `tint` white.
+/// An effect with the images `tint` (colors) and `map` (data), whose product it weights by `share`. Its default `map`,
+/// `own.png`, is half gray, and its default `tint` is white.
 fn effect(name: &str, head: &str, function: &str) -> Effect {
     let text = format!(
         "// effect: {name}\n{head}// param share = 1 in 0..1: how much\n// param tint = texture(): a color\n\
@@ -121,7 +121,7 @@ fn wall(half: f32, material: Material) -> Scene {
     scene
 }
 
-/// Uses an effect with images, or with its own.
+/// Adds an effect with the given images; it keeps its default images for the others.
 fn use_effect_with_images(scene: &mut Scene, name: &str, images: &[(&str, Arc<Image>)]) {
     use_effect(scene, name, &[], &[]);
     let used = scene.stage.effects.last_mut().unwrap();
@@ -184,7 +184,7 @@ fn light_and_vertex_effects_read_the_chosen_images() {
     }
 }
 
-/// Each use has its own images, and the effect without one keeps the file's.
+/// Each use of an effect has its own images, and a use without images keeps the defaults of the file.
 #[test]
 fn uses_with_different_images_draw_side_by_side() {
     let mut scene = wall(2.0, unlit(Vec4::ONE));
@@ -193,7 +193,7 @@ fn uses_with_different_images_draw_side_by_side() {
     use_effect_with_images(&mut scene, "on_pixels", &[]);
     let names: Vec<String> = scene.stage.effects.iter().map(|used| used.drawn_by().into_owned()).collect();
     assert!(names[0] != names[1] && names[0].starts_with("on_pixels (map: ") && names[2] == "on_pixels");
-    // The left column's middle in the first is the right one's in the second.
+    // The left column of the first image is the right column of the second.
     let mut surfaces = wall(2.0, unlit(Vec4::ONE));
     use_effect_with_images(&mut surfaces, "on_surfaces", &[("map", mirrored_map_image())]);
     use_effect_with_images(&mut surfaces, "on_surfaces", &[("tint", tint_image()), ("map", map_image())]);

@@ -1,4 +1,4 @@
-//! Parameters of every type, 64 numbers of them, in the functions of every hook that shaders run: closed forms on both devices.
+//! Parameters of every type, 64 numbers in all, in every hook that shaders run: closed forms in both renderers.
 
 use crate::common::*;
 use choreo_asset::Material;
@@ -57,7 +57,7 @@ const GIVEN: [(&str, f64); 9] = [
     ("d_z", 0.7),
 ];
 
-/// The value of each index by default: #80 of sRGB is ((128/255 + 0.055) / 1.055)^2.4 (IEC 61966-2-1), the curves are straight lines.
+/// Value of each index, with the given or the default parameters. sRGB is decoded by IEC 61966-2-1.
 fn expected(is_given: bool) -> [f64; 19] {
     let orange = ((128.0 / 255.0 + 0.055f64) / 1.055).powf(2.4);
     let mut all = [
@@ -117,7 +117,7 @@ fn effects() -> Vec<Effect> {
             "fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32> {
     return vec4(vec3(value(u32(at.x) / 10u, p)), 1.0); }",
         ),
-        // Its parameters lie before those of the others on surfaces.
+        // This effect's parameters come before those of the other effects on surfaces.
         effect(
             "before",
             "// hook: surface\n",
@@ -142,7 +142,7 @@ fn effects() -> Vec<Effect> {
     ]
 }
 
-/// A white square of a half width before a camera that looks along −z at 2 m of height.
+/// A white square of half width `half` in front of a camera along −z whose view is 2 m high.
 fn wall(half: f32, material: Material) -> Scene {
     let mut scene = Scene::ortho(2.0);
     scene.sun(Vec3::NEG_Z, Vec3::ONE, 1.0);
@@ -196,7 +196,7 @@ fn light_and_vertex_effects_get_parameters_of_each_type() {
             use_effect(&mut scene, "on_vertices", &given, &[]);
             let frame = draw_scene(renderer, &scene);
             let what = format!("{device}, value {index}");
-            // The square's middle is 0.5 · value above the middle of the image, 75 pixels a metre.
+            // The square's center is 0.5 m · value above the center of the image, at 75 pixels per metre.
             let middle = 75 - (37.5 * value) as u32;
             assert_color(pixel(&frame, 100, middle), [value; 3], &what);
             let mut put = wall(0.5, unlit(Vec4::new(1.0, 0.0, 0.0, 1.0)));
@@ -204,7 +204,7 @@ fn light_and_vertex_effects_get_parameters_of_each_type() {
             let put = draw_scene(renderer, &put);
             let background = pixel(&frame, 5, 75);
             let covers = |frame: &Frame, y: u32| pixel(frame, 100, y) != background;
-            // A value of the background's own color cannot be told from it.
+            // A value equal to the background's color cannot be distinguished from it.
             if value > 0.0 {
                 let rows = (0..150).filter(|y| covers(&frame, *y) != covers(&put, *y)).count();
                 assert!(rows <= 1, "{what}: {rows} rows differ");
@@ -213,7 +213,7 @@ fn light_and_vertex_effects_get_parameters_of_each_type() {
     });
 }
 
-/// The buffer of effects on surfaces and of a pass grow with the parameters that are declared, and with nothing else.
+/// The uniform data of surface effects and of a pass depend only on the number of declared parameters.
 #[test]
 fn uniform_bytes_grow_with_declared_parameters() {
     let small = WgslEffect::from_text(
@@ -235,7 +235,7 @@ fn uniform_bytes_grow_with_declared_parameters() {
     assert_eq!(rows(&["on_surfaces", "small", "on_pixels"]), (2 + 16 + 2, 64));
 }
 
-/// The stairs of an edge are as wide as in every image, so that the search along them is, too; grains have their share of the height.
+/// Edge steps have the same width in pixels in every image, so FXAA's search distance does not scale with a preview; film grain does.
 #[test]
 fn previews_smooth_edges_at_their_own_size() {
     let all = effects::named(&["fxaa", "film_grain"]);

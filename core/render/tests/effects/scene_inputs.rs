@@ -1,5 +1,5 @@
 //! Inputs of effects on images against closed forms in f64, on both renderers: depth, normals, motion vectors, actors, camera, time
-//! and sun; with one sample and four, in tiles, with an open shutter; and what of it a frame leaves out.
+//! and sun; with one and four samples, in tiles, with motion blur; and which inputs a frame leaves out.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -16,7 +16,7 @@ const SIZE: [u32; 2] = [120, 90];
 const YFOV: f64 = 0.9;
 const DISTANCE: f64 = 5.0;
 
-/// An effect that writes a number from 0 to 1 as the 24 bits of a pixel.
+/// An effect that writes a number from 0 to 1 as 24 bits in the three color channels of a pixel.
 fn probe(name: &str, number: &str) -> Effect {
     let text = format!(
         "// effect: {name}\n// hook: image\n// off: amount = 0\n// param amount = 1 in 0..1: on or off\n\
@@ -60,7 +60,7 @@ fn probes() -> Vec<Effect> {
     all
 }
 
-/// A probe on both renderers, each after the other.
+/// The frame of one probe effect in each renderer.
 fn draw_probe(
     scene: &Scene,
     name: &str,
@@ -78,7 +78,7 @@ fn draw_probe(
     out
 }
 
-/// The ray of a pixel in view space, one metre deep.
+/// Ray of a pixel in view space, with a depth of one metre.
 fn view_ray_of_pixel(x: u32, y: u32) -> DVec3 {
     let t = (YFOV * 0.5).tan();
     let [w, h] = SIZE.map(f64::from);
@@ -86,7 +86,7 @@ fn view_ray_of_pixel(x: u32, y: u32) -> DVec3 {
     DVec3::new(ndc.x * t * w / h, ndc.y * t, -1.0)
 }
 
-/// The place where a pixel's ray meets a plane, in the world. The camera stands at (0, 0, `DISTANCE`).
+/// World position at which a pixel's ray meets a plane. The camera is at (0, 0, `DISTANCE`).
 fn intersect_plane(x: u32, y: u32, point: DVec3, normal: DVec3) -> DVec3 {
     let eye = DVec3::new(0.0, 0.0, DISTANCE);
     let way = view_ray_of_pixel(x, y);
@@ -111,12 +111,12 @@ fn scene_with_tilted_plane() -> (Scene, DVec3, DVec3) {
     (scene, at, turn * DVec3::Z)
 }
 
-/// Out of view, so that the actor in view is the second.
+/// A mesh for an actor out of view, so that the actor in view is the second one.
 fn asset_of_triangle() -> Arc<Asset> {
     asset(vec![triangle(Vec3::ZERO, Vec3::X, Vec3::Y)], vec![matte(Vec4::ONE)], vec![])
 }
 
-/// Where the plane surely is.
+/// Pixels that the plane covers.
 const INSIDE: [[u32; 2]; 5] = [[60, 45], [52, 38], [70, 50], [55, 55], [66, 35]];
 
 #[track_caller]
@@ -151,10 +151,10 @@ fn depth_and_normals_of_a_plane_match_closed_forms() {
         for (renderer, frame) in &depth {
             assert!(read_number(frame, 1, 1) > 0.99, "{renderer}: nothing is there");
         }
-        // Beyond the border the nearest pixel counts: here nothing.
+        // Outside of the image the nearest pixel is read, which shows no surface here.
         assert_near(&probe("beyond"), "beyond the border", 1e-6, |_, _| 1.0);
     }
-    // A plane that stands elsewhere is seen to.
+    // The comparison finds a plane at another distance.
     let (scene, ..) = scene_with_tilted_plane();
     let frames = draw_probe(&scene, "depth", &PlanOptions::new(SIZE, 1), None);
     let off = |x, y| (DISTANCE - intersect_plane(x, y, at + DVec3::Z * 0.001, n).z) / 16.0;
@@ -169,7 +169,7 @@ fn a_mesh_without_normals_uses_triangle_normals() {
     let material = Material { double_sided: true, ..unlit(Vec4::ONE) };
     let turn = DQuat::from_rotation_y(0.6 + std::f64::consts::PI);
     scene.add(&asset(vec![bare], vec![material], vec![]), DAffine3::from_quat(turn));
-    // Towards the viewer, on whichever side.
+    // Normals point towards the viewer on both sides.
     let n = -(turn * DVec3::Z);
     let options = PlanOptions::new(SIZE, 1);
     assert_near(&draw_probe(&scene, "normal_x", &options, None), "normal x", 1e-4, |_, _| n.x * 0.5 + 0.5);
@@ -180,7 +180,7 @@ fn a_mesh_without_normals_uses_triangle_normals() {
 fn motion_vectors_of_a_moving_plane_and_camera_match_closed_forms() {
     let (mut scene, at, n) = scene_with_tilted_plane();
     let before = scene.snapshot.clone();
-    // The plane goes right and away, the camera up.
+    // The plane moves to the right and away, the camera moves up.
     let (moved, eye) = (DVec3::new(0.11, 0.0, -0.2), DVec3::new(0.0, -0.05, DISTANCE));
     let mut then = before;
     then.actors[1].world_from_model.translation -= moved;
@@ -195,7 +195,7 @@ fn motion_vectors_of_a_moving_plane_and_camera_match_closed_forms() {
             ["moved_x", "moved_y"].map(|name| draw_probe(&scene, name, &options, Some(&then)));
         assert_near(&right, "x", 3e-6, |x, y| vector(x, y).x / 64.0 + 0.5);
         assert_near(&down, "y", 3e-6, |x, y| vector(x, y).y / 64.0 + 0.5);
-        // A vector that forgets the camera is seen to be wrong.
+        // The comparison finds motion vectors that ignore the camera.
         let (_, frame) = &down[0];
         let faulty =
             |x, y| f64::from(y) + 0.5 - pixel_of(intersect_plane(x, y, at, n) - moved, DVec3::Z * DISTANCE).y;
@@ -205,7 +205,7 @@ fn motion_vectors_of_a_moving_plane_and_camera_match_closed_forms() {
                 .all(|[x, y]| (read_number(frame, *x, *y) - faulty(*x, *y) / 64.0 - 0.5).abs() > 1e-4)
         );
     }
-    // Without a frame before nothing has moved, and where nothing is neither.
+    // Motion is zero without a previous frame, and where there is no surface.
     scene.snapshot.time = Time::ZERO;
     assert_near(&draw_probe(&scene, "moved_x", &PlanOptions::new(SIZE, 1), None), "rest", 1e-6, |_, _| 0.5);
 }
@@ -215,7 +215,7 @@ fn motion_vectors_follow_joints_and_morph_targets() {
     let options = PlanOptions::new(SIZE, 1);
     let eye = DVec3::Z * DISTANCE;
     let offset = DVec3::new(0.4, 0.25, 0.0);
-    // A morph target that moves all vertices: half of it now, a quarter before.
+    // A morph target that moves all vertices: weight ½ now, ¼ in the frame before.
     let mut shape = quad(1.2, 0.9);
     shape.morphs = vec![MorphTarget { positions: vec![offset.as_vec3(); 4], ..MorphTarget::default() }];
     let mut scene = Scene::perspective(YFOV as f32, DISTANCE);
@@ -235,7 +235,7 @@ fn motion_vectors_follow_joints_and_morph_targets() {
         3e-6,
         expected(offset * 0.25),
     );
-    // A joint that turns nothing and moves the upper half, for which all vertices are above the root.
+    // A joint that only translates; all vertices are bound to it.
     let raised = Primitive {
         positions: quad(1.2, 0.9).positions.iter().map(|p| *p + Vec3::Y).collect(),
         ..quad(1.2, 0.9)
@@ -285,7 +285,7 @@ fn time_frame_and_sun_match_the_stage() {
         (77.0 + 1.0 / 24.0) / 256.0
     });
     assert_near(&draw_probe(&scene, "sun", &options, None), "no sun", 1e-6, |_, _| 0.0);
-    // The brighter of two.
+    // The brighter of two suns counts.
     let way = DVec3::new(0.2, 0.1, -1.0).normalize();
     scene.sun(Vec3::NEG_Y, Vec3::ONE, 0.5);
     scene.sun(-way.as_vec3(), Vec3::ONE, 2.0);
@@ -327,11 +327,11 @@ fn both_renderers_agree_on_skins_cut_outs_and_displaced_surfaces() {
             let pixels = (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y)));
             pixels.filter(|(x, y)| (read_number(a, *x, *y) - read_number(b, *x, *y)).abs() > 2e-5).count()
         };
-        // Pixels whose middles lie on an edge.
+        // A few pixels, whose centers lie on an edge, may differ.
         let off = differ(&cpu, &gpu);
         println!("{name}, {once:?}: {off} of {} pixels differ", SIZE[0] * SIZE[1]);
         assert!(off < 12, "{name}, {once:?}: {off}");
-        // What stands a millimetre farther is seen to.
+        // The comparison finds an actor a millimetre farther away.
         scene.snapshot.actors.iter_mut().for_each(|a| a.world_from_model.translation.z -= 0.001);
         if name == "depth" {
             let other = draw_with(&mut CpuRenderer::new(&effects), &scene, &options);
@@ -359,7 +359,7 @@ fn tiles_and_motion_blur_have_the_scene_inputs_of_the_frame() {
             assert!((is - should).abs() < 3e-6, "{name} in tiles at {x}, {y}: {is}, not {should}");
         }
     }
-    // The shutter is open while nothing moves: the mean is the frame, and inputs are read on the host.
+    // With motion blur of a static scene the mean is the frame, and effects read their inputs on the host.
     let mut scene = Scene { stage: scene.stage.clone(), snapshot: scene.snapshot.clone() };
     use_effect(&mut scene, "motion_blur", &[("samples", 2.0)], &[]);
     use_effect(&mut scene, "depth", &[("amount", 1.0)], &[]);
@@ -405,7 +405,7 @@ fn inputs_are_drawn_only_for_effects_that_read_them() {
     assert!(drawn && motion && !left_out.contains("motion vectors"), "{left_out}");
     let (drawn, _, left_out) = commands(Some(("clock", 1.0)));
     assert!(!drawn && left_out.contains("depth and normals for effects"), "{left_out}");
-    // Off: as without it.
+    // An effect that is off requests nothing.
     assert!(!commands(Some(("depth", 0.0))).0 && !commands(None).0);
 }
 

@@ -29,7 +29,7 @@ fn add_lamp(scene: &mut Scene, kind: LightKind, position: DVec3, range: Option<f
     scene.snapshot.lights.push(LightState { light, position, direction, shadow, attenuation: None });
 }
 
-/// Bent, with normal map, shares from textures, light of its own and holes; skinned; morphed; on a floor.
+/// A bulge with textures of every kind, emission and cut-outs, a skinned and a morphed mesh, on a floor.
 fn scene_of_props() -> Scene {
     let mut scene = Scene::perspective(0.8, 7.0);
     scene.snapshot.camera.world_from_view.translation.y = 0.7;
@@ -83,7 +83,7 @@ fn scene_of_props() -> Scene {
     scene
 }
 
-/// A sun, a spot and a lamp that cast; a lamp that falls off by a polynomial.
+/// The props with a sun, a spot light and a lamp that cast shadows, and a lamp with polynomial falloff.
 fn scene_with_shadows() -> Scene {
     let mut scene = scene_of_props();
     scene.sun(Vec3::new(-0.4, -0.8, -0.5), Vec3::ONE, 0.7);
@@ -121,7 +121,7 @@ fn under_a_sky(mut scene: Scene) -> Scene {
     scene
 }
 
-/// The same with another pipeline.
+/// The scene with another pipeline.
 fn with_pipeline(mut scene: Scene, pipeline: Pipeline) -> Scene {
     scene.stage.settings.pipeline = pipeline;
     scene
@@ -187,7 +187,7 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     ]
 }
 
-/// The G-buffer has 16 bits a number: highlights and edges of shadows may be a few steps off.
+/// The G-buffer stores 16 bits per number, so highlights and shadow edges may differ by a few steps.
 fn assert_same(c: &Comparison, what: &str) {
     println!("{what}: {c}");
     assert!(c.mean < 0.05 && c.share_beyond < 0.002, "{what}: {c}");
@@ -220,7 +220,7 @@ fn deferred_and_forward_shading_draw_the_same() {
 }
 
 #[test]
-fn the_comparison_finds_a_missing_light() {
+fn the_comparison_finds_a_missing_part_of_the_lighting() {
     let Some(mut gpu) = vulkan(GpuOptions::default()) else { return };
     let scene = with_pipeline(under_a_sky(scene_with_shadows()), Pipeline::Deferred);
     let (resources, plan) = scene.plan(&options(&[]));
@@ -244,7 +244,7 @@ fn the_comparison_finds_a_missing_light() {
         let c = compare(&whole, &drawn(fault), 2).unwrap();
         assert!(c.share_beyond > 0.004, "without {what}: {c}");
     }
-    // A draw that nobody draws.
+    // Half of the deferred draws are missing.
     let mut fault = plan.clone();
     fault.draws.retain(|d| !d.deferred || d.first_instance % 2 == 0);
     assert!(compare(&whole, &drawn(fault), 2).unwrap().share_beyond > 0.01);
@@ -277,7 +277,7 @@ fn deferred_tiles_and_frames_in_flight_draw_the_same() {
     let c = compare(&draw_with(&mut tiled, &scene, &options), &one, 2).unwrap();
     println!("tiles: {c}");
     assert!(c.mean < 0.1 && c.share_beyond < 2e-3, "{c}");
-    // Deferred and forward in flight at once: the same bytes as alone.
+    // Deferred and forward frames in flight at the same time have the bytes that they have alone.
     let (resources, deferred) = scene.plan(&options);
     let (_, forward) = with_pipeline(scene_with_shadows(), Pipeline::Forward).plan(&options);
     whole.load(resources).unwrap();
@@ -317,7 +317,7 @@ fn a_device_without_g_buffer_formats_draws_forward_with_a_note() {
     }
 }
 
-/// The recording for a device that is no CPU.
+/// The plan, and its recording for a GPU.
 fn plan_and_recording(scene: &Scene, samples: u32) -> (Plan, commands::Recording) {
     let (_, plan) = scene.plan(&PlanOptions::new(SIZE, samples));
     let recording = record(&plan, RecordOptions::default(), |_| 2);
@@ -335,7 +335,7 @@ fn deferred_shading_is_left_out_with_a_reason() {
     let (plan, recording) = plan_and_recording(&scene, 1);
     assert!(plan.deferred.is_none() && plan.draws.iter().all(|d| !d.deferred));
     assert!(!recording.commands.contains(&Command::BeginGeometry));
-    // A few lights on little overdraw: the numbers are said.
+    // Few lights and little overdraw: the reason gives the numbers.
     assert!(
         reason_against_deferred(&plan).contains("lights per surface"),
         "{}",
@@ -356,7 +356,7 @@ fn deferred_shading_is_left_out_with_a_reason() {
         reason_against_deferred(&plan)
     );
     assert_eq!(recording.counts().passes, counts.passes);
-    // One more pass and as many draws, each once; all of them in it but what is not kept.
+    // One more pass, and each draw once: in the G-buffer pass, unless the G-buffer cannot hold its surface.
     let (plan, recording) = plan_and_recording(&asked, 1);
     assert_eq!(plan.deferred.as_ref().map(|d| d.cause), Some(DeferredCause::Requested));
     assert_eq!(reason_against_deferred(&plan), "");

@@ -1,4 +1,4 @@
-//! Dissolves between cameras: the frame is the mix of what each camera shows alone; both renderers.
+//! Cross dissolves between cameras: a frame is the mix of the images of both cameras, in both renderers.
 
 use crate::common::*;
 use choreo_image_diff::compare;
@@ -23,7 +23,7 @@ fn effects() -> Vec<Effect> {
     all
 }
 
-/// Two cameras that show a red and a green quad; a vignette on the second one's frames, a white panel over both.
+/// Two cameras that show a red and a green quad, a vignette on the second camera's frames, and a white panel over both.
 fn scene() -> Stage {
     let mut scene = Scene::ortho(8.0);
     for (x, color) in [(-20.0, Vec4::new(1.0, 0.1, 0.1, 1.0)), (20.0, Vec4::new(0.1, 0.8, 0.2, 1.0))] {
@@ -60,13 +60,13 @@ fn draw_at_time(stage: &Stage, secs: f64, renderer: &mut dyn Renderer) -> Frame 
     renderer.collect(None).unwrap()
 }
 
-/// The stage as one camera shows it all the time.
+/// The frame of the stage with a single camera and without cuts.
 fn draw_camera_alone(stage: &Stage, camera: usize, secs: f64, renderer: &mut dyn Renderer) -> Frame {
     let cuts = vec![Cut::new(Time::ZERO, camera)];
     draw_at_time(&Stage { cuts, ..stage.clone() }, secs, renderer)
 }
 
-/// Largest difference of a channel to the mix of two images of opaque pixels.
+/// Largest difference of any channel from the mix of two opaque images.
 fn largest_difference_to_mix(frame: &Frame, a: &Frame, b: &Frame, share_of_a: f64) -> f64 {
     let mixed = a
         .rgba
@@ -108,7 +108,7 @@ fn a_dissolve_mixes_motion_blurred_images() {
         ..stage.effects[0].clone()
     });
     stage.effects[1].parameters = vec![("samples".into(), 3.0), ("shutter".into(), 360.0)];
-    // A shutter that is still open when the dissolve ends.
+    // The shutter is still open when the dissolve ends.
     let mut renderer = CpuRenderer::new(&effects());
     let time = 2.99;
     let [first, second] = [0, 1].map(|camera| draw_camera_alone(&stage, camera, time, &mut renderer));
@@ -135,7 +135,7 @@ fn both_renderers_draw_the_same_dissolve() {
     );
 }
 
-/// An effect that reads depth gets that of the camera's own side.
+/// An effect that reads depth gets the depth of its own camera's image.
 #[test]
 fn effects_read_the_scene_inputs_of_their_own_camera() {
     let mut stage = scene();
@@ -144,7 +144,7 @@ fn effects_read_the_scene_inputs_of_their_own_camera() {
     stage.layers_2d.clear();
     let check = |renderer: &mut dyn Renderer, bound: f64| {
         let [first, second] = [0, 1].map(|camera| draw_camera_alone(&stage, camera, 1.5, renderer));
-        // 8 m and 4 m before the cameras.
+        // The quads are 8 m and 4 m in front of their cameras.
         assert_color(pixel(&first, 32, 32), [0.5; 3], "the first camera");
         assert_color(pixel(&second, 32, 32), [0.25; 3], "the second camera");
         let frame = draw_at_time(&stage, 1.5, renderer);

@@ -1,4 +1,4 @@
-//! The content of a plan: what the planner puts in, leaves out, and in which order.
+//! Contents of a plan: its instances, features, left-out parts and the order of draws.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -79,7 +79,7 @@ fn equal_content_of_two_files_shares_resources_and_draws() {
     assert_eq!(plan.draws[0].instance_count, 6);
     let (_, single) = scene.plan(&PlanOptions { no_instancing: true, ..options() });
     assert_eq!(single.draws.len(), 6);
-    // One different texel is another texture and another material, but the same shape.
+    // One different texel gives another texture and another material, but the same primitive.
     let other = asset(
         vec![quad(0.1, 0.1)],
         vec![Material { base_color_texture: Some(texture(0)), ..unlit(Vec4::ONE) }],
@@ -117,12 +117,12 @@ fn a_thousand_copies_are_one_draw_and_culled_one_by_one() {
     let index = scene.at(&std::sync::Arc::new(a), 0.0, 0.0, 0.0);
     let (resources, plan) = scene.plan(&options());
     assert_eq!((resources.primitives.len(), plan.draws.len()), (1, 1));
-    // The view is 8 m wide: from -4 to 4, and a copy reaches 0.1 m.
+    // The view is 8 m wide, from −4 to 4, and a copy reaches 0.1 m beyond its center.
     let seen = (0..1000).filter(|i| place(*i).x.abs() < 4.1).count();
     assert_eq!((plan.draws[0].instance_count as usize, plan.instances.len()), (seen, seen));
     let said = plan.left_out.iter().find(|l| l.what == "primitives outside the view").unwrap();
     assert_eq!(said.why, format!("{} of 1000 have their bounds outside the frustum", 1000 - seen));
-    // They move with their joint.
+    // Copies move with their joint.
     scene.snapshot.actors[index].model_from_joint[0].translation.x += 100.0;
     assert!(scene.plan(&options()).1.draws.is_empty());
 }
@@ -145,7 +145,7 @@ fn an_animated_base_color_becomes_the_instance_tint() {
         let (resources, plan) = scene.plan(&options());
         (resources.materials[0].material.base_color, plan.instances[0].tint)
     };
-    // At rest the tint is the material's own color; with the clip it is the clip's color: green, though the material has none.
+    // At rest the tint is the material's color; with the clip it is the clip's color, which is green although the material has no green.
     assert_eq!(tint(&scene), (Vec4::ONE, Vec4::new(0.5, 0.0, 0.5, 1.0)));
     scene.snapshot.actors[index].base_colors = vec![Vec4::new(0.0, 1.0, 0.0, 1.0)];
     scene.snapshot.actors[index].tint = Vec4::new(1.0, 0.5, 1.0, 1.0);
@@ -253,7 +253,7 @@ fn force_all_requests_every_additive_feature() {
     scene.at(&a, 0.0, 0.0, 0.0);
     let (_, plan) = scene.plan(&PlanOptions { force_all: true, ..options() });
     let f = plan.draws[0].pipeline.features;
-    // All that metallic-roughness surfaces without layers can have, but for other ways of drawing, which are never forced in.
+    // Every feature of metallic-roughness surfaces without layers, except alternative ways of drawing, which are never forced in.
     let surface = [Features::SKIN, Features::SKIN_8, Features::MORPH, Features::VERTEX_COLOR, Features::UV0];
     let surface = surface.into_iter().chain([Features::UV1, Features::UV_TRANSFORM, Features::ALPHA_MASK]);
     let surface = surface.chain([Features::METALLIC_ROUGHNESS, Features::EMISSIVE, Features::LOCAL_LIGHTS]);

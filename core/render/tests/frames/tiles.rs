@@ -1,4 +1,4 @@
-//! Images larger than a device draws at once are the same as drawn whole: by a limit that is set, tile by tile.
+//! Images that are drawn in tiles equal those drawn whole; a test option limits the size of a tile.
 
 use crate::common::layered::{bulge, layered};
 use crate::common::*;
@@ -17,7 +17,7 @@ fn effects() -> Vec<Effect> {
     effects::named(&["fog", "fxaa", "bloom", "wireframe", "grid", "outline"])
 }
 
-/// A scene with something of everything, seen from the side, with a shadow and many lamps before a gradient.
+/// The busy scene seen from the side, with a shadow, many lamps and a background gradient.
 fn scene() -> Scene {
     let mut scene = busy_scene(DVec3::ZERO);
     scene.snapshot.camera.world_from_view =
@@ -88,10 +88,10 @@ fn tiled_images_equal_images_drawn_whole() {
         let c =
             compare_frames(&draw_with(&mut tiled, scene, &options), &draw_with(&mut whole, scene, &options));
         println!("{what}, {samples} samples: {c}");
-        // Where a corner is rounded otherwise, an edge may have another pixel; passes on the host have no 16-bit floats between.
+        // Vertices may be rounded differently, which moves edges by a pixel; passes on the host have no 16-bit intermediate images.
         assert!(c.mean < 0.1 && c.share_beyond < 2e-3, "{what}, {samples} samples: {c}");
     }
-    // Frames larger and smaller than the limit in turns; several in flight.
+    // Tiled and whole frames in turns, with several in flight.
     let (resources, large) = scenes[0].1.plan(&PlanOptions::new(SIZE, 1));
     let (_, small) = scenes[0].1.plan(&PlanOptions::new([60, 45], 1));
     tiled.load(resources).unwrap();

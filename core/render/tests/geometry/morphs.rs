@@ -1,4 +1,4 @@
-//! Morph targets cost what they move: bytes, and vertices that look at them.
+//! Morph buffers: their size depends on the number of vertices that the targets move.
 
 use choreo_asset::{MorphTarget, Primitive};
 use choreo_plugin::{Files, ImportOptions, ImportScope, Importer, Source};
@@ -8,14 +8,14 @@ use glam::{Vec3, Vec3Swizzles};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A strip of 10,000 vertices, each at a place of its own, of which each target moves some.
+/// A strip of 10,000 vertices at distinct positions, of which each target moves some.
 fn strip(targets: &[&[(usize, Vec3)]]) -> Primitive {
     let count = 10_000;
     let positions: Vec<Vec3> = (0..count).map(|i| Vec3::new(i as f32, (i % 2) as f32, 0.0)).collect();
     let target = |moves: &&[(usize, Vec3)]| {
         let mut positions = vec![Vec3::ZERO; count];
         moves.iter().for_each(|(i, by)| positions[*i] = *by);
-        // Its normals turn where its places move; it has none of tangents.
+        // The target changes normals with positions, and has no tangents.
         MorphTarget { normals: positions.iter().map(|p| p.yzx()).collect(), positions, tangents: Vec::new() }
     };
     Primitive {
@@ -31,7 +31,7 @@ fn words(bytes: &[u8]) -> Vec<[u32; 4]> {
     bytemuck::pod_collect_to_vec(bytes)
 }
 
-/// The offsets that the shader adds for a target to each vertex of the buffer, by the text of pose.wgsl.
+/// The offsets that a target adds to each vertex, computed as pose.wgsl does.
 fn offsets_of_target(words: &[[u32; 4]], target: usize, vertices: usize, list: u32) -> Vec<Vec3> {
     let [first, count, begin, _] = words[target];
     let of = |index: u32| {
@@ -53,7 +53,7 @@ fn check_offsets(p: &Primitive, bytes: &[u8]) {
         for (list, truth) in [&target.positions, &target.normals].into_iter().enumerate() {
             let got = offsets_of_target(&words(bytes), t, packed.vertex_count as usize, list as u32);
             for (at, vertex) in packed.vertices.chunks_exact(stride).enumerate() {
-                // Where it stands tells which it is.
+                // The position identifies the vertex.
                 let x: f32 = bytemuck::pod_read_unaligned(&vertex[..4]);
                 assert_eq!(got[at], truth[x as usize], "target {t}, list {list}, vertex {x}");
             }
@@ -66,13 +66,13 @@ fn morph_buffers_hold_only_morphed_vertices() {
     let by = Vec3::new(0.0, 1.0, 2.0);
     let p = strip(&[&[(17, by), (5_000, -by), (9_998, by)], &[], &[(5_000, by)]]);
     let bytes = pack_morphs(&p, &p.indices, VertexLayout(0b11));
-    // A word for each target; places and normals of three, none and one.
+    // A word for each target; positions and normals of three, no and one vertex.
     assert_eq!(bytes.len(), 16 * (3 + 2 * (3 + 1)));
     assert_eq!(morphed_vertices(&p), 3);
     check_offsets(&p, &bytes);
-    // Places alone.
+    // Positions only.
     assert_eq!(pack_morphs(&p, &p.indices, VertexLayout(0b1)).len(), 16 * (3 + 3 + 1));
-    // The ranges in the file's order of vertices: from the first to the last that is morphed.
+    // Ranges in the file's order of vertices, from the first to the last morphed one.
     let every: Vec<u32> = (0..10_000).collect();
     assert_eq!(morphed_ranges(&p, &every), [17..9_999, 0..0, 5_000..5_001]);
 }
@@ -109,7 +109,7 @@ impl Files for Alone {
     }
 }
 
-/// Faces of real files: how much of what dense targets take is kept, and how much moves.
+/// Faces of sample files: the share of the dense buffers' size that is kept, and the share of vertices that move.
 #[test]
 fn morph_buffers_of_sample_faces_are_smaller_than_dense_ones() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets");

@@ -1,4 +1,4 @@
-//! Models that a file places several times: one set of skin matrices, and the image, bounds and shadows of as many actors.
+//! Models that a file places several times: they share one set of skin matrices, and have the image, bounds and shadows of separate actors.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -11,7 +11,7 @@ use choreo_stage::*;
 use glam::{Affine3A, DAffine3, DQuat, DVec3, EulerRot, Quat, Vec3, Vec4};
 use std::sync::Arc;
 
-/// A beam about y whose upper part hangs on a second joint, and a hat on that joint without a skin.
+/// A beam along y whose upper part is bound to a second joint, and a rigid hat on that joint.
 fn beam_with_hat() -> Asset {
     let mut beam = Primitive::default();
     for (at, normal) in [(0.0f32, Vec3::Z), (1.0, Vec3::X), (2.0, Vec3::NEG_Z), (3.0, Vec3::NEG_X)] {
@@ -92,7 +92,7 @@ fn one_model_at_many_places_looks_like_many_actors() {
                 assert!(c.mean < 0.1 && c.share_beyond < 0.004, "{skinning:?}: {c}");
             }
         }
-        // The comparison sees another pose, and a place that is missing.
+        // The comparison finds another pose, and a missing placement.
         let other = draw(&scene(true, skinning, Affine3A::IDENTITY), &options);
         assert!(compare(&casts, &other, 2).unwrap().share_beyond > 0.02);
         let mut fewer = one;
@@ -118,7 +118,7 @@ fn a_thousand_placements_share_one_skin_and_are_culled_one_by_one() {
     assert_eq!((plan.joint_matrices.len(), plan.draws.len()), (2, 1), "one pose and one draw");
     let features = plan.draws[0].pipeline.features;
     assert!(features.has(Features::SKIN.with(Features::SKIN_INSTANCED)));
-    // The view reaches 2 m to each side, and a body 0.2 m.
+    // The view reaches 2 m to each side, and a model 0.2 m.
     let seen = (0..1000).filter(|i| at(*i).x.abs() < 2.2).count();
     assert_eq!(plan.instances.len(), seen);
     assert!(plan.instances.iter().all(|i| i.first_joint == 0));
@@ -131,7 +131,7 @@ fn a_thousand_placements_share_one_skin_and_are_culled_one_by_one() {
 
 #[test]
 fn far_placements_get_coarser_levels() {
-    // A round body, so that there is something to leave out.
+    // A sphere, which can be simplified.
     let mut ball = Primitive::default();
     let (rings, around) = (24u32, 32u32);
     for ring in 0..=rings {

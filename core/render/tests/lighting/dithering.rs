@@ -1,4 +1,4 @@
-//! Gradients behind everything are dithered, and so are images after effects: means are exact, and codes stay codes. Both renderers.
+//! Dithering of background gradients and of images after effects, by both renderers: means are exact, and exact 8-bit colors stay.
 
 use crate::common::*;
 use choreo_plugin::{Effect, Frame};
@@ -9,7 +9,7 @@ use glam::{Vec3, Vec4};
 
 const SIZE: [u32; 2] = [64, 512];
 const BLOCK: usize = 8;
-/// Codes at the upper and the lower edge.
+/// sRGB codes of the gradient at the upper and at the lower edge.
 const TOP: [f64; 3] = [100.0, 60.0, 20.0];
 const BOTTOM: [f64; 3] = [104.0, 61.0, 28.0];
 
@@ -17,7 +17,7 @@ fn linear_from_codes(codes: [f64; 3]) -> [f64; 3] {
     codes.map(|code| choreo_asset::linear_from_srgb(code / 255.0))
 }
 
-/// The exact code of a row: linear light between both edges.
+/// The exact code of a row: interpolated in linear light between both edges.
 fn code_at(y: usize) -> [f64; 3] {
     let t = (y as f64 + 0.5) / f64::from(SIZE[1]);
     let (top, bottom) = (linear_from_codes(TOP), linear_from_codes(BOTTOM));
@@ -73,13 +73,13 @@ fn dithered_gradients_have_exact_means() {
             let empty = draw_with(&mut *renderer, &scene, &options);
             let worst = worst_mean(&empty);
             assert!(worst <= 0.1, "{worst} codes");
-            // With something in every tile.
+            // A mesh in every tile.
             scene.at(&asset(vec![quad(0.01, 1.0)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
             let beside = draw_with(&mut *renderer, &scene, &options);
             let differ = empty.rgba.chunks(4).zip(beside.rgba.chunks(4)).filter(|(a, b)| a != b).count();
-            // The quad's six columns, and few pixels at the edge of a step, where both ways of drawing round differently.
+            // The quad's six columns differ, and a few pixels at the border of a step, which are rounded differently.
             assert!(differ <= 6 * SIZE[1] as usize + SIZE[1] as usize / 8, "{differ} pixels");
-            // Both renderers: but for rounding at the edge of a step.
+            // Both renderers agree, except for rounding at the border of a step.
             let other = first.get_or_insert_with(|| empty.clone());
             let differ = empty.rgba.iter().zip(&other.rgba).filter(|(a, b)| a != b).count();
             println!("{} samples: {worst:.3} codes, {differ} bytes differ", samples);
@@ -121,7 +121,7 @@ fn dithering_keeps_exactly_representable_colors() {
     }
 }
 
-/// An effect of one pixel, one on whole images, and motion blur alone.
+/// An effect on pixels, an effect on images, and motion blur.
 const AFTER: [&str; 3] = ["shade", "look", "blur"];
 
 fn effects() -> Vec<Effect> {
@@ -157,7 +157,7 @@ fn frame_after_effect(
     renderer.collect(None).unwrap()
 }
 
-/// A plain color that an effect makes a gradient of, and a gradient in motion blur: means as exact as the margin allows, and both devices alike.
+/// A plain color that an effect turns into a gradient, and a gradient under motion blur: means are exact within the margin, in both renderers.
 #[test]
 fn images_after_effects_are_dithered() {
     let effects = effects();
@@ -190,7 +190,7 @@ fn images_after_effects_are_dithered() {
     }
 }
 
-/// The longest run of pixels below each other with the same code.
+/// The longest vertical run of pixels with the same code.
 fn longest_run(code: impl Fn([usize; 2]) -> u8) -> usize {
     let [width, height] = SIZE.map(|n| n as usize);
     let column = |x: usize| (0..height).map(|y| code([x, y])).collect::<Vec<u8>>();
@@ -198,7 +198,7 @@ fn longest_run(code: impl Fn([usize; 2]) -> u8) -> usize {
     runs.max().unwrap_or(0)
 }
 
-/// Colors that are codes stay them through an effect that leaves their pixels as they are, whatever the target between holds.
+/// Colors that are exact 8-bit codes are not dithered by an effect that leaves them unchanged, whatever the format of the intermediate target.
 #[test]
 fn dithering_after_effects_keeps_exactly_representable_colors() {
     let keep = [

@@ -1,4 +1,4 @@
-//! How light falls off, and the two classic highlights: against closed forms in f64.
+//! Polynomial light falloff, and the highlights of Blinn–Phong and Phong, against closed forms in f64.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -7,7 +7,7 @@ use choreo_render::plan::Features;
 use choreo_stage::*;
 use glam::{DVec3, Vec3, Vec4};
 
-/// A wall that faces an orthographic camera (N = V = +Z), lit from its own axis.
+/// A wall that faces an orthographic camera (N = V = +Z).
 fn wall(material: Material) -> Scene {
     let mut scene = Scene::ortho(2.0);
     scene.at(&asset(vec![quad(2.0, 2.0)], vec![material], vec![]), 0.0, 0.0, 0.0);
@@ -42,7 +42,7 @@ fn light_falloff_matches_its_polynomial() {
             let expected = 0.3 * 2.0 / (c + l * distance + q * distance * distance);
             assert_color(middle_pixel(&scene), [expected; 3], &format!("{c} {l} {q} at {distance} m"));
         }
-        // Without: the inverse square.
+        // Without a polynomial the falloff is the inverse square.
         let mut scene = wall(dull.clone());
         add_lamp(&mut scene, DVec3::new(0.0, 0.0, distance), None);
         assert_color(

@@ -1,4 +1,4 @@
-//! Hundreds of lights: clusters leave most of them out, and change no pixel.
+//! Clustered lighting: light clusters cull most of hundreds of lights, and change no pixel.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -10,7 +10,7 @@ use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
 
 const SIZE: [u32; 2] = [320, 180];
 
-/// A floor of tiles and so many lamps over it, every third a spot; a sun and one lamp without an end.
+/// A floor of tiles with `lamps` lamps over it, every third a spot light; a sun, and one lamp without a range.
 fn hall_with_lamps(lamps: usize) -> Scene {
     let mut scene = Scene::perspective(0.9, 9.0);
     scene.snapshot.camera.world_from_view.translation.y = 3.0;
@@ -54,8 +54,8 @@ fn light_clusters_cull_most_lights_and_change_no_pixel() {
     let scene = hall_with_lamps(250);
     let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
     let lists = plan.light_clusters.as_ref().unwrap();
-    assert_eq!(lists.unlimited(), 2, "the sun and the lamp without an end");
-    // The number of lamps that a pixel evaluates, summed over places.
+    assert_eq!(lists.unlimited(), 2, "the sun and the lamp without a range");
+    // Sum over several pixels of the number of lamps that each evaluates.
     let (mut asked, mut places) = (0, 0);
     for i in 0..400 {
         let at = Vec3::new((i % 20) as f32 - 9.5, -3.0, 6.0 - (i / 20) as f32 * 2.0 - 9.0);

@@ -14,12 +14,12 @@ use std::sync::Arc;
 
 const WIDTH: u32 = 64;
 
-/// Every texel another color.
+/// An image in which every texel has another color.
 fn image_of_distinct_texels() -> Arc<Image> {
     image(WIDTH, WIDTH / 2, |x, y| [(x * 4) as u8, (y * 8) as u8, ((x * 53 + y * 91) % 256) as u8, 255])
 }
 
-/// The direction in which a texel's middle is seen: −Z in the middle of the image, +Y at its top.
+/// Direction of a texel's center in the panorama: −Z in the middle of the image, +Y at its top.
 fn direction_of_texel(x: u32, y: u32) -> DVec3 {
     let turn = ((f64::from(x) + 0.5) / f64::from(WIDTH) - 0.5) * TAU;
     let polar = (f64::from(y) + 0.5) / f64::from(WIDTH / 2) * PI;
@@ -42,7 +42,7 @@ fn reflective_material(color: Vec3, shininess: f32, map: Option<u32>, around: Op
     }
 }
 
-/// A quad that fills the image of a camera that looks along −Z, shaded as if it faced `normal`.
+/// A quad that fills the view of a camera along −Z, with `normal` as the normal of all vertices.
 fn wall(material: Material, images: Vec<Arc<Image>>, normal: DVec3) -> Scene {
     let mut scene = Scene::ortho(2.0);
     let p = Primitive { normals: vec![normal.as_vec3(); 4], ..quad(2.0, 2.0) };
@@ -66,7 +66,7 @@ fn a_mirror_shows_the_panorama_in_the_mirrored_direction() {
     let shown = |shift: u32| {
         let mut worst = 0;
         for (x, y) in [(40, 16), (24, 15), (63, 20), (0, 10), (20, 3), (33, 28), (3, 16), (60, 9)] {
-            // Halfway between where the light comes from and where it goes.
+            // The normal is halfway between the direction to the viewer and the mirrored direction.
             let normal = (direction_of_texel(x, y) + DVec3::Z).normalize();
             for shading in [Shading::BlinnPhong, Shading::Phong] {
                 let mirror = Material { shading, ..reflective_material(Vec3::ONE, 10_000.0, None, Some(0)) };
@@ -79,7 +79,7 @@ fn a_mirror_shows_the_panorama_in_the_mirrored_direction() {
         worst
     };
     assert!(shown(0) <= 1, "{} steps off", shown(0));
-    // The planted fault: one texel beside it.
+    // The planted fault: a shift by one texel.
     assert!(shown(1) > 50);
 }
 
@@ -109,7 +109,7 @@ fn reflection_replaces_the_base_color_by_its_share() {
     }
 }
 
-/// Base and highlight of a light: the base's share is what is not mirrored, the highlight stays.
+/// The diffuse part is multiplied by the share that is not reflected; the highlight stays.
 #[test]
 fn diffuse_light_is_reduced_by_the_reflected_share() {
     let mut material = reflective_material(Vec3::splat(0.75), 20.0, None, None);
@@ -121,7 +121,7 @@ fn diffuse_light_is_reduced_by_the_reflected_share() {
     assert_color(middle_pixel(&scene), [0.5, 0.25, 0.125].map(|b| (b * 0.25 + highlight) * 0.8), "a sun");
 }
 
-/// A broad highlight on a checkered panorama shows the mean, a sharp one its fields.
+/// On a checkered panorama, a low shininess gives the mean color, and a high one shows the single fields.
 #[test]
 fn reflections_are_blurred_by_the_shininess() {
     let fields =
@@ -196,7 +196,7 @@ fn only_reflective_materials_request_reflection_features() {
     }
 }
 
-/// Bulges that mirror sky and environment, by themselves and by maps of every kind, one of them from three sides.
+/// Bulges that reflect the sky or an environment map, with and without reflection maps; one is mapped from three sides (triplanar).
 fn scene_of_reflective_bulges(around: Arc<Image>) -> Scene {
     let mut scene = Scene::perspective(0.9, 6.0);
     let share =
@@ -244,7 +244,7 @@ fn both_renderers_draw_the_same_reflections() {
         let c = compare(&on_vulkan, &draw_at(&scene, size, samples), 2).unwrap();
         println!("{samples} samples: {c:?}");
         assert!(c.mean < 0.16 && c.share_beyond < 0.003, "{samples} samples: {c:?}");
-        // A fault: the panorama a few degrees turned on one of them.
+        // The planted fault: on one renderer the panorama is turned by a few degrees.
         let c =
             compare(&on_vulkan, &draw_at(&scene_of_reflective_bulges(soft(4)), size, samples), 2).unwrap();
         assert!(c.share_beyond > 0.05, "{c:?}");

@@ -1,4 +1,4 @@
-//! Glass that bends light, against Snell's law in closed form, by both renderers; what is copied for it, and when.
+//! Refracting glass in both renderers, against Snell's law in closed form; and when the scene color copy is made.
 
 use crate::common::layered::layered;
 use crate::common::*;
@@ -12,7 +12,7 @@ use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
 
 const SIDE: u32 = 128;
 
-/// Ten metres behind: half linear light at the left border, all at the right.
+/// Linear light at the left and at the right border of the background.
 const RAMP: [f64; 2] = [0.3, 0.6];
 
 /// A ramp of light over the whole image, 2 m wide, seen without perspective.
@@ -26,7 +26,7 @@ fn ramp() -> Scene {
 }
 
 fn glass(layers: MaterialLayers) -> Material {
-    // Nothing is reflected, so that all is seen through it.
+    // The glass reflects nothing, so that all light is transmitted.
     let base = Material { specular: 0.0, roughness: 0.0, ..matte(Vec4::ONE) };
     layered(MaterialLayers { transmission: 1.0, ..layers }, base)
 }
@@ -39,14 +39,14 @@ fn scene_with_slab(degrees: f64, layers: MaterialLayers) -> Scene {
     scene
 }
 
-/// Metres to the left by which the ray has moved when it leaves, `depth` metres on: Snell's law in angles.
+/// Displacement of the ray to the left in metres after `depth` metres in the slab, by Snell's law.
 fn displacement_by_snell(degrees: f64, depth: f64, ior: f64) -> f64 {
     let outside = degrees.to_radians();
     let inside = (outside.sin() / ior).asin();
     depth * (outside - inside).sin()
 }
 
-/// The ramp at so many metres from the middle.
+/// Light of the ramp at a distance of `x` metres from the middle.
 fn light_of_ramp(x: f64) -> f64 {
     RAMP[0] + RAMP[1] * (x * 0.5 + 0.5).clamp(0.5 / f64::from(SIDE), 1.0 - 0.5 / f64::from(SIDE))
 }
@@ -56,7 +56,7 @@ fn pixel_center_metres(pixel: u32) -> f64 {
     (f64::from(pixel) + 0.5) / f64::from(SIDE) * 2.0 - 1.0
 }
 
-/// The worst difference in steps of 8 bits over the middle row of the slab.
+/// Largest difference in 8-bit steps over the middle row of the slab.
 fn worst_difference(frame: &Frame, expected: impl Fn(f64) -> [f64; 3]) -> f64 {
     let pixels = SIDE / 2 - 16..SIDE / 2 + 16;
     let of_pixel = |x: u32| {
@@ -66,7 +66,7 @@ fn worst_difference(frame: &Frame, expected: impl Fn(f64) -> [f64; 3]) -> f64 {
     pixels.map(of_pixel).fold(0.0, f64::max)
 }
 
-/// Draws on the CPU, and by Vulkan where it exists, with one sample a pixel and with four.
+/// Calls `check` for the CPU renderer and, where it is available, the Vulkan renderer, with one and four samples per pixel.
 fn check_all_renderers(mut check: impl FnMut(&mut dyn FnMut(&Scene) -> Frame, &str)) {
     let mut all: Vec<(Box<dyn Renderer>, &str)> = vec![(Box::new(CpuRenderer::new(&[])), "CPU")];
     if let Some(r) = vulkan(GpuOptions::default()) {
@@ -96,7 +96,7 @@ fn a_slab_displaces_its_background_by_snells_law() {
             let error = worst_difference(&frame, by(f64::from(ior)));
             println!("{who}, {degrees}°, {thickness} m, index {ior}: {error:.2} of 255");
             assert!(error < 1.0, "{who}: {degrees}° {thickness} {ior}: {error}");
-            // The planted fault: another index of refraction is seen.
+            // The planted fault, another index of refraction, is found.
             assert!(
                 degrees == 0.0 || worst_difference(&frame, by(f64::from(ior) * 0.85)) > 1.5,
                 "{who} {degrees}"
@@ -130,7 +130,7 @@ fn a_ball_displaces_its_background_towards_its_middle() {
     check_all_renderers(|draw, who| {
         let by = |ior: f64| {
             move |x: f64| {
-                // The row lies half a pixel below the middle. The light is displaced towards the middle, in the image.
+                // The row lies half a pixel below the middle. In the image, the background is displaced towards the middle.
                 let y = -1.0 / f64::from(SIDE);
                 let r = x.hypot(y);
                 let inwards = displacement_by_snell((r / radius).asin().to_degrees(), thickness, ior);
@@ -173,7 +173,7 @@ fn dispersion_displaces_red_green_and_blue_differently() {
     });
 }
 
-/// Left half black, right half white, behind a slab that faces the camera.
+/// A background with a black left and a white right half, behind a slab that faces the camera.
 fn scene_with_edge(roughness: f32, ior: f32) -> Scene {
     let mut scene = Scene::ortho(2.0);
     let mut right = quad(0.5, 1.0);
@@ -191,7 +191,7 @@ fn roughness_blurs_refraction_by_mip_levels() {
         let at = |scene: &Scene, x: u32, draw: &mut dyn FnMut(&Scene) -> Frame| {
             decode(pixel(&draw(scene), x, SIDE / 2)[0])
         };
-        // log₂ 128 · 1 = 7: one texel, the mean of the image. What is reflected is taken out: f0 = f90 = 0.
+        // log₂ 128 · 1 = level 7: one texel, the mean of the image. The glass reflects nothing: f0 = f90 = 0.
         let mean = at(&scene_with_edge(1.0, 1.5), SIDE / 2 - 20, draw);
         assert!((mean - 0.5).abs() < 0.01, "{who}: {mean}");
         // An index of 1.25 halves the blur: level 3.5 of texels of 8 and 16 pixels.
@@ -205,7 +205,7 @@ fn roughness_blurs_refraction_by_mip_levels() {
         let (_, plan) = scene_with_edge(roughness, ior).plan(&PlanOptions::new([SIDE, SIDE], 1));
         plan.scene_color_copy.map(|b| b.levels)
     };
-    // Only the levels that are read exist: none below the copy for a smooth material.
+    // Only the levels that are read exist: for a smooth material, level 0 alone.
     assert_eq!(levels(0.0, 1.5), Some(1));
     assert_eq!(levels(1.0, 1.25), Some(5));
     assert_eq!(levels(1.0, 1.5), Some(8));
@@ -232,7 +232,7 @@ fn only_refracting_materials_request_the_scene_color_copy() {
 
 #[test]
 fn transparent_surfaces_around_refracting_glass_are_in_order() {
-    // Behind: half-transparent red; before: half-transparent blue; within one mesh the nearer sheet first in order.
+    // Half-transparent red behind the glass, half-transparent blue in front of it; within one mesh the nearer sheet comes first in the index order.
     let veil = |color: Vec4| Material { alpha_mode: AlphaMode::Blend, ..unlit(color) };
     let sheet = |z: f32, x: f32| {
         let mut p = quad(0.3, 0.8);
@@ -258,7 +258,7 @@ fn transparent_surfaces_around_refracting_glass_are_in_order() {
     scene.at(&asset(vec![blue], vec![veil(Vec4::new(0.0, 0.0, 1.0, 0.5))], vec![]), 0.0, 0.0, 2.0);
     check_all_renderers(|draw, who| {
         let frame = draw(&scene);
-        // Seen through the nearer sheet alone: the red veil over the background.
+        // Only the nearer sheet refracts: the half-transparent red over the background.
         let through = [0.9, 0.4, 0.4 * 0.5];
         let got = pixel(&frame, SIDE / 2, SIDE / 4);
         for c in 0..3 {

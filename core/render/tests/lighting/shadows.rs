@@ -1,5 +1,5 @@
 //! Shadow maps of the CPU renderer against rays cast in f64, of the Vulkan renderer against the CPU's; what they cost, and what
-//! scenes without pay: nothing.
+//! scenes without shadows cost nothing.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -22,10 +22,10 @@ fn flat_on_the_floor() -> DAffine3 {
     DAffine3::from_rotation_x(-std::f64::consts::FRAC_PI_2)
 }
 
-/// Size of the square that stands in the light, its middle and its turn about the vertical.
+/// The square that casts the shadow: half its side, its center, and its rotation about the vertical.
 const BLOCKER: (f64, DVec3, f64) = (0.6, DVec3::new(0.1, 1.0, -0.2), 0.4);
 
-/// A floor 8 m wide seen from straight above, and a level square over it.
+/// A floor 8 m wide, seen vertically from above, and a horizontal square over it.
 fn floor_and_square() -> Scene {
     let from_above = CameraState {
         camera: None,
@@ -61,8 +61,8 @@ fn white_light(kind: LightKind, intensity: f32) -> Light {
     Light { kind, color: Vec3::ONE, intensity, range: None }
 }
 
-/// How far (metres, on the square's plane) the ray from a place of the floor to the light passes inside the square's edge;
-/// negative: outside.
+/// Distance in metres, in the square's plane, by which the ray from a point of the floor to the light passes inside the square's edge;
+/// negative if it passes outside.
 fn depth_inside_square(floor: DVec3, to_light: DVec3) -> f64 {
     let (half, middle, turn) = BLOCKER;
     let hit = floor + to_light * (middle.y / to_light.y);
@@ -70,8 +70,8 @@ fn depth_inside_square(floor: DVec3, to_light: DVec3) -> f64 {
     half - local.x.abs().max(local.z.abs())
 }
 
-/// Worst difference to rays further than `band` from the shadow's edge, and how much of the floor is dark; the light is where
-/// `to_light` says.
+/// Largest difference to cast rays that pass farther than `band` from the shadow's edge, and the share of the floor in shadow.
+/// `to_light`: direction from a point of the floor to the light.
 fn compare_with_rays(
     frame: &choreo_plugin::Frame,
     band: f64,
@@ -85,7 +85,7 @@ fn compare_with_rays(
             let floor = DVec3::new(metres(x), 0.0, metres(y));
             let (half, middle, turn) = BLOCKER;
             let under = DQuat::from_rotation_y(-turn) * (floor - middle);
-            // Where the square itself is seen there is no floor.
+            // Pixels that show the square are skipped.
             if under.x.abs().max(under.z.abs()) < half + 0.02 {
                 continue;
             }
@@ -111,25 +111,25 @@ fn sun_shadows_match_cast_rays() {
         let (_, plan) = scene.plan(&PlanOptions::new([160, 160], 1));
         let texel = f64::from(plan.shadow_maps.as_ref().unwrap().views[0].texel);
         let frame = draw_at(&scene, [160, 160], 1);
-        // Half the filter and a texel's diagonal, seen on a slanting plane.
+        // Half the filter and a texel's diagonal, projected to the inclined plane.
         let band = 3.0 * texel / nl + 1e-3;
         let (worst, dark) = compare_with_rays(&frame, band, |_| -direction, |_| 0.8 * nl);
         println!(
             "sun, {size} texels, {softness} m: texel {texel:.4} m, worst {worst:.4} beyond {band:.3} m, {dark} dark"
         );
         assert!(worst < 0.01 && dark > 300, "{size} {softness}: {worst}, {dark} dark");
-        // Rays of another sun find the difference.
+        // The comparison fails with the rays of another sun.
         let other = DQuat::from_rotation_y(0.5) * -direction;
         assert!(compare_with_rays(&frame, band, |_| other, |_| 0.8 * nl).0 > 0.5);
     }
 }
 
-/// A floor under a roof, seen from below it, as far as several maps of one sun reach.
+/// A floor under a roof, seen from below the roof, over the depth of several shadow cascades.
 fn floor_under_a_roof() -> (Scene, usize) {
     let camera = CameraState {
         camera: None,
         world_from_view: DAffine3::from_rotation_translation(
-            // Rolled, so that seams cross the blocks of four pixels that are looked up together.
+            // The camera is rolled, so that seams of cascades cross the quads of pixels that are looked up together.
             DQuat::from_rotation_x(-0.3) * DQuat::from_rotation_z(0.4),
             DVec3::new(0.0, 1.5, 0.0),
         ),
@@ -144,7 +144,7 @@ fn floor_under_a_roof() -> (Scene, usize) {
     (scene, roof)
 }
 
-/// A place that one map does not show is looked up in the next one, whatever the places beside it do.
+/// A pixel outside of one cascade is looked up in the next one, whichever cascade its neighbors use.
 fn check_no_light_under_a_roof(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
     let (mut scene, roof) = floor_under_a_roof();
     let (_, plan) = scene.plan(&PlanOptions::new([160, 120], 1));
@@ -189,7 +189,7 @@ fn point_and_spot_shadows_match_cast_rays() {
     }
 }
 
-/// A bulge on a floor under a slanting light: lit places must not shade themselves.
+/// A bulge on a floor under an inclined light: lit surfaces must not shadow themselves.
 fn bulge_on_floor(shadow: Option<Shadow>) -> Scene {
     let mut scene = Scene::perspective(0.8, 5.0);
     scene.snapshot.camera.world_from_view =
@@ -224,7 +224,7 @@ fn bulge_on_floor(shadow: Option<Shadow>) -> Scene {
 
 #[test]
 fn lit_surfaces_have_no_shadow_acne() {
-    // Floor and one bulge that faces the light: with shadows every pixel is as without.
+    // A floor and a bulge that faces the light: every pixel is the same with and without shadows.
     for softness in [0.0, 0.05, 0.2] {
         let mut scene = Scene::ortho(2.0);
         let a = asset(vec![layered::bulge(0.8)], vec![white_material()], vec![]);
@@ -239,7 +239,7 @@ fn lit_surfaces_have_no_shadow_acne() {
             scene.snapshot.lights[0].shadow = Some(Shadow { size: 512, softness: Some(softness) });
             let shaded = draw_at(&scene, [96, 96], 1);
             let darker = bare.rgba.iter().zip(&shaded.rgba).filter(|(a, b)| a.abs_diff(**b) > 3).count();
-            // The bulge shades itself truly where its slope is steeper than the light: from 45° on.
+            // From 45° on, the bulge does shadow itself where its slope is steeper than the light.
             if degrees < 45.0 {
                 assert_eq!(darker, 0, "{softness} m at {degrees}°");
             }
@@ -288,13 +288,13 @@ fn scenes_without_shadows_draw_no_shadow_maps() {
     let counts = recording.counts();
     assert_eq!((counts.passes, counts.shadow_views), (2, 1));
     assert_eq!(why(&with), None);
-    // Six draws into the image, and five into the map without the flat floor; solid ones share their pipeline and need no material.
+    // Six draws into the image, and five into the shadow map, which leaves out the flat floor. Opaque casters share a pipeline and bind no material.
     assert_eq!(with.instances.len(), plan.instances.len() + 5);
     let before = recording.commands.iter().position(|c| matches!(c, Command::BeginPass { .. })).unwrap();
     let count = |f: fn(&Command) -> bool| recording.commands[..before].iter().filter(|c| f(c)).count();
     assert_eq!(count(|c| matches!(c, Command::BindPipeline(_))), 2, "solid, and with holes");
     assert_eq!(count(|c| matches!(c, Command::BindMaterial { .. })), 1, "that with holes");
-    // Nothing lit in view, and no caster: no map.
+    // Without a lit surface in view, or without a caster, there is no map.
     let mut scene = Scene::ortho(2.0);
     scene.at(&asset(vec![quad(1.0, 1.0)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
     scene.sun(Vec3::NEG_Z, Vec3::ONE, 1.0);
@@ -309,7 +309,7 @@ fn casters_out_of_view_are_drawn_into_shadow_maps_only() {
     let mut scene = Scene::ortho(2.0);
     let a = asset(vec![quad(1.0, 1.0)], vec![white_material()], vec![]);
     scene.at(&a, 0.0, 0.0, 0.0);
-    // Beside the image, between its right half and a sun from the right; and one that shades nothing.
+    // A caster right of the image, between it and the sun; and one whose shadow misses the image.
     scene.at(&a, 4.0, 0.0, 4.0);
     scene.at(&a, -40.0, 0.0, 0.0);
     scene.sun(Vec3::new(-0.7, 0.0, -0.7), Vec3::ONE, 1.0);
@@ -322,7 +322,7 @@ fn casters_out_of_view_are_drawn_into_shadow_maps_only() {
         .flat_map(|d| d.first_instance..d.first_instance + d.instance_count)
         .map(|i| plan.instance_actors[i as usize])
         .collect();
-    // The square in view is flat and shades nothing else.
+    // The square in view is flat and shadows nothing else.
     assert_eq!(actors, [1]);
     assert_eq!(plan.draws.iter().map(|d| d.instance_count).sum::<u32>(), 1);
     let frame = draw_at(&scene, [32, 32], 1);
@@ -382,14 +382,14 @@ fn vulkan_draws_the_same_shadows() {
             assert!(c.mean < 0.05 && c.share_beyond < 0.002, "{what}, everything forced in: {c}");
         }
     }
-    // The bound finds a shadow that is missing.
+    // A missing shadow exceeds the bound.
     let options = PlanOptions::new([200, 150], 1);
     let c = compare(&on_vulkan(&scenes[0].1, &options), &draw(&scenes[2].1, &options), 2).unwrap();
     assert!(c.mean > 0.15 && c.share_beyond > 0.01, "{c}");
 }
 
-/// A post 0.4 m wide and 1.6 m high on a square floor, which stands 3 m before the camera; all of it `scale` times as large. `far_box`: the side
-/// of a box 5 km away.
+/// A post 0.4 m wide and 1.6 m high on a square floor, 3 m in front of the camera; everything is scaled by `scale`. `far_box`: side
+/// of an additional box 5 km away.
 fn post_on_floor(floor: f64, scale: f64, far_box: Option<f64>) -> Scene {
     let camera = CameraState {
         camera: None,
@@ -405,7 +405,7 @@ fn post_on_floor(floor: f64, scale: f64, far_box: Option<f64>) -> Scene {
     let block = asset(vec![cube(0.5)], vec![white_material()], vec![]);
     let turned = DAffine3::from_translation(DVec3::Y * 0.8 * scale) * DAffine3::from_rotation_y(0.3);
     let post = scene.add(&block, turned * DAffine3::from_scale(DVec3::new(0.4, 1.6, 0.4) * scale));
-    // Triangles are split by what the stage says about sizes.
+    // Large triangles are split according to the sizes in the stage.
     scene.stage.actors[post].transform.scale = DVec3::new(0.4, 1.6, 0.4) * scale;
     if let Some(side) = far_box {
         let place = DAffine3::from_translation(DVec3::new(0.0, 0.5 * side, -5000.0));
@@ -422,14 +422,14 @@ fn lower_half(frame: &choreo_plugin::Frame) -> &[u8] {
     &frame.rgba[frame.rgba.len() / 2..]
 }
 
-/// The greatest difference, and how many values differ by more than 2.
+/// Largest difference, and number of values that differ by more than 2.
 fn difference_of_bytes(a: &[u8], b: &[u8]) -> (u8, usize) {
     assert_eq!(a.len(), b.len());
     let differences = || a.iter().zip(b).map(|(a, b)| a.abs_diff(*b));
     (differences().max().unwrap_or(0), differences().filter(|d| *d > 2).count())
 }
 
-/// The same pixels at the feet, whatever the floor's size, the scale of the scene and what stands at the horizon.
+/// The lower half of the image is the same for any floor size, any scale of the scene, and with a box at the horizon.
 fn check_same_lower_half(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
     let room = draw(&post_on_floor(10.0, 1.0, None));
     let dark = lower_half(&room).chunks_exact(4).filter(|p| p[0] < 110).count();
@@ -442,7 +442,7 @@ fn check_same_lower_half(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
     }
     let with_box = draw(&post_on_floor(10.0, 1.0, Some(0.5)));
     assert_eq!(difference_of_bytes(lower_half(&room), lower_half(&with_box)), (0, 0), "a box 5 km away");
-    // One that is large enough to be drawn, with a ground under it on which its shadow falls.
+    // The box is large enough to be drawn, and stands on a ground that receives its shadow.
     let far = post_on_floor(1e5, 1.0, Some(100.0));
     let (_, plan) = far.plan(&PlanOptions::new([160, 120], 1));
     let maps = plan.shadow_maps.as_ref().unwrap();
@@ -450,7 +450,7 @@ fn check_same_lower_half(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
     assert!(casters > 1, "the box casts no shadow");
     let (worst, beyond) = difference_of_bytes(lower_half(&room), lower_half(&draw(&far)));
     assert_eq!(beyond, 0, "a large box 5 km away: {worst}");
-    // Texels have sizes in steps that divide an octave.
+    // Texel sizes change in steps that divide an octave, so that a factor of two gives the same image.
     for scale in [1.0 / 1024.0, 0.125, 32.0, 1024.0] {
         let scaled = draw(&post_on_floor(10.0, scale, None));
         assert_eq!(
@@ -459,7 +459,7 @@ fn check_same_lower_half(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
             "{scale} times as large"
         );
     }
-    // Texels have other sizes and places at other factors, which is seen at the edges of the post's shadow.
+    // At other factors, texels have other sizes and positions, which changes the edges of the post's shadow.
     for scale in [1e-3, 1e3] {
         let scaled = draw(&post_on_floor(10.0, scale, None));
         let off =
@@ -481,7 +481,7 @@ fn the_extent_of_a_scene_changes_no_shadow_near_the_camera() {
     check_same_lower_half(&mut |scene| draw_with(&mut r, scene, &PlanOptions::new([160, 120], 1)));
 }
 
-/// The edge of a shadow that falls from 0.25 and from 0.75 m, against the part of the sun's disc that each place sees.
+/// The shadow edge of a square 0.25 m and 0.75 m high, against the part of the sun's disc that is visible from each point.
 #[test]
 fn penumbra_width_matches_the_disc_of_the_sun() {
     let mut widths = Vec::new();
@@ -496,7 +496,7 @@ fn penumbra_width_matches_the_disc_of_the_sun() {
         };
         let mut scene = Scene::with_camera(from_above);
         scene.add(&asset(vec![quad(4.0, 4.0)], vec![white_material()], vec![]), flat_on_the_floor());
-        // Its shadow's edge is the line x = 0; the sun is on the left, and so is the square.
+        // The edge of the shadow is the line x = 0; the sun and the square are on the left.
         let l = DVec3::new(1.0, -1.0, 0.0).normalize();
         let middle = DVec3::new(-1.0 - height, height, 0.0);
         let square = asset(vec![quad(1.0, 1.0)], vec![white_material()], vec![]);
@@ -507,7 +507,7 @@ fn penumbra_width_matches_the_disc_of_the_sun() {
         let light: Vec<f64> = (0..120).map(|x| decode(pixel(&frame, x, 2)[0])).collect();
         let lit = light[119];
         assert!(light[0] < 0.01 && lit > 0.5, "{} to {lit}", light[0]);
-        // Pixels of 1 mm between a tenth and nine tenths of the light: a box filter of the disc's width has 0.8 of it there.
+        // Number of pixels of 1 mm between a tenth and nine tenths of the light: 0.8 of the width of the disc's projection.
         let between = light.iter().filter(|v| (0.1..0.9).contains(&(**v / lit))).count() as f64 * 1e-3;
         let distance = height * 2f64.sqrt();
         // The floor is inclined by 45°.
@@ -519,14 +519,14 @@ fn penumbra_width_matches_the_disc_of_the_sun() {
     assert!(widths[1] > 2.0 * widths[0], "{widths:?}");
 }
 
-/// Pixels that a shadow makes darker, by both renderers.
+/// The pixels that a shadow darkens, in both renderers.
 #[test]
 fn actors_cast_and_receive_shadows_as_their_settings_say() {
     let mut vulkan = vulkan(GpuOptions::default());
     let mut darker_beside = |square: ActorShadow, floor: ActorShadow, board: bool| {
         let mut scene = floor_and_square();
         if board {
-            // Over the left half of the square's shadow.
+            // A board over the left half of the square's shadow.
             let at = DAffine3::from_translation(DVec3::new(-4.4, 0.01, 0.0));
             scene.add(&asset(vec![quad(4.0, 4.0)], vec![white_material()], vec![]), at * flat_on_the_floor());
         }
@@ -546,7 +546,7 @@ fn actors_cast_and_receive_shadows_as_their_settings_say() {
         (dark(&on_cpu), why)
     };
     let as_usual = ActorShadow::default();
-    // Beside an actor that receives, one that does not stays bright.
+    // An actor that receives no shadows stays bright beside one that does.
     let aside = ActorShadow { receive: false, ..as_usual };
     let [whole, half] = [as_usual, aside].map(|floor| darker_beside(as_usual, floor, true).0);
     assert!(half > whole / 4 && half < whole / 4 * 3, "{half} of {whole}");
@@ -566,7 +566,7 @@ fn actors_cast_and_receive_shadows_as_their_settings_say() {
     assert_eq!(darker(ActorShadow { receive: false, ..as_usual }, silent), (dark, None));
 }
 
-/// A map is drawn anew where something in it changes, and only there; one that is kept shows what a fresh one shows.
+/// A shadow map is drawn again only if something in it changes; a kept map gives the same image as a new one.
 #[test]
 fn unchanged_shadow_maps_are_kept() {
     let options = PlanOptions::new([96, 96], 1);
@@ -584,17 +584,17 @@ fn unchanged_shadow_maps_are_kept() {
     let shadow = Shadow { size: 256, softness: None };
     add_shadow_light(&mut scene, white_light(spot, 4.0), DVec3::new(0.8, 2.5, 0.5), DVec3::NEG_Y, shadow);
     assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
-    // The camera turns where it is, and the light changes.
+    // The camera turns in place, and the light's intensity changes: the map is kept.
     scene.snapshot.camera.world_from_view *= DAffine3::from_rotation_z(0.3);
     scene.snapshot.lights[0].light.intensity = 3.0;
     assert_eq!(maps(&scene), 0);
-    // Another light has a map of its own; with its numbers the first keeps its map, at another place of the image.
+    // A second light gets its own map; the first light keeps its map, at another position of the image.
     let further = DVec3::new(-1.2, 2.0, 0.2);
     scene.snapshot.lights.insert(0, LightState { position: further, ..scene.snapshot.lights[0] });
     assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
     scene.snapshot.lights.remove(0);
     assert_eq!(maps(&scene), 0);
-    // Another mesh is in the same place; what casts moves, a joint of it turns, it is not there, and the light moves.
+    // The map is redrawn if another mesh replaces the caster, the caster moves, its joint turns, it disappears, or the light moves.
     scene.stage.actors[1].asset = asset(vec![quad(0.3, 0.3)], vec![white_material()], vec![]);
     assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
     scene.snapshot.actors[1].world_from_model.translation.x += 0.1;
@@ -605,13 +605,13 @@ fn unchanged_shadow_maps_are_kept() {
     assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
     scene.snapshot.lights[0].position.x += 0.1;
     assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
-    // Holes of a texture are always drawn.
+    // Maps with cut-outs are redrawn in every frame.
     let holes = Material { alpha_mode: AlphaMode::Mask(0.5), double_sided: true, ..white_material() };
     scene.add(&asset(vec![quad(0.3, 0.3)], vec![holes], vec![]), DAffine3::from_translation(DVec3::Y));
     assert_eq!([maps(&scene), maps(&scene)], [1, 1]);
 }
 
-/// The maps of a device lie in one image: a map that is kept stays where it is, beside one that is drawn.
+/// All maps of a device lie in one image, so a kept map keeps its position beside a redrawn one.
 #[test]
 fn vulkan_keeps_unchanged_shadow_maps() {
     let (Some(mut keeping), Some(mut fresh)) = (vulkan(GpuOptions::default()), vulkan(GpuOptions::default()))
@@ -621,7 +621,7 @@ fn vulkan_keeps_unchanged_shadow_maps() {
     let options = PlanOptions::new([96, 96], 1);
     let mut maps = |scene: &Scene, options: &PlanOptions| {
         let frame = draw_with(&mut keeping, scene, options);
-        // Effects that are set again make it draw everything anew.
+        // Setting the effects again redraws all maps.
         fresh.set_effects(&[]).unwrap();
         assert!(frame == draw_with(&mut fresh, scene, options), "a kept map shows something else");
         let passes = |recording: &commands::Recording| {
@@ -651,20 +651,20 @@ fn vulkan_keeps_unchanged_shadow_maps() {
     scene.snapshot.lights[0].light.intensity = 9.0;
     scene.snapshot.camera.world_from_view *= DAffine3::from_rotation_z(0.3);
     assert_eq!(maps(&scene, &options), 0);
-    // The figure turns in the light of one lamp alone.
+    // The figure turns in the light of only one lamp, so only that lamp's map is redrawn.
     for angle in [0.4, 0.8] {
         scene.snapshot.actors[figure].world_from_model *= DAffine3::from_rotation_y(angle);
         assert_eq!([maps(&scene, &options), maps(&scene, &options)], [1, 0]);
     }
-    // It leaves: its map is cleared.
+    // The figure disappears: its map is cleared.
     scene.snapshot.actors[figure].visible = false;
     assert_eq!([maps(&scene, &options), maps(&scene, &options)], [1, 0]);
-    // Images of another size are other images, and so is a map at another place.
+    // A frame of another size has new images, and a map at another position is redrawn.
     let larger = PlanOptions::new([128, 128], 1);
     assert_eq!([maps(&scene, &larger), maps(&scene, &larger), maps(&scene, &options)], [2, 0, 2]);
     scene.snapshot.lights.swap(0, 1);
     assert_eq!([maps(&scene, &options), maps(&scene, &options)], [2, 0]);
-    // Holes of a texture are always drawn.
+    // Maps with cut-outs are redrawn in every frame.
     let holes = Material { alpha_mode: AlphaMode::Mask(0.5), double_sided: true, ..white_material() };
     let floating = asset(vec![quad(0.3, 0.3)], vec![holes], vec![]);
     scene.add(&floating, DAffine3::from_translation(DVec3::new(0.1, 1.5, -0.2)));

@@ -26,7 +26,7 @@ fn panorama(width: u32, color: impl Fn(DVec3) -> DVec3) -> Arc<Panorama> {
     Arc::new(Panorama::new("test", width, height, rgb).unwrap())
 }
 
-/// Soft, different in every direction.
+/// A smooth panorama that differs in every direction.
 fn smooth_panorama() -> Arc<Panorama> {
     panorama(128, |way| DVec3::new(0.30 + 0.2 * way.x, 0.30 + 0.2 * way.y, 0.30 + 0.25 * way.z * way.x))
 }
@@ -59,7 +59,7 @@ fn panorama_direction(way: DVec3, degrees: f64) -> DVec3 {
     DVec3::new(c * way.x - s * way.z, way.y, s * way.x + c * way.z)
 }
 
-/// ∫ radiance · weight over directions about +Z, by midpoints in the turn and, finer about the middle, in √(1 − cosine).
+/// ∫ radiance · weight over directions about +Z, by the midpoint rule in the azimuth and in √(1 − cosine), which is finer about the middle.
 fn integral(sky: &Panorama, degrees: f64, weight: impl Fn(DVec3) -> f64) -> DVec3 {
     let (rings, sectors) = (256, 256);
     let mut sum = DVec3::ZERO;
@@ -90,7 +90,7 @@ fn assert_near(got: [u8; 4], linear: DVec3, steps: f64, what: &str) {
 
 #[test]
 fn diffuse_sky_light_is_the_cosine_weighted_integral() {
-    // Blinn–Phong without a specular color is diffuse alone.
+    // Blinn–Phong without a specular color is purely diffuse.
     let dull = Material {
         shading: Shading::BlinnPhong,
         specular_color: Vec3::ZERO,
@@ -125,20 +125,20 @@ fn specular_sky_light_is_the_integral_of_the_ggx_lobe() {
             let share = (1.0 - 0.55 * roughness) / integral(&white, 0.0, lobe);
             let expected = integral(&smooth_panorama(), degrees, lobe) * share;
             let got = middle_pixel(&wall(metal.clone(), turned_sky(degrees)));
-            // Maps weigh the lobe by its cosine alone, without its shadowing.
+            // Prefiltered maps weight the lobe by its cosine only, without the shadowing term.
             assert_near(got, expected, 3.0, &format!("roughness {roughness}, turned by {degrees}°"));
         }
     }
 }
 
-/// In a room that is white everywhere, no material can be distinguished from the room.
+/// White furnace test: in a uniformly white room, white materials have the color of the room.
 #[test]
 fn materials_in_a_white_room_reflect_its_light() {
     let white = Sky { strength: 0.5, ..Sky::new(panorama(16, |_| DVec3::ONE)) };
     for roughness in [0.0, 0.3, 0.6, 1.0] {
         let metal = Material { metallic: 1.0, roughness, ..matte(Vec4::ONE) };
         let got = decode(middle_pixel(&wall(metal, white.clone()))[0]);
-        // The fit loses energy, more with the roughness.
+        // The fitted BRDF loses energy, and more at higher roughness.
         assert!((0.48 - 0.275 * f64::from(roughness)..=0.505).contains(&got), "roughness {roughness}: {got}");
     }
 }
@@ -151,7 +151,7 @@ fn the_sky_background_turns_with_the_sky() {
         let sky = Sky { turn, background: true, ..Sky::new(stripe.clone()) };
         draw_at(&with_sky(scene, sky), [64, 36], 1)
     };
-    // Looking along −Z, +X is at the right; counter-clockwise from above, what was right comes to where one looks.
+    // The camera looks along −Z, with +X to the right. The sky turns counter-clockwise seen from above, so its right part moves to the front.
     let straight = draw_turned(0.0);
     assert_color(pixel(&straight, 60, 18), [0.5, 0.0, 0.0], "right");
     assert_color(pixel(&straight, 4, 18), [0.0, 0.0, 0.5], "left");
@@ -159,7 +159,7 @@ fn the_sky_background_turns_with_the_sky() {
     assert_color(pixel(&draw_turned(-PI / 2.0), 60, 18), [0.0, 0.0, 0.5], "turned the other way");
 }
 
-/// Spheres of every kind, each lit by the sky.
+/// Spheres of several shading models, each lit by the sky.
 fn scene_of_lit_spheres(sky: Sky) -> Scene {
     let mut scene = Scene::perspective(0.9, 6.0);
     for (i, shading) in
@@ -214,7 +214,7 @@ fn both_renderers_draw_the_same_sky_light() {
         println!("turn {turn}, background {background}, {samples} samples: {c:?}");
         assert!(c.mean < 0.16 && c.share_beyond < 0.003, "turn {turn}: {c:?}");
     }
-    // A fault: turned the other way on one of them.
+    // The planted fault: on one renderer the sky is turned the other way.
     let c = compare(&on_vulkan(&scene(0.5, true), 1), &draw_at(&scene(-0.5, true), size, 1), 2).unwrap();
     assert!(c.share_beyond > 0.1, "{c:?}");
 }

@@ -15,12 +15,12 @@ const COLUMNS: usize = 24;
 const HUES: [[f64; 3]; 6] =
     [[1.0, 1.0, 1.0], [1.0, 0.62, 0.48], [0.1, 0.8, 0.2], [0.0, 0.0, 1.0], [1.0, 0.9, 0.0], [0.35, 0.6, 1.0]];
 
-/// Light of a column: from 1/64 to 16, so that it passes all parts of the curves.
+/// Light of a column: from 1/64 to 16, so that it covers all parts of the tone curves.
 fn light_of_column(column: usize) -> f64 {
     2.0_f64.powf(-6.0 + 10.0 * column as f64 / (COLUMNS - 1) as f64)
 }
 
-/// A table of quads that emit light, a row for each hue, one pixel each at 24 × 6 pixels.
+/// A table of quads that emit light, a row for each hue; at 24 × 6 pixels each quad is one pixel.
 fn table_of_emissive_quads(view: ViewTransform, exposure: f32) -> Scene {
     let mut scene = Scene::ortho(HUES.len() as f32);
     scene.stage.settings.view_transform = view;
@@ -37,7 +37,7 @@ fn table_of_emissive_quads(view: ViewTransform, exposure: f32) -> Scene {
     scene
 }
 
-/// The Khronos PBR Neutral Tone Mapper as its specification writes it, but for `offset`, which is 0.04 there.
+/// The Khronos PBR Neutral Tone Mapper as its specification writes it. `offset` is 0.04 there.
 fn neutral(color: [f64; 3], offset: f64) -> [f64; 3] {
     let start = 0.8 - offset;
     let least = color[0].min(color[1]).min(color[2]);
@@ -53,7 +53,7 @@ fn neutral(color: [f64; 3], offset: f64) -> [f64; 3] {
     color.map(|c| c * shown / peak * (1.0 - pale) + shown * pale)
 }
 
-/// AgX with the sigmoid itself (Sobotka, AgX-S2O3: slope 2 at the pivot, powers 3 and 3.25), of which the program has a polynomial.
+/// AgX with its exact sigmoid (Sobotka, AgX-S2O3: slope 2 at the pivot, powers 3 and 3.25), which the program approximates by a polynomial.
 fn agx(color: [f64; 3]) -> [f64; 3] {
     let rows = |m: [[f64; 3]; 3], v: [f64; 3]| m.map(|r| r[0] * v[0] + r[1] * v[1] + r[2] * v[2]);
     let inset = [
@@ -83,7 +83,7 @@ fn agx(color: [f64; 3]) -> [f64; 3] {
     rows(outset, rows(inset, color).map(curve)).map(|c| c.max(0.0).powf(2.2).min(1.0))
 }
 
-/// The worst difference in codes of a table from a formula.
+/// Largest difference between a drawn table and a formula, in codes.
 fn worst_difference(frame: &Frame, exposure: f64, of: impl Fn([f64; 3]) -> [f64; 3]) -> f64 {
     let mut worst: f64 = 0.0;
     for (row, hue) in HUES.iter().enumerate() {
@@ -124,7 +124,7 @@ fn view_transforms_match_their_closed_forms() {
                 let frame = draw(ViewTransform::Neutral, exposure, pipeline);
                 let apart = worst_difference(&frame, stops, |c| neutral(c, 0.04));
                 assert!(apart <= most, "{name} {pipeline:?} neutral {exposure}: {apart}");
-                // A planted fault: another share of reflection, and another exposure.
+                // Planted faults, which the comparison must find: another offset, and another exposure.
                 assert!(worst_difference(&frame, stops, |c| neutral(c, 0.05)) > 3.0, "{name}");
                 assert!(worst_difference(&frame, stops + 0.1, |c| neutral(c, 0.04)) > 3.0, "{name}");
                 // The polynomial of AgX is at most 3 codes from its sigmoid (tests/report, "Tone mapping").
@@ -135,7 +135,7 @@ fn view_transforms_match_their_closed_forms() {
     }
 }
 
-/// Unlit and toon quads, one of refracting glass before an unlit one, and a background; `lit` adds a quad that light reaches.
+/// Unlit and toon quads, a quad of refracting glass in front of an unlit one, and a background. `lit` adds a lit quad.
 fn scene_of_display_colors(view: ViewTransform, lit: bool) -> Scene {
     let mut scene = Scene::ortho(8.0);
     scene.stage.settings.view_transform = view;
@@ -171,14 +171,14 @@ fn view_transform_changes_lit_surfaces_only() {
                 .rgba
         };
         for view in [ViewTransform::Neutral, ViewTransform::Agx] {
-            // The sun shines on toon and glass alike; the glass has no light of its own.
+            // The sun shines on the toon quad and on the glass, which emits no light.
             assert_eq!(draw(view, false), draw(ViewTransform::None, false), "{name} {view:?}");
             assert_ne!(draw(view, true), draw(ViewTransform::None, true), "{name} {view:?}");
         }
     }
 }
 
-/// The passes over the image, and whether surfaces are transformed, of a lit scene with these effects.
+/// Names of the full-screen passes of a lit scene with these effects, and whether surface shaders apply the view transform.
 fn passes_and_surface_transform(view: ViewTransform, effects: &[&str]) -> (Vec<String>, bool) {
     let known = effects::all();
     let mut scene = scene_of_display_colors(view, true);
@@ -210,7 +210,7 @@ fn view_transform_runs_in_surface_shaders_or_as_a_pass_after_effects() {
     case(neutral, &["vignette", "bloom", "fxaa"], &["vignette", "bloom", "tonemap", "fxaa"], false);
     case(neutral, &["bloom", "tonemap"], &["bloom", "tonemap"], false);
     case(ViewTransform::None, &["bloom"], &["bloom"], false);
-    // The pass has the curve of the stage.
+    // The pass applies the curve that the stage's settings name.
     let known = effects::all();
     for (view, curve) in [(neutral, "neutral"), (ViewTransform::Agx, "agx")] {
         let mut scene = scene_of_display_colors(view, true);
@@ -233,7 +233,7 @@ fn view_transform_pass_matches_the_one_in_surface_shaders() {
             let options =
                 PlanOptions { effects: &known, ..PlanOptions::new([COLUMNS as u32, HUES.len() as u32], 1) };
             let of_surfaces = draw_with(renderer.as_mut(), &scene, &options);
-            // Nothing is as bright as its threshold.
+            // No pixel is as bright as the threshold of bloom.
             use_effect(&mut scene, "bloom", &[("threshold", 100.0)], &[]);
             let of_pass = draw_with(renderer.as_mut(), &scene, &options);
             let apart = of_surfaces.rgba.iter().zip(&of_pass.rgba).map(|(a, b)| a.abs_diff(*b)).max();

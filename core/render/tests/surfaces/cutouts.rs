@@ -1,4 +1,4 @@
-//! Leaves and hair: cut-outs with several samples per pixel, against their exact share of each pixel, by both renderers.
+//! Cut-outs with several samples per pixel in both renderers, against the exact coverage of each pixel.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -10,11 +10,11 @@ use choreo_stage::*;
 use glam::{Vec4, vec4};
 
 const SIDE: u32 = 96;
-/// Texels of the texture's side, and the radius of the disc that is cut out of it.
+/// Side of the texture, and radius of the disc that is cut out of it, in texels.
 const TEXELS: u32 = 32;
 const RADIUS: f64 = 11.0;
 
-/// A white disc on black; alpha falls by a tenth a texel, so that its edge alone is several pixels wide.
+/// A white disc on black; alpha falls by a tenth per texel, so that the edge is several pixels wide.
 fn scene_with_disc() -> Scene {
     let mut scene = Scene::ortho(2.0);
     let alpha = |x: u32, y: u32| {
@@ -30,7 +30,7 @@ fn scene_with_disc() -> Scene {
     scene
 }
 
-/// How much of a pixel the disc covers: 16 × 16 places.
+/// Share of a pixel that the disc covers, from 16 × 16 samples.
 fn exact_coverage(x: u32, y: u32) -> f64 {
     let texel = |pixel: u32, i: u32| {
         (f64::from(pixel) + (f64::from(i) + 0.5) / 16.0) * f64::from(TEXELS) / f64::from(SIDE) - 16.0
@@ -39,7 +39,7 @@ fn exact_coverage(x: u32, y: u32) -> f64 {
     inside.count() as f64 / 256.0
 }
 
-/// Root mean square over the pixels of the edge.
+/// Root mean square error over the pixels of the edge.
 fn edge_error(frame: &Frame) -> f64 {
     let pixels = (0..SIDE * SIDE).map(|i| (i % SIDE, i / SIDE)).map(|(x, y)| (exact_coverage(x, y), x, y));
     let edge: Vec<f64> = pixels
@@ -61,7 +61,7 @@ fn multisampling_smooths_the_edges_of_cut_outs() {
     );
     assert!(edge_error(&one) > 0.2, "a cut at whole pixels");
     assert!(edge_error(&four) < 0.12, "{}", edge_error(&four));
-    // Where nothing is cut, nothing changes.
+    // Without a cut-out nothing changes.
     assert_eq!(pixel(&four, 48, 48), [255; 4]);
     assert_eq!(pixel(&four, 2, 2), [0, 0, 0, 255]);
 
@@ -71,10 +71,10 @@ fn multisampling_smooths_the_edges_of_cut_outs() {
     println!("twin: {c:?}");
     assert!(c.share_beyond < 0.005 && edge_error(&there) < 0.12, "{c:?}");
     assert!(compare(&one, &there, 2).unwrap().share_beyond > 0.01, "the comparison sees an edge");
-    // The alpha that coverage was made from does not stay in the image.
+    // The alpha that gives the coverage is not stored in the image.
     assert!([&four, &there].iter().all(|f| f.rgba.iter().skip(3).step_by(4).all(|a| *a == 255)));
 
-    // A device that cannot set alpha to one keeps whole pixels: only the mesh's own edges are smooth.
+    // A device without alpha-to-one keeps or loses whole pixels: only the edges of the mesh are smooth.
     let Some(mut gpu) = vulkan(GpuOptions { without: vec![Ability::AlphaToOne], ..GpuOptions::default() })
     else {
         return;

@@ -9,7 +9,7 @@ use choreo_stage::*;
 use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
-/// A wall whose material some clip of its file drives, so that the catalogue knows that it may change.
+/// A wall whose material is animated by a clip of its file, so that the scene resources expect overrides.
 fn asset_with_animated_material(
     material: Material,
     properties: &[MaterialProperty],
@@ -31,7 +31,7 @@ fn override_material(scene: &mut Scene, actor: usize, now: Material) {
     scene.snapshot.actors[actor].materials = vec![ChangedMaterial { material: 0, now }];
 }
 
-/// Half of the texture red, half green; looked at in two walls side by side, the right one's texture moved by half.
+/// Two walls side by side with a half red, half green texture, which an override moves by half its width on the right wall.
 fn two_walls() -> Scene {
     let halves = image(2, 1, |x, _| if x == 0 { [255, 0, 0, 255] } else { [0, 255, 0, 255] });
     let mut texture = texture(0);
@@ -60,7 +60,7 @@ fn scene_with_emission(emissive: Vec3) -> Scene {
 fn check_overrides(mut draw: impl FnMut(&Scene, [u32; 2]) -> choreo_plugin::Frame) {
     let frame = draw(&two_walls(), [80, 40]);
     let at = |x| pixel(&frame, x, 20);
-    assert_eq!([at(10), at(30)], [[255, 0, 0, 255], [0, 255, 0, 255]], "the left wall is as its file has it");
+    assert_eq!([at(10), at(30)], [[255, 0, 0, 255], [0, 255, 0, 255]], "the left wall has the material of its file");
     assert_eq!([at(50), at(70)], [[0, 255, 0, 255], [255, 0, 0, 255]], "the right wall's texture is moved");
     // Emission that is zero in the file is added when an override sets it.
     assert_color(

@@ -1,4 +1,4 @@
-//! Thick lines and points: areas against closed forms, both renderers alike, and extreme cases.
+//! Thick lines and points: areas against closed forms, equal images in both renderers, and extreme cases.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -24,12 +24,12 @@ fn square_style(width: f32) -> LineStyle {
     LineStyle { round: false, ..round_style(width) }
 }
 
-/// Pixels that are covered, in parts.
+/// Covered area in pixels.
 fn area(frame: &Frame) -> f64 {
     frame.rgba.chunks_exact(4).map(|p| decode(p[0])).sum()
 }
 
-/// 64 pixels wide and high, 6.4 m high: ten pixels a metre.
+/// A view 6.4 m high for images of 64 × 64 pixels: ten pixels per metre.
 fn scene_of_ten_pixels_per_metre(asset: &Arc<Asset>) -> Scene {
     let mut scene = Scene::ortho(6.4);
     scene.at(asset, 0.0, 0.0, 0.0);
@@ -38,8 +38,8 @@ fn scene_of_ten_pixels_per_metre(asset: &Arc<Asset>) -> Scene {
 
 #[test]
 fn lines_and_points_on_the_pixel_grid_cover_exact_areas() {
-    // The line goes from the pixel corner (22, 32) to (42, 32), and the square is centered on the corner (32, 32): no pixel is covered in
-    // part.
+    // The line runs from the pixel corner (22, 32) to (42, 32), and the square is centered on the corner (32, 32): no pixel is partly
+    // covered.
     let line = asset_of_lines(Topology::Lines, vec![Vec3::X * -1.0, Vec3::X], square_style(4.0));
     let point = asset_of_lines(Topology::Points, vec![Vec3::ZERO], square_style(6.0));
     for samples in [1, 4] {
@@ -62,7 +62,7 @@ fn round_lines_and_points_have_the_area_of_stadiums_and_discs() {
     let pi = std::f64::consts::PI;
     let way = Vec3::new(1.3, 0.7, 0.0);
     let length = 20.0 * f64::from(way.length());
-    // Samples are points: of a boundary B pixels long, the area is known to about √B/4 of a pixel.
+    // Samples are points, so the area inside a boundary of B pixels is accurate to about √B/4 pixels.
     for width in [3.0f64, 8.0, 17.0] {
         let line = asset_of_lines(Topology::Lines, vec![-way, way], round_style(width as f32));
         let got = area(&draw_at(&scene_of_ten_pixels_per_metre(&line), [64, 64], 4));
@@ -76,10 +76,10 @@ fn round_lines_and_points_have_the_area_of_stadiums_and_discs() {
         let got = area(&draw_at(&scene_of_ten_pixels_per_metre(&point), [64, 64], 4));
         let exact = pi * width * width / 4.0;
         assert!((got - exact).abs() < 0.06 * exact, "point {width}: {got} {exact}");
-        // A tenth more would be noticed.
+        // The bound is smaller than a tenth of the width.
         assert!((got * 1.21 - exact).abs() > 0.06 * exact);
     }
-    // A line without length is a dot with round ends, and nothing with flat ones.
+    // A line of zero length is a disc with round ends, and nothing with flat ones.
     let nowhere = vec![Vec3::ZERO; 2];
     let dot = area(&draw_at(
         &scene_of_ten_pixels_per_metre(&asset_of_lines(Topology::Lines, nowhere.clone(), round_style(10.0))),
@@ -127,7 +127,7 @@ fn previews_keep_the_line_width_relative_to_the_height() {
     }
 }
 
-/// Much at once: through the eye, along the view, of no length, huge, colored, mirrored.
+/// Lines through the camera, along the view, of zero length, huge, colored and mirrored.
 fn scene_of_extreme_lines() -> Scene {
     let mut scene = Scene::perspective(1.0, 4.0);
     let segments = |points: &[[f32; 3]], pen| {
@@ -172,7 +172,7 @@ fn both_renderers_draw_the_same_and_a_planted_fault_shows() {
         wider.snapshot.actors[0].line_width = Some(10.0);
         let apart = compare(&vulkan, &draw(&wider, &options), 2).unwrap();
         assert!(apart.share_beyond > 0.005, "a pixel more is not seen");
-        // Whatever else the shader is able to do.
+        // Forcing all features in changes nothing.
         let forced = draw_with(&mut gpu, &scene, &PlanOptions { force_all: true, ..options });
         assert_eq!(forced.rgba, vulkan.rgba);
     }
@@ -226,7 +226,7 @@ fn only_thick_lines_request_the_feature_and_zero_width_draws_nothing() {
     let drawn = plan(Some(round_style(4.0)), None, 0.0);
     assert_eq!((drawn.draws.len(), wide(&drawn), drawn.instances[0].width), (1, 1, 4.0));
     assert_eq!(plan(Some(round_style(4.0)), Some(0.0), 0.0).draws.len(), 0);
-    // Beside the image by a tenth of a metre, a pixel: seen as far as it is wide.
+    // A line a tenth of a metre, or a pixel, outside the image is visible if it is wide enough.
     assert_eq!(plan(Some(round_style(1.0)), None, 3.5).draws.len(), 0);
     assert_eq!(plan(Some(round_style(9.0)), None, 3.5).draws.len(), 1);
 }

@@ -1,4 +1,4 @@
-//! Toon shading: MToon's formulas (VRMC_materials_mtoon 1.0) in f64 against both renderers, and what it costs those who do not use it.
+//! Toon shading: MToon's formulas (VRMC_materials_mtoon 1.0) in f64 against both renderers, and no cost for other materials.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -21,7 +21,7 @@ fn scene_with_turned_quad(material: Material, images: Vec<Arc<Image>>, yaw: f64)
     scene
 }
 
-/// §"Lighting", §"Global Illumination", §"Rim Lighting" in f64, one channel, for N as in `turned`, a sun from `to_light`.
+/// One channel of MToon's "Lighting", "Global Illumination" and "Rim Lighting" in f64, for the normal `n` and a sun in direction `to_light`.
 struct Truth {
     base: f64,
     shade: f64,
@@ -99,7 +99,7 @@ fn toon_shading_matches_the_mtoon_formulas() {
             worst_without_toon = worst_without_toon.max((expected - lambert).abs());
         }
     }
-    // The comparison can fail: Lambert alone is far from it.
+    // The comparison can fail: plain Lambert shading differs.
     assert!(worst_without_toon > 0.2, "{worst_without_toon}");
 }
 
@@ -112,15 +112,15 @@ fn toon_textures_match_the_mtoon_formulas() {
         scene.sun(-Vec3::Z, Vec3::ONE, 1.0);
         middle_pixel(&scene)
     };
-    // Turned so far that nothing is lit: NL = 0.26 is above −0.5 and below 0.5, so a mix; with a shift of −1 all shade.
+    // The quad is turned so far that N·L = 0.26, between −0.5 and 0.5: a mix of light and shade; with a shift of −1 all is shade.
     let yaw = 75.0f64.to_radians();
     let shaded = Toon { shade_texture: Some(texture(0)), shading_shift: -1.0, ..light_off.clone() };
     assert_color(draw(shaded, vec![flat(188, 0, 255)], yaw), [decode(188), 0.0, 1.0], "shade texture");
-    // The R of a linear texture, times its scale: 128/255 · −2 ≈ −1.
+    // The red channel of a linear texture, times its scale: 128/255 · −2 ≈ −1.
     let shifted =
         Toon { shading_shift_texture: Some(texture(0)), shading_shift_scale: -2.0, ..light_off.clone() };
     assert_color(draw(shifted, vec![flat(128, 0, 0)], yaw), [1.0; 3], "shift texture");
-    // A matcap's upper left quarter is seen by what faces up and left.
+    // A surface that faces up and left shows the upper left quarter of a matcap.
     let ball = image(2, 2, |x, y| [if x == 0 { 255 } else { 0 }, if y == 0 { 255 } else { 0 }, 0, 255]);
     let nearest = Sampler { mag_linear: false, min_linear: false, mip_linear: None, ..Sampler::default() };
     let matcap = TextureRef { sampler: nearest, ..texture(0) };
@@ -142,7 +142,7 @@ fn toon_textures_match_the_mtoon_formulas() {
     assert_color(middle_pixel(&scene), [0.0, decode(188), 0.0], "rim mask");
 }
 
-/// Something of everything of toon shading, at many angles.
+/// Toon materials with every feature, at many angles.
 fn toon_scene() -> Scene {
     let mut scene = Scene::perspective(0.9, 6.0);
     scene.snapshot.ambient_up = Vec3::splat(0.3);
@@ -192,11 +192,11 @@ fn vulkan_and_the_cpu_reference_draw_the_same_toon() {
     let c = compare(&vulkan, &cpu, 2).unwrap();
     println!("{c}");
     assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{c}");
-    // Every feature forced in gives the same pixels.
+    // Forcing all features in gives the same pixels.
     let forced = draw_with(&scene, &PlanOptions { force_all: true, ..PlanOptions::new([320, 240], 1) });
     let c = compare(&vulkan, &forced, 0).unwrap();
     assert!(c.share_beyond < 0.001, "forced in: {c}");
-    // The planted fault: one actor a fifth darker is seen.
+    // The planted fault, one actor a fifth darker, is found.
     scene.snapshot.actors[5].tint = Vec4::new(0.8, 0.8, 0.8, 1.0);
     let c = compare(&draw_with(&scene, &options), &cpu, 2).unwrap();
     assert!(c.share_beyond > 0.005, "the comparison can fail: {c}");
@@ -217,7 +217,7 @@ fn only_toon_materials_request_toon_features() {
     };
     assert_eq!(features(unused), (Features::METALLIC_ROUGHNESS, 0));
     assert_eq!(features(toon_of(Toon::default(), Vec3::ONE)), (Features::TOON, 0));
-    // Toon shading does not read the textures of metallic-roughness, nor a rim's mask if there is no rim.
+    // Toon shading reads no metallic-roughness textures, and no rim mask if there is no rim.
     let other = Material {
         metallic_roughness_texture: Some(texture(0)),
         occlusion_texture: Some(texture(0)),

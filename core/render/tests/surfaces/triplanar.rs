@@ -1,4 +1,4 @@
-//! Textures from three sides: what each side shows in closed form, both renderers alike, and who pays for it.
+//! Triplanar mapping: closed forms for each side, equal images in both renderers, and no cost for other materials.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -8,7 +8,7 @@ use choreo_render::*;
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
-/// A ball of half a metre about the origin, each triangle with vertices of its own; tangents at right angles to the normals.
+/// A sphere of radius 0.5 m about the origin, whose triangles share no vertices; tangents are orthogonal to the normals.
 fn ball() -> Primitive {
     let (rings, sectors) = (16u32, 32u32);
     let at = |i: u32, j: u32| {
@@ -60,7 +60,7 @@ fn scene(sharpness: f32, mirrored: f64) -> Scene {
 
 #[test]
 fn triplanar_mapping_shows_each_side_upright() {
-    // Faces of a box of one metre, seen straight on: u to the right, v down, whichever way the face looks.
+    // Faces of a box of one metre, viewed perpendicularly: u to the right, v down, on every face.
     for (normal, right) in [
         (Vec3::X, Vec3::NEG_Z),
         (Vec3::NEG_X, Vec3::Z),
@@ -125,7 +125,7 @@ fn a_flat_triplanar_normal_map_changes_nothing() {
         s.stage.actors[0].asset = Arc::new(asset);
         draw_at(&s, [80, 80], 1)
     };
-    // 128 is not quite the middle.
+    // Code 128 is not exactly the middle of the range, so the normals are tilted slightly.
     let alike = compare(&flat(true), &flat(false), 3).unwrap();
     assert!(alike.share_beyond < 0.01, "{alike}");
     let bent = compare(&draw_at(&scene(4.0, -1.0), [80, 80], 1), &flat(false), 3).unwrap();

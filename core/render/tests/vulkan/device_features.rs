@@ -1,5 +1,5 @@
-//! Missing abilities of a device, one at a time: the frame is drawn with a stated fallback; and the abilities that it has, by their
-//! purpose.
+//! Optional device features: frames are drawn with the documented fallback where a feature is missing, and features that exist have
+//! their effect.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -11,10 +11,10 @@ use glam::{DAffine3, DQuat, DVec3, Vec2, Vec4};
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [160, 96];
-/// Each pixel of a reference is the mean of so many, squared.
+/// Side, in pixels, of the squares over which the supersampled reference is averaged.
 const FINE: u32 = 8;
 
-/// A floor of stripes that runs to the horizon, seen from near it.
+/// A checkered floor that reaches to the horizon, seen from low above it.
 fn striped_floor() -> Scene {
     let mut scene = Scene::perspective(0.7, 3.0);
     scene.snapshot.camera.world_from_view.translation.y = 0.6;
@@ -33,7 +33,7 @@ fn striped_floor() -> Scene {
     scene
 }
 
-/// Linear light of the means of squares of pixels.
+/// The image reduced by `FINE` per side, as means in linear light.
 fn downsample(frame: &Frame) -> Vec<f64> {
     let mut out = Vec::new();
     for (y, x) in (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (y, x))) {
@@ -65,7 +65,7 @@ fn anisotropic_filtering_is_closer_to_supersampling() {
         root_mean_square_error(&most, &truth)
     );
     assert!(root_mean_square_error(&most, &truth) < 0.8 * root_mean_square_error(&plain, &truth));
-    // Not by itself on a device that draws on the CPU, and not on one that lacks it.
+    // Filtering is isotropic by default on a CPU device, and on one without the feature.
     let kind = vulkan(GpuOptions::default()).map(|gpu| gpu.device().kind);
     if kind == Some(DeviceKind::VulkanCpu) {
         assert_eq!(draw(with(None), SIZE).unwrap().rgba, plain.rgba);
@@ -74,7 +74,7 @@ fn anisotropic_filtering_is_closer_to_supersampling() {
     assert_eq!(draw(lacking, SIZE).unwrap().rgba, plain.rgba);
 }
 
-/// Everything at once on a device without any of the optional features: drawn, without a word of the validation layer.
+/// The busy scene on a device without any optional feature is drawn without validation messages.
 #[test]
 fn a_device_without_any_optional_feature_draws() {
     let mut scene = busy_scene(DVec3::ZERO);

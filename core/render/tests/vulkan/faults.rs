@@ -1,5 +1,5 @@
-//! Devices that are lost, run out of memory or fall silent: never a wrong image, one more try with less, then an error.
-//! The failures are injected, the recovery is real: a new device, everything made and drawn again, under validation.
+//! Devices that are lost, run out of memory or time out: the frame is drawn once more with reduced demands, then an error is returned.
+//! The failures are injected, but the recovery is real: a new device on which everything is created and drawn again, with validation.
 
 use crate::common::*;
 use choreo_plugin::{Effect, Frame};
@@ -26,7 +26,7 @@ fn plans() -> (Arc<SceneResources>, Vec<Plan>) {
     (resources, plans)
 }
 
-/// All frames, as many in flight as the renderer takes.
+/// Draws all frames, with the largest number in flight.
 fn draw_all_plans(renderer: &mut dyn Renderer) -> Result<Vec<Frame>, RenderError> {
     let (resources, plans) = plans();
     renderer.load(resources)?;
@@ -56,7 +56,7 @@ fn recovering_renderer(faults: &Faults) -> Option<RecoveringRenderer> {
     }
 }
 
-/// The frames of a run without faults, and how often it passes each place.
+/// The frames of a run without faults, and the number of calls at each place.
 fn draw_without_faults() -> Option<(Vec<Frame>, Faults)> {
     let faults = Faults::new(Vec::new());
     let mut renderer = recovering_renderer(&faults)?;
@@ -78,7 +78,7 @@ fn a_device_that_fails_once_gives_the_same_images() {
     ] {
         let calls = counts.calls(place);
         assert!(calls >= FRAMES, "{place:?} is passed {calls} times");
-        // Making a device costs more than the frames: the first, one in the middle, the last.
+        // Creating a device takes longer than drawing the frames, so only the first, a middle and the last call fail.
         for nth in [0, calls / 2, calls - 1] {
             let faults = Faults::new(vec![Fault { place, nth, kind }]);
             let mut renderer = recovering_renderer(&faults).unwrap();
@@ -114,18 +114,18 @@ fn a_frame_that_fails_twice_is_an_error() {
             }
             other => panic!("{second:?}: {other:?}"),
         }
-        // It is over, and says so again rather than to crash or to draw something.
+        // Later calls return an error again.
         let again = renderer.collect(None).unwrap_err().to_string();
         assert!(again.ends_with("failed twice and is no longer used"), "{again}");
     }
-    // Two mishaps with a whole frame between them are two first ones.
+    // A failure after a successful frame counts as a first one.
     let mut renderer = recovering_renderer(&Faults::new(vec![lost(0), lost(last + 2)])).unwrap();
     assert!(draw_all_plans(&mut renderer).unwrap() == expected);
     assert_eq!(renderer.take_notes().len(), 2);
 }
 
-/// Without a second try, failures are errors with their kind, and the resources of the failed frame are freed: the
-/// validation layer reports nothing, and the next frame is right.
+/// Without recovery, each failure is an error of its kind, and the resources of the failed frame are freed: the
+/// validation layer reports nothing, and the next frame is correct.
 #[test]
 fn errors_have_their_kind_and_free_all_resources() {
     let Some((expected, counts)) = draw_without_faults() else { return };
@@ -146,7 +146,7 @@ fn errors_have_their_kind_and_free_all_resources() {
     }
 }
 
-/// With as little memory as possible: the same images, less memory, uploads in parts.
+/// A frugal renderer draws the same images with less memory, and uploads in parts.
 #[test]
 fn a_frugal_renderer_draws_the_same() {
     let Some((expected, _)) = draw_without_faults() else { return };

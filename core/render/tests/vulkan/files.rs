@@ -87,7 +87,7 @@ fn both_renderers_draw_every_asset_file_the_same() {
             let c = compare(&a, &b, 4).unwrap();
             let line = format!("{} ×{samples}: {c}", path.file_name().unwrap().display());
             println!("{line}");
-            // Single pixels: an edge that passes a sample within the rasteriser's 1/256 of a pixel, two surfaces at
+            // Single pixels may differ: an edge that passes a sample within the rasterizer's 1/256 of a pixel, two surfaces at
             // the same depth.
             if c.mean > 0.2 || c.share_beyond > 0.002 {
                 bad.push(line);
