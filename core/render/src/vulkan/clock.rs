@@ -16,7 +16,7 @@ pub struct DeviceTime {
 
 impl DeviceTime {
     /// Number of frames, and their total time in seconds. A frame whose commands were sent in parts counts only with its last
-    /// covered.
+    /// part.
     pub fn total(&self) -> (u64, f64) {
         (self.frames.load(Ordering::Relaxed), self.nanos.load(Ordering::Relaxed) as f64 * 1e-9)
     }

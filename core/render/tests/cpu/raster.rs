@@ -30,7 +30,7 @@ fn an_edge_through_pixel_centers_belongs_to_one_triangle() {
     };
     // The diagonal is a right edge of the lower triangle and a left edge of the upper one, which owns it.
     assert_eq!((count(&lower), count(&upper)), (28, 36));
-    // Together: every pixel once, or half-transparent white would be brighter along the diagonal.
+    // Every pixel is covered once; otherwise half-transparent white would be brighter along the diagonal.
     let glass = Material { alpha_mode: AlphaMode::Blend, ..unlit(Vec4::new(1.0, 1.0, 1.0, 0.5)) };
     let f = draw_at(&pixel_scene(vec![lower, upper], glass), [8, 8], 1);
     assert!(f.rgba.chunks_exact(4).all(|p| p == [188, 188, 188, 255]), "{:?}", &f.rgba[..16]);
@@ -128,7 +128,7 @@ fn blending_is_linear_back_to_front_and_depth_tested() {
     };
     let mut scene = Scene::ortho(2.0);
     scene.snapshot.background = Background::Color(Vec4::new(0.0, 0.0, 1.0, 1.0));
-    // Given front to back.
+    // The surfaces are added front to back.
     scene.at(&glass(1.0, 0.0, 0.0), 0.0, 0.0, 2.0);
     scene.at(&glass(0.0, 1.0, 0.0), 0.0, 0.0, 1.0);
     let step = |below: f64, c: f64| decode(encode(c * 0.5 + below * 0.5).round() as u8);
@@ -186,7 +186,7 @@ fn degenerate_triangles_and_odd_image_sizes_are_drawn() {
     bad.normals.extend([Vec3::Z; 4]);
     bad.uvs[0].extend([Vec2::splat(f32::NAN); 4]);
     bad.indices.extend([0, 1, 4, 0, 5, 2, 1, 1, 1, 0, 1, 0]);
-    // Vertices so far away that they cover everything or nothing, by rounding: only that nothing panics.
+    // Vertices so far away that rounding decides whether they cover everything or nothing: drawing must not panic.
     let huge = Primitive { indices: vec![6, 7, 0, 6, 7, 6, 1, 6, 2], ..bad.clone() };
     let huge = asset(vec![huge], vec![unlit(Vec4::ONE)], vec![]);
     let image = image(4, 4, |_, _| [255; 4]);
@@ -224,7 +224,7 @@ fn the_gradient_runs_from_the_first_row_to_the_last() {
         let t = (f64::from(y) + 0.5) / 40.0;
         for c in 0..3 {
             let exact = encode(f64::from(top[c]) * (1.0 - t) + f64::from(bottom[c]) * t);
-            // One of the two codes around it: gradients are dithered.
+            // Gradients are dithered, so each pixel has one of the two nearest codes.
             let shown = f64::from(pixel(&f, 1, y)[c]);
             assert!((shown - exact).abs() < 1.0, "row {y}: channel {c} is {shown} instead of {exact:.2}");
         }

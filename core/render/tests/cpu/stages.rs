@@ -1,4 +1,4 @@
-//! Images of the CPU renderer's stages belong together: what the raster covers is what is shaded, and has a depth.
+//! The stage images of the CPU renderer agree: the same pixels are covered, have a depth, and are shaded.
 
 use crate::common::*;
 use choreo_plugin::Frame;
@@ -23,7 +23,7 @@ fn stages(scene: &Scene) -> Vec<Frame> {
     renderer.stages(&plan).unwrap()
 }
 
-/// Pixels that are not as the first one, a corner.
+/// Whether each pixel differs from the first one, which shows the background.
 fn drawn(frame: &Frame) -> Vec<bool> {
     let pixels = frame.rgba.as_chunks::<4>().0;
     pixels.iter().map(|p| p[..3] != pixels[0][..3]).collect()
@@ -48,7 +48,7 @@ fn coverage_depth_and_shading_stages_agree_on_the_pixels() {
     let greys: std::collections::BTreeSet<u8> =
         pictures[4].rgba.chunks_exact(4).zip(&depth).filter(|(_, d)| **d).map(|(p, _)| p[0]).collect();
     assert_eq!(greys.into_iter().collect::<Vec<_>>(), [40, 255], "two planes that face the camera");
-    // A fault: of another scene.
+    // The planted fault: the stages of another scene.
     assert_ne!(drawn(&stages(&scene(-1.2))[3]), shade);
 }
 

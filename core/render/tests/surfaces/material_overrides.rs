@@ -60,7 +60,11 @@ fn scene_with_emission(emissive: Vec3) -> Scene {
 fn check_overrides(mut draw: impl FnMut(&Scene, [u32; 2]) -> choreo_plugin::Frame) {
     let frame = draw(&two_walls(), [80, 40]);
     let at = |x| pixel(&frame, x, 20);
-    assert_eq!([at(10), at(30)], [[255, 0, 0, 255], [0, 255, 0, 255]], "the left wall has the material of its file");
+    assert_eq!(
+        [at(10), at(30)],
+        [[255, 0, 0, 255], [0, 255, 0, 255]],
+        "the left wall has the material of its file"
+    );
     assert_eq!([at(50), at(70)], [[0, 255, 0, 255], [255, 0, 0, 255]], "the right wall's texture is moved");
     // Emission that is zero in the file is added when an override sets it.
     assert_color(

@@ -1,4 +1,4 @@
-//! Outlines, MToon's and the effect's, and masks of what moves: widths counted in pixels, both renderers alike, nothing where none is.
+//! Outlines of MToon and of the effect, and UV animation masks: widths in pixels, equal images in both renderers, no cost without them.
 
 use crate::common;
 use crate::common::layered::bulge;
@@ -43,7 +43,7 @@ fn add_outline(scene: &mut Scene, width: f64, actors: Vec<usize>) {
 
 const GREEN: [u8; 4] = [0, 255, 0, 255];
 
-/// Runs of the outline's color in a row.
+/// Lengths of the runs of a color in a row of pixels.
 fn run_lengths(frame: &Frame, y: u32, color: [u8; 4]) -> Vec<u32> {
     let mut out = Vec::new();
     let mut run = 0;
@@ -124,7 +124,7 @@ fn mtoon_outline_widths_in_metres_and_image_shares_match_formulas() {
             assert!(runs.len() == 2 && runs.iter().all(fits), "{outline:?} × {scale}: {runs:?}");
         }
     }
-    // Half lit by a surface of half: ½ · 1 + ½ · ½.
+    // Half of the lighting of a surface with half the light: ½ · 1 + ½ · ½.
     let mixed = Outline { lighting_mix: 0.5, color: Vec3::ONE, ..outline_of_width(0.2, false) };
     let mut scene = Scene::ortho(2.0);
     scene.at(
@@ -142,7 +142,7 @@ fn mtoon_outline_widths_in_metres_and_image_shares_match_formulas() {
 
 #[test]
 fn transparent_surfaces_are_outlined_only_outside() {
-    // Half of everything comes through, the line's light and the surface's; nothing is behind.
+    // The outline and the surface are half transparent over a black background.
     let mut scene = Scene::ortho(2.0);
     let base = Vec4::new(1.0, 1.0, 1.0, 0.5);
     let veil = Material { alpha_mode: AlphaMode::Blend, ..toon(outline_of_width(0.1, false), base) };
@@ -155,7 +155,7 @@ fn transparent_surfaces_are_outlined_only_outside() {
     assert!(found.len() == 2 && found.iter().all(|r| r.abs_diff(10) <= 1), "{found:?}");
     // The surface lies over the far side of its hull: ½ white + ½ (½ green).
     assert_color(pixel(&frame, 100, 100), [0.5, 0.75, 0.5], "the surface before its hull");
-    // An opaque one hides it.
+    // An opaque surface hides the hull.
     let solid = toon(outline_of_width(0.1, false), Vec4::ONE);
     let mut scene = Scene::ortho(2.0);
     scene.at(&asset(vec![ball(0.5)], vec![solid], vec![]), 0.0, 0.0, 0.0);
@@ -163,7 +163,7 @@ fn transparent_surfaces_are_outlined_only_outside() {
     assert_color(pixel(&draw_at(&scene, [201, 200], 1), 100, 100), [1.0; 3], "solid");
 }
 
-/// Every kind of outline on every kind of surface.
+/// A scene with every kind of outline on every kind of surface.
 fn scene_of_all() -> Scene {
     let mut scene = Scene::perspective(0.9, 6.0);
     scene.snapshot.background = Background::Color(Vec4::new(0.2, 0.3, 0.4, 1.0));
@@ -233,7 +233,7 @@ fn vulkan_and_the_cpu_reference_draw_the_same_outlines() {
     let forced = PlanOptions { force_all: true, ..options.clone() };
     let c = compare(&vulkan, &draw_with(&scene, &forced), 0).unwrap();
     assert!(c.share_beyond < 0.001, "forced in: {c}");
-    // The planted fault: an outline a pixel wider is seen.
+    // The planted fault, an outline a pixel wider, is found.
     scene.snapshot.effects[0].parameters[1].1 = 4.0;
     let c = compare(&draw_with(&scene, &options), &cpu, 2).unwrap();
     assert!(c.share_beyond > 0.002, "the comparison can fail: {c}");
@@ -264,7 +264,7 @@ fn only_outlined_actors_request_outline_features() {
 
 #[test]
 fn the_uv_animation_mask_selects_the_moving_texels() {
-    // Left half of the image stands still, right half moves by half the texture: its stripes change places.
+    // The left half is static; the right half moves by half the texture, so that its stripes swap.
     let stripes = image(8, 1, |x, _| if x % 4 < 2 { [255, 0, 0, 255] } else { [0, 0, 255, 255] });
     let mask = image(8, 1, |x, _| [0, 0, if x < 4 { 0 } else { 255 }, 255]);
     let nearest = Sampler { mag_linear: false, min_linear: false, mip_linear: None, ..Sampler::default() };
@@ -292,7 +292,7 @@ fn the_uv_animation_mask_selects_the_moving_texels() {
 
 #[test]
 fn an_outline_reaches_into_the_image_from_outside() {
-    // A ball whose rim is two pixels left of the image: a line of eight pixels is seen.
+    // The rim of a ball is two pixels left of the image, and its outline of eight pixels reaches into the image.
     let drawn = |width: f64, x: f64| {
         let mut scene = Scene::ortho(2.0);
         scene.at(&asset(vec![ball(0.5)], vec![unlit(Vec4::ONE)], vec![]), x, 0.0, 0.0);

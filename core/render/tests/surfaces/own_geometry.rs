@@ -1,4 +1,4 @@
-//! Lines and triangles of effects of their own, and hulls of a file: where they are drawn, in which order, and both renderers alike.
+//! Lines, triangles and hulls of effects: positions, order, and equal images in both renderers.
 
 use crate::common;
 use crate::common::*;
@@ -82,7 +82,7 @@ fn options(effects: &[Effect], samples: u32) -> PlanOptions<'_> {
     PlanOptions { effects, ..PlanOptions::new([200, 150], samples) }
 }
 
-/// Something white behind the place, before the place or nowhere near.
+/// A scene with an effect, and a white wall at depth `z` behind it, in front of it, or far away.
 fn with_wall(z: f64, name: &str, amount: f64) -> Scene {
     let mut scene = Scene::ortho(2.0);
     let nothing = Arc::new(Asset::default());
@@ -104,7 +104,7 @@ fn overlay_triangles_are_depth_tested_and_sorted() {
     for samples in [1, 4] {
         let scene = with_wall(-1.0, "square", 0.5);
         let frame = draw(&scene, &options(&effects, samples));
-        // 75 pixels a metre: the square ends 37.5 pixels from the middle, and its diagonal has no seam.
+        // At 75 pixels per metre the square ends 37.5 pixels from the center, and its diagonal has no seam.
         for (x, y) in [(63, 75), (136, 75), (100, 38), (100, 111), (100, 75), (90, 65), (110, 85)] {
             assert_color(pixel(&frame, x, y), RED, &format!("{x} {y}"));
         }
@@ -112,7 +112,7 @@ fn overlay_triangles_are_depth_tested_and_sorted() {
             assert_eq!(pixel(&frame, x, y), [255; 4], "{x} {y}");
         }
     }
-    // Drawn first or last, what is nearer is seen.
+    // The nearer triangle is visible whether it is drawn first or last.
     assert_color(middle(&with_wall(-1.0, "square", 0.5)), RED, "red is nearer");
     assert_color(middle(&with_wall(-1.0, "square", -0.5)), GREEN, "green is nearer");
     assert_eq!(middle(&with_wall(1.0, "square", 0.5)), [255; 4], "behind the wall");
@@ -131,7 +131,7 @@ fn scenes_without_visible_overlays_plan_no_triangles() {
     scene.snapshot.actors[0].visible = false;
     scene.snapshot.actors[0].world_from_model.translation.x = 0.0;
     assert_eq!(vertices(&scene), 0);
-    // A hull that has no width, and one that has.
+    // A hull without width, and one with a width.
     let hulls = |amount: f64| {
         let mut scene = Scene::ortho(2.0);
         scene.at(&asset(vec![quad(0.5, 0.5)], vec![matte(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
@@ -141,7 +141,7 @@ fn scenes_without_visible_overlays_plan_no_triangles() {
     assert_eq!([hulls(0.0), hulls(0.5)], [1, 2]);
 }
 
-/// The middles of points from left to right, metres, of a body that goes a metre a second.
+/// Centers in metres, from left to right, of the points around a character that moves at 1 m/s.
 fn positions_of_history_lines(time: Time) -> Vec<f64> {
     let effects = test_effects();
     let at = |time: Time| {
@@ -167,7 +167,7 @@ fn overlays_read_the_history_of_actors() {
     };
     let frames = |n: f64| Time::from_secs(n / 30.0);
     near(positions_of_history_lines(frames(12.0)), [12.0, 11.0, 10.0, 9.0].map(|n| n / 30.0));
-    // Before the first frame stands the first.
+    // Before the first frame, the first one is used.
     near(positions_of_history_lines(frames(2.0)), [2.0, 1.0, 0.0, 0.0].map(|n| n / 30.0));
 }
 
@@ -203,7 +203,7 @@ fn vulkan_and_the_cpu_reference_draw_the_same_geometry() {
         let c = compare(&vulkan, &cpu, 2).unwrap();
         println!("{c}");
         assert!(c.mean < 0.2 && c.share_beyond < 0.01, "{samples}: {c}");
-        // The planted fault: triangles a little more opaque are seen.
+        // The planted fault, slightly more opaque triangles, is found.
         let other = draw(&scene_of_all(0.8), &options);
         let c = compare(&vulkan, &other, 2).unwrap();
         assert!(c.share_beyond > 0.02, "the comparison can fail: {c}");

@@ -1,4 +1,4 @@
-//! Transparency, against rays that meet every pane in f64 and are blended in the order of their depths, by both renderers.
+//! Transparency in both renderers, against ray intersections in f64 that are blended by depth.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -13,7 +13,7 @@ use glam::{DAffine3, DQuat, DVec3, DVec4, EulerRot, Vec3, Vec4};
 
 const SIDE: u32 = 96;
 
-/// A square 1.2 m wide, turned and moved, of one color.
+/// A square pane of one color, rotated and moved.
 #[derive(Clone, Copy)]
 struct Pane {
     /// Degrees about y, then x.
@@ -29,7 +29,7 @@ impl Pane {
         DAffine3::from_rotation_translation(DQuat::from_euler(EulerRot::YXZ, y, x, 0.0), DVec3::from(self.at))
     }
 
-    /// Where a ray along −z at (x, y) meets it.
+    /// The z at which a ray along −z at (x, y) meets the pane.
     fn depth_at(&self, x: f64, y: f64) -> Option<f64> {
         let back = self.placed().inverse();
         let (from, way) =
@@ -48,18 +48,18 @@ const RED: [f32; 4] = [0.9, 0.1, 0.05, 0.6];
 const GREEN: [f32; 4] = [0.1, 0.8, 0.1, 0.5];
 const BLUE: [f32; 4] = [0.1, 0.2, 0.9, 0.7];
 
-/// Two that cross.
+/// Two intersecting panes.
 fn crossing_panes() -> Vec<Pane> {
     vec![pane([50.0, 0.0], [0.0; 3], 0.7, RED), pane([-40.0, 10.0], [0.05, 0.0, 0.1], 0.7, BLUE)]
 }
 
-/// A fan of five through one line.
+/// Five panes that intersect in one line.
 fn fanned_panes() -> Vec<Pane> {
     let colors = [RED, GREEN, BLUE, GREEN, RED];
     (0..5).map(|i| pane([20.0 + 34.0 * i as f64, 0.0], [0.0; 3], 0.8, colors[i])).collect()
 }
 
-/// A large one whose middle is nearer than the small one before its far part.
+/// A large pane whose center is nearer than a small pane in front of its far part.
 fn panes_of_two_sizes() -> Vec<Pane> {
     vec![pane([60.0, 0.0], [0.0, 0.0, 0.0], 0.9, GREEN), pane([0.0, 0.0], [0.35, 0.0, -0.3], 0.15, RED)]
 }
@@ -130,14 +130,14 @@ fn depth_peeling_blends_crossing_panes_by_depth() {
                 |how| wrong_pixels(&draw_with(renderer, &scene(&panes, how), &options), &panes, samples);
             let [chosen, sorted] = [Transparency::Auto, Transparency::Sorted].map(&mut off);
             println!("{what}, {who}, {samples} samples: {chosen} pixels off, {sorted} where sorted");
-            // Samples that lie on an edge or on the line where two cross.
+            // Some samples lie on an edge, or on the line where two panes intersect.
             assert!(chosen < 12, "{what}, {who}, {samples} samples: {chosen} pixels off");
             assert!(sorted > 100, "{what}, {who}: sorting would have done, {sorted}");
         });
     }
 }
 
-/// More layers than are told apart: the farthest are exact, and what is nearer covers them.
+/// More surfaces than peeled layers: the farthest are exact, and nearer ones are blended over them in sorted order.
 #[test]
 fn surfaces_beyond_the_peeled_layers_are_sorted() {
     let many: Vec<Pane> = (0..12)
@@ -154,7 +154,7 @@ fn surfaces_beyond_the_peeled_layers_are_sorted() {
         let all = scene(&many, Transparency::Auto);
         let options = PlanOptions::new([SIDE; 2], samples);
         let frame = draw_with(renderer, &all, &options);
-        // All have one color and alpha: no order matters, and no surface may be lost.
+        // All panes have the same color and alpha, so that the order does not matter, but no surface may be missing.
         let off = wrong_pixels(&frame, &many, samples);
         assert!(off < 60, "{who}, {samples} samples: {off} pixels off");
         assert!(wrong_pixels(&frame, &many[1..], samples) > 1000, "a lost surface is seen");
@@ -173,7 +173,7 @@ fn the_plan_peels_where_sorting_fails_and_gives_the_cause() {
     assert_eq!(auto(&crossing_panes()), Ok(PeelCause::Order(0, 1)));
     assert!(matches!(auto(&fanned_panes()), Ok(PeelCause::Order(..))));
     assert!(matches!(auto(&panes_of_two_sizes()), Ok(PeelCause::Order(..))));
-    // One behind the other, beside the other, or in one plane.
+    // One pane behind the other, beside it, or in the same plane.
     let behind =
         [pane([20.0, 0.0], [0.0, 0.0, -1.0], 0.7, RED), pane([20.0, 0.0], [0.1, 0.0, 0.0], 0.7, BLUE)];
     let beside =
@@ -187,7 +187,7 @@ fn the_plan_peels_where_sorting_fails_and_gives_the_cause() {
     let sorted = peel_cause(&scene(&crossing_panes(), Transparency::Sorted));
     assert!(sorted.is_err_and(|why| why.contains("\"sorted\"")));
     assert_eq!(peel_cause(&scene(&behind, Transparency::Independent)), Ok(PeelCause::Requested));
-    // A box seen from both sides.
+    // A double-sided box.
     let mut bent = Scene::ortho(2.0);
     let mut roof = quad(0.5, 0.5);
     roof.positions[2].z = 0.4;
@@ -196,7 +196,7 @@ fn the_plan_peels_where_sorting_fails_and_gives_the_cause() {
     assert_eq!(peel_cause(&bent), Ok(PeelCause::SelfOverlap(0)));
 }
 
-/// A device that cannot tell a pixel's samples apart sorts where there are several.
+/// A device without sample-rate shading sorts transparent surfaces if there are several samples per pixel.
 #[test]
 fn devices_without_sample_rate_shading_sort_transparent_surfaces() {
     let without = vec![Ability::SampleRateShading];
@@ -208,7 +208,7 @@ fn devices_without_sample_rate_shading_sort_transparent_surfaces() {
     }
 }
 
-/// Two bodies that are skinned or morphed, a third of their size into each other, or `apart`.
+/// Two skinned or morphed meshes that overlap by a third of their size, or are `apart`.
 fn scene_with_two_meshes(morphed: bool, apart: f64) -> Scene {
     let mut scene = Scene::ortho(4.0);
     let glass = Material { alpha_mode: AlphaMode::Blend, ..unlit(Vec4::splat(0.5)) };
@@ -240,7 +240,7 @@ fn bounds_of_deformed_meshes_decide_about_peeling() {
     }
 }
 
-/// Two panes beside each other, which an effect may move into each other.
+/// Two adjacent panes that a displacing effect may move into each other.
 #[test]
 fn displacement_counts_in_the_decision_about_peeling() {
     let why = |apart: f64, reach: Option<f64>| {
@@ -262,7 +262,7 @@ fn displacement_counts_in_the_decision_about_peeling() {
         assert_eq!(peeled.is_none(), out);
         peeled
     };
-    // Each may go 0.3 m towards the other; of what moves, nobody knows how often a line of sight meets it.
+    // Each may move 0.3 m towards the other, and a displaced mesh may overlap itself.
     assert_eq!(why(1.4, Some(0.3)), Some((PeelCause::Order(0, 1), 8)));
     assert_eq!(why(1.4, Some(0.1)), None);
     assert_eq!(why(1.4, Some(0.0)), None);
@@ -282,7 +282,7 @@ fn the_transparency_of_an_actor_overrides_that_of_the_stage() {
     assert!(peel_cause(&one).is_err_and(|why| why == "the actors' transparency is \"sorted\""));
     says(&mut one, 0, Transparency::Independent, Some(0));
     assert_eq!(peel_cause(&one), Ok(PeelCause::RequestedBy(0)));
-    // A rule for another material does not apply here.
+    // A setting of another material does not apply.
     let mut other = scene_with_two_meshes(false, 1.4);
     says(&mut other, 0, Transparency::Independent, Some(1));
     assert!(peel_cause(&other).is_err());
