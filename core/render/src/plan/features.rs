@@ -332,20 +332,18 @@ fn scene_reports(facts: &Facts) -> AbsenceReports {
             *unposed_actors > 0,
             "actors outside the view",
             format!(
-                "{unposed_actors} are outside the view in every pose of their clips, and so are their shadows: neither posed nor drawn"
+                "neither posed nor drawn, because no pose of their clips and no shadow reaches into the view: {unposed_actors}"
             ),
         ),
         report(
             *culled > 0,
             "primitives outside the view",
-            format!("{culled} of {copies} have their bounds outside the frustum"),
+            format!("bounds outside the frustum: {culled} of {copies}"),
         ),
         report(
             *coarse > 0,
             "triangles too small to see",
-            format!(
-                "{coarse} copies are drawn at a level of detail without a visible difference at their size"
-            ),
+            format!("copies drawn at a level of detail without a visible difference at their size: {coarse}"),
         ),
         report(
             *small > 0,
@@ -358,7 +356,7 @@ fn scene_reports(facts: &Facts) -> AbsenceReports {
             *closed > 0,
             "back faces of watertight meshes",
             format!(
-                "{closed} triangles of two-sided materials are parts of watertight meshes, seen from outside"
+                "{closed} triangles of double-sided materials belong to watertight meshes that are seen from outside"
             ),
         ),
     ];
@@ -399,19 +397,19 @@ fn light_reports(all: Features, facts: &Facts) -> AbsenceReports {
 fn pass_reports(all: Features, facts: &Facts) -> AbsenceReports {
     let uvs = all.has_any(Features::UV0.with(Features::UV1));
     let whole = match facts.samples {
-        1 => "one sample a pixel was asked for: cutouts have hard edges",
+        1 => "one sample per pixel is requested: cutouts have hard edges",
         _ => "all cutouts are \"hard\", or no drawn material has an alpha cutoff above 0",
     };
     let (over_image, inputs) = (facts.post_passes > 0, facts.inputs);
     let alone = "no two drawn primitives are equal in shape, material and state";
     let reports = [
-        report(facts.layers_2d == 0, "2D layers", "no text, image, panel or letterbox is seen"),
+        report(facts.layers_2d == 0, "2D layers", "no text, image, panel or letterbox is visible"),
         report(!uvs, "texture coordinates", "no drawn material has a texture"),
         report(facts.surface_effects == 0, "effects on surfaces", "none is on"),
         report(all.has(Features::ALPHA_MASK) && !facts.coverage, "alpha to coverage", whole),
         report(facts.blended == 0, "blending and sorting back to front", "everything drawn is opaque"),
         report(facts.drawn_copies == facts.draws, "instancing", alone),
-        report(facts.samples == 1, "multisampling", "one sample a pixel was asked for"),
+        report(facts.samples == 1, "multisampling", "one sample per pixel is requested"),
         report(facts.post_passes == 0, "full-screen passes and float target", "no effect is on"),
         report(facts.overlays == 0, "overlays of effects", "no effect draws any"),
         report(

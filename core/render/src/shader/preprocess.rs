@@ -25,7 +25,7 @@ pub fn preprocess(text: &str, on: &[&str]) -> Result<String, PreprocessError> {
         if let Some(rest) = code.strip_prefix("@if") {
             let rest = rest.trim_start();
             let inner =
-                rest.strip_prefix('(').ok_or_else(|| error("`@if` wants a condition in (…)".into()))?;
+                rest.strip_prefix('(').ok_or_else(|| error("`@if` needs a condition in (…)".into()))?;
             let (condition, after) = inner
                 .split_once(')')
                 .ok_or_else(|| error("`@if(` has no closing parenthesis on its line".into()))?;
@@ -94,6 +94,6 @@ mod tests {
         assert_eq!(error("@if(SKIN)\nx"), "line 1: `@if` without `@end`");
         assert_eq!(error("x\n@end"), "line 2: `@end` without `@if`");
         assert_eq!(error("@else"), "line 1: `@else` without `@if`");
-        assert_eq!(error("@if SKIN"), "line 1: `@if` wants a condition in (…)");
+        assert_eq!(error("@if SKIN"), "line 1: `@if` needs a condition in (…)");
     }
 }

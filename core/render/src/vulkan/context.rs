@@ -295,7 +295,7 @@ fn create_instance(
         let available = unsafe { entry.enumerate_instance_layer_properties() }.named("instance layers")?;
         if !available.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
             return Err(no_vulkan(
-                "the validation layer was asked for and is not installed (Debian: vulkan-validationlayers)",
+                "the validation layer is requested but not installed; install it (Debian: vulkan-validationlayers)",
             ));
         }
         layers.push(VALIDATION_LAYER.as_ptr());
@@ -321,11 +321,11 @@ fn create_instance(
     }
     // SAFETY: all pointers of `info` live until the call returns; `messages` outlives the instance.
     let instance = unsafe { entry.create_instance(&info, None) }.map_err(|r| match r {
-        vk::Result::ERROR_INCOMPATIBLE_DRIVER => {
-            no_vulkan("a loader but no driver; install one (Debian: mesa-vulkan-drivers)")
-        }
+        vk::Result::ERROR_INCOMPATIBLE_DRIVER => no_vulkan(
+            "there is a Vulkan loader but no driver; install a driver (Debian: mesa-vulkan-drivers)",
+        ),
         vk::Result::ERROR_EXTENSION_NOT_PRESENT => {
-            no_vulkan("the driver lacks an instance extension that was asked for")
+            no_vulkan("the driver lacks an instance extension that the window system or validation needs")
         }
         r => RenderError::Vulkan { object: "instance".into(), result: format!("{r:?}") },
     })?;

@@ -90,7 +90,7 @@ impl RecoveringRenderer {
             let inner = VulkanRenderer::new(self.options.clone())?;
             if *inner.device() != self.info {
                 let why = format!(
-                    "the device {} is no longer available, only {}",
+                    "the device {} is no longer available; the driver offers {} instead",
                     self.info.name,
                     inner.device().name
                 );

@@ -100,7 +100,7 @@ impl<'a> FrameData<'a> {
     ) -> Result<FrameData<'a>, RenderError> {
         let Some(Command::UploadFrameData { instances, joints, morphs, lights }) = recording.commands.first()
         else {
-            return Err(RenderError::Usage("a recording starts with its frame data".into()));
+            return Err(RenderError::Usage("the recording does not begin with its frame data".into()));
         };
         let reads = recording.reads();
         let limits = gpu.limits();

@@ -121,7 +121,7 @@ fn a_thousand_copies_are_one_draw_and_culled_one_by_one() {
     let seen = (0..1000).filter(|i| place(*i).x.abs() < 4.1).count();
     assert_eq!((plan.draws[0].instance_count as usize, plan.instances.len()), (seen, seen));
     let said = plan.left_out.iter().find(|l| l.what == "primitives outside the view").unwrap();
-    assert_eq!(said.why, format!("{} of 1000 have their bounds outside the frustum", 1000 - seen));
+    assert_eq!(said.why, format!("bounds outside the frustum: {} of 1000", 1000 - seen));
     // Copies move with their joint.
     scene.snapshot.actors[index].model_from_joint[0].translation.x += 100.0;
     assert!(scene.plan(&options()).1.draws.is_empty());
@@ -162,7 +162,7 @@ fn actors_outside_the_view_are_culled() {
     }
     let (_, plan) = scene.plan(&options());
     assert_eq!(plan.instances.len(), 1);
-    assert!(plan.left_out.iter().any(|l| l.why == "4 of 5 have their bounds outside the frustum"));
+    assert!(plan.left_out.iter().any(|l| l.why == "bounds outside the frustum: 4 of 5"));
     let (_, all) = scene.plan(&PlanOptions { no_culling: true, ..options() });
     assert_eq!(all.instances.len(), 5);
 }
