@@ -7,7 +7,7 @@ use crate::scene_resources::PrimitiveResource;
 use crate::scene_resources::material::{
     BASE_SLOTS, LAYER_SLOTS, MaterialResource, MaterialTexture, TOON_SLOT,
 };
-use crate::scene_resources::thick_lines::pen;
+use crate::scene_resources::thick_lines::line_style;
 use choreo_asset::{AlphaMode, MaterialLayers, Shading, TextureSlot};
 use choreo_plugin::SceneInputs;
 use glam::{Affine2, Vec3};
@@ -101,7 +101,8 @@ pub fn features(
     let model = ShadingModel::of(!primitive.primitive().normals.is_empty(), material);
     let ShadingModel { lit, toon, phong, reflects, .. } = model;
     let parallax = lit && !toon && m.relief > 0.0 && reads_normal_map(primitive, material);
-    let pen = pen(primitive.primitive().topology, m).filter(|_| !needs.skinned && !needs.morphed);
+    let line_style =
+        line_style(primitive.primitive().topology, m).filter(|_| !needs.skinned && !needs.morphed);
     let layers = m.layers.as_deref().filter(|_| model.metallic_roughness);
     let set = [
         (Features::METALLIC_ROUGHNESS, model.metallic_roughness),
@@ -116,8 +117,8 @@ pub fn features(
         (Features::MORPH, needs.morphed || force_all),
         (Features::VERTEX_COLOR, (primitive.info.colored || force_all) && !toon),
         (Features::PARALLAX, parallax),
-        (Features::THICK_LINES, pen.is_some()),
-        (Features::ROUND_LINES, pen.is_some_and(|pen| pen.round)),
+        (Features::THICK_LINES, line_style.is_some()),
+        (Features::ROUND_LINES, line_style.is_some_and(|style| style.round)),
         (Features::EMISSIVE, lit && (m.emissive != Vec3::ZERO || force_all)),
         (Features::ALPHA_MASK, matches!(m.alpha_mode, AlphaMode::Mask(_)) || force_all),
         (Features::LOCAL_LIGHTS, lit && (needs.local_lights || force_all)),

@@ -9,21 +9,21 @@ use glam::{Mat4, Vec2, Vec3, Vec4, Vec4Swizzles};
 const MAX_WIDTH_PIXELS: f32 = 16384.0;
 
 /// Width and shape of a material's lines and points; `None` for triangles.
-pub(crate) fn pen(topology: Topology, material: &Material) -> Option<LineStyle> {
+pub(crate) fn line_style(topology: Topology, material: &Material) -> Option<LineStyle> {
     material.line_style.filter(|_| topology != Topology::Triangles)
 }
 
 /// Line width as in [`crate::plan::Instance::width`]: pixels, or negative metres. `of_actor` replaces the width of the line
 /// style, and `pixel_scale` is the number of image pixels per pixel of the style.
-pub(crate) fn width(
-    pen: LineStyle,
+pub(crate) fn relative_width(
+    line_style: LineStyle,
     of_actor: Option<f32>,
     relative_from_mesh: &Affine3x4,
     pixel_scale: f32,
 ) -> f32 {
-    let width = of_actor.unwrap_or(pen.width);
+    let width = of_actor.unwrap_or(line_style.width);
     let width = if width.is_finite() { width.max(0.0) } else { 0.0 };
-    match pen.metres {
+    match line_style.metres {
         true => {
             // The root mean square of the lengths of the three axes.
             let [x, y, z] = relative_from_mesh.0.map(|row| row.truncate());

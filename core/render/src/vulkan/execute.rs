@@ -4,7 +4,7 @@ use super::context::Context;
 use super::descriptors::{Layouts, POST_TEXTURES, write_image};
 use super::frame_in_flight::FrameInFlight;
 use super::memory::{Image, range};
-use super::pipelines::{Id, Pipelines};
+use super::pipelines::{PipelineId, Pipelines};
 use super::resources::Resources;
 use super::targets::Targets;
 use crate::commands::{Command, Cull, PassPart, Recording, Target};
@@ -29,7 +29,7 @@ pub(crate) struct Execution<'a> {
 }
 
 impl Execution<'_> {
-    pub fn run(&self, recording: &Recording, ids: &[Option<Id>]) -> Result<(), RenderError> {
+    pub fn run(&self, recording: &Recording, ids: &[Option<PipelineId>]) -> Result<(), RenderError> {
         let device = &self.gpu.device;
         let commands = self.slot.commands;
         let pipeline_of = |i: usize| {
@@ -220,22 +220,22 @@ impl Execution<'_> {
 
     /// Copies the background from the host over the whole image.
     fn copy_background(&self) {
-        let (picture, Some(rows)) = (&self.targets.picture, self.targets.background()) else { return };
-        self.barriers(&[color_barrier(picture)
+        let (image, Some(rows)) = (&self.targets.frame_image, self.targets.background()) else { return };
+        self.barriers(&[color_barrier(image)
             .src_stage_mask(vk::PipelineStageFlags2::COPY)
             .dst_stage_mask(vk::PipelineStageFlags2::COPY)
             .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
             .new_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)]);
-        let region = [self.whole_picture()];
+        let region = [self.whole_image_copy()];
         // SAFETY: the command buffer is being recorded; the buffer holds one image.
         unsafe {
             let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
             let commands = self.slot.commands;
-            self.gpu.device.cmd_copy_buffer_to_image(commands, rows, picture.raw, layout, &region);
+            self.gpu.device.cmd_copy_buffer_to_image(commands, rows, image.raw, layout, &region);
         }
     }
 
-    fn whole_picture(&self) -> vk::BufferImageCopy {
+    fn whole_image_copy(&self) -> vk::BufferImageCopy {
         let [width, height] = self.targets.needs.size;
         let layer =
             vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
@@ -442,8 +442,8 @@ impl Execution<'_> {
     }
 
     fn read_back(&self, from: Target) {
-        let picture = self.targets.image(from);
-        self.barriers(&[color_barrier(picture)
+        let image = self.targets.image(from);
+        self.barriers(&[color_barrier(image)
             .src_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
             .src_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE)
             .dst_stage_mask(vk::PipelineStageFlags2::COPY)
@@ -451,12 +451,12 @@ impl Execution<'_> {
             .old_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
             .new_layout(vk::ImageLayout::TRANSFER_SRC_OPTIMAL)]);
         let Some(readback) = &self.slot.readback else { return };
-        self.copy_to_host(picture, readback.raw, 0);
+        self.copy_to_host(image, readback.raw, 0);
     }
 
     /// Copies a whole image, in the layout of a transfer source, to a buffer from the offset `at` on.
     pub(super) fn copy_to_host(&self, image: &Image, buffer: vk::Buffer, at: u64) {
-        let region = [self.whole_picture().buffer_offset(at)];
+        let region = [self.whole_image_copy().buffer_offset(at)];
         // The barrier covers the image and the fault records of shaders.
         let shaders = vk::PipelineStageFlags2::VERTEX_SHADER | vk::PipelineStageFlags2::FRAGMENT_SHADER;
         let to_host = [vk::MemoryBarrier2::default()

@@ -261,9 +261,9 @@ impl FrameInFlight {
                 write_image(gpu, set.raw, binding + 1, T::SAMPLER, vk::ImageView::null(), sampler);
             }
         }
-        let ([_, picture], _) = of_sky.unwrap_or(any);
+        let ([_, panorama_view], _) = of_sky.unwrap_or(any);
         let ([layers_behind, _], _) = layers.unwrap_or(any);
-        for (binding, view) in [(8, picture), (9, layers_behind), (10, layers_behind)] {
+        for (binding, view) in [(8, panorama_view), (9, layers_behind), (10, layers_behind)] {
             write_image(gpu, set.raw, binding, T::SAMPLED_IMAGE, view, vk::Sampler::null());
         }
         Ok(())

@@ -66,7 +66,7 @@ use pipelines::Pipelines;
 use resources::Resources;
 use std::collections::VecDeque;
 use std::sync::Arc;
-use targets::{FrameImages, Needs, Targets};
+use targets::{FrameImages, TargetNeeds, Targets};
 use upload::Uploads;
 
 /// Time after which a frame is given up, so that a hanging driver does not hang the program. Five minutes: a driver on a busy CPU
@@ -242,7 +242,7 @@ impl VulkanRenderer {
     }
 
     fn has_targets(&self, recording: &Recording) -> bool {
-        self.targets.as_ref().is_some_and(|targets| targets.needs == Needs::of(recording))
+        self.targets.as_ref().is_some_and(|targets| targets.needs == TargetNeeds::of(recording))
     }
 
     fn prepare_targets(&mut self, plan: &Plan, recording: &Recording) -> Result<(), RenderError> {
@@ -251,7 +251,7 @@ impl VulkanRenderer {
             if let Some(mut old) = self.targets.take() {
                 old.destroy(&self.gpu);
             }
-            self.targets = Some(Targets::new(&self.gpu, Needs::of(recording))?);
+            self.targets = Some(Targets::new(&self.gpu, TargetNeeds::of(recording))?);
         }
         let copied = recording.commands.contains(&Command::CopyBackground);
         let (top, bottom) = match plan.background {
@@ -273,7 +273,7 @@ impl VulkanRenderer {
         &mut self,
         index: usize,
         recording: &Recording,
-        ids: &[Option<pipelines::Id>],
+        ids: &[Option<pipelines::PipelineId>],
         uploads: Uploads,
     ) -> Result<(), RenderError> {
         let gpu = &self.gpu;
@@ -412,7 +412,7 @@ impl VulkanRenderer {
         index: usize,
         plan: &Plan,
         recording: &Recording,
-        ids: &[Option<pipelines::Id>],
+        ids: &[Option<pipelines::PipelineId>],
     ) -> Result<(), RenderError> {
         let mut uploads = Uploads::default();
         let (gpu, layouts, pools) = (&self.gpu, &self.layouts, &mut self.pools);

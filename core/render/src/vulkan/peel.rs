@@ -46,10 +46,13 @@ impl Execution<'_> {
         target: Target,
         area: Option<[u32; 4]>,
     ) -> Result<(), RenderError> {
-        let picture = self.targets.multisampled.as_ref().unwrap_or(self.targets.image(target));
+        let target_image = self.targets.multisampled.as_ref().unwrap_or(self.targets.image(target));
         let image = self.layer(layer)?;
         let mut barriers = vec![
-            keeping_contents(barrier_to_color_target(picture), vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
+            keeping_contents(
+                barrier_to_color_target(target_image),
+                vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
+            ),
             keeping_contents(barrier_to_depth_target(image), vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL),
         ];
         if let (0, false, Some(depth)) = (layer, rest, &self.targets.depth) {
@@ -62,7 +65,7 @@ impl Execution<'_> {
         }
         self.barriers(&barriers);
         let (load, store) = (vk::AttachmentLoadOp::LOAD, vk::AttachmentStoreOp::STORE);
-        let color = color_attachment(picture.view, load, store);
+        let color = color_attachment(target_image.view, load, store);
         self.begin(&[color], Some(&depth_attachment(image, load, store)), area);
         // Reversed Z: nearer is greater.
         let compare = if rest { vk::CompareOp::GREATER } else { vk::CompareOp::EQUAL };

@@ -7,9 +7,9 @@ use super::device_features::Ability;
 use super::error::Named;
 use super::faults::FaultPlace;
 use super::pipeline_ids::Backdrop;
-pub use super::pipeline_ids::{Id, ids};
+pub use super::pipeline_ids::{PipelineId, ids};
 use super::preskin;
-use super::state::{Mix, PipelineState, format_of};
+use super::state::{BlendMode, PipelineState, format_of};
 use super::targets::DEPTH;
 use crate::commands::EffectOnSurfaces;
 use crate::effect_faults::RECORDS;
@@ -37,7 +37,7 @@ pub struct Pipelines {
     effects: Vec<Effect>,
     /// Whether shaders record faults of effects.
     records_faults: bool,
-    by_id: HashMap<Id, vk::Pipeline>,
+    by_id: HashMap<PipelineId, vk::Pipeline>,
     /// Number of pipelines created so far.
     created: u64,
 }
@@ -82,7 +82,7 @@ impl Pipelines {
         }
     }
 
-    pub fn get(&self, id: &Id) -> Option<vk::Pipeline> {
+    pub fn get(&self, id: &PipelineId) -> Option<vk::Pipeline> {
         self.by_id.get(id).copied()
     }
 
@@ -95,10 +95,11 @@ impl Pipelines {
         &mut self,
         gpu: &Context,
         layouts: &Layouts,
-        ids: &[Option<Id>],
+        ids: &[Option<PipelineId>],
     ) -> Result<(), RenderError> {
-        let missing: BTreeSet<&Id> = ids.iter().flatten().filter(|id| !self.by_id.contains_key(id)).collect();
-        let missing: Vec<&Id> = missing.into_iter().collect();
+        let missing: BTreeSet<&PipelineId> =
+            ids.iter().flatten().filter(|id| !self.by_id.contains_key(id)).collect();
+        let missing: Vec<&PipelineId> = missing.into_iter().collect();
         let made = self.create_all(gpu, layouts, &missing)?;
         self.created += made.len() as u64;
         self.by_id.extend(missing.into_iter().cloned().zip(made));
@@ -110,7 +111,7 @@ impl Pipelines {
         &self,
         gpu: &Context,
         layouts: &Layouts,
-        ids: &[&Id],
+        ids: &[&PipelineId],
     ) -> Result<Vec<vk::Pipeline>, RenderError> {
         let results: Vec<_> = ids.par_iter().map(|id| self.create(gpu, layouts, id)).collect();
         let mut error = None;
@@ -152,11 +153,11 @@ impl Pipelines {
         };
         self.by_id.retain(|id, pipeline| {
             let names: Vec<&String> = match id {
-                Id::Post { effect, .. } => vec![effect],
-                Id::Scene { surface, .. } | Id::Background { surface, .. } => {
+                PipelineId::Post { effect, .. } => vec![effect],
+                PipelineId::Scene { surface, .. } | PipelineId::Background { surface, .. } => {
                     surface.iter().map(|effect| &effect.name).collect()
                 }
-                Id::Overlay { .. } | Id::Pose(_) => return true,
+                PipelineId::Overlay { .. } | PipelineId::Pose(_) => return true,
             };
             let same = names.iter().all(|name| text(&old, name) == text(effects, name));
             if !same {
@@ -172,7 +173,7 @@ impl Pipelines {
     pub fn reload(&mut self, gpu: &Context, layouts: &Layouts) -> Result<(), RenderError> {
         let before = self.sources.clone();
         self.sources = ShaderSources::read(before.folder.clone())?;
-        let ids: Vec<Id> = self.by_id.keys().cloned().collect();
+        let ids: Vec<PipelineId> = self.by_id.keys().cloned().collect();
         let made = match self.create_all(gpu, layouts, &ids.iter().collect::<Vec<_>>()) {
             Ok(made) => made,
             Err(error) => {
@@ -191,16 +192,16 @@ impl Pipelines {
         Ok(())
     }
 
-    fn create(&self, gpu: &Context, layouts: &Layouts, id: &Id) -> Result<vk::Pipeline, RenderError> {
+    fn create(&self, gpu: &Context, layouts: &Layouts, id: &PipelineId) -> Result<vk::Pipeline, RenderError> {
         let (code, state) = match id {
-            Id::Pose(variant) => {
+            PipelineId::Pose(variant) => {
                 return preskin::pipeline(gpu, layouts, &self.sources, self.cache.raw, variant);
             }
-            Id::Scene { variant, samples, float, surface } => (
+            PipelineId::Scene { variant, samples, float, surface } => (
                 self.scene_code(variant, surface)?,
                 PipelineState { samples: *samples, ..PipelineState::scene(variant, *float, layouts)? },
             ),
-            Id::Background { samples, float, depth, what, surface } => (
+            PipelineId::Background { samples, float, depth, what, surface } => (
                 self.background_code(*what, *float, surface)?,
                 PipelineState {
                     name: "background pipeline".into(),
@@ -208,11 +209,15 @@ impl Pipelines {
                     color: Some(format_of(*float)),
                     // Drawn only where the depth is still the cleared 0.
                     depth: depth.then_some((vk::CompareOp::EQUAL, false)),
-                    mix: if *what == Backdrop::LayersBehind { Mix::Over } else { Mix::Replace },
+                    blend_mode: if *what == Backdrop::LayersBehind {
+                        BlendMode::Over
+                    } else {
+                        BlendMode::Replace
+                    },
                     ..PipelineState::full_screen(self.layout)
                 },
             ),
-            Id::Overlay { samples, float, over } => {
+            PipelineId::Overlay { samples, float, over } => {
                 let compare = if *over { vk::CompareOp::ALWAYS } else { vk::CompareOp::GREATER };
                 let files = self.sources.files(&OVERLAY)?;
                 (
@@ -222,12 +227,12 @@ impl Pipelines {
                         samples: *samples,
                         color: Some(format_of(*float)),
                         depth: Some((compare, false)),
-                        mix: Mix::Over,
+                        blend_mode: BlendMode::Over,
                         ..PipelineState::full_screen(self.layout)
                     },
                 )
             }
-            Id::Post { effect, number, float } => (
+            PipelineId::Post { effect, number, float } => (
                 self.post_code(effect, *number, *float)?,
                 PipelineState {
                     name: format!("post pipeline {effect}"),

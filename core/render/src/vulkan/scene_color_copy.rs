@@ -4,7 +4,7 @@ use super::context::Context;
 use super::execute::{Execution, color_barrier};
 use super::memory::{Image, ImageDesc};
 use super::sampled_image::SampledImage;
-use super::targets::FLOAT;
+use super::targets::FLOAT_FORMAT;
 use crate::commands::Target;
 use crate::error::RenderError;
 use ash::vk;
@@ -22,7 +22,7 @@ pub(crate) fn scene_color_image(
         height,
         levels,
         samples: 1,
-        format: FLOAT,
+        format: FLOAT_FORMAT,
         usage: U::SAMPLED | U::TRANSFER_SRC | U::TRANSFER_DST,
         aspect: vk::ImageAspectFlags::COLOR,
     };

@@ -46,7 +46,7 @@ pub(super) struct PrimitiveContext<'a> {
     needs: DrawNeeds,
     features: Features,
     effects: SurfaceEffects,
-    pen: Option<LineStyle>,
+    line_style: Option<LineStyle>,
     tint: Vec4,
     /// Bounds in model space, for a skinned model that its file places several times.
     bounds_in_model: Option<Aabb>,
@@ -136,7 +136,8 @@ impl<'a> Planner<'a> {
         let morph_offset = info.morph_offset(mesh.weights);
         let context = PrimitiveContext {
             index,
-            pen: thick_lines::pen(shape.topology, material).filter(|_| features.has(Features::THICK_LINES)),
+            line_style: thick_lines::line_style(shape.topology, material)
+                .filter(|_| features.has(Features::THICK_LINES)),
             alpha_mode: material.alpha_mode,
             double_sided: material.double_sided || features.has(Features::THICK_LINES),
             tint: state.tint * animated_base_color(&entry, asset, state),
@@ -168,10 +169,15 @@ impl<'a> Planner<'a> {
     ) -> Option<CopyContext> {
         let size = self.options.size;
         let relative_from_mesh = copy_transform(p, mesh, place, copy);
-        let width = p.pen.map_or(0.0, |pen| {
-            thick_lines::width(pen, mesh.state.line_width, &relative_from_mesh, self.options.pixel_scale())
+        let width = p.line_style.map_or(0.0, |line_style| {
+            thick_lines::relative_width(
+                line_style,
+                mesh.state.line_width,
+                &relative_from_mesh,
+                self.options.pixel_scale(),
+            )
         });
-        if p.pen.is_some() && width == 0.0 {
+        if p.line_style.is_some() && width == 0.0 {
             return None;
         }
         let info = &p.primitive.info;
@@ -190,7 +196,7 @@ impl<'a> Planner<'a> {
         let (outline_meters, outline_share) = self.outline_width(&p.entry, p.material_override, mesh.actor);
         let drawn_bounds = grown(bounds, outline_meters + (-width).max(0.0));
         // Half the line width on each side, at least half a pixel.
-        let line_share = if p.pen.is_some() { (0.5 * width + 1.0) / size[1] as f32 } else { 0.0 };
+        let line_share = if p.line_style.is_some() { (0.5 * width + 1.0) / size[1] as f32 } else { 0.0 };
         let drawn_margin = outline_share.max(line_share);
         let margin = Vec2::new(drawn_margin * size[1] as f32 / size[0].max(1) as f32, drawn_margin) * 2.0;
         let culled = !self.options.no_culling && outside(drawn_bounds, &self.view.clip_from_relative, margin);
