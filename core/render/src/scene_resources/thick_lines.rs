@@ -36,9 +36,9 @@ pub(crate) fn relative_width(
 /// Vertices that replace a primitive's own, and their triangles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct ThickMesh {
-    /// The primitive's vertex at whose position each vertex stands.
+    /// Index of the primitive's vertex whose position each vertex has.
     pub of: Vec<u32>,
-    /// The vertex at the other end of the line; the same vertex for points.
+    /// Index of the vertex at the other end of the line; the same vertex for points.
     pub other: Vec<u32>,
     /// Offsets in half widths: x along the line, away from the other end, y across it. z: 0 at the first end, 1 at the second.
     pub offsets: Vec<Vec3>,

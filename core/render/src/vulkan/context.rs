@@ -177,12 +177,12 @@ impl Context {
 
     /// Lock that each thread holds while it calls the device: with validation, no other thread may create or destroy a device
     /// meanwhile.
-    pub fn calls(&self) -> Option<RwLockReadGuard<'static, ()>> {
+    pub fn lock_for_calls(&self) -> Option<RwLockReadGuard<'static, ()>> {
         self.messenger.is_some().then(|| LAYER_STATE.read().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Fails if a test has requested a fault at this place.
-    pub fn fault(&self, place: FaultPlace) -> Result<(), vk::Result> {
+    pub fn inject_fault(&self, place: FaultPlace) -> Result<(), vk::Result> {
         if self.lost.load(Ordering::Relaxed) {
             return Err(vk::Result::ERROR_DEVICE_LOST);
         }

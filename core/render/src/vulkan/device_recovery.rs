@@ -116,7 +116,7 @@ impl RecoveringRenderer {
         self.submitted_to_inner = 0;
         let Some(inner) = self.inner.take() else { return };
         if matches!(error, RenderError::TimedOut { .. }) {
-            // The driver may still use its objects, so they must not be freed, and waiting could take forever: the renderer is
+            // The driver may still use its objects, so they must not be freed, and waiting for it could hang. The renderer is
             // leaked until the program ends.
             std::mem::forget(inner);
         }

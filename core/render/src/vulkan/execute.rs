@@ -70,7 +70,7 @@ impl Execution<'_> {
                     unsafe { device.cmd_draw(commands, 3, 1, 0, 0) };
                 }
                 Command::PostPass { from, .. } => {
-                    self.post(pipeline_of(i)?, command, read != Some(*from));
+                    self.draw_full_screen(pipeline_of(i)?, command, read != Some(*from));
                     read = Some(*from);
                 }
                 Command::DrawOverlay { first, count, .. } => {
@@ -181,7 +181,7 @@ impl Execution<'_> {
 
     pub(super) fn bind_scene_sets(&self) {
         self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
-        if let Some((set, _)) = &self.slot.light_set {
+        if let Some((set, _)) = &self.slot.scene_set {
             self.bind_set(self.pipelines.layout, 2, set.raw);
         }
     }
@@ -248,7 +248,7 @@ impl Execution<'_> {
         let Some(target) = &self.targets.shadow else {
             return Err(RenderError::Usage("the shadow maps were not prepared".into()));
         };
-        // The frame before may still read the maps.
+        // The previous frame may still read the maps.
         let read = vk::PipelineStageFlags2::FRAGMENT_SHADER;
         let barrier = barrier_to_depth_target(&target.image);
         let barrier = barrier.src_stage_mask(barrier.src_stage_mask | read);
@@ -400,7 +400,7 @@ impl Execution<'_> {
     }
 
     /// Runs a full-screen pass. `is_new`: its input was drawn by the pass before and is not yet in the layout for reading.
-    fn post(&self, pipeline: vk::Pipeline, command: &Command, is_new: bool) {
+    fn draw_full_screen(&self, pipeline: vk::Pipeline, command: &Command, is_new: bool) {
         let Command::PostPass { index, from, original, textures, to, size: [w, h], .. } = command else {
             return;
         };

@@ -45,15 +45,15 @@ impl Blocks {
         Blocks { end: 0, align }
     }
 
-    fn take(&mut self, bytes: usize) -> Block {
+    fn allocate(&mut self, bytes: usize) -> Block {
         let at = self.end.next_multiple_of(self.align);
         self.end = at + bytes as u64;
         Block { at, bytes: bytes as u64 }
     }
 
     /// Allocates `count` values of a type if `is_there`, else an empty block.
-    fn take_if<T>(&mut self, is_there: bool, count: usize) -> Block {
-        self.take(if is_there { count * size_of::<T>() } else { 0 })
+    fn allocate_if<T>(&mut self, is_there: bool, count: usize) -> Block {
+        self.allocate(if is_there { count * size_of::<T>() } else { 0 })
     }
 }
 
@@ -119,39 +119,41 @@ impl<'a> FrameData<'a> {
             false => joint_data.len().max(size_of::<Affine3x4>()),
         };
         let sky = images.sky.is_some() && reads.sky && plan.sky.is_some();
-        let frame = blocks.take(size_of::<FrameUniform>());
-        let instances = blocks.take(instance_data.len());
+        let frame = blocks.allocate(size_of::<FrameUniform>());
+        let instances = blocks.allocate(instance_data.len());
         // A shader may be compiled for morphs although no instance has any; its binding must not be empty.
-        let morphs = blocks.take(morph_data.len().max(16));
-        let joints = blocks.take(joint_bytes);
+        let morphs = blocks.allocate(morph_data.len().max(16));
+        let joints = blocks.allocate(joint_bytes);
         // Uniform arrays have a fixed length in the shader; elements after the used ones are never read.
-        let light_block = blocks.take_if::<PlanLight>(reads.lights, MAX_LIGHTS);
-        let overlay = blocks.take(overlay_data.len());
-        let light_clusters = blocks.take(cluster_data.len());
+        let light_block = blocks.allocate_if::<PlanLight>(reads.lights, MAX_LIGHTS);
+        let overlay = blocks.allocate(overlay_data.len());
+        let light_clusters = blocks.allocate(cluster_data.len());
         let has_effects = !plan.post.is_empty() || !plan.scene_effects.is_empty();
         let stored = |what, block, data| CopiedData { what, block, data };
         let data = FrameData {
             reads,
             light_count: *lights as u32,
             frame,
-            views: (0..views).map(|_| blocks.take(size_of::<FrameUniform>())).collect(),
+            views: (0..views).map(|_| blocks.allocate(size_of::<FrameUniform>())).collect(),
             materials: plan
                 .material_overrides
                 .iter()
-                .map(|_| [size_of::<MaterialUniform>(), size_of::<LayersUniform>()].map(|s| blocks.take(s)))
+                .map(|_| {
+                    [size_of::<MaterialUniform>(), size_of::<LayersUniform>()].map(|s| blocks.allocate(s))
+                })
                 .collect(),
-            shadow_lookups: blocks.take_if::<ShadowUniform>(images.shadow.is_some(), MAX_VIEWS),
-            sky: blocks.take_if::<SkyUniform>(sky, 1),
-            rebuilt: blocks.take_if::<RebuiltUniform>(images.gbuffer.is_some(), 1),
-            post: plan.post.iter().map(|pass| blocks.take(PostUniform::bytes(pass))).collect(),
-            surface: blocks.take(plan.surface_rows() * size_of::<Vec4>()),
+            shadow_lookups: blocks.allocate_if::<ShadowUniform>(images.shadow.is_some(), MAX_VIEWS),
+            sky: blocks.allocate_if::<SkyUniform>(sky, 1),
+            rebuilt: blocks.allocate_if::<RebuiltUniform>(images.gbuffer.is_some(), 1),
+            post: plan.post.iter().map(|pass| blocks.allocate(PostUniform::bytes(pass))).collect(),
+            surface: blocks.allocate(plan.surface_rows() * size_of::<Vec4>()),
             instances,
             morphs,
             lights: light_block,
             joints,
             overlay,
             light_clusters,
-            faults: blocks.take(if has_effects { images.faults } else { 0 }),
+            faults: blocks.allocate(if has_effects { images.faults } else { 0 }),
             stored: [
                 stored("instances", instances, instance_data),
                 stored("joint matrices", joints, joint_data),

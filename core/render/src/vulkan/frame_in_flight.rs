@@ -28,7 +28,7 @@ pub(crate) struct FrameInFlight {
     /// The frame's set with the view of each shadow map in place of the camera.
     pub view_sets: Vec<Set>,
     /// Set 2 (shadow maps, scene color copy, sky, 2D layers behind the scene), and which of these four it was created with.
-    pub light_set: Option<(Set, [bool; 4])>,
+    pub scene_set: Option<(Set, [bool; 4])>,
     /// Sets with the same layout, with the depths of the scene, of even peeled layers and of odd ones.
     pub peel_sets: Vec<Set>,
     /// The G-buffer, for the pass that lights it.
@@ -99,7 +99,7 @@ impl FrameInFlight {
             data_buffer: None,
             frame_set,
             view_sets: Vec::new(),
-            light_set: None,
+            scene_set: None,
             peel_sets: Vec::new(),
             gbuffer_set: None,
             layers_behind: None,
@@ -237,11 +237,11 @@ impl FrameInFlight {
             sky.is_some(),
             behind_scene.is_some(),
         ];
-        if let Some((set, _)) = self.light_set.take_if(|(_, had)| *had != has) {
+        if let Some((set, _)) = self.scene_set.take_if(|(_, had)| *had != has) {
             pools.free(gpu, set);
         }
-        if self.light_set.is_none() && has != [false; 4] {
-            self.light_set = Some((pools.allocate(gpu, layouts.shadow, "shadows, glass and sky")?, has));
+        if self.scene_set.is_none() && has != [false; 4] {
+            self.scene_set = Some((pools.allocate(gpu, layouts.shadow, "shadows, glass and sky")?, has));
         }
         // Every binding is written: an existing image takes the place of a missing one, and is not read.
         let shadows = images.shadow.map(|t| ([t.image.view; 2], t.sampler));
@@ -250,7 +250,7 @@ impl FrameInFlight {
         // The layers are read without a sampler.
         let layers = behind_scene.map(|view| ([view; 2], vk::Sampler::null()));
         let any = shadows.or(glass).or(of_sky).or(layers);
-        let (Some((set, _)), Some(any)) = (self.light_set, any) else { return Ok(()) };
+        let (Some((set, _)), Some(any)) = (self.scene_set, any) else { return Ok(()) };
         for (binding, block) in [(0, data.shadow_lookups.or_any()), (5, data.sky.or_any())] {
             write_buffer(gpu, set.raw, binding, T::UNIFORM_BUFFER, raw, block.at, block.bytes);
         }

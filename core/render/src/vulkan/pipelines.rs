@@ -435,7 +435,7 @@ impl Pipelines {
             .dynamic_state(&dynamic)
             .layout(state.layout)
             .push_next(&mut rendering)];
-        gpu.fault(FaultPlace::Pipeline).named(&state.name)?;
+        gpu.inject_fault(FaultPlace::Pipeline).named(&state.name)?;
         // SAFETY: modules, layout and cache belong to this device; the cache is synchronized by the driver.
         let made = unsafe { gpu.device.create_graphics_pipelines(self.cache.raw, &info, None) };
         let pipeline = made.map_err(|(_, r)| r).named(&state.name)?[0];

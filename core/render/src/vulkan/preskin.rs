@@ -33,7 +33,7 @@ pub struct Job {
     pub first_joint: u32,
     pub first_morph: u32,
     pub morph_count: u32,
-    /// Index of the mesh's first number in the output buffer.
+    /// Index of the mesh's first f32 in the output buffer.
     pub first: u32,
 }
 
@@ -45,7 +45,7 @@ pub struct PreskinBuffers {
     /// Descriptor sets: `write` has both buffers for the compute stage; `read` has the vertices for all passes.
     write: Option<Set>,
     read: Option<Set>,
-    /// Each instance that reads pre-skinned vertices, with its first number in the vertex buffer and its number of vertices.
+    /// Each instance that reads pre-skinned vertices, the index of its first f32 in the vertex buffer, and its number of vertices.
     placed: Vec<(u32, [u32; 2])>,
 }
 
@@ -70,7 +70,7 @@ fn grow(
 }
 
 impl PreskinBuffers {
-    /// Assigns an output range to each pre-skinned mesh. Call it after the resources are prepared; the slot's last frame must be
+    /// Assigns an output range to each pre-skinned mesh. Must be called after the resources are prepared; the slot's last frame must be
     /// done.
     pub fn prepare(
         &mut self,
@@ -300,7 +300,7 @@ pub fn pipeline(
     let name = format!("pose pipeline {}", switches.join(" "));
     let code = compile(&sources.files(&PRESKIN)?, &switches, &[("pose", ShaderStage::Compute)], false)?;
     let info = vk::ShaderModuleCreateInfo::default().code(&code[0].words);
-    gpu.fault(FaultPlace::Pipeline).named(&name)?;
+    gpu.inject_fault(FaultPlace::Pipeline).named(&name)?;
     // SAFETY: naga validated the module and wrote the SPIR-V; destroyed below.
     let module = unsafe { gpu.device.create_shader_module(&info, None) }.named(&name)?;
     let stage = vk::PipelineShaderStageCreateInfo::default()

@@ -52,7 +52,7 @@ impl Execution<'_> {
                 .dst_access_mask(A::TRANSFER_READ)
                 .old_layout(L::COLOR_ATTACHMENT_OPTIMAL)
                 .new_layout(L::TRANSFER_SRC_OPTIMAL),
-            // The frame before may still read the copy.
+            // The previous frame may still read the copy.
             color_barrier(copy)
                 .src_stage_mask(S::FRAGMENT_SHADER)
                 .dst_stage_mask(S::BLIT)

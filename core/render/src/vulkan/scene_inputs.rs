@@ -81,7 +81,7 @@ impl VulkanRenderer {
         };
         for tile in tiles {
             self.submit_now(&inputs.tile(tile, &self.scene_resources.clone())?)?;
-            let bytes = self.finished(targets * TARGET_PIXEL_BYTES, tile.at)?;
+            let bytes = self.finish_oldest(targets * TARGET_PIXEL_BYTES, tile.at)?;
             let Tile { at, size, keep } = tile;
             let texels = size[0] as usize * size[1] as usize;
             for (image, bytes) in images.iter_mut().zip(bytes.chunks_exact(texels * TARGET_PIXEL_BYTES)) {

@@ -127,7 +127,7 @@ pub(crate) struct FrameImages<'a> {
     pub shadow: Option<&'a SampledImage>,
     pub scene_color_copy: Option<&'a SampledImage>,
     pub sky: Option<&'a SkyImages>,
-    /// Depths of the scene and of even and odd peeled layers.
+    /// Depth images of the scene, of even peeled layers and of odd ones.
     pub layers: Option<([vk::ImageView; 3], vk::Sampler)>,
     /// The G-buffer.
     pub gbuffer: Option<[vk::ImageView; 3]>,
