@@ -225,7 +225,7 @@ impl Context {
 
 impl Drop for Context {
     fn drop(&mut self) {
-        let calls = self.calls();
+        let calls = self.lock_for_calls();
         self.allocator = None;
         drop(calls);
         let _destroys = self.messenger.is_some().then(lock_layer_state);

@@ -115,7 +115,7 @@ impl Execution<'_> {
             Command::BeginPeel { layer, area, .. } => {
                 // The depth that the pass reads: the scene's for the first layer, then that of even and odd layers in turn.
                 let set = self.slot.peel_sets.get(if *layer == 0 { 0 } else { 2 - *layer as usize % 2 });
-                let set = set.ok_or_else(|| missing("a set of peeled layers"))?;
+                let set = set.ok_or_else(|| not_prepared("a set of peeled layers"))?;
                 self.begin_peel(*layer, *area)?;
                 self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
                 self.bind_set(self.pipelines.layout, 2, set.raw);
