@@ -126,7 +126,7 @@ impl PassImages<'_> {
         let [width, height] = self.images.original.size.map(|s| s as f32);
         let shrink = self.shrinks.get(pass).copied().unwrap_or(1) as f32;
         let place = uv * (Vec2::new(width, height) / shrink);
-        self.texture(pass).map_or(Vec4::ZERO, |texture| texture.sample_bilinear(place))
+        self.texture(pass).map_or(Vec4::ZERO, |texture| texture.between(place))
     }
 }
 
