@@ -252,7 +252,7 @@ pub fn compile(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, Ef
 
 fn compile_on_current_stack(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, EffectError> {
     let signature = head.signature();
-    let declared = declared(signature, head, &text.scene);
+    let declared = declared_functions(signature, head, &text.scene);
     if let Some((line, message)) = reserved_name(text, signature, &declared, manifest) {
         return Err(text.error((line, 1), message));
     }
@@ -360,7 +360,7 @@ fn validate_counted(text: &str, source: &Source) -> Result<(Module, ModuleInfo),
     Ok((module, info))
 }
 
-fn declared(signature: &Signature, head: &Head, scene: &SceneCalls) -> Vec<Declared> {
+fn declared_functions(signature: &Signature, head: &Head, scene: &SceneCalls) -> Vec<Declared> {
     const ROUND: (&str, &str, HostFunction) = (
         "effect_round",
         "fn effect_round(cost: u32, loop_number: u32) -> bool { return cost == loop_number; }\n",

@@ -418,18 +418,18 @@ fn read_pixels<const N: usize>(
             }
         }
         for (i, pixel) in rest.iter().enumerate() {
-            set(out, N / 4 * 4 + i, *pixel);
+            set_lane(out, N / 4 * 4 + i, *pixel);
         }
     } else {
         for i in (0..N).filter(|i| mask >> i & 1 == 1) {
-            set(out, i, image.at(x.0[i] as i32, y.0[i] as i32));
+            set_lane(out, i, image.at(x.0[i] as i32, y.0[i] as i32));
         }
     }
 }
 
 /// Sets the four components of one lane.
 #[inline(always)]
-fn set<const N: usize>(out: &mut [Column<N>; 4], lane: usize, value: Vec4) {
+fn set_lane<const N: usize>(out: &mut [Column<N>; 4], lane: usize, value: Vec4) {
     for (column, component) in out.iter_mut().zip(value.to_array()) {
         column.0[lane] = component.to_bits();
     }

@@ -29,7 +29,7 @@ pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
     if manifest.name.is_empty() {
         let meant = |(i, line): (usize, &str)| {
             let (word, _) = line.trim().trim_start_matches('/').trim().split_once(':')?;
-            Some(slip(word.trim(), &["effect"])?.at(i))
+            Some(misspelling(word.trim(), &["effect"])?.at(i))
         };
         if let Some(error) = comment(text).find_map(meant) {
             return Err(error);
@@ -43,10 +43,10 @@ pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
 fn misspelt(line: &str) -> Option<HeadMistake> {
     let (word, rest) = line.split_once(' ')?;
     let (_, value) = rest.split_once('=')?;
-    value.contains(':').then(|| slip(word, &["param", "texture", "joint", "pass"])).flatten()
+    value.contains(':').then(|| misspelling(word, &["param", "texture", "joint", "pass"])).flatten()
 }
 
-fn slip(word: &str, known: &[&str]) -> Option<HeadMistake> {
+fn misspelling(word: &str, known: &[&str]) -> Option<HeadMistake> {
     let meant = closest(word, known.iter().copied()).filter(|meant| word != *meant)?;
     let near = meant.len().abs_diff(word.len()) <= 2;
     near.then(|| HeadMistake::Misspelt { word: word.into(), meant: meant.into() })

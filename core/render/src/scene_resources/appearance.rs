@@ -83,7 +83,8 @@ impl Appearance {
         let view = |direction: &Vec3| {
             let pixels_from_model = orthographic_view(*direction, model, pixel);
             let (finest, nearest) = draw_triangles(&drawn, pixels_from_model);
-            let seen = drawn.iter().map(|d| seen(d.positions, pixels_from_model, &nearest)).collect();
+            let seen =
+                drawn.iter().map(|d| visible_points(d.positions, pixels_from_model, &nearest)).collect();
             View { pixels_from_model, images: pyramid(finest), seen }
         };
         Appearance { views: DIRECTIONS.par_iter().map(view).collect(), pixel }
@@ -181,7 +182,7 @@ fn orthographic_view(direction: Vec3, model: &Model, pixel: f32) -> (Mat3, Vec3)
 }
 
 /// Whether each point lies on the nearest surface of its pixel.
-fn seen(points: &[Vec3], (rotation, offset): (Mat3, Vec3), nearest: &[f32]) -> Vec<bool> {
+fn visible_points(points: &[Vec3], (rotation, offset): (Mat3, Vec3), nearest: &[f32]) -> Vec<bool> {
     let seen = |point: &Vec3| {
         let here = rotation * *point + offset;
         let [x, y] = [here.x, here.y].map(|c| (c as usize).min(IMAGE_SIDE - 1));

@@ -110,7 +110,7 @@ fn model_diagonal(stage: &Stage, actor: usize) -> f32 {
 /// A region in which triangles must be short: a ball that moves straight from one place to another.
 #[derive(Clone, Copy, Debug)]
 struct FineRegion {
-    way: [DVec3; 2],
+    path: [DVec3; 2],
     radius: f64,
 }
 
@@ -140,8 +140,8 @@ impl MeshUse {
             // The camera jumps at a cut, so it does not move in between.
             let cut = pair[0].camera.camera != pair[1].camera.camera;
             for (i, (from, to)) in from.into_iter().zip(to).enumerate() {
-                let ways = if i == 0 && cut { vec![[from.0; 2], [to.0; 2]] } else { vec![[from.0, to.0]] };
-                let balls = ways.into_iter().map(|way| FineRegion { way, radius: from.1.max(to.1) });
+                let paths = if i == 0 && cut { vec![[from.0; 2], [to.0; 2]] } else { vec![[from.0, to.0]] };
+                let balls = paths.into_iter().map(|path| FineRegion { path, radius: from.1.max(to.1) });
                 near.extend(balls.filter(|ball| ball.is_known() && known.insert(ball.cell())));
             }
         }
@@ -155,7 +155,7 @@ impl MeshUse {
         // Splitting gains nothing below the rounding error of the mesh's own positions.
         let least = a.length().max(b.length()) * f64::from(f32::EPSILON);
         let long = |ball: &FineRegion| {
-            length > longest * (ball.radius.max(least) + segment_distance([a, b], ball.way))
+            length > longest * (ball.radius.max(least) + segment_distance([a, b], ball.path))
         };
         length > longest * self.smallest && self.near.iter().any(long)
     }
@@ -182,14 +182,14 @@ fn balls_around_camera_and_actors(
 
 impl FineRegion {
     fn is_known(&self) -> bool {
-        self.way.iter().all(|p| p.is_finite()) && self.radius.is_finite()
+        self.path.iter().all(|p| p.is_finite()) && self.radius.is_finite()
     }
 
     /// Key of nearly equal balls, of which only one is kept.
     fn cell(&self) -> [i64; 7] {
         let exponent = if self.radius > 0.0 { libm::ilogb(self.radius) } else { -20 };
         let side = libm::ldexp(1.0, exponent);
-        let cell = |i: usize| (self.way[i / 3][i % 3] / side).floor() as i64;
+        let cell = |i: usize| (self.path[i / 3][i % 3] / side).floor() as i64;
         std::array::from_fn(|i| if i < 6 { cell(i) } else { exponent.into() })
     }
 }
@@ -309,16 +309,16 @@ mod tests {
     }
 
     /// A character of two metres that walks from one place to another.
-    fn use_with_walking_character(way: [DVec3; 2]) -> MeshUse {
-        MeshUse { place: DAffine3::IDENTITY, near: vec![FineRegion { way, radius: 2.0 }], smallest: 2.0 }
+    fn use_with_walking_character(path: [DVec3; 2]) -> MeshUse {
+        MeshUse { place: DAffine3::IDENTITY, near: vec![FineRegion { path, radius: 2.0 }], smallest: 2.0 }
     }
 
     #[test]
     fn split_edges_are_short_near_actors_without_gaps() {
-        let ways = [[DVec3::ZERO; 2], [DVec3::new(-3e4, 0.0, 11.0), DVec3::new(2e4, 0.0, 700.0)]];
-        for (way, most) in ways.into_iter().zip([400, 4000]) {
+        let paths = [[DVec3::ZERO; 2], [DVec3::new(-3e4, 0.0, 11.0), DVec3::new(2e4, 0.0, 700.0)]];
+        for (path, most) in paths.into_iter().zip([400, 4000]) {
             let parts =
-                Splitter::run(&square_ground(1e5), &[use_with_walking_character(way)], MAX_EDGE_RATIO)
+                Splitter::run(&square_ground(1e5), &[use_with_walking_character(path)], MAX_EDGE_RATIO)
                     .unwrap();
             let triangles: Vec<[usize; 3]> =
                 parts.indices.chunks_exact(3).map(|t| [0, 1, 2].map(|i| t[i] as usize)).collect();
@@ -332,7 +332,7 @@ mod tests {
                 area += 0.5 * normal.length();
                 for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
                     *sides.entry((a.min(b), a.max(b))).or_insert(0) += 1;
-                    let (length, away) = (at(a).distance(at(b)), segment_distance([at(a), at(b)], way));
+                    let (length, away) = (at(a).distance(at(b)), segment_distance([at(a), at(b)], path));
                     assert!(length <= MAX_EDGE_RATIO * (2.0 + away), "{length} m at {away} m");
                 }
             }

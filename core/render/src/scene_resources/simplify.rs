@@ -235,7 +235,7 @@ impl Model {
     /// The parts with these triangles. Hidden vertices are moved inwards, so that they stay behind the outer surface.
     fn shapes(&self, indices: Vec<Vec<u32>>, hidden: &[Vec<bool>], inwards: f32) -> Vec<Shape> {
         let shape = |((part, indices), hidden): ((&ModelPrimitive, Vec<u32>), &Vec<bool>)| {
-            let positions = moved(&part.positions, &part.normals, hidden, inwards);
+            let positions = moved_against_normals(&part.positions, &part.normals, hidden, inwards);
             Shape { indices, positions }
         };
         self.parts.iter().zip(indices).zip(hidden).map(shape).collect()
@@ -250,7 +250,8 @@ impl Model {
     ) -> Vec<((usize, usize), Option<Primitive>)> {
         let primitive = |((part, shape), hidden): ((&ModelPrimitive, Shape), &Vec<bool>)| {
             let fine = part.primitive();
-            let positions = moved(&fine.positions, &fine.normals, hidden, inwards / part.stretch);
+            let positions =
+                moved_against_normals(&fine.positions, &fine.normals, hidden, inwards / part.stretch);
             let some = !shape.indices.is_empty();
             (part.place, some.then(|| with_triangles(fine, &positions, shape.indices)))
         };
@@ -259,7 +260,7 @@ impl Model {
 }
 
 /// Positions with the marked ones moved against their normals.
-fn moved(positions: &[Vec3], normals: &[Vec3], marked: &[bool], by: f32) -> Vec<Vec3> {
+fn moved_against_normals(positions: &[Vec3], normals: &[Vec3], marked: &[bool], by: f32) -> Vec<Vec3> {
     let moved = |(v, position): (usize, &Vec3)| match marked[v] {
         true => *position - normals.get(v).copied().unwrap_or_default() * by,
         false => *position,

@@ -116,12 +116,12 @@ impl SkyMaps {
     }
 
     /// Specular light for a roughness from a direction, interpolated between the two nearest levels.
-    pub fn specular(&self, way: Vec3, roughness: f32) -> Vec3 {
-        let sum = way.x.abs() + way.y.abs() + way.z.abs();
+    pub fn specular(&self, dir: Vec3, roughness: f32) -> Vec3 {
+        let sum = dir.x.abs() + dir.y.abs() + dir.z.abs();
         if !(sum.is_finite() && sum > 0.0) {
             return Vec3::ZERO;
         }
-        let place = octahedral::octahedral(way);
+        let place = octahedral::octahedral(dir);
         let last = self.levels.len() - 1;
         // NaN counts as roughness 0.
         let level = if roughness > 0.0 { roughness.min(1.0) } else { 0.0 } * last as f32;

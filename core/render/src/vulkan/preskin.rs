@@ -46,7 +46,7 @@ pub struct PreskinBuffers {
     write: Option<Set>,
     read: Option<Set>,
     /// Each instance that reads pre-skinned vertices, the index of its first f32 in the vertex buffer, and its number of vertices.
-    placed: Vec<(u32, [u32; 2])>,
+    vertex_ranges: Vec<(u32, [u32; 2])>,
 }
 
 /// Grows a buffer if it is too small; returns `true` if it was replaced.
@@ -81,7 +81,7 @@ impl PreskinBuffers {
         plan: &Plan,
         recording: &Recording,
     ) -> Result<(), RenderError> {
-        self.placed.clear();
+        self.vertex_ranges.clear();
         if recording.preskinned.is_empty() {
             return Ok(());
         }
@@ -98,7 +98,7 @@ impl PreskinBuffers {
                     *of.ok_or_else(|| not_prepared("the instance of a pre-skinned mesh"))?;
                 let first = end as u32;
                 jobs.push(Job { relative_from_mesh, first_joint, first_morph, morph_count, first });
-                self.placed.extend(body.instances.iter().map(|i| (*i, [first, vertices])));
+                self.vertex_ranges.extend(body.instances.iter().map(|i| (*i, [first, vertices])));
                 end += u64::from(vertices) * variant.numbers();
             }
         }
@@ -135,7 +135,7 @@ impl PreskinBuffers {
 
     /// Patches the instances in these bytes to refer to their pre-skinned vertices.
     pub fn place(&self, instances: &mut [u8]) {
-        for (instance, place) in &self.placed {
+        for (instance, place) in &self.vertex_ranges {
             let at = *instance as usize * size_of::<Instance>() + offset_of!(Instance, first_joint);
             if let Some(bytes) = instances.get_mut(at..at + size_of::<[u32; 2]>()) {
                 bytes.copy_from_slice(bytemuck::cast_slice(place));

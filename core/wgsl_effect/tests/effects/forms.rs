@@ -70,7 +70,7 @@ impl TestScene {
     }
 }
 
-fn moved(x: f64, y: f64, z: f64) -> DAffine3 {
+fn translated(x: f64, y: f64, z: f64) -> DAffine3 {
     DAffine3::from_translation(DVec3::new(x, y, z))
 }
 
@@ -79,7 +79,8 @@ fn moved(x: f64, y: f64, z: f64) -> DAffine3 {
 fn overlay_lines_read_the_actor_around_which_they_are_drawn() {
     let asset = three_joint_asset(&[]);
     let quarter = DAffine3::from_rotation_y(std::f64::consts::FRAC_PI_2);
-    let scene = test_scene(&[(&asset, moved(5.0, 0.0, 0.0)), (&asset, moved(0.0, 0.0, 7.0) * quarter)]);
+    let scene =
+        test_scene(&[(&asset, translated(5.0, 0.0, 0.0)), (&asset, translated(0.0, 0.0, 7.0) * quarter)]);
     let all = |from: &str, to: &str, width: &str| {
         let body = format!("return Line({from}, {to}, {width}, vec4(f32(index), p[n], actor.time, 0.5));");
         scene.draw(&overlay("// count: n", LINE, &body), &[2.0])
@@ -104,7 +105,7 @@ fn overlay_lines_read_the_actor_around_which_they_are_drawn() {
 #[test]
 fn overlay_lines_are_drawn_for_each_placement_of_a_model() {
     let places = [1.0, 2.0, 3.0].map(|x| Affine3A::from_translation(Vec3::X * x));
-    let mut scene = test_scene(&[(&three_joint_asset(&places), moved(0.0, 0.0, 4.0))]);
+    let mut scene = test_scene(&[(&three_joint_asset(&places), translated(0.0, 0.0, 4.0))]);
     let dots = overlay("// count: 1", LINE, "return Line(joint(1u), actor.position, 3.0, vec4(1.0));");
     let at = |made: Overlay| made.strokes.iter().map(|s| [s.from.x, s.from.y, s.to.z]).collect::<Vec<_>>();
     assert_eq!(at(scene.draw(&dots, &[])), [[1.0, 2.0, 4.0], [2.0, 2.0, 4.0], [3.0, 2.0, 4.0]]);
@@ -117,7 +118,7 @@ fn overlay_lines_are_drawn_for_each_placement_of_a_model() {
 #[test]
 fn overlay_lines_read_previous_positions_of_joints() {
     let places = [0.0, 9.0].map(|x| Affine3A::from_translation(Vec3::X * x));
-    let mut scene = test_scene(&[(&three_joint_asset(&places), moved(0.0, 0.0, 4.0))]);
+    let mut scene = test_scene(&[(&three_joint_asset(&places), translated(0.0, 0.0, 4.0))]);
     let trail = "return Line(previous_joint(index, 1u), previous_in_world(index, vec3(1.0, 0.0, 0.0)), 1.0, vec4(1.0));";
     let trail = overlay("// count: 4\n// history: 2", LINE, trail);
     assert_eq!(trail.history(&[0.0; 8]), 2);
@@ -133,7 +134,7 @@ fn overlay_lines_read_previous_positions_of_joints() {
     assert_eq!(at(&scene)[..4], [now(0.0); 4], "a frame alone has none before it");
     for z in [3.0, 1.0] {
         let mut before = scene.snapshot.clone();
-        before.actors[0].world_from_model = moved(0.0, 0.0, z);
+        before.actors[0].world_from_model = translated(0.0, 0.0, z);
         scene.before.push(before);
     }
     let then = |x: f64, z: f64| [x, z, x + 1.0, z];
@@ -151,7 +152,7 @@ fn overlay_lines_read_previous_positions_of_joints() {
 
 #[test]
 fn overlay_joints_are_found_by_name() {
-    let scene = test_scene(&[(&three_joint_asset(&[]), moved(5.0, 0.0, 0.0))]);
+    let scene = test_scene(&[(&three_joint_asset(&[]), translated(5.0, 0.0, 0.0))]);
     let head = "// count: 1\n// joint end = no_such|tip: a bone\n// joint middle = between: none of the bones\n// joint tail = tail: not there";
     let text = "return Line(joint(end()), joint(middle()) + joint(tail()), 1.0, vec4(f32(end()), f32(middle()), f32(parent(middle())), f32(actor.joints) / 4.0));";
     let made = scene.draw(&overlay(head, LINE, text), &[]);
@@ -164,7 +165,7 @@ fn overlay_joints_are_found_by_name() {
 #[test]
 fn overlay_triangles_are_drawn_once_for_the_scene_and_over_it() {
     let asset = three_joint_asset(&[]);
-    let scene = test_scene(&[(&asset, moved(-3.0, 0.0, 0.0)), (&asset, moved(4.0, 0.0, 1.0))]);
+    let scene = test_scene(&[(&asset, translated(-3.0, 0.0, 0.0)), (&asset, translated(4.0, 0.0, 1.0))]);
     let text =
         "return Triangle(actor.low, actor.high, vec3(f32(index)), vec4(0.1, 0.2, 0.3, 2.0 - f32(index)));";
     let made = scene.draw(&overlay("// count: n\n// over: thru\n// of: scene", TRIANGLE, text), &[3.0, 1.0]);
