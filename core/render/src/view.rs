@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn the_edge_of_the_field_of_view_is_the_edge_of_the_image() {
+    fn the_field_of_view_ends_at_the_image_border() {
         let yfov = 0.9f32;
         let mut c = camera(Projection::Perspective { yfov, near: 0.1, far: None });
         // The camera looks along +X.

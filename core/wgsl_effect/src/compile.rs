@@ -70,7 +70,7 @@ pub struct Text {
 impl Text {
     /// Checks what can be checked without parsing, and reads the head comment.
     pub fn read(file: &str, text: &str) -> Result<(Text, Manifest, Head), EffectError> {
-        let author = head::without_mark(text).to_string();
+        let author = head::without_byte_order_mark(text).to_string();
         let is_typed = typed_parameters::is_typed(&author);
         let mut text = Text {
             file: file.into(),
@@ -137,7 +137,7 @@ impl Source<'_> {
     }
 
     /// The error of a text that ends within braces, where the parser continues into the declarations below the text.
-    fn unclosed(&self, mistake: &Mistake) -> Option<EffectError> {
+    fn unclosed_brace(&self, mistake: &Mistake) -> Option<EffectError> {
         let author = &self.text.author;
         if mistake.span.as_ref().is_some_and(|span| span.start < author.len()) {
             return None;
@@ -180,7 +180,7 @@ impl Source<'_> {
             let (head, tail) = (&self.full_text[..at], &self.full_text[body.end..]);
             format!("{head}{}{tail}", "}".repeat(open))
         };
-        let bodies = bodies(&self.text.author);
+        let bodies = function_bodies(&self.text.author);
         let body = bodies.iter().take(MOST).find(|body| !fails(&without(body, body.start, 1)))?;
         // The mistake is in the statement before the first cut that has it.
         let first = body.cuts.partition_point(|(at, open)| !fails(&without(body, *at, *open)));
@@ -199,7 +199,7 @@ struct FunctionBody {
     cuts: Vec<(usize, usize)>,
 }
 
-fn bodies(text: &str) -> Vec<FunctionBody> {
+fn function_bodies(text: &str) -> Vec<FunctionBody> {
     let mut all: Vec<FunctionBody> = Vec::new();
     let (mut braces, mut round, mut is_function) = (0usize, 0usize, false);
     for (at, token) in Tokens::of(text) {
@@ -238,18 +238,21 @@ const STACK: usize = 64 << 20;
 pub fn compile(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, EffectError> {
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new().name("effect".into()).stack_size(STACK);
-        match thread.spawn_scoped(scope, || compile_here(text, head, manifest)).map(|thread| thread.join()) {
+        match thread
+            .spawn_scoped(scope, || compile_on_current_stack(text, head, manifest))
+            .map(|thread| thread.join())
+        {
             Ok(Ok(compiled)) => compiled,
             Ok(Err(panic)) => std::panic::resume_unwind(panic),
             // The deepest text that `nesting` accepts needs a quarter of the smallest thread stack.
-            Err(_) => compile_here(text, head, manifest),
+            Err(_) => compile_on_current_stack(text, head, manifest),
         }
     })
 }
 
-fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, EffectError> {
+fn compile_on_current_stack(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, EffectError> {
     let signature = head.signature();
-    let declared = declared(signature, head, &text.scene);
+    let declared = declared_functions(signature, head, &text.scene);
     if let Some((line, message)) = reserved_name(text, signature, &declared, manifest) {
         return Err(text.error((line, 1), message));
     }
@@ -268,7 +271,7 @@ fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, E
         own.chain(declared.iter().map(|d| d.0.as_str())).chain(of_scene)
     };
     let module = source.parse().map_err(|mistake| {
-        if let Some(open) = source.unclosed(&mistake) {
+        if let Some(open) = source.unclosed_brace(&mistake) {
             return open;
         }
         let near = suggestions::of_other_hook(&mistake.text, head, &declared)
@@ -300,7 +303,7 @@ fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, E
         return Err(source.error_at(module.functions.get_span(handle), what));
     }
     let run = format!("{}{}{functions}", text.run, signature.declared);
-    let mut programs = programs(&source, (&module, &info), &run, &declared, head)?;
+    let mut programs = lower_programs(&source, (&module, &info), &run, &declared, head)?;
     for (name, program) in head.functions().zip(&programs) {
         trial::ends(program, head, manifest).map_err(|slow| {
             match slow.in_loop.and_then(|number| text.loops.get(number as usize - 1)) {
@@ -315,7 +318,7 @@ fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, E
         return Err(source.error(None, "there is no function effect".into()));
     };
     let output =
-        function(&module, "effect").map(|(entry, _)| output(head.hook, &module, &module.functions[entry]));
+        function(&module, "effect").map(|(entry, _)| output_of(head.hook, &module, &module.functions[entry]));
     Ok(Code { program, passes: programs, output: output.unwrap_or(Output::Numbers) })
 }
 
@@ -326,7 +329,7 @@ fn function(module: &Module, name: &str) -> Option<(Handle<Function>, naga::Span
 }
 
 /// The programs of an effect's functions, that of `effect` last. `run` is the text with counted loops, as the CPU runs it.
-fn programs(
+fn lower_programs(
     source: &Source,
     valid: (&Module, &ModuleInfo),
     run: &str,
@@ -357,7 +360,7 @@ fn validate_counted(text: &str, source: &Source) -> Result<(Module, ModuleInfo),
     Ok((module, info))
 }
 
-fn declared(signature: &Signature, head: &Head, scene: &SceneCalls) -> Vec<Declared> {
+fn declared_functions(signature: &Signature, head: &Head, scene: &SceneCalls) -> Vec<Declared> {
     const ROUND: (&str, &str, HostFunction) = (
         "effect_round",
         "fn effect_round(cost: u32, loop_number: u32) -> bool { return cost == loop_number; }\n",
@@ -426,7 +429,7 @@ fn validated(module: &Module, source: &Source) -> Result<ModuleInfo, EffectError
     })
 }
 
-fn output(hook: Hook, module: &Module, function: &Function) -> Output {
+fn output_of(hook: Hook, module: &Module, function: &Function) -> Output {
     let name = function.result.as_ref().and_then(|r| module.types[r.ty].name.as_deref());
     match (hook, name) {
         (Hook::Overlay, Some(LINE)) => Output::Strokes,

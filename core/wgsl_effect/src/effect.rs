@@ -1,7 +1,7 @@
 //! An [`Effect`] from a file `NAME.wgsl`.
 
 use crate::compile::{self, Code, Output, Text};
-use crate::environment::{Environment, InFrame, PassImages, Textures};
+use crate::environment::{Environment, FrameEnvironment, PassImages, Textures};
 use crate::error::EffectError;
 use crate::head::Head;
 use crate::machine::{Lanes, Machine, Width};
@@ -150,9 +150,9 @@ impl WgslEffect {
     }
 
     /// The environment of hooks whose parameters the numbers of the frame may follow.
-    fn in_frame<'a>(&'a self, parameters: &'a [f32]) -> InFrame<'a> {
+    fn frame_environment<'a>(&'a self, parameters: &'a [f32]) -> FrameEnvironment<'a> {
         let numbers = if self.text.scene.reads_frame { parameters.get(self.length..) } else { None };
-        InFrame { textures: &self.textures, numbers: numbers.unwrap_or_default() }
+        FrameEnvironment { textures: &self.textures, numbers: numbers.unwrap_or_default() }
     }
 
     /// Runs the function for each color and its sample, `N` at a time; `component` returns one number of a sample.
@@ -169,7 +169,7 @@ impl WgslEffect {
         self.batches::<N, _>(
             &self.code().program,
             parameters,
-            &self.in_frame(parameters),
+            &self.frame_environment(parameters),
             colors,
             |machine, program, first, part| {
                 machine.fill(program, 0, part, |color, i| color[i]);
@@ -401,7 +401,7 @@ impl VertexEffect for WgslEffect {
         self.batches::<QUAD, _>(
             &self.code().program,
             parameters,
-            &self.in_frame(parameters),
+            &self.frame_environment(parameters),
             &mut offset,
             |machine, program, _, _| machine.fill(program, 0, &[components], |vertex, i| vertex[i]),
             |offset, out| *offset = Vec4::from_array(out).truncate(),
@@ -419,7 +419,7 @@ impl LightingEffect for WgslEffect {
         self.batches::<QUAD, _>(
             &self.code().program,
             parameters,
-            &self.in_frame(parameters),
+            &self.frame_environment(parameters),
             samples,
             |machine, program, _, part| {
                 machine.fill(program, 0, part, |s, i| {

@@ -49,11 +49,11 @@ pub trait Environment {
     fn call(&self, host: HostFunction, arguments: &[u32]) -> [u32; 4];
 }
 
-fn floats(v: Vec4) -> [u32; 4] {
+fn float_bits(v: Vec4) -> [u32; 4] {
     v.to_array().map(f32::to_bits)
 }
 
-fn ints(values: [i32; 2]) -> [u32; 4] {
+fn int_bits(values: [i32; 2]) -> [u32; 4] {
     [values[0] as u32, values[1] as u32, 0, 0]
 }
 
@@ -65,12 +65,12 @@ impl Environment for Placeholder {
         let bits = arguments.last().copied().unwrap_or(0);
         match host {
             HostFunction::PictureSize | HostFunction::OriginalSize | HostFunction::PassSize(_) => {
-                ints([1280, 720])
+                int_bits([1280, 720])
             }
-            HostFunction::Shrink => ints([4, 0]),
-            HostFunction::Named(i) => ints([i as i32, 0]),
-            HostFunction::Parent => ints([arguments.first().map_or(0, |v| *v as i32) - 1, 0]),
-            _ => floats(Vec4::new(f32::from((bits & 255) as u8) / 255.0, 0.5, 0.25, 1.0)),
+            HostFunction::Shrink => int_bits([4, 0]),
+            HostFunction::Named(i) => int_bits([i as i32, 0]),
+            HostFunction::Parent => int_bits([arguments.first().map_or(0, |v| *v as i32) - 1, 0]),
+            _ => float_bits(Vec4::new(f32::from((bits & 255) as u8) / 255.0, 0.5, 0.25, 1.0)),
         }
     }
 }
@@ -82,18 +82,18 @@ impl Environment for Textures<'_> {
     fn call(&self, host: HostFunction, arguments: &[u32]) -> [u32; 4] {
         let (HostFunction::Texture(i), [u, v]) = (host, arguments) else { return [0; 4] };
         let uv = Vec2::new(f32::from_bits(*u), f32::from_bits(*v));
-        floats(self.0.get(i).map_or(Vec4::ZERO, |texture| texture.sample(uv)))
+        float_bits(self.0.get(i).map_or(Vec4::ZERO, |texture| texture.sample(uv)))
     }
 }
 
 /// An effect's textures, and the numbers of the frame.
-pub(crate) struct InFrame<'a> {
+pub(crate) struct FrameEnvironment<'a> {
     pub textures: &'a [EffectTexture],
     /// [`choreo_plugin::EffectFrame::numbers`].
     pub numbers: &'a [f32],
 }
 
-impl Environment for InFrame<'_> {
+impl Environment for FrameEnvironment<'_> {
     fn call(&self, host: HostFunction, arguments: &[u32]) -> [u32; 4] {
         let HostFunction::FrameRow(row) = host else { return Textures(self.textures).call(host, arguments) };
         let row = self.numbers.as_chunks().0.get(row);
@@ -122,7 +122,7 @@ impl PassImages<'_> {
     }
 
     /// Bilinear sample of the texture of a pass; `uv` is 0 to 1 over the whole image.
-    fn between(&self, pass: usize, uv: Vec2) -> Vec4 {
+    fn sample_bilinear(&self, pass: usize, uv: Vec2) -> Vec4 {
         let [width, height] = self.images.original.size.map(|s| s as f32);
         let shrink = self.shrinks.get(pass).copied().unwrap_or(1) as f32;
         let place = uv * (Vec2::new(width, height) / shrink);
@@ -145,19 +145,21 @@ impl Environment for PassImages<'_> {
     fn call(&self, host: HostFunction, arguments: &[u32]) -> [u32; 4] {
         match (host, arguments) {
             (HostFunction::Texture(_), _) => Textures(self.textures).call(host, arguments),
-            (HostFunction::PictureSize, _) => ints(self.images.now.size.map(|s| s as i32)),
-            (HostFunction::OriginalSize, _) => ints(self.images.original.size.map(|s| s as i32)),
-            (HostFunction::Shrink, _) => ints([self.shrink() as i32, 0]),
+            (HostFunction::PictureSize, _) => int_bits(self.images.now.size.map(|s| s as i32)),
+            (HostFunction::OriginalSize, _) => int_bits(self.images.original.size.map(|s| s as i32)),
+            (HostFunction::Shrink, _) => int_bits([self.shrink() as i32, 0]),
             (HostFunction::PassBetween(pass), [u, v]) => {
-                floats(self.between(pass, Vec2::new(f32::from_bits(*u), f32::from_bits(*v))))
+                float_bits(self.sample_bilinear(pass, Vec2::new(f32::from_bits(*u), f32::from_bits(*v))))
             }
             (HostFunction::PassSize(pass), _) => {
                 let shrink = self.shrinks.get(pass).copied().unwrap_or(1);
-                ints(self.images.original.size.map(|s| s.div_ceil(shrink) as i32))
+                int_bits(self.images.original.size.map(|s| s.div_ceil(shrink) as i32))
             }
-            (HostFunction::SceneRow(i), _) => self.images.scene.map_or([0; 4], |scene| floats(scene.rows[i])),
+            (HostFunction::SceneRow(i), _) => {
+                self.images.scene.map_or([0; 4], |scene| float_bits(scene.rows[i]))
+            }
             // This branch runs only if the scene's image is unknown.
-            (HostFunction::SceneSurface, _) => floats(SceneImages::NO_SURFACE),
+            (HostFunction::SceneSurface, _) => float_bits(SceneImages::NO_SURFACE),
             (HostFunction::Previous, [frames, x, y]) => {
                 // Frames farther back than the head allows read the farthest frame. A plan of a single time has no previous frames: the
                 // original image is read instead.
@@ -165,7 +167,7 @@ impl Environment for PassImages<'_> {
                 let before = self.images.before;
                 let image =
                     before.get(frames as usize - 1).or(before.last()).unwrap_or(&self.images.original);
-                floats(image.at(*x as i32, *y as i32))
+                float_bits(image.at(*x as i32, *y as i32))
             }
             _ => [0; 4],
         }
@@ -192,7 +194,7 @@ impl Environment for Surroundings<'_> {
             HostFunction::Texture(_) => return Textures(self.textures).call(host, arguments),
             HostFunction::Parent => {
                 let parent = bone.and_then(|(_, parent)| *parent);
-                return ints([parent.map_or(-1, |parent| parent as i32), 0]);
+                return int_bits([parent.map_or(-1, |parent| parent as i32), 0]);
             }
             HostFunction::Named(i) => return [self.bones.named.get(i).copied().unwrap_or(u32::MAX), 0, 0, 0],
             HostFunction::Joint => joint(self.actor, bone),
@@ -201,7 +203,7 @@ impl Environment for Surroundings<'_> {
             HostFunction::PreviousInWorld => in_world(earlier().as_ref(), arguments),
             _ => DVec3::ZERO,
         };
-        floats(at.as_vec3().extend(0.0))
+        float_bits(at.as_vec3().extend(0.0))
     }
 }
 

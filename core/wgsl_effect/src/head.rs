@@ -27,17 +27,17 @@
 
 use crate::head_error::{HeadError, HeadMistake};
 use crate::parameters::{argument, identifier, image_of};
-use crate::passes::{self, MOST_PASSES, PassLine, Scale};
+use crate::passes::{self, MAX_PASSES, PassLine, Scale};
 use crate::signature::{NAMED_PASS, Signature, signature};
 use choreo_plugin::suggest::{closest, did_you_mean};
 use choreo_plugin::{Hook, Manifest, OptionKind, OptionSpec, Overlay, SurfaceInputs, ViewOrder};
 
-pub(crate) const MOST_TEXTURES: usize = 4;
-const MOST_JOINTS: usize = 16;
+pub(crate) const MAX_TEXTURES: usize = 4;
+const MAX_JOINTS: usize = 16;
 /// Largest number of previous frames; each is drawn again for every frame.
-const MOST_HISTORY: u32 = 16;
+const MAX_HISTORY: u32 = 16;
 /// Largest number of previous frames of an overlay; each is posed again for every frame.
-const MOST_POSES: u32 = 64;
+const MAX_OVERLAY_HISTORY: u32 = 64;
 
 /// The hook of an effect, and the settings of its head comment.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -186,7 +186,7 @@ fn fields(text: &str) -> impl Iterator<Item = (usize, &str, &str)> {
 
 /// Files that the head names, even if the head has mistakes.
 pub fn files(text: &str) -> Vec<String> {
-    let lines = comment(without_mark(text)).filter_map(|(_, line)| {
+    let lines = comment(without_byte_order_mark(text)).filter_map(|(_, line)| {
         let line = line.trim().trim_start_matches('/').trim();
         let value = |rest: &str| Some(rest.split_once('=')?.1.split_once(':')?.0.trim().to_string());
         match line.strip_prefix("texture ") {
@@ -195,23 +195,23 @@ pub fn files(text: &str) -> Vec<String> {
         }
     });
     let lines = lines.filter(|file| !file.is_empty());
-    lines.take(MOST_TEXTURES).collect()
+    lines.take(MAX_TEXTURES).collect()
 }
 
 /// Whether a text is meant as an effect: its head has a line `// effect: NAME`, valid or not.
 pub fn is_meant(text: &str) -> bool {
-    fields(without_mark(text)).any(|(_, name, _)| name == "effect")
+    fields(without_byte_order_mark(text)).any(|(_, name, _)| name == "effect")
 }
 
 /// The effect's name, even if the head has other mistakes. `None`: no name can refer to the effect.
 pub fn name(text: &str) -> Option<String> {
     // The last `effect` line counts, as in the manifest.
-    let named = fields(without_mark(text)).filter(|(_, name, _)| *name == "effect").last();
+    let named = fields(without_byte_order_mark(text)).filter(|(_, name, _)| *name == "effect").last();
     named.and_then(|(_, _, value)| Some(identifier(value).ok()?.to_string()))
 }
 
 /// A text without the byte order mark that some editors put before it.
-pub fn without_mark(text: &str) -> &str {
+pub fn without_byte_order_mark(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
@@ -290,7 +290,7 @@ impl Head {
                 Hook::Vertex
             }
             "passes" => {
-                self.passes = count(MOST_PASSES)?;
+                self.passes = count(MAX_PASSES)?;
                 Hook::Image
             }
             "view" => {
@@ -304,11 +304,11 @@ impl Head {
                 Hook::Image
             }
             "history" if self.hook == Hook::Overlay => {
-                self.history = count(MOST_POSES)?;
+                self.history = count(MAX_OVERLAY_HISTORY)?;
                 Hook::Overlay
             }
             "history" => {
-                self.history = count(MOST_HISTORY)?;
+                self.history = count(MAX_HISTORY)?;
                 Hook::Image
             }
             "count" => {
@@ -521,14 +521,14 @@ fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadErr
         let line = line.trim().trim_start_matches('/').trim();
         let at = |mistake: HeadMistake| mistake.at(i);
         let form = || at(FORM);
-        let most = HeadMistake::TooMany { most: MOST_TEXTURES, what: "textures" };
+        let most = HeadMistake::TooMany { most: MAX_TEXTURES, what: "textures" };
         let of_parameter = |option: &&OptionSpec| {
             let rest = line.strip_prefix("param ").and_then(|rest| rest.split_once('='));
             rest.is_some_and(|(name, _)| name.trim() == option.name)
         };
         let option = manifest.options.iter().find(of_parameter);
         if let Some(OptionSpec { name, kind: OptionKind::Texture { default, srgb }, .. }) = option {
-            if all.len() == MOST_TEXTURES {
+            if all.len() == MAX_TEXTURES {
                 return Err(at(most));
             }
             all.push(TextureLine { name: name.clone(), file: default.clone(), srgb: *srgb, line: i + 1 });
@@ -546,7 +546,7 @@ fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadErr
         if all.iter().any(|t| t.name == name) || manifest.options.iter().any(|o| o.name == name) {
             return Err(at(HeadMistake::Twice(name.into())));
         }
-        if all.len() == MOST_TEXTURES {
+        if all.len() == MAX_TEXTURES {
             return Err(at(most));
         }
         all.push(TextureLine { name: name.into(), file: file.into(), srgb, line: i + 1 });
@@ -573,8 +573,8 @@ fn joints(text: &str, manifest: &Manifest) -> Result<Vec<JointLine>, HeadError> 
         if all.iter().any(|j| j.name == name) || manifest.options.iter().any(|o| o.name == name) {
             return Err(at(HeadMistake::Twice(name.into())));
         }
-        if all.len() == MOST_JOINTS {
-            return Err(at(HeadMistake::TooMany { most: MOST_JOINTS, what: "joints" }));
+        if all.len() == MAX_JOINTS {
+            return Err(at(HeadMistake::TooMany { most: MAX_JOINTS, what: "joints" }));
         }
         all.push(JointLine { name: name.into(), of, line: i + 1 });
     }
@@ -598,7 +598,7 @@ mod tests {
     }
 
     #[test]
-    fn hooks_have_names() {
+    fn every_hook_has_a_name() {
         let hook = |text: &str| head_of(text).map(|h| (h.hook, h.see_through, h.background.of(&[0.0; 8])));
         assert_eq!(hook("// effect: a"), Ok((Hook::Pixel, false, 0.0)));
         assert_eq!(hook("// hook: surface\n// see_through: true"), Ok((Hook::Surface, true, 0.0)));
@@ -622,7 +622,7 @@ mod tests {
     }
 
     #[test]
-    fn what_moves_surfaces_says_how_far() {
+    fn vertex_effects_must_give_their_reach() {
         let reach =
             |text: &str| head_of(&format!("// hook: vertex\n{text}")).map(|h| (h.reach, h.in_model_space));
         assert_eq!(reach("// reach: 0.25\n// space: model"), Ok((Amount::Number(0.25), true)));
@@ -639,7 +639,7 @@ mod tests {
     }
 
     #[test]
-    fn overlays_say_how_many() {
+    fn overlays_must_give_their_count() {
         let overlay = |text: &str| {
             head_of(&format!(
                 "// param n = 9 in 0..50: count\n// param thru = false: over\n// hook: overlay\n{text}"
@@ -678,7 +678,7 @@ mod tests {
     }
 
     #[test]
-    fn a_parameter_turns_an_effect_off() {
+    fn off_names_a_parameter_and_its_value() {
         let off = |text: &str| head_of(text).map(|h| h.off);
         assert_eq!(
             off("// off: high = 0"),
@@ -692,7 +692,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_have_passes_a_history_and_textures() {
+    fn image_effects_have_passes_history_and_textures() {
         let made = head_of(
             "// hook: image\n// passes: 2\n// history: 3\n// texture paper = a b.png: rough: very\n\
              // texture bumps = bumps.png as data: heights",

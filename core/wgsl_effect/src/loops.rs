@@ -6,9 +6,9 @@ use std::collections::HashSet;
 use std::ops::Range;
 
 /// Largest number of rounds of an uncounted loop, multiplied by the rounds of the loops around it.
-const MOST_ROUNDS: u64 = 1024;
+const MAX_ROUNDS: u64 = 1024;
 /// Largest number in the head of an uncounted loop, so that additions cannot overflow an integer.
-const MOST_BOUND: i64 = 1_000_000;
+const MAX_BOUND: i64 = 1_000_000;
 
 /// A text whose loops are counted where needed.
 pub struct Bounded {
@@ -21,7 +21,11 @@ pub struct Bounded {
 /// Adds counting to the loops of a text that the parser accepts.
 pub fn bounded(text: &str) -> Bounded {
     let tokens: Vec<(usize, &str)> = Tokens::of(text).collect();
-    let words = Words { constants: constants(&tokens), looping: looping(&tokens), tokens: &tokens };
+    let words = LoopCounter {
+        constants: constants(&tokens),
+        looping: functions_with_loops(&tokens),
+        tokens: &tokens,
+    };
     let mut counted = Vec::new();
     words.count(0..tokens.len(), 1, &mut counted);
     counted.sort_unstable();
@@ -50,7 +54,7 @@ fn is_loop(token: &str) -> bool {
 }
 
 /// Index of the token behind the brace that closes the one at `open`.
-fn closed(tokens: &[(usize, &str)], open: usize) -> usize {
+fn index_after_block(tokens: &[(usize, &str)], open: usize) -> usize {
     let mut depth = 0usize;
     for (i, (_, token)) in tokens.iter().enumerate().skip(open) {
         depth = match *token {
@@ -70,13 +74,13 @@ fn functions<'a>(tokens: &[(usize, &'a str)]) -> Vec<(&'a str, Range<usize>)> {
     let starts = (0..tokens.len()).filter(|i| tokens[*i].1 == "fn");
     let function = |at: usize| {
         let open = at + tokens[at..].iter().position(|(_, t)| *t == "{")?;
-        Some((tokens.get(at + 1)?.1, open..closed(tokens, open)))
+        Some((tokens.get(at + 1)?.1, open..index_after_block(tokens, open)))
     };
     starts.filter_map(function).collect()
 }
 
 /// Names of functions that have a loop, or call a function that has one.
-fn looping<'a>(tokens: &[(usize, &'a str)]) -> HashSet<&'a str> {
+fn functions_with_loops<'a>(tokens: &[(usize, &'a str)]) -> HashSet<&'a str> {
     let functions = functions(tokens);
     let mut known: HashSet<&str> = HashSet::new();
     loop {
@@ -115,16 +119,16 @@ fn constants<'a>(tokens: &[(usize, &'a str)]) -> Vec<(&'a str, i64)> {
 
 /// Value of `12`, `12i` or `12u`.
 fn integer(token: &str) -> Option<i64> {
-    token.strip_suffix(['i', 'u']).unwrap_or(token).parse().ok().filter(|n: &i64| *n <= MOST_BOUND)
+    token.strip_suffix(['i', 'u']).unwrap_or(token).parse().ok().filter(|n: &i64| *n <= MAX_BOUND)
 }
 
-struct Words<'a> {
+struct LoopCounter<'a> {
     tokens: &'a [(usize, &'a str)],
     constants: Vec<(&'a str, i64)>,
     looping: HashSet<&'a str>,
 }
 
-impl Words<'_> {
+impl LoopCounter<'_> {
     fn token(&self, i: usize) -> &str {
         self.tokens.get(i).map_or("", |(_, t)| *t)
     }
@@ -132,7 +136,7 @@ impl Words<'_> {
     /// Range of tokens from the opening brace of a loop's body to behind the closing one.
     fn body(&self, head: usize) -> Range<usize> {
         let open = (head..self.tokens.len()).find(|i| self.token(*i) == "{").unwrap_or(head);
-        open..closed(self.tokens, open)
+        open..index_after_block(self.tokens, open)
     }
 
     /// Adds the loops of a range of tokens that must be counted. `rounds`: product of the rounds of the uncounted loops around the range.
@@ -147,7 +151,7 @@ impl Words<'_> {
             let calls_loops = self.tokens[body.clone()].iter().any(|(_, t)| self.looping.contains(t));
             let own = self.rounds(at, &body).map(|own| own.max(1) * rounds);
             let inner = match own {
-                Some(together) if together <= MOST_ROUNDS && !calls_loops => together,
+                Some(together) if together <= MAX_ROUNDS && !calls_loops => together,
                 // Each round of a counted loop also stands for the rounds of its uncounted inner loops.
                 _ => {
                     counted.push(at);
@@ -225,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn loops_with_an_end_stay_as_they_are() {
+    fn loops_that_end_are_not_counted() {
         let text = "const n = 16;\nfn f() -> f32 { var s = 0.0;\n\
             for (var i = 0; i < 8; i++) { s += f32(i); }\n\
             for (var i: u32 = 0u; i <= n; i += 2u) { s += f32(i); }\n\
@@ -236,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn others_are_counted() {
+    fn loops_that_may_not_end_are_counted() {
         let heads = [
             "loop",
             "while x < 1.0",
@@ -263,13 +267,13 @@ mod tests {
     }
 
     #[test]
-    fn loops_in_loops_are_counted_together() {
+    fn rounds_of_nested_loops_are_multiplied() {
         let text = "fn f() {\nfor (var i = 0; i < 64; i++) {\nfor (var j = 0; j < 32; j++) { } } }";
         assert_eq!(counted(text), [3]);
     }
 
     #[test]
-    fn the_text_counts() {
+    fn counting_is_added_to_the_text() {
         let text =
             "fn f(x: f32) -> f32 { // loop {\n  loop { /* { */ if x > 1.0 { return x; } }\n return x; }";
         let counts = text.replace("loop { /*", "loop { if effect_round(2u, 1u) { break; } /*");

@@ -268,7 +268,7 @@ struct Lowering<'a> {
     locals: Vec<Registers>,
     /// Vectors of this block and the blocks around it whose components are in separate registers. At the second use they are copied to
     /// consecutive registers; the value is the first of these.
-    gathered: HashMap<Vec<Register>, Option<Register>>,
+    contiguous_copies: HashMap<Vec<Register>, Option<Register>>,
     nodes: Vec<Node>,
 }
 
@@ -293,7 +293,7 @@ impl<'a> Lowering<'a> {
             if shape.size > MAX_COMPONENTS && !shape.is_pointer {
                 return refuse("a value of more than 64 numbers; index the variable directly");
             }
-            if let Some(what) = unknown(expression) {
+            if let Some(what) = unsupported_feature(expression) {
                 return refuse(what);
             }
             shapes.push(shape);
@@ -331,7 +331,7 @@ impl<'a> Lowering<'a> {
             returned: None,
             is_inlined: false,
             locals,
-            gathered: HashMap::new(),
+            contiguous_copies: HashMap::new(),
             nodes: Vec::new(),
         })
     }
@@ -400,14 +400,14 @@ impl<'a> Lowering<'a> {
 
     fn block(&mut self, block: &Block) -> Result<Vec<Node>, Unsupported> {
         let before = std::mem::take(&mut self.nodes);
-        let gathered = self.gathered.clone();
+        let contiguous_copies = self.contiguous_copies.clone();
         let statements: Vec<(&Statement, &Span)> = block.span_iter().collect();
         // Steps are counted together up to the next statement at which lanes may diverge.
-        for straight in statements.split_inclusive(|(statement, _)| branches(statement)) {
+        for straight in statements.split_inclusive(|(statement, _)| may_diverge(statement)) {
             self.nodes.push(Node::Steps(straight.len() as u32));
             straight.iter().try_for_each(|(statement, span)| self.statement(statement, **span))?;
         }
-        self.gathered = gathered;
+        self.contiguous_copies = contiguous_copies;
         Ok(std::mem::replace(&mut self.nodes, before))
     }
 
@@ -474,7 +474,7 @@ impl<'a> Lowering<'a> {
     fn store(&mut self, pointer: Handle<Expression>, value: Handle<Expression>) {
         let value = self.components(value);
         let Value::Pointer { first, offset } = self.value(pointer) else { return };
-        if let (None, Some((from, 1))) = (offset, run(&value)) {
+        if let (None, Some((from, 1))) = (offset, contiguous_run(&value)) {
             self.nodes.push(Node::Store { to: first, from, count: value.len() as u32 });
             return;
         }
@@ -553,18 +553,18 @@ impl<'a> Lowering<'a> {
     /// The first register of a vector and the step to the next. If the components are in separate registers, a vector that is used again is
     /// copied.
     fn side_by_side(&mut self, vector: &[Register]) -> Option<(Register, u32)> {
-        if let Some(found) = run(vector) {
+        if let Some(found) = contiguous_run(vector) {
             return Some(found);
         }
-        match self.gathered.get(vector) {
+        match self.contiguous_copies.get(vector) {
             Some(Some(first)) => Some((*first, 1)),
             Some(None) => {
                 let first = self.contiguous(vector);
-                self.gathered.insert(vector.to_vec(), Some(first));
+                self.contiguous_copies.insert(vector.to_vec(), Some(first));
                 Some((first, 1))
             }
             None => {
-                self.gathered.insert(vector.to_vec(), None);
+                self.contiguous_copies.insert(vector.to_vec(), None);
                 None
             }
         }
@@ -832,7 +832,7 @@ impl<'a> Lowering<'a> {
 }
 
 /// The first of registers that are consecutive or all the same, and the step from each to the next. `None` for other registers.
-fn run(registers: &[Register]) -> Option<(Register, u32)> {
+fn contiguous_run(registers: &[Register]) -> Option<(Register, u32)> {
     let first = *registers.first()?;
     let step = registers.get(1).map_or(0, |second| second.wrapping_sub(first));
     let is_run =
@@ -865,11 +865,11 @@ fn is_straight(function: &Function, routines: &[Routine]) -> bool {
 }
 
 /// Whether lanes may diverge or end at a statement.
-fn branches(statement: &Statement) -> bool {
+fn may_diverge(statement: &Statement) -> bool {
     !matches!(statement, Statement::Emit(_) | Statement::Store { .. })
 }
 
-fn unknown(expression: &Expression) -> Option<&'static str> {
+fn unsupported_feature(expression: &Expression) -> Option<&'static str> {
     use MathFunction as M;
     let of_vectors = [M::Dot, M::Length, M::Distance, M::Normalize, M::Cross, M::Reflect];
     match expression {

@@ -50,7 +50,7 @@ pub struct Machine<const N: usize> {
     pub endless: [u32; N],
 }
 
-/// Lanes that have left a loop's body or a switch.
+/// Lanes that have exited a loop's body or a switch.
 #[derive(Default)]
 struct ExitedLanes {
     broken: u32,
@@ -84,7 +84,7 @@ where
             }
         }
         for node in &program.prologue {
-            compute(node, &mut registers, u32::MAX);
+            run_kernel(node, &mut registers, u32::MAX);
         }
         Machine { registers, steps: 0, endless: [0; N] }
     }
@@ -195,11 +195,11 @@ where
         nodes: &[Node],
         mut mask: u32,
         routine: &Routine,
-        left: &mut ExitedLanes,
+        exited: &mut ExitedLanes,
     ) -> Result<u32, TooLong> {
         for node in nodes {
             match node {
-                Node::Compute(node) => compute(node, self.registers, mask),
+                Node::Compute(node) => run_kernel(node, self.registers, mask),
                 Node::Copy { to, from, count } => {
                     let from = *from as usize;
                     self.registers.copy_within(from..from + *count as usize, *to as usize);
@@ -210,25 +210,25 @@ where
                     }
                 }
                 Node::Steps(count) => self.step(*count)?,
-                Node::LoadElement { .. } | Node::StoreElement { .. } => self.element(node, mask),
+                Node::LoadElement { .. } | Node::StoreElement { .. } => self.access_element(node, mask),
                 Node::If { condition, accept, reject } => {
                     let truths = self.lanes(*condition);
                     let mut side = |nodes: &[Node], mask: u32| match mask {
                         0 => Ok(0),
-                        _ => self.block(nodes, mask, routine, left),
+                        _ => self.block(nodes, mask, routine, exited),
                     };
                     mask = side(accept, mask & truths)? | side(reject, mask & !truths)?;
                 }
                 Node::Switch { selector, cases } => {
-                    mask = self.switch(*selector, cases, mask, routine, left)?
+                    mask = self.switch(*selector, cases, mask, routine, exited)?
                 }
-                Node::Loop { .. } => mask = self.rounds(node, mask, routine)?,
+                Node::Loop { .. } => mask = self.run_loop(node, mask, routine)?,
                 Node::Break => {
-                    left.broken |= mask;
+                    exited.broken |= mask;
                     return Ok(0);
                 }
                 Node::Continue => {
-                    left.continued |= mask;
+                    exited.continued |= mask;
                     return Ok(0);
                 }
                 Node::Return(value) => {
@@ -257,7 +257,7 @@ where
     }
 
     /// Loads or stores an array element, at each lane's own offset.
-    fn element(&mut self, node: &Node, mask: u32) {
+    fn access_element(&mut self, node: &Node, mask: u32) {
         let active = (0..N).filter(|i| mask >> i & 1 == 1);
         match node {
             Node::LoadElement { to, first, offset } => {
@@ -283,7 +283,7 @@ where
         cases: &[Case],
         mask: u32,
         routine: &Routine,
-        left: &mut ExitedLanes,
+        exited: &mut ExitedLanes,
     ) -> Result<u32, TooLong> {
         let values = *self.column(selector);
         let default = cases.iter().position(|case| case.value.is_none());
@@ -303,20 +303,20 @@ where
             falling = if case.fall_through { end } else { 0 };
             after |= end & !falling;
         }
-        left.continued |= inner.continued;
+        exited.continued |= inner.continued;
         Ok(after | falling | inner.broken)
     }
 
     /// Runs all rounds of a loop.
-    fn rounds(&mut self, node: &Node, mask: u32, routine: &Routine) -> Result<u32, TooLong> {
+    fn run_loop(&mut self, node: &Node, mask: u32, routine: &Routine) -> Result<u32, TooLong> {
         let Node::Loop { body, continuing, break_if } = node else { return Ok(mask) };
         let (mut live, mut after) = (mask, 0);
         while live != 0 {
             self.step(1)?;
-            let mut left = ExitedLanes::default();
-            let end = self.block(body, live, routine, &mut left)?;
-            after |= left.broken;
-            live = end | left.continued;
+            let mut exited = ExitedLanes::default();
+            let end = self.block(body, live, routine, &mut exited)?;
+            after |= exited.broken;
+            live = end | exited.continued;
             if live != 0 {
                 live = self.block(continuing, live, routine, &mut ExitedLanes::default())?;
                 if let Some(condition) = break_if {
@@ -330,7 +330,7 @@ where
     }
 
     /// `effect_round` of effect_faults.wgsl: 1 in the lanes that took too many steps.
-    fn round(&mut self, cost: [u32; N], number: [u32; N], mask: u32) -> Column<N> {
+    fn count_round(&mut self, cost: [u32; N], number: [u32; N], mask: u32) -> Column<N> {
         let mut over = Column::ZERO;
         for i in (0..N).filter(|i| mask >> i & 1 == 1) {
             self.spent[i] = self.spent[i].saturating_add(cost[i]);
@@ -351,7 +351,7 @@ where
     ) {
         if let (HostFunction::Round, [cost, number]) = (host, arguments) {
             let (cost, number) = (self.column(*cost).0, self.column(*number).0);
-            let over = self.round(cost, number, mask);
+            let over = self.count_round(cost, number, mask);
             if let Some(to) = result.next() {
                 self.registers[to as usize] = over;
             }
@@ -361,7 +361,7 @@ where
             let (x, y) = (*self.column(*x), *self.column(*y));
             let first = result.map(|r| r as usize).next().unwrap_or(0);
             if let Some(out) = self.registers[first..].first_chunk_mut::<4>() {
-                fetch(image, &x, &y, mask, out);
+                read_pixels(image, &x, &y, mask, out);
             }
             return;
         }
@@ -387,7 +387,7 @@ where
 }
 
 #[inline(always)]
-fn compute<const N: usize>(node: &Compute, registers: &mut [Column<N>], mask: u32)
+fn run_kernel<const N: usize>(node: &Compute, registers: &mut [Column<N>], mask: u32)
 where
     Lanes: Width<N>,
 {
@@ -396,7 +396,7 @@ where
 }
 
 /// Reads the pixels of an image at the coordinates of each active lane.
-fn fetch<const N: usize>(
+fn read_pixels<const N: usize>(
     image: EffectImage,
     x: &Column<N>,
     y: &Column<N>,
@@ -418,18 +418,18 @@ fn fetch<const N: usize>(
             }
         }
         for (i, pixel) in rest.iter().enumerate() {
-            set(out, N / 4 * 4 + i, *pixel);
+            set_lane(out, N / 4 * 4 + i, *pixel);
         }
     } else {
         for i in (0..N).filter(|i| mask >> i & 1 == 1) {
-            set(out, i, image.at(x.0[i] as i32, y.0[i] as i32));
+            set_lane(out, i, image.at(x.0[i] as i32, y.0[i] as i32));
         }
     }
 }
 
 /// Sets the four components of one lane.
 #[inline(always)]
-fn set<const N: usize>(out: &mut [Column<N>; 4], lane: usize, value: Vec4) {
+fn set_lane<const N: usize>(out: &mut [Column<N>; 4], lane: usize, value: Vec4) {
     for (column, component) in out.iter_mut().zip(value.to_array()) {
         column.0[lane] = component.to_bits();
     }

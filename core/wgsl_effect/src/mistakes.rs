@@ -30,7 +30,8 @@ impl Mistake {
 
 /// A mistake that the parser found. `end`: bytes before it are the author's, all others are the program's.
 pub fn of_parser(error: &ParseError, end: usize) -> Mistake {
-    let labels: Vec<(Span, String)> = error.labels().map(|(span, text)| (span, in_wgsl(text))).collect();
+    let labels: Vec<(Span, String)> =
+        error.labels().map(|(span, text)| (span, without_naga_names(text))).collect();
     let start = |span: &Span| span.to_range().map_or(usize::MAX, |range| range.start);
     // The span of a parameter's value is its declaration; the place of the call is better.
     let first = labels.first().map_or(0, |(span, _)| start(span));
@@ -42,7 +43,7 @@ pub fn of_parser(error: &ParseError, end: usize) -> Mistake {
     let at = all().find(tells_type);
     let at = at.or(all().find(|(span, text)| !text.is_empty() && (!is_call || start(span) >= first)));
     let at = at.or(all().next());
-    let mut text = in_wgsl(error.message());
+    let mut text = without_naga_names(error.message());
     if let Some((_, label)) = labels.iter().find(|(_, label)| label.starts_with("argument #")) {
         text.push_str(&format!("; {label}"));
     }
@@ -57,7 +58,7 @@ pub fn of_parser(error: &ParseError, end: usize) -> Mistake {
         words.iter().any(|word| note.contains(word))
     };
     for note in error.notes().filter(|note| !is_left_out(note)) {
-        text.push_str(&format!("; {}", in_wgsl(note)));
+        text.push_str(&format!("; {}", without_naga_names(note)));
     }
     Mistake { span: at.and_then(|(span, _)| span.to_range()), text }
 }
@@ -70,7 +71,7 @@ fn allowed_type(note: &str) -> Option<String> {
 }
 
 /// Text in the author's terms for a message of naga about an expression without a type or a constant value.
-fn reworded(message: &str) -> Option<&'static str> {
+fn reworded_constant_error(message: &str) -> Option<&'static str> {
     let table = [
         ("index ", "the index is out of bounds"),
         ("invalid access into", "this value has neither elements nor members"),
@@ -93,8 +94,8 @@ fn reworded(message: &str) -> Option<&'static str> {
 }
 
 /// A message without naga's internal names.
-fn in_wgsl(text: &str) -> String {
-    if let Some(text) = reworded(text) {
+fn without_naga_names(text: &str) -> String {
+    if let Some(text) = reworded_constant_error(text) {
         return text.into();
     }
     let mut out = text.replace("{AbstractFloat}", "float").replace("{AbstractInt}", "integer");
@@ -127,15 +128,15 @@ pub fn of_validator(error: &WithSpan<ValidationError>, module: &Module) -> Mista
         ValidationError::Function { handle, source, .. } => {
             let function = &module.functions[*handle];
             let function_span = module.functions.get_span(*handle);
-            InFunction::new(module, function, innermost, function_span).mistake(source)
+            FunctionContext::new(module, function, innermost, function_span).mistake(source)
         }
         ValidationError::EntryPoint { name, source, .. } => {
             let found = module.entry_points.iter().find(|e| e.name == *name);
             match (found, source) {
                 (Some(entry), naga::valid::EntryPointError::Function(source)) => {
-                    InFunction::new(module, &entry.function, innermost, innermost).mistake(source)
+                    FunctionContext::new(module, &entry.function, innermost, innermost).mistake(source)
                 }
-                _ => Mistake::new(innermost, format!("entry point {name}: {}", chain(source))),
+                _ => Mistake::new(innermost, format!("entry point {name}: {}", error_chain(source))),
             }
         }
         ValidationError::Type { handle, source, .. } => {
@@ -145,29 +146,31 @@ pub fn of_validator(error: &WithSpan<ValidationError>, module: &Module) -> Mista
                 TypeError::MissingCapability(_) | TypeError::WidthError(_) => {
                     "effects have the scalars f32, i32, u32 and bool".to_string()
                 }
-                other => in_wgsl(&chain(other)),
+                other => without_naga_names(&error_chain(other)),
             };
             Mistake::new(module.types.get_span(*handle), format!("the type {name}: {what}"))
         }
-        ValidationError::Constant { name, source, .. } => {
-            Mistake::new(innermost, format!("the constant {name}: {}", in_wgsl(&chain(source))))
-        }
-        ValidationError::GlobalVariable { name, source, .. } => {
-            Mistake::new(innermost, format!("the variable {name}: {}", in_wgsl(&chain(source))))
-        }
-        other => Mistake::new(innermost, in_wgsl(&chain(other))),
+        ValidationError::Constant { name, source, .. } => Mistake::new(
+            innermost,
+            format!("the constant {name}: {}", without_naga_names(&error_chain(source))),
+        ),
+        ValidationError::GlobalVariable { name, source, .. } => Mistake::new(
+            innermost,
+            format!("the variable {name}: {}", without_naga_names(&error_chain(source))),
+        ),
+        other => Mistake::new(innermost, without_naga_names(&error_chain(other))),
     };
     Mistake { span: mistake.span.or(innermost.to_range()), ..mistake }
 }
 
 /// The text of an error and its causes.
-fn chain(error: &dyn std::error::Error) -> String {
+fn error_chain(error: &dyn std::error::Error) -> String {
     let causes = std::iter::successors(Some(error), |e| e.source()).map(|e| e.to_string());
     causes.collect::<Vec<_>>().join("; ")
 }
 
 /// A function that the validator refuses.
-struct InFunction<'a> {
+struct FunctionContext<'a> {
     module: &'a Module,
     function: &'a Function,
     types: Typifier,
@@ -178,19 +181,19 @@ struct InFunction<'a> {
     function_span: Span,
 }
 
-impl<'a> InFunction<'a> {
+impl<'a> FunctionContext<'a> {
     fn new(
         module: &'a Module,
         function: &'a Function,
         innermost: Span,
         function_span: Span,
-    ) -> InFunction<'a> {
+    ) -> FunctionContext<'a> {
         let mut types = Typifier::new();
         let context = ResolveContext::with_locals(module, &function.local_variables, &function.arguments);
         let mut has_type =
             |handle: Handle<Expression>| types.grow(handle, &function.expressions, &context).is_ok();
         let known = function.expressions.iter().take_while(|(handle, _)| has_type(*handle)).count();
-        InFunction { module, function, types, known, innermost, function_span }
+        FunctionContext { module, function, types, known, innermost, function_span }
     }
 
     /// The type of a value as WGSL writes it.
@@ -205,7 +208,7 @@ impl<'a> InFunction<'a> {
         let text = self.module.to_ctx().type_resolution_to_string(resolution);
         // A value that is read from a variable has the type of the variable.
         let pointee = text.strip_prefix("ptr<function, ").and_then(|rest| rest.strip_suffix('>'));
-        in_wgsl(pointee.unwrap_or(&text))
+        without_naga_names(pointee.unwrap_or(&text))
     }
 
     fn inner_type_name(&self, inner: &TypeInner) -> String {
@@ -213,13 +216,15 @@ impl<'a> InFunction<'a> {
     }
 
     fn type_name(&self, ty: Handle<Type>) -> String {
-        in_wgsl(&self.module.to_ctx().type_to_string(ty))
+        without_naga_names(&self.module.to_ctx().type_to_string(ty))
     }
 
     fn at(&self, value: Handle<Expression>, text: String) -> Mistake {
         // The span of a parameter's value is its declaration; the statement is better.
         let span = match &self.function.expressions[value] {
-            Expression::FunctionArgument(_) => user_of(&self.function.body, value).unwrap_or(self.innermost),
+            Expression::FunctionArgument(_) => {
+                statement_using(&self.function.body, value).unwrap_or(self.innermost)
+            }
             _ => self.function.expressions.get_span(value),
         };
         Mistake::new(if span.is_defined() { span } else { self.innermost }, text)
@@ -243,7 +248,7 @@ impl<'a> InFunction<'a> {
                     (LocalVariableError::InvalidType(_), _) => {
                         format!("{name}: a variable cannot have the type {ty}")
                     }
-                    (other, _) => format!("{name}: {}", in_wgsl(&chain(other))),
+                    (other, _) => format!("{name}: {}", without_naga_names(&error_chain(other))),
                 };
                 Mistake::new(self.function.local_variables.get_span(*handle), what)
             }
@@ -281,7 +286,7 @@ impl<'a> InFunction<'a> {
             FunctionError::ContinueOutsideOfLoop => self.at_innermost("continue is outside of a loop"),
             FunctionError::InvalidReturnSpot => self.at_innermost("return is inside a continuing block"),
             FunctionError::ConflictingSwitchCase(_) => Mistake::new(
-                double_case(&self.function.body).unwrap_or(self.innermost),
+                switch_with_equal_cases(&self.function.body).unwrap_or(self.innermost),
                 "switch has two cases with the same value".into(),
             ),
             FunctionError::ConflictingCaseType => {
@@ -301,7 +306,7 @@ impl<'a> InFunction<'a> {
             FunctionError::NonConstructibleReturnType => {
                 self.at_innermost("a function cannot return this type")
             }
-            other => self.at_innermost(in_wgsl(&chain(other))),
+            other => self.at_innermost(without_naga_names(&error_chain(other))),
         }
     }
 
@@ -318,7 +323,7 @@ impl<'a> InFunction<'a> {
                 let (wanted, given) = (self.type_name(*required), self.of(*seen_expression));
                 self.at(*seen_expression, format!("{name}: {parameter} is {wanted}, this value is {given}"))
             }
-            other => self.at_innermost(format!("{name}: {}", in_wgsl(&chain(other)))),
+            other => self.at_innermost(format!("{name}: {}", without_naga_names(&error_chain(other)))),
         }
     }
 
@@ -328,7 +333,7 @@ impl<'a> InFunction<'a> {
             E::InvalidBinaryOperandTypes { op, lhs_type, rhs_type, .. } => {
                 format!(
                     "{} cannot work with {} and {}",
-                    sign(*op),
+                    operator_text(*op),
                     self.inner_type_name(lhs_type),
                     self.inner_type_name(rhs_type)
                 )
@@ -378,14 +383,14 @@ impl<'a> InFunction<'a> {
                 format!("{} has fewer bits than it is shifted by", self.inner_type_name(lhs_type))
             }
             E::DivideByZero => "division by zero".into(),
-            other => in_wgsl(&chain(other)),
+            other => without_naga_names(&error_chain(other)),
         };
         self.at(handle, text)
     }
 
     fn compose(&self, handle: Handle<Expression>, error: &ComposeError) -> String {
         let Expression::Compose { ty, components } = &self.function.expressions[handle] else {
-            return in_wgsl(&chain(error));
+            return without_naga_names(&error_chain(error));
         };
         let ty = self.type_name(*ty);
         match error {
@@ -421,7 +426,7 @@ fn find_statement(block: &Block, is_it: &dyn Fn(&Statement) -> bool) -> Option<S
 }
 
 /// The statement that uses a value directly.
-fn user_of(body: &Block, value: Handle<Expression>) -> Option<Span> {
+fn statement_using(body: &Block, value: Handle<Expression>) -> Option<Span> {
     find_statement(body, &|statement| match statement {
         Statement::Return { value: returned } => *returned == Some(value),
         Statement::Store { value: stored, pointer } => *stored == value || *pointer == value,
@@ -433,7 +438,7 @@ fn user_of(body: &Block, value: Handle<Expression>) -> Option<Span> {
 }
 
 /// The switch that has two cases for one value.
-fn double_case(body: &Block) -> Option<Span> {
+fn switch_with_equal_cases(body: &Block) -> Option<Span> {
     find_statement(body, &|statement| {
         let Statement::Switch { cases, .. } = statement else { return false };
         cases.iter().enumerate().any(|(i, case)| cases[..i].iter().any(|before| before.value == case.value))
@@ -446,7 +451,7 @@ fn name_of(function: MathFunction) -> String {
 }
 
 /// The operator in WGSL.
-fn sign(operator: BinaryOperator) -> &'static str {
+fn operator_text(operator: BinaryOperator) -> &'static str {
     use BinaryOperator as B;
     match operator {
         B::Add => "+",

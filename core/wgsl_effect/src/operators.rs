@@ -85,52 +85,56 @@ pub struct Columns<'a, const N: usize> {
 impl<const N: usize> Columns<'_, N> {
     /// Calls `f` with the result column and the operand columns of each component.
     #[inline(always)]
-    fn components<const K: usize>(&mut self, of: &Operands, f: impl Fn(&mut Column<N>, [&Column<N>; K])) {
+    fn for_each_component<const K: usize>(
+        &mut self,
+        of: &Operands,
+        f: impl Fn(&mut Column<N>, [&Column<N>; K]),
+    ) {
         for (i, out) in (0..).zip(self.high.iter_mut().take(of.count as usize)) {
             f(out, std::array::from_fn(|k| &self.low[(of.first[k] + i * of.step[k]) as usize]));
         }
     }
 
     #[inline(always)]
-    fn each(&mut self, of: &Operands, f: impl Fn(u32, u32, u32) -> u32) {
-        self.components(of, |out, [a, b, c]| {
-            lanes(out, |i| f(a.0[i], b.0[i], c.0[i]));
+    fn map_bits(&mut self, of: &Operands, f: impl Fn(u32, u32, u32) -> u32) {
+        self.for_each_component(of, |out, [a, b, c]| {
+            set_lanes(out, |i| f(a.0[i], b.0[i], c.0[i]));
         });
     }
 
     #[inline(always)]
-    fn one(&mut self, of: &Operands, f: impl Fn(f32) -> f32) {
-        self.components(of, |out, [a]| {
-            lanes(out, |i| f(a.float(i)).to_bits());
+    fn map_unary(&mut self, of: &Operands, f: impl Fn(f32) -> f32) {
+        self.for_each_component(of, |out, [a]| {
+            set_lanes(out, |i| f(a.float(i)).to_bits());
         });
     }
 
     #[inline(always)]
-    fn two(&mut self, of: &Operands, f: impl Fn(f32, f32) -> f32) {
-        self.components(of, |out, [a, b]| {
-            lanes(out, |i| f(a.float(i), b.float(i)).to_bits());
+    fn map_binary(&mut self, of: &Operands, f: impl Fn(f32, f32) -> f32) {
+        self.for_each_component(of, |out, [a, b]| {
+            set_lanes(out, |i| f(a.float(i), b.float(i)).to_bits());
         });
     }
 
     #[inline(always)]
-    fn three(&mut self, of: &Operands, f: impl Fn(f32, f32, f32) -> f32) {
-        self.components(of, |out, [a, b, c]| {
-            lanes(out, |i| f(a.float(i), b.float(i), c.float(i)).to_bits());
+    fn map_ternary(&mut self, of: &Operands, f: impl Fn(f32, f32, f32) -> f32) {
+        self.for_each_component(of, |out, [a, b, c]| {
+            set_lanes(out, |i| f(a.float(i), b.float(i), c.float(i)).to_bits());
         });
     }
 
     #[inline(always)]
-    fn compare(&mut self, of: &Operands, f: impl Fn(f32, f32) -> bool) {
-        self.components(of, |out, [a, b]| {
-            lanes(out, |i| u32::from(f(a.float(i), b.float(i))));
+    fn map_comparison(&mut self, of: &Operands, f: impl Fn(f32, f32) -> bool) {
+        self.for_each_component(of, |out, [a, b]| {
+            set_lanes(out, |i| u32::from(f(a.float(i), b.float(i))));
         });
     }
 
     /// Evaluates a function that costs more than comparing all lanes: once if all lanes are equal, else for each active lane.
     #[inline(always)]
-    fn slow(&mut self, of: &Operands, f: impl Fn(f32, f32) -> f32) {
+    fn map_costly_binary(&mut self, of: &Operands, f: impl Fn(f32, f32) -> f32) {
         let mask = self.mask;
-        self.components(of, |out, [a, b]| {
+        self.for_each_component(of, |out, [a, b]| {
             if N > 1 && a.is_uniform() && b.is_uniform() {
                 *out = Column::splat(f(a.float(0), b.float(0)).to_bits());
                 return;
@@ -143,15 +147,15 @@ impl<const N: usize> Columns<'_, N> {
 
     /// [`Columns::slow`] with one operand; the second operand is register 0, a constant.
     #[inline(always)]
-    fn slow_one(&mut self, of: &Operands, f: impl Fn(f32) -> f32) {
-        self.slow(of, |a, _| f(a));
+    fn map_costly_unary(&mut self, of: &Operands, f: impl Fn(f32) -> f32) {
+        self.map_costly_binary(of, |a, _| f(a));
     }
 }
 
 /// Sets all lanes. Four lanes at a time are computed before they are written, which allows one vector instruction, whatever `out` may
 /// overlap.
 #[inline(always)]
-fn lanes<const N: usize>(out: &mut Column<N>, f: impl Fn(usize) -> u32) {
+fn set_lanes<const N: usize>(out: &mut Column<N>, f: impl Fn(usize) -> u32) {
     let (fours, rest) = out.0.as_chunks_mut::<4>();
     for (k, four) in fours.iter_mut().enumerate() {
         *four = [f(4 * k), f(4 * k + 1), f(4 * k + 2), f(4 * k + 3)];
@@ -167,14 +171,14 @@ pub type Kernel<const N: usize> = fn(&Operands, &mut Columns<N>);
 /// The kernel of an operator. It is chosen once, so that running it costs only a call.
 pub fn kernel<const N: usize>(operator: Operator) -> Kernel<N> {
     match operator {
-        Operator::Float(FloatOperator::Negate) => |of, columns| columns.one(of, |a| -a),
+        Operator::Float(FloatOperator::Negate) => |of, columns| columns.map_unary(of, |a| -a),
         Operator::Float(FloatOperator::Binary(operator)) => float_binary(operator),
         Operator::Integer { signed, operator } => integer(signed, operator),
         Operator::Math(function) => math(function),
         Operator::IntegerMath { signed, function } => integer_math(signed, function),
         Operator::Convert(conversion) => convert(conversion),
         Operator::Select => {
-            |of, columns| columns.each(of, |reject, accept, c| if c != 0 { accept } else { reject })
+            |of, columns| columns.map_bits(of, |reject, accept, c| if c != 0 { accept } else { reject })
         }
     }
 }
@@ -182,17 +186,17 @@ pub fn kernel<const N: usize>(operator: Operator) -> Kernel<N> {
 fn float_binary<const N: usize>(operator: BinaryOperator) -> Kernel<N> {
     use BinaryOperator as B;
     match operator {
-        B::Add => |of, columns| columns.two(of, |a, b| a + b),
-        B::Subtract => |of, columns| columns.two(of, |a, b| a - b),
-        B::Multiply => |of, columns| columns.two(of, |a, b| a * b),
-        B::Divide => |of, columns| columns.two(of, |a, b| a / b),
-        B::Modulo => |of, columns| columns.two(of, |a, b| a - b * trunc(a / b)),
-        B::Equal => |of, columns| columns.compare(of, |a, b| a == b),
-        B::NotEqual => |of, columns| columns.compare(of, |a, b| a != b),
-        B::Less => |of, columns| columns.compare(of, |a, b| a < b),
-        B::LessEqual => |of, columns| columns.compare(of, |a, b| a <= b),
-        B::Greater => |of, columns| columns.compare(of, |a, b| a > b),
-        _ => |of, columns| columns.compare(of, |a, b| a >= b),
+        B::Add => |of, columns| columns.map_binary(of, |a, b| a + b),
+        B::Subtract => |of, columns| columns.map_binary(of, |a, b| a - b),
+        B::Multiply => |of, columns| columns.map_binary(of, |a, b| a * b),
+        B::Divide => |of, columns| columns.map_binary(of, |a, b| a / b),
+        B::Modulo => |of, columns| columns.map_binary(of, |a, b| a - b * trunc(a / b)),
+        B::Equal => |of, columns| columns.map_comparison(of, |a, b| a == b),
+        B::NotEqual => |of, columns| columns.map_comparison(of, |a, b| a != b),
+        B::Less => |of, columns| columns.map_comparison(of, |a, b| a < b),
+        B::LessEqual => |of, columns| columns.map_comparison(of, |a, b| a <= b),
+        B::Greater => |of, columns| columns.map_comparison(of, |a, b| a > b),
+        _ => |of, columns| columns.map_comparison(of, |a, b| a >= b),
     }
 }
 
@@ -200,64 +204,68 @@ fn integer<const N: usize>(signed: bool, operator: IntegerOperator) -> Kernel<N>
     use BinaryOperator as B;
     let operator = match operator {
         IntegerOperator::Unary(UnaryOperator::Negate) => {
-            return |of, columns| columns.each(of, |a, _, _| a.wrapping_neg());
+            return |of, columns| columns.map_bits(of, |a, _, _| a.wrapping_neg());
         }
         IntegerOperator::Unary(UnaryOperator::LogicalNot) => {
-            return |of, columns| columns.each(of, |a, _, _| u32::from(a == 0));
+            return |of, columns| columns.map_bits(of, |a, _, _| u32::from(a == 0));
         }
         IntegerOperator::Unary(UnaryOperator::BitwiseNot) => {
-            return |of, columns| columns.each(of, |a, _, _| !a);
+            return |of, columns| columns.map_bits(of, |a, _, _| !a);
         }
         IntegerOperator::Binary(operator) => operator,
     };
     match (operator, signed) {
-        (B::Add, _) => |of, columns| columns.each(of, |a, b, _| a.wrapping_add(b)),
-        (B::Subtract, _) => |of, columns| columns.each(of, |a, b, _| a.wrapping_sub(b)),
-        (B::Multiply, _) => |of, columns| columns.each(of, |a, b, _| a.wrapping_mul(b)),
+        (B::Add, _) => |of, columns| columns.map_bits(of, |a, b, _| a.wrapping_add(b)),
+        (B::Subtract, _) => |of, columns| columns.map_bits(of, |a, b, _| a.wrapping_sub(b)),
+        (B::Multiply, _) => |of, columns| columns.map_bits(of, |a, b, _| a.wrapping_mul(b)),
         // WGSL defines x / 0 as x, and x % 0 as 0.
         (B::Divide, true) => |of, columns| {
-            columns.each(of, |a, b, _| match b {
+            columns.map_bits(of, |a, b, _| match b {
                 0 => a,
                 _ => (a as i32).wrapping_div(b as i32) as u32,
             })
         },
-        (B::Divide, false) => |of, columns| columns.each(of, |a, b, _| a.checked_div(b).unwrap_or(a)),
+        (B::Divide, false) => |of, columns| columns.map_bits(of, |a, b, _| a.checked_div(b).unwrap_or(a)),
         (B::Modulo, true) => |of, columns| {
-            columns.each(of, |a, b, _| match b {
+            columns.map_bits(of, |a, b, _| match b {
                 0 => 0,
                 _ => (a as i32).wrapping_rem(b as i32) as u32,
             })
         },
-        (B::Modulo, false) => |of, columns| columns.each(of, |a, b, _| a.checked_rem(b).unwrap_or(0)),
-        (B::Equal, _) => |of, columns| columns.each(of, |a, b, _| u32::from(a == b)),
-        (B::NotEqual, _) => |of, columns| columns.each(of, |a, b, _| u32::from(a != b)),
-        (B::Less, true) => |of, columns| columns.each(of, |a, b, _| u32::from((a as i32) < b as i32)),
-        (B::LessEqual, true) => |of, columns| columns.each(of, |a, b, _| u32::from(a as i32 <= b as i32)),
-        (B::Greater, true) => |of, columns| columns.each(of, |a, b, _| u32::from(a as i32 > b as i32)),
-        (B::GreaterEqual, true) => |of, columns| columns.each(of, |a, b, _| u32::from(a as i32 >= b as i32)),
-        (B::Less, false) => |of, columns| columns.each(of, |a, b, _| u32::from(a < b)),
-        (B::LessEqual, false) => |of, columns| columns.each(of, |a, b, _| u32::from(a <= b)),
-        (B::Greater, false) => |of, columns| columns.each(of, |a, b, _| u32::from(a > b)),
-        (B::GreaterEqual, false) => |of, columns| columns.each(of, |a, b, _| u32::from(a >= b)),
-        (B::And | B::LogicalAnd, _) => |of, columns| columns.each(of, |a, b, _| a & b),
-        (B::InclusiveOr | B::LogicalOr, _) => |of, columns| columns.each(of, |a, b, _| a | b),
-        (B::ExclusiveOr, _) => |of, columns| columns.each(of, |a, b, _| a ^ b),
-        (B::ShiftLeft, _) => |of, columns| columns.each(of, |a, b, _| a << (b & 31)),
-        (B::ShiftRight, true) => |of, columns| columns.each(of, |a, b, _| (a as i32 >> (b & 31)) as u32),
-        (B::ShiftRight, false) => |of, columns| columns.each(of, |a, b, _| a >> (b & 31)),
+        (B::Modulo, false) => |of, columns| columns.map_bits(of, |a, b, _| a.checked_rem(b).unwrap_or(0)),
+        (B::Equal, _) => |of, columns| columns.map_bits(of, |a, b, _| u32::from(a == b)),
+        (B::NotEqual, _) => |of, columns| columns.map_bits(of, |a, b, _| u32::from(a != b)),
+        (B::Less, true) => |of, columns| columns.map_bits(of, |a, b, _| u32::from((a as i32) < b as i32)),
+        (B::LessEqual, true) => |of, columns| columns.map_bits(of, |a, b, _| u32::from(a as i32 <= b as i32)),
+        (B::Greater, true) => |of, columns| columns.map_bits(of, |a, b, _| u32::from(a as i32 > b as i32)),
+        (B::GreaterEqual, true) => {
+            |of, columns| columns.map_bits(of, |a, b, _| u32::from(a as i32 >= b as i32))
+        }
+        (B::Less, false) => |of, columns| columns.map_bits(of, |a, b, _| u32::from(a < b)),
+        (B::LessEqual, false) => |of, columns| columns.map_bits(of, |a, b, _| u32::from(a <= b)),
+        (B::Greater, false) => |of, columns| columns.map_bits(of, |a, b, _| u32::from(a > b)),
+        (B::GreaterEqual, false) => |of, columns| columns.map_bits(of, |a, b, _| u32::from(a >= b)),
+        (B::And | B::LogicalAnd, _) => |of, columns| columns.map_bits(of, |a, b, _| a & b),
+        (B::InclusiveOr | B::LogicalOr, _) => |of, columns| columns.map_bits(of, |a, b, _| a | b),
+        (B::ExclusiveOr, _) => |of, columns| columns.map_bits(of, |a, b, _| a ^ b),
+        (B::ShiftLeft, _) => |of, columns| columns.map_bits(of, |a, b, _| a << (b & 31)),
+        (B::ShiftRight, true) => |of, columns| columns.map_bits(of, |a, b, _| (a as i32 >> (b & 31)) as u32),
+        (B::ShiftRight, false) => |of, columns| columns.map_bits(of, |a, b, _| a >> (b & 31)),
     }
 }
 
 fn convert<const N: usize>(conversion: Conversion) -> Kernel<N> {
     match conversion {
-        Conversion::FloatToInt => |of, columns| columns.each(of, |a, _, _| f32::from_bits(a) as i32 as u32),
-        Conversion::FloatToUint => |of, columns| columns.each(of, |a, _, _| f32::from_bits(a) as u32),
-        Conversion::FloatToBool => {
-            |of, columns| columns.each(of, |a, _, _| u32::from(f32::from_bits(a) != 0.0))
+        Conversion::FloatToInt => {
+            |of, columns| columns.map_bits(of, |a, _, _| f32::from_bits(a) as i32 as u32)
         }
-        Conversion::IntToFloat => |of, columns| columns.each(of, |a, _, _| (a as i32 as f32).to_bits()),
-        Conversion::UintToFloat => |of, columns| columns.each(of, |a, _, _| (a as f32).to_bits()),
-        Conversion::ToBool => |of, columns| columns.each(of, |a, _, _| u32::from(a != 0)),
+        Conversion::FloatToUint => |of, columns| columns.map_bits(of, |a, _, _| f32::from_bits(a) as u32),
+        Conversion::FloatToBool => {
+            |of, columns| columns.map_bits(of, |a, _, _| u32::from(f32::from_bits(a) != 0.0))
+        }
+        Conversion::IntToFloat => |of, columns| columns.map_bits(of, |a, _, _| (a as i32 as f32).to_bits()),
+        Conversion::UintToFloat => |of, columns| columns.map_bits(of, |a, _, _| (a as f32).to_bits()),
+        Conversion::ToBool => |of, columns| columns.map_bits(of, |a, _, _| u32::from(a != 0)),
     }
 }
 
@@ -306,63 +314,63 @@ pub(crate) fn is_component_function(function: MathFunction) -> bool {
 fn math<const N: usize>(function: MathFunction) -> Kernel<N> {
     use MathFunction as M;
     match function {
-        M::Abs => |of, columns| columns.one(of, f32::abs),
-        M::Min => |of, columns| columns.two(of, f32::min),
-        M::Max => |of, columns| columns.two(of, f32::max),
-        M::Clamp => |of, columns| columns.three(of, clamp),
-        M::Saturate => |of, columns| columns.one(of, |x| clamp(x, 0.0, 1.0)),
-        M::Ceil => |of, columns| columns.one(of, |x| -floor(-x)),
-        M::Floor => |of, columns| columns.one(of, floor),
-        M::Fract => |of, columns| columns.one(of, |x| x - floor(x)),
-        M::Trunc => |of, columns| columns.one(of, trunc),
-        M::Sqrt => |of, columns| columns.one(of, f32::sqrt),
-        M::InverseSqrt => |of, columns| columns.one(of, |x| 1.0 / x.sqrt()),
-        M::Sign => |of, columns| columns.one(of, |x| f32::from(i8::from(x > 0.0) - i8::from(x < 0.0))),
-        M::Radians => |of, columns| columns.one(of, |x| x * (std::f32::consts::PI / 180.0)),
-        M::Degrees => |of, columns| columns.one(of, |x| x * (180.0 / std::f32::consts::PI)),
-        M::Fma => |of, columns| columns.three(of, |a, b, c| a * b + c),
-        M::Mix => |of, columns| columns.three(of, |a, b, t| a * (1.0 - t) + b * t),
-        M::Step => |of, columns| columns.two(of, |edge, x| f32::from(u8::from(edge <= x))),
+        M::Abs => |of, columns| columns.map_unary(of, f32::abs),
+        M::Min => |of, columns| columns.map_binary(of, f32::min),
+        M::Max => |of, columns| columns.map_binary(of, f32::max),
+        M::Clamp => |of, columns| columns.map_ternary(of, clamp),
+        M::Saturate => |of, columns| columns.map_unary(of, |x| clamp(x, 0.0, 1.0)),
+        M::Ceil => |of, columns| columns.map_unary(of, |x| -floor(-x)),
+        M::Floor => |of, columns| columns.map_unary(of, floor),
+        M::Fract => |of, columns| columns.map_unary(of, |x| x - floor(x)),
+        M::Trunc => |of, columns| columns.map_unary(of, trunc),
+        M::Sqrt => |of, columns| columns.map_unary(of, f32::sqrt),
+        M::InverseSqrt => |of, columns| columns.map_unary(of, |x| 1.0 / x.sqrt()),
+        M::Sign => |of, columns| columns.map_unary(of, |x| f32::from(i8::from(x > 0.0) - i8::from(x < 0.0))),
+        M::Radians => |of, columns| columns.map_unary(of, |x| x * (std::f32::consts::PI / 180.0)),
+        M::Degrees => |of, columns| columns.map_unary(of, |x| x * (180.0 / std::f32::consts::PI)),
+        M::Fma => |of, columns| columns.map_ternary(of, |a, b, c| a * b + c),
+        M::Mix => |of, columns| columns.map_ternary(of, |a, b, t| a * (1.0 - t) + b * t),
+        M::Step => |of, columns| columns.map_binary(of, |edge, x| f32::from(u8::from(edge <= x))),
         M::SmoothStep => |of, columns| {
-            columns.three(of, |low, high, x| {
+            columns.map_ternary(of, |low, high, x| {
                 let t = clamp((x - low) / (high - low), 0.0, 1.0);
                 t * t * (3.0 - 2.0 * t)
             })
         },
-        M::Round => |of, columns| columns.slow_one(of, libm::rintf),
-        M::Cos => |of, columns| columns.slow_one(of, libm::cosf),
-        M::Cosh => |of, columns| columns.slow_one(of, libm::coshf),
-        M::Sin => |of, columns| columns.slow_one(of, libm::sinf),
-        M::Sinh => |of, columns| columns.slow_one(of, libm::sinhf),
-        M::Tan => |of, columns| columns.slow_one(of, libm::tanf),
-        M::Tanh => |of, columns| columns.slow_one(of, libm::tanhf),
-        M::Acos => |of, columns| columns.slow_one(of, libm::acosf),
-        M::Asin => |of, columns| columns.slow_one(of, libm::asinf),
-        M::Atan => |of, columns| columns.slow_one(of, libm::atanf),
-        M::Exp => |of, columns| columns.slow_one(of, libm::expf),
-        M::Exp2 => |of, columns| columns.slow_one(of, libm::exp2f),
-        M::Log => |of, columns| columns.slow_one(of, libm::logf),
-        M::Log2 => |of, columns| columns.slow_one(of, libm::log2f),
-        M::Atan2 => |of, columns| columns.slow(of, libm::atan2f),
-        M::Pow => |of, columns| columns.slow(of, libm::powf),
-        _ => |of, columns| columns.one(of, |_| f32::NAN),
+        M::Round => |of, columns| columns.map_costly_unary(of, libm::rintf),
+        M::Cos => |of, columns| columns.map_costly_unary(of, libm::cosf),
+        M::Cosh => |of, columns| columns.map_costly_unary(of, libm::coshf),
+        M::Sin => |of, columns| columns.map_costly_unary(of, libm::sinf),
+        M::Sinh => |of, columns| columns.map_costly_unary(of, libm::sinhf),
+        M::Tan => |of, columns| columns.map_costly_unary(of, libm::tanf),
+        M::Tanh => |of, columns| columns.map_costly_unary(of, libm::tanhf),
+        M::Acos => |of, columns| columns.map_costly_unary(of, libm::acosf),
+        M::Asin => |of, columns| columns.map_costly_unary(of, libm::asinf),
+        M::Atan => |of, columns| columns.map_costly_unary(of, libm::atanf),
+        M::Exp => |of, columns| columns.map_costly_unary(of, libm::expf),
+        M::Exp2 => |of, columns| columns.map_costly_unary(of, libm::exp2f),
+        M::Log => |of, columns| columns.map_costly_unary(of, libm::logf),
+        M::Log2 => |of, columns| columns.map_costly_unary(of, libm::log2f),
+        M::Atan2 => |of, columns| columns.map_costly_binary(of, libm::atan2f),
+        M::Pow => |of, columns| columns.map_costly_binary(of, libm::powf),
+        _ => |of, columns| columns.map_unary(of, |_| f32::NAN),
     }
 }
 
 fn integer_math<const N: usize>(signed: bool, function: MathFunction) -> Kernel<N> {
     use MathFunction as M;
     match (function, signed) {
-        (M::Abs, true) => |of, columns| columns.each(of, |a, _, _| (a as i32).wrapping_abs() as u32),
-        (M::Min, true) => |of, columns| columns.each(of, |a, b, _| (a as i32).min(b as i32) as u32),
-        (M::Max, true) => |of, columns| columns.each(of, |a, b, _| (a as i32).max(b as i32) as u32),
+        (M::Abs, true) => |of, columns| columns.map_bits(of, |a, _, _| (a as i32).wrapping_abs() as u32),
+        (M::Min, true) => |of, columns| columns.map_bits(of, |a, b, _| (a as i32).min(b as i32) as u32),
+        (M::Max, true) => |of, columns| columns.map_bits(of, |a, b, _| (a as i32).max(b as i32) as u32),
         (M::Clamp, true) => {
-            |of, columns| columns.each(of, |a, b, c| (a as i32).max(b as i32).min(c as i32) as u32)
+            |of, columns| columns.map_bits(of, |a, b, c| (a as i32).max(b as i32).min(c as i32) as u32)
         }
-        (M::Sign, true) => |of, columns| columns.each(of, |a, _, _| (a as i32).signum() as u32),
-        (M::Min, false) => |of, columns| columns.each(of, |a, b, _| a.min(b)),
-        (M::Max, false) => |of, columns| columns.each(of, |a, b, _| a.max(b)),
-        (M::Clamp, false) => |of, columns| columns.each(of, |a, b, c| a.max(b).min(c)),
-        _ => |of, columns| columns.each(of, |a, _, _| a),
+        (M::Sign, true) => |of, columns| columns.map_bits(of, |a, _, _| (a as i32).signum() as u32),
+        (M::Min, false) => |of, columns| columns.map_bits(of, |a, b, _| a.min(b)),
+        (M::Max, false) => |of, columns| columns.map_bits(of, |a, b, _| a.max(b)),
+        (M::Clamp, false) => |of, columns| columns.map_bits(of, |a, b, c| a.max(b).min(c)),
+        _ => |of, columns| columns.map_bits(of, |a, _, _| a),
     }
 }
 
@@ -392,7 +400,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rounding_gives_the_bits_of_libm() {
+    fn rounding_equals_libm_bit_by_bit() {
         let special =
             [0.0, -0.0, 0.5, -0.5, 1.0, -1.0, 8_388_607.5, -8_388_608.0, f32::MAX, f32::INFINITY, f32::NAN];
         // The bits of NaN may differ.

@@ -31,7 +31,7 @@ struct OverlayGeometry {
     out: Overlay,
     steps: u32,
     /// How many elements were requested, and how many of them cannot be drawn.
-    asked: u64,
+    requested: u64,
     not_finite: u32,
     too_long: u32,
     /// The limit of elements or steps is reached.
@@ -53,7 +53,7 @@ impl Drawing<'_> {
             }
             let value = body_of(time, DVec3::ZERO, bounds, [0, 0]);
             let bones = Bones::default();
-            self.one(
+            self.add_around_actor(
                 value,
                 &Surroundings { scene, actor: None, bones: &bones, textures: self.textures },
                 &mut made,
@@ -71,7 +71,7 @@ impl Drawing<'_> {
                 let value = body_of(time, place, bounds, [bones.count, number as u32]);
                 let around =
                     Surroundings { scene, actor: Some(&body), bones: &bones, textures: self.textures };
-                self.one(value, &around, &mut made);
+                self.add_around_actor(value, &around, &mut made);
                 known = Some((body.asset, bones));
             }
         }
@@ -79,9 +79,9 @@ impl Drawing<'_> {
     }
 
     /// Adds all elements around one actor.
-    fn one(&self, body: [u32; 12], around: &Surroundings, made: &mut OverlayGeometry) {
+    fn add_around_actor(&self, body: [u32; 12], around: &Surroundings, made: &mut OverlayGeometry) {
         let count = self.head.count.of(self.parameters).clamp(0.0, Overlay::MOST as f32) as u32;
-        made.asked += u64::from(count);
+        made.requested += u64::from(count);
         let program = self.program;
         let mut machine = Machine::<1>::new(program, self.parameters);
         machine.set(program, 1, 0, &body);
@@ -155,7 +155,7 @@ impl Drawing<'_> {
     }
 
     fn finish_overlay(&self, made: OverlayGeometry) -> Overlay {
-        let OverlayGeometry { mut out, steps, asked, not_finite, too_long, full } = made;
+        let OverlayGeometry { mut out, steps, requested, not_finite, too_long, full } = made;
         let what = match self.output {
             Output::Triangles => "triangles",
             Output::Lattices => "lattices",
@@ -163,7 +163,7 @@ impl Drawing<'_> {
         };
         let mut say = |count: u32, why: String| {
             if count > 0 {
-                out.left_out.push(format!("{count} of {asked} {what} {why}"));
+                out.left_out.push(format!("{count} of {requested} {what} {why}"));
             }
         };
         say(not_finite, "have numbers that are not finite".into());
@@ -173,7 +173,7 @@ impl Drawing<'_> {
             let drawn = made - (not_finite + too_long) as usize;
             let most = Overlay::MOST;
             out.left_out.push(format!(
-                "{drawn} of {asked} {what} are drawn, made in {steps} steps; a frame has at most {most} in {MAX_FRAME_STEPS} steps"
+                "{drawn} of {requested} {what} are drawn, made in {steps} steps; a frame has at most {most} in {MAX_FRAME_STEPS} steps"
             ));
         }
         out.over = self.head.over.of(self.parameters) > 0.5;
@@ -214,7 +214,7 @@ impl Bones {
             else {
                 let near = did_you_mean(&line.of[0], skeleton.names().iter().map(String::as_str));
                 let (file, names) = (&body.asset.name, line.of.join(", "));
-                let why = format!("\"{file}\" has no joint {names}, as {} asks for{near}", line.name);
+                let why = format!("\"{file}\" has no joint {names}, requested as {}{near}", line.name);
                 left_out.extend((!left_out.contains(&why)).then_some(why));
                 bones.named.push(u32::MAX);
                 continue;

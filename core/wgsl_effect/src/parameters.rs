@@ -7,7 +7,7 @@ use choreo_plugin::suggest::closest;
 use choreo_plugin::{MAX_COLOR, Manifest};
 
 /// Largest whole number of a parameter: f32 holds all whole numbers up to it exactly.
-const MOST_WHOLE: f64 = 16_777_216.0;
+const MAX_WHOLE: f64 = 16_777_216.0;
 
 pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
     let mut manifest = Manifest { version: "1".into(), ..Manifest::default() };
@@ -29,7 +29,7 @@ pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
     if manifest.name.is_empty() {
         let meant = |(i, line): (usize, &str)| {
             let (word, _) = line.trim().trim_start_matches('/').trim().split_once(':')?;
-            Some(slip(word.trim(), &["effect"])?.at(i))
+            Some(misspelling(word.trim(), &["effect"])?.at(i))
         };
         if let Some(error) = comment(text).find_map(meant) {
             return Err(error);
@@ -43,10 +43,10 @@ pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
 fn misspelt(line: &str) -> Option<HeadMistake> {
     let (word, rest) = line.split_once(' ')?;
     let (_, value) = rest.split_once('=')?;
-    value.contains(':').then(|| slip(word, &["param", "texture", "joint", "pass"])).flatten()
+    value.contains(':').then(|| misspelling(word, &["param", "texture", "joint", "pass"])).flatten()
 }
 
-fn slip(word: &str, known: &[&str]) -> Option<HeadMistake> {
+fn misspelling(word: &str, known: &[&str]) -> Option<HeadMistake> {
     let meant = closest(word, known.iter().copied()).filter(|meant| word != *meant)?;
     let near = meant.len().abs_diff(word.len()) <= 2;
     near.then(|| HeadMistake::Misspelt { word: word.into(), meant: meant.into() })
@@ -84,7 +84,7 @@ fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeadMistake> {
         let (file, srgb) = image_of(image);
         manifest.texture(name, about, file, srgb)
     } else {
-        ranged(manifest, [name, about], value)?.ok_or(FORM)?
+        ranged_value(manifest, [name, about], value)?.ok_or(FORM)?
     };
     match manifest.options.iter().map(|o| o.number_count()).sum::<usize>() {
         0..=MAX_PARAMETER_NUMBERS => Ok(manifest),
@@ -130,7 +130,11 @@ fn choice(
 }
 
 /// Reads a value with a range, `VALUE UNIT in MIN..MAX`; `None` if the text has another form.
-fn ranged(manifest: Manifest, [name, about]: [&str; 2], text: &str) -> Result<Option<Manifest>, HeadMistake> {
+fn ranged_value(
+    manifest: Manifest,
+    [name, about]: [&str; 2],
+    text: &str,
+) -> Result<Option<Manifest>, HeadMistake> {
     let Some((given, range)) = text.rsplit_once(" in ") else { return Ok(None) };
     let Some((min, max)) = range.split_once("..") else { return Ok(None) };
     let (min, max) = (number(name, min)?, number(name, max)?);
@@ -152,9 +156,9 @@ fn ranged(manifest: Manifest, [name, about]: [&str; 2], text: &str) -> Result<Op
         ["vec2", "vec3", "vec4"].iter().zip(2..).find_map(|(word, n)| Some((argument(value, word)?, n)));
     let made = if let Some(whole) = argument(value, "int") {
         let value = within(number(name, whole)?)?;
-        let is_whole = |v: f64| v.fract() == 0.0 && v.abs() <= MOST_WHOLE;
+        let is_whole = |v: f64| v.fract() == 0.0 && v.abs() <= MAX_WHOLE;
         if ![value, min, max].into_iter().all(is_whole) {
-            return Err(HeadMistake::NoWhole { name: name.into(), most: MOST_WHOLE });
+            return Err(HeadMistake::NoWhole { name: name.into(), most: MAX_WHOLE });
         }
         manifest.integer(name, about, value as i64, min as i64..=max as i64)
     } else if let Some((parts, count)) = vector {
@@ -194,7 +198,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_head_comment_is_a_manifest() {
+    fn the_head_comment_is_read_as_a_manifest() {
         let m = manifest(
             "// effect: grain\n// about: film grain\n//\n// param amount = 0.1 in 0..1: how strong\n\
              // param colored = false: each its own\n// param curve = soft of soft|hard: how\nfn x() {}\n// param no = 1",
@@ -208,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_have_their_line() {
+    fn errors_name_their_line() {
         let error = |text: &str| manifest(text).map_err(|e| (e.line, e.mistake.to_string())).unwrap_err();
         assert_eq!(error("fn effect() {}").1, "the head comment must name the effect: // effect: NAME");
         assert_eq!(error("// effect: a\n// param x = 2 in 0..1: y"), (2, "x: 2 is not within 0..1".into()));

@@ -17,9 +17,9 @@ use choreo_plugin::{Hook, ImagePass, Manifest};
 use std::collections::BTreeMap;
 
 /// Largest number of passes of one effect, the last one included.
-pub(crate) const MOST_PASSES: u32 = 16;
+pub(crate) const MAX_PASSES: u32 = 16;
 /// Largest N of the scale 1/N of a texture.
-const MOST_PARTS: u32 = 64;
+const MAX_SCALE_DIVISOR: u32 = 64;
 
 /// Scale of a pass's image against the whole image.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,13 +80,14 @@ pub(crate) fn lines(text: &str, manifest: &Manifest, taken: &[&str]) -> Result<V
         }
         let functions = functions_of(name);
         let own = [name].into_iter().chain(functions.iter().map(String::as_str));
-        if let Some(function) = own.into_iter().find(|function| is_taken(function) || is_of_program(function))
+        if let Some(function) =
+            own.into_iter().find(|function| is_taken(function) || is_supplied_function(function))
         {
             return Err(at(HeadMistake::PassName { name: name.into(), function: function.into() }));
         }
-        if all.len() + 1 == MOST_PASSES as usize {
+        if all.len() + 1 == MAX_PASSES as usize {
             return Err(at(HeadMistake::TooMany {
-                most: MOST_PASSES as usize - 1,
+                most: MAX_PASSES as usize - 1,
                 what: "passes with textures",
             }));
         }
@@ -98,7 +99,7 @@ pub(crate) fn lines(text: &str, manifest: &Manifest, taken: &[&str]) -> Result<V
     Ok(all)
 }
 
-fn is_of_program(function: &str) -> bool {
+fn is_supplied_function(function: &str) -> bool {
     let own = signature(Hook::Image);
     let supplied = own.functions.iter().chain(own.with_history).map(|(name, ..)| *name);
     let others = HELPERS.iter().map(|(name, _)| *name).chain(["effect", "curve_at"]);
@@ -111,7 +112,7 @@ fn scale_of(text: &str, manifest: &Manifest) -> Option<Scale> {
         return halve(halved, manifest).ok();
     }
     let parts = if text == "1" { 1 } else { text.strip_prefix("1/")?.trim().parse().ok()? };
-    (1..=MOST_PARTS).contains(&parts).then_some(Scale::Part(parts))
+    (1..=MAX_SCALE_DIVISOR).contains(&parts).then_some(Scale::Part(parts))
 }
 
 /// Functions that texts with such passes may call in addition to those of all effects on images.
@@ -243,7 +244,7 @@ pub(crate) fn mistake(text: &str, lines: &[PassLine]) -> Option<((usize, usize),
         let later = *later as usize;
         let what = match later == number {
             true => format!("the pass {name} reads its own texture; a pass reads those declared above it"),
-            false if reaches(&reads, later, number) => {
+            false if reads_indirectly(&reads, later, number) => {
                 format!(
                     "the passes {name} and {} read each other; a pass reads those declared above it",
                     names[later]
@@ -274,7 +275,7 @@ pub(crate) fn mistake(text: &str, lines: &[PassLine]) -> Option<((usize, usize),
 }
 
 /// Whether a pass reads the texture of another pass, directly or through other passes.
-fn reaches(reads: &[BTreeMap<u32, usize>], from: usize, to: usize) -> bool {
+fn reads_indirectly(reads: &[BTreeMap<u32, usize>], from: usize, to: usize) -> bool {
     let mut reached = vec![from];
     let mut next = 0;
     while let Some(pass) = reached.get(next).copied() {

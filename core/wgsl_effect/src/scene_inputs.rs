@@ -94,7 +94,7 @@ const FUNCTIONS: [SceneFunction; 16] = [
 ];
 
 /// Functions of effects on pixels, surfaces, vertices and light: name and WGSL.
-const OF_FRAME: [(&str, &str); 4] = [
+const FRAME_FUNCTIONS: [(&str, &str); 4] = [
     ("time", "fn time() -> f32 { return effect_frame_row_0().x; }"),
     ("delta", "fn delta() -> f32 { return effect_frame_row_0().y; }"),
     (
@@ -121,7 +121,7 @@ impl SceneCalls {
         let (called, declared) = functions_of(author);
         let mut calls = SceneCalls::default();
         if hook != Hook::Image {
-            let of_frame = OF_FRAME.iter().filter(|_| hook.has_function());
+            let of_frame = FRAME_FUNCTIONS.iter().filter(|_| hook.has_function());
             for (_, wgsl) in of_frame.filter(|(name, _)| called.contains(name) && !declared.contains(name)) {
                 calls.reads_frame = true;
                 calls.wgsl += wgsl;
@@ -165,7 +165,7 @@ impl SceneCalls {
 /// Names of all functions of the scene that effects of a hook may call.
 pub(crate) fn names(hook: Hook) -> impl Iterator<Item = &'static str> {
     let of_images = FUNCTIONS.iter().map(|f| f.name).filter(move |_| hook == Hook::Image);
-    let of_frame = OF_FRAME.iter().map(|(name, _)| *name);
+    let of_frame = FRAME_FUNCTIONS.iter().map(|(name, _)| *name);
     of_images.chain(of_frame.filter(move |_| hook != Hook::Image && hook.has_function()))
 }
 
@@ -187,7 +187,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_call_brings_its_function_and_inputs() {
+    fn calling_a_scene_function_adds_its_wgsl_and_inputs() {
         let calls = SceneCalls::of("fn effect() { let v = view_at(at); } // time()", Hook::Image);
         assert_eq!(calls.inputs, SURFACE.union(CAMERA));
         assert!(calls.wgsl.contains("fn view_at(") && !calls.wgsl.contains("fn time("));
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn other_hooks_read_the_numbers_of_the_frame() {
+    fn other_hooks_call_functions_of_the_frame_numbers() {
         let text = "fn effect() { let t = time() + depth_at(at); }";
         let calls = SceneCalls::of(text, Hook::Pixel);
         assert!(calls.reads_frame && calls.wgsl.contains("fn time(") && !calls.wgsl.contains("depth_at"));
@@ -210,11 +210,11 @@ mod tests {
             !SceneCalls::of(text, Hook::Shutter).reads_frame
                 && !SceneCalls::of(text, Hook::Image).reads_frame
         );
-        assert_eq!(names(Hook::Surface).collect::<Vec<_>>(), OF_FRAME.map(|(name, _)| name));
+        assert_eq!(names(Hook::Surface).collect::<Vec<_>>(), FRAME_FUNCTIONS.map(|(name, _)| name));
     }
 
     #[test]
-    fn functions_call_none_of_each_other() {
+    fn scene_functions_do_not_call_each_other() {
         for function in &FUNCTIONS {
             let (called, _) = functions_of(function.wgsl);
             assert!(names(Hook::Image).all(|name| !called.contains(name)), "{}", function.name);
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn each_function_is_listed_with_its_own_name() {
+    fn the_readme_lists_every_scene_function() {
         let own = |f: &SceneFunction| f.wgsl.starts_with(&format!("fn {}(", f.name));
         assert!(FUNCTIONS.iter().all(own));
         let readme = include_str!("../README.md");

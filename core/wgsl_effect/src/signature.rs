@@ -17,9 +17,9 @@ enum ValueType {
 /// Parameters and result of the function of a hook.
 pub(crate) struct Signature {
     pub text: &'static str,
-    parts: &'static [ValueType],
+    parameter_types: &'static [ValueType],
     /// The result has one of these types.
-    gives: &'static [ValueType],
+    result_types: &'static [ValueType],
     /// Types that the shader declares; appended below the author's text, so that its line numbers stay.
     pub declared: &'static str,
     /// Functions that the shader supplies, as [`HostFunction`] lists them. Their WGSL is only parsed, never run.
@@ -31,18 +31,18 @@ pub(crate) struct Signature {
 /// Name, WGSL declaration, and the code that runs on the CPU.
 type Declared = (&'static str, &'static str, HostFunction);
 
-const F: ScalarKind = ScalarKind::Float;
-const I: ScalarKind = ScalarKind::Sint;
-const U: ScalarKind = ScalarKind::Uint;
+const FLOAT: ScalarKind = ScalarKind::Float;
+const INT: ScalarKind = ScalarKind::Sint;
+const UINT: ScalarKind = ScalarKind::Uint;
 
 const PIXEL: Signature = Signature {
     text: "fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32>",
-    parts: &[
-        ValueType::Vector(F, VectorSize::Quad),
-        ValueType::Vector(F, VectorSize::Bi),
+    parameter_types: &[
+        ValueType::Vector(FLOAT, VectorSize::Quad),
+        ValueType::Vector(FLOAT, VectorSize::Bi),
         ValueType::Parameters,
     ],
-    gives: &[ValueType::Vector(F, VectorSize::Quad)],
+    result_types: &[ValueType::Vector(FLOAT, VectorSize::Quad)],
     declared: "",
     functions: &[],
     with_history: &[],
@@ -51,12 +51,12 @@ const PIXEL: Signature = Signature {
 /// The signature of shaders/surface.wgsl, and the order of `choreo_plugin::SurfaceSample`.
 const SURFACE: Signature = Signature {
     text: "fn effect(color: vec4<f32>, surface: SurfaceSample, p: Parameters) -> vec4<f32>",
-    parts: &[
-        ValueType::Vector(F, VectorSize::Quad),
+    parameter_types: &[
+        ValueType::Vector(FLOAT, VectorSize::Quad),
         ValueType::Struct("SurfaceSample"),
         ValueType::Parameters,
     ],
-    gives: &[ValueType::Vector(F, VectorSize::Quad)],
+    result_types: &[ValueType::Vector(FLOAT, VectorSize::Quad)],
     declared: "struct SurfaceSample { world: vec3<f32>, distance: f32, normal: vec3<f32>, facing: f32, background: vec3<f32>, \
         joints: vec3<f32>, uv: vec2<f32>, shadow: f32, viewer: vec3<f32> }\n",
     functions: &[],
@@ -66,8 +66,8 @@ const SURFACE: Signature = Signature {
 /// The signature of shaders/displace.wgsl, and the order of `choreo_plugin::VertexSample`.
 const VERTEX: Signature = Signature {
     text: "fn effect(vertex: VertexSample, p: Parameters) -> vec3<f32>",
-    parts: &[ValueType::Struct("VertexSample"), ValueType::Parameters],
-    gives: &[ValueType::Vector(F, VectorSize::Tri)],
+    parameter_types: &[ValueType::Struct("VertexSample"), ValueType::Parameters],
+    result_types: &[ValueType::Vector(FLOAT, VectorSize::Tri)],
     declared: "struct VertexSample { world: vec3<f32>, normal: vec3<f32>, uv: vec2<f32>, model: vec3<f32> }\n",
     functions: &[],
     with_history: &[],
@@ -76,8 +76,8 @@ const VERTEX: Signature = Signature {
 /// The signature of shaders/surface.wgsl, and the order of `choreo_plugin::LightSample`.
 const LIGHTING: Signature = Signature {
     text: "fn effect(sample: LightSample, p: Parameters) -> vec3<f32>",
-    parts: &[ValueType::Struct("LightSample"), ValueType::Parameters],
-    gives: &[ValueType::Vector(F, VectorSize::Tri)],
+    parameter_types: &[ValueType::Struct("LightSample"), ValueType::Parameters],
+    result_types: &[ValueType::Vector(FLOAT, VectorSize::Tri)],
     declared: "struct LightSample { cosine: f32, share: f32, color: vec3<f32>, base: vec3<f32>, normal: vec3<f32>, \
         viewer: vec3<f32>, light: vec3<f32>, lit: vec3<f32> }\n",
     functions: &[],
@@ -87,8 +87,12 @@ const LIGHTING: Signature = Signature {
 /// The signature of shaders/post.wgsl.
 const PICTURE: Signature = Signature {
     text: "fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32>",
-    parts: &[ValueType::Vector(I, VectorSize::Bi), ValueType::Scalar(U), ValueType::Parameters],
-    gives: &[ValueType::Vector(F, VectorSize::Quad)],
+    parameter_types: &[
+        ValueType::Vector(INT, VectorSize::Bi),
+        ValueType::Scalar(UINT),
+        ValueType::Parameters,
+    ],
+    result_types: &[ValueType::Vector(FLOAT, VectorSize::Quad)],
     declared: "",
     functions: &[
         (
@@ -119,15 +123,15 @@ const PICTURE: Signature = Signature {
 /// Signature of a pass of an effect whose passes have textures. The name of the pass replaces `effect`.
 pub(crate) const NAMED_PASS: Signature = Signature {
     text: "fn effect(at: vec2<i32>, p: Parameters) -> vec4<f32>",
-    parts: &[ValueType::Vector(I, VectorSize::Bi), ValueType::Parameters],
+    parameter_types: &[ValueType::Vector(INT, VectorSize::Bi), ValueType::Parameters],
     ..PICTURE
 };
 
 /// The order of the members of [`choreo_plugin::Stroke`] and [`choreo_plugin::Triangle`].
 const OVERLAY: Signature = Signature {
     text: "fn effect(index: u32, actor: ActorSample, p: Parameters) -> Line, or -> Triangle, or -> Lattice",
-    parts: &[ValueType::Scalar(U), ValueType::Struct("ActorSample"), ValueType::Parameters],
-    gives: &[ValueType::Struct(LINE), ValueType::Struct(TRIANGLE), ValueType::Struct(LATTICE)],
+    parameter_types: &[ValueType::Scalar(UINT), ValueType::Struct("ActorSample"), ValueType::Parameters],
+    result_types: &[ValueType::Struct(LINE), ValueType::Struct(TRIANGLE), ValueType::Struct(LATTICE)],
     declared: "struct ActorSample { time: f32, position: vec3<f32>, low: vec3<f32>, high: vec3<f32>, joints: u32, number: u32 }\n\
         struct Line { a: vec3<f32>, b: vec3<f32>, width: f32, color: vec4<f32> }\n\
         struct Triangle { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, color: vec4<f32> }\n\
@@ -158,8 +162,8 @@ pub(crate) const LATTICE: &str = "Lattice";
 /// The order of the members of [`choreo_plugin::InvertedHull`].
 const SHELL: Signature = Signature {
     text: "fn effect(p: Parameters) -> InvertedHull, or -> Wireframe",
-    parts: &[ValueType::Parameters],
-    gives: &[ValueType::Struct("InvertedHull"), ValueType::Struct(WIREFRAME)],
+    parameter_types: &[ValueType::Parameters],
+    result_types: &[ValueType::Struct("InvertedHull"), ValueType::Struct(WIREFRAME)],
     declared: "struct InvertedHull { width: f32, color: vec3<f32>, lighting_mix: f32 }\nstruct Wireframe { color: vec3<f32> }\n",
     functions: &[],
     with_history: &[],
@@ -171,8 +175,8 @@ pub const WIREFRAME: &str = "Wireframe";
 /// The shutter of a frame: number of images, how long it is open, and the share of that before the frame.
 const SHUTTER: Signature = Signature {
     text: "fn effect(p: Parameters) -> Shutter",
-    parts: &[ValueType::Parameters],
-    gives: &[ValueType::Struct("Shutter")],
+    parameter_types: &[ValueType::Parameters],
+    result_types: &[ValueType::Struct("Shutter")],
     declared: "struct Shutter { samples: u32, degrees: f32, before: f32 }\n",
     functions: &[],
     with_history: &[],
@@ -220,10 +224,10 @@ impl Signature {
             _ => false,
         };
         let arguments = &function.arguments;
-        let gives = |r: &naga::FunctionResult| self.gives.iter().any(|part| is(part, r.ty));
-        let gives = function.result.as_ref().is_some_and(gives);
-        gives
-            && arguments.len() == self.parts.len()
-            && arguments.iter().zip(self.parts).all(|(argument, part)| is(part, argument.ty))
+        let result_types = |r: &naga::FunctionResult| self.result_types.iter().any(|part| is(part, r.ty));
+        let result_types = function.result.as_ref().is_some_and(result_types);
+        result_types
+            && arguments.len() == self.parameter_types.len()
+            && arguments.iter().zip(self.parameter_types).all(|(argument, part)| is(part, argument.ty))
     }
 }

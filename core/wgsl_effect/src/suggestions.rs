@@ -8,13 +8,13 @@ use choreo_plugin::suggest::{did_you_mean, list};
 use choreo_plugin::{Hook, Manifest};
 
 /// The name that, according to a message of the parser, is not defined.
-fn not_found(message: &str) -> Option<&str> {
+fn undefined_name(message: &str) -> Option<&str> {
     message.strip_prefix("no definition in scope")?.split('`').nth(1)
 }
 
 /// Suggests the line of the head comment that an undefined name needs: a function or a type of another hook, or of a history.
 pub(crate) fn of_other_hook(message: &str, head: &Head, declared: &[Declared]) -> Option<String> {
-    let wanted = not_found(message)?;
+    let wanted = undefined_name(message)?;
     if declared.iter().any(|(name, ..)| name == wanted) {
         return None;
     }
@@ -37,7 +37,7 @@ pub(crate) fn of_other_hook(message: &str, head: &Head, declared: &[Declared]) -
 /// Suggests the line of the head comment that an undefined `halo_at` needs: it reads the texture of a pass.
 pub fn texture(message: &str, head: &Head) -> String {
     let endings = ["_at", "_uv", "_size"];
-    let texture = not_found(message).and_then(|name| endings.iter().find_map(|e| name.strip_suffix(e)));
+    let texture = undefined_name(message).and_then(|name| endings.iter().find_map(|e| name.strip_suffix(e)));
     match texture.filter(|name| head.hook == Hook::Image && !name.is_empty()) {
         Some(texture) => format!("; a texture {texture} needs a line // pass {texture} = 1/2: ABOUT"),
         None => String::new(),
@@ -110,11 +110,11 @@ pub fn suggest_name<'a>(
     names: &mut dyn Iterator<Item = &'a str>,
 ) -> String {
     let Some(wanted) = message.split('`').nth(1) else { return String::new() };
-    let own = names_of(text);
-    let types = names_of(declared);
+    let own = declared_names(text);
+    let types = declared_names(declared);
     let others = || own.iter().chain(&types).copied();
     if message.starts_with("invalid field accessor") {
-        let fields = others().filter(|(_, how)| *how == How::Typed).map(|(name, _)| name);
+        let fields = others().filter(|(_, how)| *how == Declaration::Typed).map(|(name, _)| name);
         return did_you_mean(wanted, fields);
     }
     if message.starts_with("no definition in scope") {
@@ -138,7 +138,7 @@ fn of_same_word(wanted: &str, known: &[&str]) -> String {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum How {
+enum Declaration {
     /// A name after fn, const, let, var or struct.
     Declared,
     /// A name before a colon: a field, a parameter, a variable.
@@ -146,7 +146,7 @@ enum How {
 }
 
 /// Names that a text declares, except in comments.
-fn names_of(text: &str) -> Vec<(&str, How)> {
+fn declared_names(text: &str) -> Vec<(&str, Declaration)> {
     let code = text.lines().map(|line| line.split("//").next().unwrap_or(""));
     let mut out = Vec::new();
     for line in code {
@@ -157,9 +157,9 @@ fn names_of(text: &str) -> Vec<(&str, How)> {
             let end = line[start..].find(|c| !is_part(c)).map_or(line.len(), |i| start + i);
             let word = &line[start..end];
             if line[end..].trim_start().starts_with(':') {
-                out.push((word, How::Typed));
+                out.push((word, Declaration::Typed));
             } else if matches!(before, "fn" | "const" | "let" | "var" | "struct") {
-                out.push((word, How::Declared));
+                out.push((word, Declaration::Declared));
             }
             (before, at) = (word, end);
         }
@@ -172,9 +172,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_found_where_they_are_declared() {
+    fn declared_names_are_suggested() {
         let text = "struct Pair { a: f32, b: vec2<f32> } // not: this\nfn twice(x: f32) -> f32 { let y = x; return y; }";
-        let names: Vec<&str> = names_of(text).into_iter().map(|(name, _)| name).collect();
+        let names: Vec<&str> = declared_names(text).into_iter().map(|(name, _)| name).collect();
         assert_eq!(names, ["Pair", "a", "b", "twice", "x", "y"]);
         let near = |message: &str| {
             suggest_name(message, text, "struct SurfaceSample { facing: f32 }", &mut ["amount"].into_iter())

@@ -17,16 +17,16 @@ pub struct Slow {
 
 /// Runs the function for a few pixels (places, vertices, lights, lines), with the smallest, the default and the largest parameters.
 pub fn ends(program: &Program, head: &Head, manifest: &Manifest) -> Result<(), Slow> {
-    for p in sets(manifest) {
+    for p in trial_parameters(manifest) {
         let mut most = 0;
-        for arguments in trials(head, &p) {
+        for arguments in trial_arguments(head, &p) {
             let mut machine = Machine::<1>::new(program, &p);
             for (number, bits) in arguments.iter().enumerate() {
                 machine.set(program, number, 0, bits);
             }
             let done = machine.run(program, 1, &Placeholder);
             if done.is_err() || machine.steps > MAX_STEPS || machine.endless != [0] {
-                let what = what(head.hook);
+                let what = item_name(head.hook);
                 return Err(Slow {
                     what: format!("{what} takes more than {MAX_STEPS} steps; does a loop never end?"),
                     in_loop: (machine.endless != [0]).then_some(machine.endless[0]),
@@ -45,7 +45,7 @@ pub fn ends(program: &Program, head: &Head, manifest: &Manifest) -> Result<(), S
     Ok(())
 }
 
-fn what(hook: Hook) -> &'static str {
+fn item_name(hook: Hook) -> &'static str {
     match hook {
         Hook::Overlay => "a line or triangle",
         Hook::Outline | Hook::Shutter => "the function",
@@ -54,7 +54,7 @@ fn what(hook: Hook) -> &'static str {
 }
 
 /// The smallest, the default and the largest parameters.
-fn sets(manifest: &Manifest) -> [Vec<f32>; 3] {
+fn trial_parameters(manifest: &Manifest) -> [Vec<f32>; 3] {
     let ends = |end: fn(&OptionSpec) -> f64| {
         let numbers =
             manifest.options.iter().flat_map(|o| std::iter::repeat_n(end(o) as f32, o.number_count()));
@@ -71,7 +71,7 @@ fn sets(manifest: &Manifest) -> [Vec<f32>; 3] {
 }
 
 /// Arguments of the function before the parameters: dark and bright, near and far, facing all directions, the first and the last element.
-fn trials(head: &Head, p: &[f32]) -> Vec<Vec<Vec<u32>>> {
+fn trial_arguments(head: &Head, p: &[f32]) -> Vec<Vec<Vec<u32>>> {
     let colors = [[0.0, 0.0, 0.0, 1.0], [1.0, 0.5, 0.25, 1.0], [8.0, 8.0, 8.0, 1.0]];
     let samples = [
         [0.0; 20],

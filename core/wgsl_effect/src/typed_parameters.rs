@@ -7,10 +7,10 @@ use choreo_plugin::parameters::CURVE_SAMPLES;
 use choreo_plugin::{Hook, ImagePass, Manifest, OptionKind, OptionSpec};
 
 /// The name of the author's function in shaders.
-const RENAMED: &str = "effect_of_author";
+const AUTHOR_FUNCTION: &str = "effect_of_author";
 
 /// Names that the program declares around a text with the struct.
-pub(crate) const DECLARED: [&str; 4] = [PARAMETERS, RENAMED, "parameters_of", "curve_at"];
+pub(crate) const DECLARED: [&str; 4] = [PARAMETERS, AUTHOR_FUNCTION, "parameters_of", "curve_at"];
 
 /// Whether a text takes its parameters as the struct.
 pub(crate) fn is_typed(text: &str) -> bool {
@@ -56,47 +56,47 @@ pub fn choices(manifest: &Manifest) -> impl Iterator<Item = (String, usize)> {
 
 /// The text as shaders use it: the author's function is renamed, and called by a function `effect` with the signature of the hook.
 pub fn adapted(text: &str, manifest: &Manifest, signature: &Signature) -> String {
-    let head = signature.text.replace(PARAMETERS, &array(manifest));
+    let head = signature.text.replace(PARAMETERS, &array_type(manifest));
     let arguments: Vec<&str> =
         head.split(['(', ',', ')']).filter_map(|part| part.split_once(':')).map(|p| p.0.trim()).collect();
     let before = &arguments[..arguments.len().saturating_sub(1)];
     let before: String = before.iter().map(|name| format!("{name}, ")).collect();
     format!(
-        "{}\n{}{head} {{ return {RENAMED}({before}parameters_of(p)); }}\n",
-        renamed(text),
-        made_of_array(manifest)
+        "{}\n{}{head} {{ return {AUTHOR_FUNCTION}({before}parameters_of(p)); }}\n",
+        with_renamed_effect(text),
+        struct_from_array(manifest)
     )
 }
 
 /// The text as shaders use it if passes have textures: the function `effect` calls the function of the pass that runs.
 pub(crate) fn adapted_passes(text: &str, manifest: &Manifest, passes: &[ImagePass]) -> String {
-    let head = signature(Hook::Image).text.replace(PARAMETERS, &array(manifest));
+    let head = signature(Hook::Image).text.replace(PARAMETERS, &array_type(manifest));
     let before = &passes[..passes.len().saturating_sub(1)];
     let call = |(number, pass): (u32, &ImagePass)| {
         format!("    if (pass_number == {number}u) {{ return {}(at, q); }}\n", pass.name)
     };
     let calls: String = (0..).zip(before).map(call).collect();
     format!(
-        "{}\n{}{head} {{\n    let q = parameters_of(p);\n{calls}    return {RENAMED}(at, q);\n}}\n",
-        renamed(text),
-        made_of_array(manifest)
+        "{}\n{}{head} {{\n    let q = parameters_of(p);\n{calls}    return {AUTHOR_FUNCTION}(at, q);\n}}\n",
+        with_renamed_effect(text),
+        struct_from_array(manifest)
     )
 }
 
 /// WGSL type of the array of numbers in shaders.
-fn array(manifest: &Manifest) -> String {
+fn array_type(manifest: &Manifest) -> String {
     format!("array<f32, {}>", manifest.parameter_length())
 }
 
 /// WGSL function that makes the struct from the array of numbers.
-fn made_of_array(manifest: &Manifest) -> String {
+fn struct_from_array(manifest: &Manifest) -> String {
     let values: Vec<String> = (0..)
         .zip(&manifest.options)
         .filter(|(_, option)| option.number_count() > 0)
         .map(|(i, option)| value_of(option, manifest.first_number(i)))
         .collect();
     let values = if values.is_empty() { "0.0".into() } else { values.join(", ") };
-    let array = array(manifest);
+    let array = array_type(manifest);
     format!("fn parameters_of(p: {array}) -> {PARAMETERS} {{ return {PARAMETERS}({values}); }}\n")
 }
 
@@ -133,13 +133,13 @@ fn has_curve(manifest: &Manifest) -> bool {
 }
 
 /// The text with its function `effect` renamed; line numbers stay.
-fn renamed(text: &str) -> String {
+fn with_renamed_effect(text: &str) -> String {
     let mut out = String::with_capacity(text.len() + 16);
     let (mut copied, mut before) = (0, "");
     for (at, token) in Tokens::of(text) {
         if token == "effect" && before != "." {
             out.push_str(&text[copied..at]);
-            out.push_str(RENAMED);
+            out.push_str(AUTHOR_FUNCTION);
             copied = at + token.len();
         }
         before = token;
@@ -153,7 +153,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shaders_get_an_array_of_numbers() {
+    fn adapted_text_takes_an_array_of_numbers() {
         let manifest = Manifest::new("all", "1", "")
             .flag("on", "", true)
             .integer("count", "", 1, 0..=9)

@@ -6,7 +6,7 @@ use glam::{Mat4, Vec2, Vec4, Vec4Swizzles};
 /// Largest share of the frame for which a rectangle is worth a copy of the background.
 const LARGEST_SHARE: f32 = 0.7;
 /// Edges of boxes are clipped at this distance in front of the camera.
-const NEAREST: f32 = 1e-4;
+const NEAR_CLIP_METRES: f32 = 1e-4;
 /// Margin in pixels around each drawn box: half the width of points and lines, and rounding.
 pub(crate) const MARGIN: f32 = 3.0;
 /// Rectangles begin and end at multiples of this number of pixels: software rasterizers work in blocks.
@@ -38,14 +38,14 @@ impl DirtyRect {
             self.to = self.to.max(at + around);
         };
         for (i, &a) in corners.iter().enumerate() {
-            if a.w >= NEAREST {
+            if a.w >= NEAR_CLIP_METRES {
                 put(a);
             }
             for axis in [1, 2, 4].into_iter().filter(|axis| i & axis == 0) {
                 let b = corners[i | axis];
-                if (a.w >= NEAREST) != (b.w >= NEAREST) {
-                    let at = a + (b - a) * ((NEAREST - a.w) / (b.w - a.w));
-                    put(at.xyz().extend(NEAREST));
+                if (a.w >= NEAR_CLIP_METRES) != (b.w >= NEAR_CLIP_METRES) {
+                    let at = a + (b - a) * ((NEAR_CLIP_METRES - a.w) / (b.w - a.w));
+                    put(at.xyz().extend(NEAR_CLIP_METRES));
                 }
             }
         }
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn every_point_of_a_box_in_view_lies_in_its_rectangle() {
+    fn rectangles_contain_every_visible_point_of_their_box() {
         let boxes = [
             around(Vec3::new(1.0, 0.5, -6.0), 0.5),
             around(Vec3::new(-2.0, -0.5, -9.0), 0.2),
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rectangle_of_most_of_the_frame_or_of_nan_is_the_whole_frame() {
+    fn a_rectangle_of_nan_or_most_of_the_frame_is_the_whole_frame() {
         let mut rect = DirtyRect::NOTHING;
         assert_eq!(rect.part_of(SIZE), Some([396, 196, 1, 1]), "of nothing a pixel");
         rect.add(around(Vec3::new(0.0, 0.0, -2.0), 1.5), &view(), SIZE, 0.0);

@@ -7,7 +7,7 @@ use crate::scene_resources::PrimitiveResource;
 use crate::scene_resources::material::{
     BASE_SLOTS, LAYER_SLOTS, MaterialResource, MaterialTexture, TOON_SLOT,
 };
-use crate::scene_resources::thick_lines::pen;
+use crate::scene_resources::thick_lines::line_style;
 use choreo_asset::{AlphaMode, MaterialLayers, Shading, TextureSlot};
 use choreo_plugin::SceneInputs;
 use glam::{Affine2, Vec3};
@@ -31,7 +31,7 @@ pub(crate) struct DrawNeeds {
 }
 
 /// Shading model of a draw, as far as features depend on it.
-struct Model {
+struct ShadingModel {
     lit: bool,
     metallic_roughness: bool,
     toon: bool,
@@ -42,12 +42,12 @@ struct Model {
     triplanar: bool,
 }
 
-impl Model {
-    fn of(normals: bool, material: &MaterialResource) -> Model {
+impl ShadingModel {
+    fn of(normals: bool, material: &MaterialResource) -> ShadingModel {
         let m = &material.material;
         let lit = is_lit(m.shading) && normals;
         let phong = lit && matches!(m.shading, Shading::BlinnPhong | Shading::Phong);
-        Model {
+        ShadingModel {
             lit,
             metallic_roughness: lit && m.shading == Shading::MetallicRoughness,
             toon: lit && m.shading == Shading::Toon,
@@ -84,7 +84,7 @@ impl Model {
 }
 
 /// Textures that triplanar mapping supports. The others are not read with it.
-const FROM_THREE_SIDES: Features = Features::BASE_COLOR_TEXTURE
+const TRIPLANAR_TEXTURES: Features = Features::BASE_COLOR_TEXTURE
     .with(Features::NORMAL_TEXTURE)
     .with(Features::SPECULAR_COLOR_TEXTURE)
     .with(Features::REFLECTION_TEXTURE);
@@ -98,10 +98,11 @@ pub fn features(
     force_all: bool,
 ) -> Features {
     let m = &material.material;
-    let model = Model::of(!primitive.primitive().normals.is_empty(), material);
-    let Model { lit, toon, phong, reflects, .. } = model;
+    let model = ShadingModel::of(!primitive.primitive().normals.is_empty(), material);
+    let ShadingModel { lit, toon, phong, reflects, .. } = model;
     let parallax = lit && !toon && m.relief > 0.0 && reads_normal_map(primitive, material);
-    let pen = pen(primitive.primitive().topology, m).filter(|_| !needs.skinned && !needs.morphed);
+    let line_style =
+        line_style(primitive.primitive().topology, m).filter(|_| !needs.skinned && !needs.morphed);
     let layers = m.layers.as_deref().filter(|_| model.metallic_roughness);
     let set = [
         (Features::METALLIC_ROUGHNESS, model.metallic_roughness),
@@ -116,8 +117,8 @@ pub fn features(
         (Features::MORPH, needs.morphed || force_all),
         (Features::VERTEX_COLOR, (primitive.info.colored || force_all) && !toon),
         (Features::PARALLAX, parallax),
-        (Features::THICK_LINES, pen.is_some()),
-        (Features::ROUND_LINES, pen.is_some_and(|pen| pen.round)),
+        (Features::THICK_LINES, line_style.is_some()),
+        (Features::ROUND_LINES, line_style.is_some_and(|style| style.round)),
         (Features::EMISSIVE, lit && (m.emissive != Vec3::ZERO || force_all)),
         (Features::ALPHA_MASK, matches!(m.alpha_mode, AlphaMode::Mask(_)) || force_all),
         (Features::LOCAL_LIGHTS, lit && (needs.local_lights || force_all)),
@@ -136,7 +137,7 @@ pub fn features(
 fn texture_features(
     primitive: &PrimitiveResource,
     material: &MaterialResource,
-    model: &Model,
+    model: &ShadingModel,
     force_all: bool,
 ) -> Features {
     let p = primitive.primitive();
@@ -152,7 +153,7 @@ fn texture_features(
         let needs_tangents = bit.has_tangents() || bit == Features::ANISOTROPY_TEXTURE;
         let unusable = texture.is_some_and(|t| {
             let without_uvs = p.uvs[t.uv_set as usize].is_empty() && !model.triplanar;
-            let not_triplanar = model.triplanar && !FROM_THREE_SIDES.has(bit);
+            let not_triplanar = model.triplanar && !TRIPLANAR_TEXTURES.has(bit);
             without_uvs || not_triplanar || (needs_tangents && p.tangents.is_empty())
         });
         if unusable || (texture.is_none() && !force_all) {
@@ -174,7 +175,7 @@ fn texture_features(
 
 /// The textures that a material has and that its shading model reads.
 pub(crate) fn material_textures(material: &MaterialResource) -> Features {
-    let there = Model::of(true, material).textures(material).into_iter().filter(|(t, _)| t.is_some());
+    let there = ShadingModel::of(true, material).textures(material).into_iter().filter(|(t, _)| t.is_some());
     there.fold(Features::default(), |all, (_, bit)| all.with(bit))
 }
 
@@ -309,8 +310,8 @@ pub struct Facts {
 /// passes.
 pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     let of_features = absences(all, facts.in_stage).map(|(what, why)| (what, why.to_string()));
-    let reports = of_scene(facts).into_iter().chain(of_features);
-    let reports = reports.chain(of_lights(all, facts)).chain(of_passes(all, facts));
+    let reports = scene_reports(facts).into_iter().chain(of_features);
+    let reports = reports.chain(light_reports(all, facts)).chain(pass_reports(all, facts));
     let known = |what| left_out_names().any(|known| known == what);
     reports
         .inspect(|(what, _)| debug_assert!(known(*what), "{what} is not among the names"))
@@ -318,13 +319,13 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
         .collect()
 }
 
-type Reports = Vec<(&'static str, String)>;
+type AbsenceReports = Vec<(&'static str, String)>;
 
 fn report(on: bool, what: &'static str, why: impl Into<String>) -> Option<(&'static str, String)> {
     on.then(|| (what, why.into()))
 }
 
-fn of_scene(facts: &Facts) -> Reports {
+fn scene_reports(facts: &Facts) -> AbsenceReports {
     let Facts { hidden_actors, unposed_actors, culled, copies, coarse, small, closed, .. } = facts;
     let reports = [
         report(*hidden_actors > 0, "hidden actors", format!("{hidden_actors} set invisible")),
@@ -332,20 +333,18 @@ fn of_scene(facts: &Facts) -> Reports {
             *unposed_actors > 0,
             "actors outside the view",
             format!(
-                "{unposed_actors} are outside the view in every pose of their clips, and so are their shadows: neither posed nor drawn"
+                "neither posed nor drawn, because no pose of their clips and no shadow reaches into the view: {unposed_actors}"
             ),
         ),
         report(
             *culled > 0,
             "primitives outside the view",
-            format!("{culled} of {copies} have their bounds outside the frustum"),
+            format!("bounds outside the frustum: {culled} of {copies}"),
         ),
         report(
             *coarse > 0,
             "triangles too small to see",
-            format!(
-                "{coarse} copies are drawn at a level of detail without a visible difference at their size"
-            ),
+            format!("copies drawn at a level of detail without a visible difference at their size: {coarse}"),
         ),
         report(
             *small > 0,
@@ -358,14 +357,14 @@ fn of_scene(facts: &Facts) -> Reports {
             *closed > 0,
             "back faces of watertight meshes",
             format!(
-                "{closed} triangles of two-sided materials are parts of watertight meshes, seen from outside"
+                "{closed} triangles of double-sided materials belong to watertight meshes that are seen from outside"
             ),
         ),
     ];
     reports.into_iter().flatten().collect()
 }
 
-fn of_lights(all: Features, facts: &Facts) -> Reports {
+fn light_reports(all: Features, facts: &Facts) -> AbsenceReports {
     let unlit = if facts.lit_exist { "nothing lit is in view" } else { "every material is unlit" };
     let fewer =
         format!("fewer than {} point and spot lights have a range", crate::plan::light_clusters::MANY);
@@ -396,22 +395,22 @@ fn of_lights(all: Features, facts: &Facts) -> Reports {
     reports.into_iter().flatten().collect()
 }
 
-fn of_passes(all: Features, facts: &Facts) -> Reports {
+fn pass_reports(all: Features, facts: &Facts) -> AbsenceReports {
     let uvs = all.has_any(Features::UV0.with(Features::UV1));
     let whole = match facts.samples {
-        1 => "one sample a pixel was asked for: cutouts have hard edges",
+        1 => "one sample per pixel is requested: cutouts have hard edges",
         _ => "all cutouts are \"hard\", or no drawn material has an alpha cutoff above 0",
     };
     let (over_image, inputs) = (facts.post_passes > 0, facts.inputs);
     let alone = "no two drawn primitives are equal in shape, material and state";
     let reports = [
-        report(facts.layers_2d == 0, "2D layers", "no text, image, panel or letterbox is seen"),
+        report(facts.layers_2d == 0, "2D layers", "no text, image, panel or letterbox is visible"),
         report(!uvs, "texture coordinates", "no drawn material has a texture"),
         report(facts.surface_effects == 0, "effects on surfaces", "none is on"),
         report(all.has(Features::ALPHA_MASK) && !facts.coverage, "alpha to coverage", whole),
         report(facts.blended == 0, "blending and sorting back to front", "everything drawn is opaque"),
         report(facts.drawn_copies == facts.draws, "instancing", alone),
-        report(facts.samples == 1, "multisampling", "one sample a pixel was asked for"),
+        report(facts.samples == 1, "multisampling", "one sample per pixel is requested"),
         report(facts.post_passes == 0, "full-screen passes and float target", "no effect is on"),
         report(facts.overlays == 0, "overlays of effects", "no effect draws any"),
         report(

@@ -4,11 +4,11 @@ use crate::plan::shader_features::FEATURES;
 
 /// Every `LeftOut::what`, except effects that are left out, which are reported by their names. Scripts use these words in tests.
 pub fn left_out_names() -> impl Iterator<Item = &'static str> {
-    FEATURES.iter().filter_map(|f| Some(f.absence?.what)).chain(OTHERS.iter().copied())
+    FEATURES.iter().filter_map(|f| Some(f.absence?.what)).chain(NAMES_OF_OTHER_PARTS.iter().copied())
 }
 
 /// Names of parts other than shader features that can be left out.
-const OTHERS: &[&str] = &[
+const NAMES_OF_OTHER_PARTS: &[&str] = &[
     "hidden actors",
     "actors outside the view",
     "primitives outside the view",

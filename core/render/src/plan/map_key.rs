@@ -8,7 +8,7 @@ pub type MapKey = [u8; 32];
 
 /// Features with which a map depends on more than vertex positions: textures, line widths in pixels. Such maps are always
 /// redrawn.
-const MORE: Features =
+const FEATURES_BEYOND_POSITIONS: Features =
     Features::ALPHA_MASK.with(Features::OUTLINE).with(Features::WIREFRAME).with(Features::THICK_LINES);
 
 /// Key of each map; `None` for a map that must be redrawn in every frame.
@@ -18,11 +18,11 @@ pub fn map_keys(shadows: &ShadowMaps, plan: &Plan, resources: &SceneResources) -
     let hash = |asked: bool, bytes: &[u8]| asked.then(|| *blake3::hash(bytes).as_bytes());
     let joints = hash(features.has(Features::SKIN), bytemuck::cast_slice(&plan.joint_matrices));
     let morphs = hash(features.has(Features::MORPH), bytemuck::cast_slice(&plan.morphs));
-    shadows.views.iter().map(|view| key(view, plan, resources, [joints, morphs])).collect()
+    shadows.views.iter().map(|view| map_key(view, plan, resources, [joints, morphs])).collect()
 }
 
 /// Key of one map. `joints`, `morphs`: hashes of the frame's joint matrices and morph weights.
-fn key(
+fn map_key(
     view: &ShadowView,
     plan: &Plan,
     resources: &SceneResources,
@@ -32,7 +32,7 @@ fn key(
         let pipeline = &draw.pipeline;
         pipeline.displaced == 0
             && !pipeline.is_transparent()
-            && pipeline.features.only(MORE) == Features::default()
+            && pipeline.features.only(FEATURES_BEYOND_POSITIONS) == Features::default()
     };
     if !view.draws.iter().all(fixed) {
         return None;

@@ -6,7 +6,7 @@
 use crate::plan::build::effects::{history_of, shutter_of};
 use crate::plan::build::scene_inputs::reads_motion;
 use crate::plan::options::PlanOptions;
-use crate::plan::shutter_motion::Shown;
+use crate::plan::shutter_motion::ShutterScene;
 use crate::plan::{LeftOut, Plan, PlanDissolve};
 use crate::scene_resources::SceneResources;
 use choreo_motion::Time;
@@ -83,7 +83,7 @@ fn plan_shot<E>(
     }
     if let Some(mut shutter) = shutter_of(stage, snapshot, options.effects) {
         if !(options.all_sub_frames || options.force_all) {
-            let shown = Shown { resources, stage, options, plan: &plan };
+            let shown = ShutterScene { resources, stage, options, plan: &plan };
             let motion = shown.motion(shutter.samples, time_of(stage, time, &shutter), &mut at)?;
             shutter.samples = motion.sub_frames();
             if shutter.samples < motion.most {
@@ -192,7 +192,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_are_even_and_stay_in_the_shot() {
+    fn sub_frame_times_are_even_and_stay_within_the_shot() {
         let mut stage = Stage::default();
         let exposure = Shutter { samples: 4, open: 0.5, before: 0.5 };
         let frame = Time::TICKS_PER_SECOND / 30;

@@ -8,9 +8,9 @@ use choreo_stage::Background;
 use glam::{DMat4, DVec4, Mat4, Vec3, Vec4};
 
 /// Sample positions in a pixel, in sixteenths of its side from the top left: Vulkan's standard positions (1.3, "Multisampling").
-const ONE: [[u8; 2]; 1] = [[8, 8]];
-const FOUR: [[u8; 2]; 4] = [[6, 2], [14, 6], [2, 10], [10, 14]];
-const SIXTEEN: [[u8; 2]; 16] = [
+const ONE_SAMPLE: [[u8; 2]; 1] = [[8, 8]];
+const FOUR_SAMPLES: [[u8; 2]; 4] = [[6, 2], [14, 6], [2, 10], [10, 14]];
+const SIXTEEN_SAMPLES: [[u8; 2]; 16] = [
     [9, 9],
     [7, 5],
     [5, 10],
@@ -32,9 +32,9 @@ const SIXTEEN: [[u8; 2]; 16] = [
 /// The positions of 1, 4 or 16 samples.
 pub(crate) fn sample_places(samples: u32) -> &'static [[u8; 2]] {
     match samples {
-        1 => &ONE,
-        16 => &SIXTEEN,
-        _ => &FOUR,
+        1 => &ONE_SAMPLE,
+        16 => &SIXTEEN_SAMPLES,
+        _ => &FOUR_SAMPLES,
     }
 }
 

@@ -147,7 +147,7 @@ pub struct Feature {
     pub absence: Option<Absence>,
 }
 
-const PLAIN: Feature = Feature {
+const DEFAULT_FEATURE: Feature = Feature {
     name: "",
     bit: Features(0),
     by: RequestedBy::Material,
@@ -184,7 +184,7 @@ macro_rules! features {
 
         /// The table, in the order of the bits, which is the order in which pipelines are sorted.
         pub const FEATURES: &[Feature] =
-            &[$(Feature { name: stringify!($name), bit: Features::$name, $($field: $value,)* ..PLAIN }),*];
+            &[$(Feature { name: stringify!($name), bit: Features::$name, $($field: $value,)* ..DEFAULT_FEATURE }),*];
     };
 }
 

@@ -6,7 +6,7 @@
 //! joint. Other changes, such as a moving light, take all sub-frames.
 
 use crate::affine::to_f64;
-use crate::plan::build::effects::{effect_parameters, history_of, uses};
+use crate::plan::build::effects::{active_uses, effect_parameters, history_of};
 use crate::plan::build::overlay::overlays;
 use crate::plan::build::shadow_volumes::{FACES, in_frustum, near_depth};
 use crate::plan::build::skins::bind_of;
@@ -25,10 +25,10 @@ use std::fmt;
 /// no gaps (decision 56).
 pub const STEP: f64 = 1.0;
 /// Fractions of the open shutter at which the stage is evaluated. They are uneven, so that periodic motion is not missed.
-const LOOKS: [f64; 5] = [0.0, 0.21, 0.47, 0.76, 1.0];
+const SHUTTER_FRACTIONS: [f64; 5] = [0.0, 0.21, 0.47, 0.76, 1.0];
 /// Largest change of a color or a light between two of these times that counts as none: the color in the middle is close to the
 /// mean.
-const FAINT: f32 = 0.02;
+const MAX_IGNORED_CHANGE: f32 = 0.02;
 
 /// Motion while the shutter is open, and the number of sub-frames that it takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,7 +61,7 @@ impl fmt::Display for ShutterMotion {
 }
 
 /// Inputs of the estimate: a stage and the plan that shows it.
-pub(super) struct Shown<'a> {
+pub(super) struct ShutterScene<'a> {
     pub resources: &'a SceneResources,
     pub stage: &'a Stage,
     pub options: &'a PlanOptions<'a>,
@@ -69,7 +69,7 @@ pub(super) struct Shown<'a> {
     pub plan: &'a Plan,
 }
 
-impl Shown<'_> {
+impl ShutterScene<'_> {
     /// Estimates the motion. `time_of` gives the time at a fraction of the open shutter. Ends early once `most` sub-frames are
     /// needed.
     pub fn motion<E>(
@@ -78,9 +78,9 @@ impl Shown<'_> {
         time_of: impl Fn(f64) -> Time,
         mut at: impl FnMut(Time) -> Result<Snapshot, E>,
     ) -> Result<ShutterMotion, E> {
-        let mut before = at(time_of(LOOKS[0]))?;
+        let mut before = at(time_of(SHUTTER_FRACTIONS[0]))?;
         let mut pixels = 0.0;
-        for share in &LOOKS[1..] {
+        for share in &SHUTTER_FRACTIONS[1..] {
             let after = at(time_of(*share))?;
             match self.between(&before, &after) {
                 Ok(more) => pixels += more,
@@ -97,7 +97,8 @@ impl Shown<'_> {
     /// Pixels that the fastest pixel moves between two snapshots, or a change other than motion.
     fn between(&self, a: &Snapshot, b: &Snapshot) -> Result<f64, &'static str> {
         self.other_changes(a, b).map_or(Ok(()), Err)?;
-        let eyes = [a, b].map(|s| Eye::new(&View::new(&s.camera, self.options.size), self.options.size));
+        let eyes =
+            [a, b].map(|s| MotionView::new(&View::new(&s.camera, self.options.size), self.options.size));
         let mut fastest = 0.0f64;
         if a.sky.as_ref().is_some_and(|sky| sky.background) {
             fastest = sky_motion(a, &eyes, self.options.size);
@@ -119,7 +120,7 @@ impl Shown<'_> {
             };
             if states.iter().all(|s| s.visible && !s.culled) {
                 let lights = lights.iter().filter(|(actors, _)| actors.contains(&(actor as u32)));
-                let lights: Vec<&Eye> = lights.map(|(_, eye)| eye).collect();
+                let lights: Vec<&MotionView> = lights.map(|(_, eye)| eye).collect();
                 fastest = fastest.max(self.actor_motion(actor, states, &eyes, &lights));
             }
         }
@@ -127,13 +128,13 @@ impl Shown<'_> {
     }
 
     /// The views of shadow maps, and the actors drawn into each.
-    fn shadow_eyes(&self) -> Vec<(Vec<u32>, Eye)> {
+    fn shadow_eyes(&self) -> Vec<(Vec<u32>, MotionView)> {
         let views = self.plan.shadow_maps.iter().flat_map(|maps| &maps.views);
         let eye = |view: &crate::plan::ShadowView| {
             let instances =
                 view.draws.iter().flat_map(|d| d.first_instance..d.first_instance + d.instance_count);
             let actors = instances.map(|i| self.plan.instance_actors[i as usize]).collect();
-            let eye = Eye {
+            let eye = MotionView {
                 clip_from_relative: view.clip_from_relative.as_dmat4(),
                 position: self.plan.view.position,
                 half: DVec2::from(view.size.map(f64::from)) * 0.5,
@@ -145,7 +146,13 @@ impl Shown<'_> {
         views.map(eye).collect()
     }
 
-    fn actor_motion(&self, actor: usize, states: [&ActorState; 2], eyes: &[Eye; 2], lights: &[&Eye]) -> f64 {
+    fn actor_motion(
+        &self,
+        actor: usize,
+        states: [&ActorState; 2],
+        eyes: &[MotionView; 2],
+        lights: &[&MotionView],
+    ) -> f64 {
         let asset = &self.stage.actors[actor].asset;
         let entry = self.resources.entry(actor);
         let mut fastest = 0.0f64;
@@ -159,7 +166,7 @@ impl Shown<'_> {
                     lights.iter().for_each(|light| fastest = fastest.max(part.motion_of_shadow(light)));
                 };
                 if resource.info.valid {
-                    parts(asset, instance, resource, states, &mut add);
+                    moving_boxes(asset, instance, resource, states, &mut add);
                 }
             }
         }
@@ -190,7 +197,7 @@ impl Shown<'_> {
             return Some("a 2D layer behind the scene changes");
         }
         let in_scene = |s: &Snapshot| -> Vec<(usize, Vec<f32>)> {
-            let drawn = uses(stage, s, options.effects)
+            let drawn = active_uses(stage, s, options.effects)
                 .filter(|(effect, ..)| effect.hook().is_in_scene() || effect.hook() == Hook::Overlay);
             drawn
                 .map(|(effect, _, state)| (state.effect, effect_parameters(effect, &state.parameters)))
@@ -199,7 +206,7 @@ impl Shown<'_> {
         if in_scene(a) != in_scene(b) {
             return Some("an effect changes");
         }
-        if uses(stage, a, options.effects).any(|(effect, ..)| effect.hook() == Hook::Overlay) {
+        if active_uses(stage, a, options.effects).any(|(effect, ..)| effect.hook() == Hook::Overlay) {
             let drawn =
                 |s: &Snapshot| overlays(stage, s, &View::new(&s.camera, options.size), options).overlay;
             if history_of(stage, a, options.effects, Hook::Overlay) > 0 || drawn(a) != drawn(b) {
@@ -227,14 +234,14 @@ fn actor_changes(a: &ActorState, b: &ActorState) -> Option<&'static str> {
     if !a.visible {
         return None;
     }
-    let color = |a: Vec4, b: Vec4| (a - b).abs().max_element() > FAINT;
+    let color = |a: Vec4, b: Vec4| (a - b).abs().max_element() > MAX_IGNORED_CHANGE;
     let base_colors = a.base_colors.iter().zip(&b.base_colors).any(|(a, b)| color(*a, *b));
     let recolored = color(a.tint, b.tint) || base_colors || a.base_colors.len() != b.base_colors.len();
     (recolored || a.materials != b.materials || a.line_width != b.line_width).then_some("a material changes")
 }
 
 fn differs(a: Vec3, b: Vec3) -> bool {
-    (a - b).abs().max_element() > FAINT * a.max(b).max_element()
+    (a - b).abs().max_element() > MAX_IGNORED_CHANGE * a.max(b).max_element()
 }
 
 /// Whether a light changes by more than a barely visible change of color.
@@ -246,7 +253,7 @@ fn light_changes(a: &LightState, b: &LightState) -> bool {
 }
 
 /// A view: the camera's, or that of a light's shadow map.
-struct Eye {
+struct MotionView {
     clip_from_relative: DMat4,
     position: DVec3,
     /// Half a side of the image in pixels.
@@ -257,10 +264,10 @@ struct Eye {
     metre: f64,
 }
 
-impl Eye {
-    fn new(view: &View, size: [u32; 2]) -> Eye {
+impl MotionView {
+    fn new(view: &View, size: [u32; 2]) -> MotionView {
         let near = if view.eye.w == 0.0 { 1e-9 } else { near_depth(view) };
-        Eye {
+        MotionView {
             clip_from_relative: view.clip_from_relative.as_dmat4(),
             position: view.position,
             half: DVec2::from(size.map(f64::from)) * 0.5,
@@ -290,21 +297,21 @@ struct MovingBox<'a> {
 }
 
 /// Clip coordinates of a point at two times.
-type Ends = (DVec4, DVec4);
+type ClipPositions = (DVec4, DVec4);
 
 impl MovingBox<'_> {
-    fn motion(&self, eyes: &[Eye; 2]) -> f64 {
+    fn motion(&self, eyes: &[MotionView; 2]) -> f64 {
         let [a, b] = [0, 1].map(|k| eyes[k].clip_from(&self.world_from_mesh[k]));
         if a == b && self.morph == 0.0 {
             return 0.0;
         }
-        let ends = |p: Vec3| -> Ends {
+        let ends = |p: Vec3| -> ClipPositions {
             let p = p.as_dvec3().extend(1.0);
             (a * p, b * p)
         };
         let corners = self.bounds.corners().map(ends);
-        let way = |(a, b): Ends| eyes[0].pixel(a).distance(eyes[1].pixel(b));
-        let farthest = |points: &[Ends]| points.iter().map(|p| way(*p)).fold(0.0, f64::max);
+        let way = |(a, b): ClipPositions| eyes[0].pixel(a).distance(eyes[1].pixel(b));
+        let farthest = |points: &[ClipPositions]| points.iter().map(|p| way(*p)).fold(0.0, f64::max);
         let near = eyes[0].nearest;
         let within = |p: DVec4| p.w >= near && p.x.abs() <= p.w && p.y.abs() <= p.w && p.z <= p.w;
         let nearest = corners.iter().map(|(a, b)| a.w.min(b.w)).fold(f64::INFINITY, f64::min).max(near);
@@ -315,7 +322,7 @@ impl MovingBox<'_> {
             return farthest(&corners) + morph;
         }
         let mut fastest = 0.0f64;
-        let mut add = |polygon: Vec<Ends>| fastest = fastest.max(farthest(&in_frustum(polygon)));
+        let mut add = |polygon: Vec<ClipPositions>| fastest = fastest.max(farthest(&in_frustum(polygon)));
         match self.shape.map(PrimitiveResource::primitive) {
             // The camera may stand inside the box, as on a ground or in a room; then the triangles are used.
             Some(shape)
@@ -330,7 +337,7 @@ impl MovingBox<'_> {
     }
 
     /// Texels that the box's shadow moves in a shadow map.
-    fn motion_of_shadow(&self, light: &Eye) -> f64 {
+    fn motion_of_shadow(&self, light: &MotionView) -> f64 {
         if self.world_from_mesh[0] == self.world_from_mesh[1] {
             return 0.0;
         }
@@ -349,7 +356,7 @@ impl MovingBox<'_> {
 }
 
 /// Calls `add` with each box of a primitive that moves as one, its transforms at two times, and whether the mesh is rigid.
-fn parts(
+fn moving_boxes(
     asset: &choreo_asset::Asset,
     instance: &MeshInstance,
     resource: &PrimitiveResource,
@@ -390,7 +397,7 @@ fn morph_motion(resource: &PrimitiveResource, instance: usize, states: [&ActorSt
 }
 
 /// Pixels that the sky moves as the camera turns.
-fn sky_motion(a: &Snapshot, eyes: &[Eye; 2], size: [u32; 2]) -> f64 {
+fn sky_motion(a: &Snapshot, eyes: &[MotionView; 2], size: [u32; 2]) -> f64 {
     let [right, down, ahead] = rays(&View::new(&a.camera, size)).map(|v| v.as_dvec3());
     let places = [[0.0, 0.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
     let way = |[x, y]: [f64; 2]| {

@@ -19,16 +19,16 @@ pub const MOST: u32 = 32_768;
 
 /// Largest number of pixels that are drawn at once, even if a device could draw more: color, depth and the copy for the host
 /// take 12 bytes per pixel beside the frame itself, and 44 with four samples.
-const AT_ONCE: u64 = 1 << 26;
+const MAX_PIXELS_AT_ONCE: u64 = 1 << 26;
 /// Side of a tile of such an image in pixels.
-const SIDE: u32 = 4096;
+const TILE_SIDE: u32 = 4096;
 
 /// Side of an image's tiles in pixels; `None` if it is drawn as a whole. `longest`: the device's largest image side. `whole`: the
 /// image should not be drawn in tiles, so it is only if the device's limit requires it.
 pub(crate) fn side_of_tiles(size: [u32; 2], longest: u32, whole: bool) -> Option<u32> {
-    let many = u64::from(size[0]) * u64::from(size[1]) > AT_ONCE;
+    let many = u64::from(size[0]) * u64::from(size[1]) > MAX_PIXELS_AT_ONCE;
     match size.iter().any(|side| *side > longest) {
-        _ if many && !whole => Some(longest.min(SIDE)),
+        _ if many && !whole => Some(longest.min(TILE_SIDE)),
         true => Some(longest),
         false => None,
     }
@@ -47,7 +47,7 @@ pub struct Tile {
 /// multiples of 16 pixels, or of four, if the limit allows: dithering repeats after 16 pixels, and derivatives are computed in
 /// quads of two by two.
 pub fn tiles(size: [u32; 2], limit: u32) -> Vec<Tile> {
-    let step = [crate::dither::SIDE as u32, 4, 1].into_iter().find(|step| *step <= limit).unwrap_or(1);
+    let step = [crate::dither::TILE_SIDE as u32, 4, 1].into_iter().find(|step| *step <= limit).unwrap_or(1);
     let limit = (limit / step * step).max(1);
     let side = size.map(|s| s.div_ceil(s.div_ceil(limit).max(1)).next_multiple_of(step).min(limit));
     let along = move |i: usize| (0..size[i].div_ceil(side[i])).map(move |n| n * side[i]);
@@ -66,7 +66,7 @@ impl Plan {
             );
             return Err(RenderError::Usage(text));
         }
-        let cut = cut(self.size, tile);
+        let cut = tile_from_image(self.size, tile);
         let clip = |m: Mat4| (cut * m.as_dmat4()).as_mat4();
         let view = View {
             clip_from_view: clip(self.view.clip_from_view),
@@ -129,7 +129,7 @@ impl Plan {
 }
 
 /// clip-of-tile-from-clip-of-image.
-fn cut(whole: [u32; 2], tile: Tile) -> DMat4 {
+fn tile_from_image(whole: [u32; 2], tile: Tile) -> DMat4 {
     let row = |i: usize| {
         let (whole, at, side) = (f64::from(whole[i]), f64::from(tile.at[i]), f64::from(tile.size[i]));
         (whole / side, (whole - 2.0 * at) / side - 1.0)
@@ -176,7 +176,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn large_images_are_tiled_even_if_a_device_could_draw_them() {
+    fn large_images_are_tiled_on_any_device() {
         let side = |size: [u32; 2], whole| side_of_tiles(size, 16384, whole);
         assert_eq!([[8192, 8192], [16384, 4096], [1, 1]].map(|size| side(size, false)), [None; 3]);
         assert_eq!(side([8192, 8193], false), Some(4096));
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_of_the_image_is_the_same_point_of_its_tile() {
+    fn points_project_to_the_same_pixel_in_their_tile() {
         let whole = [200u32, 150];
         for tile in tiles(whole, 64) {
             let clip = DVec4::new(0.3, -0.7, 0.2, 1.9);
@@ -212,14 +212,14 @@ mod tests {
                 let size = glam::DVec2::new(f64::from(size[0]), f64::from(size[1]));
                 (c.xy() / c.w * 0.5 + 0.5) * size
             };
-            let there = pixel(cut(whole, tile) * clip, tile.size);
+            let there = pixel(tile_from_image(whole, tile) * clip, tile.size);
             let here = pixel(clip, whole) - glam::DVec2::new(f64::from(tile.at[0]), f64::from(tile.at[1]));
             assert!((there - here).length() < 1e-9);
         }
     }
 
     #[test]
-    fn layers_are_cut() {
+    fn layers_behind_are_cut_into_tiles() {
         let pixels: Vec<glam::Vec4> = (0..12).map(|i| glam::Vec4::splat(i as f32)).collect();
         let flat = LayerImage { size: [10, 10], at: [3, 2], area: [4, 3], pixels, hash: [7; 32] };
         let part = flat.part(Tile { at: [5, 0], size: [5, 4], keep: [5, 4] });

@@ -23,7 +23,7 @@ impl SceneResources {
 
     /// Like `new`. Assets of the earlier resources are not hashed and measured again.
     pub fn after(earlier: &SceneResources, stage: &Stage) -> SceneResources {
-        let (mut resources, assets) = SceneResources::collected(earlier, stage);
+        let (mut resources, assets) = SceneResources::collect_resources(earlier, stage);
         let pays = paying(&resources, stage);
         for (index, asset) in assets.iter().enumerate().filter(|(index, _)| pays[*index]) {
             resources.add_levels(index, asset, earlier);
@@ -33,14 +33,14 @@ impl SceneResources {
 
     /// Like `new`, but without levels of detail, which take time. Marks the assets for which they would pay.
     pub fn without_levels(stage: &Stage) -> SceneResources {
-        let (mut resources, _) = SceneResources::collected(&SceneResources::default(), stage);
+        let (mut resources, _) = SceneResources::collect_resources(&SceneResources::default(), stage);
         let pays = paying(&resources, stage);
         resources.assets.iter_mut().zip(pays).for_each(|(entry, pays)| entry.wants_levels = pays);
         resources
     }
 
     /// The resources without levels of detail, and the distinct assets.
-    fn collected<'a>(earlier: &SceneResources, stage: &'a Stage) -> (SceneResources, Vec<&'a Asset>) {
+    fn collect_resources<'a>(earlier: &SceneResources, stage: &'a Stage) -> (SceneResources, Vec<&'a Asset>) {
         let mut builder = Builder::default();
         for p in &earlier.primitives {
             builder.known_primitives.insert((Arc::as_ptr(&p.mesh), p.index), (p.hash, p.info.clone()));

@@ -9,9 +9,9 @@ use glam::Vec3;
 use rayon::prelude::{ParallelIterator, ParallelSlice};
 
 /// Steps of the grid along a triangle's edge. The 28 points include its vertices, centroid and edge midpoints.
-const STEPS: u32 = 6;
+const GRID_STEPS: u32 = 6;
 /// Number of vertices or triangles in one parallel task.
-const CHUNK: usize = 256;
+const TASK_SIZE: usize = 256;
 /// Largest number of triangles in a leaf.
 const LEAF_SIZE: usize = 4;
 
@@ -35,20 +35,21 @@ pub(crate) fn hausdorff_distance(fine: Surface, coarse: Surface) -> f32 {
     let mut used = fine.indices.to_vec();
     used.sort_unstable();
     used.dedup();
-    let of_vertex = |worst: f32, vertex: &u32| of_coarse.farther(fine.positions[*vertex as usize], worst);
+    let of_vertex =
+        |worst: f32, vertex: &u32| of_coarse.farthest_squared(fine.positions[*vertex as usize], worst);
     let of_triangle = |worst: f32, triangle: &[u32]| {
         let [a, b, c] = [triangle[0], triangle[1], triangle[2]].map(|i| coarse.positions[i as usize]);
-        let steps = (0..=STEPS).flat_map(|i| (0..=STEPS - i).map(move |j| [i, j]));
+        let steps = (0..=GRID_STEPS).flat_map(|i| (0..=GRID_STEPS - i).map(move |j| [i, j]));
         steps.fold(worst, |worst, step| {
-            let [u, v] = step.map(|n| n as f32 / STEPS as f32);
-            of_fine.farther(a + (b - a) * u + (c - a) * v, worst)
+            let [u, v] = step.map(|n| n as f32 / GRID_STEPS as f32);
+            of_fine.farthest_squared(a + (b - a) * u + (c - a) * v, worst)
         })
     };
     // A coarse sample first gives a lower bound: points within it need no exact distance.
-    let few = used.iter().step_by(CHUNK / 8).fold(0.0, of_vertex);
-    let few = coarse.indices.chunks_exact(3).step_by(CHUNK / 8).fold(few, of_triangle);
-    let vertices = used.par_chunks(CHUNK).map(|vertices| vertices.iter().fold(few, of_vertex));
-    let triangles = coarse.indices.par_chunks(3 * CHUNK);
+    let few = used.iter().step_by(TASK_SIZE / 8).fold(0.0, of_vertex);
+    let few = coarse.indices.chunks_exact(3).step_by(TASK_SIZE / 8).fold(few, of_triangle);
+    let vertices = used.par_chunks(TASK_SIZE).map(|vertices| vertices.iter().fold(few, of_vertex));
+    let triangles = coarse.indices.par_chunks(3 * TASK_SIZE);
     let triangles = triangles.map(|vertices| vertices.chunks_exact(3).fold(few, of_triangle));
     vertices.chain(triangles).reduce(|| 0.0, f32::max).sqrt()
 }
@@ -97,7 +98,7 @@ impl Tree {
     }
 
     /// The larger of `than` and the squared distance from a point to the nearest triangle.
-    fn farther(&self, from: Vec3, than: f32) -> f32 {
+    fn farthest_squared(&self, from: Vec3, than: f32) -> f32 {
         let outside = |b: &Aabb| from.distance_squared(from.clamp(b.min, b.max));
         let mut nearest = f32::INFINITY;
         let mut open: Vec<u32> = Vec::with_capacity(32);
@@ -152,7 +153,7 @@ mod tests {
     use super::*;
 
     /// A grid of squares with a height at each vertex.
-    fn sheet(squares: u32, height: impl Fn(f32, f32) -> f32) -> (Vec<Vec3>, Vec<u32>) {
+    fn height_field(squares: u32, height: impl Fn(f32, f32) -> f32) -> (Vec<Vec3>, Vec<u32>) {
         let n = squares + 1;
         let at = |i: u32| i as f32 / squares as f32;
         let positions = (0..n * n).map(|i| {
@@ -171,36 +172,36 @@ mod tests {
     }
 
     #[test]
-    fn it_is_the_height_of_what_is_left_out() {
-        let flat = sheet(1, |_, _| 0.0);
-        assert!(between(&sheet(16, |_, _| 0.0), &flat) < 1e-6);
+    fn distance_is_the_height_of_the_removed_detail() {
+        let flat = height_field(1, |_, _| 0.0);
+        assert!(between(&height_field(16, |_, _| 0.0), &flat) < 1e-6);
         // One bump on a plane, off its diagonal.
-        let bump = sheet(16, |x, y| if (x, y) == (0.75, 0.25) { 0.03 } else { 0.0 });
+        let bump = height_field(16, |x, y| if (x, y) == (0.75, 0.25) { 0.03 } else { 0.0 });
         assert!((between(&bump, &flat) - 0.03).abs() < 1e-6);
         assert!((between(&flat, &bump) - 0.03).abs() < 1e-3, "either way");
         // A sphere's cap of radius 2 under a square: its sagitta is where both diagonals meet.
         let cap = |x: f32, y: f32| (4.0 - (x - 0.5) * (x - 0.5) - (y - 0.5) * (y - 0.5)).sqrt();
         let sagitta = cap(0.5, 0.5) - cap(0.0, 0.0);
-        let found = between(&sheet(32, cap), &sheet(1, cap));
+        let found = between(&height_field(32, cap), &height_field(1, cap));
         assert!((found - sagitta).abs() < 0.01 * sagitta, "{found} for {sagitta}");
     }
 
     #[test]
-    fn the_tree_finds_what_all_triangles_say() {
-        let wavy = sheet(9, |x, y| 0.1 * libm::sinf(9.0 * x) * libm::cosf(7.0 * y));
+    fn the_tree_finds_the_nearest_triangle() {
+        let wavy = height_field(9, |x, y| 0.1 * libm::sinf(9.0 * x) * libm::cosf(7.0 * y));
         let surface = Surface { positions: &wavy.0, indices: &wavy.1 };
         let tree = Tree::new(surface);
         for i in 0..200 {
             let f = |k: u32| (i * k % 97) as f32 / 60.0 - 0.3;
             let p = Vec3::new(f(31), f(57), f(11) * 0.5);
             let least = surface.triangles().map(|t| squared_distance(p, t)).fold(f32::INFINITY, f32::min);
-            assert_eq!(tree.farther(p, 0.0), least);
-            assert_eq!(tree.farther(p, 2.0 * least + 1e-9), 2.0 * least + 1e-9);
+            assert_eq!(tree.farthest_squared(p, 0.0), least);
+            assert_eq!(tree.farthest_squared(p, 2.0 * least + 1e-9), 2.0 * least + 1e-9);
         }
     }
 
     #[test]
-    fn distances_to_corners_edges_and_the_face() {
+    fn squared_distances_to_vertices_edges_and_the_face() {
         let t = [Vec3::ZERO, Vec3::X, Vec3::Y];
         for (p, square) in [
             (Vec3::new(0.2, 0.2, 3.0), 9.0),

@@ -17,13 +17,13 @@ use std::collections::{HashMap, HashSet};
 
 /// Largest length of an edge, as a multiple of its distance from the nearest camera or actor. A point on it is exact to 256 ·
 /// 2⁻²³ of that distance, a twentieth of a pixel of an image 1,080 pixels high.
-const LONGEST: f64 = 256.0;
+const MAX_EDGE_RATIO: f64 = 256.0;
 /// Radius around a camera that counts as near it, as a multiple of its near plane.
-const NEAR_PLANES: f64 = 16.0;
+const CAMERA_RADIUS_IN_NEAR_PLANES: f64 = 16.0;
 /// Number of times at which actors and cameras are evaluated. Between these they are taken to move in straight lines.
-const TIMES: i64 = 17;
+const EVALUATION_TIMES: i64 = 17;
 /// Largest number of triangles of a split mesh. One that needs more is split less.
-const MOST_TRIANGLES: usize = 1 << 16;
+const MAX_TRIANGLES: usize = 1 << 16;
 
 /// Splits the large triangles of rigid meshes.
 pub(super) fn split(resources: &mut SceneResources, stage: &Stage) {
@@ -32,15 +32,17 @@ pub(super) fn split(resources: &mut SceneResources, stage: &Stage) {
         return;
     }
     let length = i128::from(stage.settings.length.0.max(0));
-    let time = |i: i64| Time((length * i128::from(i) / i128::from(TIMES - 1)) as i64);
-    let Ok(snapshots) = stage.placed_at(&(0..TIMES).map(time).collect::<Vec<Time>>()) else { return };
-    let mut uses: HashMap<u32, Vec<Use>> = HashMap::new();
+    let time = |i: i64| Time((length * i128::from(i) / i128::from(EVALUATION_TIMES - 1)) as i64);
+    let Ok(snapshots) = stage.placed_at(&(0..EVALUATION_TIMES).map(time).collect::<Vec<Time>>()) else {
+        return;
+    };
+    let mut uses: HashMap<u32, Vec<MeshUse>> = HashMap::new();
     for mesh in &placed {
-        uses.entry(mesh.primitive).or_default().extend(Use::new(mesh, stage, &snapshots));
+        uses.entry(mesh.primitive).or_default().extend(MeshUse::new(mesh, stage, &snapshots));
     }
     for (primitive, uses) in uses {
         let resource = &mut resources.primitives[primitive as usize];
-        let factors = (0..32).map(|halvings| LONGEST * f64::from(1u32 << halvings));
+        let factors = (0..32).map(|halvings| MAX_EDGE_RATIO * f64::from(1u32 << halvings));
         let parts = factors.map(|longest| Splitter::run(resource.primitive(), &uses, longest));
         let parts = parts.flatten().next();
         if let Some(parts) = parts.filter(|parts| parts.indices.len() > resource.primitive().indices.len()) {
@@ -59,8 +61,8 @@ struct LargeMesh {
 /// Rigid meshes with an edge that may be too long for the smallest object in the scene.
 fn large_meshes(resources: &SceneResources, stage: &Stage) -> Vec<LargeMesh> {
     let scale = |index: usize| stage.actors[index].transform.scale.abs().max_element();
-    let sizes = (0..stage.actors.len()).map(|i| f64::from(diagonal(stage, i)) * scale(i));
-    let near = stage.cameras.iter().map(|camera| NEAR_PLANES * f64::from(camera.near()));
+    let sizes = (0..stage.actors.len()).map(|i| f64::from(model_diagonal(stage, i)) * scale(i));
+    let near = stage.cameras.iter().map(|camera| CAMERA_RADIUS_IN_NEAR_PLANES * f64::from(camera.near()));
     let smallest = sizes.chain(near).filter(|size| *size > 0.0).fold(f64::INFINITY, f64::min);
     let mut all = Vec::new();
     for (index, actor) in stage.actors.iter().enumerate().filter(|(_, a)| a.asset.placements.is_empty()) {
@@ -74,8 +76,10 @@ fn large_meshes(resources: &SceneResources, stage: &Stage) -> Vec<LargeMesh> {
             let is_large = |primitive: &u32| {
                 let resource = &resources.primitives[*primitive as usize];
                 let bounds = resource.info.bounds;
-                let large = |length: f32| f64::from(length) * stretch > LONGEST * smallest;
-                is_rigid(resource) && large((bounds.max - bounds.min).length()) && edges(resource).any(large)
+                let large = |length: f32| f64::from(length) * stretch > MAX_EDGE_RATIO * smallest;
+                is_rigid(resource)
+                    && large((bounds.max - bounds.min).length())
+                    && edge_lengths(resource).any(large)
             };
             let large = primitives.iter().map(|entry| entry.primitive).filter(is_large);
             all.extend(large.map(|primitive| LargeMesh { primitive, actor: index, model_from_joint }));
@@ -90,7 +94,7 @@ fn is_rigid(resource: &PrimitiveResource) -> bool {
     rigid && resource.info.valid && shape.positions.iter().all(|p| p.is_finite())
 }
 
-fn edges(resource: &PrimitiveResource) -> impl Iterator<Item = f32> {
+fn edge_lengths(resource: &PrimitiveResource) -> impl Iterator<Item = f32> {
     let shape = resource.primitive();
     let at = move |i: u32| shape.positions[i as usize];
     let of = move |t: &[u32]| [(0, 1), (1, 2), (2, 0)].map(|(a, b)| at(t[a]).distance(at(t[b])));
@@ -98,50 +102,51 @@ fn edges(resource: &PrimitiveResource) -> impl Iterator<Item = f32> {
 }
 
 /// Diagonal of an actor's model at rest, 0 without a mesh.
-fn diagonal(stage: &Stage, actor: usize) -> f32 {
+fn model_diagonal(stage: &Stage, actor: usize) -> f32 {
     let bounds = stage.actors[actor].asset.rest_bounds();
     if bounds.is_empty() { 0.0 } else { (bounds.max - bounds.min).length() }
 }
 
 /// A region in which triangles must be short: a ball that moves straight from one place to another.
 #[derive(Clone, Copy, Debug)]
-struct Near {
-    way: [DVec3; 2],
+struct FineRegion {
+    path: [DVec3; 2],
     radius: f64,
 }
 
 /// A use of a mesh by an actor with the balls near it, in world space with the actor at its first placement.
 #[derive(Debug)]
-struct Use {
+struct MeshUse {
     place: DAffine3,
-    near: Vec<Near>,
+    near: Vec<FineRegion>,
     smallest: f64,
 }
 
-impl Use {
+impl MeshUse {
     /// The use of a mesh; `None` if a scale of zero flattens it.
-    fn new(mesh: &LargeMesh, stage: &Stage, snapshots: &[Snapshot]) -> Option<Use> {
+    fn new(mesh: &LargeMesh, stage: &Stage, snapshots: &[Snapshot]) -> Option<MeshUse> {
         let joint = to_f64(mesh.model_from_joint);
         let world_from_mesh = |s: &Snapshot| s.actors[mesh.actor].world_from_model * joint;
         let place = world_from_mesh(snapshots.first()?);
         // The mesh stays at its first placement; everything else moves relative to it.
         let still = |s: &Snapshot| place * world_from_mesh(s).inverse();
         let actors: Vec<usize> =
-            (0..stage.actors.len()).filter(|i| *i != mesh.actor && diagonal(stage, *i) > 0.0).collect();
+            (0..stage.actors.len()).filter(|i| *i != mesh.actor && model_diagonal(stage, *i) > 0.0).collect();
         let mut known = HashSet::new();
         let mut near = Vec::new();
         for pair in snapshots.windows(2) {
-            let [from, to] = [&pair[0], &pair[1]].map(|s| balls(stage, s, &actors, &still(s)));
+            let [from, to] =
+                [&pair[0], &pair[1]].map(|s| balls_around_camera_and_actors(stage, s, &actors, &still(s)));
             // The camera jumps at a cut, so it does not move in between.
             let cut = pair[0].camera.camera != pair[1].camera.camera;
             for (i, (from, to)) in from.into_iter().zip(to).enumerate() {
-                let ways = if i == 0 && cut { vec![[from.0; 2], [to.0; 2]] } else { vec![[from.0, to.0]] };
-                let balls = ways.into_iter().map(|way| Near { way, radius: from.1.max(to.1) });
+                let paths = if i == 0 && cut { vec![[from.0; 2], [to.0; 2]] } else { vec![[from.0, to.0]] };
+                let balls = paths.into_iter().map(|path| FineRegion { path, radius: from.1.max(to.1) });
                 near.extend(balls.filter(|ball| ball.is_known() && known.insert(ball.cell())));
             }
         }
         let smallest = near.iter().map(|ball| ball.radius).fold(f64::INFINITY, f64::min);
-        (place.is_finite() && place.matrix3.determinant() != 0.0).then_some(Use { place, near, smallest })
+        (place.is_finite() && place.matrix3.determinant() != 0.0).then_some(MeshUse { place, near, smallest })
     }
 
     fn is_long(&self, [a, b]: [Vec3; 2], longest: f64) -> bool {
@@ -149,41 +154,48 @@ impl Use {
         let length = a.distance(b);
         // Splitting gains nothing below the rounding error of the mesh's own positions.
         let least = a.length().max(b.length()) * f64::from(f32::EPSILON);
-        let long = |ball: &Near| length > longest * (ball.radius.max(least) + distance([a, b], ball.way));
+        let long = |ball: &FineRegion| {
+            length > longest * (ball.radius.max(least) + segment_distance([a, b], ball.path))
+        };
         length > longest * self.smallest && self.near.iter().any(long)
     }
 }
 
 /// Balls around the camera and the actors: centers and radii.
-fn balls(stage: &Stage, s: &Snapshot, actors: &[usize], still: &DAffine3) -> Vec<(DVec3, f64)> {
+fn balls_around_camera_and_actors(
+    stage: &Stage,
+    s: &Snapshot,
+    actors: &[usize],
+    still: &DAffine3,
+) -> Vec<(DVec3, f64)> {
     let near = s.camera.camera.and_then(|camera| stage.cameras.get(camera)).map_or(0.0, |c| c.near());
-    let camera = (s.camera.world_from_view.translation, NEAR_PLANES * f64::from(near));
+    let camera = (s.camera.world_from_view.translation, CAMERA_RADIUS_IN_NEAR_PLANES * f64::from(near));
     let of_actor = |index: &usize| {
         let world_from_model = s.actors[*index].world_from_model;
         let center = stage.actors[*index].asset.rest_bounds().center().as_dvec3();
         let scale = libm::cbrt(world_from_model.matrix3.determinant().abs());
-        (world_from_model.transform_point3(center), scale * f64::from(diagonal(stage, *index)))
+        (world_from_model.transform_point3(center), scale * f64::from(model_diagonal(stage, *index)))
     };
     let balls = std::iter::once(camera).chain(actors.iter().map(of_actor));
     balls.map(|(center, radius)| (still.transform_point3(center), radius)).collect()
 }
 
-impl Near {
+impl FineRegion {
     fn is_known(&self) -> bool {
-        self.way.iter().all(|p| p.is_finite()) && self.radius.is_finite()
+        self.path.iter().all(|p| p.is_finite()) && self.radius.is_finite()
     }
 
     /// Key of nearly equal balls, of which only one is kept.
     fn cell(&self) -> [i64; 7] {
         let exponent = if self.radius > 0.0 { libm::ilogb(self.radius) } else { -20 };
         let side = libm::ldexp(1.0, exponent);
-        let cell = |i: usize| (self.way[i / 3][i % 3] / side).floor() as i64;
+        let cell = |i: usize| (self.path[i / 3][i % 3] / side).floor() as i64;
         std::array::from_fn(|i| if i < 6 { cell(i) } else { exponent.into() })
     }
 }
 
 /// Distance between two segments (Ericson, "Real-Time Collision Detection", 2005, §5.1.9).
-fn distance([p1, q1]: [DVec3; 2], [p2, q2]: [DVec3; 2]) -> f64 {
+fn segment_distance([p1, q1]: [DVec3; 2], [p2, q2]: [DVec3; 2]) -> f64 {
     let (d1, d2, r) = (q1 - p1, q2 - p2, p1 - p2);
     let (a, e, b) = (d1.dot(d1), d2.dot(d2), d1.dot(d2));
     let (c, f) = (d1.dot(r), d2.dot(r));
@@ -198,7 +210,7 @@ fn distance([p1, q1]: [DVec3; 2], [p2, q2]: [DVec3; 2]) -> f64 {
 /// Splits the triangles of a mesh, and their parts, at the middles of their long edges.
 struct Splitter<'a> {
     shape: Primitive,
-    uses: &'a [Use],
+    uses: &'a [MeshUse],
     longest: f64,
     /// The vertex in the middle of each visited edge; `None` if the edge is short enough.
     middles: HashMap<[u32; 2], Option<u32>>,
@@ -206,14 +218,14 @@ struct Splitter<'a> {
 
 impl Splitter<'_> {
     /// The split mesh; `None` if it would need too many triangles.
-    fn run(shape: &Primitive, uses: &[Use], longest: f64) -> Option<Primitive> {
+    fn run(shape: &Primitive, uses: &[MeshUse], longest: f64) -> Option<Primitive> {
         let mut splitter = Splitter {
             shape: Primitive { indices: Vec::new(), ..shape.clone() },
             uses,
             longest,
             middles: HashMap::new(),
         };
-        let most = shape.indices.len() + 3 * MOST_TRIANGLES;
+        let most = shape.indices.len() + 3 * MAX_TRIANGLES;
         for triangle in shape.indices.chunks_exact(3) {
             let mut waiting = vec![[triangle[0], triangle[1], triangle[2]]];
             while let Some(triangle) = waiting.pop() {
@@ -284,7 +296,7 @@ mod tests {
     use glam::Vec2;
 
     /// A level square, sides and texture coordinates in metres.
-    fn ground(side: f32) -> Primitive {
+    fn square_ground(side: f32) -> Primitive {
         let corners = [Vec2::new(-1.0, 1.0), Vec2::ONE, Vec2::new(1.0, -1.0), Vec2::splat(-1.0)];
         let at = corners.map(|c| c * 0.5 * side);
         Primitive {
@@ -297,15 +309,17 @@ mod tests {
     }
 
     /// A character of two metres that walks from one place to another.
-    fn walker(way: [DVec3; 2]) -> Use {
-        Use { place: DAffine3::IDENTITY, near: vec![Near { way, radius: 2.0 }], smallest: 2.0 }
+    fn use_with_walking_character(path: [DVec3; 2]) -> MeshUse {
+        MeshUse { place: DAffine3::IDENTITY, near: vec![FineRegion { path, radius: 2.0 }], smallest: 2.0 }
     }
 
     #[test]
-    fn parts_are_short_near_things_and_cover_the_same_area_without_gaps() {
-        let ways = [[DVec3::ZERO; 2], [DVec3::new(-3e4, 0.0, 11.0), DVec3::new(2e4, 0.0, 700.0)]];
-        for (way, most) in ways.into_iter().zip([400, 4000]) {
-            let parts = Splitter::run(&ground(1e5), &[walker(way)], LONGEST).unwrap();
+    fn split_edges_are_short_near_actors_without_gaps() {
+        let paths = [[DVec3::ZERO; 2], [DVec3::new(-3e4, 0.0, 11.0), DVec3::new(2e4, 0.0, 700.0)]];
+        for (path, most) in paths.into_iter().zip([400, 4000]) {
+            let parts =
+                Splitter::run(&square_ground(1e5), &[use_with_walking_character(path)], MAX_EDGE_RATIO)
+                    .unwrap();
             let triangles: Vec<[usize; 3]> =
                 parts.indices.chunks_exact(3).map(|t| [0, 1, 2].map(|i| t[i] as usize)).collect();
             println!("{} triangles", triangles.len());
@@ -318,8 +332,8 @@ mod tests {
                 area += 0.5 * normal.length();
                 for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
                     *sides.entry((a.min(b), a.max(b))).or_insert(0) += 1;
-                    let (length, away) = (at(a).distance(at(b)), distance([at(a), at(b)], way));
-                    assert!(length <= LONGEST * (2.0 + away), "{length} m at {away} m");
+                    let (length, away) = (at(a).distance(at(b)), segment_distance([at(a), at(b)], path));
+                    assert!(length <= MAX_EDGE_RATIO * (2.0 + away), "{length} m at {away} m");
                 }
             }
             assert!((area / 1e10 - 1.0).abs() < 1e-9, "{area}");
@@ -333,15 +347,20 @@ mod tests {
     }
 
     #[test]
-    fn usual_grounds_stay_as_they_are() {
+    fn ordinary_grounds_are_not_split() {
         for side in [10.0, 360.0] {
-            let parts = Splitter::run(&ground(side), &[walker([DVec3::ZERO; 2])], LONGEST).unwrap();
-            assert_eq!(parts, ground(side));
+            let parts = Splitter::run(
+                &square_ground(side),
+                &[use_with_walking_character([DVec3::ZERO; 2])],
+                MAX_EDGE_RATIO,
+            )
+            .unwrap();
+            assert_eq!(parts, square_ground(side));
         }
     }
 
     #[test]
-    fn segments_are_as_far_apart_as_their_nearest_points() {
+    fn segment_distance_is_that_of_the_nearest_points() {
         let at = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
         let x = [at(-1.0, 0.0, 0.0), at(1.0, 0.0, 0.0)];
         for (other, expected) in [
@@ -351,9 +370,9 @@ mod tests {
             ([at(4.0, 4.0, 0.0); 2], 5.0),
             ([at(0.0, -1.0, 0.0), at(0.0, 1.0, 0.0)], 0.0),
         ] {
-            assert!((distance(x, other) - expected).abs() < 1e-12, "{other:?}");
-            assert!((distance(other, x) - expected).abs() < 1e-12, "{other:?}");
+            assert!((segment_distance(x, other) - expected).abs() < 1e-12, "{other:?}");
+            assert!((segment_distance(other, x) - expected).abs() < 1e-12, "{other:?}");
         }
-        assert_eq!(distance([DVec3::ONE; 2], [DVec3::ZERO; 2]), 3f64.sqrt());
+        assert_eq!(segment_distance([DVec3::ONE; 2], [DVec3::ZERO; 2]), 3f64.sqrt());
     }
 }

@@ -24,7 +24,7 @@ pub const TOLERANCE: f32 = 1.0;
 /// model takes as long as drawing it 150 times.
 pub const PAYS_FROM: f64 = 256.0;
 /// Times at which the sizes of copies are estimated, spread over the stage.
-const TIMES: i64 = 5;
+const ESTIMATE_TIMES: i64 = 5;
 /// Least number of triangles of a model with levels.
 pub(super) const LEAST: usize = 64;
 
@@ -55,8 +55,8 @@ pub(super) fn paying(resources: &SceneResources, stage: &Stage) -> Vec<bool> {
         return vec![false; assets];
     }
     let length = i128::from(stage.settings.length.0);
-    let time = |i: i64| Time((length * i128::from(2 * i + 1) / i128::from(2 * TIMES)) as i64);
-    let times: Vec<Time> = (0..TIMES).map(time).collect();
+    let time = |i: i64| Time((length * i128::from(2 * i + 1) / i128::from(2 * ESTIMATE_TIMES)) as i64);
+    let times: Vec<Time> = (0..ESTIMATE_TIMES).map(time).collect();
     let Ok(snapshots) = stage.placed_at(&times) else { return vec![false; assets] };
     let mut small = vec![0.0f64; assets];
     for snapshot in &snapshots {
@@ -66,7 +66,7 @@ pub(super) fn paying(resources: &SceneResources, stage: &Stage) -> Vec<bool> {
             if pays[asset] {
                 let model = &stage.actors[index].asset;
                 let count = small_copies(model, triangles[asset], state, &view, stage.settings.size);
-                small[asset] += count as f64 * frames / TIMES as f64;
+                small[asset] += count as f64 * frames / ESTIMATE_TIMES as f64;
             }
         }
     }
@@ -105,13 +105,13 @@ pub(crate) fn small_copies(
         let relative_from_place = Affine3x4::from_affine(relative_from_model * to_f64(*place));
         let here = transformed(bounds, &relative_from_place);
         !outside(here, &view.clip_from_relative, Vec2::ZERO)
-            && (triangles as f32) > pixels_of(here, view, size) / parts.max(1) as f32
+            && (triangles as f32) > pixels_covered(here, view, size) / parts.max(1) as f32
     };
     asset.first_placements(state.copies).filter(is_small).count() * parts.max(1)
 }
 
 /// Pixels that the two largest sides of a box cover at its nearest point; infinite around the camera.
-fn pixels_of(bounds: Aabb, view: &View, size: [u32; 2]) -> f32 {
+fn pixels_covered(bounds: Aabb, view: &View, size: [u32; 2]) -> f32 {
     let sides = bounds.max - bounds.min;
     let area = (sides.x * sides.y).max(sides.y * sides.z).max(sides.z * sides.x);
     let per_meter = view.pixels_per_meter(view.depth(bounds.center()) - sides.length() * 0.5, size);

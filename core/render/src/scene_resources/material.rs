@@ -114,13 +114,13 @@ pub(crate) fn is_anisotropic(s: &Sampler) -> bool {
 pub(crate) fn slot_sources(m: &Material) -> impl Iterator<Item = SlotSource<'_>> {
     let toon = m.toon.as_deref().filter(|_| m.shading == Shading::Toon);
     let toon_sources = [
-        source(toon.and_then(|t| t.outline.as_ref()?.width_texture.as_ref()), false, true),
-        source(toon.filter(|t| t.uv_motion.is_some()).and_then(|t| t.uv_mask.as_ref()), false, true),
+        slot_source(toon.and_then(|t| t.outline.as_ref()?.width_texture.as_ref()), false, true),
+        slot_source(toon.filter(|t| t.uv_motion.is_some()).and_then(|t| t.uv_mask.as_ref()), false, true),
     ];
     base_sources(m).into_iter().chain(layer_sources(m)).chain(toon_sources)
 }
 
-fn source(texture: Option<&TextureRef>, srgb: bool, visible: bool) -> SlotSource<'_> {
+fn slot_source(texture: Option<&TextureRef>, srgb: bool, visible: bool) -> SlotSource<'_> {
     SlotSource { texture, srgb, visible }
 }
 
@@ -130,51 +130,55 @@ fn base_sources(m: &Material) -> [SlotSource<'_>; BASE_SLOTS] {
     let toon = m.toon.as_deref().filter(|_| m.shading == Shading::Toon);
     let mirror = m.environment_reflection();
     [
-        source(m.base_color_texture.as_ref(), true, true),
+        slot_source(m.base_color_texture.as_ref(), true, true),
         match (toon, mirror) {
-            (Some(t), _) => source(t.matcap_texture.as_ref(), true, t.matcap != Vec3::ZERO),
-            (None, Some(mirror)) => source(mirror.environment.as_ref(), true, true),
+            (Some(t), _) => slot_source(t.matcap_texture.as_ref(), true, t.matcap != Vec3::ZERO),
+            (None, Some(mirror)) => slot_source(mirror.environment.as_ref(), true, true),
             (None, None) => {
                 let visible = pbr && (m.metallic != 0.0 || m.roughness != 0.0);
-                source(m.metallic_roughness_texture.as_ref(), false, visible)
+                slot_source(m.metallic_roughness_texture.as_ref(), false, visible)
             }
         },
-        source(m.normal_texture.as_ref(), false, lit && m.normal_scale != 0.0),
+        slot_source(m.normal_texture.as_ref(), false, lit && m.normal_scale != 0.0),
         match toon {
-            Some(t) => source(t.rim_texture.as_ref(), true, has_rim(t)),
-            None => source(m.occlusion_texture.as_ref(), false, lit && m.occlusion_strength != 0.0),
+            Some(t) => slot_source(t.rim_texture.as_ref(), true, has_rim(t)),
+            None => slot_source(m.occlusion_texture.as_ref(), false, lit && m.occlusion_strength != 0.0),
         },
-        source(m.emissive_texture.as_ref(), true, lit && m.emissive != Vec3::ZERO),
+        slot_source(m.emissive_texture.as_ref(), true, lit && m.emissive != Vec3::ZERO),
         match (toon, mirror) {
-            (Some(t), _) => source(t.shading_shift_texture.as_ref(), false, t.shading_shift_scale != 0.0),
-            (None, Some(mirror)) => source(mirror.texture.as_ref(), true, true),
-            (None, None) => source(m.specular_texture.as_ref(), false, pbr && m.specular != 0.0),
+            (Some(t), _) => {
+                slot_source(t.shading_shift_texture.as_ref(), false, t.shading_shift_scale != 0.0)
+            }
+            (None, Some(mirror)) => slot_source(mirror.texture.as_ref(), true, true),
+            (None, None) => slot_source(m.specular_texture.as_ref(), false, pbr && m.specular != 0.0),
         },
         match toon {
-            Some(t) => source(t.shade_texture.as_ref(), true, t.shade_color != Vec3::ZERO),
-            None => source(m.specular_color_texture.as_ref(), true, lit && m.specular_color != Vec3::ZERO),
+            Some(t) => slot_source(t.shade_texture.as_ref(), true, t.shade_color != Vec3::ZERO),
+            None => {
+                slot_source(m.specular_color_texture.as_ref(), true, lit && m.specular_color != Vec3::ZERO)
+            }
         },
     ]
 }
 
 fn layer_sources(m: &Material) -> [SlotSource<'_>; LAYER_SLOTS] {
-    let Some(l) = visible_layers(m) else { return std::array::from_fn(|_| source(None, false, false)) };
+    let Some(l) = visible_layers(m) else { return std::array::from_fn(|_| slot_source(None, false, false)) };
     let coat = l.clearcoat > 0.0;
     let sheen = l.sheen_color != Vec3::ZERO;
     let (film, diffuse) = (l.iridescence > 0.0, l.diffuse_transmission > 0.0);
     [
-        source(l.clearcoat_texture.as_ref(), false, coat),
-        source(l.clearcoat_roughness_texture.as_ref(), false, coat && l.clearcoat_roughness > 0.0),
-        source(l.clearcoat_normal_texture.as_ref(), false, coat && l.clearcoat_normal_scale != 0.0),
-        source(l.sheen_color_texture.as_ref(), true, sheen),
-        source(l.sheen_roughness_texture.as_ref(), false, sheen && l.sheen_roughness > 0.0),
-        source(l.transmission_texture.as_ref(), false, l.transmission > 0.0),
-        source(l.thickness_texture.as_ref(), false, l.absorbs()),
-        source(l.iridescence_texture.as_ref(), false, film),
-        source(l.iridescence_thickness_texture.as_ref(), false, film),
-        source(l.anisotropy_texture.as_ref(), false, l.anisotropy > 0.0),
-        source(l.diffuse_transmission_texture.as_ref(), false, diffuse),
-        source(l.diffuse_transmission_color_texture.as_ref(), true, diffuse),
+        slot_source(l.clearcoat_texture.as_ref(), false, coat),
+        slot_source(l.clearcoat_roughness_texture.as_ref(), false, coat && l.clearcoat_roughness > 0.0),
+        slot_source(l.clearcoat_normal_texture.as_ref(), false, coat && l.clearcoat_normal_scale != 0.0),
+        slot_source(l.sheen_color_texture.as_ref(), true, sheen),
+        slot_source(l.sheen_roughness_texture.as_ref(), false, sheen && l.sheen_roughness > 0.0),
+        slot_source(l.transmission_texture.as_ref(), false, l.transmission > 0.0),
+        slot_source(l.thickness_texture.as_ref(), false, l.absorbs()),
+        slot_source(l.iridescence_texture.as_ref(), false, film),
+        slot_source(l.iridescence_thickness_texture.as_ref(), false, film),
+        slot_source(l.anisotropy_texture.as_ref(), false, l.anisotropy > 0.0),
+        slot_source(l.diffuse_transmission_texture.as_ref(), false, diffuse),
+        slot_source(l.diffuse_transmission_color_texture.as_ref(), true, diffuse),
     ]
 }
 

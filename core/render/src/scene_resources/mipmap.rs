@@ -34,7 +34,7 @@ pub fn levels_below(image: &Image, srgb: bool) -> Vec<MipLevel> {
     if w == 1 && h == 1 {
         return out;
     }
-    let first = Halving::new(w, h);
+    let first = Downsampler::new(w, h);
     let mut bytes = vec![0u8; first.width * first.height * 4];
     let mut above = vec![[0.0f32; 4]; first.width * first.height];
     if first.width == 1 && first.height == 1 {
@@ -43,7 +43,7 @@ pub fn levels_below(image: &Image, srgb: bool) -> Vec<MipLevel> {
         out.push(first.level(bytes));
         return out;
     }
-    let second = Halving::new(first.width, first.height);
+    let second = Downsampler::new(first.width, first.height);
     above = vec![[0.0; 4]; second.width * second.height];
     let two_rows = 2 * first.width * 4;
     above.par_chunks_mut(second.width).zip(bytes.par_chunks_mut(two_rows)).enumerate().for_each(
@@ -79,7 +79,7 @@ pub fn levels_below(image: &Image, srgb: bool) -> Vec<MipLevel> {
         if last.width == 1 && last.height == 1 {
             return out;
         }
-        let next = Halving::new(last.width, last.height);
+        let next = Downsampler::new(last.width, last.height);
         let mut level = vec![[0.0f32; 4]; next.width * next.height];
         let fetch = |x: usize, y: usize| above[y * last.width + x];
         level.par_chunks_mut(next.width).enumerate().for_each(|(y, row)| next.row(y, fetch, row));
@@ -89,7 +89,7 @@ pub fn levels_below(image: &Image, srgb: bool) -> Vec<MipLevel> {
 }
 
 /// A level of half the size of the one above.
-struct Halving {
+struct Downsampler {
     width: usize,
     height: usize,
     /// Height of the level above.
@@ -97,10 +97,10 @@ struct Halving {
     columns: Vec<Taps>,
 }
 
-impl Halving {
-    fn new(w: usize, h: usize) -> Halving {
+impl Downsampler {
+    fn new(w: usize, h: usize) -> Downsampler {
         let (width, height) = ((w / 2).max(1), (h / 2).max(1));
-        Halving { width, height, above: h, columns: (0..width).map(|x| taps(x, w, width)).collect() }
+        Downsampler { width, height, above: h, columns: (0..width).map(|x| taps(x, w, width)).collect() }
     }
 
     fn row(&self, y: usize, above: impl Fn(usize, usize) -> [f32; 4], out: &mut [[f32; 4]]) {
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn every_code_survives() {
+    fn every_srgb_code_round_trips() {
         for (i, v) in srgb_to_linear_table().iter().enumerate() {
             assert_eq!(linear_to_srgb8(*v) as usize, i);
         }
@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn nearest_code_against_f64() {
+    fn srgb_encoding_gives_the_nearest_code() {
         for i in 0..=100_000u32 {
             let v = i as f32 / 100_000.0;
             let x = v as f64;
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn odd_sides_lose_nothing() {
+    fn odd_sides_drop_no_texel() {
         // One bright texel anywhere in a row of 5 gives the same 1×1 average: 51 of 255.
         for bright in 0..5 {
             let mut rgba = vec![0u8; 20];
@@ -247,7 +247,7 @@ mod tests {
     }
 
     /// Reference: level by level, each kept whole, with the same sums in the same order.
-    fn plainly(image: &Image, srgb: bool) -> Vec<MipLevel> {
+    fn reference_levels(image: &Image, srgb: bool) -> Vec<MipLevel> {
         let decode = if srgb { srgb_to_linear_table() } else { unorm_table() };
         let (mut w, mut h) = (image.width as usize, image.height as usize);
         let texels = image.rgba.as_chunks::<4>().0.iter();
@@ -258,7 +258,7 @@ mod tests {
         let mut above: Vec<[f32; 4]> = texels.map(color).collect();
         let mut out = Vec::new();
         while w > 1 || h > 1 {
-            let next = Halving::new(w, h);
+            let next = Downsampler::new(w, h);
             let mut level = vec![[0.0; 4]; next.width * next.height];
             for (y, row) in level.chunks_exact_mut(next.width).enumerate() {
                 next.row(y, |x, y| above[y * w + x], row);
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_give_the_same_bits_as_whole_levels() {
+    fn row_by_row_levels_equal_whole_levels() {
         for (width, height) in
             [(1, 1), (2, 1), (1, 3), (3, 2), (5, 7), (7, 5), (16, 16), (31, 9), (1, 40), (40, 1), (13, 27)]
         {
@@ -280,13 +280,13 @@ mod tests {
                 (0..4 * width * height).map(|i: u32| (i.wrapping_mul(2_654_435_761) >> 23) as u8).collect();
             let image = image(width, height, rgba);
             for srgb in [true, false] {
-                assert_eq!(levels_below(&image, srgb), plainly(&image, srgb), "{width}×{height}");
+                assert_eq!(levels_below(&image, srgb), reference_levels(&image, srgb), "{width}×{height}");
             }
         }
     }
 
     #[test]
-    fn counts() {
+    fn level_count_of_full_chains() {
         assert_eq!(
             [level_count(1, 1), level_count(2, 1), level_count(5, 3), level_count(1024, 1024)],
             [1, 2, 3, 11]

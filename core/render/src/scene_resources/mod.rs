@@ -93,7 +93,7 @@ pub struct TextureResource {
     /// Whether some use of the texture requests mipmaps.
     pub mipmaps: bool,
     pub hash: [u8; 16],
-    /// Set if the image has no pixels yet: they are loaded while the texture is visible.
+    /// The image sequence that supplies the pixels while the texture is visible; `None` if the image has its pixels.
     pub streamed: Option<Streamed>,
 }
 

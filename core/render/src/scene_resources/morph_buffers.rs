@@ -1,7 +1,7 @@
 //! Morph targets: the vertices that each target moves, and their offsets as shaders read them (pose.wgsl).
 //!
 //! A target costs memory and time from the first vertex that it moves to the last, so vertices moved by the same targets are
-//! grouped. Of its offsets RobotExpressive's face keeps 31 %, all needed. Godette's keeps 40 %, although only 17 % move a vertex: an
+//! grouped. RobotExpressive's face keeps 31 % of its offsets, which all move a vertex. Godette's keeps 40 %, although only 17 % do: an
 //! index for each vertex would save the rest, but costs a second read. Some exporters move every vertex
 //! (`cargo test -p choreo-render --test geometry morphs -- --nocapture`).
 

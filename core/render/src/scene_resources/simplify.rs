@@ -18,13 +18,13 @@ use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use std::sync::Arc;
 
 /// Errors of the levels as shares of the model's size.
-const ERRORS: [f32; 7] =
+const LEVEL_ERRORS: [f32; 7] =
     [1.0 / 512.0, 1.0 / 360.0, 1.0 / 256.0, 1.0 / 180.0, 1.0 / 128.0, 1.0 / 90.0, 1.0 / 64.0];
 /// Displacement of a vertex, as a share of the model's size, that counts as much as a completely different color or normal.
 const COLOR_WEIGHT: f32 = 0.05;
 const NORMAL_WEIGHT: f32 = 0.01;
 /// Factor on the Hausdorff distance for the error between its sampled points.
-const SLACK: f32 = 1.1;
+const ERROR_MARGIN: f32 = 1.1;
 
 /// A model at rest.
 pub(super) struct Model {
@@ -49,13 +49,13 @@ pub(super) struct ModelPrimitive {
     /// Positions at rest in model space.
     pub positions: Vec<Vec3>,
     pub normals: Vec<Vec3>,
-    pub paint: Paint,
+    pub paint: SurfaceColor,
     /// Metres of the model per metre of the mesh.
     stretch: f32,
 }
 
 /// The material inputs that give a surface its color.
-pub(super) struct Paint {
+pub(super) struct SurfaceColor {
     /// Square roots of linear RGB, roughly perceptual; alpha.
     factor: Vec4,
     texture: Option<(Arc<Image>, TextureRef)>,
@@ -63,8 +63,8 @@ pub(super) struct Paint {
     pub cutoff: f32,
 }
 
-impl Paint {
-    fn new(asset: &Asset, material: &Material) -> Paint {
+impl SurfaceColor {
+    fn new(asset: &Asset, material: &Material) -> SurfaceColor {
         let texture = material.base_color_texture.as_ref().and_then(|texture| {
             let image = asset.images.get(texture.image as usize)?;
             let whole = image.rgba.len() == 4 * image.width as usize * image.height as usize;
@@ -77,7 +77,7 @@ impl Paint {
             AlphaMode::Mask(cutoff) => cutoff,
             AlphaMode::Blend => 0.25,
         };
-        Paint { factor: factor.extend(material.base_color.w), texture, cutoff }
+        SurfaceColor { factor: factor.extend(material.base_color.w), texture, cutoff }
     }
 
     /// The color at texture coordinates, by the nearest texel.
@@ -178,10 +178,10 @@ impl Model {
                 parts.push(ModelPrimitive {
                     place: (instance.instance, index),
                     mesh: mesh.clone(),
-                    stretch: stretch(&primitive.positions, &positions),
+                    stretch: size_ratio(&primitive.positions, &positions),
                     positions,
                     normals: posed.normals.iter().map(|n| n.as_vec3()).collect(),
-                    paint: Paint::new(asset, material.unwrap_or(&default)),
+                    paint: SurfaceColor::new(asset, material.unwrap_or(&default)),
                 });
             }
         }
@@ -197,14 +197,14 @@ impl Model {
         let hidden = appearance.hidden();
         let mut before: usize = self.parts.iter().map(|part| part.primitive().indices.len()).sum();
         let mut levels: Vec<Level> = Vec::new();
-        for share in ERRORS {
+        for share in LEVEL_ERRORS {
             let simplified = |part: &ModelPrimitive| part.simplified(share * self.size, self.size);
             let indices: Vec<Vec<u32>> = self.parts.par_iter().map(simplified).collect();
             let left: usize = indices.iter().map(Vec::len).sum();
             if left == 0 || 4 * left > 3 * before {
                 continue;
             }
-            let distance = SLACK * self.distance(&indices);
+            let distance = ERROR_MARGIN * self.hausdorff_distance_to(&indices);
             // Twice the distance: the outer surface may have moved inwards by it, and the inner one outwards.
             let inwards = 2.0 * distance;
             let shapes = self.shapes(indices, &hidden, inwards);
@@ -219,7 +219,7 @@ impl Model {
     }
 
     /// Hausdorff distance between the model and its simplified parts.
-    fn distance(&self, shapes: &[Vec<u32>]) -> f32 {
+    fn hausdorff_distance_to(&self, shapes: &[Vec<u32>]) -> f32 {
         let mut positions: Vec<Vec3> = Vec::new();
         let (mut fine, mut coarse) = (Vec::new(), Vec::new());
         for (part, shape) in self.parts.iter().zip(shapes) {
@@ -235,7 +235,7 @@ impl Model {
     /// The parts with these triangles. Hidden vertices are moved inwards, so that they stay behind the outer surface.
     fn shapes(&self, indices: Vec<Vec<u32>>, hidden: &[Vec<bool>], inwards: f32) -> Vec<Shape> {
         let shape = |((part, indices), hidden): ((&ModelPrimitive, Vec<u32>), &Vec<bool>)| {
-            let positions = moved(&part.positions, &part.normals, hidden, inwards);
+            let positions = moved_against_normals(&part.positions, &part.normals, hidden, inwards);
             Shape { indices, positions }
         };
         self.parts.iter().zip(indices).zip(hidden).map(shape).collect()
@@ -250,7 +250,8 @@ impl Model {
     ) -> Vec<((usize, usize), Option<Primitive>)> {
         let primitive = |((part, shape), hidden): ((&ModelPrimitive, Shape), &Vec<bool>)| {
             let fine = part.primitive();
-            let positions = moved(&fine.positions, &fine.normals, hidden, inwards / part.stretch);
+            let positions =
+                moved_against_normals(&fine.positions, &fine.normals, hidden, inwards / part.stretch);
             let some = !shape.indices.is_empty();
             (part.place, some.then(|| with_triangles(fine, &positions, shape.indices)))
         };
@@ -259,7 +260,7 @@ impl Model {
 }
 
 /// Positions with the marked ones moved against their normals.
-fn moved(positions: &[Vec3], normals: &[Vec3], marked: &[bool], by: f32) -> Vec<Vec3> {
+fn moved_against_normals(positions: &[Vec3], normals: &[Vec3], marked: &[bool], by: f32) -> Vec<Vec3> {
     let moved = |(v, position): (usize, &Vec3)| match marked[v] {
         true => *position - normals.get(v).copied().unwrap_or_default() * by,
         false => *position,
@@ -268,7 +269,7 @@ fn moved(positions: &[Vec3], normals: &[Vec3], marked: &[bool], by: f32) -> Vec<
 }
 
 /// Ratio of the size of points after a transform to that before.
-fn stretch(before: &[Vec3], after: &[Vec3]) -> f32 {
+fn size_ratio(before: &[Vec3], after: &[Vec3]) -> f32 {
     let size = |points: &[Vec3]| {
         let bounds = Aabb::of(points.iter().copied());
         (bounds.max - bounds.min).length()

@@ -6,39 +6,39 @@ use choreo_asset::{LineStyle, Material, Primitive, Topology};
 use glam::{Mat4, Vec2, Vec3, Vec4, Vec4Swizzles};
 
 /// Largest line width in pixels: the largest image side.
-const MOST_PIXELS: f32 = 16384.0;
+const MAX_WIDTH_PIXELS: f32 = 16384.0;
 
 /// Width and shape of a material's lines and points; `None` for triangles.
-pub(crate) fn pen(topology: Topology, material: &Material) -> Option<LineStyle> {
+pub(crate) fn line_style(topology: Topology, material: &Material) -> Option<LineStyle> {
     material.line_style.filter(|_| topology != Topology::Triangles)
 }
 
 /// Line width as in [`crate::plan::Instance::width`]: pixels, or negative metres. `of_actor` replaces the width of the line
 /// style, and `pixel_scale` is the number of image pixels per pixel of the style.
-pub(crate) fn width(
-    pen: LineStyle,
+pub(crate) fn relative_width(
+    line_style: LineStyle,
     of_actor: Option<f32>,
     relative_from_mesh: &Affine3x4,
     pixel_scale: f32,
 ) -> f32 {
-    let width = of_actor.unwrap_or(pen.width);
+    let width = of_actor.unwrap_or(line_style.width);
     let width = if width.is_finite() { width.max(0.0) } else { 0.0 };
-    match pen.metres {
+    match line_style.metres {
         true => {
             // The root mean square of the lengths of the three axes.
             let [x, y, z] = relative_from_mesh.0.map(|row| row.truncate());
             -width * ((x.dot(x) + y.dot(y) + z.dot(z)) / 3.0).sqrt()
         }
-        false => (width * pixel_scale).min(MOST_PIXELS),
+        false => (width * pixel_scale).min(MAX_WIDTH_PIXELS),
     }
 }
 
 /// Vertices that replace a primitive's own, and their triangles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct ThickMesh {
-    /// The primitive's vertex at whose position each vertex stands.
+    /// Index of the primitive's vertex whose position each vertex has.
     pub of: Vec<u32>,
-    /// The vertex at the other end of the line; the same vertex for points.
+    /// Index of the vertex at the other end of the line; the same vertex for points.
     pub other: Vec<u32>,
     /// Offsets in half widths: x along the line, away from the other end, y across it. z: 0 at the first end, 1 at the second.
     pub offsets: Vec<Vec3>,
@@ -47,7 +47,7 @@ pub(crate) struct ThickMesh {
 
 /// Number of segments of a half disc. A polygon of 32 sides differs from a circle by half a percent of its radius, one of 8 sides
 /// by 8 %; if there are many elements, each is small.
-fn segments(elements: usize) -> usize {
+fn half_disc_segments(elements: usize) -> usize {
     match elements {
         ..=1_000 => 16,
         1_001..=20_000 => 8,
@@ -66,14 +66,14 @@ fn half_circle(segments: usize) -> impl Iterator<Item = Vec2> {
 pub(crate) fn thick_mesh(primitive: &Primitive, round: bool) -> ThickMesh {
     match primitive.topology {
         Topology::Triangles => ThickMesh::default(),
-        Topology::Lines => lines(&primitive.indices, round),
-        Topology::Points => points(&primitive.indices, round),
+        Topology::Lines => line_polygons(&primitive.indices, round),
+        Topology::Points => point_polygons(&primitive.indices, round),
     }
 }
 
 /// Each line as a rectangle with round (half discs) or flat ends.
-fn lines(indices: &[u32], round: bool) -> ThickMesh {
-    let steps = if round { segments(indices.len() / 2) } else { 1 };
+fn line_polygons(indices: &[u32], round: bool) -> ThickMesh {
+    let steps = if round { half_disc_segments(indices.len() / 2) } else { 1 };
     let end: Vec<Vec2> = if round { half_circle(steps).collect() } else { vec![Vec2::Y, Vec2::NEG_Y] };
     let count = end.len() as u32;
     let mut out = ThickMesh::default();
@@ -97,11 +97,11 @@ fn lines(indices: &[u32], round: bool) -> ThickMesh {
 }
 
 /// Each point as a square, or as a polygon with a disc's area.
-fn points(indices: &[u32], round: bool) -> ThickMesh {
+fn point_polygons(indices: &[u32], round: bool) -> ThickMesh {
     let corners: Vec<Vec2> = match round {
         false => vec![Vec2::NEG_ONE, Vec2::new(1.0, -1.0), Vec2::ONE, Vec2::new(-1.0, 1.0)],
         true => {
-            let half = segments(indices.len());
+            let half = half_disc_segments(indices.len());
             let angle = std::f64::consts::PI / half as f64;
             let grown = libm::sqrt(angle / libm::sin(angle)) as f32;
             let left: Vec<Vec2> = half_circle(half).take(half).map(|c| c * grown).collect();
@@ -177,19 +177,19 @@ mod tests {
     }
 
     #[test]
-    fn polygons_have_the_area_of_discs_and_rectangles() {
+    fn thick_meshes_have_the_area_of_discs_and_rectangles() {
         for (count, error) in [(1, 1e-5), (1001, 1e-5), (20_001, 1e-5)] {
-            let disc = points(&vec![0; count], true);
+            let disc = point_polygons(&vec![0; count], true);
             let one = area(&disc, |i| disc.offsets[i].xy()) / count as f64;
             assert!((one - std::f64::consts::PI).abs() < error * 3.0, "{count}: {one}");
         }
-        let square = points(&[7], false);
+        let square = point_polygons(&[7], false);
         assert_eq!((area(&square, |i| square.offsets[i].xy()), &square.of[..]), (4.0, &[7, 7, 7, 7][..]));
         // The ends are ten half widths apart.
         let ends = |w: &ThickMesh, i: usize| w.offsets[i].xy() + Vec2::X * 10.0 * w.offsets[i].z;
-        let flat = lines(&[0, 1], false);
+        let flat = line_polygons(&[0, 1], false);
         assert_eq!(area(&flat, |i| ends(&flat, i)), 20.0);
-        let round = lines(&[0, 1], true);
+        let round = line_polygons(&[0, 1], true);
         let exact = 20.0 + std::f64::consts::PI;
         let got = area(&round, |i| ends(&round, i));
         assert!(got < exact && exact - got < 0.03, "{got} {exact}");
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn a_width_is_the_same_at_any_distance_unless_it_is_in_metres() {
+    fn widths_in_pixels_are_the_same_at_any_distance() {
         let clip = glam::camera::rh::proj::directx::perspective_infinite_reverse(1.0, 1.0, 0.1);
         let spread = Spread::new(&clip, [200, 200]);
         let pixels = |depth: f32, width: f32| {
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn ends_behind_the_eye_and_no_length_at_all_stay_finite() {
+    fn lines_behind_the_camera_and_of_zero_length_stay_finite() {
         let clip = glam::camera::rh::proj::directx::perspective_infinite_reverse(1.0, 1.0, 0.1);
         let spread = Spread::new(&clip, [200, 100]);
         let at = |x: f32, z: f32| clip * Vec4::new(x, -0.5, z, 1.0);

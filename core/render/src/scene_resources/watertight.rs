@@ -29,7 +29,7 @@ impl WatertightOrder {
         if p.topology != Topology::Triangles || !p.indices.len().is_multiple_of(3) {
             return WatertightOrder::default();
         }
-        let (mut components, open) = connect(p);
+        let (mut components, open) = connect_triangles(p);
         components.measure(p, &open);
         let (watertight, rest): (Vec<u32>, Vec<u32>) =
             (0..open.len() as u32).partition(|triangle| components.is_watertight(*triangle));
@@ -45,7 +45,7 @@ impl WatertightOrder {
 }
 
 /// Joins triangles that share an edge into components, and marks triangles at a border.
-fn connect(p: &Primitive) -> (Components, Vec<bool>) {
+fn connect_triangles(p: &Primitive) -> (Components, Vec<bool>) {
     let (point, torn) = weld(p);
     let triangles: Vec<[u32; 3]> =
         p.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]].map(|i| point[i as usize])).collect();
@@ -63,7 +63,7 @@ fn connect(p: &Primitive) -> (Components, Vec<bool>) {
         // The edges of a triangle without area cancel out.
         let balanced = edge[0].0 == edge[0].1 || 2 * one_way == edge.len();
         for e in edge {
-            components.join(edge[0].3, e.3);
+            components.merge(edge[0].3, e.3);
             open[e.3 as usize] |= !balanced;
         }
     }
@@ -116,7 +116,7 @@ impl Components {
         at
     }
 
-    fn join(&mut self, a: u32, b: u32) {
+    fn merge(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
         self.parent[a.max(b) as usize] = a.min(b);
     }
@@ -172,7 +172,7 @@ mod tests {
         p
     }
 
-    fn both(mut a: Primitive, b: Primitive) -> Primitive {
+    fn combined(mut a: Primitive, b: Primitive) -> Primitive {
         let first = a.positions.len() as u32;
         a.indices.extend(b.indices.iter().map(|i| i + first));
         a.positions.extend(b.positions);
@@ -195,14 +195,14 @@ mod tests {
         assert_eq!(WatertightOrder::of(&turned).count, 0);
         assert_eq!(WatertightOrder::of(&cube(0.0, true)).count, 0, "a room is viewed from inside");
         // The watertight one comes first, the rest stays in order.
-        let pair = both(hole.clone(), cube(9.0, false));
+        let pair = combined(hole.clone(), cube(9.0, false));
         let order = WatertightOrder::of(&pair);
         assert_eq!(order.count, 36);
         assert_eq!([&order.indices[36..], &order.indices[..36]].concat(), pair.indices);
     }
 
     #[test]
-    fn vertices_that_may_part_are_a_border() {
+    fn vertices_that_may_separate_are_a_border() {
         let mut p = cube(0.0, false);
         p.influences = 4;
         p.joint_indices = vec![0; 4 * 24];

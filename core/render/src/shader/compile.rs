@@ -14,13 +14,13 @@ pub struct Entry {
 }
 
 /// Maps lines of the joined text to their source files.
-struct Lines<'a> {
+struct LineMap<'a> {
     files: &'a [SourceFile],
     /// First line (from 0) of each file in the joined text.
     starts: Vec<usize>,
 }
 
-impl Lines<'_> {
+impl LineMap<'_> {
     /// (file name, line from 1, the line as its author wrote it) of a line (from 1) of the joined text.
     fn place(&self, joined_line: u32) -> (&str, usize, &str) {
         let line = (joined_line as usize).saturating_sub(1);
@@ -42,7 +42,7 @@ pub fn parse(files: &[SourceFile], on: &[&str]) -> Result<(naga::Module, ModuleI
         count += text.lines().count();
         joined.push_str(&text);
     }
-    let lines = Lines { files, starts };
+    let lines = LineMap { files, starts };
     let module = naga::front::wgsl::parse_str(&joined)
         .map_err(|e| shader_error(&lines, &joined, &mistakes::of_parser(&e, joined.len())))?;
     // Naga's own limits of array sizes and nesting stay on. The capabilities beyond plain WGSL are unpack2x16float, an
@@ -69,15 +69,15 @@ pub fn compile(
     const STACK: usize = 64 << 20;
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new().name("shader".into()).stack_size(STACK);
-        match thread.spawn_scoped(scope, || compile_here(files, on, entries, point_size)) {
+        match thread.spawn_scoped(scope, || compile_on_current_stack(files, on, entries, point_size)) {
             Ok(thread) => thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
             // The built-in shaders do not nest deeply, and those of users are checked before.
-            Err(_) => compile_here(files, on, entries, point_size),
+            Err(_) => compile_on_current_stack(files, on, entries, point_size),
         }
     })
 }
 
-fn compile_here(
+fn compile_on_current_stack(
     files: &[SourceFile],
     on: &[&str],
     entries: &[(&'static str, naga::ShaderStage)],
@@ -114,7 +114,7 @@ fn lines_name(files: &[SourceFile]) -> String {
     files.iter().map(|f| f.name.as_str()).collect::<Vec<_>>().join(" + ")
 }
 
-fn shader_error(lines: &Lines<'_>, joined: &str, Mistake { span, text }: &Mistake) -> RenderError {
+fn shader_error(lines: &LineMap<'_>, joined: &str, Mistake { span, text }: &Mistake) -> RenderError {
     let Some(span) = span else {
         return RenderError::Shader { file: lines_name(lines.files), text: text.clone() };
     };

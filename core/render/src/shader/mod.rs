@@ -105,7 +105,7 @@ impl ShaderSources {
                     Err(e) if e.is_missing() => continue,
                     Err(e) => return Err(failed(format!("cannot read: {e}"))),
                 };
-                let text = String::from_utf8(bytes).map_err(|_| failed("it is no UTF-8 text".into()))?;
+                let text = String::from_utf8(bytes).map_err(|_| failed("it is not UTF-8 text".into()))?;
                 let text = text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text);
                 texts.push(SourceFile { name, text });
             }

@@ -25,7 +25,7 @@ pub fn preprocess(text: &str, on: &[&str]) -> Result<String, PreprocessError> {
         if let Some(rest) = code.strip_prefix("@if") {
             let rest = rest.trim_start();
             let inner =
-                rest.strip_prefix('(').ok_or_else(|| error("`@if` wants a condition in (…)".into()))?;
+                rest.strip_prefix('(').ok_or_else(|| error("`@if` needs a condition in (…)".into()))?;
             let (condition, after) = inner
                 .split_once(')')
                 .ok_or_else(|| error("`@if(` has no closing parenthesis on its line".into()))?;
@@ -73,14 +73,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_and_columns_stay() {
+    fn preprocessing_keeps_lines_and_columns() {
         let text = "a\n@if(SKIN)\nb\n@else\nc\n@end\n  @if(!LIT) d\ne";
         assert_eq!(preprocess(text, &["SKIN"]).unwrap(), "a\n\nb\n\n\n\n            d\ne\n");
         assert_eq!(preprocess(text, &["LIT"]).unwrap(), "a\n\n\n\nc\n\n\ne\n");
     }
 
     #[test]
-    fn nested_and_combined() {
+    fn nested_and_combined_conditions_are_evaluated() {
         let text = "@if(SKIN || MORPH)\n@if(SKIN && !MORPH)\nx\n@end\ny\n@end";
         assert_eq!(preprocess(text, &["MORPH"]).unwrap(), "\n\n\n\ny\n\n");
         assert_eq!(preprocess(text, &["SKIN"]).unwrap(), "\n\nx\n\ny\n\n");
@@ -88,12 +88,12 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_name_their_line() {
+    fn errors_name_their_line() {
         let error = |text: &str| preprocess(text, &[]).unwrap_err().to_string();
         assert!(error("x\n@if(SKNI)\n@end").starts_with("line 2: unknown switch `SKNI`; known: SKIN,"));
         assert_eq!(error("@if(SKIN)\nx"), "line 1: `@if` without `@end`");
         assert_eq!(error("x\n@end"), "line 2: `@end` without `@if`");
         assert_eq!(error("@else"), "line 1: `@else` without `@if`");
-        assert_eq!(error("@if SKIN"), "line 1: `@if` wants a condition in (…)");
+        assert_eq!(error("@if SKIN"), "line 1: `@if` needs a condition in (…)");
     }
 }

@@ -67,7 +67,7 @@ impl ParameterRows {
 }
 
 /// The WGSL text that calls an effect's function and uses its result.
-fn call(effect: &SceneEffect) -> String {
+fn call_text(effect: &SceneEffect) -> String {
     let (bit, faults) = (effect.bit, effect.faults);
     let p = format!("surface_parameters_{bit}()");
     let call = match effect.hook {
@@ -85,7 +85,7 @@ fn call(effect: &SceneEffect) -> String {
 /// The texts of the effects whose functions a shader calls.
 pub fn surface_files(effects: &[SceneEffect]) -> Vec<SourceFile> {
     // A shader without lighting calls no lighting effects, whose texts would not compile there.
-    let calls_of = |hook: Hook| effects.iter().filter(|e| e.hook == hook).map(call).collect::<String>();
+    let calls_of = |hook: Hook| effects.iter().filter(|e| e.hook == hook).map(call_text).collect::<String>();
     let functions = [
         (
             Hook::Surface,
@@ -107,7 +107,7 @@ pub fn surface_files(effects: &[SceneEffect]) -> Vec<SourceFile> {
     for effect in effects {
         files.push(SourceFile {
             name: format!("effect \"{}\"", effect.name),
-            text: renamed(&effect.wgsl, &format!("_s{}", effect.bit)),
+            text: with_name_suffix(&effect.wgsl, &format!("_s{}", effect.bit)),
         });
     }
     let rows = effects.iter().map(|effect| effect.parameters.end()).max().unwrap_or(0).max(REACH_ROWS);
@@ -136,7 +136,7 @@ fn is_word(c: char) -> bool {
 
 /// Appends a suffix to every function, constant and type that the text declares, because two effects may use the same names. Line
 /// numbers stay.
-fn renamed(text: &str, ending: &str) -> String {
+fn with_name_suffix(text: &str, ending: &str) -> String {
     let mut declared: Vec<&str> = Vec::new();
     let mut last = "";
     for word in words(text) {
@@ -179,9 +179,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_the_effects_own() {
+    fn suffixes_keep_the_names_of_effects_apart() {
         let text = "const a = 2.0;\nfn mix_in(x: f32) -> f32 { return x * a; }\nfn effect(c: vec4<f32>) -> vec4<f32> {\n  return c * mix_in(c.a); }";
-        let got = renamed(text, "_s1");
+        let got = with_name_suffix(text, "_s1");
         assert!(
             got.starts_with("const a_s1 = 2.0;\nfn mix_in_s1(x: f32) -> f32 { return x * a_s1; }"),
             "{got}"

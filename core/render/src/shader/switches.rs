@@ -47,25 +47,25 @@ const fn pass(
 }
 
 /// The features that a shader keeps while it draws a surface into the G-buffer.
-const OF_GEOMETRY: Features = Features::ALL
+const GEOMETRY_PASS_FEATURES: Features = Features::ALL
     .without(
         Features::LIGHTS.with(Features::ALL_LAYERS).with(Features::EFFECT_JOINTS).with(Features::OUTLINE),
     )
     .without(
         Features::WIREFRAME.with(Features::THICK_LINES).with(Features::BLINN_PHONG).with(Features::TOON),
     );
-const OF_LIGHT_PASS: Features = Features::METALLIC_ROUGHNESS
+const LIGHTING_PASS_FEATURES: Features = Features::METALLIC_ROUGHNESS
     .with(Features::LIGHTS)
     .with(Features::EMISSIVE)
     .with(Features::EFFECT_NORMALS);
-const OF_SHADOW_PASS: Features =
+const SHADOW_PASS_FEATURES: Features =
     Features::SKINNING.with(ALPHA).with(Features::EFFECT_NORMALS).with(Features::PRE_SKINNED);
 /// All switches other than features. A condition may only name switches above it.
 pub const SWITCHES: &[Switch] = &[
     pass(
         "INPUT_PASS",
         |v| v.inputs != InputTargets::No,
-        OF_SHADOW_PASS,
+        SHADOW_PASS_FEATURES,
         &[
             "!SHADOW_PASS",
             "!PEELED",
@@ -115,7 +115,7 @@ pub const SWITCHES: &[Switch] = &[
     pass(
         "SHADOW_PASS",
         |v| v.shadow_pass,
-        OF_SHADOW_PASS,
+        SHADOW_PASS_FEATURES,
         &[
             "!PEELED",
             "ALPHA_MASK || !BASE_COLOR_TEXTURE",
@@ -128,13 +128,13 @@ pub const SWITCHES: &[Switch] = &[
     pass(
         "GEOMETRY",
         |v| v.deferred == DeferredPass::Geometry,
-        OF_GEOMETRY,
+        GEOMETRY_PASS_FEATURES,
         &["METALLIC_ROUGHNESS", "!PEELED"],
     ),
     pass(
         "LIGHT_PASS",
         |v| v.deferred == DeferredPass::Light,
-        OF_LIGHT_PASS,
+        LIGHTING_PASS_FEATURES,
         &["METALLIC_ROUGHNESS", "!GEOMETRY"],
     ),
     variant("PEEL_PASS", |v| v.peel != PeelPass::No, &["PEELED"]),
@@ -161,12 +161,12 @@ pub fn switch_names() -> impl Iterator<Item = &'static str> {
 
 /// Names of the switches of a variant that are on, as modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let on = resolved(variant);
+    let on = names_of_switches_on(variant);
     debug_assert_eq!(broken_rule(&on), None, "{on:?}");
     on
 }
 
-fn resolved(variant: &SceneVariant) -> Vec<&'static str> {
+fn names_of_switches_on(variant: &SceneVariant) -> Vec<&'static str> {
     let mut on: Vec<&'static str> = names(variant.key.features).collect();
     for switch in SWITCHES {
         let is_on = match switch.source {

@@ -27,9 +27,9 @@ pub fn harmonics(sky: &OctahedralMap) -> Harmonics {
     let mut sums = [DVec3::ZERO; 9];
     for y in 0..sky.size {
         for x in 0..sky.size {
-            let way = OctahedralMap::center(sky.size, x, y).as_dvec3();
+            let dir = OctahedralMap::center(sky.size, x, y).as_dvec3();
             let light = sky.texels[(y * sky.size + x) as usize].as_dvec3() * solid_angle(sky.size, x, y);
-            for (sum, p) in sums.iter_mut().zip(polynomials(way)) {
+            for (sum, p) in sums.iter_mut().zip(polynomials(dir)) {
                 *sum += light * p;
             }
         }
@@ -44,12 +44,12 @@ mod tests {
 
     /// The sky whose radiance is a clamped cosine about a pole: irradiance along the pole is ∫cos² over the half sphere, ⅔π.
     #[test]
-    fn closed_forms() {
+    fn harmonics_match_closed_forms() {
         let white = harmonics(&OctahedralMap::from_fn(64, |_, _, _| Vec3::ONE));
         assert!((white[0] - 1.0).abs().max_element() < 1e-3, "{white:?}");
         assert!(white[1..].iter().all(|c| c.abs().max_element() < 3e-4), "{white:?}");
 
-        let cosine = harmonics(&OctahedralMap::from_fn(256, |_, _, way| Vec3::splat(way.y.max(0.0))));
+        let cosine = harmonics(&OctahedralMap::from_fn(256, |_, _, dir| Vec3::splat(dir.y.max(0.0))));
         let at = |n: DVec3| -> f32 { polynomials(n).iter().zip(&cosine).map(|(p, c)| *p as f32 * c.x).sum() };
         // Order 2 leaves out bands from 4 on: ⅔ within 1 %.
         assert!((at(DVec3::Y) - 2.0 / 3.0).abs() < 0.01, "{}", at(DVec3::Y));

@@ -95,15 +95,15 @@ impl SkyMaps {
 
     /// The maps of a panorama: computed on the first call, cached for the panoramas used last.
     pub fn of(panorama: &Panorama) -> Arc<SkyMaps> {
-        type Kept = Vec<([u8; 32], Arc<OnceLock<Arc<SkyMaps>>>)>;
-        static KEPT: Mutex<Kept> = Mutex::new(Vec::new());
-        const MOST: usize = 4;
+        type CacheEntries = Vec<([u8; 32], Arc<OnceLock<Arc<SkyMaps>>>)>;
+        static CACHED_MAPS: Mutex<CacheEntries> = Mutex::new(Vec::new());
+        const MAX_CACHED: usize = 4;
         let slot = {
-            let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut kept = CACHED_MAPS.lock().unwrap_or_else(PoisonError::into_inner);
             let known = kept.iter().position(|(hash, _)| *hash == panorama.hash());
             let entry = known.map(|at| kept.remove(at)).unwrap_or((panorama.hash(), Arc::default()));
             kept.insert(0, entry.clone());
-            kept.truncate(MOST);
+            kept.truncate(MAX_CACHED);
             entry.1
         };
         // Outside the lock, so that another panorama's maps can be computed meanwhile.
@@ -116,12 +116,12 @@ impl SkyMaps {
     }
 
     /// Specular light for a roughness from a direction, interpolated between the two nearest levels.
-    pub fn specular(&self, way: Vec3, roughness: f32) -> Vec3 {
-        let sum = way.x.abs() + way.y.abs() + way.z.abs();
+    pub fn specular(&self, dir: Vec3, roughness: f32) -> Vec3 {
+        let sum = dir.x.abs() + dir.y.abs() + dir.z.abs();
         if !(sum.is_finite() && sum > 0.0) {
             return Vec3::ZERO;
         }
-        let place = octahedral::octahedral(way);
+        let place = octahedral::octahedral(dir);
         let last = self.levels.len() - 1;
         // NaN counts as roughness 0.
         let level = if roughness > 0.0 { roughness.min(1.0) } else { 0.0 } * last as f32;
@@ -182,7 +182,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_white_sky_is_white_at_every_roughness() {
+    fn a_white_sky_stays_white_at_every_roughness() {
         let white = Panorama::new("white", 32, 16, vec![1.0; 3 * 32 * 16]).unwrap();
         let maps = SkyMaps::new(&white, &SkyOptions { size: 32, ..SkyOptions::default() });
         for level in &maps.levels {
@@ -198,7 +198,7 @@ mod tests {
 
     /// Light is conserved: the mean over all directions stays that of the sky.
     #[test]
-    fn blurring_keeps_the_light() {
+    fn prefiltering_conserves_the_mean_radiance() {
         let studio = Panorama::studio();
         let maps = SkyMaps::new(&studio, &SkyOptions::default());
         let mean = |level: &AtlasLevel| {

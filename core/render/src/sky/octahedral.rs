@@ -4,11 +4,11 @@
 use glam::{Vec2, Vec3};
 
 /// Position of a unit vector in the square, 0 to 1; +Y is the center, −Y the corners.
-pub fn octahedral(way: Vec3) -> Vec2 {
-    let sum = way.x.abs() + way.y.abs() + way.z.abs();
-    let p = Vec2::new(way.x, way.z) / sum;
+pub fn octahedral(dir: Vec3) -> Vec2 {
+    let sum = dir.x.abs() + dir.y.abs() + dir.z.abs();
+    let p = Vec2::new(dir.x, dir.z) / sum;
     let folded = Vec2::new((1.0 - p.y.abs()) * sign(p.x), (1.0 - p.x.abs()) * sign(p.y));
-    (if way.y >= 0.0 { p } else { folded }) * 0.5 + 0.5
+    (if dir.y >= 0.0 { p } else { folded }) * 0.5 + 0.5
 }
 
 /// The unit vector of a position in the square.
@@ -65,8 +65,8 @@ impl OctahedralMap {
     }
 
     /// Bilinear interpolation in a direction.
-    pub fn sample(&self, way: Vec3) -> Vec3 {
-        let at = octahedral(way) * self.size as f32 - 0.5;
+    pub fn sample(&self, dir: Vec3) -> Vec3 {
+        let at = octahedral(dir) * self.size as f32 - 0.5;
         let (low, t) = (at.floor(), at - at.floor());
         let (x, y) = (low.x as i32, low.y as i32);
         let row = |y| self.texel(x, y) * (1.0 - t.x) + self.texel(x + 1, y) * t.x;
@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn directions_come_back() {
+    fn directions_round_trip() {
         for x in 0..33u32 {
             for y in 0..33u32 {
                 let place = Vec2::new(x as f32, y as f32) / 33.0 + 0.01;
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn solid_angles_are_a_sphere() {
+    fn solid_angles_sum_to_the_sphere() {
         let sum = |size: u32| -> f64 {
             (0..size).flat_map(|y| (0..size).map(move |x| (x, y))).map(|(x, y)| solid_angle(size, x, y)).sum()
         };
@@ -127,18 +127,18 @@ mod tests {
     }
 
     #[test]
-    fn edges_meet() {
+    fn interpolation_is_continuous_across_edges() {
         // A smooth function of the direction is sampled as well across an edge as inside.
-        let smooth = |way: Vec3| Vec3::new(way.x, way.y, way.z) + 1.0;
-        let map = OctahedralMap::from_fn(64, |_, _, way| smooth(way));
+        let smooth = |dir: Vec3| Vec3::new(dir.x, dir.y, dir.z) + 1.0;
+        let map = OctahedralMap::from_fn(64, |_, _, dir| smooth(dir));
         for i in 0..1000 {
             let a = i as f32 * 0.1234;
             let down = -0.95 + 0.0019 * i as f32;
             let flat = (1.0 - down * down).max(0.0).sqrt();
-            let way = Vec3::new(libm::cosf(a) * flat, down, libm::sinf(a) * flat).normalize();
-            let off = (map.sample(way) - smooth(way)).abs().max_element();
+            let dir = Vec3::new(libm::cosf(a) * flat, down, libm::sinf(a) * flat).normalize();
+            let off = (map.sample(dir) - smooth(dir)).abs().max_element();
             // A kink at each edge of the octahedron, of a texel's width; a wrong neighbor is off by 0.1 and more.
-            assert!(off < 0.025, "{way}: {off}");
+            assert!(off < 0.025, "{dir}: {off}");
         }
     }
 }

@@ -8,10 +8,10 @@ use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
 
 /// Radiance of a panorama in a direction, by bilinear interpolation.
-pub fn radiance(panorama: &Panorama, way: Vec3) -> Vec3 {
+pub fn radiance(panorama: &Panorama, dir: Vec3) -> Vec3 {
     let [width, height] = panorama.size().map(|s| s as f32);
-    let u = 0.5 + libm::atan2f(way.x, -way.z) / (2.0 * PI);
-    let v = libm::acosf(way.y.clamp(-1.0, 1.0)) / PI;
+    let u = 0.5 + libm::atan2f(dir.x, -dir.z) / (2.0 * PI);
+    let v = libm::acosf(dir.y.clamp(-1.0, 1.0)) / PI;
     let at = Vec2::new(u * width, v * height) - 0.5;
     let (low, t) = (at.floor(), at - at.floor());
     let (x, y) = (low.x as i64, low.y as i64);
@@ -46,7 +46,7 @@ pub(crate) fn pyramid(base: OctahedralMap) -> Vec<OctahedralMap> {
 
 /// One direction of light about +Z, its weight, and the level of the pyramid whose texels have the sample's solid angle.
 struct Sample {
-    way: Vec3,
+    dir: Vec3,
     weight: f32,
     level: f32,
 }
@@ -63,8 +63,8 @@ fn samples(roughness: f32, count: u32, size: u32) -> Vec<Sample> {
         let cos2 = (1.0 - u) / (1.0 + (alpha * alpha - 1.0) * u);
         let (nh, sin) = (cos2.sqrt(), (1.0 - cos2).max(0.0).sqrt());
         let h = Vec3::new(sin * libm::cosf(turn), sin * libm::sinf(turn), nh);
-        let way = 2.0 * nh * h - Vec3::Z;
-        if way.z <= 0.0 {
+        let dir = 2.0 * nh * h - Vec3::Z;
+        if dir.z <= 0.0 {
             continue;
         }
         let d = cos2 * (alpha * alpha - 1.0) + 1.0;
@@ -72,7 +72,7 @@ fn samples(roughness: f32, count: u32, size: u32) -> Vec<Sample> {
         let solid = 1.0 / (count as f32 * density);
         // One level higher, to blur the steps between samples.
         let level = 0.5 * libm::log2f(solid / texel) + 1.0;
-        all.push(Sample { way, weight: way.z, level: level.max(0.0) });
+        all.push(Sample { dir, weight: dir.z, level: level.max(0.0) });
     }
     all
 }
@@ -81,7 +81,7 @@ fn samples(roughness: f32, count: u32, size: u32) -> Vec<Sample> {
 pub(crate) fn level(pyramid: &[OctahedralMap], roughness: f32, size: u32, count: u32) -> OctahedralMap {
     if roughness == 0.0 {
         let same = pyramid.iter().find(|l| l.size == size).cloned();
-        return same.unwrap_or_else(|| OctahedralMap::from_fn(size, |_, _, way| pyramid[0].sample(way)));
+        return same.unwrap_or_else(|| OctahedralMap::from_fn(size, |_, _, dir| pyramid[0].sample(dir)));
     }
     let samples = samples(roughness, count, pyramid[0].size);
     let all: f32 = samples.iter().map(|s| s.weight).sum();
@@ -93,20 +93,20 @@ pub(crate) fn level(pyramid: &[OctahedralMap], roughness: f32, size: u32, count:
         let across = Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x);
         let along = Vec3::new(b, sign + n.y * n.y * a, -n.y);
         let sum = samples.iter().fold(Vec3::ZERO, |sum, s| {
-            let way = across * s.way.x + along * s.way.y + n * s.way.z;
-            sum + sample(pyramid, way, s.level) * s.weight
+            let dir = across * s.dir.x + along * s.dir.y + n * s.dir.z;
+            sum + sample(pyramid, dir, s.level) * s.weight
         });
         sum / all
     })
 }
 
 /// Interpolates between the two nearest levels.
-fn sample(pyramid: &[OctahedralMap], way: Vec3, level: f32) -> Vec3 {
+fn sample(pyramid: &[OctahedralMap], dir: Vec3, level: f32) -> Vec3 {
     let last = pyramid.len() - 1;
     let low = (level as usize).min(last);
     let t = (level - low as f32).clamp(0.0, 1.0);
     if t == 0.0 || low == last {
-        return pyramid[low].sample(way);
+        return pyramid[low].sample(dir);
     }
-    pyramid[low].sample(way) * (1.0 - t) + pyramid[low + 1].sample(way) * t
+    pyramid[low].sample(dir) * (1.0 - t) + pyramid[low + 1].sample(dir) * t
 }

@@ -18,12 +18,12 @@ use std::collections::VecDeque;
 impl VulkanRenderer {
     /// Whether a plan is kept on the host until it is collected: a frame of several drawings needs all frames in flight, and
     /// plans submitted after it wait, too.
-    pub(super) fn waits(&self, plan: &Plan) -> bool {
+    pub(super) fn waits_on_host(&self, plan: &Plan) -> bool {
         plan.wish != FrameWish::Bytes
             || !plan.subframes.is_empty()
             || plan.dissolve.is_some()
             || self.is_tiled(plan)
-            || !self.later.is_empty()
+            || !self.waiting_plans.is_empty()
     }
 
     /// Draws the oldest waiting plan. Nothing may be in flight.
@@ -75,7 +75,7 @@ impl VulkanRenderer {
 
     /// Waits for the oldest frame in flight, a linear one, and adds it to `sum`.
     fn add_oldest(&mut self, sum: &mut Accumulated) -> Result<(), RenderError> {
-        let mapped = self.finished(8, [0, 0])?;
+        let mapped = self.finish_oldest(8, [0, 0])?;
         let pixel = |bytes: &[u8; 8]| {
             let part = |i: usize| half::f16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]).to_f32();
             Vec4::new(part(0), part(1), part(2), part(3))
@@ -85,7 +85,7 @@ impl VulkanRenderer {
     }
 
     /// Waits for the oldest frame in flight and returns its bytes. `at`: position of its part in the whole image.
-    pub(super) fn finished(&mut self, bytes_a_pixel: usize, at: [u32; 2]) -> Result<&[u8], RenderError> {
+    pub(super) fn finish_oldest(&mut self, bytes_a_pixel: usize, at: [u32; 2]) -> Result<&[u8], RenderError> {
         let index = *self
             .pending
             .front()
@@ -96,7 +96,7 @@ impl VulkanRenderer {
             clock.read(&self.gpu, index)?;
         }
         self.slots[index].release_staging(&self.gpu);
-        if std::mem::take(&mut self.fresh) {
+        if std::mem::take(&mut self.awaits_first_frame) {
             context::give_back_freed_memory();
         }
         let slot = &self.slots[index];
@@ -112,7 +112,7 @@ impl VulkanRenderer {
         let mut rgba = reuse.map(|f| f.rgba).unwrap_or_default();
         rgba.clear();
         let index = self.pending.front().copied().unwrap_or_default();
-        rgba.extend_from_slice(self.finished(4, [0, 0])?);
+        rgba.extend_from_slice(self.finish_oldest(4, [0, 0])?);
         let layers = self.slots[index].layers_in_front.take();
         let [width, height] = self.slots[index].size;
         self.gpu.check_messages()?;
@@ -127,7 +127,7 @@ impl VulkanRenderer {
 impl VulkanRenderer {
     /// Draws the oldest waiting plan, which requests floats. Nothing may be in flight.
     pub(super) fn collect_floats_later(&mut self) -> Result<FloatFrame, RenderError> {
-        match self.later.pop_front() {
+        match self.waiting_plans.pop_front() {
             Some(plan) if self.pending.is_empty() => float_frame(&plan, self),
             _ => Err(RenderError::Usage("every submitted frame of floats has been collected".into())),
         }

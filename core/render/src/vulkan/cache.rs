@@ -7,7 +7,7 @@ use ash::vk;
 use choreo_files::write_whole_beneath;
 use std::path::{Path, PathBuf};
 
-const CHECKSUM: usize = 32;
+const CHECKSUM_BYTES: usize = 32;
 
 pub(crate) struct PipelineCache {
     pub raw: vk::PipelineCache,
@@ -22,7 +22,8 @@ impl PipelineCache {
         });
         let data = file.as_ref().and_then(|f| std::fs::read(f).ok()).unwrap_or_default();
         // A cache only saves time, so a file that cannot be read or is invalid counts as empty.
-        let usable = usable(&data, p.vendor_id, p.device_id, &p.pipeline_cache_uuid).unwrap_or(&[]);
+        let usable =
+            valid_driver_data(&data, p.vendor_id, p.device_id, &p.pipeline_cache_uuid).unwrap_or(&[]);
         let info = vk::PipelineCacheCreateInfo::default().initial_data(usable);
         // SAFETY: the data was written by this driver for this device, its checksum holds; destroyed by `destroy`.
         let raw = unsafe { gpu.device.create_pipeline_cache(&info, None) }.named("pipeline cache")?;
@@ -52,8 +53,8 @@ impl PipelineCache {
 }
 
 /// The driver's data, if the checksum and the header (Vulkan, "Pipeline Cache Header") match this driver and device.
-fn usable<'a>(file: &'a [u8], vendor: u32, device: u32, uuid: &[u8; 16]) -> Option<&'a [u8]> {
-    let (checksum, data) = file.split_at_checked(CHECKSUM)?;
+fn valid_driver_data<'a>(file: &'a [u8], vendor: u32, device: u32, uuid: &[u8; 16]) -> Option<&'a [u8]> {
+    let (checksum, data) = file.split_at_checked(CHECKSUM_BYTES)?;
     if blake3::hash(data).as_bytes() != checksum {
         return None;
     }
@@ -68,7 +69,7 @@ fn usable<'a>(file: &'a [u8], vendor: u32, device: u32, uuid: &[u8; 16]) -> Opti
 
 #[cfg(test)]
 mod tests {
-    use super::usable;
+    use super::valid_driver_data;
 
     fn file(vendor: u32, device: u32, uuid: u8) -> Vec<u8> {
         let mut data = Vec::new();
@@ -83,8 +84,8 @@ mod tests {
     }
 
     #[test]
-    fn only_our_own_intact_file_is_used() {
-        let ours = |file: &[u8]| usable(file, 5, 6, &[7; 16]).is_some();
+    fn only_an_intact_cache_of_this_device_is_used() {
+        let ours = |file: &[u8]| valid_driver_data(file, 5, 6, &[7; 16]).is_some();
         let good = file(5, 6, 7);
         assert!(ours(&good));
         assert!(!ours(&file(4, 6, 7)) && !ours(&file(5, 5, 7)) && !ours(&file(5, 6, 8)), "another device");

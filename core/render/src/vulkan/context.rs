@@ -15,13 +15,13 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, Rw
 /// All messages of the validation layer with severity warning or error.
 pub type Messages = Arc<Mutex<Vec<String>>>;
 
-const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 /// Lock for the validation layer's state of instances and devices, a map that the layer does not lock itself (`layer_data_map`,
 /// seen in 1.3.239). Locked for writing while an instance or device is created or destroyed, for reading during all other calls.
 static LAYER_STATE: RwLock<()> = RwLock::new(());
 
-fn layer_changes() -> RwLockWriteGuard<'static, ()> {
+fn lock_layer_state() -> RwLockWriteGuard<'static, ()> {
     LAYER_STATE.write().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -81,7 +81,7 @@ pub fn chosen_device() -> Result<DeviceInfo, RenderError> {
     };
     let entry = load()?;
     let (instance, _) = create_instance(&entry, &options, &Messages::default())?;
-    let info = choose_device(&instance, None).map(|(physical, _)| describe(&instance, physical).1);
+    let info = choose_device(&instance, None).map(|(physical, _)| describe_device(&instance, physical).1);
     // SAFETY: nothing made from the instance is alive.
     unsafe { instance.destroy_instance(None) };
     info
@@ -107,7 +107,7 @@ impl Context {
     pub fn new(options: &ContextOptions<'_>) -> Result<Context, RenderError> {
         let entry = load()?;
         let messages = Messages::default();
-        let _creates = options.validation.then(layer_changes);
+        let _creates = options.validation.then(lock_layer_state);
         let (instance, messenger) = create_instance(&entry, options, &messages)?;
         // Every object that exists by now is destroyed if a later step fails.
         let destroy = |error: RenderError| {
@@ -121,7 +121,7 @@ impl Context {
             error
         };
         let (physical, queue_family) = choose_device(&instance, options.device).map_err(destroy)?;
-        let (mut properties, info) = describe(&instance, physical);
+        let (mut properties, info) = describe_device(&instance, physical);
         let range = &mut properties.limits.max_storage_buffer_range;
         *range = options.storage_range.map_or(*range, |most| most.min(*range));
         options.faults.check(FaultPlace::Device).named(&format!("device {}", info.name)).map_err(destroy)?;
@@ -177,12 +177,12 @@ impl Context {
 
     /// Lock that each thread holds while it calls the device: with validation, no other thread may create or destroy a device
     /// meanwhile.
-    pub fn calls(&self) -> Option<RwLockReadGuard<'static, ()>> {
+    pub fn lock_for_calls(&self) -> Option<RwLockReadGuard<'static, ()>> {
         self.messenger.is_some().then(|| LAYER_STATE.read().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Fails if a test has requested a fault at this place.
-    pub fn fault(&self, place: FaultPlace) -> Result<(), vk::Result> {
+    pub fn inject_fault(&self, place: FaultPlace) -> Result<(), vk::Result> {
         if self.lost.load(Ordering::Relaxed) {
             return Err(vk::Result::ERROR_DEVICE_LOST);
         }
@@ -225,10 +225,10 @@ impl Context {
 
 impl Drop for Context {
     fn drop(&mut self) {
-        let calls = self.calls();
+        let calls = self.lock_for_calls();
         self.allocator = None;
         drop(calls);
-        let _destroys = self.messenger.is_some().then(layer_changes);
+        let _destroys = self.messenger.is_some().then(lock_layer_state);
         // SAFETY: the renderer destroyed every object of the device before; allocator, device, messenger and
         // instance go in the reverse order of their making.
         unsafe {
@@ -293,12 +293,12 @@ fn create_instance(
     if options.validation {
         // SAFETY: the loader is loaded.
         let available = unsafe { entry.enumerate_instance_layer_properties() }.named("instance layers")?;
-        if !available.iter().any(|l| l.layer_name_as_c_str() == Ok(LAYER)) {
+        if !available.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
             return Err(no_vulkan(
-                "the validation layer was asked for and is not installed (Debian: vulkan-validationlayers)",
+                "the validation layer is requested but not installed; install it (Debian: vulkan-validationlayers)",
             ));
         }
-        layers.push(LAYER.as_ptr());
+        layers.push(VALIDATION_LAYER.as_ptr());
         extensions.push(ext::debug_utils::NAME.as_ptr());
     }
     let mut debug_info = vk::DebugUtilsMessengerCreateInfoEXT::default()
@@ -321,11 +321,11 @@ fn create_instance(
     }
     // SAFETY: all pointers of `info` live until the call returns; `messages` outlives the instance.
     let instance = unsafe { entry.create_instance(&info, None) }.map_err(|r| match r {
-        vk::Result::ERROR_INCOMPATIBLE_DRIVER => {
-            no_vulkan("a loader but no driver; install one (Debian: mesa-vulkan-drivers)")
-        }
+        vk::Result::ERROR_INCOMPATIBLE_DRIVER => no_vulkan(
+            "there is a Vulkan loader but no driver; install a driver (Debian: mesa-vulkan-drivers)",
+        ),
         vk::Result::ERROR_EXTENSION_NOT_PRESENT => {
-            no_vulkan("the driver lacks an instance extension that was asked for")
+            no_vulkan("the driver lacks an instance extension that the window system or validation needs")
         }
         r => RenderError::Vulkan { object: "instance".into(), result: format!("{r:?}") },
     })?;
@@ -414,7 +414,7 @@ fn choose_device(
     })
 }
 
-fn describe(
+fn describe_device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
 ) -> (vk::PhysicalDeviceProperties, DeviceInfo) {

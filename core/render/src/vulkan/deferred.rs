@@ -2,7 +2,9 @@
 
 use super::context::Context;
 use super::descriptors::{Layouts, Pools, write_buffer, write_image};
-use super::execute::{Execution, color_attachment, depth_attachment, to_color, to_depth};
+use super::execute::{
+    Execution, barrier_to_color_target, barrier_to_depth_target, color_attachment, depth_attachment,
+};
 use super::frame_in_flight::FrameInFlight;
 use super::memory::Image;
 use super::{Ability, VulkanRenderer};
@@ -102,8 +104,8 @@ impl Execution<'_> {
         let (Some(depth), true) = (&targets.depth, targets.needs.gbuffer) else {
             return Err(RenderError::Usage("the G-buffer was not prepared".into()));
         };
-        let mut barriers: Vec<_> = targets.gbuffer.iter().map(to_color).collect();
-        barriers.push(to_depth(depth));
+        let mut barriers: Vec<_> = targets.gbuffer.iter().map(barrier_to_color_target).collect();
+        barriers.push(barrier_to_depth_target(depth));
         self.barriers(&barriers);
         use vk::{AttachmentLoadOp as Load, AttachmentStoreOp as Store};
         let color = |image: &Image| color_attachment(image.view, Load::DONT_CARE, Store::STORE);

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 const FRAGMENT: vk::ShaderStageFlags = vk::ShaderStageFlags::FRAGMENT;
 
 /// Bindings of the set with the shadow maps, the scene color copy, the sky, the 2D layers behind the scene and the peeled depth.
-const SHADOW_SET: [(u32, vk::DescriptorType, vk::ShaderStageFlags); 11] = [
+const SCENE_SET_BINDINGS: [(u32, vk::DescriptorType, vk::ShaderStageFlags); 11] = [
     (0, vk::DescriptorType::UNIFORM_BUFFER, FRAGMENT),
     (1, vk::DescriptorType::SAMPLED_IMAGE, FRAGMENT),
     (2, vk::DescriptorType::SAMPLER, FRAGMENT),
@@ -34,7 +34,7 @@ const SHADOW_SET: [(u32, vk::DescriptorType, vk::ShaderStageFlags); 11] = [
 
 /// Number of sampled images that are bound for fragment shaders of surfaces beside the textures of the material.
 pub(super) fn images_beside_material() -> u32 {
-    SHADOW_SET.iter().filter(|(_, kind, _)| *kind == vk::DescriptorType::SAMPLED_IMAGE).count() as u32
+    SCENE_SET_BINDINGS.iter().filter(|(_, kind, _)| *kind == vk::DescriptorType::SAMPLED_IMAGE).count() as u32
 }
 
 /// Descriptor sets of scene pipelines: 0 per frame; 1 morph offsets of a primitive; 2 shadow maps, scene color copy, sky; 3 per
@@ -62,7 +62,7 @@ pub(crate) struct MaterialLayout {
     pub pipeline: vk::PipelineLayout,
 }
 
-fn create(
+fn create_set_layout(
     gpu: &Context,
     name: &str,
     bindings: &[(u32, vk::DescriptorType, vk::ShaderStageFlags)],
@@ -118,12 +118,12 @@ impl Layouts {
         let textures = 0..ImagePass::MOST_READ as u32;
         post.extend(textures.map(|i| (POST_TEXTURES + i, T::SAMPLED_IMAGE, fragment)));
         let made = (|| {
-            layouts.frame = create(gpu, "frame set layout", &frame)?;
-            layouts.morphs = create(gpu, "morph set layout", &[(0, T::STORAGE_BUFFER, poses)])?;
-            layouts.shadow = create(gpu, "shadow set layout", &SHADOW_SET)?;
-            layouts.post = create(gpu, "post set layout", &post)?;
+            layouts.frame = create_set_layout(gpu, "frame set layout", &frame)?;
+            layouts.morphs = create_set_layout(gpu, "morph set layout", &[(0, T::STORAGE_BUFFER, poses)])?;
+            layouts.shadow = create_set_layout(gpu, "shadow set layout", &SCENE_SET_BINDINGS)?;
+            layouts.post = create_set_layout(gpu, "post set layout", &post)?;
             let preskin = [(0, T::STORAGE_BUFFER, compute), (1, T::STORAGE_BUFFER, compute)];
-            layouts.preskin = create(gpu, "set layout of meshes to be pre-skinned", &preskin)?;
+            layouts.preskin = create_set_layout(gpu, "set layout of meshes to be pre-skinned", &preskin)?;
             let sets = [layouts.frame, layouts.morphs, layouts.morphs, layouts.preskin];
             let constants = [vk::PushConstantRange::default().stage_flags(compute).size(8)];
             let info =
@@ -190,7 +190,7 @@ impl Layouts {
         name: &str,
         bindings: &[(u32, vk::DescriptorType, vk::ShaderStageFlags)],
     ) -> Result<MaterialLayout, RenderError> {
-        let set = create(gpu, name, bindings)?;
+        let set = create_set_layout(gpu, name, bindings)?;
         let sets = [self.frame, self.morphs, self.shadow, set];
         let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
         // SAFETY: the set layouts belong to this device; destroyed by `destroy`.

@@ -21,7 +21,7 @@ pub struct RecoveringRenderer {
     /// Plans submitted and not yet collected, the oldest first.
     plans: VecDeque<Plan>,
     /// Number of these plans that the inner renderer has received.
-    inside: usize,
+    submitted_to_inner: usize,
     /// The error of the failed device, until a later frame is collected.
     failed: Option<RenderError>,
     notes: Vec<String>,
@@ -37,7 +37,7 @@ impl RecoveringRenderer {
             inner: Some(inner),
             resources: None,
             plans: VecDeque::new(),
-            inside: 0,
+            submitted_to_inner: 0,
             failed: None,
             notes: Vec::new(),
         })
@@ -51,14 +51,14 @@ impl RecoveringRenderer {
     }
 
     /// Submits plans to the inner renderer, as many as it accepts.
-    fn feed(&mut self) -> Result<(), RenderError> {
-        while let Some(plan) = self.plans.get(self.inside) {
+    fn submit_waiting_plans(&mut self) -> Result<(), RenderError> {
+        while let Some(plan) = self.plans.get(self.submitted_to_inner) {
             let Some(inner) = &mut self.inner else { return Ok(()) };
-            if self.inside >= inner.frames_in_flight() {
+            if self.submitted_to_inner >= inner.frames_in_flight() {
                 break;
             }
             inner.submit_plan(plan)?;
-            self.inside += 1;
+            self.submitted_to_inner += 1;
         }
         Ok(())
     }
@@ -86,11 +86,11 @@ impl RecoveringRenderer {
         self.options.frugal = true;
         // The same device as before: another would draw different bytes.
         self.options.device = Some(self.info.name.clone());
-        let mut again = || {
+        let mut recreate = || {
             let inner = VulkanRenderer::new(self.options.clone())?;
             if *inner.device() != self.info {
                 let why = format!(
-                    "the device {} is no longer available, only {}",
+                    "the device {} is no longer available; the driver offers {} instead",
                     self.info.name,
                     inner.device().name
                 );
@@ -99,7 +99,7 @@ impl RecoveringRenderer {
             let inner = self.inner.insert(inner);
             self.resources.clone().map_or(Ok(()), |resources| inner.load(resources))
         };
-        again().map_err(|second| match self.failed.take() {
+        recreate().map_err(|second| match self.failed.take() {
             Some(first) => RenderError::Twice { first: Box::new(first), second: Box::new(second) },
             None => second,
         })
@@ -108,15 +108,15 @@ impl RecoveringRenderer {
     /// Removes the oldest plan, which has been collected.
     fn collected(&mut self) {
         self.plans.pop_front();
-        self.inside = self.inside.saturating_sub(1);
+        self.submitted_to_inner = self.submitted_to_inner.saturating_sub(1);
         self.failed = None;
     }
 
     fn drop_device(&mut self, error: &RenderError) {
-        self.inside = 0;
+        self.submitted_to_inner = 0;
         let Some(inner) = self.inner.take() else { return };
         if matches!(error, RenderError::TimedOut { .. }) {
-            // The driver may still use its objects, so they must not be freed, and waiting could take forever: the renderer is
+            // The driver may still use its objects, so they must not be freed, and waiting for it could hang. The renderer is
             // leaked until the program ends.
             std::mem::forget(inner);
         }
@@ -153,10 +153,10 @@ impl Renderer for RecoveringRenderer {
             )));
         }
         self.plans.push_back(plan);
-        let submitted = self.retry_once(RecoveringRenderer::feed);
+        let submitted = self.retry_once(RecoveringRenderer::submit_waiting_plans);
         if submitted.is_err() {
             self.plans.pop_back();
-            self.inside = self.inside.min(self.plans.len());
+            self.submitted_to_inner = self.submitted_to_inner.min(self.plans.len());
         }
         submitted
     }
@@ -164,7 +164,7 @@ impl Renderer for RecoveringRenderer {
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError> {
         let mut reuse = reuse;
         let frame = self.retry_once(|this| {
-            this.feed()?;
+            this.submit_waiting_plans()?;
             this.inner()?.collect(reuse.take())
         })?;
         self.collected();
@@ -173,7 +173,7 @@ impl Renderer for RecoveringRenderer {
 
     fn collect_floats(&mut self) -> Result<FloatFrame, RenderError> {
         let frame = self.retry_once(|this| {
-            this.feed()?;
+            this.submit_waiting_plans()?;
             this.inner()?.collect_floats()
         })?;
         self.collected();

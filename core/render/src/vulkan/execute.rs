@@ -4,7 +4,7 @@ use super::context::Context;
 use super::descriptors::{Layouts, POST_TEXTURES, write_image};
 use super::frame_in_flight::FrameInFlight;
 use super::memory::{Image, range};
-use super::pipelines::{Id, Pipelines};
+use super::pipelines::{PipelineId, Pipelines};
 use super::resources::Resources;
 use super::targets::Targets;
 use crate::commands::{Command, Cull, PassPart, Recording, Target};
@@ -29,12 +29,12 @@ pub(crate) struct Execution<'a> {
 }
 
 impl Execution<'_> {
-    pub fn run(&self, recording: &Recording, ids: &[Option<Id>]) -> Result<(), RenderError> {
+    pub fn run(&self, recording: &Recording, ids: &[Option<PipelineId>]) -> Result<(), RenderError> {
         let device = &self.gpu.device;
         let commands = self.slot.commands;
         let pipeline_of = |i: usize| {
             let id = ids[i].as_ref();
-            id.and_then(|id| self.pipelines.get(id)).ok_or_else(|| missing("a pipeline"))
+            id.and_then(|id| self.pipelines.get(id)).ok_or_else(|| not_prepared("a pipeline"))
         };
         let mut index_count = 0;
         // The image that the effect pass before has read, which is still in the layout for reading.
@@ -48,7 +48,7 @@ impl Execution<'_> {
                 Command::BindPipeline(variant) => {
                     self.bind_pipeline(pipeline_of(i)?);
                     if variant.key.features.has(Features::PRE_SKINNED) {
-                        self.bind_posed()?;
+                        self.bind_preskinned()?;
                     }
                 }
                 Command::BindMaterial { material, material_override, slots } => {
@@ -70,7 +70,7 @@ impl Execution<'_> {
                     unsafe { device.cmd_draw(commands, 3, 1, 0, 0) };
                 }
                 Command::PostPass { from, .. } => {
-                    self.post(pipeline_of(i)?, command, read != Some(*from));
+                    self.draw_full_screen(pipeline_of(i)?, command, read != Some(*from));
                     read = Some(*from);
                 }
                 Command::DrawOverlay { first, count, .. } => {
@@ -87,7 +87,7 @@ impl Execution<'_> {
     /// Executes a command that begins or ends a pass, copies an image or sets a state.
     fn pass_command(&self, command: &Command) -> Result<(), RenderError> {
         match command {
-            Command::EndPreskin => self.end_poses(),
+            Command::EndPreskin => self.end_preskin(),
             Command::CopyBackground => self.copy_background(),
             Command::SetCull(cull) => self.set_cull(*cull),
             Command::BeginShadows { size, clear, .. } => self.begin_shadows(*size, *clear)?,
@@ -96,7 +96,7 @@ impl Execution<'_> {
                 if *clear {
                     self.clear_depth(*at, *size);
                 }
-                let set = self.slot.view_sets.get(*index).ok_or_else(|| missing("a shadow view"))?;
+                let set = self.slot.view_sets.get(*index).ok_or_else(|| not_prepared("a shadow view"))?;
                 self.bind_set(self.pipelines.layout, 0, set.raw);
             }
             Command::BeginGeometry => {
@@ -115,7 +115,7 @@ impl Execution<'_> {
             Command::BeginPeel { layer, area, .. } => {
                 // The depth that the pass reads: the scene's for the first layer, then that of even and odd layers in turn.
                 let set = self.slot.peel_sets.get(if *layer == 0 { 0 } else { 2 - *layer as usize % 2 });
-                let set = set.ok_or_else(|| missing("a set of layers"))?;
+                let set = set.ok_or_else(|| not_prepared("a set of peeled layers"))?;
                 self.begin_peel(*layer, *area)?;
                 self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
                 self.bind_set(self.pipelines.layout, 2, set.raw);
@@ -150,11 +150,11 @@ impl Execution<'_> {
     fn bind_material(&self, material: u32, changed: Option<u32>, slots: u32) -> Result<(), RenderError> {
         let kept = || self.scene_resources.materials.get(material as usize);
         let set = match changed {
-            Some(changed) => self.slot.changed_set(changed, slots),
+            Some(changed) => self.slot.override_set(changed, slots),
             None => kept().and_then(|m| self.resources.material_set(m.hash, slots)),
         };
         let layout = self.layouts.material(slots)?.pipeline;
-        self.bind_set(layout, 3, set.ok_or_else(|| missing("a material"))?);
+        self.bind_set(layout, 3, set.ok_or_else(|| not_prepared("a material"))?);
         Ok(())
     }
 
@@ -162,7 +162,7 @@ impl Execution<'_> {
     fn bind_mesh(&self, primitive: u32, layout: VertexLayout, morphs: bool) -> Result<u32, RenderError> {
         let (device, commands) = (&self.gpu.device, self.slot.commands);
         let hash = self.scene_resources.primitives[primitive as usize].hash;
-        let mesh = self.resources.mesh(hash, layout).ok_or_else(|| missing("a mesh"))?;
+        let mesh = self.resources.mesh(hash, layout).ok_or_else(|| not_prepared("a mesh"))?;
         // SAFETY: the command buffer is being recorded; the buffer outlives the frame.
         unsafe {
             device.cmd_bind_vertex_buffers(commands, 0, &[mesh.buffer.raw], &[0]);
@@ -170,14 +170,18 @@ impl Execution<'_> {
         }
         if morphs {
             let set = self.resources.morph_set(hash, layout);
-            self.bind_set(self.pipelines.layout, 1, set.ok_or_else(|| missing("a set of morph targets"))?);
+            self.bind_set(
+                self.pipelines.layout,
+                1,
+                set.ok_or_else(|| not_prepared("a set of morph targets"))?,
+            );
         }
         Ok(mesh.index_count)
     }
 
     pub(super) fn bind_scene_sets(&self) {
         self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
-        if let Some((set, _)) = &self.slot.light_set {
+        if let Some((set, _)) = &self.slot.scene_set {
             self.bind_set(self.pipelines.layout, 2, set.raw);
         }
     }
@@ -216,22 +220,22 @@ impl Execution<'_> {
 
     /// Copies the background from the host over the whole image.
     fn copy_background(&self) {
-        let (picture, Some(rows)) = (&self.targets.picture, self.targets.background()) else { return };
-        self.barriers(&[color_barrier(picture)
+        let (image, Some(rows)) = (&self.targets.frame_image, self.targets.background()) else { return };
+        self.barriers(&[color_barrier(image)
             .src_stage_mask(vk::PipelineStageFlags2::COPY)
             .dst_stage_mask(vk::PipelineStageFlags2::COPY)
             .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
             .new_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)]);
-        let region = [self.whole_picture()];
+        let region = [self.whole_image_copy()];
         // SAFETY: the command buffer is being recorded; the buffer holds one image.
         unsafe {
             let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
             let commands = self.slot.commands;
-            self.gpu.device.cmd_copy_buffer_to_image(commands, rows, picture.raw, layout, &region);
+            self.gpu.device.cmd_copy_buffer_to_image(commands, rows, image.raw, layout, &region);
         }
     }
 
-    fn whole_picture(&self) -> vk::BufferImageCopy {
+    fn whole_image_copy(&self) -> vk::BufferImageCopy {
         let [width, height] = self.targets.needs.size;
         let layer =
             vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
@@ -244,13 +248,16 @@ impl Execution<'_> {
         let Some(target) = &self.targets.shadow else {
             return Err(RenderError::Usage("the shadow maps were not prepared".into()));
         };
-        // The frame before may still read the maps.
+        // The previous frame may still read the maps.
         let read = vk::PipelineStageFlags2::FRAGMENT_SHADER;
-        let barrier = to_depth(&target.image);
+        let barrier = barrier_to_depth_target(&target.image);
         let barrier = barrier.src_stage_mask(barrier.src_stage_mask | read);
         let (barrier, load) = match clear {
             true => (barrier, vk::AttachmentLoadOp::CLEAR),
-            false => (again(barrier, vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL), vk::AttachmentLoadOp::LOAD),
+            false => (
+                keeping_contents(barrier, vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL),
+                vk::AttachmentLoadOp::LOAD,
+            ),
         };
         self.barriers(&[barrier]);
         let depth = depth_attachment(&target.image, load, vk::AttachmentStoreOp::STORE);
@@ -331,8 +338,10 @@ impl Execution<'_> {
     fn begin_scene_barriers(&self, resolved: &Image, clears_all: bool, resumed: bool, after_geometry: bool) {
         let mut barriers = vec![match clears_all {
             // The copy left the image in the layout for drawing; a multisampled pass only resolves into it.
-            _ if resumed => again(to_color(resolved), vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
-            true => to_color(resolved),
+            _ if resumed => {
+                keeping_contents(barrier_to_color_target(resolved), vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+            }
+            true => barrier_to_color_target(resolved),
             // The copy of the background left the image in the transfer layout; it fills the whole image or surrounds the render
             // area.
             false => color_barrier(resolved)
@@ -345,22 +354,25 @@ impl Execution<'_> {
                 .old_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
                 .new_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
         }];
-        let (of_samples, of_depth) =
-            (self.targets.multisampled.as_ref().map(to_color), self.targets.depth.as_ref().map(to_depth));
+        let (of_samples, of_depth) = (
+            self.targets.multisampled.as_ref().map(barrier_to_color_target),
+            self.targets.depth.as_ref().map(barrier_to_depth_target),
+        );
         if resumed {
-            barriers.extend(of_samples.map(|b| again(b, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)));
-            barriers.extend(of_depth.map(|b| again(b, vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)));
+            barriers
+                .extend(of_samples.map(|b| keeping_contents(b, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)));
+            barriers.extend(of_depth.map(|b| keeping_contents(b, vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)));
         } else {
             barriers.extend(of_samples);
             barriers.extend(of_depth.map(|b| match after_geometry {
-                true => again(b, vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL),
+                true => keeping_contents(b, vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL),
                 false => b,
             }));
             if after_geometry {
-                barriers.extend(self.targets.gbuffer.iter().map(from_color));
+                barriers.extend(self.targets.gbuffer.iter().map(barrier_color_to_sampled));
             }
             let drawn = self.targets.shadow.as_ref().filter(|_| self.draws_shadows);
-            barriers.extend(drawn.map(|s| from_depth(&s.image)));
+            barriers.extend(drawn.map(|s| barrier_depth_to_sampled(&s.image)));
         }
         self.barriers(&barriers);
     }
@@ -388,7 +400,7 @@ impl Execution<'_> {
     }
 
     /// Runs a full-screen pass. `is_new`: its input was drawn by the pass before and is not yet in the layout for reading.
-    fn post(&self, pipeline: vk::Pipeline, command: &Command, is_new: bool) {
+    fn draw_full_screen(&self, pipeline: vk::Pipeline, command: &Command, is_new: bool) {
         let Command::PostPass { index, from, original, textures, to, size: [w, h], .. } = command else {
             return;
         };
@@ -409,8 +421,8 @@ impl Execution<'_> {
         }
         let target = self.targets.image(*to);
         match is_new {
-            true => self.barriers(&[from_color(from), to_color(target)]),
-            false => self.barriers(&[to_color(target)]),
+            true => self.barriers(&[barrier_color_to_sampled(from), barrier_to_color_target(target)]),
+            false => self.barriers(&[barrier_to_color_target(target)]),
         }
         let color =
             color_attachment(target.view, vk::AttachmentLoadOp::DONT_CARE, vk::AttachmentStoreOp::STORE);
@@ -425,13 +437,13 @@ impl Execution<'_> {
         }
         // Several passes may read a texture, so it is made readable at once.
         if matches!(to, Target::Texture(_)) {
-            self.barriers(&[from_color(target)]);
+            self.barriers(&[barrier_color_to_sampled(target)]);
         }
     }
 
     fn read_back(&self, from: Target) {
-        let picture = self.targets.image(from);
-        self.barriers(&[color_barrier(picture)
+        let image = self.targets.image(from);
+        self.barriers(&[color_barrier(image)
             .src_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
             .src_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE)
             .dst_stage_mask(vk::PipelineStageFlags2::COPY)
@@ -439,12 +451,12 @@ impl Execution<'_> {
             .old_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
             .new_layout(vk::ImageLayout::TRANSFER_SRC_OPTIMAL)]);
         let Some(readback) = &self.slot.readback else { return };
-        self.copy_to_host(picture, readback.raw, 0);
+        self.copy_to_host(image, readback.raw, 0);
     }
 
     /// Copies a whole image, in the layout of a transfer source, to a buffer from the offset `at` on.
     pub(super) fn copy_to_host(&self, image: &Image, buffer: vk::Buffer, at: u64) {
-        let region = [self.whole_picture().buffer_offset(at)];
+        let region = [self.whole_image_copy().buffer_offset(at)];
         // The barrier covers the image and the fault records of shaders.
         let shaders = vk::PipelineStageFlags2::VERTEX_SHADER | vk::PipelineStageFlags2::FRAGMENT_SHADER;
         let to_host = [vk::MemoryBarrier2::default()
@@ -467,7 +479,7 @@ impl Execution<'_> {
     }
 }
 
-fn missing(what: &str) -> RenderError {
+fn not_prepared(what: &str) -> RenderError {
     RenderError::Usage(format!("{what} was not prepared"))
 }
 
@@ -476,7 +488,7 @@ pub(super) fn color_barrier(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
 }
 
 /// Barrier after drawing: shaders read the image from now on.
-pub(super) fn from_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+pub(super) fn barrier_color_to_sampled(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     color_barrier(image)
         .src_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
         .src_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE)
@@ -487,7 +499,7 @@ pub(super) fn from_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
 }
 
 /// Changes a barrier to keep the image's contents, which are in this layout.
-pub(super) fn again(
+pub(super) fn keeping_contents(
     barrier: vk::ImageMemoryBarrier2<'static>,
     layout: vk::ImageLayout,
 ) -> vk::ImageMemoryBarrier2<'static> {
@@ -495,7 +507,7 @@ pub(super) fn again(
 }
 
 /// Barrier before drawing: discards the contents, and waits for all uses by the frame before.
-pub(super) fn to_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+pub(super) fn barrier_to_color_target(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     color_barrier(image)
         .src_stage_mask(
             vk::PipelineStageFlags2::COPY
@@ -543,7 +555,7 @@ const DEPTH_STAGES: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::from_raw(
 );
 
 /// A barrier after depth was written.
-fn after_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+fn barrier_after_depth_write(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     vk::ImageMemoryBarrier2::default()
         .image(image.raw)
         .subresource_range(range(vk::ImageAspectFlags::DEPTH))
@@ -552,8 +564,8 @@ fn after_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
 }
 
 /// Barrier before drawing: discards the depth, and waits for all uses by the frame before.
-pub(super) fn to_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
-    after_depth(image)
+pub(super) fn barrier_to_depth_target(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+    barrier_after_depth_write(image)
         .dst_stage_mask(DEPTH_STAGES)
         .dst_access_mask(
             vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE
@@ -563,8 +575,8 @@ pub(super) fn to_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
 }
 
 /// Barrier after drawing: shaders read the depth from now on.
-pub(super) fn from_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
-    after_depth(image)
+pub(super) fn barrier_depth_to_sampled(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+    barrier_after_depth_write(image)
         .dst_stage_mask(vk::PipelineStageFlags2::FRAGMENT_SHADER)
         .dst_access_mask(vk::AccessFlags2::SHADER_SAMPLED_READ)
         .old_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)

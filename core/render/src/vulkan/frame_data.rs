@@ -45,20 +45,20 @@ impl Blocks {
         Blocks { end: 0, align }
     }
 
-    fn take(&mut self, bytes: usize) -> Block {
+    fn allocate(&mut self, bytes: usize) -> Block {
         let at = self.end.next_multiple_of(self.align);
         self.end = at + bytes as u64;
         Block { at, bytes: bytes as u64 }
     }
 
     /// Allocates `count` values of a type if `is_there`, else an empty block.
-    fn take_if<T>(&mut self, is_there: bool, count: usize) -> Block {
-        self.take(if is_there { count * size_of::<T>() } else { 0 })
+    fn allocate_if<T>(&mut self, is_there: bool, count: usize) -> Block {
+        self.allocate(if is_there { count * size_of::<T>() } else { 0 })
     }
 }
 
 /// Data that is copied unchanged from the plan.
-struct Stored<'a> {
+struct CopiedData<'a> {
     what: &'static str,
     block: Block,
     data: &'a [u8],
@@ -88,7 +88,7 @@ pub struct FrameData<'a> {
     pub light_clusters: Block,
     /// Fault records of effects.
     pub faults: Block,
-    stored: [Stored<'a>; 6],
+    stored: [CopiedData<'a>; 6],
 }
 
 impl<'a> FrameData<'a> {
@@ -100,7 +100,7 @@ impl<'a> FrameData<'a> {
     ) -> Result<FrameData<'a>, RenderError> {
         let Some(Command::UploadFrameData { instances, joints, morphs, lights }) = recording.commands.first()
         else {
-            return Err(RenderError::Usage("a recording starts with its frame data".into()));
+            return Err(RenderError::Usage("the recording does not begin with its frame data".into()));
         };
         let reads = recording.reads();
         let limits = gpu.limits();
@@ -119,39 +119,41 @@ impl<'a> FrameData<'a> {
             false => joint_data.len().max(size_of::<Affine3x4>()),
         };
         let sky = images.sky.is_some() && reads.sky && plan.sky.is_some();
-        let frame = blocks.take(size_of::<FrameUniform>());
-        let instances = blocks.take(instance_data.len());
+        let frame = blocks.allocate(size_of::<FrameUniform>());
+        let instances = blocks.allocate(instance_data.len());
         // A shader may be compiled for morphs although no instance has any; its binding must not be empty.
-        let morphs = blocks.take(morph_data.len().max(16));
-        let joints = blocks.take(joint_bytes);
+        let morphs = blocks.allocate(morph_data.len().max(16));
+        let joints = blocks.allocate(joint_bytes);
         // Uniform arrays have a fixed length in the shader; elements after the used ones are never read.
-        let light_block = blocks.take_if::<PlanLight>(reads.lights, MAX_LIGHTS);
-        let overlay = blocks.take(overlay_data.len());
-        let light_clusters = blocks.take(cluster_data.len());
+        let light_block = blocks.allocate_if::<PlanLight>(reads.lights, MAX_LIGHTS);
+        let overlay = blocks.allocate(overlay_data.len());
+        let light_clusters = blocks.allocate(cluster_data.len());
         let has_effects = !plan.post.is_empty() || !plan.scene_effects.is_empty();
-        let stored = |what, block, data| Stored { what, block, data };
+        let stored = |what, block, data| CopiedData { what, block, data };
         let data = FrameData {
             reads,
             light_count: *lights as u32,
             frame,
-            views: (0..views).map(|_| blocks.take(size_of::<FrameUniform>())).collect(),
+            views: (0..views).map(|_| blocks.allocate(size_of::<FrameUniform>())).collect(),
             materials: plan
                 .material_overrides
                 .iter()
-                .map(|_| [size_of::<MaterialUniform>(), size_of::<LayersUniform>()].map(|s| blocks.take(s)))
+                .map(|_| {
+                    [size_of::<MaterialUniform>(), size_of::<LayersUniform>()].map(|s| blocks.allocate(s))
+                })
                 .collect(),
-            shadow_lookups: blocks.take_if::<ShadowUniform>(images.shadow.is_some(), MAX_VIEWS),
-            sky: blocks.take_if::<SkyUniform>(sky, 1),
-            rebuilt: blocks.take_if::<RebuiltUniform>(images.gbuffer.is_some(), 1),
-            post: plan.post.iter().map(|pass| blocks.take(PostUniform::bytes(pass))).collect(),
-            surface: blocks.take(plan.surface_rows() * size_of::<Vec4>()),
+            shadow_lookups: blocks.allocate_if::<ShadowUniform>(images.shadow.is_some(), MAX_VIEWS),
+            sky: blocks.allocate_if::<SkyUniform>(sky, 1),
+            rebuilt: blocks.allocate_if::<RebuiltUniform>(images.gbuffer.is_some(), 1),
+            post: plan.post.iter().map(|pass| blocks.allocate(PostUniform::bytes(pass))).collect(),
+            surface: blocks.allocate(plan.surface_rows() * size_of::<Vec4>()),
             instances,
             morphs,
             lights: light_block,
             joints,
             overlay,
             light_clusters,
-            faults: blocks.take(if has_effects { images.faults } else { 0 }),
+            faults: blocks.allocate(if has_effects { images.faults } else { 0 }),
             stored: [
                 stored("instances", instances, instance_data),
                 stored("joint matrices", joints, joint_data),
@@ -169,7 +171,7 @@ impl<'a> FrameData<'a> {
     /// Fails if a shader would read more from one buffer than the device's limit.
     fn check(&self, limit: u64) -> Result<(), RenderError> {
         match self.stored.iter().find(|s| s.data.len() as u64 > limit) {
-            Some(Stored { what, data, .. }) => {
+            Some(CopiedData { what, data, .. }) => {
                 let what = format!("size in bytes of all {what}");
                 Err(RenderError::Limit { what, value: data.len() as u64, limit })
             }
@@ -187,7 +189,7 @@ impl<'a> FrameData<'a> {
         let mut put = |at: u64, bytes: &[u8]| {
             mapped[at as usize..at as usize + bytes.len()].copy_from_slice(bytes);
         };
-        for Stored { block, data, .. } in &self.stored {
+        for CopiedData { block, data, .. } in &self.stored {
             put(block.at, data);
         }
         put(self.faults.at, &vec![u8::MAX; self.faults.bytes as usize]);
@@ -225,7 +227,7 @@ impl<'a> FrameData<'a> {
         }
         let mut before = 1;
         for (i, (block, pass)) in self.post.iter().zip(&plan.post).enumerate() {
-            let scales = scales_of(pass, &plan.post[..i]);
+            let scales = texture_scales(pass, &plan.post[..i]);
             put(
                 block.at,
                 bytemuck::bytes_of(&PostUniform::new(pass, before, plan.size, scales, &plan.effect_frame)),
@@ -238,7 +240,7 @@ impl<'a> FrameData<'a> {
 }
 
 /// Factors by which the textures that a pass reads are smaller than the whole image.
-fn scales_of(pass: &PostPass, before: &[PostPass]) -> [f32; ImagePass::MOST_READ] {
+fn texture_scales(pass: &PostPass, before: &[PostPass]) -> [f32; ImagePass::MOST_READ] {
     let mut scales = [1.0; ImagePass::MOST_READ];
     for (scale, number) in scales.iter_mut().zip(&pass.reads) {
         let read = before.iter().rev().find(|pass| pass.number == *number);

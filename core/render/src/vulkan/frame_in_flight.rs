@@ -23,25 +23,25 @@ use std::sync::Arc;
 pub(crate) struct FrameInFlight {
     pub pool: vk::CommandPool,
     pub commands: vk::CommandBuffer,
-    ring: Option<Buffer>,
+    data_buffer: Option<Buffer>,
     pub frame_set: Set,
     /// The frame's set with the view of each shadow map in place of the camera.
     pub view_sets: Vec<Set>,
     /// Set 2 (shadow maps, scene color copy, sky, 2D layers behind the scene), and which of these four it was created with.
-    pub light_set: Option<(Set, [bool; 4])>,
+    pub scene_set: Option<(Set, [bool; 4])>,
     /// Sets with the same layout, with the depths of the scene, of even peeled layers and of odd ones.
     pub peel_sets: Vec<Set>,
     /// The G-buffer, for the pass that lights it.
     pub gbuffer_set: Option<Set>,
-    /// Uniform blocks of the frame's overridden materials. `changed`, `changed_sets`: override and texture slots of each set, and
+    /// Uniform blocks of the frame's overridden materials. `override_keys`, `override_sets`: override and texture slots of each set, and
     /// the sets.
-    changed_at: Vec<[Block; 2]>,
+    override_blocks: Vec<[Block; 2]>,
     /// 2D layers behind the scene, with their content hash.
     layers_behind: Option<([u8; 32], Image)>,
     /// 2D layers over the frame.
     pub layers_in_front: Option<Arc<LayerImage>>,
-    changed: Vec<(u32, u32)>,
-    changed_sets: Vec<Set>,
+    override_keys: Vec<(u32, u32)>,
+    override_sets: Vec<Set>,
     pub post_sets: Vec<Set>,
     pub readback: Option<Buffer>,
     /// Staging buffer, kept until the frame is done.
@@ -96,17 +96,17 @@ impl FrameInFlight {
         Ok(FrameInFlight {
             pool,
             commands,
-            ring: None,
+            data_buffer: None,
             frame_set,
             view_sets: Vec::new(),
-            light_set: None,
+            scene_set: None,
             peel_sets: Vec::new(),
             gbuffer_set: None,
             layers_behind: None,
             layers_in_front: None,
-            changed_at: Vec::new(),
-            changed: Vec::new(),
-            changed_sets: Vec::new(),
+            override_blocks: Vec::new(),
+            override_keys: Vec::new(),
+            override_sets: Vec::new(),
             post_sets: Vec::new(),
             readback: None,
             staging: None,
@@ -128,12 +128,12 @@ impl FrameInFlight {
         images: FrameImages<'_>,
     ) -> Result<(), RenderError> {
         let data = FrameData::new(gpu, plan, recording, &images)?;
-        self.changed_at.clone_from(&data.materials);
+        self.override_blocks.clone_from(&data.materials);
         self.faults = data.faults;
         self.prepare_buffer(gpu, layouts, pools, &data)?;
-        let Some(ring) = &mut self.ring else { return Ok(()) };
-        let raw = ring.raw;
-        let mapped = ring.mapped_mut();
+        let Some(data_buffer) = &mut self.data_buffer else { return Ok(()) };
+        let raw = data_buffer.raw;
+        let mapped = data_buffer.mapped_mut();
         data.write(plan, &images, mapped);
         let Block { at, bytes } = data.instances;
         self.preskin.place(&mut mapped[at as usize..][..bytes as usize]);
@@ -169,20 +169,20 @@ impl FrameInFlight {
         while self.view_sets.len() < data.views.len() {
             self.view_sets.push(pools.allocate(gpu, layouts.frame, "shadow view set")?);
         }
-        if self.ring.as_ref().is_none_or(|r| r.size < data.bytes) {
-            if let Some(mut old) = self.ring.take() {
+        if self.data_buffer.as_ref().is_none_or(|r| r.size < data.bytes) {
+            if let Some(mut old) = self.data_buffer.take() {
                 old.destroy(gpu);
             }
             let usage = vk::BufferUsageFlags::UNIFORM_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER;
             let size = data.bytes.next_power_of_two();
-            let ring = Buffer::new(gpu, "frame data", size, usage, MemoryLocation::CpuToGpu)?;
+            let data_buffer = Buffer::new(gpu, "frame data", size, usage, MemoryLocation::CpuToGpu)?;
             // Every binding is written, read or not: lavapipe (22.3) dereferences all descriptors of a bound set and crashes on a
             // buffer that was just destroyed, although that is legal if no shader reads it.
-            fill(gpu, &self.frame_set, ring.raw);
-            self.view_sets.iter().for_each(|set| fill(gpu, set, ring.raw));
-            self.ring = Some(ring);
-        } else if let Some(ring) = &self.ring {
-            self.view_sets[old_views..].iter().for_each(|set| fill(gpu, set, ring.raw));
+            bind_everywhere(gpu, &self.frame_set, data_buffer.raw);
+            self.view_sets.iter().for_each(|set| bind_everywhere(gpu, set, data_buffer.raw));
+            self.data_buffer = Some(data_buffer);
+        } else if let Some(data_buffer) = &self.data_buffer {
+            self.view_sets[old_views..].iter().for_each(|set| bind_everywhere(gpu, set, data_buffer.raw));
         }
         Ok(())
     }
@@ -237,11 +237,11 @@ impl FrameInFlight {
             sky.is_some(),
             behind_scene.is_some(),
         ];
-        if let Some((set, _)) = self.light_set.take_if(|(_, had)| *had != has) {
+        if let Some((set, _)) = self.scene_set.take_if(|(_, had)| *had != has) {
             pools.free(gpu, set);
         }
-        if self.light_set.is_none() && has != [false; 4] {
-            self.light_set = Some((pools.allocate(gpu, layouts.shadow, "shadows, glass and sky")?, has));
+        if self.scene_set.is_none() && has != [false; 4] {
+            self.scene_set = Some((pools.allocate(gpu, layouts.shadow, "shadows, glass and sky")?, has));
         }
         // Every binding is written: an existing image takes the place of a missing one, and is not read.
         let shadows = images.shadow.map(|t| ([t.image.view; 2], t.sampler));
@@ -250,7 +250,7 @@ impl FrameInFlight {
         // The layers are read without a sampler.
         let layers = behind_scene.map(|view| ([view; 2], vk::Sampler::null()));
         let any = shadows.or(glass).or(of_sky).or(layers);
-        let (Some((set, _)), Some(any)) = (self.light_set, any) else { return Ok(()) };
+        let (Some((set, _)), Some(any)) = (self.scene_set, any) else { return Ok(()) };
         for (binding, block) in [(0, data.shadow_lookups.or_any()), (5, data.sky.or_any())] {
             write_buffer(gpu, set.raw, binding, T::UNIFORM_BUFFER, raw, block.at, block.bytes);
         }
@@ -261,9 +261,9 @@ impl FrameInFlight {
                 write_image(gpu, set.raw, binding + 1, T::SAMPLER, vk::ImageView::null(), sampler);
             }
         }
-        let ([_, picture], _) = of_sky.unwrap_or(any);
+        let ([_, panorama_view], _) = of_sky.unwrap_or(any);
         let ([layers_behind, _], _) = layers.unwrap_or(any);
-        for (binding, view) in [(8, picture), (9, layers_behind), (10, layers_behind)] {
+        for (binding, view) in [(8, panorama_view), (9, layers_behind), (10, layers_behind)] {
             write_image(gpu, set.raw, binding, T::SAMPLED_IMAGE, view, vk::Sampler::null());
         }
         Ok(())
@@ -301,7 +301,7 @@ impl FrameInFlight {
     /// Fault records of effects, written by the frame's shaders. The frame must be done.
     pub(crate) fn fault_records(&self) -> &[u8] {
         let Block { at, bytes } = self.faults;
-        let mapped = self.ring.as_ref().map_or(&[][..], |ring| ring.mapped());
+        let mapped = self.data_buffer.as_ref().map_or(&[][..], |data_buffer| data_buffer.mapped());
         mapped.get(at as usize..(at + bytes) as usize).unwrap_or(&[])
     }
 
@@ -352,7 +352,7 @@ impl FrameInFlight {
 
     /// Writes the sets of materials that are overridden in this frame. Call it after `write`, and after the resources are
     /// prepared.
-    pub(crate) fn write_changed(
+    pub(crate) fn write_override_sets(
         &mut self,
         gpu: &Context,
         layouts: &Layouts,
@@ -361,36 +361,37 @@ impl FrameInFlight {
         recording: &Recording,
         resources: &mut Resources,
     ) -> Result<(), RenderError> {
-        self.changed.clear();
+        self.override_keys.clear();
         // Sets are allocated anew in each frame: lavapipe (22.3) dereferences all descriptors of a bound set, even destroyed
         // textures that are not read.
-        self.changed_sets.drain(..).for_each(|set| pools.free(gpu, set));
+        self.override_sets.drain(..).for_each(|set| pools.free(gpu, set));
         for command in &recording.commands {
             let Command::BindMaterial { material, material_override: Some(changed), slots } = command else {
                 continue;
             };
-            let (Some(ring), Some([own, layers])) = (&self.ring, self.changed_at.get(*changed as usize))
+            let (Some(data_buffer), Some([own, layers])) =
+                (&self.data_buffer, self.override_blocks.get(*changed as usize))
             else {
-                return Err(RenderError::Usage("a changed material is not in the plan".into()));
+                return Err(RenderError::Usage("an overridden material is not in the plan".into()));
             };
-            if self.changed.contains(&(*changed, *slots)) {
+            if self.override_keys.contains(&(*changed, *slots)) {
                 continue;
             }
-            let made = pools.allocate(gpu, layouts.material(*slots)?.set, "changed material set")?;
-            self.changed_sets.push(made);
+            let made = pools.allocate(gpu, layouts.material(*slots)?.set, "overridden material set")?;
+            self.override_sets.push(made);
             let set = made.raw;
             let uniform = vk::DescriptorType::UNIFORM_BUFFER;
-            write_buffer(gpu, set, 0, uniform, ring.raw, own.at, own.bytes);
-            write_buffer(gpu, set, LayersUniform::BINDING, uniform, ring.raw, layers.at, layers.bytes);
+            write_buffer(gpu, set, 0, uniform, data_buffer.raw, own.at, own.bytes);
+            write_buffer(gpu, set, LayersUniform::BINDING, uniform, data_buffer.raw, layers.at, layers.bytes);
             resources.write_textures(gpu, scene_resources, *material, *slots, set)?;
-            self.changed.push((*changed, *slots));
+            self.override_keys.push((*changed, *slots));
         }
         Ok(())
     }
 
-    pub(crate) fn changed_set(&self, changed: u32, slots: u32) -> Option<vk::DescriptorSet> {
-        let place = self.changed.iter().position(|c| *c == (changed, slots))?;
-        self.changed_sets.get(place).map(|set| set.raw)
+    pub(crate) fn override_set(&self, changed: u32, slots: u32) -> Option<vk::DescriptorSet> {
+        let place = self.override_keys.iter().position(|c| *c == (changed, slots))?;
+        self.override_sets.get(place).map(|set| set.raw)
     }
 
     pub(crate) fn release_staging(&mut self, gpu: &Context) {
@@ -404,7 +405,7 @@ impl FrameInFlight {
         self.release_staging(gpu);
         self.preskin.destroy(gpu);
         self.forget_layers_2d(gpu);
-        for mut buffer in self.ring.take().into_iter().chain(self.readback.take()) {
+        for mut buffer in self.data_buffer.take().into_iter().chain(self.readback.take()) {
             buffer.destroy(gpu);
         }
         // SAFETY: made from this device; its command buffer is not pending.
@@ -413,7 +414,7 @@ impl FrameInFlight {
 }
 
 /// Points every binding of a set with the frame's layout at a buffer.
-fn fill(gpu: &Context, set: &Set, buffer: vk::Buffer) {
+fn bind_everywhere(gpu: &Context, set: &Set, buffer: vk::Buffer) {
     for (binding, kind) in FRAME_BINDINGS {
         write_buffer(gpu, set.raw, binding, kind, buffer, 0, 16);
     }

@@ -16,7 +16,7 @@ pub struct Buffer {
 
 fn allocate(gpu: &Context, desc: &AllocationCreateDesc<'_>) -> Result<Allocation, RenderError> {
     let object = format!("memory of {}", desc.name);
-    gpu.fault(FaultPlace::Memory).named(&object)?;
+    gpu.inject_fault(FaultPlace::Memory).named(&object)?;
     gpu.allocator().allocate(desc).map_err(|e| match e {
         AllocationError::OutOfMemory => RenderError::OutOfMemory { object },
         e => RenderError::Vulkan { object, result: e.to_string() },

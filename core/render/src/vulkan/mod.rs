@@ -3,7 +3,7 @@
 //! Design decisions: one queue, and one primary command buffer per frame. Frames in flight share their targets, since the queue
 //! runs them in order anyway. Each frame has a mapped buffer of its own for all data that the host writes. Resources are created
 //! when a frame first draws them and kept by content; `load` waits for the device. Failed operations are not repeated here:
-//! `device_recovery` does that, on a new device with reduced demands.
+//! `device_recovery` repeats them on a new device with reduced demands.
 
 mod accumulate;
 mod cache;
@@ -66,7 +66,7 @@ use pipelines::Pipelines;
 use resources::Resources;
 use std::collections::VecDeque;
 use std::sync::Arc;
-use targets::{FrameImages, Needs, Targets};
+use targets::{FrameImages, TargetNeeds, Targets};
 use upload::Uploads;
 
 /// Time after which a frame is given up, so that a hanging driver does not hang the program. Five minutes: a driver on a busy CPU
@@ -89,19 +89,19 @@ pub struct VulkanRenderer {
     /// Indices into `slots`, the oldest first.
     pending: VecDeque<usize>,
     /// Plans submitted after those, and drawn when they are collected; the oldest first.
-    later: VecDeque<Plan>,
+    waiting_plans: VecDeque<Plan>,
     timeline: vk::Semaphore,
     submitted: u64,
     scene_resources: Arc<SceneResources>,
-    last: Option<Recording>,
+    last_recorded: Option<Recording>,
     /// Whether no frame of these scene resources was collected yet: their uploads and pipelines still leave freed memory behind.
-    fresh: bool,
+    awaits_first_frame: bool,
     frugal: bool,
-    /// Notes for the user about what was left out.
+    /// Messages for the user about textures and features that were left out.
     notes: Vec<String>,
     faults: EffectFaults,
     most_textures: Option<u32>,
-    /// Whether the note was given that the requested deferred shading is replaced by forward shading.
+    /// Whether the user was informed that forward shading replaces the requested deferred shading.
     noted_forward: bool,
     clock: Option<clock::Clock>,
     longest_side: u32,
@@ -119,7 +119,7 @@ impl VulkanRenderer {
             without: &options.without,
             storage_range: options.storage_range,
         })?;
-        let calls = gpu.calls();
+        let calls = gpu.lock_for_calls();
         let mut layouts = Layouts::new(&gpu)?;
         let cache_dir = options.cache_dir.as_deref();
         let pipelines = ShaderSources::read(options.shader_dir)
@@ -147,12 +147,12 @@ impl VulkanRenderer {
             texels: None,
             slots: Vec::new(),
             pending: VecDeque::new(),
-            later: VecDeque::new(),
+            waiting_plans: VecDeque::new(),
             timeline: vk::Semaphore::null(),
             submitted: 0,
             scene_resources: Arc::default(),
-            last: None,
-            fresh: true,
+            last_recorded: None,
+            awaits_first_frame: true,
             notes: Vec::new(),
             faults: EffectFaults::default(),
             most_textures: options.textures,
@@ -162,7 +162,7 @@ impl VulkanRenderer {
             frugal: options.frugal,
         };
         // `drop` frees everything from here on.
-        let _calls = renderer.gpu.calls();
+        let _calls = renderer.gpu.lock_for_calls();
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
         // SAFETY: the device is alive and has the feature; destroyed by `drop`.
@@ -181,7 +181,7 @@ impl VulkanRenderer {
 
     /// The recording of the frame submitted last.
     pub fn last_recording(&self) -> Option<&Recording> {
-        self.last.as_ref()
+        self.last_recorded.as_ref()
     }
 
     /// Number of pipelines that exist.
@@ -211,13 +211,13 @@ impl VulkanRenderer {
     fn wait_for(&self, value: u64) -> Result<(), RenderError> {
         let (semaphores, values) = ([self.timeline], [value]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        self.gpu.fault(FaultPlace::Wait).named(&format!("frame {value}"))?;
+        self.gpu.inject_fault(FaultPlace::Wait).named(&format!("frame {value}"))?;
         // SAFETY: the semaphore is alive.
         unsafe { self.gpu.device.wait_semaphores(&info, TIMEOUT_SECS * 1_000_000_000) }
             .named(&format!("frame {value}"))
     }
 
-    fn check(&self, plan: &Plan) -> Result<(), RenderError> {
+    fn check_plan(&self, plan: &Plan) -> Result<(), RenderError> {
         let limit = self.longest_side().max(crate::plan::tiles::MOST);
         for (what, value) in [("image width", plan.size[0]), ("image height", plan.size[1])] {
             if value == 0 {
@@ -242,7 +242,7 @@ impl VulkanRenderer {
     }
 
     fn has_targets(&self, recording: &Recording) -> bool {
-        self.targets.as_ref().is_some_and(|targets| targets.needs == Needs::of(recording))
+        self.targets.as_ref().is_some_and(|targets| targets.needs == TargetNeeds::of(recording))
     }
 
     fn prepare_targets(&mut self, plan: &Plan, recording: &Recording) -> Result<(), RenderError> {
@@ -251,7 +251,7 @@ impl VulkanRenderer {
             if let Some(mut old) = self.targets.take() {
                 old.destroy(&self.gpu);
             }
-            self.targets = Some(Targets::new(&self.gpu, Needs::of(recording))?);
+            self.targets = Some(Targets::new(&self.gpu, TargetNeeds::of(recording))?);
         }
         let copied = recording.commands.contains(&Command::CopyBackground);
         let (top, bottom) = match plan.background {
@@ -273,7 +273,7 @@ impl VulkanRenderer {
         &mut self,
         index: usize,
         recording: &Recording,
-        ids: &[Option<pipelines::Id>],
+        ids: &[Option<pipelines::PipelineId>],
         uploads: Uploads,
     ) -> Result<(), RenderError> {
         let gpu = &self.gpu;
@@ -314,15 +314,15 @@ impl VulkanRenderer {
         unsafe { gpu.device.end_command_buffer(slot.commands) }.named("frame commands")
     }
 
-    fn queue(&mut self, index: usize) -> Result<(), RenderError> {
-        self.run(index)?;
+    fn submit_slot(&mut self, index: usize) -> Result<(), RenderError> {
+        self.submit_commands(index)?;
         self.slots[index].done_at = self.submitted;
         self.pending.push_back(index);
         Ok(())
     }
 
     /// Submits the slot's commands to the queue.
-    fn run(&mut self, index: usize) -> Result<(), RenderError> {
+    fn submit_commands(&mut self, index: usize) -> Result<(), RenderError> {
         let value = self.submitted + 1;
         let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(self.slots[index].commands)];
         let signals = [vk::SemaphoreSubmitInfo::default()
@@ -331,7 +331,7 @@ impl VulkanRenderer {
             .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
         let submit =
             [vk::SubmitInfo2::default().command_buffer_infos(&commands).signal_semaphore_infos(&signals)];
-        self.gpu.fault(FaultPlace::Submit).named(&format!("frame {value}"))?;
+        self.gpu.inject_fault(FaultPlace::Submit).named(&format!("frame {value}"))?;
         // SAFETY: queue and semaphore belong to the device; only this renderer submits to the queue.
         unsafe { self.gpu.device.queue_submit2(self.gpu.queue, &submit, vk::Fence::null()) }
             .named(&format!("frame {value}"))?;
@@ -341,16 +341,16 @@ impl VulkanRenderer {
 
     /// Like [`Renderer::submit`], without taking the plan.
     pub fn submit_plan(&mut self, plan: &Plan) -> Result<(), RenderError> {
-        let _calls = self.gpu.calls();
-        if self.pending.len() + self.later.len() >= self.slots.len() {
+        let _calls = self.gpu.lock_for_calls();
+        if self.pending.len() + self.waiting_plans.len() >= self.slots.len() {
             let text = format!("{} frames are in flight; collect one first", self.slots.len());
             return Err(RenderError::Usage(text));
         }
         plan.record_faults(&self.faults);
-        if self.waits(plan) {
-            self.check(plan)?;
-            plan.sub_plans().try_for_each(|part| self.check(part))?;
-            self.later.push_back(plan.clone());
+        if self.waits_on_host(plan) {
+            self.check_plan(plan)?;
+            plan.sub_plans().try_for_each(|part| self.check_plan(part))?;
+            self.waiting_plans.push_back(plan.clone());
             return Ok(());
         }
         self.submit_now(plan)
@@ -360,14 +360,14 @@ impl VulkanRenderer {
         let index = self.free_slot().ok_or_else(|| {
             RenderError::Usage(format!("{} frames are in flight; collect one first", self.slots.len()))
         })?;
-        self.check(plan)?;
+        self.check_plan(plan)?;
         let maps = shadow::maps_of(plan, &self.scene_resources);
         let mut options =
             RecordOptions { kept_maps: self.kept_maps(plan, &maps), ..self.record_options(plan) };
         let entry = |primitive: u32| self.scene_resources.primitives.get(primitive as usize);
         let triangles = |primitive| entry(primitive).map_or(0, |p| p.primitive().indices.len() / 3);
         let mut recording = record(plan, options, triangles);
-        if !self.can_pose(&recording) {
+        if !self.can_preskin(&recording) {
             options.no_compute = true;
             recording = record(plan, options, triangles);
         }
@@ -396,7 +396,7 @@ impl VulkanRenderer {
         if let Some(targets) = &mut self.targets {
             targets.shadow_maps = maps;
         }
-        self.last = Some(recording);
+        self.last_recorded = Some(recording);
         if let Err(e) = self.gpu.check_messages() {
             // An error means that the frame was not submitted.
             self.wait_idle()?;
@@ -412,7 +412,7 @@ impl VulkanRenderer {
         index: usize,
         plan: &Plan,
         recording: &Recording,
-        ids: &[Option<pipelines::Id>],
+        ids: &[Option<pipelines::PipelineId>],
     ) -> Result<(), RenderError> {
         let mut uploads = Uploads::default();
         let (gpu, layouts, pools) = (&self.gpu, &self.layouts, &mut self.pools);
@@ -424,12 +424,12 @@ impl VulkanRenderer {
         let (sky, texels) = (self.resources.sky.as_ref(), self.texels.as_ref());
         let images = FrameImages { sky, texels, faults: self.pipelines.fault_bytes(), ..seen };
         slot.write(gpu, layouts, pools, plan, recording, images)?;
-        slot.write_changed(gpu, layouts, pools, scene_resources, recording, &mut self.resources)?;
+        slot.write_override_sets(gpu, layouts, pools, scene_resources, recording, &mut self.resources)?;
         if self.frugal && !uploads.is_empty() {
             self.upload_in_parts(index, std::mem::take(&mut uploads))?;
         }
         self.record_commands(index, recording, ids, uploads)?;
-        self.queue(index)
+        self.submit_slot(index)
     }
 }
 
@@ -443,7 +443,7 @@ impl Renderer for VulkanRenderer {
     }
 
     fn load(&mut self, scene_resources: Arc<SceneResources>) -> Result<(), RenderError> {
-        let _calls = self.gpu.calls();
+        let _calls = self.gpu.lock_for_calls();
         self.wait_idle()?;
         let before = self.resources.counts();
         self.resources.retain(&self.gpu, &scene_resources);
@@ -451,14 +451,14 @@ impl Renderer for VulkanRenderer {
         self.notes.extend(self.textures_left_out());
         // If resources neither come nor go, no memory was freed.
         if before == [0; 3] || self.resources.counts() != before {
-            self.fresh = true;
+            self.awaits_first_frame = true;
             context::give_back_freed_memory();
         }
         self.gpu.check_messages()
     }
 
     fn set_effects(&mut self, effects: &[Effect]) -> Result<(), RenderError> {
-        let _calls = self.gpu.calls();
+        let _calls = self.gpu.lock_for_calls();
         self.wait_idle()?;
         self.forget_texels(effects);
         self.faults.clear();
@@ -468,7 +468,7 @@ impl Renderer for VulkanRenderer {
     }
 
     fn reload_shaders(&mut self) -> Result<(), RenderError> {
-        let _calls = self.gpu.calls();
+        let _calls = self.gpu.lock_for_calls();
         self.wait_idle()?;
         self.pipelines.reload(&self.gpu, &self.layouts)?;
         self.forget_maps();
@@ -482,7 +482,7 @@ impl Renderer for VulkanRenderer {
     }
 
     fn created(&self) -> CreatedCounts {
-        CreatedCounts { pipelines: self.pipelines.created(), ..self.resources.work }
+        CreatedCounts { pipelines: self.pipelines.created(), ..self.resources.created_counts }
     }
 
     fn usage(&self) -> DeviceUsage {
@@ -502,9 +502,9 @@ impl Renderer for VulkanRenderer {
     }
 
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError> {
-        let _calls = self.gpu.calls();
+        let _calls = self.gpu.lock_for_calls();
         if self.pending.is_empty()
-            && let Some(plan) = self.later.pop_front()
+            && let Some(plan) = self.waiting_plans.pop_front()
         {
             return self.collect_later(plan, reuse);
         }
@@ -512,14 +512,14 @@ impl Renderer for VulkanRenderer {
     }
 
     fn collect_floats(&mut self) -> Result<FloatFrame, RenderError> {
-        let _calls = self.gpu.calls();
+        let _calls = self.gpu.lock_for_calls();
         self.collect_floats_later()
     }
 }
 
 impl Drop for VulkanRenderer {
     fn drop(&mut self) {
-        let _calls = self.gpu.calls();
+        let _calls = self.gpu.lock_for_calls();
         // SAFETY: nothing else submits; an error (device lost) means that nothing runs any more.
         let _ = unsafe { self.gpu.device.device_wait_idle() };
         if let Some(mut targets) = self.targets.take() {

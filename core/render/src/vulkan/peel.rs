@@ -1,6 +1,9 @@
 //! Depth peeling: passes that find the depths of a layer of transparent surfaces, and passes that blend it into the image.
 
-use super::execute::{Execution, again, color_attachment, depth_attachment, from_depth, to_color, to_depth};
+use super::execute::{
+    Execution, barrier_depth_to_sampled, barrier_to_color_target, barrier_to_depth_target, color_attachment,
+    depth_attachment, keeping_contents,
+};
 use super::memory::Image;
 use crate::commands::Target;
 use crate::error::RenderError;
@@ -23,8 +26,11 @@ impl Execution<'_> {
         let image = self.layer(layer)?;
         // The layer before was found by reading this image.
         let read = vk::PipelineStageFlags2::FRAGMENT_SHADER;
-        let barrier = to_depth(image);
-        self.barriers(&[from_depth(before), barrier.src_stage_mask(barrier.src_stage_mask | read)]);
+        let barrier = barrier_to_depth_target(image);
+        self.barriers(&[
+            barrier_depth_to_sampled(before),
+            barrier.src_stage_mask(barrier.src_stage_mask | read),
+        ]);
         let nearest = vk::ClearDepthStencilValue { depth: 1.0, stencil: 0 };
         let depth = depth_attachment(image, vk::AttachmentLoadOp::CLEAR, vk::AttachmentStoreOp::STORE)
             .clear_value(vk::ClearValue { depth_stencil: nearest });
@@ -40,23 +46,26 @@ impl Execution<'_> {
         target: Target,
         area: Option<[u32; 4]>,
     ) -> Result<(), RenderError> {
-        let picture = self.targets.multisampled.as_ref().unwrap_or(self.targets.image(target));
+        let target_image = self.targets.multisampled.as_ref().unwrap_or(self.targets.image(target));
         let image = self.layer(layer)?;
         let mut barriers = vec![
-            again(to_color(picture), vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
-            again(to_depth(image), vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL),
+            keeping_contents(
+                barrier_to_color_target(target_image),
+                vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
+            ),
+            keeping_contents(barrier_to_depth_target(image), vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL),
         ];
         if let (0, false, Some(depth)) = (layer, rest, &self.targets.depth) {
             // The first layer was found by reading the scene's depth; later passes test against it.
             let read = vk::PipelineStageFlags2::FRAGMENT_SHADER;
-            barriers.push(again(
-                to_depth(depth).src_stage_mask(read).src_access_mask(vk::AccessFlags2::NONE),
+            barriers.push(keeping_contents(
+                barrier_to_depth_target(depth).src_stage_mask(read).src_access_mask(vk::AccessFlags2::NONE),
                 vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
             ));
         }
         self.barriers(&barriers);
         let (load, store) = (vk::AttachmentLoadOp::LOAD, vk::AttachmentStoreOp::STORE);
-        let color = color_attachment(picture.view, load, store);
+        let color = color_attachment(target_image.view, load, store);
         self.begin(&[color], Some(&depth_attachment(image, load, store)), area);
         // Reversed Z: nearer is greater.
         let compare = if rest { vk::CompareOp::GREATER } else { vk::CompareOp::EQUAL };

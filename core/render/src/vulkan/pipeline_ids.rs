@@ -6,7 +6,7 @@ use crate::plan::Features;
 use crate::shader::SceneVariant;
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Id {
+pub enum PipelineId {
     /// A compute pipeline for pre-skinning.
     Pose(PreskinVariant),
     /// A pipeline of surfaces. `surface`: the effects that its shader calls.
@@ -31,7 +31,7 @@ pub(crate) enum Backdrop {
 }
 
 /// The pipeline of each command of a recording, in order (`None` for commands that bind none).
-pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
+pub fn ids(recording: &Recording) -> Vec<Option<PipelineId>> {
     let (mut samples, mut float, mut depth) = (1, false, false);
     let is_float = |t: &Target| *t != Target::Image;
     let id = |command: &Command| match command {
@@ -51,10 +51,10 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
             (samples, float) = (1, false);
             None
         }
-        Command::Preskin { variant, .. } => Some(Id::Pose(*variant)),
+        Command::Preskin { variant, .. } => Some(PipelineId::Pose(*variant)),
         Command::BindPipeline(variant) => {
             let surface = on_surface(recording, variant.key.effects());
-            Some(Id::Scene { variant: *variant, samples, float, surface })
+            Some(PipelineId::Scene { variant: *variant, samples, float, surface })
         }
         Command::DrawBackground { surface } | Command::DrawSky { surface, .. } => {
             let surface = on_surface(recording, *surface);
@@ -62,14 +62,18 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
                 Command::DrawSky { display, .. } => Backdrop::Sky(*display),
                 _ => Backdrop::Gradient,
             };
-            Some(Id::Background { samples, float, depth, what, surface })
+            Some(PipelineId::Background { samples, float, depth, what, surface })
         }
-        Command::DrawLayersBehind => {
-            Some(Id::Background { samples, float, depth, what: Backdrop::LayersBehind, surface: Vec::new() })
-        }
-        Command::DrawOverlay { over, .. } => Some(Id::Overlay { samples, float, over: *over }),
+        Command::DrawLayersBehind => Some(PipelineId::Background {
+            samples,
+            float,
+            depth,
+            what: Backdrop::LayersBehind,
+            surface: Vec::new(),
+        }),
+        Command::DrawOverlay { over, .. } => Some(PipelineId::Overlay { samples, float, over: *over }),
         Command::PostPass { effect, number, to, .. } => {
-            Some(Id::Post { effect: effect.clone(), number: *number, float: is_float(to) })
+            Some(PipelineId::Post { effect: effect.clone(), number: *number, float: is_float(to) })
         }
         _ => None,
     };

@@ -7,9 +7,9 @@ use super::device_features::Ability;
 use super::error::Named;
 use super::faults::FaultPlace;
 use super::pipeline_ids::Backdrop;
-pub use super::pipeline_ids::{Id, ids};
+pub use super::pipeline_ids::{PipelineId, ids};
 use super::preskin;
-use super::state::{Mix, PipelineState, format_of};
+use super::state::{BlendMode, PipelineState, format_of};
 use super::targets::DEPTH;
 use crate::commands::EffectOnSurfaces;
 use crate::effect_faults::RECORDS;
@@ -37,7 +37,7 @@ pub struct Pipelines {
     effects: Vec<Effect>,
     /// Whether shaders record faults of effects.
     records_faults: bool,
-    made: HashMap<Id, vk::Pipeline>,
+    by_id: HashMap<PipelineId, vk::Pipeline>,
     /// Number of pipelines created so far.
     created: u64,
 }
@@ -57,7 +57,7 @@ impl Pipelines {
             sources,
             effects,
             records_faults: gpu.abilities.has(Ability::ShaderStores),
-            made: HashMap::new(),
+            by_id: HashMap::new(),
             created: 0,
         };
         let create = |name: &str, sets: &[vk::DescriptorSetLayout]| {
@@ -82,12 +82,12 @@ impl Pipelines {
         }
     }
 
-    pub fn get(&self, id: &Id) -> Option<vk::Pipeline> {
-        self.made.get(id).copied()
+    pub fn get(&self, id: &PipelineId) -> Option<vk::Pipeline> {
+        self.by_id.get(id).copied()
     }
 
     pub fn count(&self) -> usize {
-        self.made.len()
+        self.by_id.len()
     }
 
     /// Compiles the missing pipelines on all cores.
@@ -95,13 +95,14 @@ impl Pipelines {
         &mut self,
         gpu: &Context,
         layouts: &Layouts,
-        ids: &[Option<Id>],
+        ids: &[Option<PipelineId>],
     ) -> Result<(), RenderError> {
-        let missing: BTreeSet<&Id> = ids.iter().flatten().filter(|id| !self.made.contains_key(id)).collect();
-        let missing: Vec<&Id> = missing.into_iter().collect();
+        let missing: BTreeSet<&PipelineId> =
+            ids.iter().flatten().filter(|id| !self.by_id.contains_key(id)).collect();
+        let missing: Vec<&PipelineId> = missing.into_iter().collect();
         let made = self.create_all(gpu, layouts, &missing)?;
         self.created += made.len() as u64;
-        self.made.extend(missing.into_iter().cloned().zip(made));
+        self.by_id.extend(missing.into_iter().cloned().zip(made));
         Ok(())
     }
 
@@ -110,7 +111,7 @@ impl Pipelines {
         &self,
         gpu: &Context,
         layouts: &Layouts,
-        ids: &[&Id],
+        ids: &[&PipelineId],
     ) -> Result<Vec<vk::Pipeline>, RenderError> {
         let results: Vec<_> = ids.par_iter().map(|id| self.create(gpu, layouts, id)).collect();
         let mut error = None;
@@ -148,15 +149,15 @@ impl Pipelines {
             let textures = texture_functions(all, effect);
             let wgsl = effect.shader().map(|shader| shader.wgsl().to_string());
             let textures = (textures, effect.named_passes().to_vec());
-            Some((wgsl, textures, first_record(all, name), effect.hook(), effect.in_model_space()))
+            Some((wgsl, textures, first_fault_record(all, name), effect.hook(), effect.in_model_space()))
         };
-        self.made.retain(|id, pipeline| {
+        self.by_id.retain(|id, pipeline| {
             let names: Vec<&String> = match id {
-                Id::Post { effect, .. } => vec![effect],
-                Id::Scene { surface, .. } | Id::Background { surface, .. } => {
+                PipelineId::Post { effect, .. } => vec![effect],
+                PipelineId::Scene { surface, .. } | PipelineId::Background { surface, .. } => {
                     surface.iter().map(|effect| &effect.name).collect()
                 }
-                Id::Overlay { .. } | Id::Pose(_) => return true,
+                PipelineId::Overlay { .. } | PipelineId::Pose(_) => return true,
             };
             let same = names.iter().all(|name| text(&old, name) == text(effects, name));
             if !same {
@@ -172,7 +173,7 @@ impl Pipelines {
     pub fn reload(&mut self, gpu: &Context, layouts: &Layouts) -> Result<(), RenderError> {
         let before = self.sources.clone();
         self.sources = ShaderSources::read(before.folder.clone())?;
-        let ids: Vec<Id> = self.made.keys().cloned().collect();
+        let ids: Vec<PipelineId> = self.by_id.keys().cloned().collect();
         let made = match self.create_all(gpu, layouts, &ids.iter().collect::<Vec<_>>()) {
             Ok(made) => made,
             Err(error) => {
@@ -183,7 +184,7 @@ impl Pipelines {
         };
         self.created += made.len() as u64;
         for (id, pipeline) in ids.into_iter().zip(made) {
-            if let Some(old) = self.made.insert(id, pipeline) {
+            if let Some(old) = self.by_id.insert(id, pipeline) {
                 // SAFETY: no frame in flight uses it.
                 unsafe { gpu.device.destroy_pipeline(old, None) };
             }
@@ -191,16 +192,16 @@ impl Pipelines {
         Ok(())
     }
 
-    fn create(&self, gpu: &Context, layouts: &Layouts, id: &Id) -> Result<vk::Pipeline, RenderError> {
+    fn create(&self, gpu: &Context, layouts: &Layouts, id: &PipelineId) -> Result<vk::Pipeline, RenderError> {
         let (code, state) = match id {
-            Id::Pose(variant) => {
+            PipelineId::Pose(variant) => {
                 return preskin::pipeline(gpu, layouts, &self.sources, self.cache.raw, variant);
             }
-            Id::Scene { variant, samples, float, surface } => (
+            PipelineId::Scene { variant, samples, float, surface } => (
                 self.scene_code(variant, surface)?,
                 PipelineState { samples: *samples, ..PipelineState::scene(variant, *float, layouts)? },
             ),
-            Id::Background { samples, float, depth, what, surface } => (
+            PipelineId::Background { samples, float, depth, what, surface } => (
                 self.background_code(*what, *float, surface)?,
                 PipelineState {
                     name: "background pipeline".into(),
@@ -208,26 +209,30 @@ impl Pipelines {
                     color: Some(format_of(*float)),
                     // Drawn only where the depth is still the cleared 0.
                     depth: depth.then_some((vk::CompareOp::EQUAL, false)),
-                    mix: if *what == Backdrop::LayersBehind { Mix::Over } else { Mix::Replace },
+                    blend_mode: if *what == Backdrop::LayersBehind {
+                        BlendMode::Over
+                    } else {
+                        BlendMode::Replace
+                    },
                     ..PipelineState::full_screen(self.layout)
                 },
             ),
-            Id::Overlay { samples, float, over } => {
+            PipelineId::Overlay { samples, float, over } => {
                 let compare = if *over { vk::CompareOp::ALWAYS } else { vk::CompareOp::GREATER };
                 let files = self.sources.files(&OVERLAY)?;
                 (
-                    compile(&files, &[], &stages("overlay_vs", "overlay_fs"), false)?,
+                    compile(&files, &[], &entry_stages("overlay_vs", "overlay_fs"), false)?,
                     PipelineState {
                         name: "overlay pipeline".into(),
                         samples: *samples,
                         color: Some(format_of(*float)),
                         depth: Some((compare, false)),
-                        mix: Mix::Over,
+                        blend_mode: BlendMode::Over,
                         ..PipelineState::full_screen(self.layout)
                     },
                 )
             }
-            Id::Post { effect, number, float } => (
+            PipelineId::Post { effect, number, float } => (
                 self.post_code(effect, *number, *float)?,
                 PipelineState {
                     name: format!("post pipeline {effect}"),
@@ -275,7 +280,7 @@ impl Pipelines {
         on.extend(if surface.is_empty() { &[][..] } else { &["SURFACE", "EFFECTS"] });
         on.extend(self.reads_textures(surface).then_some("TEXTURES"));
         on.extend((self.records_faults && !surface.is_empty()).then_some("FAULT_RECORDS"));
-        compile(&files, &on, &stages("background_vs", fs), false)
+        compile(&files, &on, &entry_stages("background_vs", fs), false)
     }
 
     fn post_code(&self, effect: &str, number: u32, float: bool) -> Result<Vec<Entry>, RenderError> {
@@ -283,7 +288,7 @@ impl Pipelines {
         let text = self.wgsl(plugin)? + &pass_functions(plugin.named_passes(), number);
         let textures = !plugin.textures().is_empty();
         let parameters = ParameterRows::of(plugin, 0);
-        let numbers = [number, first_record(&self.effects, effect)];
+        let numbers = [number, first_fault_record(&self.effects, effect)];
         let files = self.sources.post(effect, &text, numbers, parameters, textures)?;
         let mut on = vec!["EFFECTS"];
         on.extend((plugin.hook() == Hook::Image).then_some("PICTURE"));
@@ -293,7 +298,7 @@ impl Pipelines {
         on.extend(inputs.surface.then_some("SURFACE_INPUT"));
         on.extend(inputs.motion.then_some("MOTION_INPUT"));
         on.extend((!float).then_some("DITHER"));
-        compile(&files, &on, &stages("post_vs", "post_fs"), false)
+        compile(&files, &on, &entry_stages("post_vs", "post_fs"), false)
     }
 
     /// WGSL texts with the functions of effects on surfaces, and the calls of them.
@@ -310,7 +315,7 @@ impl Pipelines {
                 wgsl: self.wgsl(effect)?,
                 hook: effect.hook(),
                 in_model_space: effect.in_model_space(),
-                faults: first_record(&self.effects, name),
+                faults: first_fault_record(&self.effects, name),
             })
         };
         let all: Result<Vec<_>, RenderError> = surface.iter().map(used).collect();
@@ -412,7 +417,7 @@ impl Pipelines {
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachments);
         let mut dynamic =
             vec![vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR, vk::DynamicState::CULL_MODE];
-        dynamic.extend(state.any_compare.then_some(vk::DynamicState::DEPTH_COMPARE_OP));
+        dynamic.extend(state.dynamic_compare.then_some(vk::DynamicState::DEPTH_COMPARE_OP));
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
         let mut rendering = vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&colors);
         if state.depth.is_some() {
@@ -430,7 +435,7 @@ impl Pipelines {
             .dynamic_state(&dynamic)
             .layout(state.layout)
             .push_next(&mut rendering)];
-        gpu.fault(FaultPlace::Pipeline).named(&state.name)?;
+        gpu.inject_fault(FaultPlace::Pipeline).named(&state.name)?;
         // SAFETY: modules, layout and cache belong to this device; the cache is synchronized by the driver.
         let made = unsafe { gpu.device.create_graphics_pipelines(self.cache.raw, &info, None) };
         let pipeline = made.map_err(|(_, r)| r).named(&state.name)?[0];
@@ -440,12 +445,12 @@ impl Pipelines {
 
     /// Saves the cache and destroys all pipelines. No frame may be in flight.
     pub fn destroy(&mut self, gpu: &Context) {
-        if !self.made.is_empty() {
+        if !self.by_id.is_empty() {
             self.cache.save(gpu);
         }
         // SAFETY: made from this device, no longer used.
         unsafe {
-            for (_, pipeline) in self.made.drain() {
+            for (_, pipeline) in self.by_id.drain() {
                 gpu.device.destroy_pipeline(pipeline, None);
             }
             gpu.device.destroy_pipeline_layout(self.layout, None);
@@ -456,10 +461,10 @@ impl Pipelines {
 }
 
 /// Index of an effect's first fault record.
-fn first_record(effects: &[Effect], name: &str) -> u32 {
+fn first_fault_record(effects: &[Effect], name: &str) -> u32 {
     effects.iter().take_while(|e| e.manifest().name != name).count() as u32 * RECORDS
 }
 
-fn stages(vertex: &'static str, fragment: &'static str) -> [(&'static str, ShaderStage); 2] {
+fn entry_stages(vertex: &'static str, fragment: &'static str) -> [(&'static str, ShaderStage); 2] {
     [(vertex, ShaderStage::Vertex), (fragment, ShaderStage::Fragment)]
 }

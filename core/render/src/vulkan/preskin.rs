@@ -23,7 +23,7 @@ use std::collections::HashMap;
 use std::mem::offset_of;
 
 /// Number of invocations of a work group, as in the shader.
-const GROUP: u32 = 64;
+const WORKGROUP_SIZE: u32 = 64;
 
 /// Parameters of one pre-skinned mesh (a mesh with one deformation), as the shader reads them.
 #[repr(C)]
@@ -33,7 +33,7 @@ pub struct Job {
     pub first_joint: u32,
     pub first_morph: u32,
     pub morph_count: u32,
-    /// Index of the mesh's first number in the output buffer.
+    /// Index of the mesh's first f32 in the output buffer.
     pub first: u32,
 }
 
@@ -45,8 +45,8 @@ pub struct PreskinBuffers {
     /// Descriptor sets: `write` has both buffers for the compute stage; `read` has the vertices for all passes.
     write: Option<Set>,
     read: Option<Set>,
-    /// Each instance that reads pre-skinned vertices, with its first number in the vertex buffer and its number of vertices.
-    placed: Vec<(u32, [u32; 2])>,
+    /// Each instance that reads pre-skinned vertices, the index of its first f32 in the vertex buffer, and its number of vertices.
+    vertex_ranges: Vec<(u32, [u32; 2])>,
 }
 
 /// Grows a buffer if it is too small; returns `true` if it was replaced.
@@ -64,13 +64,13 @@ fn grow(
         old.destroy(gpu);
     }
     let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
-    let size = room(bytes, u64::from(gpu.limits().max_storage_buffer_range));
+    let size = grown_size(bytes, u64::from(gpu.limits().max_storage_buffer_range));
     *buffer = Some(Buffer::new(gpu, name, size, usage, location)?);
     Ok(true)
 }
 
 impl PreskinBuffers {
-    /// Assigns an output range to each pre-skinned mesh. Call it after the resources are prepared; the slot's last frame must be
+    /// Assigns an output range to each pre-skinned mesh. Must be called after the resources are prepared; the slot's last frame must be
     /// done.
     pub fn prepare(
         &mut self,
@@ -81,7 +81,7 @@ impl PreskinBuffers {
         plan: &Plan,
         recording: &Recording,
     ) -> Result<(), RenderError> {
-        self.placed.clear();
+        self.vertex_ranges.clear();
         if recording.preskinned.is_empty() {
             return Ok(());
         }
@@ -91,14 +91,14 @@ impl PreskinBuffers {
             let Command::Preskin { variant, primitive, layout, first, count } = command else { continue };
             let hash = scene_resources.primitives[*primitive as usize].hash;
             let mesh = resources.mesh(hash, *layout);
-            let vertices = mesh.map(|m| m.vertex_count).ok_or_else(|| missing("a pre-skinned mesh"))?;
+            let vertices = mesh.map(|m| m.vertex_count).ok_or_else(|| not_prepared("a pre-skinned mesh"))?;
             for body in &recording.preskinned[*first as usize..(first + count) as usize] {
                 let of = body.instances.first().and_then(|i| plan.instances.get(*i as usize));
                 let Instance { relative_from_mesh, first_joint, first_morph, morph_count, .. } =
-                    *of.ok_or_else(|| missing("the instance of a pre-skinned mesh"))?;
+                    *of.ok_or_else(|| not_prepared("the instance of a pre-skinned mesh"))?;
                 let first = end as u32;
                 jobs.push(Job { relative_from_mesh, first_joint, first_morph, morph_count, first });
-                self.placed.extend(body.instances.iter().map(|i| (*i, [first, vertices])));
+                self.vertex_ranges.extend(body.instances.iter().map(|i| (*i, [first, vertices])));
                 end += u64::from(vertices) * variant.numbers();
             }
         }
@@ -135,7 +135,7 @@ impl PreskinBuffers {
 
     /// Patches the instances in these bytes to refer to their pre-skinned vertices.
     pub fn place(&self, instances: &mut [u8]) {
-        for (instance, place) in &self.placed {
+        for (instance, place) in &self.vertex_ranges {
             let at = *instance as usize * size_of::<Instance>() + offset_of!(Instance, first_joint);
             if let Some(bytes) = instances.get_mut(at..at + size_of::<[u32; 2]>()) {
                 bytes.copy_from_slice(bytemuck::cast_slice(place));
@@ -152,13 +152,13 @@ impl PreskinBuffers {
 }
 
 /// Size of a grown buffer, all of which is bound: at most the device's limit, at least the requested bytes.
-fn room(bytes: u64, limit: u64) -> u64 {
+fn grown_size(bytes: u64, limit: u64) -> u64 {
     bytes.next_power_of_two().min(limit).max(bytes)
 }
 
 impl VulkanRenderer {
     /// Whether all inputs and outputs of the compute stage can be bound on this device. Otherwise every pass skins its vertices.
-    pub(super) fn can_pose(&self, recording: &Recording) -> bool {
+    pub(super) fn can_preskin(&self, recording: &Recording) -> bool {
         let limit = u64::from(self.gpu.limits().max_storage_buffer_range);
         let mesh = |command: &Command| match command {
             Command::Preskin { primitive, layout, .. } => {
@@ -173,7 +173,7 @@ impl VulkanRenderer {
     }
 }
 
-fn missing(what: &str) -> RenderError {
+fn not_prepared(what: &str) -> RenderError {
     RenderError::Usage(format!("{what} was not prepared"))
 }
 
@@ -195,7 +195,7 @@ impl Resources {
             if self.sources.contains_key(&key) {
                 continue;
             }
-            let mesh = self.mesh(key.0, key.1).ok_or_else(|| missing("a pre-skinned mesh"))?;
+            let mesh = self.mesh(key.0, key.1).ok_or_else(|| not_prepared("a pre-skinned mesh"))?;
             // Only the vertices are bound, which precede the indices. An empty mesh has neither, so at least four bytes are
             // bound.
             let (raw, bytes) = (mesh.buffer.raw, mesh.indices_at.max(4));
@@ -229,10 +229,11 @@ impl Execution<'_> {
         [first, count]: [u32; 2],
     ) -> Result<(), RenderError> {
         let hash = self.scene_resources.primitives[primitive as usize].hash;
-        let mesh = self.resources.mesh(hash, layout).ok_or_else(|| missing("a pre-skinned mesh"))?;
+        let mesh = self.resources.mesh(hash, layout).ok_or_else(|| not_prepared("a pre-skinned mesh"))?;
         let source =
-            self.resources.sources.get(&(hash, layout)).ok_or_else(|| missing("a pre-skinned mesh"))?;
-        let write = self.slot.preskin.write.ok_or_else(|| missing("a set of meshes to be pre-skinned"))?;
+            self.resources.sources.get(&(hash, layout)).ok_or_else(|| not_prepared("a pre-skinned mesh"))?;
+        let write =
+            self.slot.preskin.write.ok_or_else(|| not_prepared("a set of meshes to be pre-skinned"))?;
         let bind = |index: u32, set: vk::DescriptorSet| {
             let (point, layout) = (vk::PipelineBindPoint::COMPUTE, self.layouts.preskin_pipeline);
             // SAFETY: the command buffer is being recorded; the set fits the layout and outlives the frame.
@@ -250,7 +251,7 @@ impl Execution<'_> {
         bind(0, self.slot.frame_set.raw);
         if morphs {
             let set = self.resources.morph_set(hash, layout);
-            bind(1, set.ok_or_else(|| missing("a set of morph targets"))?);
+            bind(1, set.ok_or_else(|| not_prepared("a set of morph targets"))?);
         }
         bind(2, source.raw);
         bind(3, write.raw);
@@ -262,13 +263,13 @@ impl Execution<'_> {
             device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, pipeline);
             let (layout, stage) = (self.layouts.preskin_pipeline, vk::ShaderStageFlags::COMPUTE);
             device.cmd_push_constants(commands, layout, stage, 0, bytemuck::cast_slice(&posing));
-            device.cmd_dispatch(commands, mesh.vertex_count.div_ceil(GROUP), count, 1);
+            device.cmd_dispatch(commands, mesh.vertex_count.div_ceil(WORKGROUP_SIZE), count, 1);
         }
         Ok(())
     }
 
     /// Barrier: all meshes are pre-skinned before a vertex is read.
-    pub(super) fn end_poses(&self) {
+    pub(super) fn end_preskin(&self) {
         let written = [vk::MemoryBarrier2::default()
             .src_stage_mask(vk::PipelineStageFlags2::COMPUTE_SHADER)
             .src_access_mask(vk::AccessFlags2::SHADER_STORAGE_WRITE)
@@ -280,8 +281,8 @@ impl Execution<'_> {
     }
 
     /// Binds the pre-skinned vertices, in the place of morph targets.
-    pub(super) fn bind_posed(&self) -> Result<(), RenderError> {
-        let set = self.slot.preskin.read.ok_or_else(|| missing("a set of pre-skinned vertices"))?;
+    pub(super) fn bind_preskinned(&self) -> Result<(), RenderError> {
+        let set = self.slot.preskin.read.ok_or_else(|| not_prepared("a set of pre-skinned vertices"))?;
         self.bind_set(self.pipelines.layout, 1, set.raw);
         Ok(())
     }
@@ -299,7 +300,7 @@ pub fn pipeline(
     let name = format!("pose pipeline {}", switches.join(" "));
     let code = compile(&sources.files(&PRESKIN)?, &switches, &[("pose", ShaderStage::Compute)], false)?;
     let info = vk::ShaderModuleCreateInfo::default().code(&code[0].words);
-    gpu.fault(FaultPlace::Pipeline).named(&name)?;
+    gpu.inject_fault(FaultPlace::Pipeline).named(&name)?;
     // SAFETY: naga validated the module and wrote the SPIR-V; destroyed below.
     let module = unsafe { gpu.device.create_shader_module(&info, None) }.named(&name)?;
     let stage = vk::PipelineShaderStageCreateInfo::default()
@@ -323,10 +324,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_buffer_grows_no_further_than_it_can_be_bound() {
+    fn buffers_grow_up_to_the_binding_limit() {
         let most = u64::from(u32::MAX);
-        assert_eq!(room(5000, most), 8192);
-        assert_eq!(room(3 << 30, most), most, "twice a gigabyte and more would be 4 GiB");
-        assert_eq!((room(5000, 6000), room(5000, 4000)), (6000, 5000));
+        assert_eq!(grown_size(5000, most), 8192);
+        assert_eq!(grown_size(3 << 30, most), most, "twice a gigabyte and more would be 4 GiB");
+        assert_eq!((grown_size(5000, 6000), grown_size(5000, 4000)), (6000, 5000));
     }
 }

@@ -69,7 +69,7 @@ pub(crate) struct Resources {
     pub(super) sources: Sources,
     pub(super) streams: Streams,
     /// Numbers of objects created so far.
-    pub work: CreatedCounts,
+    pub created_counts: CreatedCounts,
 }
 
 impl Resources {
@@ -179,7 +179,7 @@ impl Resources {
             let name = format!("mesh \"{}\" primitive {}", entry.mesh.name, entry.index);
             let buffer = Buffer::new(gpu, &name, bytes.len() as u64, usage, MemoryLocation::GpuOnly)?;
             uploads.buffer(buffer.raw, &bytes);
-            self.work.meshes += 1;
+            self.created_counts.meshes += 1;
             let index_type = if packed.wide_indices { vk::IndexType::UINT32 } else { vk::IndexType::UINT16 };
             slot.insert(Mesh {
                 buffer,
@@ -268,7 +268,7 @@ impl Resources {
             let below = chain.iter().map(|l| (l.width, l.height, &l.rgba[..]));
             uploads.image(made.raw, std::iter::once(base).chain(below));
             self.textures.insert(texture_key(resources, *t), made);
-            self.work.textures += 1;
+            self.created_counts.textures += 1;
         }
         Ok(())
     }
@@ -305,7 +305,7 @@ impl Resources {
         // Inserted into the table first, so that it is destroyed with the rest if a later step fails.
         let raw = uniform.raw;
         self.materials.insert((material.hash, slots), Material { uniform, set });
-        self.work.materials += 1;
+        self.created_counts.materials += 1;
         write_buffer(gpu, set.raw, 0, vk::DescriptorType::UNIFORM_BUFFER, raw, 0, size);
         if layers.is_some() {
             let size = size_of::<LayersUniform>() as u64;
@@ -417,7 +417,7 @@ impl Resources {
             }
             keep
         });
-        if let Some(mut sky) = self.sky.take_if(|sky| !sky.is_of(resources.sky.as_deref())) {
+        if let Some(mut sky) = self.sky.take_if(|sky| !sky.shows_panorama(resources.sky.as_deref())) {
             sky.destroy(gpu);
         }
         self.textures.retain(|key, image| {

@@ -4,7 +4,7 @@ use super::context::Context;
 use super::execute::{Execution, color_barrier};
 use super::memory::{Image, ImageDesc};
 use super::sampled_image::SampledImage;
-use super::targets::FLOAT;
+use super::targets::FLOAT_FORMAT;
 use crate::commands::Target;
 use crate::error::RenderError;
 use ash::vk;
@@ -22,7 +22,7 @@ pub(crate) fn scene_color_image(
         height,
         levels,
         samples: 1,
-        format: FLOAT,
+        format: FLOAT_FORMAT,
         usage: U::SAMPLED | U::TRANSFER_SRC | U::TRANSFER_DST,
         aspect: vk::ImageAspectFlags::COLOR,
     };
@@ -52,7 +52,7 @@ impl Execution<'_> {
                 .dst_access_mask(A::TRANSFER_READ)
                 .old_layout(L::COLOR_ATTACHMENT_OPTIMAL)
                 .new_layout(L::TRANSFER_SRC_OPTIMAL),
-            // The frame before may still read the copy.
+            // The previous frame may still read the copy.
             color_barrier(copy)
                 .src_stage_mask(S::FRAGMENT_SHADER)
                 .dst_stage_mask(S::BLIT)
@@ -63,7 +63,7 @@ impl Execution<'_> {
         let half = |level: u32| size.map(|side| (side >> level).max(1));
         self.blit(source, (0, size), copy, (0, size), vk::Filter::NEAREST);
         for level in 0..levels {
-            self.barriers(&[of_level(copy, level)
+            self.barriers(&[level_barrier(copy, level)
                 .src_stage_mask(S::BLIT)
                 .src_access_mask(A::TRANSFER_WRITE)
                 .dst_stage_mask(S::BLIT)
@@ -132,7 +132,7 @@ impl Execution<'_> {
     }
 }
 
-fn of_level(image: &Image, level: u32) -> vk::ImageMemoryBarrier2<'static> {
+fn level_barrier(image: &Image, level: u32) -> vk::ImageMemoryBarrier2<'static> {
     let barrier = color_barrier(image);
     let range =
         vk::ImageSubresourceRange { base_mip_level: level, level_count: 1, ..barrier.subresource_range };

@@ -3,7 +3,8 @@
 
 use super::VulkanRenderer;
 use super::execute::{
-    Execution, color_attachment, color_barrier, depth_attachment, from_color, to_color, to_depth,
+    Execution, barrier_color_to_sampled, barrier_to_color_target, barrier_to_depth_target, color_attachment,
+    color_barrier, depth_attachment,
 };
 use super::memory::Image;
 use crate::cpu::scene_inputs::InputImages;
@@ -17,7 +18,7 @@ use glam::Vec4;
 /// Format of the color targets, which Vulkan guarantees as a color attachment on every device.
 pub const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 /// Bytes per pixel of one target.
-const BYTES: usize = 16;
+const TARGET_PIXEL_BYTES: usize = 16;
 
 impl Execution<'_> {
     /// Begins the pass of the inputs.
@@ -25,8 +26,8 @@ impl Execution<'_> {
         let targets = self.targets;
         let missing = || RenderError::Usage("the targets of inputs were not prepared".into());
         let depth = targets.input_depth.as_ref().ok_or_else(missing)?;
-        let mut barriers: Vec<_> = targets.inputs.iter().map(to_color).collect();
-        barriers.push(to_depth(depth));
+        let mut barriers: Vec<_> = targets.inputs.iter().map(barrier_to_color_target).collect();
+        barriers.push(barrier_to_depth_target(depth));
         self.barriers(&barriers);
         let cleared = [SceneImages::NO_SURFACE, Vec4::ZERO];
         use vk::{AttachmentLoadOp as Load, AttachmentStoreOp as Store};
@@ -45,7 +46,7 @@ impl Execution<'_> {
     pub(super) fn end_inputs(&self) {
         // SAFETY: `begin_inputs` began it.
         unsafe { self.gpu.device.cmd_end_rendering(self.slot.commands) };
-        self.barriers(&self.targets.inputs.iter().map(from_color).collect::<Vec<_>>());
+        self.barriers(&self.targets.inputs.iter().map(barrier_color_to_sampled).collect::<Vec<_>>());
     }
 
     /// Copies the targets into the read-back buffer, one after the other.
@@ -60,7 +61,7 @@ impl Execution<'_> {
                 .dst_access_mask(vk::AccessFlags2::TRANSFER_READ)
                 .old_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL)
                 .new_layout(vk::ImageLayout::TRANSFER_SRC_OPTIMAL)]);
-            let at = i as u64 * u64::from(width) * u64::from(height) * BYTES as u64;
+            let at = i as u64 * u64::from(width) * u64::from(height) * TARGET_PIXEL_BYTES as u64;
             self.copy_to_host(image, readback.raw, at);
         }
     }
@@ -71,7 +72,7 @@ impl VulkanRenderer {
     pub(super) fn inputs_on_host(&mut self, plan: &Plan) -> Result<InputImages, RenderError> {
         let Some(inputs) = plan.of_inputs() else { return Ok(InputImages::default()) };
         let count = plan.size[0] as usize * plan.size[1] as usize;
-        let targets = inputs.scene_inputs.as_ref().map_or(0, |pass| pass.pixel_bytes() / BYTES);
+        let targets = inputs.scene_inputs.as_ref().map_or(0, |pass| pass.pixel_bytes() / TARGET_PIXEL_BYTES);
         let mut images = vec![vec![Vec4::ZERO; count]; targets];
         let whole = [Tile { at: [0; 2], size: plan.size, keep: plan.size }];
         let tiles = match self.side_of_tiles(plan) {
@@ -80,11 +81,11 @@ impl VulkanRenderer {
         };
         for tile in tiles {
             self.submit_now(&inputs.tile(tile, &self.scene_resources.clone())?)?;
-            let bytes = self.finished(targets * BYTES, tile.at)?;
+            let bytes = self.finish_oldest(targets * TARGET_PIXEL_BYTES, tile.at)?;
             let Tile { at, size, keep } = tile;
             let texels = size[0] as usize * size[1] as usize;
-            for (image, bytes) in images.iter_mut().zip(bytes.chunks_exact(texels * BYTES)) {
-                let (texels, _) = bytes.as_chunks::<BYTES>();
+            for (image, bytes) in images.iter_mut().zip(bytes.chunks_exact(texels * TARGET_PIXEL_BYTES)) {
+                let (texels, _) = bytes.as_chunks::<TARGET_PIXEL_BYTES>();
                 for y in 0..keep[1] {
                     let from = (y * size[0]) as usize;
                     let to = (at[1] + y) as usize * plan.size[0] as usize + at[0] as usize;

@@ -18,7 +18,7 @@ pub(crate) struct SkyImages {
     pub sampler: vk::Sampler,
     /// The maps, uploaded once a pipeline reads them.
     pub maps: Option<(Arc<SkyMaps>, Image)>,
-    pub picture: Option<Image>,
+    pub background: Option<Image>,
 }
 
 impl SkyImages {
@@ -30,10 +30,10 @@ impl SkyImages {
             .address_mode_v(vk::SamplerAddressMode::CLAMP_TO_EDGE);
         // SAFETY: the device is alive; destroyed by `destroy`.
         let sampler = unsafe { gpu.device.create_sampler(&info, None) }.named("sky sampler")?;
-        Ok(SkyImages { hash: panorama.hash(), sampler, maps: None, picture: None })
+        Ok(SkyImages { hash: panorama.hash(), sampler, maps: None, background: None })
     }
 
-    pub fn is_of(&self, panorama: Option<&Panorama>) -> bool {
+    pub fn shows_panorama(&self, panorama: Option<&Panorama>) -> bool {
         panorama.is_some_and(|p| p.hash() == self.hash)
     }
 
@@ -42,7 +42,7 @@ impl SkyImages {
         &mut self,
         gpu: &Context,
         panorama: &Panorama,
-        [maps, picture]: [bool; 2],
+        [maps, background]: [bool; 2],
         uploads: &mut Uploads,
     ) -> Result<(), RenderError> {
         if maps && self.maps.is_none() {
@@ -50,9 +50,9 @@ impl SkyImages {
             let image = upload(gpu, "maps of the sky", made.size, &made.texels, uploads)?;
             self.maps = Some((made, image));
         }
-        if picture && self.picture.is_none() {
+        if background && self.background.is_none() {
             let made = SkyBackground::new(panorama, gpu.limits().max_image_dimension2_d);
-            self.picture = Some(upload(gpu, "image of the sky", made.size, &made.texels, uploads)?);
+            self.background = Some(upload(gpu, "image of the sky", made.size, &made.texels, uploads)?);
         }
         Ok(())
     }
@@ -60,13 +60,13 @@ impl SkyImages {
     /// The views of maps and panorama. If only one exists it takes both places, so that no binding stays empty.
     pub fn views(&self) -> Option<[vk::ImageView; 2]> {
         let maps = self.maps.as_ref().map(|(_, image)| image.view);
-        let picture = self.picture.as_ref().map(|image| image.view);
-        Some([maps.or(picture)?, picture.or(maps)?])
+        let background = self.background.as_ref().map(|image| image.view);
+        Some([maps.or(background)?, background.or(maps)?])
     }
 
     /// Destroys the images. No frame may be in flight.
     pub fn destroy(&mut self, gpu: &Context) {
-        for mut image in self.maps.take().map(|(_, image)| image).into_iter().chain(self.picture.take()) {
+        for mut image in self.maps.take().map(|(_, image)| image).into_iter().chain(self.background.take()) {
             image.destroy(gpu);
         }
         // SAFETY: made from this device, no longer used.

@@ -21,7 +21,7 @@ impl VulkanRenderer {
             self.slots[index].staging = Some(part.record(&self.gpu, commands)?);
             // SAFETY: recording was begun above.
             unsafe { self.gpu.device.end_command_buffer(commands) }.named("upload commands")?;
-            self.run(index)?;
+            self.submit_commands(index)?;
             self.wait_idle()?;
             self.slots[index].release_staging(&self.gpu);
         }

@@ -25,16 +25,16 @@ pub struct PipelineState {
     pub inputs: usize,
     /// Depth comparison, and whether depth is written; `None` without a depth image.
     pub depth: Option<(vk::CompareOp, bool)>,
-    pub mix: Mix,
+    pub blend_mode: BlendMode,
     /// Alpha to coverage: the fragment's alpha gives the number of samples that it keeps.
     pub coverage: bool,
     /// Whether the depth comparison is dynamic, set when the pass begins.
-    pub any_compare: bool,
+    pub dynamic_compare: bool,
 }
 
 /// How a fragment is blended with the image.
 #[derive(Clone, Copy)]
-pub enum Mix {
+pub enum BlendMode {
     Replace,
     /// Source over, straight alpha.
     Over,
@@ -44,15 +44,15 @@ pub enum Mix {
     Add,
 }
 
-impl Mix {
+impl BlendMode {
     /// Factors of source and destination color, then of source and destination alpha.
     pub fn factors(self) -> Option<[vk::BlendFactor; 4]> {
         use vk::BlendFactor as F;
         match self {
-            Mix::Replace => None,
-            Mix::Over => Some([F::SRC_ALPHA, F::ONE_MINUS_SRC_ALPHA, F::ONE, F::ONE_MINUS_SRC_ALPHA]),
-            Mix::Multiply => Some([F::ZERO, F::SRC_COLOR, F::ZERO, F::ONE]),
-            Mix::Add => Some([F::ONE, F::ONE, F::ONE, F::ONE_MINUS_SRC_ALPHA]),
+            BlendMode::Replace => None,
+            BlendMode::Over => Some([F::SRC_ALPHA, F::ONE_MINUS_SRC_ALPHA, F::ONE, F::ONE_MINUS_SRC_ALPHA]),
+            BlendMode::Multiply => Some([F::ZERO, F::SRC_COLOR, F::ZERO, F::ONE]),
+            BlendMode::Add => Some([F::ONE, F::ONE, F::ONE, F::ONE_MINUS_SRC_ALPHA]),
         }
     }
 }
@@ -97,14 +97,14 @@ impl PipelineState {
                 true => (vk::CompareOp::LESS, true),
                 false => (vk::CompareOp::GREATER, key.writes_depth()),
             }),
-            mix: match (key.glass, key.blend) {
-                (Glass::No | Glass::Refract, false) => Mix::Replace,
-                (Glass::No | Glass::Refract, true) => Mix::Over,
-                (Glass::Filter, _) => Mix::Multiply,
-                (Glass::Light, _) => Mix::Add,
+            blend_mode: match (key.glass, key.blend) {
+                (Glass::No | Glass::Refract, false) => BlendMode::Replace,
+                (Glass::No | Glass::Refract, true) => BlendMode::Over,
+                (Glass::Filter, _) => BlendMode::Multiply,
+                (Glass::Light, _) => BlendMode::Add,
             },
             coverage: key.coverage,
-            any_compare: key.peeled && !peel,
+            dynamic_compare: key.peeled && !peel,
             ..PipelineState::full_screen(layout)
         })
     }
@@ -153,7 +153,7 @@ impl PipelineState {
     pub fn attachment(&self) -> vk::PipelineColorBlendAttachmentState {
         let attachment =
             vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA);
-        let Some([from, to, alpha_from, alpha_to]) = self.mix.factors() else { return attachment };
+        let Some([from, to, alpha_from, alpha_to]) = self.blend_mode.factors() else { return attachment };
         attachment
             .blend_enable(true)
             .src_color_blend_factor(from)
@@ -180,9 +180,9 @@ impl PipelineState {
             gbuffer: false,
             inputs: 0,
             depth: None,
-            mix: Mix::Replace,
+            blend_mode: BlendMode::Replace,
             coverage: false,
-            any_compare: false,
+            dynamic_compare: false,
         }
     }
 }

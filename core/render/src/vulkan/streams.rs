@@ -6,7 +6,7 @@ use crate::commands::{Command, Recording};
 use crate::scene_resources::SceneResources;
 
 /// Number of frames for which an unused texture is kept: more than can be in flight, sub-frames included.
-const KEPT: u64 = 8;
+const KEPT_FRAMES: u64 = 8;
 
 #[derive(Default)]
 pub struct Streams {
@@ -33,7 +33,7 @@ impl Resources {
                 }
             }
         }
-        let old = |used: u64| used + KEPT < frame;
+        let old = |used: u64| used + KEPT_FRAMES < frame;
         let gone: Vec<_> = self.streams.used.iter().filter(|(.., used)| old(*used)).copied().collect();
         self.streams.used.retain(|(.., used)| !old(*used));
         for (key, hash, _) in gone {

@@ -15,20 +15,20 @@ use ash::vk;
 use glam::Vec4;
 use gpu_allocator::MemoryLocation;
 
-pub const PICTURE: vk::Format = vk::Format::R8G8B8A8_SRGB;
-pub(crate) const FLOAT: vk::Format = vk::Format::R16G16B16A16_SFLOAT;
+pub const IMAGE_FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
+pub(crate) const FLOAT_FORMAT: vk::Format = vk::Format::R16G16B16A16_SFLOAT;
 pub const DEPTH: vk::Format = vk::Format::D32_SFLOAT;
 
 pub fn format(target: Target) -> vk::Format {
     match target {
-        Target::Image => PICTURE,
-        Target::Float(_) | Target::Texture(_) => FLOAT,
+        Target::Image => IMAGE_FORMAT,
+        Target::Float(_) | Target::Texture(_) => FLOAT_FORMAT,
     }
 }
 
 /// Images that a recording needs; recordings with equal needs share them.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Needs {
+pub struct TargetNeeds {
     pub size: [u32; 2],
     pub samples: u32,
     pub scene: Target,
@@ -49,9 +49,9 @@ pub struct Needs {
     pub inputs: usize,
 }
 
-impl Needs {
-    pub fn of(recording: &Recording) -> Needs {
-        let mut needs = Needs {
+impl TargetNeeds {
+    pub fn of(recording: &Recording) -> TargetNeeds {
+        let mut needs = TargetNeeds {
             size: recording.size,
             samples: 1,
             scene: Target::Image,
@@ -96,8 +96,8 @@ impl Needs {
 }
 
 pub struct Targets {
-    pub needs: Needs,
-    pub picture: Image,
+    pub needs: TargetNeeds,
+    pub frame_image: Image,
     pub floats: Vec<Image>,
     /// Textures of passes of effects.
     pub textures: Vec<Image>,
@@ -127,7 +127,7 @@ pub(crate) struct FrameImages<'a> {
     pub shadow: Option<&'a SampledImage>,
     pub scene_color_copy: Option<&'a SampledImage>,
     pub sky: Option<&'a SkyImages>,
-    /// Depths of the scene and of even and odd peeled layers.
+    /// Depth images of the scene, of even peeled layers and of odd ones.
     pub layers: Option<([vk::ImageView; 3], vk::Sampler)>,
     /// The G-buffer.
     pub gbuffer: Option<[vk::ImageView; 3]>,
@@ -138,7 +138,7 @@ pub(crate) struct FrameImages<'a> {
 }
 
 impl Targets {
-    pub fn new(gpu: &Context, needs: Needs) -> Result<Targets, RenderError> {
+    pub fn new(gpu: &Context, needs: TargetNeeds) -> Result<Targets, RenderError> {
         let sized = |[width, height]: [u32; 2], name: &str, format, usage, samples| {
             let aspect =
                 if format == DEPTH { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR };
@@ -146,10 +146,11 @@ impl Targets {
         };
         let image = |name: &str, format, usage, samples| sized(needs.size, name, format, usage, samples);
         use vk::ImageUsageFlags as U;
-        let picture = image("picture", PICTURE, U::COLOR_ATTACHMENT | U::TRANSFER_SRC | U::TRANSFER_DST, 1)?;
+        let frame_image =
+            image("frame image", IMAGE_FORMAT, U::COLOR_ATTACHMENT | U::TRANSFER_SRC | U::TRANSFER_DST, 1)?;
         let mut targets = Targets {
             needs: needs.clone(),
-            picture,
+            frame_image,
             floats: Vec::new(),
             textures: Vec::new(),
             depth: None,
@@ -168,10 +169,16 @@ impl Targets {
             let usage = U::COLOR_ATTACHMENT | U::SAMPLED | U::TRANSFER_SRC;
             for i in 0..needs.floats {
                 let name = format!("float target {i}");
-                targets.floats.push(image(&name, FLOAT, usage, 1)?);
+                targets.floats.push(image(&name, FLOAT_FORMAT, usage, 1)?);
             }
             for (i, size) in needs.textures.iter().enumerate() {
-                targets.textures.push(sized(*size, &format!("texture {i} of passes"), FLOAT, usage, 1)?);
+                targets.textures.push(sized(
+                    *size,
+                    &format!("texture {i} of passes"),
+                    FLOAT_FORMAT,
+                    usage,
+                    1,
+                )?);
             }
             if needs.depth {
                 let read = if needs.layers { U::SAMPLED } else { U::empty() };
@@ -232,8 +239,8 @@ impl Targets {
 
     pub fn image(&self, target: Target) -> &Image {
         match target {
-            Target::Image => &self.picture,
-            // `Needs::of` counted them from the same recording.
+            Target::Image => &self.frame_image,
+            // `TargetNeeds::of` counted them from the same recording.
             Target::Float(i) => &self.floats[i as usize],
             Target::Texture(i) => &self.textures[i as usize],
         }
@@ -288,7 +295,7 @@ impl Targets {
 
     /// Destroys the images. No frame may be in flight.
     pub fn destroy(&mut self, gpu: &Context) {
-        self.picture.destroy(gpu);
+        self.frame_image.destroy(gpu);
         if let Some((mut buffer, _)) = self.background.take() {
             buffer.destroy(gpu);
         }

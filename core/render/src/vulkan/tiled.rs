@@ -77,7 +77,7 @@ impl VulkanRenderer {
         let side = self.side_of_tiles(plan).unwrap_or(self.longest_side());
         for tile in tiles(plan.size, side) {
             self.submit_now(&plan.tile(tile, &self.scene_resources.clone())?)?;
-            let bytes = self.finished(BYTES, tile.at)?;
+            let bytes = self.finish_oldest(BYTES, tile.at)?;
             let Tile { at, size, keep } = tile;
             for y in 0..keep[1] {
                 let row = &bytes[(y * size[0]) as usize * BYTES..][..size[0] as usize * BYTES];

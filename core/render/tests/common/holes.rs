@@ -1,8 +1,8 @@
-//! Holes of meshes whose back faces are not drawn, in images before magenta.
+//! Counts holes of meshes whose back faces are not drawn, in images with a magenta background.
 
 use choreo_plugin::Frame;
 
-/// Pixels of a model, those that are empty without its back faces, and those that differ.
+/// Numbers of pixels that the model covers, that are empty without its back faces, and that differ.
 pub fn lost(front: &Frame, both: &Frame) -> [usize; 3] {
     let background = |p: &&[u8]| *p == [255, 0, 255, 255];
     let mut counts = [0; 3];

@@ -1,4 +1,4 @@
-//! Coats, sheen, glass, films, brushed metal and leaves of every kind, turned to the camera in many ways.
+//! A scene of material layers: clearcoat, sheen, transmission, thin films, anisotropy and diffuse transmission, at many angles.
 
 use super::*;
 
@@ -63,7 +63,7 @@ pub fn layered_scene() -> Scene {
         let glass = MaterialLayers {
             transmission: 1.0 - 0.2 * (i % 4) as f32,
             thickness: 0.4,
-            // Two bend light, one of them its colors apart.
+            // Two refract, one of them with dispersion.
             ior: if i % 2 == 0 { 1.0 } else { 1.5 },
             dispersion: if i == 11 { 4.0 } else { 0.0 },
             attenuation_distance: 0.5,
@@ -122,7 +122,7 @@ pub fn layered_scene() -> Scene {
         let place = DVec3::new((i % 4) as f64 * 1.1 - 1.65, row as f64 * 1.1 - 1.1, 0.0);
         scene.add(&a, DAffine3::from_scale_rotation_translation(DVec3::splat(1.2), turn, place));
     }
-    // Something behind the glass, to be refracted.
+    // A background mesh that the glass refracts.
     let striped = image(8, 1, |x, _| if x % 2 == 0 { [255, 255, 255, 255] } else { [20, 20, 20, 255] });
     let back = Material { base_color_texture: Some(super::texture(0)), ..unlit(Vec4::ONE) };
     scene.at(&asset(vec![quad(2.4, 0.6)], vec![back], vec![striped]), 0.0, 1.3, -0.8);

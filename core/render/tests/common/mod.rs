@@ -1,4 +1,4 @@
-//! Scenes made by hand for the tests of plan and renderers.
+//! Scenes built in code, for the tests of plans and renderers.
 #![allow(dead_code)]
 
 pub mod layered;
@@ -38,7 +38,7 @@ impl Scene {
     }
 
     pub fn with_camera(camera: CameraState) -> Scene {
-        // Raw values, as closed forms give them.
+        // No view transform, so that closed forms hold.
         let settings = Settings { view_transform: ViewTransform::None, ..Settings::default() };
         Scene {
             stage: Stage { settings, ..Stage::default() },
@@ -166,12 +166,12 @@ pub fn unlit(color: Vec4) -> Material {
     Material { shading: Shading::Unlit, base_color: color, ..Material::default() }
 }
 
-/// White, dielectric, rough: Lambert plus a little specular.
+/// A rough dielectric: Lambertian, with a small specular part.
 pub fn matte(color: Vec4) -> Material {
     Material { base_color: color, metallic: 0.0, ..Material::default() }
 }
 
-/// One mesh on one joint.
+/// An asset with one mesh on one joint.
 pub fn asset(primitives: Vec<Primitive>, materials: Vec<Material>, images: Vec<Arc<Image>>) -> Arc<Asset> {
     let morph_targets = primitives.iter().map(|p| p.morphs.len()).max().unwrap_or(0);
     let skeleton = Skeleton::new(vec!["root".into()], vec![None], vec![Transform::IDENTITY]).unwrap();
@@ -192,7 +192,7 @@ pub fn asset(primitives: Vec<Primitive>, materials: Vec<Material>, images: Vec<A
     })
 }
 
-/// The same on a skin of two joints: the root and one a metre above it.
+/// An asset whose mesh has a skin of two joints: the root, and one a metre above it.
 pub fn skinned_asset(mut primitives: Vec<Primitive>, materials: Vec<Material>) -> Arc<Asset> {
     for p in &mut primitives {
         p.influences = 4;
@@ -228,7 +228,7 @@ pub fn image(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 4]) -> Ar
 use choreo_plugin::Frame;
 use choreo_render::{CpuRenderer, GpuOptions, RenderError, Renderer, VulkanRenderer};
 
-/// A renderer with the validation layer; `None`, with a message, where there is no Vulkan.
+/// A Vulkan renderer with the validation layer; prints a message and returns `None` without Vulkan.
 pub fn vulkan(options: GpuOptions) -> Option<VulkanRenderer> {
     match VulkanRenderer::new(GpuOptions { validation: true, ..options }) {
         Ok(renderer) => Some(renderer),
@@ -261,7 +261,7 @@ pub fn pixel(f: &Frame, x: u32, y: u32) -> [u8; 4] {
     f.rgba[at..at + 4].try_into().unwrap()
 }
 
-/// IEC 61966-2-1 in f64: the code, not rounded.
+/// The sRGB code of linear light in f64, not rounded (IEC 61966-2-1).
 pub fn encode(linear: f64) -> f64 {
     let v = linear.clamp(0.0, 1.0);
     255.0 * if v <= 0.0031308 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
@@ -293,7 +293,7 @@ fn assert_within(codes: f64, got: [u8; 4], linear: [f64; 3], what: &str) {
     }
 }
 
-/// Lit, textured, skinned, masked, blended, in motion: something of everything.
+/// A scene of lit, unlit, textured, skinned, alpha-tested and blended quads under a sun and a lamp.
 pub fn busy_scene(offset: DVec3) -> Scene {
     let mut scene = Scene::perspective(0.9, 6.0);
     scene.snapshot.camera.world_from_view.translation += offset;
@@ -335,7 +335,7 @@ pub fn busy_scene(offset: DVec3) -> Scene {
     scene
 }
 
-/// Adds an effect that is on at all times, on these actors only, if there are any.
+/// Adds an effect that is always on; on these actors only, or on everything if `actors` is empty.
 pub fn use_effect(scene: &mut Scene, plugin: &str, parameters: &[(&str, f64)], actors: &[usize]) {
     let parameters: Vec<(String, f64)> = parameters.iter().map(|(n, v)| (n.to_string(), *v)).collect();
     let effect = scene.stage.effects.len();

@@ -1,4 +1,4 @@
-//! Thin films, brushed metal and light from behind of the CPU renderer against spectra, other forms of the formulas, and energy.
+//! Thin films, anisotropy and diffuse transmission of the CPU renderer against spectra, other forms of the formulas, and energy conservation.
 
 use crate::common::layered::layered;
 use crate::common::*;
@@ -25,7 +25,7 @@ fn straight_on(roughness: f64) -> f64 {
     0.25 / roughness.powi(4)
 }
 
-/// The eye's receptors (Wyman, Sloan & Shirley, "Simple Analytic Approximations to the CIE XYZ Color Matching Functions", 2013).
+/// Response of the eye's receptors (Wyman, Sloan & Shirley, "Simple Analytic Approximations to the CIE XYZ Color Matching Functions", 2013).
 fn receptors(nm: f64) -> [f64; 3] {
     let lobe = |height: f64, at: f64, below: f64, above: f64| {
         let t = (nm - at) * if nm < at { below } else { above };
@@ -48,7 +48,7 @@ fn airy(film: f64, base: f64, phase: f64) -> f64 {
     (r12 * r12 + r23 * r23 + cross) / (1.0 + r12 * r12 * r23 * r23 + cross)
 }
 
-/// The film's reflectance as the eye sees it: the mean over all phases, and the rest through the receptors, as linear sRGB.
+/// Perceived reflectance of the film in linear sRGB: the mean over all phases, plus the deviation weighted by the receptors.
 fn seen(film: f64, base: f64, nanometres: f64) -> [f64; 3] {
     let mean = (0..720).map(|i| airy(film, base, f64::from(i) * PI / 360.0)).sum::<f64>() / 720.0;
     let (mut xyz, mut whole) = ([0.0; 3], 0.0);
@@ -68,7 +68,7 @@ fn seen(film: f64, base: f64, nanometres: f64) -> [f64; 3] {
     ]
 }
 
-/// A black surface under a film, lit so that what is seen is its reflectance times `gain`.
+/// Color of a film on a black surface, lit so that it shows the reflectance times `gain`.
 fn film_on(base_f0: f32, ior: f32, nanometres: f32, gain: f64) -> [f64; 3] {
     let layers = MaterialLayers {
         iridescence: 1.0,
@@ -87,7 +87,7 @@ fn film_on(base_f0: f32, ior: f32, nanometres: f32, gain: f64) -> [f64; 3] {
 }
 
 #[test]
-fn a_film_has_the_colors_of_its_spectrum() {
+fn thin_film_colors_match_the_spectral_integral() {
     let mut worst = 0.0f64;
     for (ior, f0) in [(1.33f64, 0.2f64), (1.6, 0.04), (1.8, 0.3), (1.3, 0.5)] {
         let root = f0.sqrt();
@@ -96,7 +96,7 @@ fn a_film_has_the_colors_of_its_spectrum() {
             let gain = 1.2;
             let got = film_on(f0 as f32, ior as f32, nanometres as f32, gain);
             for (got, expected) in got.iter().zip(seen(ior, base, nanometres)) {
-                // Reflectances beyond what a screen shows are cut off in both.
+                // Reflectances outside of the display range are clamped in both.
                 let expected = expected.clamp(0.0, 1.0 / gain);
                 worst = worst.max((got - expected).abs());
                 assert!((got - expected).abs() < 0.06, "{ior} {f0} {nanometres} nm: {got} {expected}");
@@ -104,14 +104,14 @@ fn a_film_has_the_colors_of_its_spectrum() {
         }
     }
     println!("films: worst reflectance error {worst:.4}");
-    // The colors differ: the comparison sees more than a gray.
+    // The colors are not gray, so the comparison is meaningful.
     let [r, _, b] = film_on(0.2, 1.33, 200.0, 1.2);
     let [r2, _, b2] = film_on(0.2, 1.33, 300.0, 1.2);
     assert!((r - b) * (r2 - b2) < 0.0, "{r} {b} {r2} {b2}");
 }
 
 #[test]
-fn a_film_of_nothing_is_no_film() {
+fn a_film_of_zero_thickness_changes_nothing() {
     for f0 in [0.04, 0.3] {
         let got = film_on(f0, 1.8, 0.0, 1.5);
         got.iter().for_each(|g| assert!((g - f64::from(f0)).abs() < 0.006, "{f0}: {g}"));
@@ -139,7 +139,7 @@ fn brushed_wall(strength: f32, rotation: f32, roughness: f32) -> Scene {
 }
 
 #[test]
-fn brushed_metal_stretches_its_highlights() {
+fn anisotropy_stretches_highlights() {
     for (strength, rotation, roughness) in
         [(0.0, 0.0, 0.5), (0.6, 0.0, 0.4), (0.9, 0.7, 0.4), (1.0, 1.2, 0.3)]
     {
@@ -150,7 +150,7 @@ fn brushed_metal_stretches_its_highlights() {
                 let l = DVec3::new(s * ca, s * sa, c);
                 let across = f64::from(roughness).powi(2);
                 let along = across + (1.0 - across) * f64::from(strength).powi(2);
-                // The highlight's own axes.
+                // Axes of the highlight.
                 let (sr, cr) = f64::from(rotation).sin_cos();
                 let own = DVec3::new(l.x * cr + l.y * sr, l.y * cr - l.x * sr, l.z);
                 let expected = brushed([along, across], own) * l.z;
@@ -165,7 +165,7 @@ fn brushed_metal_stretches_its_highlights() {
     }
 }
 
-/// Share of an even sky that a white surface reflects in one bounce, by the other form of the formulas.
+/// Share of a uniform sky that a white surface reflects in one bounce, by the formulas of PBRT.
 fn energy(alpha: [f64; 2]) -> f64 {
     let (rings, sectors) = (400, 400);
     let mut sum = 0.0;
@@ -180,9 +180,9 @@ fn energy(alpha: [f64; 2]) -> f64 {
     2.0 * sum / f64::from(rings * sectors)
 }
 
-/// ∫ f cos dω over 250 suns spread evenly over the sky, in the image.
+/// The rendered ∫ f cos dω, with 250 suns distributed evenly over the sky.
 #[test]
-fn brushed_metal_makes_no_light() {
+fn anisotropic_metal_reflects_no_more_light_than_it_gets() {
     for (strength, roughness) in [(0.0f64, 0.7f64), (0.5, 0.6), (0.9, 0.7)] {
         let mut scene = brushed_wall(strength as f32, 0.3, roughness as f32);
         let count = 250;
@@ -202,7 +202,7 @@ fn brushed_metal_makes_no_light() {
 }
 
 #[test]
-fn light_from_behind_shines_through() {
+fn diffuse_transmission_shows_light_from_behind() {
     for share in [0.0, 0.4, 1.0] {
         for degrees in [0.0f64, 35.0, 70.0] {
             let layers = MaterialLayers {

@@ -31,7 +31,7 @@ fn to_light(degrees: f64) -> DVec3 {
 }
 
 #[test]
-fn a_coat_over_a_dull_surface() {
+fn clearcoat_matches_its_formula() {
     for (coat, roughness) in [(1.0, 0.3), (0.5, 0.6), (0.0, 0.3)] {
         for degrees in [0.0, 15.0, 50.0] {
             let layers = MaterialLayers {
@@ -52,7 +52,7 @@ fn a_coat_over_a_dull_surface() {
     }
 }
 
-/// "Charlie" with Neubelt's visibility, times π.
+/// Charlie sheen distribution with Neubelt's visibility, times π.
 fn sheen(roughness: f64, n: DVec3, v: DVec3, l: DVec3) -> f64 {
     let h = (l + v).normalize();
     let inverse = 1.0 / (roughness * roughness);
@@ -61,7 +61,7 @@ fn sheen(roughness: f64, n: DVec3, v: DVec3, l: DVec3) -> f64 {
     (2.0 + inverse) * sine2.powf(inverse * 0.5) / 2.0 / (4.0 * (nl + nv - nl * nv))
 }
 
-/// Its integral over the hemisphere by midpoints, at most 1.
+/// Integral of the sheen over the hemisphere by the midpoint rule, clamped to 1.
 fn sheen_albedo(roughness: f64, nv: f64) -> f64 {
     let v = DVec3::new((1.0 - nv * nv).sqrt(), 0.0, nv);
     let (rings, sectors) = (200, 120);
@@ -78,7 +78,7 @@ fn sheen_albedo(roughness: f64, nv: f64) -> f64 {
 }
 
 #[test]
-fn sheen_over_cloth() {
+fn sheen_matches_its_formula() {
     for roughness in [0.3, 0.5, 0.9] {
         // The fit against the integral, at N = V.
         let albedo = sheen_albedo(roughness, 1.0);
@@ -95,7 +95,7 @@ fn sheen_over_cloth() {
             let base = dielectric(0.2, 1.0, l);
             let expected = 0.9 * l.z * (base * (1.0 - albedo) + sheen(roughness, DVec3::Z, DVec3::Z, l));
             let got = decode(middle(&scene)[0]);
-            // The fit of the albedo may be off by 0.07, of a surface that is this dark.
+            // The fitted albedo may be off by 0.07, which scales this dark surface.
             let bound = 0.9 * l.z * base * 0.07 + 0.004;
             assert!((got - expected).abs() < bound, "{roughness} {degrees}°: {got} {expected} ± {bound}");
         }
@@ -103,8 +103,8 @@ fn sheen_over_cloth() {
 }
 
 #[test]
-fn the_sheens_albedo_is_near_its_integral() {
-    // Under a white sky alone a black cloth with white sheen shows the albedo, and nothing of the surface below.
+fn the_fitted_sheen_albedo_is_near_its_integral() {
+    // Under a white sky without lights, a black cloth with white sheen shows the sheen's albedo.
     let mut worst = 0.0f64;
     for roughness in [0.1, 0.2, 0.3, 0.5, 0.7, 1.0] {
         for degrees in [0.0f64, 30.0, 50.0, 70.0, 80.0, 86.0] {
@@ -138,7 +138,7 @@ fn reflected(roughness: f64) -> f64 {
 }
 
 #[test]
-fn glass_multiplies_what_is_behind_and_adds_what_it_reflects() {
+fn thin_glass_multiplies_its_background_and_adds_reflections() {
     for (transmission, roughness, thickness) in
         [(1.0, 0.0, 0.0), (1.0, 0.5, 0.0), (0.6, 0.0, 0.5), (1.0, 0.0, 2.0)]
     {
@@ -154,7 +154,7 @@ fn glass_multiplies_what_is_behind_and_adds_what_it_reflects() {
         let material = Material { roughness: roughness as f32, ..matte(Vec4::new(0.9, 0.8, 0.7, 1.0)) };
         let mut scene = wall(layered(layers, material));
         scene.snapshot.background = Background::Color(Vec4::new(0.5, 0.6, 0.7, 1.0));
-        // The scale of the actor is that of the thickness too.
+        // The scale of the actor also scales the thickness.
         scene.snapshot.actors[0].world_from_model = glam::DAffine3::from_scale(DVec3::splat(2.0));
         let behind = [0.5, 0.6, 0.7];
         let taken = [0.25f64, 0.5, 0.81].map(|c| c.powf(2.0 * thickness));
@@ -172,7 +172,7 @@ fn glass_multiplies_what_is_behind_and_adds_what_it_reflects() {
         let diffuse = 0.96 * (1.0 - transmission);
         let lit: [f64; 3] = std::array::from_fn(|c| {
             let highlight = 0.04 * ggx(f64::max(roughness, 0.045), l);
-            // Both passes are stored in 8 bits.
+            // The results of both draws are rounded to 8 bits.
             expected[c] + 0.3 * (base[c] * diffuse + highlight)
         });
         let got = middle(&scene);
@@ -184,7 +184,7 @@ fn glass_multiplies_what_is_behind_and_adds_what_it_reflects() {
 }
 
 #[test]
-fn glass_is_planned_twice_and_last() {
+fn thin_glass_is_drawn_last_in_two_draws() {
     let scene = layered_scene();
     let (_, plan) = scene.plan(&PlanOptions::new([200, 150], 1));
     let glass: Vec<Glass> = plan.draws.iter().map(|d| d.pipeline.glass).collect();
@@ -201,7 +201,7 @@ fn glass_is_planned_twice_and_last() {
 }
 
 #[test]
-fn without_layers_nothing_is_requested() {
+fn materials_without_layers_request_no_layer_features() {
     let what = |material: Material| {
         let mut scene = wall(material);
         scene.sun(Vec3::NEG_Z, Vec3::ONE, 0.5);
@@ -215,7 +215,7 @@ fn without_layers_nothing_is_requested() {
             .iter()
             .all(|w| plain.2.contains(&w.to_string()))
     );
-    // Layers without a visible effect count as none.
+    // Layers without a visible effect request nothing.
     assert_eq!(
         what(layered(
             MaterialLayers { thickness: 1.0, sheen_roughness: 0.5, ..MaterialLayers::default() },
@@ -234,7 +234,7 @@ fn without_layers_nothing_is_requested() {
 }
 
 #[test]
-fn forcing_everything_in_changes_no_pixel() {
+fn forcing_all_features_in_changes_no_layered_pixel() {
     let scene = layered_scene();
     let options = PlanOptions::new([160, 120], 1);
     let lean = draw(&scene, &options);
@@ -244,7 +244,7 @@ fn forcing_everything_in_changes_no_pixel() {
 }
 
 #[test]
-fn hostile_numbers_stay_finite() {
+fn extreme_material_values_give_finite_colors() {
     for extreme in [0.0, 1e-30, 1e30, f32::MAX, f32::INFINITY] {
         let layers = MaterialLayers {
             clearcoat: 1.0,

@@ -21,7 +21,7 @@ fn at(x: f32, y: f32) -> Vec3 {
 }
 
 #[test]
-fn an_edge_through_pixel_centres_belongs_to_one_side() {
+fn an_edge_through_pixel_centers_belongs_to_one_triangle() {
     let lower = triangle(at(0.0, 0.0), at(0.0, 8.0), at(8.0, 8.0));
     let upper = triangle(at(0.0, 0.0), at(8.0, 8.0), at(8.0, 0.0));
     let count = |p: &Primitive| {
@@ -30,14 +30,14 @@ fn an_edge_through_pixel_centres_belongs_to_one_side() {
     };
     // The diagonal is a right edge of the lower triangle and a left edge of the upper one, which owns it.
     assert_eq!((count(&lower), count(&upper)), (28, 36));
-    // Together: every pixel once, or half-transparent white would be brighter along the diagonal.
+    // Every pixel is covered once; otherwise half-transparent white would be brighter along the diagonal.
     let glass = Material { alpha_mode: AlphaMode::Blend, ..unlit(Vec4::new(1.0, 1.0, 1.0, 0.5)) };
     let f = draw_at(&pixel_scene(vec![lower, upper], glass), [8, 8], 1);
     assert!(f.rgba.chunks_exact(4).all(|p| p == [188, 188, 188, 255]), "{:?}", &f.rgba[..16]);
 }
 
 #[test]
-fn four_samples_cover_what_their_standard_positions_say() {
+fn four_samples_are_at_the_standard_positions() {
     let positions = [(0.375, 0.125), (0.875, 0.375), (0.125, 0.625), (0.625, 0.875)];
     // Multiples of 1/256 pixel, so that snapping changes nothing.
     let vertices = [(0.6171875, 0.40625), (1.2109375, 7.1015625), (7.4296875, 4.59375)];
@@ -106,7 +106,7 @@ fn interpolation_is_perspective_correct_even_behind_the_camera() {
 }
 
 #[test]
-fn the_nearer_one_is_visible_in_either_order() {
+fn the_nearer_surface_is_visible_in_either_order() {
     for flip in [false, true] {
         let mut scene = Scene::perspective(1.0, 5.0);
         let red = asset(vec![quad(1.0, 1.0)], vec![unlit(Vec4::new(1.0, 0.0, 0.0, 1.0))], vec![]);
@@ -121,14 +121,14 @@ fn the_nearer_one_is_visible_in_either_order() {
 }
 
 #[test]
-fn blending_is_in_linear_light_back_to_front_and_behind_opaque_is_hidden() {
+fn blending_is_linear_back_to_front_and_depth_tested() {
     let glass = |r: f32, g: f32, b: f32| {
         let m = Material { alpha_mode: AlphaMode::Blend, ..unlit(Vec4::new(r, g, b, 0.5)) };
         asset(vec![quad(2.0, 2.0)], vec![m], vec![])
     };
     let mut scene = Scene::ortho(2.0);
     scene.snapshot.background = Background::Color(Vec4::new(0.0, 0.0, 1.0, 1.0));
-    // Given front to back.
+    // The surfaces are added front to back.
     scene.at(&glass(1.0, 0.0, 0.0), 0.0, 0.0, 2.0);
     scene.at(&glass(0.0, 1.0, 0.0), 0.0, 0.0, 1.0);
     let step = |below: f64, c: f64| decode(encode(c * 0.5 + below * 0.5).round() as u8);
@@ -142,7 +142,7 @@ fn blending_is_in_linear_light_back_to_front_and_behind_opaque_is_hidden() {
 }
 
 #[test]
-fn back_faces_mirrors_and_double_sides() {
+fn back_faces_are_culled_unless_double_sided_or_mirrored() {
     let shown = |double_sided: bool, mirror: bool, turned: bool| {
         let mut scene = Scene::ortho(2.0);
         let m = Material { double_sided, ..unlit(Vec4::ONE) };
@@ -180,13 +180,13 @@ fn lines_and_points_are_a_pixel_wide() {
 }
 
 #[test]
-fn odd_triangles_and_odd_sizes() {
+fn degenerate_triangles_and_odd_image_sizes_are_drawn() {
     let mut bad = quad(2.0, 2.0);
     bad.positions.extend([Vec3::NAN, Vec3::splat(f32::INFINITY), Vec3::splat(3e38), Vec3::splat(-3e38)]);
     bad.normals.extend([Vec3::Z; 4]);
     bad.uvs[0].extend([Vec2::splat(f32::NAN); 4]);
     bad.indices.extend([0, 1, 4, 0, 5, 2, 1, 1, 1, 0, 1, 0]);
-    // Vertices so far away that they cover everything or nothing, by rounding: only that nothing panics.
+    // Vertices so far away that rounding decides whether they cover everything or nothing: drawing must not panic.
     let huge = Primitive { indices: vec![6, 7, 0, 6, 7, 6, 1, 6, 2], ..bad.clone() };
     let huge = asset(vec![huge], vec![unlit(Vec4::ONE)], vec![]);
     let image = image(4, 4, |_, _| [255; 4]);
@@ -224,7 +224,7 @@ fn the_gradient_runs_from_the_first_row_to_the_last() {
         let t = (f64::from(y) + 0.5) / 40.0;
         for c in 0..3 {
             let exact = encode(f64::from(top[c]) * (1.0 - t) + f64::from(bottom[c]) * t);
-            // One of the two codes around it: gradients are dithered.
+            // Gradients are dithered, so each pixel has one of the two nearest codes.
             let shown = f64::from(pixel(&f, 1, y)[c]);
             assert!((shown - exact).abs() < 1.0, "row {y}: channel {c} is {shown} instead of {exact:.2}");
         }

@@ -1,4 +1,4 @@
-//! Colors of the CPU renderer against the formulas in f64; textures; effects; equal bits.
+//! Shading of the CPU renderer against the formulas in f64; textures, effects and reproducible bits.
 
 use crate::common;
 use crate::common::*;
@@ -24,7 +24,7 @@ fn metallic_roughness(base: f64, metallic: f64, roughness: f64, specular: f64, l
 }
 
 #[test]
-fn metallic_roughness_under_one_sun() {
+fn metallic_roughness_matches_its_formula_under_one_sun() {
     for (metallic, roughness, specular) in
         [(0.0, 1.0, 1.0), (0.0, 0.3, 1.0), (0.0, 0.5, 0.0), (1.0, 0.4, 1.0), (0.5, 0.7, 0.5)]
     {
@@ -40,7 +40,7 @@ fn metallic_roughness_under_one_sun() {
                 ..matte(color)
             });
             scene.sun(-to_light.as_vec3(), Vec3::ONE, 0.8);
-            // 1 − max F is each channel's own only where F is gray, or where the channel is the largest one.
+            // 1 − max F equals 1 − F of a channel only if F is gray or that channel has the largest F.
             let expected = base.map(|b| 0.8 * metallic_roughness(b, metallic, roughness, specular, to_light));
             let got = middle(&scene);
             if metallic == 0.0 {
@@ -54,11 +54,11 @@ fn metallic_roughness_under_one_sun() {
 
 #[test]
 fn a_white_diffuse_wall_facing_light_one_is_white() {
-    // Specular off: Lambert alone.
+    // Without specular reflection only Lambertian shading remains.
     let mut scene = wall(Material { specular: 0.0, ..matte(Vec4::ONE) });
     scene.sun(-Vec3::Z, Vec3::new(1.0, 0.5, 0.25), 1.0);
     assert_color(middle(&scene), [1.0, 0.5, 0.25], "lux times color");
-    // The planted fault: the same with the light a tenth weaker is told apart.
+    // The planted fault, a light a tenth weaker, is found.
     let a = draw_at(&scene, [5, 5], 1);
     scene.snapshot.lights[0].light.intensity = 0.9;
     let c = compare(&a, &draw_at(&scene, [5, 5], 1), 1).unwrap();
@@ -66,7 +66,7 @@ fn a_white_diffuse_wall_facing_light_one_is_white() {
 }
 
 #[test]
-fn point_and_spot_lights_fall_off() {
+fn point_and_spot_light_falloff_matches_closed_forms() {
     let light = |kind, range| LightState {
         light: Light { kind, color: Vec3::ONE, intensity: 3.0, range },
         position: DVec3::new(0.0, 0.0, 2.0),
@@ -84,7 +84,7 @@ fn point_and_spot_lights_fall_off() {
         scene.snapshot.lights = vec![light(kind, range)];
         assert_color(middle(&scene), [expected; 3], &format!("{kind:?} {range:?}"));
     }
-    // Off the axis by 0.3 rad: between the cones. The pixel in the middle of the image sees x = 0.
+    // 0.3 rad off the axis, between the inner and the outer cone. The center pixel shows x = 0.
     let mut spot = light(LightKind::Spot { inner: 0.2, outer: 0.5 }, None);
     let x = 2.0 * 0.3f64.tan();
     spot.position.x = x;
@@ -95,7 +95,7 @@ fn point_and_spot_lights_fall_off() {
 }
 
 #[test]
-fn blinn_phong_and_ambient() {
+fn blinn_phong_and_ambient_light_match_closed_forms() {
     let material = Material {
         shading: Shading::BlinnPhong,
         specular_color: Vec3::splat(0.05),
@@ -108,7 +108,7 @@ fn blinn_phong_and_ambient() {
     let nh = (to_light + DVec3::Z).normalize().z;
     let highlight = 0.05 * 28.0 / 8.0 * nh.powi(20);
     assert_color(middle(&scene), [0.5, 0.25, 0.125].map(|b| (b + highlight) * 0.8), "Blinn–Phong");
-    // A wall's normal is level: the mean of above and below.
+    // A wall's normal is horizontal, so it gets the mean of the upper and the lower ambient light.
     let mut scene = wall(material);
     scene.snapshot.ambient_up = Vec3::new(1.0, 0.5, 0.0);
     scene.snapshot.ambient_down = Vec3::new(0.0, 0.5, 1.0);
@@ -161,13 +161,13 @@ fn a_distant_chequerboard_is_grey_in_linear_light() {
 }
 
 #[test]
-fn the_alpha_mask_cuts_holes_and_leaves_what_is_behind() {
+fn alpha_masks_cut_holes_that_show_the_background() {
     let image = image(2, 1, |x, _| [255, 255, 255, if x == 0 { 100 } else { 200 }]);
     let m = Material { alpha_mode: AlphaMode::Mask(0.5), ..unlit(Vec4::ONE) };
     let mut scene = textured(m, image, 1.0, 2.0);
     let red = asset(vec![quad(1.0, 1.0)], vec![unlit(Vec4::new(1.0, 0.0, 0.0, 1.0))], vec![]);
     scene.at(&red, 0.0, 0.0, -1.0);
-    // Smooth ones (cutouts.rs) keep samples at four.
+    // With four samples, smooth cut-outs (cutouts.rs) keep single samples.
     scene.stage.settings.cutouts = Cutouts::Hard;
     for samples in [1, 4] {
         let f = draw_at(&scene, [2, 2], samples);
@@ -176,7 +176,7 @@ fn the_alpha_mask_cuts_holes_and_leaves_what_is_behind() {
 }
 
 #[test]
-fn a_normal_map_turns_the_light() {
+fn normal_maps_change_the_shading_normal() {
     let mut p = quad(2.0, 2.0);
     // u to the right, v downwards: the bitangent N × T · w must point up (−v).
     p.tangents = vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4];
@@ -193,7 +193,7 @@ fn a_normal_map_turns_the_light() {
 
 #[test]
 fn skin_and_morphs_move_vertices_and_normals() {
-    // The upper half hangs on a joint that is turned a quarter about X: its normals face up.
+    // The upper half is bound to a joint that is turned by 90° about X: its normals face up.
     let mut scene = Scene::ortho(4.0);
     let a = skinned_asset(vec![quad(1.0, 1.0)], vec![Material { specular: 0.0, ..matte(Vec4::ONE) }]);
     let actor = scene.at(&a, 0.0, 0.0, 0.0);
@@ -225,7 +225,7 @@ fn skin_and_morphs_move_vertices_and_normals() {
 }
 
 #[test]
-fn any_number_of_threads_gives_the_same_bits() {
+fn the_number_of_threads_changes_no_bit() {
     let scene = busy_scene(DVec3::ZERO);
     for samples in [1, 4] {
         let with = |threads: usize| {
@@ -240,16 +240,16 @@ fn any_number_of_threads_gives_the_same_bits() {
 }
 
 #[test]
-fn ten_thousand_kilometres_away_it_looks_the_same() {
+fn the_image_is_the_same_10000_km_from_the_origin() {
     let near = draw_at(&busy_scene(DVec3::ZERO), [160, 120], 4);
     let far = draw_at(&busy_scene(DVec3::new(1e7, -1e7, 1e7)), [160, 120], 4);
-    // Places are rounded to 2 nm out there.
+    // Positions are rounded to 2 nm at this distance.
     let c = compare(&near, &far, 2).unwrap();
     assert!(c.share_beyond < 0.001, "{c}");
 }
 
 #[test]
-fn forcing_every_feature_in_changes_no_pixel() {
+fn forcing_all_features_in_changes_no_pixel() {
     let scene = busy_scene(DVec3::ZERO);
     for samples in [1, 4] {
         let options = PlanOptions::new([160, 120], samples);
@@ -274,7 +274,7 @@ fn an_effect_changes_each_pixel_by_its_function() {
     let corner = pixel(&dark, 0, 0);
     let uv = Vec2::new(0.5 / 64.0, 0.5 / 48.0);
     let parameters = [0.8f32, 0.5];
-    // The function in f64: half a smoothstep of the distance from the center, as a share of that of the corner.
+    // The vignette in f64: half a smoothstep of the distance from the center relative to that of the corner.
     let from_center = f64::from((uv * 2.0 - 1.0).length()) * std::f64::consts::FRAC_1_SQRT_2;
     let x = ((from_center - f64::from(parameters[1])) / (1.0 - f64::from(parameters[1]))).clamp(0.0, 1.0);
     let expected = 0.5 * (1.0 - f64::from(parameters[0]) * x * x * (3.0 - 2.0 * x));
@@ -285,7 +285,7 @@ fn an_effect_changes_each_pixel_by_its_function() {
 }
 
 #[test]
-fn misuse_is_an_error_with_words() {
+fn misuse_is_an_error_with_a_message() {
     let scene = wall(unlit(Vec4::ONE));
     let (resources, plan) = scene.plan(&PlanOptions::new([4, 4], 1));
     let mut r = CpuRenderer::new(&[]);

@@ -1,4 +1,4 @@
-//! Images of the CPU renderer's stages belong together: what the raster covers is what is shaded, and has a depth.
+//! The stage images of the CPU renderer agree: the same pixels are covered, have a depth, and are shaded.
 
 use crate::common::*;
 use choreo_plugin::Frame;
@@ -23,14 +23,14 @@ fn stages(scene: &Scene) -> Vec<Frame> {
     renderer.stages(&plan).unwrap()
 }
 
-/// Pixels that are not as the first one, a corner.
+/// Whether each pixel differs from the first one, which shows the background.
 fn drawn(frame: &Frame) -> Vec<bool> {
     let pixels = frame.rgba.as_chunks::<4>().0;
     pixels.iter().map(|p| p[..3] != pixels[0][..3]).collect()
 }
 
 #[test]
-fn covered_deep_and_shaded_are_the_same_pixels() {
+fn coverage_depth_and_shading_stages_agree_on_the_pixels() {
     let pictures = stages(&scene(-1.3));
     assert_eq!(pictures.len(), STAGES.len());
     for (picture, name) in pictures.iter().zip(STAGES) {
@@ -48,12 +48,12 @@ fn covered_deep_and_shaded_are_the_same_pixels() {
     let greys: std::collections::BTreeSet<u8> =
         pictures[4].rgba.chunks_exact(4).zip(&depth).filter(|(_, d)| **d).map(|(p, _)| p[0]).collect();
     assert_eq!(greys.into_iter().collect::<Vec<_>>(), [40, 255], "two planes that face the camera");
-    // A fault: of another scene.
+    // The planted fault: the stages of another scene.
     assert_ne!(drawn(&stages(&scene(-1.2))[3]), shade);
 }
 
 #[test]
-fn nothing_in_view_is_no_mistake() {
+fn an_empty_view_is_no_error() {
     let mut scene = Scene::perspective(0.9, 6.0);
     assert_eq!(stages(&scene).len(), STAGES.len());
     scene.at(&asset(vec![quad(1.0, 1.0)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 1e30);

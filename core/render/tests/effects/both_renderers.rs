@@ -1,4 +1,4 @@
-//! Effects on surfaces, over images and as geometry: both renderers draw the same, each is seen, and who has none pays for none.
+//! Effects on surfaces, on images and with geometry: both renderers draw the same, each effect is visible, and actors without effects cost nothing.
 
 use crate::common;
 use crate::common::layered::{bulge, layered_scene};
@@ -27,11 +27,11 @@ fn all() -> Vec<Effect> {
     ])
 }
 
-fn with(scene: &mut Scene, plugin: &str, parameters: &[(&str, f64)], actors: &[usize]) {
+fn add_effect(scene: &mut Scene, plugin: &str, parameters: &[(&str, f64)], actors: &[usize]) {
     common::use_effect(scene, plugin, parameters, actors);
 }
 
-/// Lit, unlit, textured, skinned, masked, blended, glass.
+/// Lit, unlit, textured, skinned, alpha-tested, blended and glass surfaces.
 fn scene() -> Scene {
     let mut scene = busy_scene(DVec3::ZERO);
     scene.snapshot.background =
@@ -44,10 +44,10 @@ fn scene() -> Scene {
     scene
 }
 
-/// (What it is, the effects in order, which actors).
+/// Each case: its name, and the effects in order with their parameters and actors.
 type Case = (&'static str, Vec<(&'static str, Vec<(&'static str, f64)>, Vec<usize>)>);
 
-fn cases() -> Vec<Case> {
+fn effect_cases() -> Vec<Case> {
     vec![
         ("fog", vec![("fog", vec![("density", 0.2), ("falloff", 0.5)], vec![])]),
         ("colored fog", vec![("fog", vec![("density", 0.3), ("start", 3.0), ("sky", 0.0)], vec![])]),
@@ -83,7 +83,7 @@ fn cases() -> Vec<Case> {
 fn draw_case(case: &Case, drawn: &mut dyn FnMut(&Scene, &PlanOptions) -> Frame, samples: u32) -> Frame {
     let mut scene = scene();
     for (plugin, parameters, actors) in &case.1 {
-        with(&mut scene, plugin, parameters, actors);
+        add_effect(&mut scene, plugin, parameters, actors);
     }
     let effects = all();
     drawn(&scene, &PlanOptions { effects: &effects, ..PlanOptions::new([200, 150], samples) })
@@ -96,13 +96,13 @@ fn vulkan_and_the_cpu_reference_draw_the_same_effects() {
     let mut cpu = |scene: &Scene, options: &PlanOptions| draw(scene, options);
     let plain = [1, 4].map(|samples| draw_case(&("none", Vec::new()), &mut cpu, samples));
     let mut pictures: Vec<Frame> = Vec::new();
-    for (i, case) in cases().iter().enumerate() {
+    for (i, case) in effect_cases().iter().enumerate() {
         let samples = if i % 3 == 2 { 4 } else { 1 };
         let (a, b) = (draw_case(case, &mut vulkan, samples), draw_case(case, &mut cpu, samples));
         let c = compare(&a, &b, 3).unwrap();
         println!("{}: {c}", case.0);
         assert!(c.mean < 0.35 && c.share_beyond < 0.02, "{}: {c}", case.0);
-        // Planted faults: each effect is seen, and none draws what another does.
+        // The comparison can fail: each effect changes the image, and no two give the same one.
         let seen = compare(&plain[usize::from(samples == 4)], &b, 3).unwrap();
         assert!(seen.share_beyond > 0.004, "{} changes the picture: {seen}", case.0);
         for other in &pictures {
@@ -113,13 +113,13 @@ fn vulkan_and_the_cpu_reference_draw_the_same_effects() {
 }
 
 #[test]
-fn who_has_no_effect_pays_for_none() {
+fn actors_without_effects_request_no_effect_features() {
     let keys = |effects_on: &[(&str, &[usize])]| {
         let mut scene = Scene::perspective(0.7, 6.0);
         let a = asset(vec![bulge(0.5)], vec![unlit(Vec4::ONE)], vec![]);
         scene.at(&a, -1.0, 0.0, 0.0);
         scene.add(&a, DAffine3::from_rotation_translation(DQuat::from_rotation_y(0.3), DVec3::X));
-        effects_on.iter().for_each(|(name, actors)| with(&mut scene, name, &[], actors));
+        effects_on.iter().for_each(|(name, actors)| add_effect(&mut scene, name, &[], actors));
         let effects = all();
         let (_, plan) = scene.plan(&PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], 1) });
         let out = |what: &str| plan.left_out.iter().any(|l| l.what == what);
@@ -135,7 +135,7 @@ fn who_has_no_effect_pays_for_none() {
     };
     let (none, triangles) = (Features::default(), TopologyKey::Triangles);
     assert_eq!(keys(&[]), (vec![(none, 0, 2, triangles)], true, true, 0));
-    // Fog requests nothing of the mesh; a view of normals for normals; each only of its actors.
+    // Fog requests no vertex data and a view of normals requests normals, each only of its own actors.
     assert_eq!(keys(&[("fog", &[])]), (vec![(none, 1, 2, triangles)], false, true, 0));
     let views = keys(&[("views", &[1])]).0;
     assert_eq!(views, [(none, 0, 1, triangles), (Features::EFFECT_NORMALS, 1, 1, triangles)]);
@@ -145,25 +145,25 @@ fn who_has_no_effect_pays_for_none() {
 }
 
 #[test]
-fn fog_by_its_formula_and_only_on_surfaces() {
-    // Ten metres before a camera at z = 10, half a metre up: exp(−0.1 · 10) of white is left, the rest is the sky.
+fn fog_matches_its_formula() {
+    // Ten metres in front of the camera: exp(−0.1 · 10) of white remains, and the rest is the sky.
     let mut scene = Scene::ortho(2.0);
     scene.snapshot.background = Background::Color(Vec4::new(0.2, 0.4, 0.6, 1.0));
     scene.at(&asset(vec![quad(0.5, 0.5)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
-    with(&mut scene, "fog", &[("density", 0.1)], &[]);
+    add_effect(&mut scene, "fog", &[("density", 0.1)], &[]);
     let effects = all();
     let frame = draw(&scene, &PlanOptions { effects: &effects, ..PlanOptions::new([21, 21], 1) });
     let left = (-1.0f64).exp();
     let expected = [0.2, 0.4, 0.6].map(|sky: f64| sky + (1.0 - sky) * left);
     assert_color(pixel(&frame, 10, 10), expected, "a wall in fog");
     assert_color(pixel(&frame, 1, 1), [0.2, 0.4, 0.6], "the sky is its color");
-    // If the fog has a color, it replaces the infinitely far background; fog on an actor only leaves the background as it is.
+    // Colored fog replaces the background, which is infinitely far away; fog on a single actor leaves the background as it is.
     for (on, expected) in [(&[][..], [1.0, 0.0, 0.0]), (&[0][..], [0.2, 0.4, 0.6])] {
         let mut scene = Scene::ortho(2.0);
         scene.snapshot.background = Background::Color(Vec4::new(0.2, 0.4, 0.6, 1.0));
         scene.at(&asset(vec![quad(0.5, 0.5)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
         let red = [("color_r", 1.0), ("color_g", 0.0), ("color_b", 0.0), ("density", 0.1), ("sky", 0.0)];
-        with(&mut scene, "fog", &red, on);
+        add_effect(&mut scene, "fog", &red, on);
         let frame = draw(&scene, &PlanOptions { effects: &effects, ..PlanOptions::new([21, 21], 1) });
         assert_color(pixel(&frame, 1, 1), expected, "the background");
         assert_color(pixel(&frame, 10, 10), [1.0, left, left], "the wall");
@@ -171,12 +171,12 @@ fn fog_by_its_formula_and_only_on_surfaces() {
 }
 
 #[test]
-fn edges_are_drawn_once_and_hidden_by_what_is_before_them() {
+fn wireframe_edges_are_drawn_once_and_depth_tested() {
     assert_eq!(scene_resources::vertex_layout::edges(&[0, 1, 2, 2, 1, 3]), [0, 1, 1, 2, 0, 2, 1, 3, 2, 3]);
-    // A wall stands before a quad with lines: none is seen; beside it they are.
+    // Edges behind a wall are hidden, and edges beside it are visible.
     let mut scene = Scene::ortho(2.0);
     scene.at(&asset(vec![quad(0.9, 0.9)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
-    with(&mut scene, "wireframe", &[("color_r", 1.0), ("color_g", 0.0), ("color_b", 0.0)], &[0]);
+    add_effect(&mut scene, "wireframe", &[("color_r", 1.0), ("color_g", 0.0), ("color_b", 0.0)], &[0]);
     let effects = all();
     let options = PlanOptions { effects: &effects, ..PlanOptions::new([41, 41], 1) };
     let red = |frame: &Frame| frame.rgba.chunks_exact(4).filter(|p| p[0] == 255 && p[1] < 8).count();
@@ -188,18 +188,18 @@ fn edges_are_drawn_once_and_hidden_by_what_is_before_them() {
 }
 
 #[test]
-fn an_effect_that_asks_for_joints_gets_them_and_others_none() {
+fn only_effects_that_read_joints_get_them() {
     assert_eq!(all()[0].hook(), Hook::Surface);
     let mut scene = layered_scene();
-    with(&mut scene, "views", &[("show", 2.0)], &[]);
+    add_effect(&mut scene, "views", &[("show", 2.0)], &[]);
     let effects = all();
     let (_, plan) = scene.plan(&PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], 1) });
-    // Nothing there is skinned.
+    // No actor is skinned.
     assert!(plan.draws.iter().all(|d| !d.pipeline.features.has(Features::EFFECT_JOINTS)));
     assert!(plan.draws.iter().all(|d| d.pipeline.surface == 1));
 }
 
-/// An effect whose head says with which value it is off is left out with it, and the pixels are those without the effect.
+/// An effect with the value that its head declares as off is left out, and the pixels are those without the effect.
 #[test]
 fn effects_without_strength_change_nothing() {
     let effects = effects::named(&["bloom", "vignette", "fog", "outline", "grid"]);
@@ -216,17 +216,17 @@ fn effects_without_strength_change_nothing() {
     ];
     for (effect, parameter) in off {
         let mut scene = scene();
-        with(&mut scene, effect, &[(parameter, 0.0)], &[]);
+        add_effect(&mut scene, effect, &[(parameter, 0.0)], &[]);
         let (_, plan) = scene.plan(&options);
         let told = plan.left_out.iter().find(|l| l.what == format!("effect \"{effect}\""));
         assert_eq!(told.map(|l| l.why.clone()), Some(format!("{parameter} is 0")));
         assert!(plan.post.is_empty() && plan.scene_effects.is_empty() && plan.overlay.parts.is_empty());
         assert!(draw_with(&mut renderer, &scene, &options) == expected, "{effect}");
-        // It does something otherwise.
+        // With another value it changes the image.
         let mut seen = self::scene();
         let floor = (effect == "grid").then_some(("height", -1.0));
         let on: Vec<_> = [(parameter, 1.0)].into_iter().chain(floor).collect();
-        with(&mut seen, effect, &on, &[]);
+        add_effect(&mut seen, effect, &on, &[]);
         assert!(draw_with(&mut renderer, &seen, &options) != expected, "{effect} does nothing");
     }
 }

@@ -1,5 +1,5 @@
-//! Faulty effects: results that are NaN or infinite, and loops that do not end. Both devices draw the same image and give the same
-//! warning; effects without faults and loops have neither.
+//! Faulty effects: results that are NaN or infinite, and endless loops. Both renderers draw the same image and give the same
+//! warning; effects without faults give none.
 
 use crate::common::*;
 use choreo_plugin::{Effect, EffectPlugin, EffectShader, Frame, Manifest, PixelEffect};
@@ -13,7 +13,7 @@ const LIGHTING: &str = "fn effect(sample: LightSample, p: array<f32, 8>) -> vec3
 const VERTEX: &str = "fn effect(vertex: VertexSample, p: array<f32, 8>) -> vec3<f32>";
 const IMAGE: &str = "fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>";
 
-/// Name, lines of the head, declaration, body on line 5, and the warning with `PIXEL` for the first magenta pixel.
+/// Name, lines of the head, declaration, body (on line 5), and the warning, in which `PIXEL` stands for the first magenta pixel.
 type Case = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
 const NOT_FINITE: &str = "the result at PIXEL is NaN or infinite; such pixels are magenta";
@@ -98,7 +98,7 @@ fn is_magenta(pixel: &[u8]) -> bool {
 }
 
 /// The image and its warnings.
-fn drawn(
+fn draw_with_warnings(
     renderer: &mut dyn Renderer,
     scene: &Scene,
     effects: &[Effect],
@@ -110,13 +110,13 @@ fn drawn(
 }
 
 /// Pixels that are magenta on one device only.
-fn differing(a: &Frame, b: &Frame) -> usize {
+fn magenta_difference(a: &Frame, b: &Frame) -> usize {
     let pixels = a.rgba.as_chunks::<4>().0.iter().zip(b.rgba.as_chunks::<4>().0);
     pixels.filter(|(a, b)| is_magenta(*a) != is_magenta(*b)).count()
 }
 
 /// The warning of a case for an image.
-fn expected(case: &Case, frame: &Frame) -> String {
+fn expected_warning(case: &Case, frame: &Frame) -> String {
     let (name, .., warning) = case;
     let first = frame.rgba.as_chunks::<4>().0.iter().position(|pixel| is_magenta(pixel)).unwrap_or_default();
     let at = format!("pixel ({}, {})", first % 200, first / 200);
@@ -131,38 +131,42 @@ fn expected(case: &Case, frame: &Frame) -> String {
 }
 
 #[test]
-fn faults_are_magenta_and_named_on_both_devices() {
+fn both_renderers_draw_faulty_pixels_magenta_and_report_them() {
     let effects: Vec<Effect> = CASES.iter().map(effect).collect();
     let mut gpu = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() });
     for case in CASES {
-        // Loops that do not end take their time.
+        // Endless loops are slow, so they are drawn with one sample only.
         let is_slow = case.4 == ENDLESS;
         for samples in if is_slow { &[1][..] } else { &[1, 4] } {
             let samples = *samples;
             let scene = wall(case.0);
             let mut cpu = CpuRenderer::new(&effects);
-            let (reference, notes) = drawn(&mut cpu, &scene, &effects, samples);
+            let (reference, notes) = draw_with_warnings(&mut cpu, &scene, &effects, samples);
             let magenta = reference.rgba.as_chunks::<4>().0.iter().filter(|pixel| is_magenta(*pixel)).count();
             assert_eq!(magenta > 0, case.2 != VERTEX, "{}: {magenta}", case.0);
             assert!(magenta < 200 * 150, "{}", case.0);
-            // Of several samples a pixel's mean may be of another color, where the first ones are faulty.
-            let known = if samples == 1 { vec![expected(case, &reference)] } else { notes.clone() };
+            // With several samples, the mean of a pixel need not be magenta if only some samples are faulty.
+            let known = if samples == 1 { vec![expected_warning(case, &reference)] } else { notes.clone() };
             assert_eq!((notes.len(), &notes), (1, &known), "{}", case.0);
             // Once.
-            assert!(is_slow || drawn(&mut cpu, &scene, &effects, samples).1.is_empty(), "{}", case.0);
+            assert!(
+                is_slow || draw_with_warnings(&mut cpu, &scene, &effects, samples).1.is_empty(),
+                "{}",
+                case.0
+            );
             let Some(gpu) = &mut gpu else { continue };
             gpu.set_effects(&effects).unwrap();
-            let (frame, notes) = drawn(gpu, &scene, &effects, samples);
-            assert_eq!(differing(&frame, &reference), 0, "{} with {samples} samples", case.0);
+            let (frame, notes) = draw_with_warnings(gpu, &scene, &effects, samples);
+            assert_eq!(magenta_difference(&frame, &reference), 0, "{} with {samples} samples", case.0);
             assert_eq!(notes, known, "{} with {samples} samples", case.0);
         }
     }
 }
 
-/// Name, hook, what the function gives, its body, faulty where `p[0]` is ½, the warning, whether the image is that without the effect.
+/// Name, lines of the head, declaration, body (faulty if `p[0]` is ½), the warning, and whether the faulty image equals that without the effect.
 type PartCase = (&'static str, &'static str, &'static str, &'static str, &'static str, bool);
 
-/// Results that are computed for both devices when a frame is planned.
+/// Effects that run while a frame is planned, for both renderers.
 const PARTS: &[PartCase] = &[
     (
         "hull",
@@ -231,7 +235,7 @@ const PARTS: &[PartCase] = &[
 ];
 
 #[test]
-fn faults_of_planned_results_are_named_on_both_devices() {
+fn faults_of_effects_that_run_while_planning_are_reported() {
     let text = |(name, head, gives, body, ..): &PartCase| {
         format!("// effect: {name}\n{head}\n// param bad = 0 in 0..1: ½ = faulty\n{gives} {{\n{body}\n}}\n")
     };
@@ -250,33 +254,36 @@ fn faults_of_planned_results_are_named_on_both_devices() {
     };
     for device in &mut devices {
         device.set_effects(&effects).unwrap();
-        let plain = drawn(&mut **device, &scene("unknown", 0.0), &effects, 1).0;
+        let plain = draw_with_warnings(&mut **device, &scene("unknown", 0.0), &effects, 1).0;
         for (name, _, _, _, warning, nothing) in PARTS {
-            let (good, notes) = drawn(&mut **device, &scene(name, 0.0), &effects, 1);
+            let (good, notes) = draw_with_warnings(&mut **device, &scene(name, 0.0), &effects, 1);
             assert_eq!(notes, Vec::<String>::new(), "{name}");
-            // Blur of what rests is the same image.
+            // Motion blur of a static scene gives the same image.
             assert!(*name == "blur" || good.rgba != plain.rgba, "{name} shows");
-            let (bad, notes) = drawn(&mut **device, &scene(name, 0.5), &effects, 1);
+            let (bad, notes) = draw_with_warnings(&mut **device, &scene(name, 0.5), &effects, 1);
             let loops = if warning.starts_with("this loop") { "my.wgsl:5:14: " } else { "" };
             let known = format!("{loops}warning: effect \"{name}\": {warning}");
             let known = if warning.is_empty() { Vec::new() } else { vec![known] };
             assert_eq!(notes, known, "{name}");
             assert_eq!(bad.rgba == plain.rgba, *nothing, "{name}");
-            assert!(drawn(&mut **device, &scene(name, 0.5), &effects, 1).1.is_empty(), "{name}: once");
+            assert!(
+                draw_with_warnings(&mut **device, &scene(name, 0.5), &effects, 1).1.is_empty(),
+                "{name}: once"
+            );
         }
     }
 }
 
-/// A shader that does not look for NaN is found, and one that records nothing.
+/// The comparison finds a shader that does not check for NaN, and one that records no fault.
 #[test]
-fn a_device_without_the_check_is_found() {
+fn the_comparison_fails_without_the_fault_check_in_shaders() {
     let folder = std::env::temp_dir().join(format!("choreo_effect_faults_{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let (_, text) = choreo_shaders::MODULES.iter().find(|(name, _)| *name == "effect_faults.wgsl").unwrap();
     let case = &CASES[0];
     let effects = [effect(case)];
     let scene = wall(case.0);
-    let (reference, _) = drawn(&mut CpuRenderer::new(&effects), &scene, &effects, 1);
+    let (reference, _) = draw_with_warnings(&mut CpuRenderer::new(&effects), &scene, &effects, 1);
     for (line, planted) in [
         (
             "let failed = effect_loop != 0u || any(exponents == vec4(0x7f800000u));",
@@ -293,13 +300,13 @@ fn a_device_without_the_check_is_found() {
             ..GpuOptions::default()
         };
         let Some(mut gpu) = vulkan(options) else { break };
-        let (frame, notes) = drawn(&mut gpu, &scene, &effects, 1);
-        assert!(differing(&frame, &reference) > 0 || notes.is_empty(), "{planted}");
+        let (frame, notes) = draw_with_warnings(&mut gpu, &scene, &effects, 1);
+        assert!(magenta_difference(&frame, &reference) > 0 || notes.is_empty(), "{planted}");
     }
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// Red on both devices. An effect with a function on one device alone cannot be written: its trait demands both.
+/// An effect in Rust that paints everything red. Its trait requires both the CPU function and the WGSL.
 struct Red(Manifest);
 
 impl EffectPlugin for Red {
@@ -321,15 +328,15 @@ impl PixelEffect for Red {
 }
 
 #[test]
-fn an_effect_of_a_crate_shows_on_both_devices() {
+fn an_effect_in_rust_is_drawn_by_both_renderers() {
     let effects = [Effect::pixel(Red(Manifest::new("red", "1", "")))];
     let mut devices: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(&effects))];
     let gpu = vulkan(GpuOptions { effects: effects.to_vec(), ..GpuOptions::default() });
     devices.extend(gpu.map(|gpu| Box::new(gpu) as Box<dyn Renderer>));
     for device in &mut devices {
-        let red = drawn(&mut **device, &wall("red"), &effects, 1).0;
+        let red = draw_with_warnings(&mut **device, &wall("red"), &effects, 1).0;
         assert!(red.rgba.as_chunks::<4>().0.iter().all(|pixel| *pixel == [255, 0, 0, 255]));
-        let plain = drawn(&mut **device, &wall("unknown"), &effects, 1).0;
+        let plain = draw_with_warnings(&mut **device, &wall("unknown"), &effects, 1).0;
         assert_ne!(red.rgba, plain.rgba, "it can fail");
     }
 }

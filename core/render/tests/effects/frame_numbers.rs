@@ -1,5 +1,5 @@
-//! `time()`, `delta()`, `frame()` and `resolution()` in effects on pixels, surfaces, vertices and light: closed forms on both devices;
-//! and what a frame costs that names none of them.
+//! `time()`, `delta()`, `frame()` and `resolution()` in effects on pixels, surfaces, vertices and light: closed forms in both renderers;
+//! and frames that read none of them.
 
 use crate::common::*;
 use choreo_asset::Material;
@@ -12,7 +12,7 @@ use glam::{DAffine3, Vec3, Vec4};
 
 const SIZE: [u32; 2] = [200, 150];
 
-/// A few seconds, and a frame whose number has more than 16 bits.
+/// Three seconds, and a time whose frame number has more than 16 bits.
 const SECONDS: [f64; 2] = [3.0, 70_000.5 / 30.0];
 
 const VALUE: &str = "
@@ -29,7 +29,7 @@ fn value(index: u32) -> f32 {
 }
 ";
 
-/// The value of each index in 30 frames a second.
+/// The value of each index at 30 frames per second.
 fn expected(seconds: f64) -> [f64; 6] {
     let frame = (seconds * 30.0 + 1e-6).floor();
     [
@@ -58,7 +58,7 @@ fn effects() -> Vec<Effect> {
             "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {
     return vec4(vec3(value(u32(uv.x * 20.0))), 1.0); }",
         ),
-        // The first effect has more than eight numbers, so that its rows lie before those of the others.
+        // The first effect has more than eight parameters, which shifts the uniform rows of the others.
         effect(
             "before",
             "// hook: surface\n// param a = vec4(1, 1, 1, 1) in 0..1: a\n// param b = vec4(1, 1, 1, 1) in 0..1: b\n\
@@ -94,7 +94,7 @@ fn effects() -> Vec<Effect> {
     ]
 }
 
-/// A white square of a half width before a camera that looks along −z at 2 m of height.
+/// A white square of half width `half` in front of a camera along −z whose view is 2 m high.
 fn wall(half: f32, seconds: f64, material: Material) -> Scene {
     let mut scene = Scene::ortho(2.0);
     scene.snapshot.time = Time::from_secs(seconds);
@@ -103,13 +103,13 @@ fn wall(half: f32, seconds: f64, material: Material) -> Scene {
     scene
 }
 
-fn drawn(renderer: &mut dyn Renderer, scene: &Scene) -> Frame {
+fn draw_scene(renderer: &mut dyn Renderer, scene: &Scene) -> Frame {
     let effects = effects();
     draw_with(renderer, scene, &PlanOptions { effects: &effects, ..PlanOptions::new(SIZE, 1) })
 }
 
 /// Calls a check with both renderers, at both times.
-fn on_both(check: impl Fn(&mut dyn Renderer, &str, f64)) {
+fn check_both_renderers(check: impl Fn(&mut dyn Renderer, &str, f64)) {
     let mut renderers: Vec<(&str, Box<dyn Renderer>)> = vec![("CPU", Box::new(CpuRenderer::new(&effects())))];
     let options = GpuOptions { effects: effects(), ..GpuOptions::default() };
     renderers.extend(vulkan(options).map(|renderer| ("Vulkan", Box::new(renderer) as Box<dyn Renderer>)));
@@ -119,15 +119,15 @@ fn on_both(check: impl Fn(&mut dyn Renderer, &str, f64)) {
 }
 
 #[test]
-fn functions_of_a_place_read_the_frame() {
-    on_both(|renderer, device, seconds| {
+fn pixel_and_surface_effects_read_the_frame_numbers() {
+    check_both_renderers(|renderer, device, seconds| {
         for name in ["on_pixels", "on_surfaces"] {
             let mut scene = wall(2.0, seconds, unlit(Vec4::ONE));
             if name == "on_surfaces" {
                 use_effect(&mut scene, "before", &[], &[]);
             }
             use_effect(&mut scene, name, &[], &[]);
-            let frame = drawn(renderer, &scene);
+            let frame = draw_scene(renderer, &scene);
             for (index, value) in expected(seconds).into_iter().enumerate() {
                 let got = pixel(&frame, 10 * index as u32 + 5, 75);
                 assert_color(got, [value; 3], &format!("{name} on {device}, value {index} at {seconds} s"));
@@ -137,24 +137,24 @@ fn functions_of_a_place_read_the_frame() {
 }
 
 #[test]
-fn functions_of_light_read_the_frame() {
-    on_both(|renderer, device, seconds| {
+fn light_effects_read_the_frame_numbers() {
+    check_both_renderers(|renderer, device, seconds| {
         for (index, value) in expected(seconds).into_iter().enumerate() {
             let mut scene = wall(2.0, seconds, matte(Vec4::ONE));
             use_effect(&mut scene, "on_light", &[("show", index as f64)], &[]);
-            let got = pixel(&drawn(renderer, &scene), 100, 75);
+            let got = pixel(&draw_scene(renderer, &scene), 100, 75);
             assert_color(got, [value; 3], &format!("on {device}, value {index} at {seconds} s"));
         }
     });
 }
 
 #[test]
-fn functions_of_vertices_read_the_frame() {
-    on_both(|renderer, device, seconds| {
+fn vertex_effects_read_the_frame_numbers() {
+    check_both_renderers(|renderer, device, seconds| {
         for (index, value) in expected(seconds).into_iter().enumerate() {
             let mut scene = wall(0.25, seconds, unlit(Vec4::ONE));
             use_effect(&mut scene, "on_vertices", &[("show", index as f64)], &[]);
-            let frame = drawn(renderer, &scene);
+            let frame = draw_scene(renderer, &scene);
             // 75 pixels a metre, y down: the lower edge, at −0.25 m, rises by half the value.
             let bottom = 75.0 + 75.0 * (0.25 - 0.5 * value);
             let mut rows = (0..SIZE[1]).filter(|y| pixel(&frame, 100, *y)[0] > 128);
@@ -168,7 +168,7 @@ fn functions_of_vertices_read_the_frame() {
 }
 
 #[test]
-fn a_frame_that_names_no_number_is_drawn_once() {
+fn frames_that_read_no_numbers_have_equal_keys() {
     let effects = effects();
     let options = PlanOptions { effects: &effects, ..PlanOptions::new(SIZE, 1) };
     let key = |name: &str, seconds: f64| {
@@ -185,7 +185,7 @@ fn a_frame_that_names_no_number_is_drawn_once() {
         assert!(early != late, "{name} changes with the time");
         assert_eq!(numbers, parameters + EffectFrame::NUMBERS, "{name}");
     }
-    // A comment, and a function of the author's own.
+    // The name occurs only in a comment, or is a function of the author's own.
     for name in ["still", "still_surface"] {
         let ((early, numbers), (late, _)) = (key(name, 1.0), key(name, 2.0));
         assert_eq!((early, numbers), (late, 8), "{name}");

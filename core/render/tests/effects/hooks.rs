@@ -1,4 +1,4 @@
-//! Effects that displace vertices, replace lighting, read textures and frames before: closed forms, the CPU reference, and what they cost.
+//! Effects that displace vertices, replace lighting, and read textures or previous frames: closed forms, the CPU reference, and their cost.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -28,7 +28,7 @@ const PIXEL: &str = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>
 const SURFACE: &str = "fn effect(color: vec4<f32>, surface: SurfaceSample, p: array<f32, 8>) -> vec4<f32>";
 const PICTURE: &str = "fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>";
 
-fn all() -> Vec<Effect> {
+fn test_effects() -> Vec<Effect> {
     let vertex = "// hook: vertex\n// reach: 0.4";
     vec![
         effect("lift", vertex, VERTEX, "return vec3(0.0, p[amount], 0.0);"),
@@ -84,11 +84,11 @@ fn options(effects: &[Effect], samples: u32) -> PlanOptions<'_> {
     PlanOptions { effects, ..PlanOptions::new([200, 150], samples) }
 }
 
-fn used(scene: &mut Scene, name: &str, amount: f64) {
+fn add_effect(scene: &mut Scene, name: &str, amount: f64) {
     use_effect(scene, name, &[("amount", amount)], &[]);
 }
 
-/// A white square before a camera that looks along −z at 2 m of height; light from above and the front.
+/// A white square in front of a camera along −z whose view is 2 m high, lit from the front and above.
 fn wall(turned: DQuat) -> Scene {
     let mut scene = Scene::ortho(2.0);
     scene.sun(Vec3::new(0.0, -0.6, -0.8), Vec3::ONE, 1.0);
@@ -97,81 +97,81 @@ fn wall(turned: DQuat) -> Scene {
     scene
 }
 
-fn bytes_of(scene: &Scene) -> Frame {
-    draw(scene, &options(&all(), 1))
+fn draw_with_effects(scene: &Scene) -> Frame {
+    draw(scene, &options(&test_effects(), 1))
 }
 
 #[test]
-fn what_is_lifted_stands_as_if_put_there() {
+fn a_displaced_square_equals_a_moved_one() {
     let mut lifted = wall(DQuat::IDENTITY);
-    used(&mut lifted, "lift", 0.25);
+    add_effect(&mut lifted, "lift", 0.25);
     let mut put = wall(DQuat::IDENTITY);
     put.snapshot.actors[0].world_from_model.translation += DVec3::new(0.0, 0.25, 0.0);
-    assert_eq!(bytes_of(&lifted).rgba, bytes_of(&put).rgba);
-    assert_ne!(bytes_of(&wall(DQuat::IDENTITY)).rgba, bytes_of(&put).rgba);
-    // A displacement beyond the effect's reach is cut off there.
+    assert_eq!(draw_with_effects(&lifted).rgba, draw_with_effects(&put).rgba);
+    assert_ne!(draw_with_effects(&wall(DQuat::IDENTITY)).rgba, draw_with_effects(&put).rgba);
+    // A displacement beyond the effect's reach is clamped to it.
     let mut far = wall(DQuat::IDENTITY);
-    used(&mut far, "lift", 9.0);
+    add_effect(&mut far, "lift", 9.0);
     put.snapshot.actors[0].world_from_model.translation.y = f64::from(0.4f32);
-    assert_eq!(bytes_of(&far).rgba, bytes_of(&put).rgba);
+    assert_eq!(draw_with_effects(&far).rgba, draw_with_effects(&put).rgba);
 }
 
 #[test]
-fn what_stands_outside_comes_into_view_and_what_is_unlit_has_no_normals() {
+fn culling_counts_displacement_and_unlit_surfaces_read_no_normals() {
     let mut scene = wall(DQuat::IDENTITY);
     scene.snapshot.actors[0].world_from_model.translation.y = -1.6;
-    let all = all();
+    let all = test_effects();
     let count = |scene: &Scene| scene.plan(&options(&all, 1)).1.draws.len();
     assert_eq!(count(&scene), 0);
-    used(&mut scene, "lift", 0.3);
+    add_effect(&mut scene, "lift", 0.3);
     assert_eq!(count(&scene), 1, "it may be seen: its reach is 0.4 m");
 }
 
-/// A surface that leans has the light of a surface that leans.
+/// A surface that a displacement tilts is lit as a tilted surface.
 #[test]
-fn normals_follow_what_is_moved() {
+fn normals_follow_displacement() {
     for (name, turned) in
         [("slope", DQuat::IDENTITY), ("along", DQuat::IDENTITY), ("along", DQuat::from_rotation_z(1.0))]
     {
         let mut scene = wall(turned);
         scene.snapshot.lights.clear();
-        // The light comes from the right, so that leaning towards −x counts.
+        // The light comes from the right, so that a tilt towards −x changes the shading.
         scene.sun(Vec3::new(-0.6, 0.0, -0.8), Vec3::ONE, 1.0);
-        used(&mut scene, name, 0.5);
-        let frame = bytes_of(&scene);
-        // z = x / 2: the normal is (−½, 0, 1) / √(5/4), of what is turned turned.
+        add_effect(&mut scene, name, 0.5);
+        let frame = draw_with_effects(&scene);
+        // z = x / 2: the normal is (−½, 0, 1) / √(5/4), turned with the square.
         let normal = turned * (DVec3::new(-0.5, 0.0, 1.0) / 1.25f64.sqrt());
         let light = normal.dot(DVec3::new(0.6, 0.0, 0.8));
         let [r, ..] = pixel(&frame, 100, 75);
-        // Its own color but for what the specular layer takes.
+        // The diffuse color, without the share that the specular layer reflects.
         let flat = {
             let mut flat = wall(DQuat::from_rotation_arc(DVec3::Z, normal.normalize()));
             flat.snapshot.lights = scene.snapshot.lights.clone();
-            pixel(&bytes_of(&flat), 100, 75)[0]
+            pixel(&draw_with_effects(&flat), 100, 75)[0]
         };
         assert!(r.abs_diff(flat) <= 1, "{name}: {r} {flat} of {light}");
-        assert!(flat.abs_diff(pixel(&bytes_of(&wall(turned)), 100, 75)[0]) > 3, "it can fail");
+        assert!(flat.abs_diff(pixel(&draw_with_effects(&wall(turned)), 100, 75)[0]) > 3, "it can fail");
     }
 }
 
 #[test]
-fn half_lambert_by_its_formula() {
+fn half_lambert_lighting_matches_its_formula() {
     for turn in [0.0, 0.7, 1.2] {
         let mut scene = wall(DQuat::from_rotation_x(turn));
-        used(&mut scene, "half", 0.0);
+        add_effect(&mut scene, "half", 0.0);
         let normal = DQuat::from_rotation_x(turn) * DVec3::Z;
         let cosine = normal.dot(DVec3::new(0.0, 0.6, 0.8));
         let h = 0.5 * cosine + 0.5;
-        assert_color(pixel(&bytes_of(&scene), 100, 75), [h * h; 3], "half-Lambert");
+        assert_color(pixel(&draw_with_effects(&scene), 100, 75), [h * h; 3], "half-Lambert");
     }
 }
 
 #[test]
-fn a_texture_is_where_its_place_says() {
+fn effect_textures_are_read_at_the_given_position() {
     let mut scene = Scene::ortho(2.0);
     scene.snapshot.background = Background::Color(Vec4::ONE);
-    used(&mut scene, "paper_on_picture", 0.0);
-    let frame = bytes_of(&scene);
+    add_effect(&mut scene, "paper_on_picture", 0.0);
+    let frame = draw_with_effects(&scene);
     let rgba: Vec<u8> = (0..16u8).flat_map(|i| [i * 16, 255 - i * 16, (i % 4) * 80, 255]).collect();
     let paper = EffectTexture::new("paper", [4, 4], &rgba, true).unwrap();
     for (x, y) in [(0, 0), (57, 33), (140, 149), (199, 80)] {
@@ -181,8 +181,8 @@ fn a_texture_is_where_its_place_says() {
     }
 }
 
-/// A square whose image tells its place, turned about both axes; its heights lie all at a share of `relief`.
-fn deep(relief: f32, behind: f64) -> Scene {
+/// A square turned about two axes, whose texture encodes the position; its height map has a constant depth of a share of `relief`.
+fn scene_with_relief(relief: f32, behind: f64) -> Scene {
     let turned = DQuat::from_rotation_y(0.6) * DQuat::from_rotation_x(-0.4);
     let mut primitive = quad(0.5, 0.5);
     primitive.tangents = vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4];
@@ -202,11 +202,11 @@ fn deep(relief: f32, behind: f64) -> Scene {
     scene
 }
 
-/// Heights that lie 0.6 of 0.2 m deep show what a square that much farther back shows, in both renderers.
+/// A constant parallax depth of 0.6 · 0.2 m gives the image of a square that lies that much farther back, in both renderers.
 #[test]
-fn what_lies_deep_is_seen_where_it_would_be() {
-    let effects = all();
-    let at = |relief: f32, behind: f64| draw(&deep(relief, behind), &options(&effects, 1));
+fn parallax_mapping_equals_a_square_farther_back() {
+    let effects = test_effects();
+    let at = |relief: f32, behind: f64| draw(&scene_with_relief(relief, behind), &options(&effects, 1));
     let (shifted, back, flat) = (at(0.2, 0.0), at(0.0, 0.12), at(0.0, 0.0));
     let mut apart = 0;
     for (x, y) in [(100, 75), (80, 60), (115, 95), (90, 85)] {
@@ -220,24 +220,24 @@ fn what_lies_deep_is_seen_where_it_would_be() {
     let Some(mut renderer) = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() }) else {
         return;
     };
-    let gpu = draw_with(&mut renderer, &deep(0.2, 0.0), &options(&effects, 1));
+    let gpu = draw_with(&mut renderer, &scene_with_relief(0.2, 0.0), &options(&effects, 1));
     let c = compare(&gpu, &shifted, 3).unwrap();
     assert!(c.mean < 0.35 && c.share_beyond < 0.01, "{c}");
 }
 
-/// A square that goes from left to right.
-fn passing(time: Time) -> Scene {
+/// A square that moves from left to right.
+fn scene_with_moving_square(time: Time) -> Scene {
     let mut scene = wall(DQuat::IDENTITY);
     (scene.stage.settings.fps.num, scene.stage.settings.fps.den) = (10, 1);
     scene.snapshot.actors[0].world_from_model.translation.x = time.as_secs() - 0.5;
     scene
 }
 
-fn shown(renderer: &mut dyn Renderer, effects: &[Effect], time: f64, back: Option<f64>) -> Frame {
+fn draw_at_time(renderer: &mut dyn Renderer, effects: &[Effect], time: f64, back: Option<f64>) -> Frame {
     let at = |time: Time| {
-        let mut scene = passing(time);
+        let mut scene = scene_with_moving_square(time);
         if let Some(back) = back {
-            used(&mut scene, "before", back);
+            add_effect(&mut scene, "before", back);
         }
         scene
     };
@@ -253,26 +253,27 @@ fn shown(renderer: &mut dyn Renderer, effects: &[Effect], time: f64, back: Optio
 }
 
 #[test]
-fn a_frame_before_is_that_frame() {
-    let effects = all();
+fn previous_frames_equal_the_frames_at_those_times() {
+    let effects = test_effects();
     let mut renderers: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(&effects))];
     let gpu = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() });
     renderers.extend(gpu.map(|r| Box::new(r) as Box<dyn Renderer>));
     for renderer in &mut renderers {
         let r = renderer.as_mut();
         for (time, back, then) in [(0.5, 1.0, 0.4), (0.5, 2.0, 0.3), (0.1, 2.0, 0.0), (0.0, 1.0, 0.0)] {
-            let (seen, was) = (shown(r, &effects, time, Some(back)), shown(r, &effects, then, None));
+            let (seen, was) =
+                (draw_at_time(r, &effects, time, Some(back)), draw_at_time(r, &effects, then, None));
             let c = compare(&seen, &was, 1).unwrap();
             assert!(c.share_beyond == 0.0, "{time} {back}: {c}");
         }
-        let (seen, other) = (shown(r, &effects, 0.5, Some(1.0)), shown(r, &effects, 0.5, None));
+        let (seen, other) = (draw_at_time(r, &effects, 0.5, Some(1.0)), draw_at_time(r, &effects, 0.5, None));
         assert!(compare(&seen, &other, 1).unwrap().share_beyond > 0.01, "it can fail");
     }
 }
 
 #[test]
 fn vulkan_and_the_cpu_reference_draw_the_same_hooks() {
-    let effects = all();
+    let effects = test_effects();
     let Some(mut renderer) = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() }) else {
         return;
     };
@@ -281,7 +282,7 @@ fn vulkan_and_the_cpu_reference_draw_the_same_hooks() {
     let single = ["lift", "waves", "along", "half", "rim", "paper_on_picture", "paper_on_surface", "smear"];
     for names in single.iter().map(std::slice::from_ref).chain([mixed]) {
         let mut scene = busy_scene(DVec3::ZERO);
-        names.iter().for_each(|name| used(&mut scene, name, 0.3));
+        names.iter().for_each(|name| add_effect(&mut scene, name, 0.3));
         let samples = if names.len() > 1 { 4 } else { 1 };
         let (gpu, cpu) = (
             draw_with(&mut renderer, &scene, &options(&effects, samples)),

@@ -1,4 +1,4 @@
-//! Parameters of every type, 64 numbers of them, in the functions of every hook that shaders run: closed forms on both devices.
+//! Parameters of every type, 64 numbers in all, in every hook that shaders run: closed forms in both renderers.
 
 use crate::common::*;
 use choreo_asset::Material;
@@ -57,7 +57,7 @@ const GIVEN: [(&str, f64); 9] = [
     ("d_z", 0.7),
 ];
 
-/// The value of each index by default: #80 of sRGB is ((128/255 + 0.055) / 1.055)^2.4 (IEC 61966-2-1), the curves are straight lines.
+/// Value of each index, with the given or the default parameters. sRGB is decoded by IEC 61966-2-1.
 fn expected(is_given: bool) -> [f64; 19] {
     let orange = ((128.0 / 255.0 + 0.055f64) / 1.055).powf(2.4);
     let mut all = [
@@ -117,7 +117,7 @@ fn effects() -> Vec<Effect> {
             "fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32> {
     return vec4(vec3(value(u32(at.x) / 10u, p)), 1.0); }",
         ),
-        // Its parameters lie before those of the others on surfaces.
+        // This effect's parameters come before those of the other effects on surfaces.
         effect(
             "before",
             "// hook: surface\n",
@@ -142,7 +142,7 @@ fn effects() -> Vec<Effect> {
     ]
 }
 
-/// A white square of a half width before a camera that looks along −z at 2 m of height.
+/// A white square of half width `half` in front of a camera along −z whose view is 2 m high.
 fn wall(half: f32, material: Material) -> Scene {
     let mut scene = Scene::ortho(2.0);
     scene.sun(Vec3::NEG_Z, Vec3::ONE, 1.0);
@@ -150,13 +150,13 @@ fn wall(half: f32, material: Material) -> Scene {
     scene
 }
 
-fn drawn(renderer: &mut dyn Renderer, scene: &Scene) -> Frame {
+fn draw_scene(renderer: &mut dyn Renderer, scene: &Scene) -> Frame {
     let effects = effects();
     draw_with(renderer, scene, &PlanOptions { effects: &effects, ..PlanOptions::new([200, 150], 1) })
 }
 
 /// Calls a check with both renderers.
-fn on_both(check: impl Fn(&mut dyn Renderer, &str)) {
+fn check_both_renderers(check: impl Fn(&mut dyn Renderer, &str)) {
     check(&mut CpuRenderer::new(&effects()), "CPU");
     if let Some(mut renderer) = vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() }) {
         check(&mut renderer, "Vulkan");
@@ -164,8 +164,8 @@ fn on_both(check: impl Fn(&mut dyn Renderer, &str)) {
 }
 
 #[test]
-fn each_type_arrives_in_functions_of_a_place() {
-    on_both(|renderer, device| {
+fn pixel_image_and_surface_effects_get_parameters_of_each_type() {
+    check_both_renderers(|renderer, device| {
         for (name, is_given) in ["on_pixels", "on_image", "on_surfaces"]
             .into_iter()
             .flat_map(|name| [(name, false), (name, true)])
@@ -175,7 +175,7 @@ fn each_type_arrives_in_functions_of_a_place() {
                 use_effect(&mut scene, "before", &[("count", 9.0), ("fall_3", 0.1)], &[]);
             }
             use_effect(&mut scene, name, if is_given { &GIVEN } else { &[] }, &[]);
-            let frame = drawn(renderer, &scene);
+            let frame = draw_scene(renderer, &scene);
             for (index, value) in expected(is_given).into_iter().enumerate() {
                 let got = pixel(&frame, 10 * index as u32 + 5, 75);
                 let what = format!("{name} on {device}, value {index}, given {is_given}");
@@ -186,25 +186,25 @@ fn each_type_arrives_in_functions_of_a_place() {
 }
 
 #[test]
-fn each_type_arrives_in_functions_of_light_and_vertices() {
-    on_both(|renderer, device| {
+fn light_and_vertex_effects_get_parameters_of_each_type() {
+    check_both_renderers(|renderer, device| {
         for (index, value) in expected(true).into_iter().enumerate() {
             let given: Vec<(&str, f64)> = GIVEN.into_iter().chain([("show", index as f64)]).collect();
             let mut scene = wall(0.5, matte(Vec4::ONE));
             use_effect(&mut scene, "before", &[("d_z", 1.0)], &[]);
             use_effect(&mut scene, "on_light", &given, &[]);
             use_effect(&mut scene, "on_vertices", &given, &[]);
-            let frame = drawn(renderer, &scene);
+            let frame = draw_scene(renderer, &scene);
             let what = format!("{device}, value {index}");
-            // The square's middle is 0.5 · value above the middle of the image, 75 pixels a metre.
+            // The square's center is 0.5 m · value above the center of the image, at 75 pixels per metre.
             let middle = 75 - (37.5 * value) as u32;
             assert_color(pixel(&frame, 100, middle), [value; 3], &what);
             let mut put = wall(0.5, unlit(Vec4::new(1.0, 0.0, 0.0, 1.0)));
             put.snapshot.actors[0].world_from_model.translation += DVec3::new(0.0, 0.5 * value, 0.0);
-            let put = drawn(renderer, &put);
+            let put = draw_scene(renderer, &put);
             let background = pixel(&frame, 5, 75);
             let covers = |frame: &Frame, y: u32| pixel(frame, 100, y) != background;
-            // A value of the background's own color cannot be told from it.
+            // A value equal to the background's color cannot be distinguished from it.
             if value > 0.0 {
                 let rows = (0..150).filter(|y| covers(&frame, *y) != covers(&put, *y)).count();
                 assert!(rows <= 1, "{what}: {rows} rows differ");
@@ -213,7 +213,7 @@ fn each_type_arrives_in_functions_of_light_and_vertices() {
     });
 }
 
-/// The buffer of effects on surfaces and of a pass grow with the parameters that are declared, and with nothing else.
+/// The uniform data of surface effects and of a pass depend only on the number of declared parameters.
 #[test]
 fn uniform_bytes_grow_with_declared_parameters() {
     let small = WgslEffect::from_text(
@@ -235,9 +235,9 @@ fn uniform_bytes_grow_with_declared_parameters() {
     assert_eq!(rows(&["on_surfaces", "small", "on_pixels"]), (2 + 16 + 2, 64));
 }
 
-/// The stairs of an edge are as wide as in every image, so that the search along them is, too; grains have their share of the height.
+/// Edge steps have the same width in pixels in every image, so FXAA's search distance does not scale with a preview; film grain does.
 #[test]
-fn a_preview_smooths_edges_as_any_image_of_its_size() {
+fn previews_smooth_edges_at_their_own_size() {
     let all = effects::named(&["fxaa", "film_grain"]);
     let bytes = |effect: &str, preview_of: Option<[u32; 2]>| {
         let mut scene = wall(0.5, unlit(Vec4::new(0.3, 0.3, 0.3, 1.0)));

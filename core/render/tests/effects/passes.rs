@@ -1,5 +1,5 @@
-//! Passes of effects on images with textures of their own: closed forms on both devices, what the plan leaves out, how few images hold
-//! the textures, frames alone and one after the other.
+//! Passes of image effects that write their own textures: closed forms in both renderers, unread passes that are left out, the number of images that
+//! hold the textures, and single frames against those of a sequence.
 
 use crate::common::*;
 use choreo_motion::Time;
@@ -16,7 +16,7 @@ fn effect(text: &str) -> Effect {
     WgslEffect::from_text("my.wgsl", text).unwrap_or_else(|e| panic!("{e}")).into()
 }
 
-/// Textures of 1/2 and 1/4 of the image, one made of the other and the image.
+/// Textures of 1/2 and 1/4 of the image's size; the second is computed from the first and the image.
 const MIXED: &str = "// effect: mixed
 // hook: image
 // param level = 1 in 0..1: how much of it
@@ -37,7 +37,7 @@ fn mean(at: vec2<i32>, p: Parameters) -> vec4<f32> {
 }
 ";
 
-/// Four textures of one size, of which three are needed at once.
+/// Four textures of one size, of which at most three are needed at the same time.
 const CHAIN: &str = "// effect: chain
 // hook: image
 // pass a = 1/2: 0.8
@@ -51,7 +51,7 @@ fn d(at: vec2<i32>, p: Parameters) -> vec4<f32> { return a_at(at) - c_at(at); }
 fn effect(at: vec2<i32>, p: Parameters) -> vec4<f32> { return vec4(d_at(at / 2).xy, picture(at).z, 1.0); }
 ";
 
-/// The sizes of what passes make and read, as colors; the pass before the last is halved four times.
+/// Writes the sizes of the images that passes write and read as colors. The texture `small` is halved four times.
 const SIZES: &str = "// effect: sizes
 // hook: image
 // param length = 0.5 in 0..1: share of the height
@@ -65,7 +65,7 @@ fn effect(at: vec2<i32>, p: Parameters) -> vec4<f32> {
 }
 ";
 
-/// The same sizes without textures: `picture` is what the pass before made.
+/// The same sizes without named textures: `picture` is the output of the pass before.
 const SHRUNK: &str = "// effect: shrunk
 // hook: image
 // passes: 2
@@ -77,7 +77,7 @@ fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32> {
 }
 ";
 
-fn all() -> Vec<Effect> {
+fn test_effects() -> Vec<Effect> {
     [MIXED, CHAIN, SIZES, SHRUNK].iter().map(|text| effect(text)).collect()
 }
 
@@ -95,7 +95,7 @@ fn options(effects: &[Effect], size: [u32; 2]) -> PlanOptions<'_> {
 }
 
 /// The frame on both devices.
-fn drawn(scene: &Scene, effects: &[Effect], size: [u32; 2]) -> Vec<(&'static str, Frame)> {
+fn draw_on_both(scene: &Scene, effects: &[Effect], size: [u32; 2]) -> Vec<(&'static str, Frame)> {
     let options = options(effects, size);
     let mut out = vec![("CPU", draw_with(&mut CpuRenderer::new(effects), scene, &options))];
     let gpu = GpuOptions { effects: effects.to_vec(), ..GpuOptions::default() };
@@ -103,15 +103,15 @@ fn drawn(scene: &Scene, effects: &[Effect], size: [u32; 2]) -> Vec<(&'static str
     out
 }
 
-/// Between the middles of values in a row, of which each stands for `scale` pixels; the last one counts beyond the end.
-fn between(values: &[f64], pixel: u32, scale: f64) -> f64 {
+/// Linear interpolation between values that each cover `scale` pixels, clamped at both ends.
+fn interpolate(values: &[f64], pixel: u32, scale: f64) -> f64 {
     let place = (f64::from(pixel) + 0.5) / scale - 0.5;
     let at = |i: f64| values[i.clamp(0.0, values.len() as f64 - 1.0) as usize];
     let share = place - place.floor();
     at(place.floor()) * (1.0 - share) + at(place.floor() + 1.0) * share
 }
 
-/// The green that `mixed` gives a row or the red of a column: the ramp, and the means of it times 0.5.
+/// For each pixel of one side: the ramp texture, and the mean texture before the image's 0.5 is multiplied in.
 fn ramp_and_mean(side: u32) -> [Vec<f64>; 2] {
     let ramp: Vec<f64> = (0..side.div_ceil(2)).map(|i| f64::from(i + 8) / 128.0).collect();
     let at = |i: u32| ramp[(i as usize).min(ramp.len() - 1)];
@@ -120,15 +120,15 @@ fn ramp_and_mean(side: u32) -> [Vec<f64>; 2] {
 }
 
 #[test]
-fn textures_of_passes_have_their_scale_and_are_read_between_pixels() {
-    let effects = all();
-    // Sides that are no multiples of 4, too: the last pixel of a texture stands for fewer of the image.
+fn pass_textures_have_their_scale_and_are_interpolated() {
+    let effects = test_effects();
+    // Also sides that are not multiples of 4: the last pixel of a texture then covers fewer pixels of the image.
     for size in [[200, 152], [201, 151]] {
         let ([ramp, _], [_, mean]) = (ramp_and_mean(size[0]), ramp_and_mean(size[1]));
-        for (device, frame) in drawn(&wall(&["mixed"]), &effects, size) {
+        for (device, frame) in draw_on_both(&wall(&["mixed"]), &effects, size) {
             for x in [0, 1, 2, 3, 57, 100, size[0] - 2, size[0] - 1] {
                 for y in [0, 1, 3, 42, 75, size[1] - 3, size[1] - 1] {
-                    let expected = [between(&ramp, x, 2.0), between(&mean, y, 4.0), 0.7];
+                    let expected = [interpolate(&ramp, x, 2.0), interpolate(&mean, y, 4.0), 0.7];
                     let what = format!("{x}, {y} of {size:?} on {device}");
                     assert_dithered_color(pixel(&frame, x, y), expected, &what);
                 }
@@ -138,12 +138,12 @@ fn textures_of_passes_have_their_scale_and_are_read_between_pixels() {
 }
 
 #[test]
-fn textures_share_images_and_the_effect_s_input_stays_readable() {
-    let effects = all();
+fn pass_textures_share_images_and_keep_the_input_readable() {
+    let effects = test_effects();
     let size = [64, 48];
-    // Two effects with textures, and one without between them.
+    // Three uses of effects with textures, one after the other.
     let scene = wall(&["mixed", "chain", "chain"]);
-    for (device, frame) in drawn(&scene, &effects, size) {
+    for (device, frame) in draw_on_both(&scene, &effects, size) {
         assert_dithered_color(pixel(&frame, 30, 20), [0.6, 0.6, 0.7], device);
     }
     let (_, plan) = wall(&["chain"]).plan(&options(&effects, size));
@@ -160,7 +160,7 @@ fn textures_share_images_and_the_effect_s_input_stays_readable() {
             (vec![], texture(0), [32, 24]),
             (vec![texture(0)], texture(1), [32, 24]),
             (vec![texture(1)], texture(2), [32, 24]),
-            // Nothing reads b after c, but a is read here.
+            // Nothing reads b after c, so its image is reused; a is still read here.
             (vec![texture(0), texture(2)], texture(1), [32, 24]),
             (vec![texture(1)], Target::Image, size),
         ]
@@ -176,8 +176,8 @@ fn textures_share_images_and_the_effect_s_input_stays_readable() {
 }
 
 #[test]
-fn sizes_are_those_of_what_is_made_and_read() {
-    let effects = all();
+fn size_functions_return_the_sizes_of_pass_textures() {
+    let effects = test_effects();
     let size = [201, 151];
     let share = |pixels: f64| pixels / 256.0;
     // 75.5 pixels are halved four times to at most 8: 201 / 16 and 151 / 16, rounded up.
@@ -185,7 +185,7 @@ fn sizes_are_those_of_what_is_made_and_read() {
         ("sizes", [share(13.0), share(151.0), share(10.0)]),
         ("shrunk", [share(201.0), share(151.0), share(13.0)]),
     ] {
-        for (device, frame) in drawn(&wall(&[name]), &effects, size) {
+        for (device, frame) in draw_on_both(&wall(&[name]), &effects, size) {
             assert_color(pixel(&frame, 100, 70), expected, &format!("{name} on {device}"));
         }
     }
@@ -233,7 +233,7 @@ impl ImageEffect for Counting {
 
 /// `base` is read by `idle` alone, which nothing reads: both are left out, and reading them gives 0.
 #[test]
-fn passes_that_nothing_reads_are_left_out() {
+fn unread_passes_are_left_out() {
     let passes = [("base", &[][..]), ("idle", &[0]), ("wanted", &[]), ("effect", &[2])];
     let passes = passes.map(|(name, reads)| ImagePass::new(name, reads)).to_vec();
     let effects = [Effect::image(Counting(Manifest::new("counting", "1", "an example"), passes))];
@@ -245,12 +245,12 @@ fn passes_that_nothing_reads_are_left_out() {
         let what = format!("pass {name} of the effect \"counting\"");
         assert!(plan.left_out.iter().any(|out| out.what == what && out.why == "nothing reads its texture"));
     }
-    for (device, frame) in drawn(&scene, &effects, [40, 30]) {
+    for (device, frame) in draw_on_both(&scene, &effects, [40, 30]) {
         assert_color(pixel(&frame, 20, 10), [0.15, 0.125, 0.175], device);
     }
 }
 
-/// A texture of the frame before, a quarter as wide and high.
+/// A texture of the two previous frames, a quarter as wide and high.
 const TRAIL: &str = "// effect: trail
 // hook: image
 // history: 2
@@ -261,8 +261,8 @@ fn old(at: vec2<i32>, p: Parameters) -> vec4<f32> {
 fn effect(at: vec2<i32>, p: Parameters) -> vec4<f32> { return 0.5 * (picture(at) + old_uv(uv_at(at))); }
 ";
 
-/// The frame at a time of a square that goes from left to right at 1 m/s, ten frames a second.
-fn trail(renderer: &mut dyn Renderer, effects: &[Effect], frame: u32) -> Vec<u8> {
+/// A frame of a square that moves to the right at 1 m/s, at ten frames per second.
+fn draw_trail(renderer: &mut dyn Renderer, effects: &[Effect], frame: u32) -> Vec<u8> {
     let at = |time: Time| {
         let mut scene = Scene::ortho(2.0);
         scene.add(&asset(vec![quad(0.2, 0.2)], vec![unlit(Vec4::ONE)], vec![]), DAffine3::IDENTITY);
@@ -281,9 +281,9 @@ fn trail(renderer: &mut dyn Renderer, effects: &[Effect], frame: u32) -> Vec<u8>
     renderer.collect(None).unwrap().rgba
 }
 
-/// Textures keep nothing from frame to frame: history is the scene's, so a frame is the same whatever was drawn before it.
+/// Pass textures keep nothing between frames: history comes from the scene, so a frame does not depend on the frames drawn before it.
 #[test]
-fn a_frame_alone_is_the_one_of_the_sequence() {
+fn a_single_frame_equals_that_frame_of_a_sequence() {
     let effects = [effect(TRAIL)];
     let cpu = || Some(Box::new(CpuRenderer::new(&effects)) as Box<dyn Renderer>);
     let gpu = || {
@@ -292,10 +292,11 @@ fn a_frame_alone_is_the_one_of_the_sequence() {
     };
     for make in [&cpu as &dyn Fn() -> Option<Box<dyn Renderer>>, &gpu] {
         let Some(mut renderer) = make() else { continue };
-        let frames: Vec<Vec<u8>> = (0..5).map(|frame| trail(renderer.as_mut(), &effects, frame)).collect();
+        let frames: Vec<Vec<u8>> =
+            (0..5).map(|frame| draw_trail(renderer.as_mut(), &effects, frame)).collect();
         for (frame, expected) in frames.iter().enumerate().rev() {
             let Some(mut alone) = make() else { continue };
-            assert!(trail(alone.as_mut(), &effects, frame as u32) == *expected, "frame {frame}");
+            assert!(draw_trail(alone.as_mut(), &effects, frame as u32) == *expected, "frame {frame}");
         }
         assert!(frames.windows(2).all(|pair| pair[0] != pair[1]), "it can fail");
     }

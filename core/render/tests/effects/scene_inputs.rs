@@ -1,5 +1,5 @@
 //! Inputs of effects on images against closed forms in f64, on both renderers: depth, normals, motion vectors, actors, camera, time
-//! and sun; with one sample and four, in tiles, with an open shutter; and what of it a frame leaves out.
+//! and sun; with one and four samples, in tiles, with motion blur; and which inputs a frame leaves out.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -16,7 +16,7 @@ const SIZE: [u32; 2] = [120, 90];
 const YFOV: f64 = 0.9;
 const DISTANCE: f64 = 5.0;
 
-/// An effect that writes a number from 0 to 1 as the 24 bits of a pixel.
+/// An effect that writes a number from 0 to 1 as 24 bits in the three color channels of a pixel.
 fn probe(name: &str, number: &str) -> Effect {
     let text = format!(
         "// effect: {name}\n// hook: image\n// off: amount = 0\n// param amount = 1 in 0..1: on or off\n\
@@ -29,7 +29,7 @@ fn probe(name: &str, number: &str) -> Effect {
     WgslEffect::from_text("probe.wgsl", &text).unwrap_or_else(|e| panic!("{e}\n{text}")).into()
 }
 
-fn number(frame: &Frame, x: u32, y: u32) -> f64 {
+fn read_number(frame: &Frame, x: u32, y: u32) -> f64 {
     let [r, g, b, _] = pixel(frame, x, y).map(f64::from);
     (r * 65536.0 + g * 256.0 + b + 0.5) / 16_777_216.0
 }
@@ -60,8 +60,8 @@ fn probes() -> Vec<Effect> {
     all
 }
 
-/// A probe on both renderers, each after the other.
-fn drawn(
+/// The frame of one probe effect in each renderer.
+fn draw_probe(
     scene: &Scene,
     name: &str,
     options: &PlanOptions,
@@ -78,18 +78,18 @@ fn drawn(
     out
 }
 
-/// The ray of a pixel in view space, one metre deep.
-fn ray(x: u32, y: u32) -> DVec3 {
+/// Ray of a pixel in view space, with a depth of one metre.
+fn view_ray_of_pixel(x: u32, y: u32) -> DVec3 {
     let t = (YFOV * 0.5).tan();
     let [w, h] = SIZE.map(f64::from);
     let ndc = DVec2::new((f64::from(x) + 0.5) / w * 2.0 - 1.0, 1.0 - (f64::from(y) + 0.5) / h * 2.0);
     DVec3::new(ndc.x * t * w / h, ndc.y * t, -1.0)
 }
 
-/// The place where a pixel's ray meets a plane, in the world. The camera stands at (0, 0, `DISTANCE`).
-fn hit(x: u32, y: u32, point: DVec3, normal: DVec3) -> DVec3 {
+/// World position at which a pixel's ray meets a plane. The camera is at (0, 0, `DISTANCE`).
+fn intersect_plane(x: u32, y: u32, point: DVec3, normal: DVec3) -> DVec3 {
     let eye = DVec3::new(0.0, 0.0, DISTANCE);
-    let way = ray(x, y);
+    let way = view_ray_of_pixel(x, y);
     eye + way * ((point - eye).dot(normal) / way.dot(normal))
 }
 
@@ -101,7 +101,7 @@ fn pixel_of(world: DVec3, eye: DVec3) -> DVec2 {
     (ndc * 0.5 + 0.5) * DVec2::new(w, h)
 }
 
-fn tilted() -> (Scene, DVec3, DVec3) {
+fn scene_with_tilted_plane() -> (Scene, DVec3, DVec3) {
     let mut scene = Scene::perspective(YFOV as f32, DISTANCE);
     let asset = asset(vec![quad(1.2, 0.9)], vec![matte(Vec4::ONE)], vec![]);
     let turn = DQuat::from_rotation_y(0.7) * DQuat::from_rotation_x(0.3);
@@ -111,36 +111,36 @@ fn tilted() -> (Scene, DVec3, DVec3) {
     (scene, at, turn * DVec3::Z)
 }
 
-/// Out of view, so that the actor in view is the second.
+/// A mesh for an actor out of view, so that the actor in view is the second one.
 fn asset_of_triangle() -> Arc<Asset> {
     asset(vec![triangle(Vec3::ZERO, Vec3::X, Vec3::Y)], vec![matte(Vec4::ONE)], vec![])
 }
 
-/// Where the plane surely is.
+/// Pixels that the plane covers.
 const INSIDE: [[u32; 2]; 5] = [[60, 45], [52, 38], [70, 50], [55, 55], [66, 35]];
 
 #[track_caller]
 fn assert_near(frames: &[(&str, Frame)], what: &str, bound: f64, expected: impl Fn(u32, u32) -> f64) {
     for (renderer, frame) in frames {
         for [x, y] in INSIDE {
-            let (is, should) = (number(frame, x, y), expected(x, y));
+            let (is, should) = (read_number(frame, x, y), expected(x, y));
             assert!((is - should).abs() < bound, "{what} on {renderer} at {x}, {y}: {is}, not {should}");
         }
     }
 }
 
 #[test]
-fn depth_and_normals_are_those_of_a_plane() {
-    let (scene, at, n) = tilted();
+fn depth_and_normals_of_a_plane_match_closed_forms() {
+    let (scene, at, n) = scene_with_tilted_plane();
     let n = if n.z < 0.0 { -n } else { n };
     for samples in [1, 4] {
         let options = PlanOptions::new(SIZE, samples);
-        let probe = |name: &str| drawn(&scene, name, &options, None);
+        let probe = |name: &str| draw_probe(&scene, name, &options, None);
         let depth = probe("depth");
-        assert_near(&depth, "depth", 1e-6, |x, y| (DISTANCE - hit(x, y, at, n).z) / 16.0);
-        assert_near(&probe("view_x"), "view x", 1e-6, |x, y| hit(x, y, at, n).x / 16.0 + 0.5);
-        assert_near(&probe("view_y"), "view y", 1e-6, |x, y| hit(x, y, at, n).y / 16.0 + 0.5);
-        assert_near(&probe("world_z"), "world z", 1e-6, |x, y| hit(x, y, at, n).z / 16.0 + 0.5);
+        assert_near(&depth, "depth", 1e-6, |x, y| (DISTANCE - intersect_plane(x, y, at, n).z) / 16.0);
+        assert_near(&probe("view_x"), "view x", 1e-6, |x, y| intersect_plane(x, y, at, n).x / 16.0 + 0.5);
+        assert_near(&probe("view_y"), "view y", 1e-6, |x, y| intersect_plane(x, y, at, n).y / 16.0 + 0.5);
+        assert_near(&probe("world_z"), "world z", 1e-6, |x, y| intersect_plane(x, y, at, n).z / 16.0 + 0.5);
         // Stored normals have 16 bits.
         assert_near(&probe("normal_x"), "normal x", 1e-4, |_, _| n.x * 0.5 + 0.5);
         assert_near(&probe("normal_y"), "normal y", 1e-4, |_, _| n.y * 0.5 + 0.5);
@@ -149,38 +149,38 @@ fn depth_and_normals_are_those_of_a_plane() {
         assert_near(&probe("round"), "a pixel's place", 4e-3, |_, _| 0.0);
         assert_near(&probe("inverse"), "inverse projection", 1e-5, |_, _| 0.0);
         for (renderer, frame) in &depth {
-            assert!(number(frame, 1, 1) > 0.99, "{renderer}: nothing is there");
+            assert!(read_number(frame, 1, 1) > 0.99, "{renderer}: nothing is there");
         }
-        // Beyond the border the nearest pixel counts: here nothing.
+        // Outside of the image the nearest pixel is read, which shows no surface here.
         assert_near(&probe("beyond"), "beyond the border", 1e-6, |_, _| 1.0);
     }
-    // A plane that stands elsewhere is seen to.
-    let (scene, ..) = tilted();
-    let frames = drawn(&scene, "depth", &PlanOptions::new(SIZE, 1), None);
-    let off = |x, y| (DISTANCE - hit(x, y, at + DVec3::Z * 0.001, n).z) / 16.0;
+    // The comparison finds a plane at another distance.
+    let (scene, ..) = scene_with_tilted_plane();
+    let frames = draw_probe(&scene, "depth", &PlanOptions::new(SIZE, 1), None);
+    let off = |x, y| (DISTANCE - intersect_plane(x, y, at + DVec3::Z * 0.001, n).z) / 16.0;
     let (_, frame) = &frames[0];
-    assert!(INSIDE.iter().all(|[x, y]| (number(frame, *x, *y) - off(*x, *y)).abs() > 1e-6));
+    assert!(INSIDE.iter().all(|[x, y]| (read_number(frame, *x, *y) - off(*x, *y)).abs() > 1e-6));
 }
 
 #[test]
-fn a_mesh_without_normals_has_those_of_its_triangles() {
+fn a_mesh_without_normals_uses_triangle_normals() {
     let mut scene = Scene::perspective(YFOV as f32, DISTANCE);
     let bare = Primitive { normals: Vec::new(), ..quad(1.2, 0.9) };
     let material = Material { double_sided: true, ..unlit(Vec4::ONE) };
     let turn = DQuat::from_rotation_y(0.6 + std::f64::consts::PI);
     scene.add(&asset(vec![bare], vec![material], vec![]), DAffine3::from_quat(turn));
-    // Towards the viewer, on whichever side.
+    // Normals point towards the viewer on both sides.
     let n = -(turn * DVec3::Z);
     let options = PlanOptions::new(SIZE, 1);
-    assert_near(&drawn(&scene, "normal_x", &options, None), "normal x", 1e-4, |_, _| n.x * 0.5 + 0.5);
-    assert_near(&drawn(&scene, "normal_z", &options, None), "normal z", 1e-4, |_, _| n.z * 0.5 + 0.5);
+    assert_near(&draw_probe(&scene, "normal_x", &options, None), "normal x", 1e-4, |_, _| n.x * 0.5 + 0.5);
+    assert_near(&draw_probe(&scene, "normal_z", &options, None), "normal z", 1e-4, |_, _| n.z * 0.5 + 0.5);
 }
 
 #[test]
-fn motion_vectors_are_those_of_a_moving_plane_and_camera() {
-    let (mut scene, at, n) = tilted();
+fn motion_vectors_of_a_moving_plane_and_camera_match_closed_forms() {
+    let (mut scene, at, n) = scene_with_tilted_plane();
     let before = scene.snapshot.clone();
-    // The plane goes right and away, the camera up.
+    // The plane moves to the right and away, the camera moves up.
     let (moved, eye) = (DVec3::new(0.11, 0.0, -0.2), DVec3::new(0.0, -0.05, DISTANCE));
     let mut then = before;
     then.actors[1].world_from_model.translation -= moved;
@@ -189,21 +189,25 @@ fn motion_vectors_are_those_of_a_moving_plane_and_camera() {
         let options = PlanOptions::new(SIZE, samples);
         let vector = |x: u32, y: u32| {
             let now = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-            now - pixel_of(hit(x, y, at, n) - moved, eye)
+            now - pixel_of(intersect_plane(x, y, at, n) - moved, eye)
         };
-        let [right, down] = ["moved_x", "moved_y"].map(|name| drawn(&scene, name, &options, Some(&then)));
+        let [right, down] =
+            ["moved_x", "moved_y"].map(|name| draw_probe(&scene, name, &options, Some(&then)));
         assert_near(&right, "x", 3e-6, |x, y| vector(x, y).x / 64.0 + 0.5);
         assert_near(&down, "y", 3e-6, |x, y| vector(x, y).y / 64.0 + 0.5);
-        // A vector that forgets the camera is seen to be wrong.
+        // The comparison finds motion vectors that ignore the camera.
         let (_, frame) = &down[0];
-        let faulty = |x, y| f64::from(y) + 0.5 - pixel_of(hit(x, y, at, n) - moved, DVec3::Z * DISTANCE).y;
+        let faulty =
+            |x, y| f64::from(y) + 0.5 - pixel_of(intersect_plane(x, y, at, n) - moved, DVec3::Z * DISTANCE).y;
         assert!(
-            INSIDE.iter().all(|[x, y]| (number(frame, *x, *y) - faulty(*x, *y) / 64.0 - 0.5).abs() > 1e-4)
+            INSIDE
+                .iter()
+                .all(|[x, y]| (read_number(frame, *x, *y) - faulty(*x, *y) / 64.0 - 0.5).abs() > 1e-4)
         );
     }
-    // Without a frame before nothing has moved, and where nothing is neither.
+    // Motion is zero without a previous frame, and where there is no surface.
     scene.snapshot.time = Time::ZERO;
-    assert_near(&drawn(&scene, "moved_x", &PlanOptions::new(SIZE, 1), None), "rest", 1e-6, |_, _| 0.5);
+    assert_near(&draw_probe(&scene, "moved_x", &PlanOptions::new(SIZE, 1), None), "rest", 1e-6, |_, _| 0.5);
 }
 
 #[test]
@@ -211,7 +215,7 @@ fn motion_vectors_follow_joints_and_morph_targets() {
     let options = PlanOptions::new(SIZE, 1);
     let eye = DVec3::Z * DISTANCE;
     let offset = DVec3::new(0.4, 0.25, 0.0);
-    // A morph target that moves all vertices: half of it now, a quarter before.
+    // A morph target that moves all vertices: weight ½ now, ¼ in the frame before.
     let mut shape = quad(1.2, 0.9);
     shape.morphs = vec![MorphTarget { positions: vec![offset.as_vec3(); 4], ..MorphTarget::default() }];
     let mut scene = Scene::perspective(YFOV as f32, DISTANCE);
@@ -221,12 +225,17 @@ fn motion_vectors_follow_joints_and_morph_targets() {
     then.actors[0].morph_weights = vec![vec![0.25]];
     let expected = |moved: DVec3| {
         move |x: u32, y: u32| {
-            let place = hit(x, y, DVec3::ZERO, DVec3::Z);
+            let place = intersect_plane(x, y, DVec3::ZERO, DVec3::Z);
             (f64::from(x) + 0.5 - pixel_of(place - moved, eye).x) / 64.0 + 0.5
         }
     };
-    assert_near(&drawn(&scene, "moved_x", &options, Some(&then)), "morph", 3e-6, expected(offset * 0.25));
-    // A joint that turns nothing and moves the upper half, for which all vertices are above the root.
+    assert_near(
+        &draw_probe(&scene, "moved_x", &options, Some(&then)),
+        "morph",
+        3e-6,
+        expected(offset * 0.25),
+    );
+    // A joint that only translates; all vertices are bound to it.
     let raised = Primitive {
         positions: quad(1.2, 0.9).positions.iter().map(|p| *p + Vec3::Y).collect(),
         ..quad(1.2, 0.9)
@@ -235,11 +244,16 @@ fn motion_vectors_follow_joints_and_morph_targets() {
     scene.at(&skinned_asset(vec![raised], vec![matte(Vec4::ONE)]), 0.0, -1.0, 0.0);
     let mut then = scene.snapshot.clone();
     then.actors[0].model_from_joint[1].translation.x -= 0.3;
-    assert_near(&drawn(&scene, "moved_x", &options, Some(&then)), "joint", 3e-6, expected(DVec3::X * 0.3));
+    assert_near(
+        &draw_probe(&scene, "moved_x", &options, Some(&then)),
+        "joint",
+        3e-6,
+        expected(DVec3::X * 0.3),
+    );
 }
 
 #[test]
-fn holes_of_cut_outs_show_what_is_behind_and_glass_is_not_there() {
+fn scene_inputs_skip_holes_of_cut_outs_and_glass() {
     let mut scene = Scene::perspective(YFOV as f32, DISTANCE);
     // The right half is cut out.
     let picture = image(2, 1, |x, _| [255, 255, 255, if x == 0 { 255 } else { 0 }]);
@@ -253,28 +267,30 @@ fn holes_of_cut_outs_show_what_is_behind_and_glass_is_not_there() {
     scene.at(&asset(vec![quad(3.0, 3.0)], vec![matte(Vec4::ONE)], vec![]), 0.0, 0.0, -1.0);
     let glass = Material { alpha_mode: AlphaMode::Blend, ..matte(Vec4::new(1.0, 1.0, 1.0, 0.5)) };
     scene.at(&asset(vec![quad(3.0, 3.0)], vec![glass], vec![]), 0.0, 0.0, 2.0);
-    for (renderer, frame) in drawn(&scene, "depth", &PlanOptions::new(SIZE, 4), None) {
-        let depth = |x: u32| number(&frame, x, 45) * 16.0;
+    for (renderer, frame) in draw_probe(&scene, "depth", &PlanOptions::new(SIZE, 4), None) {
+        let depth = |x: u32| read_number(&frame, x, 45) * 16.0;
         assert!((depth(52) - 4.0).abs() < 1e-4, "{renderer}: kept, {}", depth(52));
         assert!((depth(68) - 6.0).abs() < 1e-4, "{renderer}: cut out, {}", depth(68));
     }
 }
 
 #[test]
-fn time_frame_and_sun_are_those_of_the_stage() {
-    let (mut scene, ..) = tilted();
+fn time_frame_and_sun_match_the_stage() {
+    let (mut scene, ..) = scene_with_tilted_plane();
     scene.stage.settings.fps = choreo_motion::FrameRate { num: 24, den: 1 };
     scene.snapshot.time = scene.stage.settings.fps.time_of(77);
     let options = PlanOptions::new(SIZE, 1);
-    assert_near(&drawn(&scene, "clock", &options, None), "time", 1e-6, |_, _| 77.0 / 24.0 / 8.0);
-    assert_near(&drawn(&scene, "number", &options, None), "frame", 1e-6, |_, _| (77.0 + 1.0 / 24.0) / 256.0);
-    assert_near(&drawn(&scene, "sun", &options, None), "no sun", 1e-6, |_, _| 0.0);
-    // The brighter of two.
+    assert_near(&draw_probe(&scene, "clock", &options, None), "time", 1e-6, |_, _| 77.0 / 24.0 / 8.0);
+    assert_near(&draw_probe(&scene, "number", &options, None), "frame", 1e-6, |_, _| {
+        (77.0 + 1.0 / 24.0) / 256.0
+    });
+    assert_near(&draw_probe(&scene, "sun", &options, None), "no sun", 1e-6, |_, _| 0.0);
+    // The brighter of two suns counts.
     let way = DVec3::new(0.2, 0.1, -1.0).normalize();
     scene.sun(Vec3::NEG_Y, Vec3::ONE, 0.5);
     scene.sun(-way.as_vec3(), Vec3::ONE, 2.0);
     let x = pixel_of(DVec3::Z * DISTANCE + way * 1e6, DVec3::Z * DISTANCE).x;
-    assert_near(&drawn(&scene, "sun", &options, None), "sun", 1e-5, |_, _| x / 256.0);
+    assert_near(&draw_probe(&scene, "sun", &options, None), "sun", 1e-5, |_, _| x / 256.0);
 }
 
 #[test]
@@ -309,13 +325,13 @@ fn both_renderers_agree_on_skins_cut_outs_and_displaced_surfaces() {
         let gpu = draw_with(&mut renderer, &scene, &options);
         let differ = |a: &Frame, b: &Frame| {
             let pixels = (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y)));
-            pixels.filter(|(x, y)| (number(a, *x, *y) - number(b, *x, *y)).abs() > 2e-5).count()
+            pixels.filter(|(x, y)| (read_number(a, *x, *y) - read_number(b, *x, *y)).abs() > 2e-5).count()
         };
-        // Pixels whose middles lie on an edge.
+        // A few pixels, whose centers lie on an edge, may differ.
         let off = differ(&cpu, &gpu);
         println!("{name}, {once:?}: {off} of {} pixels differ", SIZE[0] * SIZE[1]);
         assert!(off < 12, "{name}, {once:?}: {off}");
-        // What stands a millimetre farther is seen to.
+        // The comparison finds an actor a millimetre farther away.
         scene.snapshot.actors.iter_mut().for_each(|a| a.world_from_model.translation.z -= 0.001);
         if name == "depth" {
             let other = draw_with(&mut CpuRenderer::new(&effects), &scene, &options);
@@ -325,9 +341,9 @@ fn both_renderers_agree_on_skins_cut_outs_and_displaced_surfaces() {
 }
 
 #[test]
-fn tiles_and_an_open_shutter_have_the_inputs_of_the_frame() {
+fn tiles_and_motion_blur_have_the_scene_inputs_of_the_frame() {
     let effects = probes();
-    let (scene, at, n) = tilted();
+    let (scene, at, n) = scene_with_tilted_plane();
     let mut then = scene.snapshot.clone();
     then.actors[1].world_from_model.translation.x -= 0.1;
     for name in ["depth", "moved_x", "actor"] {
@@ -339,11 +355,11 @@ fn tiles_and_an_open_shutter_have_the_inputs_of_the_frame() {
         let Some(mut tiled) = vulkan(given) else { return };
         let frame = draw_with(&mut tiled, &scene, &options);
         for [x, y] in INSIDE {
-            let (is, should) = (number(&frame, x, y), number(&whole, x, y));
+            let (is, should) = (read_number(&frame, x, y), read_number(&whole, x, y));
             assert!((is - should).abs() < 3e-6, "{name} in tiles at {x}, {y}: {is}, not {should}");
         }
     }
-    // The shutter is open while nothing moves: the mean is the frame, and inputs are read on the host.
+    // With motion blur of a static scene the mean is the frame, and effects read their inputs on the host.
     let mut scene = Scene { stage: scene.stage.clone(), snapshot: scene.snapshot.clone() };
     use_effect(&mut scene, "motion_blur", &[("samples", 2.0)], &[]);
     use_effect(&mut scene, "depth", &[("amount", 1.0)], &[]);
@@ -363,13 +379,15 @@ fn tiles_and_an_open_shutter_have_the_inputs_of_the_frame() {
     if let Some(mut renderer) = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() }) {
         draw(&mut renderer, "Vulkan");
     }
-    assert_near(&frames, "depth, open shutter", 1e-6, |x, y| (DISTANCE - hit(x, y, at, n).z) / 16.0);
+    assert_near(&frames, "depth, open shutter", 1e-6, |x, y| {
+        (DISTANCE - intersect_plane(x, y, at, n).z) / 16.0
+    });
 }
 
 #[test]
 fn inputs_are_drawn_only_for_effects_that_read_them() {
     let effects = probes();
-    let (scene, ..) = tilted();
+    let (scene, ..) = scene_with_tilted_plane();
     let commands = |name: Option<(&str, f64)>| {
         let mut scene = Scene { stage: scene.stage.clone(), snapshot: scene.snapshot.clone() };
         name.iter().for_each(|(name, amount)| use_effect(&mut scene, name, &[("amount", *amount)], &[]));
@@ -387,14 +405,14 @@ fn inputs_are_drawn_only_for_effects_that_read_them() {
     assert!(drawn && motion && !left_out.contains("motion vectors"), "{left_out}");
     let (drawn, _, left_out) = commands(Some(("clock", 1.0)));
     assert!(!drawn && left_out.contains("depth and normals for effects"), "{left_out}");
-    // Off: as without it.
+    // An effect that is off requests nothing.
     assert!(!commands(Some(("depth", 0.0))).0 && !commands(None).0);
 }
 
 #[test]
 fn explain_names_the_inputs_and_the_effects_that_read_them() {
     let effects = probes();
-    let (scene, ..) = tilted();
+    let (scene, ..) = scene_with_tilted_plane();
     let rows = |name: &str| {
         let mut scene = Scene { stage: scene.stage.clone(), snapshot: scene.snapshot.clone() };
         use_effect(&mut scene, name, &[("amount", 1.0)], &[]);

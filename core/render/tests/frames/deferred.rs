@@ -22,15 +22,15 @@ fn options(effects: &[Effect]) -> PlanOptions<'_> {
     PlanOptions { effects, ..PlanOptions::new(SIZE, 1) }
 }
 
-fn lamp(scene: &mut Scene, kind: LightKind, position: DVec3, range: Option<f32>, shadow: bool) {
+fn add_lamp(scene: &mut Scene, kind: LightKind, position: DVec3, range: Option<f32>, shadow: bool) {
     let light = Light { kind, color: Vec3::new(1.0, 0.8, 0.6), intensity: 1.5, range };
     let shadow = shadow.then_some(Shadow { size: 512, softness: Some(0.02) });
     let direction = Vec3::new(-0.2, -0.9, -0.4).normalize();
     scene.snapshot.lights.push(LightState { light, position, direction, shadow, attenuation: None });
 }
 
-/// Bent, with normal map, shares from textures, light of its own and holes; skinned; morphed; on a floor.
-fn props() -> Scene {
+/// A bulge with textures of every kind, emission and cut-outs, a skinned and a morphed mesh, on a floor.
+fn scene_of_props() -> Scene {
     let mut scene = Scene::perspective(0.8, 7.0);
     scene.snapshot.camera.world_from_view.translation.y = 0.7;
     (scene.snapshot.ambient_up, scene.snapshot.ambient_down) = (Vec3::splat(0.3), Vec3::splat(0.1));
@@ -83,25 +83,31 @@ fn props() -> Scene {
     scene
 }
 
-/// A sun, a spot and a lamp that cast; a lamp that falls off by a polynomial.
-fn shadows() -> Scene {
-    let mut scene = props();
+/// The props with a sun, a spot light and a lamp that cast shadows, and a lamp with polynomial falloff.
+fn scene_with_shadows() -> Scene {
+    let mut scene = scene_of_props();
     scene.sun(Vec3::new(-0.4, -0.8, -0.5), Vec3::ONE, 0.7);
     scene.snapshot.lights[0].shadow = Some(Shadow { size: 1024, softness: Some(0.02) });
-    lamp(&mut scene, LightKind::Spot { inner: 0.4, outer: 0.7 }, DVec3::new(1.0, 3.0, 2.0), Some(9.0), true);
-    lamp(&mut scene, LightKind::Point, DVec3::new(-1.5, 1.5, 2.5), None, true);
-    lamp(&mut scene, LightKind::Point, DVec3::new(2.5, 0.5, 2.5), None, false);
+    add_lamp(
+        &mut scene,
+        LightKind::Spot { inner: 0.4, outer: 0.7 },
+        DVec3::new(1.0, 3.0, 2.0),
+        Some(9.0),
+        true,
+    );
+    add_lamp(&mut scene, LightKind::Point, DVec3::new(-1.5, 1.5, 2.5), None, true);
+    add_lamp(&mut scene, LightKind::Point, DVec3::new(2.5, 0.5, 2.5), None, false);
     scene.snapshot.lights[3].attenuation = Some([1.0, 0.1, 0.4]);
     scene
 }
 
-fn lit_by(lamps: usize) -> Scene {
-    let mut scene = props();
+fn scene_with_lamps(lamps: usize) -> Scene {
+    let mut scene = scene_of_props();
     for i in 0..lamps {
         let place = |k: usize| (i * k % 97) as f64 / 97.0;
         let at = DVec3::new(8.0 * place(31) - 4.0, 3.0 * place(53) - 0.6, 5.0 * place(71) - 2.0);
         let spot = LightKind::Spot { inner: 0.3, outer: 0.9 };
-        lamp(&mut scene, if i % 3 == 0 { spot } else { LightKind::Point }, at, Some(1.2), false);
+        add_lamp(&mut scene, if i % 3 == 0 { spot } else { LightKind::Point }, at, Some(1.2), false);
         scene.snapshot.lights[i].light.intensity = 0.15;
     }
     scene
@@ -115,8 +121,8 @@ fn under_a_sky(mut scene: Scene) -> Scene {
     scene
 }
 
-/// The same with another pipeline.
-fn by(mut scene: Scene, pipeline: Pipeline) -> Scene {
+/// The scene with another pipeline.
+fn with_pipeline(mut scene: Scene, pipeline: Pipeline) -> Scene {
     scene.stage.settings.pipeline = pipeline;
     scene
 }
@@ -126,13 +132,13 @@ fn scenes() -> Vec<(&'static str, Scene)> {
         use_effect(&mut scene, effect, parameters, &[]);
         scene
     };
-    let mut parallel = shadows();
+    let mut parallel = scene_with_shadows();
     parallel.snapshot.camera.projection = Projection::Orthographic { height: 5.0, near: 0.1, far: 40.0 };
-    let mut far = shadows();
+    let mut far = scene_with_shadows();
     far.snapshot.camera.projection = Projection::Perspective { yfov: 0.8, near: 0.001, far: Some(30.0) };
     let mut layers = layered_scene();
     layers.at(&asset(vec![bulge(0.8)], vec![matte(Vec4::new(0.8, 0.4, 0.1, 1.0))], vec![]), 0.0, 0.0, 0.4);
-    let mut glass = shadows();
+    let mut glass = scene_with_shadows();
     let clear = Material { alpha_mode: AlphaMode::Blend, ..matte(Vec4::new(0.2, 0.5, 0.9, 0.4)) };
     let bent = Material {
         layers: Some(Box::new(MaterialLayers {
@@ -144,13 +150,13 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     };
     glass.at(&asset(vec![quad(1.0, 0.8)], vec![clear], vec![]), 0.5, 0.6, 2.0);
     glass.at(&asset(vec![bulge(0.5)], vec![bent], vec![]), -1.3, 0.5, 2.2);
-    let mut peeled = shadows();
+    let mut peeled = scene_with_shadows();
     peeled.stage.settings.transparency = Transparency::Independent;
     for z in [1.8, 2.0] {
         let clear = Material { alpha_mode: AlphaMode::Blend, ..matte(Vec4::new(0.9, 0.2, 0.3, 0.5)) };
         peeled.at(&asset(vec![quad(1.0, 0.8)], vec![clear], vec![]), 0.2, 0.6, z);
     }
-    let mut unlit_too = shadows();
+    let mut unlit_too = scene_with_shadows();
     unlit_too.at(
         &asset(vec![quad(0.4, 0.4)], vec![unlit(Vec4::new(1.0, 0.5, 0.0, 1.0))], vec![]),
         0.0,
@@ -158,11 +164,11 @@ fn scenes() -> Vec<(&'static str, Scene)> {
         2.5,
     );
     vec![
-        ("shadows", shadows()),
-        ("one light", lit_by(1)),
-        ("256 lamps", lit_by(256)),
-        ("no light but the sky's", under_a_sky(props())),
-        ("sky and shadows", under_a_sky(shadows())),
+        ("shadows", scene_with_shadows()),
+        ("one light", scene_with_lamps(1)),
+        ("256 lamps", scene_with_lamps(256)),
+        ("no light but the sky's", under_a_sky(scene_of_props())),
+        ("sky and shadows", under_a_sky(scene_with_shadows())),
         ("parallel rays", parallel),
         ("near plane at 1 mm, far plane", far),
         ("all kinds of materials", busy_scene(DVec3::ZERO)),
@@ -171,31 +177,34 @@ fn scenes() -> Vec<(&'static str, Scene)> {
         ("glass after it", glass),
         ("peeled panes after it", peeled),
         ("unlit beside it", unlit_too),
-        ("fog on everything", with(shadows(), "fog", &[("density", 0.1)])),
-        ("fog under a sky", with(under_a_sky(shadows()), "fog", &[("density", 0.1), ("sky", 1.0)])),
-        ("bloom", with(shadows(), "bloom", &[("strength", 0.6)])),
-        ("wireframe", with(shadows(), "wireframe", &[])),
+        ("fog on everything", with(scene_with_shadows(), "fog", &[("density", 0.1)])),
+        (
+            "fog under a sky",
+            with(under_a_sky(scene_with_shadows()), "fog", &[("density", 0.1), ("sky", 1.0)]),
+        ),
+        ("bloom", with(scene_with_shadows(), "bloom", &[("strength", 0.6)])),
+        ("wireframe", with(scene_with_shadows(), "wireframe", &[])),
     ]
 }
 
-/// The G-buffer has 16 bits a number: highlights and edges of shadows may be a few steps off.
+/// The G-buffer stores 16 bits per number, so highlights and shadow edges may differ by a few steps.
 fn assert_same(c: &Comparison, what: &str) {
     println!("{what}: {c}");
     assert!(c.mean < 0.05 && c.share_beyond < 0.002, "{what}: {c}");
 }
 
 #[test]
-fn deferred_gives_the_image_of_forward() {
+fn deferred_and_forward_shading_draw_the_same() {
     let effects = effects();
     let Some(mut gpu) = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() }) else {
         return;
     };
     for (what, scene) in scenes() {
         let options = options(&effects);
-        let forward = by(scene, Pipeline::Forward);
+        let forward = with_pipeline(scene, Pipeline::Forward);
         let here = what.contains("shadows").then(|| draw(&forward, &options));
         let there = draw_with(&mut gpu, &forward, &options);
-        let scene = by(forward, Pipeline::Deferred);
+        let scene = with_pipeline(forward, Pipeline::Deferred);
         let (_, plan) = scene.plan(&options);
         let (kept, all) = (plan.draws.iter().filter(|d| d.deferred).count(), plan.draws.len());
         assert!(kept > 0, "{what}: {:?}", plan.left_out);
@@ -211,9 +220,9 @@ fn deferred_gives_the_image_of_forward() {
 }
 
 #[test]
-fn each_part_of_the_light_counts() {
+fn the_comparison_finds_a_missing_part_of_the_lighting() {
     let Some(mut gpu) = vulkan(GpuOptions::default()) else { return };
-    let scene = by(under_a_sky(shadows()), Pipeline::Deferred);
+    let scene = with_pipeline(under_a_sky(scene_with_shadows()), Pipeline::Deferred);
     let (resources, plan) = scene.plan(&options(&[]));
     gpu.load(resources).unwrap();
     let mut drawn = |plan: Plan| {
@@ -235,42 +244,42 @@ fn each_part_of_the_light_counts() {
         let c = compare(&whole, &drawn(fault), 2).unwrap();
         assert!(c.share_beyond > 0.004, "without {what}: {c}");
     }
-    // A draw that nobody draws.
+    // Half of the deferred draws are missing.
     let mut fault = plan.clone();
     fault.draws.retain(|d| !d.deferred || d.first_instance % 2 == 0);
     assert!(compare(&whole, &drawn(fault), 2).unwrap().share_beyond > 0.01);
 }
 
 #[test]
-fn every_feature_forced_in_is_the_same_deferred() {
+fn forcing_all_features_in_changes_no_deferred_pixel() {
     let Some(mut gpu) = vulkan(GpuOptions::default()) else { return };
     let of = |what: &str| match what {
         "busy" => busy_scene(DVec3::ZERO),
-        "props" => shadows(),
-        _ => under_a_sky(props()),
+        "props" => scene_with_shadows(),
+        _ => under_a_sky(scene_of_props()),
     };
     for what in ["busy", "props", "sky"] {
         let options = options(&[]);
-        let lean = draw_with(&mut gpu, &by(of(what), Pipeline::Forward), &options);
+        let lean = draw_with(&mut gpu, &with_pipeline(of(what), Pipeline::Forward), &options);
         let all = PlanOptions { force_all: true, ..options };
-        let forced = draw_with(&mut gpu, &by(of(what), Pipeline::Deferred), &all);
+        let forced = draw_with(&mut gpu, &with_pipeline(of(what), Pipeline::Deferred), &all);
         assert_same(&compare(&lean, &forced, 2).unwrap(), what);
     }
 }
 
 #[test]
-fn tiles_and_frames_in_turns_are_the_same() {
+fn deferred_tiles_and_frames_in_flight_draw_the_same() {
     let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
     let mut tiled = vulkan(GpuOptions { longest_side: Some(100), ..GpuOptions::default() }).unwrap();
     let options = options(&[]);
-    let scene = by(shadows(), Pipeline::Deferred);
+    let scene = with_pipeline(scene_with_shadows(), Pipeline::Deferred);
     let one = draw_with(&mut whole, &scene, &options);
     let c = compare(&draw_with(&mut tiled, &scene, &options), &one, 2).unwrap();
     println!("tiles: {c}");
     assert!(c.mean < 0.1 && c.share_beyond < 2e-3, "{c}");
-    // Deferred and forward in flight at once: the same bytes as alone.
+    // Deferred and forward frames in flight at the same time have the bytes that they have alone.
     let (resources, deferred) = scene.plan(&options);
-    let (_, forward) = by(shadows(), Pipeline::Forward).plan(&options);
+    let (_, forward) = with_pipeline(scene_with_shadows(), Pipeline::Forward).plan(&options);
     whole.load(resources).unwrap();
     let alone: Vec<Frame> = [&deferred, &forward]
         .map(|plan| {
@@ -288,13 +297,13 @@ fn tiles_and_frames_in_turns_are_the_same() {
 }
 
 #[test]
-fn a_device_without_the_images_draws_forward_and_says_so() {
+fn a_device_without_g_buffer_formats_draws_forward_with_a_note() {
     let without = vec![Ability::ColorAttachments];
     let Some(mut gpu) = vulkan(GpuOptions { without, ..GpuOptions::default() }) else { return };
     let options = options(&[]);
-    let forward = draw_with(&mut gpu, &by(shadows(), Pipeline::Forward), &options);
+    let forward = draw_with(&mut gpu, &with_pipeline(scene_with_shadows(), Pipeline::Forward), &options);
     assert_eq!(gpu.take_notes(), Vec::<String>::new());
-    let scene = by(shadows(), Pipeline::Deferred);
+    let scene = with_pipeline(scene_with_shadows(), Pipeline::Deferred);
     for said in [1, 0] {
         assert!(draw_with(&mut gpu, &scene, &options) == forward);
         let notes = gpu.take_notes();
@@ -308,54 +317,65 @@ fn a_device_without_the_images_draws_forward_and_says_so() {
     }
 }
 
-/// The recording for a device that is no CPU.
-fn recorded(scene: &Scene, samples: u32) -> (Plan, commands::Recording) {
+/// The plan, and its recording for a GPU.
+fn plan_and_recording(scene: &Scene, samples: u32) -> (Plan, commands::Recording) {
     let (_, plan) = scene.plan(&PlanOptions::new(SIZE, samples));
     let recording = record(&plan, RecordOptions::default(), |_| 2);
     (plan, recording)
 }
 
-fn why_not(plan: &Plan) -> &str {
+fn reason_against_deferred(plan: &Plan) -> &str {
     let out = plan.left_out.iter().find(|l| l.what == "deferred shading");
     out.map_or("", |l| &l.why)
 }
 
 #[test]
-fn it_is_out_where_nothing_asks_for_it_or_nothing_can_be_kept() {
-    let scene = shadows();
-    let (plan, recording) = recorded(&scene, 1);
+fn deferred_shading_is_left_out_with_a_reason() {
+    let scene = scene_with_shadows();
+    let (plan, recording) = plan_and_recording(&scene, 1);
     assert!(plan.deferred.is_none() && plan.draws.iter().all(|d| !d.deferred));
     assert!(!recording.commands.contains(&Command::BeginGeometry));
-    // A few lights on little overdraw: the numbers are said.
-    assert!(why_not(&plan).contains("lights per surface"), "{}", why_not(&plan));
-    let counts = recording.counts();
-    let forward = by(scene, Pipeline::Forward);
-    let (plan, recording) = recorded(&forward, 1);
-    assert_eq!((why_not(&plan), recording.counts()), ("the stage's pipeline is \"forward\"", counts));
-    let asked = by(forward, Pipeline::Deferred);
-    let (plan, recording) = recorded(&asked, 4);
+    // Few lights and little overdraw: the reason gives the numbers.
     assert!(
-        plan.deferred.is_none() && why_not(&plan).starts_with("4 samples per pixel"),
+        reason_against_deferred(&plan).contains("lights per surface"),
         "{}",
-        why_not(&plan)
+        reason_against_deferred(&plan)
+    );
+    let counts = recording.counts();
+    let forward = with_pipeline(scene, Pipeline::Forward);
+    let (plan, recording) = plan_and_recording(&forward, 1);
+    assert_eq!(
+        (reason_against_deferred(&plan), recording.counts()),
+        ("the stage's pipeline is \"forward\"", counts)
+    );
+    let asked = with_pipeline(forward, Pipeline::Deferred);
+    let (plan, recording) = plan_and_recording(&asked, 4);
+    assert!(
+        plan.deferred.is_none() && reason_against_deferred(&plan).starts_with("4 samples per pixel"),
+        "{}",
+        reason_against_deferred(&plan)
     );
     assert_eq!(recording.counts().passes, counts.passes);
-    // One more pass and as many draws, each once; all of them in it but what is not kept.
-    let (plan, recording) = recorded(&asked, 1);
+    // One more pass, and each draw once: in the G-buffer pass, unless the G-buffer cannot hold its surface.
+    let (plan, recording) = plan_and_recording(&asked, 1);
     assert_eq!(plan.deferred.as_ref().map(|d| d.cause), Some(DeferredCause::Requested));
-    assert_eq!(why_not(&plan), "");
+    assert_eq!(reason_against_deferred(&plan), "");
     assert_eq!((recording.counts().passes, recording.counts().draws), (counts.passes + 1, counts.draws));
     let mut nothing = Scene::ortho(2.0);
     nothing.at(&asset(vec![quad(1.0, 1.0)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
-    let (plan, _) = recorded(&by(nothing, Pipeline::Deferred), 1);
-    assert!(why_not(&plan).starts_with("no opaque metallic-roughness surface"), "{}", why_not(&plan));
+    let (plan, _) = plan_and_recording(&with_pipeline(nothing, Pipeline::Deferred), 1);
+    assert!(
+        reason_against_deferred(&plan).starts_with("no opaque metallic-roughness surface"),
+        "{}",
+        reason_against_deferred(&plan)
+    );
 }
 
 #[test]
-fn what_a_g_buffer_does_not_hold_is_forward() {
-    let (_, plan) = by(layered_scene(), Pipeline::Deferred).plan(&options(&[]));
+fn surfaces_that_do_not_fit_the_g_buffer_are_shaded_forward() {
+    let (_, plan) = with_pipeline(layered_scene(), Pipeline::Deferred).plan(&options(&[]));
     assert!(plan.draws.iter().filter(|d| d.deferred).all(|d| !d.pipeline.features.has(Features::LAYERS)));
-    let (_, plan) = by(busy_scene(DVec3::ZERO), Pipeline::Deferred).plan(&options(&[]));
+    let (_, plan) = with_pipeline(busy_scene(DVec3::ZERO), Pipeline::Deferred).plan(&options(&[]));
     for d in &plan.draws {
         let opaque = d.pipeline.features.has(Features::METALLIC_ROUGHNESS) && !d.pipeline.is_transparent();
         assert_eq!(d.deferred, opaque, "{:?}", d.pipeline);

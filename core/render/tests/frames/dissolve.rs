@@ -1,4 +1,4 @@
-//! Dissolves between cameras: the frame is the mix of what each camera shows alone; both renderers.
+//! Cross dissolves between cameras: a frame is the mix of the images of both cameras, in both renderers.
 
 use crate::common::*;
 use choreo_image_diff::compare;
@@ -23,7 +23,7 @@ fn effects() -> Vec<Effect> {
     all
 }
 
-/// Two cameras that show a red and a green quad; a vignette on the second one's frames, a white panel over both.
+/// Two cameras that show a red and a green quad, a vignette on the second camera's frames, and a white panel over both.
 fn scene() -> Stage {
     let mut scene = Scene::ortho(8.0);
     for (x, color) in [(-20.0, Vec4::new(1.0, 0.1, 0.1, 1.0)), (20.0, Vec4::new(0.1, 0.8, 0.2, 1.0))] {
@@ -49,7 +49,7 @@ fn scene() -> Stage {
     stage
 }
 
-fn shown(stage: &Stage, secs: f64, renderer: &mut dyn Renderer) -> Frame {
+fn draw_at_time(stage: &Stage, secs: f64, renderer: &mut dyn Renderer) -> Frame {
     let effects = effects();
     let options = PlanOptions { effects: &effects, ..PlanOptions::new(SIZE, 4) };
     let resources = Arc::new(SceneResources::new(stage));
@@ -60,14 +60,14 @@ fn shown(stage: &Stage, secs: f64, renderer: &mut dyn Renderer) -> Frame {
     renderer.collect(None).unwrap()
 }
 
-/// The stage as one camera shows it all the time.
-fn alone(stage: &Stage, camera: usize, secs: f64, renderer: &mut dyn Renderer) -> Frame {
+/// The frame of the stage with a single camera and without cuts.
+fn draw_camera_alone(stage: &Stage, camera: usize, secs: f64, renderer: &mut dyn Renderer) -> Frame {
     let cuts = vec![Cut::new(Time::ZERO, camera)];
-    shown(&Stage { cuts, ..stage.clone() }, secs, renderer)
+    draw_at_time(&Stage { cuts, ..stage.clone() }, secs, renderer)
 }
 
-/// Largest difference of a channel to the mix of two images of opaque pixels.
-fn off(frame: &Frame, a: &Frame, b: &Frame, share_of_a: f64) -> f64 {
+/// Largest difference of any channel from the mix of two opaque images.
+fn largest_difference_to_mix(frame: &Frame, a: &Frame, b: &Frame, share_of_a: f64) -> f64 {
     let mixed = a
         .rgba
         .iter()
@@ -77,27 +77,30 @@ fn off(frame: &Frame, a: &Frame, b: &Frame, share_of_a: f64) -> f64 {
 }
 
 #[test]
-fn a_frame_is_the_mix_of_what_each_camera_shows() {
+fn a_dissolve_mixes_the_images_of_both_cameras() {
     let stage = scene();
     let mut renderer = CpuRenderer::new(&effects());
-    let [first, second] = [0, 1].map(|camera| alone(&stage, camera, 1.5, &mut renderer));
+    let [first, second] = [0, 1].map(|camera| draw_camera_alone(&stage, camera, 1.5, &mut renderer));
     assert!(compare(&first, &second, 20).unwrap().share_beyond > 0.2, "the images differ");
     for (secs, share) in [(1.0, 1.0), (1.5, 0.75), (2.0, 0.5), (2.9, 0.05)] {
-        let frame = shown(&stage, secs, &mut renderer);
+        let frame = draw_at_time(&stage, secs, &mut renderer);
         // Half a step of rounding.
         assert!(
-            off(&frame, &first, &second, share) <= 0.5001,
+            largest_difference_to_mix(&frame, &first, &second, share) <= 0.5001,
             "at {secs} s: {}",
-            off(&frame, &first, &second, share)
+            largest_difference_to_mix(&frame, &first, &second, share)
         );
-        assert!(off(&frame, &first, &second, share - 0.1) > 5.0, "the comparison can fail");
+        assert!(
+            largest_difference_to_mix(&frame, &first, &second, share - 0.1) > 5.0,
+            "the comparison can fail"
+        );
     }
-    assert_eq!(shown(&stage, 0.9, &mut renderer).rgba, first.rgba);
-    assert_eq!(shown(&stage, 3.0, &mut renderer).rgba, second.rgba);
+    assert_eq!(draw_at_time(&stage, 0.9, &mut renderer).rgba, first.rgba);
+    assert_eq!(draw_at_time(&stage, 3.0, &mut renderer).rgba, second.rgba);
 }
 
 #[test]
-fn a_mix_of_blurred_images_is_the_mix_of_both() {
+fn a_dissolve_mixes_motion_blurred_images() {
     let mut stage = scene();
     stage.effects.push(EffectUse {
         plugin: "motion_blur".into(),
@@ -105,42 +108,49 @@ fn a_mix_of_blurred_images_is_the_mix_of_both() {
         ..stage.effects[0].clone()
     });
     stage.effects[1].parameters = vec![("samples".into(), 3.0), ("shutter".into(), 360.0)];
-    // A shutter that is still open when the dissolve ends.
+    // The shutter is still open when the dissolve ends.
     let mut renderer = CpuRenderer::new(&effects());
     let time = 2.99;
-    let [first, second] = [0, 1].map(|camera| alone(&stage, camera, time, &mut renderer));
-    let frame = shown(&stage, time, &mut renderer);
-    assert!(off(&frame, &first, &second, 0.005) <= 0.51, "{}", off(&frame, &first, &second, 0.005));
+    let [first, second] = [0, 1].map(|camera| draw_camera_alone(&stage, camera, time, &mut renderer));
+    let frame = draw_at_time(&stage, time, &mut renderer);
+    assert!(
+        largest_difference_to_mix(&frame, &first, &second, 0.005) <= 0.51,
+        "{}",
+        largest_difference_to_mix(&frame, &first, &second, 0.005)
+    );
 }
 
 #[test]
-fn both_renderers_mix_the_same() {
+fn both_renderers_draw_the_same_dissolve() {
     let Some(mut renderer) = vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() }) else {
         return;
     };
     let stage = scene();
-    let cpu = shown(&stage, 1.7, &mut CpuRenderer::new(&effects()));
-    let c = compare(&shown(&stage, 1.7, &mut renderer), &cpu, 2).unwrap();
+    let cpu = draw_at_time(&stage, 1.7, &mut CpuRenderer::new(&effects()));
+    let c = compare(&draw_at_time(&stage, 1.7, &mut renderer), &cpu, 2).unwrap();
     assert!(c.share_beyond == 0.0, "{c}");
-    assert!(compare(&shown(&stage, 1.2, &mut renderer), &cpu, 2).unwrap().share_beyond > 0.1, "it can fail");
+    assert!(
+        compare(&draw_at_time(&stage, 1.2, &mut renderer), &cpu, 2).unwrap().share_beyond > 0.1,
+        "it can fail"
+    );
 }
 
-/// An effect that reads depth gets that of the camera's own side.
+/// An effect that reads depth gets the depth of its own camera's image.
 #[test]
-fn each_side_has_its_own_scene_inputs() {
+fn effects_read_the_scene_inputs_of_their_own_camera() {
     let mut stage = scene();
     stage.actors[1].transform.translation.z = 4.0;
     stage.effects = vec![EffectUse { plugin: "by_depth".into(), ..EffectUse::default() }];
     stage.layers_2d.clear();
     let check = |renderer: &mut dyn Renderer, bound: f64| {
-        let [first, second] = [0, 1].map(|camera| alone(&stage, camera, 1.5, renderer));
-        // 8 m and 4 m before the cameras.
+        let [first, second] = [0, 1].map(|camera| draw_camera_alone(&stage, camera, 1.5, renderer));
+        // The quads are 8 m and 4 m in front of their cameras.
         assert_color(pixel(&first, 32, 32), [0.5; 3], "the first camera");
         assert_color(pixel(&second, 32, 32), [0.25; 3], "the second camera");
-        let frame = shown(&stage, 1.5, renderer);
-        let apart = off(&frame, &first, &second, 0.75);
+        let frame = draw_at_time(&stage, 1.5, renderer);
+        let apart = largest_difference_to_mix(&frame, &first, &second, 0.75);
         assert!(apart <= bound, "{apart}");
-        assert!(off(&frame, &first, &first, 0.75) > 5.0, "the comparison can fail");
+        assert!(largest_difference_to_mix(&frame, &first, &first, 0.75) > 5.0, "the comparison can fail");
     };
     check(&mut CpuRenderer::new(&effects()), 0.5001);
     if let Some(mut renderer) = vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() }) {
@@ -149,7 +159,7 @@ fn each_side_has_its_own_scene_inputs() {
 }
 
 #[test]
-fn two_frames_of_a_dissolve_are_not_equal() {
+fn frames_of_a_dissolve_have_different_keys() {
     let stage = scene();
     let resources = SceneResources::new(&stage);
     let effects = effects();

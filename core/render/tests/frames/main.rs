@@ -1,4 +1,4 @@
-//! How a frame is put together: plan, passes, tiles, shutter.
+//! Frames: plan, deferred shading, dissolves, tiles and motion blur.
 
 #[path = "../common/mod.rs"]
 mod common;

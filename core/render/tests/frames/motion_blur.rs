@@ -17,12 +17,12 @@ fn effects() -> Vec<Effect> {
     all
 }
 
-/// A bright quad, two metres wide, that crosses 64 pixels of an eighth of a metre in a second of one frame.
-fn passing() -> Scene {
-    passing_in(Vec4::new(4.0, 1.0, 0.25, 1.0))
+/// A bright quad, two metres wide, that crosses 64 pixels of an eighth of a metre in one second, which is one frame.
+fn scene_with_crossing_quad() -> Scene {
+    scene_with_crossing_quad_of_color(Vec4::new(4.0, 1.0, 0.25, 1.0))
 }
 
-fn passing_in(color: Vec4) -> Scene {
+fn scene_with_crossing_quad_of_color(color: Vec4) -> Scene {
     let mut scene = Scene::ortho(8.0);
     let quad = asset(vec![quad(1.0, 4.0)], vec![unlit(color)], vec![]);
     scene.at(&quad, 0.0, 0.0, 0.0);
@@ -38,7 +38,7 @@ fn passing_in(color: Vec4) -> Scene {
 }
 
 /// The image of a stage at half a second.
-fn shown(scene: &Scene, renderer: &mut dyn Renderer, samples: u32) -> Frame {
+fn draw_at_half_a_second(scene: &Scene, renderer: &mut dyn Renderer, samples: u32) -> Frame {
     let effects = effects();
     let options = PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], samples) };
     let resources = Arc::new(SceneResources::new(&scene.stage));
@@ -51,11 +51,11 @@ fn shown(scene: &Scene, renderer: &mut dyn Renderer, samples: u32) -> Frame {
 }
 
 #[test]
-fn each_pixel_is_as_bright_as_the_share_of_the_times_that_cover_it() {
-    let mut scene = passing();
+fn pixel_brightness_is_the_share_of_covered_sub_frames() {
+    let mut scene = scene_with_crossing_quad();
     use_effect(&mut scene, "motion_blur", &[("samples", 12.0), ("shutter", 180.0)], &[]);
-    let frame = shown(&scene, &mut CpuRenderer::new(&effects()), 1);
-    // The shutter is open from 0.25 s to 0.75 s: the quad's middle goes from −1.5 m to 1.5 m.
+    let frame = draw_at_half_a_second(&scene, &mut CpuRenderer::new(&effects()), 1);
+    // The shutter is open from 0.25 s to 0.75 s: the quad's center moves from −1.5 m to 1.5 m.
     let covered = |x: u32| {
         let at = (f64::from(x) + 0.5) / 8.0 - 4.0;
         let middles = (0..12).map(|i| -1.5 + 3.0 * (f64::from(i) + 0.5) / 12.0);
@@ -65,7 +65,7 @@ fn each_pixel_is_as_bright_as_the_share_of_the_times_that_cover_it() {
     for x in 0..64 {
         let share = covered(x);
         shares.insert((share * 12.0) as u32);
-        // Brighter than white before the mean: nothing is cut off that a later time would need.
+        // Sub-frames are not clamped before they are averaged, though the quad is brighter than white.
         let expected = [4.0 * share, share, 0.25 * share].map(|c| c.min(1.0));
         assert_dithered_color(pixel(&frame, x, 30), expected, &format!("column {x}"));
     }
@@ -74,11 +74,11 @@ fn each_pixel_is_as_bright_as_the_share_of_the_times_that_cover_it() {
 
 #[test]
 fn full_screen_passes_and_layers_are_applied_to_the_mean() {
-    let mut scene = passing();
+    let mut scene = scene_with_crossing_quad();
     use_effect(&mut scene, "motion_blur", &[("samples", 4.0), ("shutter", 360.0)], &[]);
-    let plain = shown(&scene, &mut CpuRenderer::new(&effects()), 1);
+    let plain = draw_at_half_a_second(&scene, &mut CpuRenderer::new(&effects()), 1);
     use_effect(&mut scene, "vignette", &[("strength", 1.0)], &[]);
-    let dark = shown(&scene, &mut CpuRenderer::new(&effects()), 1);
+    let dark = draw_at_half_a_second(&scene, &mut CpuRenderer::new(&effects()), 1);
     assert!(pixel(&dark, 10, 2)[0] < pixel(&plain, 10, 2)[0]);
     let resources = SceneResources::new(&scene.stage);
     let mut evaluator = Evaluator::new(Arc::new(scene.stage.clone()));
@@ -90,19 +90,19 @@ fn full_screen_passes_and_layers_are_applied_to_the_mean() {
 }
 
 #[test]
-fn both_renderers_add_up_the_same() {
+fn both_renderers_accumulate_the_same_image() {
     let Some(mut renderer) = vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() }) else {
         return;
     };
-    let mut scene = passing();
-    let still = shown(&scene, &mut renderer, 4);
+    let mut scene = scene_with_crossing_quad();
+    let still = draw_at_half_a_second(&scene, &mut renderer, 4);
     use_effect(&mut scene, "motion_blur", &[("samples", 7.0)], &[]);
     use_effect(&mut scene, "vignette", &[], &[]);
-    let cpu = shown(&scene, &mut CpuRenderer::new(&effects()), 4);
-    let c = compare(&shown(&scene, &mut renderer, 4), &cpu, 2).unwrap();
+    let cpu = draw_at_half_a_second(&scene, &mut CpuRenderer::new(&effects()), 4);
+    let c = compare(&draw_at_half_a_second(&scene, &mut renderer, 4), &cpu, 2).unwrap();
     assert!(c.share_beyond == 0.0, "{c}");
     assert!(compare(&still, &cpu, 2).unwrap().share_beyond > 0.1, "the comparison can fail");
-    // Frames with and without in one queue come back in order.
+    // Frames with and without motion blur in one queue are collected in order.
     let all = effects();
     let options = PlanOptions { effects: &all, ..PlanOptions::new([64, 64], 4) };
     let resources = Arc::new(SceneResources::new(&scene.stage));
@@ -125,7 +125,7 @@ fn both_renderers_add_up_the_same() {
 
 static LINE: LazyLock<Manifest> = LazyLock::new(|| Manifest::new("line", "1", "for tests"));
 
-/// Level, five pixels wide, through the middle; and behind the quad.
+/// Horizontal lines, five pixels wide, through the middle of the image and behind the quad.
 struct Line;
 
 impl EffectPlugin for Line {
@@ -142,7 +142,7 @@ impl OverlayEffect for Line {
             width: 5.0,
             color: Vec3::Y.extend(0.5),
         };
-        // The last reaches from behind the camera far beyond the image.
+        // The last line reaches from behind the camera far beyond the image.
         let beyond = Stroke { from: DVec3::new(0.0, 0.0, 1e9), ..line(1e9, 0.0, -1e9) };
         Overlay {
             strokes: vec![line(3.0, 0.0625, 1.0), line(3.0, 2.0625, -1.0), beyond],
@@ -152,29 +152,29 @@ impl OverlayEffect for Line {
 }
 
 #[test]
-fn a_line_covers_its_pixels_and_is_hidden_by_what_is_nearer() {
-    let mut scene = passing();
+fn overlay_lines_cover_their_pixels_and_are_depth_tested() {
+    let mut scene = scene_with_crossing_quad();
     scene.stage.actors[0].channels.clear();
     use_effect(&mut scene, "line", &[], &[]);
-    let frame = shown(&scene, &mut CpuRenderer::new(&effects()), 1);
+    let frame = draw_at_half_a_second(&scene, &mut CpuRenderer::new(&effects()), 1);
     let green = |x: u32, y: u32| decode(pixel(&frame, x, y)[1]);
-    // Its middle runs through the middle of row 31; on black, half of it is seen.
+    // The line's center runs through the center of row 31; on black, half of its color shows.
     for (y, share) in [(27, 0.0), (28, 0.0), (29, 0.5), (31, 0.5), (33, 0.5), (34, 0.0)] {
         assert!((green(12, y) - share).abs() < 0.01, "row {y}: {}", green(12, y));
     }
-    // Over the quad: its red, cut off at 1, is halved.
+    // Over the quad, whose red is clamped to 1, the mix has half of that red.
     assert_color(pixel(&frame, 32, 31), [0.5, 1.0, 0.125], "over the quad");
     assert_color(pixel(&frame, 32, 15), [1.0, 1.0, 0.25], "the other is behind it");
     assert!((green(12, 15) - 0.5).abs() < 0.01, "and seen beside it");
     assert!(green(4, 31) < 0.01, "it ends");
     if let Some(mut renderer) = vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() }) {
-        let c = compare(&shown(&scene, &mut renderer, 1), &frame, 2).unwrap();
+        let c = compare(&draw_at_half_a_second(&scene, &mut renderer, 1), &frame, 2).unwrap();
         assert!(c.share_beyond < 0.002, "{c}");
     }
 }
 
-/// The plan of a stage at half a second, with 180° of 16 sub-frames at most.
-fn planned(scene: &Scene, samples: u32, all_sub_frames: bool) -> (Arc<SceneResources>, Plan) {
+/// The plan of a stage at half a second, with a shutter of 180° and at most 16 sub-frames.
+fn plan_at_half_a_second(scene: &Scene, samples: u32, all_sub_frames: bool) -> (Arc<SceneResources>, Plan) {
     let effects = effects();
     let options = PlanOptions { effects: &effects, all_sub_frames, ..PlanOptions::new([64, 64], samples) };
     let resources = Arc::new(SceneResources::new(&scene.stage));
@@ -184,41 +184,41 @@ fn planned(scene: &Scene, samples: u32, all_sub_frames: bool) -> (Arc<SceneResou
     (resources, plan)
 }
 
-/// How many sub-frames a scene takes, and why not all.
-fn sub_frames(scene: &Scene) -> (usize, Option<String>) {
-    let (_, plan) = planned(scene, 1, false);
+/// Number of sub-frames of a scene, and the reason why not all are drawn.
+fn sub_frames_and_reason(scene: &Scene) -> (usize, Option<String>) {
+    let (_, plan) = plan_at_half_a_second(scene, 1, false);
     let why = plan.left_out.iter().find(|l| l.what == "sub-frames").map(|l| l.why.clone());
     (plan.subframes.len(), why)
 }
 
-/// A white quad that moves by a number of metres, of eight pixels each, in the half second in which the shutter is open.
-fn going(metres: f64) -> Scene {
-    let mut scene = passing_in(Vec4::ONE);
+/// A white quad that moves by `metres` while the shutter is open for half a second; a metre is eight pixels.
+fn scene_with_moving_quad(metres: f64) -> Scene {
+    let mut scene = scene_with_crossing_quad_of_color(Vec4::ONE);
     scene.stage.actors[0].channels[0].values = vec![-metres, 0.0, 0.0, metres, 0.0, 0.0];
     use_effect(&mut scene, "motion_blur", &[("samples", 16.0)], &[]);
     scene
 }
 
 #[test]
-fn there_are_as_many_sub_frames_as_the_fastest_pixel_needs() {
+fn the_fastest_pixel_decides_the_number_of_sub_frames() {
     let still = Some("1 of 16: nothing visible moves while the shutter is open".to_string());
-    assert_eq!(sub_frames(&going(0.0)), (1, still));
+    assert_eq!(sub_frames_and_reason(&scene_with_moving_quad(0.0)), (1, still));
     let slow = Some("4 of 16: nothing moves by more than 3.2 pixels while the shutter is open".to_string());
-    assert_eq!(sub_frames(&going(0.4)), (4, slow));
-    assert_eq!(sub_frames(&going(0.05)).0, 1, "less than a pixel");
-    assert_eq!(sub_frames(&going(3.0)), (16, None));
-    let (_, all) = planned(&going(0.0), 1, true);
+    assert_eq!(sub_frames_and_reason(&scene_with_moving_quad(0.4)), (4, slow));
+    assert_eq!(sub_frames_and_reason(&scene_with_moving_quad(0.05)).0, 1, "less than a pixel");
+    assert_eq!(sub_frames_and_reason(&scene_with_moving_quad(3.0)), (16, None));
+    let (_, all) = plan_at_half_a_second(&scene_with_moving_quad(0.0), 1, true);
     assert_eq!((all.subframes.len(), all.shutter_motion), (16, None));
-    // The box is beside the image.
-    let mut beside = going(3.0);
+    // A moving quad outside of the image does not count.
+    let mut beside = scene_with_moving_quad(3.0);
     let values = &mut beside.stage.actors[0].channels[0].values;
     (values[1], values[4]) = (40.0, 40.0);
-    assert_eq!(sub_frames(&beside).0, 1);
+    assert_eq!(sub_frames_and_reason(&beside).0, 1);
 }
 
 #[test]
-fn a_camera_that_moves_moves_what_stands_still() {
-    // A ground below the camera, of which only what is in view counts.
+fn camera_motion_counts_for_static_meshes() {
+    // A ground below the camera, of which only the part in view counts.
     let mut scene = Scene::perspective(0.8, 0.0);
     let ground = asset(vec![quad(500.0, 500.0)], vec![unlit(Vec4::ONE)], vec![]);
     scene.add(&ground, DAffine3::IDENTITY);
@@ -245,7 +245,7 @@ fn a_camera_that_moves_moves_what_stands_still() {
         values: vec![0.0, 1.5, 0.0, metres, 1.5, 0.0],
     };
     assert_eq!(counted(at(1.5), vec![]), (1, 0.0));
-    // The lowest row sees the ground at 1.5 / tan 0.4 m: half of the way is seen as that much of 64 pixels.
+    // The lowest row shows the ground at a distance of 1.5 / tan 0.4 m, which gives the motion in pixels of the nearest visible point.
     let (count, pixels) = counted(at(1.5), vec![moved(0.2)]);
     let exact = 0.1 * 32.0 / 1.5;
     println!("{count} sub-frames, {pixels} pixels, exactly {exact}");
@@ -254,7 +254,7 @@ fn a_camera_that_moves_moves_what_stands_still() {
 }
 
 #[test]
-fn shadows_of_what_is_not_seen_and_lights_that_move_count() {
+fn shadows_of_hidden_casters_and_moving_lights_add_sub_frames() {
     let mut scene = Scene::ortho(8.0);
     scene.add(&asset(vec![quad(4.0, 4.0)], vec![matte(Vec4::ONE)], vec![]), DAffine3::IDENTITY);
     // The box is above the image, and its shadow falls into it.
@@ -270,12 +270,12 @@ fn shadows_of_what_is_not_seen_and_lights_that_move_count() {
     let sun = StageLight::sun("sun", Vec3::new(0.0, -1.0, -1.0).normalize(), 3.0);
     scene.stage.lights.push(StageLight { shadow: Some(Shadow::default()), ..sun });
     use_effect(&mut scene, "motion_blur", &[("samples", 16.0)], &[]);
-    let (count, why) = sub_frames(&scene);
+    let (count, why) = sub_frames_and_reason(&scene);
     println!("{count}, {why:?}");
     // The shadow moves by 0.3 m, which are 2.4 pixels; texels are as large or smaller.
     assert!((3..16).contains(&count), "{count}, {why:?}");
     scene.stage.lights[0].shadow = None;
-    assert_eq!(sub_frames(&scene).0, 1, "without a shadow nothing is seen of it");
+    assert_eq!(sub_frames_and_reason(&scene).0, 1, "without a shadow nothing is seen of it");
     scene.stage.actors[1].channels.clear();
     scene.stage.lights[0].channels.push(Channel {
         property: Property::Intensity,
@@ -283,16 +283,16 @@ fn shadows_of_what_is_not_seen_and_lights_that_move_count() {
         times: vec![Time::ZERO, Time::from_secs(1.0)],
         values: vec![1.0, 9.0],
     });
-    assert_eq!(sub_frames(&scene).0, 16, "a light that changes");
+    assert_eq!(sub_frames_and_reason(&scene).0, 16, "a light that changes");
 }
 
 #[test]
-fn few_sub_frames_look_like_many() {
+fn few_sub_frames_give_nearly_the_image_of_many() {
     let mut renderer = CpuRenderer::new(&effects());
     let mut image = |metres: f64, count: f64, all: bool| {
-        let mut scene = going(metres);
+        let mut scene = scene_with_moving_quad(metres);
         scene.stage.effects[0].parameters = vec![("samples".into(), count)];
-        let (resources, plan) = planned(&scene, 4, all);
+        let (resources, plan) = plan_at_half_a_second(&scene, 4, all);
         renderer.load(resources).unwrap();
         renderer.submit(plan).unwrap();
         renderer.collect(None).unwrap()

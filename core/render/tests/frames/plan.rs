@@ -1,4 +1,4 @@
-//! The content of a plan: what the planner puts in, leaves out, and in which order.
+//! Contents of a plan: its instances, features, left-out parts and the order of draws.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -11,12 +11,12 @@ fn options() -> PlanOptions<'static> {
     PlanOptions::new([200, 100], 1)
 }
 
-fn names(plan: &Plan) -> Vec<&str> {
+fn left_out_parts(plan: &Plan) -> Vec<&str> {
     plan.left_out.iter().map(|l| l.what.as_str()).collect()
 }
 
 #[test]
-fn unlit_static_scene_needs_nothing_but_positions() {
+fn an_unlit_static_scene_requests_positions_only() {
     let mut scene = Scene::ortho(4.0);
     scene.sun(-Vec3::Z, Vec3::ONE, 1.0);
     scene.snapshot.ambient_up = Vec3::ONE;
@@ -35,7 +35,7 @@ fn unlit_static_scene_needs_nothing_but_positions() {
     assert!(plan.lights.is_empty() && plan.joint_matrices.is_empty() && plan.morphs.is_empty());
     assert_eq!(plan.ambient_up, Vec3::ZERO);
     assert!(resources.textures.is_empty(), "nothing to upload");
-    let out = names(&plan);
+    let out = left_out_parts(&plan);
     for what in ["skinning", "morph targets", "normals, lights and ambient light", "alpha test"] {
         assert!(out.contains(&what), "{what} is missing in {out:?}");
     }
@@ -46,7 +46,7 @@ fn unlit_static_scene_needs_nothing_but_positions() {
 }
 
 #[test]
-fn lit_skinned_scene_takes_them_in() {
+fn a_lit_skinned_scene_requests_lighting_and_skinning() {
     let mut scene = Scene::ortho(4.0);
     scene.sun(-Vec3::Z, Vec3::ONE, 1.0);
     let a = skinned_asset(vec![quad(1.0, 1.0)], vec![matte(Vec4::ONE)]);
@@ -56,11 +56,11 @@ fn lit_skinned_scene_takes_them_in() {
     assert_eq!(f, Features::SKIN.with(Features::METALLIC_ROUGHNESS));
     assert_eq!(plan.lights.len(), 1);
     assert_eq!(plan.joint_matrices.len(), 2);
-    assert!(!names(&plan).contains(&"skinning"));
+    assert!(!left_out_parts(&plan).contains(&"skinning"));
 }
 
 #[test]
-fn equal_content_of_two_files_is_one_entry_and_one_draw() {
+fn equal_content_of_two_files_shares_resources_and_draws() {
     let make = || {
         let material = Material { base_color_texture: Some(texture(0)), ..unlit(Vec4::ONE) };
         asset(vec![quad(0.1, 0.1)], vec![material], vec![image(2, 2, |x, y| [x as u8, y as u8, 0, 255])])
@@ -79,7 +79,7 @@ fn equal_content_of_two_files_is_one_entry_and_one_draw() {
     assert_eq!(plan.draws[0].instance_count, 6);
     let (_, single) = scene.plan(&PlanOptions { no_instancing: true, ..options() });
     assert_eq!(single.draws.len(), 6);
-    // One different texel is another texture and another material, but the same shape.
+    // One different texel gives another texture and another material, but the same primitive.
     let other = asset(
         vec![quad(0.1, 0.1)],
         vec![Material { base_color_texture: Some(texture(0)), ..unlit(Vec4::ONE) }],
@@ -109,7 +109,7 @@ fn skinned_copies_share_one_draw_and_a_skin_is_computed_once_per_actor() {
 }
 
 #[test]
-fn a_thousand_copies_are_one_draw_and_those_outside_are_left_out() {
+fn a_thousand_copies_are_one_draw_and_culled_one_by_one() {
     let mut scene = Scene::ortho(4.0);
     let mut a = (*asset(vec![quad(0.1, 0.1)], vec![matte(Vec4::ONE)], vec![])).clone();
     let place = |i: u16| Vec3::new(f32::from(i % 40) * 0.3 - 6.0, f32::from(i / 40) * 0.15 - 1.8, 0.0);
@@ -117,18 +117,18 @@ fn a_thousand_copies_are_one_draw_and_those_outside_are_left_out() {
     let index = scene.at(&std::sync::Arc::new(a), 0.0, 0.0, 0.0);
     let (resources, plan) = scene.plan(&options());
     assert_eq!((resources.primitives.len(), plan.draws.len()), (1, 1));
-    // The view is 8 m wide: from -4 to 4, and a copy reaches 0.1 m.
+    // The view is 8 m wide, from −4 to 4, and a copy reaches 0.1 m beyond its center.
     let seen = (0..1000).filter(|i| place(*i).x.abs() < 4.1).count();
     assert_eq!((plan.draws[0].instance_count as usize, plan.instances.len()), (seen, seen));
     let said = plan.left_out.iter().find(|l| l.what == "primitives outside the view").unwrap();
-    assert_eq!(said.why, format!("{} of 1000 have their bounds outside the frustum", 1000 - seen));
-    // They move with their joint.
+    assert_eq!(said.why, format!("bounds outside the frustum: {} of 1000", 1000 - seen));
+    // Copies move with their joint.
     scene.snapshot.actors[index].model_from_joint[0].translation.x += 100.0;
     assert!(scene.plan(&options()).1.draws.is_empty());
 }
 
 #[test]
-fn an_animated_base_color_comes_with_the_copies() {
+fn an_animated_base_color_becomes_the_instance_tint() {
     use choreo_motion::{Clip, Interpolation, PropertyCurve, PropertyTarget, Time};
     let mut a = (*asset(vec![quad(1.0, 1.0)], vec![matte(Vec4::new(0.5, 0.0, 0.5, 1.0))], vec![])).clone();
     let curve = PropertyCurve {
@@ -145,7 +145,7 @@ fn an_animated_base_color_comes_with_the_copies() {
         let (resources, plan) = scene.plan(&options());
         (resources.materials[0].material.base_color, plan.instances[0].tint)
     };
-    // At rest the tint is the material's own color; with the clip it is the clip's color: green, though the material has none.
+    // At rest the tint is the material's color; with the clip it is the clip's color, which is green although the material has no green.
     assert_eq!(tint(&scene), (Vec4::ONE, Vec4::new(0.5, 0.0, 0.5, 1.0)));
     scene.snapshot.actors[index].base_colors = vec![Vec4::new(0.0, 1.0, 0.0, 1.0)];
     scene.snapshot.actors[index].tint = Vec4::new(1.0, 0.5, 1.0, 1.0);
@@ -153,7 +153,7 @@ fn an_animated_base_color_comes_with_the_copies() {
 }
 
 #[test]
-fn what_is_outside_the_view_is_left_out() {
+fn actors_outside_the_view_are_culled() {
     let mut scene = Scene::perspective(1.0, 5.0);
     let a = asset(vec![quad(0.5, 0.5)], vec![unlit(Vec4::ONE)], vec![]);
     scene.at(&a, 0.0, 0.0, 0.0);
@@ -162,7 +162,7 @@ fn what_is_outside_the_view_is_left_out() {
     }
     let (_, plan) = scene.plan(&options());
     assert_eq!(plan.instances.len(), 1);
-    assert!(plan.left_out.iter().any(|l| l.why == "4 of 5 have their bounds outside the frustum"));
+    assert!(plan.left_out.iter().any(|l| l.why == "bounds outside the frustum: 4 of 5"));
     let (_, all) = scene.plan(&PlanOptions { no_culling: true, ..options() });
     assert_eq!(all.instances.len(), 5);
 }
@@ -179,7 +179,7 @@ fn a_skinned_limb_that_reaches_into_view_is_drawn() {
 }
 
 #[test]
-fn a_morph_that_reaches_into_view_is_drawn_and_zero_weights_cost_nothing() {
+fn morph_targets_widen_bounds_and_zero_weights_request_nothing() {
     let mut scene = Scene::ortho(2.0);
     let mut p = quad(0.1, 0.1);
     p.morphs = vec![
@@ -200,7 +200,7 @@ fn a_morph_that_reaches_into_view_is_drawn_and_zero_weights_cost_nothing() {
 }
 
 #[test]
-fn opaque_then_mask_then_blend_back_to_front() {
+fn draws_are_opaque_then_masked_then_blended_back_to_front() {
     let mut scene = Scene::ortho(4.0);
     let blend = Material { alpha_mode: AlphaMode::Blend, ..unlit(Vec4::splat(0.5)) };
     let mask = Material { alpha_mode: AlphaMode::Mask(0.5), ..unlit(Vec4::ONE) };
@@ -233,7 +233,7 @@ fn a_see_through_tint_blends_and_a_mirror_flips_front_faces() {
 }
 
 #[test]
-fn ten_thousand_kilometres_away_the_plan_is_the_same() {
+fn the_plan_is_the_same_10000_km_from_the_origin() {
     let plan_at = |offset: DVec3| {
         let mut scene = Scene::perspective(1.0, 5.0);
         scene.snapshot.camera.world_from_view.translation += offset;
@@ -247,13 +247,13 @@ fn ten_thousand_kilometres_away_the_plan_is_the_same() {
 }
 
 #[test]
-fn force_all_puts_every_feature_in() {
+fn force_all_requests_every_additive_feature() {
     let mut scene = Scene::ortho(4.0);
     let a = asset(vec![quad(0.5, 0.5)], vec![matte(Vec4::ONE)], vec![]);
     scene.at(&a, 0.0, 0.0, 0.0);
     let (_, plan) = scene.plan(&PlanOptions { force_all: true, ..options() });
     let f = plan.draws[0].pipeline.features;
-    // All that metallic-roughness surfaces without layers can have, but for other ways of drawing, which are never forced in.
+    // Every feature of metallic-roughness surfaces without layers, except alternative ways of drawing, which are never forced in.
     let surface = [Features::SKIN, Features::SKIN_8, Features::MORPH, Features::VERTEX_COLOR, Features::UV0];
     let surface = surface.into_iter().chain([Features::UV1, Features::UV_TRANSFORM, Features::ALPHA_MASK]);
     let surface = surface.chain([Features::METALLIC_ROUGHNESS, Features::EMISSIVE, Features::LOCAL_LIGHTS]);

@@ -1,4 +1,4 @@
-//! Images larger than a device draws at once are the same as drawn whole: by a limit that is set, tile by tile.
+//! Images that are drawn in tiles equal those drawn whole; a test option limits the size of a tile.
 
 use crate::common::layered::{bulge, layered};
 use crate::common::*;
@@ -17,7 +17,7 @@ fn effects() -> Vec<Effect> {
     effects::named(&["fog", "fxaa", "bloom", "wireframe", "grid", "outline"])
 }
 
-/// A scene with something of everything, seen from the side, with a shadow and many lamps before a gradient.
+/// The busy scene seen from the side, with a shadow, many lamps and a background gradient.
 fn scene() -> Scene {
     let mut scene = busy_scene(DVec3::ZERO);
     scene.snapshot.camera.world_from_view =
@@ -40,19 +40,19 @@ fn scene() -> Scene {
     scene
 }
 
-fn with(uses: &[(&str, &[(&str, f64)])]) -> Scene {
+fn scene_with_effects(uses: &[(&str, &[(&str, f64)])]) -> Scene {
     let mut scene = scene();
     uses.iter().for_each(|(plugin, parameters)| use_effect(&mut scene, plugin, parameters, &[]));
     scene
 }
 
-fn differ(a: &Frame, b: &Frame) -> choreo_image_diff::Comparison {
+fn compare_frames(a: &Frame, b: &Frame) -> choreo_image_diff::Comparison {
     assert_eq!((a.width, a.height), (b.width, b.height));
     compare(a, b, 2).unwrap()
 }
 
 #[test]
-fn tiles_give_the_image_that_is_drawn_whole() {
+fn tiled_images_equal_images_drawn_whole() {
     let effects = effects();
     let given = || GpuOptions { effects: effects.clone(), ..GpuOptions::default() };
     let Some(mut whole) = vulkan(given()) else { return };
@@ -71,20 +71,27 @@ fn tiles_give_the_image_that_is_drawn_whole() {
         ("gradient, shadow, lamps", scene()),
         ("sky", under_a_sky),
         ("parallel rays, fog", parallel),
-        ("fog over the horizon", with(&[("fog", &[("density", 0.05), ("falloff", 0.2), ("sky", 0.0)])])),
-        ("bloom and fxaa", with(&[("bloom", &[("strength", 0.6)]), ("fxaa", &[])])),
-        ("lines and lattices", with(&[("wireframe", &[]), ("grid", &[("cell", 0.3), ("height", -1.0)])])),
-        ("outlines on the screen", with(&[("outline", &[])])),
+        (
+            "fog over the horizon",
+            scene_with_effects(&[("fog", &[("density", 0.05), ("falloff", 0.2), ("sky", 0.0)])]),
+        ),
+        ("bloom and fxaa", scene_with_effects(&[("bloom", &[("strength", 0.6)]), ("fxaa", &[])])),
+        (
+            "lines and lattices",
+            scene_with_effects(&[("wireframe", &[]), ("grid", &[("cell", 0.3), ("height", -1.0)])]),
+        ),
+        ("outlines on the screen", scene_with_effects(&[("outline", &[])])),
     ];
     for (i, (what, scene)) in scenes.iter().enumerate() {
         let samples = if i % 2 == 0 { 4 } else { 1 };
         let options = PlanOptions { effects: &effects, ..PlanOptions::new(SIZE, samples) };
-        let c = differ(&draw_with(&mut tiled, scene, &options), &draw_with(&mut whole, scene, &options));
+        let c =
+            compare_frames(&draw_with(&mut tiled, scene, &options), &draw_with(&mut whole, scene, &options));
         println!("{what}, {samples} samples: {c}");
-        // Where a corner is rounded otherwise, an edge may have another pixel; passes on the host have no 16-bit floats between.
+        // Vertices may be rounded differently, which moves edges by a pixel; passes on the host have no 16-bit intermediate images.
         assert!(c.mean < 0.1 && c.share_beyond < 2e-3, "{what}, {samples} samples: {c}");
     }
-    // Frames larger and smaller than the limit in turns; several in flight.
+    // Tiled and whole frames in turns, with several in flight.
     let (resources, large) = scenes[0].1.plan(&PlanOptions::new(SIZE, 1));
     let (_, small) = scenes[0].1.plan(&PlanOptions::new([60, 45], 1));
     tiled.load(resources).unwrap();
@@ -95,7 +102,7 @@ fn tiles_give_the_image_that_is_drawn_whole() {
 }
 
 #[test]
-fn a_misplaced_tile_shows() {
+fn the_comparison_finds_a_misplaced_tile() {
     let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
     let options = PlanOptions::new(SIZE, 1);
     let (resources, plan) = scene().plan(&options);
@@ -124,7 +131,7 @@ fn a_misplaced_tile_shows() {
 }
 
 #[test]
-fn what_tiles_cannot_show_is_reported() {
+fn features_that_tiles_do_not_support_are_reported() {
     let Some(mut tiled) = vulkan(GpuOptions { longest_side: Some(64), ..GpuOptions::default() }) else {
         return;
     };

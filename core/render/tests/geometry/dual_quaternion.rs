@@ -1,4 +1,4 @@
-//! Dual-quaternion skins: a twisted limb keeps its girth on both renderers, boxes hold what they should, and only who asks pays.
+//! Dual-quaternion skinning: a twisted limb keeps its width in both renderers, bounds contain all vertices, and other skins cost nothing.
 
 use crate::common::{draw as draw_cpu, *};
 use choreo_asset::*;
@@ -13,7 +13,7 @@ use choreo_stage::*;
 use glam::{Affine3A, DAffine3, DVec3, EulerRot, Quat, Vec3, Vec4};
 use std::f32::consts::PI;
 
-/// A tube about y from −1 to 1, radius 0.5, whose weights go from the lower joint to the upper one.
+/// A tube about y from −1 to 1, radius 0.5, whose weights blend from the lower joint to the upper one.
 fn tube(influences: usize) -> Primitive {
     let mut p = Primitive { influences, ..Primitive::default() };
     let (rings, around) = (41, 24);
@@ -25,7 +25,7 @@ fn tube(influences: usize) -> Primitive {
             p.positions.push(normal * 0.5 + Vec3::Y * (2.0 * s - 1.0));
             p.normals.push(normal);
             let (mut joints, mut weights) = (vec![0; influences], vec![0.0; influences]);
-            // The last slot counts as the first does; between lie some that weigh nothing.
+            // The first and the last influence have weights; those between have weight 0.
             (joints[0], weights[0]) = (0, 1.0 - s);
             (joints[influences - 1], weights[influences - 1]) = (1, s);
             p.joint_indices.extend(joints);
@@ -54,13 +54,13 @@ fn scene(influences: usize, upper: Affine3A, skinning: Skinning, world: DAffine3
     scene
 }
 
-fn lit(frame: &Frame, row: u32) -> usize {
+fn lit_pixels_of_row(frame: &Frame, row: u32) -> usize {
     (0..frame.width).filter(|x| pixel(frame, *x, row)[0] > 8).count()
 }
 
-/// For a tube turned by θ at one end, linear blending leaves cos(θ/2) of the girth halfway, dual quaternions all of it.
+/// In a tube turned by θ at one end, linear blending leaves cos(θ/2) of the width in the middle, dual quaternions all of it.
 #[test]
-fn a_twisted_tube_keeps_its_girth() {
+fn dual_quaternions_keep_the_width_of_a_twisted_tube() {
     let options = PlanOptions::new([201, 201], 1);
     let mut device = vulkan(GpuOptions::default());
     for influences in [4, 8] {
@@ -80,7 +80,7 @@ fn a_twisted_tube_keeps_its_girth() {
                     assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{skinning:?} {degrees}: {c}");
                 }
                 for frame in &frames {
-                    let got = lit(frame, 100) as f32;
+                    let got = lit_pixels_of_row(frame, 100) as f32;
                     assert!((got - width).abs() <= 2.0, "{skinning:?} {degrees}: {got}, must be {width}");
                 }
             }
@@ -88,9 +88,9 @@ fn a_twisted_tube_keeps_its_girth() {
     }
 }
 
-/// Stretched, mirrored and bent: both renderers draw what the f64 evaluation gives, which the image of the linear way does not.
+/// Stretched, mirrored and bent tubes: both renderers match the f64 evaluation, and linear skinning does not.
 #[test]
-fn stretched_and_mirrored_tubes_are_drawn_alike() {
+fn both_renderers_draw_the_same_stretched_and_mirrored_tubes() {
     let Some(mut device) = vulkan(GpuOptions::default()) else { return };
     let options = PlanOptions::new([160, 160], 4);
     let worlds = [
@@ -119,7 +119,7 @@ fn stretched_and_mirrored_tubes_are_drawn_alike() {
 }
 
 #[test]
-fn boxes_hold_every_vertex_and_are_not_much_larger() {
+fn dual_quaternion_bounds_contain_every_vertex_tightly() {
     let primitive = tube(4);
     let info = PrimitiveInfo::new(&primitive);
     let mut largest: f32 = 0.0;
@@ -157,7 +157,7 @@ fn boxes_hold_every_vertex_and_are_not_much_larger() {
 }
 
 #[test]
-fn only_who_asks_pays() {
+fn only_dual_quaternion_skins_request_the_feature() {
     let options = PlanOptions::new([64, 64], 1);
     let plan = |skinning| scene(4, Affine3A::IDENTITY, skinning, DAffine3::IDENTITY).plan(&options).1;
     let (linear, dual) = (plan(Skinning::Linear), plan(Skinning::DualQuaternion));

@@ -1,4 +1,4 @@
-//! Levels of detail: small copies are drawn coarser, with an error of at most a pixel, where that pays.
+//! Levels of detail: small copies are drawn at coarser levels with an error of at most a pixel, where that pays.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -13,13 +13,13 @@ const SIZE: [u32; 2] = [320, 180];
 
 const RADIUS: f32 = 0.4;
 
-/// A ball of 16 rings of quads.
+/// A sphere of 16 rings of quads.
 fn ball() -> Primitive {
     let n = 16;
     let (rows, columns) = (n + 1, 2 * n + 1);
     let at = |i: usize| {
         let a = (i / columns) as f32 / n as f32 * std::f32::consts::PI;
-        // The last column lies exactly on the first.
+        // The last column of vertices coincides with the first.
         let b = (i % columns % (2 * n)) as f32 / n as f32 * std::f32::consts::PI;
         Vec3::new(libm::sinf(a) * libm::cosf(b), libm::cosf(a), libm::sinf(a) * libm::sinf(b))
     };
@@ -39,7 +39,7 @@ fn ball() -> Primitive {
     }
 }
 
-/// So many balls, ten abreast, the rows going away from the camera.
+/// Balls in rows of ten, each row farther from the camera.
 fn crowd(count: usize) -> Scene {
     let mut scene = Scene::perspective(0.8, 3.0);
     scene.stage.settings.size = SIZE;
@@ -54,20 +54,20 @@ fn crowd(count: usize) -> Scene {
     scene
 }
 
-fn triangles(resources: &SceneResources, plan: &Plan) -> usize {
+fn triangle_count(resources: &SceneResources, plan: &Plan) -> usize {
     let of = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
     plan.draws.iter().map(|d| of(d.primitive) * d.instance_count as usize).sum()
 }
 
-fn image(resources: &Arc<SceneResources>, plan: &Plan) -> Vec<u8> {
+fn draw_plan(resources: &Arc<SceneResources>, plan: &Plan) -> Vec<u8> {
     let mut renderer = CpuRenderer::new(&[]);
     renderer.load(resources.clone()).unwrap();
     renderer.submit(plan.clone()).unwrap();
     renderer.collect(None).unwrap().rgba
 }
 
-/// Pixels of b that differ from a, more than a pixel away from any edge in a.
-fn far_off(a: &[u8], b: &[u8]) -> usize {
+/// Number of pixels of `b` that differ from `a` and are more than a pixel away from any edge in `a`.
+fn differing_pixels_off_edges(a: &[u8], b: &[u8]) -> usize {
     let [w, h] = SIZE.map(|n| n as i32);
     let of = |p: &[u8], x: i32, y: i32| p[4 * (y * w + x) as usize];
     let pixels = (0..h).flat_map(|y| (0..w).map(move |x| (x, y)));
@@ -80,12 +80,12 @@ fn far_off(a: &[u8], b: &[u8]) -> usize {
 }
 
 #[test]
-fn copies_of_a_crowd_are_coarser_the_smaller_they_are() {
+fn smaller_copies_of_a_crowd_get_coarser_levels() {
     let scene = crowd(200);
     let options = PlanOptions::new(SIZE, 1);
     let (resources, plan) = scene.plan(&options);
     let (_, full) = scene.plan(&PlanOptions { full_detail: true, ..options.clone() });
-    let (few, all) = (triangles(&resources, &plan), triangles(&resources, &full));
+    let (few, all) = (triangle_count(&resources, &plan), triangle_count(&resources, &full));
     println!(
         "{few} triangles instead of {all}, in {} draws instead of {}",
         plan.draws.len(),
@@ -104,21 +104,21 @@ fn copies_of_a_crowd_are_coarser_the_smaller_they_are() {
     draws.sort_by_key(|d| d.0);
     assert!(draws.len() >= 2 && draws.windows(2).all(|d| d[0].1.1 <= d[1].1.0 + 1.0), "{draws:?}");
 
-    let (a, b) = (image(&resources, &full), image(&resources, &plan));
+    let (a, b) = (draw_plan(&resources, &full), draw_plan(&resources, &plan));
     assert!(a != b, "coarser balls are not the same to the last pixel");
-    assert_eq!(far_off(&a, &b), 0, "pixels off by more than one");
-    // All by the coarsest, the comparison fails.
+    assert_eq!(differing_pixels_off_edges(&a, &b), 0, "pixels off by more than one");
+    // The comparison fails if all copies are drawn at the coarsest level.
     let mut wrong = (*resources).clone();
     wrong.assets[0].levels.iter_mut().for_each(|level| level.error = 0.0);
     let plan = Plan::new(&wrong, &scene.stage, &scene.snapshot, &options);
-    assert!(far_off(&a, &image(&Arc::new(wrong), &plan)) > 0);
+    assert!(differing_pixels_off_edges(&a, &draw_plan(&Arc::new(wrong), &plan)) > 0);
 }
 
-/// So small that all copies have triangles smaller than pixels.
+/// Image size at which all copies have triangles smaller than pixels.
 const SMALL: [u32; 2] = [96, 54];
 
-/// A stage whose copies are in view and small for so many images in all.
-fn seen(images: f64, count: usize) -> Scene {
+/// A stage whose copies are drawn small `images` times in all, summed over all frames.
+fn crowd_seen_small(images: f64, count: usize) -> Scene {
     let mut scene = crowd(count);
     scene.stage.settings.size = SMALL;
     scene.stage.cameras[0].rig =
@@ -129,27 +129,30 @@ fn seen(images: f64, count: usize) -> Scene {
 }
 
 #[test]
-fn levels_are_made_where_they_pay_and_only_there() {
+fn levels_of_detail_are_made_only_where_they_pay() {
     let levels = |scene: &Scene| scene.resources().assets[0].levels.len();
     for count in [1, 10, 50] {
-        assert_eq!(levels(&seen(0.9 * PAYS_FROM, count)), 0, "{count}");
-        assert!(levels(&seen(1.1 * PAYS_FROM, count)) > 1, "{count}: by images and not by copies");
+        assert_eq!(levels(&crowd_seen_small(0.9 * PAYS_FROM, count)), 0, "{count}");
+        assert!(
+            levels(&crowd_seen_small(1.1 * PAYS_FROM, count)) > 1,
+            "{count}: by images and not by copies"
+        );
     }
-    let scene = seen(2.0 * PAYS_FROM, 50);
-    // Near ones need all their triangles.
-    let mut near = seen(2.0 * PAYS_FROM, 50);
+    let scene = crowd_seen_small(2.0 * PAYS_FROM, 50);
+    // Near copies need all triangles.
+    let mut near = crowd_seen_small(2.0 * PAYS_FROM, 50);
     near.stage.settings.size = [4000, 2250];
     assert_eq!(levels(&near), 0);
-    let mut off = seen(2.0 * PAYS_FROM, 50);
+    let mut off = crowd_seen_small(2.0 * PAYS_FROM, 50);
     off.stage.settings.levels_of_detail = false;
     assert_eq!(levels(&off), 0);
-    // Resources made after others take the levels from there.
+    // Resources built after others reuse their levels.
     let first = scene.resources();
     let next = SceneResources::after(&first, &scene.stage);
     assert_eq!(first.assets[0].levels, next.assets[0].levels);
     let level = first.assets[0].levels[0].primitives[0][0].unwrap() as usize;
     assert!(Arc::ptr_eq(&first.primitives[level].mesh, &next.primitives[level].mesh));
-    // Without them the plan says what would be.
+    // Without levels, the plan reports where they would be used.
     let without = SceneResources::without_levels(&scene.stage);
     let snapshot = scene.stage.at(Time::ZERO).unwrap();
     let plan = Plan::new(&without, &scene.stage, &snapshot, &PlanOptions::new(SMALL, 1));
@@ -158,8 +161,8 @@ fn levels_are_made_where_they_pay_and_only_there() {
     assert!(without.primitives.len() == 1 && plan.draws.iter().all(|d| d.primitive == 0));
 }
 
-/// How deep the triangles of a ball are below its surface at most: the deepest place of one lies before its middle.
-fn depth_of(ball: &Primitive) -> f32 {
+/// Largest depth of the triangles of a ball below its surface, at their centers.
+fn largest_depth(ball: &Primitive) -> f32 {
     let depths = ball.indices.chunks_exact(3).map(|t| {
         let [a, b, c] = [t[0], t[1], t[2]].map(|i| ball.positions[i as usize]);
         RADIUS - (a + b + c).length() / 3.0
@@ -168,7 +171,7 @@ fn depth_of(ball: &Primitive) -> f32 {
 }
 
 #[test]
-fn levels_are_off_by_what_they_say_and_keep_what_vertices_have() {
+fn levels_of_detail_have_their_stated_error_and_keep_attributes() {
     let scene = crowd(100);
     let resources = scene.resources();
     let levels = &resources.assets[0].levels;
@@ -178,7 +181,7 @@ fn levels_are_off_by_what_they_say_and_keep_what_vertices_have() {
     for level in levels {
         let coarse = resources.primitives[level.primitives[0][0].unwrap() as usize].primitive();
         let triangles = coarse.indices.len() / 3;
-        let depth = depth_of(coarse) - depth_of(&fine);
+        let depth = largest_depth(coarse) - largest_depth(&fine);
         println!("{triangles} triangles, {} m stated, {depth} m deep", level.error);
         assert!(
             4 * triangles <= 3 * before && level.error > error,

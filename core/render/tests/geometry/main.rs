@@ -1,4 +1,4 @@
-//! Vertices that move, and those that are drawn.
+//! Deformation of vertices, levels of detail, and culling.
 
 #[path = "../common/mod.rs"]
 mod common;

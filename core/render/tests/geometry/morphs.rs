@@ -1,4 +1,4 @@
-//! Morph targets cost what they move: bytes, and vertices that look at them.
+//! Morph buffers: their size depends on the number of vertices that the targets move.
 
 use choreo_asset::{MorphTarget, Primitive};
 use choreo_plugin::{Files, ImportOptions, ImportScope, Importer, Source};
@@ -8,14 +8,14 @@ use glam::{Vec3, Vec3Swizzles};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A strip of 10,000 vertices, each at a place of its own, of which each target moves some.
+/// A strip of 10,000 vertices at distinct positions, of which each target moves some.
 fn strip(targets: &[&[(usize, Vec3)]]) -> Primitive {
     let count = 10_000;
     let positions: Vec<Vec3> = (0..count).map(|i| Vec3::new(i as f32, (i % 2) as f32, 0.0)).collect();
     let target = |moves: &&[(usize, Vec3)]| {
         let mut positions = vec![Vec3::ZERO; count];
         moves.iter().for_each(|(i, by)| positions[*i] = *by);
-        // Its normals turn where its places move; it has none of tangents.
+        // The target changes normals with positions, and has no tangents.
         MorphTarget { normals: positions.iter().map(|p| p.yzx()).collect(), positions, tangents: Vec::new() }
     };
     Primitive {
@@ -31,8 +31,8 @@ fn words(bytes: &[u8]) -> Vec<[u32; 4]> {
     bytemuck::pod_collect_to_vec(bytes)
 }
 
-/// The offsets that the shader adds for a target to each vertex of the buffer, by the text of pose.wgsl.
-fn added(words: &[[u32; 4]], target: usize, vertices: usize, list: u32) -> Vec<Vec3> {
+/// The offsets that a target adds to each vertex, computed as pose.wgsl does.
+fn offsets_of_target(words: &[[u32; 4]], target: usize, vertices: usize, list: u32) -> Vec<Vec3> {
     let [first, count, begin, _] = words[target];
     let of = |index: u32| {
         let own = index.wrapping_sub(first);
@@ -45,15 +45,15 @@ fn added(words: &[[u32; 4]], target: usize, vertices: usize, list: u32) -> Vec<V
     (0..vertices as u32).map(of).collect()
 }
 
-fn check(p: &Primitive, bytes: &[u8]) {
+fn check_offsets(p: &Primitive, bytes: &[u8]) {
     let layout = VertexLayout(0b11);
     let packed = pack(p, &p.indices, layout);
     let stride = layout.attributes().1 as usize;
     for (t, target) in p.morphs.iter().enumerate() {
         for (list, truth) in [&target.positions, &target.normals].into_iter().enumerate() {
-            let got = added(&words(bytes), t, packed.vertex_count as usize, list as u32);
+            let got = offsets_of_target(&words(bytes), t, packed.vertex_count as usize, list as u32);
             for (at, vertex) in packed.vertices.chunks_exact(stride).enumerate() {
-                // Where it stands tells which it is.
+                // The position identifies the vertex.
                 let x: f32 = bytemuck::pod_read_unaligned(&vertex[..4]);
                 assert_eq!(got[at], truth[x as usize], "target {t}, list {list}, vertex {x}");
             }
@@ -62,29 +62,29 @@ fn check(p: &Primitive, bytes: &[u8]) {
 }
 
 #[test]
-fn three_vertices_that_move_cost_three() {
+fn morph_buffers_hold_only_morphed_vertices() {
     let by = Vec3::new(0.0, 1.0, 2.0);
     let p = strip(&[&[(17, by), (5_000, -by), (9_998, by)], &[], &[(5_000, by)]]);
     let bytes = pack_morphs(&p, &p.indices, VertexLayout(0b11));
-    // A word for each target; places and normals of three, none and one.
+    // A word for each target; positions and normals of three, no and one vertex.
     assert_eq!(bytes.len(), 16 * (3 + 2 * (3 + 1)));
     assert_eq!(morphed_vertices(&p), 3);
-    check(&p, &bytes);
-    // Places alone.
+    check_offsets(&p, &bytes);
+    // Positions only.
     assert_eq!(pack_morphs(&p, &p.indices, VertexLayout(0b1)).len(), 16 * (3 + 3 + 1));
-    // The ranges in the file's order of vertices: from the first to the last that is morphed.
+    // Ranges in the file's order of vertices, from the first to the last morphed one.
     let every: Vec<u32> = (0..10_000).collect();
     assert_eq!(morphed_ranges(&p, &every), [17..9_999, 0..0, 5_000..5_001]);
 }
 
 #[test]
-fn targets_that_share_vertices_and_numbers_that_are_none() {
+fn overlapping_and_non_finite_morph_targets_are_packed_exactly() {
     let by = Vec3::X;
     let some: Vec<(usize, Vec3)> = (100..300).map(|i| (i, by * i as f32)).collect();
     let other: Vec<(usize, Vec3)> = (250..900).step_by(3).map(|i| (i, by)).collect();
     let p = strip(&[&some, &other, &[(0, Vec3::INFINITY)]]);
     let bytes = pack_morphs(&p, &p.indices, VertexLayout(0b11));
-    check(&p, &bytes);
+    check_offsets(&p, &bytes);
     let dense = 16 * 3 * 2 * 10_000;
     assert!(bytes.len() < dense / 40, "{}", bytes.len());
     let nan = strip(&[&[(3, Vec3::NAN)]]);
@@ -93,12 +93,12 @@ fn targets_that_share_vertices_and_numbers_that_are_none() {
 
 #[test]
 #[should_panic(expected = "target 0, list 0, vertex 17")]
-fn a_vertex_that_is_left_out_is_found() {
+fn the_check_finds_a_missing_morphed_vertex() {
     let p = strip(&[&[(17, Vec3::Y), (40, Vec3::Y)]]);
     let mut words = words(&pack_morphs(&p, &p.indices, VertexLayout(0b11)));
     words[0][0] += 1;
     words[0][1] -= 1;
-    check(&p, bytemuck::cast_slice(&words));
+    check_offsets(&p, bytemuck::cast_slice(&words));
 }
 
 struct Alone;
@@ -109,9 +109,9 @@ impl Files for Alone {
     }
 }
 
-/// Faces of real files: how much of what dense targets take is kept, and how much moves.
+/// Faces of sample files: the share of the dense buffers' size that is kept, and the share of vertices that move.
 #[test]
-fn faces_of_files_cost_less() {
+fn morph_buffers_of_sample_faces_are_smaller_than_dense_ones() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets");
     let root = std::env::var_os("CHOREO_ASSETS").map_or(root, PathBuf::from);
     let files = [
@@ -141,7 +141,7 @@ fn faces_of_files_cost_less() {
             kept += bytes.len() / 16 - p.morphs.len();
             let words = words(&bytes);
             for target in 0..p.morphs.len() {
-                let [places, normals] = [0, 1].map(|list| added(&words, target, vertices, list));
+                let [places, normals] = [0, 1].map(|list| offsets_of_target(&words, target, vertices, list));
                 moving += 2 * places
                     .iter()
                     .zip(normals)

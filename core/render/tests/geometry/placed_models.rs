@@ -1,4 +1,4 @@
-//! Models that a file places several times: one set of skin matrices, and the image, bounds and shadows of as many actors.
+//! Models that a file places several times: they share one set of skin matrices, and have the image, bounds and shadows of separate actors.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -11,8 +11,8 @@ use choreo_stage::*;
 use glam::{Affine3A, DAffine3, DQuat, DVec3, EulerRot, Quat, Vec3, Vec4};
 use std::sync::Arc;
 
-/// A beam about y whose upper part hangs on a second joint, and a hat on that joint without a skin.
-fn body() -> Asset {
+/// A beam along y whose upper part is bound to a second joint, and a rigid hat on that joint.
+fn beam_with_hat() -> Asset {
     let mut beam = Primitive::default();
     for (at, normal) in [(0.0f32, Vec3::Z), (1.0, Vec3::X), (2.0, Vec3::NEG_Z), (3.0, Vec3::NEG_X)] {
         let turn = Quat::from_rotation_y(at * std::f32::consts::FRAC_PI_2);
@@ -50,9 +50,9 @@ fn scene(as_one: bool, skinning: Skinning, upper: Affine3A) -> Scene {
     let world = DAffine3::from_rotation_z(0.1);
     let wide = |a: &Affine3A| DAffine3::from_cols_array(&a.to_cols_array().map(f64::from));
     if as_one {
-        scene.add(&Arc::new(Asset { placements: places().into(), ..body() }), world);
+        scene.add(&Arc::new(Asset { placements: places().into(), ..beam_with_hat() }), world);
     } else {
-        let asset = Arc::new(body());
+        let asset = Arc::new(beam_with_hat());
         for place in &places() {
             scene.add(&asset, world * wide(place));
         }
@@ -63,11 +63,11 @@ fn scene(as_one: bool, skinning: Skinning, upper: Affine3A) -> Scene {
     scene
 }
 
-fn bent() -> Affine3A {
+fn bent_joint() -> Affine3A {
     Affine3A::from_rotation_translation(Quat::from_rotation_z(0.7), Vec3::new(0.1, 0.0, 0.05))
 }
 
-fn cpu_and_gpu(device: &mut Option<VulkanRenderer>, scene: &Scene, options: &PlanOptions) -> Vec<Frame> {
+fn draw_on_both(device: &mut Option<VulkanRenderer>, scene: &Scene, options: &PlanOptions) -> Vec<Frame> {
     let mut frames = vec![draw(scene, options)];
     if let Some(device) = device {
         let (resources, plan) = scene.plan(options);
@@ -79,20 +79,20 @@ fn cpu_and_gpu(device: &mut Option<VulkanRenderer>, scene: &Scene, options: &Pla
 }
 
 #[test]
-fn placed_models_look_like_as_many_actors() {
+fn one_model_at_many_places_looks_like_many_actors() {
     let mut device = vulkan(GpuOptions::default());
     for skinning in [Skinning::Linear, Skinning::DualQuaternion] {
         let options = PlanOptions::new([160, 160], 4);
         let forced = PlanOptions { force_all: true, no_culling: true, ..PlanOptions::new([160, 160], 4) };
-        let casts = draw(&scene(false, skinning, bent()), &options);
-        let one = scene(true, skinning, bent());
+        let casts = draw(&scene(false, skinning, bent_joint()), &options);
+        let one = scene(true, skinning, bent_joint());
         for options in [&options, &forced] {
-            for frame in cpu_and_gpu(&mut device, &one, options) {
+            for frame in draw_on_both(&mut device, &one, options) {
                 let c = compare(&casts, &frame, 2).unwrap();
                 assert!(c.mean < 0.1 && c.share_beyond < 0.004, "{skinning:?}: {c}");
             }
         }
-        // The comparison sees another pose, and a place that is missing.
+        // The comparison finds another pose, and a missing placement.
         let other = draw(&scene(true, skinning, Affine3A::IDENTITY), &options);
         assert!(compare(&casts, &other, 2).unwrap().share_beyond > 0.02);
         let mut fewer = one;
@@ -102,11 +102,11 @@ fn placed_models_look_like_as_many_actors() {
 }
 
 #[test]
-fn a_thousand_pay_one_pose_and_those_outside_nothing() {
+fn a_thousand_placements_share_one_skin_and_are_culled_one_by_one() {
     let options = PlanOptions { full_detail: true, ..PlanOptions::new([64, 64], 1) };
     let at = |i: u16| Vec3::new(f32::from(i % 40) * 0.5 - 9.8, f32::from(i / 40) * 0.1 - 1.2, 0.0);
     let crowd = |count: u16| {
-        let mut body = body();
+        let mut body = beam_with_hat();
         body.instances.truncate(1);
         body.placements = (0..count).map(|i| Affine3A::from_translation(at(i))).collect();
         let mut scene = Scene::ortho(4.0);
@@ -118,7 +118,7 @@ fn a_thousand_pay_one_pose_and_those_outside_nothing() {
     assert_eq!((plan.joint_matrices.len(), plan.draws.len()), (2, 1), "one pose and one draw");
     let features = plan.draws[0].pipeline.features;
     assert!(features.has(Features::SKIN.with(Features::SKIN_INSTANCED)));
-    // The view reaches 2 m to each side, and a body 0.2 m.
+    // The view reaches 2 m to each side, and a model 0.2 m.
     let seen = (0..1000).filter(|i| at(*i).x.abs() < 2.2).count();
     assert_eq!(plan.instances.len(), seen);
     assert!(plan.instances.iter().all(|i| i.first_joint == 0));
@@ -130,8 +130,8 @@ fn a_thousand_pay_one_pose_and_those_outside_nothing() {
 }
 
 #[test]
-fn far_ones_of_a_crowd_are_coarser() {
-    // A round body, so that there is something to leave out.
+fn far_placements_get_coarser_levels() {
+    // A sphere, which can be simplified.
     let mut ball = Primitive::default();
     let (rings, around) = (24u32, 32u32);
     for ring in 0..=rings {

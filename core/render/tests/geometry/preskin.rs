@@ -1,5 +1,5 @@
 //! Pre-skinning: the compute pass gives the image of the vertex shader for everything that deforms vertices; when it is used, and
-//! when it is not.
+//! when not.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -14,7 +14,7 @@ use glam::{Affine3A, DAffine3, DVec3, EulerRot, Quat, Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-/// How vertices are posed.
+/// The deformations of a tube.
 #[derive(Clone, Copy, Debug)]
 struct Way {
     influences: usize,
@@ -31,7 +31,7 @@ const WAYS: [Way; 6] = [
     Way { influences: 4, skinning: Skinning::Linear, morphs: true },
 ];
 
-/// A closed tube about y from −1 to 1, whose weights go from the lower joint to the upper one, with all that a normal map needs.
+/// A closed tube about y from −1 to 1, whose weights blend from the lower joint to the upper one, with texture coordinates and tangents.
 fn tube(way: Way) -> Primitive {
     let mut p = Primitive { influences: way.influences, material: Some(0), ..Primitive::default() };
     let (rings, around) = (21, 24);
@@ -70,7 +70,7 @@ fn tube(way: Way) -> Primitive {
     p
 }
 
-/// Three tubes in different poses over a floor, in a sun and a lamp that cast shadows.
+/// Three tubes in different poses over a floor, under a sun and a lamp that cast shadows.
 fn scene(way: Way) -> Scene {
     let mut scene = Scene::perspective(0.9, 6.0);
     let rough = image(8, 8, |x, y| [128 + (x * 9 % 40) as u8, 128 + (y * 7 % 30) as u8, 240, 255]);
@@ -124,7 +124,7 @@ fn effects() -> Vec<Effect> {
     effects::named(&["outline"])
 }
 
-fn with(mut scene: Scene, skin_once: SkinOnce) -> Scene {
+fn with_skin_once(mut scene: Scene, skin_once: SkinOnce) -> Scene {
     scene.stage.settings.skin_once = skin_once;
     scene
 }
@@ -140,22 +140,22 @@ fn record_of(
     (resources, plan, recording)
 }
 
-/// Both draw the same f32 formulas from the same 16-bit normals and weights; fetched by the device in one, unpacked in the
-/// other, they may differ in their last bit, and a pixel on an edge with them.
+/// Both use the same f32 formulas on the same 16-bit normals and weights, which the device fetches in one and a shader unpacks in the
+/// other, so the last bit may differ, and with it a pixel on an edge.
 fn assert_same(a: &Frame, b: &Frame, what: &str) {
     let c = compare(a, b, 2).unwrap();
     assert!(c.mean < 0.01 && c.share_beyond < 5e-4, "{what}: {c}");
 }
 
 #[test]
-fn pre_skinning_and_skinning_by_every_pass_give_one_image() {
+fn pre_skinning_and_vertex_shader_skinning_draw_the_same() {
     let Some(mut device) = vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() }) else { return };
     let effects = effects();
     for way in WAYS {
         for (samples, outlined) in [(1, false), (4, true)] {
             let options = PlanOptions { effects: &effects, ..PlanOptions::new([200, 150], samples) };
             let scene = |once| {
-                let mut scene = with(scene(way), once);
+                let mut scene = with_skin_once(scene(way), once);
                 if outlined {
                     use_effect(&mut scene, "outline", &[], &[0]);
                 }
@@ -165,18 +165,18 @@ fn pre_skinning_and_skinning_by_every_pass_give_one_image() {
             let by_each = draw_with(&mut device, &scene(SkinOnce::Never), &options);
             assert_eq!(device.last_recording().unwrap().counts().preskinned, 0, "{what}");
             let once = draw_with(&mut device, &scene(SkinOnce::Always), &options);
-            // Hulls have normals of their own.
+            // Outline hulls have their own normals.
             let bodies = if outlined { 4 } else { 3 };
             assert_eq!(device.last_recording().unwrap().counts().preskinned, bodies, "{what}");
             assert_same(&by_each, &once, &what);
-            // A pose a little beside it is told.
+            // The comparison finds a slightly different pose.
             let mut moved = scene(SkinOnce::Always);
             let state = &mut moved.snapshot.actors[1];
             state.world_from_model.translation.x += 0.02;
             let moved = draw_with(&mut device, &moved, &options);
             let c = compare(&by_each, &moved, 2).unwrap();
             assert!(c.mean > 0.05, "{what}: a moved body is not told: {c}");
-            // The CPU's twin, once and by every pass: the same bits.
+            // The CPU reference gives the same bits with and without pre-skinning.
             let cpu = draw(&scene(SkinOnce::Auto), &options);
             assert!(cpu == draw(&scene(SkinOnce::Never), &options), "{what}");
             let c = compare(&cpu, &once, 3).unwrap();
@@ -185,13 +185,13 @@ fn pre_skinning_and_skinning_by_every_pass_give_one_image() {
     }
 }
 
-/// Frames in flight have vertices of their own, and buffers grow and are used again.
+/// Each frame in flight has its own pre-skinned vertices; buffers grow and are reused.
 #[test]
-fn poses_of_frames_in_flight_do_not_meet() {
+fn frames_in_flight_have_their_own_pre_skinned_vertices() {
     let Some(mut device) = vulkan(GpuOptions::default()) else { return };
     let options = PlanOptions::new([120, 90], 1);
     let at = |i: usize| {
-        let mut scene = with(scene(WAYS[0]), SkinOnce::Always);
+        let mut scene = with_skin_once(scene(WAYS[0]), SkinOnce::Always);
         let keep = if i.is_multiple_of(3) { 3 } else { 1 };
         for (a, state) in scene.snapshot.actors.iter_mut().take(3).enumerate() {
             state.visible = a < keep;
@@ -216,25 +216,25 @@ fn poses_of_frames_in_flight_do_not_meet() {
 }
 
 #[test]
-fn only_what_is_drawn_more_than_once_is_posed_once() {
+fn only_meshes_drawn_several_times_are_pre_skinned() {
     let options = PlanOptions::new([200, 150], 1);
     let of = |once, lights: usize, device| {
-        let mut scene = with(scene(WAYS[0]), once);
+        let mut scene = with_skin_once(scene(WAYS[0]), once);
         scene.snapshot.lights.truncate(1);
         let sun = scene.snapshot.lights[0];
         scene.snapshot.lights.resize(lights, sun);
         record_of(&scene, &options, device)
     };
     let gpu = RecordOptions::default();
-    // No shadows: one pass.
+    // Without shadows there is one pass.
     let (_, plan, recording) = of(SkinOnce::Auto, 0, gpu);
     assert_eq!((recording.counts().preskinned, recording.preskinned.len()), (0, 0));
     assert!(recording.left_out(&plan).unwrap().why.starts_with("no mesh is drawn often enough"));
-    // A sun: two or more, and not enough.
+    // A sun adds passes, but too few for pre-skinning to pay.
     let (_, plan, recording) = of(SkinOnce::Auto, 1, gpu);
     assert_eq!(recording.counts().preskinned, 0);
     assert!(recording.left_out(&plan).is_some());
-    // Maps of six suns.
+    // Six suns with shadow maps.
     assert_eq!(of(SkinOnce::Auto, 6, gpu).2.counts().preskinned, 3);
     let (resources, plan, recording) = of(SkinOnce::Always, 1, gpu);
     assert_eq!(recording.counts().preskinned, 3);
@@ -258,13 +258,13 @@ fn only_what_is_drawn_more_than_once_is_posed_once() {
     }
 }
 
-/// A device without it draws the same.
+/// A device without compute draws the same.
 #[test]
-fn a_device_that_cannot_compute_poses_by_every_pass() {
+fn devices_without_compute_skin_in_the_vertex_shader() {
     let without = vec![vulkan::Ability::Compute];
     let Some(mut device) = vulkan(GpuOptions { without, ..GpuOptions::default() }) else { return };
     let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
-    let (scene, options) = (with(scene(WAYS[2]), SkinOnce::Always), PlanOptions::new([120, 90], 1));
+    let (scene, options) = (with_skin_once(scene(WAYS[2]), SkinOnce::Always), PlanOptions::new([120, 90], 1));
     let by_each = draw_with(&mut device, &scene, &options);
     assert_eq!(device.last_recording().unwrap().counts().preskinned, 0);
     let once = draw_with(&mut whole, &scene, &options);
@@ -272,11 +272,11 @@ fn a_device_that_cannot_compute_poses_by_every_pass() {
     assert_same(&by_each, &once, "without compute");
 }
 
-/// Vertices, or the mesh that they are made from, are more than the device binds at once.
+/// The output vertices or the source mesh exceed the device's limit of a bound buffer.
 #[test]
-fn what_cannot_be_bound_is_posed_by_every_pass() {
+fn meshes_beyond_the_buffer_limit_are_skinned_in_the_vertex_shader() {
     let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
-    let (scene, options) = (with(scene(WAYS[0]), SkinOnce::Always), PlanOptions::new([120, 90], 1));
+    let (scene, options) = (with_skin_once(scene(WAYS[0]), SkinOnce::Always), PlanOptions::new([120, 90], 1));
     let once = draw_with(&mut whole, &scene, &options);
     let (resources, plan) = scene.plan(&options);
     let bytes = whole.last_recording().unwrap().preskinned_bytes(&resources) as u32;

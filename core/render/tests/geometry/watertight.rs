@@ -16,7 +16,7 @@ fn two_sided(color: Vec4) -> Material {
     Material { double_sided: true, ..matte(color) }
 }
 
-/// A box of these half sizes with flat faces, without those of its six faces that are named.
+/// A box with flat faces, without the faces whose indices are in `without`.
 fn crate_of(half: Vec3, without: &[usize]) -> Primitive {
     let mut p = Primitive { material: Some(0), ..Primitive::default() };
     for face in (0..6).filter(|face| !without.contains(face)) {
@@ -36,7 +36,7 @@ fn crate_of(half: Vec3, without: &[usize]) -> Primitive {
     p
 }
 
-/// A closed box, one without its top and front, and one that mirrors, under a sun with shadows.
+/// A closed box, a box without top and front that holds a closed one, and a mirrored box, under a sun with shadows.
 fn boxes() -> Scene {
     let mut scene = Scene::perspective(0.8, 6.0);
     let closed = asset(vec![crate_of(Vec3::splat(0.5), &[])], vec![two_sided(Vec4::ONE)], vec![]);
@@ -83,7 +83,7 @@ fn back_faces_of_watertight_meshes_are_culled() {
     assert!(plan.shadow_draws().all(|d| d.watertight == 36));
     let said = plan.left_out.iter().find(|l| l.what == "back faces of watertight meshes").unwrap();
     assert!(said.why.starts_with("36 triangles"), "{said:?}");
-    // Front faces of the closed ones; both of the eight triangles that are open, once in the map and once in the image.
+    // Front faces of the closed boxes, and both faces of the eight open triangles, once in the map and once in the image.
     let triangles = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);
     let mut cull = None;
@@ -103,7 +103,7 @@ fn back_faces_of_watertight_meshes_are_culled() {
 }
 
 #[test]
-fn who_may_see_the_inside_does() {
+fn back_faces_are_drawn_where_the_inside_may_be_visible() {
     let closed = |scene: &Scene| scene.plan(&PlanOptions::new(SIZE, 1)).1.draws[0].watertight;
     let alone = |material: Material, primitive: Primitive| {
         let mut scene = Scene::perspective(0.8, 6.0);
@@ -113,7 +113,7 @@ fn who_may_see_the_inside_does() {
     let cube = || crate_of(Vec3::splat(0.5), &[]);
     let mut scene = alone(two_sided(Vec4::ONE), cube());
     assert_eq!(closed(&scene), 36);
-    // The near plane cuts it, 0.1 m before a camera 0.55 m from its middle; and the camera stands in it.
+    // The near plane, 0.1 m in front of the camera, cuts a box whose center is 0.55 m away; and the camera is inside a box.
     for z in [0.55, 0.2] {
         scene.snapshot.camera.world_from_view.translation.z = z;
         assert_eq!(closed(&scene), 0, "{z}");
@@ -124,14 +124,14 @@ fn who_may_see_the_inside_does() {
     assert_eq!(closed(&alone(glassy, cube())), 0);
     assert_eq!(closed(&alone(matte(Vec4::ONE), cube())), 0, "one side is drawn as it is");
     assert_eq!(closed(&alone(two_sided(Vec4::ONE), crate_of(Vec3::splat(0.5), &[2]))), 0);
-    // A joint that mirrors what its neighbour does not.
+    // One joint mirrors and its neighbor does not.
     let mut skin = Scene::perspective(0.8, 6.0);
     let weld = skinned_asset(vec![cube()], vec![two_sided(Vec4::ONE)]);
     skin.at(&weld, 0.0, 0.0, 0.0);
     assert_eq!(closed(&skin), 36);
     skin.snapshot.actors[0].model_from_joint[1] *= glam::Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0));
     assert_eq!(closed(&skin), 0);
-    // A lamp in a box lights nothing outside, so that its walls are drawn into the map.
+    // The walls around a lamp inside a box must be drawn into the shadow map, so that no light leaks out.
     let mut lamp = boxes();
     lamp.snapshot.lights[0].shadow = None;
     let light = Light { kind: LightKind::Point, color: Vec3::ONE, intensity: 5.0, range: None };
@@ -146,7 +146,7 @@ fn who_may_see_the_inside_does() {
 }
 
 #[test]
-fn vulkan_draws_the_same_without_them() {
+fn vulkan_draws_the_same_without_back_faces() {
     let Some(mut renderer) = vulkan(GpuOptions::default()) else { return };
     for samples in [1, 4] {
         let (resources, plan) = boxes().plan(&PlanOptions::new(SIZE, samples));
@@ -155,7 +155,7 @@ fn vulkan_draws_the_same_without_them() {
         both.draws.iter_mut().chain(views).for_each(|d| d.watertight = 0);
         let front = draw_plan(&mut renderer, &resources, plan.clone());
         let whole = draw_plan(&mut renderer, &resources, both);
-        // Where an edge between front and back runs through a pixel's middle, either may have it.
+        // Where a silhouette edge passes through a pixel's center, either face may win.
         let c = compare(&front, &whole, 2).unwrap();
         println!("{samples} samples, against both faces: {c}");
         assert!(c.share_beyond < 3e-4, "{c}");
@@ -163,7 +163,7 @@ fn vulkan_draws_the_same_without_them() {
         let c = compare(&front, &twin, 2).unwrap();
         println!("{samples} samples, against the CPU: {c}");
         assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{c}");
-        // An open mesh lacks its inside if it counts as watertight.
+        // The comparison finds an open mesh that is treated as watertight.
         let mut wrong = plan;
         wrong.draws.iter_mut().for_each(|d| d.watertight = 60);
         let wrong = draw_plan(&mut renderer, &resources, wrong);

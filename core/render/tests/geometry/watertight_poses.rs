@@ -1,4 +1,4 @@
-//! Skinned watertight meshes that are folded, twisted and pushed through themselves: no hole opens without their back faces.
+//! Skinned watertight meshes in folded, twisted and self-intersecting poses: culling their back faces opens no hole.
 
 use crate::common::*;
 use crate::holes::lost;
@@ -14,7 +14,7 @@ const SIZE: [u32; 2] = [240, 180];
 const RINGS: usize = 25;
 const AROUND: usize = 32;
 
-/// A tube about y from −1 to 1 that closes to a point at both ends, on two joints whose weights change from one to the other.
+/// A tube about y from −1 to 1 that ends in points, with weights that blend from the lower to the upper of two joints.
 fn tube() -> Primitive {
     let mut p = Primitive { influences: 4, material: Some(0), ..Primitive::default() };
     for ring in 0..RINGS {
@@ -37,7 +37,7 @@ fn tube() -> Primitive {
     p
 }
 
-/// A body with its upper joint there, before a background that it never shows.
+/// A mesh with a transform of its upper joint, before a background of a color that the mesh does not have.
 fn posed(body: &Primitive, upper: Affine3A) -> Scene {
     let mut scene = Scene::perspective(0.8, 5.0);
     let two_sided = Material { double_sided: true, ..matte(Vec4::new(0.8, 0.7, 0.5, 1.0)) };
@@ -53,7 +53,11 @@ fn posed(body: &Primitive, upper: Affine3A) -> Scene {
     scene
 }
 
-fn drawn(renderer: &mut VulkanRenderer, scene: &Scene, closed: impl Fn(u32) -> u32) -> (Frame, u32) {
+fn draw_with_watertight_indices(
+    renderer: &mut VulkanRenderer,
+    scene: &Scene,
+    closed: impl Fn(u32) -> u32,
+) -> (Frame, u32) {
     let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
     let mut plan = Plan { skin_once: SkinOnce::Never, ..plan };
     let indices = resources.primitives[0].primitive().indices.len() as u32;
@@ -65,7 +69,7 @@ fn drawn(renderer: &mut VulkanRenderer, scene: &Scene, closed: impl Fn(u32) -> u
 }
 
 #[test]
-fn a_mesh_through_itself_has_no_hole() {
+fn self_intersecting_poses_open_no_hole() {
     let Some(mut renderer) = vulkan(GpuOptions::default()) else { return };
     let turned = |x: f32, y: f32, at: Vec3| {
         Affine3A::from_rotation_translation(Quat::from_rotation_y(y) * Quat::from_rotation_x(x), at)
@@ -82,16 +86,16 @@ fn a_mesh_through_itself_has_no_hole() {
     let body = tube();
     for (pose, upper) in poses {
         let scene = posed(&body, upper);
-        let (front, closed) = drawn(&mut renderer, &scene, |closed| closed);
+        let (front, closed) = draw_with_watertight_indices(&mut renderer, &scene, |closed| closed);
         assert_eq!(closed as usize, body.indices.len(), "{pose}");
-        let (both, _) = drawn(&mut renderer, &scene, |_| 0);
+        let (both, _) = draw_with_watertight_indices(&mut renderer, &scene, |_| 0);
         let [covered, lost, other] = lost(&front, &both);
         println!("{pose}: of {covered} pixels {lost} lost, {other} beyond 2 steps");
         assert!(covered > 800, "{pose}: {covered}");
-        // Where an edge runs through a pixel's middle, the face behind it may have it.
+        // Where an edge passes through a pixel's center, the face behind it may win.
         assert!(lost <= 2, "{pose}: {lost} of {covered} pixels are a hole");
     }
-    // An open tube, with a closed one in it, that counts as closed has one.
+    // The check finds the hole of an open tube that is treated as watertight.
     let mut open = body.clone();
     open.indices.drain(6 * AROUND * (RINGS - 6)..);
     let first = open.positions.len() as u32;
@@ -101,9 +105,9 @@ fn a_mesh_through_itself_has_no_hole() {
     open.joint_weights.extend(&body.joint_weights);
     open.indices.extend(body.indices.iter().map(|i| i + first));
     let scene = posed(&open, turned(0.9, 0.0, Vec3::ZERO));
-    let (both, closed) = drawn(&mut renderer, &scene, |closed| closed);
+    let (both, closed) = draw_with_watertight_indices(&mut renderer, &scene, |closed| closed);
     assert_eq!(closed as usize, body.indices.len());
-    let (front, _) = drawn(&mut renderer, &scene, |_| u32::MAX);
+    let (front, _) = draw_with_watertight_indices(&mut renderer, &scene, |_| u32::MAX);
     let [_, lost, _] = lost(&front, &both);
     assert!(lost > 300, "{lost} pixels");
 }

@@ -1,4 +1,4 @@
-//! Gradients behind everything are dithered, and so are images after effects: means are exact, and codes stay codes. Both renderers.
+//! Dithering of background gradients and of images after effects, by both renderers: means are exact, and exact 8-bit colors stay.
 
 use crate::common::*;
 use choreo_plugin::{Effect, Frame};
@@ -9,18 +9,18 @@ use glam::{Vec3, Vec4};
 
 const SIZE: [u32; 2] = [64, 512];
 const BLOCK: usize = 8;
-/// Codes at the upper and the lower edge.
+/// sRGB codes of the gradient at the upper and at the lower edge.
 const TOP: [f64; 3] = [100.0, 60.0, 20.0];
 const BOTTOM: [f64; 3] = [104.0, 61.0, 28.0];
 
-fn light(codes: [f64; 3]) -> [f64; 3] {
+fn linear_from_codes(codes: [f64; 3]) -> [f64; 3] {
     codes.map(|code| choreo_asset::linear_from_srgb(code / 255.0))
 }
 
-/// The exact code of a row: linear light between both edges.
+/// The exact code of a row: interpolated in linear light between both edges.
 fn code_at(y: usize) -> [f64; 3] {
     let t = (y as f64 + 0.5) / f64::from(SIZE[1]);
-    let (top, bottom) = (light(TOP), light(BOTTOM));
+    let (top, bottom) = (linear_from_codes(TOP), linear_from_codes(BOTTOM));
     std::array::from_fn(|i| encode(top[i] * (1.0 - t) + bottom[i] * t))
 }
 
@@ -49,7 +49,7 @@ fn worst_mean_of(frame: &Frame, exact: impl Fn(usize) -> [f64; 3]) -> f64 {
 
 fn gradient(samples: u32) -> (Scene, PlanOptions<'static>) {
     let mut scene = Scene::ortho(2.0);
-    let color = |codes| Vec3::from_array(light(codes).map(|c| c as f32));
+    let color = |codes| Vec3::from_array(linear_from_codes(codes).map(|c| c as f32));
     scene.snapshot.background = Background::Gradient { top: color(TOP), bottom: color(BOTTOM) };
     (scene, PlanOptions::new(SIZE, samples))
 }
@@ -65,7 +65,7 @@ fn renderers_with(effects: &[Effect]) -> Vec<Box<dyn Renderer>> {
 }
 
 #[test]
-fn means_of_a_slow_gradient_are_exact() {
+fn dithered_gradients_have_exact_means() {
     for samples in [1, 4] {
         let mut first: Option<Frame> = None;
         for mut renderer in renderers() {
@@ -73,13 +73,13 @@ fn means_of_a_slow_gradient_are_exact() {
             let empty = draw_with(&mut *renderer, &scene, &options);
             let worst = worst_mean(&empty);
             assert!(worst <= 0.1, "{worst} codes");
-            // With something in every tile.
+            // A mesh in every tile.
             scene.at(&asset(vec![quad(0.01, 1.0)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
             let beside = draw_with(&mut *renderer, &scene, &options);
             let differ = empty.rgba.chunks(4).zip(beside.rgba.chunks(4)).filter(|(a, b)| a != b).count();
-            // The quad's six columns, and few pixels at the edge of a step, where both ways of drawing round differently.
+            // The quad's six columns differ, and a few pixels at the border of a step, which are rounded differently.
             assert!(differ <= 6 * SIZE[1] as usize + SIZE[1] as usize / 8, "{differ} pixels");
-            // Both renderers: but for rounding at the edge of a step.
+            // Both renderers agree, except for rounding at the border of a step.
             let other = first.get_or_insert_with(|| empty.clone());
             let differ = empty.rgba.iter().zip(&other.rgba).filter(|(a, b)| a != b).count();
             println!("{} samples: {worst:.3} codes, {differ} bytes differ", samples);
@@ -98,7 +98,7 @@ fn means_of_a_slow_gradient_are_exact() {
 }
 
 #[test]
-fn codes_stay_codes() {
+fn dithering_keeps_exactly_representable_colors() {
     let gray = Vec3::splat(choreo_asset::linear_from_srgb(128.0 / 255.0) as f32);
     for mut renderer in renderers() {
         for background in [
@@ -121,7 +121,7 @@ fn codes_stay_codes() {
     }
 }
 
-/// An effect of one pixel, one on whole images, and motion blur alone.
+/// An effect on pixels, an effect on images, and motion blur.
 const AFTER: [&str; 3] = ["shade", "look", "blur"];
 
 fn effects() -> Vec<Effect> {
@@ -138,7 +138,7 @@ fn effects() -> Vec<Effect> {
 }
 
 /// The image of a scene after an effect of [`AFTER`].
-fn after(
+fn frame_after_effect(
     name: &str,
     effects: &[Effect],
     renderer: &mut dyn Renderer,
@@ -157,7 +157,7 @@ fn after(
     renderer.collect(None).unwrap()
 }
 
-/// A plain color that an effect makes a gradient of, and a gradient in motion blur: means as exact as the margin allows, and both devices alike.
+/// A plain color that an effect turns into a gradient, and a gradient under motion blur: means are exact within the margin, in both renderers.
 #[test]
 fn images_after_effects_are_dithered() {
     let effects = effects();
@@ -168,7 +168,7 @@ fn images_after_effects_are_dithered() {
             if name != "blur" {
                 scene.snapshot.background = Background::Color(Vec3::splat(0.02).extend(1.0));
             }
-            let frame = after(name, &effects, &mut *renderer, scene, samples);
+            let frame = frame_after_effect(name, &effects, &mut *renderer, scene, samples);
             let exact = |y: usize| match name {
                 "blur" => code_at(y),
                 _ => [encode(0.02 * (1.0 - 0.125 * (y as f64 + 0.5) / f64::from(SIZE[1]))); 3],
@@ -190,7 +190,7 @@ fn images_after_effects_are_dithered() {
     }
 }
 
-/// The longest run of pixels below each other with the same code.
+/// The longest vertical run of pixels with the same code.
 fn longest_run(code: impl Fn([usize; 2]) -> u8) -> usize {
     let [width, height] = SIZE.map(|n| n as usize);
     let column = |x: usize| (0..height).map(|y| code([x, y])).collect::<Vec<u8>>();
@@ -198,9 +198,9 @@ fn longest_run(code: impl Fn([usize; 2]) -> u8) -> usize {
     runs.max().unwrap_or(0)
 }
 
-/// Colors that are codes stay them through an effect that leaves their pixels as they are, whatever the target between holds.
+/// Colors that are exact 8-bit codes are not dithered by an effect that leaves them unchanged, whatever the format of the intermediate target.
 #[test]
-fn codes_stay_codes_after_effects() {
+fn dithering_after_effects_keeps_exactly_representable_colors() {
     let keep = [
         "// effect: shade\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color; }",
         "// effect: look\n// hook: image\n\
@@ -217,7 +217,7 @@ fn codes_stay_codes_after_effects() {
                 scene.snapshot.background = Background::Color(Vec4::new(0.0, 0.0, 0.0, 1.0));
                 let unlit = unlit(Vec3::from_array(codes.map(color)).extend(1.0));
                 scene.at(&asset(vec![quad(9.0, 9.0)], vec![unlit], vec![]), 0.0, 0.0, 0.0);
-                let frame = after(name, &effects, &mut *renderer, scene, 1);
+                let frame = frame_after_effect(name, &effects, &mut *renderer, scene, 1);
                 let [r, g, b] = codes;
                 let exact = frame.rgba.as_chunks::<4>().0.iter().all(|pixel| *pixel == [r, g, b, 255]);
                 assert!(exact, "{name}: {codes:?} became {:?}", &frame.rgba[..64]);

@@ -1,4 +1,4 @@
-//! How light falls off, and the two classic highlights: against closed forms in f64.
+//! Polynomial light falloff, and the highlights of Blinn–Phong and Phong, against closed forms in f64.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -7,18 +7,18 @@ use choreo_render::plan::Features;
 use choreo_stage::*;
 use glam::{DVec3, Vec3, Vec4};
 
-/// A wall that faces an orthographic camera (N = V = +Z), lit from its own axis.
+/// A wall that faces an orthographic camera (N = V = +Z).
 fn wall(material: Material) -> Scene {
     let mut scene = Scene::ortho(2.0);
     scene.at(&asset(vec![quad(2.0, 2.0)], vec![material], vec![]), 0.0, 0.0, 0.0);
     scene
 }
 
-fn shining(shading: Shading, shininess: f32) -> Material {
+fn shiny_material(shading: Shading, shininess: f32) -> Material {
     Material { shading, shininess, specular_color: Vec3::splat(0.2), ..matte(Vec4::new(0.3, 0.3, 0.3, 1.0)) }
 }
 
-fn lamp(scene: &mut Scene, place: DVec3, attenuation: Option<[f32; 3]>) {
+fn add_lamp(scene: &mut Scene, place: DVec3, attenuation: Option<[f32; 3]>) {
     scene.snapshot.lights.push(LightState {
         light: Light { kind: LightKind::Point, color: Vec3::ONE, intensity: 2.0, range: None },
         position: place,
@@ -28,25 +28,25 @@ fn lamp(scene: &mut Scene, place: DVec3, attenuation: Option<[f32; 3]>) {
     });
 }
 
-fn middle(scene: &Scene) -> [u8; 4] {
+fn middle_pixel(scene: &Scene) -> [u8; 4] {
     pixel(&draw_at(scene, [5, 5], 1), 2, 2)
 }
 
 #[test]
-fn light_falls_off_by_its_polynomial() {
-    let dull = Material { specular_color: Vec3::ZERO, ..shining(Shading::BlinnPhong, 8.0) };
+fn light_falloff_matches_its_polynomial() {
+    let dull = Material { specular_color: Vec3::ZERO, ..shiny_material(Shading::BlinnPhong, 8.0) };
     for distance in [0.5, 1.0, 2.0, 5.0] {
         for [c, l, q] in [[1.0, 0.0, 0.0], [1.0, 0.35, 0.44], [0.0, 1.0, 0.0], [3.0, 0.0, 2.0]] {
             let mut scene = wall(dull.clone());
-            lamp(&mut scene, DVec3::new(0.0, 0.0, distance), Some([c as f32, l as f32, q as f32]));
+            add_lamp(&mut scene, DVec3::new(0.0, 0.0, distance), Some([c as f32, l as f32, q as f32]));
             let expected = 0.3 * 2.0 / (c + l * distance + q * distance * distance);
-            assert_color(middle(&scene), [expected; 3], &format!("{c} {l} {q} at {distance} m"));
+            assert_color(middle_pixel(&scene), [expected; 3], &format!("{c} {l} {q} at {distance} m"));
         }
-        // Without: the inverse square.
+        // Without a polynomial the falloff is the inverse square.
         let mut scene = wall(dull.clone());
-        lamp(&mut scene, DVec3::new(0.0, 0.0, distance), None);
+        add_lamp(&mut scene, DVec3::new(0.0, 0.0, distance), None);
         assert_color(
-            middle(&scene),
+            middle_pixel(&scene),
             [0.3 * 2.0 / (distance * distance); 3],
             &format!("physical at {distance} m"),
         );
@@ -54,7 +54,7 @@ fn light_falls_off_by_its_polynomial() {
 }
 
 #[test]
-fn highlights_of_blinn_and_of_phong() {
+fn blinn_and_phong_highlights_match_their_formulas() {
     for degrees in [0.0f64, 10.0, 30.0, 50.0] {
         let (s, c) = degrees.to_radians().sin_cos();
         for n in [2.0f64, 12.0, 60.0] {
@@ -62,23 +62,23 @@ fn highlights_of_blinn_and_of_phong() {
                 (Shading::BlinnPhong, (n + 8.0) / 8.0 * (degrees.to_radians() * 0.5).cos().powf(n)),
                 (Shading::Phong, (n + 2.0) / 2.0 * c.powf(n)),
             ] {
-                let mut scene = wall(shining(shading, n as f32));
+                let mut scene = wall(shiny_material(shading, n as f32));
                 scene.sun(-Vec3::new(s as f32, 0.0, c as f32), Vec3::ONE, 0.25);
                 let expected = 0.25 * c * (0.3 + 0.2 * lobe);
-                assert_color(middle(&scene), [expected; 3], &format!("{shading:?} {n} at {degrees}°"));
+                assert_color(middle_pixel(&scene), [expected; 3], &format!("{shading:?} {n} at {degrees}°"));
             }
         }
     }
 }
 
 #[test]
-fn only_who_needs_them_pays() {
+fn only_scenes_with_polynomial_falloff_or_phong_request_these_features() {
     let features = |scene: &Scene| scene.plan(&PlanOptions::new([5, 5], 1)).1.draws[0].pipeline.features;
-    let mut scene = wall(shining(Shading::BlinnPhong, 8.0));
-    lamp(&mut scene, DVec3::Z, None);
+    let mut scene = wall(shiny_material(Shading::BlinnPhong, 8.0));
+    add_lamp(&mut scene, DVec3::Z, None);
     assert!(!features(&scene).has(Features::POLYNOMIAL_FALLOFF) && !features(&scene).has(Features::PHONG));
-    lamp(&mut scene, DVec3::Z, Some([1.0, 0.0, 0.0]));
+    add_lamp(&mut scene, DVec3::Z, Some([1.0, 0.0, 0.0]));
     assert!(features(&scene).has(Features::POLYNOMIAL_FALLOFF));
-    let scene = wall(shining(Shading::Phong, 8.0));
+    let scene = wall(shiny_material(Shading::Phong, 8.0));
     assert!(features(&scene).has(Features::PHONG) && features(&scene).has(Features::BLINN_PHONG));
 }

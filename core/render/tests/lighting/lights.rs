@@ -1,4 +1,4 @@
-//! Hundreds of lights: clusters leave most of them out, and change no pixel.
+//! Clustered lighting: light clusters cull most of hundreds of lights, and change no pixel.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -10,8 +10,8 @@ use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
 
 const SIZE: [u32; 2] = [320, 180];
 
-/// A floor of tiles and so many lamps over it, every third a spot; a sun and one lamp without an end.
-fn hall(lamps: usize) -> Scene {
+/// A floor of tiles with `lamps` lamps over it, every third a spot light; a sun, and one lamp without a range.
+fn hall_with_lamps(lamps: usize) -> Scene {
     let mut scene = Scene::perspective(0.9, 9.0);
     scene.snapshot.camera.world_from_view.translation.y = 3.0;
     let tile = asset(vec![quad(0.95, 0.95)], vec![matte(Vec4::ONE)], vec![]);
@@ -40,7 +40,7 @@ fn hall(lamps: usize) -> Scene {
     scene
 }
 
-fn every_light(scene: &Scene) -> Plan {
+fn plan_without_light_clusters(scene: &Scene) -> Plan {
     scene.plan(&PlanOptions { no_light_clusters: true, ..PlanOptions::new(SIZE, 1) }).1
 }
 
@@ -50,12 +50,12 @@ fn frame(r: &mut dyn Renderer, plan: Plan) -> choreo_plugin::Frame {
 }
 
 #[test]
-fn clusters_leave_out_most_lights_and_change_no_pixel() {
-    let scene = hall(250);
+fn light_clusters_cull_most_lights_and_change_no_pixel() {
+    let scene = hall_with_lamps(250);
     let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
     let lists = plan.light_clusters.as_ref().unwrap();
-    assert_eq!(lists.unlimited(), 2, "the sun and the lamp without an end");
-    // The number of lamps that a pixel evaluates, summed over places.
+    assert_eq!(lists.unlimited(), 2, "the sun and the lamp without a range");
+    // Sum over several pixels of the number of lamps that each evaluates.
     let (mut asked, mut places) = (0, 0);
     for i in 0..400 {
         let at = Vec3::new((i % 20) as f32 - 9.5, -3.0, 6.0 - (i / 20) as f32 * 2.0 - 9.0);
@@ -78,7 +78,7 @@ fn clusters_leave_out_most_lights_and_change_no_pixel() {
     };
     let mut cpu = CpuRenderer::new(&[]);
     cpu.load(resources.clone()).unwrap();
-    let (all, listed) = (frame(&mut cpu, every_light(&scene)), frame(&mut cpu, plan.clone()));
+    let (all, listed) = (frame(&mut cpu, plan_without_light_clusters(&scene)), frame(&mut cpu, plan.clone()));
     assert_eq!(all.rgba, listed.rgba);
     assert!(
         compare(&all, &frame(&mut cpu, wrong.clone()), 1).unwrap().worst > 8,
@@ -88,7 +88,7 @@ fn clusters_leave_out_most_lights_and_change_no_pixel() {
     let Some(mut gpu) = vulkan(GpuOptions::default()) else { return };
     gpu.load(resources).unwrap();
     let there = frame(&mut gpu, plan);
-    assert_eq!(frame(&mut gpu, every_light(&scene)).rgba, there.rgba);
+    assert_eq!(frame(&mut gpu, plan_without_light_clusters(&scene)).rgba, there.rgba);
     assert_ne!(frame(&mut gpu, wrong).rgba, there.rgba);
     let c = compare(&listed, &there, 2).unwrap();
     println!("twin: {c:?}");
@@ -96,9 +96,9 @@ fn clusters_leave_out_most_lights_and_change_no_pixel() {
 }
 
 #[test]
-fn a_few_lamps_pay_for_no_lists() {
+fn few_lights_get_no_light_clusters() {
     for (lamps, lists) in [(1, false), (MANY - 1, false), (MANY, true)] {
-        let (_, plan) = hall(lamps).plan(&PlanOptions::new(SIZE, 1));
+        let (_, plan) = hall_with_lamps(lamps).plan(&PlanOptions::new(SIZE, 1));
         assert_eq!(plan.light_clusters.is_some(), lists, "{lamps}");
         assert_eq!(plan.left_out.iter().any(|l| l.what == "clustered lighting"), !lists, "{lamps}");
         assert_eq!(plan.lights.len(), lamps + 2);
@@ -106,9 +106,9 @@ fn a_few_lamps_pay_for_no_lists() {
 }
 
 #[test]
-fn too_many_lights_are_refused_by_both() {
+fn both_renderers_refuse_more_lights_than_the_limit() {
     let said = |r: &mut dyn Renderer, lamps: usize| {
-        let (resources, plan) = hall(lamps).plan(&PlanOptions::new([16, 16], 1));
+        let (resources, plan) = hall_with_lamps(lamps).plan(&PlanOptions::new([16, 16], 1));
         r.load(resources).unwrap();
         match r.submit(plan) {
             Ok(()) => r.collect(None).map(|_| String::new()).unwrap(),

@@ -1,4 +1,4 @@
-//! Lights, shadows, reflected and refracted light, and the way from light to colors.
+//! Lights, shadows, reflection, refraction, and the conversion from light to display colors.
 
 #[path = "../common/mod.rs"]
 mod common;

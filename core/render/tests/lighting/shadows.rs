@@ -1,5 +1,5 @@
 //! Shadow maps of the CPU renderer against rays cast in f64, of the Vulkan renderer against the CPU's; what they cost, and what
-//! scenes without pay: nothing.
+//! scenes without shadows cost nothing.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -14,18 +14,18 @@ fn record_of(plan: &Plan) -> commands::Recording {
     record(plan, RecordOptions::default(), |_| 2)
 }
 
-fn white() -> Material {
+fn white_material() -> Material {
     Material { specular: 0.0, ..matte(Vec4::ONE) }
 }
 
-fn flat_down() -> DAffine3 {
+fn flat_on_the_floor() -> DAffine3 {
     DAffine3::from_rotation_x(-std::f64::consts::FRAC_PI_2)
 }
 
-/// Size of the square that stands in the light, its middle and its turn about the vertical.
+/// The square that casts the shadow: half its side, its center, and its rotation about the vertical.
 const BLOCKER: (f64, DVec3, f64) = (0.6, DVec3::new(0.1, 1.0, -0.2), 0.4);
 
-/// A floor 8 m wide seen from straight above, and a level square over it.
+/// A floor 8 m wide, seen vertically from above, and a horizontal square over it.
 fn floor_and_square() -> Scene {
     let from_above = CameraState {
         camera: None,
@@ -36,14 +36,17 @@ fn floor_and_square() -> Scene {
         projection: Projection::Orthographic { height: 4.0, near: 0.1, far: 100.0 },
     };
     let mut scene = Scene::with_camera(from_above);
-    scene.add(&asset(vec![quad(4.0, 4.0)], vec![white()], vec![]), flat_down());
+    scene.add(&asset(vec![quad(4.0, 4.0)], vec![white_material()], vec![]), flat_on_the_floor());
     let (half, middle, turn) = BLOCKER;
-    let square = asset(vec![quad(half as f32, half as f32)], vec![white()], vec![]);
-    scene.add(&square, DAffine3::from_translation(middle) * DAffine3::from_rotation_y(turn) * flat_down());
+    let square = asset(vec![quad(half as f32, half as f32)], vec![white_material()], vec![]);
+    scene.add(
+        &square,
+        DAffine3::from_translation(middle) * DAffine3::from_rotation_y(turn) * flat_on_the_floor(),
+    );
     scene
 }
 
-fn cast(scene: &mut Scene, light: Light, position: DVec3, direction: DVec3, shadow: Shadow) {
+fn add_shadow_light(scene: &mut Scene, light: Light, position: DVec3, direction: DVec3, shadow: Shadow) {
     let direction = direction.normalize().as_vec3();
     scene.snapshot.lights.push(LightState {
         light,
@@ -54,22 +57,22 @@ fn cast(scene: &mut Scene, light: Light, position: DVec3, direction: DVec3, shad
     });
 }
 
-fn plain(kind: LightKind, intensity: f32) -> Light {
+fn white_light(kind: LightKind, intensity: f32) -> Light {
     Light { kind, color: Vec3::ONE, intensity, range: None }
 }
 
-/// How far (metres, on the square's plane) the ray from a place of the floor to the light passes inside the square's edge;
-/// negative: outside.
-fn inside(floor: DVec3, to_light: DVec3) -> f64 {
+/// Distance in metres, in the square's plane, by which the ray from a point of the floor to the light passes inside the square's edge;
+/// negative if it passes outside.
+fn depth_inside_square(floor: DVec3, to_light: DVec3) -> f64 {
     let (half, middle, turn) = BLOCKER;
     let hit = floor + to_light * (middle.y / to_light.y);
     let local = DQuat::from_rotation_y(-turn) * (hit - middle);
     half - local.x.abs().max(local.z.abs())
 }
 
-/// Worst difference to rays further than `band` from the shadow's edge, and how much of the floor is dark; the light is where
-/// `to_light` says.
-fn against_rays(
+/// Largest difference to cast rays that pass farther than `band` from the shadow's edge, and the share of the floor in shadow.
+/// `to_light`: direction from a point of the floor to the light.
+fn compare_with_rays(
     frame: &choreo_plugin::Frame,
     band: f64,
     to_light: impl Fn(DVec3) -> DVec3,
@@ -82,11 +85,11 @@ fn against_rays(
             let floor = DVec3::new(metres(x), 0.0, metres(y));
             let (half, middle, turn) = BLOCKER;
             let under = DQuat::from_rotation_y(-turn) * (floor - middle);
-            // Where the square itself is seen there is no floor.
+            // Pixels that show the square are skipped.
             if under.x.abs().max(under.z.abs()) < half + 0.02 {
                 continue;
             }
-            let depth = inside(floor, to_light(floor));
+            let depth = depth_inside_square(floor, to_light(floor));
             dark += usize::from(depth > band);
             if depth.abs() > band {
                 let expected = if depth > 0.0 { 0.0 } else { lit(floor) };
@@ -98,51 +101,51 @@ fn against_rays(
 }
 
 #[test]
-fn a_suns_shadow_is_where_rays_end() {
+fn sun_shadows_match_cast_rays() {
     let direction = DVec3::new(-0.5, -1.0, -0.3).normalize();
     let nl = -direction.y;
     for (size, softness) in [(2048, 0.0), (512, 0.0), (2048, 0.05), (256, 0.1)] {
         let mut scene = floor_and_square();
-        let sun = plain(LightKind::Directional, 0.8);
-        cast(&mut scene, sun, DVec3::ZERO, direction, Shadow { size, softness: Some(softness) });
+        let sun = white_light(LightKind::Directional, 0.8);
+        add_shadow_light(&mut scene, sun, DVec3::ZERO, direction, Shadow { size, softness: Some(softness) });
         let (_, plan) = scene.plan(&PlanOptions::new([160, 160], 1));
         let texel = f64::from(plan.shadow_maps.as_ref().unwrap().views[0].texel);
         let frame = draw_at(&scene, [160, 160], 1);
-        // Half the filter and a texel's diagonal, seen on a slanting plane.
+        // Half the filter and a texel's diagonal, projected to the inclined plane.
         let band = 3.0 * texel / nl + 1e-3;
-        let (worst, dark) = against_rays(&frame, band, |_| -direction, |_| 0.8 * nl);
+        let (worst, dark) = compare_with_rays(&frame, band, |_| -direction, |_| 0.8 * nl);
         println!(
             "sun, {size} texels, {softness} m: texel {texel:.4} m, worst {worst:.4} beyond {band:.3} m, {dark} dark"
         );
         assert!(worst < 0.01 && dark > 300, "{size} {softness}: {worst}, {dark} dark");
-        // Rays of another sun find the difference.
+        // The comparison fails with the rays of another sun.
         let other = DQuat::from_rotation_y(0.5) * -direction;
-        assert!(against_rays(&frame, band, |_| other, |_| 0.8 * nl).0 > 0.5);
+        assert!(compare_with_rays(&frame, band, |_| other, |_| 0.8 * nl).0 > 0.5);
     }
 }
 
-/// A floor under a roof, seen from below it, as far as several maps of one sun reach.
+/// A floor under a roof, seen from below the roof, over the depth of several shadow cascades.
 fn floor_under_a_roof() -> (Scene, usize) {
     let camera = CameraState {
         camera: None,
         world_from_view: DAffine3::from_rotation_translation(
-            // Rolled, so that seams cross the blocks of four pixels that are looked up together.
+            // The camera is rolled, so that seams of cascades cross the quads of pixels that are looked up together.
             DQuat::from_rotation_x(-0.3) * DQuat::from_rotation_z(0.4),
             DVec3::new(0.0, 1.5, 0.0),
         ),
         projection: Projection::Perspective { yfov: 0.6, near: 0.05, far: None },
     };
     let mut scene = Scene::with_camera(camera);
-    let level = |half: f32| asset(vec![quad(half, half)], vec![white()], vec![]);
-    scene.add(&level(200.0), flat_down());
-    let roof = scene.add(&level(400.0), DAffine3::from_translation(DVec3::Y * 3.0) * flat_down());
+    let level = |half: f32| asset(vec![quad(half, half)], vec![white_material()], vec![]);
+    scene.add(&level(200.0), flat_on_the_floor());
+    let roof = scene.add(&level(400.0), DAffine3::from_translation(DVec3::Y * 3.0) * flat_on_the_floor());
     scene.sun(Vec3::new(-0.1, -1.0, 0.05), Vec3::ONE, 0.7);
     scene.snapshot.lights[0].shadow = Some(Shadow::default());
     (scene, roof)
 }
 
-/// A place that one map does not show is looked up in the next one, whatever the places beside it do.
-fn no_light_under_a_roof(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
+/// A pixel outside of one cascade is looked up in the next one, whichever cascade its neighbors use.
+fn check_no_light_under_a_roof(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
     let (mut scene, roof) = floor_under_a_roof();
     let (_, plan) = scene.plan(&PlanOptions::new([160, 120], 1));
     let maps = plan.shadow_maps.as_ref().unwrap().views.len();
@@ -154,14 +157,14 @@ fn no_light_under_a_roof(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
 }
 
 #[test]
-fn no_light_comes_through_where_maps_meet() {
-    no_light_under_a_roof(&mut |scene| draw_at(scene, [160, 120], 1));
+fn no_light_leaks_at_the_seams_of_cascades() {
+    check_no_light_under_a_roof(&mut |scene| draw_at(scene, [160, 120], 1));
     let Some(mut r) = vulkan(GpuOptions::default()) else { return };
-    no_light_under_a_roof(&mut |scene| draw_with(&mut r, scene, &PlanOptions::new([160, 120], 1)));
+    check_no_light_under_a_roof(&mut |scene| draw_with(&mut r, scene, &PlanOptions::new([160, 120], 1)));
 }
 
 #[test]
-fn lamps_and_spots_cast_from_where_they_are() {
+fn point_and_spot_shadows_match_cast_rays() {
     let at = DVec3::new(0.8, 2.5, 0.5);
     let lit = |floor: DVec3| {
         let way = at - floor;
@@ -171,27 +174,27 @@ fn lamps_and_spots_cast_from_where_they_are() {
     for (kind, what) in [(cone, "spot"), (LightKind::Point, "point")] {
         let mut scene = floor_and_square();
         let shadow = Shadow { size: 1024, softness: Some(0.0) };
-        cast(&mut scene, plain(kind, 4.0), at, DVec3::NEG_Y, shadow);
+        add_shadow_light(&mut scene, white_light(kind, 4.0), at, DVec3::NEG_Y, shadow);
         let (_, plan) = scene.plan(&PlanOptions::new([160, 160], 1));
         let shadows = plan.shadow_maps.as_ref().unwrap();
         let texel = f64::from(shadows.views[0].texel) * at.y;
         let frame = draw_at(&scene, [160, 160], 1);
         let inside_cone = |floor: DVec3| ((at - floor).normalize().y.acos()) < 0.98;
         let lit = |floor: DVec3| if inside_cone(floor) || what == "point" { lit(floor) } else { f64::NAN };
-        let (worst, dark) = against_rays(&frame, 4.0 * texel, |floor| at - floor, lit);
+        let (worst, dark) = compare_with_rays(&frame, 4.0 * texel, |floor| at - floor, lit);
         println!("{what}: {} maps, texel {texel:.4} m, worst {worst:.4}, {dark} dark", shadows.views.len());
         assert!(worst < 0.012 && dark > 300, "{what}: {worst}, {dark} dark");
         let moved = at + DVec3::new(-1.0, 0.0, 0.0);
-        assert!(against_rays(&frame, 4.0 * texel, |floor| moved - floor, lit).0 > 0.2);
+        assert!(compare_with_rays(&frame, 4.0 * texel, |floor| moved - floor, lit).0 > 0.2);
     }
 }
 
-/// A bulge on a floor under a slanting light: lit places must not shade themselves.
+/// A bulge on a floor under an inclined light: lit surfaces must not shadow themselves.
 fn bulge_on_floor(shadow: Option<Shadow>) -> Scene {
     let mut scene = Scene::perspective(0.8, 5.0);
     scene.snapshot.camera.world_from_view =
         DAffine3::from_rotation_translation(DQuat::from_rotation_x(-0.5), DVec3::new(0.0, 2.6, 4.2));
-    scene.add(&asset(vec![quad(3.0, 3.0)], vec![white()], vec![]), flat_down());
+    scene.add(&asset(vec![quad(3.0, 3.0)], vec![white_material()], vec![]), flat_on_the_floor());
     let toon = Material {
         shading: Shading::Toon,
         toon: Some(Toon { shade_color: Vec3::new(0.3, 0.2, 0.4), ..Toon::default() }.into()),
@@ -204,10 +207,11 @@ fn bulge_on_floor(shadow: Option<Shadow>) -> Scene {
         alpha_mode: AlphaMode::Mask(0.5),
         double_sided: true,
         base_color_texture: Some(texture(0)),
-        ..white()
+        ..white_material()
     };
-    let coat = layered::layered(MaterialLayers { clearcoat: 1.0, ..MaterialLayers::default() }, white());
-    for (i, material) in [white(), toon, phong, holes, coat].into_iter().enumerate() {
+    let coat =
+        layered::layered(MaterialLayers { clearcoat: 1.0, ..MaterialLayers::default() }, white_material());
+    for (i, material) in [white_material(), toon, phong, holes, coat].into_iter().enumerate() {
         let a = asset(vec![layered::bulge(0.4)], vec![material], vec![leaf.clone()]);
         let place = DVec3::new(i as f64 * 0.95 - 1.9, 0.25, 0.2 * (i % 2) as f64);
         scene.add(&a, DAffine3::from_translation(place) * DAffine3::from_rotation_x(-1.2));
@@ -219,11 +223,11 @@ fn bulge_on_floor(shadow: Option<Shadow>) -> Scene {
 }
 
 #[test]
-fn what_is_lit_does_not_shade_itself() {
-    // Floor and one bulge that faces the light: with shadows every pixel is as without.
+fn lit_surfaces_have_no_shadow_acne() {
+    // A floor and a bulge that faces the light: every pixel is the same with and without shadows.
     for softness in [0.0, 0.05, 0.2] {
         let mut scene = Scene::ortho(2.0);
-        let a = asset(vec![layered::bulge(0.8)], vec![white()], vec![]);
+        let a = asset(vec![layered::bulge(0.8)], vec![white_material()], vec![]);
         for degrees in [0.0f64, 40.0, 75.0] {
             scene.stage.actors.clear();
             scene.snapshot.actors.clear();
@@ -235,7 +239,7 @@ fn what_is_lit_does_not_shade_itself() {
             scene.snapshot.lights[0].shadow = Some(Shadow { size: 512, softness: Some(softness) });
             let shaded = draw_at(&scene, [96, 96], 1);
             let darker = bare.rgba.iter().zip(&shaded.rgba).filter(|(a, b)| a.abs_diff(**b) > 3).count();
-            // The bulge shades itself truly where its slope is steeper than the light: from 45° on.
+            // From 45° on, the bulge does shadow itself where its slope is steeper than the light.
             if degrees < 45.0 {
                 assert_eq!(darker, 0, "{softness} m at {degrees}°");
             }
@@ -249,14 +253,15 @@ fn alpha_tested_holes_let_light_through() {
         let mut scene = floor_and_square();
         let holes = image(8, 8, |x, _| [255, 255, 255, if x < 4 { 255 } else { 0 }]);
         let mode = if mask { AlphaMode::Mask(0.5) } else { AlphaMode::Opaque };
-        let material = Material { alpha_mode: mode, base_color_texture: Some(texture(0)), ..white() };
+        let material =
+            Material { alpha_mode: mode, base_color_texture: Some(texture(0)), ..white_material() };
         scene.stage.actors.pop();
         scene.snapshot.actors.pop();
         let a = asset(vec![quad(0.6, 0.6)], vec![material], vec![holes]);
-        scene.add(&a, DAffine3::from_translation(DVec3::Y) * flat_down());
-        let sun = plain(LightKind::Directional, 0.8);
+        scene.add(&a, DAffine3::from_translation(DVec3::Y) * flat_on_the_floor());
+        let sun = white_light(LightKind::Directional, 0.8);
         let shadow = Shadow { softness: Some(0.01), ..Shadow::default() };
-        cast(&mut scene, sun, DVec3::ZERO, DVec3::new(1.0, -0.8, 0.0), shadow);
+        add_shadow_light(&mut scene, sun, DVec3::ZERO, DVec3::new(1.0, -0.8, 0.0), shadow);
         let frame = draw_at(&scene, [160, 160], 1);
         frame.rgba.chunks_exact(4).filter(|p| p[0] < 20).count()
     };
@@ -266,7 +271,7 @@ fn alpha_tested_holes_let_light_through() {
 }
 
 #[test]
-fn a_scene_without_shadows_pays_nothing() {
+fn scenes_without_shadows_draw_no_shadow_maps() {
     let of = |shadow: Option<Shadow>| {
         let scene = bulge_on_floor(shadow);
         let (_, plan) = scene.plan(&PlanOptions::new([64, 64], 1));
@@ -283,13 +288,13 @@ fn a_scene_without_shadows_pays_nothing() {
     let counts = recording.counts();
     assert_eq!((counts.passes, counts.shadow_views), (2, 1));
     assert_eq!(why(&with), None);
-    // Six draws into the image, and five into the map without the flat floor; solid ones share their pipeline and need no material.
+    // Six draws into the image, and five into the shadow map, which leaves out the flat floor. Opaque casters share a pipeline and bind no material.
     assert_eq!(with.instances.len(), plan.instances.len() + 5);
     let before = recording.commands.iter().position(|c| matches!(c, Command::BeginPass { .. })).unwrap();
     let count = |f: fn(&Command) -> bool| recording.commands[..before].iter().filter(|c| f(c)).count();
     assert_eq!(count(|c| matches!(c, Command::BindPipeline(_))), 2, "solid, and with holes");
     assert_eq!(count(|c| matches!(c, Command::BindMaterial { .. })), 1, "that with holes");
-    // Nothing lit in view, and no caster: no map.
+    // Without a lit surface in view, or without a caster, there is no map.
     let mut scene = Scene::ortho(2.0);
     scene.at(&asset(vec![quad(1.0, 1.0)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
     scene.sun(Vec3::NEG_Z, Vec3::ONE, 1.0);
@@ -300,11 +305,11 @@ fn a_scene_without_shadows_pays_nothing() {
 }
 
 #[test]
-fn casters_out_of_view_are_drawn_into_the_map_alone() {
+fn casters_out_of_view_are_drawn_into_shadow_maps_only() {
     let mut scene = Scene::ortho(2.0);
-    let a = asset(vec![quad(1.0, 1.0)], vec![white()], vec![]);
+    let a = asset(vec![quad(1.0, 1.0)], vec![white_material()], vec![]);
     scene.at(&a, 0.0, 0.0, 0.0);
-    // Beside the image, between its right half and a sun from the right; and one that shades nothing.
+    // A caster right of the image, between it and the sun; and one whose shadow misses the image.
     scene.at(&a, 4.0, 0.0, 4.0);
     scene.at(&a, -40.0, 0.0, 0.0);
     scene.sun(Vec3::new(-0.7, 0.0, -0.7), Vec3::ONE, 1.0);
@@ -317,7 +322,7 @@ fn casters_out_of_view_are_drawn_into_the_map_alone() {
         .flat_map(|d| d.first_instance..d.first_instance + d.instance_count)
         .map(|i| plan.instance_actors[i as usize])
         .collect();
-    // The square in view is flat and shades nothing else.
+    // The square in view is flat and shadows nothing else.
     assert_eq!(actors, [1]);
     assert_eq!(plan.draws.iter().map(|d| d.instance_count).sum::<u32>(), 1);
     let frame = draw_at(&scene, [32, 32], 1);
@@ -325,7 +330,7 @@ fn casters_out_of_view_are_drawn_into_the_map_alone() {
 }
 
 #[test]
-fn forcing_everything_in_changes_no_pixel() {
+fn forcing_all_features_in_changes_no_shadowed_pixel() {
     for shadow in [None, Some(Shadow::default())] {
         let scene = bulge_on_floor(shadow);
         let options = PlanOptions::new([120, 90], 1);
@@ -344,17 +349,17 @@ fn vulkan_draws_the_same_shadows() {
     let mut on_vulkan = |scene: &Scene, options: &PlanOptions| draw_with(&mut r, scene, options);
     let mut lamps = bulge_on_floor(Some(Shadow { size: 1024, softness: Some(0.1) }));
     let at = DVec3::new(0.3, 1.6, 1.0);
-    cast(
+    add_shadow_light(
         &mut lamps,
-        plain(LightKind::Point, 1.0),
+        white_light(LightKind::Point, 1.0),
         at,
         DVec3::NEG_Y,
         Shadow { size: 512, softness: Some(0.0) },
     );
     let spot = LightKind::Spot { inner: 0.4, outer: 0.6 };
-    cast(
+    add_shadow_light(
         &mut lamps,
-        plain(spot, 6.0),
+        white_light(spot, 6.0),
         DVec3::new(-1.0, 3.0, 1.0),
         DVec3::new(0.3, -1.0, -0.3),
         Shadow::default(),
@@ -377,14 +382,14 @@ fn vulkan_draws_the_same_shadows() {
             assert!(c.mean < 0.05 && c.share_beyond < 0.002, "{what}, everything forced in: {c}");
         }
     }
-    // The bound finds a shadow that is missing.
+    // A missing shadow exceeds the bound.
     let options = PlanOptions::new([200, 150], 1);
     let c = compare(&on_vulkan(&scenes[0].1, &options), &draw(&scenes[2].1, &options), 2).unwrap();
     assert!(c.mean > 0.15 && c.share_beyond > 0.01, "{c}");
 }
 
-/// A post 0.4 m wide and 1.6 m high on a square floor, which stands 3 m before the camera; all of it `scale` times as large. `far_box`: the side
-/// of a box 5 km away.
+/// A post 0.4 m wide and 1.6 m high on a square floor, 3 m in front of the camera; everything is scaled by `scale`. `far_box`: side
+/// of an additional box 5 km away.
 fn post_on_floor(floor: f64, scale: f64, far_box: Option<f64>) -> Scene {
     let camera = CameraState {
         camera: None,
@@ -396,11 +401,11 @@ fn post_on_floor(floor: f64, scale: f64, far_box: Option<f64>) -> Scene {
     };
     let mut scene = Scene::with_camera(camera);
     let half = (0.5 * floor * scale) as f32;
-    scene.add(&asset(vec![quad(half, half)], vec![white()], vec![]), flat_down());
-    let block = asset(vec![cube(0.5)], vec![white()], vec![]);
+    scene.add(&asset(vec![quad(half, half)], vec![white_material()], vec![]), flat_on_the_floor());
+    let block = asset(vec![cube(0.5)], vec![white_material()], vec![]);
     let turned = DAffine3::from_translation(DVec3::Y * 0.8 * scale) * DAffine3::from_rotation_y(0.3);
     let post = scene.add(&block, turned * DAffine3::from_scale(DVec3::new(0.4, 1.6, 0.4) * scale));
-    // Triangles are split by what the stage says about sizes.
+    // Large triangles are split according to the sizes in the stage.
     scene.stage.actors[post].transform.scale = DVec3::new(0.4, 1.6, 0.4) * scale;
     if let Some(side) = far_box {
         let place = DAffine3::from_translation(DVec3::new(0.0, 0.5 * side, -5000.0));
@@ -413,66 +418,72 @@ fn post_on_floor(floor: f64, scale: f64, far_box: Option<f64>) -> Scene {
 }
 
 /// The lower half of an image, where the feet are.
-fn feet(frame: &choreo_plugin::Frame) -> &[u8] {
+fn lower_half(frame: &choreo_plugin::Frame) -> &[u8] {
     &frame.rgba[frame.rgba.len() / 2..]
 }
 
-/// The greatest difference, and how many values differ by more than 2.
-fn apart(a: &[u8], b: &[u8]) -> (u8, usize) {
+/// Largest difference, and number of values that differ by more than 2.
+fn difference_of_bytes(a: &[u8], b: &[u8]) -> (u8, usize) {
     assert_eq!(a.len(), b.len());
     let differences = || a.iter().zip(b).map(|(a, b)| a.abs_diff(*b));
     (differences().max().unwrap_or(0), differences().filter(|d| *d > 2).count())
 }
 
-/// The same pixels at the feet, whatever the floor's size, the scale of the scene and what stands at the horizon.
-fn same_at_the_feet(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
+/// The lower half of the image is the same for any floor size, any scale of the scene, and with a box at the horizon.
+fn check_same_lower_half(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
     let room = draw(&post_on_floor(10.0, 1.0, None));
-    let dark = feet(&room).chunks_exact(4).filter(|p| p[0] < 110).count();
+    let dark = lower_half(&room).chunks_exact(4).filter(|p| p[0] < 110).count();
     assert!(dark > 300, "{dark} pixels are in shadow");
     for floor in [100.0, 1e3, 1e4, 1e5] {
-        let (worst, beyond) = apart(feet(&room), feet(&draw(&post_on_floor(floor, 1.0, None))));
+        let (worst, beyond) =
+            difference_of_bytes(lower_half(&room), lower_half(&draw(&post_on_floor(floor, 1.0, None))));
         println!("a floor of {floor} m: {worst} at worst, {beyond} beyond 2");
         assert_eq!(beyond, 0, "a floor of {floor} m: {worst}");
     }
     let with_box = draw(&post_on_floor(10.0, 1.0, Some(0.5)));
-    assert_eq!(apart(feet(&room), feet(&with_box)), (0, 0), "a box 5 km away");
-    // One that is large enough to be drawn, with a ground under it on which its shadow falls.
+    assert_eq!(difference_of_bytes(lower_half(&room), lower_half(&with_box)), (0, 0), "a box 5 km away");
+    // The box is large enough to be drawn, and stands on a ground that receives its shadow.
     let far = post_on_floor(1e5, 1.0, Some(100.0));
     let (_, plan) = far.plan(&PlanOptions::new([160, 120], 1));
     let maps = plan.shadow_maps.as_ref().unwrap();
     let casters: u32 = maps.views.iter().flat_map(|view| &view.draws).map(|draw| draw.instance_count).sum();
     assert!(casters > 1, "the box casts no shadow");
-    let (worst, beyond) = apart(feet(&room), feet(&draw(&far)));
+    let (worst, beyond) = difference_of_bytes(lower_half(&room), lower_half(&draw(&far)));
     assert_eq!(beyond, 0, "a large box 5 km away: {worst}");
-    // Texels have sizes in steps that divide an octave.
+    // Texel sizes change in steps that divide an octave, so that a factor of two gives the same image.
     for scale in [1.0 / 1024.0, 0.125, 32.0, 1024.0] {
         let scaled = draw(&post_on_floor(10.0, scale, None));
-        assert_eq!(apart(feet(&room), feet(&scaled)), (0, 0), "{scale} times as large");
+        assert_eq!(
+            difference_of_bytes(lower_half(&room), lower_half(&scaled)),
+            (0, 0),
+            "{scale} times as large"
+        );
     }
-    // Texels have other sizes and places at other factors, which is seen at the edges of the post's shadow.
+    // At other factors, texels have other sizes and positions, which changes the edges of the post's shadow.
     for scale in [1e-3, 1e3] {
         let scaled = draw(&post_on_floor(10.0, scale, None));
-        let off = feet(&room).iter().zip(feet(&scaled)).map(|(a, b)| (decode(*a) - decode(*b)).abs());
+        let off =
+            lower_half(&room).iter().zip(lower_half(&scaled)).map(|(a, b)| (decode(*a) - decode(*b)).abs());
         let beyond = off.clone().filter(|off| *off > 0.02).count();
         let worst = off.fold(0.0, f64::max);
         println!("{scale} times as large: {worst:.3} of white at worst, {beyond} values beyond 0.02");
         assert!(
-            worst < 0.15 && beyond <= feet(&room).len() / 64,
+            worst < 0.15 && beyond <= lower_half(&room).len() / 64,
             "{scale} times as large: {worst}, {beyond}"
         );
     }
 }
 
 #[test]
-fn the_extent_of_a_scene_changes_no_shadow_at_the_feet() {
-    same_at_the_feet(&mut |scene| draw_at(scene, [160, 120], 1));
+fn the_extent_of_a_scene_changes_no_shadow_near_the_camera() {
+    check_same_lower_half(&mut |scene| draw_at(scene, [160, 120], 1));
     let Some(mut r) = vulkan(GpuOptions::default()) else { return };
-    same_at_the_feet(&mut |scene| draw_with(&mut r, scene, &PlanOptions::new([160, 120], 1)));
+    check_same_lower_half(&mut |scene| draw_with(&mut r, scene, &PlanOptions::new([160, 120], 1)));
 }
 
-/// The edge of a shadow that falls from 0.25 and from 0.75 m, against the part of the sun's disc that each place sees.
+/// The shadow edge of a square 0.25 m and 0.75 m high, against the part of the sun's disc that is visible from each point.
 #[test]
-fn a_penumbra_is_as_wide_as_the_suns_disc_makes_it() {
+fn penumbra_width_matches_the_disc_of_the_sun() {
     let mut widths = Vec::new();
     for height in [0.25, 0.75] {
         let from_above = CameraState {
@@ -484,19 +495,19 @@ fn a_penumbra_is_as_wide_as_the_suns_disc_makes_it() {
             projection: Projection::Orthographic { height: 0.004, near: 0.1, far: 100.0 },
         };
         let mut scene = Scene::with_camera(from_above);
-        scene.add(&asset(vec![quad(4.0, 4.0)], vec![white()], vec![]), flat_down());
-        // Its shadow's edge is the line x = 0; the sun is on the left, and so is the square.
+        scene.add(&asset(vec![quad(4.0, 4.0)], vec![white_material()], vec![]), flat_on_the_floor());
+        // The edge of the shadow is the line x = 0; the sun and the square are on the left.
         let l = DVec3::new(1.0, -1.0, 0.0).normalize();
         let middle = DVec3::new(-1.0 - height, height, 0.0);
-        let square = asset(vec![quad(1.0, 1.0)], vec![white()], vec![]);
-        scene.add(&square, DAffine3::from_translation(middle) * flat_down());
+        let square = asset(vec![quad(1.0, 1.0)], vec![white_material()], vec![]);
+        scene.add(&square, DAffine3::from_translation(middle) * flat_on_the_floor());
         scene.sun(l.as_vec3(), Vec3::ONE, 0.8);
         scene.snapshot.lights[0].shadow = Some(Shadow::default());
         let frame = draw_at(&scene, [120, 4], 1);
         let light: Vec<f64> = (0..120).map(|x| decode(pixel(&frame, x, 2)[0])).collect();
         let lit = light[119];
         assert!(light[0] < 0.01 && lit > 0.5, "{} to {lit}", light[0]);
-        // Pixels of 1 mm between a tenth and nine tenths of the light: a box filter of the disc's width has 0.8 of it there.
+        // Number of pixels of 1 mm between a tenth and nine tenths of the light: 0.8 of the width of the disc's projection.
         let between = light.iter().filter(|v| (0.1..0.9).contains(&(**v / lit))).count() as f64 * 1e-3;
         let distance = height * 2f64.sqrt();
         // The floor is inclined by 45°.
@@ -508,19 +519,19 @@ fn a_penumbra_is_as_wide_as_the_suns_disc_makes_it() {
     assert!(widths[1] > 2.0 * widths[0], "{widths:?}");
 }
 
-/// Pixels that a shadow makes darker, by both renderers.
+/// The pixels that a shadow darkens, in both renderers.
 #[test]
-fn actors_cast_and_receive_as_they_are_told_to() {
+fn actors_cast_and_receive_shadows_as_their_settings_say() {
     let mut vulkan = vulkan(GpuOptions::default());
     let mut darker_beside = |square: ActorShadow, floor: ActorShadow, board: bool| {
         let mut scene = floor_and_square();
         if board {
-            // Over the left half of the square's shadow.
+            // A board over the left half of the square's shadow.
             let at = DAffine3::from_translation(DVec3::new(-4.4, 0.01, 0.0));
-            scene.add(&asset(vec![quad(4.0, 4.0)], vec![white()], vec![]), at * flat_down());
+            scene.add(&asset(vec![quad(4.0, 4.0)], vec![white_material()], vec![]), at * flat_on_the_floor());
         }
-        let sun = plain(LightKind::Directional, 0.8);
-        cast(&mut scene, sun, DVec3::ZERO, DVec3::new(-0.5, -1.0, -0.3), Shadow::default());
+        let sun = white_light(LightKind::Directional, 0.8);
+        add_shadow_light(&mut scene, sun, DVec3::ZERO, DVec3::new(-0.5, -1.0, -0.3), Shadow::default());
         scene.stage.actors[0].shadow = floor;
         scene.stage.actors[1].shadow = square;
         let dark = |frame: &choreo_plugin::Frame| frame.rgba.chunks_exact(4).filter(|p| p[0] < 20).count();
@@ -535,7 +546,7 @@ fn actors_cast_and_receive_as_they_are_told_to() {
         (dark(&on_cpu), why)
     };
     let as_usual = ActorShadow::default();
-    // Beside an actor that receives, one that does not stays bright.
+    // An actor that receives no shadows stays bright beside one that does.
     let aside = ActorShadow { receive: false, ..as_usual };
     let [whole, half] = [as_usual, aside].map(|floor| darker_beside(as_usual, floor, true).0);
     assert!(half > whole / 4 && half < whole / 4 * 3, "{half} of {whole}");
@@ -555,9 +566,9 @@ fn actors_cast_and_receive_as_they_are_told_to() {
     assert_eq!(darker(ActorShadow { receive: false, ..as_usual }, silent), (dark, None));
 }
 
-/// A map is drawn anew where something in it changes, and only there; one that is kept shows what a fresh one shows.
+/// A shadow map is drawn again only if something in it changes; a kept map gives the same image as a new one.
 #[test]
-fn shadow_maps_that_do_not_change_are_kept() {
+fn unchanged_shadow_maps_are_kept() {
     let options = PlanOptions::new([96, 96], 1);
     let mut renderer = CpuRenderer::new(&[]);
     let mut maps = |scene: &Scene| {
@@ -567,24 +578,24 @@ fn shadow_maps_that_do_not_change_are_kept() {
         renderer.stage_times().shadow_maps() - before
     };
     let mut scene = floor_and_square();
-    let bent = skinned_asset(vec![quad(0.2, 0.5)], vec![Material { double_sided: true, ..white() }]);
+    let bent = skinned_asset(vec![quad(0.2, 0.5)], vec![Material { double_sided: true, ..white_material() }]);
     let figure = scene.add(&bent, DAffine3::from_translation(DVec3::new(-0.8, 0.5, 0.5)));
     let spot = LightKind::Spot { inner: 1.0, outer: 1.04 };
     let shadow = Shadow { size: 256, softness: None };
-    cast(&mut scene, plain(spot, 4.0), DVec3::new(0.8, 2.5, 0.5), DVec3::NEG_Y, shadow);
+    add_shadow_light(&mut scene, white_light(spot, 4.0), DVec3::new(0.8, 2.5, 0.5), DVec3::NEG_Y, shadow);
     assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
-    // The camera turns where it is, and the light changes.
+    // The camera turns in place, and the light's intensity changes: the map is kept.
     scene.snapshot.camera.world_from_view *= DAffine3::from_rotation_z(0.3);
     scene.snapshot.lights[0].light.intensity = 3.0;
     assert_eq!(maps(&scene), 0);
-    // Another light has a map of its own; with its numbers the first keeps its map, at another place of the image.
+    // A second light gets its own map; the first light keeps its map, at another position of the image.
     let further = DVec3::new(-1.2, 2.0, 0.2);
     scene.snapshot.lights.insert(0, LightState { position: further, ..scene.snapshot.lights[0] });
     assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
     scene.snapshot.lights.remove(0);
     assert_eq!(maps(&scene), 0);
-    // Another mesh is in the same place; what casts moves, a joint of it turns, it is not there, and the light moves.
-    scene.stage.actors[1].asset = asset(vec![quad(0.3, 0.3)], vec![white()], vec![]);
+    // The map is redrawn if another mesh replaces the caster, the caster moves, its joint turns, it disappears, or the light moves.
+    scene.stage.actors[1].asset = asset(vec![quad(0.3, 0.3)], vec![white_material()], vec![]);
     assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
     scene.snapshot.actors[1].world_from_model.translation.x += 0.1;
     assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
@@ -594,15 +605,15 @@ fn shadow_maps_that_do_not_change_are_kept() {
     assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
     scene.snapshot.lights[0].position.x += 0.1;
     assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
-    // Holes of a texture are always drawn.
-    let holes = Material { alpha_mode: AlphaMode::Mask(0.5), double_sided: true, ..white() };
+    // Maps with cut-outs are redrawn in every frame.
+    let holes = Material { alpha_mode: AlphaMode::Mask(0.5), double_sided: true, ..white_material() };
     scene.add(&asset(vec![quad(0.3, 0.3)], vec![holes], vec![]), DAffine3::from_translation(DVec3::Y));
     assert_eq!([maps(&scene), maps(&scene)], [1, 1]);
 }
 
-/// The maps of a device lie in one image: a map that is kept stays where it is, beside one that is drawn.
+/// All maps of a device lie in one image, so a kept map keeps its position beside a redrawn one.
 #[test]
-fn a_device_keeps_shadow_maps_too() {
+fn vulkan_keeps_unchanged_shadow_maps() {
     let (Some(mut keeping), Some(mut fresh)) = (vulkan(GpuOptions::default()), vulkan(GpuOptions::default()))
     else {
         return;
@@ -610,7 +621,7 @@ fn a_device_keeps_shadow_maps_too() {
     let options = PlanOptions::new([96, 96], 1);
     let mut maps = |scene: &Scene, options: &PlanOptions| {
         let frame = draw_with(&mut keeping, scene, options);
-        // Effects that are set again make it draw everything anew.
+        // Setting the effects again redraws all maps.
         fresh.set_effects(&[]).unwrap();
         assert!(frame == draw_with(&mut fresh, scene, options), "a kept map shows something else");
         let passes = |recording: &commands::Recording| {
@@ -622,32 +633,39 @@ fn a_device_keeps_shadow_maps_too() {
         kept.counts().shadow_views
     };
     let mut scene = floor_and_square();
-    let small = asset(vec![quad(0.2, 0.3)], vec![Material { double_sided: true, ..white() }], vec![]);
+    let small =
+        asset(vec![quad(0.2, 0.3)], vec![Material { double_sided: true, ..white_material() }], vec![]);
     let aslant = DAffine3::from_rotation_x(-1.2);
     let figure = scene.add(&small, DAffine3::from_translation(DVec3::new(1.4, 0.8, 1.4)) * aslant);
     let spot = LightKind::Spot { inner: 0.28, outer: 0.3 };
     for at in [DVec3::new(0.1, 3.0, -0.2), DVec3::new(1.4, 3.0, 1.4)] {
-        cast(&mut scene, plain(spot, 12.0), at, DVec3::NEG_Y, Shadow { size: 256, softness: None });
+        add_shadow_light(
+            &mut scene,
+            white_light(spot, 12.0),
+            at,
+            DVec3::NEG_Y,
+            Shadow { size: 256, softness: None },
+        );
     }
     assert_eq!([maps(&scene, &options), maps(&scene, &options)], [2, 0]);
     scene.snapshot.lights[0].light.intensity = 9.0;
     scene.snapshot.camera.world_from_view *= DAffine3::from_rotation_z(0.3);
     assert_eq!(maps(&scene, &options), 0);
-    // The figure turns in the light of one lamp alone.
+    // The figure turns in the light of only one lamp, so only that lamp's map is redrawn.
     for angle in [0.4, 0.8] {
         scene.snapshot.actors[figure].world_from_model *= DAffine3::from_rotation_y(angle);
         assert_eq!([maps(&scene, &options), maps(&scene, &options)], [1, 0]);
     }
-    // It leaves: its map is cleared.
+    // The figure disappears: its map is cleared.
     scene.snapshot.actors[figure].visible = false;
     assert_eq!([maps(&scene, &options), maps(&scene, &options)], [1, 0]);
-    // Images of another size are other images, and so is a map at another place.
+    // A frame of another size has new images, and a map at another position is redrawn.
     let larger = PlanOptions::new([128, 128], 1);
     assert_eq!([maps(&scene, &larger), maps(&scene, &larger), maps(&scene, &options)], [2, 0, 2]);
     scene.snapshot.lights.swap(0, 1);
     assert_eq!([maps(&scene, &options), maps(&scene, &options)], [2, 0]);
-    // Holes of a texture are always drawn.
-    let holes = Material { alpha_mode: AlphaMode::Mask(0.5), double_sided: true, ..white() };
+    // Maps with cut-outs are redrawn in every frame.
+    let holes = Material { alpha_mode: AlphaMode::Mask(0.5), double_sided: true, ..white_material() };
     let floating = asset(vec![quad(0.3, 0.3)], vec![holes], vec![]);
     scene.add(&floating, DAffine3::from_translation(DVec3::new(0.1, 1.5, -0.2)));
     assert_eq!([maps(&scene, &options), maps(&scene, &options)], [1, 1]);

@@ -15,19 +15,19 @@ const COLUMNS: usize = 24;
 const HUES: [[f64; 3]; 6] =
     [[1.0, 1.0, 1.0], [1.0, 0.62, 0.48], [0.1, 0.8, 0.2], [0.0, 0.0, 1.0], [1.0, 0.9, 0.0], [0.35, 0.6, 1.0]];
 
-/// Light of a column: from 1/64 to 16, so that it passes all parts of the curves.
-fn strength(column: usize) -> f64 {
+/// Light of a column: from 1/64 to 16, so that it covers all parts of the tone curves.
+fn light_of_column(column: usize) -> f64 {
     2.0_f64.powf(-6.0 + 10.0 * column as f64 / (COLUMNS - 1) as f64)
 }
 
-/// A table of quads that emit light, a row for each hue, one pixel each at 24 × 6 pixels.
-fn table(view: ViewTransform, exposure: f32) -> Scene {
+/// A table of quads that emit light, a row for each hue; at 24 × 6 pixels each quad is one pixel.
+fn table_of_emissive_quads(view: ViewTransform, exposure: f32) -> Scene {
     let mut scene = Scene::ortho(HUES.len() as f32);
     scene.stage.settings.view_transform = view;
     scene.stage.settings.exposure = exposure;
     for (row, hue) in HUES.iter().enumerate() {
         for column in 0..COLUMNS {
-            let emissive = hue.map(|c| (c * strength(column)) as f32);
+            let emissive = hue.map(|c| (c * light_of_column(column)) as f32);
             let material = Material { emissive: emissive.into(), ..matte(Vec4::new(0.0, 0.0, 0.0, 1.0)) };
             let x = column as f64 + 0.5 - COLUMNS as f64 / 2.0;
             let y = HUES.len() as f64 / 2.0 - row as f64 - 0.5;
@@ -37,7 +37,7 @@ fn table(view: ViewTransform, exposure: f32) -> Scene {
     scene
 }
 
-/// The Khronos PBR Neutral Tone Mapper as its specification writes it, but for `offset`, which is 0.04 there.
+/// The Khronos PBR Neutral Tone Mapper as its specification writes it. `offset` is 0.04 there.
 fn neutral(color: [f64; 3], offset: f64) -> [f64; 3] {
     let start = 0.8 - offset;
     let least = color[0].min(color[1]).min(color[2]);
@@ -53,7 +53,7 @@ fn neutral(color: [f64; 3], offset: f64) -> [f64; 3] {
     color.map(|c| c * shown / peak * (1.0 - pale) + shown * pale)
 }
 
-/// AgX with the sigmoid itself (Sobotka, AgX-S2O3: slope 2 at the pivot, powers 3 and 3.25), of which the program has a polynomial.
+/// AgX with its exact sigmoid (Sobotka, AgX-S2O3: slope 2 at the pivot, powers 3 and 3.25), which the program approximates by a polynomial.
 fn agx(color: [f64; 3]) -> [f64; 3] {
     let rows = |m: [[f64; 3]; 3], v: [f64; 3]| m.map(|r| r[0] * v[0] + r[1] * v[1] + r[2] * v[2]);
     let inset = [
@@ -83,13 +83,13 @@ fn agx(color: [f64; 3]) -> [f64; 3] {
     rows(outset, rows(inset, color).map(curve)).map(|c| c.max(0.0).powf(2.2).min(1.0))
 }
 
-/// The worst difference in codes of a table from a formula.
-fn worst(frame: &Frame, exposure: f64, of: impl Fn([f64; 3]) -> [f64; 3]) -> f64 {
+/// Largest difference between a drawn table and a formula, in codes.
+fn worst_difference(frame: &Frame, exposure: f64, of: impl Fn([f64; 3]) -> [f64; 3]) -> f64 {
     let mut worst: f64 = 0.0;
     for (row, hue) in HUES.iter().enumerate() {
         for column in 0..COLUMNS {
             let got = pixel(frame, column as u32, row as u32);
-            let expected = of(hue.map(|c| c * strength(column) * exposure.exp2()));
+            let expected = of(hue.map(|c| c * light_of_column(column) * exposure.exp2()));
             for c in 0..3 {
                 worst = worst.max((f64::from(got[c]) - encode(expected[c])).abs());
             }
@@ -107,10 +107,10 @@ fn renderers(effects: &[choreo_plugin::Effect]) -> Vec<(Box<dyn Renderer>, &'sta
 }
 
 #[test]
-fn closed_forms_on_ramps_of_light() {
+fn view_transforms_match_their_closed_forms() {
     for (mut renderer, name) in renderers(&[]) {
         let mut draw = |view, exposure, pipeline| {
-            let mut scene = table(view, exposure);
+            let mut scene = table_of_emissive_quads(view, exposure);
             scene.stage.settings.pipeline = pipeline;
             draw_with(renderer.as_mut(), &scene, &PlanOptions::new([COLUMNS as u32, HUES.len() as u32], 1))
         };
@@ -119,24 +119,24 @@ fn closed_forms_on_ramps_of_light() {
             let most = if pipeline == Pipeline::Deferred { 1.0 } else { 0.75 };
             for exposure in [0.0, -1.5] {
                 let stops = f64::from(exposure);
-                let raw = worst(&draw(ViewTransform::None, exposure, pipeline), stops, |c| c);
+                let raw = worst_difference(&draw(ViewTransform::None, exposure, pipeline), stops, |c| c);
                 assert!(raw <= most, "{name} {pipeline:?} none {exposure}: {raw}");
                 let frame = draw(ViewTransform::Neutral, exposure, pipeline);
-                let apart = worst(&frame, stops, |c| neutral(c, 0.04));
+                let apart = worst_difference(&frame, stops, |c| neutral(c, 0.04));
                 assert!(apart <= most, "{name} {pipeline:?} neutral {exposure}: {apart}");
-                // A planted fault: another share of reflection, and another exposure.
-                assert!(worst(&frame, stops, |c| neutral(c, 0.05)) > 3.0, "{name}");
-                assert!(worst(&frame, stops + 0.1, |c| neutral(c, 0.04)) > 3.0, "{name}");
+                // Planted faults, which the comparison must find: another offset, and another exposure.
+                assert!(worst_difference(&frame, stops, |c| neutral(c, 0.05)) > 3.0, "{name}");
+                assert!(worst_difference(&frame, stops + 0.1, |c| neutral(c, 0.04)) > 3.0, "{name}");
                 // The polynomial of AgX is at most 3 codes from its sigmoid (tests/report, "Tone mapping").
-                let apart = worst(&draw(ViewTransform::Agx, exposure, pipeline), stops, agx);
+                let apart = worst_difference(&draw(ViewTransform::Agx, exposure, pipeline), stops, agx);
                 assert!(apart <= 3.5, "{name} {pipeline:?} agx {exposure}: {apart}");
             }
         }
     }
 }
 
-/// Unlit and toon quads, one of refracting glass before an unlit one, and a background; `lit` adds a quad that light reaches.
-fn colors(view: ViewTransform, lit: bool) -> Scene {
+/// Unlit and toon quads, a quad of refracting glass in front of an unlit one, and a background. `lit` adds a lit quad.
+fn scene_of_display_colors(view: ViewTransform, lit: bool) -> Scene {
     let mut scene = Scene::ortho(8.0);
     scene.stage.settings.view_transform = view;
     scene.snapshot.background =
@@ -164,22 +164,24 @@ fn colors(view: ViewTransform, lit: bool) -> Scene {
 }
 
 #[test]
-fn colors_stay_and_light_changes() {
+fn view_transform_changes_lit_surfaces_only() {
     for (mut renderer, name) in renderers(&[]) {
-        let mut draw =
-            |view, lit| draw_with(renderer.as_mut(), &colors(view, lit), &PlanOptions::new([64, 32], 4)).rgba;
+        let mut draw = |view, lit| {
+            draw_with(renderer.as_mut(), &scene_of_display_colors(view, lit), &PlanOptions::new([64, 32], 4))
+                .rgba
+        };
         for view in [ViewTransform::Neutral, ViewTransform::Agx] {
-            // The sun shines on toon and glass alike; the glass has no light of its own.
+            // The sun shines on the toon quad and on the glass, which emits no light.
             assert_eq!(draw(view, false), draw(ViewTransform::None, false), "{name} {view:?}");
             assert_ne!(draw(view, true), draw(ViewTransform::None, true), "{name} {view:?}");
         }
     }
 }
 
-/// The passes over the image, and whether surfaces are transformed, of a lit scene with these effects.
-fn passes(view: ViewTransform, effects: &[&str]) -> (Vec<String>, bool) {
+/// Names of the full-screen passes of a lit scene with these effects, and whether surface shaders apply the view transform.
+fn passes_and_surface_transform(view: ViewTransform, effects: &[&str]) -> (Vec<String>, bool) {
     let known = effects::all();
-    let mut scene = colors(view, true);
+    let mut scene = scene_of_display_colors(view, true);
     for name in effects {
         use_effect(&mut scene, name, &[], &[]);
     }
@@ -193,9 +195,9 @@ fn passes(view: ViewTransform, effects: &[&str]) -> (Vec<String>, bool) {
 }
 
 #[test]
-fn where_the_view_transform_runs() {
+fn view_transform_runs_in_surface_shaders_or_as_a_pass_after_effects() {
     let case = |view, effects: &[&str], passes_expected: &[&str], of_surfaces: bool| {
-        let (names, transformed) = passes(view, effects);
+        let (names, transformed) = passes_and_surface_transform(view, effects);
         assert_eq!(
             (names, transformed),
             (passes_expected.iter().map(|s| s.to_string()).collect(), of_surfaces)
@@ -208,10 +210,10 @@ fn where_the_view_transform_runs() {
     case(neutral, &["vignette", "bloom", "fxaa"], &["vignette", "bloom", "tonemap", "fxaa"], false);
     case(neutral, &["bloom", "tonemap"], &["bloom", "tonemap"], false);
     case(ViewTransform::None, &["bloom"], &["bloom"], false);
-    // The pass has the curve of the stage.
+    // The pass applies the curve that the stage's settings name.
     let known = effects::all();
     for (view, curve) in [(neutral, "neutral"), (ViewTransform::Agx, "agx")] {
-        let mut scene = colors(view, true);
+        let mut scene = scene_of_display_colors(view, true);
         use_effect(&mut scene, "bloom", &[], &[]);
         let (_, plan) = scene.plan(&PlanOptions { effects: &known, ..PlanOptions::new([64, 32], 1) });
         let tonemap = &effects::named(&["tonemap"])[0];
@@ -223,15 +225,15 @@ fn where_the_view_transform_runs() {
 }
 
 #[test]
-fn the_pass_after_bloom_shows_what_surfaces_show() {
+fn view_transform_pass_matches_the_one_in_surface_shaders() {
     let known = effects::all();
     for (mut renderer, name) in renderers(&known) {
         for view in [ViewTransform::Neutral, ViewTransform::Agx] {
-            let mut scene = table(view, 0.0);
+            let mut scene = table_of_emissive_quads(view, 0.0);
             let options =
                 PlanOptions { effects: &known, ..PlanOptions::new([COLUMNS as u32, HUES.len() as u32], 1) };
             let of_surfaces = draw_with(renderer.as_mut(), &scene, &options);
-            // Nothing is as bright as its threshold.
+            // No pixel is as bright as the threshold of bloom.
             use_effect(&mut scene, "bloom", &[("threshold", 100.0)], &[]);
             let of_pass = draw_with(renderer.as_mut(), &scene, &options);
             let apart = of_surfaces.rgba.iter().zip(&of_pass.rgba).map(|(a, b)| a.abs_diff(*b)).max();

@@ -17,10 +17,10 @@ use choreo_render::shader::{
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
-/// Switches of other modules than the scene's.
+/// Switches of modules other than the scene's.
 const OF_OTHERS: [&str; 5] = ["DITHER", "SKY_BACKGROUND", "PICTURE", "SURFACE_INPUT", "MOTION_INPUT"];
 
-/// Switches that are on and that are off; the others are open.
+/// Switches that are on and switches that are off; all others are undecided.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 struct Partial {
     on: u128,
@@ -68,7 +68,7 @@ impl Rules {
                         rules.clauses.push(Partial { on: own | group.off, off: group.on });
                     }
                 }
-                // Only effects' textures and faults are a matter of the scene's shader.
+                // Of these switches, the scene's shader has only those for textures and faults of effects.
                 Some(SwitchSource::OtherModules) if name != "TEXTURES" && name != "FAULT_RECORDS" => {
                     rules.clauses.push(Partial { on: 0, off: own });
                 }
@@ -83,7 +83,7 @@ impl Rules {
         1 << at.unwrap_or_else(|| panic!("no switch {name}"))
     }
 
-    /// `||` of `&&`.
+    /// The condition in disjunctive normal form: alternatives (`||`), each a conjunction (`&&`).
     fn groups(&self, condition: &str) -> Vec<Partial> {
         let group = |group: &str| {
             group.split("&&").fold(Partial::default(), |all, term| match term.trim().strip_prefix('!') {
@@ -94,7 +94,7 @@ impl Rules {
         condition.split("||").map(group).collect()
     }
 
-    /// Distributes: one literal of each group.
+    /// Adds the clauses of an implication in conjunctive normal form: one literal of each group.
     fn implies(&mut self, own: u128, groups: &[Partial]) {
         let mut clauses = vec![Partial { on: 0, off: own }];
         for group in groups {
@@ -106,7 +106,7 @@ impl Rules {
         self.clauses.extend(clauses);
     }
 
-    /// All that follows; `None` where nothing satisfies the rules.
+    /// Unit propagation: the set with all implied switches; `None` if it contradicts the rules.
     fn propagated(&self, mut set: Partial) -> Option<Partial> {
         loop {
             let before = set;
@@ -127,7 +127,7 @@ impl Rules {
         }
     }
 
-    /// Some set that satisfies the rules, with as little on as possible.
+    /// A complete set that satisfies the rules, with few switches on.
     fn solved(&self, set: Partial) -> Option<Partial> {
         let set = self.propagated(set)?;
         let open = !(set.on | set.off) & (u128::MAX >> (128 - self.names.len()));
@@ -149,7 +149,7 @@ fn bits(set: u128) -> impl Iterator<Item = u128> {
     (0..128).map(|i| 1 << i).filter(move |bit| set & bit != 0)
 }
 
-/// A line of a shader, with the conditions under which it is in.
+/// A line of a shader, with the conditions under which it is kept.
 struct Line {
     text: String,
     conditions: Vec<(Vec<Partial>, bool)>,
@@ -162,7 +162,7 @@ impl Line {
         self.conditions.iter().flat_map(|(groups, _)| groups).fold(0, |all, g| all | g.on | g.off)
     }
 
-    /// Whether it is in; all its switches are decided.
+    /// Whether the line is kept by a set that decides all its switches.
     fn is_in(&self, set: Partial) -> bool {
         self.conditions.iter().all(|(groups, holds)| groups.iter().any(|g| set.contains(*g)) == *holds)
     }
@@ -214,7 +214,7 @@ fn lines(files: &[SourceFile], rules: &Rules) -> Vec<Line> {
     out
 }
 
-/// Names that a line declares, and whether they belong to its scope alone.
+/// Names that a line declares, and whether each is local to its scope.
 fn declared(text: &str) -> Vec<(&str, bool)> {
     let words = words(text);
     let mut out = Vec::new();
@@ -234,7 +234,7 @@ fn declared(text: &str) -> Vec<(&str, bool)> {
     out
 }
 
-/// Switches that meet, with the line that all of them are about, if there is one.
+/// Switches that meet, with the line that they decide about, if it is a single one.
 fn meetings(lines: &[Line]) -> BTreeMap<(u128, Option<usize>), ()> {
     let mut local: BTreeMap<(&str, &str), u128> = BTreeMap::new();
     let mut global: BTreeMap<&str, u128> = BTreeMap::new();
@@ -304,10 +304,10 @@ fn pairs(rules: &Rules) -> impl ParallelIterator<Item = Partial> {
     pairs.into_par_iter().flat_map_iter(of).filter(|p| rules.solved(*p).is_some())
 }
 
-/// Sets that a combination is tried to be merged into.
+/// Number of sets into which merging a combination is tried.
 const TRIES: usize = 40;
 
-/// Sets of switches in which all these combinations occur.
+/// Sets of switches that together contain all these combinations.
 fn cover(rules: &Rules, combinations: HashSet<Partial>) -> Vec<Partial> {
     let mut sorted: Vec<Partial> = combinations.into_iter().collect();
     sorted.sort_by_key(|p| (std::cmp::Reverse((p.on | p.off).count_ones()), *p));
@@ -424,7 +424,7 @@ fn every_key_that_the_planner_can_produce_compiles() {
         let stages = entry_points(on);
         compile(&scene_files(&scene, on), on, &stages, false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
     });
-    // Each switch is on in some key and off in another.
+    // Each switch is on in at least one key and off in another.
     for name in switch_names().filter(|name| !OF_OTHERS.contains(name)) {
         assert!(distinct.iter().any(|on| on.contains(&name)), "{name} is on nowhere");
         assert!(distinct.iter().any(|on| !on.contains(&name)), "{name} is on everywhere");
@@ -432,7 +432,7 @@ fn every_key_that_the_planner_can_produce_compiles() {
 }
 
 #[test]
-fn a_broken_branch_of_a_rare_combination_is_found() {
+fn the_check_finds_an_error_in_a_rare_feature_combination() {
     let rules = Rules::of_table();
     let mut scene = scene();
     let vertex = scene.iter_mut().find(|f| f.name.ends_with("vertex.wgsl")).unwrap();
@@ -449,7 +449,7 @@ fn a_broken_branch_of_a_rare_combination_is_found() {
 }
 
 #[test]
-fn every_pose_variant_compiles() {
+fn every_pre_skinning_variant_compiles() {
     let files = ShaderSources::default().files(&PRESKIN).unwrap();
     let skinning: Vec<&str> = names(Features::SKINNING).collect();
     let others = ["NORMAL", "TANGENT", "JOINTS_UNIFORM"];
@@ -472,7 +472,7 @@ fn every_pose_variant_compiles() {
 }
 
 #[test]
-fn the_other_modules_compile() {
+fn modules_outside_the_scene_shader_compile() {
     let sources = ShaderSources::default();
     for surface in [&[][..], &["SURFACE", "EFFECTS"], &["SURFACE", "EFFECTS", "TEXTURES"]] {
         for (files, switch) in [(&BACKGROUND[..], None), (&SKY, Some("SKY_BACKGROUND"))] {
@@ -488,7 +488,7 @@ fn the_other_modules_compile() {
 }
 
 #[test]
-fn the_table_is_consistent() {
+fn the_feature_table_is_consistent() {
     let names: BTreeSet<&str> = switch_names().collect();
     assert_eq!(names.len(), switch_names().count(), "a name occurs twice");
     let rules = Rules::of_table();

@@ -27,7 +27,7 @@ fn layout(module: &naga::Module, name: &str) -> (Vec<(String, u32)>, u32) {
     panic!("no struct {name} in the module");
 }
 
-fn compare(module: &naga::Module, name: &str, size: usize, fields: &[(&str, usize)]) {
+fn compare_layout(module: &naga::Module, name: &str, size: usize, fields: &[(&str, usize)]) {
     let (members, span) = layout(module, name);
     let rust: Vec<(String, u32)> = fields.iter().map(|(n, o)| (n.to_string(), *o as u32)).collect();
     assert_eq!(members, rust, "struct {name}");
@@ -45,13 +45,13 @@ fn scene(features: Features, deferred: DeferredPass) -> naga::Module {
 }
 
 #[test]
-fn layouts_equal_the_rust_structs() {
+fn uniform_layouts_equal_the_rust_structs() {
     let features = [Features::SHADOW, Features::SKY, Features::LAYERS, Features::SKIN, Features::MORPH];
     let lit = Features::METALLIC_ROUGHNESS.with(Features::LOCAL_LIGHTS);
     let m = scene(features.into_iter().fold(lit, Features::with), DeferredPass::No);
     macro_rules! uniforms {
         ($($module:expr, $name:literal: $uniform:ty;)*) => {
-            $(compare($module, $name, size_of::<$uniform>(), <$uniform>::FIELDS);)*
+            $(compare_layout($module, $name, size_of::<$uniform>(), <$uniform>::FIELDS);)*
         };
     }
     let light_pass = scene(Features::METALLIC_ROUGHNESS, DeferredPass::Light);
@@ -79,8 +79,8 @@ fn layouts_equal_the_rust_structs() {
         &post, "Post": PostUniform;
     }
     let light = fields!(PlanLight: position, kind, direction, shadow_views, color, inverse_range_squared, cone, polynomial);
-    compare(&m, "Light", size_of::<PlanLight>(), light);
-    compare(&m, "Rows", 48, &[("x", 0), ("y", 16), ("z", 32)]);
+    compare_layout(&m, "Light", size_of::<PlanLight>(), light);
+    compare_layout(&m, "Rows", 48, &[("x", 0), ("y", 16), ("z", 32)]);
     let (members, span) = layout(&m, "Instance");
     let rust =
         fields!(Instance: relative_from_mesh, tint, first_joint, first_morph, morph_count, width).iter();
@@ -92,7 +92,7 @@ fn layouts_equal_the_rust_structs() {
 }
 
 #[test]
-fn light_types_equal_the_rust_enum() {
+fn light_type_constants_equal_the_rust_enum() {
     let m = scene(Features::METALLIC_ROUGHNESS, DeferredPass::No);
     for (name, kind) in [
         ("LIGHT_DIRECTIONAL", LightType::Directional),
@@ -107,7 +107,7 @@ fn light_types_equal_the_rust_enum() {
 
 #[test]
 #[should_panic(expected = "struct Frame")]
-fn a_moved_field_is_found() {
+fn the_comparison_finds_a_moved_field() {
     let text = sources().file("frame.wgsl").unwrap().text;
     let moved = text
         .replace("    eye: vec4<f32>,\n", "")
@@ -116,5 +116,5 @@ fn a_moved_field_is_found() {
     let mut files = sources().files(&BACKGROUND).unwrap();
     files[0].text = moved;
     let (m, _) = parse(&files, &[]).unwrap();
-    compare(&m, "Frame", size_of::<FrameUniform>(), FrameUniform::FIELDS);
+    compare_layout(&m, "Frame", size_of::<FrameUniform>(), FrameUniform::FIELDS);
 }

@@ -4,7 +4,7 @@ use choreo_render::RenderError;
 use choreo_render::shader::*;
 
 #[test]
-fn mistakes_point_at_the_users_line() {
+fn shader_errors_name_the_line_of_the_author() {
     let message = |effect: &str| {
         let files = ShaderSources::default()
             .post("blur", effect, [0, 0], ParameterRows { first: 0, length: 8, reads_frame: false }, false)
@@ -31,7 +31,7 @@ fn mistakes_point_at_the_users_line() {
 }
 
 #[test]
-fn a_folder_wins_and_its_mistakes_name_the_file() {
+fn modules_of_a_folder_replace_built_in_ones_and_errors_name_their_file() {
     let folder = std::env::temp_dir().join(format!("choreo-shaders-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("background.wgsl"), "fn x() -> f32 {\n  retrun 1.0;\n}\n").unwrap();

@@ -1,4 +1,4 @@
-//! Images that follow each other: the right one at each time, made when it is seen, and few of them held at once.
+//! Image sequences: the right image at each time, loaded when it is visible, with few images held at once.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 const COUNT: usize = 40;
 
-/// Each of a gray of its own; the last but one cannot be made.
+/// A sequence of images in different grays; if `broken`, the last but one cannot be loaded.
 #[derive(Debug, Default)]
 struct Greys {
     made: AtomicUsize,
@@ -72,13 +72,13 @@ fn each_frame_shows_its_image_in_any_order() {
     for once in [false, true] {
         let greys = Arc::new(Greys::default());
         frames(&mut CpuRenderer::new(&[]), &mut scene(&greys, once), [0, 1, 2, 39, 40, 45, 7, 7, 100], once);
-        // None that was not seen, and no first one, whose pixels are the material's own.
+        // Only visible images are loaded, and not the first one, whose pixels belong to the material.
         assert!(greys.made.load(Ordering::Relaxed) <= 8);
     }
 }
 
 #[test]
-fn a_device_holds_those_of_the_last_frames_alone() {
+fn a_device_keeps_only_the_images_of_recent_frames() {
     let Some(mut gpu) = VulkanRenderer::new(GpuOptions { validation: true, ..GpuOptions::default() }).ok()
     else {
         println!("SKIP 1: no Vulkan");
@@ -90,13 +90,13 @@ fn a_device_holds_those_of_the_last_frames_alone() {
     let [_, textures, materials] = gpu.resource_counts();
     assert!((2..=11).contains(&textures) && materials <= 11, "{textures} textures, {materials} materials");
     assert_eq!(greys.made.load(Ordering::Relaxed), COUNT - 1);
-    // Images that were dropped are made again.
+    // Dropped images are loaded again.
     frames(&mut gpu, &mut scene, [3, 4, 3, 38], false);
     assert_eq!(greys.made.load(Ordering::Relaxed), COUNT - 1 + 2);
 }
 
 #[test]
-fn one_that_cannot_be_made_ends_the_frame_with_its_name() {
+fn an_image_that_cannot_be_loaded_is_an_error_with_its_name() {
     let greys = Arc::new(Greys { broken: true, ..Greys::default() });
     let mut scene = scene(&greys, false);
     scene.snapshot.time = Time::from_secs((COUNT - 2) as f64 * 0.1 + 0.05);
@@ -108,14 +108,14 @@ fn one_that_cannot_be_made_ends_the_frame_with_its_name() {
     assert!(error.contains("grey_38.png"), "{error}");
 }
 
-/// Three patterns, whose channels say something in every slot.
+/// Three patterns whose channels have an effect in every texture slot.
 #[derive(Debug)]
 struct Patterns;
 
 fn pattern(index: usize) -> Arc<Image> {
     image(8, 8, |x, y| {
         let on = (x / 2 + y / (index as u32 + 1)).is_multiple_of(2);
-        // A normal that leans, a roughness, a metal, an opacity.
+        // As a normal it is tilted; the channels also give roughness, metalness and opacity.
         if on { [190, 90, 210, 230] } else { [70 + 40 * index as u8, 150, 250, 60] }
     })
 }
@@ -126,7 +126,7 @@ impl ImageSource for Patterns {
     }
 }
 
-/// A lit plate with an image in a slot: one of a sequence as seen at its time, or alone.
+/// A lit plate with an image in these slots: at its time in a sequence, or (`alone`) as a plain texture.
 fn plate(slots: &[TextureSlot], index: usize, alone: bool) -> Scene {
     let slot_texture = |slot| slots.contains(&slot).then(|| texture(0));
     let streams = slots.iter().map(|slot| ImageStream {
@@ -163,7 +163,7 @@ fn plate(slots: &[TextureSlot], index: usize, alone: bool) -> Scene {
 }
 
 #[test]
-fn every_slot_shows_its_image_as_if_it_were_alone() {
+fn every_texture_slot_shows_the_image_of_its_sequence() {
     use TextureSlot::*;
     let options = PlanOptions::new([32, 32], 1);
     let mut renderers: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(&[]))];

@@ -9,8 +9,12 @@ use choreo_stage::*;
 use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
-/// A wall whose material some clip of its file drives, so that the catalogue knows that it may change.
-fn changing(material: Material, properties: &[MaterialProperty], images: Vec<Arc<Image>>) -> Arc<Asset> {
+/// A wall whose material is animated by a clip of its file, so that the scene resources expect overrides.
+fn asset_with_animated_material(
+    material: Material,
+    properties: &[MaterialProperty],
+    images: Vec<Arc<Image>>,
+) -> Arc<Asset> {
     let mut asset = Arc::unwrap_or_clone(asset(vec![quad(2.0, 2.0)], vec![material], images));
     let curves = properties.iter().map(|property| {
         let target = PropertyTarget::Material(0, *property);
@@ -23,59 +27,67 @@ fn changing(material: Material, properties: &[MaterialProperty], images: Vec<Arc
     Arc::new(asset)
 }
 
-fn now(scene: &mut Scene, actor: usize, now: Material) {
+fn override_material(scene: &mut Scene, actor: usize, now: Material) {
     scene.snapshot.actors[actor].materials = vec![ChangedMaterial { material: 0, now }];
 }
 
-/// Half of the texture red, half green; looked at in two walls side by side, the right one's texture moved by half.
+/// Two walls side by side with a half red, half green texture, which an override moves by half its width on the right wall.
 fn two_walls() -> Scene {
     let halves = image(2, 1, |x, _| if x == 0 { [255, 0, 0, 255] } else { [0, 255, 0, 255] });
     let mut texture = texture(0);
     texture.sampler.mag_linear = false;
     let material = Material { base_color_texture: Some(texture), ..unlit(Vec4::ONE) };
-    let a = changing(material.clone(), &[MaterialProperty::UvOffset(0)], vec![halves]);
+    let a = asset_with_animated_material(material.clone(), &[MaterialProperty::UvOffset(0)], vec![halves]);
     let mut scene = Scene::ortho(4.0);
     scene.at(&a, -2.0, 0.0, 0.0);
     scene.at(&a, 2.0, 0.0, 0.0);
     let mut moved = material;
     let shift = Affine2::from_translation(Vec2::new(0.5, 0.0));
     moved.base_color_texture.as_mut().unwrap().uv_transform = shift;
-    now(&mut scene, 1, moved);
+    override_material(&mut scene, 1, moved);
     scene
 }
 
-fn glow(emissive: Vec3) -> Scene {
+fn scene_with_emission(emissive: Vec3) -> Scene {
     let rest = Material { specular: 0.0, ..matte(Vec4::ZERO) };
-    let a = changing(rest.clone(), &[MaterialProperty::Emissive], vec![]);
+    let a = asset_with_animated_material(rest.clone(), &[MaterialProperty::Emissive], vec![]);
     let mut scene = Scene::ortho(2.0);
     scene.at(&a, 0.0, 0.0, 0.0);
-    now(&mut scene, 0, Material { emissive, ..rest });
+    override_material(&mut scene, 0, Material { emissive, ..rest });
     scene
 }
 
-fn check(mut draw: impl FnMut(&Scene, [u32; 2]) -> choreo_plugin::Frame) {
+fn check_overrides(mut draw: impl FnMut(&Scene, [u32; 2]) -> choreo_plugin::Frame) {
     let frame = draw(&two_walls(), [80, 40]);
     let at = |x| pixel(&frame, x, 20);
-    assert_eq!([at(10), at(30)], [[255, 0, 0, 255], [0, 255, 0, 255]], "the left wall is as its file has it");
+    assert_eq!(
+        [at(10), at(30)],
+        [[255, 0, 0, 255], [0, 255, 0, 255]],
+        "the left wall has the material of its file"
+    );
     assert_eq!([at(50), at(70)], [[0, 255, 0, 255], [255, 0, 0, 255]], "the right wall's texture is moved");
     // Emission that is zero in the file is added when an override sets it.
-    assert_color(pixel(&draw(&glow(Vec3::new(0.5, 0.25, 1.0)), [5, 5]), 2, 2), [0.5, 0.25, 1.0], "emission");
-    assert_color(pixel(&draw(&glow(Vec3::ZERO), [5, 5]), 2, 2), [0.0; 3], "no emission");
+    assert_color(
+        pixel(&draw(&scene_with_emission(Vec3::new(0.5, 0.25, 1.0)), [5, 5]), 2, 2),
+        [0.5, 0.25, 1.0],
+        "emission",
+    );
+    assert_color(pixel(&draw(&scene_with_emission(Vec3::ZERO), [5, 5]), 2, 2), [0.0; 3], "no emission");
 }
 
 #[test]
-fn the_cpu_draws_what_is_now() {
-    check(|scene, size| draw_at(scene, size, 1));
+fn the_cpu_renderer_draws_overridden_materials() {
+    check_overrides(|scene, size| draw_at(scene, size, 1));
 }
 
 #[test]
-fn vulkan_draws_what_is_now() {
+fn vulkan_draws_overridden_materials() {
     let Some(mut r) = vulkan(GpuOptions::default()) else { return };
-    check(|scene, size| draw_with(&mut r, scene, &PlanOptions::new(size, 1)));
+    check_overrides(|scene, size| draw_with(&mut r, scene, &PlanOptions::new(size, 1)));
 }
 
 #[test]
-fn only_what_changes_is_carried() {
+fn the_plan_holds_only_overridden_materials() {
     let scene = two_walls();
     let (_, plan) = scene.plan(&PlanOptions::new([80, 40], 1));
     assert_eq!(plan.material_overrides.len(), 1);

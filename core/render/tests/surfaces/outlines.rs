@@ -1,4 +1,4 @@
-//! Outlines, MToon's and the effect's, and masks of what moves: widths counted in pixels, both renderers alike, nothing where none is.
+//! Outlines of MToon and of the effect, and UV animation masks: widths in pixels, equal images in both renderers, no cost without them.
 
 use crate::common;
 use crate::common::layered::bulge;
@@ -37,14 +37,14 @@ fn effects() -> Vec<Effect> {
     effects::named(&["outline"])
 }
 
-fn outlined(scene: &mut Scene, width: f64, actors: Vec<usize>) {
+fn add_outline(scene: &mut Scene, width: f64, actors: Vec<usize>) {
     common::use_effect(scene, "outline", &[("color_g", 1.0), ("width", width)], &actors);
 }
 
 const GREEN: [u8; 4] = [0, 255, 0, 255];
 
-/// Runs of the outline's color in a row.
-fn runs(frame: &Frame, y: u32, color: [u8; 4]) -> Vec<u32> {
+/// Lengths of the runs of a color in a row of pixels.
+fn run_lengths(frame: &Frame, y: u32, color: [u8; 4]) -> Vec<u32> {
     let mut out = Vec::new();
     let mut run = 0;
     for x in 0..=frame.width {
@@ -58,16 +58,16 @@ fn runs(frame: &Frame, y: u32, color: [u8; 4]) -> Vec<u32> {
 }
 
 #[test]
-fn as_wide_in_pixels_wherever_it_stands() {
+fn outlines_in_pixels_have_the_same_width_at_any_distance() {
     for distance in [4.0, 8.0, 20.0, 80.0] {
         for (what, mesh) in [("ball", ball(1.0)), ("cube", cube(0.8))] {
             for width in [2.0, 5.0] {
                 let mut scene = Scene::perspective(0.7, distance);
                 scene.at(&asset(vec![mesh.clone()], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
-                outlined(&mut scene, width, vec![]);
+                add_outline(&mut scene, width, vec![]);
                 let all = effects();
                 let options = PlanOptions { effects: &all, ..PlanOptions::new([301, 301], 1) };
-                let runs = runs(&draw(&scene, &options), 150, GREEN);
+                let runs = run_lengths(&draw(&scene, &options), 150, GREEN);
                 // A cube's corner is pushed out along its diagonal, so that its sides move by 1/√2 or 1/√3 of the width at least.
                 let least = if what == "cube" { width / 3f64.sqrt() } else { width };
                 let fits = |r: &u32| (least - 1.2..=width + 1.2).contains(&f64::from(*r));
@@ -82,15 +82,15 @@ fn as_wide_in_pixels_wherever_it_stands() {
 
 /// A preview of a quarter of the sides, or of four times as many pixels, has lines of the same share of its height.
 #[test]
-fn a_preview_has_outlines_as_wide_as_the_image_has() {
+fn previews_keep_the_outline_width_relative_to_the_height() {
     let all = effects();
     for (side, width) in [(301, 8.0), (75, 2.0), (1204, 32.0)] {
         let mut scene = Scene::perspective(0.7, 8.0);
         scene.at(&asset(vec![ball(1.0)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
-        outlined(&mut scene, 8.0, vec![]);
+        add_outline(&mut scene, 8.0, vec![]);
         let preview_of = Some([301, 301]);
         let options = PlanOptions { effects: &all, preview_of, ..PlanOptions::new([side, side], 1) };
-        let runs = runs(&draw(&scene, &options), side / 2, GREEN);
+        let runs = run_lengths(&draw(&scene, &options), side / 2, GREEN);
         let fits = |r: &u32| (f64::from(*r) - width).abs() <= 1.2;
         assert!(runs.len() == 2 && runs.iter().all(fits), "{side}: {width} px as {runs:?}");
     }
@@ -101,27 +101,31 @@ fn toon(outline: Outline, base: Vec4) -> Material {
     Material { shading: Shading::Toon, toon: Some(Arc::new(toon)), ..matte(base) }
 }
 
-fn line(width: f32, on_screen: bool) -> Outline {
+fn outline_of_width(width: f32, on_screen: bool) -> Outline {
     Outline { width, on_screen, width_texture: None, color: Vec3::Y, lighting_mix: 0.0 }
 }
 
 #[test]
-fn mtoon_in_meters_and_in_shares_of_the_image() {
+fn mtoon_outline_widths_in_metres_and_image_shares_match_formulas() {
     // Two metres in 200 pixels: 0.05 m and 2.5 % are 5 pixels, at any scale of the model.
-    for (outline, pixels) in [(line(0.05, false), 5), (line(0.025, true), 5), (line(0.1, false), 10)] {
+    for (outline, pixels) in [
+        (outline_of_width(0.05, false), 5),
+        (outline_of_width(0.025, true), 5),
+        (outline_of_width(0.1, false), 10),
+    ] {
         for scale in [0.5, 1.5] {
             let mut scene = Scene::ortho(2.0);
             let a = asset(vec![ball(0.4)], vec![toon(outline.clone(), Vec4::ONE)], vec![]);
             scene.add(&a, DAffine3::from_scale(DVec3::splat(scale)));
             scene.snapshot.ambient_up = Vec3::ONE;
             scene.snapshot.ambient_down = Vec3::ONE;
-            let runs = runs(&draw_at(&scene, [201, 200], 1), 100, GREEN);
+            let runs = run_lengths(&draw_at(&scene, [201, 200], 1), 100, GREEN);
             let fits = |r: &u32| r.abs_diff(pixels) <= 1;
             assert!(runs.len() == 2 && runs.iter().all(fits), "{outline:?} × {scale}: {runs:?}");
         }
     }
-    // Half lit by a surface of half: ½ · 1 + ½ · ½.
-    let mixed = Outline { lighting_mix: 0.5, color: Vec3::ONE, ..line(0.2, false) };
+    // Half of the lighting of a surface with half the light: ½ · 1 + ½ · ½.
+    let mixed = Outline { lighting_mix: 0.5, color: Vec3::ONE, ..outline_of_width(0.2, false) };
     let mut scene = Scene::ortho(2.0);
     scene.at(
         &asset(vec![ball(0.5)], vec![toon(mixed, Vec4::new(0.5, 0.5, 0.5, 1.0))], vec![]),
@@ -137,29 +141,29 @@ fn mtoon_in_meters_and_in_shares_of_the_image() {
 }
 
 #[test]
-fn transparent_surfaces_have_their_outline_around_them() {
-    // Half of everything comes through, the line's light and the surface's; nothing is behind.
+fn transparent_surfaces_are_outlined_only_outside() {
+    // The outline and the surface are half transparent over a black background.
     let mut scene = Scene::ortho(2.0);
     let base = Vec4::new(1.0, 1.0, 1.0, 0.5);
-    let veil = Material { alpha_mode: AlphaMode::Blend, ..toon(line(0.1, false), base) };
+    let veil = Material { alpha_mode: AlphaMode::Blend, ..toon(outline_of_width(0.1, false), base) };
     scene.at(&asset(vec![ball(0.5)], vec![veil], vec![]), 0.0, 0.0, 0.0);
     scene.snapshot.ambient_up = Vec3::ONE;
     scene.snapshot.ambient_down = Vec3::ONE;
     let frame = draw_at(&scene, [201, 200], 1);
     let half = encode(0.5).round() as u8;
-    let found = runs(&frame, 100, [0, half, 0, pixel(&frame, 100 + 55, 100)[3]]);
+    let found = run_lengths(&frame, 100, [0, half, 0, pixel(&frame, 100 + 55, 100)[3]]);
     assert!(found.len() == 2 && found.iter().all(|r| r.abs_diff(10) <= 1), "{found:?}");
     // The surface lies over the far side of its hull: ½ white + ½ (½ green).
     assert_color(pixel(&frame, 100, 100), [0.5, 0.75, 0.5], "the surface before its hull");
-    // An opaque one hides it.
-    let solid = toon(line(0.1, false), Vec4::ONE);
+    // An opaque surface hides the hull.
+    let solid = toon(outline_of_width(0.1, false), Vec4::ONE);
     let mut scene = Scene::ortho(2.0);
     scene.at(&asset(vec![ball(0.5)], vec![solid], vec![]), 0.0, 0.0, 0.0);
     (scene.snapshot.ambient_up, scene.snapshot.ambient_down) = (Vec3::ONE, Vec3::ONE);
     assert_color(pixel(&draw_at(&scene, [201, 200], 1), 100, 100), [1.0; 3], "solid");
 }
 
-/// Every kind of outline on every kind of surface.
+/// A scene with every kind of outline on every kind of surface.
 fn scene_of_all() -> Scene {
     let mut scene = Scene::perspective(0.9, 6.0);
     scene.snapshot.background = Background::Color(Vec4::new(0.2, 0.3, 0.4, 1.0));
@@ -209,7 +213,7 @@ fn scene_of_all() -> Scene {
         let place = DVec3::new(f64::from(i % 3) * 1.5 - 1.5, f64::from(i / 3) * 1.4 - 1.4, 0.0);
         scene.add(&Arc::new(a), DAffine3::from_rotation_translation(turn, place));
     }
-    outlined(&mut scene, 3.0, vec![4, 8]);
+    add_outline(&mut scene, 3.0, vec![4, 8]);
     scene
 }
 
@@ -229,20 +233,20 @@ fn vulkan_and_the_cpu_reference_draw_the_same_outlines() {
     let forced = PlanOptions { force_all: true, ..options.clone() };
     let c = compare(&vulkan, &draw_with(&scene, &forced), 0).unwrap();
     assert!(c.share_beyond < 0.001, "forced in: {c}");
-    // The planted fault: an outline a pixel wider is seen.
+    // The planted fault, an outline a pixel wider, is found.
     scene.snapshot.effects[0].parameters[1].1 = 4.0;
     let c = compare(&draw_with(&scene, &options), &cpu, 2).unwrap();
     assert!(c.share_beyond > 0.002, "the comparison can fail: {c}");
 }
 
 #[test]
-fn only_those_who_have_one_pay_for_it() {
+fn only_outlined_actors_request_outline_features() {
     let draws = |effect: Option<Vec<usize>>| {
         let mut scene = Scene::perspective(0.7, 4.0);
         let a = asset(vec![ball(0.5)], vec![matte(Vec4::ONE)], vec![]);
         scene.at(&a, -0.7, 0.0, 0.0);
         scene.at(&a, 0.7, 0.0, 0.0);
-        effect.into_iter().for_each(|actors| outlined(&mut scene, 2.0, actors));
+        effect.into_iter().for_each(|actors| add_outline(&mut scene, 2.0, actors));
         let all = effects();
         let (_, plan) = scene.plan(&PlanOptions { effects: &all, ..PlanOptions::new([64, 64], 1) });
         let out = plan.left_out.iter().any(|l| l.what == "outlines");
@@ -259,8 +263,8 @@ fn only_those_who_have_one_pay_for_it() {
 }
 
 #[test]
-fn a_mask_says_what_moves() {
-    // Left half of the image stands still, right half moves by half the texture: its stripes change places.
+fn the_uv_animation_mask_selects_the_moving_texels() {
+    // The left half is static; the right half moves by half the texture, so that its stripes swap.
     let stripes = image(8, 1, |x, _| if x % 4 < 2 { [255, 0, 0, 255] } else { [0, 0, 255, 255] });
     let mask = image(8, 1, |x, _| [0, 0, if x < 4 { 0 } else { 255 }, 255]);
     let nearest = Sampler { mag_linear: false, min_linear: false, mip_linear: None, ..Sampler::default() };
@@ -288,11 +292,11 @@ fn a_mask_says_what_moves() {
 
 #[test]
 fn an_outline_reaches_into_the_image_from_outside() {
-    // A ball whose rim is two pixels left of the image: a line of eight pixels is seen.
+    // The rim of a ball is two pixels left of the image, and its outline of eight pixels reaches into the image.
     let drawn = |width: f64, x: f64| {
         let mut scene = Scene::ortho(2.0);
         scene.at(&asset(vec![ball(0.5)], vec![unlit(Vec4::ONE)], vec![]), x, 0.0, 0.0);
-        outlined(&mut scene, width, vec![0]);
+        add_outline(&mut scene, width, vec![0]);
         let effects = effects();
         let options = PlanOptions { effects: &effects, ..PlanOptions::new([100, 100], 1) };
         draw(&scene, &options).rgba.chunks_exact(4).filter(|p| *p == &GREEN[..]).count()

@@ -1,4 +1,4 @@
-//! Lines and triangles of effects of their own, and hulls of a file: where they are drawn, in which order, and both renderers alike.
+//! Lines, triangles and hulls of effects: positions, order, and equal images in both renderers.
 
 use crate::common;
 use crate::common::*;
@@ -26,7 +26,7 @@ fn effect(name: &str, head: &str, gives: &str, body: &str) -> Effect {
     WgslEffect::from_text("my.wgsl", &text).unwrap_or_else(|e| panic!("{e}\n{text}")).into()
 }
 
-fn all() -> Vec<Effect> {
+fn test_effects() -> Vec<Effect> {
     // A square metre in two triangles, the first index nearer by `amount`, red and green.
     let square = "let half = index / 2u;\n\
         let z = actor.position.z + select(0.0, p[amount], half == 0u);\n\
@@ -82,7 +82,7 @@ fn options(effects: &[Effect], samples: u32) -> PlanOptions<'_> {
     PlanOptions { effects, ..PlanOptions::new([200, 150], samples) }
 }
 
-/// Something white behind the place, before the place or nowhere near.
+/// A scene with an effect, and a white wall at depth `z` behind it, in front of it, or far away.
 fn with_wall(z: f64, name: &str, amount: f64) -> Scene {
     let mut scene = Scene::ortho(2.0);
     let nothing = Arc::new(Asset::default());
@@ -93,8 +93,8 @@ fn with_wall(z: f64, name: &str, amount: f64) -> Scene {
 }
 
 #[test]
-fn triangles_are_hidden_by_what_is_nearer_and_by_each_other() {
-    let effects = all();
+fn overlay_triangles_are_depth_tested_and_sorted() {
+    let effects = test_effects();
     let middle = |scene: &Scene| {
         let frame = draw(scene, &options(&effects, 1));
         let [at, outside] = [(100, 75), (20, 75)].map(|(x, y)| pixel(&frame, x, y));
@@ -104,7 +104,7 @@ fn triangles_are_hidden_by_what_is_nearer_and_by_each_other() {
     for samples in [1, 4] {
         let scene = with_wall(-1.0, "square", 0.5);
         let frame = draw(&scene, &options(&effects, samples));
-        // 75 pixels a metre: the square ends 37.5 pixels from the middle, and its diagonal has no seam.
+        // At 75 pixels per metre the square ends 37.5 pixels from the center, and its diagonal has no seam.
         for (x, y) in [(63, 75), (136, 75), (100, 38), (100, 111), (100, 75), (90, 65), (110, 85)] {
             assert_color(pixel(&frame, x, y), RED, &format!("{x} {y}"));
         }
@@ -112,7 +112,7 @@ fn triangles_are_hidden_by_what_is_nearer_and_by_each_other() {
             assert_eq!(pixel(&frame, x, y), [255; 4], "{x} {y}");
         }
     }
-    // Drawn first or last, what is nearer is seen.
+    // The nearer triangle is visible whether it is drawn first or last.
     assert_color(middle(&with_wall(-1.0, "square", 0.5)), RED, "red is nearer");
     assert_color(middle(&with_wall(-1.0, "square", -0.5)), GREEN, "green is nearer");
     assert_eq!(middle(&with_wall(1.0, "square", 0.5)), [255; 4], "behind the wall");
@@ -121,8 +121,8 @@ fn triangles_are_hidden_by_what_is_nearer_and_by_each_other() {
 }
 
 #[test]
-fn who_uses_none_has_no_triangles_and_what_is_outside_none() {
-    let effects = all();
+fn scenes_without_visible_overlays_plan_no_triangles() {
+    let effects = test_effects();
     let vertices = |scene: &Scene| scene.plan(&options(&effects, 1)).1.overlay.vertices.len();
     let mut scene = with_wall(-1.0, "square", 0.5);
     assert_eq!(vertices(&scene), 12);
@@ -131,7 +131,7 @@ fn who_uses_none_has_no_triangles_and_what_is_outside_none() {
     scene.snapshot.actors[0].visible = false;
     scene.snapshot.actors[0].world_from_model.translation.x = 0.0;
     assert_eq!(vertices(&scene), 0);
-    // A hull that has no width, and one that has.
+    // A hull without width, and one with a width.
     let hulls = |amount: f64| {
         let mut scene = Scene::ortho(2.0);
         scene.at(&asset(vec![quad(0.5, 0.5)], vec![matte(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
@@ -141,9 +141,9 @@ fn who_uses_none_has_no_triangles_and_what_is_outside_none() {
     assert_eq!([hulls(0.0), hulls(0.5)], [1, 2]);
 }
 
-/// The middles of points from left to right, metres, of a body that goes a metre a second.
-fn wake(time: Time) -> Vec<f64> {
-    let effects = all();
+/// Centers in metres, from left to right, of the points around a character that moves at 1 m/s.
+fn positions_of_history_lines(time: Time) -> Vec<f64> {
+    let effects = test_effects();
     let at = |time: Time| {
         let mut scene = Scene::ortho(2.0);
         scene.at(&Arc::new(Asset::default()), time.as_secs(), 0.0, 0.0);
@@ -161,14 +161,14 @@ fn wake(time: Time) -> Vec<f64> {
 }
 
 #[test]
-fn lines_are_drawn_where_actors_were_frames_ago() {
+fn overlays_read_the_history_of_actors() {
     let near = |got: Vec<f64>, expected: [f64; 4]| {
         assert!(got.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-5), "{got:?} {expected:?}");
     };
     let frames = |n: f64| Time::from_secs(n / 30.0);
-    near(wake(frames(12.0)), [12.0, 11.0, 10.0, 9.0].map(|n| n / 30.0));
-    // Before the first frame stands the first.
-    near(wake(frames(2.0)), [2.0, 1.0, 0.0, 0.0].map(|n| n / 30.0));
+    near(positions_of_history_lines(frames(12.0)), [12.0, 11.0, 10.0, 9.0].map(|n| n / 30.0));
+    // Before the first frame, the first one is used.
+    near(positions_of_history_lines(frames(2.0)), [2.0, 1.0, 0.0, 0.0].map(|n| n / 30.0));
 }
 
 fn scene_of_all(amount: f64) -> Scene {
@@ -192,7 +192,7 @@ fn scene_of_all(amount: f64) -> Scene {
 
 #[test]
 fn vulkan_and_the_cpu_reference_draw_the_same_geometry() {
-    let effects = all();
+    let effects = test_effects();
     let Some(mut renderer) = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() }) else {
         return;
     };
@@ -203,7 +203,7 @@ fn vulkan_and_the_cpu_reference_draw_the_same_geometry() {
         let c = compare(&vulkan, &cpu, 2).unwrap();
         println!("{c}");
         assert!(c.mean < 0.2 && c.share_beyond < 0.01, "{samples}: {c}");
-        // The planted fault: triangles a little more opaque are seen.
+        // The planted fault, slightly more opaque triangles, is found.
         let other = draw(&scene_of_all(0.8), &options);
         let c = compare(&vulkan, &other, 2).unwrap();
         assert!(c.share_beyond > 0.02, "the comparison can fail: {c}");

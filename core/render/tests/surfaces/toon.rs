@@ -1,4 +1,4 @@
-//! Toon shading: MToon's formulas (VRMC_materials_mtoon 1.0) in f64 against both renderers, and what it costs those who do not use it.
+//! Toon shading: MToon's formulas (VRMC_materials_mtoon 1.0) in f64 against both renderers, and no cost for other materials.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -14,14 +14,14 @@ fn toon_of(toon: Toon, base: Vec3) -> Material {
 }
 
 /// A quad seen by an orthographic camera along −Z, turned about +Y by `yaw`: N = (sin yaw, 0, cos yaw), V = +Z.
-fn turned(material: Material, images: Vec<Arc<Image>>, yaw: f64) -> Scene {
+fn scene_with_turned_quad(material: Material, images: Vec<Arc<Image>>, yaw: f64) -> Scene {
     let mut scene = Scene::ortho(2.0);
     let a = asset(vec![quad(4.0, 4.0)], vec![material], images);
     scene.add(&a, DAffine3::from_quat(DQuat::from_rotation_y(yaw)));
     scene
 }
 
-/// §"Lighting", §"Global Illumination", §"Rim Lighting" in f64, one channel, for N as in `turned`, a sun from `to_light`.
+/// One channel of MToon's "Lighting", "Global Illumination" and "Rim Lighting" in f64, for the normal `n` and a sun in direction `to_light`.
 struct Truth {
     base: f64,
     shade: f64,
@@ -49,12 +49,12 @@ impl Truth {
     }
 }
 
-fn middle(scene: &Scene) -> [u8; 4] {
+fn middle_pixel(scene: &Scene) -> [u8; 4] {
     pixel(&draw_at(scene, [5, 5], 1), 2, 2)
 }
 
 #[test]
-fn the_formulas_of_the_specification() {
+fn toon_shading_matches_the_mtoon_formulas() {
     let truth = |shift, toony, mix| Truth {
         base: 0.5,
         shade: 0.1,
@@ -88,39 +88,39 @@ fn the_formulas_of_the_specification() {
                 rim_lighting_mix: mix as f32,
                 ..Toon::default()
             };
-            let mut scene = turned(toon_of(toon, Vec3::splat(0.5)), vec![], yaw);
+            let mut scene = scene_with_turned_quad(toon_of(toon, Vec3::splat(0.5)), vec![], yaw);
             scene.sun(-to_light.as_vec3(), Vec3::ONE, t.sun as f32);
             (scene.snapshot.ambient_up, scene.snapshot.ambient_down) = (Vec3::splat(0.3), Vec3::splat(0.1));
             let n = DVec3::new(yaw.sin(), 0.0, yaw.cos());
             let what = format!("shift {shift}, toony {toony}, mix {mix}, {degrees}°");
             let expected = t.color(n, to_light);
-            assert_color(middle(&scene), [expected; 3], &what);
+            assert_color(middle_pixel(&scene), [expected; 3], &what);
             let lambert = 0.5 * (n.dot(to_light).max(0.0) * t.sun + 0.2);
             worst_without_toon = worst_without_toon.max((expected - lambert).abs());
         }
     }
-    // The comparison can fail: Lambert alone is far from it.
+    // The comparison can fail: plain Lambert shading differs.
     assert!(worst_without_toon > 0.2, "{worst_without_toon}");
 }
 
 #[test]
-fn textures_of_shade_shift_rim_and_matcap() {
+fn toon_textures_match_the_mtoon_formulas() {
     let flat = |r: u8, g: u8, b: u8| image(1, 1, move |_, _| [r, g, b, 255]);
     let light_off = Toon { shade_color: Vec3::ONE, shading_toony: 0.5, ..Toon::default() };
     let draw = |toon: Toon, images: Vec<Arc<Image>>, yaw: f64| {
-        let mut scene = turned(toon_of(toon, Vec3::splat(0.5)), images, yaw);
+        let mut scene = scene_with_turned_quad(toon_of(toon, Vec3::splat(0.5)), images, yaw);
         scene.sun(-Vec3::Z, Vec3::ONE, 1.0);
-        middle(&scene)
+        middle_pixel(&scene)
     };
-    // Turned so far that nothing is lit: NL = 0.26 is above −0.5 and below 0.5, so a mix; with a shift of −1 all shade.
+    // The quad is turned so far that N·L = 0.26, between −0.5 and 0.5: a mix of light and shade; with a shift of −1 all is shade.
     let yaw = 75.0f64.to_radians();
     let shaded = Toon { shade_texture: Some(texture(0)), shading_shift: -1.0, ..light_off.clone() };
     assert_color(draw(shaded, vec![flat(188, 0, 255)], yaw), [decode(188), 0.0, 1.0], "shade texture");
-    // The R of a linear texture, times its scale: 128/255 · −2 ≈ −1.
+    // The red channel of a linear texture, times its scale: 128/255 · −2 ≈ −1.
     let shifted =
         Toon { shading_shift_texture: Some(texture(0)), shading_shift_scale: -2.0, ..light_off.clone() };
     assert_color(draw(shifted, vec![flat(128, 0, 0)], yaw), [1.0; 3], "shift texture");
-    // A matcap's upper left quarter is seen by what faces up and left.
+    // A surface that faces up and left shows the upper left quarter of a matcap.
     let ball = image(2, 2, |x, y| [if x == 0 { 255 } else { 0 }, if y == 0 { 255 } else { 0 }, 0, 255]);
     let nearest = Sampler { mag_linear: false, min_linear: false, mip_linear: None, ..Sampler::default() };
     let matcap = TextureRef { sampler: nearest, ..texture(0) };
@@ -130,19 +130,19 @@ fn textures_of_shade_shift_rim_and_matcap() {
     let mut left_up = Scene::ortho(2.0);
     let a = asset(vec![quad(4.0, 4.0)], vec![material], vec![ball.clone()]);
     left_up.add(&a, DAffine3::from_quat(DQuat::from_rotation_y(-0.5) * DQuat::from_rotation_x(-0.5)));
-    assert_color(middle(&left_up), [1.0, 1.0, 0.0], "matcap, up and left");
+    assert_color(middle_pixel(&left_up), [1.0, 1.0, 0.0], "matcap, up and left");
     let mut right_down = Scene::ortho(2.0);
     right_down.add(&a, DAffine3::from_quat(DQuat::from_rotation_y(0.5) * DQuat::from_rotation_x(0.5)));
-    assert_color(middle(&right_down), [0.0; 3], "matcap, down and right");
+    assert_color(middle_pixel(&right_down), [0.0; 3], "matcap, down and right");
     let masked = Toon { rim_texture: Some(texture(1)), ..capped };
     let material = toon_of(masked, Vec3::ZERO);
     let mut scene = Scene::ortho(2.0);
     let a = asset(vec![quad(4.0, 4.0)], vec![material], vec![ball, flat(0, 188, 0)]);
     scene.add(&a, DAffine3::from_quat(DQuat::from_rotation_y(-0.5) * DQuat::from_rotation_x(-0.5)));
-    assert_color(middle(&scene), [0.0, decode(188), 0.0], "rim mask");
+    assert_color(middle_pixel(&scene), [0.0, decode(188), 0.0], "rim mask");
 }
 
-/// Something of everything of toon shading, at many angles.
+/// Toon materials with every feature, at many angles.
 fn toon_scene() -> Scene {
     let mut scene = Scene::perspective(0.9, 6.0);
     scene.snapshot.ambient_up = Vec3::splat(0.3);
@@ -192,20 +192,20 @@ fn vulkan_and_the_cpu_reference_draw_the_same_toon() {
     let c = compare(&vulkan, &cpu, 2).unwrap();
     println!("{c}");
     assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{c}");
-    // Every feature forced in gives the same pixels.
+    // Forcing all features in gives the same pixels.
     let forced = draw_with(&scene, &PlanOptions { force_all: true, ..PlanOptions::new([320, 240], 1) });
     let c = compare(&vulkan, &forced, 0).unwrap();
     assert!(c.share_beyond < 0.001, "forced in: {c}");
-    // The planted fault: one actor a fifth darker is seen.
+    // The planted fault, one actor a fifth darker, is found.
     scene.snapshot.actors[5].tint = Vec4::new(0.8, 0.8, 0.8, 1.0);
     let c = compare(&draw_with(&scene, &options), &cpu, 2).unwrap();
     assert!(c.share_beyond > 0.005, "the comparison can fail: {c}");
 }
 
 #[test]
-fn only_those_who_use_it_pay_for_it() {
+fn only_toon_materials_request_toon_features() {
     let features = |material: Material| {
-        let mut scene = turned(material, vec![image(1, 1, |_, _| [255; 4])], 0.0);
+        let mut scene = scene_with_turned_quad(material, vec![image(1, 1, |_, _| [255; 4])], 0.0);
         scene.sun(-Vec3::Z, Vec3::ONE, 1.0);
         let (resources, plan) = scene.plan(&PlanOptions::new([8, 8], 1));
         (plan.draws[0].pipeline.features, resources.textures.len())
@@ -217,7 +217,7 @@ fn only_those_who_use_it_pay_for_it() {
     };
     assert_eq!(features(unused), (Features::METALLIC_ROUGHNESS, 0));
     assert_eq!(features(toon_of(Toon::default(), Vec3::ONE)), (Features::TOON, 0));
-    // Toon shading does not read the textures of metallic-roughness, nor a rim's mask if there is no rim.
+    // Toon shading reads no metallic-roughness textures, and no rim mask if there is no rim.
     let other = Material {
         metallic_roughness_texture: Some(texture(0)),
         occlusion_texture: Some(texture(0)),

@@ -1,4 +1,4 @@
-//! Transparency, against rays that meet every pane in f64 and are blended in the order of their depths, by both renderers.
+//! Transparency in both renderers, against ray intersections in f64 that are blended by depth.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -13,7 +13,7 @@ use glam::{DAffine3, DQuat, DVec3, DVec4, EulerRot, Vec3, Vec4};
 
 const SIDE: u32 = 96;
 
-/// A square 1.2 m wide, turned and moved, of one color.
+/// A square pane of one color, rotated and moved.
 #[derive(Clone, Copy)]
 struct Pane {
     /// Degrees about y, then x.
@@ -29,8 +29,8 @@ impl Pane {
         DAffine3::from_rotation_translation(DQuat::from_euler(EulerRot::YXZ, y, x, 0.0), DVec3::from(self.at))
     }
 
-    /// Where a ray along −z at (x, y) meets it.
-    fn meets(&self, x: f64, y: f64) -> Option<f64> {
+    /// The z at which a ray along −z at (x, y) meets the pane.
+    fn depth_at(&self, x: f64, y: f64) -> Option<f64> {
         let back = self.placed().inverse();
         let (from, way) =
             (back.transform_point3(DVec3::new(x, y, 0.0)), back.transform_vector3(DVec3::NEG_Z));
@@ -48,19 +48,19 @@ const RED: [f32; 4] = [0.9, 0.1, 0.05, 0.6];
 const GREEN: [f32; 4] = [0.1, 0.8, 0.1, 0.5];
 const BLUE: [f32; 4] = [0.1, 0.2, 0.9, 0.7];
 
-/// Two that cross.
-fn crossing() -> Vec<Pane> {
+/// Two intersecting panes.
+fn crossing_panes() -> Vec<Pane> {
     vec![pane([50.0, 0.0], [0.0; 3], 0.7, RED), pane([-40.0, 10.0], [0.05, 0.0, 0.1], 0.7, BLUE)]
 }
 
-/// A fan of five through one line.
-fn fan() -> Vec<Pane> {
+/// Five panes that intersect in one line.
+fn fanned_panes() -> Vec<Pane> {
     let colors = [RED, GREEN, BLUE, GREEN, RED];
     (0..5).map(|i| pane([20.0 + 34.0 * i as f64, 0.0], [0.0; 3], 0.8, colors[i])).collect()
 }
 
-/// A large one whose middle is nearer than the small one before its far part.
-fn large_and_small() -> Vec<Pane> {
+/// A large pane whose center is nearer than a small pane in front of its far part.
+fn panes_of_two_sizes() -> Vec<Pane> {
     vec![pane([60.0, 0.0], [0.0, 0.0, 0.0], 0.9, GREEN), pane([0.0, 0.0], [0.35, 0.0, -0.3], 0.15, RED)]
 }
 
@@ -76,40 +76,40 @@ fn scene(panes: &[Pane], how: Transparency) -> Scene {
 }
 
 /// Samples of a pixel in 1/256 of it (Vulkan 1.3, "Standard sample locations").
-fn places(samples: u32) -> &'static [[f64; 2]] {
+fn sample_positions(samples: u32) -> &'static [[f64; 2]] {
     match samples {
         1 => &[[128.0, 128.0]],
         _ => &[[96.0, 32.0], [224.0, 96.0], [32.0, 160.0], [160.0, 224.0]],
     }
 }
 
-fn exact(panes: &[Pane], x: u32, y: u32, samples: u32) -> [f64; 3] {
+fn exact_color(panes: &[Pane], x: u32, y: u32, samples: u32) -> [f64; 3] {
     let mut mean = DVec3::ZERO;
-    for [dx, dy] in places(samples) {
+    for [dx, dy] in sample_positions(samples) {
         let metres = |pixel: u32, d: f64| (f64::from(pixel) + d / 256.0) / f64::from(SIDE) * 2.0 - 1.0;
         let (px, py) = (metres(x, *dx), -metres(y, *dy));
         let mut met: Vec<(f64, DVec4)> = Vec::new();
         for p in panes {
-            met.extend(p.meets(px, py).map(|z| (z, Vec4::from_array(p.color).as_dvec4())));
+            met.extend(p.depth_at(px, py).map(|z| (z, Vec4::from_array(p.color).as_dvec4())));
         }
         met.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mixed = met.iter().fold(DVec3::ZERO, |below, (_, c)| below * (1.0 - c.w) + c.truncate() * c.w);
-        mean += mixed / places(samples).len() as f64;
+        mean += mixed / sample_positions(samples).len() as f64;
     }
     mean.to_array()
 }
 
 /// Pixels more than two steps of 8 bits off: each mix is rounded to 8 bits.
-fn wrong(frame: &Frame, panes: &[Pane], samples: u32) -> usize {
+fn wrong_pixels(frame: &Frame, panes: &[Pane], samples: u32) -> usize {
     let off = |i: &u32| {
         let (x, y) = (i % SIDE, i / SIDE);
-        let (got, exact) = (pixel(frame, x, y), exact(panes, x, y, samples));
+        let (got, exact) = (pixel(frame, x, y), exact_color(panes, x, y, samples));
         (0..3).any(|c| (f64::from(got[c]) - encode(exact[c])).abs() > 2.0)
     };
     (0..SIDE * SIDE).filter(off).count()
 }
 
-fn by_all(mut check: impl FnMut(&mut dyn Renderer, &str, u32)) {
+fn check_all_renderers(mut check: impl FnMut(&mut dyn Renderer, &str, u32)) {
     let mut all: Vec<(Box<dyn Renderer>, &str)> = vec![(Box::new(CpuRenderer::new(&[])), "CPU")];
     all.extend(vulkan(GpuOptions::default()).map(|r| (Box::new(r) as Box<dyn Renderer>, "Vulkan")));
     for (renderer, name) in &mut all {
@@ -120,23 +120,26 @@ fn by_all(mut check: impl FnMut(&mut dyn Renderer, &str, u32)) {
 }
 
 #[test]
-fn panes_that_cross_are_mixed_in_the_order_of_their_depths() {
-    for (what, panes) in [("crossing", crossing()), ("fan", fan()), ("large and small", large_and_small())] {
-        by_all(|renderer, who, samples| {
+fn depth_peeling_blends_crossing_panes_by_depth() {
+    for (what, panes) in
+        [("crossing", crossing_panes()), ("fan", fanned_panes()), ("large and small", panes_of_two_sizes())]
+    {
+        check_all_renderers(|renderer, who, samples| {
             let options = PlanOptions::new([SIDE; 2], samples);
-            let mut off = |how| wrong(&draw_with(renderer, &scene(&panes, how), &options), &panes, samples);
+            let mut off =
+                |how| wrong_pixels(&draw_with(renderer, &scene(&panes, how), &options), &panes, samples);
             let [chosen, sorted] = [Transparency::Auto, Transparency::Sorted].map(&mut off);
             println!("{what}, {who}, {samples} samples: {chosen} pixels off, {sorted} where sorted");
-            // Samples that lie on an edge or on the line where two cross.
+            // Some samples lie on an edge, or on the line where two panes intersect.
             assert!(chosen < 12, "{what}, {who}, {samples} samples: {chosen} pixels off");
             assert!(sorted > 100, "{what}, {who}: sorting would have done, {sorted}");
         });
     }
 }
 
-/// More layers than are told apart: the farthest are exact, and what is nearer covers them.
+/// More surfaces than peeled layers: the farthest are exact, and nearer ones are blended over them in sorted order.
 #[test]
-fn beyond_the_most_layers_the_nearest_are_sorted() {
+fn surfaces_beyond_the_peeled_layers_are_sorted() {
     let many: Vec<Pane> = (0..12)
         .map(|i| {
             pane(
@@ -147,66 +150,66 @@ fn beyond_the_most_layers_the_nearest_are_sorted() {
             )
         })
         .collect();
-    by_all(|renderer, who, samples| {
+    check_all_renderers(|renderer, who, samples| {
         let all = scene(&many, Transparency::Auto);
         let options = PlanOptions::new([SIDE; 2], samples);
         let frame = draw_with(renderer, &all, &options);
-        // All have one color and alpha: no order matters, and no surface may be lost.
-        let off = wrong(&frame, &many, samples);
+        // All panes have the same color and alpha, so that the order does not matter, but no surface may be missing.
+        let off = wrong_pixels(&frame, &many, samples);
         assert!(off < 60, "{who}, {samples} samples: {off} pixels off");
-        assert!(wrong(&frame, &many[1..], samples) > 1000, "a lost surface is seen");
+        assert!(wrong_pixels(&frame, &many[1..], samples) > 1000, "a lost surface is seen");
     });
 }
 
-fn cause(scene: &Scene) -> Result<PeelCause, String> {
+fn peel_cause(scene: &Scene) -> Result<PeelCause, String> {
     let (_, plan) = scene.plan(&PlanOptions::new([SIDE; 2], 1));
     let said = plan.left_out.iter().find(|l| l.what == "order-independent transparency");
     plan.depth_peeling.map(|p| p.cause).ok_or_else(|| said.map_or(String::new(), |l| l.why.clone()))
 }
 
 #[test]
-fn the_plan_takes_it_in_where_sorting_fails_and_says_why() {
-    let auto = |panes: &[Pane]| cause(&scene(panes, Transparency::Auto));
-    assert_eq!(auto(&crossing()), Ok(PeelCause::Order(0, 1)));
-    assert!(matches!(auto(&fan()), Ok(PeelCause::Order(..))));
-    assert!(matches!(auto(&large_and_small()), Ok(PeelCause::Order(..))));
-    // One behind the other, beside the other, or in one plane.
+fn the_plan_peels_where_sorting_fails_and_gives_the_cause() {
+    let auto = |panes: &[Pane]| peel_cause(&scene(panes, Transparency::Auto));
+    assert_eq!(auto(&crossing_panes()), Ok(PeelCause::Order(0, 1)));
+    assert!(matches!(auto(&fanned_panes()), Ok(PeelCause::Order(..))));
+    assert!(matches!(auto(&panes_of_two_sizes()), Ok(PeelCause::Order(..))));
+    // One pane behind the other, beside it, or in the same plane.
     let behind =
         [pane([20.0, 0.0], [0.0, 0.0, -1.0], 0.7, RED), pane([20.0, 0.0], [0.1, 0.0, 0.0], 0.7, BLUE)];
     let beside =
         [pane([50.0, 0.0], [-0.6, 0.0, 0.0], 0.3, RED), pane([-50.0, 0.0], [0.6, 0.0, 0.0], 0.3, BLUE)];
     let in_line =
         [pane([50.0, 0.0], [0.0, 0.0, 0.0], 0.3, RED), pane([50.0, 0.0], [0.0, 0.7, 0.0], 0.3, BLUE)];
-    for panes in [&behind[..], &beside, &in_line, &crossing()[..1]] {
+    for panes in [&behind[..], &beside, &in_line, &crossing_panes()[..1]] {
         assert!(auto(panes).is_err_and(|why| why.contains("can be sorted")));
     }
     assert!(auto(&[]).is_err_and(|why| why.contains("opaque")));
-    let sorted = cause(&scene(&crossing(), Transparency::Sorted));
+    let sorted = peel_cause(&scene(&crossing_panes(), Transparency::Sorted));
     assert!(sorted.is_err_and(|why| why.contains("\"sorted\"")));
-    assert_eq!(cause(&scene(&behind, Transparency::Independent)), Ok(PeelCause::Requested));
-    // A box seen from both sides.
+    assert_eq!(peel_cause(&scene(&behind, Transparency::Independent)), Ok(PeelCause::Requested));
+    // A double-sided box.
     let mut bent = Scene::ortho(2.0);
     let mut roof = quad(0.5, 0.5);
     roof.positions[2].z = 0.4;
     let glass = Material { alpha_mode: AlphaMode::Blend, double_sided: true, ..unlit(Vec4::splat(0.5)) };
     bent.at(&asset(vec![roof], vec![glass], vec![]), 0.0, 0.0, 0.0);
-    assert_eq!(cause(&bent), Ok(PeelCause::SelfOverlap(0)));
+    assert_eq!(peel_cause(&bent), Ok(PeelCause::SelfOverlap(0)));
 }
 
-/// A device that cannot tell a pixel's samples apart sorts where there are several.
+/// A device without sample-rate shading sorts transparent surfaces if there are several samples per pixel.
 #[test]
-fn without_sample_rate_shading_it_is_sorted() {
+fn devices_without_sample_rate_shading_sort_transparent_surfaces() {
     let without = vec![Ability::SampleRateShading];
     let Some(mut gpu) = vulkan(GpuOptions { without, ..GpuOptions::default() }) else { return };
     for (samples, fails) in [(1, false), (4, true)] {
         let options = PlanOptions::new([SIDE; 2], samples);
-        let frame = draw_with(&mut gpu, &scene(&crossing(), Transparency::Auto), &options);
-        assert_eq!(wrong(&frame, &crossing(), samples) > 100, fails, "{samples} samples");
+        let frame = draw_with(&mut gpu, &scene(&crossing_panes(), Transparency::Auto), &options);
+        assert_eq!(wrong_pixels(&frame, &crossing_panes(), samples) > 100, fails, "{samples} samples");
     }
 }
 
-/// Two bodies that are skinned or morphed, a third of their size into each other, or `apart`.
-fn bodies(morphed: bool, apart: f64) -> Scene {
+/// Two skinned or morphed meshes that overlap by a third of their size, or are `apart`.
+fn scene_with_two_meshes(morphed: bool, apart: f64) -> Scene {
     let mut scene = Scene::ortho(4.0);
     let glass = Material { alpha_mode: AlphaMode::Blend, ..unlit(Vec4::splat(0.5)) };
     let mut shape = quad(0.5, 0.5);
@@ -228,16 +231,18 @@ fn bodies(morphed: bool, apart: f64) -> Scene {
 }
 
 #[test]
-fn deformed_meshes_count_by_their_bounds() {
+fn bounds_of_deformed_meshes_decide_about_peeling() {
     for morphed in [false, true] {
-        assert_eq!(cause(&bodies(morphed, 0.6)), Ok(PeelCause::Order(0, 1)), "{morphed}");
-        assert!(cause(&bodies(morphed, 1.4)).is_err_and(|why| why.contains("can be sorted")));
+        assert_eq!(peel_cause(&scene_with_two_meshes(morphed, 0.6)), Ok(PeelCause::Order(0, 1)), "{morphed}");
+        assert!(
+            peel_cause(&scene_with_two_meshes(morphed, 1.4)).is_err_and(|why| why.contains("can be sorted"))
+        );
     }
 }
 
-/// Two panes beside each other, which an effect may move into each other.
+/// Two adjacent panes that a displacing effect may move into each other.
 #[test]
-fn displaced_meshes_count_with_their_displacement() {
+fn displacement_counts_in_the_decision_about_peeling() {
     let why = |apart: f64, reach: Option<f64>| {
         let mut scene = Scene::ortho(4.0);
         let glass = Material { alpha_mode: AlphaMode::Blend, ..unlit(Vec4::splat(0.5)) };
@@ -257,7 +262,7 @@ fn displaced_meshes_count_with_their_displacement() {
         assert_eq!(peeled.is_none(), out);
         peeled
     };
-    // Each may go 0.3 m towards the other; of what moves, nobody knows how often a line of sight meets it.
+    // Each may move 0.3 m towards the other, and a displaced mesh may overlap itself.
     assert_eq!(why(1.4, Some(0.3)), Some((PeelCause::Order(0, 1), 8)));
     assert_eq!(why(1.4, Some(0.1)), None);
     assert_eq!(why(1.4, Some(0.0)), None);
@@ -265,20 +270,20 @@ fn displaced_meshes_count_with_their_displacement() {
 }
 
 #[test]
-fn an_actors_word_goes_before_the_stages() {
+fn the_transparency_of_an_actor_overrides_that_of_the_stage() {
     let says = |scene: &mut Scene, actor: usize, how, material| {
         let rule = SurfaceRule { material, cutouts: None, transparency: Some(how) };
         scene.stage.actors[actor].surfaces.push(rule);
     };
-    let mut one = bodies(false, 0.6);
+    let mut one = scene_with_two_meshes(false, 0.6);
     says(&mut one, 1, Transparency::Sorted, None);
-    assert!(cause(&one).is_err_and(|why| why.contains("can be sorted")), "it is no reason");
+    assert!(peel_cause(&one).is_err_and(|why| why.contains("can be sorted")), "it is no reason");
     says(&mut one, 0, Transparency::Sorted, Some(0));
-    assert!(cause(&one).is_err_and(|why| why == "the actors' transparency is \"sorted\""));
+    assert!(peel_cause(&one).is_err_and(|why| why == "the actors' transparency is \"sorted\""));
     says(&mut one, 0, Transparency::Independent, Some(0));
-    assert_eq!(cause(&one), Ok(PeelCause::RequestedBy(0)));
-    // A rule for another material does not apply here.
-    let mut other = bodies(false, 1.4);
+    assert_eq!(peel_cause(&one), Ok(PeelCause::RequestedBy(0)));
+    // A setting of another material does not apply.
+    let mut other = scene_with_two_meshes(false, 1.4);
     says(&mut other, 0, Transparency::Independent, Some(1));
-    assert!(cause(&other).is_err());
+    assert!(peel_cause(&other).is_err());
 }

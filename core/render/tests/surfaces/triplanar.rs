@@ -1,4 +1,4 @@
-//! Textures from three sides: what each side shows in closed form, both renderers alike, and who pays for it.
+//! Triplanar mapping: closed forms for each side, equal images in both renderers, and no cost for other materials.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -8,7 +8,7 @@ use choreo_render::*;
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
-/// A ball of half a metre about the origin, each triangle with vertices of its own; tangents at right angles to the normals.
+/// A sphere of radius 0.5 m about the origin, whose triangles share no vertices; tangents are orthogonal to the normals.
 fn ball() -> Primitive {
     let (rings, sectors) = (16u32, 32u32);
     let at = |i: u32, j: u32| {
@@ -40,7 +40,7 @@ fn material(sharpness: f32) -> Material {
     }
 }
 
-fn pictures() -> Vec<Arc<Image>> {
+fn pattern_images() -> Vec<Arc<Image>> {
     vec![
         image(16, 16, |x, y| [(x * 17) as u8, (y * 17) as u8, if x > 7 { 255 } else { 0 }, 255]),
         image(16, 16, |x, y| [128 + 6 * (x % 8) as u8, 128 - 5 * (y % 8) as u8, 240, 255]),
@@ -53,14 +53,14 @@ fn scene(sharpness: f32, mirrored: f64) -> Scene {
     scene.sun(Vec3::new(-0.4, -0.6, -0.7), Vec3::ONE, 0.9);
     let turn = DQuat::from_euler(glam::EulerRot::YXZ, 0.6, 0.4, 0.2);
     let scale = DVec3::new(mirrored, 1.0, 1.2);
-    let asset = asset(vec![ball()], vec![material(sharpness)], pictures());
+    let asset = asset(vec![ball()], vec![material(sharpness)], pattern_images());
     scene.add(&asset, DAffine3::from_scale_rotation_translation(scale, turn, DVec3::ZERO));
     scene
 }
 
 #[test]
-fn each_side_shows_its_image_upright() {
-    // Faces of a box of one metre, seen straight on: u to the right, v down, whichever way the face looks.
+fn triplanar_mapping_shows_each_side_upright() {
+    // Faces of a box of one metre, viewed perpendicularly: u to the right, v down, on every face.
     for (normal, right) in [
         (Vec3::X, Vec3::NEG_Z),
         (Vec3::NEG_X, Vec3::Z),
@@ -85,9 +85,9 @@ fn each_side_shows_its_image_upright() {
         let look = Material { base_color_texture: Some(map), ..look };
         let mut scene = Scene::ortho(1.0);
         let turn = glam::DMat3::from_cols(right.as_dvec3(), up.as_dvec3(), normal.as_dvec3()).transpose();
-        scene.add(&asset(vec![face], vec![look], pictures()), DAffine3::from_mat3(turn));
+        scene.add(&asset(vec![face], vec![look], pattern_images()), DAffine3::from_mat3(turn));
         let frame = draw_at(&scene, [16, 16], 1);
-        let picture = &pictures()[0];
+        let picture = &pattern_images()[0];
         for y in 0..16 {
             for x in 0..16 {
                 let at = (y * 16 + x) as usize * 4;
@@ -98,7 +98,7 @@ fn each_side_shows_its_image_upright() {
 }
 
 #[test]
-fn both_renderers_mix_the_same_and_a_planted_fault_shows() {
+fn both_renderers_draw_the_same_triplanar_mapping() {
     for mirrored in [1.0, -1.0] {
         let options = PlanOptions::new([80, 80], 1);
         let cpu = draw(&scene(4.0, mirrored), &options);
@@ -114,7 +114,7 @@ fn both_renderers_mix_the_same_and_a_planted_fault_shows() {
 }
 
 #[test]
-fn a_map_of_flat_normals_changes_nothing() {
+fn a_flat_triplanar_normal_map_changes_nothing() {
     let flat = |normal: bool| {
         let mut s = scene(4.0, -1.0);
         let mut asset = (*s.stage.actors[0].asset).clone();
@@ -125,7 +125,7 @@ fn a_map_of_flat_normals_changes_nothing() {
         s.stage.actors[0].asset = Arc::new(asset);
         draw_at(&s, [80, 80], 1)
     };
-    // 128 is not quite the middle.
+    // Code 128 is not exactly the middle of the range, so the normals are tilted slightly.
     let alike = compare(&flat(true), &flat(false), 3).unwrap();
     assert!(alike.share_beyond < 0.01, "{alike}");
     let bent = compare(&draw_at(&scene(4.0, -1.0), [80, 80], 1), &flat(false), 3).unwrap();
@@ -133,7 +133,7 @@ fn a_map_of_flat_normals_changes_nothing() {
 }
 
 #[test]
-fn only_such_materials_ask_for_three_sides() {
+fn only_triplanar_materials_request_the_feature() {
     let (_, plan) = scene(4.0, 1.0).plan(&PlanOptions::new([64, 64], 1));
     let features = plan.draws[0].pipeline.features;
     assert!(
@@ -145,7 +145,7 @@ fn only_such_materials_ask_for_three_sides() {
     plain.uvs[0] = vec![Vec2::ZERO; 4];
     let material = Material { base_color_texture: Some(texture(0)), ..matte(Vec4::ONE) };
     let mut other = Scene::ortho(2.0);
-    other.at(&asset(vec![plain], vec![material], pictures()), 0.0, 0.0, 0.0);
+    other.at(&asset(vec![plain], vec![material], pattern_images()), 0.0, 0.0, 0.0);
     let (_, plan) = other.plan(&PlanOptions::new([64, 64], 1));
     assert!(!plan.draws[0].pipeline.features.has(Features::TRIPLANAR));
 }

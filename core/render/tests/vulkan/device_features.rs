@@ -1,5 +1,5 @@
-//! Missing abilities of a device, one at a time: the frame is drawn with a stated fallback; and the abilities that it has, by their
-//! purpose.
+//! Optional device features: frames are drawn with the documented fallback where a feature is missing, and features that exist have
+//! their effect.
 
 use crate::common::*;
 use choreo_asset::*;
@@ -11,11 +11,11 @@ use glam::{DAffine3, DQuat, DVec3, Vec2, Vec4};
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [160, 96];
-/// Each pixel of a reference is the mean of so many, squared.
+/// Side, in pixels, of the squares over which the supersampled reference is averaged.
 const FINE: u32 = 8;
 
-/// A floor of stripes that runs to the horizon, seen from near it.
-fn floor() -> Scene {
+/// A checkered floor that reaches to the horizon, seen from low above it.
+fn striped_floor() -> Scene {
     let mut scene = Scene::perspective(0.7, 3.0);
     scene.snapshot.camera.world_from_view.translation.y = 0.6;
     let stripes =
@@ -33,8 +33,8 @@ fn floor() -> Scene {
     scene
 }
 
-/// Linear light of the means of squares of pixels.
-fn reduced(frame: &Frame) -> Vec<f64> {
+/// The image reduced by `FINE` per side, as means in linear light.
+fn downsample(frame: &Frame) -> Vec<f64> {
     let mut out = Vec::new();
     for (y, x) in (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (y, x))) {
         let inside = (0..FINE * FINE).map(|i| (x * FINE + i % FINE, y * FINE + i / FINE));
@@ -44,28 +44,28 @@ fn reduced(frame: &Frame) -> Vec<f64> {
     out
 }
 
-fn error(frame: &Frame, truth: &[f64]) -> f64 {
+fn root_mean_square_error(frame: &Frame, truth: &[f64]) -> f64 {
     let of = |i: usize| (decode(frame.rgba[4 * i]) - truth[i]).powi(2);
     ((0..truth.len()).map(of).sum::<f64>() / truth.len() as f64).sqrt()
 }
 
 #[test]
-fn anisotropic_filtering_is_nearer_to_many_samples() {
-    let scene = floor();
+fn anisotropic_filtering_is_closer_to_supersampling() {
+    let scene = striped_floor();
     let draw = |options: GpuOptions, size: [u32; 2]| {
         vulkan(options).map(|mut gpu| draw_with(&mut gpu, &scene, &PlanOptions::new(size, 1)))
     };
     let with = |anisotropy| GpuOptions { anisotropy, ..GpuOptions::default() };
     let Some(fine) = draw(with(Some(1.0)), SIZE.map(|s| s * FINE)) else { return };
-    let truth = reduced(&fine);
+    let truth = downsample(&fine);
     let [plain, most] = [Some(1.0), Some(16.0)].map(|a| draw(with(a), SIZE).unwrap());
     println!(
         "root mean square off 64 samples: {:.4} without, {:.4} with 16",
-        error(&plain, &truth),
-        error(&most, &truth)
+        root_mean_square_error(&plain, &truth),
+        root_mean_square_error(&most, &truth)
     );
-    assert!(error(&most, &truth) < 0.8 * error(&plain, &truth));
-    // Not by itself on a device that draws on the CPU, and not on one that lacks it.
+    assert!(root_mean_square_error(&most, &truth) < 0.8 * root_mean_square_error(&plain, &truth));
+    // Filtering is isotropic by default on a CPU device, and on one without the feature.
     let kind = vulkan(GpuOptions::default()).map(|gpu| gpu.device().kind);
     if kind == Some(DeviceKind::VulkanCpu) {
         assert_eq!(draw(with(None), SIZE).unwrap().rgba, plain.rgba);
@@ -74,7 +74,7 @@ fn anisotropic_filtering_is_nearer_to_many_samples() {
     assert_eq!(draw(lacking, SIZE).unwrap().rgba, plain.rgba);
 }
 
-/// Everything at once on a device without any of the optional features: drawn, without a word of the validation layer.
+/// The busy scene on a device without any optional feature is drawn without validation messages.
 #[test]
 fn a_device_without_any_optional_feature_draws() {
     let mut scene = busy_scene(DVec3::ZERO);
@@ -89,11 +89,11 @@ fn a_device_without_any_optional_feature_draws() {
 }
 
 #[test]
-fn the_device_tells_how_long_it_was_busy() {
+fn the_device_time_of_frames_is_measured() {
     let time = Arc::new(DeviceTime::default());
     let options = GpuOptions { device_time: Some(time.clone()), ..GpuOptions::default() };
     let Some(mut gpu) = vulkan(options) else { return };
-    let scene = floor();
+    let scene = striped_floor();
     for _ in 0..5 {
         draw_with(&mut gpu, &scene, &PlanOptions::new([640, 360], 4));
     }

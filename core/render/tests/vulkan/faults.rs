@@ -1,5 +1,5 @@
-//! Devices that are lost, run out of memory or fall silent: never a wrong image, one more try with less, then an error.
-//! The failures are injected, the recovery is real: a new device, everything made and drawn again, under validation.
+//! Devices that are lost, run out of memory or time out: the frame is drawn once more with reduced demands, then an error is returned.
+//! The failures are injected, but the recovery is real: a new device on which everything is created and drawn again, with validation.
 
 use crate::common::*;
 use choreo_plugin::{Effect, Frame};
@@ -26,8 +26,8 @@ fn plans() -> (Arc<SceneResources>, Vec<Plan>) {
     (resources, plans)
 }
 
-/// All frames, as many in flight as the renderer takes.
-fn draw(renderer: &mut dyn Renderer) -> Result<Vec<Frame>, RenderError> {
+/// Draws all frames, with the largest number in flight.
+fn draw_all_plans(renderer: &mut dyn Renderer) -> Result<Vec<Frame>, RenderError> {
     let (resources, plans) = plans();
     renderer.load(resources)?;
     let (mut frames, mut flying) = (Vec::new(), 0);
@@ -45,7 +45,7 @@ fn draw(renderer: &mut dyn Renderer) -> Result<Vec<Frame>, RenderError> {
     Ok(frames)
 }
 
-fn steady(faults: &Faults) -> Option<RecoveringRenderer> {
+fn recovering_renderer(faults: &Faults) -> Option<RecoveringRenderer> {
     match RecoveringRenderer::new(options(faults)) {
         Ok(renderer) => Some(renderer),
         Err(RenderError::NoVulkan { why }) => {
@@ -56,19 +56,19 @@ fn steady(faults: &Faults) -> Option<RecoveringRenderer> {
     }
 }
 
-/// The frames of a run without faults, and how often it passes each place.
-fn undisturbed() -> Option<(Vec<Frame>, Faults)> {
+/// The frames of a run without faults, and the number of calls at each place.
+fn draw_without_faults() -> Option<(Vec<Frame>, Faults)> {
     let faults = Faults::new(Vec::new());
-    let mut renderer = steady(&faults)?;
-    let frames = draw(&mut renderer).unwrap();
+    let mut renderer = recovering_renderer(&faults)?;
+    let frames = draw_all_plans(&mut renderer).unwrap();
     assert!(renderer.take_notes().is_empty());
     assert!(frames.windows(2).all(|w| w[0] != w[1]), "every frame is another one");
     Some((frames, faults))
 }
 
 #[test]
-fn a_device_that_fails_once_gives_the_same_pictures() {
-    let Some((expected, counts)) = undisturbed() else { return };
+fn a_device_that_fails_once_gives_the_same_images() {
+    let Some((expected, counts)) = draw_without_faults() else { return };
     for (place, kind, words) in [
         (FaultPlace::Memory, FaultKind::OutOfMemory, "out of memory"),
         (FaultPlace::Pipeline, FaultKind::OutOfMemory, "out of memory"),
@@ -78,11 +78,12 @@ fn a_device_that_fails_once_gives_the_same_pictures() {
     ] {
         let calls = counts.calls(place);
         assert!(calls >= FRAMES, "{place:?} is passed {calls} times");
-        // Making a device costs more than the frames: the first, one in the middle, the last.
+        // Creating a device takes longer than drawing the frames, so only the first, a middle and the last call fail.
         for nth in [0, calls / 2, calls - 1] {
             let faults = Faults::new(vec![Fault { place, nth, kind }]);
-            let mut renderer = steady(&faults).unwrap();
-            let frames = draw(&mut renderer).unwrap_or_else(|e| panic!("{kind:?} at {place:?} {nth}: {e}"));
+            let mut renderer = recovering_renderer(&faults).unwrap();
+            let frames =
+                draw_all_plans(&mut renderer).unwrap_or_else(|e| panic!("{kind:?} at {place:?} {nth}: {e}"));
             assert!(frames == expected, "{kind:?} at {place:?} {nth}: other images");
             let notes = renderer.take_notes();
             assert_eq!(notes.len(), 1, "{kind:?} at {place:?} {nth}: {notes:?}");
@@ -97,7 +98,7 @@ fn a_device_that_fails_once_gives_the_same_pictures() {
 
 #[test]
 fn a_frame_that_fails_twice_is_an_error() {
-    let Some((expected, counts)) = undisturbed() else { return };
+    let Some((expected, counts)) = draw_without_faults() else { return };
     let last = counts.calls(FaultPlace::Submit) - 1;
     let fault = |place, nth, kind| Fault { place, nth, kind };
     let lost = |nth| fault(FaultPlace::Submit, nth, FaultKind::DeviceLost);
@@ -106,54 +107,54 @@ fn a_frame_that_fails_twice_is_an_error() {
         fault(FaultPlace::Device, 1, FaultKind::OutOfMemory),
         fault(FaultPlace::Memory, counts.calls(FaultPlace::Memory), FaultKind::OutOfMemory),
     ] {
-        let mut renderer = steady(&Faults::new(vec![lost(last), second])).unwrap();
-        match draw(&mut renderer) {
+        let mut renderer = recovering_renderer(&Faults::new(vec![lost(last), second])).unwrap();
+        match draw_all_plans(&mut renderer) {
             Err(RenderError::Twice { first, .. }) => {
                 assert!(matches!(*first, RenderError::DeviceLost { .. }))
             }
             other => panic!("{second:?}: {other:?}"),
         }
-        // It is over, and says so again rather than to crash or to draw something.
+        // Later calls return an error again.
         let again = renderer.collect(None).unwrap_err().to_string();
         assert!(again.ends_with("failed twice and is no longer used"), "{again}");
     }
-    // Two mishaps with a whole frame between them are two first ones.
-    let mut renderer = steady(&Faults::new(vec![lost(0), lost(last + 2)])).unwrap();
-    assert!(draw(&mut renderer).unwrap() == expected);
+    // A failure after a successful frame counts as a first one.
+    let mut renderer = recovering_renderer(&Faults::new(vec![lost(0), lost(last + 2)])).unwrap();
+    assert!(draw_all_plans(&mut renderer).unwrap() == expected);
     assert_eq!(renderer.take_notes().len(), 2);
 }
 
-/// Without a second try, failures are errors with their kind, and the resources of the failed frame are freed: the
-/// validation layer reports nothing, and the next frame is right.
+/// Without recovery, each failure is an error of its kind, and the resources of the failed frame are freed: the
+/// validation layer reports nothing, and the next frame is correct.
 #[test]
-fn errors_have_their_kind_and_leave_nothing_behind() {
-    let Some((expected, counts)) = undisturbed() else { return };
+fn errors_have_their_kind_and_free_all_resources() {
+    let Some((expected, counts)) = draw_without_faults() else { return };
     for nth in (0..counts.calls(FaultPlace::Memory)).step_by(3) {
         let faults =
             Faults::new(vec![Fault { place: FaultPlace::Memory, nth, kind: FaultKind::OutOfMemory }]);
         let mut renderer = VulkanRenderer::new(options(&faults)).unwrap();
         let messages = renderer.validation_messages();
-        match draw(&mut renderer) {
+        match draw_all_plans(&mut renderer) {
             Err(RenderError::OutOfMemory { object }) => assert!(object.starts_with("memory of "), "{object}"),
             other => panic!("memory {nth}: {other:?}"),
         }
         while renderer.collect(None).is_ok() {}
-        assert!(draw(&mut renderer).unwrap() == expected, "after memory {nth}");
+        assert!(draw_all_plans(&mut renderer).unwrap() == expected, "after memory {nth}");
         drop(renderer);
         let messages = messages.lock().unwrap();
         assert!(messages.is_empty(), "memory {nth}: {messages:?}");
     }
 }
 
-/// With as little memory as possible: the same images, less memory, uploads in parts.
+/// A frugal renderer draws the same images with less memory, and uploads in parts.
 #[test]
 fn a_frugal_renderer_draws_the_same() {
-    let Some((expected, _)) = undisturbed() else { return };
+    let Some((expected, _)) = draw_without_faults() else { return };
     let mut bytes = Vec::new();
     for frugal in [false, true] {
         let faults = Faults::new(Vec::new());
         let mut renderer = VulkanRenderer::new(GpuOptions { frugal, ..options(&faults) }).unwrap();
-        assert!(draw(&mut renderer).unwrap() == expected, "frugal: {frugal}");
+        assert!(draw_all_plans(&mut renderer).unwrap() == expected, "frugal: {frugal}");
         bytes.push((renderer.frames_in_flight(), renderer.allocated_bytes()));
     }
     assert!(bytes[0].0 > 1 && bytes[1].0 == 1);

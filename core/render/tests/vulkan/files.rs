@@ -52,14 +52,14 @@ fn stage_of(path: &Path) -> Stage {
     stage
 }
 
-fn draw(r: &mut dyn Renderer, resources: &Arc<SceneResources>, plan: &Plan) -> Frame {
+fn draw_plan(r: &mut dyn Renderer, resources: &Arc<SceneResources>, plan: &Plan) -> Frame {
     r.load(resources.clone()).unwrap();
     r.submit(plan.clone()).unwrap();
     r.collect(None).unwrap()
 }
 
 #[test]
-fn every_file_looks_the_same_on_vulkan_and_cpu() {
+fn both_renderers_draw_every_asset_file_the_same() {
     let mut files = Vec::new();
     gltf_files(&assets().join("gltf"), &mut files);
     files.sort();
@@ -83,11 +83,11 @@ fn every_file_looks_the_same_on_vulkan_and_cpu() {
         let snapshot = stage.at(Time::from_secs(0.4)).unwrap();
         for samples in [1, 4] {
             let plan = Plan::new(&resources, &stage, &snapshot, &PlanOptions::new([240, 180], samples));
-            let (a, b) = (draw(&mut vulkan, &resources, &plan), draw(&mut cpu, &resources, &plan));
+            let (a, b) = (draw_plan(&mut vulkan, &resources, &plan), draw_plan(&mut cpu, &resources, &plan));
             let c = compare(&a, &b, 4).unwrap();
             let line = format!("{} ×{samples}: {c}", path.file_name().unwrap().display());
             println!("{line}");
-            // Single pixels: an edge that passes a sample within the rasteriser's 1/256 of a pixel, two surfaces at
+            // Single pixels may differ: an edge that passes a sample within the rasterizer's 1/256 of a pixel, two surfaces at
             // the same depth.
             if c.mean > 0.2 || c.share_beyond > 0.002 {
                 bad.push(line);

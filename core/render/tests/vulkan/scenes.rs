@@ -1,5 +1,5 @@
-//! The Vulkan renderer with validation on: closed-form colors, the CPU reference's images, equal bytes, what is left out.
-//! Where no Vulkan driver is found every test says that it was skipped.
+//! The Vulkan renderer with validation: closed-form colors, images of the CPU reference, reproducible bytes, left-out commands.
+//! Without a Vulkan driver, each test prints that it is skipped.
 
 use crate::common;
 use crate::common::{draw as draw_cpu, *};
@@ -12,7 +12,7 @@ use choreo_stage::*;
 use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
 use std::sync::{Mutex, MutexGuard};
 
-/// One renderer for all tests of this file: making one costs more than most tests.
+/// One renderer for all tests of this file: creating one takes longer than most tests.
 fn renderer() -> Option<MutexGuard<'static, Option<VulkanRenderer>>> {
     static SHARED: Mutex<Option<VulkanRenderer>> = Mutex::new(None);
     let mut shared = SHARED.lock().unwrap_or_else(|e| e.into_inner());
@@ -35,7 +35,7 @@ macro_rules! vulkan {
     };
 }
 
-/// The vignette, and an effect that exchanges red and blue: not its own inverse with anything else, so a chain shows its order.
+/// The vignette, and an effect that swaps red and blue, so that the order of a chain shows.
 fn effects() -> Vec<Effect> {
     let swap = "// effect: swap
 fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color.bgra; }";
@@ -44,7 +44,7 @@ fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { retu
     all
 }
 
-/// The recording for a device that is no CPU.
+/// The plan, and its recording for a GPU.
 fn record(plan: &Plan) -> Recording {
     choreo_render::commands::record(plan, RecordOptions::default(), |_| 2)
 }
@@ -56,7 +56,7 @@ fn wall(material: Material) -> Scene {
 }
 
 #[test]
-fn colors_in_closed_form() {
+fn vulkan_colors_match_closed_forms() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let mut middle = |scene: &Scene| pixel(&draw_with(r, scene, &PlanOptions::new([5, 5], 1)), 2, 2);
@@ -69,7 +69,7 @@ fn colors_in_closed_form() {
     let mut slanted = wall(Material { specular: 0.0, ..matte(Vec4::ONE) });
     slanted.sun(Vec3::new(0.0, -0.6, -0.8), Vec3::ONE, 0.5);
     assert_color(middle(&slanted), [0.4; 3], "cosine of the angle");
-    // Two metres from a lamp of 2 candela, facing it: 2 / 2².
+    // A surface that faces a lamp of 2 candela at two metres receives 2 / 2².
     let mut lamp = wall(Material { specular: 0.0, ..matte(Vec4::ONE) });
     lamp.snapshot.lights.push(LightState {
         light: Light { kind: LightKind::Point, color: Vec3::ONE, intensity: 2.0, range: None },
@@ -98,8 +98,8 @@ fn colors_in_closed_form() {
     assert_color(middle(&tinted), [0.5, 1.0, 0.25], "tint");
 }
 
-/// Mean, worst and share of pixels beyond two steps that the twin may differ by. Edges: the rasteriser's fixed point is
-/// the driver's own; texture filtering: 8 bits of weight.
+/// Allowed difference from the CPU reference: mean, and share of pixels beyond two steps. Edges differ because the rasterizer's fixed point is
+/// the driver's own, and textures because filter weights have 8 bits.
 fn assert_like_reference(c: &Comparison, what: &str) {
     println!("{what}: {c}");
     assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{what}: {c}");
@@ -121,7 +121,7 @@ fn vulkan_and_the_cpu_reference_draw_the_same() {
         let colors: std::collections::BTreeSet<_> = vulkan.rgba.chunks_exact(4).collect();
         assert!(colors.len() > 500, "there is something in the picture: {} colors", colors.len());
     }
-    // The planted fault: one actor a fifth darker is seen.
+    // The planted fault, one actor a fifth darker, is found.
     let options = PlanOptions::new([320, 240], 1);
     let cpu = draw_cpu(&scene, &options);
     scene.snapshot.actors[0].tint = Vec4::new(0.8, 0.8, 0.8, 1.0);
@@ -130,7 +130,7 @@ fn vulkan_and_the_cpu_reference_draw_the_same() {
 }
 
 #[test]
-fn coats_sheen_and_glass_as_the_cpu_reference_draws_them() {
+fn material_layers_match_the_cpu_reference() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let mut scene = common::layered::layered_scene();
@@ -139,7 +139,7 @@ fn coats_sheen_and_glass_as_the_cpu_reference_draws_them() {
         let (vulkan, cpu) = (draw_with(r, &scene, &options), draw_cpu(&scene, &options));
         let c = compare(&vulkan, &cpu, 2).unwrap();
         assert_like_reference(&c, &format!("layers, {samples} samples"));
-        // The layered parts are small in the image.
+        // The layered surfaces cover few pixels of the image.
         assert!(c.share_beyond < 0.001, "{c}");
     }
     // The planted faults: without one of the coats, sheens or glasses the images differ.
@@ -157,7 +157,7 @@ fn coats_sheen_and_glass_as_the_cpu_reference_draws_them() {
 }
 
 #[test]
-fn every_feature_forced_in_draws_the_same() {
+fn forcing_all_features_in_draws_the_same() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let scene = busy_scene(DVec3::ZERO);
@@ -166,12 +166,12 @@ fn every_feature_forced_in_draws_the_same() {
     let forced = draw_with(r, &scene, &PlanOptions { force_all: true, ..options.clone() });
     let c = compare(&lean, &forced, 1).unwrap();
     println!("forced: {c}");
-    // The compiler of the driver may order additions otherwise.
+    // The driver's compiler may reorder additions.
     assert!(c.share_beyond < 0.002, "{c}");
 }
 
 #[test]
-fn same_plan_same_bytes_in_any_order() {
+fn equal_plans_give_equal_bytes_in_any_order() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let mut scene = busy_scene(DVec3::ZERO);
@@ -186,7 +186,7 @@ fn same_plan_same_bytes_in_any_order() {
         .collect();
     let mut run = |order: &[usize]| -> Vec<(usize, Frame)> {
         let mut out = Vec::new();
-        // As many frames are in flight as possible.
+        // The largest possible number of frames is in flight.
         for chunk in order.chunks(r.frames_in_flight()) {
             chunk.iter().for_each(|i| r.submit(plans[*i].clone()).unwrap());
             out.extend(chunk.iter().map(|i| (*i, r.collect(None).unwrap())));
@@ -201,7 +201,7 @@ fn same_plan_same_bytes_in_any_order() {
 }
 
 #[test]
-fn what_a_scene_does_not_need_is_left_out() {
+fn recordings_have_only_the_commands_that_a_scene_needs() {
     let scene = wall(unlit(Vec4::ONE));
     let (_, plan) = scene.plan(&PlanOptions::new([8, 8], 1));
     let recording = record(&plan);
@@ -245,7 +245,7 @@ fn what_a_scene_does_not_need_is_left_out() {
 }
 
 #[test]
-fn a_cpu_device_gets_rows_copied_and_back_faces_last() {
+fn cpu_devices_copy_background_rows_and_draw_back_faces_last() {
     let mut scene = Scene::ortho(2.0);
     scene.snapshot.background = Background::Gradient { top: Vec3::X, bottom: Vec3::Y };
     let double_sided = Material { double_sided: true, ..unlit(Vec4::ONE) };
@@ -268,14 +268,14 @@ fn a_cpu_device_gets_rows_copied_and_back_faces_last() {
     assert!(
         front < back && cpu.matches("draw 1 from 0").count() == 2 && cpu.matches("pipeline").count() == 1
     );
-    // Small triangles: the second run of the vertex shader costs more than it saves.
+    // With small triangles, running the vertex shader twice costs more than culling saves.
     assert!(!text(1, true, 4000).contains("cull Front"));
-    // Copies cannot write samples: around what is drawn they are the image, and the rest is resolved into it.
+    // Copies cannot write multisampled targets: the background is copied into the image, and the dirty rectangle is resolved over it.
     let samples = text(4, true, 2);
     assert!(samples.contains("copy background\nbegin Image, 4 samples, clear"), "{samples}");
     assert!(samples.contains(", 40×40 at 12, 12\n") && samples.contains("  background\n"), "{samples}");
     assert!(!text(4, false, 2).contains(" at 12, 12\n"));
-    // A draw that covers most of the image is drawn whole.
+    // If draws cover most of the image, the whole image is drawn.
     scene.at(&asset(vec![quad(1.9, 1.9)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
     let (_, plan) = scene.plan(&PlanOptions::new([64, 64], 4));
     let cpu = RecordOptions { cpu_device: true, ..RecordOptions::default() };
@@ -284,7 +284,7 @@ fn a_cpu_device_gets_rows_copied_and_back_faces_last() {
 }
 
 #[test]
-fn a_part_drawn_with_samples_is_as_if_all_were() {
+fn multisampling_only_the_dirty_rectangle_changes_no_pixel() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let gradient = Background::Gradient { top: Vec3::new(0.1, 0.3, 0.9), bottom: Vec3::new(0.8, 0.5, 0.1) };
@@ -307,7 +307,7 @@ fn a_part_drawn_with_samples_is_as_if_all_were() {
         let c = compare(&part, &whole, 1).unwrap();
         println!("{}", c.worst);
         assert!(c.worst <= 1, "{c:?}");
-        // Pixels outside the dirty rectangle are cut off.
+        // Pixels outside the dirty rectangle are not drawn.
         let wrong = frame(Plan { dirty_rect: choreo_render::plan::dirty_rect::DirtyRect::NOTHING, ..plan });
         assert!(compare(&wrong, &whole, 1).unwrap().worst > 50);
     }
@@ -320,7 +320,7 @@ fn equal_content_is_uploaded_once_and_kept() {
     let picture = || image(4, 4, |x, y| [x as u8 * 60, y as u8 * 60, 9, 255]);
     let with = |color| Material { base_color_texture: Some(texture(0)), ..unlit(color) };
     let mut scene = Scene::ortho(4.0);
-    // Two files with equal meshes and images, but another color.
+    // Two files with equal meshes and images, but different colors.
     scene.at(&asset(vec![quad(0.5, 0.5)], vec![with(Vec4::ONE)], vec![picture()]), -1.0, 0.0, 0.0);
     scene.at(&asset(vec![quad(0.5, 0.5)], vec![with(Vec4::X + Vec4::W)], vec![picture()]), 1.0, 0.0, 0.0);
     let options = PlanOptions::new([32, 32], 1);
@@ -358,7 +358,7 @@ fn effects_run_in_order_on_linear_light() {
 }
 
 #[test]
-fn odd_sizes_and_misuse() {
+fn odd_sizes_are_drawn_and_misuse_is_an_error() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let scene = wall(unlit(Vec4::new(0.5, 0.25, 1.0, 1.0)));
@@ -400,7 +400,7 @@ fn odd_sizes_and_misuse() {
     plan.post.clear();
     plan.draws[0].primitive = 7;
     assert_eq!(refused(&plan), "the plan draws primitive 7, which the loaded scene resources lack");
-    // After all that it still draws.
+    // The renderer still draws afterwards.
     plan.draws[0].primitive = 0;
     for _ in 0..r.frames_in_flight() {
         r.submit(plan.clone()).unwrap();
@@ -436,7 +436,7 @@ fn a_thousand_frames_of_changing_size_leak_nothing() {
 }
 
 #[test]
-fn dropped_in_mid_frame_without_a_word_from_validation() {
+fn dropping_the_renderer_with_frames_in_flight_is_valid() {
     let Some(mut r) = new_renderer() else { return };
     let (resources, plan) = busy_scene(DVec3::ZERO).plan(&PlanOptions::new([64, 64], 4));
     r.load(resources).unwrap();
@@ -448,12 +448,12 @@ fn dropped_in_mid_frame_without_a_word_from_validation() {
 }
 
 #[test]
-fn the_cache_on_disk_changes_nothing_and_damage_is_harmless() {
+fn the_pipeline_cache_changes_no_pixel_and_may_be_damaged() {
     if new_renderer().is_none() {
         return;
     }
     let folder = std::env::temp_dir().join(format!("choreo-cache-{}", std::process::id()));
-    // A run that failed may have left it, and the system gives numbers of processes again.
+    // A failed run may have left the folder, and process numbers are reused.
     let _ = std::fs::remove_dir_all(&folder);
     let options = GpuOptions { validation: true, cache_dir: Some(folder.clone()), ..GpuOptions::default() };
     let picture = |_: &str| {

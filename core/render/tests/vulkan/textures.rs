@@ -1,4 +1,4 @@
-//! A device that binds fewer textures than a material has: the least visible are left out, and named.
+//! Devices that bind fewer textures than a material has: the least visible textures are left out and reported.
 
 use crate::common::layered::{bulge, layered};
 use crate::common::*;
@@ -8,7 +8,7 @@ use choreo_render::commands::texture_slots;
 use choreo_render::*;
 use glam::{Vec3, Vec4};
 
-/// A lacquered velvet with eight textures; some left out as a file without them would have it.
+/// A material with clearcoat and sheen and eight textures, without those named in `left_out`.
 fn scene(left_out: &[&str]) -> Scene {
     let has = |name: &str| (!left_out.contains(&name)).then(|| texture(0));
     let layers = MaterialLayers {
@@ -45,7 +45,7 @@ fn scene(left_out: &[&str]) -> Scene {
 }
 
 #[test]
-fn the_least_visible_are_left_out_and_named() {
+fn the_least_visible_textures_are_left_out_and_reported() {
     let (whole, options) = (scene(&[]), PlanOptions::new([160, 160], 1));
     let (_, plan) = whole.plan(&options);
     assert_eq!(texture_slots(plan.draws[0].pipeline.features).count_ones(), 8);
@@ -61,11 +61,11 @@ fn the_least_visible_are_left_out_and_named() {
             format!("material \"velvet\": this device binds at most {most} textures; left out: {names}")
         });
         assert_eq!(said, Vec::from_iter(line));
-        // The shader reads the bound textures only: the CPU reference draws the file without the others.
+        // The shader reads only the bound textures: the image is that of the CPU reference without the others.
         let c = compare(&frame, &draw(&scene(out), &options), 2).unwrap();
         println!("{most:?} textures: {c}");
         assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{most:?}: {c}");
-        // And not as it is drawn with all of them: the comparison can fail.
+        // The comparison can fail: the image with all textures differs.
         let differs = compare(&frame, &complete, 2).unwrap();
         assert_eq!(differs.share_beyond > 0.02, !out.is_empty(), "{most:?}: {differs}");
         // Bound textures are counted in the recording.

@@ -1,11 +1,11 @@
-//! Texts that are nested deeply: refused with their place before naga or the evaluator could use up a thread's stack.
+//! Deeply nested texts are refused, with their place, before naga or the evaluator could overflow a thread's stack.
 
 use choreo_plugin::PixelEffect;
 use choreo_wgsl_effect::{EffectError, WgslEffect};
 use glam::{Vec2, Vec4};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-/// A quarter of what threads have by default.
+/// Stack size: a quarter of the default of threads.
 const STACK: usize = 512 << 10;
 
 const KINDS: [&str; 17] = [
@@ -29,7 +29,7 @@ const KINDS: [&str; 17] = [
 ];
 
 /// An effect of one kind of nesting, `n` deep.
-fn text(kind: &str, n: usize) -> String {
+fn nested_text(kind: &str, n: usize) -> String {
     let r = |text: &str| text.repeat(n);
     let body = match kind {
         "chain" => format!("return vec4(1.0{});", r("+uv.x")),
@@ -71,13 +71,13 @@ fn text(kind: &str, n: usize) -> String {
     format!("{head} {body} }}\n{}{last}", below.concat())
 }
 
-fn compiled(text: &str) -> Result<WgslEffect, String> {
+fn compile(text: &str) -> Result<WgslEffect, String> {
     let first_line = |e: EffectError| e.to_string().lines().next().unwrap_or_default().to_string();
     WgslEffect::from_text("deep.wgsl", text).map_err(first_line)
 }
 
-/// Compiles a text as for Vulkan, on a small stack; whether it is valid does not matter.
-fn through_naga(text: &str) {
+/// Compiles a text, valid or not, as for Vulkan.
+fn compile_with_naga(text: &str) {
     let Ok(module) = naga::front::wgsl::parse_str(text) else { return };
     let Ok(info) = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module) else {
         return;
@@ -86,14 +86,14 @@ fn through_naga(text: &str) {
     let _ = naga::back::spv::write_vec(&module, &info, &options, None);
 }
 
-fn on_a_small_stack(work: impl FnOnce() + Send + 'static) {
+fn run_on_small_stack(work: impl FnOnce() + Send + 'static) {
     std::thread::Builder::new().stack_size(STACK).spawn(work).unwrap().join().unwrap();
 }
 
 /// The largest depth that is not refused for its depth.
-fn deepest(kind: &str) -> usize {
+fn deepest_accepted(kind: &str) -> usize {
     let is_refused = |n: usize| {
-        let error = compiled(&text(kind, n)).err();
+        let error = compile(&nested_text(kind, n)).err();
         error.is_some_and(|e| {
             e.contains("levels deep")
                 || e.contains("declarations")
@@ -101,7 +101,7 @@ fn deepest(kind: &str) -> usize {
         })
     };
     let (mut good, mut bad) = (1, 4096);
-    assert!(is_refused(bad), "{kind}: {:?}", compiled(&text(kind, bad)).err());
+    assert!(is_refused(bad), "{kind}: {:?}", compile(&nested_text(kind, bad)).err());
     while bad - good > 1 {
         let middle = (good + bad) / 2;
         *if is_refused(middle) { &mut bad } else { &mut good } = middle;
@@ -112,14 +112,14 @@ fn deepest(kind: &str) -> usize {
 /// A text within the limits goes through naga, and runs, on a quarter of a thread's usual stack. (Without the limits these texts
 /// overflow a whole one at 1,500 `else if`s, at 4,000 operators, structs or members and at 6,000 constants.)
 #[test]
-fn what_is_not_refused_needs_little_stack() {
+fn accepted_texts_need_little_stack() {
     for kind in KINDS {
-        let n = deepest(kind);
+        let n = deepest_accepted(kind);
         println!("{kind}: {n}");
-        let text = text(kind, n);
-        on_a_small_stack(move || {
-            through_naga(&text);
-            if let Ok(effect) = compiled(&text) {
+        let text = nested_text(kind, n);
+        run_on_small_stack(move || {
+            compile_with_naga(&text);
+            if let Ok(effect) = compile(&text) {
                 effect.pixels(&mut [Vec4::ONE], &[Vec2::ONE], &[0.0; 8]);
             }
         });
@@ -127,11 +127,11 @@ fn what_is_not_refused_needs_little_stack() {
 }
 
 #[test]
-fn a_text_that_is_too_deep_is_refused_where_it_is() {
-    let error = |kind: &str, n: usize| compiled(&text(kind, n)).err().unwrap();
+fn too_deep_texts_are_refused_with_their_place() {
+    let error = |kind: &str, n: usize| compile(&nested_text(kind, n)).err().unwrap();
     let levels = "nested more than 350 levels deep: each bracket counts 5, each operator and else if of a statement 1; split it \
         with let, or use a loop or switch";
-    // The cases of the report: a sum of 100 KB, and 3,000 times else if.
+    // Cases that once overflowed: a sum of 100 KB, and 3,000 `else if`s.
     assert_eq!(error("chain", 20_000), format!("deep.wgsl:2:907: {levels}"));
     assert_eq!(error("else_ifs", 3_000), format!("deep.wgsl:2:11968: {levels}"));
     assert_eq!(error("structs", 2_000), "deep.wgsl:1002:1: more than 1000 declarations");
@@ -139,12 +139,12 @@ fn a_text_that_is_too_deep_is_refused_where_it_is() {
     assert!(calls.ends_with("more than 200 nested statements and calls"), "{calls}");
 }
 
-/// Neither a comment nor a number hides what follows it.
+/// Nesting after comments and numbers is counted.
 #[test]
-fn depth_does_not_hide() {
+fn comments_and_numbers_do_not_hide_depth() {
     let head = "// effect: deep\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {";
     let is_refused =
-        |body: String| compiled(&format!("{head} {body} }}")).is_err_and(|e| e.contains("levels deep"));
+        |body: String| compile(&format!("{head} {body} }}")).is_err_and(|e| e.contains("levels deep"));
     assert!(is_refused(format!("return vec4(1.0{});", ".x".repeat(400))));
     assert!(is_refused(format!("// a comment\rreturn vec4(1.0{});", "+1.0".repeat(400))));
     assert!(is_refused(format!("// a comment\u{2028}return vec4(1.0{});", "+1.0".repeat(400))));
@@ -152,23 +152,23 @@ fn depth_does_not_hide() {
     assert!(!is_refused(format!("return vec4(1.0{});", "+1.5e-3".repeat(150))));
 }
 
-/// Long texts that are not deep are none of its business.
+/// Long texts without deep nesting are accepted.
 #[test]
-fn what_stands_one_after_the_other_is_not_deep() {
+fn long_flat_texts_are_accepted() {
     let head = "// effect: long\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {\n    var a = uv.x;\n";
     let lines = "    if a > 2.0 { a -= 1.0; } else if a < 0.0 { a += 1.0; } else { a = -a; }\n    a = sin(a * 2.0) + max(a, 0.5);\n    // ((((\n";
     let text = format!("{head}{}    /* {{ /* {{ */ */\n    return color * a;\n}}\n", lines.repeat(400));
-    assert_eq!(compiled(&text).err(), None);
+    assert_eq!(compile(&text).err(), None);
 }
 
 #[test]
-fn a_byte_order_mark_takes_no_column() {
+fn a_byte_order_mark_shifts_no_column() {
     let text = "\u{feff}// effect: marked\n// texture t = a.png: it\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return colour; }";
     assert_eq!(choreo_wgsl_effect::name(text).as_deref(), Some("marked"));
     assert!(choreo_wgsl_effect::is_meant(text));
     assert_eq!(choreo_wgsl_effect::files(text), ["a.png"]);
-    let error = compiled(text).err().unwrap();
+    let error = compile(text).err().unwrap();
     assert!(error.starts_with("deep.wgsl:3:84: no definition in scope for identifier: `colour`"), "{error}");
-    let first = compiled("\u{feff}// effect: Marked").err().unwrap();
+    let first = compile("\u{feff}// effect: Marked").err().unwrap();
     assert!(first.starts_with("deep.wgsl:1:1: \"Marked\" must be"), "{first}");
 }

@@ -1,4 +1,4 @@
-//! Effects in WGSL: what a pixel becomes, against closed forms and a twin written in Rust, and what is refused.
+//! Effects in WGSL: results against closed forms and a CPU reference in Rust, and refused texts.
 
 use choreo_plugin::effect::endless_loop;
 use choreo_plugin::{
@@ -13,28 +13,28 @@ fn effect(text: &str) -> WgslEffect {
 }
 
 /// `effect` with this body, at color (0.25, 0.5, 0.75, 1), uv (0.2, 0.6), p = 0, 1, 2 …
-fn body(code: &str) -> Vec4 {
+fn run_body(code: &str) -> Vec4 {
     let text = format!(
         "// effect: a\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {{\n{code}\n}}"
     );
     let p = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
-    pixel(&effect(&text), Vec4::new(0.25, 0.5, 0.75, 1.0), Vec2::new(0.2, 0.6), &p)
+    run_pixel(&effect(&text), Vec4::new(0.25, 0.5, 0.75, 1.0), Vec2::new(0.2, 0.6), &p)
 }
 
-fn pixel(effect: &WgslEffect, color: Vec4, uv: Vec2, p: &[f32]) -> Vec4 {
+fn run_pixel(effect: &WgslEffect, color: Vec4, uv: Vec2, p: &[f32]) -> Vec4 {
     let mut colors = [color];
     effect.pixels(&mut colors, &[uv], p);
     colors[0]
 }
 
-fn error(text: &str) -> String {
+fn error_message(text: &str) -> String {
     let error = WgslEffect::from_text("my.wgsl", text).err().unwrap_or_else(|| panic!("no error:\n{text}"));
-    // The line and its caret follow: `mistakes.rs`.
+    // The following lines, tested in `mistakes.rs`, show the source line with a caret.
     error.to_string().lines().next().unwrap_or_default().to_string()
 }
 
 #[test]
-fn every_part_of_a_surface_is_where_its_name_says() {
+fn surface_samples_have_each_value_in_its_member() {
     let part = |part: &str| {
         let text = format!(
             "// effect: s\n// hook: surface\n// param k = 2 in 0..4: times\n\
@@ -68,15 +68,15 @@ fn every_part_of_a_surface_is_where_its_name_says() {
     assert_eq!((got, needs.uvs), ([30.0, 32.0, 0.0, 2.0], true));
     let wrong = "// effect: s\n// hook: surface\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color; }";
     assert!(
-        error(wrong).contains("effect must be fn effect(color: vec4<f32>, surface: SurfaceSample,"),
+        error_message(wrong).contains("effect must be fn effect(color: vec4<f32>, surface: SurfaceSample,"),
         "{}",
-        error(wrong)
+        error_message(wrong)
     );
 }
 
-/// The arguments of each hook's function are where their names say, and the function returns what its signature says.
+/// The arguments of each hook's function have the values that their names say, and its result is used as its signature says.
 #[test]
-fn corners_lights_and_pictures_are_where_their_names_say() {
+fn vertex_light_and_image_arguments_are_in_their_members() {
     let p = [2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     let vertex = |part: &str| {
         effect(&format!(
@@ -135,33 +135,34 @@ fn corners_lights_and_pictures_are_where_their_names_say() {
     let all = [rows(0.0), rows(10.0), rows(20.0), rows(30.0)];
     let [now, original, one, two] = std::array::from_fn(|i| EffectImage { size: [2, 2], rgba: &all[i] });
     let pictures = EffectImages { now, original, passes: &[], before: &[one, two], scene: None };
-    // The border's nearest counts: of the original its lower left.
+    // Outside of the image the nearest border pixel is read: here the lower left one of the original.
     let mut row = [Vec4::ZERO; 2];
     made.image_row(&pictures, 1, 2, &p, &mut row);
     assert_eq!(row[0], Vec4::new(3.0, 12.0, 32.0, 22.0));
 }
 
 #[test]
-fn names_of_the_program_are_not_declared_again() {
+fn effects_may_not_declare_names_of_the_program() {
     let text = "// effect: w\n// hook: image\nfn picture(at: vec2<i32>) -> vec4<f32> { return vec4(0.0); }\n\
          fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> { return picture(at); }";
     let expected = "my.wgsl:3:1: picture is a function that the program declares; use another name";
-    assert_eq!(error(text), expected);
+    assert_eq!(error_message(text), expected);
     let text = "// effect: w\n// texture ink = ink.png: t\n\
          fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return ink(uv); }";
     assert_eq!(
-        error(text),
+        error_message(text),
         "my.wgsl:2:1: texture ink: \"ink.png\": an effect without a file cannot read other files"
     );
     let text = "// effect: w\n// hook: vertex\n// reach: 1\n\
          fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color; }";
     assert!(
-        error(text).contains("effect must be fn effect(vertex: VertexSample, p: Parameters) -> vec3<f32>")
+        error_message(text)
+            .contains("effect must be fn effect(vertex: VertexSample, p: Parameters) -> vec3<f32>")
     );
 }
 
 #[test]
-fn operators_and_functions_give_what_the_specification_says() {
+fn operators_and_built_in_functions_match_the_wgsl_specification() {
     let cases: [(&str, [f32; 4]); 16] = [
         ("return color.bgra;", [0.75, 0.5, 0.25, 1.0]),
         ("return vec4(uv, p[7] % 4.0, (-p[7] - 0.5) % 2.0);", [0.2, 0.6, 3.0, -1.5]),
@@ -217,19 +218,19 @@ fn operators_and_functions_give_what_the_specification_says() {
         ),
     ];
     for (code, expected) in cases {
-        assert_eq!(body(code).to_array(), expected, "{code}");
+        assert_eq!(run_body(code).to_array(), expected, "{code}");
     }
 }
 
 #[test]
-fn loops_branches_variables_and_functions() {
+fn loops_branches_variables_and_functions_are_evaluated() {
     let sum = "var s = 0.0; for (var i = 0u; i < 8u; i++) { if i == 3u { continue; } if i == 6u { break; } s += p[i]; } return vec4(s);";
-    assert_eq!(body(sum).x, 0.0 + 1.0 + 2.0 + 4.0 + 5.0);
+    assert_eq!(run_body(sum).x, 0.0 + 1.0 + 2.0 + 4.0 + 5.0);
     let array =
         "var a = array<vec2<f32>, 3>(); a[1] = uv; a[2].y = 9.0; let k = u32(p[2]); return vec4(a[1], a[k]);";
-    assert_eq!(body(array).to_array(), [0.2, 0.6, 0.0, 9.0]);
+    assert_eq!(run_body(array).to_array(), [0.2, 0.6, 0.0, 9.0]);
     let switched = "switch u32(p[2]) { case 1u: { return vec4(1.0); } case 2u, 3u: { return vec4(2.0); } default: { return vec4(3.0); } }";
-    assert_eq!(body(switched).x, 2.0);
+    assert_eq!(run_body(switched).x, 2.0);
     let text = "// effect: a
         const weights = array<f32, 3>(0.2126, 0.7152, 0.0722);
         struct Pair { a: vec2<f32>, b: f32 }
@@ -240,52 +241,53 @@ fn loops_branches_variables_and_functions() {
             q.b += 1.0;
             return vec4(q.a, q.b, luma(vec3(1.0)));
         }";
-    let got = pixel(&effect(text), Vec4::ZERO, Vec2::ZERO, &[0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let got = run_pixel(&effect(text), Vec4::ZERO, Vec2::ZERO, &[0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     assert!(got.abs_diff_eq(Vec4::new(5.0, 10.0, 16.0, 1.0), 1e-6), "{got}");
 }
 
 #[test]
-fn parameters_are_constants_by_their_name() {
+fn parameter_names_are_index_constants() {
     let text = "// effect: tint\n// about: one color for all\n// param red = 0.5 in 0..1: how red\n// param blue = 0.25 in 0..1: how blue\n\
         fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return vec4(p[red], 0.0, p[blue], color.a); }";
     let e = effect(text);
     assert_eq!((e.manifest().name.as_str(), e.manifest().options.len()), ("tint", 2));
     let p = [0.1, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-    assert_eq!(pixel(&e, Vec4::ONE, Vec2::ZERO, &p), Vec4::new(0.1, 0.0, 0.2, 1.0));
+    assert_eq!(run_pixel(&e, Vec4::ONE, Vec2::ZERO, &p), Vec4::new(0.1, 0.0, 0.2, 1.0));
 }
 
 #[test]
-fn mistakes_have_the_line_that_the_author_wrote() {
+fn errors_have_the_line_of_the_author() {
     let head = "// effect: a\n";
     let good = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32>";
     assert_eq!(
-        error("fn effect() {}"),
+        error_message("fn effect() {}"),
         "my.wgsl:1:1: the head comment must name the effect: // effect: NAME"
     );
     assert_eq!(
-        error(&format!("{head}fn other() {{}}")),
+        error_message(&format!("{head}fn other() {{}}")),
         format!("my.wgsl:1:1: there is no function effect; write {good}")
     );
     assert_eq!(
-        error(&format!("{head}\nfn effect(c: f32) {{}}")),
+        error_message(&format!("{head}\nfn effect(c: f32) {{}}")),
         format!("my.wgsl:3:1: effect must be {good}")
     );
-    let text = error(&format!("{head}{good} {{\n  return colr;\n}}"));
+    let text = error_message(&format!("{head}{good} {{\n  return colr;\n}}"));
     assert!(text.starts_with("my.wgsl:3:10: ") && text.contains("colr"), "{text}");
-    let text = error(&format!("{head}{good} {{\n  return 1;\n}}"));
+    let text = error_message(&format!("{head}{good} {{\n  return 1;\n}}"));
     assert!(text.starts_with("my.wgsl:"), "{text}");
-    let text = error(&format!("{head}{good} {{\n  return color * dpdx(uv.x);\n}}"));
+    let text = error_message(&format!("{head}{good} {{\n  return color * dpdx(uv.x);\n}}"));
     assert!(text.starts_with("my.wgsl:3:"), "{text}");
-    let text = error(&format!("{head}var<private> x: f32;\n{good} {{\n  return color * x;\n}}"));
+    let text = error_message(&format!("{head}var<private> x: f32;\n{good} {{\n  return color * x;\n}}"));
     assert!(text.starts_with("my.wgsl:2:1: not supported: global variable x"), "{text}");
-    let text =
-        error(&format!("{head}{good} {{\n  loop {{ if uv.x > 9.0 {{ break; }} }}\n  return color;\n}}"));
+    let text = error_message(&format!(
+        "{head}{good} {{\n  loop {{ if uv.x > 9.0 {{ break; }} }}\n  return color;\n}}"
+    ));
     assert_eq!(text, "my.wgsl:3:3: a pixel takes more than 100000 steps; does a loop never end?");
 }
 
-/// A loop that ends for some pixels only: those have the loop's number in place of a color, the others theirs.
+/// A loop that is endless for some pixels only: these get a fault with the loop's number in place of a color, the others their color.
 #[test]
-fn a_loop_without_end_is_left_and_named() {
+fn endless_loops_are_stopped_and_reported() {
     let text = "// effect: rings
 fn turns(x: f32) -> f32 {
     var y = x;
@@ -300,18 +302,18 @@ fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {
     let made = effect(&text.replace("x > 0.1", "(x < 0.9 && x > 0.1) || x == 0.0 || x > 0.95"));
     assert_eq!(made.loops(), ["my.wgsl:4:5"]);
     for (x, expected) in [(0.25, Some(1.0)), (0.05, None), (1.0, Some(1.0)), (0.9375, None)] {
-        let got = pixel(&made, Vec4::ONE, Vec2::new(x, 0.0), &[0.5; 8]);
+        let got = run_pixel(&made, Vec4::ONE, Vec2::new(x, 0.0), &[0.5; 8]);
         match expected {
             Some(red) => assert_eq!(got.to_array(), [red, 2.0, 1.0, 1.0], "{x}"),
             None => assert_eq!(endless_loop(got.x), Some(1), "{x}"),
         }
     }
-    // A row whose pixels go different ways gives what each gives alone.
+    // A row whose pixels take different branches gives the result of each pixel alone.
     let uv: Vec<Vec2> = (0..64).map(|i| Vec2::new(i as f32 / 64.0, 0.0)).collect();
     let mut row = vec![Vec4::ONE; uv.len()];
     made.pixels(&mut row, &uv, &[0.5; 8]);
     for (got, uv) in row.iter().zip(&uv) {
-        let alone = pixel(&made, Vec4::ONE, *uv, &[0.5; 8]);
+        let alone = run_pixel(&made, Vec4::ONE, *uv, &[0.5; 8]);
         assert_eq!(got.to_array().map(f32::to_bits), alone.to_array().map(f32::to_bits), "{uv}");
     }
     assert!(row.iter().any(|c| c.x == 1.0) && row.iter().any(|c| endless_loop(c.x).is_some()));

@@ -1,4 +1,4 @@
-//! Geometry of an effect's own, from one file: lines and triangles against closed forms, hulls, and what is refused or left out.
+//! Geometry that effects draw: lines and triangles against closed forms, hulls, and elements that are refused or left out.
 
 use choreo_asset::*;
 use choreo_motion::{Skeleton, Time, Transform};
@@ -16,9 +16,9 @@ fn effect(text: &str) -> WgslEffect {
     WgslEffect::from_text("my.wgsl", text).unwrap_or_else(|e| panic!("{e}\n{text}"))
 }
 
-fn error(text: &str) -> String {
+fn error_message(text: &str) -> String {
     let error = WgslEffect::from_text("my.wgsl", text).err().unwrap_or_else(|| panic!("no error:\n{text}"));
-    // The line and its caret follow: `mistakes.rs`.
+    // The following lines, tested in `mistakes.rs`, show the source line with a caret.
     error.to_string().lines().next().unwrap_or_default().to_string()
 }
 
@@ -27,8 +27,8 @@ fn overlay(head: &str, gives: &str, body: &str) -> WgslEffect {
     effect(&format!("// effect: o\n{params}\n// hook: overlay\n{head}\n{gives} {{\n{body}\n}}"))
 }
 
-/// Three joints in a row, a metre apart along Y, the first and the last of them bones.
-fn body(places: &[Affine3A]) -> Arc<Asset> {
+/// Three joints in a chain, a metre apart along Y, of which the first and the last are bones.
+fn three_joint_asset(places: &[Affine3A]) -> Arc<Asset> {
     let up = Transform { translation: Vec3::Y, ..Transform::IDENTITY };
     let names = ["root", "between", "tip"].map(String::from).to_vec();
     let skeleton = Skeleton::new(names, vec![None, Some(0), Some(1)], vec![Transform::IDENTITY, up, up]);
@@ -43,7 +43,7 @@ struct TestScene {
     before: Vec<Snapshot>,
 }
 
-/// Posed as at rest, a second and a half in.
+/// A scene of these actors in their rest pose, at 1.5 s.
 fn test_scene(actors: &[(&Arc<Asset>, DAffine3)]) -> TestScene {
     let mut seen = TestScene { stage: Stage::default(), snapshot: Snapshot::default(), before: Vec::new() };
     seen.snapshot.time = Time::from_secs(1.5);
@@ -70,16 +70,17 @@ impl TestScene {
     }
 }
 
-fn moved(x: f64, y: f64, z: f64) -> DAffine3 {
+fn translated(x: f64, y: f64, z: f64) -> DAffine3 {
     DAffine3::from_translation(DVec3::new(x, y, z))
 }
 
-/// The parts of an actor are where their names say, for each of its copies.
+/// The members of the actor sample have the values that their names say, for each actor.
 #[test]
-fn lines_know_the_body_they_are_around() {
-    let asset = body(&[]);
+fn overlay_lines_read_the_actor_around_which_they_are_drawn() {
+    let asset = three_joint_asset(&[]);
     let quarter = DAffine3::from_rotation_y(std::f64::consts::FRAC_PI_2);
-    let scene = test_scene(&[(&asset, moved(5.0, 0.0, 0.0)), (&asset, moved(0.0, 0.0, 7.0) * quarter)]);
+    let scene =
+        test_scene(&[(&asset, translated(5.0, 0.0, 0.0)), (&asset, translated(0.0, 0.0, 7.0) * quarter)]);
     let all = |from: &str, to: &str, width: &str| {
         let body = format!("return Line({from}, {to}, {width}, vec4(f32(index), p[n], actor.time, 0.5));");
         scene.draw(&overlay("// count: n", LINE, &body), &[2.0])
@@ -90,7 +91,7 @@ fn lines_know_the_body_they_are_around() {
     assert_eq!((first.from, first.to, first.width), (DVec3::X * 5.0, DVec3::Y * 2.0, 1.0));
     assert_eq!((last.from, last.to, last.width), (DVec3::Z * 7.0, DVec3::Y * 2.0, 2.0));
     assert_eq!(last.color, Vec4::new(1.0, 2.0, 1.5, 0.5));
-    // Two bones of three joints: the nearest above the tip is the root. A bone that is not there stands where the body does.
+    // Two of three joints are bones: the parent bone of the tip is the root. A missing bone has the position of the actor.
     let made = all("joint(index)", "vec3(f32(parent(index)), f32(parent(7u)), f32(actor.joints))", "1.0");
     let got: Vec<_> = made.strokes[..2].iter().map(|s| (s.from, s.to)).collect();
     let (root, tip) = (DVec3::new(5.0, 0.0, 0.0), DVec3::new(5.0, 2.0, 0.0));
@@ -102,9 +103,9 @@ fn lines_know_the_body_they_are_around() {
 }
 
 #[test]
-fn bodies_at_places_have_lines_each() {
+fn overlay_lines_are_drawn_for_each_placement_of_a_model() {
     let places = [1.0, 2.0, 3.0].map(|x| Affine3A::from_translation(Vec3::X * x));
-    let mut scene = test_scene(&[(&body(&places), moved(0.0, 0.0, 4.0))]);
+    let mut scene = test_scene(&[(&three_joint_asset(&places), translated(0.0, 0.0, 4.0))]);
     let dots = overlay("// count: 1", LINE, "return Line(joint(1u), actor.position, 3.0, vec4(1.0));");
     let at = |made: Overlay| made.strokes.iter().map(|s| [s.from.x, s.from.y, s.to.z]).collect::<Vec<_>>();
     assert_eq!(at(scene.draw(&dots, &[])), [[1.0, 2.0, 4.0], [2.0, 2.0, 4.0], [3.0, 2.0, 4.0]]);
@@ -115,9 +116,9 @@ fn bodies_at_places_have_lines_each() {
 }
 
 #[test]
-fn lines_know_where_bodies_were() {
+fn overlay_lines_read_previous_positions_of_joints() {
     let places = [0.0, 9.0].map(|x| Affine3A::from_translation(Vec3::X * x));
-    let mut scene = test_scene(&[(&body(&places), moved(0.0, 0.0, 4.0))]);
+    let mut scene = test_scene(&[(&three_joint_asset(&places), translated(0.0, 0.0, 4.0))]);
     let trail = "return Line(previous_joint(index, 1u), previous_in_world(index, vec3(1.0, 0.0, 0.0)), 1.0, vec4(1.0));";
     let trail = overlay("// count: 4\n// history: 2", LINE, trail);
     assert_eq!(trail.history(&[0.0; 8]), 2);
@@ -133,42 +134,42 @@ fn lines_know_where_bodies_were() {
     assert_eq!(at(&scene)[..4], [now(0.0); 4], "a frame alone has none before it");
     for z in [3.0, 1.0] {
         let mut before = scene.snapshot.clone();
-        before.actors[0].world_from_model = moved(0.0, 0.0, z);
+        before.actors[0].world_from_model = translated(0.0, 0.0, z);
         scene.before.push(before);
     }
     let then = |x: f64, z: f64| [x, z, x + 1.0, z];
-    // Farther back than the head says stands the farthest.
+    // A request beyond the declared history gives its oldest frame.
     let of_copy = |x: f64| [now(x), then(x, 3.0), then(x, 1.0), then(x, 1.0)];
     assert_eq!(at(&scene), [of_copy(0.0), of_copy(9.0)].concat());
-    // Who was not there then is where it is now.
+    // An actor that was not visible then has its current position.
     scene.before[1].actors[0].visible = false;
     assert_eq!(at(&scene)[1..3], [then(0.0, 3.0), now(0.0)]);
-    let without = error(&format!(
+    let without = error_message(&format!(
         "// effect: a\n// hook: overlay\n// count: 1\n{LINE} {{ return Line(previous_joint(1u, 0u), vec3(0.0), 1.0, vec4(1.0)); }}"
     ));
     assert!(without.contains("no definition in scope for identifier: `previous_joint`"), "{without}");
 }
 
 #[test]
-fn joints_are_found_by_their_names() {
-    let scene = test_scene(&[(&body(&[]), moved(5.0, 0.0, 0.0))]);
+fn overlay_joints_are_found_by_name() {
+    let scene = test_scene(&[(&three_joint_asset(&[]), translated(5.0, 0.0, 0.0))]);
     let head = "// count: 1\n// joint end = no_such|tip: a bone\n// joint middle = between: none of the bones\n// joint tail = tail: not there";
     let text = "return Line(joint(end()), joint(middle()) + joint(tail()), 1.0, vec4(f32(end()), f32(middle()), f32(parent(middle())), f32(actor.joints) / 4.0));";
     let made = scene.draw(&overlay(head, LINE, text), &[]);
     let line = made.strokes[0];
     assert_eq!((line.from, line.to), (DVec3::new(5.0, 2.0, 0.0), DVec3::new(10.0, 1.0, 0.0)));
     assert_eq!(line.color, Vec4::new(1.0, 2.0, 0.0, 0.5));
-    assert_eq!(made.left_out, ["\"\" has no joint tail, as tail asks for"]);
+    assert_eq!(made.left_out, ["\"\" has no joint tail, requested as tail"]);
 }
 
 #[test]
-fn triangles_over_all_and_once_for_the_scene() {
-    let asset = body(&[]);
-    let scene = test_scene(&[(&asset, moved(-3.0, 0.0, 0.0)), (&asset, moved(4.0, 0.0, 1.0))]);
+fn overlay_triangles_are_drawn_once_for_the_scene_and_over_it() {
+    let asset = three_joint_asset(&[]);
+    let scene = test_scene(&[(&asset, translated(-3.0, 0.0, 0.0)), (&asset, translated(4.0, 0.0, 1.0))]);
     let text =
         "return Triangle(actor.low, actor.high, vec3(f32(index)), vec4(0.1, 0.2, 0.3, 2.0 - f32(index)));";
     let made = scene.draw(&overlay("// count: n\n// over: thru\n// of: scene", TRIANGLE, text), &[3.0, 1.0]);
-    // Opacities are cut off at 1, and what is not seen is not made.
+    // Opacities are clamped to 1, and invisible triangles are left out.
     assert_eq!((made.triangles.len(), made.strokes.len(), made.over), (2, 0, true));
     let corners = [DVec3::new(-3.0, 0.0, 0.0), DVec3::new(4.0, 2.0, 1.0), DVec3::ONE];
     assert_eq!(
@@ -181,17 +182,17 @@ fn triangles_over_all_and_once_for_the_scene() {
 }
 
 #[test]
-fn what_cannot_be_drawn_is_said() {
-    let scene = test_scene(&[(&body(&[]), DAffine3::IDENTITY)]);
+fn elements_that_cannot_be_drawn_are_reported() {
+    let scene = test_scene(&[(&three_joint_asset(&[]), DAffine3::IDENTITY)]);
     let made = |body: &str, n: f32| scene.draw(&overlay("// count: n", LINE, body), &[n, 0.0]);
     let bad = made("return Line(vec3(0.0), vec3(1.0 / f32(index % 2u)), 1.0, vec4(1.0));", 10.0);
-    // Renderers report the lines whose color is a fault.
+    // Renderers report lines whose color marks a fault.
     let faulty = |made: &Overlay| made.strokes.iter().filter(|s| !s.color.is_finite()).count();
     assert_eq!(
         (bad.strokes.len(), faulty(&bad), &bad.left_out[..]),
         (10, 5, &["5 of 10 lines have numbers that are not finite".into()][..])
     );
-    // Endless from a place on that no trial looks at.
+    // The loop is endless only for inputs that no trial uses.
     let ends = "var x = 0.0; loop { x += 1.0; if x > 9.0 && actor.time < 1.2 || actor.time > 2.0 { break; } }\nreturn Line(vec3(x), vec3(0.0), 1.0, vec4(1.0));";
     let slow = made(ends, 3.0);
     assert_eq!(
@@ -210,7 +211,7 @@ fn what_cannot_be_drawn_is_said() {
 }
 
 #[test]
-fn hulls_and_edges() {
+fn outline_effects_return_hulls_and_wireframes() {
     let shell = |gives: &str, body: &str| {
         effect(&format!(
             "// effect: s\n// hook: outline\n// param width = 2 in 0..9: pixels\nfn effect(p: array<f32, 8>) -> {gives} {{ {body} }}"
@@ -227,7 +228,7 @@ fn hulls_and_edges() {
     assert_eq!(hull.inverted_hull(&[0.0; 8]), None);
     let edges = shell("Wireframe", "return Wireframe(vec3(p[width], 1.0, 0.5));");
     assert_eq!((edges.inverted_hull(&p), edges.wireframe(&p)), (None, Some(Vec3::new(3.0, 1.0, 0.5))));
-    // Renderers find and report numbers that are not finite.
+    // Numbers that are not finite are kept, for the renderers to report.
     let bad = shell("InvertedHull", "return InvertedHull(2.0, vec3(0.0, 1.0 / (p[width] - 3.0), 0.0), 0.0);");
     assert_eq!(bad.inverted_hull(&p).map(|hull| hull.color.y), Some(f32::INFINITY));
     assert!(bad.inverted_hull(&[1.0; 8]).is_some_and(|hull| hull.color.is_finite()));
@@ -236,8 +237,8 @@ fn hulls_and_edges() {
 }
 
 #[test]
-fn mistakes_have_their_line_and_what_was_meant() {
-    let of = |head: &str, code: &str| error(&format!("// effect: a\n{head}\n{code}"));
+fn head_errors_have_their_line_and_a_suggestion() {
+    let of = |head: &str, code: &str| error_message(&format!("// effect: a\n{head}\n{code}"));
     let line = |body: &str| {
         of(
             "// hook: overlay\n// count: 4\n// param amount = 1 in 0..2: much",
@@ -281,7 +282,7 @@ fn mistakes_have_their_line_and_what_was_meant() {
     );
 }
 
-/// The README's examples compile as they stand, but for their names.
+/// The examples of the README compile unchanged, except for their names.
 #[test]
 fn the_examples_of_the_readme_are_effects() {
     let readme = include_str!("../../README.md");

@@ -1,19 +1,19 @@
-//! Faulty effects, and what their authors read: file, line, column, a caret, the types as WGSL writes them.
+//! Error messages of faulty effects: file, line, column, a caret, and types as WGSL writes them.
 
 use choreo_wgsl_effect::{EffectError, WgslEffect};
 
 const FUNCTION: &str = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>";
 
-/// An effect of a pixel; the body of its function begins at line 3.
-fn pixel(body: &str) -> String {
+/// The text of an effect on pixels; the body of its function begins at line 3.
+fn pixel_effect(body: &str) -> String {
     format!("// effect: a\n{FUNCTION} {{\n{body}\n}}\n")
 }
 
-fn error(text: &str) -> EffectError {
+fn compile_error(text: &str) -> EffectError {
     WgslEffect::from_text("my.wgsl", text).err().unwrap_or_else(|| panic!("no error:\n{text}"))
 }
 
-/// Bodies of an effect of a pixel, with their messages.
+/// Bodies of an effect on pixels, with their messages.
 const BODIES: &[(&str, &str)] = &[
     ("    return vec4(color.rgb, 1.0) * uv;", "3:12: * cannot work with vec4<f32> and vec2<f32>"),
     ("    return color.rgb;", "3:12: effect returns vec4<f32>, this value is vec3<f32>"),
@@ -139,7 +139,7 @@ const BODIES: &[(&str, &str)] = &[
     ("    while 1 { }\n    return color;", "3:11: a condition is bool, this value is i32"),
 ];
 
-/// Texts below the head. FUNCTION stands for the declaration of an effect of a pixel.
+/// Texts below the head, with their messages. FUNCTION stands for the declaration of an effect on pixels.
 const TEXTS: &[(&str, &str)] = &[
     (
         "fn half(x: f32) -> f32 { return 0.5 * x; }\nFUNCTION { return color * half(uv); }",
@@ -203,21 +203,21 @@ const TEXTS: &[(&str, &str)] = &[
 ];
 
 #[test]
-fn each_mistake_is_told_in_the_words_of_the_language() {
-    let bodies = BODIES.iter().map(|(body, expected)| (pixel(body), *expected));
+fn each_error_is_worded_in_the_terms_of_wgsl() {
+    let bodies = BODIES.iter().map(|(body, expected)| (pixel_effect(body), *expected));
     let texts = TEXTS
         .iter()
         .map(|(text, expected)| (format!("// effect: a\n{}", text.replace("FUNCTION", FUNCTION)), *expected));
     let mut wrong = Vec::new();
     for (text, expected) in bodies.chain(texts) {
-        let error = error(&text);
+        let error = compile_error(&text);
         if format!("{}:{}: {}", error.line, error.column, error.message) != expected {
             wrong.push(format!("{expected}\nbut got: {error}"));
         }
         for internal in ["naga", "Abstract", "Handle", "Expression", "["] {
             assert!(!error.message.contains(internal), "{error}");
         }
-        // The caret stands below the character at the place.
+        // The caret is below the character at the reported column.
         let shown = error.to_string();
         let [_, code, caret] = shown.lines().collect::<Vec<_>>()[..] else { panic!("{shown}") };
         let line = text.lines().nth(error.line - 1).unwrap();
@@ -230,7 +230,7 @@ fn each_mistake_is_told_in_the_words_of_the_language() {
 
 /// Bodies of an effect on images, with their messages.
 #[test]
-fn misspelt_and_misplaced_inputs_of_the_scene_are_named() {
+fn misspelt_and_misplaced_scene_inputs_get_suggestions() {
     let image = |body: &str| {
         format!(
             "// effect: a\n// hook: image\n\
@@ -261,18 +261,19 @@ fn misspelt_and_misplaced_inputs_of_the_scene_are_named() {
             "4:12: no definition in scope for identifier: `previous`; previous() needs a line // history: FRAMES",
         ),
     ] {
-        let text = error(&image(body)).to_string();
+        let text = compile_error(&image(body)).to_string();
         println!("{text}");
         assert!(text.contains(message), "{body}: {text}");
     }
-    // Effects of other hooks see no image of the scene.
-    let text = error(&pixel("    return vec4(depth_at(vec2(0)));")).to_string();
+    // Effects of other hooks cannot read images of the scene.
+    let text = compile_error(&pixel_effect("    return vec4(depth_at(vec2(0)));")).to_string();
     let hint = "3:17: no definition in scope for identifier: `depth_at`; depth_at() is an input of effects with // hook: image";
     assert!(text.contains(hint), "{text}");
-    // Functions and types of another hook name the line that brings them; a parameter is an element of p.
-    let seen = error(&pixel("    return vec4(color.rgb, f32(SurfaceSample(color.rgb).x));")).to_string();
+    // For functions and types of another hook, the message names the line of the head that adds them; a parameter is an element of p.
+    let seen = compile_error(&pixel_effect("    return vec4(color.rgb, f32(SurfaceSample(color.rgb).x));"))
+        .to_string();
     assert!(seen.contains("`SurfaceSample`; SurfaceSample needs // hook: surface"), "{seen}");
-    let picture = error(&pixel("    return picture(vec2(1));")).to_string();
+    let picture = compile_error(&pixel_effect("    return picture(vec2(1));")).to_string();
     assert!(
         picture.contains(
             "3:12: no definition in scope for identifier: `picture`; picture() needs // hook: image"
@@ -280,12 +281,12 @@ fn misspelt_and_misplaced_inputs_of_the_scene_are_named() {
         "{picture}"
     );
     let slope = "// effect: a\n// param slope = 1 in 0..2: how steep\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {\n    return color * p.slope;\n}";
-    let slope = error(slope).to_string();
+    let slope = compile_error(slope).to_string();
     assert!(
         slope.contains("invalid field accessor `slope`; write p[slope], or declare p: Parameters"),
         "{slope}"
     );
-    // A function of the author's own is none of them.
+    // A function that the author declares is not a scene input.
     let own = "// effect: a\nfn time() -> f32 { return 0.5; }\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color * time(); }";
     assert!(WgslEffect::from_text("my.wgsl", own).is_ok());
     assert!(
@@ -297,9 +298,9 @@ fn misspelt_and_misplaced_inputs_of_the_scene_are_named() {
     );
 }
 
-/// Mistakes with parameters of the struct, with their places.
+/// Errors with parameters in the struct `Parameters`, with their places.
 #[test]
-fn mistakes_with_typed_parameters_have_their_place() {
+fn errors_with_typed_parameters_have_their_place() {
     const HEAD: &str = "// effect: a\n// param tint = color(gold): x\n// param mode = soft of soft|hard: x\n\
                         // param fall = curve(0 0, 1 1) in 0..1: x\n";
     const FUNCTION: &str = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32>";
@@ -312,11 +313,11 @@ fn mistakes_with_typed_parameters_have_their_place() {
             "5:108: no definition in scope for identifier: `MODE_HRAD`; did you mean \"MODE_HARD\"?",
         ),
     ] {
-        let error = error(&format!("{HEAD}{FUNCTION} {body}"));
+        let error = compile_error(&format!("{HEAD}{FUNCTION} {body}"));
         assert_eq!(format!("{}:{}: {}", error.line, error.column, error.message), message);
     }
     let own = |declared: &str| {
-        error(&format!("{HEAD}{declared}\n{FUNCTION} {{ return color * p.tint.x; }}")).message
+        compile_error(&format!("{HEAD}{declared}\n{FUNCTION} {{ return color * p.tint.x; }}")).message
     };
     let taken =
         |name: &str, what: &str| format!("{name} is {what} that the program declares; use another name");
@@ -324,10 +325,14 @@ fn mistakes_with_typed_parameters_have_their_place() {
     assert_eq!(own("struct Parameters { x: f32 }"), taken("Parameters", "a type"));
     assert_eq!(own("fn curve_at(x: f32) -> f32 { return x; }"), taken("curve_at", "a function"));
     let array = format!("{HEAD}{} {{ return color; }}", FUNCTION.replace("Parameters", "array<f32, 8>"));
-    assert_eq!(error(&array).message, format!("effect must be {FUNCTION}"), "20 numbers do not fit in 8");
+    assert_eq!(
+        compile_error(&array).message,
+        format!("effect must be {FUNCTION}"),
+        "20 numbers do not fit in 8"
+    );
 }
 
-/// The parser goes on into what the program puts below the text.
+/// With a missing brace, the parser continues into the declarations that the program appends.
 #[test]
 fn a_missing_brace_is_reported_at_the_end_of_the_text() {
     for body in [
@@ -339,29 +344,32 @@ fn a_missing_brace_is_reported_at_the_end_of_the_text() {
              fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {{\n    {body}\n"
         );
         assert!(WgslEffect::from_text("my.wgsl", &format!("{text}}}\n")).is_ok());
-        let error = error(&text);
+        let error = compile_error(&text);
         assert_eq!(error.message, "missing `}`: the text ends within the braces that line 4 opens");
         assert_eq!(error.line, 4 + body.lines().count(), "{error}");
     }
 }
 
 /// An effect whose passes have textures: lines of its head, and functions.
-fn passes(lines: &[&str], functions: &str) -> String {
+fn effect_with_passes(lines: &[&str], functions: &str) -> String {
     let lines: String = lines.iter().map(|line| format!("// pass {line}\n")).collect();
     format!("// effect: a\n// hook: image\n{lines}{functions}")
 }
 
 /// The function of a pass that returns a value.
-fn pass(name: &str, value: &str) -> String {
+fn pass_function(name: &str, value: &str) -> String {
     format!("fn {name}(at: vec2<i32>, p: Parameters) -> vec4<f32> {{ return {value}; }}\n")
 }
 
 #[test]
-fn passes_with_textures_are_explained() {
+fn errors_of_passes_with_textures_have_their_place() {
     let black = "vec4(0.0)";
     let (wide, fine) = ("wide = 1/4: a", "fine = 1: b");
     let text = |lines: &[&str], functions: &[(&str, &str)]| {
-        passes(lines, &functions.iter().map(|(name, value)| pass(name, value)).collect::<String>())
+        effect_with_passes(
+            lines,
+            &functions.iter().map(|(name, value)| pass_function(name, value)).collect::<String>(),
+        )
     };
     let of_head =
         "1: write // pass NAME = 1/2: ABOUT, with 1 or 1/2 to 1/64, or = halve PARAMETER to PIXELS: ABOUT";
@@ -401,8 +409,8 @@ fn passes_with_textures_are_explained() {
             "3:9: the pass wide has no function; write fn wide(at: vec2<i32>, p: Parameters) -> vec4<f32>",
         ),
         (
-            passes(&[wide], "fn wide(at: vec2<i32>) -> vec4<f32> { return vec4(0.0); }\n")
-                + &pass("effect", "wide_at(at)"),
+            effect_with_passes(&[wide], "fn wide(at: vec2<i32>) -> vec4<f32> { return vec4(0.0); }\n")
+                + &pass_function("effect", "wide_at(at)"),
             "4:1: wide must be fn wide(at: vec2<i32>, p: Parameters) -> vec4<f32>",
         ),
         (text(&["wide = 2: a"], &[]), &format!("3:{of_head}")),
@@ -430,19 +438,20 @@ fn passes_with_textures_are_explained() {
             "6:1: wide_at is a function that the program declares; use another name",
         ),
     ] {
-        let error = error(&text);
+        let error = compile_error(&text);
         assert_eq!(format!("{}:{}: {}", error.line, error.column, error.message), expected, "{text}");
     }
-    // Reading through a function of the author's own counts; a head that says more than it can name is cut off.
-    let through = passes(&[wide], "fn both(at: vec2<i32>) -> vec4<f32> { return 2.0 * wide_at(at); }\n")
-        + &pass("wide", black)
-        + &pass("effect", "both(at) + picture_uv(uv_at(at))");
+    // Reading a texture through another function counts; the number of passes and of read textures is limited.
+    let through =
+        effect_with_passes(&[wide], "fn both(at: vec2<i32>) -> vec4<f32> { return 2.0 * wide_at(at); }\n")
+            + &pass_function("wide", black)
+            + &pass_function("effect", "both(at) + picture_uv(uv_at(at))");
     assert!(WgslEffect::from_text("my.wgsl", &through).is_ok());
     let many: Vec<String> = (0..16).map(|i| format!("t{i} = 1: a")).collect();
     let many: Vec<&str> = many.iter().map(String::as_str).collect();
-    assert_eq!(error(&text(&many, &[])).message, "an effect has at most 15 passes with textures");
-    let all: Vec<String> = (0..9).map(|i| pass(&format!("t{i}"), black)).collect();
+    assert_eq!(compile_error(&text(&many, &[])).message, "an effect has at most 15 passes with textures");
+    let all: Vec<String> = (0..9).map(|i| pass_function(&format!("t{i}"), black)).collect();
     let sum: Vec<String> = (0..9).map(|i| format!("t{i}_at(at)")).collect();
-    let nine = passes(&many[..9], &(all.concat() + &pass("effect", &sum.join(" + "))));
-    assert_eq!(error(&nine).message, "effect reads 9 textures of passes, at most 8");
+    let nine = effect_with_passes(&many[..9], &(all.concat() + &pass_function("effect", &sum.join(" + "))));
+    assert_eq!(compile_error(&nine).message, "effect reads 9 textures of passes, at most 8");
 }

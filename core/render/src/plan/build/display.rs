@@ -1,7 +1,7 @@
 //! Display of a frame's light: exposure and view transform, as part of shading or, if an effect on images needs light, as a pass
 //! over the image.
 
-use crate::plan::build::effects::{effect_parameters, uses};
+use crate::plan::build::effects::{active_uses, effect_parameters};
 use crate::plan::options::PlanOptions;
 use crate::plan::{Features, LeftOut, PostPass};
 use choreo_plugin::{Effect, FrameWish, OptionKind, ViewOrder};
@@ -22,7 +22,8 @@ impl Display {
     pub fn new(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Display {
         let settings = &stage.settings;
         let exposure = libm::exp2f(settings.exposure);
-        let is_on = |order| uses(stage, snapshot, options.effects).any(|(e, ..)| e.view_order() == order);
+        let is_on =
+            |order| active_uses(stage, snapshot, options.effects).any(|(e, ..)| e.view_order() == order);
         let (curve, of_surfaces) = match settings.view_transform {
             ViewTransform::None => (None, Features::default()),
             ViewTransform::Neutral => (Some("neutral"), Features::VIEW_TRANSFORM),

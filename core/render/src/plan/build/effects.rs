@@ -92,7 +92,7 @@ fn drawn_by<'a>(used: &EffectUse, effects: &'a [Effect]) -> Option<&'a Effect> {
 }
 
 /// Active effects whose plugin is known and which change something.
-pub(crate) fn uses<'a>(
+pub(crate) fn active_uses<'a>(
     stage: &'a Stage,
     snapshot: &'a Snapshot,
     effects: &'a [Effect],
@@ -117,7 +117,7 @@ fn shutters<'a>(
     snapshot: &'a Snapshot,
     effects: &'a [Effect],
 ) -> impl Iterator<Item = (&'a Effect, Shutter)> {
-    uses(stage, snapshot, effects).filter_map(|(effect, _, state)| match effect {
+    active_uses(stage, snapshot, effects).filter_map(|(effect, _, state)| match effect {
         Effect::Shutter(shutter) => {
             Some((effect, shutter.shutter(&effect_parameters(effect, &state.parameters))?))
         }
@@ -138,7 +138,7 @@ pub(super) fn shutter_faults<'a>(
 
 /// Number of earlier frames that the active effects of a hook read.
 pub(crate) fn history_of(stage: &Stage, snapshot: &Snapshot, effects: &[Effect], hook: Hook) -> u32 {
-    let of_hook = uses(stage, snapshot, effects).filter(|(effect, ..)| effect.hook() == hook);
+    let of_hook = active_uses(stage, snapshot, effects).filter(|(effect, ..)| effect.hook() == hook);
     let frames =
         of_hook.map(|(effect, _, state)| effect.history(&effect_parameters(effect, &state.parameters)));
     frames.max().unwrap_or(0)
@@ -153,7 +153,8 @@ pub(super) fn add_frame_numbers(pass: &mut PostPass, frame: &EffectFrame, option
 }
 
 pub(super) fn scene_effects(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Vec<SceneEffect> {
-    let in_scene = uses(stage, snapshot, options.effects).filter(|(effect, ..)| effect.hook().is_in_scene());
+    let in_scene =
+        active_uses(stage, snapshot, options.effects).filter(|(effect, ..)| effect.hook().is_in_scene());
     let frame = frame_times(stage, snapshot);
     let scene_effect = |(effect, used, state): (&Effect, &EffectUse, &EffectState)| {
         let parameters = options.effect_parameters(effect, &state.parameters);
@@ -213,7 +214,7 @@ pub(super) fn post_passes(
         }
         let times = effect.passes();
         let named = effect.named_passes();
-        let runs = runs(named);
+        let runs = running_passes(named);
         passes.extend((0..times).filter(|number| runs.get(*number as usize) != Some(&false)).map(|number| {
             let smaller = number + 1 < times;
             let shrink = if smaller { effect.shrink(number, options.size, &parameters).max(1) } else { 1 };
@@ -240,7 +241,7 @@ fn reads_of(pass: &ImagePass, number: u32) -> impl Iterator<Item = u32> + '_ {
 }
 
 /// Which passes run: the last one, and those whose textures are read by a pass that runs.
-fn runs(passes: &[ImagePass]) -> Vec<bool> {
+fn running_passes(passes: &[ImagePass]) -> Vec<bool> {
     let mut runs = vec![false; passes.len()];
     if let Some(last) = runs.last_mut() {
         *last = true;

@@ -46,7 +46,7 @@ pub(super) struct PrimitiveContext<'a> {
     needs: DrawNeeds,
     features: Features,
     effects: SurfaceEffects,
-    pen: Option<LineStyle>,
+    line_style: Option<LineStyle>,
     tint: Vec4,
     /// Bounds in model space, for a skinned model that its file places several times.
     bounds_in_model: Option<Aabb>,
@@ -68,7 +68,7 @@ struct CopyContext {
     culled: bool,
 }
 
-fn active(&(_, weight): &(usize, &f32)) -> bool {
+fn is_active_morph(&(_, weight): &(usize, &f32)) -> bool {
     *weight != 0.0 && weight.is_finite()
 }
 
@@ -111,7 +111,7 @@ impl<'a> Planner<'a> {
             info.influences > 0 && info.joint_count() <= self.skins[*s].matrices.len()
         });
         let morph_count =
-            mesh.weights.iter().take(info.morph_bounds.len()).enumerate().filter(active).count();
+            mesh.weights.iter().take(info.morph_bounds.len()).enumerate().filter(is_active_morph).count();
         let resource = self.material(entry.material, material_override);
         let material = &resource.material;
         let lit = is_lit(material.shading);
@@ -136,7 +136,8 @@ impl<'a> Planner<'a> {
         let morph_offset = info.morph_offset(mesh.weights);
         let context = PrimitiveContext {
             index,
-            pen: thick_lines::pen(shape.topology, material).filter(|_| features.has(Features::THICK_LINES)),
+            line_style: thick_lines::line_style(shape.topology, material)
+                .filter(|_| features.has(Features::THICK_LINES)),
             alpha_mode: material.alpha_mode,
             double_sided: material.double_sided || features.has(Features::THICK_LINES),
             tint: state.tint * animated_base_color(&entry, asset, state),
@@ -168,10 +169,15 @@ impl<'a> Planner<'a> {
     ) -> Option<CopyContext> {
         let size = self.options.size;
         let relative_from_mesh = copy_transform(p, mesh, place, copy);
-        let width = p.pen.map_or(0.0, |pen| {
-            thick_lines::width(pen, mesh.state.line_width, &relative_from_mesh, self.options.pixel_scale())
+        let width = p.line_style.map_or(0.0, |line_style| {
+            thick_lines::relative_width(
+                line_style,
+                mesh.state.line_width,
+                &relative_from_mesh,
+                self.options.pixel_scale(),
+            )
         });
-        if p.pen.is_some() && width == 0.0 {
+        if p.line_style.is_some() && width == 0.0 {
             return None;
         }
         let info = &p.primitive.info;
@@ -190,7 +196,7 @@ impl<'a> Planner<'a> {
         let (outline_meters, outline_share) = self.outline_width(&p.entry, p.material_override, mesh.actor);
         let drawn_bounds = grown(bounds, outline_meters + (-width).max(0.0));
         // Half the line width on each side, at least half a pixel.
-        let line_share = if p.pen.is_some() { (0.5 * width + 1.0) / size[1] as f32 } else { 0.0 };
+        let line_share = if p.line_style.is_some() { (0.5 * width + 1.0) / size[1] as f32 } else { 0.0 };
         let drawn_margin = outline_share.max(line_share);
         let margin = Vec2::new(drawn_margin * size[1] as f32 / size[0].max(1) as f32, drawn_margin) * 2.0;
         let culled = !self.options.no_culling && outside(drawn_bounds, &self.view.clip_from_relative, margin);
@@ -233,7 +239,7 @@ impl<'a> Planner<'a> {
                 material_override: p.material_override,
                 key: PipelineKey { features, coverage: false, surface: 0, lighting: 0, ..key },
                 instance,
-                bounds: CasterBounds { bounds: copy.bounds, filled: filled(p, copy, &key) },
+                bounds: CasterBounds { bounds: copy.bounds, filled: filled_box(p, copy, &key) },
                 watertight,
                 skin: p.skin,
                 actor: mesh.actor as u32,
@@ -320,7 +326,7 @@ impl<'a> Planner<'a> {
             let targets = p.primitive.info.morph_bounds.len();
             let (first, count) = *mesh.morphs.get_or_insert_with(|| {
                 let first = self.morphs.len();
-                let pairs = mesh.weights.iter().take(targets).enumerate().filter(active);
+                let pairs = mesh.weights.iter().take(targets).enumerate().filter(is_active_morph);
                 self.morphs.extend(pairs.map(|(t, w)| ActiveMorph { target: t as u32, weight: *w }));
                 (first as u32, (self.morphs.len() - first) as u32)
             });
@@ -375,7 +381,7 @@ pub(super) fn copy_transform(
 }
 
 /// Center and half axes of a copy that is a filled rectangle or box.
-fn filled(p: &PrimitiveContext, copy: &CopyContext, key: &PipelineKey) -> Option<[DVec3; 4]> {
+fn filled_box(p: &PrimitiveContext, copy: &CopyContext, key: &PipelineKey) -> Option<[DVec3; 4]> {
     let rigid = p.skin.is_none() && p.morph_count == 0 && key.displaced == 0;
     if !(p.primitive.info.fills_bounds && rigid && !matches!(p.alpha_mode, AlphaMode::Mask(_))) {
         return None;

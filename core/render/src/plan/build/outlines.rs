@@ -2,7 +2,7 @@
 
 use crate::effect_faults::{FaultPlace, PlanFault};
 use crate::plan::build::Planner;
-use crate::plan::build::effects::uses;
+use crate::plan::build::effects::active_uses;
 use crate::plan::build::items::{DrawItem, DrawPhase};
 use crate::plan::features::outline_features;
 use crate::plan::options::PlanOptions;
@@ -55,7 +55,7 @@ pub(super) fn effect_lines(
         faults.extend(fault.clone());
         fault.is_none()
     };
-    for (effect, used, state) in uses(stage, snapshot, options.effects) {
+    for (effect, used, state) in active_uses(stage, snapshot, options.effects) {
         let Effect::Outline(lines) = effect else { continue };
         let parameters = options.effect_parameters(effect, &state.parameters);
         let mut good_hull = |hull: &InvertedHull| {

@@ -14,7 +14,7 @@ use choreo_stage::Pipeline;
 use glam::Vec2;
 
 /// Share of its screen rectangle that a mesh fills: a sphere 0.79, a quad that faces the camera 1, a person half.
-const FILLED: f32 = 0.7;
+const FILLED_SHARE: f32 = 0.7;
 /// Number of depth slices that are sampled for a box.
 const SLICE_SAMPLES: u32 = 4;
 
@@ -68,7 +68,7 @@ impl OverdrawEstimate {
         boxes.sort_by_key(|(batch, _)| *batch);
         for batch in boxes.chunk_by(|a, b| a.0 == b.0) {
             for (_, bounds) in batch {
-                for ([column, row], share, evaluated) in shares(*bounds, view, size, lights) {
+                for ([column, row], share, evaluated) in tile_shares(*bounds, view, size, lights) {
                     let at = (row * across + column) as usize;
                     touched.push(at);
                     let tile = &mut tiles[at];
@@ -96,7 +96,7 @@ impl OverdrawEstimate {
 }
 
 /// The screen tiles that a box covers, the share that it covers of each, and the lights that it evaluates there.
-fn shares(
+fn tile_shares(
     bounds: Aabb,
     view: &View,
     size: [u32; 2],
@@ -127,7 +127,7 @@ fn shares(
             let start = Vec2::new(column as f32, row as f32) * side;
             let end = whole.min(start + side);
             let inside = (to.min(end) - from.max(start)).max(Vec2::ZERO);
-            let share = FILLED * inside.element_product() / (end - start).element_product();
+            let share = FILLED_SHARE * inside.element_product() / (end - start).element_product();
             if share > 0.0 {
                 out.push(([column, row], share, evaluated([column, row])));
             }

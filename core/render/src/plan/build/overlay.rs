@@ -2,7 +2,7 @@
 
 use crate::effect_faults::{FaultPlace, PlanFault};
 use crate::layers_2d::ScreenLabel;
-use crate::plan::build::effects::uses;
+use crate::plan::build::effects::active_uses;
 use crate::plan::options::PlanOptions;
 use crate::plan::{LeftOut, OverlayPart, OverlayVertex, PlanOverlay, View};
 use choreo_plugin::{Effect, EffectScene, Label, Lattice, Overlay, Stroke, Triangle};
@@ -30,7 +30,7 @@ pub(crate) fn overlays(
     let mut all = DrawnOverlays::default();
     let DrawnOverlays { overlay, labels, left_out, faults } = &mut all;
     let size = Vec2::new(options.size[0] as f32, options.size[1] as f32);
-    for (effect, used, state) in uses(stage, snapshot, options.effects) {
+    for (effect, used, state) in active_uses(stage, snapshot, options.effects) {
         let Effect::Overlay(drawing) = effect else { continue };
         let parameters = options.effect_parameters(effect, &state.parameters);
         let mut drawn = drawing
@@ -129,7 +129,7 @@ fn stroke(s: &Stroke, view: &View, size: Vec2, out: &mut Vec<OverlayVertex>) {
         let relative = (world - view.position).as_vec3();
         view.clip_from_relative * relative.extend(1.0)
     };
-    let Some([a, b]) = clipped(clip(s.from), clip(s.to)) else { return };
+    let Some([a, b]) = clip_segment(clip(s.from), clip(s.to)) else { return };
     // Attributes are interpolated linearly in the image, so w is divided out here.
     let flat = |c: Vec4| (c.xyz() / c.w).extend(1.0);
     let (a, b) = (flat(a), flat(b));
@@ -160,7 +160,7 @@ fn stroke(s: &Stroke, view: &View, size: Vec2, out: &mut Vec<OverlayVertex>) {
 }
 
 /// The part of a segment between the near and far planes and within twice the image.
-fn clipped(a: Vec4, b: Vec4) -> Option<[Vec4; 2]> {
+fn clip_segment(a: Vec4, b: Vec4) -> Option<[Vec4; 2]> {
     // Reversed Z: nearer than the near plane is z > w. Thick lines reach into the image from outside.
     let planes = |c: Vec4| {
         [c.w - c.z, c.z, 2.0 * c.w + c.x, 2.0 * c.w - c.x, 2.0 * c.w + c.y, 2.0 * c.w - c.y, c.w - 1e-6]

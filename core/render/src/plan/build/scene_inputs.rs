@@ -2,7 +2,7 @@
 
 use crate::affine::Affine3x4;
 use crate::plan::build::Planner;
-use crate::plan::build::effects::uses;
+use crate::plan::build::effects::active_uses;
 use crate::plan::build::items::{DrawItem, DrawMerger};
 use crate::plan::build::mesh::{MeshContext, PrimitiveContext, copy_transform};
 use crate::plan::build::skins::SkinMatrices;
@@ -21,7 +21,8 @@ use std::sync::Arc;
 
 /// The scene inputs that the active effects on images read, and those that the passes of the frame need.
 pub(crate) fn inputs_of(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> SceneInputs {
-    let images = uses(stage, snapshot, options.effects).filter(|(effect, ..)| effect.hook() == Hook::Image);
+    let images =
+        active_uses(stage, snapshot, options.effects).filter(|(effect, ..)| effect.hook() == Hook::Image);
     let wanted = match options.wish {
         FrameWish::Scene(Passes { depth, normal, motion, id, .. }) => {
             SceneInputs { surface: depth || normal, motion: motion || id, ..SceneInputs::default() }
@@ -124,7 +125,8 @@ impl<'a> Planner<'a> {
         if !inputs.is_drawn() {
             return None;
         }
-        let drawn: Vec<&DrawItem> = self.items.iter().filter(|item| in_inputs(&item.pipeline)).collect();
+        let drawn: Vec<&DrawItem> =
+            self.items.iter().filter(|item| is_drawn_in_inputs(&item.pipeline)).collect();
         let wants_ids = matches!(self.options.wish, FrameWish::Scene(Passes { id: true, .. }));
         let materials = wants_ids.then(|| MaterialNames::of(self.stage));
         let first = instances.len();
@@ -171,7 +173,7 @@ impl<'a> Planner<'a> {
     }
 
     fn effects_with_inputs(&self) -> Vec<String> {
-        let used = uses(self.stage, self.snapshot, self.options.effects);
+        let used = active_uses(self.stage, self.snapshot, self.options.effects);
         let reads = used.filter(|(e, ..)| e.hook() == Hook::Image && e.scene_inputs().is_drawn());
         reads.map(|(effect, ..)| effect.manifest().name.clone()).collect()
     }
@@ -204,7 +206,7 @@ struct MaterialNames {
 impl MaterialNames {
     fn of(stage: &Stage) -> MaterialNames {
         let mut all = MaterialNames { names: Vec::new(), numbers: BTreeMap::new() };
-        all.add(UNNAMED);
+        all.add(UNNAMED_MATERIAL);
         let mut last: Option<&Arc<Asset>> = None;
         for asset in stage.actors.iter().map(|actor| &actor.asset) {
             // Consecutive actors of a crowd share one model.
@@ -233,10 +235,10 @@ impl MaterialNames {
 }
 
 /// The name of materials that have none, and of surfaces without a material.
-const UNNAMED: &str = "unnamed";
+const UNNAMED_MATERIAL: &str = "unnamed";
 
 /// Whether the pass of the inputs draws a key: opaque and cut-out triangles, without outlines and wireframes.
-fn in_inputs(key: &PipelineKey) -> bool {
+fn is_drawn_in_inputs(key: &PipelineKey) -> bool {
     let lines = Features::OUTLINE.with(Features::WIREFRAME).with(Features::THICK_LINES);
     key.topology == TopologyKey::Triangles && !key.is_transparent() && !key.features.has_any(lines)
 }

@@ -18,11 +18,11 @@ pub(crate) const MAX_VIEWS: usize = 32;
 const MAX_IMAGE: u32 = 8192;
 const MAX_CASCADES: usize = 5;
 /// Width of the filter in texels.
-const FILTER: f64 = 3.0;
+const FILTER_TEXELS: f64 = 3.0;
 /// Margin on each side in texels: the filter's reach and the offset along the normal.
-const MARGIN: f64 = 6.0;
+const MARGIN_TEXELS: f64 = 6.0;
 /// Near plane of point and spot lights in metres. Casters nearer than this (the bulb) cast no shadow.
-const NEAR: f64 = 0.05;
+const NEAR_PLANE_METRES: f64 = 0.05;
 
 /// Everything in view and everything that casts shadows, in camera-relative space.
 pub(super) struct ShadowRegion<'a> {
@@ -56,7 +56,7 @@ pub(super) fn fit(light: &PlanLight, shadow: Shadow, region: &ShadowRegion<'_>) 
         let softness = f64::from(shadow.softness.unwrap_or(Shadow::LAMP_SOFTNESS).max(0.0));
         perspective_maps(light, direction, most, softness, region)
     } else {
-        cascades(Axes::along(direction), most, Edge::of(shadow), region)
+        cascades(Axes::along(direction), most, ShadowEdge::of(shadow), region)
     }
 }
 
@@ -107,12 +107,12 @@ impl Span {
 }
 
 /// Rounds up in steps of a quarter octave, so that small movements change nothing.
-fn stepped(v: f64) -> f64 {
+fn rounded_up_in_steps(v: f64) -> f64 {
     libm::exp2(libm::ceil(libm::log2(v) * 4.0) * 0.25)
 }
 
 /// Bounding sphere of the part of the view between two depths; rotating the camera does not change its radius.
-fn slice(region: &ShadowRegion<'_>, from: f64, to: f64) -> (DVec3, f64) {
+fn bounding_sphere_of_slice(region: &ShadowRegion<'_>, from: f64, to: f64) -> (DVec3, f64) {
     let m = &region.view.clip_from_view;
     let back = region.view.view_from_relative.row(2).truncate().as_dvec3();
     let half = |scale: f32| 1.0 / f64::from(scale.abs()).max(1e-9);
@@ -132,34 +132,34 @@ fn slice(region: &ShadowRegion<'_>, from: f64, to: f64) -> (DVec3, f64) {
 
 /// Width of the shadow edges of a directional light.
 #[derive(Clone, Copy)]
-enum Edge {
+enum ShadowEdge {
     /// Fixed width in metres.
     Fixed(f64),
     /// Penumbra of the sun's disc: width per distance between caster and receiver.
     Sun(f64),
 }
 
-impl Edge {
-    fn of(shadow: Shadow) -> Edge {
+impl ShadowEdge {
+    fn of(shadow: Shadow) -> ShadowEdge {
         match shadow.softness {
-            Some(softness) => Edge::Fixed(f64::from(softness.max(0.0))),
-            None => Edge::Sun(2.0 * libm::tan(0.5 * f64::from(SUN_ANGLE))),
+            Some(softness) => ShadowEdge::Fixed(f64::from(softness.max(0.0))),
+            None => ShadowEdge::Sun(2.0 * libm::tan(0.5 * f64::from(SUN_ANGLE))),
         }
     }
 
     /// Texels around a map that its lookups reach: half the filter, and the offset along the normal.
     fn margin(self) -> f64 {
         match self {
-            Edge::Fixed(_) => MARGIN,
-            Edge::Sun(_) => MARGIN + 0.5 * f64::from(MAX_PENUMBRA),
+            ShadowEdge::Fixed(_) => MARGIN_TEXELS,
+            ShadowEdge::Sun(_) => MARGIN_TEXELS + 0.5 * f64::from(MAX_PENUMBRA),
         }
     }
 
     /// Finest useful texel size in metres. `pixel`: size of a pixel at the beginning of the map, in metres.
     fn finest(self, pixel: f64) -> f64 {
         match self {
-            Edge::Fixed(softness) => softness / FILTER,
-            Edge::Sun(_) => 0.75 * pixel,
+            ShadowEdge::Fixed(softness) => softness / FILTER_TEXELS,
+            ShadowEdge::Sun(_) => 0.75 * pixel,
         }
     }
 
@@ -172,7 +172,7 @@ impl Edge {
 }
 
 /// Depths beyond `from` at which a cascade may end, in fixed steps, so that small movements change nothing.
-fn ends(from: f64, view: &View) -> impl Iterator<Item = f64> {
+fn cascade_ends(from: f64, view: &View) -> impl Iterator<Item = f64> {
     let perspective = view.eye.w != 0.0;
     let start =
         if perspective { from } else { 2.0 / f64::from(view.clip_from_view.y_axis.y.abs()).max(1e-9) };
@@ -187,8 +187,8 @@ fn ends(from: f64, view: &View) -> impl Iterator<Item = f64> {
 /// visible shadows. Sample distribution shadow maps (Lauritzen et al. 2010) fit to a depth buffer, which the planner does not
 /// have. A cascade ends before its texels become too coarse for its near end, and the next one begins where a shadow volume
 /// continues, so nothing farther away changes a cascade, however large the scene is.
-fn cascades(axes: Axes, most: f64, edge: Edge, region: &ShadowRegion<'_>) -> Vec<FittedMap> {
-    let spread = if let Edge::Sun(spread) = edge { spread } else { 0.0 };
+fn cascades(axes: Axes, most: f64, edge: ShadowEdge, region: &ShadowRegion<'_>) -> Vec<FittedMap> {
+    let spread = if let ShadowEdge::Sun(spread) = edge { spread } else { 0.0 };
     let volumes = shadow_volumes(&axes, spread, region);
     let perspective = region.view.eye.w != 0.0;
     let pixel = |depth: f64| {
@@ -213,14 +213,15 @@ fn cascades(axes: Axes, most: f64, edge: Edge, region: &ShadowRegion<'_>) -> Vec
         let mut to = farthest;
         if cascade + 1 < MAX_CASCADES && texel(&part(to)) > coarsest {
             let fits = |to: &f64| *to < farthest && texel(&part(*to)) <= coarsest;
-            to = ends(sharpest, region.view)
+            to = cascade_ends(sharpest, region.view)
                 .take_while(fits)
                 .last()
-                .unwrap_or(ends(sharpest, region.view).next().unwrap_or(to))
+                .unwrap_or(cascade_ends(sharpest, region.view).next().unwrap_or(to))
                 .min(farthest);
         }
         let part = part(to);
-        let texel = stepped(texel(&part).max(edge.finest(pixel(sharpest))).max(f64::MIN_POSITIVE));
+        let texel =
+            rounded_up_in_steps(texel(&part).max(edge.finest(pixel(sharpest))).max(f64::MIN_POSITIVE));
         maps.extend(part.map(&axes, texel, edge, region));
         rest.retain(|v| v.view_depths.0[1] > to);
         from = to;
@@ -245,7 +246,7 @@ impl<'a> DepthRange<'a> {
     ) -> DepthRange<'a> {
         let between = |v: &&&ShadowVolume| v.view_depths.0[0] <= to && v.view_depths.0[1] >= from;
         let volumes: Vec<&ShadowVolume> = volumes.iter().filter(between).copied().collect();
-        let (middle, radius) = slice(region, from, to);
+        let (middle, radius) = bounding_sphere_of_slice(region, from, to);
         let around = |axis: DVec3, extent: fn(&ShadowVolume) -> Span| {
             let sphere = Span([axis.dot(middle) - radius, axis.dot(middle) + radius]);
             volumes.iter().fold(Span::EMPTY, |all, v| all.union(extent(v))).meet(sphere)
@@ -264,7 +265,7 @@ impl<'a> DepthRange<'a> {
     }
 
     /// The map of this range; `None` if nothing casts a shadow in it.
-    fn map(&self, axes: &Axes, texel: f64, edge: Edge, region: &ShadowRegion<'_>) -> Option<FittedMap> {
+    fn map(&self, axes: &Axes, texel: f64, edge: ShadowEdge, region: &ShadowRegion<'_>) -> Option<FittedMap> {
         if !(self.across.length() >= 0.0 && self.up.length() >= 0.0 && self.deep.length() >= 0.0) {
             return None;
         }
@@ -303,13 +304,13 @@ impl<'a> DepthRange<'a> {
             row(axes.forward, -1.0 / (far - near), far / (far - near)),
             DVec4::W,
         ];
-        let map = fitted(rows, [w as u32, h as u32], texel, casters)?;
-        let penumbra = if let Edge::Sun(spread) = edge { spread * (far - near) / texel } else { 0.0 };
+        let map = fitted_map(rows, [w as u32, h as u32], texel, casters)?;
+        let penumbra = if let ShadowEdge::Sun(spread) = edge { spread * (far - near) / texel } else { 0.0 };
         Some(FittedMap { penumbra: penumbra as f32, ..map })
     }
 }
 
-fn fitted(rows: [DVec4; 4], size: [u32; 2], texel: f64, casters: Vec<usize>) -> Option<FittedMap> {
+fn fitted_map(rows: [DVec4; 4], size: [u32; 2], texel: f64, casters: Vec<usize>) -> Option<FittedMap> {
     let clip = DMat4::from_cols_array_2d(&rows.map(|r| r.to_array())).transpose().as_mat4();
     clip.is_finite().then_some(FittedMap {
         clip_from_relative: clip,
@@ -335,8 +336,8 @@ fn perspective_maps(
         / region.receivers.len() as f64;
     let distance = middle.distance(position).max(0.1);
     let side = |tan: f64| {
-        let wanted = 2.0 * tan * distance * FILTER / softness.max(1e-6);
-        (libm::ceil(stepped(wanted.clamp(128.0, 8192.0)) / 16.0) * 16.0).clamp(64.0, most)
+        let wanted = 2.0 * tan * distance * FILTER_TEXELS / softness.max(1e-6);
+        (libm::ceil(rounded_up_in_steps(wanted.clamp(128.0, 8192.0)) / 16.0) * 16.0).clamp(64.0, most)
     };
     // Casters beyond everything lit or beyond the light's range have no effect.
     let farthest = |b: &Aabb| {
@@ -353,9 +354,9 @@ fn perspective_maps(
     };
     let map = |axes: Axes, tan: f64, side: f64| {
         // Widened by the margin, so that the filter finds texels at the edge of the cone or face.
-        let tan = tan * side / (side - 2.0 * MARGIN);
+        let tan = tan * side / (side - 2.0 * MARGIN_TEXELS);
         let row = |axis: DVec3| axis.extend(-axis.dot(position));
-        let depth = DVec4::new(0.0, 0.0, 0.0, NEAR);
+        let depth = DVec4::new(0.0, 0.0, 0.0, NEAR_PLANE_METRES);
         let rows = [row(axes.right) / tan, -row(axes.up) / tan, depth, row(axes.forward)];
         let clip = DMat4::from_cols_array_2d(&rows.map(|r| r.to_array())).transpose().as_mat4();
         let seen = |b: &Aabb| reaches(b) && !outside(*b, &clip, Vec2::ZERO);
@@ -364,7 +365,7 @@ fn perspective_maps(
         if casters.is_empty() || !region.receivers.iter().any(seen) {
             return None;
         }
-        fitted(rows, [side as u32; 2], 2.0 * tan / side, casters)
+        fitted_map(rows, [side as u32; 2], 2.0 * tan / side, casters)
     };
     // One map suffices for cones up to 60° to each side; a wider one would spend its texels on the rim.
     if cos_outer >= 0.5 {
@@ -442,7 +443,7 @@ mod tests {
     }
 
     #[test]
-    fn shadows_lie_in_the_map_and_far_casters_do_not() {
+    fn maps_contain_visible_shadows_and_skip_far_casters() {
         let v = view(0.0);
         let sun = a_sun();
         let maps = fit_in(&v, &sun, 3.0);
@@ -462,7 +463,7 @@ mod tests {
     }
 
     #[test]
-    fn a_far_view_gets_cascades_the_finest_first() {
+    fn a_far_view_gets_cascades_from_fine_to_coarse() {
         let sun = a_sun();
         let v = view(0.0);
         let receivers = [around(&v, DVec3::new(0.0, -500.0, 0.0), 500.0)];
@@ -550,7 +551,7 @@ mod tests {
 
     /// The map that a shader samples on the ground ahead is fine enough, or as fine as with a smaller shadow map.
     #[test]
-    fn more_texels_are_nowhere_coarser_than_fewer() {
+    fn a_larger_shadow_map_is_nowhere_coarser() {
         let sun = a_sun();
         let v = view(0.0);
         // The ground continues under the camera.
@@ -586,7 +587,7 @@ mod tests {
     }
 
     #[test]
-    fn a_moving_camera_moves_whole_texels() {
+    fn camera_motion_moves_maps_by_whole_texels() {
         let sun = a_sun();
         let world = DVec3::new(0.3, 0.2, 0.1);
         let place = |x: f64| {
@@ -608,7 +609,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spot_light_has_one_map_and_a_point_light_those_faces_that_see_casters() {
+    fn point_lights_have_maps_for_faces_with_casters_only() {
         let v = view(0.0);
         let at = (DVec3::new(0.0, 4.0, 0.0) - v.position).as_vec3();
         // 30° to each side.
@@ -628,7 +629,7 @@ mod tests {
     }
 
     #[test]
-    fn maps_do_not_overlap() {
+    fn packed_maps_do_not_overlap() {
         let sizes = [[2048, 1024], [2048, 2048], [1024, 512], [4096, 16]];
         let (places, used) = pack(&sizes).unwrap();
         for (i, (a, s)) in places.iter().zip(sizes).enumerate() {

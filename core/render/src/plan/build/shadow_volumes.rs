@@ -42,7 +42,7 @@ pub(super) fn shadow_volumes(axes: &Axes, spread: f64, region: &ShadowRegion<'_>
     let mut receivers: Vec<&Aabb> = region.receivers.iter().collect();
     receivers.sort_by(|a, b| (b.max - b.min).length().total_cmp(&(a.max - a.min).length()));
     let volume = |(caster, c): (usize, &CasterBounds)| {
-        let (swept, distance) = swept(&c.bounds, axes.forward, &lit)?;
+        let (swept, distance) = swept_bounds(&c.bounds, axes.forward, &lit)?;
         let edge = 0.5 * spread * distance;
         let swept = Aabb { min: swept.min - edge as f32, max: swept.max + edge as f32 };
         let (view_depths, at_camera) = visible_depths(&swept, region.view)?;
@@ -66,7 +66,7 @@ pub(super) fn shadow_volumes(axes: &Axes, spread: f64, region: &ShadowRegion<'_>
 }
 
 /// Bounds of a box swept along a direction through another box, and the swept distance; `None` if it misses that box.
-fn swept(b: &Aabb, forward: DVec3, within: &Aabb) -> Option<(Aabb, f64)> {
+fn swept_bounds(b: &Aabb, forward: DVec3, within: &Aabb) -> Option<(Aabb, f64)> {
     let (min, max) = (b.min.as_dvec3(), b.max.as_dvec3());
     let (low, high) = (within.min.as_dvec3(), within.max.as_dvec3());
     let mut way = Span([0.0, f64::INFINITY]);
@@ -228,11 +228,11 @@ impl LitFace {
             let t = heights[a] / (heights[a] - heights[b]);
             corners[a] + (corners[b] - corners[a]) * t
         });
-        behind.chain(crossing).all(|p| self.covers(p, view))
+        behind.chain(crossing).all(|p| self.hides_point(p, view))
     }
 
     /// Whether the face hides a point from the camera.
-    fn covers(&self, p: DVec3, view: &View) -> bool {
+    fn hides_point(&self, p: DVec3, view: &View) -> bool {
         // The direction from the point to the camera.
         let way = if view.eye.w == 0.0 { view.eye.truncate().as_dvec3() } else { -p };
         let (height, rise) = (self.normal.dot(p - self.center), self.normal.dot(way));
