@@ -128,7 +128,7 @@ struct Requests {
     shaders: bool,
     /// A frame that is no longer shown, whose memory is used again.
     spare: Option<Frame>,
-    end: bool,
+    is_ending: bool,
 }
 
 #[derive(Default)]
@@ -139,7 +139,7 @@ struct RequestQueue {
 
 impl Requests {
     /// Removes the request of the next view after the one served last.
-    fn take(&mut self) -> Option<FrameRequest> {
+    fn take_next(&mut self) -> Option<FrameRequest> {
         let after = self.next.range(self.last.saturating_add(1)..).next().map(|(view, _)| *view);
         let view = after.or_else(|| self.next.keys().next().copied())?;
         self.last = view;
@@ -171,16 +171,16 @@ impl FrameRenderer {
             loop {
                 let (request, shaders, spare) = {
                     let mut requests = own.requests();
-                    while requests.next.is_empty() && !requests.end {
+                    while requests.next.is_empty() && !requests.is_ending {
                         requests = own.changed.wait(requests).unwrap_or_else(PoisonError::into_inner);
                     }
-                    if requests.end {
+                    if requests.is_ending {
                         return;
                     }
-                    (requests.take(), std::mem::take(&mut requests.shaders), requests.spare.take())
+                    (requests.take_next(), std::mem::take(&mut requests.shaders), requests.spare.take())
                 };
                 if let Some(request) = request {
-                    report(state.paint(&request, shaders, spare));
+                    report(state.reply_to(&request, shaders, spare));
                 }
             }
         };
@@ -207,7 +207,7 @@ impl FrameRenderer {
 
 impl Drop for FrameRenderer {
     fn drop(&mut self) {
-        self.queue.requests().end = true;
+        self.queue.requests().is_ending = true;
         self.queue.changed.notify_all();
         if let Some(worker) = self.worker.take() {
             // Panics are already reported on the renderer thread.
@@ -242,9 +242,9 @@ impl RenderState {
         }
     }
 
-    fn paint(&mut self, request: &FrameRequest, shaders: bool, spare: Option<Frame>) -> FrameReply {
+    fn reply_to(&mut self, request: &FrameRequest, shaders: bool, spare: Option<Frame>) -> FrameReply {
         let mut notes = std::mem::take(&mut self.notes);
-        let drawn = catch_unwind(AssertUnwindSafe(|| self.picture(request, shaders, spare, &mut notes)));
+        let drawn = catch_unwind(AssertUnwindSafe(|| self.render_frame(request, shaders, spare, &mut notes)));
         let result = drawn.unwrap_or_else(|panic| {
             self.reset_after_panic();
             Err(FrameError::of_panic(&*panic))
@@ -268,7 +268,7 @@ impl RenderState {
         }
     }
 
-    fn picture(
+    fn render_frame(
         &mut self,
         request: &FrameRequest,
         shaders: bool,

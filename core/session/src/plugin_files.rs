@@ -21,9 +21,9 @@ use std::sync::{Arc, OnceLock};
 use thiserror::Error;
 
 /// Environment variable with a list of folders, separated like those in PATH.
-pub(crate) const VARIABLE: &str = "CHOREO_PLUGINS";
+pub(crate) const FOLDERS_VARIABLE: &str = "CHOREO_PLUGINS";
 /// Plugin folder next to a script.
-const BESIDE: &str = "plugins";
+const PLUGINS_SUBFOLDER: &str = "plugins";
 
 /// Limits: bytes of a plugin's text, bytes of a WebAssembly plugin, and number of files in one folder.
 const MOST_BYTES: u64 = 4 << 20;
@@ -32,7 +32,7 @@ const MOST_FILES: usize = 10_000;
 /// Number of bytes of an effect's text that are searched for its name.
 const HEAD_BYTES: u64 = 64 << 10;
 /// Largest file that a plugin reads, bytes.
-const MOST_BESIDE: u64 = 32 << 20;
+const MOST_TEXTURE_BYTES: u64 = 32 << 20;
 
 /// A plugin folder that cannot be used at all.
 #[derive(Debug, Error)]
@@ -145,15 +145,15 @@ pub fn list(
     inputs: &[&Path],
     before: Option<&Listing>,
 ) -> Result<Listing, FolderError> {
-    of_places(plugins, places(named, inputs)?, before)
+    list_folders(plugins, places(named, inputs)?, before)
 }
 
 /// Lists the plugins of one package, whose folder has a description, in addition to the given ones.
 pub fn list_package(plugins: &Registry, folder: &Path) -> Result<Listing, FolderError> {
-    of_places(plugins, vec![PluginFolder::new(folder, "", FolderKind::Package)], None)
+    list_folders(plugins, vec![PluginFolder::new(folder, "", FolderKind::Package)], None)
 }
 
-fn of_places(
+fn list_folders(
     plugins: &Registry,
     places: Vec<PluginFolder>,
     before: Option<&Listing>,
@@ -192,7 +192,7 @@ pub fn named_folders(named: &[PathBuf]) -> Vec<PathBuf> {
 
 /// The folders that the environment gives, and whether each must exist.
 fn user_folders() -> Vec<(PathBuf, bool)> {
-    if let Some(variable) = std::env::var_os(VARIABLE) {
+    if let Some(variable) = std::env::var_os(FOLDERS_VARIABLE) {
         let folders = std::env::split_paths(&variable).filter(|f| !f.as_os_str().is_empty());
         return folders.map(|folder| (folder, true)).collect();
     }
@@ -216,7 +216,7 @@ pub fn packages_in(folder: &Path) -> Vec<PathBuf> {
 /// The folders to search in order of increasing priority, each once.
 fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, FolderError> {
     let mut places: Vec<PluginFolder> = Vec::new();
-    let users = user_folders().into_iter().map(|(folder, must_exist)| (folder, VARIABLE, must_exist));
+    let users = user_folders().into_iter().map(|(folder, must_exist)| (folder, FOLDERS_VARIABLE, must_exist));
     for (folder, flag, must_exist) in users.chain(named.iter().map(|f| (f.clone(), "--plugins", true))) {
         match folder.is_dir() {
             true => {}
@@ -231,7 +231,7 @@ fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, Fold
     for input in inputs {
         let folder = if input.is_dir() { input } else { input.parent().unwrap_or(Path::new("")) };
         let own = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-        for (below, kind) in [("", FolderKind::Own), (BESIDE, FolderKind::Beside)] {
+        for (below, kind) in [("", FolderKind::Own), (PLUGINS_SUBFOLDER, FolderKind::Beside)] {
             let place = match kind {
                 FolderKind::Own => PluginFolder::new(own, below, kind),
                 _ => PluginFolder::new(folder, below, kind),
@@ -240,9 +240,10 @@ fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, Fold
                 places.push(place);
             }
         }
-        let beside = folder.join(BESIDE);
+        let beside = folder.join(PLUGINS_SUBFOLDER);
         for package in packages_in(&beside) {
-            let place = PluginFolder::new(folder, Path::new(BESIDE).join(package), FolderKind::Package);
+            let place =
+                PluginFolder::new(folder, Path::new(PLUGINS_SUBFOLDER).join(package), FolderKind::Package);
             if !places.iter().any(|known| is_same(&known.path(), &place.path())) {
                 places.push(place);
             }
@@ -568,7 +569,7 @@ impl Source {
             let inside = self.folder.resolve(&self.name).map_err(|e| e.to_string())?;
             let parent = inside.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let own = self.folder.folder(parent).map_err(|e| e.to_string())?;
-            own.read(Path::new(&name), MOST_BESIDE).map(Arc::from).map_err(|error| match error {
+            own.read(Path::new(&name), MOST_TEXTURE_BYTES).map(Arc::from).map_err(|error| match error {
                 FileError::Outside => refused(),
                 error => error.to_string(),
             })
@@ -586,7 +587,7 @@ impl Source {
 }
 
 /// Decodes an image file that an effect refers to.
-fn picture(file: &PluginFile, name: &str) -> Result<TextureImage, String> {
+fn decode_texture(file: &PluginFile, name: &str) -> Result<TextureImage, String> {
     let found = file.beside.iter().find(|b| b.name == name);
     let found = found.ok_or_else(|| "it was not read".to_string())?;
     let bytes = found.bytes.clone()?;
@@ -607,7 +608,7 @@ fn text_of(file: &PluginFile) -> std::borrow::Cow<'_, str> {
 }
 
 fn effect(shown: &str, file: PluginFile) -> Result<Effect, PluginError> {
-    let compiled = WgslEffect::with_textures(shown, &text_of(&file), |name| picture(&file, name));
+    let compiled = WgslEffect::with_textures(shown, &text_of(&file), |name| decode_texture(&file, name));
     match compiled {
         Ok(effect) => Ok(effect.with_file(file).into()),
         Err(error) => {

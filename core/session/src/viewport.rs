@@ -114,12 +114,13 @@ impl PlacementOverride {
 }
 
 /// Selection outline: width in pixels, and color in linear RGB.
-const OUTLINE: [(&str, f64); 4] = [("width", 2.5), ("color_r", 1.0), ("color_g", 0.3), ("color_b", 0.04)];
+const SELECTION_OUTLINE: [(&str, f64); 4] =
+    [("width", 2.5), ("color_r", 1.0), ("color_g", 0.3), ("color_b", 0.04)];
 
 /// Gray of the ground grids, which is visible on dark and on light ground.
-const GRID: [(&str, f64); 3] = [("color_r", 0.22), ("color_g", 0.22), ("color_b", 0.22)];
+const GRID_COLOR: [(&str, f64); 3] = [("color_r", 0.22), ("color_g", 0.22), ("color_b", 0.22)];
 /// Smallest and largest cell of the grid, as powers of ten in metres.
-const CELLS: (i32, i32) = (-3, 3);
+const CELL_EXPONENTS: (i32, i32) = (-3, 3);
 
 /// An effect that a view adds to those of the scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -152,7 +153,8 @@ impl Addition {
 /// Cell size in metres and opacity of a ground grid, where `coarser` is 0 for the finest and 1 for the next coarser one. Cells are 1 m wide at a
 /// distance of 2 to 20 m, and change by powers of ten elsewhere. The finest grid fades out before the next one takes its place, as in Blender.
 fn grid_cell(view_distance: f64, coarser: i32) -> (f64, f64) {
-    let exponent = libm::log10(view_distance.max(1e-9) / 2.0).clamp(f64::from(CELLS.0), f64::from(CELLS.1));
+    let exponent = libm::log10(view_distance.max(1e-9) / 2.0)
+        .clamp(f64::from(CELL_EXPONENTS.0), f64::from(CELL_EXPONENTS.1));
     let power = libm::floor(exponent);
     let fading = ((1.0 - (exponent - power)) / 0.3).min(1.0);
     let cell = libm::pow(10.0, power + f64::from(coarser));
@@ -313,11 +315,15 @@ fn additions(request: &FrameRequest) -> Vec<Addition> {
     let outline = actor.map(|actor| Addition {
         plugin: "outline",
         on: vec![EffectTarget { actor, material: None }],
-        parameters: &OUTLINE,
+        parameters: &SELECTION_OUTLINE,
         coarser: None,
     });
-    let grid =
-        |coarser| Addition { plugin: "grid", on: Vec::new(), parameters: &GRID, coarser: Some(coarser) };
+    let grid = |coarser| Addition {
+        plugin: "grid",
+        on: Vec::new(),
+        parameters: &GRID_COLOR,
+        coarser: Some(coarser),
+    };
     let grid = [0, 1].into_iter().filter(|_| overrides.grid).map(grid);
     outline.into_iter().chain(grid).filter(|added| scene.registry.effect(added.plugin).is_some()).collect()
 }
@@ -327,7 +333,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cells_are_the_power_of_ten_that_is_seen_and_change_without_a_jump() {
+    fn grid_cells_change_by_powers_of_ten_without_a_jump() {
         for (view_distance, cell) in
             [(5.0, 1.0), (2.01, 1.0), (19.9, 1.0), (0.5, 0.1), (0.05, 0.01), (60.0, 10.0), (1e9, 1000.0)]
         {

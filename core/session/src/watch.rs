@@ -96,7 +96,7 @@ impl EventFilter {
 
 impl WatchedPaths {
     fn has(&self, path: &Path) -> bool {
-        self.files.contains_key(path) || self.folders.iter().any(|folder| is_in(path, folder))
+        self.files.contains_key(path) || self.folders.iter().any(|folder| is_file_of_folder(path, folder))
     }
 
     /// All ancestor folders of watched files and folders.
@@ -165,7 +165,7 @@ impl Watch {
 
     /// Existing files in the watched folders and trees.
     pub fn existing_files(&self) -> BTreeSet<PathBuf> {
-        self.in_folders()
+        self.existing_files_in_folders()
     }
 
     /// Sets the known content of a file; another content counts as a change.
@@ -209,7 +209,7 @@ impl Watch {
                     return Ok(WatchEvent::Woken);
                 }
                 Signal::Lost => {
-                    let all: BTreeSet<PathBuf> = self.all();
+                    let all: BTreeSet<PathBuf> = self.watched_files();
                     candidates.add(all, COMPLETE);
                 }
                 Signal::Compare(files) => candidates.add(files, COMPLETE),
@@ -253,11 +253,13 @@ impl Watch {
                 self.add_tree_folders();
                 self.update_watches();
                 // The new folder may already contain files.
-                touched.extend(self.in_folders().into_iter().filter(|file| file.starts_with(path)));
+                touched.extend(
+                    self.existing_files_in_folders().into_iter().filter(|file| file.starts_with(path)),
+                );
             }
             // An ancestor folder was created, removed or replaced.
             if lock(&self.event_filter).ancestor_folders.contains(path) {
-                let below = self.all().into_iter().filter(|f| f != path && f.starts_with(path));
+                let below = self.watched_files().into_iter().filter(|f| f != path && f.starts_with(path));
                 let below: Vec<PathBuf> = below.collect();
                 let gone: Vec<PathBuf> =
                     self.watched.iter().filter(|w| w.starts_with(path)).cloned().collect();
@@ -268,23 +270,23 @@ impl Watch {
                 }
                 self.update_watches();
                 touched.extend(below);
-                touched.extend(self.in_folders());
+                touched.extend(self.existing_files_in_folders());
             }
         }
         touched
     }
 
     /// All watched files, including those found in watched folders.
-    fn all(&self) -> BTreeSet<PathBuf> {
-        self.interest.files.keys().cloned().chain(self.in_folders()).collect()
+    fn watched_files(&self) -> BTreeSet<PathBuf> {
+        self.interest.files.keys().cloned().chain(self.existing_files_in_folders()).collect()
     }
 
     /// Existing files in the watched folders.
-    fn in_folders(&self) -> BTreeSet<PathBuf> {
+    fn existing_files_in_folders(&self) -> BTreeSet<PathBuf> {
         let mut found = BTreeSet::new();
         for folder in &self.interest.folders {
             let entries = std::fs::read_dir(&folder.0).into_iter().flatten().flatten();
-            found.extend(entries.map(|e| e.path()).filter(|path| is_in(path, folder)));
+            found.extend(entries.map(|e| e.path()).filter(|path| is_file_of_folder(path, folder)));
         }
         found
     }
@@ -342,7 +344,7 @@ fn lock(event_filter: &Mutex<EventFilter>) -> MutexGuard<'_, EventFilter> {
     event_filter.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
-fn is_in(path: &Path, (folder, ending): &(PathBuf, String)) -> bool {
+fn is_file_of_folder(path: &Path, (folder, ending): &(PathBuf, String)) -> bool {
     let is_named = |name: &std::ffi::OsStr| {
         let name = name.to_string_lossy();
         name.ends_with(ending.as_str()) && !name.starts_with('.')
@@ -395,7 +397,7 @@ mod tests {
 
     /// A log file in the parent folder, which is watched, too: its lines must not each cause a comparison of all files.
     #[test]
-    fn of_much_that_happens_beside_nothing_is_passed_on() {
+    fn events_of_unwatched_files_wake_no_thread() {
         let folder = tempfile::tempdir().unwrap();
         let above = folder.path().canonicalize().unwrap();
         let scene = above.join("scene");
@@ -418,6 +420,6 @@ mod tests {
             passed_on += 1;
         }
         // The watch itself causes a few signals when it starts.
-        assert!(passed_on <= 2, "{passed_on} signals of files that nobody waits for");
+        assert!(passed_on <= 2, "{passed_on} signals of files that are not watched");
     }
 }

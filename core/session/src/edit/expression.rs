@@ -1,7 +1,7 @@
 //! Parser of numbers that the user types as expressions.
 
 /// Deepest nesting of parentheses that is parsed.
-const DEEPEST: usize = 32;
+const MAX_NESTING: usize = 32;
 
 /// Value of an expression: numbers, `+ - * /`, parentheses, and `f(12)`, the time of frame 12 in seconds at `fps` frames per second. `None` if it
 /// is not an expression, or its value is not finite.
@@ -116,7 +116,7 @@ impl Parser<'_> {
         let frames = self.consume("f(");
         if frames || self.consume("(") {
             self.depth += 1;
-            let value = if self.depth <= DEEPEST { self.sum()? } else { return None };
+            let value = if self.depth <= MAX_NESTING { self.sum()? } else { return None };
             self.depth -= 1;
             let value = if frames { value / self.fps } else { value };
             return self.consume(")").then_some(value);
@@ -133,7 +133,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_expression_is_written_as_a_script_calculates_it() {
+    fn typed_expressions_are_converted_to_script_syntax() {
         for (typed, written) in [
             ("1/3", "1.0 / 3.0"),
             (" 2 * ( 1 - .25 )/3. ", "2.0 * (1.0 - 0.25) / 3.0"),
@@ -157,7 +157,7 @@ mod tests {
 
     /// A script divides whole numbers into whole ones.
     #[test]
-    fn a_calculation_of_a_script_has_a_point_in_each_number() {
+    fn script_calculations_need_a_decimal_point_in_each_number() {
         assert_eq!(calculated("1.0 / 4.0"), Some(0.25));
         assert_eq!(calculated("-(2.0+1.0)*2.0"), Some(-6.0));
         for other in ["1 / 4", "1.0 / 4", "0.25", "f(12)", "x * 2.0"] {

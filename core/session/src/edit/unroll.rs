@@ -21,7 +21,7 @@ pub fn unroll(text: &str, line: usize, column: usize) -> Result<Edit, EditRefuse
     let refuse = |why: &str| EditRefused::at(line, why);
     let at = source.byte_at(line, column).ok_or_else(|| refuse("the script has no such line"))?;
     let found = source.loop_around(at).ok_or_else(|| refuse("it is not in a loop"))?;
-    let values = values(&source, &found.values)
+    let values = loop_values(&source, &found.values)
         .ok_or_else(|| refuse("the values of the loop are computed; write it out in the script"))?;
     if values.len() > MOST_ROUNDS {
         return Err(refuse("the loop has too many iterations to be written out"));
@@ -128,7 +128,7 @@ fn without_constant(text: &str, name: &str) -> Option<String> {
 }
 
 /// Source text of the values of a loop: the items of an array, or the numbers of a range of literals.
-fn values(source: &Source, range: &Range<usize>) -> Option<Vec<String>> {
+fn loop_values(source: &Source, range: &Range<usize>) -> Option<Vec<String>> {
     let inside = source[range.clone()].trim();
     if let Some((from, to)) = inside.split_once("..").filter(|_| !inside.starts_with('[')) {
         let (last, add) = to.strip_prefix('=').map_or((to, 0), |to| (to, 1));
