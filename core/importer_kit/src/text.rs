@@ -195,7 +195,7 @@ impl Decimal {
     #[inline(always)]
     fn value(&self, word: &[u8]) -> Option<f64> {
         if self.digits > 19 || self.mantissa > 1 << 53 || self.power.unsigned_abs() > 22 {
-            return of_library(word);
+            return parse_with_std(word);
         }
         let scale = POWERS[self.power.unsigned_abs() as usize];
         let value = if self.power < 0 { self.mantissa as f64 / scale } else { self.mantissa as f64 * scale };
@@ -204,7 +204,7 @@ impl Decimal {
 }
 
 #[cold]
-fn of_library(word: &[u8]) -> Option<f64> {
+fn parse_with_std(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok().filter(|v: &f64| v.is_finite())
 }
 
@@ -317,7 +317,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_those_of_the_standard_library() {
+    fn numbers_equal_those_of_the_standard_library() {
         let texts = [
             "0",
             "-0",
@@ -381,7 +381,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_numbers() {
+    fn integers_equal_those_of_the_standard_library() {
         assert_eq!(integer(b"-12"), Some(-12));
         assert_eq!(integer(b"9223372036854775807"), Some(i64::MAX));
         for text in ["", "-", "1.0", "9223372036854775808", "1e3"] {
@@ -404,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_of_every_system() {
+    fn lines_end_at_lf_crlf_or_cr() {
         let lines: Vec<_> = Lines::new(b"a b\r\n\nc\rd").collect();
         assert_eq!(lines, [(1, &b"a b"[..]), (2, b""), (3, b"c"), (4, b"d")]);
         assert_eq!(Lines::from(b"x", 9).next(), Some((9, &b"x"[..])));

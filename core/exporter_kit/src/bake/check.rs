@@ -61,7 +61,7 @@ fn worst_of_actor<'s>(
 ) -> ExportDeviation {
     let actor = &scene.stage.actors[index];
     let mut worst = ExportDeviation::default();
-    let Some((skeleton, clip)) = written(baked, (actor, index), file) else { return worst };
+    let Some((skeleton, clip)) = rig_in_file(baked, (actor, index), file) else { return worst };
     let mut pose = Pose::rest(&skeleton);
     for (time, snapshot) in snapshots {
         let state = &snapshot.actors[index];
@@ -87,7 +87,7 @@ fn worst_of_actor<'s>(
 }
 
 /// The rig as a player of the file has it.
-fn written(
+fn rig_in_file(
     baked: &Baked<'_>,
     (actor, index): (&Actor, usize),
     file: &FileRounding,

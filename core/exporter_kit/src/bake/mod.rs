@@ -85,7 +85,7 @@ pub fn bake<'a>(scene: &'a ExportedScene, tolerance: f64, style: Style) -> Resul
         series: Vec::new(),
         shots: shots::of_stage(stage, start, end),
     };
-    let needs = take_keys(stage, style, &mut baked);
+    let needs = bake_clip_keys(stage, style, &mut baked);
     // Half of the tolerance is for errors between samples, half for keys that are removed.
     let signals = signals::of_stage(stage, tolerance as f32 * 0.5, |actor| needs[actor] == SampledPart::Pose);
     sample(scene, &needs, signals, (tolerance, style), &mut baked)?;
@@ -103,7 +103,7 @@ fn span(scene: &ExportedScene) -> (Time, Time) {
 }
 
 /// Takes the keys of clips that play unchanged. Returns the part of each actor that remains to be sampled.
-fn take_keys<'a>(stage: &'a Stage, style: Style, baked: &mut Baked<'a>) -> Vec<SampledPart> {
+fn bake_clip_keys<'a>(stage: &'a Stage, style: Style, baked: &mut Baked<'a>) -> Vec<SampledPart> {
     let mut known: BTreeMap<Vec<u64>, Option<usize>> = BTreeMap::new();
     let mut needs = Vec::with_capacity(stage.actors.len());
     for (index, actor) in stage.actors.iter().enumerate() {
@@ -123,7 +123,7 @@ fn take_keys<'a>(stage: &'a Stage, style: Style, baked: &mut Baked<'a>) -> Vec<S
         });
         baked.motions[index].sets.extend(set);
         baked.motions[index].hidden = !baked.first.actors[index].visible;
-        needs.push(match (set, stands_still(stage, actor)) {
+        needs.push(match (set, has_constant_transform(stage, actor)) {
             (None, _) => SampledPart::Pose,
             (_, true) => SampledPart::Nothing,
             (_, false) => SampledPart::Transform,
@@ -132,7 +132,7 @@ fn take_keys<'a>(stage: &'a Stage, style: Style, baked: &mut Baked<'a>) -> Vec<S
     needs
 }
 
-fn stands_still(stage: &Stage, actor: &Actor) -> bool {
+fn has_constant_transform(stage: &Stage, actor: &Actor) -> bool {
     let moves = |p: Property| {
         matches!(p, Property::Translation | Property::Rotation | Property::Scale | Property::Visible)
     };
