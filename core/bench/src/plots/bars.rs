@@ -39,7 +39,7 @@ pub fn byte_bars(title: &str, amounts: &[(String, u64)]) -> String {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn the_largest_comes_first_and_nothing_is_lost() {
+    fn bars_are_sorted_and_small_amounts_are_summed_up() {
         let amounts: Vec<(String, u64)> = (1..=40).map(|i| (format!("n{i}"), i * 1000)).collect();
         let svg = super::byte_bars("t", &amounts);
         assert!(svg.contains("820 kB in all") && svg.contains("17 smaller ones"));

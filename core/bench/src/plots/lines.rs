@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_stand_at_their_places() {
+    fn points_are_drawn_at_their_logarithmic_positions() {
         let lines = vec![("a".to_string(), vec![(1.0, 0.0), (10.0, 1.0), (100.0, 0.5)])];
         let svg = Lines { title: "t".into(), x: "x".into(), y: "y".into(), lines }.svg();
         let middle = (LEFT + RIGHT) * 0.5;

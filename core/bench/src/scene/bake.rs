@@ -1,6 +1,6 @@
 //! The choice between clips as authored, resampled to an even rate, or compressed.
 
-use super::{Limits, MeasuredScene, SceneChoices, pick};
+use super::{Limits, MeasuredScene, SceneChoices, choose_row};
 use crate::plots::{Choice, Row};
 use crate::reference::{self, Spread};
 use crate::timing::{Case, Clock, interleaved};
@@ -13,7 +13,7 @@ const MOST_CLIPS: usize = 12;
 const MOST_TIMES: usize = 240;
 const RATES: [u32; 3] = [30, 60, 120];
 /// A tenth of a millimetre at a joint is a small part of a pixel in any shot of a whole character. A micrometre is the rounding of f32.
-const LIMITS: Limits = Limits { rounding: 0.001, seen: 0.1, words: "0.1 mm" };
+const LIMITS: Limits = Limits { rounding: 0.001, visible: 0.1, visible_text: "0.1 mm" };
 
 /// A clip with the skeleton that it is played on.
 pub type Played = (Arc<Clip>, Arc<Skeleton>);
@@ -107,7 +107,7 @@ pub fn bake(clips: &[Played], budget_secs: f64) -> Choice {
             .bytes(bytes as f64);
         choice.rows.push(if name == "as authored" { row.note("the method in use now") } else { row });
     }
-    pick(&mut choice, &LIMITS);
+    choose_row(&mut choice, &LIMITS);
     choice
 }
 

@@ -1,6 +1,6 @@
 //! The choice of the method that blends two poses while one clip fades into the next.
 
-use super::{Limits, MeasuredScene, SceneChoices, pick};
+use super::{Limits, MeasuredScene, SceneChoices, choose_row};
 use crate::blend::{add_errors, exact};
 use crate::plots::{Choice, Row};
 use crate::reference::Spread;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 const MOST_FADES: usize = 16;
 const WEIGHTS: [f32; 5] = [0.1, 0.25, 0.4, 0.7, 0.9];
-const LIMITS: Limits = Limits { rounding: 0.01, seen: 1.0, words: "1 mm" };
+const LIMITS: Limits = Limits { rounding: 0.01, visible: 1.0, visible_text: "1 mm" };
 /// Methods; each blends eight joints at once.
 const METHODS: [(&str, RotationBlend); 3] = [
     ("nlerp", RotationBlend::Nlerp),
@@ -118,6 +118,6 @@ pub fn crossfade(fades: &[Fade], budget_secs: f64) -> Choice {
         let row = Row::new(*name).error(error.worst, error.mean()).at(place).nanos(nanos);
         choice.rows.push(if *name == NOW { row.note("the method that blends use") } else { row });
     }
-    pick(&mut choice, &LIMITS);
+    choose_row(&mut choice, &LIMITS);
     choice
 }

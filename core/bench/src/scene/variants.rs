@@ -54,7 +54,7 @@ pub fn motion_blur(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoice
     let mut choice = Choice::new("motion_blur", "How many sub-frames make up a frame?");
     choice.reference = "256 sub-frames".into();
     let truth = Reference { stage: with(256), finer: 1 };
-    rows(&mut choice, scene, moment, &variants, &truth)?;
+    add_rows(&mut choice, scene, moment, &variants, &truth)?;
     choice.choose(&needed, "limited by the effect's samples");
     Ok(SceneChoices::Choices(vec![choice]))
 }
@@ -81,7 +81,7 @@ pub fn shadows(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoices, B
     let mut choice = Choice::new("shadows", "How large are shadow maps?");
     choice.reference = format!("{largest} texels a side and 64 samples a pixel, more than any row has");
     let truth = Reference { stage: with(largest), finer: FINER };
-    rows(&mut choice, scene, moment, &variants, &truth)?;
+    add_rows(&mut choice, scene, moment, &variants, &truth)?;
     choice.choose(&name(given), "the largest size that the script sets");
     Ok(SceneChoices::Choices(vec![choice]))
 }
@@ -115,7 +115,7 @@ impl StageRender<'_> {
     }
 }
 
-fn rows(
+fn add_rows(
     choice: &mut Choice,
     scene: &MeasuredScene,
     moment: &Moment,
