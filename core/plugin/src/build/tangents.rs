@@ -49,7 +49,7 @@ pub fn triangle_tangents(indices: &[u32], positions: &[Vec3], normals: &[Vec3], 
 
     let mut groups = Groups::new(vertex.len());
     for run in shared_edges(&vertex, &faces).chunk_by(|a, b| (a.low, a.high) == (b.low, b.high)) {
-        join(run, &mut faces, &mut groups);
+        join_edge_groups(run, &mut faces, &mut groups);
     }
 
     let mut sums = vec![Vec3::ZERO; vertex.len()];
@@ -155,7 +155,7 @@ fn shared_edges(vertex: &[u32], faces: &[Face]) -> Vec<Edge> {
 
 /// Joins the groups at both ends of one edge, for faces of equal orientation.
 /// A face without uv area takes the orientation of its first neighbour.
-fn join(run: &[Edge], faces: &mut [Face], groups: &mut Groups) {
+fn join_edge_groups(run: &[Edge], faces: &mut [Face], groups: &mut Groups) {
     let oriented = run.iter().map(|e| e.face_vertex_low as usize / 3).find(|f| !faces[*f].no_uv_area);
     if let Some(model) = oriented {
         let orientation = faces[model].keeps_orientation;
@@ -212,7 +212,7 @@ mod tests {
 
     /// A quad in the xy plane, uv as in glTF (v down): the tangent is +x, the bitangent +y, so w = 1.
     #[test]
-    fn a_quad_and_its_mirror() {
+    fn mirroring_the_uvs_of_a_quad_negates_the_bitangent() {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
         let normals = [Vec3::Z; 4];
         let uvs = [Vec2::new(0.0, 1.0), Vec2::new(1.0, 1.0), Vec2::new(1.0, 0.0), Vec2::ZERO];
