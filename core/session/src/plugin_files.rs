@@ -145,7 +145,7 @@ pub fn list(
     inputs: &[&Path],
     before: Option<&Listing>,
 ) -> Result<Listing, FolderError> {
-    list_folders(plugins, places(named, inputs)?, before)
+    list_folders(plugins, folders_to_search(named, inputs)?, before)
 }
 
 /// Lists the plugins of one package, whose folder has a description, in addition to the given ones.
@@ -166,9 +166,9 @@ fn list_folders(
         compiled: before.map(|b| b.compiled.clone()).unwrap_or_default(),
     };
     for place in places.iter().filter(|p| p.path().is_dir()) {
-        for source in sources(place)? {
+        for source in sources_in(place)? {
             let shown = source.shown.clone();
-            match listing.entry(source, place.kind, before) {
+            match listing.make_entry(source, place.kind, before) {
                 Some(entry) => listing.add(entry),
                 None => listing.registry.add_faulty(shown, "it has no line // effect: NAME"),
             }
@@ -214,7 +214,7 @@ pub fn packages_in(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// The folders to search in order of increasing priority, each once.
-fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, FolderError> {
+fn folders_to_search(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, FolderError> {
     let mut places: Vec<PluginFolder> = Vec::new();
     let users = user_folders().into_iter().map(|(folder, must_exist)| (folder, FOLDERS_VARIABLE, must_exist));
     for (folder, flag, must_exist) in users.chain(named.iter().map(|f| (f.clone(), "--plugins", true))) {
@@ -236,7 +236,7 @@ fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, Fold
                 FolderKind::Own => PluginFolder::new(own, below, kind),
                 _ => PluginFolder::new(folder, below, kind),
             };
-            if !places.iter().any(|known| is_same(&known.path(), &place.path())) {
+            if !places.iter().any(|known| is_same_folder(&known.path(), &place.path())) {
                 places.push(place);
             }
         }
@@ -244,7 +244,7 @@ fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, Fold
         for package in packages_in(&beside) {
             let place =
                 PluginFolder::new(folder, Path::new(PLUGINS_SUBFOLDER).join(package), FolderKind::Package);
-            if !places.iter().any(|known| is_same(&known.path(), &place.path())) {
+            if !places.iter().any(|known| is_same_folder(&known.path(), &place.path())) {
                 places.push(place);
             }
         }
@@ -252,12 +252,12 @@ fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, Fold
     Ok(places)
 }
 
-fn is_same(a: &Path, b: &Path) -> bool {
+fn is_same_folder(a: &Path, b: &Path) -> bool {
     a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 /// Plugin files of a folder, sorted by name, so that the order is the same on every machine.
-fn sources(place: &PluginFolder) -> Result<Vec<Source>, FolderError> {
+fn sources_in(place: &PluginFolder) -> Result<Vec<Source>, FolderError> {
     let unreadable = |error: FileError| FolderError::Unreadable { folder: place.path(), error };
     let root = if place.root.as_os_str().is_empty() { Path::new(".") } else { place.root.as_path() };
     let opened = Folder::open(root).map_err(FileError::Io).and_then(|folder| {
@@ -329,7 +329,7 @@ impl Listing {
     }
 
     /// The plugin of a file. `None` if the file is not a plugin.
-    fn entry(&self, source: Source, kind: FolderKind, before: Option<&Listing>) -> Option<Entry> {
+    fn make_entry(&self, source: Source, kind: FolderKind, before: Option<&Listing>) -> Option<Entry> {
         let is_it = |e: &&Entry| e.read.get().is_some() && e.source.path == source.path;
         let known = before.and_then(|b| b.entries.iter().find(is_it));
         if let Some(known) = known.filter(|k| k.source.shown == source.shown)
@@ -362,7 +362,7 @@ impl Listing {
             }
             match choreo_wgsl_effect::name(&head) {
                 Some(name) => {
-                    let make = move || reading().and_then(|(shown, file)| effect(&shown, file));
+                    let make = move || reading().and_then(|(shown, file)| compile_effect(&shown, file));
                     Plugin::Effect(Arc::new(LazyEffect::new(&name, make)))
                 }
                 None => Plugin::Faulty(source.effect_error()),
@@ -371,10 +371,10 @@ impl Listing {
             let made = reading().and_then(|(shown, file)| wasm_plugin(&shown, file));
             made.unwrap_or_else(|e| Plugin::Faulty(e.text))
         } else if source.shown.ends_with(EXPORTER_ENDING) {
-            let made = reading().and_then(|(shown, file)| exporter(&shown, file));
+            let made = reading().and_then(|(shown, file)| compile_exporter(&shown, file));
             made.map_or_else(|e| Plugin::Faulty(e.text), |made| Plugin::Exporter(Arc::new(made)))
         } else {
-            let make = move || reading().and_then(|(shown, file)| importer(&shown, file));
+            let make = move || reading().and_then(|(shown, file)| compile_importer(&shown, file));
             let listed = source.text().map_err(|e| e.0).and_then(|text| {
                 ImporterOnUse::new(&source.shown, &text, make).map_err(|e: ScriptError| e.to_string())
             });
@@ -603,12 +603,12 @@ fn decode_texture(file: &PluginFile, name: &str) -> Result<TextureImage, String>
 }
 
 /// Text of a plugin file, which was checked to be UTF-8 when it was read.
-fn text_of(file: &PluginFile) -> std::borrow::Cow<'_, str> {
+fn plugin_text(file: &PluginFile) -> std::borrow::Cow<'_, str> {
     String::from_utf8_lossy(&file.bytes)
 }
 
-fn effect(shown: &str, file: PluginFile) -> Result<Effect, PluginError> {
-    let compiled = WgslEffect::with_textures(shown, &text_of(&file), |name| decode_texture(&file, name));
+fn compile_effect(shown: &str, file: PluginFile) -> Result<Effect, PluginError> {
+    let compiled = WgslEffect::with_textures(shown, &plugin_text(&file), |name| decode_texture(&file, name));
     match compiled {
         Ok(effect) => Ok(effect.with_file(file).into()),
         Err(error) => {
@@ -619,15 +619,15 @@ fn effect(shown: &str, file: PluginFile) -> Result<Effect, PluginError> {
     }
 }
 
-fn exporter(shown: &str, file: PluginFile) -> Result<RhaiExporter, PluginError> {
-    match RhaiExporter::from_text(shown, &text_of(&file)) {
+fn compile_exporter(shown: &str, file: PluginFile) -> Result<RhaiExporter, PluginError> {
+    match RhaiExporter::from_text(shown, &plugin_text(&file)) {
         Ok(exporter) => Ok(exporter.with_file(file)),
         Err(error) => Err(PluginError { text: error.to_string(), files: vec![file.path] }),
     }
 }
 
-fn importer(shown: &str, file: PluginFile) -> Result<RhaiImporter, PluginError> {
-    match RhaiImporter::from_text(shown, &text_of(&file)) {
+fn compile_importer(shown: &str, file: PluginFile) -> Result<RhaiImporter, PluginError> {
+    match RhaiImporter::from_text(shown, &plugin_text(&file)) {
         Ok(importer) => Ok(importer.with_file(file)),
         Err(error) => Err(PluginError { text: error.to_string(), files: vec![file.path] }),
     }

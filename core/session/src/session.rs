@@ -96,9 +96,9 @@ pub struct Session {
     /// Plugin files found by the last build, including the compiled ones.
     files: Option<Listing>,
     work: Work,
-    last: Option<Arc<Scene>>,
+    last_scene: Option<Arc<Scene>>,
     /// Number of imports when unused assets were dropped last.
-    dropped_at: u64,
+    imports_at_last_drop: u64,
 }
 
 /// Number of imports after which unused assets are dropped.
@@ -124,8 +124,8 @@ impl Session {
             watch: if watching { Some(Watch::new()?) } else { None },
             files: None,
             work: Work::default(),
-            last: None,
-            dropped_at: 0,
+            last_scene: None,
+            imports_at_last_drop: 0,
         })
     }
 
@@ -184,12 +184,12 @@ impl Session {
             Err(errors) => (None, errors),
         };
         if let Some(scene) = &scene {
-            self.last = Some(scene.clone());
+            self.last_scene = Some(scene.clone());
             // Dropping is rare: the cache is the only owner of a file loaded for its clips alone, which would then be imported again. If the new
             // version is faulty, the assets of the last good one stay.
-            if self.assets.imports() >= self.dropped_at + KEPT_IMPORTS {
+            if self.assets.imports() >= self.imports_at_last_drop + KEPT_IMPORTS {
                 self.assets.drop_unused();
-                self.dropped_at = self.assets.imports();
+                self.imports_at_last_drop = self.assets.imports();
             }
         }
         self.work.imports = self.assets.imports();
@@ -217,7 +217,7 @@ impl Session {
         }
         let stage = Arc::new(stage);
         let nothing = SceneResources::default();
-        let before = self.last.as_ref().map_or(&nothing, |scene| &scene.resources);
+        let before = self.last_scene.as_ref().map_or(&nothing, |scene| &scene.resources);
         let resources = Arc::new(SceneResources::after(before, &stage));
         let mut evaluator = Evaluator::new(stage.clone());
         // An error at time 0 makes the version faulty; an error at a later time is reported when that frame is shown.

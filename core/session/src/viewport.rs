@@ -186,12 +186,13 @@ struct ModifiedStage {
 pub(crate) struct ViewEvaluators {
     scene: Option<Arc<Scene>>,
     /// The stage with muted layers and the dragged object applied, if there are any.
-    changed: Option<ModifiedStage>,
-    own: Option<Evaluator>,
+    modified_stage: Option<ModifiedStage>,
+    /// Evaluator of the stage with the cameras that the script has active.
+    script_evaluator: Option<Evaluator>,
     /// Evaluators of the stage with one camera active all the time, by camera.
     cameras: BTreeMap<usize, Evaluator>,
     /// The stage with the effects that the view adds.
-    added: Option<(Vec<Addition>, Arc<Stage>)>,
+    stage_with_effects: Option<(Vec<Addition>, Arc<Stage>)>,
     /// Evaluators without the drag of an actor.
     before_drag: Option<Box<ViewEvaluators>>,
 }
@@ -200,7 +201,7 @@ impl ViewEvaluators {
     pub fn at(&mut self, request: &FrameRequest, time: Time) -> Result<Snapshot, StageError> {
         let FrameRequest { scene, camera, overrides, .. } = request;
         self.set_scene(request);
-        let stage = self.base(scene);
+        let stage = self.base_stage(scene);
         let mut snapshot = match camera {
             ViewportCamera::Camera(camera) if *camera < scene.stage.cameras.len() => {
                 let of_camera = self.cameras.entry(*camera).or_insert_with(|| {
@@ -210,9 +211,9 @@ impl ViewEvaluators {
                 of_camera.at(time)
             }
             _ => {
-                let changed = self.changed.is_some();
+                let changed = self.modified_stage.is_some();
                 let own = || if changed { Evaluator::new(stage.clone()) } else { scene.evaluator.clone() };
-                self.own.get_or_insert_with(own).at(time)
+                self.script_evaluator.get_or_insert_with(own).at(time)
             }
         }?;
         if !matches!(camera, ViewportCamera::Script) {
@@ -250,14 +251,16 @@ impl ViewEvaluators {
     /// The stage with all view overrides and the effects that the view adds.
     pub fn stage(&mut self, request: &FrameRequest) -> Arc<Stage> {
         self.set_scene(request);
-        self.with_additions(request).unwrap_or_else(|| self.base(&request.scene))
+        self.with_additions(request).unwrap_or_else(|| self.base_stage(&request.scene))
     }
 
     fn set_scene(&mut self, request: &FrameRequest) {
         let (scene, ViewOverrides { muted, placement, .. }) = (&request.scene, &request.overrides);
         let is_plain = muted.is_empty() && placement.is_none();
-        let is_same =
-            self.changed.as_ref().map_or(is_plain, |now| now.muted == *muted && now.placement == *placement);
+        let is_same = self
+            .modified_stage
+            .as_ref()
+            .map_or(is_plain, |now| now.muted == *muted && now.placement == *placement);
         if self.scene.as_ref().is_some_and(|s| Arc::ptr_eq(s, scene)) && is_same {
             return;
         }
@@ -270,15 +273,19 @@ impl ViewEvaluators {
             placement.iter().for_each(|placement| placement.apply_to(&mut stage));
             ModifiedStage { muted: muted.clone(), placement: placement.clone(), stage: Arc::new(stage) }
         };
-        let changed = (!is_plain).then(changed);
+        let modified_stage = (!is_plain).then(changed);
         let before_drag = self.before_drag.take();
-        *self =
-            ViewEvaluators { scene: Some(scene.clone()), changed, before_drag, ..ViewEvaluators::default() };
+        *self = ViewEvaluators {
+            scene: Some(scene.clone()),
+            modified_stage,
+            before_drag,
+            ..ViewEvaluators::default()
+        };
     }
 
     /// The scene's stage without muted layers and with the dragged object.
-    fn base(&self, scene: &Scene) -> Arc<Stage> {
-        self.changed.as_ref().map_or_else(|| scene.stage.clone(), |changed| changed.stage.clone())
+    fn base_stage(&self, scene: &Scene) -> Arc<Stage> {
+        self.modified_stage.as_ref().map_or_else(|| scene.stage.clone(), |changed| changed.stage.clone())
     }
 
     /// The stage with the effects that the view adds. `None` if there are none.
@@ -287,16 +294,16 @@ impl ViewEvaluators {
         if additions.is_empty() {
             return None;
         }
-        if self.added.as_ref().is_none_or(|(of, _)| *of != additions) {
-            let mut stage = (*self.base(&request.scene)).clone();
+        if self.stage_with_effects.as_ref().is_none_or(|(of, _)| *of != additions) {
+            let mut stage = (*self.base_stage(&request.scene)).clone();
             stage.effects.extend(additions.iter().map(|addition| EffectUse {
                 plugin: addition.plugin.into(),
                 on: addition.on.clone(),
                 ..EffectUse::default()
             }));
-            self.added = Some((additions, Arc::new(stage)));
+            self.stage_with_effects = Some((additions, Arc::new(stage)));
         }
-        self.added.as_ref().map(|(_, stage)| stage.clone())
+        self.stage_with_effects.as_ref().map(|(_, stage)| stage.clone())
     }
 }
 

@@ -87,15 +87,14 @@ impl EventFilter {
             return false;
         }
         let in_tree = |path: &Path| self.interest.trees.iter().any(|(root, _)| path.starts_with(root));
-        event
-            .paths
-            .iter()
-            .any(|path| self.ancestor_folders.contains(path) || self.interest.has(path) || in_tree(path))
+        event.paths.iter().any(|path| {
+            self.ancestor_folders.contains(path) || self.interest.contains_file(path) || in_tree(path)
+        })
     }
 }
 
 impl WatchedPaths {
-    fn has(&self, path: &Path) -> bool {
+    fn contains_file(&self, path: &Path) -> bool {
         self.files.contains_key(path) || self.folders.iter().any(|folder| is_file_of_folder(path, folder))
     }
 
@@ -111,7 +110,7 @@ impl WatchedPaths {
 pub struct Watch {
     watcher: RecommendedWatcher,
     signals: Receiver<Signal>,
-    to: Sender<Signal>,
+    sender: Sender<Signal>,
     interest: WatchedPaths,
     watched: BTreeSet<PathBuf>,
     /// The filter, shared with the thread that receives the system's events.
@@ -122,9 +121,9 @@ pub struct Watch {
 
 impl Watch {
     pub fn new() -> Result<Watch, WatchError> {
-        let (to, signals) = channel();
+        let (sender, signals) = channel();
         let event_filter = Arc::new(Mutex::new(EventFilter::default()));
-        let (events, filter) = (to.clone(), event_filter.clone());
+        let (events, filter) = (sender.clone(), event_filter.clone());
         let watcher = notify::recommended_watcher(move |event: notify::Result<Event>| {
             let signal = match event {
                 Ok(event) if event.need_rescan() => Signal::Lost,
@@ -136,11 +135,11 @@ impl Watch {
             let _ = events.send(signal);
         })?;
         let (interest, pending) = (WatchedPaths::default(), Candidates::default());
-        Ok(Watch { watcher, signals, to, interest, watched: BTreeSet::new(), event_filter, pending })
+        Ok(Watch { watcher, signals, sender, interest, watched: BTreeSet::new(), event_filter, pending })
     }
 
     pub fn waker(&self) -> Waker {
-        Waker(self.to.clone())
+        Waker(self.sender.clone())
     }
 
     /// How many folders are watched.
@@ -153,14 +152,14 @@ impl Watch {
         let before = std::mem::replace(&mut self.interest, interest);
         self.add_tree_folders();
         let new = self.update_watches();
-        let fresh = self.interest.files.keys().filter(|file| !before.has(file));
+        let fresh = self.interest.files.keys().filter(|file| !before.contains_file(file));
         let fresh: BTreeSet<PathBuf> = fresh.cloned().collect();
         let signal = match new.is_empty() && self.interest.folders.is_subset(&before.folders) {
             true if fresh.is_empty() => return,
             true => Signal::Compare(fresh),
             false => Signal::Lost,
         };
-        let _ = self.to.send(signal);
+        let _ = self.sender.send(signal);
     }
 
     /// Existing files in the watched folders and trees.
@@ -245,7 +244,7 @@ impl Watch {
     fn touched(&mut self, event: &Event) -> BTreeSet<PathBuf> {
         let mut touched = BTreeSet::new();
         for path in &event.paths {
-            if self.interest.has(path) {
+            if self.interest.contains_file(path) {
                 touched.insert(path.clone());
             }
             let in_tree = self.interest.trees.iter().any(|(root, _)| path.starts_with(root));

@@ -73,7 +73,7 @@ pub(super) fn add_method(text: &Source, creating_call: &Call, method: &str) -> E
 pub(super) fn add_method_after(text: &Source, creating_call: &Call, at: usize, method: &str) -> Edit {
     let end = text[at..].find('\n').map_or(text.len(), |end| at + end);
     let rest = text[at..end].trim_end();
-    let next = text.skip(at);
+    let next = text.next_token_start(at);
     let continues = next < end && text[next..].starts_with('.');
     let Some(blanks) = indentation(text, creating_call).filter(|_| !continues) else {
         return Edit { range: at..at, text: format!(".{method}") };

@@ -113,7 +113,7 @@ pub(super) fn statement_start(text: &Source, call: &Call) -> Option<usize> {
 /// Lines of a statement that consists of this call only, `actor.play(…);`, with the comment after it.
 pub(super) fn whole_statement(text: &Source, call: &Call, end: usize) -> Option<Range<usize>> {
     let start = statement_start(text, call)?;
-    let semicolon = text.skip(end);
+    let semicolon = text.next_token_start(end);
     if !text[semicolon..].starts_with(';') {
         return None;
     }

@@ -25,8 +25,8 @@ pub fn delete_object(text: &str, line: usize, column: usize) -> Result<Edit, Edi
     if let Some(name) = source.variable_of(own.start) {
         for used in source.uses_of(name).filter(|used| !own.contains(used)) {
             let statement = source.statement_start(used)..source.statement_end(used);
-            let is_about_it =
-                statement.start == used && text[source.skip(used + name.len())..].starts_with('.');
+            let is_about_it = statement.start == used
+                && text[source.next_token_start(used + name.len())..].starts_with('.');
             if in_block(used) || !is_about_it {
                 return refuse(line_of(used), &format!("this line uses {name}; change it first"));
             }
@@ -52,7 +52,7 @@ fn unused_load_statements(source: &Source, gone: &[Range<usize>]) -> Vec<Range<u
         let name = source.variable_of(own.start).filter(|_| source.depth_to(at) == 0)?;
         // The load must be the whole value of the variable.
         let is_whole = source.variable_before(at) == Some(name)
-            && source[source.skip(source.call_from(at)?.end)..].starts_with(';');
+            && source[source.next_token_start(source.call_from(at)?.end)..].starts_with(';');
         let uses: Vec<usize> = source.uses_of(name).filter(|used| !own.contains(used)).collect();
         (is_whole && !uses.is_empty() && uses.iter().all(is_gone)).then_some(own)
     };

@@ -53,7 +53,7 @@ pub fn duplicate_object(
     let mut changes: Vec<(Range<usize>, &str)> =
         cut_ranges(&object).into_iter().map(|cut| (cut, "")).collect();
     if let (Some(old), Some(new)) = (old, &variable) {
-        let declared = source.skip(ranges[0].start + "let".len());
+        let declared = source.next_token_start(ranges[0].start + "let".len());
         let used = source.uses_of(old).filter(|at| *at != declared);
         changes.extend(std::iter::once(declared).chain(used).map(|at| (at..at + old.len(), new.as_str())));
     }
@@ -152,7 +152,7 @@ fn statements_about(
     let Some(name) = source.variable_of(own.start) else { return Ok((ranges, left)) };
     for used in source.uses_of(name).filter(|used| *used > own.end) {
         let start = source.statement_start(used);
-        let continues = source[source.skip(used + name.len())..].starts_with('.');
+        let continues = source[source.next_token_start(used + name.len())..].starts_with('.');
         if start == used && continues && !in_block(used) {
             ranges.push(start..source.statement_end(used));
         } else if continues && (source.begins_statement(used) || source.variable_before(used).is_some()) {

@@ -7,7 +7,7 @@ const MAX_NESTING: usize = 32;
 /// is not an expression, or its value is not finite.
 pub fn value(text: &str, fps: f64) -> Option<f64> {
     let mut parser = Parser { rest: text, fps, depth: 0 };
-    let value = parser.sum()?;
+    let value = parser.parse_sum()?;
     (parser.rest.trim().is_empty() && value.is_finite()).then_some(value)
 }
 
@@ -79,44 +79,44 @@ impl Parser<'_> {
         found.is_some()
     }
 
-    fn sum(&mut self) -> Option<f64> {
-        let mut value = self.product()?;
+    fn parse_sum(&mut self) -> Option<f64> {
+        let mut value = self.parse_product()?;
         loop {
             if self.consume("+") {
-                value += self.product()?;
+                value += self.parse_product()?;
             } else if self.consume("-") {
-                value -= self.product()?;
+                value -= self.parse_product()?;
             } else {
                 return Some(value);
             }
         }
     }
 
-    fn product(&mut self) -> Option<f64> {
-        let mut value = self.signed()?;
+    fn parse_product(&mut self) -> Option<f64> {
+        let mut value = self.parse_signed()?;
         loop {
             if self.consume("*") {
-                value *= self.signed()?;
+                value *= self.parse_signed()?;
             } else if self.consume("/") {
-                value /= self.signed()?;
+                value /= self.parse_signed()?;
             } else {
                 return Some(value);
             }
         }
     }
 
-    fn signed(&mut self) -> Option<f64> {
+    fn parse_signed(&mut self) -> Option<f64> {
         // The minus sign U+2212 is accepted, too.
         let minus = self.consume("-") || self.consume("\u{2212}");
-        let value = self.atom()?;
+        let value = self.parse_atom()?;
         Some(if minus { -value } else { value })
     }
 
-    fn atom(&mut self) -> Option<f64> {
+    fn parse_atom(&mut self) -> Option<f64> {
         let frames = self.consume("f(");
         if frames || self.consume("(") {
             self.depth += 1;
-            let value = if self.depth <= MAX_NESTING { self.sum()? } else { return None };
+            let value = if self.depth <= MAX_NESTING { self.parse_sum()? } else { return None };
             self.depth -= 1;
             let value = if frames { value / self.fps } else { value };
             return self.consume(")").then_some(value);

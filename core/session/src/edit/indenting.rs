@@ -16,7 +16,7 @@ pub(super) fn indented(text: &str, edit: Edit) -> Edit {
         let at = code(line);
         let change = changes.iter().find(|change| change.range.end == at && change.text.contains('\n'));
         let blanks = change.and_then(|change| change.text.rsplit('\n').next()).map(str::len);
-        blanks.or_else(|| (source.skip(at) == at && at < after.len()).then_some(at - line))
+        blanks.or_else(|| (source.next_token_start(at) == at && at < after.len()).then_some(at - line))
     };
     let written = edit.range.start..edit.range.start + edit.text.len();
     let begins = written.end - edit.text.trim_start().len();

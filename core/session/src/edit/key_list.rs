@@ -69,7 +69,7 @@ pub(super) fn key_at(keys: &[Key], time: EditTime) -> Option<usize> {
 pub(super) fn split_at_commas(text: &Source, start: usize, end: usize) -> impl Iterator<Item = Range<usize>> {
     let mut at = start;
     std::iter::from_fn(move || {
-        if text.skip(at) >= end {
+        if text.next_token_start(at) >= end {
             return None;
         }
         let to = text.value_end(at, end);

@@ -108,7 +108,7 @@ pub(super) fn property_of(text: &Source, call: &Call) -> Option<String> {
 
 /// Whether a call states keys as a method of a cue: `.weight([[…]])`.
 pub(super) fn is_keyed_method(text: &Source, call: &Call, method: &str) -> bool {
-    text[call.name.clone()] == *method && text[text.skip(call.inside.start)..].starts_with('[')
+    text[call.name.clone()] == *method && text[text.next_token_start(call.inside.start)..].starts_with('[')
 }
 
 /// The call in copied text that holds the keys, and the name of its property.

@@ -125,7 +125,7 @@ impl<'a> ScriptObject<'a> {
         let end = own.last().map_or(self.creating_call.end, |call| call.end);
         let rest =
             if self.text[end..].trim_start().starts_with('.') { format!(";\n{name}") } else { String::new() };
-        let after = self.text.skip(end);
+        let after = self.text.next_token_start(end);
         let blanks = if rest.is_empty() { end..end } else { end..after };
         let text = format!("let {name} = {}{rest}", &self.text[start..blanks.start]);
         Some((name, Some(Edit { range: start..blanks.end, text })))
@@ -169,7 +169,7 @@ impl<'a> ScriptObject<'a> {
         // The name may belong to something else in another block.
         let is_called = |at: usize| {
             depth == 0
-                && text[text.skip(at + name.len())..].starts_with('.')
+                && text[text.next_token_start(at + name.len())..].starts_with('.')
                 && text.begins_statement(text.statement_start(at))
         };
         let is_handed = |at: usize| {
@@ -398,7 +398,7 @@ impl<'a> ScriptObject<'a> {
         // A call after a constraint in an actor's chain would be about the constraint.
         let is_constrained = self.text[self.creating_call.name.clone()] == *"cast"
             && self.last(&["reach", "aim", "look_at"]).is_some();
-        if self.text[self.text.skip(end)..].starts_with('.') || is_later || is_constrained {
+        if self.text[self.text.next_token_start(end)..].starts_with('.') || is_later || is_constrained {
             return Err(EditRefused::at(
                 self.line,
                 "it has no variable in the script; write let NAME = cast(…)",
@@ -478,7 +478,7 @@ pub(super) fn loads_of<'a>(text: &Source<'a>, file: &str) -> impl Iterator<Item 
         file.starts_with('"')
             && text.argument(&call.inside, 0).is_some_and(|first| text[first] == *file)
             && text.depth_to(call.name.start) == 0
-            && text[text.skip(call.end)..].starts_with(';')
+            && text[text.next_token_start(call.end)..].starts_with(';')
     };
     let named = move |call: Call| text.variable_before(call.name.start).map(|name| (call, name));
     text.calls_of("load").filter(is_it).filter_map(named)

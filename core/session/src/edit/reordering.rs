@@ -62,14 +62,14 @@ pub fn reorder(
 /// End of the statements that directly follow these lines and begin with the variable that the lines declare.
 fn end_of_statements_about(source: &Source, lines: &Range<usize>) -> usize {
     let mut end = lines.end;
-    let Some(name) = source.variable_of(source.skip(lines.start)) else { return end };
+    let Some(name) = source.variable_of(source.next_token_start(lines.start)) else { return end };
     loop {
-        let next = source.skip(end);
+        let next = source.next_token_start(end);
         let gap = &source[end..next];
         let is_apart = gap[..gap.rfind('\n').map_or(0, |n| n + 1)].lines().any(|line| line.trim().is_empty());
         let is_about = next < source.len()
             && source.word_at(next) == name
-            && source[source.skip(next + name.len())..].starts_with('.');
+            && source[source.next_token_start(next + name.len())..].starts_with('.');
         let statement = next..source.statement_end(next);
         match source.own_lines(&statement).filter(|_| is_about && !is_apart) {
             Some(own) => end = own.end,

@@ -99,8 +99,8 @@ impl<'a> Source<'a> {
         None
     }
 
-    /// The next byte that is neither whitespace nor in a comment.
-    pub fn skip(&self, at: usize) -> usize {
+    /// The first byte at or after `at` that is neither whitespace nor in a comment.
+    pub fn next_token_start(&self, at: usize) -> usize {
         self.token_start(self.token_index_at(at))
     }
 

@@ -147,7 +147,7 @@ impl<'a> Strip<'a> {
     /// All cues of the chain in order, including this one.
     pub(super) fn cues(&self) -> Vec<Strip<'a>> {
         let mut all: Vec<Strip> = Vec::new();
-        let mut next = Some(self.first());
+        let mut next = Some(self.chain_start());
         while let Some(call) = next {
             let chain = self.text.chain_after(call.end);
             let cue = Strip { text: self.text.clone(), line: self.line, call, chain };
@@ -172,7 +172,7 @@ impl<'a> Strip<'a> {
         let start = statement_start(&self.text, &self.call)?;
         let variable = self.text.word_at(start);
         let is_it = |cue: &&Strip| {
-            let made = statement_start(&cue.text, &cue.first()).filter(|made| *made < start);
+            let made = statement_start(&cue.text, &cue.chain_start()).filter(|made| *made < start);
             made.and_then(|made| cue.text.variable_before(made)) == Some(variable)
         };
         let made = all.iter().flatten().filter(is_it).max_by_key(|cue| cue.call.name.start)?;
@@ -181,13 +181,13 @@ impl<'a> Strip<'a> {
 
     /// Separator before a new `.then`: a line break with indentation.
     fn new_line(&self) -> String {
-        let start = self.text[..self.first().name.start].rfind('\n').map_or(0, |n| n + 1);
+        let start = self.text[..self.chain_start().name.start].rfind('\n').map_or(0, |n| n + 1);
         let blanks: String = self.text[start..].chars().take_while(|c| *c == ' ' || *c == '\t').collect();
         format!("\n{blanks}    ")
     }
 
-    /// The `play` that begins the chain.
-    fn first(&self) -> Call {
+    /// The call that begins the chain, a `play`.
+    fn chain_start(&self) -> Call {
         let mut first = self.call.clone();
         while let Some(before) = self.text.call_before(first.name.start) {
             if matches!(self.name(&before), "cast" | "camera") {
@@ -200,7 +200,7 @@ impl<'a> Strip<'a> {
 
     /// Fails if a variable of the script holds the chain, since a new cue would change its meaning.
     fn refuse_variable(&self) -> Result<(), EditRefused> {
-        let first = self.first();
+        let first = self.chain_start();
         let before = self.text[..first.name.start].trim_end();
         let owner = before.strip_suffix('.').map_or(before, str::trim_end);
         let start = owner.rfind(|c: char| !c.is_alphanumeric() && c != '_').map_or(0, |at| at + 1);

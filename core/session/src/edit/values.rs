@@ -275,9 +275,9 @@ pub(crate) fn option_of(text: &Source, call: &Call, name: &str) -> Option<Range<
 fn option_in(text: &Source, map: &Range<usize>, name: &str) -> Option<Range<usize>> {
     let mut at = map.start;
     while at < map.end {
-        at = text.skip(at).min(map.end);
+        at = text.next_token_start(at).min(map.end);
         let length = text[at..map.end].find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(0);
-        let colon = text.skip(at + length);
+        let colon = text.next_token_start(at + length);
         if length == 0 || colon >= map.end || !text[colon..].starts_with(':') {
             return None;
         }
