@@ -45,7 +45,7 @@ impl Drop for EmptyFolderGuard {
 }
 
 /// Most names that are read from a folder to find part folders of other machines.
-const MOST_NAMES: usize = 1_000_000;
+const MAX_LISTED_NAMES: usize = 1_000_000;
 
 impl PartFolder {
     /// Opens the part folder of the output `name`, or creates it. `files`: names of all files that it can hold, the lock file
@@ -152,7 +152,7 @@ impl PartFolder {
             let rest = part.to_str().and_then(|part| part.strip_prefix(&start));
             *part != self.part && rest.is_some_and(|rest| rest.ends_with(".part"))
         };
-        let names = self.parent.names(MOST_NAMES).unwrap_or_default();
+        let names = self.parent.names(MAX_LISTED_NAMES).unwrap_or_default();
         names.into_iter().map(PathBuf::from).filter(is_other).collect()
     }
 

@@ -77,7 +77,7 @@ static POWERS: [f64; 23] = [
 /// go to the standard library, so that every result equals that of the library.
 #[inline]
 pub fn number(word: &[u8]) -> Option<f64> {
-    let decimal = Decimal::before(word).filter(|d| d.length == word.len())?;
+    let decimal = Decimal::parse_prefix(word).filter(|d| d.length == word.len())?;
     decimal.value(word)
 }
 
@@ -87,7 +87,7 @@ pub fn number(word: &[u8]) -> Option<f64> {
 pub fn next_number<'a>(rest: &mut &'a [u8]) -> Option<Result<f64, &'a [u8]>> {
     skip_white(rest)?;
     let text = *rest;
-    if let Some(decimal) = Decimal::before(text)
+    if let Some(decimal) = Decimal::parse_prefix(text)
         && text.get(decimal.length).is_none_or(|b| is_white(*b))
     {
         let (word, tail) = text.split_at(decimal.length);
@@ -153,7 +153,7 @@ struct Decimal {
 
 impl Decimal {
     #[inline(always)]
-    fn before(text: &[u8]) -> Option<Decimal> {
+    fn parse_prefix(text: &[u8]) -> Option<Decimal> {
         let (negative, mut at) = match text.first() {
             Some(b'-') => (true, 1),
             Some(b'+') => (false, 1),

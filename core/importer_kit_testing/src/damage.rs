@@ -45,7 +45,7 @@ pub fn run(importer: &dyn Importer, name: &str, bytes: &[u8], flips: usize) -> O
 }
 
 /// Largest processor time of one import, seconds: far beyond that of any import, so that only an endless one reaches it, on any machine.
-const MOST_SECS: f64 = 30.0;
+const MAX_SECS: f64 = 30.0;
 
 /// Truncates the file at `cuts` places and flips `flips` pseudo-random bits, one at a time. Panics with the name and the place if an error
 /// has no place, if an import computes for more than half a minute, or if all of it takes more memory at once than 16 times the file and 64
@@ -66,7 +66,7 @@ pub fn run_slice(
         let wall = start.elapsed().as_secs_f64();
         let secs = thread_cpu_secs().zip(computed).map_or(wall, |(after, before)| after - before);
         outcome.slowest_secs = outcome.slowest_secs.max(secs);
-        assert!(secs < MOST_SECS, "{name} {how}: {secs:.1} s");
+        assert!(secs < MAX_SECS, "{name} {how}: {secs:.1} s");
         match result {
             Ok(asset) => {
                 sound::check(&format!("{name} {how}"), &asset);

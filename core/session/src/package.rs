@@ -90,9 +90,9 @@ const LICENSES: [&str; 45] = [
 ];
 
 /// Limits: letters of a package's name, bytes of a text, plugins in a package.
-const MOST_NAME: usize = 60;
-const MOST_TEXT: usize = 1000;
-const MOST_PLUGINS: usize = 100;
+const MAX_NAME_LENGTH: usize = 60;
+const MAX_TEXT_BYTES: usize = 1000;
+const MAX_PLUGINS: usize = 100;
 
 /// A package as described by its `plugin.toml`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -201,7 +201,7 @@ pub struct PackageError {
 /// Whether a package may have this name, so that a folder of this name can safely be created and removed.
 pub fn is_name(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_lowercase())
-        && name.len() <= MOST_NAME
+        && name.len() <= MAX_NAME_LENGTH
         && name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_' || b == b'-')
 }
 
@@ -224,7 +224,7 @@ impl Package {
         let (name, at) = fields.text("name")?;
         if !is_name(&name) {
             let message = format!(
-                "name \"{name}\": use lower-case letters, digits, - and _, starting with a letter, at most {MOST_NAME}"
+                "name \"{name}\": use lower-case letters, digits, - and _, starting with a letter, at most {MAX_NAME_LENGTH}"
             );
             return Err(reader.error_at(at, message, None));
         }
@@ -336,8 +336,8 @@ impl<'t> Fields<'t> {
         let DeValue::String(text) = value.get_ref() else {
             return Err(self.reader.error_at(value.span(), format!("{name} must be a text"), None));
         };
-        if text.len() > MOST_TEXT || text.contains(char::is_control) {
-            let message = format!("{name} must be one line of at most {MOST_TEXT} bytes");
+        if text.len() > MAX_TEXT_BYTES || text.contains(char::is_control) {
+            let message = format!("{name} must be one line of at most {MAX_TEXT_BYTES} bytes");
             return Err(self.reader.error_at(value.span(), message, None));
         }
         Ok(Some((text.trim().to_string(), value.span())))
@@ -380,8 +380,8 @@ impl<'t> Fields<'t> {
                 hint.then(|| "write [[plugin]] in place of [plugin]: a package can have several".to_string());
             return Err(self.reader.error_at(value.span(), must, hint));
         };
-        if all.is_empty() || all.len() > MOST_PLUGINS {
-            let message = format!("a package has 1 to {MOST_PLUGINS} plugins, this one {}", all.len());
+        if all.is_empty() || all.len() > MAX_PLUGINS {
+            let message = format!("a package has 1 to {MAX_PLUGINS} plugins, this one {}", all.len());
             return Err(self.reader.error_at(value.span(), message, None));
         }
         let mut plugins: Vec<PackagedPlugin> = Vec::new();

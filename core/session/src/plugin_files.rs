@@ -26,13 +26,13 @@ pub(crate) const FOLDERS_VARIABLE: &str = "CHOREO_PLUGINS";
 const PLUGINS_SUBFOLDER: &str = "plugins";
 
 /// Limits: bytes of a plugin's text, bytes of a WebAssembly plugin, and number of files in one folder.
-const MOST_BYTES: u64 = 4 << 20;
-const MOST_WASM_BYTES: u64 = 64 << 20;
-const MOST_FILES: usize = 10_000;
+const MAX_BYTES: u64 = 4 << 20;
+const MAX_WASM_BYTES: u64 = 64 << 20;
+const MAX_FILES: usize = 10_000;
 /// Number of bytes of an effect's text that are searched for its name.
 const HEAD_BYTES: u64 = 64 << 10;
 /// Largest file that a plugin reads, bytes.
-const MOST_TEXTURE_BYTES: u64 = 32 << 20;
+const MAX_TEXTURE_BYTES: u64 = 32 << 20;
 
 /// A plugin folder that cannot be used at all.
 #[derive(Debug, Error)]
@@ -206,7 +206,7 @@ fn user_folders() -> Vec<(PathBuf, bool)> {
 /// Names of the packages in a folder, sorted. Folders that begin with a dot are skipped, since an unfinished installation is in such a folder.
 pub fn packages_in(folder: &Path) -> Vec<PathBuf> {
     let Ok(open) = Folder::open(folder) else { return Vec::new() };
-    let names = open.names(MOST_FILES).unwrap_or_default();
+    let names = open.names(MAX_FILES).unwrap_or_default();
     let is_package = |name: &PathBuf| {
         !name.to_string_lossy().starts_with('.') && open.metadata(&name.join(DESCRIPTION)).is_some()
     };
@@ -262,8 +262,8 @@ fn sources_in(place: &PluginFolder) -> Result<Vec<Source>, FolderError> {
     let root = if place.root.as_os_str().is_empty() { Path::new(".") } else { place.root.as_path() };
     let opened = Folder::open(root).map_err(FileError::Io).and_then(|folder| {
         let names = match place.below.as_os_str().is_empty() {
-            true => folder.names(MOST_FILES)?,
-            false => folder.folder(&place.below)?.names(MOST_FILES)?,
+            true => folder.names(MAX_FILES)?,
+            false => folder.folder(&place.below)?.names(MAX_FILES)?,
         };
         Ok((folder, names))
     });
@@ -536,7 +536,7 @@ impl Source {
     }
 
     fn bytes(&self) -> Result<Vec<u8>, ReadError> {
-        let most = if self.is_wasm() { MOST_WASM_BYTES } else { MOST_BYTES };
+        let most = if self.is_wasm() { MAX_WASM_BYTES } else { MAX_BYTES };
         self.folder.read(&self.name, most).map_err(|e| self.read_error(&e))
     }
 
@@ -569,7 +569,7 @@ impl Source {
             let inside = self.folder.resolve(&self.name).map_err(|e| e.to_string())?;
             let parent = inside.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let own = self.folder.folder(parent).map_err(|e| e.to_string())?;
-            own.read(Path::new(&name), MOST_TEXTURE_BYTES).map(Arc::from).map_err(|error| match error {
+            own.read(Path::new(&name), MAX_TEXTURE_BYTES).map(Arc::from).map_err(|error| match error {
                 FileError::Outside => refused(),
                 error => error.to_string(),
             })

@@ -14,9 +14,9 @@ use std::time::{Duration, Instant};
 use thiserror::Error;
 
 /// Quiet time after a file was closed or moved into place: it is complete, and other files of the same save follow within this time.
-const COMPLETE: Duration = Duration::from_millis(3);
+const QUIET_AFTER_COMPLETE: Duration = Duration::from_millis(3);
 /// Quiet time after a file was opened, written or removed: its writer continues within this time.
-const UNFINISHED: Duration = Duration::from_millis(60);
+const QUIET_AFTER_UNFINISHED: Duration = Duration::from_millis(60);
 /// Changes are reported after this time even if events keep coming.
 const MAX_DELAY: Duration = Duration::from_secs(2);
 
@@ -189,7 +189,7 @@ impl Watch {
                     Err(RecvTimeoutError::Disconnected) => return Err(WatchError::Gone),
                     Err(RecvTimeoutError::Timeout) => {
                         if candidates.due().is_some_and(|due| due <= Instant::now()) {
-                            let changed = self.changed(&candidates.take());
+                            let changed = self.changed(&candidates.take_paths());
                             if !changed.is_empty() {
                                 return Ok(WatchEvent::Changed(changed));
                             }
@@ -209,9 +209,9 @@ impl Watch {
                 }
                 Signal::Lost => {
                     let all: BTreeSet<PathBuf> = self.watched_files();
-                    candidates.add(all, COMPLETE);
+                    candidates.add(all, QUIET_AFTER_COMPLETE);
                 }
-                Signal::Compare(files) => candidates.add(files, COMPLETE),
+                Signal::Compare(files) => candidates.add(files, QUIET_AFTER_COMPLETE),
                 Signal::Event(event) => {
                     let touched = self.touched(&event);
                     if !touched.is_empty() {
@@ -358,9 +358,9 @@ fn is_skipped(folder: &Path) -> bool {
 /// Quiet time after an event until the change counts as complete.
 fn quiet_after(kind: EventKind) -> Duration {
     match kind {
-        EventKind::Access(_) => COMPLETE,
-        EventKind::Modify(ModifyKind::Name(RenameMode::To | RenameMode::Both)) => COMPLETE,
-        _ => UNFINISHED,
+        EventKind::Access(_) => QUIET_AFTER_COMPLETE,
+        EventKind::Modify(ModifyKind::Name(RenameMode::To | RenameMode::Both)) => QUIET_AFTER_COMPLETE,
+        _ => QUIET_AFTER_UNFINISHED,
     }
 }
 
@@ -384,7 +384,7 @@ impl Candidates {
         self.due_at
     }
 
-    fn take(&mut self) -> BTreeSet<PathBuf> {
+    fn take_paths(&mut self) -> BTreeSet<PathBuf> {
         std::mem::take(self).paths
     }
 }

@@ -35,7 +35,7 @@ impl Limits {
 }
 
 /// Interval at which a running plugin is interrupted to check the clock.
-const TICK: Duration = Duration::from_millis(20);
+const EPOCH_INTERVAL: Duration = Duration::from_millis(20);
 
 /// A compiled plugin.
 #[derive(Clone)]
@@ -82,7 +82,7 @@ impl Plugin {
             }
         });
         store.set_epoch_deadline(1);
-        let _clock = Clock::start(&self.engine);
+        let _clock = EpochClock::start(&self.engine);
         let mut linker = Linker::new(&self.engine);
         host::link(&mut linker)?;
         let instance = linker.instantiate(&mut store, &self.module);
@@ -180,24 +180,24 @@ fn run(
     Ok((memory, (result >> 32) as usize, result as u32 as usize))
 }
 
-/// Thread that advances the engine's epoch every [`TICK`], so that running calls check their time limit. Ends when dropped.
-struct Clock(Option<(Sender<()>, std::thread::JoinHandle<()>)>);
+/// Thread that advances the engine's epoch every [`EPOCH_INTERVAL`], so that running calls check their time limit. Ends when dropped.
+struct EpochClock(Option<(Sender<()>, std::thread::JoinHandle<()>)>);
 
-impl Clock {
-    fn start(engine: &Engine) -> Clock {
+impl EpochClock {
+    fn start(engine: &Engine) -> EpochClock {
         let (end, ended) = channel::<()>();
         let engine = engine.clone();
         let tick = move || {
-            while ended.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
+            while ended.recv_timeout(EPOCH_INTERVAL) == Err(RecvTimeoutError::Timeout) {
                 engine.increment_epoch();
             }
         };
         let thread = std::thread::Builder::new().name("plugin clock".into()).spawn(tick);
-        Clock(thread.ok().map(|thread| (end, thread)))
+        EpochClock(thread.ok().map(|thread| (end, thread)))
     }
 }
 
-impl Drop for Clock {
+impl Drop for EpochClock {
     fn drop(&mut self) {
         if let Some((end, thread)) = self.0.take() {
             drop(end);

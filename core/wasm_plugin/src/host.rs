@@ -75,7 +75,7 @@ impl Host {
 }
 
 /// Stack size in bytes of the thread that a plugin runs on.
-const STACK: usize = 8 << 20;
+const STACK_BYTES: usize = 8 << 20;
 
 /// Runs a call on a new thread and answers its requests on this thread until the call ends. An error of `answer` ends the call.
 pub fn serve<T: Transfer + Send, E>(
@@ -90,7 +90,7 @@ pub fn serve<T: Transfer + Send, E>(
     let host = Host { caller: Some((asks, answered)), ..Host::with_file(file) };
     std::thread::scope(|scope| {
         let call = move || plugin.call(function, argument, host, limits);
-        let thread = std::thread::Builder::new().name("plugin".into()).stack_size(STACK);
+        let thread = std::thread::Builder::new().name("plugin".into()).stack_size(STACK_BYTES);
         let Ok(thread) = thread.spawn_scoped(scope, call) else {
             return Ok(Err(WasmError("it cannot start a thread".into())));
         };
@@ -105,10 +105,10 @@ pub fn serve<T: Transfer + Send, E>(
 }
 
 /// Maximum bytes of a name or text.
-const MOST_TEXT: usize = 64 << 10;
+const MAX_TEXT_BYTES: usize = 64 << 10;
 
 /// Maximum number of files beside the main one of an export.
-const MOST_FILES: usize = 10_000;
+const MAX_FILES: usize = 10_000;
 
 fn memory(caller: &mut Caller<'_, Host>) -> Result<Memory, wasmtime::Error> {
     match caller.get_export("memory") {
@@ -125,9 +125,9 @@ fn bytes<'c>(caller: &'c mut Caller<'_, Host>, place: u32, length: u32) -> Resul
 }
 
 fn text(caller: &mut Caller<'_, Host>, place: u32, length: u32) -> Result<String, wasmtime::Error> {
-    match length as usize <= MOST_TEXT {
+    match length as usize <= MAX_TEXT_BYTES {
         true => Ok(String::from_utf8_lossy(bytes(caller, place, length)?).into_owned()),
-        false => Err(wasmtime::Error::msg(format!("a text of {length} bytes, {MOST_TEXT} are allowed"))),
+        false => Err(wasmtime::Error::msg(format!("a text of {length} bytes, {MAX_TEXT_BYTES} are allowed"))),
     }
 }
 
@@ -161,7 +161,7 @@ fn take(mut caller: Caller<'_, Host>, place: u32) -> Result<(), wasmtime::Error>
 }
 
 /// Maximum count of numbers that one call reads.
-const MOST_NUMBERS: usize = 1024;
+const MAX_NUMBERS: usize = 1024;
 
 /// Host function that parses numbers of a text, for `choreo_plugin::TextNumbers`.
 fn numbers(
@@ -173,8 +173,8 @@ fn numbers(
     ends: u32,
     most: u32,
 ) -> Result<u32, wasmtime::Error> {
-    let (mut read, mut at) = ([0; MOST_NUMBERS], [0; MOST_NUMBERS]);
-    let most = MOST_NUMBERS.min(most as usize);
+    let (mut read, mut at) = ([0; MAX_NUMBERS], [0; MAX_NUMBERS]);
+    let most = MAX_NUMBERS.min(most as usize);
     let text = bytes(&mut caller, text, length)?;
     let count = choreo_plugin::read_block(kind, text, &mut read[..most], &mut at[..most]);
     let outside = |_| wasmtime::Error::msg("a place outside of the plugin's memory");
@@ -224,8 +224,8 @@ fn check_answer(answer: HostAnswer) -> Result<(), wasmtime::Error> {
 fn beside(mut caller: Caller<'_, Host>, ending: u32, length: u32) -> Result<u32, wasmtime::Error> {
     let ending = text(&mut caller, ending, length)?;
     let host = caller.data_mut();
-    if host.beside.len() >= MOST_FILES {
-        return Err(wasmtime::Error::msg(format!("more than {MOST_FILES} files")));
+    if host.beside.len() >= MAX_FILES {
+        return Err(wasmtime::Error::msg(format!("more than {MAX_FILES} files")));
     }
     let answer = host.ask(HostRequest::Beside(ending.clone()))?;
     check_answer(answer)?;

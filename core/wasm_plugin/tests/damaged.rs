@@ -110,7 +110,7 @@ fn invalid_modules_are_refused() {
         "it exports no function choreo_manifest with the signature that choreo calls"
     );
     let short = plugin("(func (export \"choreo_manifest\") (result i64) i64.const 3)");
-    assert_eq!(compile_error(&short), format!("{UNREADABLE}byte 0: 8 bytes are needed, 3 are left"));
+    assert_eq!(compile_error(&short), format!("{UNREADABLE_RESULT}byte 0: 8 bytes are needed, 3 are left"));
     let unknown = plugin("(import \"env\" \"system\" (func (param i32)))");
     assert!(compile_error(&unknown).contains("unknown import: `env::system`"), "{}", compile_error(&unknown));
     let start = plugin("(func $s (loop br 0)) (start $s)");
@@ -119,7 +119,7 @@ fn invalid_modules_are_refused() {
     assert!(compile_error(&large).contains("memory"), "{}", compile_error(&large));
 }
 
-const UNREADABLE: &str = "its result cannot be read: ";
+const UNREADABLE_RESULT: &str = "its result cannot be read: ";
 
 /// A manifest whose magic bytes are lists in the plugin's memory: `odd 1.0.0` without extensions.
 fn magic_of_plugin(lists: &[(u64, u64)]) -> String {
@@ -186,10 +186,10 @@ fn invalid_results_are_refused() {
     let outside = import_error(&plugin_with_import(&result(4096, 0x7fff_ffff)));
     assert_eq!(outside, "its result, 2147483647 bytes at 4096, lies outside of its memory");
     let empty = import_error(&plugin_with_import(&result(131_072, 0)));
-    assert_eq!(empty, format!("{UNREADABLE}byte 0: 1 bytes are needed, 0 are left"));
+    assert_eq!(empty, format!("{UNREADABLE_RESULT}byte 0: 1 bytes are needed, 0 are left"));
     // The first byte of the argument, the length 5 of the file name "a.odd", is no variant of a reply.
     let argument = import_error(&plugin_with_import(&result(8192, 30)));
-    assert_eq!(argument, format!("{UNREADABLE}byte 1: ImportReply has no variant 5"));
+    assert_eq!(argument, format!("{UNREADABLE_RESULT}byte 1: ImportReply has no variant 5"));
     let far = "(func (export \"choreo_argument\") (param i32) (result i32)
         (select (i32.const 0x7ffffff0) (i32.const 8192) (local.get 0)))
         (func (export \"choreo_import\") (result i64) i64.const 0)";
@@ -198,7 +198,7 @@ fn invalid_results_are_refused() {
     let many = "(i32.store8 (i32.const 4096) (i32.const 0)) (i64.store (i32.const 4097) (i64.const 0))
         (i64.store (i32.const 4105) (i64.const 0x1000000000000000)) ";
     let many = import_error(&plugin_with_import(&(many.to_string() + &result(4096, 17))));
-    assert_eq!(many, format!("{UNREADABLE}byte 17: 8 bytes are needed, 0 are left"));
+    assert_eq!(many, format!("{UNREADABLE_RESULT}byte 17: 8 bytes are needed, 0 are left"));
 }
 
 #[test]
@@ -225,7 +225,7 @@ fn host_functions_check_their_arguments() {
     );
     // The bytes of the file arrive: nine bytes of value 7, which is no variant of a reply.
     let arrived = format!("(call $take (i32.const 4096)) {}", result(4096, 9));
-    let unreadable = |variant: u8| format!("{UNREADABLE}byte 1: ImportReply has no variant {variant}");
+    let unreadable = |variant: u8| format!("{UNREADABLE_RESULT}byte 1: ImportReply has no variant {variant}");
     assert_eq!(calling(&format!("{side} {arrived}")), unreadable(7));
     // The bytes of the imported file, 1, 2, 3, are ready before the first read; the plugin copies them over its argument.
     assert_eq!(calling(&format!("(call $take (i32.const 4095)) {}", result(4097, 9))), unreadable(3));
@@ -278,6 +278,6 @@ fn exports_write_only_to_open_files() {
     assert_eq!(exported(unknown).unwrap_err(), "there is no file 1");
     let outside = "(call $write (i32.const 0) (i32.const 131070) (i32.const 8)) i64.const 9";
     assert_eq!(exported(outside).unwrap_err(), "bytes outside of the plugin's memory");
-    let odd = format!("{UNREADABLE}byte 1: ExportReply has no variant 3");
+    let odd = format!("{UNREADABLE_RESULT}byte 1: ExportReply has no variant 3");
     assert_eq!(exported(&result(4096, 20)).unwrap_err(), odd);
 }

@@ -3,7 +3,7 @@
 
 use super::choice::{Choice, Row};
 use super::number::{bytes, duration, quantity};
-use super::svg::{Anchor, BLUE, GREY, GRID, INK, RED, Room, Svg, fitting, text_width};
+use super::svg::{Anchor, BLUE, GRAY, GRID, INK, RED, Room, Svg, fitting, text_width};
 
 const WIDTH: f64 = 720.0;
 const HEIGHT: f64 = 440.0;
@@ -82,25 +82,25 @@ impl Frame<'_> {
         if !choice.why.is_empty() {
             let chosen = choice.chosen.map_or("", |c| choice.rows[c].name.as_str());
             let (text, size) = fitting(&format!("chosen: {chosen}, {}", choice.why), 12.0, right - left);
-            svg.text((left, 42.0), &text, size, GREY, Anchor::Start);
+            svg.text((left, 42.0), &text, size, GRAY, Anchor::Start);
         }
         for tick in x.ticks() {
             let at = x.at(tick);
             svg.line((at, top), (at, bottom), GRID, 1.0, "");
             let text = if timed { duration(tick) } else { bytes(tick) };
-            svg.text((at, bottom + 18.0), &round_tick_text(&text), 11.0, GREY, Anchor::Middle);
+            svg.text((at, bottom + 18.0), &round_tick_text(&text), 11.0, GRAY, Anchor::Middle);
         }
         for tick in y.ticks() {
             let at = y.at(tick);
             svg.line((left, at), (right, at), GRID, 1.0, "");
-            svg.text((left - 8.0, at + 4.0), &round_tick_text(&quantity(tick)), 11.0, GREY, Anchor::End);
+            svg.text((left - 8.0, at + 4.0), &round_tick_text(&quantity(tick)), 11.0, GRAY, Anchor::End);
         }
         if exact {
-            svg.text((left - 8.0, bottom - EXACT_STRIP_HEIGHT * 0.4 + 4.0), "exact", 11.0, GREY, Anchor::End);
-            svg.line((left, floor), (right, floor), GREY, 0.5, "2 3");
+            svg.text((left - 8.0, bottom - EXACT_STRIP_HEIGHT * 0.4 + 4.0), "exact", 11.0, GRAY, Anchor::End);
+            svg.line((left, floor), (right, floor), GRAY, 0.5, "2 3");
         }
-        svg.line((left, top), (left, bottom), GREY, 1.0, "");
-        svg.line((left, bottom), (right, bottom), GREY, 1.0, "");
+        svg.line((left, top), (left, bottom), GRAY, 1.0, "");
+        svg.line((left, bottom), (right, bottom), GRAY, 1.0, "");
         let what = if timed { "time" } else { "size" };
         let per = if choice.per.is_empty() || !timed {
             what.to_string()
@@ -152,7 +152,7 @@ pub fn plot(choice: &Choice) -> Option<String> {
     }
     front.sort_by(|a, b| a.0.total_cmp(&b.0));
     for pair in front.windows(2) {
-        svg.line(pair[0], pair[1], GREY, 1.0, "4 4");
+        svg.line(pair[0], pair[1], GRAY, 1.0, "4 4");
     }
     let mut room = Room::default();
     for (_, row, cost) in &points {

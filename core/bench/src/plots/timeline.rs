@@ -1,6 +1,6 @@
 //! Cue sheet as an image: bars on tracks over time.
 
-use super::svg::{Anchor, GREY, GRID, INK, RED, Svg, fitting, text_width};
+use super::svg::{Anchor, GRAY, GRID, INK, RED, Svg, fitting, text_width};
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bar {
@@ -57,7 +57,7 @@ impl Timeline {
                 (x(at), TOP - 10.0),
                 &format!("{} s", (at * 1000.0).round() / 1000.0),
                 11.0,
-                GREY,
+                GRAY,
                 Anchor::Middle,
             );
         }

@@ -9,8 +9,8 @@ use glam::{Affine3A, Vec3};
 use std::sync::Arc;
 
 /// Largest numbers of measured clips, and of times in each.
-const MOST_CLIPS: usize = 12;
-const MOST_TIMES: usize = 240;
+const MAX_CLIPS: usize = 12;
+const MAX_TIMES: usize = 240;
 const RATES: [u32; 3] = [30, 60, 120];
 /// A tenth of a millimetre at a joint is a small part of a pixel in any shot of a whole character. A micrometre is the rounding of f32.
 const LIMITS: Limits = Limits { rounding: 0.001, visible: 0.1, visible_text: "0.1 mm" };
@@ -39,7 +39,7 @@ pub fn choices(scene: &MeasuredScene) -> SceneChoices {
     if clips.is_empty() {
         return SceneChoices::None("no actor plays a clip with moving joints".into());
     }
-    clips.truncate(MOST_CLIPS);
+    clips.truncate(MAX_CLIPS);
     SceneChoices::Choices(vec![bake(&clips, scene.budget_secs)])
 }
 
@@ -122,7 +122,7 @@ fn times(clip: &Clip) -> Vec<Time> {
     let mut all: Vec<Time> = keys.into_iter().chain(middles).chain(odd).collect();
     all.sort_unstable();
     all.dedup();
-    let step = all.len().div_ceil(MOST_TIMES).max(1);
+    let step = all.len().div_ceil(MAX_TIMES).max(1);
     all.into_iter().step_by(step).collect()
 }
 

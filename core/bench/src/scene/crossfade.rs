@@ -10,7 +10,7 @@ use choreo_stage::Cue;
 use glam::Affine3A;
 use std::sync::Arc;
 
-const MOST_FADES: usize = 16;
+const MAX_FADES: usize = 16;
 const WEIGHTS: [f32; 5] = [0.1, 0.25, 0.4, 0.7, 0.9];
 const LIMITS: Limits = Limits { rounding: 0.01, visible: 1.0, visible_text: "1 mm" };
 /// Methods; each blends eight joints at once.
@@ -45,7 +45,7 @@ fn fades(scene: &MeasuredScene) -> Vec<Fade> {
     for actor in &scene.stage.actors {
         let Some(layer) = actor.layers.first().filter(|l| l.mask.is_none()) else { continue };
         for pair in layer.cues.windows(2).filter(|p| p[1].fade_in > Time::ZERO) {
-            if fades.len() == MOST_FADES {
+            if fades.len() == MAX_FADES {
                 return fades;
             }
             let at = pair[1].start + Time(pair[1].fade_in.0 / 2);

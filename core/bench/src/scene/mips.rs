@@ -9,7 +9,7 @@ use choreo_asset::Image;
 use choreo_render::scene_resources::mipmap::{levels_below, linear_to_srgb8, srgb_to_linear_table};
 
 /// Side in pixels of the part by which a larger texture is judged.
-const MOST_SIDE: u32 = 512;
+const MAX_SIDE: u32 = 512;
 
 /// Names of the methods; the program uses the first.
 const METHODS: [&str; 3] = ["linear light, unrounded levels", "linear light, rounded levels", "sRGB codes"];
@@ -23,9 +23,9 @@ pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
     SceneChoices::Choices(vec![mips(&crop_to_max_side(&texture.image), scene.budget_secs)])
 }
 
-/// The top left part of an image, at most [`MOST_SIDE`] pixels a side.
+/// The top left part of an image, at most [`MAX_SIDE`] pixels a side.
 fn crop_to_max_side(image: &Image) -> Image {
-    let (width, height) = (image.width.min(MOST_SIDE), image.height.min(MOST_SIDE));
+    let (width, height) = (image.width.min(MAX_SIDE), image.height.min(MAX_SIDE));
     let row = |y: u32| {
         let from = (y * image.width) as usize * 4;
         image.rgba[from..from + width as usize * 4].iter().copied()

@@ -112,15 +112,15 @@ struct Limits {
 /// Chooses a row: the cheapest within the limit, or the most exact one if it costs at most half as much again. If no row is within the
 /// limit, the most exact one. Of rows that are equal to rounding and within a tenth of the cost, the first.
 fn choose_row(choice: &mut Choice, limits: &Limits) {
-    const WORTH: f64 = 1.5;
-    const EQUAL: f64 = 1.1;
+    const MAX_COST_RATIO: f64 = 1.5;
+    const EQUAL_COST_RATIO: f64 = 1.1;
     let Limits { rounding, visible: tolerance, visible_text: tolerance_words } = *limits;
     let cost = |r: &Row| r.cost().unwrap_or(f64::INFINITY);
     let least = choice.rows.iter().map(|r| r.worst).fold(f64::INFINITY, f64::min);
     let best: Vec<&Row> = choice.rows.iter().filter(|r| r.worst <= least.max(rounding)).collect();
     let cheapest = |rows: &[&Row]| -> Option<Row> {
         let low = rows.iter().map(|r| cost(r)).fold(f64::INFINITY, f64::min);
-        rows.iter().find(|r| cost(r) <= low * EQUAL).map(|r| (*r).clone())
+        rows.iter().find(|r| cost(r) <= low * EQUAL_COST_RATIO).map(|r| (*r).clone())
     };
     let Some(exact) = cheapest(&best) else { return };
     let within: Vec<&Row> = choice.rows.iter().filter(|r| r.worst <= tolerance).collect();
@@ -130,7 +130,7 @@ fn choose_row(choice: &mut Choice, limits: &Limits) {
             exact.name,
             "no other is more accurate beyond rounding, and none within the limit is cheaper".to_string(),
         ),
-        Some(cheap) if cost(&exact) <= cost(&cheap) * WORTH => {
+        Some(cheap) if cost(&exact) <= cost(&cheap) * MAX_COST_RATIO => {
             let more = (cost(&exact) / cost(&cheap) - 1.0) * 100.0;
             (
                 exact.name,

@@ -11,7 +11,7 @@ use choreo_render::{DeviceKind, RenderError};
 use std::cell::RefCell;
 
 /// Largest size of the image; the reference draws 16 times as many pixels.
-const MOST_PIXELS: u32 = 1280 * 720;
+const MAX_PIXELS: u32 = 1280 * 720;
 /// Larger differences, in steps of 255, are visible side by side.
 const TOLERANCE: u8 = 8;
 
@@ -21,7 +21,7 @@ pub fn choices(scene: &mut MeasuredScene, moment: &Moment) -> Result<SceneChoice
     }
     let [width, height] = scene.size;
     // The size is divided by a whole number, so that the aspect ratio stays.
-    let smaller = (1..=64).find(|n| (width / n) * (height / n) <= MOST_PIXELS).unwrap_or(64);
+    let smaller = (1..=64).find(|n| (width / n) * (height / n) <= MAX_PIXELS).unwrap_or(64);
     let size = [width / smaller, height / smaller].map(|n| n.max(16));
     let truth = moment.supersampled(size)?;
     let mut choice = Choice::new("renderer", "Which renderer draws, with how many samples a pixel?");

@@ -12,9 +12,9 @@ use glam::DVec3;
 use std::sync::Arc;
 
 /// Longest time from its beginning over which a simulation is followed, seconds.
-const MOST_SECS: f64 = 10.0;
+const MAX_SECS: f64 = 10.0;
 /// Number of times at which joints are compared.
-const MOMENTS: i64 = 8;
+const COMPARED_TIMES: i64 = 8;
 const RATES: [i64; 4] = [30, 60, 120, 240];
 const EXACT_RATE: i64 = 960;
 const SOLVERS: [(Solver, &str); 3] =
@@ -40,9 +40,9 @@ pub fn springs(scene: &MeasuredScene) -> Result<SceneChoices, BenchError> {
     let mut choice = Choice::new("springs", "How many steps a second do springs take?");
     choice.reference =
         format!("{EXACT_RATE} steps a second; all joints with springs, positions in world space");
-    let until = scene.at.min(Time::from_secs(MOST_SECS)).max(Time::from_secs(0.5));
-    choice.per = format!("{:.2} s of the scene, all its poses", until.as_secs() / MOMENTS as f64);
-    let window = (Time(until.0 / MOMENTS), until);
+    let until = scene.at.min(Time::from_secs(MAX_SECS)).max(Time::from_secs(0.5));
+    choice.per = format!("{:.2} s of the scene, all its poses", until.as_secs() / COMPARED_TIMES as f64);
+    let window = (Time(until.0 / COMPARED_TIMES), until);
     add_rows(&mut choice, scene, &methods, with(EXACT_RATE), &joints, window)?;
     choice.choose(&name(ours.spring_rate), "the rate at which other programs tune spring parameters");
     Ok(SceneChoices::Choices(vec![choice]))
@@ -105,7 +105,8 @@ fn add_rows(
 ) -> Result<(), BenchError> {
     choice.error_unit = "mm";
     let stage_with = |solvers: SolverSettings| Arc::new(Stage { solvers, ..(**scene.stage).clone() });
-    let times: Vec<Time> = (0..MOMENTS).map(|i| first + Time((last - first).0 / (MOMENTS - 1) * i)).collect();
+    let times: Vec<Time> =
+        (0..COMPARED_TIMES).map(|i| first + Time((last - first).0 / (COMPARED_TIMES - 1) * i)).collect();
     let truth = joint_positions(&stage_with(exact), &times, joints)?;
     let stages: Vec<Arc<Stage>> = methods.iter().map(|(_, solvers)| stage_with(*solvers)).collect();
     for ((name, _), stage) in methods.iter().zip(&stages) {

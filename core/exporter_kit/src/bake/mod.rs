@@ -23,7 +23,7 @@ use choreo_plugin::{ExportedScene, glam};
 use std::collections::BTreeMap;
 
 /// Largest count of numbers in the rows of samples together; scenes with more are sampled in parts.
-const MOST_NUMBERS: usize = 32 << 20;
+const MAX_NUMBERS: usize = 32 << 20;
 
 pub struct Baked<'a> {
     pub start: Time,
@@ -154,7 +154,7 @@ fn sample(
     let stage = &scene.stage;
     let posed: Vec<usize> = (0..needs.len()).filter(|a| needs[*a] == SampledPart::Pose).collect();
     let times = sample::first_times(scene, baked.start, baked.end, &posed);
-    let most = (MOST_NUMBERS / (4 * times.len())).max(1);
+    let most = (MAX_NUMBERS / (4 * times.len())).max(1);
     let mut left: Vec<usize> = (0..needs.len()).filter(|a| needs[*a] != SampledPart::Nothing).collect();
     left.reverse();
     while !left.is_empty() || !signals.is_empty() {

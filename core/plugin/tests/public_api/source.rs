@@ -52,7 +52,7 @@ impl Reader<'_> {
         }
     }
 
-    fn has(&self, attribute: &str) -> bool {
+    fn has_attribute(&self, attribute: &str) -> bool {
         self.attributes.iter().any(|a| a.starts_with(attribute))
     }
 
@@ -63,11 +63,11 @@ impl Reader<'_> {
     /// A line without indentation: an item begins or ends.
     fn read_top_level_line<'t>(&mut self, line: &'t str, lines: &mut impl Iterator<Item = &'t str>) {
         self.item = None;
-        if self.has("#[cfg(test)]") || self.has("#[doc(hidden)]") {
+        if self.has_attribute("#[cfg(test)]") || self.has_attribute("#[doc(hidden)]") {
             return skip_item(line, lines);
         }
         if let Some(name) = line.strip_prefix("macro_rules! ").and_then(|l| l.strip_suffix(" {")) {
-            if self.has("#[macro_export]") {
+            if self.has_attribute("#[macro_export]") {
                 self.add(format!("macro {name}"));
             }
             return skip_item(line, lines);
@@ -110,7 +110,7 @@ impl Reader<'_> {
                 return;
             }
         }
-        let open = if self.has("#[non_exhaustive]") { " non_exhaustive" } else { "" };
+        let open = if self.has_attribute("#[non_exhaustive]") { " non_exhaustive" } else { "" };
         self.add(format!("{module} {signature}{open}"));
         for derived in self.attributes.iter().filter_map(|a| a.strip_prefix("#[derive(")) {
             for name in derived.trim_end_matches(")]").split(',').map(str::trim).filter(|n| !n.is_empty()) {
@@ -163,7 +163,7 @@ impl Reader<'_> {
     fn read_member_line<'t>(&mut self, line: &'t str, lines: &mut impl Iterator<Item = &'t str>) {
         let Some(Item { path, kind }) = &self.item else { return };
         let (path, kind) = (path.clone(), *kind);
-        if self.has("#[doc(hidden)]") || self.has("#[cfg(test)]") {
+        if self.has_attribute("#[doc(hidden)]") || self.has_attribute("#[cfg(test)]") {
             return;
         }
         let code = line.trim_start();

@@ -76,7 +76,7 @@ fn with_times(
             (_, Some(_)) => continue,
             (Some(computed), None) => Edit { range: copied.text.trimmed(&computed), text: written },
             (None, None) => {
-                let from = copied.last("from").filter(|_| name == "until");
+                let from = copied.last_call("from").filter(|_| name == "until");
                 let at = from.map_or(copied.call.end, |from| from.end);
                 Edit { range: at..at, text: format!(".{name}({written})") }
             }

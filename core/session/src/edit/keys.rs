@@ -344,7 +344,7 @@ impl ScriptObject<'_> {
     fn keyed_option(&self, name: KeyName) -> Option<Call> {
         let KeyName::Method(name) = name else { return None };
         let option =
-            option_of(&self.text, &self.creating_call, name).filter(|_| self.last(&[name]).is_none())?;
+            option_of(&self.text, &self.creating_call, name).filter(|_| self.last_call(&[name]).is_none())?;
         self.text.option_from(option.start).filter(|option| is_keyed_method(&self.text, option, name))
     }
 

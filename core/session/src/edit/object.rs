@@ -52,17 +52,17 @@ impl ScriptText {
     /// # Errors
     /// There is no call.
     pub fn object(&self, line: usize, column: usize) -> Result<ScriptObject<'_>, EditRefused> {
-        ScriptObject::within(Source::of(&self.text, self.tokens.clone()), line, column)
+        ScriptObject::from_source(Source::of(&self.text, self.tokens.clone()), line, column)
     }
 }
 
 impl<'a> ScriptObject<'a> {
     /// The object created by the call at a position: line and column in characters, from 1.
     pub fn at(text: &'a str, line: usize, column: usize) -> Result<ScriptObject<'a>, EditRefused> {
-        ScriptObject::within(Source::new(text), line, column)
+        ScriptObject::from_source(Source::new(text), line, column)
     }
 
-    fn within(text: Source<'a>, line: usize, column: usize) -> Result<ScriptObject<'a>, EditRefused> {
+    fn from_source(text: Source<'a>, line: usize, column: usize) -> Result<ScriptObject<'a>, EditRefused> {
         let refuse = |why: &str| EditRefused::at(line, why);
         let at = text.byte_at(line, column).ok_or_else(|| refuse("the script has no such line"))?;
         let creating_call = text.call_from(at).ok_or_else(|| refuse("there is no call to change here"))?;
@@ -108,7 +108,8 @@ impl<'a> ScriptObject<'a> {
     /// = cast("ada", hero);` and `ada.play(walk);`. `None` if the call is part of an expression or stands in a block.
     pub fn with_variable(&self, name: &str) -> Option<(String, Option<Edit>)> {
         /// Calls that return the actor itself.
-        const ITSELF: [&str; 7] = ["at", "move_by", "turn", "rotate", "scale", "face", "tint"];
+        const METHODS_RETURNING_ACTOR: [&str; 7] =
+            ["at", "move_by", "turn", "rotate", "scale", "face", "tint"];
         if let Some(variable) = &self.variable {
             return Some((variable.clone(), None));
         }
@@ -121,7 +122,7 @@ impl<'a> ScriptObject<'a> {
             |name| self.text.contains(&format!("let {name} ")),
         );
         let own = self.text.chain_after(self.creating_call.end).into_iter();
-        let own = own.take_while(|call| ITSELF.contains(&&self.text[call.name.clone()]));
+        let own = own.take_while(|call| METHODS_RETURNING_ACTOR.contains(&&self.text[call.name.clone()]));
         let end = own.last().map_or(self.creating_call.end, |call| call.end);
         let rest =
             if self.text[end..].trim_start().starts_with('.') { format!(";\n{name}") } else { String::new() };
@@ -133,10 +134,10 @@ impl<'a> ScriptObject<'a> {
 
     /// Line of the last call of a method, from 1.
     pub fn line_of_call(&self, name: &str) -> Option<usize> {
-        self.last(&[name]).map(|call| self.line_of(call.name.start))
+        self.last_call(&[name]).map(|call| self.line_of(call.name.start))
     }
 
-    pub(super) fn last(&self, names: &[&str]) -> Option<&Call> {
+    pub(super) fn last_call(&self, names: &[&str]) -> Option<&Call> {
         self.calls.iter().rev().find(|call| names.contains(&&self.text[call.name.clone()]))
     }
 
@@ -213,7 +214,7 @@ impl<'a> ScriptObject<'a> {
     /// Writes `.name(values)`: over the last call of this name, else as a new one in the chain of the creating call.
     pub fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let new = call_text(name, values);
-        let Some(call) = self.last(&[name]) else { return Ok(self.add_method(&new)) };
+        let Some(call) = self.last_call(&[name]) else { return Ok(self.add_method(&new)) };
         if let Some(edit) = numbers_over(&self.text, &call.inside, values) {
             return Ok(edit);
         }
@@ -236,7 +237,7 @@ impl<'a> ScriptObject<'a> {
     /// The script computes the value of the method to be replaced.
     pub fn set_one_of(&self, names: &[&str], name: &str, value: &str) -> Result<Edit, EditRefused> {
         let new = format!("{name}({value})");
-        let Some(old) = self.last(names) else { return Ok(self.add_method(&new)) };
+        let Some(old) = self.last_call(names) else { return Ok(self.add_method(&new)) };
         literals(&self.text, &old.inside).ok_or_else(|| self.refuse_computed(old, &new))?;
         let value = in_number_style(&self.text[old.inside.clone()], value);
         Ok(Edit { range: old.name.start..old.end, text: format!("{name}({value})") })
@@ -246,7 +247,7 @@ impl<'a> ScriptObject<'a> {
     pub fn set_point(&self, name: &str, point: DVec3) -> Result<Edit, EditRefused> {
         let [x, y, z] = point.to_array().map(format_number);
         let new = format!("{name}([{x}, {y}, {z}])");
-        let Some(call) = self.last(&[name]) else { return Ok(self.add_method(&new)) };
+        let Some(call) = self.last_call(&[name]) else { return Ok(self.add_method(&new)) };
         let changed = numbers_over(&self.text, &call.inside, &point.to_array());
         changed.ok_or_else(|| self.refuse_computed(call, &new))
     }
@@ -254,7 +255,7 @@ impl<'a> ScriptObject<'a> {
     /// Moves the object by `by`: adds it to the last `.at` or `.move_by`. Numbers that do not change stay as they are written. `to`: the resulting
     /// position, written as `.at` if there is neither call.
     pub fn move_by(&self, by: DVec3, to: DVec3) -> Result<Edit, EditRefused> {
-        let Some(call) = self.last(&["at", "move_by"]) else { return self.set("at", &to.to_array()) };
+        let Some(call) = self.last_call(&["at", "move_by"]) else { return self.set("at", &to.to_array()) };
         let new = call_text("move_by", &by.to_array());
         let moved = numbers_plus(&self.text, &call.inside, &by.to_array());
         moved.ok_or_else(|| self.refuse_computed(call, &new))
@@ -267,7 +268,7 @@ impl<'a> ScriptObject<'a> {
         let angles = euler_degrees(by);
         let new =
             if upright { call_text("turn", &[degrees]) } else { call_text("rotate", &angles.to_array()) };
-        let Some(call) = self.last(&["turn", "rotate"]) else { return self.add_method(&new) };
+        let Some(call) = self.last_call(&["turn", "rotate"]) else { return self.add_method(&new) };
         let old = literals(&self.text, &call.inside).unwrap_or_default();
         let values: Vec<f64> = old.iter().map(|(_, v)| *v).collect();
         let changed = match (&self.text[call.name.clone()], values.as_slice()) {
@@ -288,13 +289,13 @@ impl<'a> ScriptObject<'a> {
     /// Writes a time as `.from(…)`, `.until(…)`, `.cut(…)` …: over the last call of this name, else as a new one.
     pub fn time(&self, name: &str, time: EditTime) -> Result<Edit, EditRefused> {
         let new = format!("{name}({})", time.new_text(&self.text));
-        let Some(call) = self.last(&[name]) else { return Ok(self.add_method(&new)) };
+        let Some(call) = self.last_call(&[name]) else { return Ok(self.add_method(&new)) };
         restated(&self.text, &call.inside, time).ok_or_else(|| self.refuse_computed(call, &new))
     }
 
     /// Sets an option of the creating call, or the value of a later method with that name. `value`: source text.
     pub fn option(&self, name: &str, value: &str) -> Result<Edit, EditRefused> {
-        if let Some(call) = self.last(&[name]) {
+        if let Some(call) = self.last_call(&[name]) {
             return self.overwrite(call, call.inside.clone(), value);
         }
         // A light has either `kelvin` or `color`.
@@ -397,7 +398,7 @@ impl<'a> ScriptObject<'a> {
         let is_later = needs.is_some_and(|(_, made)| made > end);
         // A call after a constraint in an actor's chain would be about the constraint.
         let is_constrained = self.text[self.creating_call.name.clone()] == *"cast"
-            && self.last(&["reach", "aim", "look_at"]).is_some();
+            && self.last_call(&["reach", "aim", "look_at"]).is_some();
         if self.text[self.text.next_token_start(end)..].starts_with('.') || is_later || is_constrained {
             return Err(EditRefused::at(
                 self.line,

@@ -64,11 +64,11 @@ pub enum SecondHalf {
 
 impl<'a> Strip<'a> {
     pub(super) fn at(text: &'a str, line: usize, column: usize) -> Result<Strip<'a>, EditRefused> {
-        let within = Strip::within(Source::new(text), line, column);
+        let within = Strip::from_source(Source::new(text), line, column);
         within.ok_or_else(|| EditRefused::at(line, "there is no play or then to change here"))
     }
 
-    fn within(text: Source<'a>, line: usize, column: usize) -> Option<Strip<'a>> {
+    fn from_source(text: Source<'a>, line: usize, column: usize) -> Option<Strip<'a>> {
         let call = text.byte_at(line, column).and_then(|at| text.call_from(at))?;
         let chain = text.chain_after(call.end);
         Some(Strip { text, line, call, chain })
@@ -78,7 +78,7 @@ impl<'a> Strip<'a> {
         &self.text[call.name.clone()]
     }
 
-    pub(super) fn last(&self, name: &str) -> Option<&Call> {
+    pub(super) fn last_call(&self, name: &str) -> Option<&Call> {
         self.chain.iter().rev().find(|call| self.name(call) == name)
     }
 
@@ -88,7 +88,7 @@ impl<'a> Strip<'a> {
 
     /// Bytes of a value that the cue states as a method, else as an option.
     pub(super) fn value(&self, name: &str) -> Option<Range<usize>> {
-        let method = self.last(name).map(|call| call.inside.clone());
+        let method = self.last_call(name).map(|call| call.inside.clone());
         method.or_else(|| option_value(&self.text, &self.call, name))
     }
 
@@ -160,7 +160,7 @@ impl<'a> Strip<'a> {
 
     /// Name bytes of the cue that this one follows: the previous cue of its chain, or the last cue of the chain in a variable, `walk.then(…)`.
     /// `all`: the cues to search for that variable.
-    fn before<'s>(&'s self, all: &'s [Option<Strip<'a>>]) -> Option<Range<usize>> {
+    fn preceding_cue<'s>(&'s self, all: &'s [Option<Strip<'a>>]) -> Option<Range<usize>> {
         if self.name(&self.call) != "then" {
             return None;
         }
@@ -242,10 +242,10 @@ impl<'a> Strip<'a> {
 /// Index of the cue that each cue follows in its chain. Cues are given by line and column of their `play` or `then`.
 pub fn cues_before(text: &str, places: &[(usize, usize)]) -> Vec<Option<usize>> {
     let text = Source::new(text);
-    let cue = |(line, column): &(usize, usize)| Strip::within(text.clone(), *line, *column);
+    let cue = |(line, column): &(usize, usize)| Strip::from_source(text.clone(), *line, *column);
     let all: Vec<Option<Strip>> = places.iter().map(cue).collect();
     let before = |cue: &Option<Strip>| {
-        let before = cue.as_ref()?.before(&all)?;
+        let before = cue.as_ref()?.preceding_cue(&all)?;
         all.iter().position(|other| other.as_ref().is_some_and(|other| other.call.name == before))
     };
     all.iter().map(before).collect()

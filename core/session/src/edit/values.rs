@@ -10,7 +10,7 @@ use std::ops::Range;
 /// Decimal places that a person writes.
 pub(super) const USUAL_DIGITS: usize = 3;
 /// Decimal places with which every time is read back as the same tick.
-const MOST_DIGITS: usize = 9;
+const MAX_DIGITS: usize = 9;
 
 /// Writes a number as a person would: with 3 decimal places, small ones with 6; always with a decimal point, so that it stays a float.
 pub fn format_number(value: f64) -> String {
@@ -22,8 +22,8 @@ pub fn format_number(value: f64) -> String {
 /// Writes a number with 3 to 9 decimal places: the fewest whose parsed value `is_meant` accepts.
 pub fn format_as_meant(value: f64, is_meant: impl Fn(f64) -> bool) -> String {
     let reads = |text: &String| text.parse::<f64>().is_ok_and(&is_meant);
-    let text = (USUAL_DIGITS..MOST_DIGITS).map(|digits| format!("{value:.digits$}")).find(reads);
-    trimmed(&text.unwrap_or_else(|| format!("{value:.MOST_DIGITS$}")))
+    let text = (USUAL_DIGITS..MAX_DIGITS).map(|digits| format!("{value:.digits$}")).find(reads);
+    trimmed(&text.unwrap_or_else(|| format!("{value:.MAX_DIGITS$}")))
 }
 
 /// The digits of a number without trailing zeros, always with a decimal point.

@@ -20,7 +20,7 @@ use std::sync::Arc;
 pub type Light = (String, Vec3);
 
 /// Largest size in pixels of the image from which colors are taken.
-const MOST_PIXELS: u32 = 160 * 90;
+const MAX_PIXELS: u32 = 160 * 90;
 /// Stops below the scene's exposure at which images are drawn, so that every pixel is unclipped in one of them.
 const BRACKETS: [f32; 3] = [0.0, 4.0, 8.0];
 
@@ -55,7 +55,7 @@ pub fn choices(scene: &MeasuredScene) -> Result<SceneChoices, BenchError> {
 
 /// Linear light of the scene's pixels, from raw images at several exposures, `further` stops brighter than the camera's.
 fn scene_lights(scene: &MeasuredScene, further: f64) -> Result<Vec<Light>, BenchError> {
-    let smaller = (1..=128).find(|n| (scene.size[0] / n) * (scene.size[1] / n) <= MOST_PIXELS).unwrap_or(128);
+    let smaller = (1..=128).find(|n| (scene.size[0] / n) * (scene.size[1] / n) <= MAX_PIXELS).unwrap_or(128);
     let size = scene.size.map(|side| (side / smaller).max(16));
     let linear = srgb_to_linear_table();
     let mut lights: Vec<Light> = Vec::new();
