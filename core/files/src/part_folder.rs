@@ -100,7 +100,7 @@ impl PartFolder {
             let folder = folder.map_err(|e| WriteError::at(parent.path().join(&part), e))?;
             // All names are checked before any file is written: a link that is found late costs the work done until then.
             for name in files {
-                folder.no_link(Path::new(name))?;
+                folder.refuse_link(Path::new(name))?;
             }
             let lock_name = lock_name(files);
             let opened = match folder.open_existing(lock_name) {
@@ -191,7 +191,7 @@ impl PartFolder {
 
     /// Creates one of the files and replaces an existing one. Refuses a symbolic link.
     pub fn create(&self, name: &str) -> Result<File, WriteError> {
-        self.folder.no_link(Path::new(name))?;
+        self.folder.refuse_link(Path::new(name))?;
         match self.folder.remove_file(Path::new(name)) {
             Err(e) if e.kind() != ErrorKind::NotFound => return Err(e.into()),
             _ => {}

@@ -104,7 +104,7 @@ pub fn mirrored(sky: &Panorama, budget_secs: f64) -> Choice {
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
     let why =
         "made once for each sky, in less than 0.2 s; sharper reflections or more samples are seldom noticed";
-    choice.choose(&name(&SkyOptions::default()), why);
+    choice.choose(&maps_name(&SkyOptions::default()), why);
     choice
 }
 

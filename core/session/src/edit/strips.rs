@@ -2,7 +2,7 @@
 
 use super::cues::{CueChange, comment_behind, set_times, statement_start};
 use super::indenting::indented;
-use super::key_list::parts;
+use super::key_list::split_at_commas;
 use super::keys::shifted_keys;
 use super::number_style::in_number_style;
 use super::object::ScriptObject;
@@ -284,7 +284,7 @@ fn times_in(text: &Source, bytes: &Range<usize>) -> Option<[TimeLiteral; 2]> {
     let inside = text[list.clone()].strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
     let (start, end) = if inside.is_some() { (list.start + 1, list.end - 1) } else { (list.start, list.end) };
     let times: Option<Vec<TimeLiteral>> =
-        parts(text, start, end).map(|time| TimeLiteral::of(text, &time)).collect();
+        split_at_commas(text, start, end).map(|time| TimeLiteral::of(text, &time)).collect();
     times?.try_into().ok()
 }
 
