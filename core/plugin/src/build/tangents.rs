@@ -1,7 +1,7 @@
 //! Tangents for normal maps, as MikkTSpace makes them (M. Mikkelsen, "Simulation of Wrinkled Surfaces
 //! Revisited", 2008, and mikktspace.c), which glTF 2.0 §3.7.2.1 requires.
 //!
-//! The algorithm, with the angular threshold off as everybody uses it: face vertices with equal position, normal
+//! The algorithm, without the angular threshold, as other programs use it: face vertices with equal position, normal
 //! and uv are one vertex; around a vertex, triangles that share an edge and have the same uv orientation
 //! form a group; a group's tangent is the angle-weighted mean of its triangles' ∂position/∂u, projected
 //! into the plane of the normal. The C program groups by recursion and compares all pairs in a group;

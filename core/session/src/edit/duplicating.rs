@@ -1,7 +1,7 @@
 //! Copies of whole objects: the statement that creates one and the statements about it, under another name.
 
 use super::casting::first_free;
-use super::key_list::{arguments, leading_arguments, split_at_commas};
+use super::key_list::{arguments, leading_argument_count, split_at_commas};
 use super::object::{ScriptObject, quoted};
 use super::scan::{Call, Source};
 use super::values::{literals, rewritten};
@@ -127,7 +127,7 @@ fn move_position_keys(text: &Source, call: &Call, by: DVec3) -> Option<Edit> {
         Some(split_at_commas(text, list.start + 1, list.start + 1 + inside.len()))
     };
     let (mut old, mut new) = (Vec::new(), Vec::new());
-    for key in in_list(arguments(text, call).get(leading_arguments(POSITION))?)? {
+    for key in in_list(arguments(text, call).get(leading_argument_count(POSITION))?)? {
         let numbers = literals(text, &in_list(&key)?.nth(1)?).filter(|numbers| numbers.len() == 3)?;
         new.extend(numbers.iter().zip(by.to_array()).map(|((_, number), by)| number + by));
         old.extend(numbers);

@@ -1,6 +1,6 @@
 //! Easings of keys: `[time, value, "in_quad"]` for the span before one key, `.key(…, "smooth")` for all keys of a property.
 
-use super::key_list::{Key, arguments, leading_arguments};
+use super::key_list::{Key, arguments, leading_argument_count};
 use super::key_name::KeyName;
 use super::key_tangents::{KeyShape, replace_shape, shape_of};
 use super::keys::keys_of;
@@ -81,7 +81,7 @@ impl ScriptObject<'_> {
             (Some(old), Some(interpolation)) => Edit::in_old_style(&self.text, old, interpolation),
             (Some(old), None) => self.without_interpolation(old),
             (None, interpolation) => {
-                let list = arguments(&self.text, &call)[leading_arguments(property)].clone();
+                let list = arguments(&self.text, &call)[leading_argument_count(property)].clone();
                 let end = self.text.trimmed(&list).end;
                 let text = interpolation.map_or(String::new(), |interpolation| format!(", {interpolation}"));
                 Edit { range: end..end, text }
@@ -129,7 +129,7 @@ impl ScriptObject<'_> {
 
     /// Bytes of the argument after the list of keys, the interpolation or easing of all.
     pub(super) fn interpolation(&self, property: &str, call: &Call) -> Option<Range<usize>> {
-        let interpolation = arguments(&self.text, call).get(leading_arguments(property) + 1)?.clone();
+        let interpolation = arguments(&self.text, call).get(leading_argument_count(property) + 1)?.clone();
         Some(self.text.trimmed(&interpolation))
     }
 

@@ -22,7 +22,7 @@ pub(super) struct Key {
 }
 
 /// Number of arguments before the list of keys.
-pub(super) fn leading_arguments(property: &str) -> usize {
+pub(super) fn leading_argument_count(property: &str) -> usize {
     KeyName::of(property).leading()
 }
 

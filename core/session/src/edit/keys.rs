@@ -3,7 +3,8 @@
 
 use super::cues::whole_statement;
 use super::key_list::{
-    Key, arguments, insert_key, key_at, keys_in, leading_arguments, remove_key, retime_keys, split_at_commas,
+    Key, arguments, insert_key, key_at, keys_in, leading_argument_count, remove_key, retime_keys,
+    split_at_commas,
 };
 use super::key_name::{JointKey, KeyName, copied_call, is_keyed_method, property_of};
 use super::key_tangents::{KeyShape, shape_of};
@@ -66,7 +67,7 @@ impl ScriptObject<'_> {
     pub fn written_keys(&self, property: &str, fps: f64) -> Result<WrittenKeys, EditRefused> {
         let (call, keys) = self.keys(property, fps)?;
         let interpolation = arguments(&self.text, &call)
-            .get(leading_arguments(property) + 1)
+            .get(leading_argument_count(property) + 1)
             .map(|interpolation| self.text.trimmed(interpolation));
         let shown = |bytes: &Range<usize>| self.text[bytes.clone()].to_string();
         let written = |key: &Key| WrittenKey {
@@ -290,7 +291,7 @@ impl ScriptObject<'_> {
     pub fn all_keys_line(&self, property: &str, keys: &[(EditTime, KeyValue)]) -> Option<Edit> {
         let call = self.key_call(property).filter(|_| !keys.is_empty())?;
         let interpolation = arguments(&self.text, &call)
-            .get(leading_arguments(property) + 1)
+            .get(leading_argument_count(property) + 1)
             .map(|interpolation| self.text.trimmed(interpolation));
         let interpolation =
             interpolation.map_or(String::new(), |interpolation| format!(", {}", &self.text[interpolation]));
@@ -417,7 +418,7 @@ pub fn copied_keys(copied: &str, fps: f64) -> Option<(String, f64)> {
 /// The `.key(…)` or option at a byte, and its parsed keys. `None` if they are computed.
 pub(super) fn keys_of(text: &Source, at: usize, property: &str, fps: f64) -> Option<(Call, Vec<Key>)> {
     let call = text.call_from(at).or_else(|| text.option_from(at))?;
-    let list = arguments(text, &call).get(leading_arguments(property))?.clone();
+    let list = arguments(text, &call).get(leading_argument_count(property))?.clone();
     Some((call, keys_in(text, list, fps)?))
 }
 
