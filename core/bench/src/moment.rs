@@ -8,7 +8,7 @@ use choreo_stage::{Snapshot, Stage, StageError};
 use std::sync::Arc;
 
 /// Pixels of the reference per side of a pixel of the image, each with four samples: 64 samples per pixel.
-pub(crate) const FINER: u32 = 4;
+pub(crate) const REFERENCE_SCALE: u32 = 4;
 
 /// One moment of a stage, ready to be drawn in any size.
 pub struct Moment {
@@ -45,8 +45,8 @@ impl Moment {
     pub fn supersampled(&self, size: [u32; 2]) -> Result<Frame, RenderError> {
         let mut renderer = CpuRenderer::new(&self.effects);
         renderer.load(self.resources.clone())?;
-        let large = self.draw(&mut renderer, size.map(|n| n * FINER), 4)?;
-        Ok(averaged(&large, FINER))
+        let large = self.draw(&mut renderer, size.map(|n| n * REFERENCE_SCALE), 4)?;
+        Ok(averaged(&large, REFERENCE_SCALE))
     }
 }
 

@@ -158,7 +158,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slerp_goes_evenly_along_the_arc() {
+    fn slerp_has_constant_angular_speed() {
         for degrees in [1e-7f64, 1.0, 90.0, 170.0, 179.9] {
             let a = DQuat::from_rotation_y(0.3);
             let b = DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), degrees.to_radians()) * a;
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn the_worst_is_found_with_its_place() {
+    fn the_worst_error_is_found_with_its_index() {
         let mut s = Spread::default();
         let worse: Vec<bool> = [0.0, 2.0, 1.0].map(|e| s.add(e)).to_vec();
         assert_eq!((worse, s.worst, s.worst_at, s.mean()), (vec![true, true, false], 2.0, 1, 1.0));

@@ -61,10 +61,10 @@ pub(crate) fn mean_motion(parts: &[PolarParts], influences: &[Influence], point:
     for _ in 0..50 {
         let mut screw = [DVec3::ZERO; 2];
         for (joint, weight) in influences {
-            let [turn, shift] = mean.inverse().then_before(&parts[*joint].motion).logarithm();
+            let [turn, shift] = mean.inverse().compose_after(&parts[*joint].motion).logarithm();
             screw = [screw[0] + turn * *weight, screw[1] + shift * *weight];
         }
-        mean = mean.then_before(&Motion::exponential(screw));
+        mean = mean.compose_after(&Motion::exponential(screw));
         if screw[0].length() + screw[1].length() < 1e-14 {
             break;
         }
@@ -99,7 +99,7 @@ impl Motion {
     }
 
     /// Composition: applies the other motion, then this one.
-    fn then_before(&self, other: &Motion) -> Motion {
+    fn compose_after(&self, other: &Motion) -> Motion {
         Motion { turn: (self.turn * other.turn).normalize(), shift: self.turn * other.shift + self.shift }
     }
 
@@ -119,7 +119,7 @@ impl Motion {
         [turn, self.shift - across * 0.5 + turn.cross(across) * factor]
     }
 
-    /// Exponential map, the inverse of [`Motion::log`].
+    /// Exponential map, the inverse of [`Motion::logarithm`].
     fn exponential([turn, shift]: [DVec3; 2]) -> Motion {
         let angle = turn.length();
         let squared = angle * angle;
@@ -137,7 +137,7 @@ impl Motion {
 mod tests {
     use super::*;
 
-    fn about(pivot: DVec3, axis: DVec3, degrees: f64) -> DAffine3 {
+    fn rotation_about(pivot: DVec3, axis: DVec3, degrees: f64) -> DAffine3 {
         DAffine3::from_translation(pivot)
             * DAffine3::from_axis_angle(axis, degrees.to_radians())
             * DAffine3::from_translation(-pivot)
@@ -146,30 +146,30 @@ mod tests {
     /// Turns about one axis: the mean turns by the mean angle, a closed form; dual quaternions do so for two equal weights, and the sum of
     /// matrices comes nearer to the axis by the cosine of half of the angle.
     #[test]
-    fn turns_about_one_axis_have_their_mean_in_closed_form() {
+    fn means_of_turns_about_one_axis_equal_the_closed_form() {
         let (pivot, axis) = (DVec3::new(0.3, 1.4, 0.0), DVec3::new(0.6, 0.0, 0.8));
         let point = DVec3::new(0.3, 2.4, 0.0);
         for degrees in [0.0, 1e-5, 30.0, 120.0, 170.0] {
-            let maps = [0.0, degrees].map(|d| about(pivot, axis, d));
+            let maps = [0.0, degrees].map(|d| rotation_about(pivot, axis, d));
             let parts = maps.each_ref().map(PolarParts::of);
-            let half = about(pivot, axis, degrees / 2.0).transform_point3(point);
+            let half = rotation_about(pivot, axis, degrees / 2.0).transform_point3(point);
             for method in [dual, mean_motion] {
                 let off = method(&parts, &[(0, 0.5), (1, 0.5)], point).distance(half);
                 assert!(off < 1e-12, "{degrees}°: {off}");
             }
             let thin = linear(&maps, &[(0, 0.5), (1, 0.5)], point).distance(pivot);
             assert!((thin - libm::cos(degrees.to_radians() / 2.0)).abs() < 1e-12, "{degrees}°: {thin}");
-            let share = about(pivot, axis, degrees * 0.2).transform_point3(point);
+            let share = rotation_about(pivot, axis, degrees * 0.2).transform_point3(point);
             let influences = [(0, 0.8), (1, 0.2)];
             assert!(mean_motion(&parts, &influences, point).distance(share) < 1e-12, "{degrees}°");
-            // The comparison can fail: dual quaternions are not quite there at weights that differ.
+            // The comparison can fail: dual quaternions are inexact for unequal weights.
             let off = dual(&parts, &influences, point).distance(share);
             assert!(degrees < 100.0 || off > 1e-3, "{degrees}°: {off}");
         }
     }
 
     #[test]
-    fn one_joint_alone_is_its_own_map() {
+    fn a_single_joint_moves_points_by_its_map() {
         for scale in [DVec3::ONE, DVec3::new(1.0, 2.0, 0.5), DVec3::new(-1.0, 1.0, 1.0)] {
             let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -2.0) / 3.0, 2.2);
             let map = DAffine3::from_scale_rotation_translation(scale, turn, DVec3::new(3.0, -1.0, 2.0));

@@ -95,7 +95,7 @@ impl<'a> Case<'a> {
 /// alike. `budget_secs` is for all rounds together. At least three rounds, at most 400.
 pub fn interleaved(clock: Clock, budget_secs: f64, cases: &mut [Case]) -> Vec<Nanos> {
     /// Shorter runs are repeated until they take this many nanoseconds, so that the clock's resolution does not matter.
-    const LEAST: f64 = 100_000.0;
+    const MIN_RUN_NANOS: f64 = 100_000.0;
     let begun = Instant::now();
     let mut repeats = Vec::with_capacity(cases.len());
     for case in cases.iter_mut() {
@@ -103,7 +103,7 @@ pub fn interleaved(clock: Clock, budget_secs: f64, cases: &mut [Case]) -> Vec<Na
         let start = clock.now();
         (case.run)();
         let once = (clock.now() - start).max(20.0);
-        repeats.push((LEAST / once).ceil().clamp(1.0, 1e5) as usize);
+        repeats.push((MIN_RUN_NANOS / once).ceil().clamp(1.0, 1e5) as usize);
     }
     let mut times: Vec<Vec<f64>> = vec![Vec::new(); cases.len()];
     for round in 0..400 {
@@ -124,7 +124,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_median_is_the_middle_one_and_quartiles_tell_chance_from_a_difference() {
+    fn differences_within_the_quartiles_count_as_chance() {
         assert_eq!(Nanos::of(vec![3.0, 1.0, 100.0, 2.0]), Nanos { median: 3.0, quartiles: [2.0, 100.0] });
         assert!(Nanos::of(Vec::new()).median.is_nan());
         let [fast, slow] = [[9.0, 10.0, 11.0], [12.0, 13.0, 14.0]].map(|of| Nanos::of(of.to_vec()));
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn every_case_is_run() {
+    fn every_case_is_timed() {
         let (mut a, mut b) = (0, 0);
         let mut cases = [Case::new(1, || a += 1), Case::new(10, || b += 1)];
         let times = interleaved(Clock::Thread, 0.01, &mut cases);

@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn packed_vectors_come_back_near() {
+    fn packed_vectors_are_within_their_error() {
         let limits = [1e-5, 0.003, 0.006, 0.7, 1.4];
         let mut worst = [0.0f64; 5];
         for i in 0..2000 {
@@ -83,11 +83,11 @@ mod tests {
             }
         }
         assert!(worst.iter().zip(limits).all(|(w, l)| *w < l), "{worst:?}");
-        assert!(worst[3] > 0.1, "8 bits show");
+        assert!(worst[3] > 0.1, "8 bits have a measurable error");
     }
 
     #[test]
-    fn weights_keep_their_sum() {
+    fn packed_weights_keep_their_sum() {
         for (name, _, method) in WEIGHTS {
             let back = method(&[0.33331, 0.33333, 0.2, 0.13336]);
             let sum: f32 = back.iter().sum();

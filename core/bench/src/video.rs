@@ -17,7 +17,7 @@ pub struct Planes {
 /// The first image of an MP4 with one H.264 track, as `export-mp4` writes it.
 pub(crate) fn first_picture(mp4: &[u8]) -> Result<Planes, BenchError> {
     let (sps, pps) = parameter_sets(mp4).ok_or(BenchError::Video("the MP4 has no avcC box"))?;
-    let data = find(mp4, b"mdat").ok_or(BenchError::Video("the MP4 has no mdat box"))?;
+    let data = find_box(mp4, b"mdat").ok_or(BenchError::Video("the MP4 has no mdat box"))?;
     let mut annex_b = Vec::new();
     for nal in [sps, pps] {
         annex_b.extend_from_slice(&[0, 0, 0, 1]);
@@ -63,7 +63,7 @@ fn find<'a>(file: &'a [u8], name: &[u8; 4]) -> Option<&'a [u8]> {
 
 /// Sequence and picture parameter set of the `avcC` box (ISO/IEC 14496-15 §5.3.3.1.2): one of each, with 16-bit lengths.
 fn parameter_sets(file: &[u8]) -> Option<(&[u8], &[u8])> {
-    let avcc = find(file, b"avcC")?;
+    let avcc = find_box(file, b"avcC")?;
     let set = |from: &mut usize| {
         let length = usize::from(u16::from_be_bytes(*avcc.get(*from..)?.first_chunk::<2>()?));
         let set = avcc.get(*from + 2..*from + 2 + length)?;

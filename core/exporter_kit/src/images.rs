@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn files_that_readers_know_stay_as_they_are() {
+    fn files_of_known_formats_are_written_unchanged() {
         use ImageFileFormat::{Jpeg, Png, WebP};
         for (format, bytes, stays, in_color) in [
             (Png, png(2), true, true),
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn each_content_is_there_once() {
+    fn equal_contents_are_written_once() {
         let mut images = ImageFiles::new(ALL);
         let one = file(ImageFileFormat::Png, png(2));
         let numbers =

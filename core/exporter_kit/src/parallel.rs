@@ -2,24 +2,24 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Runs `job` for each of `things`, on as many threads as there are cores, and returns the results in order.
-pub(crate) fn in_parallel<T: Sync, R: Send>(things: &[T], job: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    if things.len() < 2 {
-        return things.iter().map(job).collect();
+/// Runs `job` for each of `items`, on as many threads as there are cores, and returns the results in order.
+pub(crate) fn in_parallel<T: Sync, R: Send>(items: &[T], job: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    if items.len() < 2 {
+        return items.iter().map(job).collect();
     }
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
     let next = AtomicUsize::new(0);
     let work = || {
         let mut done = Vec::new();
         while let Some((at, thing)) =
-            Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|at| Some((at, things.get(at)?)))
+            Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|at| Some((at, items.get(at)?)))
         {
             done.push((at, job(thing)));
         }
         done
     };
     let mut all: Vec<(usize, R)> = std::thread::scope(|scope| {
-        let others: Vec<_> = (1..cores.min(things.len()))
+        let others: Vec<_> = (1..cores.min(items.len()))
             .map_while(|_| std::thread::Builder::new().name("export".into()).spawn_scoped(scope, work).ok())
             .collect();
         let mut all = work();

@@ -26,7 +26,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_transform_of_texture_coordinates_comes_apart() {
+    fn transforms_of_texture_coordinates_are_decomposed() {
         let parts = UvParts { offset: Vec2::new(0.25, -0.5), rotation: 0.7, scale: Vec2::new(2.0, -3.0) };
         let whole = choreo_plugin::stage::uv_transform(parts.offset, parts.rotation, parts.scale);
         let again = UvParts::of(&whole);

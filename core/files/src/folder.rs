@@ -32,18 +32,18 @@ impl Folder {
     pub fn open_file(&self, name: &Path) -> Result<File, FileError> {
         let mut options = OpenOptions::new();
         options.read(true).nonblock(true);
-        regular(self.dir.open_with(name, &options).map_err(beneath)?.into_std())
+        require_regular(self.dir.open_with(name, &options).map_err(error_beneath)?.into_std())
     }
 
     /// Opens a folder beneath this one. Links are followed to places beneath the folder.
     pub fn folder(&self, name: &Path) -> Result<Folder, FileError> {
-        let dir = self.dir.open_dir(name).map_err(beneath)?;
+        let dir = self.dir.open_dir(name).map_err(error_beneath)?;
         Ok(Folder { dir, path: self.path.join(name) })
     }
 
     /// The path relative to the folder, with every link on the way followed to a place beneath the folder.
     pub fn resolve(&self, name: &Path) -> Result<PathBuf, FileError> {
-        self.dir.canonicalize(name).map_err(beneath)
+        self.dir.canonicalize(name).map_err(error_beneath)
     }
 
     /// Sorted names of at most `most` entries of the folder.
@@ -73,7 +73,7 @@ impl Folder {
         let mut options = OpenOptions::new();
         options.read(true).write(true).nonblock(true).follow(FollowSymlinks::No);
         let file = self.dir.open_with(name, &options).map_err(|e| self.reason(name, e))?;
-        regular(file.into_std())
+        require_regular(file.into_std())
     }
 
     /// Opens an existing file, device or pipe for writing. Refuses symbolic links, and does not block while a pipe has no reader.
@@ -119,7 +119,7 @@ impl Folder {
     }
 
     /// Fails if `name` is a symbolic link.
-    pub(crate) fn no_link(&self, name: &Path) -> Result<(), WriteError> {
+    pub(crate) fn refuse_link(&self, name: &Path) -> Result<(), WriteError> {
         match self.metadata(name).is_some_and(|there| there.is_symlink()) {
             true => Err(WriteError::Link { at: self.path.join(name), to: self.link_target(name)? }),
             false => Ok(()),
@@ -179,7 +179,7 @@ impl Folder {
 pub fn open_file(path: &Path) -> Result<File, FileError> {
     let mut options = OpenOptions::new();
     options.read(true).nonblock(true);
-    regular(cap_std::fs::File::open_ambient_with(path, &options, ambient_authority())?.into_std())
+    require_regular(cap_std::fs::File::open_ambient_with(path, &options, ambient_authority())?.into_std())
 }
 
 /// Reads a regular file of at most `most` bytes by a path that the user chose.
@@ -189,19 +189,19 @@ pub fn read(path: &Path, most: u64) -> Result<Vec<u8>, FileError> {
 
 /// Error of opening a path beneath a folder. cap-std refuses a path that leads out of it with "permission denied", without a
 /// system error number.
-fn beneath(error: io::Error) -> FileError {
+fn error_beneath(error: io::Error) -> FileError {
     match error.kind() == io::ErrorKind::PermissionDenied && error.raw_os_error().is_none() {
         true => FileError::Outside,
         false => FileError::Io(error),
     }
 }
 
-fn regular(file: File) -> Result<File, FileError> {
+fn require_regular(file: File) -> Result<File, FileError> {
     let kind = file.metadata()?.file_type();
-    if kind.is_file() { Ok(file) } else { Err(FileError::NotRegular(name_of(kind))) }
+    if kind.is_file() { Ok(file) } else { Err(FileError::NotRegular(file_type_name(kind))) }
 }
 
-fn name_of(kind: FileType) -> &'static str {
+fn file_type_name(kind: FileType) -> &'static str {
     if kind.is_dir() { "a folder" } else { "a pipe or device" }
 }
 

@@ -11,6 +11,7 @@
 //! neither waits for the other end of a pipe. Paths are resolved relative to an
 //! open folder (`openat2` on Linux, by cap-std elsewhere), so that replacing the folder meanwhile has no effect.
 
+mod destination;
 mod entries;
 mod error;
 mod folder;
@@ -19,9 +20,9 @@ mod leftovers;
 mod part;
 mod part_folder;
 mod pipe;
-mod place;
 mod write_error;
 
+pub use destination::Destination;
 pub use entries::entries;
 pub use error::{FileError, describe_error};
 pub use folder::{Folder, open_file, read};
@@ -29,5 +30,4 @@ pub use identity::Identity;
 pub use leftovers::remove_unfinished;
 pub use part::{PartFile, part_name, write_whole, write_whole_beneath};
 pub use part_folder::PartFolder;
-pub use place::Destination;
 pub use write_error::WriteError;

@@ -45,7 +45,7 @@ impl Drop for EmptyFolderGuard {
 }
 
 /// Most names that are read from a folder to find part folders of other machines.
-const MOST_NAMES: usize = 1_000_000;
+const MAX_LISTED_NAMES: usize = 1_000_000;
 
 impl PartFolder {
     /// Opens the part folder of the output `name`, or creates it. `files`: names of all files that it can hold, the lock file
@@ -100,7 +100,7 @@ impl PartFolder {
             let folder = folder.map_err(|e| WriteError::at(parent.path().join(&part), e))?;
             // All names are checked before any file is written: a link that is found late costs the work done until then.
             for name in files {
-                folder.no_link(Path::new(name))?;
+                folder.refuse_link(Path::new(name))?;
             }
             let lock_name = lock_name(files);
             let opened = match folder.open_existing(lock_name) {
@@ -152,7 +152,7 @@ impl PartFolder {
             let rest = part.to_str().and_then(|part| part.strip_prefix(&start));
             *part != self.part && rest.is_some_and(|rest| rest.ends_with(".part"))
         };
-        let names = self.parent.names(MOST_NAMES).unwrap_or_default();
+        let names = self.parent.names(MAX_LISTED_NAMES).unwrap_or_default();
         names.into_iter().map(PathBuf::from).filter(is_other).collect()
     }
 
@@ -191,7 +191,7 @@ impl PartFolder {
 
     /// Creates one of the files and replaces an existing one. Refuses a symbolic link.
     pub fn create(&self, name: &str) -> Result<File, WriteError> {
-        self.folder.no_link(Path::new(name))?;
+        self.folder.refuse_link(Path::new(name))?;
         match self.folder.remove_file(Path::new(name)) {
             Err(e) if e.kind() != ErrorKind::NotFound => return Err(e.into()),
             _ => {}

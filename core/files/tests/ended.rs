@@ -1,4 +1,4 @@
-//! The files that are left when a signal ends the program. Alone in its process: nothing can be written afterwards.
+//! The files that remain after a signal ends the program. This test has a process of its own, because nothing can be written afterwards.
 #![cfg(unix)]
 
 use choreo_files::{Folder, PartFile, PartFolder, remove_unfinished};
@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 #[test]
-fn unfinished_files_go_and_frames_to_go_on_with_stay() {
+fn remove_unfinished_deletes_part_files_and_keeps_resumable_part_folders() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
     let folder = Arc::new(Folder::open(d).unwrap());
@@ -19,12 +19,12 @@ fn unfinished_files_go_and_frames_to_go_on_with_stay() {
     for part in [&kept, &dropped] {
         part.create("body").unwrap().write_all(b"frames").unwrap();
     }
-    // A file of somebody else stays, and so does the folder around it.
+    // An unknown file in a part folder stays, and so does the folder.
     let other = open("other.mp4");
     std::fs::write(d.join("other.mp4.part/mine"), "mine").unwrap();
     kept.keep(true);
     remove_unfinished();
-    // Nothing may be made or removed any more: dropping these would wait for ever.
+    // Dropping these would block forever, because the lock of the unfinished files is never released.
     [half, claim].into_iter().for_each(std::mem::forget);
     [kept, dropped, other].into_iter().for_each(std::mem::forget);
     let mut left: Vec<_> =

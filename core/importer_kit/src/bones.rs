@@ -13,7 +13,7 @@ const WAIST: f64 = 0.15;
 const WIDTH: f64 = 0.12;
 const WIDTH_OF_SIZE: (f64, f64) = (0.004, 0.03);
 /// Length in metres of the marker for a skeleton without extent.
-const MARK: f64 = 0.1;
+const MARKER_LENGTH: f64 = 0.1;
 
 /// Adds the bones of `asset.skeleton` as a mesh with a skin and a material. Does nothing for no joints, and for more than
 /// 65,536.
@@ -44,7 +44,7 @@ pub fn add_bones(asset: &mut Asset) {
         }
     }
     if primitive.positions.is_empty() {
-        octahedron(&mut primitive, 0, at(0), at(0) + DVec3::Y * MARK, MARK * 0.3);
+        octahedron(&mut primitive, 0, at(0), at(0) + DVec3::Y * MARKER_LENGTH, MARKER_LENGTH * 0.3);
     }
     primitive.material = Some(asset.materials.len() as u32);
     asset.materials.push(Material {
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn one_octahedron_a_bone_facing_out() {
+    fn each_bone_is_one_octahedron_with_outward_normals() {
         let asset = asset(&[(None, Vec3::Y), (Some(0), Vec3::Y), (Some(1), Vec3::X), (Some(0), Vec3::ZERO)]);
         let p = &asset.meshes[0].primitives[0];
         assert_eq!((p.positions.len(), p.indices.len()), (48, 48));
@@ -141,7 +141,7 @@ mod tests {
             for i in bone {
                 assert!(
                     p.normals[i].dot(p.positions[i] - middle) > 0.0,
-                    "the normal of vertex {i} points in"
+                    "the normal of vertex {i} points inwards"
                 );
             }
         }
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn no_extent_and_no_joints() {
+    fn skeletons_without_extent_and_without_joints() {
         assert!(asset(&[]).meshes.is_empty());
         assert_eq!(asset(&[(None, Vec3::ZERO)]).meshes[0].primitives[0].positions.len(), 24);
     }

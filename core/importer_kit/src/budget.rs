@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_budget_ends_and_says_so() {
+    fn an_exhausted_budget_is_an_error_with_its_limit() {
         let budget = Budget::new(3 << 20);
         assert_eq!(budget.charge(1 << 20, 2), Ok(()));
         let refused = "the file's data take more than 3 MiB when decoded, which is the limit";
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn warnings_end_with_one_that_says_so() {
+    fn surplus_warnings_become_one_note() {
         let notes = Notes::default();
         (0..MAX_WARNINGS + 5).for_each(|i| notes.warn(format!("nodes[{i}]"), "odd"));
         let warnings = notes.into_warnings();

@@ -52,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parts_make_the_matrix() {
+    fn decomposed_parts_recompose_the_matrix() {
         let rotation = DQuat::from_xyzw(0.1, -0.7, 0.3, 0.5).normalize();
         for scale in
             [DVec3::ONE, DVec3::new(2.0, 0.5, 9.0), DVec3::new(-1.0, 2.0, 3.0), DVec3::new(0.0, 1.0, 1.0)]

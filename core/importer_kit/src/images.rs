@@ -87,7 +87,7 @@ impl<B: AsRef<[u8]>> Encoded<B> {
             Problem::new(self.place.clone(), format!("\"{}\" cannot be decoded: {what}", self.name))
         };
         let (format, width, height) = (self.format, self.width, self.height);
-        let rgba = decoded(self.bytes.as_ref(), &Header { format, width, height }, &fail)?;
+        let rgba = decode_rgba(self.bytes.as_ref(), &Header { format, width, height }, &fail)?;
         Ok(Arc::new(Image { name: self.name.clone(), width, height, rgba, file: None }))
     }
 
@@ -165,7 +165,7 @@ fn plain_header(
 }
 
 /// The pixels as 8-bit RGBA.
-fn decoded(bytes: &[u8], header: &Header, fail: &dyn Fn(String) -> Problem) -> Result<Vec<u8>> {
+fn decode_rgba(bytes: &[u8], header: &Header, fail: &dyn Fn(String) -> Problem) -> Result<Vec<u8>> {
     let format = match header.format {
         Format::Plain(format) => format,
         Format::Ktx2 => return ktx2::decode(bytes).map_err(|e| fail(e.to_string())),
@@ -216,7 +216,7 @@ fn rgba(decoder: impl ImageDecoder) -> ImageResult<Vec<u8>> {
 pub const CANCELLED: &str = "the import was cancelled";
 
 /// Progress of an import, 0 to 1, when it begins to wait for its images, which take most of the rest.
-const BEFORE_PICTURES: f32 = 0.5;
+const PROGRESS_BEFORE_IMAGES: f32 = 0.5;
 
 /// Decodes images on worker threads while `rest` runs on this one; one result per image, in order. If no pixels are needed, the images have
 /// only a name and a size. `files` gets the progress by decoded pixels; if it cancels the import, the remaining images are not decoded.
@@ -267,7 +267,7 @@ pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
         while let Ok(pixels) = decoded.recv() {
             sum += pixels;
             let part = sum as f64 / all.max(1) as f64;
-            if !files.progress(BEFORE_PICTURES + (1.0 - BEFORE_PICTURES) * part as f32) {
+            if !files.progress(PROGRESS_BEFORE_IMAGES + (1.0 - PROGRESS_BEFORE_IMAGES) * part as f32) {
                 cancelled = sum < all;
                 next.store(entries.len(), Ordering::Relaxed);
             }
@@ -313,10 +313,10 @@ mod tests {
     use super::*;
     use std::cell::RefCell;
 
-    /// Cancels after this many progress reports, and keeps them.
-    struct Bar(RefCell<Vec<f32>>, usize);
+    /// Records the progress reports, and cancels the import after the given number of them.
+    struct ProgressRecorder(RefCell<Vec<f32>>, usize);
 
-    impl Files for Bar {
+    impl Files for ProgressRecorder {
         fn read(&self, name: &str) -> std::result::Result<Arc<Vec<u8>>, String> {
             Err(format!("{name}: not found"))
         }
@@ -327,10 +327,10 @@ mod tests {
         }
     }
 
-    fn pictures(count: usize) -> Vec<Encoded<Vec<u8>>> {
+    fn encoded_images(count: usize) -> Vec<Encoded<Vec<u8>>> {
         let mut png = Vec::new();
-        let picture = image::RgbaImage::from_pixel(64, 64, image::Rgba([9, 8, 7, 255]));
-        picture.write_to(&mut Cursor::new(&mut png), ImageFormat::Png).unwrap_or_else(|e| panic!("{e}"));
+        let image = image::RgbaImage::from_pixel(64, 64, image::Rgba([9, 8, 7, 255]));
+        image.write_to(&mut Cursor::new(&mut png), ImageFormat::Png).unwrap_or_else(|e| panic!("{e}"));
         let one = |k| Encoded::examine(format!("images[{k}]"), format!("{k}.png"), png.clone(), Formats::Web);
         (0..count).map(|k| one(k).unwrap_or_else(|e| panic!("{}", e.what))).collect()
     }
@@ -340,7 +340,7 @@ mod tests {
         // Against the conversions of the image crate.
         let (width, height) = (7, 5);
         let gray = image::GrayImage::from_fn(width, height, |x, y| image::Luma([(31 * x + 7 * y) as u8]));
-        let veiled = image::GrayAlphaImage::from_fn(width, height, |x, y| {
+        let gray_alpha = image::GrayAlphaImage::from_fn(width, height, |x, y| {
             image::LumaA([(9 * x) as u8, (40 * y) as u8])
         });
         let color =
@@ -348,20 +348,20 @@ mod tests {
         let deep = image::ImageBuffer::from_fn(width, height, |x, y| {
             image::Rgb([(9000 * x) as u16, (9000 * y) as u16, 77])
         });
-        let images: [DynamicImage; 4] = [gray.into(), veiled.into(), color.into(), deep.into()];
-        for (index, picture) in images.into_iter().enumerate() {
+        let images: [DynamicImage; 4] = [gray.into(), gray_alpha.into(), color.into(), deep.into()];
+        for (index, image) in images.into_iter().enumerate() {
             let mut png = Vec::new();
-            picture.write_to(&mut Cursor::new(&mut png), ImageFormat::Png).unwrap_or_else(|e| panic!("{e}"));
+            image.write_to(&mut Cursor::new(&mut png), ImageFormat::Png).unwrap_or_else(|e| panic!("{e}"));
             let encoded = Encoded::examine("i".into(), "i.png".into(), png, Formats::Web);
             let decoded = encoded.and_then(|e| e.decode()).unwrap_or_else(|e| panic!("{}", e.what));
-            assert!(decoded.rgba == picture.to_rgba8().into_raw(), "image {index}");
+            assert!(decoded.rgba == image.to_rgba8().into_raw(), "image {index}");
         }
     }
 
     #[test]
-    fn each_picture_that_is_done_is_told() {
-        let bar = Bar(RefCell::default(), 100);
-        let (images, rest) = decode_beside(&pictures(20), ImportScope::ALL, &bar, || 7);
+    fn each_decoded_image_is_reported_as_progress() {
+        let bar = ProgressRecorder(RefCell::default(), 100);
+        let (images, rest) = decode_beside(&encoded_images(20), ImportScope::ALL, &bar, || 7);
         assert!(rest == 7 && images.iter().all(|i| i.as_ref().is_ok_and(|i| i.rgba[..3] == [9, 8, 7])));
         let reported = bar.0.into_inner();
         assert!(reported.is_sorted() && reported.len() == 20 && reported[19] == 1.0, "{reported:?}");
@@ -369,10 +369,10 @@ mod tests {
     }
 
     #[test]
-    fn pictures_that_nobody_wants_are_not_begun() {
-        let bar = Bar(RefCell::default(), 0);
+    fn images_of_a_cancelled_import_are_not_decoded() {
+        let bar = ProgressRecorder(RefCell::default(), 0);
         // More images than can be decoded before the first progress report is read.
-        let (images, _) = decode_beside(&pictures(4000), ImportScope::ALL, &bar, || ());
+        let (images, _) = decode_beside(&encoded_images(4000), ImportScope::ALL, &bar, || ());
         let left = images.iter().filter(|i| i.as_ref().is_err_and(|p| p.what == CANCELLED)).count();
         assert!(left > 0, "{left}");
     }

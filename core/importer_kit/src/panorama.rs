@@ -43,7 +43,7 @@ pub fn panorama(name: &str, bytes: &[u8]) -> Result<Panorama> {
 type PanoramaResult = std::result::Result<(u32, u32, Vec<f32>), (String, Option<&'static str>)>;
 
 /// Checks a size before anything is decoded.
-fn checked(width: u64, height: u64) -> std::result::Result<(), (String, Option<&'static str>)> {
+fn check_size(width: u64, height: u64) -> std::result::Result<(), (String, Option<&'static str>)> {
     let pixels = width.saturating_mul(height);
     if pixels == 0 || pixels > MAX_PANORAMA_PIXELS {
         let most = MAX_PANORAMA_PIXELS >> 20;
@@ -68,7 +68,7 @@ fn radiance(bytes: &[u8]) -> PanoramaResult {
     };
     let size = reader().into_dimensions();
     let (width, height) = size.map_err(|e| (format!("has a damaged header: {e}"), None))?;
-    checked(width.into(), height.into())?;
+    check_size(width.into(), height.into())?;
     let decoded = reader().decode().map_err(|e| (format!("cannot be decoded: {e}"), None))?;
     Ok((width, height, decoded.into_rgb32f().into_raw()))
 }
@@ -78,7 +78,7 @@ fn open_exr(bytes: &[u8]) -> PanoramaResult {
     let metadata = MetaData::read_from_buffered(Cursor::new(bytes), false);
     let metadata = metadata.map_err(|e| (format!("has a damaged header: {e}"), None))?;
     for header in &metadata.headers {
-        checked(header.layer_size.x() as u64, header.layer_size.y() as u64)?;
+        check_size(header.layer_size.x() as u64, header.layer_size.y() as u64)?;
     }
     let pixels = |size: Vec2<usize>, _: &RgbChannels| (size, vec![0.0f32; 3 * size.area()]);
     let set = |(size, rgb): &mut (Vec2<usize>, Vec<f32>), at: Vec2<usize>, (r, g, b): (f32, f32, f32)| {
@@ -146,13 +146,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said() {
+    fn invalid_panoramas_are_reported() {
         let error = |bytes: &[u8]| panorama("a.hdr", bytes).unwrap_err().what;
         assert!(error(b"\x89PNG").contains("is neither a Radiance nor an OpenEXR image"));
         assert!(error(&flat(3, 1, &[[0; 4]; 3])).contains("twice as wide as high"));
         assert!(error(&flat(2, 1, &[[0; 4]])).contains("cannot be decoded"));
         assert!(error(&flat(200_000, 100_000, &[])).contains("limit is 32 megapixels"));
-        // Every beginning of a good file.
+        // Every truncation of a valid file.
         let good = flat(4, 2, &[[7, 8, 9, 130]; 8]);
         for end in 0..good.len() {
             assert!(panorama("a.hdr", &good[..end]).is_err(), "{end} bytes of {}", good.len());

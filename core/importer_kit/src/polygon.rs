@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 /// Largest number of point tests for the polygons of one file. Ear clipping of n vertices, r of them reflex, takes at least n · r tests.
 /// Beyond this budget, polygons become triangle fans.
-const BUDGET: u64 = 50_000_000;
+const MAX_POINT_TESTS: u64 = 50_000_000;
 
 /// Triangulates the polygons of one file, and reuses its buffers from one to the next.
 #[derive(Debug, Default)]
@@ -27,7 +27,7 @@ pub enum Cut {
 }
 
 /// Buffers for polygons of more vertices are freed instead of reused.
-const KEPT: usize = 1 << 16;
+const MAX_KEPT_VERTICES: usize = 1 << 16;
 
 impl Triangulator {
     /// Passes the triangles of a polygon to `out`, as numbers of its vertices, with the winding of the polygon: always `count − 2` of them;
@@ -51,7 +51,7 @@ impl Triangulator {
         let flat = |i: usize| in_plane(vertex(i));
         if count == 4 {
             let quad = [0, 1, 2, 3].map(flat);
-            let turn = |a: usize, b: usize, c: usize| orient(quad[a], quad[b], quad[c]);
+            let turn = |a: usize, b: usize, c: usize| twice_signed_area(quad[a], quad[b], quad[c]);
             // A diagonal fits if both of its triangles have the right winding. If both diagonals fit, the one from the first vertex is
             // taken.
             let (a, b) = ((turn(0, 1, 2), turn(0, 2, 3)), (turn(0, 1, 3), turn(1, 2, 3)));
@@ -68,20 +68,20 @@ impl Triangulator {
         let (mut before, mut at) = (flat(count - 1), flat(0));
         for i in 0..count {
             let after = flat(if i + 1 < count { i + 1 } else { 0 });
-            if orient(before, at, after) < 0.0 {
+            if twice_signed_area(before, at, after) < 0.0 {
                 self.reflex.push(i as u32);
             }
             (before, at) = (at, after);
         }
         let cost = count as u64 * self.reflex.len() as u64;
-        if self.reflex.is_empty() || self.spent + cost > BUDGET {
+        if self.reflex.is_empty() || self.spent + cost > MAX_POINT_TESTS {
             (2..count as u32).for_each(|i| out([0, i - 1, i]));
             return if self.reflex.is_empty() { Cut::Whole } else { Cut::OverBudget };
         }
         self.flat.clear();
         self.flat.extend((0..count).map(flat));
         let cut = self.clip(count, &mut out);
-        if count > KEPT {
+        if count > MAX_KEPT_VERTICES {
             *self = Triangulator { spent: self.spent, ..Triangulator::default() };
         }
         cut
@@ -111,9 +111,9 @@ impl Triangulator {
                 left -= 1;
                 since_last_ear = 0;
                 // A reflex vertex may have become straight or convex.
-                self.refresh(before, after, at);
+                self.update_reflex(before, after, at);
                 at = after;
-                if self.spent > BUDGET {
+                if self.spent > MAX_POINT_TESTS {
                     self.fan_rest(at, left, out);
                     return Cut::OverBudget;
                 }
@@ -127,14 +127,15 @@ impl Triangulator {
     }
 
     /// Removes the vertices that are no longer reflex from the list of reflex vertices.
-    fn refresh(&mut self, before: u32, after: u32, removed: u32) {
+    fn update_reflex(&mut self, before: u32, after: u32, removed: u32) {
         let (flat, next, previous) = (&self.flat, &self.next, &self.previous);
         self.spent += self.reflex.len() as u64;
         self.reflex.retain(|d| {
             let neighbour = *d == before || *d == after;
             let at = |i: u32| flat[i as usize];
             *d != removed
-                && (!neighbour || orient(at(previous[*d as usize]), at(*d), at(next[*d as usize])) < 0.0)
+                && (!neighbour
+                    || twice_signed_area(at(previous[*d as usize]), at(*d), at(next[*d as usize])) < 0.0)
         });
     }
 
@@ -142,7 +143,7 @@ impl Triangulator {
     /// vertices does not count: polygons with holes run along a seam there and back.
     fn is_ear(&mut self, before: u32, at: u32, after: u32) -> bool {
         let [a, b, c] = [before, at, after].map(|i| self.flat[i as usize]);
-        if orient(a, b, c) < 0.0 || self.reflex.binary_search(&at).is_ok() {
+        if twice_signed_area(a, b, c) < 0.0 || self.reflex.binary_search(&at).is_ok() {
             return false;
         }
         self.spent += self.reflex.len() as u64;
@@ -151,9 +152,9 @@ impl Triangulator {
                 p != a
                     && p != b
                     && p != c
-                    && orient(a, b, p) >= 0.0
-                    && orient(b, c, p) >= 0.0
-                    && orient(c, a, p) >= 0.0
+                    && twice_signed_area(a, b, p) >= 0.0
+                    && twice_signed_area(b, c, p) >= 0.0
+                    && twice_signed_area(c, a, p) >= 0.0
             },
         )
     }
@@ -192,7 +193,7 @@ fn plane(count: usize, vertex: &impl Fn(usize) -> DVec3) -> fn(DVec3) -> DVec2 {
 
 /// Twice the area of a triangle, positive where it is counter-clockwise. For coordinates that were f32, the differences and
 /// products in f64 are exact or nearly so.
-fn orient(a: DVec2, b: DVec2, c: DVec2) -> f64 {
+fn twice_signed_area(a: DVec2, b: DVec2, c: DVec2) -> f64 {
     (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)
 }
 
@@ -210,7 +211,7 @@ mod tests {
 
     fn area(vertices: &[[f64; 2]], triangle: [u32; 3]) -> f64 {
         let [a, b, c] = triangle.map(|i| DVec2::from(vertices[i as usize]));
-        orient(a, b, c) / 2.0
+        twice_signed_area(a, b, c) / 2.0
     }
 
     fn polygon_area(vertices: &[[f64; 2]]) -> f64 {
@@ -223,7 +224,7 @@ mod tests {
 
     /// Checks that all triangles have the winding of the polygon, and that their areas add up to that of the polygon: they cover it without
     /// overlap.
-    fn covers(vertices: &[[f64; 2]]) {
+    fn check_coverage(vertices: &[[f64; 2]]) {
         let (triangles, how) = cut(vertices);
         let areas: Vec<f64> = triangles.iter().map(|t| area(vertices, *t)).collect();
         assert!(areas.iter().all(|a| *a >= 0.0), "{areas:?}");
@@ -232,14 +233,14 @@ mod tests {
     }
 
     #[test]
-    fn dents_stars_and_holes_with_seams() {
-        covers(&[[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]);
+    fn concave_polygons_stars_and_holes_are_covered() {
+        check_coverage(&[[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]);
         // A reflex vertex at each of the four vertices of a quad in turn.
         let arrow = [[0.0, 0.0], [2.0, 1.0], [0.0, 2.0], [0.5, 1.0]];
         for turn in 0..4 {
-            covers(&[0, 1, 2, 3].map(|i| arrow[(i + turn) % 4]));
+            check_coverage(&[0, 1, 2, 3].map(|i| arrow[(i + turn) % 4]));
         }
-        covers(&[
+        check_coverage(&[
             [0.0, 0.0],
             [4.0, 0.0],
             [4.0, 3.0],
@@ -250,7 +251,7 @@ mod tests {
             [0.0, 3.0],
         ]);
         // A square with a square hole; the seam is run there and back.
-        covers(&[
+        check_coverage(&[
             [0.0, 0.0],
             [4.0, 0.0],
             [4.0, 4.0],
@@ -269,13 +270,13 @@ mod tests {
                 [angle.cos() * r, angle.sin() * r]
             })
             .collect();
-        covers(&star);
+        check_coverage(&star);
         // Collinear and repeated points.
-        covers(&[[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 1.0], [0.0, 2.0]]);
+        check_coverage(&[[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 1.0], [0.0, 2.0]]);
     }
 
     #[test]
-    fn the_plane_and_the_direction_do_not_matter() {
+    fn the_result_is_independent_of_plane_and_winding() {
         let arrow = [[0.0, 0.0], [2.0, 1.0], [0.0, 2.0], [0.5, 1.0], [0.4, 0.7]];
         for axes in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]] {
             let vertices: Vec<DVec3> = arrow
@@ -299,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn hopeless_polygons_end() {
+    fn crossing_and_oversized_polygons_terminate() {
         assert_eq!(cut(&[[0.0; 2]; 9]).1, Cut::Whole);
         // A bow tie.
         let (_, how) = cut(&[[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 2.0], [-1.0, 1.0]]);

@@ -23,11 +23,11 @@ impl<'f> Progress<'f> {
     /// Reports progress when `done` bytes reach the next step. An error if the import was cancelled.
     #[inline]
     pub fn reach(&self, done: usize) -> Result<()> {
-        if done < self.next.get() { Ok(()) } else { self.tell(done) }
+        if done < self.next.get() { Ok(()) } else { self.report_step(done) }
     }
 
     #[cold]
-    fn tell(&self, done: usize) -> Result<()> {
+    fn report_step(&self, done: usize) -> Result<()> {
         self.next.set(done + self.total / STEPS + 1);
         match self.files.progress(done as f32 / self.total.max(1) as f32) {
             true => Ok(()),
@@ -42,9 +42,9 @@ mod tests {
     use std::cell::RefCell;
     use std::sync::Arc;
 
-    struct Bar(RefCell<Vec<f32>>);
+    struct ProgressRecorder(RefCell<Vec<f32>>);
 
-    impl Files for Bar {
+    impl Files for ProgressRecorder {
         fn read(&self, name: &str) -> std::result::Result<Arc<Vec<u8>>, String> {
             Err(format!("{name}: not found"))
         }
@@ -56,8 +56,8 @@ mod tests {
     }
 
     #[test]
-    fn steps_that_can_be_seen_until_it_is_cancelled() {
-        let bar = Bar(RefCell::default());
+    fn progress_is_reported_in_steps_until_it_is_cancelled() {
+        let bar = ProgressRecorder(RefCell::default());
         let progress = Progress::new(&bar, 1_000_000);
         let end = (0..=1_000_000).find_map(|done| progress.reach(done).err());
         assert_eq!(end.unwrap().what, "the import was cancelled");

@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn straight_lines_between_rows_are_near_the_curve() {
+    fn interpolated_rows_are_within_the_tolerance() {
         let limits = SamplingLimits { tolerance: 1e-4, depth: 9, rows: 1000 };
         let curve = |time: Time| vec![libm::sin(3.0 * time.as_secs()) as f32, 2.0];
         let times = [0.0, 0.5, 2.0].map(Time::from_secs);
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn straight_lines_need_nothing_between_and_too_many_rows_are_refused() {
+    fn linear_curves_need_no_added_rows_and_too_many_rows_are_refused() {
         let times = [0.0, 1.0].map(Time::from_secs);
         let limits = SamplingLimits { tolerance: 1e-4, depth: 9, rows: 8 };
         let straight = rows(&times, limits, |time| vec![time.as_secs() as f32]);

@@ -8,9 +8,9 @@ use choreo_plugin::Files;
 use std::sync::Arc;
 
 /// Folders that exporters put images in, beside the model.
-const FOLDERS: [&str; 3] = ["textures", "images", "maps"];
+const IMAGE_FOLDERS: [&str; 3] = ["textures", "images", "maps"];
 /// Largest number of folders at the end of a path that are tried with the name.
-const MOST_FOLDERS: usize = 3;
+const MAX_PATH_FOLDERS: usize = 3;
 
 /// The last part of a path of any system.
 pub fn file_name(path: &str) -> &str {
@@ -36,11 +36,11 @@ pub fn places(written: &[&str]) -> Vec<String> {
     paths.iter().filter(|p| !is_absolute(p)).for_each(|p| add(p.trim_start_matches("./").to_string()));
     paths.iter().for_each(|p| add(file_name(p).to_string()));
     if let Some(first) = paths.first() {
-        FOLDERS.iter().for_each(|folder| add(format!("{folder}/{}", file_name(first))));
+        IMAGE_FOLDERS.iter().for_each(|folder| add(format!("{folder}/{}", file_name(first))));
     }
     for path in &paths {
         let parts: Vec<&str> = path.split('/').collect();
-        for folders in 1..=MOST_FOLDERS.min(parts.len() - 1) {
+        for folders in 1..=MAX_PATH_FOLDERS.min(parts.len() - 1) {
             let tail = &parts[parts.len() - 1 - folders..];
             if tail.iter().any(|p| matches!(*p, "" | "." | "..") || p.ends_with(':')) {
                 break;
@@ -78,7 +78,7 @@ pub fn missing(written: &str, why: &str) -> String {
     let outside = if written.contains("..") { ", and folders above it are not read" } else { "" };
     format!(
         "\"{name}\" is not beside the file or in its {}{outside}; give its folder with --search",
-        FOLDERS.map(|f| format!("{f}/")).join(", ")
+        IMAGE_FOLDERS.map(|f| format!("{f}/")).join(", ")
     )
 }
 
@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn absolute_paths_are_those_of_another_machine() {
+    fn absolute_paths_are_only_tried_by_their_last_parts() {
         assert_eq!(
             places(&[r"D:\work\Models\OBJ\wall.jpg"]),
             [
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_told_shortly() {
+    fn missing_files_have_a_short_message() {
         assert_eq!(
             missing(r"D:\gone\lost.png", "cannot read \"lost.png\": no such file in \"models\""),
             "\"lost.png\" is not beside the file or in its textures/, images/, maps/; give its folder with --search"
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn relative_ones_are_tried_as_written_first() {
+    fn relative_paths_are_tried_as_written_first() {
         assert_eq!(places(&[r".\art\skin.png"])[..2], ["art/skin.png", "skin.png"]);
         let up = places(&["../../secret/key"]);
         assert_eq!(up[..2], ["../../secret/key", "key"]);

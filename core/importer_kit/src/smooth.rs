@@ -129,7 +129,7 @@ mod tests {
         assert_eq!(
             face_vertex(&p, 0),
             face_vertex(&p, 6),
-            "the first and the leaning one share a normal along their edge"
+            "the first and the leaning triangle share a normal along their edge"
         );
         assert_eq!(face_vertex(&p, 2), face_vertex(&p, 7));
         assert!(face_vertex(&p, 0).dot(Vec3::Z) < 0.999);
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_decide_in_place_of_the_angle() {
+    fn smoothing_groups_override_the_angle() {
         let mut p = fan();
         normals(&mut p, 0.0, Some(&[7, 7, 0]));
         let face_vertex = |c: usize| p.normals[p.indices[c] as usize];
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn a_vertex_with_a_million_triangles_takes_no_time() {
+    fn a_vertex_with_a_million_triangles_is_fast() {
         let n = 1_000_000u32;
         let mut p = Primitive {
             indices: (0..n).flat_map(|_| [0, 1, 2]).collect(),

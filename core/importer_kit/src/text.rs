@@ -77,7 +77,7 @@ static POWERS: [f64; 23] = [
 /// go to the standard library, so that every result equals that of the library.
 #[inline]
 pub fn number(word: &[u8]) -> Option<f64> {
-    let decimal = Decimal::before(word).filter(|d| d.length == word.len())?;
+    let decimal = Decimal::parse_prefix(word).filter(|d| d.length == word.len())?;
     decimal.value(word)
 }
 
@@ -87,7 +87,7 @@ pub fn number(word: &[u8]) -> Option<f64> {
 pub fn next_number<'a>(rest: &mut &'a [u8]) -> Option<Result<f64, &'a [u8]>> {
     skip_white(rest)?;
     let text = *rest;
-    if let Some(decimal) = Decimal::before(text)
+    if let Some(decimal) = Decimal::parse_prefix(text)
         && text.get(decimal.length).is_none_or(|b| is_white(*b))
     {
         let (word, tail) = text.split_at(decimal.length);
@@ -153,7 +153,7 @@ struct Decimal {
 
 impl Decimal {
     #[inline(always)]
-    fn before(text: &[u8]) -> Option<Decimal> {
+    fn parse_prefix(text: &[u8]) -> Option<Decimal> {
         let (negative, mut at) = match text.first() {
             Some(b'-') => (true, 1),
             Some(b'+') => (false, 1),
@@ -195,7 +195,7 @@ impl Decimal {
     #[inline(always)]
     fn value(&self, word: &[u8]) -> Option<f64> {
         if self.digits > 19 || self.mantissa > 1 << 53 || self.power.unsigned_abs() > 22 {
-            return of_library(word);
+            return parse_with_std(word);
         }
         let scale = POWERS[self.power.unsigned_abs() as usize];
         let value = if self.power < 0 { self.mantissa as f64 / scale } else { self.mantissa as f64 * scale };
@@ -204,7 +204,7 @@ impl Decimal {
 }
 
 #[cold]
-fn of_library(word: &[u8]) -> Option<f64> {
+fn parse_with_std(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok().filter(|v: &f64| v.is_finite())
 }
 
@@ -317,7 +317,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_those_of_the_standard_library() {
+    fn numbers_equal_those_of_the_standard_library() {
         let texts = [
             "0",
             "-0",
@@ -381,7 +381,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_numbers() {
+    fn integers_equal_those_of_the_standard_library() {
         assert_eq!(integer(b"-12"), Some(-12));
         assert_eq!(integer(b"9223372036854775807"), Some(i64::MAX));
         for text in ["", "-", "1.0", "9223372036854775808", "1e3"] {
@@ -404,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_of_every_system() {
+    fn lines_end_at_lf_crlf_or_cr() {
         let lines: Vec<_> = Lines::new(b"a b\r\n\nc\rd").collect();
         assert_eq!(lines, [(1, &b"a b"[..]), (2, b""), (3, b"c"), (4, b"d")]);
         assert_eq!(Lines::from(b"x", 9).next(), Some((9, &b"x"[..])));

@@ -159,7 +159,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn paths_of_other_systems() {
+    fn paths_of_other_systems_are_converted() {
         let first = |p: &str| search::places(&[&plain_path(p).0])[0].clone();
         assert_eq!(first(r".\wal67ar_small.jpg"), "wal67ar_small.jpg");
         assert_eq!(first("../materials/a%20b.png"), "../materials/a b.png");
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn normal_maps_are_blue() {
+    fn normal_maps_are_recognized_by_their_mean_color() {
         let image = |rgba: [u8; 4]| Image { width: 2, height: 1, rgba: rgba.repeat(2), ..Image::default() };
         assert!(is_normal_map(&image([128, 128, 255, 255])));
         assert!(!is_normal_map(&image([128, 128, 128, 255])));

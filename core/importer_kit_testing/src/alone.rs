@@ -3,7 +3,7 @@
 use std::process::Command;
 
 /// Environment variable that is set in the process of one test.
-const MARK: &str = "CHOREO_ALONE";
+const OWN_PROCESS_VARIABLE: &str = "CHOREO_ALONE";
 
 /// Runs the calling test in a process of its own: this test binary again, with that test only. Returns true in the calling process, where
 /// nothing is left to do; false in the new process, or if the test is alone already. Panics with the test's output if it fails there.
@@ -11,16 +11,16 @@ pub fn ran_in_own_process() -> bool {
     let thread = std::thread::current();
     // libtest names a thread after its test. Without threads it runs one test at a time, which is alone already.
     let Some(name) = thread.name().filter(|name| *name != "main") else { return false };
-    if std::env::var_os(MARK).is_some() {
+    if std::env::var_os(OWN_PROCESS_VARIABLE).is_some() {
         return false;
     }
     let program = std::env::current_exe().unwrap_or_else(|e| panic!("the path of this program: {e}"));
     let mut command = Command::new(program);
-    command.args([name, "--exact", "--include-ignored", "--nocapture"]).env(MARK, "1");
+    command.args([name, "--exact", "--include-ignored", "--nocapture"]).env(OWN_PROCESS_VARIABLE, "1");
     let output = command.output().unwrap_or_else(|e| panic!("{name} did not start again: {e}"));
     let text = String::from_utf8_lossy(&output.stdout);
-    let words = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{name}, alone: {}\n{text}{words}", output.status);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{name}, alone: {}\n{text}{stderr}", output.status);
     // The closing count of the tests must not count this one twice.
     assert!(text.contains("test result: ok. 1 passed"), "{name} was not found again:\n{text}");
     print!("{}", own_lines(&text, name));
@@ -42,17 +42,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_test_runs_once_more_in_a_process_of_its_own() {
+    fn the_calling_test_runs_again_in_its_own_process() {
         let here = std::process::id();
         if ran_in_own_process() {
             return;
         }
         println!("process {here}");
-        assert!(std::env::var_os(MARK).is_some() || std::thread::current().name() == Some("main"));
+        assert!(
+            std::env::var_os(OWN_PROCESS_VARIABLE).is_some() || std::thread::current().name() == Some("main")
+        );
     }
 
     #[test]
-    fn lines_of_the_test_are_kept_and_those_of_libtest_are_not() {
+    fn lines_of_libtest_are_removed() {
         let several =
             "\nrunning 1 test\nSKIP 3: no files\ntest a::b ... ok\n\ntest result: ok. 1 passed; 0 failed\n\n";
         let single =

@@ -45,7 +45,7 @@ pub fn run(importer: &dyn Importer, name: &str, bytes: &[u8], flips: usize) -> O
 }
 
 /// Largest processor time of one import, seconds: far beyond that of any import, so that only an endless one reaches it, on any machine.
-const MOST_SECS: f64 = 30.0;
+const MAX_SECS: f64 = 30.0;
 
 /// Truncates the file at `cuts` places and flips `flips` pseudo-random bits, one at a time. Panics with the name and the place if an error
 /// has no place, if an import computes for more than half a minute, or if all of it takes more memory at once than 16 times the file and 64
@@ -60,13 +60,13 @@ pub fn run_slice(
 ) -> Outcome {
     let mut outcome = Outcome::default();
     let memory = Memory::start();
-    let mut one = |how: &str, damaged: Vec<u8>| {
-        let (start, computed) = (Instant::now(), computed_secs());
+    let mut import_damaged = |how: &str, damaged: Vec<u8>| {
+        let (start, computed) = (Instant::now(), thread_cpu_secs());
         let result = import(importer, &source(name, damaged), beside, ImportScope::ALL);
         let wall = start.elapsed().as_secs_f64();
-        let secs = computed_secs().zip(computed).map_or(wall, |(after, before)| after - before);
+        let secs = thread_cpu_secs().zip(computed).map_or(wall, |(after, before)| after - before);
         outcome.slowest_secs = outcome.slowest_secs.max(secs);
-        assert!(secs < MOST_SECS, "{name} {how}: {secs:.1} s");
+        assert!(secs < MAX_SECS, "{name} {how}: {secs:.1} s");
         match result {
             Ok(asset) => {
                 sound::check(&format!("{name} {how}"), &asset);
@@ -80,7 +80,7 @@ pub fn run_slice(
     };
     for cut in 0..cuts {
         let length = bytes.len() * cut / cuts;
-        one(&format!("cut at {length}"), bytes[..length].to_vec());
+        import_damaged(&format!("cut at {length}"), bytes[..length].to_vec());
     }
     let mut state = bytes.len() as u64;
     for flip in 0..flips {
@@ -89,7 +89,7 @@ pub fn run_slice(
         let range = if flip % 2 == 0 { copy.len() } else { copy.len().min(4_000) } as u64;
         let bit = random(&mut state) % (range * 8);
         copy[(bit / 8) as usize] ^= 1 << (bit % 8);
-        one(&format!("bit {bit}"), copy);
+        import_damaged(&format!("bit {bit}"), copy);
     }
     let allowed = 16 * bytes.len() as u64 + (64 << 20);
     if let Some(used) = memory.used() {
@@ -106,7 +106,7 @@ pub fn run_slice(
 }
 
 /// Processor time of this thread so far, seconds (Linux), which unlike the clock does not depend on the load.
-fn computed_secs() -> Option<f64> {
+fn thread_cpu_secs() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-9)
 }

@@ -34,7 +34,7 @@ pub fn resumed(exporter: &dyn Exporter, info: &VideoInfo, frames: &[Frame], cut:
     for (i, frame) in frames[..cut].iter().enumerate() {
         sink.frame(frame).unwrap();
         match sink.mark() {
-            Mark::Nothing => panic!("frame {i}: cannot be gone on with"),
+            Mark::Nothing => panic!("frame {i}: the exporter cannot resume after it"),
             Mark::Settled(state) => {
                 states.push(state);
                 (settled, length) = (i + 1, out.bytes().len());

@@ -30,7 +30,7 @@ pub fn built(folder: &Path, crate_name: &str) -> PathBuf {
 
 /// An importer of PLY, built in a folder from a copy of `core/wasm_plugin/tests/import-ply`.
 pub fn import_ply(folder: &Path) -> PathBuf {
-    copied(&sources().join("core/wasm_plugin/tests/import-ply"), folder, |text| text.to_string());
+    copy_crate(&sources().join("core/wasm_plugin/tests/import-ply"), folder, |text| text.to_string());
     built(folder, "import-ply")
 }
 
@@ -38,14 +38,14 @@ pub fn import_ply(folder: &Path) -> PathBuf {
 pub fn export_csv(folder: &Path) -> PathBuf {
     let ply = sources().join("core/wasm_plugin/tests/import-ply");
     // The other crate's manifest fits, apart from names.
-    copied(&ply, folder, |text| text.replace("import-ply", "export-csv").replace("1.0.0", "0.1.0"));
+    copy_crate(&ply, folder, |text| text.replace("import-ply", "export-csv").replace("1.0.0", "0.1.0"));
     let source = std::fs::read_to_string(sources().join("plugins/export-csv/src/lib.rs"));
     let source = source.expect("a source").replace("pub mod files;\n", "mod files {}\n");
     std::fs::write(folder.join("src/lib.rs"), source).expect("a copy");
     built(folder, "export-csv")
 }
 
-fn copied(from: &Path, folder: &Path, changed: impl Fn(&str) -> String) {
+fn copy_crate(from: &Path, folder: &Path, changed: impl Fn(&str) -> String) {
     let plugin = sources().join("core/plugin").display().to_string();
     for name in ["Cargo.toml", "src/lib.rs"] {
         let text = std::fs::read_to_string(from.join(name)).expect("a source");

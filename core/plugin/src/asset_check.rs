@@ -47,7 +47,7 @@ pub(crate) fn checked(mut asset: Asset, scope: ImportScope) -> Result<Asset, Ass
             unequal += check_weights(primitive, fewest_joints, &place)?;
         }
         if unequal > 0 {
-            warn(format!("the weights of {unequal} vertices do not sum to 1; they are normalized"));
+            warn(format!("vertices whose weights do not sum to 1: {unequal}; their weights are normalized"));
             normalize_weights(Arc::make_mut(&mut asset.meshes[index]));
         }
         if asset.meshes[index].primitives.iter().all(|primitive| primitive.indices.is_empty()) {
@@ -107,7 +107,7 @@ fn in_range(place: &dyn Fn() -> String, what: &str, index: u32, count: usize) ->
     if (index as usize) < count {
         return Ok(());
     }
-    Err(fault(place(), format!("{what} is {index}, but there are {count}")))
+    Err(fault(place(), format!("{what} {index} does not exist, there are {count}")))
 }
 
 fn check_instances(asset: &Asset) -> Result<(), AssetFault> {
@@ -178,12 +178,16 @@ fn check_materials(asset: &Asset, scope: ImportScope) -> Result<(), AssetFault> 
 fn check_skin(asset: &Asset, skin: &Skin, place: &dyn Fn() -> String) -> Result<(), AssetFault> {
     let joints = asset.skeleton.len();
     if let Some(joint) = skin.joints.iter().find(|joint| **joint as usize >= joints) {
-        return Err(fault(place(), format!("joint {joint} is out of range, there are {joints}")));
+        return Err(fault(place(), format!("joint {joint} does not exist, there are {joints}")));
     }
     if skin.joints.len() != skin.inverse_bind.len() {
         return Err(fault(
             place(),
-            format!("has {} joints and {} bind matrices", skin.joints.len(), skin.inverse_bind.len()),
+            format!(
+                "needs a bind matrix for each joint; joints: {}, bind matrices: {}",
+                skin.joints.len(),
+                skin.inverse_bind.len()
+            ),
         ));
     }
     let bad = skin.inverse_bind.iter().position(|matrix| !matrix.is_finite());
@@ -228,14 +232,14 @@ fn check_primitive(
     if !primitive.indices.len().is_multiple_of(each) {
         return Err(fault(
             place(),
-            format!("has {} indices, which is no multiple of {each}", primitive.indices.len()),
+            format!("has {} indices, must be a multiple of {each}", primitive.indices.len()),
         ));
     }
     if let Some(index) = primitive.indices.iter().max().filter(|index| **index as usize >= vertices) {
         return Err(fault(place(), format!("has the index {index}, but {vertices} vertices")));
     }
     if let Some(material) = primitive.material.filter(|material| *material as usize >= materials) {
-        return Err(fault(place(), format!("has the material {material}, but there are {materials}")));
+        return Err(fault(place(), format!("material {material} does not exist, there are {materials}")));
     }
     let not_finite = [
         ("position", primitive.positions.iter().position(|v| !v.is_finite())),
@@ -316,8 +320,8 @@ mod tests {
     use choreo_motion::{Skeleton, Transform};
     use glam::{Affine3A, Mat4, Vec2, Vec3, Vec4};
 
-    /// A skinned triangle without a fault.
-    fn sound() -> Asset {
+    /// A valid asset: one skinned triangle.
+    fn valid_asset() -> Asset {
         let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
         let primitive = Primitive {
             indices: vec![0, 1, 2],
@@ -342,46 +346,55 @@ mod tests {
         }
     }
 
-    fn part(asset: &mut Asset) -> &mut Primitive {
+    fn first_primitive(asset: &mut Asset) -> &mut Primitive {
         &mut Arc::make_mut(&mut asset.meshes[0]).primitives[0]
     }
 
     #[test]
-    fn each_fault_is_named_with_its_place() {
-        assert_eq!(checked(sound(), ImportScope::ALL).unwrap().warnings, []);
+    fn each_fault_is_reported_with_its_place() {
+        assert_eq!(checked(valid_asset(), ImportScope::ALL).unwrap().warnings, []);
         type Change = fn(&mut Asset);
         let cases: [(Change, &str); 24] = [
-            (|a| a.instances[0].joint = 1, "instances[0]: joint is 1, but there are 1"),
-            (|a| a.instances[0].mesh = 7, "instances[0]: mesh is 7, but there are 1"),
-            (|a| a.instances[0].skin = Some(1), "instances[0]: skin is 1, but there are 1"),
+            (|a| a.instances[0].joint = 1, "instances[0]: joint 1 does not exist, there are 1"),
+            (|a| a.instances[0].mesh = 7, "instances[0]: mesh 7 does not exist, there are 1"),
+            (|a| a.instances[0].skin = Some(1), "instances[0]: skin 1 does not exist, there are 1"),
             (
                 |a| a.instances[0].weights = vec![0.0; 3],
                 "instances[0]: has 3 morph weights, but the mesh has 1 targets",
             ),
             (|a| a.instances[0].weights = vec![f32::NAN], "instances[0]: has a number that is not finite"),
             (|a| a.placements = vec![Affine3A::NAN].into(), "placements: has a number that is not finite"),
-            (|a| a.skins[0].joints = vec![3], "skins[0]: joint 3 is out of range, there are 1"),
-            (|a| a.skins[0].inverse_bind.clear(), "skins[0]: has 1 joints and 0 bind matrices"),
-            (|a| a.skins[0].inverse_bind[0] = Mat4::NAN, "skins[0]: bind matrix 0 is not finite"),
-            (|a| part(a).indices[1] = 3, "has the index 3, but 3 vertices"),
-            (|a| part(a).indices.truncate(2), "has 2 indices, which is no multiple of 3"),
-            (|a| part(a).normals.truncate(2), "has 2 normals for 3 vertices"),
-            (|a| part(a).positions[2].y = f32::INFINITY, "the position of vertex 2 is not finite"),
-            (|a| part(a).uvs[0][1].y = f32::NAN, "the uv of vertex 1 is not finite"),
+            (|a| a.skins[0].joints = vec![3], "skins[0]: joint 3 does not exist, there are 1"),
             (
-                |a| part(a).morphs[0].positions[1] = Vec3::NAN,
+                |a| a.skins[0].inverse_bind.clear(),
+                "skins[0]: needs a bind matrix for each joint; joints: 1, bind matrices: 0",
+            ),
+            (|a| a.skins[0].inverse_bind[0] = Mat4::NAN, "skins[0]: bind matrix 0 is not finite"),
+            (|a| first_primitive(a).indices[1] = 3, "has the index 3, but 3 vertices"),
+            (|a| first_primitive(a).indices.truncate(2), "has 2 indices, must be a multiple of 3"),
+            (|a| first_primitive(a).normals.truncate(2), "has 2 normals for 3 vertices"),
+            (|a| first_primitive(a).positions[2].y = f32::INFINITY, "the position of vertex 2 is not finite"),
+            (|a| first_primitive(a).uvs[0][1].y = f32::NAN, "the uv of vertex 1 is not finite"),
+            (
+                |a| first_primitive(a).morphs[0].positions[1] = Vec3::NAN,
                 "the morph target's offset of vertex 1 is not finite",
             ),
-            (|a| part(a).morphs[0].positions.truncate(1), "has 1 positions of a morph target for 3 vertices"),
-            (|a| part(a).morphs.push(MorphTarget::default()), "has 2 morph targets, but its mesh has 1"),
-            (|a| part(a).influences = 3, "has 3 influences per vertex, must be 0, 4 or 8"),
             (
-                |a| part(a).joint_weights.truncate(8),
+                |a| first_primitive(a).morphs[0].positions.truncate(1),
+                "has 1 positions of a morph target for 3 vertices",
+            ),
+            (
+                |a| first_primitive(a).morphs.push(MorphTarget::default()),
+                "has 2 morph targets, but its mesh has 1",
+            ),
+            (|a| first_primitive(a).influences = 3, "has 3 influences per vertex, must be 0, 4 or 8"),
+            (
+                |a| first_primitive(a).joint_weights.truncate(8),
                 "has 12 joint indices and 8 weights for 3 vertices of 4 influences",
             ),
-            (|a| part(a).joint_indices[4] = 1, "has the joint index 1, but its skin has 1 joints"),
-            (|a| part(a).joint_weights[5] = -1.0, "a weight of vertex 1 is -1, must be 0 or more"),
-            (|a| part(a).material = Some(0), "has the material 0, but there are 0"),
+            (|a| first_primitive(a).joint_indices[4] = 1, "has the joint index 1, but its skin has 1 joints"),
+            (|a| first_primitive(a).joint_weights[5] = -1.0, "a weight of vertex 1 is -1, must be 0 or more"),
+            (|a| first_primitive(a).material = Some(0), "material 0 does not exist, there are 0"),
             (
                 |a| {
                     let light =
@@ -396,7 +409,7 @@ mod tests {
             ),
         ];
         for (change, expected) in cases {
-            let mut asset = sound();
+            let mut asset = valid_asset();
             change(&mut asset);
             let found = checked(asset, ImportScope::ALL).unwrap_err().to_string();
             let of_part = format!("meshes[0] \"flag\", primitive 0: {expected}");
@@ -405,19 +418,20 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_normalized_and_meshes_that_are_not_drawn_are_named() {
-        let mut asset = sound();
-        part(&mut asset).joint_weights = [[2.0, 2.0, 0.0, 0.0], [0.0; 4], [0.5, 0.5, 0.0, 0.0]].concat();
+    fn weights_are_normalized_and_undrawn_meshes_are_reported() {
+        let mut asset = valid_asset();
+        first_primitive(&mut asset).joint_weights =
+            [[2.0, 2.0, 0.0, 0.0], [0.0; 4], [0.5, 0.5, 0.0, 0.0]].concat();
         asset.meshes.push(Arc::new(Mesh { name: "ghost".into(), ..Mesh::default() }));
-        let lost = Mesh { name: "lost".into(), ..(*sound().meshes[0]).clone() };
+        let lost = Mesh { name: "lost".into(), ..(*valid_asset().meshes[0]).clone() };
         asset.meshes.push(Arc::new(lost));
         let mut asset = checked(asset, ImportScope::ALL).unwrap();
         let weights = [[0.5, 0.5, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.5, 0.5, 0.0, 0.0]].concat();
-        assert_eq!(part(&mut asset).joint_weights, weights);
+        assert_eq!(first_primitive(&mut asset).joint_weights, weights);
         let warnings: Vec<String> =
             asset.warnings.iter().map(|w| format!("{} {}", w.place, w.text)).collect();
         let expected = [
-            "meshes[0] \"flag\" the weights of 2 vertices do not sum to 1; they are normalized",
+            "meshes[0] \"flag\" vertices whose weights do not sum to 1: 2; their weights are normalized",
             "meshes[1] \"ghost\" has neither triangles nor lines nor points, so it is not drawn",
             "meshes[2] \"lost\" no node uses it, so it is not drawn",
         ];
@@ -427,8 +441,8 @@ mod tests {
     /// A million vertices with all attributes take some milliseconds; the bound allows for busy machines.
     #[test]
     fn a_large_mesh_is_checked_quickly() {
-        let mut asset = sound();
-        let (vertices, part) = (1_000_000, part(&mut asset));
+        let mut asset = valid_asset();
+        let (vertices, part) = (1_000_000, first_primitive(&mut asset));
         part.positions = vec![Vec3::ONE; vertices];
         part.normals = vec![Vec3::Z; vertices];
         part.tangents = vec![Vec4::X; vertices];

@@ -37,11 +37,11 @@ impl EffectTexture {
             .0
             .iter()
             .map(|p| {
-                let color = |i: usize| half_of(decoded[usize::from(p[i])]);
-                [color(0), color(1), color(2), half_of(plain[usize::from(p[3])])]
+                let color = |i: usize| half_from_f32(decoded[usize::from(p[i])]);
+                [color(0), color(1), color(2), half_from_f32(plain[usize::from(p[3])])]
             })
             .collect();
-        let texels = halves.iter().map(|h| Vec4::from_array(h.map(of_half))).collect();
+        let texels = halves.iter().map(|h| Vec4::from_array(h.map(f32_from_half))).collect();
         Some(EffectTexture { name: name.into(), file: None, size, halves, texels })
     }
 
@@ -75,7 +75,7 @@ impl EffectTexture {
 }
 
 /// The nearest 16-bit float of a number from 0 to 1.
-fn half_of(v: f32) -> u16 {
+fn half_from_f32(v: f32) -> u16 {
     if v < 6.103_515_6e-5 {
         // Subnormal: a count of 2⁻²⁴.
         return libm::roundf(v * 16_777_216.0) as u16;
@@ -85,7 +85,7 @@ fn half_of(v: f32) -> u16 {
 }
 
 /// Value of a 16-bit float that is finite and not negative.
-fn of_half(bits: u16) -> f32 {
+fn f32_from_half(bits: u16) -> f32 {
     match bits >> 10 {
         0 => f32::from(bits) * (1.0 / 16_777_216.0),
         _ => f32::from_bits((u32::from(bits) + (112 << 10)) << 13),
@@ -99,12 +99,18 @@ mod tests {
     #[test]
     fn halves_hold_bytes_within_their_rounding() {
         for v in 0..=255u8 {
-            let (plain, near) = (f32::from(v) / 255.0, of_half(half_of(f32::from(v) / 255.0)));
+            let (plain, near) = (f32::from(v) / 255.0, f32_from_half(half_from_f32(f32::from(v) / 255.0)));
             assert!((plain - near).abs() <= plain / 2048.0 + 1e-7, "{v}: {near}");
             let decoded = linear_from_srgb_f32(plain);
-            assert!((decoded - of_half(half_of(decoded))).abs() <= decoded / 2048.0 + 6e-8, "{v}");
+            assert!(
+                (decoded - f32_from_half(half_from_f32(decoded))).abs() <= decoded / 2048.0 + 6e-8,
+                "{v}"
+            );
         }
-        assert_eq!((half_of(0.0), half_of(1.0), of_half(0x3c00), of_half(0x3800)), (0, 0x3c00, 1.0, 0.5));
+        assert_eq!(
+            (half_from_f32(0.0), half_from_f32(1.0), f32_from_half(0x3c00), f32_from_half(0x3800)),
+            (0, 0x3c00, 1.0, 0.5)
+        );
     }
 
     #[test]

@@ -210,35 +210,35 @@ impl Manifest {
 
     /// Adds an option that is a number.
     pub fn number(self, name: &str, about: &str, default: f64, range: RangeInclusive<f64>) -> Manifest {
-        self.with(name, about, OptionKind::Number { default, min: *range.start(), max: *range.end() })
+        self.with_option(name, about, OptionKind::Number { default, min: *range.start(), max: *range.end() })
     }
 
     /// Adds an option that is a whole number.
     pub fn integer(self, name: &str, about: &str, default: i64, range: RangeInclusive<i64>) -> Manifest {
-        self.with(name, about, OptionKind::Integer { default, min: *range.start(), max: *range.end() })
+        self.with_option(name, about, OptionKind::Integer { default, min: *range.start(), max: *range.end() })
     }
 
     /// Adds a color: linear red, green and blue.
     pub fn color(self, name: &str, about: &str, default: [f64; 3]) -> Manifest {
-        self.with(name, about, OptionKind::Color { default })
+        self.with_option(name, about, OptionKind::Color { default })
     }
 
     /// Adds an option of as many numbers as the default has: 2 to 4.
     pub fn vector(self, name: &str, about: &str, default: &[f64], range: RangeInclusive<f64>) -> Manifest {
         let (min, max) = range.into_inner();
-        self.with(name, about, OptionKind::Vector { default: default.to_vec(), min, max })
+        self.with_option(name, about, OptionKind::Vector { default: default.to_vec(), min, max })
     }
 
     /// Adds a curve of keys `[x, y]`: x from 0 to 1 and growing, y within the range.
     pub fn curve(self, name: &str, about: &str, keys: &[[f64; 2]], range: RangeInclusive<f64>) -> Manifest {
         let (min, max) = range.into_inner();
-        self.with(name, about, OptionKind::Curve { default: keys.to_vec(), min, max })
+        self.with_option(name, about, OptionKind::Curve { default: keys.to_vec(), min, max })
     }
 
     /// Adds an image, by default a file beside the effect, or white where that is empty. `srgb`: its red, green and blue are encoded as
     /// sRGB, rather than data.
     pub fn texture(self, name: &str, about: &str, default: &str, srgb: bool) -> Manifest {
-        self.with(name, about, OptionKind::Texture { default: default.into(), srgb })
+        self.with_option(name, about, OptionKind::Texture { default: default.into(), srgb })
     }
 
     /// Sets the unit of the option that was added last: "m", "px", "degrees".
@@ -251,16 +251,16 @@ impl Manifest {
 
     /// Adds an option that is true or false.
     pub fn flag(self, name: &str, about: &str, default: bool) -> Manifest {
-        self.with(name, about, OptionKind::Bool { default })
+        self.with_option(name, about, OptionKind::Bool { default })
     }
 
     /// Adds an option that is a text: one of `one_of`, or any text if that list is empty.
     pub fn text(self, name: &str, about: &str, default: &str, one_of: &[&str]) -> Manifest {
         let one_of = one_of.iter().map(ToString::to_string).collect();
-        self.with(name, about, OptionKind::Text { default: default.into(), one_of })
+        self.with_option(name, about, OptionKind::Text { default: default.into(), one_of })
     }
 
-    fn with(mut self, name: &str, about: &str, kind: OptionKind) -> Manifest {
+    fn with_option(mut self, name: &str, about: &str, kind: OptionKind) -> Manifest {
         self.options.push(OptionSpec { name: name.into(), about: about.into(), unit: String::new(), kind });
         self
     }
@@ -489,7 +489,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_given_has_its_default() {
+    fn missing_options_get_their_defaults() {
         let all = manifest().complete(&given("up", OptionValue::Text("z".into()))).unwrap();
         assert_eq!(all.number("scale"), Some(1.0));
         assert_eq!(all.bool("smooth"), Some(false));
@@ -497,7 +497,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_names_kinds_and_ranges_say_what_is_allowed() {
+    fn errors_of_options_state_the_allowed_values() {
         let refused = |name: &str, value| manifest().complete(&given(name, value)).unwrap_err();
         let e = refused("scal", OptionValue::Number(1.0));
         assert_eq!(e.message, "toy has no option \"scal\"; did you mean \"scale\"?");
@@ -529,7 +529,7 @@ mod tests {
     }
 
     #[test]
-    fn texts_of_the_command_line_become_values() {
+    fn texts_of_the_command_line_are_parsed() {
         let parse = |name: &str, text: &str| manifest().parse_option(name, text);
         assert_eq!(parse("scale", "0.01"), Ok(OptionValue::Number(0.01)));
         assert_eq!(parse("smooth", "true"), Ok(OptionValue::Bool(true)));

@@ -21,9 +21,9 @@ pub const CURVE_SAMPLES: usize = 16;
 /// Largest number of keys of a curve.
 pub const MAX_CURVE_KEYS: usize = 64;
 
-const COLOR: [&str; 3] = ["_r", "_g", "_b"];
-const VECTOR: [&str; 4] = ["_x", "_y", "_z", "_w"];
-const CURVE: [&str; CURVE_SAMPLES] =
+const COLOR_SUFFIXES: [&str; 3] = ["_r", "_g", "_b"];
+const VECTOR_SUFFIXES: [&str; 4] = ["_x", "_y", "_z", "_w"];
+const CURVE_SUFFIXES: [&str; CURVE_SAMPLES] =
     ["_0", "_1", "_2", "_3", "_4", "_5", "_6", "_7", "_8", "_9", "_10", "_11", "_12", "_13", "_14", "_15"];
 
 /// Whether keys `[x, y]` are a curve: 1 to [`MAX_CURVE_KEYS`] of them, x from 0 to 1 and growing, y finite.
@@ -67,11 +67,13 @@ pub fn curve_table(keys: &[[f64; 2]]) -> [f64; CURVE_SAMPLES] {
 
 impl OptionSpec {
     /// Suffixes of the names of the option's numbers; one empty suffix for a single number.
-    fn endings(&self) -> &'static [&'static str] {
+    fn suffixes(&self) -> &'static [&'static str] {
         match &self.kind {
-            OptionKind::Color { .. } => &COLOR,
-            OptionKind::Vector { default, .. } => &VECTOR[..default.len().min(VECTOR.len())],
-            OptionKind::Curve { .. } => &CURVE,
+            OptionKind::Color { .. } => &COLOR_SUFFIXES,
+            OptionKind::Vector { default, .. } => {
+                &VECTOR_SUFFIXES[..default.len().min(VECTOR_SUFFIXES.len())]
+            }
+            OptionKind::Curve { .. } => &CURVE_SUFFIXES,
             OptionKind::Texture { .. } => &[],
             _ => &[""],
         }
@@ -84,18 +86,18 @@ impl OptionSpec {
     /// assert!(manifest.options[0].number_names().eq(["tint_r", "tint_g", "tint_b"]));
     /// ```
     pub fn number_names(&self) -> impl Iterator<Item = String> {
-        self.endings().iter().map(|ending| format!("{}{ending}", self.name))
+        self.suffixes().iter().map(|ending| format!("{}{ending}", self.name))
     }
 
     /// Number of numbers that an effect receives for the option.
     pub fn number_count(&self) -> usize {
-        self.endings().len()
+        self.suffixes().len()
     }
 
     /// Index of the number with this name among the option's numbers.
     pub fn number_of(&self, name: &str) -> Option<usize> {
         let ending = name.strip_prefix(self.name.as_str())?;
-        self.endings().iter().position(|e| *e == ending)
+        self.suffixes().iter().position(|e| *e == ending)
     }
 
     /// Smallest and largest value of the option's numbers; `None` for flags, texts and textures.
@@ -152,7 +154,7 @@ impl Manifest {
     pub fn parameters(&self, given: &[(String, f64)]) -> Vec<f32> {
         let mut all = Vec::with_capacity(self.parameter_length());
         for option in &self.options {
-            for (index, ending) in option.endings().iter().enumerate() {
+            for (index, ending) in option.suffixes().iter().enumerate() {
                 let is_it = |name: &str| name.strip_prefix(option.name.as_str()) == Some(ending);
                 let value = given.iter().rev().find(|(name, _)| is_it(name)).map(|(_, value)| *value);
                 let value = match (value, option.bounds()) {
@@ -185,7 +187,7 @@ impl Manifest {
         }
         let mut rest = parameters;
         for option in &self.options {
-            let Some((own, after)) = rest.split_at_mut_checked(option.endings().len()) else { return };
+            let Some((own, after)) = rest.split_at_mut_checked(option.suffixes().len()) else { return };
             rest = after;
             let Some([min, max]) = option.bounds().filter(|_| option.unit == "px") else { continue };
             for value in own {
@@ -227,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn a_curve_is_off_by_a_sixtieth_of_the_change_of_its_slope() {
+    fn the_error_of_a_curve_table_is_a_sixtieth_of_the_slope_change() {
         for x0 in [0.1, 0.5, 8.0 / 15.0] {
             // The slope changes from 1 to −3 at x0.
             let keys = [[0.0, 0.0], [x0, x0], [1.0, x0 - 3.0 * (1.0 - x0)]];

@@ -164,15 +164,15 @@ impl Registry {
     /// Adds an effect; one of the same name is replaced.
     pub fn add_effect(&mut self, effect: impl Into<Effect>) {
         let effect = effect.into();
-        self.forget_effect(&effect.manifest().name);
+        self.remove_effect(&effect.manifest().name);
         self.effects.push(isolated_effect(effect));
     }
     /// Adds an effect of a plugin file, which is compiled at its first use.
     pub fn add_lazy_effect(&mut self, plugin: Arc<LazyEffect>) {
-        self.forget_effect(plugin.name());
+        self.remove_effect(plugin.name());
         self.on_use.push(plugin);
     }
-    fn forget_effect(&mut self, name: &str) {
+    fn remove_effect(&mut self, name: &str) {
         let before = self.effects.len() + self.on_use.len();
         self.effects.retain(|p| p.manifest().name != name);
         self.on_use.retain(|p| p.name() != name);
@@ -397,9 +397,9 @@ mod tests {
     use super::*;
     use crate::Manifest;
 
-    struct Says(Manifest, Claim);
+    struct FixedClaim(Manifest, Claim);
 
-    impl Importer for Says {
+    impl Importer for FixedClaim {
         fn manifest(&self) -> &Manifest {
             &self.0
         }
@@ -417,32 +417,32 @@ mod tests {
         }
     }
 
-    fn order(importers: &[(&str, &str, Claim)]) -> Vec<String> {
+    fn claim_order(importers: &[(&str, &str, Claim)]) -> Vec<String> {
         let mut registry = Registry::default();
         for (name, extension, claim) in importers {
-            registry.add_importer(Says(Manifest::new(name, "1", "").extensions([*extension]), *claim));
+            registry.add_importer(FixedClaim(Manifest::new(name, "1", "").extensions([*extension]), *claim));
         }
         let source = Source { name: "a.dat".into(), bytes: Arc::default() };
         registry.claims(&source).iter().map(|(_, i)| i.manifest().name.clone()).collect()
     }
 
     #[test]
-    fn content_counts_more_than_the_name_and_more_certain_more_than_less() {
+    fn claims_by_content_precede_claims_by_extension() {
         let all = [
             ("no", "dat", Claim::NotMine),
             ("named", "dat", Claim::Extension),
             ("likely", "x", Claim::Content(50)),
             ("sure", "x", Claim::Content(95)),
         ];
-        assert_eq!(order(&all), ["sure", "likely", "named", "no"]);
+        assert_eq!(claim_order(&all), ["sure", "likely", "named", "no"]);
     }
 
     #[test]
-    fn equal_claims_are_settled_by_extension_then_by_who_came_last() {
+    fn equal_claims_are_ordered_by_extension_then_by_last_added() {
         let c = Claim::Content(90);
-        assert_eq!(order(&[("a", "dat", c), ("b", "x", c)]), ["a", "b"]);
-        assert_eq!(order(&[("a", "x", c), ("b", "dat", c)]), ["b", "a"]);
-        assert_eq!(order(&[("ours", "dat", c), ("yours", "dat", c)]), ["yours", "ours"]);
+        assert_eq!(claim_order(&[("a", "dat", c), ("b", "x", c)]), ["a", "b"]);
+        assert_eq!(claim_order(&[("a", "x", c), ("b", "dat", c)]), ["b", "a"]);
+        assert_eq!(claim_order(&[("ours", "dat", c), ("yours", "dat", c)]), ["yours", "ours"]);
     }
 
     struct Named(Manifest);
@@ -460,7 +460,7 @@ mod tests {
     }
 
     #[test]
-    fn an_effect_of_a_file_is_made_once_and_only_when_used() {
+    fn a_lazy_effect_is_compiled_once_at_its_first_use() {
         use std::sync::atomic::{AtomicUsize, Ordering};
         let made = Arc::new(AtomicUsize::new(0));
         let mut registry = Registry::default();
@@ -487,9 +487,9 @@ mod tests {
     }
 
     #[test]
-    fn nobody_reads_what_nobody_claims() {
+    fn an_unclaimed_file_is_an_error_with_a_hint() {
         let mut registry = Registry::default();
-        registry.add_importer(Says(Manifest::new("gltf", "1", ""), Claim::NotMine));
+        registry.add_importer(FixedClaim(Manifest::new("gltf", "1", ""), Claim::NotMine));
         let source = Source { name: "a.dat".into(), bytes: Arc::default() };
         let error = |named| registry.importer_for(&source, named).err().unwrap();
         assert_eq!(error(None).to_string(), "a.dat: no importer knows this kind of file");

@@ -36,14 +36,14 @@ pub fn distance(a: &str, b: &str) -> usize {
 /// ```
 pub fn closest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // Longer names are not typed by hand, and the cost of the distance is the product of both lengths.
-    const LONGEST: usize = 128;
-    if wanted.is_empty() || wanted.len() > LONGEST {
+    const MAX_NAME_BYTES: usize = 128;
+    if wanted.is_empty() || wanted.len() > MAX_NAME_BYTES {
         return None;
     }
     let lower = wanted.to_ascii_lowercase();
     let mut best: Option<(usize, &str)> = None;
     for name in known {
-        if name.is_empty() || name.len() > LONGEST {
+        if name.is_empty() || name.len() > MAX_NAME_BYTES {
             continue;
         }
         let mut d = distance(wanted, name);

@@ -6,7 +6,7 @@ use crate::guest;
 pub(crate) const BLOCK: usize = 1024;
 
 /// Longest word that can be a number, in bytes.
-const LONGEST: usize = 1024;
+const MAX_WORD_BYTES: usize = 1024;
 
 /// A type of numbers in texts: `f32`, `f64`, `i32` or `u32`.
 ///
@@ -50,7 +50,7 @@ numbers! {
 
 /// The bits of a number of a kind, as [`str::parse`] reads it.
 fn bits_of(kind: u32, word: &[u8]) -> Option<u64> {
-    if word.len() > LONGEST {
+    if word.len() > MAX_WORD_BYTES {
         return None;
     }
     // Most whole numbers are short.
@@ -70,7 +70,7 @@ fn bits_of(kind: u32, word: &[u8]) -> Option<u64> {
 fn next_word(text: &[u8], at: usize) -> (usize, usize) {
     let rest = &text[at..];
     let start = at + rest.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(rest.len());
-    let word = &text[start..text.len().min(start + LONGEST + 1)];
+    let word = &text[start..text.len().min(start + MAX_WORD_BYTES + 1)];
     (start, start + word.iter().position(u8::is_ascii_whitespace).unwrap_or(word.len()))
 }
 

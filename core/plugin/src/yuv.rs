@@ -111,7 +111,7 @@ impl Yuv420 {
             let [upper, lower] = &self.rows;
             for ((upper, lower), out) in upper.iter().zip(lower).zip(&mut self.halves) {
                 out.resize(cw, 0);
-                halve(upper, lower, &mut self.sums, out);
+                halve_horizontally(upper, lower, &mut self.sums, out);
             }
             let span = cy * cw..(cy + 1) * cw;
             chroma(&self.halves, &mut self.u[span.clone()], &mut self.v[span]);
@@ -140,7 +140,7 @@ fn split_row(pixels: &[u8], padded: usize, out: &mut [Vec<i16>; 3]) {
 }
 
 /// Adds two rows and filters them [1 2 1] at every second column: 8 times the mean. The edges repeat their last column.
-fn halve(upper: &[i16], lower: &[i16], sums: &mut Vec<i16>, out: &mut [i16]) {
+fn halve_horizontally(upper: &[i16], lower: &[i16], sums: &mut Vec<i16>, out: &mut [i16]) {
     sums.clear();
     sums.extend(upper.iter().zip(lower).map(|(a, b)| a + b));
     let (Some(&first), Some(&last)) = (sums.first(), sums.last()) else { return };
@@ -162,7 +162,7 @@ fn luma_row([r, g, b]: &[Vec<i16>; 3], w: [i16; 3], out: &mut [u8]) {
     }
 }
 
-/// Converts one row of chroma. The channels hold 8 times the mean, as [`halve`] writes them.
+/// Converts one row of chroma. The channels hold 8 times the mean, as [`halve_horizontally`] writes them.
 #[inline(always)]
 fn chroma_row([r, g, b]: &[Vec<i16>; 3], w: [i16; 3], out: &mut [u8]) {
     for (((c, &r), &g), &b) in out.iter_mut().zip(r).zip(g).zip(b) {
@@ -181,7 +181,7 @@ mod tests {
     use super::*;
 
     /// The definition in f64: E′Y = Kr R + Kg G + Kb B, Cb = (B − Y) / 2(1 − Kb), quantised to 16..235 and 16..240.
-    fn truth([r, g, b]: [f64; 3], matrix: Matrix) -> [f64; 3] {
+    fn reference_ycbcr([r, g, b]: [f64; 3], matrix: Matrix) -> [f64; 3] {
         let (kr, kb) = match matrix {
             Matrix::Bt601 => (0.299, 0.114),
             Matrix::Bt709 => (0.2126, 0.0722),
@@ -200,7 +200,7 @@ mod tests {
                 let c = [(step & 15) * 17, (step >> 4 & 15) * 17, (step >> 8) * 17].map(|c| c as u8);
                 let rgba = [c[0], c[1], c[2], 255].repeat(6);
                 yuv.convert(&rgba, 3, 2, matrix, true);
-                let expected = truth(c.map(f64::from), matrix);
+                let expected = reference_ycbcr(c.map(f64::from), matrix);
                 for (plane, expected) in [&yuv.y, &yuv.u, &yuv.v].into_iter().zip(expected) {
                     for &value in plane {
                         worst = worst.max((f64::from(value) - expected).abs());
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn white_black_and_grey_have_no_color() {
+    fn white_black_and_gray_have_neutral_chroma() {
         let mut yuv = Yuv420::default();
         for (grey, luma) in [(0u8, 16u8), (255, 235)] {
             yuv.convert(&[grey; 16], 2, 2, Matrix::Bt709, false);
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn odd_sizes_repeat_their_edge() {
+    fn odd_sizes_repeat_their_last_column_and_row() {
         let rgba: Vec<u8> = (0..15u8).flat_map(|i| [i * 16, i * 16, i * 16, 255]).collect();
         let mut yuv = Yuv420::default();
         yuv.convert(&rgba, 5, 3, Matrix::Bt709, true);
@@ -238,9 +238,9 @@ mod tests {
 
     /// A column of pure red beside black: the chroma of the left-sited sample at column 2k weighs columns 1 2 1.
     #[test]
-    fn chroma_is_sited_on_the_left_column() {
+    fn chroma_samples_lie_on_the_left_column() {
         let row = |red: usize| (0..8).flat_map(move |x| [if x == red { 255u8 } else { 0 }, 0, 0, 255]);
-        let full = truth([255.0, 0.0, 0.0], Matrix::Bt709)[2] - 128.0;
+        let full = reference_ycbcr([255.0, 0.0, 0.0], Matrix::Bt709)[2] - 128.0;
         let mut yuv = Yuv420::default();
         for (red, share) in [(3usize, [0.0, 0.25, 0.25, 0.0]), (4, [0.0, 0.0, 0.5, 0.0])] {
             let rgba: Vec<u8> = row(red).chain(row(red)).collect();

@@ -12,7 +12,7 @@ static QUERIED: AtomicBool = AtomicBool::new(false);
 static ASLEEP: AtomicBool = AtomicBool::new(false);
 
 /// Interval between two measurements: short enough that a program writes only a few megabytes in it.
-const EVERY: Duration = Duration::from_millis(5);
+const MEASUREMENT_INTERVAL: Duration = Duration::from_millis(5);
 /// Number of measurements without a query after which the thread goes to sleep.
 const MAX_IDLE_MEASUREMENTS: u32 = 20;
 
@@ -41,7 +41,7 @@ fn watch() {
     let mut idle = 0;
     while let Some(now) = resident_bytes() {
         IN_USE.store(now, Ordering::Relaxed);
-        std::thread::sleep(EVERY);
+        std::thread::sleep(MEASUREMENT_INTERVAL);
         idle = if QUERIED.swap(false, Ordering::SeqCst) { 0 } else { idle + 1 };
         if idle < MAX_IDLE_MEASUREMENTS {
             continue;
@@ -70,23 +70,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn memory_that_is_taken_is_seen_also_after_a_sleep() {
+    fn allocated_memory_is_measured_before_and_after_a_sleep() {
         if in_use() == 0 {
-            println!("SKIP 1: this system does not tell how much memory is in use");
+            println!("SKIP 1: this system does not report how much memory is in use");
             return;
         }
         // Other tests of this process may hold memory, too; with these bytes in memory the total is never less.
-        const TAKEN: u64 = 200 << 20;
+        const ALLOCATED_BYTES: u64 = 200 << 20;
         for _ in 0..2 {
-            std::thread::sleep(EVERY * (MAX_IDLE_MEASUREMENTS + 20));
-            let taken = vec![1u8; TAKEN as usize];
-            while in_use() < TAKEN {
-                std::thread::sleep(EVERY);
+            std::thread::sleep(MEASUREMENT_INTERVAL * (MAX_IDLE_MEASUREMENTS + 20));
+            let taken = vec![1u8; ALLOCATED_BYTES as usize];
+            while in_use() < ALLOCATED_BYTES {
+                std::thread::sleep(MEASUREMENT_INTERVAL);
             }
             assert_eq!(taken[taken.len() - 1], 1);
             drop(taken);
-            while in_use() >= TAKEN {
-                std::thread::sleep(EVERY);
+            while in_use() >= ALLOCATED_BYTES {
+                std::thread::sleep(MEASUREMENT_INTERVAL);
             }
         }
     }

@@ -13,14 +13,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const COUNT_EVERY: u64 = 64 << 20;
 
 /// Maximum nesting of a value, because the count is recursive. Deeper values are refused when they are counted.
-const DEEPEST: usize = 256;
+const MAX_NESTING: usize = 256;
 
 /// Rhai's names of the limits in [`EvalAltResult::ErrorDataTooLarge`].
 const STRING: &str = "Length of string";
 const ARRAY: &str = "Size of array/BLOB";
 const MAP: &str = "Size of object map";
 
-type Checked<T> = Result<T, Box<EvalAltResult>>;
+type CheckResult<T> = Result<T, Box<EvalAltResult>>;
 
 /// The largest sizes of one value, its nested values included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,7 +61,7 @@ impl SizeLimits {
         self.register_growing(engine);
     }
 
-    fn check(self, size: Sizes) -> Checked<()> {
+    fn check(self, size: Sizes) -> CheckResult<()> {
         let name = match size {
             _ if size.string > self.string => STRING,
             _ if size.array > self.array => ARRAY,
@@ -71,7 +71,7 @@ impl SizeLimits {
         Err(Box::new(EvalAltResult::ErrorDataTooLarge(name.into(), Position::NONE)))
     }
 
-    fn count_after_growth(self, scope: &Scope<'_>, counted: &AtomicU64) -> Checked<()> {
+    fn count_after_growth(self, scope: &Scope<'_>, counted: &AtomicU64) -> CheckResult<()> {
         let (now, before) = (memory::in_use(), counted.load(Ordering::Relaxed));
         if now < before.saturating_add(COUNT_EVERY) {
             // The memory has shrunk, so growth is measured from the lower level.
@@ -88,12 +88,12 @@ impl SizeLimits {
         Ok(())
     }
 
-    fn count(self, value: &Dynamic, sizes: &mut Sizes, depth: usize) -> Checked<()> {
+    fn count(self, value: &Dynamic, sizes: &mut Sizes, depth: usize) -> CheckResult<()> {
         let own = own_size(value);
         sizes.string = sizes.string.saturating_add(own.string);
         sizes.array = sizes.array.saturating_add(own.array);
         sizes.map = sizes.map.saturating_add(own.map);
-        let nested = if depth < DEEPEST { Sizes::default() } else { Sizes { array: usize::MAX, ..own } };
+        let nested = if depth < MAX_NESTING { Sizes::default() } else { Sizes { array: usize::MAX, ..own } };
         self.check(nested)?;
         self.check(*sizes)?;
         if let Ok(array) = value.as_array_ref() {
@@ -122,13 +122,15 @@ impl SizeLimits {
             Ok::<_, Box<EvalAltResult>>(())
         });
         engine.register_fn("pad", move |blob: &mut Blob, len: i64, byte: i64| {
-            let len = self.blob(len)?;
+            let len = self.check_blob_length(len)?;
             blob.resize(len.max(blob.len()), byte as u8);
             Ok::<_, Box<EvalAltResult>>(())
         });
-        engine.register_fn("blob", move |len: i64| Ok::<_, Box<EvalAltResult>>(vec![0_u8; self.blob(len)?]));
+        engine.register_fn("blob", move |len: i64| {
+            Ok::<_, Box<EvalAltResult>>(vec![0_u8; self.check_blob_length(len)?])
+        });
         engine.register_fn("blob", move |len: i64, byte: i64| {
-            Ok::<_, Box<EvalAltResult>>(vec![byte as u8; self.blob(len)?])
+            Ok::<_, Box<EvalAltResult>>(vec![byte as u8; self.check_blob_length(len)?])
         });
         engine.register_fn("pad", move |text: &mut ImmutableString, len: i64, with: char| {
             self.pad(text, len, with.encode_utf8(&mut [0; 4]))
@@ -145,14 +147,14 @@ impl SizeLimits {
     }
 
     /// Checks the length of a blob to be made.
-    fn blob(self, len: i64) -> Checked<usize> {
+    fn check_blob_length(self, len: i64) -> CheckResult<usize> {
         let array = usize::try_from(len).unwrap_or(0);
         self.check(Sizes { array, ..Sizes::default() })?;
         Ok(array)
     }
 
     /// Appends `with` until the text has `len` characters, as Rhai's `pad` does: a longer `with` is cut off.
-    fn pad(self, text: &mut ImmutableString, len: i64, with: &str) -> Checked<()> {
+    fn pad(self, text: &mut ImmutableString, len: i64, with: &str) -> CheckResult<()> {
         let missing = usize::try_from(len).unwrap_or(0).saturating_sub(text.chars().count());
         let string = text.len().saturating_add(missing);
         self.check(Sizes { string, ..Sizes::default() })?;
@@ -163,7 +165,7 @@ impl SizeLimits {
         Ok(())
     }
 
-    fn replace(self, text: &mut ImmutableString, find: &str, with: &str) -> Checked<()> {
+    fn replace(self, text: &mut ImmutableString, find: &str, with: &str) -> CheckResult<()> {
         let longer = with.len().saturating_sub(find.len());
         if longer > 0 {
             let string = longer.saturating_mul(text.matches(find).count()).saturating_add(text.len());
@@ -214,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn values_grow_to_the_limit_and_not_beyond() {
+    fn values_larger_than_the_limit_are_refused() {
         run("let a = []; for i in 0..1000 { a.push(i); } if a.len != 1000 { throw a.len }").unwrap();
         assert_eq!(refused("let a = []; loop { a.push(1); }"), ARRAY);
         assert_eq!(refused("let a = [1]; loop { a += a; }"), ARRAY);
@@ -226,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn functions_that_take_a_length_compare_it_before_they_allocate() {
+    fn lengths_are_checked_before_allocation() {
         for (script, what) in [
             ("let a = []; a.pad(1000000000000, 0)", ARRAY),
             ("let a = []; a.pad(600, [1, 2])", ARRAY),
@@ -246,7 +248,7 @@ mod tests {
 
     /// The replaced functions return the same results as those of Rhai.
     #[test]
-    fn padding_and_replacing_are_those_of_rhai() {
+    fn replaced_functions_return_the_results_of_rhai() {
         for script in [
             "let s = \"hä\"; s.pad(7, \"xyz\"); s",
             "let s = \"hä\"; s.pad(1, \"xyz\"); s",
@@ -272,7 +274,7 @@ mod tests {
     #[test]
     fn nested_values_are_counted_when_memory_grows() {
         if memory::in_use() == 0 {
-            println!("SKIP 1: this system does not tell how much memory is in use");
+            println!("SKIP 1: this system does not report how much memory is in use");
             return;
         }
         assert_eq!(refused("let a = [1, 2, 3, 4]; loop { a = [a, a, a, a]; }"), ARRAY);

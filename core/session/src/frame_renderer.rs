@@ -121,14 +121,14 @@ pub struct FrameInfo {
 #[derive(Default)]
 struct Requests {
     /// Pending request of each view.
-    next: BTreeMap<u32, FrameRequest>,
+    pending: BTreeMap<u32, FrameRequest>,
     /// View that was served last.
-    last: u32,
+    last_served: u32,
     /// Whether shaders have changed.
-    shaders: bool,
+    shaders_changed: bool,
     /// A frame that is no longer shown, whose memory is used again.
-    spare: Option<Frame>,
-    end: bool,
+    spare_frame: Option<Frame>,
+    is_ending: bool,
 }
 
 #[derive(Default)]
@@ -139,11 +139,11 @@ struct RequestQueue {
 
 impl Requests {
     /// Removes the request of the next view after the one served last.
-    fn take(&mut self) -> Option<FrameRequest> {
-        let after = self.next.range(self.last.saturating_add(1)..).next().map(|(view, _)| *view);
-        let view = after.or_else(|| self.next.keys().next().copied())?;
-        self.last = view;
-        self.next.remove(&view)
+    fn take_next(&mut self) -> Option<FrameRequest> {
+        let after = self.pending.range(self.last_served.saturating_add(1)..).next().map(|(view, _)| *view);
+        let view = after.or_else(|| self.pending.keys().next().copied())?;
+        self.last_served = view;
+        self.pending.remove(&view)
     }
 }
 
@@ -171,16 +171,20 @@ impl FrameRenderer {
             loop {
                 let (request, shaders, spare) = {
                     let mut requests = own.requests();
-                    while requests.next.is_empty() && !requests.end {
+                    while requests.pending.is_empty() && !requests.is_ending {
                         requests = own.changed.wait(requests).unwrap_or_else(PoisonError::into_inner);
                     }
-                    if requests.end {
+                    if requests.is_ending {
                         return;
                     }
-                    (requests.take(), std::mem::take(&mut requests.shaders), requests.spare.take())
+                    (
+                        requests.take_next(),
+                        std::mem::take(&mut requests.shaders_changed),
+                        requests.spare_frame.take(),
+                    )
                 };
                 if let Some(request) = request {
-                    report(state.paint(&request, shaders, spare));
+                    report(state.reply_to(&request, shaders, spare));
                 }
             }
         };
@@ -190,24 +194,24 @@ impl FrameRenderer {
 
     /// Requests a frame. Replaces the pending request of the same view, unless rendering has begun.
     pub fn ask(&self, request: FrameRequest) {
-        self.queue.requests().next.insert(request.view, request);
+        self.queue.requests().pending.insert(request.view, request);
         self.queue.changed.notify_all();
     }
 
     /// Makes the renderer reload the shader folder before the next frame.
     pub fn shaders_changed(&self) {
-        self.queue.requests().shaders = true;
+        self.queue.requests().shaders_changed = true;
     }
 
     /// Returns a frame that is no longer needed, so that its memory can be used again.
     pub fn give_back(&self, frame: Frame) {
-        self.queue.requests().spare = Some(frame);
+        self.queue.requests().spare_frame = Some(frame);
     }
 }
 
 impl Drop for FrameRenderer {
     fn drop(&mut self) {
-        self.queue.requests().end = true;
+        self.queue.requests().is_ending = true;
         self.queue.changed.notify_all();
         if let Some(worker) = self.worker.take() {
             // Panics are already reported on the renderer thread.
@@ -242,9 +246,9 @@ impl RenderState {
         }
     }
 
-    fn paint(&mut self, request: &FrameRequest, shaders: bool, spare: Option<Frame>) -> FrameReply {
+    fn reply_to(&mut self, request: &FrameRequest, shaders: bool, spare: Option<Frame>) -> FrameReply {
         let mut notes = std::mem::take(&mut self.notes);
-        let drawn = catch_unwind(AssertUnwindSafe(|| self.picture(request, shaders, spare, &mut notes)));
+        let drawn = catch_unwind(AssertUnwindSafe(|| self.render_frame(request, shaders, spare, &mut notes)));
         let result = drawn.unwrap_or_else(|panic| {
             self.reset_after_panic();
             Err(FrameError::of_panic(&*panic))
@@ -268,7 +272,7 @@ impl RenderState {
         }
     }
 
-    fn picture(
+    fn render_frame(
         &mut self,
         request: &FrameRequest,
         shaders: bool,
@@ -282,9 +286,9 @@ impl RenderState {
         }
         let scene = &request.scene;
         let effects = scene.registry.effects();
-        let same =
+        let are_same =
             |a: &[Effect], b: &[Effect]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.is_same(b));
-        if !same(&self.effects, effects) {
+        if !are_same(&self.effects, effects) {
             renderer.set_effects(effects)?;
             self.effects = effects.to_vec();
         }

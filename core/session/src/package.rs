@@ -90,9 +90,9 @@ const LICENSES: [&str; 45] = [
 ];
 
 /// Limits: letters of a package's name, bytes of a text, plugins in a package.
-const MOST_NAME: usize = 60;
-const MOST_TEXT: usize = 1000;
-const MOST_PLUGINS: usize = 100;
+const MAX_NAME_LENGTH: usize = 60;
+const MAX_TEXT_BYTES: usize = 1000;
+const MAX_PLUGINS: usize = 100;
 
 /// A package as described by its `plugin.toml`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -201,7 +201,7 @@ pub struct PackageError {
 /// Whether a package may have this name, so that a folder of this name can safely be created and removed.
 pub fn is_name(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_lowercase())
-        && name.len() <= MOST_NAME
+        && name.len() <= MAX_NAME_LENGTH
         && name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_' || b == b'-')
 }
 
@@ -216,22 +216,22 @@ impl Package {
         let reader = Reader { file, text };
         let table = DeTable::parse(text).map_err(|e| {
             let message = e.message().lines().collect::<Vec<_>>().join(", ");
-            reader.wrong(e.span().unwrap_or(0..0), message, None)
+            reader.error_at(e.span().unwrap_or(0..0), message, None)
         })?;
         let end = text.len()..text.len();
         let fields = Fields { reader: &reader, table: table.get_ref(), place: end, keys: &KEYS };
-        fields.known()?;
+        fields.check_keys()?;
         let (name, at) = fields.text("name")?;
         if !is_name(&name) {
             let message = format!(
-                "name \"{name}\": use lower-case letters, digits, - and _, starting with a letter, at most {MOST_NAME}"
+                "name \"{name}\": use lower-case letters, digits, - and _, starting with a letter, at most {MAX_NAME_LENGTH}"
             );
-            return Err(reader.wrong(at, message, None));
+            return Err(reader.error_at(at, message, None));
         }
         let package = Package {
             name,
             version: fields.version("version")?.0,
-            choreo: fields.minimum()?,
+            choreo: fields.minimum_version()?,
             license: fields.text("license")?.0,
             about: fields.optional_text("about")?.map(|(text, _)| text).unwrap_or_default(),
             plugins: fields.plugins()?,
@@ -271,7 +271,7 @@ struct Reader<'t> {
 }
 
 impl Reader<'_> {
-    fn wrong(&self, span: Range<usize>, message: impl Into<String>, hint: Option<String>) -> PackageError {
+    fn error_at(&self, span: Range<usize>, message: impl Into<String>, hint: Option<String>) -> PackageError {
         let mut start = span.start.min(self.text.len());
         while !self.text.is_char_boundary(start) {
             start -= 1;
@@ -299,13 +299,13 @@ struct Fields<'t> {
 type Value<'t> = &'t Spanned<DeValue<'t>>;
 
 impl<'t> Fields<'t> {
-    fn known(&self) -> Result<(), PackageError> {
+    fn check_keys(&self) -> Result<(), PackageError> {
         let unknown = self.table.iter().find(|(key, _)| !self.keys.contains(&key.get_ref().as_ref()));
         let Some((key, _)) = unknown else { return Ok(()) };
         let name = key.get_ref().as_ref();
         let message = format!("unknown key \"{name}\"{}", did_you_mean(name, self.keys.iter().copied()));
         let hint = format!("keys: {}", list(self.keys.iter().copied(), 30));
-        Err(self.reader.wrong(key.span(), message, Some(hint)))
+        Err(self.reader.error_at(key.span(), message, Some(hint)))
     }
 
     fn value(&self, name: &str) -> Option<Value<'t>> {
@@ -323,18 +323,22 @@ impl<'t> Fields<'t> {
             "hook" => "hook = \"pixel\", as in the head of the effect's file",
             _ => "[[plugin]] with a file and a kind for each plugin of the package",
         };
-        self.reader.wrong(self.place.clone(), format!("{name} is missing"), Some(format!("write {example}")))
+        self.reader.error_at(
+            self.place.clone(),
+            format!("{name} is missing"),
+            Some(format!("write {example}")),
+        )
     }
 
     /// An optional text of one line, with its bytes.
     fn optional_text(&self, name: &str) -> Result<Option<(String, Range<usize>)>, PackageError> {
         let Some(value) = self.value(name) else { return Ok(None) };
         let DeValue::String(text) = value.get_ref() else {
-            return Err(self.reader.wrong(value.span(), format!("{name} must be a text"), None));
+            return Err(self.reader.error_at(value.span(), format!("{name} must be a text"), None));
         };
-        if text.len() > MOST_TEXT || text.contains(char::is_control) {
-            let message = format!("{name} must be one line of at most {MOST_TEXT} bytes");
-            return Err(self.reader.wrong(value.span(), message, None));
+        if text.len() > MAX_TEXT_BYTES || text.contains(char::is_control) {
+            let message = format!("{name} must be one line of at most {MAX_TEXT_BYTES} bytes");
+            return Err(self.reader.error_at(value.span(), message, None));
         }
         Ok(Some((text.trim().to_string(), value.span())))
     }
@@ -342,7 +346,7 @@ impl<'t> Fields<'t> {
     fn text(&self, name: &str) -> Result<(String, Range<usize>), PackageError> {
         let (text, at) = self.optional_text(name)?.ok_or_else(|| self.missing(name))?;
         match text.is_empty() {
-            true => Err(self.reader.wrong(at, format!("{name} is empty"), None)),
+            true => Err(self.reader.error_at(at, format!("{name} is empty"), None)),
             false => Ok((text, at)),
         }
     }
@@ -350,11 +354,11 @@ impl<'t> Fields<'t> {
     fn version(&self, name: &str) -> Result<(Version, Range<usize>), PackageError> {
         let (text, at) = self.text(name)?;
         let message = || format!("{name} \"{text}\": a version is three numbers, as 1.0.2");
-        Ok((Version::parse(&text).ok_or_else(|| self.reader.wrong(at.clone(), message(), None))?, at))
+        Ok((Version::parse(&text).ok_or_else(|| self.reader.error_at(at.clone(), message(), None))?, at))
     }
 
     /// The oldest choreo that the package works with. Fails if this choreo is older.
-    fn minimum(&self) -> Result<Version, PackageError> {
+    fn minimum_version(&self) -> Result<Version, PackageError> {
         let (minimum, at) = self.version("choreo")?;
         let own = Version::of_choreo();
         match minimum <= own {
@@ -362,7 +366,7 @@ impl<'t> Fields<'t> {
             false => {
                 let message = format!("the package needs choreo {minimum}, this is choreo {own}");
                 let hint = "update choreo, or take an older version of the package".to_string();
-                Err(self.reader.wrong(at, message, Some(hint)))
+                Err(self.reader.error_at(at, message, Some(hint)))
             }
         }
     }
@@ -374,22 +378,22 @@ impl<'t> Fields<'t> {
             let hint = matches!(value.get_ref(), DeValue::Table(_));
             let hint =
                 hint.then(|| "write [[plugin]] in place of [plugin]: a package can have several".to_string());
-            return Err(self.reader.wrong(value.span(), must, hint));
+            return Err(self.reader.error_at(value.span(), must, hint));
         };
-        if all.is_empty() || all.len() > MOST_PLUGINS {
-            let message = format!("a package has 1 to {MOST_PLUGINS} plugins, this one {}", all.len());
-            return Err(self.reader.wrong(value.span(), message, None));
+        if all.is_empty() || all.len() > MAX_PLUGINS {
+            let message = format!("a package has 1 to {MAX_PLUGINS} plugins, this one {}", all.len());
+            return Err(self.reader.error_at(value.span(), message, None));
         }
         let mut plugins: Vec<PackagedPlugin> = Vec::new();
         for value in all.iter() {
             let DeValue::Table(table) = value.get_ref() else {
-                return Err(self.reader.wrong(value.span(), must, None));
+                return Err(self.reader.error_at(value.span(), must, None));
             };
             let fields = Fields { reader: self.reader, table, place: value.span(), keys: &PLUGIN_KEYS };
             let plugin = fields.plugin()?;
             if plugins.iter().any(|other| other.file == plugin.file) {
                 let message = format!("\"{}\" is named twice", plugin.file);
-                return Err(self.reader.wrong(value.span(), message, None));
+                return Err(self.reader.error_at(value.span(), message, None));
             }
             plugins.push(plugin);
         }
@@ -397,36 +401,36 @@ impl<'t> Fields<'t> {
     }
 
     fn plugin(&self) -> Result<PackagedPlugin, PackageError> {
-        self.known()?;
+        self.check_keys()?;
         let (file, at) = self.text("file")?;
         let mut components = Path::new(&file).components();
         let plain = matches!((components.next(), components.next()), (Some(Component::Normal(_)), None));
         if !plain || file.contains(['/', '\\']) || file.starts_with('.') {
             let message = format!("file \"{file}\": a plugin file lies in the package's own folder");
-            return Err(self.reader.wrong(at, message, None));
+            return Err(self.reader.error_at(at, message, None));
         }
         let Some(stated) = PackagedKind::of_file(&file) else {
             let endings = ENDINGS.map(|ending| format!("NAME{ending}"));
             let message = format!("file \"{file}\" is not named like a plugin file");
             let hint = format!("plugin files are called {}", list(endings.iter().map(String::as_str), 30));
-            return Err(self.reader.wrong(at, message, Some(hint)));
+            return Err(self.reader.error_at(at, message, Some(hint)));
         };
         let (word, at) = self.text("kind")?;
         let words = PackagedKind::ALL.map(PackagedKind::word);
         let Some(kind) = PackagedKind::ALL.into_iter().find(|kind| kind.word() == word) else {
             let message = format!("unknown kind \"{word}\"{}", did_you_mean(&word, words));
-            return Err(self.reader.wrong(at, message, Some(format!("kinds: {}", list(words, 30)))));
+            return Err(self.reader.error_at(at, message, Some(format!("kinds: {}", list(words, 30)))));
         };
         if kind != stated {
             let message = format!("\"{file}\" is named like an {}, not an {word}", stated.word());
-            return Err(self.reader.wrong(at, message, None));
+            return Err(self.reader.error_at(at, message, None));
         }
         let hook = match kind {
             PackagedKind::Effect => Some(self.text("hook")?.0),
             _ => None,
         };
         if let (None, Some(value)) = (&hook, self.value("hook")) {
-            return Err(self.reader.wrong(value.span(), format!("an {word} has no hook"), None));
+            return Err(self.reader.error_at(value.span(), format!("an {word} has no hook"), None));
         }
         Ok(PackagedPlugin { file, kind, hook })
     }
@@ -436,29 +440,29 @@ impl<'t> Fields<'t> {
 mod tests {
     use super::*;
 
-    const GOOD: &str = "name = \"prints\"\nversion = \"1.2.0\"\nchoreo = \"0.1.0\"\nlicense = \"MIT\"\nabout = \"old prints\"\n\n\
+    const VALID_DESCRIPTION: &str = "name = \"prints\"\nversion = \"1.2.0\"\nchoreo = \"0.1.0\"\nlicense = \"MIT\"\nabout = \"old prints\"\n\n\
         [[plugin]]\nfile = \"dots.importer.rhai\"\nkind = \"importer\"\n\n\
         [[plugin]]\nfile = \"halftone.wgsl\"\nkind = \"effect\"\nhook = \"pixel\"\n";
 
     #[test]
     fn a_description_is_read() {
-        let package = Package::parse("plugin.toml", GOOD).unwrap();
+        let package = Package::parse("plugin.toml", VALID_DESCRIPTION).unwrap();
         assert_eq!((package.name.as_str(), package.version), ("prints", Version([1, 2, 0])));
         assert_eq!((package.license.as_str(), package.about.as_str()), ("MIT", "old prints"));
         assert_eq!(package.contents(), "importer dots.importer.rhai, effect halftone.wgsl (pixel)");
-        assert_eq!(Package::parse("plugin.toml", &format!("\u{feff}{GOOD}")), Ok(package));
+        assert_eq!(Package::parse("plugin.toml", &format!("\u{feff}{VALID_DESCRIPTION}")), Ok(package));
     }
 
     /// Error message after one text of a valid description is replaced with another.
     fn error(from: &str, to: &str) -> String {
-        assert!(GOOD.contains(from), "{from}");
-        Package::parse("plugin.toml", &GOOD.replacen(from, to, 1)).unwrap_err().to_string()
+        assert!(VALID_DESCRIPTION.contains(from), "{from}");
+        Package::parse("plugin.toml", &VALID_DESCRIPTION.replacen(from, to, 1)).unwrap_err().to_string()
     }
 
     #[test]
-    fn readers_are_told_authors_and_unusual_licenses() {
+    fn authors_are_accepted_and_unusual_licenses_get_a_note() {
         let with = |license: &str| {
-            let text = GOOD
+            let text = VALID_DESCRIPTION
                 .replace("\"MIT\"", &format!("\"{license}\"\nauthors = [\"Ann\"]\nurl = \"https://x.org\""));
             Package::parse("plugin.toml", &text).unwrap().license_note()
         };
@@ -481,7 +485,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_have_their_place_and_a_hint() {
+    fn errors_have_a_position_and_a_hint() {
         assert_eq!(
             error("license", "licence"),
             "plugin.toml:4:1: unknown key \"licence\"; did you mean \"license\"?\n    \
@@ -534,7 +538,8 @@ mod tests {
                 .contains("did you mean \"plugin\"?")
         );
         assert!(error("name =", "name").starts_with("plugin.toml:1:"));
-        let one = GOOD.split("[[plugin]]").next().unwrap().to_string() + "[plugin]\nfile = \"a.wgsl\"\n";
+        let one = VALID_DESCRIPTION.split("[[plugin]]").next().unwrap().to_string()
+            + "[plugin]\nfile = \"a.wgsl\"\n";
         let one = Package::parse("plugin.toml", &one).unwrap_err().to_string();
         assert!(
             one.contains("plugin must be tables") && one.contains("write [[plugin]] in place of [plugin]"),

@@ -21,18 +21,18 @@ use std::sync::{Arc, OnceLock};
 use thiserror::Error;
 
 /// Environment variable with a list of folders, separated like those in PATH.
-pub(crate) const VARIABLE: &str = "CHOREO_PLUGINS";
+pub(crate) const FOLDERS_VARIABLE: &str = "CHOREO_PLUGINS";
 /// Plugin folder next to a script.
-const BESIDE: &str = "plugins";
+const PLUGINS_SUBFOLDER: &str = "plugins";
 
 /// Limits: bytes of a plugin's text, bytes of a WebAssembly plugin, and number of files in one folder.
-const MOST_BYTES: u64 = 4 << 20;
-const MOST_WASM_BYTES: u64 = 64 << 20;
-const MOST_FILES: usize = 10_000;
+const MAX_BYTES: u64 = 4 << 20;
+const MAX_WASM_BYTES: u64 = 64 << 20;
+const MAX_FILES: usize = 10_000;
 /// Number of bytes of an effect's text that are searched for its name.
 const HEAD_BYTES: u64 = 64 << 10;
 /// Largest file that a plugin reads, bytes.
-const MOST_BESIDE: u64 = 32 << 20;
+const MAX_TEXTURE_BYTES: u64 = 32 << 20;
 
 /// A plugin folder that cannot be used at all.
 #[derive(Debug, Error)]
@@ -145,15 +145,15 @@ pub fn list(
     inputs: &[&Path],
     before: Option<&Listing>,
 ) -> Result<Listing, FolderError> {
-    of_places(plugins, places(named, inputs)?, before)
+    list_folders(plugins, folders_to_search(named, inputs)?, before)
 }
 
 /// Lists the plugins of one package, whose folder has a description, in addition to the given ones.
 pub fn list_package(plugins: &Registry, folder: &Path) -> Result<Listing, FolderError> {
-    of_places(plugins, vec![PluginFolder::new(folder, "", FolderKind::Package)], None)
+    list_folders(plugins, vec![PluginFolder::new(folder, "", FolderKind::Package)], None)
 }
 
-fn of_places(
+fn list_folders(
     plugins: &Registry,
     places: Vec<PluginFolder>,
     before: Option<&Listing>,
@@ -166,9 +166,9 @@ fn of_places(
         compiled: before.map(|b| b.compiled.clone()).unwrap_or_default(),
     };
     for place in places.iter().filter(|p| p.path().is_dir()) {
-        for source in sources(place)? {
+        for source in sources_in(place)? {
             let shown = source.shown.clone();
-            match listing.entry(source, place.kind, before) {
+            match listing.make_entry(source, place.kind, before) {
                 Some(entry) => listing.add(entry),
                 None => listing.registry.add_faulty(shown, "it has no line // effect: NAME"),
             }
@@ -192,7 +192,7 @@ pub fn named_folders(named: &[PathBuf]) -> Vec<PathBuf> {
 
 /// The folders that the environment gives, and whether each must exist.
 fn user_folders() -> Vec<(PathBuf, bool)> {
-    if let Some(variable) = std::env::var_os(VARIABLE) {
+    if let Some(variable) = std::env::var_os(FOLDERS_VARIABLE) {
         let folders = std::env::split_paths(&variable).filter(|f| !f.as_os_str().is_empty());
         return folders.map(|folder| (folder, true)).collect();
     }
@@ -206,7 +206,7 @@ fn user_folders() -> Vec<(PathBuf, bool)> {
 /// Names of the packages in a folder, sorted. Folders that begin with a dot are skipped, since an unfinished installation is in such a folder.
 pub fn packages_in(folder: &Path) -> Vec<PathBuf> {
     let Ok(open) = Folder::open(folder) else { return Vec::new() };
-    let names = open.names(MOST_FILES).unwrap_or_default();
+    let names = open.names(MAX_FILES).unwrap_or_default();
     let is_package = |name: &PathBuf| {
         !name.to_string_lossy().starts_with('.') && open.metadata(&name.join(DESCRIPTION)).is_some()
     };
@@ -214,9 +214,9 @@ pub fn packages_in(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// The folders to search in order of increasing priority, each once.
-fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, FolderError> {
+fn folders_to_search(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, FolderError> {
     let mut places: Vec<PluginFolder> = Vec::new();
-    let users = user_folders().into_iter().map(|(folder, must_exist)| (folder, VARIABLE, must_exist));
+    let users = user_folders().into_iter().map(|(folder, must_exist)| (folder, FOLDERS_VARIABLE, must_exist));
     for (folder, flag, must_exist) in users.chain(named.iter().map(|f| (f.clone(), "--plugins", true))) {
         match folder.is_dir() {
             true => {}
@@ -231,19 +231,20 @@ fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, Fold
     for input in inputs {
         let folder = if input.is_dir() { input } else { input.parent().unwrap_or(Path::new("")) };
         let own = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-        for (below, kind) in [("", FolderKind::Own), (BESIDE, FolderKind::Beside)] {
+        for (below, kind) in [("", FolderKind::Own), (PLUGINS_SUBFOLDER, FolderKind::Beside)] {
             let place = match kind {
                 FolderKind::Own => PluginFolder::new(own, below, kind),
                 _ => PluginFolder::new(folder, below, kind),
             };
-            if !places.iter().any(|known| is_same(&known.path(), &place.path())) {
+            if !places.iter().any(|known| is_same_folder(&known.path(), &place.path())) {
                 places.push(place);
             }
         }
-        let beside = folder.join(BESIDE);
+        let beside = folder.join(PLUGINS_SUBFOLDER);
         for package in packages_in(&beside) {
-            let place = PluginFolder::new(folder, Path::new(BESIDE).join(package), FolderKind::Package);
-            if !places.iter().any(|known| is_same(&known.path(), &place.path())) {
+            let place =
+                PluginFolder::new(folder, Path::new(PLUGINS_SUBFOLDER).join(package), FolderKind::Package);
+            if !places.iter().any(|known| is_same_folder(&known.path(), &place.path())) {
                 places.push(place);
             }
         }
@@ -251,18 +252,18 @@ fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, Fold
     Ok(places)
 }
 
-fn is_same(a: &Path, b: &Path) -> bool {
+fn is_same_folder(a: &Path, b: &Path) -> bool {
     a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 /// Plugin files of a folder, sorted by name, so that the order is the same on every machine.
-fn sources(place: &PluginFolder) -> Result<Vec<Source>, FolderError> {
+fn sources_in(place: &PluginFolder) -> Result<Vec<Source>, FolderError> {
     let unreadable = |error: FileError| FolderError::Unreadable { folder: place.path(), error };
     let root = if place.root.as_os_str().is_empty() { Path::new(".") } else { place.root.as_path() };
     let opened = Folder::open(root).map_err(FileError::Io).and_then(|folder| {
         let names = match place.below.as_os_str().is_empty() {
-            true => folder.names(MOST_FILES)?,
-            false => folder.folder(&place.below)?.names(MOST_FILES)?,
+            true => folder.names(MAX_FILES)?,
+            false => folder.folder(&place.below)?.names(MAX_FILES)?,
         };
         Ok((folder, names))
     });
@@ -328,7 +329,7 @@ impl Listing {
     }
 
     /// The plugin of a file. `None` if the file is not a plugin.
-    fn entry(&self, source: Source, kind: FolderKind, before: Option<&Listing>) -> Option<Entry> {
+    fn make_entry(&self, source: Source, kind: FolderKind, before: Option<&Listing>) -> Option<Entry> {
         let is_it = |e: &&Entry| e.read.get().is_some() && e.source.path == source.path;
         let known = before.and_then(|b| b.entries.iter().find(is_it));
         if let Some(known) = known.filter(|k| k.source.shown == source.shown)
@@ -361,7 +362,7 @@ impl Listing {
             }
             match choreo_wgsl_effect::name(&head) {
                 Some(name) => {
-                    let make = move || reading().and_then(|(shown, file)| effect(&shown, file));
+                    let make = move || reading().and_then(|(shown, file)| compile_effect(&shown, file));
                     Plugin::Effect(Arc::new(LazyEffect::new(&name, make)))
                 }
                 None => Plugin::Faulty(source.effect_error()),
@@ -370,10 +371,10 @@ impl Listing {
             let made = reading().and_then(|(shown, file)| wasm_plugin(&shown, file));
             made.unwrap_or_else(|e| Plugin::Faulty(e.text))
         } else if source.shown.ends_with(EXPORTER_ENDING) {
-            let made = reading().and_then(|(shown, file)| exporter(&shown, file));
+            let made = reading().and_then(|(shown, file)| compile_exporter(&shown, file));
             made.map_or_else(|e| Plugin::Faulty(e.text), |made| Plugin::Exporter(Arc::new(made)))
         } else {
-            let make = move || reading().and_then(|(shown, file)| importer(&shown, file));
+            let make = move || reading().and_then(|(shown, file)| compile_importer(&shown, file));
             let listed = source.text().map_err(|e| e.0).and_then(|text| {
                 ImporterOnUse::new(&source.shown, &text, make).map_err(|e: ScriptError| e.to_string())
             });
@@ -535,7 +536,7 @@ impl Source {
     }
 
     fn bytes(&self) -> Result<Vec<u8>, ReadError> {
-        let most = if self.is_wasm() { MOST_WASM_BYTES } else { MOST_BYTES };
+        let most = if self.is_wasm() { MAX_WASM_BYTES } else { MAX_BYTES };
         self.folder.read(&self.name, most).map_err(|e| self.read_error(&e))
     }
 
@@ -568,7 +569,7 @@ impl Source {
             let inside = self.folder.resolve(&self.name).map_err(|e| e.to_string())?;
             let parent = inside.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let own = self.folder.folder(parent).map_err(|e| e.to_string())?;
-            own.read(Path::new(&name), MOST_BESIDE).map(Arc::from).map_err(|error| match error {
+            own.read(Path::new(&name), MAX_TEXTURE_BYTES).map(Arc::from).map_err(|error| match error {
                 FileError::Outside => refused(),
                 error => error.to_string(),
             })
@@ -586,7 +587,7 @@ impl Source {
 }
 
 /// Decodes an image file that an effect refers to.
-fn picture(file: &PluginFile, name: &str) -> Result<TextureImage, String> {
+fn decode_texture(file: &PluginFile, name: &str) -> Result<TextureImage, String> {
     let found = file.beside.iter().find(|b| b.name == name);
     let found = found.ok_or_else(|| "it was not read".to_string())?;
     let bytes = found.bytes.clone()?;
@@ -602,12 +603,12 @@ fn picture(file: &PluginFile, name: &str) -> Result<TextureImage, String> {
 }
 
 /// Text of a plugin file, which was checked to be UTF-8 when it was read.
-fn text_of(file: &PluginFile) -> std::borrow::Cow<'_, str> {
+fn plugin_text(file: &PluginFile) -> std::borrow::Cow<'_, str> {
     String::from_utf8_lossy(&file.bytes)
 }
 
-fn effect(shown: &str, file: PluginFile) -> Result<Effect, PluginError> {
-    let compiled = WgslEffect::with_textures(shown, &text_of(&file), |name| picture(&file, name));
+fn compile_effect(shown: &str, file: PluginFile) -> Result<Effect, PluginError> {
+    let compiled = WgslEffect::with_textures(shown, &plugin_text(&file), |name| decode_texture(&file, name));
     match compiled {
         Ok(effect) => Ok(effect.with_file(file).into()),
         Err(error) => {
@@ -618,15 +619,15 @@ fn effect(shown: &str, file: PluginFile) -> Result<Effect, PluginError> {
     }
 }
 
-fn exporter(shown: &str, file: PluginFile) -> Result<RhaiExporter, PluginError> {
-    match RhaiExporter::from_text(shown, &text_of(&file)) {
+fn compile_exporter(shown: &str, file: PluginFile) -> Result<RhaiExporter, PluginError> {
+    match RhaiExporter::from_text(shown, &plugin_text(&file)) {
         Ok(exporter) => Ok(exporter.with_file(file)),
         Err(error) => Err(PluginError { text: error.to_string(), files: vec![file.path] }),
     }
 }
 
-fn importer(shown: &str, file: PluginFile) -> Result<RhaiImporter, PluginError> {
-    match RhaiImporter::from_text(shown, &text_of(&file)) {
+fn compile_importer(shown: &str, file: PluginFile) -> Result<RhaiImporter, PluginError> {
+    match RhaiImporter::from_text(shown, &plugin_text(&file)) {
         Ok(importer) => Ok(importer.with_file(file)),
         Err(error) => Err(PluginError { text: error.to_string(), files: vec![file.path] }),
     }

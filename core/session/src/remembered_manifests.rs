@@ -9,7 +9,7 @@ use choreo_wasm_plugin::WasmError;
 use std::path::{Path, PathBuf};
 
 /// Largest manifest file that is read, bytes.
-const MOST_BYTES: u64 = 64 << 10;
+const MAX_BYTES: u64 = 64 << 10;
 
 /// The manifest of a plugin. Compiles the plugin only if the cache has no manifest for its hash. A manifest that was tampered with is detected when
 /// the plugin is used.
@@ -30,7 +30,7 @@ pub fn manifest(plugin: &[u8]) -> Result<Manifest, WasmError> {
 }
 
 fn remembered(folder: &Path, name: &Path) -> Option<Manifest> {
-    let bytes = choreo_files::Folder::open(folder).ok()?.read(name, MOST_BYTES).ok()?;
+    let bytes = choreo_files::Folder::open(folder).ok()?.read(name, MAX_BYTES).ok()?;
     from_bytes(&bytes).ok()
 }
 

@@ -96,9 +96,9 @@ pub struct Session {
     /// Plugin files found by the last build, including the compiled ones.
     files: Option<Listing>,
     work: Work,
-    last: Option<Arc<Scene>>,
+    last_scene: Option<Arc<Scene>>,
     /// Number of imports when unused assets were dropped last.
-    dropped_at: u64,
+    imports_at_last_drop: u64,
 }
 
 /// Number of imports after which unused assets are dropped.
@@ -124,8 +124,8 @@ impl Session {
             watch: if watching { Some(Watch::new()?) } else { None },
             files: None,
             work: Work::default(),
-            last: None,
-            dropped_at: 0,
+            last_scene: None,
+            imports_at_last_drop: 0,
         })
     }
 
@@ -154,7 +154,7 @@ impl Session {
         let number = self.work.builds;
         let mut touched = Touched::default();
         let mut interest = WatchedPaths::default();
-        let made = catch_unwind(AssertUnwindSafe(|| self.make(number, &mut touched, &mut interest)));
+        let made = catch_unwind(AssertUnwindSafe(|| self.build_scene(number, &mut touched, &mut interest)));
         let made = made.unwrap_or_else(|panic| {
             let own =
                 || "the program itself failed on this version; please report it with the files".to_string();
@@ -184,12 +184,12 @@ impl Session {
             Err(errors) => (None, errors),
         };
         if let Some(scene) = &scene {
-            self.last = Some(scene.clone());
+            self.last_scene = Some(scene.clone());
             // Dropping is rare: the cache is the only owner of a file loaded for its clips alone, which would then be imported again. If the new
             // version is faulty, the assets of the last good one stay.
-            if self.assets.imports() >= self.dropped_at + KEPT_IMPORTS {
+            if self.assets.imports() >= self.imports_at_last_drop + KEPT_IMPORTS {
                 self.assets.drop_unused();
-                self.dropped_at = self.assets.imports();
+                self.imports_at_last_drop = self.assets.imports();
             }
         }
         self.work.imports = self.assets.imports();
@@ -199,7 +199,7 @@ impl Session {
         SceneVersion { number, scene, problems, read, changed, shaders, work, took }
     }
 
-    fn make(
+    fn build_scene(
         &mut self,
         number: u64,
         touched: &mut Touched,
@@ -207,8 +207,8 @@ impl Session {
     ) -> Result<(Scene, Vec<Problem>), Vec<Problem>> {
         let registry = self.registry(interest)?;
         let built = match self.source.is_script() {
-            true => self.script(&registry, touched)?,
-            false => self.model(&registry, touched)?,
+            true => self.run_script(&registry, touched)?,
+            false => self.load_models(&registry, touched)?,
         };
         let BuildResult { mut stage, places, parameters, printed, mut warnings } = built;
         stage.settings.size = self.source.size.unwrap_or(stage.settings.size);
@@ -217,7 +217,7 @@ impl Session {
         }
         let stage = Arc::new(stage);
         let nothing = SceneResources::default();
-        let before = self.last.as_ref().map_or(&nothing, |scene| &scene.resources);
+        let before = self.last_scene.as_ref().map_or(&nothing, |scene| &scene.resources);
         let resources = Arc::new(SceneResources::after(before, &stage));
         let mut evaluator = Evaluator::new(stage.clone());
         // An error at time 0 makes the version faulty; an error at a later time is reported when that frame is shown.
@@ -263,7 +263,7 @@ impl Session {
         Ok(registry)
     }
 
-    fn script(&self, registry: &Registry, touched: &mut Touched) -> Result<BuildResult, Vec<Problem>> {
+    fn run_script(&self, registry: &Registry, touched: &mut Touched) -> Result<BuildResult, Vec<Problem>> {
         let options =
             ScriptOptions { imports: self.imports.clone(), ..self.source.script_options(&self.assets) };
         let (result, files) = run_file_touching(&self.source.input, registry, &options);
@@ -281,11 +281,11 @@ impl Session {
     }
 
     /// Loads the models that can be read, and reports the others as warnings. Fails if none can be read.
-    fn model(&self, registry: &Registry, touched: &mut Touched) -> Result<BuildResult, Vec<Problem>> {
+    fn load_models(&self, registry: &Registry, touched: &mut Touched) -> Result<BuildResult, Vec<Problem>> {
         let paths = || std::iter::once(&self.source.input).chain(&self.source.beside);
         let (mut assets, mut failed) = (Vec::new(), Vec::new());
         for path in paths() {
-            match self.asset(registry, path, touched) {
+            match self.load_asset(registry, path, touched) {
                 Ok(asset) => assets.push((model::name(path), asset)),
                 Err(problem) => failed.push(problem),
             }
@@ -304,7 +304,12 @@ impl Session {
         Ok(BuildResult { stage, places, parameters, printed, warnings })
     }
 
-    fn asset(&self, registry: &Registry, path: &Path, touched: &mut Touched) -> Result<Arc<Asset>, Problem> {
+    fn load_asset(
+        &self,
+        registry: &Registry,
+        path: &Path,
+        touched: &mut Touched,
+    ) -> Result<Arc<Asset>, Problem> {
         let built_in = path.to_str().filter(|_| model::is_built_in(path));
         let base = if built_in.is_some() { Path::new("choreo.rhai") } else { path };
         let folder = base.parent().unwrap_or(Path::new(""));

@@ -114,12 +114,13 @@ impl PlacementOverride {
 }
 
 /// Selection outline: width in pixels, and color in linear RGB.
-const OUTLINE: [(&str, f64); 4] = [("width", 2.5), ("color_r", 1.0), ("color_g", 0.3), ("color_b", 0.04)];
+const SELECTION_OUTLINE: [(&str, f64); 4] =
+    [("width", 2.5), ("color_r", 1.0), ("color_g", 0.3), ("color_b", 0.04)];
 
 /// Gray of the ground grids, which is visible on dark and on light ground.
-const GRID: [(&str, f64); 3] = [("color_r", 0.22), ("color_g", 0.22), ("color_b", 0.22)];
+const GRID_COLOR: [(&str, f64); 3] = [("color_r", 0.22), ("color_g", 0.22), ("color_b", 0.22)];
 /// Smallest and largest cell of the grid, as powers of ten in metres.
-const CELLS: (i32, i32) = (-3, 3);
+const CELL_EXPONENTS: (i32, i32) = (-3, 3);
 
 /// An effect that a view adds to those of the scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -152,7 +153,8 @@ impl Addition {
 /// Cell size in metres and opacity of a ground grid, where `coarser` is 0 for the finest and 1 for the next coarser one. Cells are 1 m wide at a
 /// distance of 2 to 20 m, and change by powers of ten elsewhere. The finest grid fades out before the next one takes its place, as in Blender.
 fn grid_cell(view_distance: f64, coarser: i32) -> (f64, f64) {
-    let exponent = libm::log10(view_distance.max(1e-9) / 2.0).clamp(f64::from(CELLS.0), f64::from(CELLS.1));
+    let exponent = libm::log10(view_distance.max(1e-9) / 2.0)
+        .clamp(f64::from(CELL_EXPONENTS.0), f64::from(CELL_EXPONENTS.1));
     let power = libm::floor(exponent);
     let fading = ((1.0 - (exponent - power)) / 0.3).min(1.0);
     let cell = libm::pow(10.0, power + f64::from(coarser));
@@ -184,12 +186,13 @@ struct ModifiedStage {
 pub(crate) struct ViewEvaluators {
     scene: Option<Arc<Scene>>,
     /// The stage with muted layers and the dragged object applied, if there are any.
-    changed: Option<ModifiedStage>,
-    own: Option<Evaluator>,
+    modified_stage: Option<ModifiedStage>,
+    /// Evaluator of the stage with the cameras that the script has active.
+    script_evaluator: Option<Evaluator>,
     /// Evaluators of the stage with one camera active all the time, by camera.
     cameras: BTreeMap<usize, Evaluator>,
     /// The stage with the effects that the view adds.
-    added: Option<(Vec<Addition>, Arc<Stage>)>,
+    stage_with_effects: Option<(Vec<Addition>, Arc<Stage>)>,
     /// Evaluators without the drag of an actor.
     before_drag: Option<Box<ViewEvaluators>>,
 }
@@ -198,7 +201,7 @@ impl ViewEvaluators {
     pub fn at(&mut self, request: &FrameRequest, time: Time) -> Result<Snapshot, StageError> {
         let FrameRequest { scene, camera, overrides, .. } = request;
         self.set_scene(request);
-        let stage = self.base(scene);
+        let stage = self.base_stage(scene);
         let mut snapshot = match camera {
             ViewportCamera::Camera(camera) if *camera < scene.stage.cameras.len() => {
                 let of_camera = self.cameras.entry(*camera).or_insert_with(|| {
@@ -208,9 +211,9 @@ impl ViewEvaluators {
                 of_camera.at(time)
             }
             _ => {
-                let changed = self.changed.is_some();
+                let changed = self.modified_stage.is_some();
                 let own = || if changed { Evaluator::new(stage.clone()) } else { scene.evaluator.clone() };
-                self.own.get_or_insert_with(own).at(time)
+                self.script_evaluator.get_or_insert_with(own).at(time)
             }
         }?;
         if !matches!(camera, ViewportCamera::Script) {
@@ -248,14 +251,16 @@ impl ViewEvaluators {
     /// The stage with all view overrides and the effects that the view adds.
     pub fn stage(&mut self, request: &FrameRequest) -> Arc<Stage> {
         self.set_scene(request);
-        self.with_additions(request).unwrap_or_else(|| self.base(&request.scene))
+        self.with_additions(request).unwrap_or_else(|| self.base_stage(&request.scene))
     }
 
     fn set_scene(&mut self, request: &FrameRequest) {
         let (scene, ViewOverrides { muted, placement, .. }) = (&request.scene, &request.overrides);
         let is_plain = muted.is_empty() && placement.is_none();
-        let is_same =
-            self.changed.as_ref().map_or(is_plain, |now| now.muted == *muted && now.placement == *placement);
+        let is_same = self
+            .modified_stage
+            .as_ref()
+            .map_or(is_plain, |now| now.muted == *muted && now.placement == *placement);
         if self.scene.as_ref().is_some_and(|s| Arc::ptr_eq(s, scene)) && is_same {
             return;
         }
@@ -268,15 +273,19 @@ impl ViewEvaluators {
             placement.iter().for_each(|placement| placement.apply_to(&mut stage));
             ModifiedStage { muted: muted.clone(), placement: placement.clone(), stage: Arc::new(stage) }
         };
-        let changed = (!is_plain).then(changed);
+        let modified_stage = (!is_plain).then(changed);
         let before_drag = self.before_drag.take();
-        *self =
-            ViewEvaluators { scene: Some(scene.clone()), changed, before_drag, ..ViewEvaluators::default() };
+        *self = ViewEvaluators {
+            scene: Some(scene.clone()),
+            modified_stage,
+            before_drag,
+            ..ViewEvaluators::default()
+        };
     }
 
     /// The scene's stage without muted layers and with the dragged object.
-    fn base(&self, scene: &Scene) -> Arc<Stage> {
-        self.changed.as_ref().map_or_else(|| scene.stage.clone(), |changed| changed.stage.clone())
+    fn base_stage(&self, scene: &Scene) -> Arc<Stage> {
+        self.modified_stage.as_ref().map_or_else(|| scene.stage.clone(), |changed| changed.stage.clone())
     }
 
     /// The stage with the effects that the view adds. `None` if there are none.
@@ -285,16 +294,16 @@ impl ViewEvaluators {
         if additions.is_empty() {
             return None;
         }
-        if self.added.as_ref().is_none_or(|(of, _)| *of != additions) {
-            let mut stage = (*self.base(&request.scene)).clone();
+        if self.stage_with_effects.as_ref().is_none_or(|(of, _)| *of != additions) {
+            let mut stage = (*self.base_stage(&request.scene)).clone();
             stage.effects.extend(additions.iter().map(|addition| EffectUse {
                 plugin: addition.plugin.into(),
                 on: addition.on.clone(),
                 ..EffectUse::default()
             }));
-            self.added = Some((additions, Arc::new(stage)));
+            self.stage_with_effects = Some((additions, Arc::new(stage)));
         }
-        self.added.as_ref().map(|(_, stage)| stage.clone())
+        self.stage_with_effects.as_ref().map(|(_, stage)| stage.clone())
     }
 }
 
@@ -313,11 +322,15 @@ fn additions(request: &FrameRequest) -> Vec<Addition> {
     let outline = actor.map(|actor| Addition {
         plugin: "outline",
         on: vec![EffectTarget { actor, material: None }],
-        parameters: &OUTLINE,
+        parameters: &SELECTION_OUTLINE,
         coarser: None,
     });
-    let grid =
-        |coarser| Addition { plugin: "grid", on: Vec::new(), parameters: &GRID, coarser: Some(coarser) };
+    let grid = |coarser| Addition {
+        plugin: "grid",
+        on: Vec::new(),
+        parameters: &GRID_COLOR,
+        coarser: Some(coarser),
+    };
     let grid = [0, 1].into_iter().filter(|_| overrides.grid).map(grid);
     outline.into_iter().chain(grid).filter(|added| scene.registry.effect(added.plugin).is_some()).collect()
 }
@@ -327,7 +340,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cells_are_the_power_of_ten_that_is_seen_and_change_without_a_jump() {
+    fn grid_cells_change_by_powers_of_ten_without_a_jump() {
         for (view_distance, cell) in
             [(5.0, 1.0), (2.01, 1.0), (19.9, 1.0), (0.5, 0.1), (0.05, 0.01), (60.0, 10.0), (1e9, 1000.0)]
         {

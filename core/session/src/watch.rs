@@ -14,9 +14,9 @@ use std::time::{Duration, Instant};
 use thiserror::Error;
 
 /// Quiet time after a file was closed or moved into place: it is complete, and other files of the same save follow within this time.
-const COMPLETE: Duration = Duration::from_millis(3);
+const QUIET_AFTER_COMPLETE: Duration = Duration::from_millis(3);
 /// Quiet time after a file was opened, written or removed: its writer continues within this time.
-const UNFINISHED: Duration = Duration::from_millis(60);
+const QUIET_AFTER_UNFINISHED: Duration = Duration::from_millis(60);
 /// Changes are reported after this time even if events keep coming.
 const MAX_DELAY: Duration = Duration::from_secs(2);
 
@@ -87,16 +87,15 @@ impl EventFilter {
             return false;
         }
         let in_tree = |path: &Path| self.interest.trees.iter().any(|(root, _)| path.starts_with(root));
-        event
-            .paths
-            .iter()
-            .any(|path| self.ancestor_folders.contains(path) || self.interest.has(path) || in_tree(path))
+        event.paths.iter().any(|path| {
+            self.ancestor_folders.contains(path) || self.interest.contains_file(path) || in_tree(path)
+        })
     }
 }
 
 impl WatchedPaths {
-    fn has(&self, path: &Path) -> bool {
-        self.files.contains_key(path) || self.folders.iter().any(|folder| is_in(path, folder))
+    fn contains_file(&self, path: &Path) -> bool {
+        self.files.contains_key(path) || self.folders.iter().any(|folder| is_file_of_folder(path, folder))
     }
 
     /// All ancestor folders of watched files and folders.
@@ -111,7 +110,7 @@ impl WatchedPaths {
 pub struct Watch {
     watcher: RecommendedWatcher,
     signals: Receiver<Signal>,
-    to: Sender<Signal>,
+    sender: Sender<Signal>,
     interest: WatchedPaths,
     watched: BTreeSet<PathBuf>,
     /// The filter, shared with the thread that receives the system's events.
@@ -122,9 +121,9 @@ pub struct Watch {
 
 impl Watch {
     pub fn new() -> Result<Watch, WatchError> {
-        let (to, signals) = channel();
+        let (sender, signals) = channel();
         let event_filter = Arc::new(Mutex::new(EventFilter::default()));
-        let (events, filter) = (to.clone(), event_filter.clone());
+        let (events, filter) = (sender.clone(), event_filter.clone());
         let watcher = notify::recommended_watcher(move |event: notify::Result<Event>| {
             let signal = match event {
                 Ok(event) if event.need_rescan() => Signal::Lost,
@@ -136,11 +135,11 @@ impl Watch {
             let _ = events.send(signal);
         })?;
         let (interest, pending) = (WatchedPaths::default(), Candidates::default());
-        Ok(Watch { watcher, signals, to, interest, watched: BTreeSet::new(), event_filter, pending })
+        Ok(Watch { watcher, signals, sender, interest, watched: BTreeSet::new(), event_filter, pending })
     }
 
     pub fn waker(&self) -> Waker {
-        Waker(self.to.clone())
+        Waker(self.sender.clone())
     }
 
     /// How many folders are watched.
@@ -153,19 +152,19 @@ impl Watch {
         let before = std::mem::replace(&mut self.interest, interest);
         self.add_tree_folders();
         let new = self.update_watches();
-        let fresh = self.interest.files.keys().filter(|file| !before.has(file));
+        let fresh = self.interest.files.keys().filter(|file| !before.contains_file(file));
         let fresh: BTreeSet<PathBuf> = fresh.cloned().collect();
         let signal = match new.is_empty() && self.interest.folders.is_subset(&before.folders) {
             true if fresh.is_empty() => return,
             true => Signal::Compare(fresh),
             false => Signal::Lost,
         };
-        let _ = self.to.send(signal);
+        let _ = self.sender.send(signal);
     }
 
     /// Existing files in the watched folders and trees.
     pub fn existing_files(&self) -> BTreeSet<PathBuf> {
-        self.in_folders()
+        self.existing_files_in_folders()
     }
 
     /// Sets the known content of a file; another content counts as a change.
@@ -190,7 +189,7 @@ impl Watch {
                     Err(RecvTimeoutError::Disconnected) => return Err(WatchError::Gone),
                     Err(RecvTimeoutError::Timeout) => {
                         if candidates.due().is_some_and(|due| due <= Instant::now()) {
-                            let changed = self.changed(&candidates.take());
+                            let changed = self.changed(&candidates.take_paths());
                             if !changed.is_empty() {
                                 return Ok(WatchEvent::Changed(changed));
                             }
@@ -209,10 +208,10 @@ impl Watch {
                     return Ok(WatchEvent::Woken);
                 }
                 Signal::Lost => {
-                    let all: BTreeSet<PathBuf> = self.all();
-                    candidates.add(all, COMPLETE);
+                    let all: BTreeSet<PathBuf> = self.watched_files();
+                    candidates.add(all, QUIET_AFTER_COMPLETE);
                 }
-                Signal::Compare(files) => candidates.add(files, COMPLETE),
+                Signal::Compare(files) => candidates.add(files, QUIET_AFTER_COMPLETE),
                 Signal::Event(event) => {
                     let touched = self.touched(&event);
                     if !touched.is_empty() {
@@ -245,7 +244,7 @@ impl Watch {
     fn touched(&mut self, event: &Event) -> BTreeSet<PathBuf> {
         let mut touched = BTreeSet::new();
         for path in &event.paths {
-            if self.interest.has(path) {
+            if self.interest.contains_file(path) {
                 touched.insert(path.clone());
             }
             let in_tree = self.interest.trees.iter().any(|(root, _)| path.starts_with(root));
@@ -253,11 +252,13 @@ impl Watch {
                 self.add_tree_folders();
                 self.update_watches();
                 // The new folder may already contain files.
-                touched.extend(self.in_folders().into_iter().filter(|file| file.starts_with(path)));
+                touched.extend(
+                    self.existing_files_in_folders().into_iter().filter(|file| file.starts_with(path)),
+                );
             }
             // An ancestor folder was created, removed or replaced.
             if lock(&self.event_filter).ancestor_folders.contains(path) {
-                let below = self.all().into_iter().filter(|f| f != path && f.starts_with(path));
+                let below = self.watched_files().into_iter().filter(|f| f != path && f.starts_with(path));
                 let below: Vec<PathBuf> = below.collect();
                 let gone: Vec<PathBuf> =
                     self.watched.iter().filter(|w| w.starts_with(path)).cloned().collect();
@@ -268,23 +269,23 @@ impl Watch {
                 }
                 self.update_watches();
                 touched.extend(below);
-                touched.extend(self.in_folders());
+                touched.extend(self.existing_files_in_folders());
             }
         }
         touched
     }
 
     /// All watched files, including those found in watched folders.
-    fn all(&self) -> BTreeSet<PathBuf> {
-        self.interest.files.keys().cloned().chain(self.in_folders()).collect()
+    fn watched_files(&self) -> BTreeSet<PathBuf> {
+        self.interest.files.keys().cloned().chain(self.existing_files_in_folders()).collect()
     }
 
     /// Existing files in the watched folders.
-    fn in_folders(&self) -> BTreeSet<PathBuf> {
+    fn existing_files_in_folders(&self) -> BTreeSet<PathBuf> {
         let mut found = BTreeSet::new();
         for folder in &self.interest.folders {
             let entries = std::fs::read_dir(&folder.0).into_iter().flatten().flatten();
-            found.extend(entries.map(|e| e.path()).filter(|path| is_in(path, folder)));
+            found.extend(entries.map(|e| e.path()).filter(|path| is_file_of_folder(path, folder)));
         }
         found
     }
@@ -342,7 +343,7 @@ fn lock(event_filter: &Mutex<EventFilter>) -> MutexGuard<'_, EventFilter> {
     event_filter.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
-fn is_in(path: &Path, (folder, ending): &(PathBuf, String)) -> bool {
+fn is_file_of_folder(path: &Path, (folder, ending): &(PathBuf, String)) -> bool {
     let is_named = |name: &std::ffi::OsStr| {
         let name = name.to_string_lossy();
         name.ends_with(ending.as_str()) && !name.starts_with('.')
@@ -357,9 +358,9 @@ fn is_skipped(folder: &Path) -> bool {
 /// Quiet time after an event until the change counts as complete.
 fn quiet_after(kind: EventKind) -> Duration {
     match kind {
-        EventKind::Access(_) => COMPLETE,
-        EventKind::Modify(ModifyKind::Name(RenameMode::To | RenameMode::Both)) => COMPLETE,
-        _ => UNFINISHED,
+        EventKind::Access(_) => QUIET_AFTER_COMPLETE,
+        EventKind::Modify(ModifyKind::Name(RenameMode::To | RenameMode::Both)) => QUIET_AFTER_COMPLETE,
+        _ => QUIET_AFTER_UNFINISHED,
     }
 }
 
@@ -383,7 +384,7 @@ impl Candidates {
         self.due_at
     }
 
-    fn take(&mut self) -> BTreeSet<PathBuf> {
+    fn take_paths(&mut self) -> BTreeSet<PathBuf> {
         std::mem::take(self).paths
     }
 }
@@ -395,7 +396,7 @@ mod tests {
 
     /// A log file in the parent folder, which is watched, too: its lines must not each cause a comparison of all files.
     #[test]
-    fn of_much_that_happens_beside_nothing_is_passed_on() {
+    fn events_of_unwatched_files_wake_no_thread() {
         let folder = tempfile::tempdir().unwrap();
         let above = folder.path().canonicalize().unwrap();
         let scene = above.join("scene");
@@ -418,6 +419,6 @@ mod tests {
             passed_on += 1;
         }
         // The watch itself causes a few signals when it starts.
-        assert!(passed_on <= 2, "{passed_on} signals of files that nobody waits for");
+        assert!(passed_on <= 2, "{passed_on} signals of files that are not watched");
     }
 }

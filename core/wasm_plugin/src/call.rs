@@ -35,7 +35,7 @@ impl Limits {
 }
 
 /// Interval at which a running plugin is interrupted to check the clock.
-const TICK: Duration = Duration::from_millis(20);
+const EPOCH_INTERVAL: Duration = Duration::from_millis(20);
 
 /// A compiled plugin.
 #[derive(Clone)]
@@ -82,12 +82,13 @@ impl Plugin {
             }
         });
         store.set_epoch_deadline(1);
-        let _clock = Clock::start(&self.engine);
+        let _clock = EpochClock::start(&self.engine);
         let mut linker = Linker::new(&self.engine);
         host::link(&mut linker)?;
         let instance = linker.instantiate(&mut store, &self.module);
-        let result =
-            instance.map_err(Stop::Trap).and_then(|instance| run(&mut store, &instance, function, argument));
+        let result = instance
+            .map_err(CallError::Trap)
+            .and_then(|instance| run(&mut store, &instance, function, argument));
         let (memory, place, length) = result.map_err(|stop| stop.into_error(&store, limits))?;
         let memory = memory.data(&store);
         let Some(bytes) = memory.get(place..place.saturating_add(length)) else {
@@ -99,16 +100,16 @@ impl Plugin {
 }
 
 /// Why a call has ended without a result.
-enum Stop {
+enum CallError {
     Text(String),
     Trap(wasmtime::Error),
 }
 
-impl Stop {
+impl CallError {
     fn into_error(self, store: &Store<Host>, limits: Limits) -> WasmError {
         let error = match self {
-            Stop::Text(text) => return WasmError(text),
-            Stop::Trap(error) => error,
+            CallError::Text(text) => return WasmError(text),
+            CallError::Trap(error) => error,
         };
         if error.downcast_ref::<OutOfTime>().is_some() {
             let secs = limits.time.as_secs_f64();
@@ -139,15 +140,15 @@ fn first_line(error: &wasmtime::Error) -> String {
     root.lines().next().unwrap_or_default().to_string()
 }
 
-type Run<T> = std::result::Result<T, Stop>;
+type CallResult<T> = std::result::Result<T, CallError>;
 
 fn function<P: WasmParams, R: WasmResults>(
     store: &mut Store<Host>,
     instance: &Instance,
     name: &str,
-) -> Run<TypedFunc<P, R>> {
+) -> CallResult<TypedFunc<P, R>> {
     let missing =
-        |_| Stop::Text(format!("it exports no function {name} with the signature that choreo calls"));
+        |_| CallError::Text(format!("it exports no function {name} with the signature that choreo calls"));
     instance.get_typed_func(store, name).map_err(missing)
 }
 
@@ -157,10 +158,10 @@ fn run(
     instance: &Instance,
     name: &str,
     argument: &[u8],
-) -> Run<(Memory, usize, usize)> {
-    let text = |text: String| Stop::Text(text);
+) -> CallResult<(Memory, usize, usize)> {
+    let text = |text: String| CallError::Text(text);
     let abi = function::<(), u32>(store, instance, "choreo_abi")?;
-    let abi = abi.call(&mut *store, ()).map_err(Stop::Trap)?;
+    let abi = abi.call(&mut *store, ()).map_err(CallError::Trap)?;
     if abi != ABI {
         let older = if abi < ABI { "build it again with this choreo" } else { "update choreo" };
         return Err(text(format!(
@@ -172,31 +173,31 @@ fn run(
     let argument_place = function::<u32, u32>(store, instance, "choreo_argument")?;
     let call = function::<(), u64>(store, instance, name)?;
     let length = u32::try_from(argument.len()).map_err(|_| text("a request of more than 4 GiB".into()))?;
-    let place = argument_place.call(&mut *store, length).map_err(Stop::Trap)?;
+    let place = argument_place.call(&mut *store, length).map_err(CallError::Trap)?;
     let written = memory.write(&mut *store, place as usize, argument);
     written.map_err(|_| text(format!("its argument at {place} lies outside of its memory")))?;
-    let result = call.call(&mut *store, ()).map_err(Stop::Trap)?;
+    let result = call.call(&mut *store, ()).map_err(CallError::Trap)?;
     Ok((memory, (result >> 32) as usize, result as u32 as usize))
 }
 
-/// Thread that advances the engine's epoch every [`TICK`], so that running calls check their time limit. Ends when dropped.
-struct Clock(Option<(Sender<()>, std::thread::JoinHandle<()>)>);
+/// Thread that advances the engine's epoch every [`EPOCH_INTERVAL`], so that running calls check their time limit. Ends when dropped.
+struct EpochClock(Option<(Sender<()>, std::thread::JoinHandle<()>)>);
 
-impl Clock {
-    fn start(engine: &Engine) -> Clock {
+impl EpochClock {
+    fn start(engine: &Engine) -> EpochClock {
         let (end, ended) = channel::<()>();
         let engine = engine.clone();
         let tick = move || {
-            while ended.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
+            while ended.recv_timeout(EPOCH_INTERVAL) == Err(RecvTimeoutError::Timeout) {
                 engine.increment_epoch();
             }
         };
         let thread = std::thread::Builder::new().name("plugin clock".into()).spawn(tick);
-        Clock(thread.ok().map(|thread| (end, thread)))
+        EpochClock(thread.ok().map(|thread| (end, thread)))
     }
 }
 
-impl Drop for Clock {
+impl Drop for EpochClock {
     fn drop(&mut self) {
         if let Some((end, thread)) = self.0.take() {
             drop(end);

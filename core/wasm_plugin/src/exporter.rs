@@ -2,7 +2,7 @@
 
 use crate::WasmError;
 use crate::call::{Limits, Plugin};
-use crate::host::{Answer, Ask, Host, serve};
+use crate::host::{Host, HostAnswer, HostRequest, serve};
 use choreo_plugin::transfer::{ExportReply, ExportRequest, TransferredScene, snapshot_bytes, to_bytes};
 use choreo_plugin::{ExportError, ExportedScene, Manifest, PluginFile, SceneExporter, SceneFiles};
 use std::sync::Arc;
@@ -42,19 +42,21 @@ impl SceneExporter for WasmExporter {
         let request = to_bytes(&ExportRequest { scene: TransferredScene::new(scene) });
         let limits = Limits::for_file(request.len());
         let mut evaluator = scene.evaluator();
-        let answer = |ask| -> Result<Answer, ExportError> {
+        let answer = |ask| -> Result<HostAnswer, ExportError> {
             Ok(match ask {
-                Ask::Snapshot(time) => Answer::Bytes(Ok(Arc::new(snapshot_bytes(&evaluator.at(time)?)))),
-                Ask::Beside(ending) => {
-                    files.beside(&ending)?;
-                    Answer::Yes(true)
+                HostRequest::Snapshot(time) => {
+                    HostAnswer::Bytes(Ok(Arc::new(snapshot_bytes(&evaluator.at(time)?))))
                 }
-                Ask::Write(ending, bytes) => {
+                HostRequest::Beside(ending) => {
+                    files.beside(&ending)?;
+                    HostAnswer::Yes(true)
+                }
+                HostRequest::Write(ending, bytes) => {
                     let file = if ending.is_empty() { files.main() } else { files.beside(&ending)? };
                     file.write_all(&bytes)?;
-                    Answer::Yes(true)
+                    HostAnswer::Yes(true)
                 }
-                _ => Answer::Bytes(Err("an exporter reads no files".into())),
+                _ => HostAnswer::Bytes(Err("an exporter reads no files".into())),
             })
         };
         match serve(&self.plugin, "choreo_export", &request, Arc::default(), limits, answer)? {

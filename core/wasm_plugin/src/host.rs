@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use wasmtime::{Caller, Extern, Linker, Memory};
 
 /// A request of a plugin to the calling thread.
-pub enum Ask {
+pub enum HostRequest {
     Read(String),
     Progress(f32),
     WantsClip(usize, String),
@@ -23,7 +23,7 @@ pub enum Ask {
 }
 
 /// The answer of the calling thread.
-pub enum Answer {
+pub enum HostAnswer {
     Bytes(Result<Arc<Vec<u8>>, String>),
     Yes(bool),
 }
@@ -33,7 +33,7 @@ pub enum Answer {
 pub struct Host {
     pub limits: wasmtime::StoreLimits,
     /// Channels to the calling thread; `None` for a manifest or a claim, which may request nothing.
-    caller: Option<(Sender<Ask>, Receiver<Answer>)>,
+    caller: Option<(Sender<HostRequest>, Receiver<HostAnswer>)>,
     /// Bytes of the last answer, which the host function `take` copies into the plugin's memory.
     ready: Arc<Vec<u8>>,
     /// Name endings of the files beside the main one; the plugin counts them from 1.
@@ -50,10 +50,10 @@ impl Host {
         Host { ready, ..Host::default() }
     }
 
-    fn ask(&mut self, ask: Ask) -> Result<Answer, wasmtime::Error> {
+    fn ask(&mut self, ask: HostRequest) -> Result<HostAnswer, wasmtime::Error> {
         let ended = || wasmtime::Error::msg("the program has cancelled the call");
         let Some((asks, answers)) = &self.caller else {
-            return Ok(Answer::Bytes(Err("there are no further files".into())));
+            return Ok(HostAnswer::Bytes(Err("there are no further files".into())));
         };
         let start = Instant::now();
         asks.send(ask).map_err(|_| ended())?;
@@ -63,10 +63,10 @@ impl Host {
     }
 
     /// Stores the bytes of an answer, or its error text, for `take`. Returns the length.
-    fn receive(&mut self, answer: Answer) -> Result<usize, usize> {
+    fn receive(&mut self, answer: HostAnswer) -> Result<usize, usize> {
         let bytes = match answer {
-            Answer::Bytes(bytes) => bytes,
-            Answer::Yes(_) => Err("the program gave an answer of another type".into()),
+            HostAnswer::Bytes(bytes) => bytes,
+            HostAnswer::Yes(_) => Err("the program gave an answer of another type".into()),
         };
         let failed = bytes.is_err();
         self.ready = bytes.unwrap_or_else(|text| Arc::new(text.into_bytes()));
@@ -75,7 +75,7 @@ impl Host {
 }
 
 /// Stack size in bytes of the thread that a plugin runs on.
-const STACK: usize = 8 << 20;
+const STACK_BYTES: usize = 8 << 20;
 
 /// Runs a call on a new thread and answers its requests on this thread until the call ends. An error of `answer` ends the call.
 pub fn serve<T: Transfer + Send, E>(
@@ -84,13 +84,13 @@ pub fn serve<T: Transfer + Send, E>(
     argument: &[u8],
     file: Arc<Vec<u8>>,
     limits: Limits,
-    mut answer: impl FnMut(Ask) -> Result<Answer, E>,
+    mut answer: impl FnMut(HostRequest) -> Result<HostAnswer, E>,
 ) -> Result<Result<T, WasmError>, E> {
     let ((asks, asked), (answers, answered)) = (channel(), channel());
     let host = Host { caller: Some((asks, answered)), ..Host::with_file(file) };
     std::thread::scope(|scope| {
         let call = move || plugin.call(function, argument, host, limits);
-        let thread = std::thread::Builder::new().name("plugin".into()).stack_size(STACK);
+        let thread = std::thread::Builder::new().name("plugin".into()).stack_size(STACK_BYTES);
         let Ok(thread) = thread.spawn_scoped(scope, call) else {
             return Ok(Err(WasmError("it cannot start a thread".into())));
         };
@@ -105,10 +105,10 @@ pub fn serve<T: Transfer + Send, E>(
 }
 
 /// Maximum bytes of a name or text.
-const MOST_TEXT: usize = 64 << 10;
+const MAX_TEXT_BYTES: usize = 64 << 10;
 
 /// Maximum number of files beside the main one of an export.
-const MOST_FILES: usize = 10_000;
+const MAX_FILES: usize = 10_000;
 
 fn memory(caller: &mut Caller<'_, Host>) -> Result<Memory, wasmtime::Error> {
     match caller.get_export("memory") {
@@ -125,9 +125,9 @@ fn bytes<'c>(caller: &'c mut Caller<'_, Host>, place: u32, length: u32) -> Resul
 }
 
 fn text(caller: &mut Caller<'_, Host>, place: u32, length: u32) -> Result<String, wasmtime::Error> {
-    match length as usize <= MOST_TEXT {
+    match length as usize <= MAX_TEXT_BYTES {
         true => Ok(String::from_utf8_lossy(bytes(caller, place, length)?).into_owned()),
-        false => Err(wasmtime::Error::msg(format!("a text of {length} bytes, {MOST_TEXT} are allowed"))),
+        false => Err(wasmtime::Error::msg(format!("a text of {length} bytes, {MAX_TEXT_BYTES} are allowed"))),
     }
 }
 
@@ -149,7 +149,7 @@ pub fn link(linker: &mut Linker<Host>) -> Result<(), WasmError> {
 fn read(mut caller: Caller<'_, Host>, name: u32, length: u32) -> Result<i64, wasmtime::Error> {
     let name = text(&mut caller, name, length)?;
     let host = caller.data_mut();
-    let answer = host.ask(Ask::Read(name))?;
+    let answer = host.ask(HostRequest::Read(name))?;
     Ok(host.receive(answer).map_or_else(|text| -1 - text as i64, |length| length as i64))
 }
 
@@ -161,7 +161,7 @@ fn take(mut caller: Caller<'_, Host>, place: u32) -> Result<(), wasmtime::Error>
 }
 
 /// Maximum count of numbers that one call reads.
-const MOST_NUMBERS: usize = 1024;
+const MAX_NUMBERS: usize = 1024;
 
 /// Host function that parses numbers of a text, for `choreo_plugin::TextNumbers`.
 fn numbers(
@@ -173,8 +173,8 @@ fn numbers(
     ends: u32,
     most: u32,
 ) -> Result<u32, wasmtime::Error> {
-    let (mut read, mut at) = ([0; MOST_NUMBERS], [0; MOST_NUMBERS]);
-    let most = MOST_NUMBERS.min(most as usize);
+    let (mut read, mut at) = ([0; MAX_NUMBERS], [0; MAX_NUMBERS]);
+    let most = MAX_NUMBERS.min(most as usize);
     let text = bytes(&mut caller, text, length)?;
     let count = choreo_plugin::read_block(kind, text, &mut read[..most], &mut at[..most]);
     let outside = |_| wasmtime::Error::msg("a place outside of the plugin's memory");
@@ -186,8 +186,8 @@ fn numbers(
 }
 
 fn progress(mut caller: Caller<'_, Host>, part: f32) -> Result<i32, wasmtime::Error> {
-    let answer = caller.data_mut().ask(Ask::Progress(part))?;
-    Ok(i32::from(!matches!(answer, Answer::Yes(false))))
+    let answer = caller.data_mut().ask(HostRequest::Progress(part))?;
+    Ok(i32::from(!matches!(answer, HostAnswer::Yes(false))))
 }
 
 fn wants_clip(
@@ -197,13 +197,13 @@ fn wants_clip(
     length: u32,
 ) -> Result<i32, wasmtime::Error> {
     let name = text(&mut caller, name, length)?;
-    let answer = caller.data_mut().ask(Ask::WantsClip(index as usize, name))?;
-    Ok(i32::from(!matches!(answer, Answer::Yes(false))))
+    let answer = caller.data_mut().ask(HostRequest::WantsClip(index as usize, name))?;
+    Ok(i32::from(!matches!(answer, HostAnswer::Yes(false))))
 }
 
 fn snapshot(mut caller: Caller<'_, Host>, time: i64) -> Result<u32, wasmtime::Error> {
     let host = caller.data_mut();
-    let answer = host.ask(Ask::Snapshot(Time(time)))?;
+    let answer = host.ask(HostRequest::Snapshot(Time(time)))?;
     match host.receive(answer) {
         Ok(length) => {
             u32::try_from(length).map_err(|_| wasmtime::Error::msg("a snapshot of more than 4 GiB"))
@@ -213,10 +213,10 @@ fn snapshot(mut caller: Caller<'_, Host>, time: i64) -> Result<u32, wasmtime::Er
 }
 
 /// Ends the call with an error unless the answer is yes.
-fn allowed(answer: Answer) -> Result<(), wasmtime::Error> {
+fn check_answer(answer: HostAnswer) -> Result<(), wasmtime::Error> {
     match answer {
-        Answer::Yes(true) => Ok(()),
-        Answer::Bytes(Err(text)) => Err(wasmtime::Error::msg(text)),
+        HostAnswer::Yes(true) => Ok(()),
+        HostAnswer::Bytes(Err(text)) => Err(wasmtime::Error::msg(text)),
         _ => Err(wasmtime::Error::msg("the program has refused")),
     }
 }
@@ -224,11 +224,11 @@ fn allowed(answer: Answer) -> Result<(), wasmtime::Error> {
 fn beside(mut caller: Caller<'_, Host>, ending: u32, length: u32) -> Result<u32, wasmtime::Error> {
     let ending = text(&mut caller, ending, length)?;
     let host = caller.data_mut();
-    if host.beside.len() >= MOST_FILES {
-        return Err(wasmtime::Error::msg(format!("more than {MOST_FILES} files")));
+    if host.beside.len() >= MAX_FILES {
+        return Err(wasmtime::Error::msg(format!("more than {MAX_FILES} files")));
     }
-    let answer = host.ask(Ask::Beside(ending.clone()))?;
-    allowed(answer)?;
+    let answer = host.ask(HostRequest::Beside(ending.clone()))?;
+    check_answer(answer)?;
     host.beside.push(ending);
     Ok(host.beside.len() as u32)
 }
@@ -241,8 +241,8 @@ fn write(mut caller: Caller<'_, Host>, file: u32, place: u32, length: u32) -> Re
         file => host.beside.get(file as usize - 1).cloned(),
     };
     let ending = ending.ok_or_else(|| wasmtime::Error::msg(format!("there is no file {file}")))?;
-    let answer = host.ask(Ask::Write(ending, bytes))?;
-    allowed(answer)
+    let answer = host.ask(HostRequest::Write(ending, bytes))?;
+    check_answer(answer)
 }
 
 fn panicked(mut caller: Caller<'_, Host>, place: u32, length: u32) {

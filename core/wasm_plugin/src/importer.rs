@@ -2,7 +2,7 @@
 
 use crate::WasmError;
 use crate::call::{Limits, Plugin};
-use crate::host::{Answer, Ask, Host, serve};
+use crate::host::{Host, HostAnswer, HostRequest, serve};
 use choreo_asset::Asset;
 use choreo_plugin::transfer::{ImportReply, ImportRequest, to_bytes};
 use choreo_plugin::{
@@ -82,12 +82,12 @@ impl Importer for WasmImporter {
     ) -> Result<Asset, ImportError> {
         let request = WasmImporter::request(source, needs, options);
         let limits = self.limits.unwrap_or(Limits::for_file(source.bytes.len()));
-        let answer = |ask| -> Result<Answer, Infallible> {
+        let answer = |ask| -> Result<HostAnswer, Infallible> {
             Ok(match ask {
-                Ask::Read(name) => Answer::Bytes(files.read(&name)),
-                Ask::Progress(part) => Answer::Yes(files.progress(part)),
-                Ask::WantsClip(index, name) => Answer::Yes(files.wants_clip(index, &name)),
-                _ => Answer::Bytes(Err("an importer writes no files".into())),
+                HostRequest::Read(name) => HostAnswer::Bytes(files.read(&name)),
+                HostRequest::Progress(part) => HostAnswer::Yes(files.progress(part)),
+                HostRequest::WantsClip(index, name) => HostAnswer::Yes(files.wants_clip(index, &name)),
+                _ => HostAnswer::Bytes(Err("an importer writes no files".into())),
             })
         };
         let served = serve(&self.plugin, "choreo_import", &request, source.bytes.clone(), limits, answer);

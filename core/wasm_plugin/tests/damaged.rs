@@ -1,4 +1,4 @@
-//! Plugins that are damaged or hostile, written in WebAssembly's text form: each gives an error that says what is wrong, in bounded time
+//! Damaged or hostile plugins, written in WebAssembly's text format: each gives an error that states the cause, in bounded time
 //! and memory.
 
 use choreo_plugin::transfer::to_bytes;
@@ -10,12 +10,12 @@ use choreo_wasm_plugin::{Limits, WasmExporter, WasmImporter};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// The constant that means a result of that many bytes at a place.
+/// WebAssembly constant for a result of `length` bytes at the address `place`.
 fn result(place: usize, length: usize) -> String {
     format!("(i64.const {})", (place as u64) << 32 | length as u64)
 }
 
-/// A plugin with the manifest of `odd 1.0.0` at 4096, room for arguments at 8192, and the functions given.
+/// A plugin with the manifest of `odd 1.0.0` at address 4096, room for arguments at 8192, and additional functions.
 fn plugin(more: &str) -> Vec<u8> {
     let manifest = to_bytes(&Manifest::new("odd", "1.0.0", "fails").extensions(["odd"]));
     let data: String = manifest.iter().map(|byte| format!("\\{byte:02x}")).collect();
@@ -39,14 +39,14 @@ fn plugin(more: &str) -> Vec<u8> {
     wat::parse_str(text).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// A plugin whose import is this.
-fn importing(body: &str) -> Vec<u8> {
+/// A plugin whose import function has this body.
+fn plugin_with_import(body: &str) -> Vec<u8> {
     plugin(&format!("(func (export \"choreo_import\") (result i64) {body})"))
 }
 
-struct Beside;
+struct CompanionFiles;
 
-impl Files for Beside {
+impl Files for CompanionFiles {
     fn read(&self, name: &str) -> Result<Arc<Vec<u8>>, String> {
         match name {
             "side" => Ok(Arc::new(vec![7; 9])),
@@ -55,19 +55,19 @@ impl Files for Beside {
     }
 }
 
-fn made(bytes: &[u8]) -> String {
+fn compile_error(bytes: &[u8]) -> String {
     WasmImporter::from_bytes(bytes).err().map(|e| e.to_string()).unwrap_or_default()
 }
 
 /// The error of an import with little time and memory, after the name of the plugin.
-fn failed(bytes: &[u8]) -> String {
+fn import_error(bytes: &[u8]) -> String {
     let limits = Limits { memory: 4 << 20, time: Duration::from_millis(300) };
     let importer = WasmImporter::from_bytes(bytes).unwrap_or_else(|e| panic!("{e}")).with_limits(limits);
     let mut registry = Registry::default();
     registry.add_importer(importer);
     let source = Source { name: "a.odd".into(), bytes: Arc::new(vec![1, 2, 3]) };
     let start = Instant::now();
-    let result = registry.import(&source, &Beside, ImportScope::ALL, &ImportOptions::default(), None);
+    let result = registry.import(&source, &CompanionFiles, ImportScope::ALL, &ImportOptions::default(), None);
     assert!(start.elapsed() < Duration::from_secs(20));
     let error = result.expect_err("an error").to_string();
     let plain = error.strip_prefix("a.odd: the plugin odd 1.0.0 has failed: ");
@@ -75,7 +75,7 @@ fn failed(bytes: &[u8]) -> String {
 }
 
 #[test]
-fn a_sound_plugin_gives_its_manifest() {
+fn a_valid_plugin_returns_its_manifest() {
     let importer = WasmImporter::from_bytes(&plugin("")).unwrap();
     assert_eq!((importer.manifest().name.as_str(), importer.manifest().version.as_str()), ("odd", "1.0.0"));
     let source = Source { name: "a.odd".into(), bytes: Arc::default() };
@@ -83,42 +83,48 @@ fn a_sound_plugin_gives_its_manifest() {
 }
 
 #[test]
-fn what_is_no_plugin_is_refused() {
-    assert!(made(b"").starts_with("it is not a WebAssembly plugin: "), "{}", made(b""));
-    assert!(made(b"\x7fELF and more").starts_with("it is not a WebAssembly plugin: "));
+fn invalid_modules_are_refused() {
+    assert!(compile_error(b"").starts_with("it is not a WebAssembly plugin: "), "{}", compile_error(b""));
+    assert!(compile_error(b"\x7fELF and more").starts_with("it is not a WebAssembly plugin: "));
     let mut cut = plugin("");
     cut.truncate(cut.len() / 2);
-    assert!(made(&cut).starts_with("it is not a WebAssembly plugin: "));
+    assert!(compile_error(&cut).starts_with("it is not a WebAssembly plugin: "));
     let empty = wat::parse_str("(module)").unwrap();
-    assert_eq!(made(&empty), "it exports no function choreo_abi with the signature that choreo calls");
+    assert_eq!(
+        compile_error(&empty),
+        "it exports no function choreo_abi with the signature that choreo calls"
+    );
     let abi =
         |number: u32| plugin(&format!("(func (export \"choreo_abi\") (result i32) i32.const {number})"));
     assert_eq!(
-        made(&abi(0)),
+        compile_error(&abi(0)),
         "it was built for version 0 of the plugin interface, choreo has version 2; build it again with this choreo"
     );
     assert_eq!(
-        made(&abi(3)),
+        compile_error(&abi(3)),
         "it was built for version 3 of the plugin interface, choreo has version 2; update choreo"
     );
     let typed = plugin("(func (export \"choreo_manifest\") (param i64) (result i64) i64.const 0)");
-    assert_eq!(made(&typed), "it exports no function choreo_manifest with the signature that choreo calls");
+    assert_eq!(
+        compile_error(&typed),
+        "it exports no function choreo_manifest with the signature that choreo calls"
+    );
     let short = plugin("(func (export \"choreo_manifest\") (result i64) i64.const 3)");
-    assert_eq!(made(&short), format!("{UNREADABLE}byte 0: 8 bytes are needed, 3 are left"));
+    assert_eq!(compile_error(&short), format!("{UNREADABLE_RESULT}byte 0: 8 bytes are needed, 3 are left"));
     let unknown = plugin("(import \"env\" \"system\" (func (param i32)))");
-    assert!(made(&unknown).contains("unknown import: `env::system`"), "{}", made(&unknown));
+    assert!(compile_error(&unknown).contains("unknown import: `env::system`"), "{}", compile_error(&unknown));
     let start = plugin("(func $s (loop br 0)) (start $s)");
-    assert_eq!(made(&start), "it takes more than 2 s, which is the limit");
+    assert_eq!(compile_error(&start), "it takes more than 2 s, which is the limit");
     let large = plugin("(memory (export \"memory\") 60000)");
-    assert!(made(&large).contains("memory"), "{}", made(&large));
+    assert!(compile_error(&large).contains("memory"), "{}", compile_error(&large));
 }
 
-const UNREADABLE: &str = "its result cannot be read: ";
+const UNREADABLE_RESULT: &str = "its result cannot be read: ";
 
 /// A manifest whose magic bytes are lists in the plugin's memory: `odd 1.0.0` without extensions.
-fn with_magic(lists: &[(u64, u64)]) -> String {
+fn magic_of_plugin(lists: &[(u64, u64)]) -> String {
     let start = to_bytes(&Manifest::new("odd", "1.0.0", ""));
-    // It ends with the number of magics and that of options.
+    // The manifest ends with the number of magic byte lists and the number of options.
     let mut bytes = start[..start.len() - 16].to_vec();
     bytes.extend((lists.len() as u64).to_le_bytes());
     for (count, place) in lists {
@@ -138,67 +144,72 @@ fn with_magic(lists: &[(u64, u64)]) -> String {
 }
 
 #[test]
-fn lists_elsewhere_lie_in_the_memory_and_are_no_longer_than_it() {
-    assert_eq!(with_magic(&[(3, 0), (0, 1 << 17)]), "[[3, 0, 0], []]");
-    let outside = |count: u64, place: u64| with_magic(&[(count, place)]);
+fn lists_by_address_are_limited_to_the_memory_of_the_plugin() {
+    assert_eq!(magic_of_plugin(&[(3, 0), (0, 1 << 17)]), "[[3, 0, 0], []]");
+    let outside = |count: u64, place: u64| magic_of_plugin(&[(count, place)]);
     assert!(outside(1, 1 << 17).ends_with(": a list of 1 bytes at 131072, outside of its memory"));
     assert!(outside(2, u64::MAX).contains("outside of its memory"));
     assert!(outside((1 << 63) - 1, 8).contains("outside of its memory"));
-    // 128 KiB at most, however often the same place is named.
-    assert!(with_magic(&[(1 << 16, 0), (1 << 16, 0)]).starts_with("[["));
-    let third = with_magic(&[(1 << 16, 0), (1 << 16, 0), (1, 0)]);
+    // All lists together have at most the 128 KiB of the memory, even if they refer to the same address.
+    assert!(magic_of_plugin(&[(1 << 16, 0), (1 << 16, 0)]).starts_with("[["));
+    let third = magic_of_plugin(&[(1 << 16, 0), (1 << 16, 0), (1, 0)]);
     assert!(third.ends_with("its lists have more bytes than its memory"), "{third}");
 }
 
 #[test]
-fn imports_that_fail_say_how() {
-    assert!(failed(&importing("unreachable")).starts_with("it was stopped: "));
-    assert_eq!(failed(&importing("(loop br 0) i64.const 0")), "it takes more than 0.3 s, which is the limit");
+fn failed_imports_report_their_cause() {
+    assert!(import_error(&plugin_with_import("unreachable")).starts_with("it was stopped: "));
     assert_eq!(
-        failed(&plugin("(func $f (export \"choreo_import\") (result i64) call $f i64.const 1 i64.add)")),
+        import_error(&plugin_with_import("(loop br 0) i64.const 0")),
+        "it takes more than 0.3 s, which is the limit"
+    );
+    assert_eq!(
+        import_error(&plugin(
+            "(func $f (export \"choreo_import\") (result i64) call $f i64.const 1 i64.add)"
+        )),
         "its calls are nested too deeply; does a function call itself without end?"
     );
-    // It asks for memory until it gets none, and then gives up.
+    // The plugin allocates until an allocation fails, and then traps.
     let bomb = "(loop (br_if 0 (i32.ne (memory.grow (i32.const 1)) (i32.const -1)))) unreachable";
-    let bombed = failed(&importing(bomb));
+    let bombed = import_error(&plugin_with_import(bomb));
     assert!(bombed.contains("its memory may be 4 MiB at most"), "{bombed}");
-    let outside = failed(&importing("i32.const 0x7fffffff i32.load drop i64.const 0"));
+    let outside = import_error(&plugin_with_import("i32.const 0x7fffffff i32.load drop i64.const 0"));
     assert!(outside.contains("out of bounds memory access"), "{outside}");
     assert_eq!(
-        failed(&plugin("")),
+        import_error(&plugin("")),
         "it exports no function choreo_import with the signature that choreo calls"
     );
 }
 
 #[test]
-fn results_outside_of_memory_or_without_sense_are_refused() {
-    let outside = failed(&importing(&result(4096, 0x7fff_ffff)));
+fn invalid_results_are_refused() {
+    let outside = import_error(&plugin_with_import(&result(4096, 0x7fff_ffff)));
     assert_eq!(outside, "its result, 2147483647 bytes at 4096, lies outside of its memory");
-    let empty = failed(&importing(&result(131_072, 0)));
-    assert_eq!(empty, format!("{UNREADABLE}byte 0: 1 bytes are needed, 0 are left"));
-    // The first byte of the argument is the length of the file's name, "a.odd": no variant of a reply.
-    let argument = failed(&importing(&result(8192, 30)));
-    assert_eq!(argument, format!("{UNREADABLE}byte 1: ImportReply has no variant 5"));
+    let empty = import_error(&plugin_with_import(&result(131_072, 0)));
+    assert_eq!(empty, format!("{UNREADABLE_RESULT}byte 0: 1 bytes are needed, 0 are left"));
+    // The first byte of the argument, the length 5 of the file name "a.odd", is no variant of a reply.
+    let argument = import_error(&plugin_with_import(&result(8192, 30)));
+    assert_eq!(argument, format!("{UNREADABLE_RESULT}byte 1: ImportReply has no variant 5"));
     let far = "(func (export \"choreo_argument\") (param i32) (result i32)
         (select (i32.const 0x7ffffff0) (i32.const 8192) (local.get 0)))
         (func (export \"choreo_import\") (result i64) i64.const 0)";
-    assert_eq!(failed(&plugin(far)), "its argument at 2147483632 lies outside of its memory");
-    // An asset of 2^60 names: nothing is reserved for them.
+    assert_eq!(import_error(&plugin(far)), "its argument at 2147483632 lies outside of its memory");
+    // An asset that claims 2^60 names: no memory is reserved for them.
     let many = "(i32.store8 (i32.const 4096) (i32.const 0)) (i64.store (i32.const 4097) (i64.const 0))
         (i64.store (i32.const 4105) (i64.const 0x1000000000000000)) ";
-    let many = failed(&importing(&(many.to_string() + &result(4096, 17))));
-    assert_eq!(many, format!("{UNREADABLE}byte 17: 8 bytes are needed, 0 are left"));
+    let many = import_error(&plugin_with_import(&(many.to_string() + &result(4096, 17))));
+    assert_eq!(many, format!("{UNREADABLE_RESULT}byte 17: 8 bytes are needed, 0 are left"));
 }
 
 #[test]
-fn calls_of_the_program_check_what_they_are_given() {
+fn host_functions_check_their_arguments() {
     let import = "(import \"choreo\" \"read\" (func $read (param i32 i32) (result i64)))
         (import \"choreo\" \"take\" (func $take (param i32)))
         (import \"choreo\" \"write\" (func $write (param i32 i32 i32)))
         (import \"choreo\" \"numbers\" (func $numbers (param i32 i32 i32 i32 i32 i32) (result i32)))
         (import \"choreo\" \"snapshot\" (func $snapshot (param i64) (result i32)))";
     let calling = |body: &str| {
-        failed(&plugin(&format!("{import} (func (export \"choreo_import\") (result i64) {body})")))
+        import_error(&plugin(&format!("{import} (func (export \"choreo_import\") (result i64) {body})")))
     };
     let read = |place: &str, length: &str| {
         calling(&format!("(drop (call $read (i32.const {place}) (i32.const {length}))) i64.const 0"))
@@ -212,17 +223,17 @@ fn calls_of_the_program_check_what_they_are_given() {
         calling(&format!("{side} (call $take (i32.const 131070)) i64.const 0")),
         "a place outside of the plugin's memory"
     );
-    // What was read arrives: its nine bytes are seven each, which is no reply.
+    // The bytes of the file arrive: nine bytes of value 7, which is no variant of a reply.
     let arrived = format!("(call $take (i32.const 4096)) {}", result(4096, 9));
-    let unreadable = |variant: u8| format!("{UNREADABLE}byte 1: ImportReply has no variant {variant}");
+    let unreadable = |variant: u8| format!("{UNREADABLE_RESULT}byte 1: ImportReply has no variant {variant}");
     assert_eq!(calling(&format!("{side} {arrived}")), unreadable(7));
-    // The file of the import is ready before anything else is read: 1, 2, 3; here on the argument's bytes.
+    // The bytes of the imported file, 1, 2, 3, are ready before the first read; the plugin copies them over its argument.
     assert_eq!(calling(&format!("(call $take (i32.const 4095)) {}", result(4097, 9))), unreadable(3));
-    // Of a file that is not there, the text: "no file " begins with 110.
+    // For a missing file, the bytes of the error text arrive: "no file " begins with 110.
     let none =
         "(i32.store (i32.const 0) (i32.const 0x65646970)) (drop (call $read (i32.const 0) (i32.const 4)))";
     assert_eq!(calling(&format!("{none} {arrived}")), unreadable(110));
-    // Numbers of a text at 0, which is "12 7": the values are eight bytes each, however many are wanted.
+    // Numbers of the text "12 7" at address 0: each value takes eight bytes, and a request for more numbers is limited.
     let numbers = |length: &str, values: &str, ends: &str, reply: String| {
         let text = "(i32.store (i32.const 0) (i32.const 0x37203231))";
         let lists = format!("(i32.const {values}) (i32.const {ends}) (i32.const -1)");
@@ -236,14 +247,14 @@ fn calls_of_the_program_check_what_they_are_given() {
     for (values, ends) in [("131060", "64"), ("4096", "131068")] {
         assert_eq!(numbers("4", values, ends, result(0, 9)), "a place outside of the plugin's memory");
     }
-    // An importer has no scene and writes no file.
+    // Importers can neither request snapshots nor write files.
     let write = "(call $write (i32.const 0) (i32.const 0) (i32.const 8)) i64.const 9";
     assert_eq!(calling(write), "an importer writes no files");
     let pose = "(drop (call $snapshot (i64.const 0))) i64.const 9";
     assert_eq!(calling(pose), "there is no scene to ask for poses");
 }
 
-/// Notes of an export of an empty scene, or the error after the plugin's name.
+/// Files of an export of an empty scene, or the error without the plugin's name.
 fn exported(body: &str) -> Result<MemoryFiles, String> {
     let import = "(import \"choreo\" \"beside\" (func $beside (param i32 i32) (result i32)))
         (import \"choreo\" \"write\" (func $write (param i32 i32 i32)))";
@@ -257,8 +268,8 @@ fn exported(body: &str) -> Result<MemoryFiles, String> {
 }
 
 #[test]
-fn exports_write_only_files_that_are_open() {
-    // A reply without notes is nine zeros, here at 0; the text written is the manifest's name, at 4104.
+fn exports_write_only_to_open_files() {
+    // A reply without notes is nine zero bytes, which are at address 0. The written text is the name in the manifest, at 4104.
     let written = "(call $write (i32.const 0) (i32.const 4104) (i32.const 3))
         (call $write (call $beside (i32.const 4104) (i32.const 1)) (i32.const 4105) (i32.const 2)) i64.const 9";
     let files = exported(written).unwrap();
@@ -267,6 +278,6 @@ fn exports_write_only_files_that_are_open() {
     assert_eq!(exported(unknown).unwrap_err(), "there is no file 1");
     let outside = "(call $write (i32.const 0) (i32.const 131070) (i32.const 8)) i64.const 9";
     assert_eq!(exported(outside).unwrap_err(), "bytes outside of the plugin's memory");
-    let odd = format!("{UNREADABLE}byte 1: ExportReply has no variant 3");
+    let odd = format!("{UNREADABLE_RESULT}byte 1: ExportReply has no variant 3");
     assert_eq!(exported(&result(4096, 20)).unwrap_err(), odd);
 }

@@ -1,4 +1,4 @@
-//! Plugins in WebAssembly against the same source compiled into the test: the same assets, errors and files.
+//! Comparison of WebAssembly plugins with the same source compiled into the test: assets, errors and files must be equal.
 
 #[path = "import-ply/src/lib.rs"]
 mod import_ply;
@@ -32,7 +32,7 @@ fn binary() -> Vec<u8> {
     bytes
 }
 
-/// A square of so many vertices a side, whose lists are long enough to be handed over where they are.
+/// A grid of `side` × `side` vertices, whose lists are long enough to be passed by address.
 fn grid(side: usize) -> String {
     let mut text = format!(
         "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
@@ -50,7 +50,7 @@ fn grid(side: usize) -> String {
     text
 }
 
-fn guest() -> Vec<u8> {
+fn build_plugin() -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::read(wasm::import_ply(folder.path())).unwrap()
 }
@@ -66,8 +66,8 @@ fn result(importer: impl Importer + 'static, bytes: &[u8], scale: f64) -> Result
 }
 
 #[test]
-fn it_gives_what_the_crate_gives() {
-    let bytes = guest();
+fn the_wasm_importer_gives_the_results_of_the_compiled_crate() {
+    let bytes = build_plugin();
     assert_eq!(WasmImporter::from_bytes(&bytes).unwrap().manifest(), PlyImporter.manifest());
     let large = grid(60);
     for file in
@@ -84,7 +84,7 @@ fn it_gives_what_the_crate_gives() {
 
 #[test]
 fn damaged_files_give_errors_or_valid_assets() {
-    let guest = WasmImporter::from_bytes(&guest()).unwrap();
+    let guest = WasmImporter::from_bytes(&build_plugin()).unwrap();
     for (name, bytes) in [("square.ply", SQUARE.as_bytes().to_vec()), ("binary.ply", binary())] {
         let outcome = damage::run(&guest, name, &bytes, 50);
         assert!(outcome.refused > 0 && outcome.read > 0, "{name}: {outcome:?}");
@@ -119,11 +119,11 @@ fn scene() -> ExportedScene {
     ExportedScene::new("a.rhai", Arc::new(stage))
 }
 
-/// A callback that fails from half a second on.
+/// A callback that fails at half a second and later.
 #[derive(Debug)]
-struct FailsLater;
+struct FailingCallback;
 
-impl FrameHook for FailsLater {
+impl FrameHook for FailingCallback {
     fn run(&self, time: Time, _: &mut FrameEdits) -> Result<(), StageError> {
         match time < Time::from_secs(0.5) {
             true => Ok(()),
@@ -141,7 +141,7 @@ fn exported(exporter: &dyn SceneExporter, scene: &ExportedScene) -> Result<Strin
 }
 
 #[test]
-fn it_exports_what_the_crate_exports() {
+fn the_wasm_exporter_writes_the_files_of_the_compiled_crate() {
     let folder = tempfile::tempdir().unwrap();
     let bytes = std::fs::read(wasm::export_csv(folder.path())).unwrap();
     let guest = WasmExporter::from_bytes(&bytes).unwrap();
@@ -156,9 +156,9 @@ fn it_exports_what_the_crate_exports() {
     let height: f64 = last.split(',').nth_back(1).unwrap().parse().unwrap();
     let angle = 0.75 * std::f64::consts::FRAC_PI_2;
     assert!((height - 0.5 * libm::sin(angle)).abs() < 1e-3, "{last}");
-    // An error of the stage ends the export with the stage's own words.
+    // An error of the stage ends the export with the message of the stage.
     let mut faulty = Stage::clone(&scene.stage);
-    faulty.hooks.push(Arc::new(FailsLater));
+    faulty.hooks.push(Arc::new(FailingCallback));
     scene.stage = Arc::new(faulty);
     let error = exported(&guest, &scene);
     assert_eq!(error, Err("frame: no such time".to_string()));

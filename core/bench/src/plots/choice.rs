@@ -224,7 +224,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn differences_by_chance_are_no_results() {
+    fn differences_by_chance_are_reported_as_noise() {
         let [short, long] =
             [100.0, 150.0].map(|median| Nanos { median, quartiles: [median - 1.0, median + 1.0] });
         let noisy = Nanos { median: 120.0, quartiles: [90.0, 140.0] };
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn the_front_is_what_no_other_beats() {
+    fn the_pareto_front_holds_undominated_rows() {
         let mut c = Choice::new("c", "?");
         c.error_unit = "mm";
         for (name, worst, nanos) in [

@@ -1,7 +1,7 @@
 //! Line plot: shares from 0 to 1 over a logarithmic axis.
 
 use super::number::quantity;
-use super::svg::{Anchor, BLUE, GREY, GRID, INK, RED, Svg};
+use super::svg::{Anchor, BLUE, GRAY, GRID, INK, RED, Svg};
 
 const WIDTH: f64 = 720.0;
 const HEIGHT: f64 = 400.0;
@@ -36,7 +36,7 @@ impl Lines {
             let y = f64::from(tenth) / 10.0;
             let (_, at) = place((libm::pow(10.0, low), y));
             svg.line((LEFT, at), (RIGHT, at), GRID, 1.0, "");
-            svg.text((LEFT - 8.0, at + 4.0), &format!("{} %", tenth * 10), 11.0, GREY, Anchor::End);
+            svg.text((LEFT - 8.0, at + 4.0), &format!("{} %", tenth * 10), 11.0, GRAY, Anchor::End);
         }
         for decade in (low.ceil() as i32)..=(high.floor() as i32) {
             for step in [1.0, 2.0, 5.0] {
@@ -46,7 +46,7 @@ impl Lines {
                 }
                 let (at, _) = place((x, 0.0));
                 svg.line((at, TOP), (at, BOTTOM), GRID, 1.0, "");
-                svg.text((at, BOTTOM + 18.0), &quantity(x), 11.0, GREY, Anchor::Middle);
+                svg.text((at, BOTTOM + 18.0), &quantity(x), 11.0, GRAY, Anchor::Middle);
             }
         }
         for (number, (name, points)) in self.lines.iter().enumerate() {
@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_stand_at_their_places() {
+    fn points_are_drawn_at_their_logarithmic_positions() {
         let lines = vec![("a".to_string(), vec![(1.0, 0.0), (10.0, 1.0), (100.0, 0.5)])];
         let svg = Lines { title: "t".into(), x: "x".into(), y: "y".into(), lines }.svg();
         let middle = (LEFT + RIGHT) * 0.5;

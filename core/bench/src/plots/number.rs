@@ -24,15 +24,15 @@ pub fn quantity(value: f64) -> String {
 
 /// Nanoseconds as ns, µs, ms or s.
 pub fn duration(nanos: f64) -> String {
-    scaled(nanos, &[(1e9, "s"), (1e6, "ms"), (1e3, "µs"), (1.0, "ns")])
+    with_unit(nanos, &[(1e9, "s"), (1e6, "ms"), (1e3, "µs"), (1.0, "ns")])
 }
 
 /// Bytes as B, kB, MB or GB (powers of ten).
 pub fn bytes(count: f64) -> String {
-    scaled(count, &[(1e9, "GB"), (1e6, "MB"), (1e3, "kB"), (1.0, "B")])
+    with_unit(count, &[(1e9, "GB"), (1e6, "MB"), (1e3, "kB"), (1.0, "B")])
 }
 
-fn scaled(value: f64, units: &[(f64, &str)]) -> String {
+fn with_unit(value: f64, units: &[(f64, &str)]) -> String {
     let fits = units.iter().find(|(size, _)| value.abs() >= *size * 0.9995).or(units.last());
     fits.map_or_else(|| quantity(value), |(size, unit)| format!("{} {unit}", quantity(value / size)))
 }
@@ -42,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn three_digits_and_a_unit_that_fits() {
+    fn quantities_have_three_digits_and_a_fitting_unit() {
         let cases = [
             (0.0, "0"),
             (1.0, "1.00"),

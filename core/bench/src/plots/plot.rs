@@ -3,15 +3,15 @@
 
 use super::choice::{Choice, Row};
 use super::number::{bytes, duration, quantity};
-use super::svg::{Anchor, BLUE, GREY, GRID, INK, RED, Room, Svg, fitting, text_width};
+use super::svg::{Anchor, BLUE, GRAY, GRID, INK, RED, Room, Svg, fitting, text_width};
 
 const WIDTH: f64 = 720.0;
 const HEIGHT: f64 = 440.0;
 /// Left, top, right and bottom margin, pixels.
 const MARGIN: [f64; 4] = [78.0, 54.0, 24.0, 58.0];
 /// Height of the strip for exact methods: an error of zero has no place on a logarithmic axis.
-const EXACT: f64 = 26.0;
-const LABEL: f64 = 12.0;
+const EXACT_STRIP_HEIGHT: f64 = 26.0;
+const LABEL_SIZE: f64 = 12.0;
 
 /// A logarithmic axis over a range of pixels.
 struct Axis {
@@ -82,25 +82,25 @@ impl Frame<'_> {
         if !choice.why.is_empty() {
             let chosen = choice.chosen.map_or("", |c| choice.rows[c].name.as_str());
             let (text, size) = fitting(&format!("chosen: {chosen}, {}", choice.why), 12.0, right - left);
-            svg.text((left, 42.0), &text, size, GREY, Anchor::Start);
+            svg.text((left, 42.0), &text, size, GRAY, Anchor::Start);
         }
         for tick in x.ticks() {
             let at = x.at(tick);
             svg.line((at, top), (at, bottom), GRID, 1.0, "");
             let text = if timed { duration(tick) } else { bytes(tick) };
-            svg.text((at, bottom + 18.0), &plain(&text), 11.0, GREY, Anchor::Middle);
+            svg.text((at, bottom + 18.0), &round_tick_text(&text), 11.0, GRAY, Anchor::Middle);
         }
         for tick in y.ticks() {
             let at = y.at(tick);
             svg.line((left, at), (right, at), GRID, 1.0, "");
-            svg.text((left - 8.0, at + 4.0), &plain(&quantity(tick)), 11.0, GREY, Anchor::End);
+            svg.text((left - 8.0, at + 4.0), &round_tick_text(&quantity(tick)), 11.0, GRAY, Anchor::End);
         }
         if exact {
-            svg.text((left - 8.0, bottom - EXACT * 0.4 + 4.0), "exact", 11.0, GREY, Anchor::End);
-            svg.line((left, floor), (right, floor), GREY, 0.5, "2 3");
+            svg.text((left - 8.0, bottom - EXACT_STRIP_HEIGHT * 0.4 + 4.0), "exact", 11.0, GRAY, Anchor::End);
+            svg.line((left, floor), (right, floor), GRAY, 0.5, "2 3");
         }
-        svg.line((left, top), (left, bottom), GREY, 1.0, "");
-        svg.line((left, bottom), (right, bottom), GREY, 1.0, "");
+        svg.line((left, top), (left, bottom), GRAY, 1.0, "");
+        svg.line((left, bottom), (right, bottom), GRAY, 1.0, "");
         let what = if timed { "time" } else { "size" };
         let per = if choice.per.is_empty() || !timed {
             what.to_string()
@@ -135,12 +135,12 @@ pub fn plot(choice: &Choice) -> Option<String> {
     let (left, right) = (MARGIN[0], WIDTH - MARGIN[2]);
     let (top, bottom) = (MARGIN[1], HEIGHT - MARGIN[3]);
     let exact = points.iter().any(|(_, row, _)| choice.error_of(row) <= 0.0);
-    let floor = if exact { bottom - EXACT } else { bottom };
+    let floor = if exact { bottom - EXACT_STRIP_HEIGHT } else { bottom };
     let x = Axis::new(points.iter().map(|p| p.2), (left, right));
     let y = Axis::new(points.iter().map(|p| choice.error_of(p.1)), (floor, top));
     let place = |row: &Row, cost: f64| {
         let error = choice.error_of(row);
-        (x.at(cost), if error > 0.0 { y.at(error) } else { bottom - EXACT * 0.4 })
+        (x.at(cost), if error > 0.0 { y.at(error) } else { bottom - EXACT_STRIP_HEIGHT * 0.4 })
     };
 
     let mut svg = Svg::new(WIDTH, HEIGHT);
@@ -152,7 +152,7 @@ pub fn plot(choice: &Choice) -> Option<String> {
     }
     front.sort_by(|a, b| a.0.total_cmp(&b.0));
     for pair in front.windows(2) {
-        svg.line(pair[0], pair[1], GREY, 1.0, "4 4");
+        svg.line(pair[0], pair[1], GRAY, 1.0, "4 4");
     }
     let mut room = Room::default();
     for (_, row, cost) in &points {
@@ -171,26 +171,26 @@ pub fn plot(choice: &Choice) -> Option<String> {
             if chosen { RED } else { BLUE },
         );
         let color = if chosen { RED } else { INK };
-        label(&mut svg, &mut room, at, &row.name, color, (left, right, top, bottom));
+        draw_label(&mut svg, &mut room, at, &row.name, color, (left, right, top, bottom));
     }
     Some(svg.finish())
 }
 
 /// Stacks several images below each other into one.
-pub fn stacked(pictures: &[String]) -> String {
-    let height = HEIGHT * pictures.len().max(1) as f64;
+pub fn stacked(images: &[String]) -> String {
+    let height = HEIGHT * images.len().max(1) as f64;
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{height}\" viewBox=\"0 0 {WIDTH} {height}\">\n"
     );
-    for (i, picture) in pictures.iter().enumerate() {
+    for (i, image) in images.iter().enumerate() {
         let top = HEIGHT * i as f64;
-        out += &picture.replacen("<svg ", &format!("<svg x=\"0\" y=\"{top}\" "), 1);
+        out += &image.replacen("<svg ", &format!("<svg x=\"0\" y=\"{top}\" "), 1);
     }
     out + "</svg>\n"
 }
 
 /// Draws the label of a point beside, above or below it, where it covers the least.
-fn label(
+fn draw_label(
     svg: &mut Svg,
     room: &mut Room,
     at: (f64, f64),
@@ -198,7 +198,7 @@ fn label(
     color: &str,
     frame: (f64, f64, f64, f64),
 ) {
-    let size = (text_width(text, LABEL), LABEL + 3.0);
+    let size = (text_width(text, LABEL_SIZE), LABEL_SIZE + 3.0);
     let mut best: Option<(f64, (f64, f64))> = None;
     for (dx, dy) in [
         (9.0, -8.0),
@@ -223,21 +223,21 @@ fn label(
     }
     if let Some((_, corner)) = best {
         room.take(corner, size);
-        svg.text((corner.0, corner.1 + LABEL), text, LABEL, color, Anchor::Start);
+        svg.text((corner.0, corner.1 + LABEL_SIZE), text, LABEL_SIZE, color, Anchor::Start);
     }
 }
 
 /// Text of a tick, which is a round number: "1.00 ms" becomes "1 ms".
-fn plain(text: &str) -> String {
+fn round_tick_text(text: &str) -> String {
     let (number, unit) = text.split_once(' ').unwrap_or((text, ""));
     let number = match number.split_once('e') {
-        Some((mantissa, exponent)) => format!("{}e{exponent}", trimmed(mantissa)),
-        None => trimmed(number).to_string(),
+        Some((mantissa, exponent)) => format!("{}e{exponent}", without_trailing_zeros(mantissa)),
+        None => without_trailing_zeros(number).to_string(),
     };
     if unit.is_empty() { number } else { format!("{number} {unit}") }
 }
 
-fn trimmed(number: &str) -> &str {
+fn without_trailing_zeros(number: &str) -> &str {
     if number.contains('.') { number.trim_end_matches('0').trim_end_matches('.') } else { number }
 }
 
@@ -246,7 +246,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_way_is_in_the_picture_and_the_chosen_one_is_marked() {
+    fn all_methods_are_drawn_and_the_chosen_one_is_marked() {
         let mut c = Choice::new("c", "Which <way>?");
         c.rows.push(Row::new("a & b").error(0.0, 0.0).nanos(100.0));
         c.rows.push(Row::new("rough").error(1e-3, 1e-4).nanos(3.0));
@@ -265,7 +265,7 @@ mod tests {
         let axis = Axis::new([3.0, 4000.0].into_iter(), (0.0, 1.0));
         assert_eq!(axis.ticks(), [10.0, 100.0, 1000.0]);
         assert_eq!(
-            (plain("1.00 ms"), plain("1.00e-5"), plain("100 ns")),
+            (round_tick_text("1.00 ms"), round_tick_text("1.00e-5"), round_tick_text("100 ns")),
             ("1 ms".into(), "1e-5".into(), "100 ns".into())
         );
         let one = Axis::new([5.0].into_iter(), (0.0, 100.0));

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 pub(crate) const INK: &str = "#222831";
-pub(crate) const GREY: &str = "#8a929c";
+pub(crate) const GRAY: &str = "#8a929c";
 pub(crate) const GRID: &str = "#e3e6ea";
 pub const BLUE: &str = "#2b6cb0";
 pub const RED: &str = "#c0392b";

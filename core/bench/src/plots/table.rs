@@ -86,7 +86,7 @@ impl Table {
     /// The text of [`Table::text`] in lines of at most `width` characters where words allow it; longer cells continue on lines of their
     /// own.
     pub fn text_within(&self, width: usize) -> String {
-        let widths = self.fitted(width);
+        let widths = self.fitted_widths(width);
         let mut out = String::new();
         if !self.title.is_empty() {
             out += &format!("{}\n", self.title);
@@ -104,7 +104,7 @@ impl Table {
             // A name from a file cannot begin a row of its own.
             let cells = row.iter().map(|c| c.text.replace('\n', "\u{fffd}"));
             let cells: Vec<Vec<String>> =
-                cells.zip(&widths).map(|(cell, width)| wrapped(&cell, *width)).collect();
+                cells.zip(&widths).map(|(cell, width)| wrap_text(&cell, *width)).collect();
             for index in 0..cells.iter().map(Vec::len).max().unwrap_or(0) {
                 let part = |cell: &Vec<String>| cell.get(index).map_or("", String::as_str).to_string();
                 let parts: Vec<String> = cells.iter().map(part).collect();
@@ -118,13 +118,16 @@ impl Table {
     }
 
     /// Widths of the columns: the widest are narrowed until a line fits.
-    fn fitted(&self, width: usize) -> Vec<usize> {
+    fn fitted_widths(&self, width: usize) -> Vec<usize> {
         /// Columns of text are not narrowed below this width.
-        const LEAST: usize = 16;
+        const MIN_TEXT_WIDTH: usize = 16;
         let mut widths = self.widths(|cell| cell.text.width());
         let mut over = (widths.iter().map(|width| width + 2).sum::<usize>()).saturating_sub(width);
         while over > 0 {
-            let texts = widths.iter_mut().zip(&self.columns).filter(|(width, c)| !c.right && **width > LEAST);
+            let texts = widths
+                .iter_mut()
+                .zip(&self.columns)
+                .filter(|(width, c)| !c.right && **width > MIN_TEXT_WIDTH);
             let Some((widest, _)) = texts.max_by_key(|(width, _)| **width) else { break };
             *widest -= 1;
             over -= 1;
@@ -167,7 +170,7 @@ impl Table {
 }
 
 /// Breaks a text into lines of at most this width, between words, or inside a word that is longer. All lines but the first are indented.
-fn wrapped(text: &str, width: usize) -> Vec<String> {
+fn wrap_text(text: &str, width: usize) -> Vec<String> {
     const INSET: &str = "  ";
     if text.width() <= width {
         return vec![text.to_string()];
@@ -198,7 +201,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_fit_and_lose_no_word() {
+    fn wrapped_lines_fit_the_width_and_keep_all_words() {
         let mut table = Table::new("", &[("what", "what"), (">size", "bytes"), ("asked for by", "by")]);
         let long = "triangles lit skin morph normal_map: 3 draws, 12 copies";
         table.rows.push(vec![
@@ -224,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_rows_for_people_and_machines() {
+    fn text_markdown_and_json_have_the_same_rows() {
         let mut table = Table::new("two", &[("name", "name"), (">size", "bytes"), ("why", "why")]);
         table.rows.push(vec![Cell::text("größe"), Cell::number("1.2 kB", 1200.0), Cell::empty()]);
         table.rows.push(vec![Cell::text("b|c"), Cell::count(7), Cell::empty()]);

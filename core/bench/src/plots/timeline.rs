@@ -1,6 +1,6 @@
 //! Cue sheet as an image: bars on tracks over time.
 
-use super::svg::{Anchor, GREY, GRID, INK, RED, Svg, fitting, text_width};
+use super::svg::{Anchor, GRAY, GRID, INK, RED, Svg, fitting, text_width};
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bar {
@@ -57,7 +57,7 @@ impl Timeline {
                 (x(at), TOP - 10.0),
                 &format!("{} s", (at * 1000.0).round() / 1000.0),
                 11.0,
-                GREY,
+                GRAY,
                 Anchor::Middle,
             );
         }
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bars_and_marks_are_drawn_where_they_are() {
+    fn bars_and_marks_are_drawn_at_their_times() {
         assert_eq!((round_step(10.0), round_step(8.0), round_step(0.3)), (1.0, 1.0, 0.05));
         let bar =
             |label: &str, start, end| Bar { label: label.into(), start, end, fade: 0.0, color: "#123456" };
@@ -116,13 +116,13 @@ mod tests {
             marks: vec![Mark { at: 5.0, label: "gap".into() }],
         };
         let svg = Timeline { title: "t".into(), length: 10.0, tracks: vec![track] }.svg();
-        // Half of the width for half of the time, and nothing for what is beyond the end.
+        // A bar of half of the time has half of the width; bars beyond the end are not drawn.
         assert_eq!(svg.matches("#123456").count(), 1);
         assert!(svg.contains("width=\"390.0\"") && svg.contains(">gap<"));
     }
 
     #[test]
-    fn long_names_stay_in_the_picture() {
+    fn long_names_are_shortened_to_fit() {
         let title =
             "At which quality is a frame written as MP4? (the first dance, 1280×720, its first image)";
         let (text, size) = fitting(title, 15.0, 618.0);

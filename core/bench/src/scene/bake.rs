@@ -1,6 +1,6 @@
 //! The choice between clips as authored, resampled to an even rate, or compressed.
 
-use super::{Limits, MeasuredScene, SceneChoices, pick};
+use super::{Limits, MeasuredScene, SceneChoices, choose_row};
 use crate::plots::{Choice, Row};
 use crate::reference::{self, Spread};
 use crate::timing::{Case, Clock, interleaved};
@@ -9,11 +9,11 @@ use glam::{Affine3A, Vec3};
 use std::sync::Arc;
 
 /// Largest numbers of measured clips, and of times in each.
-const MOST_CLIPS: usize = 12;
-const MOST_TIMES: usize = 240;
+const MAX_CLIPS: usize = 12;
+const MAX_TIMES: usize = 240;
 const RATES: [u32; 3] = [30, 60, 120];
 /// A tenth of a millimetre at a joint is a small part of a pixel in any shot of a whole character. A micrometre is the rounding of f32.
-const LIMITS: Limits = Limits { rounding: 0.001, seen: 0.1, words: "0.1 mm" };
+const LIMITS: Limits = Limits { rounding: 0.001, visible: 0.1, visible_text: "0.1 mm" };
 
 /// A clip with the skeleton that it is played on.
 pub type Played = (Arc<Clip>, Arc<Skeleton>);
@@ -39,7 +39,7 @@ pub fn choices(scene: &MeasuredScene) -> SceneChoices {
     if clips.is_empty() {
         return SceneChoices::None("no actor plays a clip with moving joints".into());
     }
-    clips.truncate(MOST_CLIPS);
+    clips.truncate(MAX_CLIPS);
     SceneChoices::Choices(vec![bake(&clips, scene.budget_secs)])
 }
 
@@ -107,7 +107,7 @@ pub fn bake(clips: &[Played], budget_secs: f64) -> Choice {
             .bytes(bytes as f64);
         choice.rows.push(if name == "as authored" { row.note("the method in use now") } else { row });
     }
-    pick(&mut choice, &LIMITS);
+    choose_row(&mut choice, &LIMITS);
     choice
 }
 
@@ -122,7 +122,7 @@ fn times(clip: &Clip) -> Vec<Time> {
     let mut all: Vec<Time> = keys.into_iter().chain(middles).chain(odd).collect();
     all.sort_unstable();
     all.dedup();
-    let step = all.len().div_ceil(MOST_TIMES).max(1);
+    let step = all.len().div_ceil(MAX_TIMES).max(1);
     all.into_iter().step_by(step).collect()
 }
 

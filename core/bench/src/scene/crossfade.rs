@@ -1,6 +1,6 @@
 //! The choice of the method that blends two poses while one clip fades into the next.
 
-use super::{Limits, MeasuredScene, SceneChoices, pick};
+use super::{Limits, MeasuredScene, SceneChoices, choose_row};
 use crate::blend::{add_errors, exact};
 use crate::plots::{Choice, Row};
 use crate::reference::Spread;
@@ -10,9 +10,9 @@ use choreo_stage::Cue;
 use glam::Affine3A;
 use std::sync::Arc;
 
-const MOST_FADES: usize = 16;
+const MAX_FADES: usize = 16;
 const WEIGHTS: [f32; 5] = [0.1, 0.25, 0.4, 0.7, 0.9];
-const LIMITS: Limits = Limits { rounding: 0.01, seen: 1.0, words: "1 mm" };
+const LIMITS: Limits = Limits { rounding: 0.01, visible: 1.0, visible_text: "1 mm" };
 /// Methods; each blends eight joints at once.
 const METHODS: [(&str, RotationBlend); 3] = [
     ("nlerp", RotationBlend::Nlerp),
@@ -45,7 +45,7 @@ fn fades(scene: &MeasuredScene) -> Vec<Fade> {
     for actor in &scene.stage.actors {
         let Some(layer) = actor.layers.first().filter(|l| l.mask.is_none()) else { continue };
         for pair in layer.cues.windows(2).filter(|p| p[1].fade_in > Time::ZERO) {
-            if fades.len() == MOST_FADES {
+            if fades.len() == MAX_FADES {
                 return fades;
             }
             let at = pair[1].start + Time(pair[1].fade_in.0 / 2);
@@ -118,6 +118,6 @@ pub fn crossfade(fades: &[Fade], budget_secs: f64) -> Choice {
         let row = Row::new(*name).error(error.worst, error.mean()).at(place).nanos(nanos);
         choice.rows.push(if *name == NOW { row.note("the method that blends use") } else { row });
     }
-    pick(&mut choice, &LIMITS);
+    choose_row(&mut choice, &LIMITS);
     choice
 }

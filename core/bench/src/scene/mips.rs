@@ -9,7 +9,7 @@ use choreo_asset::Image;
 use choreo_render::scene_resources::mipmap::{levels_below, linear_to_srgb8, srgb_to_linear_table};
 
 /// Side in pixels of the part by which a larger texture is judged.
-const MOST_SIDE: u32 = 512;
+const MAX_SIDE: u32 = 512;
 
 /// Names of the methods; the program uses the first.
 const METHODS: [&str; 3] = ["linear light, unrounded levels", "linear light, rounded levels", "sRGB codes"];
@@ -20,12 +20,12 @@ pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
     let Some(texture) = largest.filter(|t| t.image.width > 1 && t.image.height > 1) else {
         return SceneChoices::None("no color texture has mipmaps".into());
     };
-    SceneChoices::Choices(vec![mips(&part(&texture.image), scene.budget_secs)])
+    SceneChoices::Choices(vec![mips(&crop_to_max_side(&texture.image), scene.budget_secs)])
 }
 
-/// The top left part of an image, at most [`MOST_SIDE`] pixels a side.
-fn part(image: &Image) -> Image {
-    let (width, height) = (image.width.min(MOST_SIDE), image.height.min(MOST_SIDE));
+/// The top left part of an image, at most [`MAX_SIDE`] pixels a side.
+fn crop_to_max_side(image: &Image) -> Image {
+    let (width, height) = (image.width.min(MAX_SIDE), image.height.min(MAX_SIDE));
     let row = |y: u32| {
         let from = (y * image.width) as usize * 4;
         image.rgba[from..from + width as usize * 4].iter().copied()
@@ -81,7 +81,7 @@ fn levels(image: &Image, method: usize) -> Vec<Level> {
     let (mut width, mut height) = (image.width, image.height);
     let mut above = image.rgba.clone();
     while width > 1 || height > 1 {
-        let next = halved(&above, width, height, method == 1);
+        let next = halve_image(&above, width, height, method == 1);
         (width, height) = ((width / 2).max(1), (height / 2).max(1));
         above.clone_from(&next);
         levels.push((width, height, next));
@@ -90,7 +90,7 @@ fn levels(image: &Image, method: usize) -> Vec<Level> {
 }
 
 /// Halves an image by averaging two by two pixels, dropping an odd row or column, as the simplest code does. The level is rounded to bytes.
-fn halved(rgba: &[u8], width: u32, height: u32, linear: bool) -> Vec<u8> {
+fn halve_image(rgba: &[u8], width: u32, height: u32, linear: bool) -> Vec<u8> {
     let table = srgb_to_linear_table();
     let (w, h) = ((width / 2).max(1), (height / 2).max(1));
     let mut out = Vec::with_capacity((w * h * 4) as usize);
@@ -139,14 +139,14 @@ fn exact_level(image: &Image, width: u32, height: u32) -> Vec<[f64; 3]> {
                     }
                 }
             }
-            out.push(sum.map(encoded));
+            out.push(sum.map(srgb_code_from_linear));
         }
     }
     out
 }
 
 /// sRGB code (IEC 61966-2-1) of a linear value, times 255.
-fn encoded(linear: f64) -> f64 {
+fn srgb_code_from_linear(linear: f64) -> f64 {
     255.0 * choreo_asset::srgb_from_linear(linear)
 }
 
@@ -155,7 +155,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn averages_of_codes_are_too_dark_and_ours_are_not() {
+    fn averaging_srgb_codes_is_too_dark() {
         // A checkerboard of black and white: half the light, code 188.
         let pixels = (0..64u32).flat_map(|i| [[0, 0, 0, 255], [255; 4]][((i + i / 8) % 2) as usize]);
         let image = Image { name: "check".into(), width: 8, height: 8, rgba: pixels.collect(), file: None };

@@ -104,23 +104,23 @@ struct Limits {
     /// Largest error that counts as rounding: below it, methods are equally exact.
     rounding: f64,
     /// Smallest error that may be visible.
-    seen: f64,
-    /// The bound `seen` in words.
-    words: &'static str,
+    visible: f64,
+    /// Text of the bound `visible`.
+    visible_text: &'static str,
 }
 
 /// Chooses a row: the cheapest within the limit, or the most exact one if it costs at most half as much again. If no row is within the
 /// limit, the most exact one. Of rows that are equal to rounding and within a tenth of the cost, the first.
-fn pick(choice: &mut Choice, limits: &Limits) {
-    const WORTH: f64 = 1.5;
-    const EQUAL: f64 = 1.1;
-    let Limits { rounding, seen: tolerance, words: tolerance_words } = *limits;
+fn choose_row(choice: &mut Choice, limits: &Limits) {
+    const MAX_COST_RATIO: f64 = 1.5;
+    const EQUAL_COST_RATIO: f64 = 1.1;
+    let Limits { rounding, visible: tolerance, visible_text: tolerance_words } = *limits;
     let cost = |r: &Row| r.cost().unwrap_or(f64::INFINITY);
     let least = choice.rows.iter().map(|r| r.worst).fold(f64::INFINITY, f64::min);
     let best: Vec<&Row> = choice.rows.iter().filter(|r| r.worst <= least.max(rounding)).collect();
     let cheapest = |rows: &[&Row]| -> Option<Row> {
         let low = rows.iter().map(|r| cost(r)).fold(f64::INFINITY, f64::min);
-        rows.iter().find(|r| cost(r) <= low * EQUAL).map(|r| (*r).clone())
+        rows.iter().find(|r| cost(r) <= low * EQUAL_COST_RATIO).map(|r| (*r).clone())
     };
     let Some(exact) = cheapest(&best) else { return };
     let within: Vec<&Row> = choice.rows.iter().filter(|r| r.worst <= tolerance).collect();
@@ -130,7 +130,7 @@ fn pick(choice: &mut Choice, limits: &Limits) {
             exact.name,
             "no other is more accurate beyond rounding, and none within the limit is cheaper".to_string(),
         ),
-        Some(cheap) if cost(&exact) <= cost(&cheap) * WORTH => {
+        Some(cheap) if cost(&exact) <= cost(&cheap) * MAX_COST_RATIO => {
             let more = (cost(&exact) / cost(&cheap) - 1.0) * 100.0;
             (
                 exact.name,
@@ -154,20 +154,20 @@ fn pick(choice: &mut Choice, limits: &Limits) {
 mod tests {
     use super::*;
 
-    fn picked(rows: &[(&str, f64, f64)]) -> String {
+    fn chosen_row(rows: &[(&str, f64, f64)]) -> String {
         let mut c = Choice::new("c", "?");
         c.rows = rows.iter().map(|(n, e, t)| Row::new(*n).error(*e, *e).nanos(*t)).collect();
-        pick(&mut c, &Limits { rounding: 0.01, seen: 1.0, words: "1 mm" });
+        choose_row(&mut c, &Limits { rounding: 0.01, visible: 1.0, visible_text: "1 mm" });
         c.chosen.map_or(String::new(), |i| c.rows[i].name.clone())
     }
 
     #[test]
     fn the_cheapest_within_the_tolerance_unless_the_exact_one_is_worth_it() {
         let rows = [("exact", 0.0, 100.0), ("good", 0.5, 40.0), ("bad", 5.0, 1.0)];
-        assert_eq!(picked(&rows), "good");
-        assert_eq!(picked(&[("exact", 0.0, 50.0), ("good", 0.5, 40.0)]), "exact");
-        assert_eq!(picked(&rows[2..]), "bad");
-        // Rounding is no reason to change what runs.
-        assert_eq!(picked(&[("as it is", 0.002, 10.0), ("luckier", 0.001, 9.5)]), "as it is");
+        assert_eq!(chosen_row(&rows), "good");
+        assert_eq!(chosen_row(&[("exact", 0.0, 50.0), ("good", 0.5, 40.0)]), "exact");
+        assert_eq!(chosen_row(&rows[2..]), "bad");
+        // A difference within rounding does not change the chosen method.
+        assert_eq!(chosen_row(&[("as it is", 0.002, 10.0), ("luckier", 0.001, 9.5)]), "as it is");
     }
 }

@@ -11,7 +11,7 @@ use choreo_render::{DeviceKind, RenderError};
 use std::cell::RefCell;
 
 /// Largest size of the image; the reference draws 16 times as many pixels.
-const MOST_PIXELS: u32 = 1280 * 720;
+const MAX_PIXELS: u32 = 1280 * 720;
 /// Larger differences, in steps of 255, are visible side by side.
 const TOLERANCE: u8 = 8;
 
@@ -21,7 +21,7 @@ pub fn choices(scene: &mut MeasuredScene, moment: &Moment) -> Result<SceneChoice
     }
     let [width, height] = scene.size;
     // The size is divided by a whole number, so that the aspect ratio stays.
-    let smaller = (1..=64).find(|n| (width / n) * (height / n) <= MOST_PIXELS).unwrap_or(64);
+    let smaller = (1..=64).find(|n| (width / n) * (height / n) <= MAX_PIXELS).unwrap_or(64);
     let size = [width / smaller, height / smaller].map(|n| n.max(16));
     let truth = moment.supersampled(size)?;
     let mut choice = Choice::new("renderer", "Which renderer draws, with how many samples a pixel?");
@@ -37,12 +37,15 @@ pub fn choices(scene: &mut MeasuredScene, moment: &Moment) -> Result<SceneChoice
         renderer.load(moment.resources.clone())?;
         let name = match renderer.device().kind {
             DeviceKind::CpuReference => "CPU renderer".to_string(),
-            _ => format!("Vulkan ({})", short(&renderer.device().name)),
+            _ => format!("Vulkan ({})", short_device_name(&renderer.device().name)),
         };
         for samples in [1, 4] {
             let frame = moment.draw(renderer.as_mut(), size, samples)?;
             let plural = if samples == 1 { "" } else { "s" };
-            rows.push((samples, row(format!("{name}, {samples} sample{plural}"), &frame, &truth)?));
+            rows.push((
+                samples,
+                comparison_row(format!("{name}, {samples} sample{plural}"), &frame, &truth)?,
+            ));
         }
     }
     let gpu = scene.renderers.iter().any(|r| r.device().kind == DeviceKind::VulkanGpu);
@@ -100,7 +103,7 @@ fn default_renderer(kinds: &[DeviceKind], asks_for_vulkan: bool) -> (usize, &'st
     }
 }
 
-fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, BenchError> {
+fn comparison_row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, BenchError> {
     let c = compare(frame, truth, TOLERANCE)?;
     let share =
         format!("{:.2} % of pixels beyond {TOLERANCE}, PSNR {:.1} dB", c.share_beyond * 100.0, c.psnr);
@@ -111,7 +114,7 @@ fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, BenchError> {
 }
 
 /// Short name of a device: "llvmpipe" for "llvmpipe (LLVM 15.0.6, 256 bits)".
-fn short(device: &str) -> &str {
+fn short_device_name(device: &str) -> &str {
     device.split(" (").next().unwrap_or(device)
 }
 
@@ -120,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_driver_that_draws_on_the_cpu_is_taken_only_where_it_is_asked_for() {
+    fn a_cpu_vulkan_driver_is_chosen_only_on_request() {
         use DeviceKind::{CpuReference, VulkanCpu, VulkanGpu};
         assert_eq!(default_renderer(&[CpuReference], false).0, 0);
         assert_eq!([false, true].map(|asks| default_renderer(&[CpuReference, VulkanCpu], asks).0), [0, 1]);

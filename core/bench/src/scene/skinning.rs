@@ -16,7 +16,7 @@ use glam::{Affine3A, DAffine3, DVec3, Mat3A, Vec3A};
 const NAMES: [&str; 2] = ["linear", "dual quaternions"];
 
 /// One skinned primitive in the pose of one actor.
-struct Posed<'a> {
+struct PosedPrimitive<'a> {
     primitive: &'a Primitive,
     place: String,
     maps: Vec<DAffine3>,
@@ -75,7 +75,7 @@ pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
     SceneChoices::Choices(vec![choice])
 }
 
-fn posed<'a>(scene: &'a MeasuredScene, moment: &Moment) -> Vec<Posed<'a>> {
+fn posed<'a>(scene: &'a MeasuredScene, moment: &Moment) -> Vec<PosedPrimitive<'a>> {
     let mut out = Vec::new();
     for (actor, state) in scene.stage.actors.iter().zip(&moment.snapshot.actors) {
         let asset = &actor.asset;
@@ -94,7 +94,7 @@ fn posed<'a>(scene: &'a MeasuredScene, moment: &Moment) -> Vec<Posed<'a>> {
                 .iter()
                 .filter(|p| p.influences > 0 && p.joint_indices.iter().all(|j| usize::from(*j) < maps.len()))
             {
-                out.push(Posed {
+                out.push(PosedPrimitive {
                     primitive,
                     place: format!("{}, mesh \"{}\"", actor.name, mesh.name),
                     maps: maps.clone(),
@@ -117,7 +117,7 @@ fn narrow(map: &DAffine3) -> Affine3A {
     Affine3A { matrix3: Mat3A::from(map.matrix3.as_mat3()), translation }
 }
 
-impl Posed<'_> {
+impl PosedPrimitive<'_> {
     /// Exact positions in model space: by the mean motion, by linear blend skinning, and by dual quaternions.
     fn exact(&self) -> [Vec<DVec3>; 3] {
         let p = self.primitive;

@@ -33,7 +33,7 @@ fn directions(count: u32) -> Vec<DVec3> {
 
 /// Reference reflections: (direction, roughness, mean light of the GGX lobe around the direction, weighted with the cosine), for N = V, in
 /// f64, by 2^14 points of each lobe.
-fn lobes(sky: &Panorama) -> Vec<(DVec3, f64, DVec3)> {
+fn reference_reflections(sky: &Panorama) -> Vec<(DVec3, f64, DVec3)> {
     let normals = directions(40);
     let mut all = Vec::new();
     for roughness in [0.05, 0.15, 0.3, 0.5, 0.7, 0.9, 1.0] {
@@ -72,7 +72,7 @@ pub fn mirrored(sky: &Panorama, budget_secs: f64) -> Choice {
         "the light of the specular lobe in f64 from 16 384 samples each, at 7 roughnesses and 40 directions"
             .into();
     choice.per = "sky".into();
-    let truth = lobes(sky);
+    let truth = reference_reflections(sky);
     let mean =
         truth.iter().map(|(.., light)| light.dot(DVec3::splat(1.0 / 3.0))).sum::<f64>() / truth.len() as f64;
     let methods = [
@@ -96,7 +96,7 @@ pub fn mirrored(sky: &Panorama, budget_secs: f64) -> Choice {
             error.add((got - *light).abs().dot(DVec3::splat(1.0 / 3.0)) / mean);
         }
         let bytes = (maps.texels.len() * 8) as f64;
-        let row = Row::new(name(&options)).error(error.worst, error.mean()).bytes(bytes);
+        let row = Row::new(maps_name(&options)).error(error.worst, error.mean()).bytes(bytes);
         choice.rows.push(row);
         cases.push(Case::new(1, move || drop(black_box(SkyMaps::new(sky, &options)))));
     }
@@ -104,11 +104,11 @@ pub fn mirrored(sky: &Panorama, budget_secs: f64) -> Choice {
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
     let why =
         "made once for each sky, in less than 0.2 s; sharper reflections or more samples are seldom noticed";
-    choice.choose(&name(&SkyOptions::default()), why);
+    choice.choose(&maps_name(&SkyOptions::default()), why);
     choice
 }
 
-fn name(o: &SkyOptions) -> String {
+fn maps_name(o: &SkyOptions) -> String {
     format!("{} texels a side, {} roughnesses, {} samples", o.size, o.levels, o.samples)
 }
 

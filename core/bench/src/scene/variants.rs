@@ -2,7 +2,7 @@
 
 use super::{MeasuredScene, SceneChoices};
 use crate::error::BenchError;
-use crate::moment::{FINER, Moment, averaged};
+use crate::moment::{Moment, REFERENCE_SCALE, averaged};
 use crate::plots::{Choice, Row};
 use crate::timing::{Case, Clock, interleaved};
 use choreo_image_diff::compare;
@@ -15,7 +15,7 @@ use std::cell::RefCell;
 use std::sync::Arc;
 
 /// Largest size of the image, because the reference takes many times its samples.
-const MOST_PIXELS: u32 = 320 * 180;
+const MAX_PIXELS: u32 = 320 * 180;
 /// Larger differences, in steps of 255, are visible side by side.
 const TOLERANCE: u8 = 8;
 
@@ -54,7 +54,7 @@ pub fn motion_blur(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoice
     let mut choice = Choice::new("motion_blur", "How many sub-frames make up a frame?");
     choice.reference = "256 sub-frames".into();
     let truth = Reference { stage: with(256), finer: 1 };
-    rows(&mut choice, scene, moment, &variants, &truth)?;
+    add_rows(&mut choice, scene, moment, &variants, &truth)?;
     choice.choose(&needed, "limited by the effect's samples");
     Ok(SceneChoices::Choices(vec![choice]))
 }
@@ -80,8 +80,8 @@ pub fn shadows(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoices, B
     let variants: Vec<Variant> = counts.iter().map(variant).collect();
     let mut choice = Choice::new("shadows", "How large are shadow maps?");
     choice.reference = format!("{largest} texels a side and 64 samples a pixel, more than any row has");
-    let truth = Reference { stage: with(largest), finer: FINER };
-    rows(&mut choice, scene, moment, &variants, &truth)?;
+    let truth = Reference { stage: with(largest), finer: REFERENCE_SCALE };
+    add_rows(&mut choice, scene, moment, &variants, &truth)?;
     choice.choose(&name(given), "the largest size that the script sets");
     Ok(SceneChoices::Choices(vec![choice]))
 }
@@ -115,7 +115,7 @@ impl StageRender<'_> {
     }
 }
 
-fn rows(
+fn add_rows(
     choice: &mut Choice,
     scene: &MeasuredScene,
     moment: &Moment,
@@ -123,7 +123,7 @@ fn rows(
     reference: &Reference,
 ) -> Result<(), BenchError> {
     let [width, height] = scene.size;
-    let smaller = (1..=64).find(|n| (width / n) * (height / n) <= MOST_PIXELS).unwrap_or(64);
+    let smaller = (1..=64).find(|n| (width / n) * (height / n) <= MAX_PIXELS).unwrap_or(64);
     let size = [width / smaller, height / smaller].map(|n| n.max(16));
     let samples = scene.stage.settings.samples.unwrap_or(4);
     let drawn = |stage: &Stage, samples: u32, all_sub_frames: bool| StageRender {

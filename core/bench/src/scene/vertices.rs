@@ -10,7 +10,7 @@ use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
 use std::sync::Arc;
 
 /// Largest number of vertices of one mesh that are measured, taken evenly.
-const MOST_VERTICES: usize = 20_000;
+const MAX_VERTICES: usize = 20_000;
 
 pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
     let mut assets: Vec<(&Arc<Asset>, usize)> = Vec::new();
@@ -37,7 +37,7 @@ fn normals(assets: &[(&Arc<Asset>, usize)]) -> Option<Choice> {
     for (asset, _) in assets {
         for mesh in &asset.meshes {
             let count: usize = mesh.primitives.iter().map(|p| p.normals.len()).sum();
-            let step = count.div_ceil(MOST_VERTICES).max(1);
+            let step = count.div_ceil(MAX_VERTICES).max(1);
             for normal in mesh.primitives.iter().flat_map(|p| &p.normals).step_by(step) {
                 for (method, (_, _, pack)) in NORMALS.iter().enumerate() {
                     if errors[method].add(degrees_between(*normal, pack(*normal))) {
@@ -80,7 +80,7 @@ fn weights(assets: &[(&Arc<Asset>, usize)], moment: &Moment) -> Option<Choice> {
             let carriers = model_from_mesh(skin, posed);
             for primitive in mesh.primitives.iter().filter(|p| p.influences > 0) {
                 let n = primitive.influences;
-                let step = primitive.positions.len().div_ceil(MOST_VERTICES).max(1);
+                let step = primitive.positions.len().div_ceil(MAX_VERTICES).max(1);
                 for (v, position) in primitive.positions.iter().enumerate().step_by(step) {
                     let given = &primitive.joint_weights[v * n..(v + 1) * n];
                     let joints = &primitive.joint_indices[v * n..(v + 1) * n];

@@ -9,7 +9,7 @@ use choreo_plugin::stage::{Actor, Snapshot, StageError};
 use choreo_plugin::{ExportDeviation, ExportedScene};
 
 /// Largest number of joints that are compared, summed over all times: large scenes are compared at fewer times.
-const MOST_JOINTS: usize = 400_000;
+const MAX_COMPARED_JOINTS: usize = 400_000;
 
 /// Changes of times and numbers by a file format.
 pub struct FileRounding {
@@ -38,7 +38,7 @@ pub fn worst(
 ) -> Result<ExportDeviation, StageError> {
     let stage = &scene.stage;
     let joints: usize = stage.actors.iter().map(|a| a.asset.skeleton.len() + 1).sum();
-    let count = (MOST_JOINTS / joints.max(1)).clamp(12, 97) as i64;
+    let count = (MAX_COMPARED_JOINTS / joints.max(1)).clamp(12, 97) as i64;
     let length = (baked.end - baked.start).0 as f64;
     // An offset by the golden section avoids frames and round times.
     let share = |i: i64| (i as f64 + 0.381_966) / count as f64;
@@ -61,7 +61,7 @@ fn worst_of_actor<'s>(
 ) -> ExportDeviation {
     let actor = &scene.stage.actors[index];
     let mut worst = ExportDeviation::default();
-    let Some((skeleton, clip)) = written(baked, (actor, index), file) else { return worst };
+    let Some((skeleton, clip)) = rig_in_file(baked, (actor, index), file) else { return worst };
     let mut pose = Pose::rest(&skeleton);
     for (time, snapshot) in snapshots {
         let state = &snapshot.actors[index];
@@ -87,7 +87,7 @@ fn worst_of_actor<'s>(
 }
 
 /// The rig as a player of the file has it.
-fn written(
+fn rig_in_file(
     baked: &Baked<'_>,
     (actor, index): (&Actor, usize),
     file: &FileRounding,

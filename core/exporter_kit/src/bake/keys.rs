@@ -57,7 +57,7 @@ fn is_plain(actor: &Actor, index: usize, cue: &Cue) -> bool {
         in_step,
         inertialization,
         root,
-        // `is_even` checks these two fields; `play` handles the others.
+        // `is_even` checks these two fields; `add_stretches` handles the others.
         time_remapping: _,
         freezes: _,
         start: _,
@@ -85,7 +85,7 @@ type Keys<'a> = (Vec<Vec<Time>>, Vec<Track>, Vec<(u32, Path, Vec<f32>)>, KeyTrac
 
 pub fn keys<'a>(actor: &'a Actor, start: Time, end: Time) -> Option<Keys<'a>> {
     let cues = actor.layers.first().map_or(&[][..], |layer| &layer.cues[..]);
-    let stretches = actor.layers.first().map_or(Vec::new(), |layer| stretches(layer, start, end));
+    let stretches = actor.layers.first().map_or(Vec::new(), |layer| timeline_stretches(layer, start, end));
     let played: Vec<usize> = {
         let mut played: Vec<usize> = stretches.iter().map(|s| s.cue).collect();
         played.dedup();
@@ -109,7 +109,7 @@ pub fn keys<'a>(actor: &'a Actor, start: Time, end: Time) -> Option<Keys<'a>> {
         if of_played().flatten().any(|c| c.interpolation != interpolation || c.path != path) {
             return None;
         }
-        let rest = rest_of(actor, joint, path)?;
+        let rest = rest_value(actor, joint, path)?;
         let cubic = interpolation == Interpolation::CubicSpline;
         if let Some(value) = constant(of_played(), &rest) {
             still.push((joint + 1, path, value));
@@ -131,7 +131,7 @@ pub fn keys<'a>(actor: &'a Actor, start: Time, end: Time) -> Option<Keys<'a>> {
 }
 
 /// The value of a joint that no clip drives. `None`: weights of a mesh that does not exist or has another number of targets.
-fn rest_of(actor: &Actor, joint: u32, path: Path) -> Option<Vec<f32>> {
+fn rest_value(actor: &Actor, joint: u32, path: Path) -> Option<Vec<f32>> {
     let rest = actor.asset.skeleton.rest().get(joint as usize)?;
     Some(match path {
         Path::Translation => rest.translation.to_array().to_vec(),
@@ -168,7 +168,7 @@ fn constant<'a>(mut curves: impl Iterator<Item = Option<&'a Curve>>, rest: &[f32
         .flatten()
 }
 
-fn stretches(layer: &Layer, start: Time, end: Time) -> Vec<Stretch> {
+fn timeline_stretches(layer: &Layer, start: Time, end: Time) -> Vec<Stretch> {
     let mut out = Vec::new();
     for (index, cue) in layer.cues.iter().enumerate() {
         let next = layer.cues.get(index + 1).map(|next| next.start);
@@ -179,13 +179,13 @@ fn stretches(layer: &Layer, start: Time, end: Time) -> Vec<Stretch> {
             continue;
         }
         let held_from = cue.end.filter(|end| next.is_none_or(|next| next > *end));
-        play(cue, index, [from, to, held_from.unwrap_or(Time::MAX)], &mut out);
+        add_stretches(cue, index, [from, to, held_from.unwrap_or(Time::MAX)], &mut out);
     }
     out
 }
 
 /// Adds the stretches of a cue between two times; the cue stands still from `held` on.
-fn play(cue: &Cue, index: usize, [mut from, to, held]: [Time; 3], out: &mut Vec<Stretch>) {
+fn add_stretches(cue: &Cue, index: usize, [mut from, to, held]: [Time; 3], out: &mut Vec<Stretch>) {
     let playback = cue.playback();
     let length = i128::from((cue.trim.1 - cue.trim.0).0.max(0));
     let still = |from: Time, to: Time, at: Time| Stretch { cue: index, from, to, at, rate: 0.0 };
@@ -372,7 +372,7 @@ pub(crate) fn add_key_times(actor: &Actor, start: Time, end: Time, out: &mut Vec
             let to = next.or(own).map_or(end, |time| time.min(end));
             let mut stretches = Vec::new();
             let held = cue.end.filter(|_| number == 0 && next.is_none()).unwrap_or(Time::MAX);
-            play(cue, index, [cue.start.max(start), to, held], &mut stretches);
+            add_stretches(cue, index, [cue.start.max(start), to, held], &mut stretches);
             let mut known: Vec<*const Time> = Vec::new();
             for curve in cue.clip.curves() {
                 if known.contains(&curve.times.as_ptr()) {

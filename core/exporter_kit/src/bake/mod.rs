@@ -23,7 +23,7 @@ use choreo_plugin::{ExportedScene, glam};
 use std::collections::BTreeMap;
 
 /// Largest count of numbers in the rows of samples together; scenes with more are sampled in parts.
-const MOST_NUMBERS: usize = 32 << 20;
+const MAX_NUMBERS: usize = 32 << 20;
 
 pub struct Baked<'a> {
     pub start: Time,
@@ -85,7 +85,7 @@ pub fn bake<'a>(scene: &'a ExportedScene, tolerance: f64, style: Style) -> Resul
         series: Vec::new(),
         shots: shots::of_stage(stage, start, end),
     };
-    let needs = take_keys(stage, style, &mut baked);
+    let needs = bake_clip_keys(stage, style, &mut baked);
     // Half of the tolerance is for errors between samples, half for keys that are removed.
     let signals = signals::of_stage(stage, tolerance as f32 * 0.5, |actor| needs[actor] == SampledPart::Pose);
     sample(scene, &needs, signals, (tolerance, style), &mut baked)?;
@@ -103,7 +103,7 @@ fn span(scene: &ExportedScene) -> (Time, Time) {
 }
 
 /// Takes the keys of clips that play unchanged. Returns the part of each actor that remains to be sampled.
-fn take_keys<'a>(stage: &'a Stage, style: Style, baked: &mut Baked<'a>) -> Vec<SampledPart> {
+fn bake_clip_keys<'a>(stage: &'a Stage, style: Style, baked: &mut Baked<'a>) -> Vec<SampledPart> {
     let mut known: BTreeMap<Vec<u64>, Option<usize>> = BTreeMap::new();
     let mut needs = Vec::with_capacity(stage.actors.len());
     for (index, actor) in stage.actors.iter().enumerate() {
@@ -123,7 +123,7 @@ fn take_keys<'a>(stage: &'a Stage, style: Style, baked: &mut Baked<'a>) -> Vec<S
         });
         baked.motions[index].sets.extend(set);
         baked.motions[index].hidden = !baked.first.actors[index].visible;
-        needs.push(match (set, stands_still(stage, actor)) {
+        needs.push(match (set, has_constant_transform(stage, actor)) {
             (None, _) => SampledPart::Pose,
             (_, true) => SampledPart::Nothing,
             (_, false) => SampledPart::Transform,
@@ -132,7 +132,7 @@ fn take_keys<'a>(stage: &'a Stage, style: Style, baked: &mut Baked<'a>) -> Vec<S
     needs
 }
 
-fn stands_still(stage: &Stage, actor: &Actor) -> bool {
+fn has_constant_transform(stage: &Stage, actor: &Actor) -> bool {
     let moves = |p: Property| {
         matches!(p, Property::Translation | Property::Rotation | Property::Scale | Property::Visible)
     };
@@ -154,7 +154,7 @@ fn sample(
     let stage = &scene.stage;
     let posed: Vec<usize> = (0..needs.len()).filter(|a| needs[*a] == SampledPart::Pose).collect();
     let times = sample::first_times(scene, baked.start, baked.end, &posed);
-    let most = (MOST_NUMBERS / (4 * times.len())).max(1);
+    let most = (MAX_NUMBERS / (4 * times.len())).max(1);
     let mut left: Vec<usize> = (0..needs.len()).filter(|a| needs[*a] != SampledPart::Nothing).collect();
     left.reverse();
     while !left.is_empty() || !signals.is_empty() {

@@ -18,16 +18,16 @@ pub(crate) fn actor_tracks(
     tolerance: f64,
 ) -> TrackSet<'static> {
     let rows: Vec<&Row> = rows.iter().collect();
-    let mut out = none();
-    let curves = curves(sampled, &rows, 0.0, &mut out.still);
+    let mut out = empty_track_set();
+    let curves = rig_curves(sampled, &rows, 0.0, &mut out.still);
     let world = rig::transform(&rows[0].values[sampled.offset..]);
     let Some(skeleton) = skeleton(actor, sampled, world) else { return out };
     let Ok(clip) = Clip::new(String::new(), skeleton.len(), curves) else { return out };
     let reduced = clip.reduced(&skeleton, tolerance, KeptTimes::Own).map(|(clip, _)| clip).unwrap_or(clip);
-    let reaches = reaches(&skeleton);
-    let limit = |joint: u32| most_radians(tolerance / reaches[joint as usize]);
+    let reaches = chain_lengths(&skeleton);
+    let limit = |joint: u32| max_rotation_step(tolerance / reaches[joint as usize]);
     let curves: Vec<Curve> =
-        reduced.curves().iter().map(|curve| subdivided(curve, limit(curve.joint))).collect();
+        reduced.curves().iter().map(|curve| subdivide_rotation(curve, limit(curve.joint))).collect();
     add_curves(&curves, &mut out);
     out
 }
@@ -43,7 +43,7 @@ pub(crate) fn common_tracks(
     let row = |index: usize| &rows[index].values[sampled.offset..][..sampled.joints * STRIDE];
     let parents = actor.asset.skeleton.parents();
     let mut spaces = rig::Spaces::default();
-    let mut out = none();
+    let mut out = empty_track_set();
     let kept = match (1..rows.len()).all(|index| row(index) == row(0)) {
         true => vec![0],
         false => reduce_greedy(rows.len(), |from, to| {
@@ -57,7 +57,7 @@ pub(crate) fn common_tracks(
         }),
     };
     let kept: Vec<&Row> = kept.into_iter().map(|index| &rows[index]).collect();
-    let curves = curves(sampled, &kept, ROUNDING, &mut out.still);
+    let curves = rig_curves(sampled, &kept, ROUNDING, &mut out.still);
     add_curves(&curves, &mut out);
     out
 }
@@ -65,13 +65,13 @@ pub(crate) fn common_tracks(
 /// Largest difference of numbers that differ only by the rounding of a pose.
 const ROUNDING: f32 = 1e-6;
 
-fn none() -> TrackSet<'static> {
+fn empty_track_set() -> TrackSet<'static> {
     let (times, tracks, still) = (Vec::new(), Vec::new(), Vec::new());
     TrackSet { times, tracks, still, values: Values::Lists(Vec::new()) }
 }
 
 /// The curves of a rig in some rows. Curves whose numbers differ by at most `rounding` are constant and go to `still`.
-fn curves(
+fn rig_curves(
     sampled: &SampledActor,
     rows: &[&Row],
     rounding: f32,
@@ -102,13 +102,13 @@ fn curves(
 
 /// The largest angle between two rotation keys for which nlerp, as in Blender, stays within `allowed` radians of slerp. Their largest
 /// difference is 0.032 · h³, where h is the distance of the quaternions, which is half of the angle.
-fn most_radians(allowed: f64) -> f64 {
+fn max_rotation_step(allowed: f64) -> f64 {
     // Only a quarter of the error is allowed, because the errors of joints above each other add up.
     2.0 * libm::cbrt(0.25 * allowed / 0.032)
 }
 
 /// Length of the longest chain of bones below each joint at rest, plus 10 cm, in metres.
-fn reaches(skeleton: &Skeleton) -> Vec<f64> {
+fn chain_lengths(skeleton: &Skeleton) -> Vec<f64> {
     let places = rig::places(skeleton, skeleton.rest().iter().copied());
     let mut out = vec![0.0f64; skeleton.len()];
     for (joint, parent) in skeleton.parents().iter().enumerate().rev() {
@@ -122,7 +122,7 @@ fn reaches(skeleton: &Skeleton) -> Vec<f64> {
 }
 
 /// A rotation curve with additional keys on the arc between keys that are more than `most` radians apart. Other curves stay as they are.
-fn subdivided(curve: &Curve, most: f64) -> Curve {
+fn subdivide_rotation(curve: &Curve, most: f64) -> Curve {
     if curve.path != Path::Rotation || curve.times.len() < 2 {
         return curve.clone();
     }

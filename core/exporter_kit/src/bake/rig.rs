@@ -65,7 +65,7 @@ pub fn transform(row: &[f32]) -> Transform {
 }
 
 /// Transform of a joint between two rows: LINEAR interpolation, as in glTF.
-fn between(a: &[f32], b: &[f32], t: f32) -> Transform {
+fn interpolate_rows(a: &[f32], b: &[f32], t: f32) -> Transform {
     let (a, b) = (transform(a), transform(b));
     Transform {
         translation: a.translation.lerp(b.translation, t),
@@ -96,7 +96,8 @@ pub fn max_distance(
             out
         };
         let parent = if joint == 0 { None } else { Some(parents[joint - 1].map_or(0, |p| p as usize + 1)) };
-        let (one, other) = (between(&row(a), &row(b), t).to_affine(), transform(&row(truth)).to_affine());
+        let (one, other) =
+            (interpolate_rows(&row(a), &row(b), t).to_affine(), transform(&row(truth)).to_affine());
         // The actor's position is subtracted, so that f32 is as accurate far from the origin.
         let (one, other) = match parent {
             Some(parent) => (spaces.0[parent].0 * one, spaces.0[parent].1 * other),

@@ -51,10 +51,10 @@ struct Worker<'s> {
 const PARTS: usize = 32;
 
 /// Largest number of clip keys per frame; with more, clip keys are no first times of samples.
-const MOST_KEYS_A_FRAME: usize = 8;
+const MAX_KEYS_PER_FRAME: usize = 8;
 
 /// Largest number of samples between two of the first ones; one jump takes 24. Faster changes are not followed, and count as error.
-const MOST_BETWEEN: usize = 128;
+const MAX_ADDED_SAMPLES: usize = 128;
 
 impl<'a> Sampler<'a> {
     pub fn new(
@@ -131,7 +131,7 @@ impl Worker<'_> {
     fn refined(&mut self, start: Row, end: Row) -> Result<Vec<Row>, StageError> {
         let mut done = vec![start, end];
         let mut parts: Vec<Interval> = Vec::new();
-        let mut left = MOST_BETWEEN;
+        let mut left = MAX_ADDED_SAMPLES;
         parts.extend(self.interval(&done[0], &done[1])?);
         while left > 0 {
             left -= 1;
@@ -220,7 +220,7 @@ pub(crate) fn first_times(scene: &ExportedScene, start: Time, end: Time, posed: 
         out.sort_unstable();
         out.dedup();
         // Clips with that many keys are nearly smooth.
-        if out.len() > MOST_KEYS_A_FRAME * scene.times.len() {
+        if out.len() > MAX_KEYS_PER_FRAME * scene.times.len() {
             out.clear();
             break;
         }

@@ -123,11 +123,11 @@ pub fn seconds(times: &[Time], start: Time) -> Vec<f32> {
         let is_jump = |later: Time, earlier: Time| (later - earlier).0 <= JUMP_TICKS;
         let at = match times.get(i + 1) {
             Some(next) if is_jump(*next, *time) => {
-                let landing = not_after(secs(*next));
+                let landing = f32_not_after(secs(*next));
                 // The ticks that an importer makes of both must differ, too.
                 landing.next_down().min((f64::from(landing) - 3.0 / Time::TICKS_PER_SECOND as f64) as f32)
             }
-            _ if i > 0 && is_jump(*time, times[i - 1]) => not_after(secs(*time)),
+            _ if i > 0 && is_jump(*time, times[i - 1]) => f32_not_after(secs(*time)),
             _ => secs(*time) as f32,
         };
         let least = out.last().map_or(0.0, |last: &f32| last.next_up());
@@ -139,7 +139,7 @@ pub fn seconds(times: &[Time], start: Time) -> Vec<f32> {
 /// Keys that are at most this far apart are a jump.
 pub(crate) const JUMP_TICKS: i64 = 2;
 
-fn not_after(secs: f64) -> f32 {
+fn f32_not_after(secs: f64) -> f32 {
     let near = secs as f32;
     if f64::from(near) > secs { near.next_down() } else { near }
 }
@@ -149,7 +149,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_jump_is_not_late_and_times_increase() {
+    fn jumps_are_not_late_and_times_increase() {
         let jump = Time::from_secs(2.4);
         let times = [Time::ZERO, Time(1), jump - Time(1), jump, Time::from_secs(3.0)];
         let secs = seconds(&times, Time::ZERO);

@@ -1,5 +1,5 @@
-//! Files and folders of strangers.
+//! Reading and writing in untrusted folders.
 #![cfg(unix)]
 
-mod strangers;
+mod untrusted;
 mod writing;

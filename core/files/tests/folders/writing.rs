@@ -1,4 +1,4 @@
-//! Outputs in folders that strangers have filled: links, hard links, pipes and leftovers in the way of every name.
+//! Writing into untrusted folders, in which links, hard links, pipes or old files have the names of outputs.
 
 use choreo_files::{Destination, PartFile, PartFolder, WriteError, write_whole, write_whole_beneath};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
@@ -10,21 +10,21 @@ use std::sync::Arc;
 
 const FILES: &[&str] = &["body", "journal"];
 
-/// A folder beside a file that nobody may change.
-struct Planted {
+/// A folder for outputs, and a file outside of it that must not change.
+struct TestFolder {
     outer: tempfile::TempDir,
     inside: PathBuf,
 }
 
-fn planted() -> Planted {
+fn test_folder() -> TestFolder {
     let outer = tempfile::tempdir().unwrap();
     let inside = outer.path().join("inside");
     fs::create_dir(&inside).unwrap();
     fs::write(outer.path().join("secret"), "secret").unwrap();
-    Planted { outer, inside }
+    TestFolder { outer, inside }
 }
 
-impl Planted {
+impl TestFolder {
     fn secret(&self) -> PathBuf {
         self.outer.path().join("secret")
     }
@@ -40,7 +40,7 @@ impl Planted {
 
     fn pipe(&self, name: &str) -> PathBuf {
         let pipe = self.inside.join(name);
-        // Another process would hold the locks of tests beside this one between its fork and its exec.
+        // A child process would hold the locks of concurrent tests between its fork and its exec.
         mknodat(CWD, &pipe, FileType::Fifo, Mode::from_raw_mode(0o600), 0).unwrap();
         pipe
     }
@@ -60,7 +60,7 @@ impl Planted {
     }
 }
 
-impl Drop for Planted {
+impl Drop for TestFolder {
     fn drop(&mut self) {
         if !std::thread::panicking() {
             assert_eq!(fs::read(self.secret()).unwrap(), b"secret", "written through a link");
@@ -68,7 +68,7 @@ impl Drop for Planted {
     }
 }
 
-fn put(part: PartFile, bytes: &[u8]) -> Result<(), WriteError> {
+fn write_and_commit(part: PartFile, bytes: &[u8]) -> Result<(), WriteError> {
     let mut out = part.writer().unwrap();
     out.write_all(bytes).unwrap();
     out.flush().unwrap();
@@ -77,8 +77,8 @@ fn put(part: PartFile, bytes: &[u8]) -> Result<(), WriteError> {
 }
 
 #[test]
-fn a_link_under_the_name_or_its_part_is_refused_and_named() {
-    let p = planted();
+fn a_link_in_place_of_the_output_or_its_part_file_is_refused() {
+    let p = test_folder();
     let place = p.inside.join("o");
     let expected = p.link("o");
     assert_eq!(PartFile::create(&place).unwrap_err().to_string(), expected);
@@ -89,7 +89,7 @@ fn a_link_under_the_name_or_its_part_is_refused_and_named() {
     assert_eq!(PartFile::create(&place).unwrap_err().to_string(), expected);
     assert_eq!(p.part_folder().unwrap_err().to_string(), expected);
     fs::remove_file(p.inside.join("o.part")).unwrap();
-    // The text of a link cannot control a terminal.
+    // The target of a link is escaped, so that it cannot control a terminal.
     symlink("\x1b[2J", &place).unwrap();
     let text = PartFile::create(&place).unwrap_err().to_string();
     assert!(text.ends_with("is a symbolic link to \\u{1b}[2J; remove it"), "{text}");
@@ -104,17 +104,17 @@ fn a_link_under_the_name_or_its_part_is_refused_and_named() {
 }
 
 #[test]
-fn a_stale_part_is_replaced_and_not_written_into() {
-    let p = planted();
+fn a_stale_part_file_is_replaced() {
+    let p = test_folder();
     hard_link(p.secret(), p.inside.join("o.part")).unwrap();
-    put(PartFile::create(&p.inside.join("o")).unwrap(), b"result").unwrap();
+    write_and_commit(PartFile::create(&p.inside.join("o")).unwrap(), b"result").unwrap();
     assert_eq!(fs::read(p.inside.join("o")).unwrap(), b"result");
     assert_eq!(p.names(), ["o"]);
 }
 
 #[test]
-fn a_part_is_locked_and_goes_where_it_is_not_finished() {
-    let p = planted();
+fn a_part_file_is_locked_and_is_removed_unless_committed() {
+    let p = test_folder();
     let place = p.inside.join("o");
     let first = PartFile::create(&place).unwrap();
     assert!(matches!(PartFile::create(&place), Err(WriteError::Busy)));
@@ -127,8 +127,8 @@ fn a_part_is_locked_and_goes_where_it_is_not_finished() {
 }
 
 #[test]
-fn a_part_folder_writes_through_no_link_and_no_hard_link() {
-    let p = planted();
+fn a_part_folder_refuses_links_and_hard_links() {
+    let p = test_folder();
     let part = p.inside.join("o.part");
     fs::create_dir(&part).unwrap();
     let journal = p.link("o.part/journal");
@@ -138,7 +138,7 @@ fn a_part_folder_writes_through_no_link_and_no_hard_link() {
     assert_eq!(p.part_folder().unwrap_err().to_string(), body);
     fs::remove_file(part.join("body")).unwrap();
     let mut folder = p.part_folder().unwrap();
-    // One that comes later.
+    // A link that is created after the folder was opened.
     p.link("o.part/body");
     assert_eq!(folder.reopen("body").unwrap_err().to_string(), body);
     assert_eq!(folder.create("body").unwrap_err().to_string(), body);
@@ -169,12 +169,12 @@ fn a_part_folder_writes_through_no_link_and_no_hard_link() {
     drop(folder);
     assert_eq!(fs::read(part.join("journal")).unwrap(), b"record");
     drop(p.part_folder().unwrap());
-    assert!(!part.exists(), "not to be kept");
+    assert!(!part.exists(), "the part folder is removed");
 }
 
 #[test]
-fn a_part_folder_that_was_moved_away_is_noticed() {
-    let p = planted();
+fn a_moved_part_folder_is_detected() {
+    let p = test_folder();
     let mut folder = p.part_folder().unwrap();
     fs::rename(&p.inside, p.outer.path().join("gone")).unwrap();
     assert!(!folder.is_in_place());
@@ -185,7 +185,7 @@ fn a_part_folder_that_was_moved_away_is_noticed() {
 
 #[test]
 fn a_file_is_written_whole_with_its_folders_and_keeps_its_permissions() {
-    let p = planted();
+    let p = test_folder();
     let place = p.inside.join("a/b/c.txt");
     write_whole_beneath(&p.inside.join("a"), Path::new("b/c.txt"), b"one").unwrap();
     fs::set_permissions(&place, PermissionsExt::from_mode(0o640)).unwrap();
@@ -197,7 +197,7 @@ fn a_file_is_written_whole_with_its_folders_and_keeps_its_permissions() {
     assert!(matches!(write_whole(&p.inside.join("none/c.txt"), b""), Err(WriteError::Io(_))));
     fs::set_permissions(&place, PermissionsExt::from_mode(0o440)).unwrap();
     assert!(matches!(write_whole(&place, b"three"), Err(WriteError::ReadOnly)));
-    // Many at once: one of them, whole.
+    // Of several concurrent writers, one wins with its whole content.
     let many: Vec<_> = (0..8u8)
         .map(|i| {
             let place = p.inside.join("many");
@@ -211,15 +211,15 @@ fn a_file_is_written_whole_with_its_folders_and_keeps_its_permissions() {
 }
 
 #[test]
-fn bytes_that_are_there_are_replaced() {
-    let p = planted();
+fn written_bytes_can_be_replaced() {
+    let p = test_folder();
     let part = PartFile::create(&p.inside.join("a")).unwrap();
     let mut writer = part.writer().unwrap();
     writer.write_all(b"head and more").unwrap();
     writer.flush().unwrap();
     part.replace(0, b"HEAD").unwrap();
     assert_eq!(part.replace(10, b"more").unwrap_err().kind(), std::io::ErrorKind::InvalidInput);
-    // Writing goes on at the end.
+    // Writing continues at the end.
     writer.write_all(b", and the end").unwrap();
     writer.flush().unwrap();
     drop(writer);
@@ -229,11 +229,11 @@ fn bytes_that_are_there_are_replaced() {
 
 #[test]
 fn a_pipe_without_reader_is_an_error_and_one_with_a_reader_is_written() {
-    let p = planted();
+    let p = test_folder();
     let pipe = p.pipe("o");
     assert!(matches!(PartFile::create(&pipe), Err(WriteError::NoReader)));
     assert!(matches!(write_whole(&pipe, b"x"), Err(WriteError::NoReader)));
-    // More than a pipe holds: the writer must wait for the reader, who takes his time.
+    // These are more bytes than a pipe holds, so that the writer must wait for the slow reader.
     let bytes: Vec<u8> = (0..1_000_000u32).map(|i| i as u8).collect();
     let reader = std::thread::spawn({
         let pipe = pipe.clone();
@@ -247,17 +247,17 @@ fn a_pipe_without_reader_is_an_error_and_one_with_a_reader_is_written() {
     });
     let part = PartFile::create(&pipe).unwrap();
     assert_eq!(part.replace(0, &[]).unwrap_err().kind(), std::io::ErrorKind::NotSeekable);
-    put(part, &bytes).unwrap();
+    write_and_commit(part, &bytes).unwrap();
     assert!(reader.join().unwrap() == bytes);
-    // A pipe in the way of a part is no output.
+    // A pipe with the name of the part file is refused.
     p.pipe("x.part");
     assert!(matches!(PartFile::create(&p.inside.join("x")), Err(WriteError::InTheWay(_))));
 }
 
 #[test]
-fn devices_and_the_links_of_the_system_are_written() {
-    let p = planted();
-    // Only looked at: where root runs this, a fault would replace them for the whole machine.
+fn devices_and_links_of_the_system_can_be_written() {
+    let p = test_folder();
+    // The devices are only inspected: for root, a fault would replace them on the whole machine.
     for place in ["/dev/null", "/dev/stdout", "/dev/stderr"] {
         assert!(matches!(Destination::of(Path::new(place)), Ok(Destination::Direct(_))), "{place}");
     }
@@ -268,14 +268,14 @@ fn devices_and_the_links_of_the_system_are_written() {
         write_whole(Path::new(&place), b"more ").unwrap();
     }
     assert_eq!(fs::read(p.inside.join("open")).unwrap(), b"before more more ");
-    // A link that a user made to them is one as any other.
+    // A user's own link to a device is refused like any other link.
     symlink("/dev/null", p.inside.join("null")).unwrap();
     assert!(matches!(PartFile::create(&p.inside.join("null")), Err(WriteError::Link { .. })));
 }
 
 #[test]
-fn a_claim_is_held_by_one() {
-    let p = planted();
+fn a_claim_is_exclusive() {
+    let p = test_folder();
     let folder = Arc::new(choreo_files::Folder::open(&p.inside).unwrap());
     let claim = PartFile::claim(folder.clone(), PathBuf::from("0-9.part")).unwrap();
     assert!(matches!(PartFile::claim(folder.clone(), PathBuf::from("0-9.part")), Err(WriteError::Busy)));

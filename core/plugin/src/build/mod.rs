@@ -292,7 +292,7 @@ impl AssetBuilder {
             }
         };
         let mut primitives =
-            parts::split(primitive, &data.parts, self.asset.materials.len()).map_err(with)?;
+            parts::split_into_parts(primitive, &data.parts, self.asset.materials.len()).map_err(with)?;
         primitives.iter_mut().for_each(|primitive| self.add_tangents(primitive));
         let mesh = self.asset.meshes.len() as u32;
         let morph_names: Vec<String> = data.morphs.iter().map(|morph| morph.name.clone()).collect();
@@ -493,7 +493,10 @@ impl AssetBuilder {
             }
         }
         if weightless > 0 {
-            self.warn(name, &format!("{weightless} vertices without a weight follow their first joint"));
+            self.warn(
+                name,
+                &format!("vertices without a weight: {weightless}; they follow their first joint"),
+            );
         }
         let inverse_bind = |joint: &u32| match data.inverse_bind.as_chunks::<16>().0.get(*joint as usize) {
             Some(matrix) => Mat4::from_cols_array(matrix),

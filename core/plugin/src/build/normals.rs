@@ -167,7 +167,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn vectors_of_any_length_become_units() {
+    fn vectors_of_any_length_are_normalized() {
         for scale in [1.0, 1e-22, 1e-38, 1e-44, 1e18, 1e38] {
             let v = unit(Vec3::new(scale, -scale, 0.0)).unwrap();
             assert!((v - Vec3::new(0.70710677, -0.70710677, 0.0)).length() < 1e-6, "{scale}: {v}");
@@ -178,7 +178,7 @@ mod tests {
 
     /// Two triangles that meet at a right angle share an edge: two vertices are copied.
     #[test]
-    fn an_edge_is_split() {
+    fn vertices_on_a_hard_edge_are_split() {
         let mut p = Primitive {
             indices: vec![0, 1, 2, 0, 3, 1],
             positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z],

@@ -21,7 +21,11 @@ pub(super) fn morphs(given: &[MorphData], vertices: usize) -> Result<Vec<MorphTa
 }
 
 /// Splits a primitive into one per part. The primitive's indices are the indices of all parts, one part after the other.
-pub(super) fn split(whole: Primitive, parts: &[MeshPart], materials: usize) -> Result<Vec<Primitive>> {
+pub(super) fn split_into_parts(
+    whole: Primitive,
+    parts: &[MeshPart],
+    materials: usize,
+) -> Result<Vec<Primitive>> {
     if parts.is_empty() {
         return Ok(vec![whole]);
     }
@@ -50,28 +54,28 @@ fn extract_used_vertices(whole: &Primitive, indices: &[u32]) -> Primitive {
         });
         renumbered.push(*number);
     }
-    fn pick<T: Copy>(list: &[T], vertices: &[usize], width: usize) -> Vec<T> {
+    fn select<T: Copy>(list: &[T], vertices: &[usize], width: usize) -> Vec<T> {
         if list.is_empty() {
             return Vec::new();
         }
         vertices.iter().flat_map(|v| &list[v * width..(v + 1) * width]).copied().collect()
     }
     let morph = |m: &MorphTarget| MorphTarget {
-        positions: pick(&m.positions, &vertices, 1),
-        normals: pick(&m.normals, &vertices, 1),
-        tangents: pick(&m.tangents, &vertices, 1),
+        positions: select(&m.positions, &vertices, 1),
+        normals: select(&m.normals, &vertices, 1),
+        tangents: select(&m.tangents, &vertices, 1),
     };
     Primitive {
         topology: whole.topology,
         indices: renumbered,
-        positions: pick(&whole.positions, &vertices, 1),
-        normals: pick(&whole.normals, &vertices, 1),
-        tangents: pick(&whole.tangents, &vertices, 1),
-        uvs: [pick(&whole.uvs[0], &vertices, 1), pick(&whole.uvs[1], &vertices, 1)],
-        colors: pick(&whole.colors, &vertices, 1),
+        positions: select(&whole.positions, &vertices, 1),
+        normals: select(&whole.normals, &vertices, 1),
+        tangents: select(&whole.tangents, &vertices, 1),
+        uvs: [select(&whole.uvs[0], &vertices, 1), select(&whole.uvs[1], &vertices, 1)],
+        colors: select(&whole.colors, &vertices, 1),
         influences: whole.influences,
-        joint_indices: pick(&whole.joint_indices, &vertices, whole.influences),
-        joint_weights: pick(&whole.joint_weights, &vertices, whole.influences),
+        joint_indices: select(&whole.joint_indices, &vertices, whole.influences),
+        joint_weights: select(&whole.joint_weights, &vertices, whole.influences),
         morphs: whole.morphs.iter().map(morph).collect(),
         material: None,
     }

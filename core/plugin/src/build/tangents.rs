@@ -1,7 +1,7 @@
 //! Tangents for normal maps, as MikkTSpace makes them (M. Mikkelsen, "Simulation of Wrinkled Surfaces
 //! Revisited", 2008, and mikktspace.c), which glTF 2.0 §3.7.2.1 requires.
 //!
-//! The algorithm, with the angular threshold off as everybody uses it: face vertices with equal position, normal
+//! The algorithm, without the angular threshold, as other programs use it: face vertices with equal position, normal
 //! and uv are one vertex; around a vertex, triangles that share an edge and have the same uv orientation
 //! form a group; a group's tangent is the angle-weighted mean of its triangles' ∂position/∂u, projected
 //! into the plane of the normal. The C program groups by recursion and compares all pairs in a group;
@@ -49,7 +49,7 @@ pub fn triangle_tangents(indices: &[u32], positions: &[Vec3], normals: &[Vec3], 
 
     let mut groups = Groups::new(vertex.len());
     for run in shared_edges(&vertex, &faces).chunk_by(|a, b| (a.low, a.high) == (b.low, b.high)) {
-        join(run, &mut faces, &mut groups);
+        join_edge_groups(run, &mut faces, &mut groups);
     }
 
     let mut sums = vec![Vec3::ZERO; vertex.len()];
@@ -155,7 +155,7 @@ fn shared_edges(vertex: &[u32], faces: &[Face]) -> Vec<Edge> {
 
 /// Joins the groups at both ends of one edge, for faces of equal orientation.
 /// A face without uv area takes the orientation of its first neighbour.
-fn join(run: &[Edge], faces: &mut [Face], groups: &mut Groups) {
+fn join_edge_groups(run: &[Edge], faces: &mut [Face], groups: &mut Groups) {
     let oriented = run.iter().map(|e| e.face_vertex_low as usize / 3).find(|f| !faces[*f].no_uv_area);
     if let Some(model) = oriented {
         let orientation = faces[model].keeps_orientation;
@@ -212,7 +212,7 @@ mod tests {
 
     /// A quad in the xy plane, uv as in glTF (v down): the tangent is +x, the bitangent +y, so w = 1.
     #[test]
-    fn a_quad_and_its_mirror() {
+    fn mirroring_the_uvs_of_a_quad_negates_the_bitangent() {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
         let normals = [Vec3::Z; 4];
         let uvs = [Vec2::new(0.0, 1.0), Vec2::new(1.0, 1.0), Vec2::new(1.0, 0.0), Vec2::ZERO];

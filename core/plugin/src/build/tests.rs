@@ -1,4 +1,4 @@
-//! Tests of [`super::AssetBuilder`]: what it makes of good parts, and the errors of bad ones.
+//! Tests of [`super::AssetBuilder`]: assets from valid parts, and errors of invalid ones.
 
 use super::arrays::normals;
 use super::*;
@@ -9,7 +9,7 @@ fn triangle() -> MeshData {
     MeshData { positions: vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0], ..MeshData::default() }
 }
 
-fn refused(data: MeshData) -> String {
+fn mesh_error(data: MeshData) -> String {
     let mut b = AssetBuilder::default();
     b.joint("root", None, Transform::IDENTITY).unwrap();
     b.mesh(MeshData { name: "m".into(), ..data }).unwrap_err().to_string()
@@ -36,7 +36,7 @@ fn normals_of_a_shared_edge_are_the_mean_by_area() {
 }
 
 #[test]
-fn what_does_not_fit_is_named_with_its_place() {
+fn invalid_arrays_are_reported_with_their_name_and_element() {
     let t = triangle;
     let cases = [
         (MeshData { positions: vec![0.0; 4], ..t() }, "positions must have 3 numbers for each vertex, has 4"),
@@ -70,12 +70,12 @@ fn what_does_not_fit_is_named_with_its_place() {
         ),
     ];
     for (data, expected) in cases {
-        assert_eq!(refused(data), format!("mesh \"m\": {expected}"));
+        assert_eq!(mesh_error(data), format!("mesh \"m\": {expected}"));
     }
 }
 
 #[test]
-fn a_skinned_mesh_lies_at_rest_as_it_was_given() {
+fn a_skinned_mesh_keeps_its_positions_at_rest() {
     let mut b = AssetBuilder::default();
     let hip = Transform { translation: Vec3::Y, ..Transform::IDENTITY };
     let root = b.joint("root", None, Transform::IDENTITY).unwrap();
@@ -88,13 +88,13 @@ fn a_skinned_mesh_lies_at_rest_as_it_was_given() {
     assert_eq!(p.influences, 4);
     assert_eq!(p.joint_weights, [0.5, 0.5, 0., 0., 1., 0., 0., 0., 1., 0., 0., 0.]);
     assert_eq!(&p.joint_indices[..8], [0, 1, 0, 0, 1, 0, 1, 1]);
-    assert_eq!(asset.warnings[0].text, "1 vertices without a weight follow their first joint");
-    // joint-from-mesh undoes the joint's rest.
+    assert_eq!(asset.warnings[0].text, "vertices without a weight: 1; they follow their first joint");
+    // The inverse bind matrix is the inverse of the joint's rest transform.
     assert_eq!(asset.skins[0].inverse_bind[1].transform_point3(Vec3::Y), Vec3::ZERO);
 }
 
 #[test]
-fn images_of_grey_rgb_and_rgba() {
+fn images_may_be_gray_rgb_or_rgba() {
     let mut b = AssetBuilder::default();
     b.image("a", 1, 2, &[7, 9]).unwrap();
     b.image("b", 1, 1, &[1, 2, 3]).unwrap();
@@ -190,7 +190,7 @@ fn a_normal_map_gives_tangents_or_a_warning() {
 }
 
 #[test]
-fn cameras_and_lights_stand_on_joints() {
+fn cameras_and_lights_are_attached_to_joints() {
     let mut b = AssetBuilder::default();
     let joint = b.joint("head", None, Transform::IDENTITY).unwrap();
     let lamp = |kind| Light { kind, color: Vec3::ONE, intensity: 10.0, range: None };

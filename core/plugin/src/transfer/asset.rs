@@ -58,7 +58,7 @@ impl Transfer for Asset {
         let name = String::read(from)?;
         let (names, parents, rest): (Vec<String>, Vec<Option<u32>>, Vec<Transform>) =
             (Transfer::read(from)?, Transfer::read(from)?, Transfer::read(from)?);
-        let skeleton = Skeleton::new(names, parents, rest).map_err(|e| from.wrong(e.to_string()))?;
+        let skeleton = Skeleton::new(names, parents, rest).map_err(|e| from.error(e.to_string()))?;
         let mut asset = Asset {
             name,
             meshes: Transfer::read(from)?,
@@ -75,7 +75,7 @@ impl Transfer for Asset {
             let (name, duration) = (String::read(from)?, Time::read(from)?);
             let curves = Vec::<Curve>::read(from)?;
             let clip = Clip::new(name.clone(), skeleton.len(), curves);
-            let mut clip = clip.map_err(|e| from.wrong(format!("clip \"{name}\": {e}")))?;
+            let mut clip = clip.map_err(|e| from.error(format!("clip \"{name}\": {e}")))?;
             // A clip may be longer than its keys.
             clip.duration = clip.duration.max(duration);
             asset.clips.push(Arc::new(clip));
@@ -185,7 +185,7 @@ impl Transfer for LightKind {
     fn read(from: &mut Bytes<'_>) -> Result<LightKind> {
         let number = u8::read(from)?;
         let kind = LightKind::ALL.get(usize::from(number)).copied();
-        let mut kind = kind.ok_or_else(|| from.wrong(format!("LightKind has no variant {number}")))?;
+        let mut kind = kind.ok_or_else(|| from.error(format!("LightKind has no variant {number}")))?;
         for parameter in kind.parameters_mut() {
             *parameter = f32::read(from)?;
         }

@@ -44,7 +44,7 @@ pub trait Transfer: Sized {
     /// Reads the elements of a list.
     fn read_all(count: usize, from: &mut Bytes<'_>) -> Result<Vec<Self>> {
         // Each element takes a byte at least, whatever the count claims.
-        let mut list = Vec::with_capacity(count.min(from.left()).min(1 << 12));
+        let mut list = Vec::with_capacity(count.min(from.bytes_left()).min(1 << 12));
         for _ in 0..count {
             list.push(Self::read(from)?);
         }
@@ -88,7 +88,7 @@ impl Written {
 const BY_ADDRESS_BIT: u64 = 1 << 63;
 
 /// Size in bytes of the shortest list that is written as an address.
-const LONG: usize = 1024;
+const MIN_BYTES_BY_ADDRESS: usize = 1024;
 
 /// The bytes of a value.
 pub fn to_bytes(value: &impl Transfer) -> Vec<u8> {
@@ -118,9 +118,9 @@ pub fn from_bytes<T: Transfer>(bytes: &[u8]) -> Result<T> {
 pub fn from_memory<T: Transfer>(bytes: &[u8], memory: &[u8]) -> Result<T> {
     let mut from = Bytes { bytes, at: 0, memory, budget: memory.len() };
     let value = T::read(&mut from)?;
-    match from.left() {
+    match from.bytes_left() {
         0 => Ok(value),
-        left => Err(from.wrong(format!("{left} bytes too many"))),
+        left => Err(from.error(format!("{left} bytes too many"))),
     }
 }
 
@@ -134,17 +134,17 @@ pub struct Bytes<'b> {
 }
 
 impl<'b> Bytes<'b> {
-    fn left(&self) -> usize {
+    fn bytes_left(&self) -> usize {
         self.bytes.len() - self.at
     }
 
-    fn wrong(&self, what: impl Into<String>) -> TransferError {
+    fn error(&self, what: impl Into<String>) -> TransferError {
         TransferError { at: self.at, what: what.into() }
     }
 
-    fn take(&mut self, count: usize) -> Result<&'b [u8]> {
-        if count > self.left() {
-            return Err(self.wrong(format!("{count} bytes are needed, {} are left", self.left())));
+    fn take_bytes(&mut self, count: usize) -> Result<&'b [u8]> {
+        if count > self.bytes_left() {
+            return Err(self.error(format!("{count} bytes are needed, {} are left", self.bytes_left())));
         }
         let taken = &self.bytes[self.at..self.at + count];
         self.at += count;
@@ -155,10 +155,10 @@ impl<'b> Bytes<'b> {
     fn bytes_at(&mut self, place: usize, count: usize) -> Result<&'b [u8]> {
         let found = self.memory.get(place..place.saturating_add(count));
         let found = found.ok_or_else(|| {
-            self.wrong(format!("a list of {count} bytes at {place}, outside of its memory"))
+            self.error(format!("a list of {count} bytes at {place}, outside of its memory"))
         })?;
         let left = self.budget.checked_sub(count);
-        self.budget = left.ok_or_else(|| self.wrong("its lists have more bytes than its memory"))?;
+        self.budget = left.ok_or_else(|| self.error("its lists have more bytes than its memory"))?;
         Ok(found)
     }
 }
@@ -174,24 +174,24 @@ fn numbers<T: bytemuck::Pod>(bytes: &[u8]) -> Vec<T> {
 /// Takes the bytes of `count` values without padding.
 fn bytes_of_all<'b, T>(count: usize, from: &mut Bytes<'b>) -> Result<&'b [u8]> {
     let size = count.checked_mul(size_of::<T>());
-    from.take(size.ok_or_else(|| from.wrong("a list without end"))?)
+    from.take_bytes(size.ok_or_else(|| from.error("a list without end"))?)
 }
 
 /// Takes the bytes of a list of values without padding, which begins with its length.
 fn bytes_of_list<'b, T>(from: &mut Bytes<'b>) -> Result<&'b [u8]> {
     let length = u64::read(from)?;
-    let count = usize::try_from(length & !BY_ADDRESS_BIT).map_err(|_| from.wrong("a list without end"))?;
+    let count = usize::try_from(length & !BY_ADDRESS_BIT).map_err(|_| from.error("a list without end"))?;
     if length & BY_ADDRESS_BIT == 0 {
         return bytes_of_all::<T>(count, from);
     }
     let place = usize::read(from)?;
     let size = count.checked_mul(size_of::<T>());
-    from.bytes_at(place, size.ok_or_else(|| from.wrong("a list without end"))?)
+    from.bytes_at(place, size.ok_or_else(|| from.error("a list without end"))?)
 }
 
 /// Writes a list of values without padding: its bytes, or its address if it is long and the writer allows that.
 fn write_plain_list<T: Transfer>(list: &[T], out: &mut Written) {
-    if !out.by_address || size_of_val(list) < LONG {
+    if !out.by_address || size_of_val(list) < MIN_BYTES_BY_ADDRESS {
         list.len().write(out);
         return T::write_all(list, out);
     }
@@ -222,7 +222,7 @@ macro_rules! numbers {
                 out.bytes.extend_from_slice(bytemuck::bytes_of(self));
             }
             fn read(from: &mut Bytes<'_>) -> Result<$type> {
-                Ok(bytemuck::pod_read_unaligned(from.take(size_of::<$type>())?))
+                Ok(bytemuck::pod_read_unaligned(from.take_bytes(size_of::<$type>())?))
             }
             fn write_all(list: &[$type], out: &mut Written) {
                 out.bytes.extend_from_slice(bytemuck::cast_slice(list));
@@ -242,7 +242,7 @@ macro_rules! vectors {
                 out.bytes.extend_from_slice(bytemuck::bytes_of(&self.$to()));
             }
             fn read(from: &mut Bytes<'_>) -> Result<glam::$type> {
-                let numbers: $array = bytemuck::pod_read_unaligned(from.take(size_of::<$array>())?);
+                let numbers: $array = bytemuck::pod_read_unaligned(from.take_bytes(size_of::<$array>())?);
                 Ok($from(numbers))
             }
             plain_lists!(|bytes| numbers::<$array>(bytes).into_iter().map($from).collect());
@@ -263,7 +263,7 @@ impl Transfer for usize {
         (*self as u64).write(out);
     }
     fn read(from: &mut Bytes<'_>) -> Result<usize> {
-        usize::try_from(u64::read(from)?).map_err(|_| from.wrong("a number that is too large"))
+        usize::try_from(u64::read(from)?).map_err(|_| from.error("a number that is too large"))
     }
 }
 
@@ -275,7 +275,7 @@ impl Transfer for bool {
         match u8::read(from)? {
             0 => Ok(false),
             1 => Ok(true),
-            other => Err(from.wrong(format!("{other} is neither true nor false"))),
+            other => Err(from.error(format!("{other} is neither true nor false"))),
         }
     }
 }
@@ -306,7 +306,7 @@ impl Transfer for String {
     }
     fn read(from: &mut Bytes<'_>) -> Result<String> {
         let count = usize::read(from)?;
-        String::from_utf8(u8::read_all(count, from)?).map_err(|_| from.wrong("a text that is not UTF-8"))
+        String::from_utf8(u8::read_all(count, from)?).map_err(|_| from.error("a text that is not UTF-8"))
     }
 }
 
@@ -350,7 +350,7 @@ impl<T: Transfer, const N: usize> Transfer for [T; N] {
         T::write_all(self, out);
     }
     fn read(from: &mut Bytes<'_>) -> Result<[T; N]> {
-        T::read_all(N, from)?.try_into().map_err(|_| from.wrong("a list of another length"))
+        T::read_all(N, from)?.try_into().map_err(|_| from.error("a list of another length"))
     }
 }
 
@@ -401,7 +401,7 @@ macro_rules! variants {
                     $($number => $type::$variant
                         $(($({ let $value = Transfer::read(from)?; $value }),*))?
                         $({ $($field: Transfer::read(from)?),* })?,)*
-                    other => return Err(from.wrong(format!("{} has no variant {other}", stringify!($type)))),
+                    other => return Err(from.error(format!("{} has no variant {other}", stringify!($type)))),
                 })
             }
         }

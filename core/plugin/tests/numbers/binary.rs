@@ -12,8 +12,8 @@ const FILE: [u8; 37] = {
     file
 };
 
-/// Each way to read this type, against `le` and `be` of the bytes.
-fn check<T: BinaryNumber + std::fmt::Debug, const N: usize>(
+/// Compares every method that reads this type with `le` and `be`, which convert the bytes.
+fn check_all_reads<T: BinaryNumber + std::fmt::Debug, const N: usize>(
     bits: impl Fn(T) -> u64,
     le: fn([u8; N]) -> T,
     be: fn([u8; N]) -> T,
@@ -40,21 +40,21 @@ fn check<T: BinaryNumber + std::fmt::Debug, const N: usize>(
 }
 
 #[test]
-fn numbers_are_those_of_their_bytes_and_nothing_is_read_beyond_the_end() {
-    check(u64::from, u8::from_le_bytes, u8::from_be_bytes);
-    check(|v| v as u64, i8::from_le_bytes, i8::from_be_bytes);
-    check(u64::from, u16::from_le_bytes, u16::from_be_bytes);
-    check(|v| v as u64, i16::from_le_bytes, i16::from_be_bytes);
-    check(u64::from, u32::from_le_bytes, u32::from_be_bytes);
-    check(|v| v as u64, i32::from_le_bytes, i32::from_be_bytes);
-    check(|v| v, u64::from_le_bytes, u64::from_be_bytes);
-    check(|v| v as u64, i64::from_le_bytes, i64::from_be_bytes);
-    check(|v| u64::from(v.to_bits()), f32::from_le_bytes, f32::from_be_bytes);
-    check(f64::to_bits, f64::from_le_bytes, f64::from_be_bytes);
+fn numbers_match_their_bytes_and_reads_beyond_the_end_are_errors() {
+    check_all_reads(u64::from, u8::from_le_bytes, u8::from_be_bytes);
+    check_all_reads(|v| v as u64, i8::from_le_bytes, i8::from_be_bytes);
+    check_all_reads(u64::from, u16::from_le_bytes, u16::from_be_bytes);
+    check_all_reads(|v| v as u64, i16::from_le_bytes, i16::from_be_bytes);
+    check_all_reads(u64::from, u32::from_le_bytes, u32::from_be_bytes);
+    check_all_reads(|v| v as u64, i32::from_le_bytes, i32::from_be_bytes);
+    check_all_reads(|v| v, u64::from_le_bytes, u64::from_be_bytes);
+    check_all_reads(|v| v as u64, i64::from_le_bytes, i64::from_be_bytes);
+    check_all_reads(|v| u64::from(v.to_bits()), f32::from_le_bytes, f32::from_be_bytes);
+    check_all_reads(f64::to_bits, f64::from_le_bytes, f64::from_be_bytes);
 }
 
 #[test]
-fn counts_without_sense_are_errors_and_reserve_nothing() {
+fn invalid_counts_are_errors_without_allocation() {
     let file = Binary::little_endian(&FILE);
     assert!(file.numbers::<f64>(0, usize::MAX).is_err() && file.part(1, usize::MAX).is_err());
     assert!(
@@ -67,7 +67,7 @@ fn counts_without_sense_are_errors_and_reserve_nothing() {
 }
 
 #[test]
-fn texts_end_at_their_field_or_at_zero() {
+fn texts_end_at_a_zero_byte_or_with_their_field() {
     let bytes = b"hips\0junk\xff!";
     let file = Binary::little_endian(bytes);
     let texts = [(0, 9), (0, 3), (4, 2), (5, 6), (11, 0)].map(|(at, field)| file.text(at, field));

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 /// Whether an entry that is new breaks a plugin: one that builds the struct, matches the enum or implements the trait. A struct with
 /// `Default` is written with `..Default::default()`, and one with private fields is not written at all.
-fn new_one_breaks(entry: &str, known: &Entries) -> bool {
+fn addition_breaks_plugins(entry: &str, known: &Entries) -> bool {
     let Some((path, rest)) = entry.split_once(' ') else { return false };
     let starts = |start: &str| known.iter().any(|e| e.starts_with(start));
     let name = path.rsplit("::").next().unwrap_or_default();
@@ -48,7 +48,7 @@ pub fn differences(known: &Entries, now: &Entries) -> String {
         writeln!(text, "breaking: gone or changed: {gone}").unwrap();
     }
     for new in now.difference(known) {
-        let breaks = if new_one_breaks(new, known) { "breaking: " } else { "" };
+        let breaks = if addition_breaks_plugins(new, known) { "breaking: " } else { "" };
         writeln!(text, "{breaks}new: {new}").unwrap();
     }
     text

@@ -62,8 +62,8 @@ impl Examples {
             let hidden = attributes.contains("#[doc(hidden)]");
             let exported = attributes.contains("#[macro_export]");
             let named = match line.len() - code.len() {
-                0 => item.top(code, exported),
-                4 => item.member(code),
+                0 => item.top_level_item(code, exported),
+                4 => item.method(code),
                 _ => None,
             };
             let has_example = self.examples(&docs);
@@ -75,7 +75,7 @@ impl Examples {
         }
     }
 
-    /// Adds the examples of a documentation; whether there are any.
+    /// Adds the examples in a doc comment. Returns whether there are any.
     fn examples(&mut self, docs: &[&str]) -> bool {
         let (mut is_code, mut any) = (false, false);
         for line in docs {
@@ -100,7 +100,7 @@ struct EnclosingItem {
 
 impl EnclosingItem {
     /// An item without indentation that needs an example.
-    fn top(&mut self, code: &str, exported: bool) -> Option<(String, String)> {
+    fn top_level_item(&mut self, code: &str, exported: bool) -> Option<(String, String)> {
         let first = |text: &str| -> String {
             text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
         };
@@ -124,8 +124,8 @@ impl EnclosingItem {
         Some((format!("{kind} {name}"), name))
     }
 
-    /// A method that needs one.
-    fn member(&self, code: &str) -> Option<(String, String)> {
+    /// A method that needs an example.
+    fn method(&self, code: &str) -> Option<(String, String)> {
         let of = self.name.as_ref()?;
         let public = code.strip_prefix("pub ").or(self.is_trait.then_some(code))?;
         let public = public.strip_prefix("const ").unwrap_or(public);

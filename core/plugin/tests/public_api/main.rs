@@ -32,7 +32,7 @@ fn list(entries: &Entries) -> String {
 }
 
 /// The entries of a list.
-fn of_list(text: &str) -> Entries {
+fn entries_of_list(text: &str) -> Entries {
     let expand = |line: &str| -> Vec<String> {
         match line.split_once(DERIVES) {
             Some((path, names)) => names.split(", ").map(|name| format!("{path}{DERIVES}{name}")).collect(),
@@ -42,7 +42,7 @@ fn of_list(text: &str) -> Entries {
     text.lines().flat_map(expand).collect()
 }
 
-fn of_sources() -> Entries {
+fn entries_of_sources() -> Entries {
     let mut entries = Entries::new();
     let core = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
     for name in ["plugin", "asset", "motion"] {
@@ -63,11 +63,11 @@ fn of_sources() -> Entries {
 #[test]
 fn the_public_api_is_that_of_the_list() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("API.txt");
-    let now = of_sources();
+    let now = entries_of_sources();
     if std::env::var_os("CHOREO_ACCEPT").is_some() {
         return std::fs::write(&file, list(&now)).unwrap();
     }
-    let known = of_list(&std::fs::read_to_string(&file).unwrap_or_default());
+    let known = entries_of_list(&std::fs::read_to_string(&file).unwrap_or_default());
     let differences = differences(&known, &now);
     assert!(
         differences.is_empty(),
@@ -150,7 +150,7 @@ fn items_are_read_from_formatted_sources() {
         "m::Way variant Left",
         "m::Way variant Up { by: f32 }",
     ];
-    assert_eq!(of_list(&list(&entries(SOURCE))), entries(SOURCE));
+    assert_eq!(entries_of_list(&list(&entries(SOURCE))), entries(SOURCE));
     assert_eq!(entries(SOURCE).into_iter().collect::<Vec<_>>(), expected);
 }
 

@@ -9,11 +9,11 @@ struct Item {
     /// Path and name: `importer::Claim`.
     path: String,
     /// Ending of entries for its members.
-    kind: Kind,
+    kind: ItemKind,
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum Kind {
+enum ItemKind {
     Struct,
     Enum,
     Trait,
@@ -40,19 +40,19 @@ impl Reader<'_> {
                 continue;
             }
             if code.starts_with("#[") {
-                self.attributes.push(joined(line, &mut lines, |so_far| so_far.ends_with(']')));
+                self.attributes.push(join_lines(line, &mut lines, |so_far| so_far.ends_with(']')));
                 continue;
             }
             match indent {
-                0 => self.top(line, &mut lines),
-                4 => self.member(line, &mut lines),
+                0 => self.read_top_level_line(line, &mut lines),
+                4 => self.read_member_line(line, &mut lines),
                 _ => continue,
             }
             self.attributes.clear();
         }
     }
 
-    fn has(&self, attribute: &str) -> bool {
+    fn has_attribute(&self, attribute: &str) -> bool {
         self.attributes.iter().any(|a| a.starts_with(attribute))
     }
 
@@ -61,16 +61,16 @@ impl Reader<'_> {
     }
 
     /// A line without indentation: an item begins or ends.
-    fn top<'t>(&mut self, line: &'t str, lines: &mut impl Iterator<Item = &'t str>) {
+    fn read_top_level_line<'t>(&mut self, line: &'t str, lines: &mut impl Iterator<Item = &'t str>) {
         self.item = None;
-        if self.has("#[cfg(test)]") || self.has("#[doc(hidden)]") {
-            return skip(line, lines);
+        if self.has_attribute("#[cfg(test)]") || self.has_attribute("#[doc(hidden)]") {
+            return skip_item(line, lines);
         }
         if let Some(name) = line.strip_prefix("macro_rules! ").and_then(|l| l.strip_suffix(" {")) {
-            if self.has("#[macro_export]") {
+            if self.has_attribute("#[macro_export]") {
                 self.add(format!("macro {name}"));
             }
-            return skip(line, lines);
+            return skip_item(line, lines);
         }
         if let Some((_, name)) = line.split_once("error_texts! { ") {
             let name = name.trim_end_matches(':');
@@ -80,17 +80,18 @@ impl Reader<'_> {
             return lines.by_ref().take_while(|line| *line != "}").for_each(drop);
         }
         if line.starts_with("impl") {
-            return self
-                .begin_impl(&joined(line, lines, |so_far| so_far.ends_with('{') || so_far.ends_with('}')));
+            return self.begin_impl(&join_lines(line, lines, |so_far| {
+                so_far.ends_with('{') || so_far.ends_with('}')
+            }));
         }
         let Some(item) = line.strip_prefix("pub ") else {
-            return skip(line, lines);
+            return skip_item(line, lines);
         };
         if let Some(names) = item.strip_prefix("use ") {
-            let names = joined(names, lines, |so_far| so_far.ends_with(';'));
-            return self.passed_on(names.trim_end_matches(';'));
+            let names = join_lines(names, lines, |so_far| so_far.ends_with(';'));
+            return self.add_reexports(names.trim_end_matches(';'));
         }
-        let whole = joined(item, lines, |so_far| so_far.ends_with(['{', ';', '}']));
+        let whole = join_lines(item, lines, |so_far| so_far.ends_with(['{', ';', '}']));
         let signature = whole.trim_end_matches(['{', ';']).trim_end_matches("{}").trim();
         let module = self.module;
         let (kind, name) = signature.split_once(' ').unwrap_or((signature, ""));
@@ -104,12 +105,12 @@ impl Reader<'_> {
                 let shown = without_value(signature);
                 self.add(format!("{module} {shown}"));
                 if whole.ends_with('{') {
-                    skip("{", lines);
+                    skip_item("{", lines);
                 }
                 return;
             }
         }
-        let open = if self.has("#[non_exhaustive]") { " non_exhaustive" } else { "" };
+        let open = if self.has_attribute("#[non_exhaustive]") { " non_exhaustive" } else { "" };
         self.add(format!("{module} {signature}{open}"));
         for derived in self.attributes.iter().filter_map(|a| a.strip_prefix("#[derive(")) {
             for name in derived.trim_end_matches(")]").split(',').map(str::trim).filter(|n| !n.is_empty()) {
@@ -117,9 +118,9 @@ impl Reader<'_> {
             }
         }
         let kind = match kind {
-            "struct" => Kind::Struct,
-            "enum" => Kind::Enum,
-            _ => Kind::Trait,
+            "struct" => ItemKind::Struct,
+            "enum" => ItemKind::Enum,
+            _ => ItemKind::Trait,
         };
         if whole.ends_with('{') {
             self.item = Some(Item { path, kind });
@@ -127,7 +128,7 @@ impl Reader<'_> {
     }
 
     /// Items of other modules that this one passes on, an entry each.
-    fn passed_on(&mut self, names: &str) {
+    fn add_reexports(&mut self, names: &str) {
         let names = names.split_once("::{").map_or(names, |(_, names)| names.trim_end_matches('}'));
         for name in names.split(',').map(str::trim).filter(|name| !name.is_empty()) {
             // The module may be a private one.
@@ -155,37 +156,37 @@ impl Reader<'_> {
             return self.add(format!("{} {head}", self.path(name)));
         }
         let name: String = on.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
-        self.item = Some(Item { path: self.path(&name), kind: Kind::Impl });
+        self.item = Some(Item { path: self.path(&name), kind: ItemKind::Impl });
     }
 
     /// A line inside an item: a field, a variant, a method.
-    fn member<'t>(&mut self, line: &'t str, lines: &mut impl Iterator<Item = &'t str>) {
+    fn read_member_line<'t>(&mut self, line: &'t str, lines: &mut impl Iterator<Item = &'t str>) {
         let Some(Item { path, kind }) = &self.item else { return };
         let (path, kind) = (path.clone(), *kind);
-        if self.has("#[doc(hidden)]") || self.has("#[cfg(test)]") {
+        if self.has_attribute("#[doc(hidden)]") || self.has_attribute("#[cfg(test)]") {
             return;
         }
         let code = line.trim_start();
         let public = code.strip_prefix("pub ");
         match kind {
-            Kind::Struct => match public {
+            ItemKind::Struct => match public {
                 Some(field) => self.add(format!("{path} field {}", field.trim_end_matches(','))),
                 None => self.add(format!("{path} has private fields")),
             },
-            Kind::Enum if code.starts_with('}') => {}
-            Kind::Enum => {
-                let whole = joined(code, lines, |so_far| {
+            ItemKind::Enum if code.starts_with('}') => {}
+            ItemKind::Enum => {
+                let whole = join_lines(code, lines, |so_far| {
                     so_far.ends_with(',') && so_far.matches('{').count() == so_far.matches('}').count()
                 });
                 self.add(format!("{path} variant {}", whole.trim_end_matches(',').replace(", }", " }")));
             }
-            Kind::Trait | Kind::Impl => {
-                let Some(code) = public.or((kind == Kind::Trait).then_some(code)) else { return };
+            ItemKind::Trait | ItemKind::Impl => {
+                let Some(code) = public.or((kind == ItemKind::Trait).then_some(code)) else { return };
                 if !["fn ", "const ", "type ", "unsafe ", "async "].iter().any(|k| code.starts_with(k)) {
                     return;
                 }
-                let whole = joined(code, lines, |so_far| so_far.ends_with(['{', ';', '}']));
-                let provided = kind == Kind::Trait && !whole.ends_with(';');
+                let whole = join_lines(code, lines, |so_far| so_far.ends_with(['{', ';', '}']));
+                let provided = kind == ItemKind::Trait && !whole.ends_with(';');
                 let signature =
                     without_value(&whole).trim_end_matches(['{', ';']).trim_end_matches("{}").trim();
                 let ending = if provided { " (provided)" } else { "" };
@@ -196,7 +197,7 @@ impl Reader<'_> {
 }
 
 /// A line and those that follow, in one, until it is complete.
-fn joined<'t>(
+fn join_lines<'t>(
     line: &str,
     lines: &mut impl Iterator<Item = &'t str>,
     complete: impl Fn(&str) -> bool,
@@ -221,7 +222,7 @@ fn joined<'t>(
     whole
 }
 
-/// A constant without its value, which plugins are compiled anew for.
+/// A constant without its value: a new value is no change, since plugins are compiled again.
 fn without_value(signature: &str) -> &str {
     match signature.starts_with("fn ") {
         true => signature,
@@ -229,8 +230,8 @@ fn without_value(signature: &str) -> &str {
     }
 }
 
-/// Passes over an item of more than one line.
-fn skip<'t>(line: &str, lines: &mut impl Iterator<Item = &'t str>) {
+/// Skips an item of more than one line.
+fn skip_item<'t>(line: &str, lines: &mut impl Iterator<Item = &'t str>) {
     if line.ends_with(['{', '(', '[']) {
         // The item ends at the line without indentation.
         lines.find(|next| next.starts_with(['}', ')', ']']));

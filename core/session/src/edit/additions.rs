@@ -142,7 +142,7 @@ fn orbiting_camera(text: &str, of: Option<&str>, at: &AddedAt, from: &str) -> (S
     let (name, target, distance) = match (of, &at.subject) {
         (Some(of), Some(Subject { variable, distance, .. })) => {
             let name = free_label(&format!("around {of}"), is_quoted);
-            (name, variable.to_string(), two_digits(*distance, *distance))
+            (name, variable.to_string(), round_to_two_digits_of(*distance, *distance))
         }
         _ => {
             let middle = point(at.point + DVec3::new(0.0, 0.95, 0.0));
@@ -161,7 +161,7 @@ fn following_camera(text: &str, of: &str, at: &AddedAt, from: &str) -> (String, 
     let name = free_label(&format!("with {of}"), |name: &str| text.contains(&quoted(name)));
     let (variable, offset) = match at.subject {
         Some(Subject { variable, distance, direction }) => {
-            let offset = (direction * distance).to_array().map(|v| two_digits(v, distance));
+            let offset = (direction * distance).to_array().map(|v| round_to_two_digits_of(v, distance));
             (variable, DVec3::from_array(offset))
         }
         None => (of, DVec3::new(0.0, 0.0, 4.5)),
@@ -170,8 +170,8 @@ fn following_camera(text: &str, of: &str, at: &AddedAt, from: &str) -> (String, 
     (format!("camera({label}).follow({variable}, [{offset}]).cut({from});\n"), Some(name))
 }
 
-/// Rounds to the place of the second digit of `like`, so that lines have numbers that a person would write.
-fn two_digits(value: f64, like: f64) -> f64 {
+/// Rounds to the decimal place of the second significant digit of `like`, so that lines have short numbers.
+fn round_to_two_digits_of(value: f64, like: f64) -> f64 {
     let parts = libm::pow(10.0, 1.0 - libm::floor(libm::log10(like.abs().max(1e-3))));
     (value * parts).round() / parts
 }
@@ -180,7 +180,7 @@ fn two_digits(value: f64, like: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn lines(text: &str, what: &Addition) -> String {
+    fn added_text(text: &str, what: &Addition) -> String {
         let time = |secs| EditTime { secs, fps: 30.0 };
         let subject = Subject { variable: "ada", distance: 3.24, direction: DVec3::new(0.5, 0.1, 0.86) };
         let (from, until, subject) = (time(1.0), time(3.0), Some(subject));
@@ -188,35 +188,39 @@ mod tests {
     }
 
     #[test]
-    fn cameras_of_an_actor_have_the_numbers_that_a_person_would_write() {
+    fn camera_lines_have_rounded_numbers() {
         let follow = Addition::Follow("Ada L.".into());
-        let first = lines("", &follow);
+        let first = added_text("", &follow);
         assert_eq!(first, "camera(\"with Ada L.\").follow(ada, [1.6, 0.3, 2.8]).cut(1.0);\n");
-        assert!(lines(&first, &follow).starts_with("camera(\"with Ada L. 2\").follow(ada, "));
+        assert!(added_text(&first, &follow).starts_with("camera(\"with Ada L. 2\").follow(ada, "));
         assert_eq!(
-            lines("", &Addition::Orbit(Some("Ada L.".into()))),
+            added_text("", &Addition::Orbit(Some("Ada L.".into()))),
             "camera(\"around Ada L.\").orbit(ada, #{ distance: 3.2, elevation: 10.0, speed: 30.0 }).cut(1.0);\n"
         );
         assert!(
-            lines("", &Addition::Orbit(None)).starts_with("camera(\"round 1\").orbit([1.0, 0.95, 0.0], ")
+            added_text("", &Addition::Orbit(None))
+                .starts_with("camera(\"round 1\").orbit([1.0, 0.95, 0.0], ")
         );
-        assert_eq!([0.0324, 32.4, -324.0].map(|v| two_digits(v, v)), [0.032, 32.0, -320.0]);
+        assert_eq!([0.0324, 32.4, -324.0].map(|v| round_to_two_digits_of(v, v)), [0.032, 32.0, -320.0]);
     }
 
     #[test]
-    fn names_and_colors_are_those_that_the_script_does_not_have() {
-        let first = lines("", &Addition::Character);
+    fn a_new_character_gets_an_unused_name_and_color() {
+        let first = added_text("", &Addition::Character);
         assert_eq!(
             first,
             "let ada_model = load(\"choreo:mannequin\", #{ color: \"coral\" });\nlet ada = cast(\"ada\", ada_model).at(1.0, 0.0, 0.0);\n\
              ada.play(ada_model.clip(\"Idle\"));\n"
         );
-        assert!(lines(&first, &Addition::Character).contains("let bob = cast(\"bob\", bob_model).at("));
-        let boxes = lines("let box = 1;", &Addition::Shape("box"));
+        assert!(added_text(&first, &Addition::Character).contains("let bob = cast(\"bob\", bob_model).at("));
+        let boxes = added_text("let box = 1;", &Addition::Shape("box"));
         assert!(boxes.starts_with("let box_2 = cast(\"box_2\", shape(\"box\", #{"), "{boxes}");
-        assert_eq!(lines("marker(\"marker 1\", 0.0);", &Addition::Marker), "marker(\"marker 2\", 1.0);\n");
         assert_eq!(
-            lines("", &Addition::Title),
+            added_text("marker(\"marker 1\", 0.0);", &Addition::Marker),
+            "marker(\"marker 2\", 1.0);\n"
+        );
+        assert_eq!(
+            added_text("", &Addition::Title),
             "text(\"Title\", #{ at: [0.5, 0.85] }).from(1.0).until(3.0).fade(0.3);\n"
         );
     }

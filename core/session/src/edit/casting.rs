@@ -63,7 +63,7 @@ pub(super) fn identifier(text: &str) -> String {
             c if c.is_ascii_alphanumeric() => name.push(c),
             // A combining diaeresis after the letter, as some systems write file names (Unicode NFD).
             DIAERESIS if name.ends_with(['a', 'o', 'u']) => name.push('e'),
-            ACCENTS_FIRST..=ACCENTS_LAST => {}
+            FIRST_COMBINING_MARK..=LAST_COMBINING_MARK => {}
             c => match ACCENTED.iter().find(|(letters, _)| letters.contains(c)) {
                 Some((_, plain)) => name += plain,
                 None if name.ends_with('_') => {}
@@ -79,9 +79,9 @@ pub(super) fn identifier(text: &str) -> String {
     }
 }
 
-/// Range of combining marks, which follow their letter.
-const ACCENTS_FIRST: char = '\u{300}';
-const ACCENTS_LAST: char = '\u{36f}';
+/// Range of Unicode combining marks, which follow their letter.
+const FIRST_COMBINING_MARK: char = '\u{300}';
+const LAST_COMBINING_MARK: char = '\u{36f}';
 const DIAERESIS: char = '\u{308}';
 
 /// Letters of Latin scripts and their spelling without accents.
@@ -134,7 +134,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_is_cast_under_a_free_name_where_it_was_put() {
+    fn a_file_is_cast_under_an_unused_name_at_the_given_position() {
         let at = DVec3::new(1.0, 0.0, -2.5);
         assert_eq!(
             cast_lines("", "assets/My Fox.glb", at, Some("Survey")).0,

@@ -24,47 +24,47 @@ const RETURN_OTHER_VALUES: [&str; 15] = [
     "end",
 ];
 /// Calls that make a clip or a constraint; their times come first in the chain.
-const TIMED: [&str; 9] =
+const TIMED_CALLS: [&str; 9] =
     ["play", "then", "then_at", "walk_to", "reach", "aim", "plant_feet", "mirror", "look_at"];
 /// Methods that place an object.
-const PLACES: [&str; 10] =
+const PLACING_METHODS: [&str; 10] =
     ["at", "move_by", "turn", "rotate", "scale", "face", "look_at", "follow", "orbit", "frame"];
 /// Methods that change the space of the placing methods after them.
-const PARENTS: [&str; 2] = ["attach", "detach"];
+const PARENTING_METHODS: [&str; 2] = ["attach", "detach"];
 
 /// Rank of a method in the order in which a person writes them.
-fn order(is_timed: bool, name: &str) -> usize {
+fn method_rank(is_timed: bool, name: &str) -> usize {
     match name {
         "from" if is_timed => 0,
         "until" if is_timed => 1,
         name if is_timed => 2 + usize::from(is_of_layer(name)),
-        name if PLACES.contains(&name) => 0,
+        name if PLACING_METHODS.contains(&name) => 0,
         "from" => 2,
         "until" => 3,
         "fade" => 4,
         "cut" => 5,
         "key" | "path" | "shake" => 6,
-        name if PARENTS.contains(&name) => 6,
+        name if PARENTING_METHODS.contains(&name) => 6,
         _ => 1,
     }
 }
 
-/// The edit that adds a method, `scale(2.0)`, to the chain of a call, after the methods that come before it in [`order`].
+/// The edit that adds a method, `scale(2.0)`, to the chain of a call, after the methods that come before it in [`method_rank`].
 pub(super) fn add_method(text: &Source, creating_call: &Call, method: &str) -> Edit {
     let maker = &text[creating_call.name.clone()];
     let name = method.split('(').next().unwrap_or_default();
-    let is_timed = TIMED.contains(&maker);
-    let own = order(is_timed, name);
+    let is_timed = TIMED_CALLS.contains(&maker);
+    let own = method_rank(is_timed, name);
     let chain = text.chain_after(creating_call.end);
     let is_before = |call: &&Call| {
         let other = &text[call.name.clone()];
         let is_other = RETURN_OTHER_VALUES.contains(&other) || other == "look_at" && maker == "cast";
         // A `fade` also sets the fade-out, so it must come before a `fade_out`.
-        let ends = own == 0 && PARENTS.contains(&other) || name == "fade" && other == "fade_out";
+        let ends = own == 0 && PARENTING_METHODS.contains(&other) || name == "fade" && other == "fade_out";
         !is_other && !ends
     };
     let before = chain.iter().take_while(is_before);
-    let last = before.filter(|call| order(is_timed, &text[call.name.clone()]) <= own).last();
+    let last = before.filter(|call| method_rank(is_timed, &text[call.name.clone()]) <= own).last();
     add_method_after(text, creating_call, last.map_or(creating_call.end, |call| call.end), method)
 }
 
@@ -73,7 +73,7 @@ pub(super) fn add_method(text: &Source, creating_call: &Call, method: &str) -> E
 pub(super) fn add_method_after(text: &Source, creating_call: &Call, at: usize, method: &str) -> Edit {
     let end = text[at..].find('\n').map_or(text.len(), |end| at + end);
     let rest = text[at..end].trim_end();
-    let next = text.skip(at);
+    let next = text.next_token_start(at);
     let continues = next < end && text[next..].starts_with('.');
     let Some(blanks) = indentation(text, creating_call).filter(|_| !continues) else {
         return Edit { range: at..at, text: format!(".{method}") };
@@ -115,8 +115,8 @@ fn indentation<'t>(text: &'t Source, creating_call: &Call) -> Option<&'t str> {
 mod tests {
     use super::*;
 
-    /// The chain behind a call with a method added to that.
-    fn with(made: &str, chain: &str, method: &str) -> String {
+    /// The chain after a creating call, with a method added.
+    fn chain_with_method(made: &str, chain: &str, method: &str) -> String {
         let text = format!("{made}{chain}");
         let source = Source::new(&text);
         let made_call = source.call_from(made.find('.').unwrap_or(0)).unwrap();
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn a_method_stands_behind_those_of_its_kind() {
+    fn a_new_method_follows_the_methods_of_its_group() {
         let (cast, camera, play) = ("cast(\"a\", m)", "camera(\"c\")", "a.play(c)");
         for (made, chain, method, wanted) in [
             (cast, ".at(1, 0, 0);", "scale(2.0)", ".at(1, 0, 0).scale(2.0);"),
@@ -144,12 +144,12 @@ mod tests {
             (play, ".fade_out(1).speed(2);", "fade(0.5)", ".fade(0.5).fade_out(1).speed(2);"),
             (play, ".fade(1).speed(2).then(d);", "fade_out(0.5)", ".fade(1).speed(2).fade_out(0.5).then(d);"),
         ] {
-            assert_eq!(with(made, chain, method), wanted);
+            assert_eq!(chain_with_method(made, chain, method), wanted);
         }
     }
 
     #[test]
-    fn a_chain_over_several_lines_gets_one_more() {
+    fn a_chain_over_several_lines_gets_another_line() {
         for (chain, wanted) in [
             ("\n  .at(1, 0, 0);\n", "\n  .at(1, 0, 0)\n  .scale(2.0);\n"),
             ("\n    .at(1) // left\n    .play(c);", "\n    .at(1) // left\n    .scale(2.0)\n    .play(c);"),
@@ -160,11 +160,14 @@ mod tests {
             (".at(1)\n    .play(c);", ".at(1).scale(2.0)\n    .play(c);"),
             ("\n    .at(1).tint(x)\n    .play(c);", "\n    .at(1).scale(2.0).tint(x)\n    .play(c);"),
         ] {
-            assert_eq!(with("cast(\"a\", m)", chain, "scale(2.0)"), wanted);
+            assert_eq!(chain_with_method("cast(\"a\", m)", chain, "scale(2.0)"), wanted);
         }
         // Each clip has a line.
-        let clips = with("a.play(c)", ".until(2)\n    .then(d)\n    .then(e);", "speed(2.0)");
+        let clips = chain_with_method("a.play(c)", ".until(2)\n    .then(d)\n    .then(e);", "speed(2.0)");
         assert_eq!(clips, ".until(2).speed(2.0)\n    .then(d)\n    .then(e);");
-        assert_eq!(with("a.play(c)", "\n    .then(d);", "until(2.0)"), ".until(2.0)\n    .then(d);");
+        assert_eq!(
+            chain_with_method("a.play(c)", "\n    .then(d);", "until(2.0)"),
+            ".until(2.0)\n    .then(d);"
+        );
     }
 }

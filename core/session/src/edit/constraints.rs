@@ -6,7 +6,7 @@ use glam::DVec3;
 use std::ops::Range;
 
 /// Largest distance between a written point and the one on stage that are taken as the same, metres.
-const SAME: f64 = 1e-6;
+const POINT_TOLERANCE: f64 = 1e-6;
 
 impl ScriptObject<'_> {
     /// Adds the call of a constraint, `reach("hand_r", ball)`, as a line of its own. `target`: the object that the call uses.
@@ -45,7 +45,7 @@ impl ScriptObject<'_> {
         };
         let is_it = |numbers: &Vec<(Range<usize>, f64)>| {
             let values: Vec<f64> = numbers.iter().map(|(_, value)| *value).collect();
-            (DVec3::from_slice(&values) - from).length() < SAME
+            (DVec3::from_slice(&values) - from).length() < POINT_TOLERANCE
         };
         let reaches: Vec<_> =
             self.calls.iter().filter(|call| &self.text[call.name.clone()] == "reach").collect();
@@ -64,7 +64,7 @@ mod tests {
 
     /// Constraints are added to two actors in turn, with a target that is made after both.
     #[test]
-    fn constraints_stand_in_the_order_in_which_they_are_made() {
+    fn constraints_are_added_in_the_order_of_their_creation() {
         let mut text =
             "let a = cast(\"a\", m);\nlet b = cast(\"b\", m);\nlet ball = cast(\"ball\", s); // it\nsun();\n"
                 .to_string();
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn the_target_that_has_the_point_is_rewritten() {
+    fn the_reach_target_at_the_given_point_is_rewritten() {
         let text = "let ada = cast(\"ada\", m);\nada.reach(\"hand_l\", [1, 1.5, 0.0]); // up\nada.reach(\"hand_r\", [ -1.0, 1.5, 0 ], #{ soft: 0.1 }).until(2.0);\nada.reach(\"foot_l\", ball);\n";
         let object = ScriptObject::at(text, 1, 11).unwrap();
         let moved = |from: [f64; 3], to: [f64; 3]| {

@@ -3,12 +3,12 @@
 use super::indenting::indented;
 use super::object::{ScriptObject, loaded_as, quoted};
 use super::scan::{Call, Source};
-use super::strips::{Strip, TIMES, is_of_layer, shift_cue};
+use super::strips::{Strip, TIME_RANGE_CALLS, is_of_layer, shift_cue};
 use super::times::{EditTime, TimeLiteral};
 use super::{Edit, EditRefused};
 
 /// Largest difference between a stated start and that of the bar, seconds: a stated time may be rounded to the millisecond.
-const SAME: f64 = 1e-3;
+const TIME_TOLERANCE: f64 = 1e-3;
 
 /// A cue as text for the clipboard, `play(load("hero.glb").clip("Walk"), #{ fade: 0.3 }).from(1.0).until(2.0); // walks in`, to be pasted onto
 /// another row or into another script: its calls with the comments between them and the comment of its line. `start`, `until`: times of the cue,
@@ -33,7 +33,7 @@ pub fn copy_cue(
     let of_layer = others.filter(|call| is_of_layer(strip.name(call)));
     let own = ScriptObject::at(text, line, column)?.calls;
     let later = own.iter().filter(|call| call.name.start > strip.end());
-    let later = later.filter(|call| !TIMES.contains(&strip.name(call)));
+    let later = later.filter(|call| !TIME_RANGE_CALLS.contains(&strip.name(call)));
     copy.extend(of_layer.chain(later).map(|call| strip.dotted(call)));
     if let Some(comment) = strip.comment() {
         copy += &format!("; {}", text[comment].trim());
@@ -76,7 +76,7 @@ fn with_times(
             (_, Some(_)) => continue,
             (Some(computed), None) => Edit { range: copied.text.trimmed(&computed), text: written },
             (None, None) => {
-                let from = copied.last("from").filter(|_| name == "until");
+                let from = copied.last_call("from").filter(|_| name == "until");
                 let at = from.map_or(copied.call.end, |from| from.end);
                 Edit { range: at..at, text: format!(".{name}({written})") }
             }
@@ -85,7 +85,7 @@ fn with_times(
     }
     // Times relative to the start of a sequence become stage times.
     let by = begins.map_or(0.0, |begins| start.secs - begins);
-    match by.abs() > SAME {
+    match by.abs() > TIME_TOLERANCE {
         true => Ok(shift_cue(&copy, 1, 1, EditTime { secs: by, ..start })?.apply(&copy)),
         false => Ok(copy),
     }

@@ -113,7 +113,7 @@ pub(super) fn statement_start(text: &Source, call: &Call) -> Option<usize> {
 /// Lines of a statement that consists of this call only, `actor.play(…);`, with the comment after it.
 pub(super) fn whole_statement(text: &Source, call: &Call, end: usize) -> Option<Range<usize>> {
     let start = statement_start(text, call)?;
-    let semicolon = text.skip(end);
+    let semicolon = text.next_token_start(end);
     if !text[semicolon..].starts_with(';') {
         return None;
     }
@@ -124,7 +124,7 @@ pub(super) fn whole_statement(text: &Source, call: &Call, end: usize) -> Option<
 mod tests {
     use super::*;
 
-    /// The text without the marks `|`, and the places where they stand.
+    /// The text without the marks `|`, and line and column of each mark.
     fn marked(text: &str) -> (String, Vec<(usize, usize)>) {
         let (mut plain, mut places) = (String::new(), Vec::new());
         for part in text.split('|') {
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn several_times_are_one_edit_wherever_they_stand() {
+    fn several_times_are_set_in_one_edit() {
         let (text, places) = marked("a.|play(c).from(0.5).until(2.0).|then(d, #{ fade: 0.4 }).until(4.0);");
         let change = |place: usize, part, secs| CueChange {
             line: places[place].0,
@@ -166,19 +166,19 @@ mod tests {
         assert_eq!(moved.inverse(&text).apply(&moved.apply(&text)), text);
         let first = [change(0, CueTime::Start, 1.0), change(0, CueTime::End, 2.5)];
         assert!(set_times(&text, &first).unwrap().apply(&text).starts_with("a.play(c).from(1.0).until(2.5)"));
-        // One that is refused changes nothing.
+        // If one change is refused, none is made.
         let refused = set_times(&text, &[change(0, CueTime::End, 3.0), change(1, CueTime::Start, 3.0)]);
         assert!(refused.unwrap_err().why.contains("begins where the clip before it ends"));
         assert!(has_end(&text, places[1].0, places[1].1) && !has_end("a.play(c);", 1, 3));
     }
 
     #[test]
-    fn a_deleted_clip_leaves_its_neighbours() {
+    fn deleting_a_cue_keeps_its_neighbors() {
         let text = "a.play(c).until(2.0) // in\n    .|then(d, #{ fade: 0.4 }).until(4.0)\n    .then(e);";
         assert_eq!(deleted(text, None).unwrap(), "a.play(c).until(2.0) // in\n    .then(e);");
         let text = "a.|play(c).from(1.0).until(2.0)\n    .then(d, #{ fade: 0.4 }).on(\"x\");";
         assert_eq!(deleted(text, Some(at(2.0))).unwrap(), "a.play(d, #{ fade: 0.4 }).from(2.0).on(\"x\");");
-        // The next begins where the deleted one ended, in its style; comments go with their lines and end no other.
+        // The next cue begins where the deleted one ended, in the style of its time. Comments are deleted with their lines.
         let text = "a.|play(c).until(f(50)) // in\n    .then(d); // out";
         assert_eq!(deleted(text, Some(at(2.0))).unwrap(), "a.play(d).from(f(50)); // out");
         let text = "a.play(c).until(2.0) // in\n    .|then(d).until(4.0) // waves\n    .then(e);";
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn a_statement_of_its_own_goes_with_its_line() {
+    fn deleting_a_whole_statement_deletes_its_line() {
         let text = "let x = 1;\n  a.|play(c)\n    .from(1.0); // waves\nb.play(d);\n";
         assert_eq!(deleted(text, None).unwrap(), "let x = 1;\nb.play(d);\n");
         assert_eq!(
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn no_text_makes_it_panic() {
+    fn deleting_in_truncated_text_does_not_panic() {
         let text = "ä.play(\"ü(\").from(1.0) /* é */ .then(x).until('\\'');";
         let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).collect();
         for from in &ends {

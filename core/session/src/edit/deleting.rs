@@ -25,8 +25,8 @@ pub fn delete_object(text: &str, line: usize, column: usize) -> Result<Edit, Edi
     if let Some(name) = source.variable_of(own.start) {
         for used in source.uses_of(name).filter(|used| !own.contains(used)) {
             let statement = source.statement_start(used)..source.statement_end(used);
-            let is_about_it =
-                statement.start == used && text[source.skip(used + name.len())..].starts_with('.');
+            let is_about_it = statement.start == used
+                && text[source.next_token_start(used + name.len())..].starts_with('.');
             if in_block(used) || !is_about_it {
                 return refuse(line_of(used), &format!("this line uses {name}; change it first"));
             }
@@ -35,7 +35,7 @@ pub fn delete_object(text: &str, line: usize, column: usize) -> Result<Edit, Edi
     }
     ranges.sort_by_key(|range| range.start);
     ranges.dedup();
-    ranges.extend(unused_files(source, &ranges));
+    ranges.extend(unused_load_statements(source, &ranges));
     ranges.sort_by_key(|range| range.start);
     let mut after = text.to_string();
     for range in ranges.into_iter().rev() {
@@ -45,14 +45,14 @@ pub fn delete_object(text: &str, line: usize, column: usize) -> Result<Edit, Edi
 }
 
 /// Statements `let NAME = load(…);` outside blocks whose variable is used only within these ranges.
-fn unused_files(source: &Source, gone: &[Range<usize>]) -> Vec<Range<usize>> {
+fn unused_load_statements(source: &Source, gone: &[Range<usize>]) -> Vec<Range<usize>> {
     let is_gone = |at: &usize| gone.iter().any(|range| range.contains(at));
     let of_load = |at: usize| {
         let own = source.statement_start(at)..source.statement_end(at);
         let name = source.variable_of(own.start).filter(|_| source.depth_to(at) == 0)?;
         // The load must be the whole value of the variable.
         let is_whole = source.variable_before(at) == Some(name)
-            && source[source.skip(source.call_from(at)?.end)..].starts_with(';');
+            && source[source.next_token_start(source.call_from(at)?.end)..].starts_with(';');
         let uses: Vec<usize> = source.uses_of(name).filter(|used| !own.contains(used)).collect();
         (is_whole && !uses.is_empty() && uses.iter().all(is_gone)).then_some(own)
     };
@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn an_object_goes_with_the_lines_about_it() {
+    fn an_object_is_deleted_with_the_statements_about_it() {
         let text = "let m = load(\"m\");\nlet bob = |cast(\"bob\", m)\n    .at(1, 0, 0); // left\nlet a = 1;\n  bob.play(m.clip(\"W\"))\n    .until(2.0);\nsun(#{});\n";
         assert_eq!(deleted(text).unwrap(), "let a = 1;\nsun(#{});\n");
         // A file goes with the last object that uses it.
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn what_other_lines_use_stays_and_so_do_blocks() {
+    fn objects_used_elsewhere_or_made_in_blocks_are_not_deleted() {
         let why = deleted("let bob = |cast(\"bob\", m);\nada.face(bob);\n").unwrap_err();
         assert_eq!(why, "line 2: this line uses bob; change it first");
         let why = deleted("let bob = |cast(\"bob\", m);\nif x { bob.play(c); }\n").unwrap_err();
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn no_text_makes_it_panic() {
+    fn deleting_in_truncated_text_does_not_panic() {
         let text = "let ä = cast(\"ü(\") /* é */ .at([1]);\nä.play(x);\n}";
         let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).collect();
         for from in &ends {

@@ -1,7 +1,7 @@
 //! Copies of whole objects: the statement that creates one and the statements about it, under another name.
 
 use super::casting::first_free;
-use super::key_list::{arguments, leading, parts};
+use super::key_list::{arguments, leading_argument_count, split_at_commas};
 use super::object::{ScriptObject, quoted};
 use super::scan::{Call, Source};
 use super::values::{literals, rewritten};
@@ -50,9 +50,10 @@ pub fn duplicate_object(
     };
     let old = source.variable_of(ranges[0].start);
     let variable = old.map(|old| first_free(|n| format!("{old}_{}", n + 1), |name| text.contains(name)));
-    let mut changes: Vec<(Range<usize>, &str)> = cuts(&object).into_iter().map(|cut| (cut, "")).collect();
+    let mut changes: Vec<(Range<usize>, &str)> =
+        cut_ranges(&object).into_iter().map(|cut| (cut, "")).collect();
     if let (Some(old), Some(new)) = (old, &variable) {
-        let declared = source.skip(ranges[0].start + "let".len());
+        let declared = source.next_token_start(ranges[0].start + "let".len());
         let used = source.uses_of(old).filter(|at| *at != declared);
         changes.extend(std::iter::once(declared).chain(used).map(|at| (at..at + old.len(), new.as_str())));
     }
@@ -76,14 +77,14 @@ pub fn duplicate_object(
     let after = Edit { range: at..at, text: copy }.apply(text);
     let longer = old.zip(variable.as_ref()).map_or(0, |(old, new)| new.len() - old.len());
     let made_at = at + 1 + object.creating_call.name.start - ranges[0].start + longer;
-    let moved = offset.map(|by| moved(&after, made_at, by)).transpose();
+    let moved = offset.map(|by| move_object(&after, made_at, by)).transpose();
     let stays = moved.as_ref().err().and_then(|refused| refused.line);
     let after = moved.ok().flatten().map_or(after.clone(), |edit| edit.apply(&after));
     Ok(Duplicate { edit: Edit::between(text, &after), name, left, stays })
 }
 
 /// Bytes of the calls `.cut(…)` of a camera, with their dots. A second camera with the same cut would hide the first.
-fn cuts(object: &ScriptObject) -> Vec<Range<usize>> {
+fn cut_ranges(object: &ScriptObject) -> Vec<Range<usize>> {
     let is_cut = |call: &&Call| object.text[call.name.clone()] == *"cut";
     let with_dot = |call: &Call| {
         let dot = object.text[..call.name.start].rfind('.').unwrap_or(call.name.start);
@@ -97,11 +98,12 @@ fn cuts(object: &ScriptObject) -> Vec<Range<usize>> {
 ///
 /// # Errors
 /// The position or a target is computed.
-fn moved(text: &str, byte: usize, by: DVec3) -> Result<Edit, EditRefused> {
+fn move_object(text: &str, byte: usize, by: DVec3) -> Result<Edit, EditRefused> {
     let (line, column) = Source::new(text).place_of(byte);
     let object = ScriptObject::at(text, line, column)?;
     if let Some(keys) = object.key_call(POSITION) {
-        return moved_keys(&object.text, &keys, by).ok_or_else(|| object.computed_keys(POSITION, &keys));
+        return move_position_keys(&object.text, &keys, by)
+            .ok_or_else(|| object.refuse_computed_keys(POSITION, &keys));
     }
     let mut edits = vec![object.move_by(by, by)?];
     for walk in object.calls.iter().filter(|call| object.text[call.name.clone()] == *"walk_to") {
@@ -118,14 +120,14 @@ fn moved(text: &str, byte: usize, by: DVec3) -> Result<Edit, EditRefused> {
 const POSITION: &str = "position";
 
 /// The edit that moves all keys of a position. `None` if one is computed.
-fn moved_keys(text: &Source, call: &Call, by: DVec3) -> Option<Edit> {
+fn move_position_keys(text: &Source, call: &Call, by: DVec3) -> Option<Edit> {
     let in_list = |bytes: &Range<usize>| {
         let list = text.trimmed(bytes);
         let inside = text[list.clone()].strip_prefix('[')?.strip_suffix(']')?;
-        Some(parts(text, list.start + 1, list.start + 1 + inside.len()))
+        Some(split_at_commas(text, list.start + 1, list.start + 1 + inside.len()))
     };
     let (mut old, mut new) = (Vec::new(), Vec::new());
-    for key in in_list(arguments(text, call).get(leading(POSITION))?)? {
+    for key in in_list(arguments(text, call).get(leading_argument_count(POSITION))?)? {
         let numbers = literals(text, &in_list(&key)?.nth(1)?).filter(|numbers| numbers.len() == 3)?;
         new.extend(numbers.iter().zip(by.to_array()).map(|((_, number), by)| number + by));
         old.extend(numbers);
@@ -150,7 +152,7 @@ fn statements_about(
     let Some(name) = source.variable_of(own.start) else { return Ok((ranges, left)) };
     for used in source.uses_of(name).filter(|used| *used > own.end) {
         let start = source.statement_start(used);
-        let continues = source[source.skip(used + name.len())..].starts_with('.');
+        let continues = source[source.next_token_start(used + name.len())..].starts_with('.');
         if start == used && continues && !in_block(used) {
             ranges.push(start..source.statement_end(used));
         } else if continues && (source.begins_statement(used) || source.variable_before(used).is_some()) {
@@ -182,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn an_object_is_copied_with_the_lines_about_it() {
+    fn an_object_is_copied_with_the_statements_about_it() {
         let text = "let m = load(\"m\");\nlet bob = |cast(\"bob\", m)\n    .at(1, 0, 0); // left\nlet a = 1;\nbob.play(m.clip(\"W\"))\n    .until(2.0); // walks\nsun(#{});\n";
         let plain = text.replace('|', "");
         let more = "let bob_2 = cast(\"bob 2\", m)\n    .at(2, 0, 0);\nbob_2.play(m.clip(\"W\"))\n    .until(2.0);\n";
@@ -205,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn other_statements_are_named_and_a_camera_is_copied_without_its_cuts() {
+    fn uncopied_statements_are_reported_and_cuts_are_not_copied() {
         let text =
             "let a = cast(\"a\", m);\nlet c = camera(\"c\").look_at(a.joint(\"Head\"));\ndance(a, 1);\n";
         let made = duplicate_object(text, (1, 9), NamedBy::Argument, None).unwrap();
@@ -217,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_of_the_position_stand_aside_in_the_copy() {
+    fn position_keys_of_the_copy_are_offset() {
         let text = "let a = |cast(\"a\", m).at(9, 9, 9);\na.key(\"position\", [\n    [f(5), [0, 0, 0.5]], // here\n    [2.0, [ 1.0, 0, 0 ], \"in_quad\"],\n], \"smooth\");\n";
         let (after, _) = copied(text, Some(DVec3::new(0.5, 0.0, 0.0))).unwrap();
         let plain = text.replace('|', "");
@@ -237,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn the_points_to_which_it_walks_stand_aside_in_the_copy() {
+    fn walk_targets_of_the_copy_are_offset() {
         let text = "let a = |cast(\"a\", m);\na.walk_to([1.0, 0, 2], #{ from: 1.0 });\na.walk_to([ -1, 0, 0 ]); // back\n";
         let (after, _) = copied(text, Some(DVec3::X)).unwrap();
         let copy = "let a_2 = cast(\"a 2\", m).at(1.0, 0.0, 0.0);\na_2.walk_to([2.0, 0, 2], #{ from: 1.0 });\na_2.walk_to([ 0, 0, 0 ]);\n";
@@ -250,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_copy_would_lack_is_refused_with_its_line() {
+    fn statements_that_cannot_be_copied_are_refused_with_their_line() {
         for (text, why) in [
             ("let a = |cast(\"a\", m);\nif x { a.play(c); }\n", "line 2: this line changes a "),
             ("let a = |cast(\"a\", m);\nlet w = a.play(c);\n", "line 2: this line changes a "),
@@ -263,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn no_text_makes_it_panic() {
+    fn copying_in_truncated_text_does_not_panic() {
         let text = "let ä = cast(\"ü(\") /* é */ .at([1]);\nä.play(x);\n}";
         let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).collect();
         for from in &ends {

@@ -1,13 +1,13 @@
 //! Parser of numbers that the user types as expressions.
 
 /// Deepest nesting of parentheses that is parsed.
-const DEEPEST: usize = 32;
+const MAX_NESTING: usize = 32;
 
 /// Value of an expression: numbers, `+ - * /`, parentheses, and `f(12)`, the time of frame 12 in seconds at `fps` frames per second. `None` if it
 /// is not an expression, or its value is not finite.
 pub fn value(text: &str, fps: f64) -> Option<f64> {
     let mut parser = Parser { rest: text, fps, depth: 0 };
-    let value = parser.sum()?;
+    let value = parser.parse_sum()?;
     (parser.rest.trim().is_empty() && value.is_finite()).then_some(value)
 }
 
@@ -79,44 +79,44 @@ impl Parser<'_> {
         found.is_some()
     }
 
-    fn sum(&mut self) -> Option<f64> {
-        let mut value = self.product()?;
+    fn parse_sum(&mut self) -> Option<f64> {
+        let mut value = self.parse_product()?;
         loop {
             if self.consume("+") {
-                value += self.product()?;
+                value += self.parse_product()?;
             } else if self.consume("-") {
-                value -= self.product()?;
+                value -= self.parse_product()?;
             } else {
                 return Some(value);
             }
         }
     }
 
-    fn product(&mut self) -> Option<f64> {
-        let mut value = self.signed()?;
+    fn parse_product(&mut self) -> Option<f64> {
+        let mut value = self.parse_signed()?;
         loop {
             if self.consume("*") {
-                value *= self.signed()?;
+                value *= self.parse_signed()?;
             } else if self.consume("/") {
-                value /= self.signed()?;
+                value /= self.parse_signed()?;
             } else {
                 return Some(value);
             }
         }
     }
 
-    fn signed(&mut self) -> Option<f64> {
+    fn parse_signed(&mut self) -> Option<f64> {
         // The minus sign U+2212 is accepted, too.
         let minus = self.consume("-") || self.consume("\u{2212}");
-        let value = self.atom()?;
+        let value = self.parse_atom()?;
         Some(if minus { -value } else { value })
     }
 
-    fn atom(&mut self) -> Option<f64> {
+    fn parse_atom(&mut self) -> Option<f64> {
         let frames = self.consume("f(");
         if frames || self.consume("(") {
             self.depth += 1;
-            let value = if self.depth <= DEEPEST { self.sum()? } else { return None };
+            let value = if self.depth <= MAX_NESTING { self.parse_sum()? } else { return None };
             self.depth -= 1;
             let value = if frames { value / self.fps } else { value };
             return self.consume(")").then_some(value);
@@ -133,7 +133,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_expression_is_written_as_a_script_calculates_it() {
+    fn typed_expressions_are_converted_to_script_syntax() {
         for (typed, written) in [
             ("1/3", "1.0 / 3.0"),
             (" 2 * ( 1 - .25 )/3. ", "2.0 * (1.0 - 0.25) / 3.0"),
@@ -157,7 +157,7 @@ mod tests {
 
     /// A script divides whole numbers into whole ones.
     #[test]
-    fn a_calculation_of_a_script_has_a_point_in_each_number() {
+    fn script_calculations_need_a_decimal_point_in_each_number() {
         assert_eq!(calculated("1.0 / 4.0"), Some(0.25));
         assert_eq!(calculated("-(2.0+1.0)*2.0"), Some(-6.0));
         for other in ["1 / 4", "1.0 / 4", "0.25", "f(12)", "x * 2.0"] {

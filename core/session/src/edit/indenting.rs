@@ -16,7 +16,7 @@ pub(super) fn indented(text: &str, edit: Edit) -> Edit {
         let at = code(line);
         let change = changes.iter().find(|change| change.range.end == at && change.text.contains('\n'));
         let blanks = change.and_then(|change| change.text.rsplit('\n').next()).map(str::len);
-        blanks.or_else(|| (source.skip(at) == at && at < after.len()).then_some(at - line))
+        blanks.or_else(|| (source.next_token_start(at) == at && at < after.len()).then_some(at - line))
     };
     let written = edit.range.start..edit.range.start + edit.text.len();
     let begins = written.end - edit.text.trim_start().len();
@@ -38,24 +38,27 @@ pub(super) fn indented(text: &str, edit: Edit) -> Edit {
 mod tests {
     use super::*;
 
-    fn put(before: &str, new: &str, after: &str) -> String {
+    fn insert_indented(before: &str, new: &str, after: &str) -> String {
         let text = format!("{before}{after}");
         let edit = Edit { range: before.len()..before.len(), text: new.to_string() };
         indented(&text, edit).apply(&text)
     }
 
     #[test]
-    fn lines_are_as_deep_as_the_one_that_they_belong_to() {
+    fn added_lines_are_indented_relative_to_the_first() {
         let call =
             "\nb.play(c, #{\n            // why\n            fade: 0.2,\n        })\n        .until(2.0);";
         let wanted = "\nb.play(c, #{\n    // why\n    fade: 0.2,\n})\n    .until(2.0);";
-        assert_eq!(put("let b = 1;", call, "\n"), format!("let b = 1;{wanted}\n"));
+        assert_eq!(insert_indented("let b = 1;", call, "\n"), format!("let b = 1;{wanted}\n"));
         // The author has indented the line above in another way.
         let then = "\n  .then(c, #{\n    fade: 0.2,\n})";
-        assert_eq!(put("b.play(c)", then, ";\n"), "b.play(c)\n  .then(c, #{\n      fade: 0.2,\n  });\n");
+        assert_eq!(
+            insert_indented("b.play(c)", then, ";\n"),
+            "b.play(c)\n  .then(c, #{\n      fade: 0.2,\n  });\n"
+        );
         // Strings and text that cannot be parsed stay as they are.
         let say = "\nsay(`a\n  b`);";
-        assert_eq!(put("x();", say, "\n"), format!("x();{say}\n"));
-        assert_eq!(put("x(", "\n        y", "]"), "x(\n        y]");
+        assert_eq!(insert_indented("x();", say, "\n"), format!("x();{say}\n"));
+        assert_eq!(insert_indented("x(", "\n        y", "]"), "x(\n        y]");
     }
 }

@@ -1,8 +1,8 @@
 //! Easings of keys: `[time, value, "in_quad"]` for the span before one key, `.key(…, "smooth")` for all keys of a property.
 
-use super::key_list::{Key, arguments, leading};
+use super::key_list::{Key, arguments, leading_argument_count};
 use super::key_name::KeyName;
-use super::key_tangents::{KeyShape, shape_of, shaped};
+use super::key_tangents::{KeyShape, replace_shape, shape_of};
 use super::keys::keys_of;
 use super::object::ScriptObject;
 use super::scan::{Call, Source};
@@ -24,7 +24,7 @@ impl ScriptObject<'_> {
     ) -> Result<Edit, EditRefused> {
         let (call, keys) = self.keys(property, at.fps)?;
         let line = self.line_of(call.name.start);
-        let index = key_list::key_at(&keys, at).ok_or_else(|| self.no_key(property, line))?;
+        let index = key_list::key_at(&keys, at).ok_or_else(|| self.refuse_missing_key(property, line))?;
         if index == 0 {
             return Err(EditRefused::at(
                 line,
@@ -34,7 +34,7 @@ impl ScriptObject<'_> {
         let interpolation = self.interpolation(property, &call);
         let of_all =
             interpolation.as_ref().map_or("\"linear\"", |interpolation| &self.text[interpolation.clone()]);
-        let with_ease = |index: usize| eased(&self.text, &keys[index], ease);
+        let with_ease = |index: usize| replace_easing(&self.text, &keys[index], ease);
         if ease.is_none() || of_all == "\"linear\"" || is_easing(of_all) {
             return Ok(with_ease(index));
         }
@@ -42,8 +42,8 @@ impl ScriptObject<'_> {
         let keep = (of_all == "\"smooth\"").then_some("\"smooth\"");
         let others = |other: usize| match shape_of(&self.text, &keys[other]) {
             // A span with tangents keeps them.
-            Some(shape) if shape.incoming.is_given() => eased(&self.text, &keys[other], None),
-            _ => eased(&self.text, &keys[other], keep),
+            Some(shape) if shape.incoming.is_given() => replace_easing(&self.text, &keys[other], None),
+            _ => replace_easing(&self.text, &keys[other], keep),
         };
         let mut edits: Vec<Edit> =
             (1..keys.len()).map(|n| if n == index { with_ease(n) } else { others(n) }).collect();
@@ -74,14 +74,14 @@ impl ScriptObject<'_> {
         let mut at = call.name.start;
         let edit = match (old, interpolation) {
             (None, Some(interpolation)) if call.is_option() => {
-                let (edit, method) = self.as_method(&call, interpolation);
+                let (edit, method) = self.option_to_method(&call, interpolation);
                 at = method;
                 edit
             }
             (Some(old), Some(interpolation)) => Edit::in_old_style(&self.text, old, interpolation),
             (Some(old), None) => self.without_interpolation(old),
             (None, interpolation) => {
-                let list = arguments(&self.text, &call)[leading(property)].clone();
+                let list = arguments(&self.text, &call)[leading_argument_count(property)].clone();
                 let end = self.text.trimmed(&list).end;
                 let text = interpolation.map_or(String::new(), |interpolation| format!(", {interpolation}"));
                 Edit { range: end..end, text }
@@ -104,7 +104,7 @@ impl ScriptObject<'_> {
             if let Some((_, keys)) = keys_of(&text, at, property, fps) {
                 let kept = KeyShape { ease: None, ..shapes[index].clone() };
                 let kept = if holds { KeyShape::default() } else { kept };
-                after = shaped(&text, &keys[index], &kept).apply(&text);
+                after = replace_shape(&text, &keys[index], &kept).apply(&text);
             }
         }
         let own = if holds { "tangents" } else { "easings" };
@@ -116,7 +116,7 @@ impl ScriptObject<'_> {
     }
 
     /// Rewrites keys in an option of a cue as a method, since only a method can state an interpolation. Also returns the first byte of the method.
-    fn as_method(&self, option: &Call, interpolation: &str) -> (Edit, usize) {
+    fn option_to_method(&self, option: &Call, interpolation: &str) -> (Edit, usize) {
         let [name, list] = [&option.name, &option.inside].map(|bytes| &self.text[bytes.clone()]);
         let method = format!("{name}({list}, {interpolation})");
         let added = self.add_method(&method);
@@ -129,7 +129,7 @@ impl ScriptObject<'_> {
 
     /// Bytes of the argument after the list of keys, the interpolation or easing of all.
     pub(super) fn interpolation(&self, property: &str, call: &Call) -> Option<Range<usize>> {
-        let interpolation = arguments(&self.text, call).get(leading(property) + 1)?.clone();
+        let interpolation = arguments(&self.text, call).get(leading_argument_count(property) + 1)?.clone();
         Some(self.text.trimmed(&interpolation))
     }
 
@@ -148,11 +148,11 @@ fn is_easing(interpolation: &str) -> bool {
 }
 
 /// Replaces or removes the easing of the span before a key. An easing replaces an incoming tangent.
-fn eased(text: &Source, key: &Key, ease: Option<&str>) -> Edit {
+fn replace_easing(text: &Source, key: &Key, ease: Option<&str>) -> Edit {
     let start = key.value.end;
     let old = shape_of(text, key).unwrap_or_default();
     if old.has_tangents() {
-        return shaped(text, key, &KeyShape { ease: ease.map(str::to_string), ..old });
+        return replace_shape(text, key, &KeyShape { ease: ease.map(str::to_string), ..old });
     }
     match (&key.shape, ease) {
         (Some(old), Some(ease)) => Edit::in_old_style(text, old.clone(), ease),

@@ -22,13 +22,13 @@ pub(super) struct Key {
 }
 
 /// Number of arguments before the list of keys.
-pub(super) fn leading(property: &str) -> usize {
+pub(super) fn leading_argument_count(property: &str) -> usize {
     KeyName::of(property).leading()
 }
 
 /// Bytes of each argument of a call.
 pub(super) fn arguments(text: &Source, call: &Call) -> Vec<Range<usize>> {
-    parts(text, call.inside.start, call.inside.end).collect()
+    split_at_commas(text, call.inside.start, call.inside.end).collect()
 }
 
 /// Parses a list of keys. `None` if anything but the values is computed.
@@ -36,15 +36,16 @@ pub(super) fn keys_in(text: &Source, bytes: Range<usize>, fps: f64) -> Option<Ve
     let array = text.trimmed(&bytes);
     let inside = text[array.clone()].strip_prefix('[')?.strip_suffix(']')?;
     let mut keys: Vec<Key> = Vec::new();
-    for part in parts(text, array.start + 1, array.start + 1 + inside.len()) {
+    for part in split_at_commas(text, array.start + 1, array.start + 1 + inside.len()) {
         let all = text.trimmed(&part);
         let pair = text[all.clone()].strip_prefix('[')?.strip_suffix(']')?;
-        let parts: Vec<Range<usize>> = parts(text, all.start + 1, all.start + 1 + pair.len()).collect();
+        let parts: Vec<Range<usize>> =
+            split_at_commas(text, all.start + 1, all.start + 1 + pair.len()).collect();
         let [time, value, rest @ ..] = parts.as_slice() else { return None };
         let literal = TimeLiteral::of(text, time)?;
         let secs = literal.secs(fps);
         let TimeLiteral { in_frames, range, .. } = literal;
-        // Two keys at the same time are a jump.
+        // Two keys at the same time make the value jump, so only a decreasing time is an error.
         if keys.last().is_some_and(|before| before.secs > secs) {
             return None;
         }
@@ -64,11 +65,11 @@ pub(super) fn key_at(keys: &[Key], time: EditTime) -> Option<usize> {
     Some(nearest + usize::from(repeated && time.secs >= keys[nearest].secs))
 }
 
-/// Parts between commas; none after a trailing comma.
-pub(super) fn parts(text: &Source, start: usize, end: usize) -> impl Iterator<Item = Range<usize>> {
+/// Splits a list at its commas; a trailing comma adds no empty part.
+pub(super) fn split_at_commas(text: &Source, start: usize, end: usize) -> impl Iterator<Item = Range<usize>> {
     let mut at = start;
     std::iter::from_fn(move || {
-        if text.skip(at) >= end {
+        if text.next_token_start(at) >= end {
             return None;
         }
         let to = text.value_end(at, end);
@@ -79,7 +80,7 @@ pub(super) fn parts(text: &Source, start: usize, end: usize) -> impl Iterator<It
 }
 
 /// Removes a key with its comma, and with its line if it has one of its own.
-pub(super) fn removed(text: &str, keys: &[Key], at: usize) -> Edit {
+pub(super) fn remove_key(text: &str, keys: &[Key], at: usize) -> Edit {
     let key = &keys[at].all;
     let line = text[..key.start].rfind('\n').map_or(0, |n| n + 1);
     let behind = text[key.end..].find('\n').map_or(text.len(), |n| key.end + n + 1);
@@ -96,7 +97,7 @@ pub(super) fn removed(text: &str, keys: &[Key], at: usize) -> Edit {
 }
 
 /// Inserts a key before the key `next`, or after the last; on a line of its own if the other keys are.
-pub(super) fn inserted(text: &str, keys: &[Key], next: usize, key: &str) -> Edit {
+pub(super) fn insert_key(text: &str, keys: &[Key], next: usize, key: &str) -> Edit {
     // The separator before a key is a line break with indentation, or a space.
     let before = |at: usize| {
         let line = text[..at].rfind('\n').map_or(0, |n| n + 1);
@@ -122,7 +123,7 @@ pub(super) fn inserted(text: &str, keys: &[Key], next: usize, key: &str) -> Edit
 }
 
 /// Moves keys to new times (`None`: unchanged) and sorts the list by time.
-pub(super) fn retimed(text: &str, keys: &[Key], times: &[Option<EditTime>]) -> Edit {
+pub(super) fn retime_keys(text: &str, keys: &[Key], times: &[Option<EditTime>]) -> Edit {
     let secs = |index: &usize| times[*index].map_or(keys[*index].secs, |time| time.secs);
     let mut order: Vec<usize> = (0..keys.len()).collect();
     order.sort_by(|a, b| secs(a).total_cmp(&secs(b)));
@@ -132,7 +133,7 @@ pub(super) fn retimed(text: &str, keys: &[Key], times: &[Option<EditTime>]) -> E
             moved.map(|(key, time)| Edit::in_old_style(text, key.time.clone(), &time.text(key.in_frames)));
         return Edit::joined(text, moved.collect());
     }
-    let tails: Vec<Tail> = keys.iter().map(|key| Tail::of(text, key)).collect();
+    let tails: Vec<LineEnd> = keys.iter().map(|key| LineEnd::of(text, key)).collect();
     let lines = tails.iter().all(|tail| tail.has_line);
     let (mut out, mut at) = (String::new(), keys[0].all.start);
     for (slot, index) in order.iter().enumerate() {
@@ -155,8 +156,8 @@ pub(super) fn retimed(text: &str, keys: &[Key], times: &[Option<EditTime>]) -> E
     Edit { range: keys[0].all.start..at, text: out }
 }
 
-/// The rest of a line after a key.
-struct Tail {
+/// The comma and the comment after a key on its line.
+struct LineEnd {
     /// The key begins its line, and only a comma and a comment follow it.
     has_line: bool,
     has_comma: bool,
@@ -164,8 +165,8 @@ struct Tail {
     comment: Range<usize>,
 }
 
-impl Tail {
-    fn of(text: &str, key: &Key) -> Tail {
+impl LineEnd {
+    fn of(text: &str, key: &Key) -> LineEnd {
         let line = text[..key.all.start].rfind('\n').map_or(0, |n| n + 1);
         let begins = line > 0 && text[line..key.all.start].trim().is_empty();
         let end = text[key.all.end..].find('\n').map_or(text.len(), |n| key.all.end + n);
@@ -173,7 +174,7 @@ impl Tail {
         let comment = rest.find("//").map_or(rest.trim_end().len(), |at| at);
         let between = rest[..comment].trim();
         let comment = key.all.end + comment..key.all.end + rest.trim_end().len();
-        Tail {
+        LineEnd {
             has_line: begins && matches!(between, "" | ","),
             has_comma: between == ",",
             comment: comment.start.min(comment.end)..comment.end,

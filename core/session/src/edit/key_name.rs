@@ -91,7 +91,7 @@ impl<'p> KeyName<'p> {
 }
 
 /// Content of an argument that is a string literal.
-fn text_of(text: &Source, call: &Call, index: usize) -> Option<String> {
+fn string_argument(text: &Source, call: &Call, index: usize) -> Option<String> {
     let arguments = arguments(text, call);
     let argument = text[arguments.get(index)?.clone()].trim();
     Some(argument.strip_prefix('"')?.strip_suffix('"')?.replace("\\\"", "\"").replace("\\\\", "\\"))
@@ -99,16 +99,16 @@ fn text_of(text: &Source, call: &Call, index: usize) -> Option<String> {
 
 /// Property of a `.key(…)`, prefixed by `morph:` or `expression:` for a weight.
 pub(super) fn property_of(text: &Source, call: &Call) -> Option<String> {
-    let property = text_of(text, call, 0)?;
+    let property = string_argument(text, call, 0)?;
     match property.as_str() {
-        "morph" | "expression" => Some(format!("{property}:{}", text_of(text, call, 1)?)),
+        "morph" | "expression" => Some(format!("{property}:{}", string_argument(text, call, 1)?)),
         _ => Some(property),
     }
 }
 
 /// Whether a call states keys as a method of a cue: `.weight([[…]])`.
 pub(super) fn is_keyed_method(text: &Source, call: &Call, method: &str) -> bool {
-    text[call.name.clone()] == *method && text[text.skip(call.inside.start)..].starts_with('[')
+    text[call.name.clone()] == *method && text[text.next_token_start(call.inside.start)..].starts_with('[')
 }
 
 /// The call in copied text that holds the keys, and the name of its property.
@@ -117,7 +117,7 @@ pub(super) fn copied_call(text: &Source) -> Option<(Call, String)> {
     match &text[call.name.clone()] {
         "key" => property_of(text, &call).map(|property| (call, property)),
         "joint" => {
-            let joint = text_of(text, &call, 0)?;
+            let joint = string_argument(text, &call, 0)?;
             let call = text.call_from(call.end).filter(|call| text[call.name.clone()] == *"key")?;
             let property = property_of(text, &call)?;
             Some((call, format!("joint:{joint}:{property}")))
@@ -145,7 +145,7 @@ pub(super) fn joint_keys(text: &Source, at: usize, chain: &[Call]) -> Vec<JointK
     let Some(index) = chain.iter().position(|call| text[call.name.clone()] == *"joint") else {
         return Vec::new();
     };
-    let Some(joint) = text_of(text, &chain[index], 0) else { return Vec::new() };
+    let Some(joint) = string_argument(text, &chain[index], 0) else { return Vec::new() };
     let of = |chain: &[Call], before: Option<&Call>| -> Vec<JointKey> {
         let keys = chain.iter().filter(|call| text[call.name.clone()] == *"key");
         let is_next = |call: &Call| before.filter(|of| text[of.end..call.name.start].trim() == ".").cloned();

@@ -1,6 +1,6 @@
 //! Tangents of single keys in the text: `[time, value, #{ in_tangent: …, out_tangent: … }]`.
 
-use super::key_list::{Key, key_at, parts};
+use super::key_list::{Key, key_at, split_at_commas};
 use super::key_name::KeyName;
 use super::object::ScriptObject;
 use super::scan::Source;
@@ -46,16 +46,16 @@ impl KeyShape {
     }
 
     /// Options of the key with their values, in the order in which they are written.
-    fn entries(&self) -> Vec<(&'static str, Entry)> {
-        let mut all: Vec<(&'static str, Entry)> = Vec::new();
+    fn entries(&self) -> Vec<(&'static str, EntryValue)> {
+        let mut all: Vec<(&'static str, EntryValue)> = Vec::new();
         let into = self.incoming_side();
-        all.extend(self.ease.clone().map(|ease| ("ease", Entry::Text(ease))));
+        all.extend(self.ease.clone().map(|ease| ("ease", EntryValue::Text(ease))));
         let mut add = |both: &'static str, ways: [&'static str; 2], sides: [Option<Vec<f64>>; 2]| match sides
         {
-            [Some(a), Some(b)] if a == b && !self.broken => all.push((both, Entry::Numbers(a))),
+            [Some(a), Some(b)] if a == b && !self.broken => all.push((both, EntryValue::Numbers(a))),
             sides => {
                 let given = ways.into_iter().zip(sides).filter_map(|(way, side)| Some((way, side?)));
-                all.extend(given.map(|(way, side)| (way, Entry::Numbers(side))));
+                all.extend(given.map(|(way, side)| (way, EntryValue::Numbers(side))));
             }
         };
         add("tangent", ["in_tangent", "out_tangent"], [into.tangent, self.outgoing.tangent.clone()]);
@@ -74,16 +74,16 @@ impl KeyShape {
     }
 }
 
-enum Entry {
+enum EntryValue {
     Numbers(Vec<f64>),
     Text(String),
 }
 
-impl Entry {
+impl EntryValue {
     fn text(&self) -> String {
         match self {
-            Entry::Text(text) => text.clone(),
-            Entry::Numbers(all) => match all.as_slice() {
+            EntryValue::Text(text) => text.clone(),
+            EntryValue::Numbers(all) => match all.as_slice() {
                 [first, rest @ ..] if rest.is_empty() || all.iter().all(|n| *n == 0.0) => {
                     format_number(*first)
                 }
@@ -106,7 +106,7 @@ fn map_entries(text: &Source, bytes: &Range<usize>) -> Option<Vec<(String, Range
         let name = text[part.start..part.start + colon].trim();
         Some((name.to_string(), text.trimmed(&(part.start + colon + 1..part.end))))
     };
-    parts(text, start, start + inside.len()).map(entry).collect()
+    split_at_commas(text, start, start + inside.len()).map(entry).collect()
 }
 
 /// Easing and tangents of a key. `None` if they are computed.
@@ -136,7 +136,7 @@ pub(super) fn shape_of(text: &Source, key: &Key) -> Option<KeyShape> {
 }
 
 /// Replaces the easing and the tangents of a key. If it already has the same options, only the changed values are rewritten.
-pub(super) fn shaped(text: &Source, key: &Key, shape: &KeyShape) -> Edit {
+pub(super) fn replace_shape(text: &Source, key: &Key, shape: &KeyShape) -> Edit {
     let end = key.value.end;
     let Some(bytes) = &key.shape else { return Edit { range: end..end, text: shape.text() } };
     // A comment before the easing is kept if an easing or tangent is written in its place.
@@ -153,12 +153,12 @@ pub(super) fn shaped(text: &Source, key: &Key, shape: &KeyShape) -> Edit {
     let changed = old.iter().filter_map(|(name, value)| {
         let (_, entry) = new.iter().find(|(known, _)| known == name)?;
         let kept = match entry {
-            Entry::Numbers(new) => {
+            EntryValue::Numbers(new) => {
                 let old = literals(text, value).filter(|old| old.len() == new.len());
                 old.and_then(|old| rewritten(text, &old, new))
             }
-            Entry::Text(new) if *new == text[value.clone()] => return None,
-            Entry::Text(_) => None,
+            EntryValue::Text(new) if *new == text[value.clone()] => return None,
+            EntryValue::Text(_) => None,
         };
         Some(kept.unwrap_or_else(|| Edit::in_old_style(text, value.clone(), &entry.text())))
     });
@@ -181,14 +181,14 @@ impl ScriptObject<'_> {
         let (line, shown) = (self.line_of(call.name.start), KeyName::of(property).shown());
         let mut edits = Vec::new();
         for (at, shape) in shapes {
-            let index = key_at(&keys, *at).ok_or_else(|| self.no_key(property, line))?;
+            let index = key_at(&keys, *at).ok_or_else(|| self.refuse_missing_key(property, line))?;
             if shape_of(&self.text, &keys[index]).is_none() {
                 return Err(EditRefused::at(
                     line,
                     &format!("a key of its {shown} has tangents that are computed; change them there"),
                 ));
             }
-            edits.push(shaped(&self.text, &keys[index], shape));
+            edits.push(replace_shape(&self.text, &keys[index], shape));
         }
         let interpolation = self.interpolation(property, &call);
         let holds = interpolation

@@ -2,12 +2,15 @@
 //! of a morph target or an expression are named `morph:NAME` and `expression:NAME`; keys in a method or an option of a cue are named `.NAME`.
 
 use super::cues::whole_statement;
-use super::key_list::{Key, arguments, inserted, key_at, keys_in, leading, parts, removed, retimed};
+use super::key_list::{
+    Key, arguments, insert_key, key_at, keys_in, leading_argument_count, remove_key, retime_keys,
+    split_at_commas,
+};
 use super::key_name::{JointKey, KeyName, copied_call, is_keyed_method, property_of};
 use super::key_tangents::{KeyShape, shape_of};
 use super::object::{ScriptObject, euler_degrees, rotation_of};
 use super::object_values::NewValueSyntax;
-use super::refused::ADD;
+use super::refused::ADD_LINE_LABEL;
 use super::scan::{Call, Source};
 use super::times::EditTime;
 use super::values::{format_number, is_plain, literals, option_of, rewritten};
@@ -16,7 +19,7 @@ use glam::{DQuat, DVec3};
 use std::ops::Range;
 
 /// Methods that place an object or change the space of its position.
-const PLACES: [&str; 3] = ["at", "move_by", "attach"];
+const POSITION_METHODS: [&str; 3] = ["at", "move_by", "attach"];
 
 /// Value of a key, written in the style of its neighbors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,7 +67,7 @@ impl ScriptObject<'_> {
     pub fn written_keys(&self, property: &str, fps: f64) -> Result<WrittenKeys, EditRefused> {
         let (call, keys) = self.keys(property, fps)?;
         let interpolation = arguments(&self.text, &call)
-            .get(leading(property) + 1)
+            .get(leading_argument_count(property) + 1)
             .map(|interpolation| self.text.trimmed(interpolation));
         let shown = |bytes: &Range<usize>| self.text[bytes.clone()].to_string();
         let written = |key: &Key| WrittenKey {
@@ -92,16 +95,16 @@ impl ScriptObject<'_> {
                 return Ok(Edit { range: call.end..call.end, text: String::new() });
             }
             let changed = replaced_value(&self.text, &keys[at].value, &value);
-            return changed.ok_or_else(|| self.computed_keys(property, &call));
+            return changed.ok_or_else(|| self.refuse_computed_keys(property, &call));
         }
         let next = keys.iter().position(|key| key.secs > when.secs).unwrap_or(keys.len());
         let time = time_like(&keys, next, when);
         let near = interpolated_neighbors(&self.text, &keys, next, when.secs);
         if near.is_empty() && value == KeyValue::Between {
-            return Err(self.computed_keys(property, &call));
+            return Err(self.refuse_computed_keys(property, &call));
         }
         let key = format!("[{time}, {}]", value_text(&near, &value));
-        Ok(inserted(&self.text, &keys, next, &key))
+        Ok(insert_key(&self.text, &keys, next, &key))
     }
 
     /// Adds the first key of a property as a line of its own: `anna.key("position", [[2.0, [0.0, 0.0, 1.0]]]);`. A position that is stated as
@@ -113,7 +116,7 @@ impl ScriptObject<'_> {
         let value = value_text(&[], &value);
         let list = format!("[[{}, {value}]]", when.new_text(&self.text));
         let added = self.add_key_call(KeyName::of(property), &list)?;
-        let of_place = |call: &&Call| PLACES.contains(&&self.text[call.name.clone()]);
+        let of_place = |call: &&Call| POSITION_METHODS.contains(&&self.text[call.name.clone()]);
         let mut places = self.calls.iter().filter(of_place);
         match (places.next(), places.next()) {
             (Some(at), None)
@@ -143,12 +146,14 @@ impl ScriptObject<'_> {
     /// # Errors
     /// The errors are those of [`ScriptObject::move_key`].
     pub fn move_keys(&self, property: &str, moves: &[(EditTime, EditTime)]) -> Result<Edit, EditRefused> {
-        let Some((first, _)) = moves.first() else { return Err(self.no_key(property, self.line)) };
+        let Some((first, _)) = moves.first() else {
+            return Err(self.refuse_missing_key(property, self.line));
+        };
         let (call, keys) = self.keys(property, first.fps)?;
         let line = self.line_of(call.name.start);
         let mut times = vec![None; keys.len()];
         for (from, to) in moves {
-            let at = key_at(&keys, *from).ok_or_else(|| self.no_key(property, line))?;
+            let at = key_at(&keys, *from).ok_or_else(|| self.refuse_missing_key(property, line))?;
             times[at] = Some(*to);
         }
         let stays = |index: &usize| times[*index].is_none();
@@ -161,7 +166,7 @@ impl ScriptObject<'_> {
             let shown = KeyName::of(property).shown();
             return Err(EditRefused::at(line, &format!("its {shown} has a key at that time already")));
         }
-        Ok(retimed(&self.text, &keys, &times))
+        Ok(retime_keys(&self.text, &keys, &times))
     }
 
     /// Deletes the key of a property at a time. If it is the only key, its `.key(…)` is deleted, too.
@@ -180,7 +185,8 @@ impl ScriptObject<'_> {
         let fps = at.first().map_or(1.0, |time| time.fps);
         let (call, keys) = self.keys(property, fps)?;
         let line = self.line_of(call.name.start);
-        let found = at.iter().map(|time| key_at(&keys, *time).ok_or_else(|| self.no_key(property, line)));
+        let found =
+            at.iter().map(|time| key_at(&keys, *time).ok_or_else(|| self.refuse_missing_key(property, line)));
         let mut found: Vec<usize> = found.collect::<Result<_, _>>()?;
         found.sort_unstable();
         found.dedup();
@@ -201,8 +207,8 @@ impl ScriptObject<'_> {
             // The start of the call does not move, since only text after it was removed.
             let text = Source::new(&after);
             let (_, keys) = keys_of(&text, call.name.start, property, fps)
-                .ok_or_else(|| self.computed_keys(property, &call))?;
-            after = removed(&text, &keys, index).apply(&text);
+                .ok_or_else(|| self.refuse_computed_keys(property, &call))?;
+            after = remove_key(&text, &keys, index).apply(&text);
         }
         Ok(Edit::between(&self.text, &after))
     }
@@ -217,7 +223,7 @@ impl ScriptObject<'_> {
         let line = self.line_of(call.name.start);
         let mut copied: Vec<&Key> = Vec::new();
         for time in at {
-            copied.push(&keys[key_at(&keys, *time).ok_or_else(|| self.no_key(property, line))?]);
+            copied.push(&keys[key_at(&keys, *time).ok_or_else(|| self.refuse_missing_key(property, line))?]);
         }
         copied.sort_by_key(|key| key.all.start);
         copied.dedup_by_key(|key| key.all.start);
@@ -250,13 +256,13 @@ impl ScriptObject<'_> {
         for (when, _, rest) in entries {
             let text = Source::new(&after);
             let (_, keys) = keys_of(&text, call.name.start, &property, by.fps)
-                .ok_or_else(|| self.computed_keys(&property, &call))?;
+                .ok_or_else(|| self.refuse_computed_keys(&property, &call))?;
             let edit = match key_at(&keys, when) {
                 Some(at) => Edit { range: keys[at].time.end..keys[at].all.end, text: rest.to_string() },
                 None => {
                     let next = keys.iter().position(|key| key.secs > when.secs).unwrap_or(keys.len());
                     let time = time_like(&keys, next, when);
-                    inserted(&text, &keys, next, &format!("[{time}{rest}"))
+                    insert_key(&text, &keys, next, &format!("[{time}{rest}"))
                 }
             };
             after = edit.apply(&text);
@@ -274,7 +280,7 @@ impl ScriptObject<'_> {
         match refused.is_computed && !keys.is_empty() {
             true => EditRefused {
                 alternative: self.all_keys_line(property, keys),
-                alternative_label: ADD,
+                alternative_label: ADD_LINE_LABEL,
                 ..refused
             },
             false => refused,
@@ -285,7 +291,7 @@ impl ScriptObject<'_> {
     pub fn all_keys_line(&self, property: &str, keys: &[(EditTime, KeyValue)]) -> Option<Edit> {
         let call = self.key_call(property).filter(|_| !keys.is_empty())?;
         let interpolation = arguments(&self.text, &call)
-            .get(leading(property) + 1)
+            .get(leading_argument_count(property) + 1)
             .map(|interpolation| self.text.trimmed(interpolation));
         let interpolation =
             interpolation.map_or(String::new(), |interpolation| format!(", {}", &self.text[interpolation]));
@@ -339,7 +345,7 @@ impl ScriptObject<'_> {
     fn keyed_option(&self, name: KeyName) -> Option<Call> {
         let KeyName::Method(name) = name else { return None };
         let option =
-            option_of(&self.text, &self.creating_call, name).filter(|_| self.last(&[name]).is_none())?;
+            option_of(&self.text, &self.creating_call, name).filter(|_| self.last_call(&[name]).is_none())?;
         self.text.option_from(option.start).filter(|option| is_keyed_method(&self.text, option, name))
     }
 
@@ -384,17 +390,17 @@ impl ScriptObject<'_> {
             return Err(EditRefused::at(self.line_of(call.name.start), &why));
         }
         let keys = keys_of(&self.text, call.name.start, property, fps);
-        keys.ok_or_else(|| self.computed_keys(property, &call))
+        keys.ok_or_else(|| self.refuse_computed_keys(property, &call))
     }
 
-    pub(super) fn computed_keys(&self, property: &str, call: &Call) -> EditRefused {
+    pub(super) fn refuse_computed_keys(&self, property: &str, call: &Call) -> EditRefused {
         let line = self.line_of(call.name.start);
         let shown = KeyName::of(property).shown();
         let why = format!("its {shown} has keys that are computed; change them there");
         EditRefused { is_computed: true, ..EditRefused::at(line, &why) }
     }
 
-    pub(super) fn no_key(&self, property: &str, line: usize) -> EditRefused {
+    pub(super) fn refuse_missing_key(&self, property: &str, line: usize) -> EditRefused {
         let shown = KeyName::of(property).shown();
         let why = format!("its {shown} has no key written there; the key shown comes from an easing");
         EditRefused::at(line, &why)
@@ -412,7 +418,7 @@ pub fn copied_keys(copied: &str, fps: f64) -> Option<(String, f64)> {
 /// The `.key(…)` or option at a byte, and its parsed keys. `None` if they are computed.
 pub(super) fn keys_of(text: &Source, at: usize, property: &str, fps: f64) -> Option<(Call, Vec<Key>)> {
     let call = text.call_from(at).or_else(|| text.option_from(at))?;
-    let list = arguments(text, &call).get(leading(property))?.clone();
+    let list = arguments(text, &call).get(leading_argument_count(property))?.clone();
     Some((call, keys_in(text, list, fps)?))
 }
 
@@ -420,7 +426,7 @@ pub(super) fn keys_of(text: &Source, at: usize, property: &str, fps: f64) -> Opt
 pub(super) fn shifted_keys(text: &Source, bytes: Range<usize>, by: EditTime) -> Option<Edit> {
     let keys = keys_in(text, bytes, by.fps)?;
     let later = |key: &Key| Some(EditTime { secs: key.secs + by.secs, fps: by.fps });
-    Some(retimed(text, &keys, &keys.iter().map(later).collect::<Vec<_>>()))
+    Some(retime_keys(text, &keys, &keys.iter().map(later).collect::<Vec<_>>()))
 }
 
 /// Replaces a value. `None` if it is computed.
@@ -448,7 +454,7 @@ fn replaced_value(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Opti
 fn numbers_in(text: &Source, bytes: &Range<usize>) -> Vec<Range<usize>> {
     let value = text.trimmed(bytes);
     match text[value.clone()].strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
-        Some(_) => parts(text, value.start + 1, value.end - 1).collect(),
+        Some(_) => split_at_commas(text, value.start + 1, value.end - 1).collect(),
         None => vec![value],
     }
 }
@@ -456,10 +462,10 @@ fn numbers_in(text: &Source, bytes: &Range<usize>) -> Vec<Range<usize>> {
 /// Rewrites the numbers that changed. `None` if one of these is computed.
 fn changed_numbers(text: &Source, written: &[Range<usize>], before: &[f64], now: &[f64]) -> Option<Edit> {
     /// Rounding error of calculations.
-    const SAME: f64 = 1e-9;
+    const TOLERANCE: f64 = 1e-9;
     let (mut old, mut new) = (Vec::new(), Vec::new());
     for (bytes, (before, now)) in written.iter().zip(before.iter().zip(now)) {
-        if (before - now).abs() > SAME {
+        if (before - now).abs() > TOLERANCE {
             old.push((text.trimmed(bytes), *before));
             new.push(*now);
         }

@@ -16,7 +16,7 @@ impl Edit {
 /// integers.
 pub(super) fn in_number_style(old: &str, new: &str) -> String {
     let is_whole = |range: &Range<usize>| !old[range.clone()].contains('.');
-    let (before, after) = (values(old), values(new));
+    let (before, after) = (value_ranges(old), value_ranges(new));
     let is_alike = before.len() == after.len();
     let are_whole = !before.is_empty() && before.iter().all(is_whole);
     let mut written = new.to_string();
@@ -36,7 +36,7 @@ pub(super) fn without_point(number: &str) -> Option<&str> {
 }
 
 /// Bytes of the numbers that are values by themselves or components of lists and maps, but not parts of a calculation.
-fn values(text: &str) -> Vec<Range<usize>> {
+fn value_ranges(text: &str) -> Vec<Range<usize>> {
     let tokens = token_ranges(text);
     let token =
         |index: Option<usize>| index.and_then(|index| tokens.get(index)).map_or("", |t| &text[t.clone()]);
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_whole_number_stays_one_where_the_new_one_is() {
+    fn a_new_whole_number_keeps_the_style_of_the_old_one() {
         for (old, new, wanted) in [
             ("34", "40.0", "40"),
             ("34", "40.5", "40.5"),

@@ -6,7 +6,7 @@ use super::cues::statement_start;
 use super::key_name::{JointKey, joint_keys};
 use super::number_style::in_number_style;
 use super::parameter_calls::{ParameterCall, parameter_calls};
-use super::refused::ADD;
+use super::refused::ADD_LINE_LABEL;
 use super::scan::{Call, Source, Tokens, tokens_of};
 use super::times::{EditTime, TimeLiteral, restated};
 use super::values::{
@@ -52,17 +52,17 @@ impl ScriptText {
     /// # Errors
     /// There is no call.
     pub fn object(&self, line: usize, column: usize) -> Result<ScriptObject<'_>, EditRefused> {
-        ScriptObject::within(Source::of(&self.text, self.tokens.clone()), line, column)
+        ScriptObject::from_source(Source::of(&self.text, self.tokens.clone()), line, column)
     }
 }
 
 impl<'a> ScriptObject<'a> {
     /// The object created by the call at a position: line and column in characters, from 1.
     pub fn at(text: &'a str, line: usize, column: usize) -> Result<ScriptObject<'a>, EditRefused> {
-        ScriptObject::within(Source::new(text), line, column)
+        ScriptObject::from_source(Source::new(text), line, column)
     }
 
-    fn within(text: Source<'a>, line: usize, column: usize) -> Result<ScriptObject<'a>, EditRefused> {
+    fn from_source(text: Source<'a>, line: usize, column: usize) -> Result<ScriptObject<'a>, EditRefused> {
         let refuse = |why: &str| EditRefused::at(line, why);
         let at = text.byte_at(line, column).ok_or_else(|| refuse("the script has no such line"))?;
         let creating_call = text.call_from(at).ok_or_else(|| refuse("there is no call to change here"))?;
@@ -71,7 +71,7 @@ impl<'a> ScriptObject<'a> {
         let variable = text.variable_before(start.unwrap_or(creating_call.name.start)).map(str::to_string);
         let chain = text.chain_after(creating_call.end);
         let mut joints = joint_keys(&text, creating_call.end, &chain);
-        let mut calls = own(&text, chain);
+        let mut calls = calls_before_joint(&text, chain);
         let (mut last_at, mut calls_in_functions) = (creating_call.end, Vec::new());
         if let Some(name) = &variable {
             let later = text
@@ -81,7 +81,7 @@ impl<'a> ScriptObject<'a> {
             for (at, chain) in later {
                 last_at = at;
                 joints.extend(joint_keys(&text, at, &chain));
-                calls.extend(own(&text, chain));
+                calls.extend(calls_before_joint(&text, chain));
             }
             calls_in_functions = parameter_calls(&text, name, creating_call.name.start);
         }
@@ -108,7 +108,8 @@ impl<'a> ScriptObject<'a> {
     /// = cast("ada", hero);` and `ada.play(walk);`. `None` if the call is part of an expression or stands in a block.
     pub fn with_variable(&self, name: &str) -> Option<(String, Option<Edit>)> {
         /// Calls that return the actor itself.
-        const ITSELF: [&str; 7] = ["at", "move_by", "turn", "rotate", "scale", "face", "tint"];
+        const METHODS_RETURNING_ACTOR: [&str; 7] =
+            ["at", "move_by", "turn", "rotate", "scale", "face", "tint"];
         if let Some(variable) = &self.variable {
             return Some((variable.clone(), None));
         }
@@ -121,11 +122,11 @@ impl<'a> ScriptObject<'a> {
             |name| self.text.contains(&format!("let {name} ")),
         );
         let own = self.text.chain_after(self.creating_call.end).into_iter();
-        let own = own.take_while(|call| ITSELF.contains(&&self.text[call.name.clone()]));
+        let own = own.take_while(|call| METHODS_RETURNING_ACTOR.contains(&&self.text[call.name.clone()]));
         let end = own.last().map_or(self.creating_call.end, |call| call.end);
         let rest =
             if self.text[end..].trim_start().starts_with('.') { format!(";\n{name}") } else { String::new() };
-        let after = self.text.skip(end);
+        let after = self.text.next_token_start(end);
         let blanks = if rest.is_empty() { end..end } else { end..after };
         let text = format!("let {name} = {}{rest}", &self.text[start..blanks.start]);
         Some((name, Some(Edit { range: start..blanks.end, text })))
@@ -133,10 +134,10 @@ impl<'a> ScriptObject<'a> {
 
     /// Line of the last call of a method, from 1.
     pub fn line_of_call(&self, name: &str) -> Option<usize> {
-        self.last(&[name]).map(|call| self.line_of(call.name.start))
+        self.last_call(&[name]).map(|call| self.line_of(call.name.start))
     }
 
-    pub(super) fn last(&self, names: &[&str]) -> Option<&Call> {
+    pub(super) fn last_call(&self, names: &[&str]) -> Option<&Call> {
         self.calls.iter().rev().find(|call| names.contains(&&self.text[call.name.clone()]))
     }
 
@@ -144,12 +145,17 @@ impl<'a> ScriptObject<'a> {
         self.text[..byte].matches('\n').count() + 1
     }
 
-    fn computed(&self, call: &Call, new_call: &str) -> EditRefused {
+    fn refuse_computed(&self, call: &Call, new_call: &str) -> EditRefused {
         let (name, inside) = (&self.text[call.name.clone()], self.text[call.inside.clone()].trim());
         let line = self.line_of(call.name.start);
         let why = format!(".{name}({inside}) is computed; change it there, or add a line that sets it again");
         let alternative = self.variable.as_ref().and_then(|_| self.new_line(new_call));
-        EditRefused { alternative, alternative_label: ADD, is_computed: true, ..EditRefused::at(line, &why) }
+        EditRefused {
+            alternative,
+            alternative_label: ADD_LINE_LABEL,
+            is_computed: true,
+            ..EditRefused::at(line, &why)
+        }
     }
 
     /// Adds `variable.call;` after the last statement about the object.
@@ -164,7 +170,7 @@ impl<'a> ScriptObject<'a> {
         // The name may belong to something else in another block.
         let is_called = |at: usize| {
             depth == 0
-                && text[text.skip(at + name.len())..].starts_with('.')
+                && text[text.next_token_start(at + name.len())..].starts_with('.')
                 && text.begins_statement(text.statement_start(at))
         };
         let is_handed = |at: usize| {
@@ -208,7 +214,7 @@ impl<'a> ScriptObject<'a> {
     /// Writes `.name(values)`: over the last call of this name, else as a new one in the chain of the creating call.
     pub fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let new = call_text(name, values);
-        let Some(call) = self.last(&[name]) else { return Ok(self.add_method(&new)) };
+        let Some(call) = self.last_call(&[name]) else { return Ok(self.add_method(&new)) };
         if let Some(edit) = numbers_over(&self.text, &call.inside, values) {
             return Ok(edit);
         }
@@ -220,7 +226,7 @@ impl<'a> ScriptObject<'a> {
             }
             _ => match values {
                 [value] => self.overwrite(call, call.inside.clone(), &format_number(*value)),
-                _ => Err(self.computed(call, &new)),
+                _ => Err(self.refuse_computed(call, &new)),
             },
         }
     }
@@ -231,8 +237,8 @@ impl<'a> ScriptObject<'a> {
     /// The script computes the value of the method to be replaced.
     pub fn set_one_of(&self, names: &[&str], name: &str, value: &str) -> Result<Edit, EditRefused> {
         let new = format!("{name}({value})");
-        let Some(old) = self.last(names) else { return Ok(self.add_method(&new)) };
-        literals(&self.text, &old.inside).ok_or_else(|| self.computed(old, &new))?;
+        let Some(old) = self.last_call(names) else { return Ok(self.add_method(&new)) };
+        literals(&self.text, &old.inside).ok_or_else(|| self.refuse_computed(old, &new))?;
         let value = in_number_style(&self.text[old.inside.clone()], value);
         Ok(Edit { range: old.name.start..old.end, text: format!("{name}({value})") })
     }
@@ -241,18 +247,18 @@ impl<'a> ScriptObject<'a> {
     pub fn set_point(&self, name: &str, point: DVec3) -> Result<Edit, EditRefused> {
         let [x, y, z] = point.to_array().map(format_number);
         let new = format!("{name}([{x}, {y}, {z}])");
-        let Some(call) = self.last(&[name]) else { return Ok(self.add_method(&new)) };
+        let Some(call) = self.last_call(&[name]) else { return Ok(self.add_method(&new)) };
         let changed = numbers_over(&self.text, &call.inside, &point.to_array());
-        changed.ok_or_else(|| self.computed(call, &new))
+        changed.ok_or_else(|| self.refuse_computed(call, &new))
     }
 
     /// Moves the object by `by`: adds it to the last `.at` or `.move_by`. Numbers that do not change stay as they are written. `to`: the resulting
     /// position, written as `.at` if there is neither call.
     pub fn move_by(&self, by: DVec3, to: DVec3) -> Result<Edit, EditRefused> {
-        let Some(call) = self.last(&["at", "move_by"]) else { return self.set("at", &to.to_array()) };
+        let Some(call) = self.last_call(&["at", "move_by"]) else { return self.set("at", &to.to_array()) };
         let new = call_text("move_by", &by.to_array());
         let moved = numbers_plus(&self.text, &call.inside, &by.to_array());
-        moved.ok_or_else(|| self.computed(call, &new))
+        moved.ok_or_else(|| self.refuse_computed(call, &new))
     }
 
     /// Rotates the object about the axes of its parent, after all its `.turn` and `.rotate` calls, which add up.
@@ -262,11 +268,11 @@ impl<'a> ScriptObject<'a> {
         let angles = euler_degrees(by);
         let new =
             if upright { call_text("turn", &[degrees]) } else { call_text("rotate", &angles.to_array()) };
-        let Some(call) = self.last(&["turn", "rotate"]) else { return self.add_method(&new) };
+        let Some(call) = self.last_call(&["turn", "rotate"]) else { return self.add_method(&new) };
         let old = literals(&self.text, &call.inside).unwrap_or_default();
         let values: Vec<f64> = old.iter().map(|(_, v)| *v).collect();
         let changed = match (&self.text[call.name.clone()], values.as_slice()) {
-            ("turn", [turned]) if upright => rewritten(&self.text, &old, &[wrapped(turned + degrees)]),
+            ("turn", [turned]) if upright => rewritten(&self.text, &old, &[wrap_degrees(turned + degrees)]),
             ("rotate", [x, y, z]) => {
                 let turned = euler_degrees(by * rotation_of(DVec3::new(*x, *y, *z)));
                 rewritten(&self.text, &old, &turned.to_array())
@@ -283,13 +289,13 @@ impl<'a> ScriptObject<'a> {
     /// Writes a time as `.from(…)`, `.until(…)`, `.cut(…)` …: over the last call of this name, else as a new one.
     pub fn time(&self, name: &str, time: EditTime) -> Result<Edit, EditRefused> {
         let new = format!("{name}({})", time.new_text(&self.text));
-        let Some(call) = self.last(&[name]) else { return Ok(self.add_method(&new)) };
-        restated(&self.text, &call.inside, time).ok_or_else(|| self.computed(call, &new))
+        let Some(call) = self.last_call(&[name]) else { return Ok(self.add_method(&new)) };
+        restated(&self.text, &call.inside, time).ok_or_else(|| self.refuse_computed(call, &new))
     }
 
     /// Sets an option of the creating call, or the value of a later method with that name. `value`: source text.
     pub fn option(&self, name: &str, value: &str) -> Result<Edit, EditRefused> {
-        if let Some(call) = self.last(&[name]) {
+        if let Some(call) = self.last_call(&[name]) {
             return self.overwrite(call, call.inside.clone(), value);
         }
         // A light has either `kelvin` or `color`.
@@ -332,7 +338,7 @@ impl<'a> ScriptObject<'a> {
         let is_time = TimeLiteral::of(&self.text, &bytes).is_some();
         let is_written = quoted || is_literal || is_time || is_calculation(&self.text, &bytes);
         if !is_written && !keeps_computed(&self.text, &bytes, value) {
-            return Err(self.computed(call, &format!("{}({value})", &self.text[call.name.clone()])));
+            return Err(self.refuse_computed(call, &format!("{}({value})", &self.text[call.name.clone()])));
         }
         let start = bytes.start + (inside.len() - inside.trim_start().len());
         Ok(Edit::in_old_style(&self.text, start..start + inside.trim().len(), value))
@@ -392,8 +398,8 @@ impl<'a> ScriptObject<'a> {
         let is_later = needs.is_some_and(|(_, made)| made > end);
         // A call after a constraint in an actor's chain would be about the constraint.
         let is_constrained = self.text[self.creating_call.name.clone()] == *"cast"
-            && self.last(&["reach", "aim", "look_at"]).is_some();
-        if self.text[self.text.skip(end)..].starts_with('.') || is_later || is_constrained {
+            && self.last_call(&["reach", "aim", "look_at"]).is_some();
+        if self.text[self.text.next_token_start(end)..].starts_with('.') || is_later || is_constrained {
             return Err(EditRefused::at(
                 self.line,
                 "it has no variable in the script; write let NAME = cast(…)",
@@ -419,7 +425,7 @@ impl<'a> ScriptObject<'a> {
 }
 
 /// Calls of a chain before the first one that returns another object, a joint.
-fn own(text: &Source, chain: Vec<Call>) -> Vec<Call> {
+fn calls_before_joint(text: &Source, chain: Vec<Call>) -> Vec<Call> {
     chain.into_iter().take_while(|call| text[call.name.clone()] != *"joint").collect()
 }
 
@@ -473,13 +479,13 @@ pub(super) fn loads_of<'a>(text: &Source<'a>, file: &str) -> impl Iterator<Item 
         file.starts_with('"')
             && text.argument(&call.inside, 0).is_some_and(|first| text[first] == *file)
             && text.depth_to(call.name.start) == 0
-            && text[text.skip(call.end)..].starts_with(';')
+            && text[text.next_token_start(call.end)..].starts_with(';')
     };
     let named = move |call: Call| text.variable_before(call.name.start).map(|name| (call, name));
     text.calls_of("load").filter(is_it).filter_map(named)
 }
 
-fn wrapped(degrees: f64) -> f64 {
+fn wrap_degrees(degrees: f64) -> f64 {
     if degrees.abs() <= 360.0 { degrees } else { degrees % 360.0 }
 }
 
@@ -525,7 +531,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_word_counts_wherever_it_stands() {
+    fn moving_changes_the_last_position_call() {
         let text =
             "let a = |cast(\"a\", m).at(1.0, 0, 2.0); // here\nlet b = 1;\na.turn(5).at([ 3.0, -1.5, 0 ]);\n";
         let moved = |o: &ScriptObject| o.move_by(DVec3::new(0.25, 0.0, -1.0), DVec3::ZERO);
@@ -543,7 +549,7 @@ mod tests {
     }
 
     #[test]
-    fn what_holds_for_a_frame_only_is_not_taken_for_it() {
+    fn calls_in_callbacks_and_conditions_are_not_changed() {
         let text =
             "let a = |cast(\"a\", m).turn(10);\non_frame(|t| a.turn(10.0 * t));\nif x { a.turn(3); }\n";
         let turned = |o: &ScriptObject| Ok(o.turn_by(rotation_of(DVec3::new(0.0, 20.0, 0.0))));
@@ -555,7 +561,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_computed_is_refused_and_a_line_is_offered() {
+    fn a_computed_value_is_refused_with_an_alternative_line() {
         let text = "  let a = |cast(\"a\", m)\n    .at(x + 1, 0, 0);\nlet b = 2;\n";
         let by = DVec3::new(0.5, 0.0, 0.0);
         let refused = changed(text, |o| o.move_by(by, by)).unwrap_err();
@@ -585,7 +591,7 @@ mod tests {
     }
 
     #[test]
-    fn turns_add_up_to_what_was_asked_for() {
+    fn turn_by_gives_the_requested_rotation() {
         let by = rotation_of(DVec3::new(30.0, 0.0, 0.0));
         for old in [DVec3::new(10.0, 20.0, 30.0), DVec3::new(-170.0, 5.0, 99.0), DVec3::new(0.0, 89.0, 0.0)] {
             let text = format!("|cast(\"a\", m).rotate({:?}, {:?}, {:?});", old.x, old.y, old.z);
@@ -593,7 +599,7 @@ mod tests {
             let inside = &after[after.find("rotate(").unwrap() + 7..after.len() - 2];
             let new: Vec<f64> = inside.split(", ").map(|v| v.parse().unwrap()).collect();
             let (got, wanted) = (rotation_of(DVec3::new(new[0], new[1], new[2])), by * rotation_of(old));
-            // Written to the thousandth of a degree.
+            // Angles are written with three decimal places.
             assert!(got.dot(wanted).abs() > 1.0 - 1e-9, "{after}");
         }
         let text = "|cast(\"a\", m).turn(45);";
@@ -604,7 +610,7 @@ mod tests {
     }
 
     #[test]
-    fn options_parameters_and_times() {
+    fn options_parameters_and_times_are_set() {
         let light = "let s = |sun(#{ intensity: 3.0, color: \"white\" });\ns.intensity(2);\n";
         assert!(changed(light, |o| o.option("intensity", "4.5")).unwrap().contains("s.intensity(4.5);"));
         assert!(
@@ -625,7 +631,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clip_becomes_a_line_in_the_scripts_own_words() {
+    fn a_played_clip_uses_the_variable_of_its_file() {
         let text = "let hero = load(\"a.glb\");\nlet a = |cast(\"a\", hero).at(0, 0, 0);\na.play(hero.clip(\"Walk\")).until(2.0);\n";
         let after = changed(text, |o| o.play("Wave \"1\"", at(2.0), "", None)).unwrap();
         assert!(after.contains("a.play(hero.clip(\"Wave \\\"1\\\"\")).from(2.0);"), "{after}");
@@ -638,7 +644,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clip_of_another_object_is_named_by_its_file_and_stands_after_it() {
+    fn a_clip_of_another_actor_is_added_after_that_actor() {
         let text = "let bob = cast(\"bob\", load(\"b.glb\"));\nlet hero = load(\"a.glb\");\nlet ada = cast(\"ada\", hero); // she\nlet eve = cast(\"eve\", load(\"e.glb\"));\n";
         let place = |name: &str| (text.lines().position(|l| l.contains(name)).unwrap() + 1, 11);
         let object = |name: &str| ScriptObject::at(text, place(name).0, place(name).1).unwrap();
@@ -656,7 +662,7 @@ mod tests {
 
     /// The new line follows loops and functions in which the actor plays, but not lines about other objects.
     #[test]
-    fn a_new_clip_stands_behind_all_that_is_played() {
+    fn a_new_clip_follows_all_statements_about_its_actor() {
         for last in [
             "for t in [1.0, 2.0] {\n    a.play(c).from(t);\n}",
             "dance(a, 2);",
@@ -672,7 +678,7 @@ mod tests {
     }
 
     #[test]
-    fn a_call_s_time_is_rewritten() {
+    fn the_time_argument_of_a_call_is_rewritten() {
         let text = "camera(\"b\").at(0, 1, 2).cut( 2.0 );\ncamera(\"c\").cut(x);";
         let column = text.find(".cut").unwrap() + 2;
         assert!(set_call(text, 1, column, at(2.5)).unwrap().apply(text).contains(".cut( 2.5 );"));
@@ -688,7 +694,7 @@ mod tests {
     }
 
     #[test]
-    fn markers_are_found_by_their_name() {
+    fn markers_are_set_by_their_name() {
         let text = "marker(\"go\", 1.5); // marker(\"go\", 3)\nlet m = marker(\"go\");\nmarker(\"end\", x);";
         assert!(set_marker(text, "go", at(2.0)).unwrap().apply(text).starts_with("marker(\"go\", 2.0);"));
         assert!(set_marker(text, "end", at(2.0)).unwrap_err().why.contains("line 3"));

@@ -22,7 +22,7 @@ pub enum NewValueSyntax {
 impl<'a> ScriptObject<'a> {
     /// Source text of a value: the arguments of the last call of the method `name`, else the value of the option `name` of the creating call.
     pub fn written(&self, name: &str) -> Option<&str> {
-        let range = match self.last(&[name]) {
+        let range = match self.last_call(&[name]) {
             Some(call) => call.inside.clone(),
             None => option_value(&self.text, &self.creating_call, name)?,
         };
@@ -50,7 +50,7 @@ impl<'a> ScriptObject<'a> {
     /// # Errors
     /// The script computes the value.
     pub fn set_value(&self, name: &str, value: &str, syntax: NewValueSyntax) -> Result<Edit, EditRefused> {
-        if let Some(call) = self.last(&[name]) {
+        if let Some(call) = self.last_call(&[name]) {
             return self.overwrite(call, call.inside.clone(), value);
         }
         let is_method = match syntax {
@@ -74,7 +74,7 @@ impl<'a> ScriptObject<'a> {
         value: &str,
         syntax: NewValueSyntax,
     ) -> Result<Edit, EditRefused> {
-        let over = match self.last(&[name]) {
+        let over = match self.last_call(&[name]) {
             Some(call) => Some(call.inside.clone()),
             None => option_value(&self.text, &self.creating_call, name),
         };
@@ -96,7 +96,7 @@ impl<'a> ScriptObject<'a> {
     ) -> Result<Edit, EditRefused> {
         let option = option_value(&self.text, &self.creating_call, name);
         let old = option.as_ref().and_then(|bytes| restated(&self.text, bytes, time));
-        match (self.last(&[name]), old) {
+        match (self.last_call(&[name]), old) {
             (None, Some(edit)) => Ok(edit),
             (None, None) if syntax == NewValueSyntax::Option || option.is_some() => {
                 set_option(&self.text, &self.creating_call, self.line, name, &time.new_text(&self.text))
@@ -301,7 +301,7 @@ impl<'a> ScriptObject<'a> {
     /// # Errors
     /// The script computes the words.
     pub fn set_words(&self, words: &str) -> Result<Edit, EditRefused> {
-        if let Some(call) = self.last(&["words"]) {
+        if let Some(call) = self.last_call(&["words"]) {
             return self.overwrite(call, call.inside.clone(), &quoted(words));
         }
         let inside = &self.creating_call.inside;

@@ -18,7 +18,7 @@ pub struct EditRefused {
 }
 
 /// Label of the button that adds a line.
-pub(super) const ADD: &str = "Add the line";
+pub(super) const ADD_LINE_LABEL: &str = "Add the line";
 
 impl EditRefused {
     /// A refusal caused by a line of the script, from 1.
@@ -46,7 +46,13 @@ impl EditRefused {
 
 impl From<String> for EditRefused {
     fn from(why: String) -> EditRefused {
-        EditRefused { why, line: None, alternative: None, alternative_label: ADD, is_computed: false }
+        EditRefused {
+            why,
+            line: None,
+            alternative: None,
+            alternative_label: ADD_LINE_LABEL,
+            is_computed: false,
+        }
     }
 }
 

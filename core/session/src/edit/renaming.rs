@@ -86,7 +86,7 @@ impl ScriptObject<'_> {
     fn variable_declaration(&self) -> Option<(usize, &str)> {
         let start = self.text.statement_start(self.creating_call.name.start);
         let name = self.text.variable_of(start).filter(|name| self.variable.as_deref() == Some(name))?;
-        Some((self.text.skip(start + "let".len()), name))
+        Some((self.text.next_token_start(start + "let".len()), name))
     }
 
     /// Fails if another object of the same kind has this name.

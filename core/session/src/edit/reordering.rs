@@ -62,14 +62,14 @@ pub fn reorder(
 /// End of the statements that directly follow these lines and begin with the variable that the lines declare.
 fn end_of_statements_about(source: &Source, lines: &Range<usize>) -> usize {
     let mut end = lines.end;
-    let Some(name) = source.variable_of(source.skip(lines.start)) else { return end };
+    let Some(name) = source.variable_of(source.next_token_start(lines.start)) else { return end };
     loop {
-        let next = source.skip(end);
+        let next = source.next_token_start(end);
         let gap = &source[end..next];
         let is_apart = gap[..gap.rfind('\n').map_or(0, |n| n + 1)].lines().any(|line| line.trim().is_empty());
         let is_about = next < source.len()
             && source.word_at(next) == name
-            && source[source.skip(next + name.len())..].starts_with('.');
+            && source[source.next_token_start(next + name.len())..].starts_with('.');
         let statement = next..source.statement_end(next);
         match source.own_lines(&statement).filter(|_| is_about && !is_apart) {
             Some(own) => end = own.end,
@@ -99,7 +99,7 @@ fn check_order(
     for set in source.assigned_names_in(&between) {
         let name = &source[set.clone()];
         if inside(lines, name).is_some() {
-            let way = if upwards { "before" } else { "behind" };
+            let way = if upwards { "before" } else { "after" };
             return refuse(
                 set.start,
                 format!("this line sets {name}, and the moved line, which would come {way} it, uses {name}"),
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn statements_change_places_with_what_is_about_them() {
+    fn statements_are_moved_with_the_statements_about_their_object() {
         let text = "// All.\nlet a = ^cast(\"a\", m);\na.play(x);\nlet b = |cast(\"b\", m); // right\n// It bows.\nb.play(y);\nsun();\n";
         let wanted = "// All.\nlet b = cast(\"b\", m); // right\n// It bows.\nb.play(y);\nlet a = cast(\"a\", m);\na.play(x);\nsun();\n";
         assert_eq!(moved(text, RowSide::Above).unwrap(), wanted);
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn paragraphs_take_their_comments_along() {
+    fn paragraphs_are_moved_with_their_comments() {
         let text = "let m = 1;\n\n// Ada.\nlet a = ^cast(\"a\", m);\n\n// Bob\n// bows.\nlet b = |cast(\"b\", m);\nb.play(y);\n\nsun();\n";
         let wanted = "let m = 1;\n\n// Bob\n// bows.\nlet b = cast(\"b\", m);\nb.play(y);\n\n// Ada.\nlet a = cast(\"a\", m);\n\nsun();\n";
         assert_eq!(moved(text, RowSide::Above).unwrap(), wanted);
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_statement_stays_behind_what_it_uses() {
+    fn moves_past_a_variable_in_use_are_refused() {
         for (text, side, why) in [
             (
                 "let a = ^cast(\"a\", m);\nlet x = 2.0;\nlet b = |cast(\"b\", m).at(x, 0, 0);\n",
@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn no_text_makes_it_panic() {
+    fn reordering_truncated_text_does_not_panic() {
         let text =
             "// ü\nlet ä = cast(\"ü(\") /* é */ .at([1]);\nä.play(x);\n\nfor i in 0..2 { f(i) } else {\n}";
         let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).collect();

@@ -51,11 +51,11 @@ pub(super) struct Loop<'a> {
     pub body: Range<usize>,
 }
 
-fn is_open(token: &str) -> bool {
+fn is_opening_bracket(token: &str) -> bool {
     matches!(token, "(" | "[" | "{" | "#{")
 }
 
-fn is_close(token: &str) -> bool {
+fn is_closing_bracket(token: &str) -> bool {
     matches!(token, ")" | "]" | "}")
 }
 
@@ -70,7 +70,7 @@ impl<'a> Source<'a> {
     }
 
     /// Index of the first token that begins at or after a byte.
-    fn index(&self, at: usize) -> usize {
+    fn token_index_at(&self, at: usize) -> usize {
         self.tokens.partition_point(|token| token.start < at)
     }
 
@@ -80,16 +80,16 @@ impl<'a> Source<'a> {
     }
 
     /// First byte of a token; the end of the text after the last.
-    fn start(&self, index: usize) -> usize {
+    fn token_start(&self, index: usize) -> usize {
         self.tokens.get(index).map_or(self.text.len(), |token| token.start)
     }
 
     /// Index of the token that closes the bracket at `open`.
-    fn matching(&self, open: usize) -> Option<usize> {
+    fn closing_bracket_of(&self, open: usize) -> Option<usize> {
         let mut depth = 0usize;
         for index in open..self.tokens.len() {
-            depth += usize::from(is_open(self.token(index)));
-            if is_close(self.token(index)) {
+            depth += usize::from(is_opening_bracket(self.token(index)));
+            if is_closing_bracket(self.token(index)) {
                 depth = depth.checked_sub(1)?;
                 if depth == 0 {
                     return Some(index);
@@ -99,19 +99,19 @@ impl<'a> Source<'a> {
         None
     }
 
-    /// The next byte that is neither whitespace nor in a comment.
-    pub fn skip(&self, at: usize) -> usize {
-        self.start(self.index(at))
+    /// The first byte at or after `at` that is neither whitespace nor in a comment.
+    pub fn next_token_start(&self, at: usize) -> usize {
+        self.token_start(self.token_index_at(at))
     }
 
     /// The end of the last token before a byte, skipping whitespace and comments.
     pub(super) fn code_end(&self, at: usize) -> usize {
-        self.index(at).checked_sub(1).map_or(0, |before| self.tokens[before].end.min(at))
+        self.token_index_at(at).checked_sub(1).map_or(0, |before| self.tokens[before].end.min(at))
     }
 
     /// The tokens that begin in a range.
     pub(super) fn tokens_within(&self, range: &Range<usize>) -> impl Iterator<Item = &'a str> {
-        (self.index(range.start)..self.index(range.end)).map(|index| self.token(index))
+        (self.token_index_at(range.start)..self.token_index_at(range.end)).map(|index| self.token(index))
     }
 
     /// Index of the first token from a byte on that `ends` accepts, skipping everything in brackets that open on the way.
@@ -121,10 +121,10 @@ impl<'a> Source<'a> {
 
     /// Like [`Source::find_outside`], among the tokens before the index `stop`. Returns `stop` or a greater index if none is found.
     fn find_outside_before(&self, stop: usize, at: usize, ends: impl Fn(&str) -> bool) -> usize {
-        let mut index = self.index(at);
+        let mut index = self.token_index_at(at);
         while index < stop && !ends(self.token(index)) {
-            index = match is_open(self.token(index)) {
-                true => self.matching(index).map_or(self.tokens.len(), |close| close + 1),
+            index = match is_opening_bracket(self.token(index)) {
+                true => self.closing_bracket_of(index).map_or(self.tokens.len(), |close| close + 1),
                 false => index + 1,
             };
         }
@@ -134,7 +134,7 @@ impl<'a> Source<'a> {
     /// The method calls `.from(x).until(y)` after a call, up to the next `play` or `then`.
     pub(crate) fn chain_after(&self, mut at: usize) -> Vec<Call> {
         let mut chain = Vec::new();
-        while self.token(self.index(at)) == "." {
+        while self.token(self.token_index_at(at)) == "." {
             let Some(call) = self.call_from(at) else { break };
             if matches!(&self.text[call.name.clone()], "then" | "play" | "then_at") {
                 break;
@@ -153,43 +153,43 @@ impl<'a> Source<'a> {
             self.token(*index) == name
                 && self.token(index + 1) == "."
                 && (*index == 0 || self.token(index - 1) != ".")
-                && self.depth_to(self.start(*index)) == wanted
+                && self.depth_to(self.token_start(*index)) == wanted
         };
         let found = (0..self.tokens.len()).filter(is_it);
-        found.map(|index| (self.start(index), self.chain_after(self.start(index + 1)))).collect()
+        found.map(|index| (self.token_start(index), self.chain_after(self.token_start(index + 1)))).collect()
     }
 
     /// Number of brackets that are open before a byte.
     pub(crate) fn depth_to(&self, end: usize) -> usize {
-        (0..self.index(end)).fold(0usize, |depth, index| match self.token(index) {
-            token if is_open(token) => depth + 1,
-            token if is_close(token) => depth.saturating_sub(1),
+        (0..self.token_index_at(end)).fold(0usize, |depth, index| match self.token(index) {
+            token if is_opening_bracket(token) => depth + 1,
+            token if is_closing_bracket(token) => depth.saturating_sub(1),
             _ => depth,
         })
     }
 
     /// End of the statement around a byte: after its `;`, else before the bracket that closes around it, else the end of the text.
     pub(crate) fn statement_end(&self, at: usize) -> usize {
-        let index = self.find_outside(at, |token| token == ";" || is_close(token));
-        self.start(index) + usize::from(self.token(index) == ";")
+        let index = self.find_outside(at, |token| token == ";" || is_closing_bracket(token));
+        self.token_start(index) + usize::from(self.token(index) == ";")
     }
 
     /// First byte of the statement around a byte, or of the content of the brackets around it.
     pub(super) fn statement_start(&self, at: usize) -> usize {
-        let mut index = self.index(at);
+        let mut index = self.token_index_at(at);
         let mut depth = 0usize;
         while let Some(before) = index.checked_sub(1) {
             match self.token(before) {
                 // The closing brace of a block ends the previous statement.
                 ";" | "}" if depth == 0 => break,
-                token if is_close(token) => depth += 1,
-                token if is_open(token) && depth == 0 => break,
-                token if is_open(token) => depth -= 1,
+                token if is_closing_bracket(token) => depth += 1,
+                token if is_opening_bracket(token) && depth == 0 => break,
+                token if is_opening_bracket(token) => depth -= 1,
                 _ => {}
             }
             index = before;
         }
-        self.start(index)
+        self.token_start(index)
     }
 
     /// The statement around a byte at the bracket depth `depth`.
@@ -208,12 +208,12 @@ impl<'a> Source<'a> {
 
     /// First byte of the token before a byte; 0 if there is none.
     pub(super) fn token_before(&self, at: usize) -> usize {
-        self.index(at).checked_sub(1).map_or(0, |before| self.start(before))
+        self.token_index_at(at).checked_sub(1).map_or(0, |before| self.token_start(before))
     }
 
     /// The first token that begins at or after a byte.
     pub(super) fn word_at(&self, at: usize) -> &'a str {
-        self.token(self.index(at))
+        self.token(self.token_index_at(at))
     }
 
     /// End of the statement that begins at a byte; for a loop or a condition the end of its last block.
@@ -225,13 +225,13 @@ impl<'a> Source<'a> {
         let mut at = start;
         loop {
             let open = self.find_outside(at, |token| token == "{" || token == ";");
-            let Some(close) = self.matching(open).filter(|_| self.token(open) == "{") else {
+            let Some(close) = self.closing_bracket_of(open).filter(|_| self.token(open) == "{") else {
                 return self.statement_end(start);
             };
             match self.token(close + 1) {
-                "else" | "catch" => at = self.start(close + 1),
+                "else" | "catch" => at = self.token_start(close + 1),
                 "while" | "until" if self.word_at(start) == "do" => {
-                    return self.statement_end(self.start(close + 1));
+                    return self.statement_end(self.token_start(close + 1));
                 }
                 _ => return self.tokens[close].end,
             }
@@ -240,7 +240,7 @@ impl<'a> Source<'a> {
 
     /// Bytes of the names that statements in a range declare or assign.
     pub(super) fn assigned_names_in(&self, range: &Range<usize>) -> Vec<Range<usize>> {
-        let tokens = self.index(range.start)..self.index(range.end);
+        let tokens = self.token_index_at(range.start)..self.token_index_at(range.end);
         let is_set = |index: &usize| {
             let before = index.checked_sub(1).map_or("", |before| self.token(before));
             let follows = self.token(index + 1);
@@ -253,12 +253,14 @@ impl<'a> Source<'a> {
 
     /// Whether a statement begins at a byte.
     pub(super) fn begins_statement(&self, at: usize) -> bool {
-        self.index(at).checked_sub(1).is_none_or(|before| matches!(self.token(before), ";" | "{" | "}"))
+        self.token_index_at(at)
+            .checked_sub(1)
+            .is_none_or(|before| matches!(self.token(before), ";" | "{" | "}"))
     }
 
     /// The variable that a statement declares, `let NAME = …`. `statement`: its first byte.
     pub(super) fn variable_of(&self, statement: usize) -> Option<&'a str> {
-        let index = self.index(statement);
+        let index = self.token_index_at(statement);
         (self.token(index) == "let" && self.token(index + 2) == "=").then(|| self.token(index + 1))
     }
 
@@ -266,12 +268,12 @@ impl<'a> Source<'a> {
     pub(super) fn uses_of(&self, name: &str) -> impl Iterator<Item = usize> {
         let is_it =
             move |index: &usize| self.token(*index) == name && (*index == 0 || self.token(index - 1) != ".");
-        (0..self.tokens.len()).filter(is_it).map(|index| self.start(index))
+        (0..self.tokens.len()).filter(is_it).map(|index| self.token_start(index))
     }
 
     /// The function call that has the word at a byte as a whole argument, and the number of that argument, from 0.
     pub(super) fn argument_at(&self, at: usize) -> Option<(Call, usize)> {
-        let index = self.index(at);
+        let index = self.token_index_at(at);
         let (mut before, mut depth, mut number) = (index.checked_sub(1)?, 0usize, 0);
         if !matches!(self.token(before), "(" | ",") || !matches!(self.token(index + 1), ")" | ",") {
             return None;
@@ -279,8 +281,8 @@ impl<'a> Source<'a> {
         loop {
             match self.token(before) {
                 "(" if depth == 0 => break,
-                token if is_open(token) => depth = depth.checked_sub(1)?,
-                token if is_close(token) => depth += 1,
+                token if is_opening_bracket(token) => depth = depth.checked_sub(1)?,
+                token if is_closing_bracket(token) => depth += 1,
                 "," if depth == 0 => number += 1,
                 _ => {}
             }
@@ -288,18 +290,18 @@ impl<'a> Source<'a> {
         }
         let name = before.checked_sub(1)?;
         let is_method = name.checked_sub(1).is_some_and(|dot| self.token(dot) == ".");
-        self.call_from(self.start(name)).filter(|_| !is_method).map(|call| (call, number))
+        self.call_from(self.token_start(name)).filter(|_| !is_method).map(|call| (call, number))
     }
 
     /// Name of a parameter of a function, given by its number from 0, and the bytes of the function's body.
     pub(super) fn parameter(&self, function: &str, number: usize) -> Option<(&'a str, Range<usize>)> {
         let is_it = |index: &usize| self.token(*index) == "fn" && self.token(index + 1) == function;
         let definition = (0..self.tokens.len()).find(is_it)?;
-        let parameters = self.call_from(self.start(definition + 1))?;
+        let parameters = self.call_from(self.token_start(definition + 1))?;
         let name = self.tokens_within(&parameters.inside).filter(|token| *token != ",").nth(number)?;
-        let brace = self.index(parameters.end);
-        let close = self.matching(brace).filter(|_| self.token(brace) == "{")?;
-        Some((name, self.tokens[brace].end..self.start(close)))
+        let brace = self.token_index_at(parameters.end);
+        let close = self.closing_bracket_of(brace).filter(|_| self.token(brace) == "{")?;
+        Some((name, self.tokens[brace].end..self.token_start(close)))
     }
 
     /// The range extended to whole lines, with indentation and a comment after it. `None` if other code stands on these lines.
@@ -317,37 +319,37 @@ impl<'a> Source<'a> {
         let is_it =
             move |index: &usize| self.token(*index) == name && (*index == 0 || self.token(index - 1) != ".");
         let found = (0..self.tokens.len()).filter(is_it);
-        found.filter_map(|index| self.call_from(self.start(index)))
+        found.filter_map(|index| self.call_from(self.token_start(index)))
     }
 
     /// The call `name(…)` or `.name(…)` at a byte.
     pub(crate) fn call_from(&self, at: usize) -> Option<Call> {
-        let index = self.index(at);
+        let index = self.token_index_at(at);
         let index = index + usize::from(self.token(index) == ".");
         let is_name = self.token(index).starts_with(|c: char| c.is_alphanumeric() || c == '_');
         if !is_name || self.token(index + 1) != "(" {
             return None;
         }
-        let close = self.start(self.matching(index + 1)?);
-        let open = self.start(index + 1);
+        let close = self.token_start(self.closing_bracket_of(index + 1)?);
+        let open = self.token_start(index + 1);
         Some(Call { name: self.tokens[index].clone(), inside: open + 1..close, end: close + 1 })
     }
 
     /// The option `name: value` of a map whose name begins at a byte.
     pub(super) fn option_from(&self, at: usize) -> Option<Call> {
-        let name = self.index(at);
+        let name = self.token_index_at(at);
         if self.token(name + 1) != ":" {
             return None;
         }
-        let value = self.start(name + 2);
-        let end = self.find_outside(value, |token| token == "," || is_close(token));
-        let inside = self.trimmed(&(value..self.start(end)));
+        let value = self.token_start(name + 2);
+        let end = self.find_outside(value, |token| token == "," || is_closing_bracket(token));
+        let inside = self.trimmed(&(value..self.token_start(end)));
         Some(Call { name: self.tokens[name].clone(), end: inside.end, inside })
     }
 
     /// The call before the method whose name is at a byte: `a(…)` for `b` in `a(…).b`.
     pub(super) fn call_before(&self, name: usize) -> Option<Call> {
-        let dot = self.index(name).checked_sub(1)?;
+        let dot = self.token_index_at(name).checked_sub(1)?;
         let mut index = dot.checked_sub(1)?;
         if self.token(dot) != "." || self.token(index) != ")" {
             return None;
@@ -355,15 +357,15 @@ impl<'a> Source<'a> {
         let mut depth = 1usize;
         while depth > 0 {
             index = index.checked_sub(1)?;
-            depth += usize::from(is_close(self.token(index)));
-            depth -= usize::from(is_open(self.token(index)));
+            depth += usize::from(is_closing_bracket(self.token(index)));
+            depth -= usize::from(is_opening_bracket(self.token(index)));
         }
-        self.call_from(self.start(index.checked_sub(1)?))
+        self.call_from(self.token_start(index.checked_sub(1)?))
     }
 
     /// The range without whitespace and comments at its ends.
     pub fn trimmed(&self, bytes: &Range<usize>) -> Range<usize> {
-        let (first, behind) = (self.index(bytes.start), self.index(bytes.end));
+        let (first, behind) = (self.token_index_at(bytes.start), self.token_index_at(bytes.end));
         match self.tokens.get(first..behind) {
             Some([first, .., last]) => first.start..last.end.min(bytes.end),
             Some([only]) => only.start..only.end.min(bytes.end),
@@ -376,11 +378,11 @@ impl<'a> Source<'a> {
         let mut at = inside.start;
         while at < inside.end {
             let end = self.value_end(at, inside.end);
-            let map = self.index(at);
+            let map = self.token_index_at(at);
             if self.token(map) == "#{" {
-                let close = self.matching(map)?;
-                let is_last = self.start(close + 1) >= inside.end;
-                return is_last.then(|| self.tokens[map].end..self.start(close));
+                let close = self.closing_bracket_of(map)?;
+                let is_last = self.token_start(close + 1) >= inside.end;
+                return is_last.then(|| self.tokens[map].end..self.token_start(close));
             }
             at = end + 1;
         }
@@ -389,7 +391,8 @@ impl<'a> Source<'a> {
 
     /// Byte of the comma after a value, or `end`.
     pub(crate) fn value_end(&self, at: usize, end: usize) -> usize {
-        self.start(self.find_outside_before(self.index(end), at, |token| token == ",")).min(end)
+        self.token_start(self.find_outside_before(self.token_index_at(end), at, |token| token == ","))
+            .min(end)
     }
 
     /// Bytes of an argument without whitespace, given by the inside of the call's parentheses and its number from 0.
@@ -410,7 +413,7 @@ impl<'a> Source<'a> {
 
     /// The variable of `let NAME =` or `NAME =` directly before a byte.
     pub(crate) fn variable_before(&self, at: usize) -> Option<&'a str> {
-        let equals = self.index(at).checked_sub(1)?;
+        let equals = self.token_index_at(at).checked_sub(1)?;
         let name = equals.checked_sub(1)?;
         let before = name.checked_sub(1).map_or("", |index| self.token(index));
         let is_name = self.token(name).starts_with(|c: char| c.is_alphabetic() || c == '_');
@@ -420,16 +423,17 @@ impl<'a> Source<'a> {
 
     /// The innermost `for NAME in VALUES { … }` around a byte.
     pub(crate) fn loop_around(&self, at: usize) -> Option<Loop<'a>> {
-        let within = self.index(at);
+        let within = self.token_index_at(at);
         let around = |index: usize| {
-            let brace =
-                self.index(self.start(self.find_outside(self.start(index + 3), |token| token == "{")));
-            let close = self.matching(brace).filter(|close| brace < within && within < *close)?;
+            let brace = self.token_index_at(
+                self.token_start(self.find_outside(self.token_start(index + 3), |token| token == "{")),
+            );
+            let close = self.closing_bracket_of(brace).filter(|close| brace < within && within < *close)?;
             Some(Loop {
-                all: self.start(index)..self.start(close) + 1,
+                all: self.token_start(index)..self.token_start(close) + 1,
                 name: self.token(index + 1),
-                values: self.start(index + 3)..self.start(brace),
-                body: self.start(brace) + 1..self.start(close),
+                values: self.token_start(index + 3)..self.token_start(brace),
+                body: self.token_start(brace) + 1..self.token_start(close),
             })
         };
         let is_loop = |index: &usize| self.token(*index) == "for" && self.token(index + 2) == "in";
@@ -443,21 +447,23 @@ impl<'a> Source<'a> {
 
     /// The calls that begin in a range, in order.
     pub(crate) fn calls_within(&self, range: &Range<usize>) -> Vec<Call> {
-        let tokens = self.index(range.start)..self.index(range.end);
+        let tokens = self.token_index_at(range.start)..self.token_index_at(range.end);
         // A method is found at its name; the dot before it is skipped.
-        let call =
-            |index| self.call_from(self.start(index)).filter(|call| call.name.start == self.start(index));
+        let call = |index| {
+            self.call_from(self.token_start(index)).filter(|call| call.name.start == self.token_start(index))
+        };
         tokens.filter_map(call).collect()
     }
 
     /// First byte of the last call before `before` that is assigned by `let NAME =` or `NAME =`.
     pub(crate) fn assigned_call(&self, name: &str, before: usize) -> Option<usize> {
         let is_it = |index: &usize| {
-            self.call_from(self.start(*index)).is_some_and(|call| call.name.start == self.start(*index))
-                && self.variable_before(self.start(*index)) == Some(name)
+            self.call_from(self.token_start(*index))
+                .is_some_and(|call| call.name.start == self.token_start(*index))
+                && self.variable_before(self.token_start(*index)) == Some(name)
         };
-        let found = (0..self.index(before)).rev().find(is_it)?;
-        (!name.is_empty()).then(|| self.start(found))
+        let found = (0..self.token_index_at(before)).rev().find(is_it)?;
+        (!name.is_empty()).then(|| self.token_start(found))
     }
 
     /// Line and column, in characters, of a byte, both from 1.

@@ -2,7 +2,7 @@
 
 use super::cues::{CueChange, comment_behind, set_times, statement_start};
 use super::indenting::indented;
-use super::key_list::parts;
+use super::key_list::split_at_commas;
 use super::keys::shifted_keys;
 use super::number_style::in_number_style;
 use super::object::ScriptObject;
@@ -16,30 +16,31 @@ use choreo_stage::{Cue, Described};
 use std::ops::Range;
 
 /// Calls and options about transitions and the part of the clip. The second half of a split cue does not inherit them.
-const ENDS: [&str; 8] = ["fade", "fade_out", "ease", "in_step", "inertial", "trim", "clip_time", "freeze"];
+const FIRST_HALF_CALLS: [&str; 8] =
+    ["fade", "fade_out", "ease", "in_step", "inertial", "trim", "clip_time", "freeze"];
 /// Calls and options that set the time range of a cue.
-pub(super) const TIMES: [&str; 2] = ["from", "until"];
+pub(super) const TIME_RANGE_CALLS: [&str; 2] = ["from", "until"];
 /// Calls of a layer, which apply to all cues of a chain.
-const LAYER: [&str; 5] = ["on", "additive", "subtractive", "priority", "layer_weight"];
+const LAYER_CALLS: [&str; 5] = ["on", "additive", "subtractive", "priority", "layer_weight"];
 /// Calls whose keys are in stage time, in addition to the keyed fields that [`Cue`] describes.
-const KEYED: [&str; 2] = ["clip_time", "layer_weight"];
+const STAGE_TIME_KEYED_CALLS: [&str; 2] = ["clip_time", "layer_weight"];
 
 /// Ends of a clip's part that differ by at most this many seconds count as equal.
-const SAME: f64 = 2e-5;
+const TRIM_TOLERANCE: f64 = 2e-5;
 
 /// Whether a call of a cue is about its layer, and so applies to all cues of its chain.
 pub fn is_of_layer(name: &str) -> bool {
-    LAYER.contains(&name)
+    LAYER_CALLS.contains(&name)
 }
 
-/// Whether a call or option belongs to a cue independent of its place on the timeline.
-fn is_own(name: &str) -> bool {
-    !TIMES.contains(&name) && !is_of_layer(name)
+/// Whether a call or option of a cue is kept if the cue is copied to another time.
+fn is_independent_of_time(name: &str) -> bool {
+    !TIME_RANGE_CALLS.contains(&name) && !is_of_layer(name)
 }
 
 /// Whether the keys of a call are in stage time.
-fn is_keyed(name: &str) -> bool {
-    KEYED.contains(&name) || Cue::field(name).is_some_and(|field| field.keyed.is_some())
+fn has_stage_time_keys(name: &str) -> bool {
+    STAGE_TIME_KEYED_CALLS.contains(&name) || Cue::field(name).is_some_and(|field| field.keyed.is_some())
 }
 
 /// The call that makes a cue, and the method calls after it.
@@ -63,11 +64,11 @@ pub enum SecondHalf {
 
 impl<'a> Strip<'a> {
     pub(super) fn at(text: &'a str, line: usize, column: usize) -> Result<Strip<'a>, EditRefused> {
-        let within = Strip::within(Source::new(text), line, column);
+        let within = Strip::from_source(Source::new(text), line, column);
         within.ok_or_else(|| EditRefused::at(line, "there is no play or then to change here"))
     }
 
-    fn within(text: Source<'a>, line: usize, column: usize) -> Option<Strip<'a>> {
+    fn from_source(text: Source<'a>, line: usize, column: usize) -> Option<Strip<'a>> {
         let call = text.byte_at(line, column).and_then(|at| text.call_from(at))?;
         let chain = text.chain_after(call.end);
         Some(Strip { text, line, call, chain })
@@ -77,7 +78,7 @@ impl<'a> Strip<'a> {
         &self.text[call.name.clone()]
     }
 
-    pub(super) fn last(&self, name: &str) -> Option<&Call> {
+    pub(super) fn last_call(&self, name: &str) -> Option<&Call> {
         self.chain.iter().rev().find(|call| self.name(call) == name)
     }
 
@@ -87,11 +88,11 @@ impl<'a> Strip<'a> {
 
     /// Bytes of a value that the cue states as a method, else as an option.
     pub(super) fn value(&self, name: &str) -> Option<Range<usize>> {
-        let method = self.last(name).map(|call| call.inside.clone());
+        let method = self.last_call(name).map(|call| call.inside.clone());
         method.or_else(|| option_value(&self.text, &self.call, name))
     }
 
-    fn computed(&self, name: &str, value: &Range<usize>) -> EditRefused {
+    fn refuse_computed(&self, name: &str, value: &Range<usize>) -> EditRefused {
         let line = self.text[..value.start].matches('\n').count() + 1;
         let shown = self.text[value.clone()].trim();
         EditRefused::at(line, &format!("{name}: {shown} is computed; change it there"))
@@ -105,7 +106,7 @@ impl<'a> Strip<'a> {
             return Ok(self.add(is_method, (name, &numbers)));
         };
         let changed = numbers_over(&self.text, &self.text.trimmed(&old), values);
-        changed.ok_or_else(|| self.computed(name, &old))
+        changed.ok_or_else(|| self.refuse_computed(name, &old))
     }
 
     /// Adds a value that the cue does not state yet: as a method, else as an option. A method is also used if the options are computed.
@@ -146,7 +147,7 @@ impl<'a> Strip<'a> {
     /// All cues of the chain in order, including this one.
     pub(super) fn cues(&self) -> Vec<Strip<'a>> {
         let mut all: Vec<Strip> = Vec::new();
-        let mut next = Some(self.first());
+        let mut next = Some(self.chain_start());
         while let Some(call) = next {
             let chain = self.text.chain_after(call.end);
             let cue = Strip { text: self.text.clone(), line: self.line, call, chain };
@@ -159,7 +160,7 @@ impl<'a> Strip<'a> {
 
     /// Name bytes of the cue that this one follows: the previous cue of its chain, or the last cue of the chain in a variable, `walk.then(…)`.
     /// `all`: the cues to search for that variable.
-    fn before<'s>(&'s self, all: &'s [Option<Strip<'a>>]) -> Option<Range<usize>> {
+    fn preceding_cue<'s>(&'s self, all: &'s [Option<Strip<'a>>]) -> Option<Range<usize>> {
         if self.name(&self.call) != "then" {
             return None;
         }
@@ -171,7 +172,7 @@ impl<'a> Strip<'a> {
         let start = statement_start(&self.text, &self.call)?;
         let variable = self.text.word_at(start);
         let is_it = |cue: &&Strip| {
-            let made = statement_start(&cue.text, &cue.first()).filter(|made| *made < start);
+            let made = statement_start(&cue.text, &cue.chain_start()).filter(|made| *made < start);
             made.and_then(|made| cue.text.variable_before(made)) == Some(variable)
         };
         let made = all.iter().flatten().filter(is_it).max_by_key(|cue| cue.call.name.start)?;
@@ -180,13 +181,13 @@ impl<'a> Strip<'a> {
 
     /// Separator before a new `.then`: a line break with indentation.
     fn new_line(&self) -> String {
-        let start = self.text[..self.first().name.start].rfind('\n').map_or(0, |n| n + 1);
+        let start = self.text[..self.chain_start().name.start].rfind('\n').map_or(0, |n| n + 1);
         let blanks: String = self.text[start..].chars().take_while(|c| *c == ' ' || *c == '\t').collect();
         format!("\n{blanks}    ")
     }
 
-    /// The `play` that begins the chain.
-    fn first(&self) -> Call {
+    /// The call that begins the chain, a `play`.
+    fn chain_start(&self) -> Call {
         let mut first = self.call.clone();
         while let Some(before) = self.text.call_before(first.name.start) {
             if matches!(self.name(&before), "cast" | "camera") {
@@ -199,7 +200,7 @@ impl<'a> Strip<'a> {
 
     /// Fails if a variable of the script holds the chain, since a new cue would change its meaning.
     fn refuse_variable(&self) -> Result<(), EditRefused> {
-        let first = self.first();
+        let first = self.chain_start();
         let before = self.text[..first.name.start].trim_end();
         let owner = before.strip_suffix('.').map_or(before, str::trim_end);
         let start = owner.rfind(|c: char| !c.is_alphanumeric() && c != '_').map_or(0, |at| at + 1);
@@ -213,7 +214,7 @@ impl<'a> Strip<'a> {
     }
 
     /// A `.then(…)` with the clip, and with the options and calls that `keeps` accepts.
-    fn then(&self, keeps: impl Fn(&str) -> bool) -> String {
+    fn then_call(&self, keeps: impl Fn(&str) -> bool) -> String {
         let inside = &self.call.inside;
         // If the script keeps the options in a variable, the copy uses it, too.
         let end = match self.text.map_in(inside) {
@@ -241,10 +242,10 @@ impl<'a> Strip<'a> {
 /// Index of the cue that each cue follows in its chain. Cues are given by line and column of their `play` or `then`.
 pub fn cues_before(text: &str, places: &[(usize, usize)]) -> Vec<Option<usize>> {
     let text = Source::new(text);
-    let cue = |(line, column): &(usize, usize)| Strip::within(text.clone(), *line, *column);
+    let cue = |(line, column): &(usize, usize)| Strip::from_source(text.clone(), *line, *column);
     let all: Vec<Option<Strip>> = places.iter().map(cue).collect();
     let before = |cue: &Option<Strip>| {
-        let before = cue.as_ref()?.before(&all)?;
+        let before = cue.as_ref()?.preceding_cue(&all)?;
         all.iter().position(|other| other.as_ref().is_some_and(|other| other.call.name == before))
     };
     all.iter().map(before).collect()
@@ -271,8 +272,8 @@ pub fn set_trim(
         let is_method = becomes_method(&strip.text, &strip.call, &strip.chain, "trim");
         return Ok(strip.add(is_method, ("trim", &seconds(&trim, fps))));
     };
-    let [from, to] = times_in(&strip.text, &value).ok_or_else(|| strip.computed("trim", &value))?;
-    let moves = |(end, secs): &(TimeLiteral, f64)| (end.secs(fps) - secs).abs() > SAME;
+    let [from, to] = times_in(&strip.text, &value).ok_or_else(|| strip.refuse_computed("trim", &value))?;
+    let moves = |(end, secs): &(TimeLiteral, f64)| (end.secs(fps) - secs).abs() > TRIM_TOLERANCE;
     let moved = [(from, trim[0]), (to, trim[1])].into_iter().filter(moves);
     Ok(Edit::joined(text, moved.map(|(end, secs)| end.set(text, EditTime { secs, fps })).collect()))
 }
@@ -283,7 +284,7 @@ fn times_in(text: &Source, bytes: &Range<usize>) -> Option<[TimeLiteral; 2]> {
     let inside = text[list.clone()].strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
     let (start, end) = if inside.is_some() { (list.start + 1, list.end - 1) } else { (list.start, list.end) };
     let times: Option<Vec<TimeLiteral>> =
-        parts(text, start, end).map(|time| TimeLiteral::of(text, &time)).collect();
+        split_at_commas(text, start, end).map(|time| TimeLiteral::of(text, &time)).collect();
     times?.try_into().ok()
 }
 
@@ -319,7 +320,7 @@ pub fn set_disabled(text: &str, line: usize, column: usize, off: bool) -> Result
     if off {
         let old = strip.text.trimmed(&value);
         if !is_calculation(&strip.text, &old) {
-            return Err(strip.computed("weight", &value));
+            return Err(strip.refuse_computed("weight", &value));
         }
         let old = &strip.text[old];
         return Ok(Edit { text: format!("{} /* {old} */", in_number_style(old, "0.0")), range });
@@ -346,7 +347,8 @@ pub fn split_cue(
 ) -> Result<Edit, EditRefused> {
     let strip = Strip::at(text, line, column)?;
     strip.refuse_variable()?;
-    let mut second = strip.then(|name| is_own(name) && !ENDS.contains(&name));
+    let mut second =
+        strip.then_call(|name| is_independent_of_time(name) && !FIRST_HALF_CALLS.contains(&name));
     let until = strip.value("until").map(|until| strip.text[until].trim().to_string());
     // The second cue is written in the style of the first: with methods or with options.
     let is_method = becomes_method(&strip.text, &strip.call, &strip.chain, "trim");
@@ -399,7 +401,7 @@ pub fn duplicate_cue(
 ) -> Result<Edit, EditRefused> {
     let strip = Strip::at(text, line, column)?;
     strip.refuse_variable()?;
-    let second = strip.then(is_own);
+    let second = strip.then_call(is_independent_of_time);
     let then = second.trim_start();
     let shifted =
         shift_keys(then, 1, 2, by).map_err(|refused| EditRefused { line: Some(line), ..refused })?;
@@ -418,7 +420,7 @@ pub fn shift_cue(text: &str, line: usize, column: usize, by: EditTime) -> Result
     for name in ["from", "until"] {
         let strip = Strip::at(&after, line, column)?;
         let Some(value) = strip.value(name) else { continue };
-        let old = TimeLiteral::of(&strip.text, &value).ok_or_else(|| strip.computed(name, &value))?;
+        let old = TimeLiteral::of(&strip.text, &value).ok_or_else(|| strip.refuse_computed(name, &value))?;
         let secs = old.secs(by.fps) + by.secs;
         let edit = old.set(&after, EditTime { secs, fps: by.fps });
         after = edit.apply(&after);
@@ -440,13 +442,14 @@ pub fn shift_keys(text: &str, line: usize, column: usize, by: EditTime) -> Resul
         let first = call.inside.start..strip.text.value_end(call.inside.start, call.inside.end);
         let edit = match strip.name(call) {
             "freeze" => {
-                let old =
-                    TimeLiteral::of(&strip.text, &first).ok_or_else(|| strip.computed("freeze", &first))?;
+                let old = TimeLiteral::of(&strip.text, &first)
+                    .ok_or_else(|| strip.refuse_computed("freeze", &first))?;
                 let secs = old.secs(by.fps) + by.secs;
                 old.set(&after, EditTime { secs, fps: by.fps })
             }
-            name if is_keyed(name) && strip.text[first.clone()].trim_start().starts_with('[') => {
-                shifted_keys(&strip.text, first.clone(), by).ok_or_else(|| strip.computed(name, &first))?
+            name if has_stage_time_keys(name) && strip.text[first.clone()].trim_start().starts_with('[') => {
+                shifted_keys(&strip.text, first.clone(), by)
+                    .ok_or_else(|| strip.refuse_computed(name, &first))?
             }
             _ => continue,
         };
@@ -456,7 +459,8 @@ pub fn shift_keys(text: &str, line: usize, column: usize, by: EditTime) -> Resul
         let strip = Strip::at(&after, line, column)?;
         let option = option_value(&strip.text, &strip.call, name).map(|value| strip.text.trimmed(&value));
         let Some(keys) = option.filter(|value| strip.text[value.clone()].starts_with('[')) else { continue };
-        let edit = shifted_keys(&strip.text, keys.clone(), by).ok_or_else(|| strip.computed(name, &keys))?;
+        let edit =
+            shifted_keys(&strip.text, keys.clone(), by).ok_or_else(|| strip.refuse_computed(name, &keys))?;
         after = edit.apply(&after);
     }
     Ok(Edit::between(text, &after))

@@ -9,7 +9,7 @@ use super::{Edit, EditRefused, chain};
 use std::ops::Range;
 
 /// Two times within this many seconds are the same tick.
-const NEAR: f64 = 0.5 / choreo_motion::Time::TICKS_PER_SECOND as f64;
+const TICK_TOLERANCE: f64 = 0.5 / choreo_motion::Time::TICKS_PER_SECOND as f64;
 
 /// A time to be written into a script.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,7 +64,7 @@ impl EditTime {
         }
         let time = frame / self.fps;
         match is_frame {
-            true => format_as_meant(time, |read| libm::fabs(read - time) < NEAR),
+            true => format_as_meant(time, |read| libm::fabs(read - time) < TICK_TOLERANCE),
             false => trimmed(&format!("{secs:.USUAL_DIGITS$}")),
         }
     }
@@ -229,7 +229,7 @@ mod tests {
     use super::*;
     use crate::edit::marked::marked;
 
-    /// The place is where `|` stands.
+    /// Sets a time of the cue whose call `|` marks.
     fn set(text: &str, part: CueTime, secs: f64) -> Result<String, String> {
         let (text, line, column) = marked(text);
         let time = EditTime { secs, fps: 30.0 };
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn an_end_stands_behind_the_start() {
+    fn a_new_end_is_written_after_the_start() {
         let ended = |text| set(text, CueTime::End, 2.0).unwrap();
         assert_eq!(ended("a.|play(c).from(1.0);"), "a.play(c).from(1.0).until(2.0);");
         assert_eq!(ended("a.|play(c).then(d).from(3.0);"), "a.play(c).until(2.0).then(d).from(3.0);");
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn the_literal_is_rewritten_and_nothing_else() {
+    fn setting_a_time_rewrites_only_its_literal() {
         let text = "// a walk\nada.|play(moves.clip(\"Walk (1)\")) /* from( */ .from( 0.5 ) // why\n    .until(2.0);\n";
         assert_eq!(
             set(text, CueTime::Start, 0.75).unwrap(),
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_said_is_added_behind_the_call() {
+    fn a_missing_time_is_added_after_the_call() {
         assert_eq!(set("a|.play(c);", CueTime::Start, 1.5).unwrap(), "a.play(c).from(1.5);");
         assert_eq!(
             set("a.|play(c).on(\"x\");", CueTime::End, 2.0).unwrap(),
@@ -307,7 +307,7 @@ mod tests {
 
     /// Seconds stay seconds and frames stay frames; a new time has the style of the script.
     #[test]
-    fn times_keep_the_script_s_own_style() {
+    fn times_keep_the_style_of_the_script() {
         let seconds = set("a.|play(c).from(1.0).until(f(60));", CueTime::Start, 31.0 / 30.0).unwrap();
         assert_eq!(seconds, "a.play(c).from(1.033333333).until(f(60));");
         // The inverse edit restores the text.
@@ -327,7 +327,7 @@ mod tests {
 
     /// A new time that needs all digits has the style of the neighboring times, else that of most times of the script.
     #[test]
-    fn a_new_time_is_written_as_most_others_are() {
+    fn a_new_time_has_the_style_of_most_times() {
         let ended = |text: &str| set(text, CueTime::End, 61.0 / 30.0).unwrap();
         for (before, call, written) in [
             ("b.play(d).from(1.0).until(2.0);\ne.cut(f(75));\n", "a.|play(c);", "2.033333333"),
@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn each_cue_of_a_chain_is_its_own() {
+    fn the_cues_of_a_chain_are_edited_separately() {
         let text = "a.play(c).until(2.0)\n  .|then(d, #{ trim: [1.0, 2.0], fade: 0.4, speed: f(1) }).until(4.0).then(e).until(5.0);";
         assert!(set(text, CueTime::End, 4.5).unwrap().contains(".until(2.0)\n"));
         assert!(set(text, CueTime::End, 4.5).unwrap().contains("}).until(4.5).then(e).until(5.0)"));
@@ -355,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_computed_is_refused_with_its_line() {
+    fn computed_times_are_refused_with_their_line() {
         let why = set("let x = 1;\na.|play(c).from(x + 1.0);", CueTime::Start, 2.0).unwrap_err();
         assert_eq!(why, "line 2: the time in .from(x + 1.0) is computed; change it there");
         assert!(set("a.|play(c).from(f(n));", CueTime::Start, 2.0).unwrap_err().contains("f(n)"));
@@ -382,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn a_change_finds_its_line_again() {
+    fn an_inverse_edit_is_carried_over_to_a_changed_text() {
         let then = "let a = 1;\na.play(c).from(0.5);\n";
         let edit = set_time(then, 2, 3, CueTime::Start, EditTime { secs: 0.75, fps: 30.0 }).unwrap();
         let after = edit.apply(then);
@@ -392,11 +392,11 @@ mod tests {
         let carried = back.carried_over(&after, &now).unwrap();
         assert_eq!(carried.apply(&now), "let a = 1;\nlet b = 2;\na.play(c).from(0.5);\n");
         assert_eq!(back.carried_over(&after, "something else"), None);
-        assert_eq!(back.carried_over(&after, &format!("{after}{after}")), None, "there are two of it");
+        assert_eq!(back.carried_over(&after, &format!("{after}{after}")), None, "the line exists twice");
     }
 
     #[test]
-    fn no_text_makes_it_panic() {
+    fn setting_times_in_truncated_text_does_not_panic() {
         let text = "a.play(\"ü(\", #{ x: `}` }).from(1.0) /* /* */ é */ .until('\\'');";
         let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).collect();
         for from in &ends {

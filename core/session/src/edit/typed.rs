@@ -24,7 +24,7 @@ impl TypedNumber {
     /// # Errors
     /// `made` is a refusal.
     pub fn keep(&self, text: &str, made: Result<Edit, EditRefused>) -> Result<Edit, EditRefused> {
-        self.in_place_of(&[format_number(self.value)], text, made)
+        self.replace_digits(&[format_number(self.value)], text, made)
     }
 
     /// Like [`TypedNumber::keep`] for a time in seconds. `fps`: frame rate of the stage.
@@ -38,10 +38,10 @@ impl TypedNumber {
         fps: f64,
     ) -> Result<Edit, EditRefused> {
         let time = EditTime { secs: self.value, fps };
-        self.in_place_of(&[time.text(true), time.text(false), format_number(self.value)], text, made)
+        self.replace_digits(&[time.text(true), time.text(false), format_number(self.value)], text, made)
     }
 
-    fn in_place_of(
+    fn replace_digits(
         &self,
         digits: &[String],
         text: &str,
@@ -53,8 +53,9 @@ impl TypedNumber {
         // Whole numbers may be written without a decimal point.
         let wholes = digits.iter().filter_map(|digits| without_point(digits));
         let digits: Vec<&str> = digits.iter().map(String::as_str).chain(wholes).collect();
-        let kept =
-            |edit: Edit| digits.iter().find_map(|digits| self.replaced(digits, text, &edit)).unwrap_or(edit);
+        let kept = |edit: Edit| {
+            digits.iter().find_map(|digits| self.with_typed_text(digits, text, &edit)).unwrap_or(edit)
+        };
         match made {
             Ok(edit) => Ok(kept(edit)),
             Err(refused) => Err(EditRefused { alternative: refused.alternative.map(kept), ..refused }),
@@ -62,7 +63,7 @@ impl TypedNumber {
     }
 
     /// The edit with the typed text in place of these digits. `None` if it does not write them.
-    fn replaced(&self, digits: &str, text: &str, edit: &Edit) -> Option<Edit> {
+    fn with_typed_text(&self, digits: &str, text: &str, edit: &Edit) -> Option<Edit> {
         let after = edit.apply(text);
         let changed = Edit::between(text, &after);
         // Digits of an unchanged text are replaced, too.
@@ -95,18 +96,18 @@ impl TypedNumber {
 mod tests {
     use super::*;
 
-    fn third() -> TypedNumber {
+    fn one_third() -> TypedNumber {
         TypedNumber { value: 1.0 / 3.0, text: "1.0 / 3.0".to_string() }
     }
 
-    /// The second text after an edit from the first one keeps the typed number.
+    /// The text after an edit from `before` to `after` that keeps the typed number.
     fn kept(typed: &TypedNumber, before: &str, after: &str) -> String {
         let edit = Edit::between(before, after);
         typed.keep_time(before, Ok(edit), 25.0).unwrap().apply(before)
     }
 
     #[test]
-    fn the_digits_that_an_edit_writes_become_what_was_typed() {
+    fn typed_expressions_replace_the_digits_of_an_edit() {
         for (before, after, wanted) in [
             ("at(0.0, 2.0)", "at(0.333, 2.0)", "at(1.0 / 3.0, 2.0)"),
             // Other numbers with the same digits stay.
@@ -114,13 +115,13 @@ mod tests {
             ("a()", "a().at(0.0, 0.333, -0.333)", "a().at(0.0, 1.0 / 3.0, -0.333)"),
             ("a(10.333)", "a(20.333)", "a(20.333)"),
         ] {
-            assert_eq!(kept(&third(), before, after), wanted);
+            assert_eq!(kept(&one_third(), before, after), wanted);
         }
         for (text, wanted) in
             [("at(0.333, 1.0)", "at(1.0 / 3.0, 1.0)"), ("at(0.333, 0.333)", "at(0.333, 0.333)")]
         {
             let same = Edit { range: 3..text.len() - 1, text: text[3..text.len() - 1].to_string() };
-            assert_eq!(third().keep(text, Ok(same)).unwrap().apply(text), wanted);
+            assert_eq!(one_third().keep(text, Ok(same)).unwrap().apply(text), wanted);
         }
     }
 

@@ -7,7 +7,7 @@ use choreo_script::{constant_expressions, token_ranges, tokens_with_inner};
 use std::ops::Range;
 
 /// Largest number of rounds that are written out.
-const MOST_ROUNDS: usize = 64;
+const MAX_ROUNDS: usize = 64;
 
 /// Unrolls the innermost loop around a position, `for NAME in [a, b]` or `in 0..3`, with the values in place of the name. Constant expressions
 /// become literals, which can be edited: `"post " + i` becomes `"post 1"`. A variable that holds such a literal and is never set again is replaced
@@ -21,9 +21,9 @@ pub fn unroll(text: &str, line: usize, column: usize) -> Result<Edit, EditRefuse
     let refuse = |why: &str| EditRefused::at(line, why);
     let at = source.byte_at(line, column).ok_or_else(|| refuse("the script has no such line"))?;
     let found = source.loop_around(at).ok_or_else(|| refuse("it is not in a loop"))?;
-    let values = values(&source, &found.values)
+    let values = loop_values(&source, &found.values)
         .ok_or_else(|| refuse("the values of the loop are computed; write it out in the script"))?;
-    if values.len() > MOST_ROUNDS {
+    if values.len() > MAX_ROUNDS {
         return Err(refuse("the loop has too many iterations to be written out"));
     }
     let words = words_within(text, &found.body);
@@ -128,12 +128,12 @@ fn without_constant(text: &str, name: &str) -> Option<String> {
 }
 
 /// Source text of the values of a loop: the items of an array, or the numbers of a range of literals.
-fn values(source: &Source, range: &Range<usize>) -> Option<Vec<String>> {
+fn loop_values(source: &Source, range: &Range<usize>) -> Option<Vec<String>> {
     let inside = source[range.clone()].trim();
     if let Some((from, to)) = inside.split_once("..").filter(|_| !inside.starts_with('[')) {
         let (last, add) = to.strip_prefix('=').map_or((to, 0), |to| (to, 1));
         let (from, to): (i64, i64) = (from.trim().parse().ok()?, last.trim().parse().ok()?);
-        return Some((from..to.checked_add(add)?).take(MOST_ROUNDS + 1).map(|n| n.to_string()).collect());
+        return Some((from..to.checked_add(add)?).take(MAX_ROUNDS + 1).map(|n| n.to_string()).collect());
     }
     let start = range.start + source[range.clone()].find('[')?;
     let end = range.start + source[range.clone()].rfind(']')?;

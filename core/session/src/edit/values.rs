@@ -10,7 +10,7 @@ use std::ops::Range;
 /// Decimal places that a person writes.
 pub(super) const USUAL_DIGITS: usize = 3;
 /// Decimal places with which every time is read back as the same tick.
-const MOST_DIGITS: usize = 9;
+const MAX_DIGITS: usize = 9;
 
 /// Writes a number as a person would: with 3 decimal places, small ones with 6; always with a decimal point, so that it stays a float.
 pub fn format_number(value: f64) -> String {
@@ -22,8 +22,8 @@ pub fn format_number(value: f64) -> String {
 /// Writes a number with 3 to 9 decimal places: the fewest whose parsed value `is_meant` accepts.
 pub fn format_as_meant(value: f64, is_meant: impl Fn(f64) -> bool) -> String {
     let reads = |text: &String| text.parse::<f64>().is_ok_and(&is_meant);
-    let text = (USUAL_DIGITS..MOST_DIGITS).map(|digits| format!("{value:.digits$}")).find(reads);
-    trimmed(&text.unwrap_or_else(|| format!("{value:.MOST_DIGITS$}")))
+    let text = (USUAL_DIGITS..MAX_DIGITS).map(|digits| format!("{value:.digits$}")).find(reads);
+    trimmed(&text.unwrap_or_else(|| format!("{value:.MAX_DIGITS$}")))
 }
 
 /// The digits of a number without trailing zeros, always with a decimal point.
@@ -84,9 +84,9 @@ pub(super) fn components(text: &Source, bytes: &Range<usize>) -> Vec<Component> 
 pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option<Edit> {
     let is_alone = old.len() == 1;
     let part = |((range, old), new): (&(Range<usize>, f64), &f64)| {
-        (range.clone(), changed(&text[range.clone()], *old, *new, is_alone))
+        (range.clone(), new_number_text(&text[range.clone()], *old, *new, is_alone))
     };
-    replaced(text, &old.iter().zip(new).map(part).collect::<Vec<_>>())
+    replace_parts(text, &old.iter().zip(new).map(part).collect::<Vec<_>>())
 }
 
 /// Writes numbers over those in a range. Numbers that do not change stay as they are written, and a calculation with literals alone becomes a
@@ -97,7 +97,7 @@ pub(super) fn numbers_over(text: &Source, bytes: &Range<usize>, new: &[f64]) -> 
     let part = |((range, old), new): (Component, &f64)| {
         let written = &text[range.clone()];
         let new = match old {
-            Some(old) => changed(written, old, *new, is_alone),
+            Some(old) => new_number_text(written, old, *new, is_alone),
             None => {
                 Some(is_calculation(text, &range).then(|| in_number_style(written, &format_number(*new)))?)
             }
@@ -105,7 +105,7 @@ pub(super) fn numbers_over(text: &Source, bytes: &Range<usize>, new: &[f64]) -> 
         Some((range, new))
     };
     let parts: Option<Vec<_>> = old.into_iter().zip(new).map(part).collect();
-    replaced(text, &parts.filter(|_| is_alike)?)
+    replace_parts(text, &parts.filter(|_| is_alike)?)
 }
 
 /// Adds to the numbers in a range. `None` if the counts differ or a number that changes is computed.
@@ -114,29 +114,29 @@ pub(super) fn numbers_plus(text: &Source, bytes: &Range<usize>, by: &[f64]) -> O
     let (is_alike, is_alone) = (old.len() == by.len(), old.len() == 1);
     let part = |((range, old), by): (Component, &f64)| match old {
         Some(old) => {
-            let new = changed(&text[range.clone()], old, old + by, is_alone);
+            let new = new_number_text(&text[range.clone()], old, old + by, is_alone);
             Some((range, new))
         }
         None => (format_number(*by) == format_number(0.0)).then_some((range, None)),
     };
     let parts: Option<Vec<_>> = old.into_iter().zip(by).map(part).collect();
-    replaced(text, &parts.filter(|_| is_alike)?)
+    replace_parts(text, &parts.filter(|_| is_alike)?)
 }
 
 /// Text of a new number in place of `written`; `written` itself if the digits are the same. `None` if the number did not change. A number that is
 /// alone is always written, so that an expression can take its place.
-fn changed(written: &str, old: f64, new: f64, is_alone: bool) -> Option<String> {
+fn new_number_text(written: &str, old: f64, new: f64, is_alone: bool) -> Option<String> {
     /// Rounding error of single precision.
-    const SAME: f64 = 2e-5;
+    const TOLERANCE: f64 = 2e-5;
     let digits = format_number(new);
     match format_number(old) == digits {
-        true => ((old - new).abs() >= SAME || is_alone).then(|| written.to_string()),
+        true => ((old - new).abs() >= TOLERANCE || is_alone).then(|| written.to_string()),
         false => Some(in_number_style(written, &digits)),
     }
 }
 
 /// Replaces the parts that have a new text; the edit reaches from the first of them to the last and keeps the text between them.
-fn replaced(text: &str, parts: &[(Range<usize>, Option<String>)]) -> Option<Edit> {
+fn replace_parts(text: &str, parts: &[(Range<usize>, Option<String>)]) -> Option<Edit> {
     let start = parts.first()?.0.start;
     let mut edit: Option<Edit> = None;
     for (range, new) in parts {
@@ -275,9 +275,9 @@ pub(crate) fn option_of(text: &Source, call: &Call, name: &str) -> Option<Range<
 fn option_in(text: &Source, map: &Range<usize>, name: &str) -> Option<Range<usize>> {
     let mut at = map.start;
     while at < map.end {
-        at = text.skip(at).min(map.end);
+        at = text.next_token_start(at).min(map.end);
         let length = text[at..map.end].find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(0);
-        let colon = text.skip(at + length);
+        let colon = text.next_token_start(at + length);
         if length == 0 || colon >= map.end || !text[colon..].starts_with(':') {
             return None;
         }

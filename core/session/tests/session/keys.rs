@@ -1,12 +1,12 @@
-//! Keys in a script's text, changed and added.
+//! Edits of keys in the text of a script.
 
 use choreo_session::edit::{
     Edit, EditTime, KeyShape, KeySide, KeyValue, ScriptObject, TypedNumber, set_trim,
 };
 use glam::{DQuat, DVec3};
 
-/// About x, then y, then z (fixed axes), degrees.
-fn turned(x: f64, y: f64, z: f64) -> DQuat {
+/// Rotation by angles about x, then y, then z (fixed axes), degrees.
+fn rotation_from_degrees(x: f64, y: f64, z: f64) -> DQuat {
     let about = |q: fn(f64) -> DQuat, degrees: f64| q(degrees.to_radians());
     about(DQuat::from_rotation_z, z) * about(DQuat::from_rotation_y, y) * about(DQuat::from_rotation_x, x)
 }
@@ -22,15 +22,15 @@ fn set(text: &str, property: &str, secs: f64, value: KeyValue) -> Result<String,
 }
 
 fn yaw(degrees: f64) -> DQuat {
-    turned(0.0, degrees, 0.0)
+    rotation_from_degrees(0.0, degrees, 0.0)
 }
 
-/// A new key has the style of those beside it, whatever the script has elsewhere.
+/// The style of the neighboring keys matters, not that of other times in the script.
 #[test]
-fn a_new_key_is_written_in_seconds_or_frames_as_the_list_is() {
+fn a_new_key_counts_seconds_or_frames_like_its_neighbors() {
     let script =
         |keys: &str| format!("let a = cast(\"a\", m);\na.play(c).from(f(3));\na.key(\"scale\", [{keys}]);");
-    // A third of a second into the scene, which needs all digits.
+    // A third of a second needs all digits in seconds.
     let added = |keys: &str| {
         let (text, when) = (script(keys), EditTime { secs: 1.0 / 3.0, fps: 24.0 });
         let object = ScriptObject::at(&text, 1, 9).unwrap();
@@ -47,11 +47,11 @@ fn a_new_key_is_written_in_seconds_or_frames_as_the_list_is() {
 }
 
 #[test]
-fn the_key_at_the_time_is_changed_and_nothing_else() {
+fn setting_a_key_changes_only_its_value() {
     let text = "let a = cast(\"a\", m).key(\"position\", [[0.0, [0, 0, 0]], [1.0, [ 1, 0 , 0 ]] /* b */], \"smooth\");";
     let p = KeyValue::Point(DVec3::new(1.5, 0.0, -2.0));
     assert_eq!(set(text, "position", 1.0, p).unwrap(), text.replace("[ 1, 0 , 0 ]", "[ 1.5, 0 , -2 ]"));
-    // Less than half a frame beside it is it.
+    // A time within half a frame of a key selects that key.
     assert!(set(text, "position", 1.01, p).unwrap().contains("[ 1.5, 0 , -2 ]"));
     let text = "let a = cast(\"a\", m);\na.key(\"scale\", [[f(5), 2], [f(10), [1, 2, 3]]]);";
     assert!(set(text, "scale", 0.2, KeyValue::Scale(DVec3::splat(3.0))).unwrap().contains("[f(5), 3]"));
@@ -61,7 +61,7 @@ fn the_key_at_the_time_is_changed_and_nothing_else() {
 }
 
 #[test]
-fn a_new_key_is_written_as_its_neighbours_are() {
+fn a_new_key_has_the_format_of_its_neighbors() {
     let text = "let a = cast(\"a\", m).key(\"position\", [[0.0, [0, 0, 0]], [1.0, [1, 0, 0]]]);";
     let p = KeyValue::Point(DVec3::new(0.5, 1.0, 0.0));
     assert!(
@@ -80,9 +80,9 @@ fn a_new_key_is_written_as_its_neighbours_are() {
     );
 }
 
-/// The other numbers keep what they are calculated from.
+/// The other numbers keep their expressions.
 #[test]
-fn only_the_numbers_that_are_others_are_written() {
+fn unchanged_numbers_of_a_key_are_not_rewritten() {
     let text = "let a = cast(\"a\", m).key(\"position\", [[0.0, [x, 1.0 / 3.0, 2]], [2.0, [1.0 / 3.0, 0.5]]]).key(\"scale\", [[1.0 / 3.0, 0.5], [f(12), f(3)]]);";
     let of = |property: &str, secs: f64, before: &[f64], now: &[f64]| {
         set(text, property, secs, KeyValue::Numbers { before, now })
@@ -101,14 +101,14 @@ fn only_the_numbers_that_are_others_are_written() {
     assert_eq!(of("position", 2.0, &[third, 0.5], &[third, 0.5]).unwrap(), text);
     let why = of("position", 0.0, &[5.0, third, 2.0], &[6.0, third, 2.0]).unwrap_err();
     assert_eq!(why, "line 1: its position has keys that are computed; change them there");
-    // A new key has all of them.
+    // A new key gets all numbers.
     let after = of("scale", 1.0, &[0.5], &[0.75]).unwrap();
     assert_eq!(after, text.replace("[f(12), f(3)]", "[f(12), f(3)], [f(25), 0.75]"));
 }
 
-/// Text that was typed stands in place of its number, also among others with the same digits, and where those are there already.
+/// Other numbers with the same digits stay, whether the edit writes them or they were there before.
 #[test]
-fn a_typed_number_takes_the_place_of_its_own_digits() {
+fn a_typed_expression_replaces_only_the_digits_of_its_own_number() {
     let text = "let a = cast(\"a\", m).at(0.333, 0.333, 0.0).key(\"position\", [[0.333, [0.333, 0.333, 0.0], #{ tangent: [0.333, 0.333, 0.0] }], [1.0, [0.333, 0.0, 0.0]]]);\na.play(c).trim(f(3), 0.333);";
     let typed = TypedNumber { value: 1.0 / 3.0, text: "1.0 / 3.0".into() };
     let (before, now) = ([0.333, 0.333, 0.0], [0.333, typed.value, 0.0]);
@@ -130,20 +130,21 @@ fn a_typed_number_takes_the_place_of_its_own_digits() {
 }
 
 #[test]
-fn angles_stay_near_those_that_are_there() {
+fn a_new_angle_is_the_equivalent_nearest_to_its_neighbors() {
     let text = "let a = cast(\"a\", m).key(\"rotation\", [[0, 0], [1, 350], [2, 720]]);";
     assert!(set(text, "rotation", 1.0, KeyValue::Turn(yaw(10.0))).unwrap().contains("[1, 370]"));
     assert!(set(text, "rotation", 2.0, KeyValue::Turn(yaw(-5.0))).unwrap().contains("[2, 715]"));
-    let leans = KeyValue::Turn(turned(20.0, 350.0, 0.0));
+    let leans = KeyValue::Turn(rotation_from_degrees(20.0, 350.0, 0.0));
     assert!(set(text, "rotation", 1.0, leans).unwrap().contains("[1, [20, 350, 0]]"));
     let text = "let a = cast(\"a\", m).key(\"rotation\", [[0, [0, 0, 0, 1]], [1, [170, 20, 175]]]);";
-    let after = set(text, "rotation", 1.0, KeyValue::Turn(turned(190.0, 20.0, 185.0))).unwrap();
+    let after =
+        set(text, "rotation", 1.0, KeyValue::Turn(rotation_from_degrees(190.0, 20.0, 185.0))).unwrap();
     assert!(after.contains("[1, [190, 20, 185]]"), "{after}");
     assert!(set(text, "rotation", 0.0, KeyValue::Turn(yaw(180.0))).unwrap().contains("[0, [0, 1, 0, 0]]"));
 }
 
 #[test]
-fn what_is_computed_is_refused_with_its_line() {
+fn computed_keys_are_refused_with_their_line() {
     let p = KeyValue::Point(DVec3::ZERO);
     let why = |text: &str| set(text, "position", 1.0, p).unwrap_err();
     for computed in
@@ -161,13 +162,13 @@ fn what_is_computed_is_refused_with_its_line() {
         why(elsewhere),
         "line 1: its position has keys that are written elsewhere in the script; change them there"
     );
-    // A value that is computed does not keep others from being added.
+    // Keys can be added beside a key with a computed value.
     let text = "let a = cast(\"a\", m).key(\"position\", [[0.0, way], [2.0, [1, 0, 0]]]);";
     assert!(set(text, "position", 1.0, p).unwrap().contains("[0.0, way], [1.0, [0.0, 0.0, 0.0]], [2.0"));
 }
 
 #[test]
-fn no_text_makes_it_panic() {
+fn edits_of_truncated_text_do_not_panic() {
     let text = "cast(\"ü\").key(\"position\", [[0.0, [1, 2, 3]], // é\n [f(1), [`}`, '\\'']], [2, 3, \"in_sine\"], [3, 1, #{ tangent: [1, 2], ease: é }]]).x()";
     let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).chain([text.len()]).collect();
     for to in &ends {
@@ -200,7 +201,7 @@ fn no_text_makes_it_panic() {
 }
 
 #[test]
-fn a_clip_of_a_file_that_has_a_name_is_played_by_it() {
+fn a_clip_is_played_by_the_variable_of_its_file() {
     let play = |text: &str| {
         let object =
             ScriptObject::at(text, 2, 1 + text.lines().nth(1).unwrap().find("cast").unwrap()).unwrap();
@@ -208,7 +209,7 @@ fn a_clip_of_a_file_that_has_a_name_is_played_by_it() {
     };
     let text = "let m = load(\"a.glb\");\nlet a = cast(\"a\", load(\"a.glb\", #{ color: \"red\" }));\n";
     assert_eq!(play(text), format!("{text}a.play(m.clip(\"Wave\")).from(2.0);\n"));
-    // Another file, one made otherwise, a name that is none: its own words.
+    // With a variable of another file, of a clip, or a property, the new line repeats the argument of `cast`.
     for line in ["let m = load(\"b.glb\");", "let m = load(\"a.glb\").clip(\"x\");", "m.n = load(\"a.glb\");"]
     {
         let after = play(&text.replace("let m = load(\"a.glb\");", line));
@@ -220,7 +221,7 @@ fn a_clip_of_a_file_that_has_a_name_is_played_by_it() {
 }
 
 #[test]
-fn a_color_takes_the_place_of_kelvin() {
+fn a_color_replaces_kelvin() {
     let text = "let l = spot(#{ inner: 10, kelvin: 3200 /* warm */, outer: 20 });";
     let object = ScriptObject::at(text, 1, 9).unwrap();
     let refused = object.option("color", "\"#ffffff\"").unwrap_err();
@@ -230,7 +231,7 @@ fn a_color_takes_the_place_of_kelvin() {
 }
 
 #[test]
-fn an_edit_between_two_texts_is_the_part_that_differs() {
+fn edit_between_two_texts_is_the_differing_part() {
     for (before, after, range) in [
         ("aXbc", "aYbc", 1..2),
         ("aa", "aaa", 2..2),
@@ -243,7 +244,7 @@ fn an_edit_between_two_texts_is_the_part_that_differs() {
     }
 }
 
-/// Applies a change of the object's keys to a text; checks that it can be taken back.
+/// Applies an edit of the object's keys to a text, and checks that its inverse restores the text.
 fn changed(
     text: &str,
     change: impl Fn(&ScriptObject) -> Result<Edit, choreo_session::edit::EditRefused>,
@@ -260,7 +261,7 @@ fn time(secs: f64) -> EditTime {
 }
 
 #[test]
-fn a_key_moves_between_its_neighbours_and_past_them() {
+fn a_moved_key_may_pass_its_neighbors() {
     let text = "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, 2], [f(50), 3, \"in_quad\"]]);";
     let moved = |from, to| changed(text, |o| o.move_key("scale", time(from), time(to)));
     assert_eq!(moved(1.0, 1.2).unwrap(), text.replace("[1.0, 2]", "[1.2, 2]"));
@@ -271,14 +272,14 @@ fn a_key_moves_between_its_neighbours_and_past_them() {
     assert!(after.contains("[[1.0, 2], [f(50), 3, \"in_quad\"], [3.0, 1]]"), "{after}");
     assert_eq!(moved(1.0, 2.0).unwrap_err(), "line 1: its scale has a key at that time already");
     assert!(moved(1.5, 1.6).unwrap_err().contains("no key written there"));
-    // Keys with lines of their own keep them, and their comments.
+    // Keys on lines of their own keep their lines and comments.
     let text = "let a = cast(\"a\", m).key(\"scale\", [\n    [0.0, 1], // door\n    [1.0, 2], // table\n    [2.0, 3]\n]);";
     let after = changed(text, |o| o.move_key("scale", time(0.0), time(1.5))).unwrap();
     assert!(after.contains("[\n    [1.0, 2], // table\n    [1.5, 1], // door\n    [2.0, 3]\n]"), "{after}");
 }
 
 #[test]
-fn a_key_is_deleted_with_its_comma_and_the_last_one_with_its_call() {
+fn deleting_the_last_key_removes_its_call() {
     let text = "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, 2], [2.0, 3]]).at(1, 0, 0);";
     let deleted = |text: &str, at| changed(text, |o| o.delete_key("scale", time(at))).unwrap();
     assert_eq!(deleted(text, 0.0), text.replace("[0.0, 1], ", ""));
@@ -293,14 +294,14 @@ fn a_key_is_deleted_with_its_comma_and_the_last_one_with_its_call() {
 }
 
 #[test]
-fn a_property_without_keys_gets_its_first() {
+fn the_first_key_replaces_a_literal_position() {
     let text = "let a = cast(\"a\", m).at(1, 0, 0); // here\nlet b = 1;";
     let point = KeyValue::Point(DVec3::new(1.0, 0.0, 2.0));
     assert_eq!(
         changed(text, |o| o.add_keys("position", time(31.0 / FPS), point)).unwrap(),
         "let a = cast(\"a\", m); // here\na.key(\"position\", [[1.24, [1.0, 0.0, 2.0]]]);\nlet b = 1;"
     );
-    // A place that is computed, or that another call changes, stays.
+    // A computed position, or one that another call changes, is not removed.
     for text in
         ["let a = cast(\"a\", m).at(x, 0, 0);", "let a = cast(\"a\", m).at(1, 0, 0).move_by(1, 0, 0);"]
     {
@@ -312,14 +313,14 @@ fn a_property_without_keys_gets_its_first() {
 }
 
 #[test]
-fn keys_move_together_and_keep_their_comments() {
+fn keys_moved_together_keep_their_comments() {
     let text =
         "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, 2], [f(50), 3, \"in_quad\"], [3.0, 4]]);";
     let moved = |text: &str, moves: &[(f64, f64)]| {
         let moves: Vec<_> = moves.iter().map(|(from, to)| (time(*from), time(*to))).collect();
         changed(text, |o| o.move_keys("scale", &moves))
     };
-    // The second comes to where the third was: both move, so that neither is in the way.
+    // The second key takes the time of the third, which moves, too.
     let after = moved(text, &[(1.0, 2.0), (2.0, 2.4)]).unwrap();
     assert_eq!(after, text.replace("[1.0, 2]", "[2.0, 2]").replace("f(50)", "f(60)"));
     let after = moved(text, &[(0.0, 3.4), (1.0, 4.4)]).unwrap();
@@ -336,7 +337,7 @@ fn keys_move_together_and_keep_their_comments() {
 }
 
 #[test]
-fn two_keys_at_one_time_are_told_apart() {
+fn an_earlier_time_selects_the_first_of_two_simultaneous_keys() {
     let text = "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, 2], [1.0, 5], [2.0, 6]]);";
     let scale = |value: f64| KeyValue::Scale(DVec3::splat(value));
     assert_eq!(set(text, "scale", 1.0 - 1e-9, scale(3.0)).unwrap(), text.replace("[1.0, 2]", "[1.0, 3]"));
@@ -347,7 +348,7 @@ fn two_keys_at_one_time_are_told_apart() {
 }
 
 #[test]
-fn several_keys_are_deleted_as_one() {
+fn several_keys_are_deleted_in_one_edit() {
     let text = "let a = cast(\"a\", m).key(\"scale\", [\n    [0.0, 1], // door\n    [1.0, 2],\n    [2.0, 3]\n]).at(1, 0, 0);";
     let deleted = |at: &[f64]| {
         let at: Vec<_> = at.iter().map(|at| time(*at)).collect();
@@ -358,22 +359,22 @@ fn several_keys_are_deleted_as_one() {
 }
 
 #[test]
-fn copied_keys_are_pasted_later_and_into_other_objects() {
+fn copied_keys_are_pasted_with_an_offset_and_into_other_objects() {
     let text = "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, [1, 2, 3],\n  \"in_quad\"], [f(50), x]]);\nlet b = cast(\"b\", m);\n";
     let object = |line| ScriptObject::at(text, line, 9).unwrap();
     let copied = object(1).copy_keys("scale", &[time(2.0), time(1.0)]).unwrap();
     assert_eq!(copied, ".key(\"scale\", [[1.0, [1, 2, 3], \"in_quad\"], [f(50), x]])");
     let after = object(3).paste_keys(&copied, time(0.5)).unwrap().apply(text);
-    // Half a second is twelve frames and a half: that key is on no frame.
+    // Half a second is 12.5 frames, so that the key given in frames falls between frames and is written in seconds.
     assert_eq!(after, format!("{text}b.key(\"scale\", [[1.5, [1, 2, 3], \"in_quad\"], [2.5, x]]);\n"));
-    // One second later, the first of them comes to where the last is.
+    // With an offset of one second, the first pasted key replaces the last key.
     let after = object(1).paste_keys(&copied, time(1.0)).unwrap().apply(text);
     assert!(after.contains("[f(50), [1, 2, 3], \"in_quad\"], [f(75), x]]);"), "{after}");
     assert!(object(3).paste_keys("hello", time(0.0)).unwrap_err().why.contains("holds no keys"));
 }
 
 #[test]
-fn easings_of_keys_and_of_all() {
+fn easings_of_single_keys_and_of_all_keys() {
     let text =
         "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, 2 /* two */], [2.0, 3, \"in_quad\"]]);";
     let ease = |text: &str, at, ease| changed(text, |o| o.set_key_ease("scale", time(at), ease));
@@ -387,7 +388,7 @@ fn easings_of_keys_and_of_all() {
     );
     assert_eq!(ease(text, 2.0, None).unwrap(), text.replace(", \"in_quad\"", ""));
     assert!(ease(text, 0.0, Some("\"smooth\"")).unwrap_err().contains("no key comes before the first"));
-    // Where all are smooth, the others stay so.
+    // If all keys are smooth, the other keys stay smooth.
     let all = "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, 2], [2.0, 3]], \"smooth\");";
     assert_eq!(
         ease(all, 1.0, Some("\"in_quad\"")).unwrap(),
@@ -411,7 +412,7 @@ fn easings_of_keys_and_of_all() {
 }
 
 #[test]
-fn tangents_are_written_into_their_key_alone() {
+fn tangents_change_only_their_own_key() {
     let text = "let a = cast(\"a\", m).key(\"position\", [[0.0, [0, 0, 0]], [1.0, [1, 0, 0] /* top */, \"in_quad\"], [2.0, [0, 0, 0], #{ out_tangent: [1,  2 , 3], in_tangent: 0 }]]);";
     let side = |numbers: &[f64]| KeySide { tangent: Some(numbers.to_vec()), weight: None };
     let even = |numbers: &[f64]| KeyShape {
@@ -424,21 +425,21 @@ fn tangents_are_written_into_their_key_alone() {
     };
     let first = set(text, 0.0, even(&[1.0, -0.5, 0.0])).unwrap();
     assert_eq!(first, text.replace("[0.0, [0, 0, 0]]", "[0.0, [0, 0, 0], #{ tangent: [1.0, -0.5, 0.0] }]"));
-    // The numbers alone change where the options are the same.
+    // If the options are the same, only the numbers change.
     let broken = KeyShape { broken: true, outgoing: side(&[1.0, 4.0, 3.0]), ..even(&[0.0]) };
     assert_eq!(set(text, 2.0, broken.clone()).unwrap(), text.replace(" 2 ,", " 4 ,"));
     let written = ScriptObject::at(text, 1, 9).unwrap().written_keys("position", FPS).unwrap();
     let shapes: Vec<KeyShape> = written.keys.into_iter().map(|key| key.shape.unwrap()).collect();
     assert_eq!(shapes[1], KeyShape { ease: Some("\"in_quad\"".into()), ..KeyShape::default() });
     assert_eq!(shapes[2], KeyShape { outgoing: side(&[1.0, 2.0, 3.0]), ..broken });
-    // An easing forms the span before its key; the side behind it may have a tangent.
+    // An easing shapes the span before its key; the outgoing side may still have a tangent.
     let eased = KeyShape { ease: Some("\"in_quad\"".into()), ..even(&[0.0, 0.0, 0.0]) };
     let after = set(text, 1.0, eased).unwrap();
     assert_eq!(after, text.replace("\"in_quad\"", "#{ ease: \"in_quad\", out_tangent: 0.0 }"));
     let back = changed(&after, |o| o.set_key_ease("position", time(1.0), None)).unwrap();
     assert!(back.contains("/* top */, #{ out_tangent: 0.0 }]"), "{back}");
     assert_eq!(set(&first, 0.0, KeyShape::default()).unwrap(), text);
-    // Lengths of handles, and no second option where both sides are the same.
+    // Handle lengths: equal sides are written as one option.
     let long = KeySide { tangent: Some(vec![2.0]), weight: Some(vec![0.5]) };
     let long = KeyShape { incoming: long.clone(), outgoing: long, ..KeyShape::default() };
     assert!(set(text, 0.0, long).unwrap().contains("[0.0, [0, 0, 0], #{ tangent: 2.0, weight: 0.5 }]"));
@@ -457,7 +458,7 @@ fn tangents_are_written_into_their_key_alone() {
 }
 
 #[test]
-fn keys_of_joints_are_edited_wherever_the_joint_is_named() {
+fn joint_keys_are_edited_in_chains_and_on_variables() {
     let text = "let a = cast(\"a\", m);\na.joint(\"Head\").key(\"rotation\", [[0.0, 0], [1.0, [0, 40, 0]]]); // nods\nlet hand = a.joint(\"LeftHand\");\nhand.key(\"scale\", [[0.0, 1]]).key(\"rotation\", [[0.0, 10]]);\n";
     let (head, hand) = ("joint:Head:rotation", "joint:LeftHand:rotation");
     let turned = KeyValue::Turn(yaw(55.0));
@@ -485,12 +486,12 @@ fn keys_of_joints_are_edited_wherever_the_joint_is_named() {
     );
 }
 
-/// The object is the call that plays the clip.
+/// The edited object is the call that plays the clip.
 #[test]
-fn keys_of_a_cue_are_those_of_its_methods() {
+fn keys_of_a_cue_are_read_from_its_methods() {
     let text = "let a = cast(\"a\", m);\na.play(c).from(1.0).weight([[1.0, 0], [2.0, 1, \"in_quad\"]]).until(4.0)\n    .then(d).speed(2.0);\nlet walk = a.play(c);\nwalk.layer_weight([[0.0, 1]], \"smooth\");\n";
-    type Make<'m> = &'m dyn Fn(&ScriptObject) -> Result<Edit, choreo_session::edit::EditRefused>;
-    let made = |line: usize, name: &str, change: Make| {
+    type EditFunction<'m> = &'m dyn Fn(&ScriptObject) -> Result<Edit, choreo_session::edit::EditRefused>;
+    let made = |line: usize, name: &str, change: EditFunction| {
         let column = 1 + text.lines().nth(line - 1).unwrap().find(name).unwrap();
         change(&ScriptObject::at(text, line, column).unwrap()).unwrap().apply(text)
     };
@@ -505,7 +506,7 @@ fn keys_of_a_cue_are_those_of_its_methods() {
     assert_eq!(gone, text.replace(".weight([[1.0, 0], [2.0, 1, \"in_quad\"]])", ""));
     let moved = made(4, "play", &|o| o.move_key(".layer_weight", time(0.0), time(0.4)));
     assert_eq!(moved, text.replace("[[0.0, 1]]", "[[0.4, 1]]"));
-    // A number is no list of keys, and the first key stands behind the options.
+    // A number is not a list of keys. The first key is written as a method after the other calls.
     assert!(!ScriptObject::at(text, 3, 6).unwrap().has_keys(".speed"));
     let added = made(3, "then", &|o| o.add_keys(".weight", time(2.0), half));
     assert_eq!(added, text.replace(".speed(2.0)", ".speed(2.0).weight([[2.0, 0.5]])"));
@@ -517,16 +518,17 @@ fn keys_of_a_cue_are_those_of_its_methods() {
     assert_eq!(pasted, text.replace(".speed(2.0)", ".speed(2.0).weight([[2.0, 1, \"in_quad\"]])"));
 }
 
-/// Keys among the options of a call are edited where they stand.
+/// Edits leave the keys in the option.
 #[test]
-fn keys_of_a_cue_may_be_an_option() {
+fn keys_of_a_cue_are_read_from_its_options() {
     let text = "let a = cast(\"a\", m);\na.play(c, #{ fade: 0.4, weight: [[0.0, 0], [1.0, 1, \"in_quad\"], [f(50), 0.5]], speed: 2.0 })\n    .then(d, #{\n        weight: [\n            [3.0, 1], // in\n            [4.0, 0]\n        ]\n    });\n";
-    type Make<'m> = &'m dyn Fn(&ScriptObject) -> Result<Edit, choreo_session::edit::EditRefused>;
-    let made = |line: usize, name: &str, change: Make| {
+    type EditFunction<'m> = &'m dyn Fn(&ScriptObject) -> Result<Edit, choreo_session::edit::EditRefused>;
+    let made = |line: usize, name: &str, change: EditFunction| {
         let column = 1 + text.lines().nth(line - 1).unwrap().find(name).unwrap();
         change(&ScriptObject::at(text, line, column).unwrap()).map(|edit| edit.apply(text))
     };
-    let (play, then) = (|change: Make| made(2, "play", change), |change: Make| made(3, "then", change));
+    let (play, then) =
+        (|change: EditFunction| made(2, "play", change), |change: EditFunction| made(3, "then", change));
     let half = KeyValue::Text("0.7");
     let changed = play(&|o| o.set_key(".weight", time(2.0), half)).unwrap();
     assert_eq!(changed, text.replace("[f(50), 0.5]", "[f(50), 0.7]"));
@@ -547,7 +549,7 @@ fn keys_of_a_cue_may_be_an_option() {
     assert_eq!(shaped, text.replace("[0.0, 0]", "[0.0, 0, #{ tangent: 0.0 }]"));
     let gone = play(&|o| o.delete_keys(".weight", &[time(0.0), time(2.0)])).unwrap();
     assert_eq!(gone, text.replace("[0.0, 0], ", "").replace(", [f(50), 0.5]", ""));
-    // The last of them go with their option.
+    // Deleting the last keys removes their option.
     let all = [time(0.0), time(1.0), time(2.0)];
     let gone = play(&|o| o.delete_keys(".weight", &all)).unwrap();
     assert!(gone.contains("a.play(c, #{ fade: 0.4, speed: 2.0 })"), "{gone}");
@@ -561,9 +563,9 @@ fn keys_of_a_cue_may_be_an_option() {
     assert_eq!(pasted.unwrap(), text.replace("[f(50), 0.5]", "[f(50), 0.5], [f(75), 1, \"in_quad\"]"));
 }
 
-/// An option takes no interpolation of all keys, so that those become a method; a number gives its place to the first key.
+/// Only a method can state an interpolation of all keys. The first key replaces a number.
 #[test]
-fn keys_among_options_become_a_method_where_only_that_will_do() {
+fn keys_in_an_option_become_a_method_for_an_interpolation_of_all_keys() {
     let made =
         |text: &str, change: &dyn Fn(&ScriptObject) -> Result<Edit, choreo_session::edit::EditRefused>| {
             let column = 1 + text.find("play").unwrap();
@@ -574,12 +576,12 @@ fn keys_among_options_become_a_method_where_only_that_will_do() {
     assert_eq!(smooth, "a.play(c).until(4.0).weight([[0.0, 0], [1.0, 1]], \"smooth\");");
     let linear = made(text, &|o| o.set_key_interpolation(".weight", FPS, None)).unwrap();
     assert_eq!(linear, text);
-    // Easings of single keys would be replaced.
+    // The interpolation would replace easings of single keys, so the edit is refused.
     let eased = text.replace("[1.0, 1]", "[1.0, 1, \"in_quad\"]");
     let refused = made(&eased, &|o| o.set_key_interpolation(".weight", FPS, Some("\"cubic\""))).unwrap_err();
     let over = refused.alternative.unwrap().apply(&eased);
     assert_eq!(over, "a.play(c).until(4.0).weight([[0.0, 0], [1.0, 1]], \"cubic\");");
-    // A method counts more than the option, and a number is no list.
+    // A method overrides the option, and a number is not a list of keys.
     let both = "a.play(c, #{ weight: [[0.0, 0]] }).weight(0.5);";
     let column = 1 + both.find("play").unwrap();
     assert!(!ScriptObject::at(both, 1, column).unwrap().has_keys(".weight"));
@@ -594,7 +596,7 @@ fn keys_among_options_become_a_method_where_only_that_will_do() {
 }
 
 #[test]
-fn keys_of_joints_and_of_morph_targets_are_not_taken_for_others() {
+fn keys_of_joints_and_morph_targets_are_told_apart() {
     let text = "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1]]);\na.joint(\"Head\").key(\"scale\", [[0.0, 2]]);\na.key(\"morph\", \"smile\", [[0.0, 0.5]]).key(\"morph\", \"blink\", [[0.0, 0.7]], \"smooth\");";
     let scale = KeyValue::Scale(DVec3::splat(3.0));
     assert_eq!(set(text, "scale", 0.0, scale).unwrap(), text.replace("[0.0, 1]", "[0.0, 3]"));
@@ -608,7 +610,7 @@ fn keys_of_joints_and_of_morph_targets_are_not_taken_for_others() {
 }
 
 #[test]
-fn computed_keys_can_be_stated_anew_in_a_line() {
+fn a_refusal_offers_a_line_that_replaces_computed_keys() {
     let text = "let a = cast(\"a\", m).key(\"scale\", [[x, 1], [2.0, 3]], \"smooth\");\nlet b = 1;";
     let object = ScriptObject::at(text, 1, 9).unwrap();
     let refused = object.move_key("scale", time(2.0), time(3.0)).unwrap_err();

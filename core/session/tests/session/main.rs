@@ -1,4 +1,4 @@
-//! Versions of a script: what is read again, and how its text is edited.
+//! Hot reload of scripts, file watching, and edits of script text.
 
 mod keys;
 #[path = "../../src/edit/marked.rs"]

@@ -1,55 +1,58 @@
-//! Values that are stated, read and taken away, and loops that are written out: the whole text after each edit is compared.
+//! Values that edits read, set and remove, and loops that edits unroll. The whole text after each edit is compared.
 
 use crate::marked::marked;
 use choreo_session::edit::{
     Edit, EditRefused, EditTime, KeyValue, NamedBy, NewValueSyntax, ScriptObject, unroll,
 };
 
-/// The object is made where `|` stands.
+/// Calls `then` with the object whose creating call `|` marks.
 fn object<R>(text: &str, then: impl FnOnce(&ScriptObject) -> R) -> R {
     let (plain, line, column) = marked(text);
     then(&ScriptObject::at(&plain, line, column).unwrap())
 }
 
-fn unstated(text: &str, names: &[&str]) -> String {
+fn without_values(text: &str, names: &[&str]) -> String {
     let edit = object(text, |object| object.remove_values(names));
     edit.apply(&text.replacen('|', "", 1))
 }
 
 #[test]
-fn what_is_taken_away_leaves_the_others_as_they_were() {
+fn removing_a_value_leaves_the_other_values_unchanged() {
     assert_eq!(
-        unstated("|sun(#{ intensity: 3.0, color: \"red\" });", &["intensity"]),
+        without_values("|sun(#{ intensity: 3.0, color: \"red\" });", &["intensity"]),
         "sun(#{ color: \"red\" });"
     );
     assert_eq!(
-        unstated("|sun(#{ color: \"red\", intensity: 3.0 });", &["intensity"]),
+        without_values("|sun(#{ color: \"red\", intensity: 3.0 });", &["intensity"]),
         "sun(#{ color: \"red\" });"
     );
-    assert_eq!(unstated("|sun(#{ a: [1, 2], b: f(3), c: 1 });", &["b"]), "sun(#{ a: [1, 2], c: 1 });");
-    assert_eq!(unstated("|sun(#{ a: 1, b: 2, c: 1 });", &["b", "c"]), "sun(#{ a: 1 });");
-    assert_eq!(unstated("|sun(#{ intensity: 3.0 });", &["intensity"]), "sun();");
+    assert_eq!(without_values("|sun(#{ a: [1, 2], b: f(3), c: 1 });", &["b"]), "sun(#{ a: [1, 2], c: 1 });");
+    assert_eq!(without_values("|sun(#{ a: 1, b: 2, c: 1 });", &["b", "c"]), "sun(#{ a: 1 });");
+    assert_eq!(without_values("|sun(#{ intensity: 3.0 });", &["intensity"]), "sun();");
     assert_eq!(
-        unstated("a.|play(c, #{ fade: 0.5 }).until(2.0).then(d);", &["fade"]),
+        without_values("a.|play(c, #{ fade: 0.5 }).until(2.0).then(d);", &["fade"]),
         "a.play(c).until(2.0).then(d);"
     );
     assert_eq!(
-        unstated("a.|play(c)\n    .fade(0.5) // why\n    .until(2.0).then(d).fade(1.0);", &["fade"]),
+        without_values("a.|play(c)\n    .fade(0.5) // why\n    .until(2.0).then(d).fade(1.0);", &["fade"]),
         "a.play(c) // why\n    .until(2.0).then(d).fade(1.0);"
     );
     assert_eq!(
-        unstated("a.|play(c) // in\n    .fade(0.5).until(2.0);", &["fade"]),
+        without_values("a.|play(c) // in\n    .fade(0.5).until(2.0);", &["fade"]),
         "a.play(c) // in\n    .until(2.0);"
     );
     let lamp = "let l = |sun(#{ color: \"red\" });\nl.intensity(3.0);\nl.color(\"blue\").key(\"x\", []);\n";
-    assert_eq!(unstated(lamp, &["color", "intensity", "kelvin"]), "let l = sun();\nl.key(\"x\", []);\n");
-    assert_eq!(unstated("|sun();", &["intensity"]), "sun();");
+    assert_eq!(
+        without_values(lamp, &["color", "intensity", "kelvin"]),
+        "let l = sun();\nl.key(\"x\", []);\n"
+    );
+    assert_eq!(without_values("|sun();", &["intensity"]), "sun();");
 }
 
 #[test]
-fn a_value_is_stated_where_it_stands_else_anew() {
-    let stated = |text: &str, name: &str, value: &str, anew| {
-        let edit = object(text, |object| object.set_value(name, value, anew));
+fn a_value_replaces_the_stated_one_or_is_added() {
+    let stated = |text: &str, name: &str, value: &str, new_syntax| {
+        let edit = object(text, |object| object.set_value(name, value, new_syntax));
         edit.map(|edit| edit.apply(&text.replacen('|', "", 1))).map_err(|refused| refused.why)
     };
     let camera = "let c = |camera(\"c\");";
@@ -80,9 +83,9 @@ fn a_value_is_stated_where_it_stands_else_anew() {
     assert_eq!(over.apply(&computed.replacen('|', "", 1)), "a.play(c).on(\"Head\");");
 }
 
-/// A whole number that the script writes without a point stays one without, wherever it stands; all others keep their points.
+/// A whole number keeps its style, with or without a decimal point, in methods, options and keys.
 #[test]
-fn whole_numbers_stay_whole() {
+fn whole_numbers_stay_without_decimal_point() {
     let changed = |text: &str, change: &dyn Fn(&ScriptObject) -> Result<Edit, EditRefused>| {
         object(text, |object| change(object).unwrap()).apply(&text.replacen('|', "", 1))
     };
@@ -116,7 +119,7 @@ fn whole_numbers_stay_whole() {
 }
 
 #[test]
-fn clips_words_and_assets_are_found() {
+fn clip_names_title_words_and_assets_are_replaced() {
     let clip = |text: &str| {
         let edit = object(text, |object| object.set_clip("Run"));
         edit.map(|edit| edit.apply(&text.replacen('|', "", 1))).map_err(|refused| refused.why)
@@ -158,7 +161,7 @@ fn unrolled(text: &str) -> Result<String, String> {
 }
 
 #[test]
-fn each_round_is_written_with_its_value() {
+fn unrolling_writes_the_body_once_per_value() {
     assert_eq!(
         unrolled("let x = 1;\nfor at in [1.0, 2.5] { a.|play(c).from(at); }\nlet y = at;").unwrap(),
         "let x = 1;\na.play(c).from(1.0);\na.play(c).from(2.5);\nlet y = at;"
@@ -177,9 +180,9 @@ fn each_round_is_written_with_its_value() {
     );
 }
 
-/// A value beside operators means what it meant in the loop, and constant expressions are one literal.
+/// Values get parentheses where operators need them, and constant expressions become literals.
 #[test]
-fn expressions_with_the_value_are_literals() {
+fn unrolling_folds_constant_expressions() {
     let body =
         |values: &str, body: &str| unrolled(&format!("for i in [{values}] {{ |f({body}); }}")).unwrap();
     for (value, written, expected) in [
@@ -200,9 +203,9 @@ fn expressions_with_the_value_are_literals() {
     }
 }
 
-/// A variable that holds a literal in each round goes, so that what uses it can be edited; others stay.
+/// A variable that holds a literal is removed, so that its uses can be edited; other variables stay.
 #[test]
-fn variables_with_a_literal_are_written_where_they_are_used() {
+fn unrolling_replaces_constant_variables_by_their_literals() {
     for (body, expected) in [
         (
             "let x = i * 1.5;\n    let n = \"post \" + i;\n    |cast(n, m).at(x, 0.0, -x + 1.0);",
@@ -223,7 +226,7 @@ fn variables_with_a_literal_are_written_where_they_are_used() {
 }
 
 #[test]
-fn what_cannot_be_written_out_is_refused() {
+fn loops_that_cannot_be_unrolled_are_refused() {
     for (text, why) in [
         ("|sun();", "it is not in a loop"),
         ("for a in all { |sun(); }", "are computed"),
@@ -239,7 +242,7 @@ fn what_cannot_be_written_out_is_refused() {
 }
 
 #[test]
-fn no_loop_makes_it_panic() {
+fn unrolling_truncated_text_does_not_panic() {
     let text = "for ä in [\"ü\", `é ${ä}`] { let x = ä; a.play(ä); } for i in 0..";
     let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).collect();
     for from in &ends {
@@ -251,9 +254,9 @@ fn no_loop_makes_it_panic() {
     }
 }
 
-/// The map of an option is edited as an object is; where it holds nothing, the option is only true.
+/// An option whose map becomes empty is set to `true`.
 #[test]
-fn values_within_an_option_are_stated_and_taken_away() {
+fn values_in_the_map_of_an_option_are_set_and_removed() {
     let within = |text: &str, value: &str| {
         let edit = object(text, |object| object.set_value_in_option("shadow", "size", value).unwrap());
         edit.apply(&text.replace('|', ""))
@@ -275,10 +278,10 @@ fn values_within_an_option_are_stated_and_taken_away() {
 }
 
 #[test]
-fn times_are_stated_where_they_stand() {
-    let timed = |text: &str, anew: NewValueSyntax| {
+fn a_time_replaces_the_stated_one_or_is_added() {
+    let timed = |text: &str, new_syntax: NewValueSyntax| {
         let time = EditTime { secs: 1.5, fps: 30.0 };
-        object(text, |object| object.set_time_value("from", time, anew).unwrap())
+        object(text, |object| object.set_time_value("from", time, new_syntax).unwrap())
             .apply(&text.replace('|', ""))
     };
     assert_eq!(timed("a.|attach(b);", NewValueSyntax::Option), "a.attach(b, #{ from: 1.5 });");
@@ -288,14 +291,14 @@ fn times_are_stated_where_they_stand() {
     );
     assert_eq!(timed("a.|look_at(b).from(1.0);", NewValueSyntax::Option), "a.look_at(b).from(1.5);");
     assert_eq!(timed("a.|look_at(b);", NewValueSyntax::Method), "a.look_at(b).from(1.5);");
-    // Two arguments stand before the options of those.
+    // The options of `reach` are its third argument.
     assert_eq!(
         timed("a.|reach(\"hand\", b);", NewValueSyntax::Option),
         "a.reach(\"hand\", b, #{ from: 1.5 });"
     );
 }
 
-/// The text after the name that is stated was changed, and the variable that goes along.
+/// The text with the new stated name; also the old and the new variable, if it is renamed, too.
 fn renamed(text: &str, by: NamedBy, to: &str) -> Result<(String, Option<String>), String> {
     let renaming = object(text, |object| object.rename(by, to)).map_err(|refused| refused.why)?;
     let plain = text.replacen('|', "", 1);
@@ -308,7 +311,7 @@ fn renamed(text: &str, by: NamedBy, to: &str) -> Result<(String, Option<String>)
 }
 
 #[test]
-fn names_are_stated_where_they_stand_and_variables_of_that_name_go_along() {
+fn renaming_changes_the_stated_name_and_the_variable_of_the_same_name() {
     let (argument, option) = (NamedBy::Argument, NamedBy::Option);
     for (text, by, to, stated, variable) in [
         (

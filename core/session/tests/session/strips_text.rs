@@ -1,4 +1,4 @@
-//! Clips as strips in a script's text: trimmed, split, duplicated, copied, pasted, disabled.
+//! Edits of cues as strips of a timeline: trim, split, duplicate, copy, paste, disable.
 
 use crate::marked::marked;
 use choreo_session::edit::{
@@ -11,9 +11,9 @@ fn at(secs: f64) -> EditTime {
     EditTime { secs, fps: 25.0 }
 }
 
-type Change<'c> = &'c dyn Fn(&str, usize, usize) -> Result<Edit, EditRefused>;
+type StripEdit<'c> = &'c dyn Fn(&str, usize, usize) -> Result<Edit, EditRefused>;
 
-fn changed(text: &str, change: Change) -> Result<String, String> {
+fn changed(text: &str, change: StripEdit) -> Result<String, String> {
     let (text, line, column) = marked(text);
     let edit = change(&text, line, column).map_err(|refused| refused.why)?;
     let after = edit.apply(&text);
@@ -22,12 +22,12 @@ fn changed(text: &str, change: Change) -> Result<String, String> {
 }
 
 #[test]
-fn numbers_are_written_where_the_script_states_them() {
+fn numbers_of_a_cue_replace_the_stated_ones() {
     let trim = |text: &str| changed(text, &|t, l, c| set_trim(t, l, c, [0.5, 2.0], 25.0));
     assert_eq!(trim("a.|play(c).until(2.0);").unwrap(), "a.play(c, #{ trim: [0.5, 2.0] }).until(2.0);");
     assert_eq!(trim("a.|play(c).trim( 0, 1.5 );").unwrap(), "a.play(c).trim( 0.5, 2.0 );");
     assert_eq!(trim("a.|play(c, #{ trim: [0.0, 1.0] });").unwrap(), "a.play(c, #{ trim: [0.5, 2.0] });");
-    // An end in frames stays in frames, and one that is as long as before stays as it is.
+    // An end that changes keeps its style, seconds or frames; an unchanged end is not rewritten.
     assert_eq!(trim("a.|play(c).trim(f(5), 4.0 / 2.0);").unwrap(), "a.play(c).trim(0.5, 4.0 / 2.0);");
     assert_eq!(trim("a.|play(c).trim(1.0 / 2.0, f(75));").unwrap(), "a.play(c).trim(1.0 / 2.0, f(50));");
     assert_eq!(
@@ -36,7 +36,7 @@ fn numbers_are_written_where_the_script_states_them() {
     );
     let speed = |text: &str| changed(text, &|t, l, c| set_number(t, l, c, "speed", 1.25)).unwrap();
     assert_eq!(speed("a.|play(c, #{ speed: 2 }).speed(3);"), "a.play(c, #{ speed: 2 }).speed(1.25);");
-    // A calculation that a person typed in place of a number.
+    // A calculation with literals is replaced like a number.
     assert_eq!(speed("a.|play(c, #{ speed: 1.0 / 3.0 });"), "a.play(c, #{ speed: 1.25 });");
     assert_eq!(speed("a.|play(c).speed(-(1.0 + 2.0) / 3.0);"), "a.play(c).speed(1.25);");
     assert_eq!(trim("a.|play(c).trim(1.0/3.0, 1.5);").unwrap(), "a.play(c).trim(0.5, 2.0);");
@@ -50,10 +50,9 @@ fn numbers_are_written_where_the_script_states_them() {
     assert!(computed.unwrap_err().contains("computed"));
 }
 
-/// A value that is not stated yet is written as the others of the cue are: among the options, or as a method; in a bare call as in the
-/// lessons, as an option.
+/// A new value is an option or a method like the other values of the cue, and an option if there are none.
 #[test]
-fn a_new_value_is_written_as_the_others_are() {
+fn a_new_value_has_the_syntax_of_the_other_values_of_the_cue() {
     let speed = |text: &str| changed(text, &|t, l, c| set_number(t, l, c, "speed", 2.0)).unwrap();
     assert_eq!(
         speed("a.|play(c).from(1.0).on(\"Head\");"),
@@ -68,13 +67,14 @@ fn a_new_value_is_written_as_the_others_are() {
     let fade = |text: &str| changed(text, &|t, l, c| set_time(t, l, c, CueTime::FadeIn, at(0.8))).unwrap();
     assert_eq!(fade("a.|play(c).until(2.0);"), "a.play(c, #{ fade: 0.8 }).until(2.0);");
     assert_eq!(fade("a.|play(c).until(2.0).weight(0.5);"), "a.play(c).until(2.0).weight(0.5).fade(0.8);");
-    // The one that counts is changed.
+    // The edit changes the value that has effect.
     assert_eq!(fade("a.|play(c, #{ fade: 0.1 }).fade(f(5));"), "a.play(c, #{ fade: 0.1 }).fade(f(20));");
     assert_eq!(fade("a.|play(c, #{ inertial: 0.2 });"), "a.play(c, #{ inertial: 0.8 });");
     let end = |text: &str| changed(text, &|t, l, c| set_time(t, l, c, CueTime::End, at(3.0))).unwrap();
     assert_eq!(end("a.|play(c, #{ until: f(50) });"), "a.play(c, #{ until: f(75) });");
-    let stated = |text: &str, anew| {
-        changed(text, &|t, l, c| ScriptObject::at(t, l, c)?.set_value("speed", "1.0 / 3.0", anew)).unwrap()
+    let stated = |text: &str, new_syntax| {
+        changed(text, &|t, l, c| ScriptObject::at(t, l, c)?.set_value("speed", "1.0 / 3.0", new_syntax))
+            .unwrap()
     };
     assert_eq!(
         stated("a.|play(c).weight(0.5);", NewValueSyntax::LikeOthers),
@@ -88,7 +88,7 @@ fn a_new_value_is_written_as_the_others_are() {
 }
 
 #[test]
-fn a_disabled_clip_remembers_its_weight() {
+fn a_disabled_cue_keeps_its_weight_in_a_comment() {
     let off = |text: &str| changed(text, &|t, l, c| set_disabled(t, l, c, true)).unwrap();
     let on = |text: &str| changed(text, &|t, l, c| set_disabled(t, l, c, false)).unwrap();
     for text in [
@@ -108,7 +108,7 @@ fn a_disabled_clip_remembers_its_weight() {
 }
 
 #[test]
-fn a_split_clip_is_two_with_the_same_content() {
+fn splitting_a_cue_preserves_its_content() {
     let rest = SecondHalf::Trim([1.0, 2.5]);
     let split = |text: &str, rest, fade| changed(text, &|t, l, c| split_cue(t, l, c, at(1.5), rest, fade));
     assert_eq!(
@@ -119,7 +119,7 @@ fn a_split_clip_is_two_with_the_same_content() {
     let chain = split("a.|play(c).weight(0.5)\n    .then(d);", SecondHalf::Same, None).unwrap();
     assert_eq!(chain, "a.play(c).until(1.5).weight(0.5)\n    .then(c).weight(0.5)\n    .then(d);");
     let keys = SecondHalf::ClipTime([[1.5, 0.25], [4.0, 2.75]]);
-    // All that is not about its ends, so that a new option needs no entry in a list.
+    // The second half gets all options that are not about the ends of the cue.
     let in_place =
         split("a.|play(c, #{ reverse: true, ease: \"smooth\" }).in_place().inertial(0.2);", rest, None);
     let second = ".then(c, #{ reverse: true, trim: [1.0, 2.5] }).in_place()";
@@ -140,7 +140,7 @@ fn a_split_clip_is_two_with_the_same_content() {
 }
 
 #[test]
-fn a_duplicate_follows_the_clip() {
+fn a_duplicated_cue_follows_the_original() {
     let twice =
         |text: &str, by, until| changed(text, &|t, l, c| duplicate_cue(t, l, c, at(by), until)).unwrap();
     assert_eq!(
@@ -149,12 +149,12 @@ fn a_duplicate_follows_the_clip() {
     );
     assert_eq!(twice("a.|play(c);", 1.0, None), "a.play(c)\n    .then(c);");
     assert_eq!(twice("a.|play(c, options);", 1.0, None), "a.play(c, options)\n    .then(c, options);");
-    // One style of times, that of the copied clip, and the comment stays with its line.
+    // The new time has the style of the duplicated cue, and the comment stays on its line.
     assert_eq!(
         twice("a.|play(c).from(f(25)).until(f(50)); // in", 1.0, Some(at(3.0))),
         "a.play(c).from(f(25)).until(f(50)) // in\n    .then(c).until(f(75));"
     );
-    // All that is no time of the stage, and what holds for the layer anyway.
+    // The duplicate gets everything but stage times and calls that apply to the whole layer.
     assert_eq!(
         twice(
             "a.|play(c, #{ fade: 0.2, from: 1.0 }).ease(\"smooth\").on(\"x\").until(2.0);",
@@ -163,7 +163,7 @@ fn a_duplicate_follows_the_clip() {
         ),
         "a.play(c, #{ fade: 0.2, from: 1.0 }).ease(\"smooth\").on(\"x\").until(2.0)\n    .then(c, #{ fade: 0.2 }).ease(\"smooth\").until(3.0);"
     );
-    // Keys and freezes are times of the stage.
+    // Keys and freezes are in stage time, so they are shifted.
     assert_eq!(
         twice(
             "a.|play(c).clip_time([[1.0, 0.0], [f(50), 1.0]]).freeze(1.5, 0.5).weight([[1, 0], [2, 1]]);",
@@ -183,7 +183,7 @@ fn a_duplicate_follows_the_clip() {
 }
 
 #[test]
-fn a_copy_is_pasted_on_another_row_and_into_another_script() {
+fn a_copied_cue_is_pasted_on_another_row_and_into_another_script() {
     let text = "let m = load(\"m.glb\");\nlet a = cast(\"a\", m);\na.play(m.clip(\"x\")).on(\"Head\").until(1.0)\n    .|then(m.clip(\"y\"), #{ fade: 0.2 }).until(2.0).weight([[1.0, 0], [f(50), 1]]);\nlet b = cast(\"b\", m);\n";
     let (text, line, column) = marked(text);
     let copied = copy_cue(&text, line, column, at(1.0), Some(at(2.0))).unwrap();
@@ -197,7 +197,7 @@ fn a_copy_is_pasted_on_another_row_and_into_another_script() {
     let other = "let z = cast(\"z\", load(\"z.glb\"));";
     let pasted = paste_cue(other, 1, 9, &copied, at(0.0)).unwrap().apply(other);
     assert!(pasted.contains("\nz.play(load(\"m.glb\").clip(\"y\"), #{ fade: 0.2 }).until(1.0)"), "{pasted}");
-    // The clip comes from the actor's own variable where that is of the same file.
+    // If the actor's own variable holds the same file, the clip comes from it.
     let own =
         "let m = load(\"m.glb\", #{ color: \"red\" });\nlet n = load(\"m.glb\");\nlet z = cast(\"z\", n);";
     let pasted = paste_cue(own, 3, 9, &copied, at(0.0)).unwrap().apply(own);
@@ -212,9 +212,9 @@ fn a_copy_is_pasted_on_another_row_and_into_another_script() {
     }
 }
 
-/// Options over several lines, comments, and what later lines say of the cue's variable.
+/// Options on several lines, comments, and calls in later lines on the variable of the cue are copied.
 #[test]
-fn a_copy_has_all_options_wherever_they_stand() {
+fn a_copied_cue_has_its_options_of_all_lines() {
     let text = "let m = load(\"m.glb\");\nlet a = cast(\"a\", m);\nlet w = a.|play(m.clip(\"x\"), #{\n    fade: 0.2, // in\n}).until(2.0)\n    .speed(2) // fast\n    .reverse();\nw.ease(\"smooth\").from(1.0);\nif x { w.weight(0.5); }\nlet b = cast(\"b\", m);\n";
     let (text, line, column) = marked(text);
     let copied = copy_cue(&text, line, column, at(1.0), Some(at(2.0))).unwrap();
@@ -227,35 +227,35 @@ fn a_copy_has_all_options_wherever_they_stand() {
     assert!(pasted.ends_with("\nb.play(m.clip(\"x\"), #{\n    fade: 0.2, // in\n}).from(3.0).until(4.0)\n    .speed(2) // fast\n    .reverse().ease(\"smooth\");\n"), "{pasted}");
 }
 
-/// What stood below a `.then` is as deep below what it becomes.
+/// Lines keep their indentation relative to the first line of the cue.
 #[test]
-fn a_clip_over_several_lines_is_indented_where_it_goes() {
+fn a_pasted_cue_of_several_lines_is_indented() {
     let text = "let m = load(\"m.glb\");\nlet a = cast(\"a\", m);\na.play(m.clip(\"x\")).until(1.0)\n    .|then(m.clip(\"y\"), #{\n        fade: 0.2, // soft\n        speed: 2.0,\n    })\n    .until(2.0);\nlet b = cast(\"b\", m);\n";
     let (text, line, column) = marked(text);
     let play = "play(m.clip(\"y\"), #{\n    fade: 0.2, // soft\n    speed: 2.0,\n})";
     let copied = copy_cue(&text, line, column, at(1.0), Some(at(2.0))).unwrap();
     let pasted = paste_cue(&text, 9, 9, &copied, at(3.0)).unwrap().apply(&text);
     assert!(pasted.ends_with(&format!("\nb.{play}.from(3.0)\n    .until(4.0);\n")), "{pasted}");
-    // The second clip comes first once the clip before it is gone.
+    // Deleting the first cue makes the second cue the first of the chain.
     let alone = delete_cue(&text, 3, 3, Some(at(1.0))).unwrap().apply(&text);
     assert!(alone.contains(&format!("\na.{play}.from(1.0)\n    .until(2.0);\n")), "{alone}");
-    // A list of keys goes one level deeper with its duplicate.
+    // The list of keys of a duplicate is indented one level deeper.
     let keyed = "a.|play(c).weight([\n    [1.0, 0],\n    [2.0, 1]\n]).until(2.0);";
     let twice = changed(keyed, &|t, l, c| duplicate_cue(t, l, c, at(1.0), Some(at(3.0)))).unwrap();
     let second = "\n    .then(c).weight([\n        [2.0, 0],\n        [3.0, 1]\n    ]).until(3.0);";
     assert!(twice.ends_with(second), "{twice}");
 }
 
-/// Frames stay frames, and a comment goes with its line.
+/// Times in frames stay in frames.
 #[test]
-fn a_copy_keeps_the_style_of_its_times_and_its_comment() {
+fn a_copied_cue_keeps_its_comment_and_the_style_of_its_times() {
     let text = "let m = load(\"m.glb\");\nlet a = cast(\"a\", m);\na.|play(m.clip(\"x\")).from(f(25)).until(f(50)); // waves\nlet b = cast(\"b\", m);\n";
     let (text, line, column) = marked(text);
     let copied = copy_cue(&text, line, column, at(1.0), Some(at(2.0))).unwrap();
     assert_eq!(copied, "play(load(\"m.glb\").clip(\"x\")).from(f(25)).until(f(50)); // waves");
     let pasted = paste_cue(&text, 4, 9, &copied, at(3.0)).unwrap().apply(&text);
     assert!(pasted.ends_with("\nb.play(m.clip(\"x\")).from(f(75)).until(f(100)); // waves\n"), "{pasted}");
-    // One that follows begins where the clip before it ends, in frames.
+    // A following cue gets its start in frames, like the end of the cue before it.
     let chain = "a.play(c).until(f(50)) // walks\n    .|then(d)\n    .then(e); // both";
     let (chain, line, column) = marked(chain);
     assert_eq!(copy_cue(&chain, line, column, at(2.0), None).unwrap(), "play(d).from(f(50))");
@@ -263,19 +263,19 @@ fn a_copy_keeps_the_style_of_its_times_and_its_comment() {
         let (text, line, column) = marked(text);
         copy_cue(&text, line, column, at(start), Some(at(start + 1.0))).unwrap()
     };
-    // The comment of a line with two clips stays with the line.
+    // The comment of a line with two cues is not copied.
     assert_eq!(
         copy("a.play(c).until(1.0).|then(d).until(2.0); // both", 1.0),
         "play(d).from(1.0).until(2.0)"
     );
-    // Computed times become those of the bar, times of a sequence those of the stage.
+    // Computed times become the times of the bar; times relative to a sequence become stage times.
     assert_eq!(copy("a.|play(c).from(x).until(x + 1.0);", 3.0), "play(c).from(3.0).until(4.0)");
     assert_eq!(copy("a.|play(c).from(1.0).until(f(50));", 3.0), "play(c).from(3.0).until(f(100))");
     assert_eq!(
         copy("a.|play(c, #{ from: f(25), until: 2.0 });", 1.0),
         "play(c, #{ from: f(25), until: 2.0 })"
     );
-    // An actor without a name has the clip behind what makes it.
+    // For an actor without a variable, the cue is added to the chain of its `cast`.
     let pasted = |text: &str| {
         paste_cue(text, 1, 1, "play(load(\"m\").clip(\"x\")); // in", at(0.0)).unwrap().apply(text)
     };
@@ -284,7 +284,7 @@ fn a_copy_keeps_the_style_of_its_times_and_its_comment() {
 }
 
 #[test]
-fn times_of_keys_move_with_their_clip() {
+fn shifting_a_cue_shifts_its_keys() {
     let text = "a.|play(c).clip_time([[1.0, 0.0], [f(50), 1.0]]).freeze(1.5, 0.5).from(1.0);";
     let moved = changed(text, &|t, l, c| shift_cue(t, l, c, at(0.4))).unwrap();
     assert_eq!(moved, "a.play(c).clip_time([[1.4, 0.0], [f(60), 1.0]]).freeze(1.9, 0.5).from(1.4);");
@@ -296,7 +296,7 @@ fn times_of_keys_move_with_their_clip() {
 }
 
 #[test]
-fn no_text_makes_it_panic() {
+fn edits_of_truncated_text_do_not_panic() {
     let text = "ä.play(\"ü(\").from(1.0).weight(0.0 /* é */).then(x).until('\\'').trim(0,1);";
     let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).collect();
     for from in &ends {

@@ -20,7 +20,7 @@ use std::sync::Arc;
 pub type Light = (String, Vec3);
 
 /// Largest size in pixels of the image from which colors are taken.
-const MOST_PIXELS: u32 = 160 * 90;
+const MAX_PIXELS: u32 = 160 * 90;
 /// Stops below the scene's exposure at which images are drawn, so that every pixel is unclipped in one of them.
 const BRACKETS: [f32; 3] = [0.0, 4.0, 8.0];
 
@@ -41,7 +41,7 @@ pub fn choices(scene: &MeasuredScene) -> Result<SceneChoices, BenchError> {
         let why = "the scene uses neither AgX nor ACES; the other view transforms are computed exactly";
         return Ok(SceneChoices::None(why.into()));
     }
-    let lights = lights(scene, parameter("exposure").unwrap_or(0.0))?;
+    let lights = scene_lights(scene, parameter("exposure").unwrap_or(0.0))?;
     let of = format!("{} pixels of the scene's image", lights.len());
     let mut choices = Vec::new();
     if aces_runs {
@@ -54,8 +54,8 @@ pub fn choices(scene: &MeasuredScene) -> Result<SceneChoices, BenchError> {
 }
 
 /// Linear light of the scene's pixels, from raw images at several exposures, `further` stops brighter than the camera's.
-fn lights(scene: &MeasuredScene, further: f64) -> Result<Vec<Light>, BenchError> {
-    let smaller = (1..=128).find(|n| (scene.size[0] / n) * (scene.size[1] / n) <= MOST_PIXELS).unwrap_or(128);
+fn scene_lights(scene: &MeasuredScene, further: f64) -> Result<Vec<Light>, BenchError> {
+    let smaller = (1..=128).find(|n| (scene.size[0] / n) * (scene.size[1] / n) <= MAX_PIXELS).unwrap_or(128);
     let size = scene.size.map(|side| (side / smaller).max(16));
     let linear = srgb_to_linear_table();
     let mut lights: Vec<Light> = Vec::new();
@@ -84,12 +84,12 @@ fn lights(scene: &MeasuredScene, further: f64) -> Result<Vec<Light>, BenchError>
 }
 
 /// sRGB code of 0 to 255.
-fn code(linear: f64) -> f64 {
+fn srgb_code(linear: f64) -> f64 {
     255.0 * srgb_from_linear(linear.clamp(0.0, 1.0))
 }
 
 /// Adds a row for each method of one transform: its errors in codes, and its cost per pixel.
-fn compare(
+fn add_rows(
     choice: &mut Choice,
     lights: &[Light],
     budget_secs: f64,
@@ -103,7 +103,7 @@ fn compare(
         let mut error = Spread::default();
         for ((_, light), exact) in lights.iter().zip(&exact) {
             let got = method(*light).as_dvec3();
-            error.add((0..3).map(|c| (code(got[c]) - code(exact[c])).abs()).fold(0.0, f64::max));
+            error.add((0..3).map(|c| (srgb_code(got[c]) - srgb_code(exact[c])).abs()).fold(0.0, f64::max));
         }
         let at = lights[error.worst_at].0.clone();
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).at(at));
@@ -125,7 +125,7 @@ fn compare(
 /// The formulas of the effect `tonemap`: ACES for a curve below 0.5, else AgX.
 pub fn effect(curve: f32, light: Vec3) -> Vec3 {
     let light = light.clamp(Vec3::ZERO, Vec3::splat(16_777_216.0));
-    let mapped = if curve < 0.5 { hill(light) } else { wrensch(light) };
+    let mapped = if curve < 0.5 { aces_hill(light) } else { agx_wrensch(light) };
     mapped.clamp(Vec3::ZERO, Vec3::ONE)
 }
 
@@ -156,7 +156,7 @@ fn rows(m: [[f32; 3]; 3], v: Vec3) -> Vec3 {
 }
 
 /// Stephen Hill's fit of the ACES reference and output transforms, sRGB to sRGB (BakingLab, ACES.hlsl).
-fn hill(color: Vec3) -> Vec3 {
+fn aces_hill(color: Vec3) -> Vec3 {
     rows(HILL_OUT, Vec3::from(rows(HILL_IN, color).to_array().map(hill_curve)))
 }
 
@@ -171,7 +171,7 @@ fn hill_curve(v: f32) -> f32 {
 }
 
 /// Troy Sobotka's AgX by Benjamin Wrensch's polynomial ("Minimal AgX Implementation", 2023): 16.5 stops, mid gray at 10 of them.
-fn wrensch(color: Vec3) -> Vec3 {
+fn agx_wrensch(color: Vec3) -> Vec3 {
     let inset = rows(
         [
             [0.842_479_05, 0.0784336, 0.079_223_745],
@@ -205,7 +205,7 @@ pub fn aces(lights: &[Light], of: &str, budget_secs: f64) -> Choice {
     choice.reference = format!(
         "the reference rendering transform and the output transform for sRGB of 100 nits in a dim room (Academy, ACES 1.0.3), in f64; {of}"
     );
-    compare(
+    add_rows(
         &mut choice,
         lights,
         budget_secs,
@@ -243,7 +243,7 @@ pub fn agx(lights: &[Light], of: &str, budget_secs: f64) -> Choice {
         let y = Vec3::new(curve(x.x), curve(x.y), curve(x.z));
         reference::agx_shown(y.as_dvec3()).as_vec3()
     };
-    compare(
+    add_rows(
         &mut choice,
         lights,
         budget_secs,

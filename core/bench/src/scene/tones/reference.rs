@@ -26,7 +26,7 @@ const AP1: [[f64; 2]; 3] = [[0.713, 0.293], [0.165, 0.830], [0.128, 0.044]];
 const LUMA: DVec3 = DVec3::new(0.272_228_716_8, 0.674_081_765_8, 0.053_689_517_4);
 
 /// Bradford chromatic adaptation of XYZ from one white point to another.
-fn adapted(from: [f64; 2], to: [f64; 2]) -> DMat3 {
+fn chromatic_adaptation(from: [f64; 2], to: [f64; 2]) -> DMat3 {
     let cone = rows([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]);
     let white = |[x, y]: [f64; 2]| cone * DVec3::new(x / y, 1.0, (1.0 - x - y) / y);
     cone.inverse() * DMat3::from_diagonal(white(to) / white(from)) * cone
@@ -88,17 +88,17 @@ fn output_curve(x: f64) -> f64 {
     spline(x, [[at(-6.5), 0.02], [at(0.0), 4.8], [at(6.5), 48.0]], &LOW, &HIGH, 0.04)
 }
 
-fn each(v: DVec3, f: fn(f64) -> f64) -> DVec3 {
+fn map_channels(v: DVec3, f: fn(f64) -> f64) -> DVec3 {
     DVec3::new(f(v.x), f(v.y), f(v.z))
 }
 
 /// Interpolates from the gray of the same luminance to the color.
-fn saturated(v: DVec3, factor: f64) -> DVec3 {
+fn scale_saturation(v: DVec3, factor: f64) -> DVec3 {
     DVec3::splat(v.dot(LUMA)).lerp(v, factor)
 }
 
 /// Weight of the red modifier: a cubic B-spline of the distance of the hue from red, 135° wide.
-fn redness(v: DVec3) -> f64 {
+fn red_modifier_weight(v: DVec3) -> f64 {
     let hue = libm::atan2(3f64.sqrt() * (v.y - v.z), 2.0 * v.x - v.y - v.z).to_degrees();
     // The knots are a fourth of the width apart; the weight is 1 in the middle.
     let t = (hue / (135.0 / 4.0)).abs();
@@ -112,7 +112,7 @@ fn redness(v: DVec3) -> f64 {
 /// ACES: linear sRGB of the scene to linear sRGB of the display, 0 to 1.
 pub fn aces(light: DVec3) -> DVec3 {
     let (ap0, ap1, srgb) = (to_xyz(AP0, D60), to_xyz(AP1, D60), to_xyz(SRGB, D65));
-    let mut c = ap0.inverse() * adapted(D65, D60) * srgb * light;
+    let mut c = ap0.inverse() * chromatic_adaptation(D65, D60) * srgb * light;
     // The glow module lifts dark saturated colors a little.
     let (least, most) = (c.min_element(), c.max_element());
     let saturation = (most.max(1e-10) - least.max(1e-10)) / most.max(1e-2);
@@ -128,17 +128,17 @@ pub fn aces(light: DVec3) -> DVec3 {
             yc if yc >= 2.0 * MID => 0.0,
             yc => gain * (MID / yc - 0.5),
         };
-    c.x += redness(c) * saturation * (0.03 - c.x) * (1.0 - 0.82);
+    c.x += red_modifier_weight(c) * saturation * (0.03 - c.x) * (1.0 - 0.82);
     let ap1_from_ap0 = ap1.inverse() * ap0;
     let c = (ap1_from_ap0 * c.max(DVec3::ZERO)).max(DVec3::ZERO);
-    let c = each(saturated(c, 0.96), scene_curve);
+    let c = map_channels(scale_saturation(c, 0.96), scene_curve);
     // The output transform is that of a cinema of 48 nits, where black is 0.02 nits.
-    let c = (each(c, output_curve) - 0.02) / (48.0 - 0.02);
+    let c = (map_channels(c, output_curve) - 0.02) / (48.0 - 0.02);
     // The surround correction, by luminance, adapts from a dark room to a dim one.
     let xyz = ap1 * c;
     let dim = libm::pow(xyz.y.max(0.0), 0.9811) / xyz.y.max(1e-10);
-    let c = saturated(ap1.inverse() * (xyz * dim), 0.93);
-    (srgb.inverse() * adapted(D60, D65) * ap1 * c).clamp(DVec3::ZERO, DVec3::ONE)
+    let c = scale_saturation(ap1.inverse() * (xyz * dim), 0.93);
+    (srgb.inverse() * chromatic_adaptation(D60, D65) * ap1 * c).clamp(DVec3::ZERO, DVec3::ONE)
 }
 
 const INSET: DMat3 = rows([
@@ -169,7 +169,7 @@ pub fn sigmoid(x: f64) -> f64 {
 
 /// Linear sRGB that a display of gamma 2.2 shows for the result of the AgX curve.
 pub(crate) fn agx_shown(curve: DVec3) -> DVec3 {
-    each(INSET.inverse() * curve, |v| libm::pow(v.clamp(0.0, 1.0), 2.2))
+    map_channels(INSET.inverse() * curve, |v| libm::pow(v.clamp(0.0, 1.0), 2.2))
 }
 
 #[cfg(test)]
@@ -178,7 +178,7 @@ mod tests {
 
     /// ACES 1.0.3 puts middle gray at 4.8 of 48 nits, before the dim room: 0.10 of the screen.
     #[test]
-    fn middle_grey_is_where_the_makers_put_it() {
+    fn aces_maps_middle_gray_to_a_tenth() {
         let grey = aces(DVec3::splat(0.18));
         assert!((grey - libm::pow((4.8 - 0.02) / 47.98, 0.9811)).abs().max_element() < 1e-4, "{grey}");
         assert!(grey.max_element() - grey.min_element() < 1e-4, "{grey}");
@@ -188,7 +188,7 @@ mod tests {
 
     /// The matrix that ACES publishes as AP0_2_AP1_MAT, to ten places.
     #[test]
-    fn matrices_are_the_published_ones() {
+    fn ap1_from_ap0_equals_the_published_matrix() {
         let m = to_xyz(AP1, D60).inverse() * to_xyz(AP0, D60);
         let published = rows([
             [1.4514393161, -0.2365107469, -0.2149285693],
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn curves_rise_and_have_no_steps() {
+    fn curves_are_monotonic_without_jumps() {
         for curve in [scene_curve as fn(f64) -> f64, output_curve] {
             let mut before = curve(1e-4);
             for i in 1..4000 {

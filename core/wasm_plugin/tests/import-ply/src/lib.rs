@@ -54,14 +54,14 @@ impl Importer for PlyImporter {
     }
 }
 
-/// The place in the file, and what is wrong there.
+/// Byte offset of an error, and the error.
 type PlyError = (usize, String);
 
 struct Header {
     binary: bool,
     vertices: usize,
     faces: usize,
-    /// Numbers a vertex: 3, or 6 with a normal.
+    /// Numbers per vertex: 3, or 6 with a normal.
     width: usize,
 }
 
@@ -99,12 +99,12 @@ impl Header {
 }
 
 /// Adds a vertex's numbers to the arrays.
-fn push(mesh: &mut MeshData, row: &[f32]) {
+fn push_vertex(mesh: &mut MeshData, row: &[f32]) {
     mesh.positions.extend_from_slice(&row[..3]);
     mesh.normals.extend_from_slice(&row[3..]);
 }
 
-/// Room for what the header announces, at most for so many numbers: growing lists are copied again and again.
+/// Reserves memory for the counts of the header, at most `most` numbers per list, because growing lists would be copied repeatedly.
 fn reserve(mesh: &mut MeshData, header: &Header, most: usize) {
     mesh.positions.reserve(header.vertices.saturating_mul(3).min(most));
     mesh.normals.reserve(header.vertices.saturating_mul(header.width - 3).min(most));
@@ -128,7 +128,7 @@ fn ascii(header: &Header, bytes: &[u8], at: usize) -> Result<MeshData, PlyError>
         for value in &mut row[..header.width] {
             *value = numbers.next().map_err(unreadable)?;
         }
-        push(&mut mesh, &row[..header.width]);
+        push_vertex(&mut mesh, &row[..header.width]);
     }
     for _ in 0..header.faces {
         let mut next = || numbers.next::<u32>().map_err(unreadable);

@@ -29,7 +29,7 @@ impl Destination {
 
     /// Like [`Destination::of`], for a name in an open folder. Links of the system are refused, too.
     pub fn beneath(folder: Folder, name: &Path) -> Result<Destination, WriteError> {
-        folder.no_link(name)?;
+        folder.refuse_link(name)?;
         match folder.metadata(name) {
             Some(there) if there.is_dir() => Err(WriteError::IsFolder),
             Some(there) if !there.is_file() => pipe::open(&folder, name).map(Destination::Direct),

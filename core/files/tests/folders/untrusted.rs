@@ -1,4 +1,4 @@
-//! Traps that strangers may have put into a folder: links out of it, links inside it, pipes, folders, hard links.
+//! Access to untrusted folders with links that lead out of them, links inside them, pipes and subfolders.
 
 use choreo_files::{FileError, Folder, open_file, read};
 use std::fs::{self, symlink_metadata};
@@ -6,8 +6,8 @@ use std::io::Write;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
-/// `secret` outside and, in `inside`: a file, links of each kind, and a pipe that nobody writes to.
-fn planted() -> (tempfile::TempDir, PathBuf) {
+/// Creates a file `secret` and beside it a folder `inside` with a file, links of each kind, and a pipe without a writer.
+fn folder_with_traps() -> (tempfile::TempDir, PathBuf) {
     let outer = tempfile::tempdir().unwrap();
     let inside = outer.path().join("inside");
     fs::create_dir_all(inside.join("below")).unwrap();
@@ -23,27 +23,27 @@ fn planted() -> (tempfile::TempDir, PathBuf) {
 }
 
 #[test]
-fn reading_stays_beneath_the_folder_and_never_waits() {
-    let (_outer, inside) = planted();
+fn reading_stays_beneath_the_folder_and_never_blocks() {
+    let (_outer, inside) = folder_with_traps();
     let folder = Folder::open(&inside).unwrap();
-    let told = |name: &str| folder.read(Path::new(name), 100).map_err(|e| e.to_string());
-    assert_eq!(told("below/file").unwrap(), b"text");
-    assert_eq!(told("within").unwrap(), b"text");
+    let read_text = |name: &str| folder.read(Path::new(name), 100).map_err(|e| e.to_string());
+    assert_eq!(read_text("below/file").unwrap(), b"text");
+    assert_eq!(read_text("within").unwrap(), b"text");
     for name in ["out", "up/secret", "../secret"] {
-        assert_eq!(told(name).unwrap_err(), "it leads out of the folder", "{name}");
+        assert_eq!(read_text(name).unwrap_err(), "it leads out of the folder", "{name}");
     }
-    assert_eq!(told("pipe").unwrap_err(), "it is a pipe or device, not a regular file");
-    assert_eq!(told("below").unwrap_err(), "it is a folder, not a regular file");
+    assert_eq!(read_text("pipe").unwrap_err(), "it is a pipe or device, not a regular file");
+    assert_eq!(read_text("below").unwrap_err(), "it is a folder, not a regular file");
     assert!(folder.read(Path::new("none"), 100).unwrap_err().is_missing());
     assert!(matches!(folder.read(Path::new("within"), 3), Err(FileError::TooLarge(3))));
-    // A path of the user's own may be a link, and still no pipe.
+    // A path that the user chose may be a link, but not a pipe.
     assert_eq!(read(&inside.join("out"), 100).unwrap(), b"secret");
     assert!(matches!(open_file(&inside.join("pipe")), Err(FileError::NotRegular(_))));
 }
 
 #[test]
-fn folders_below_are_opened_as_files_are() {
-    let (_outer, inside) = planted();
+fn subfolders_are_opened_under_the_same_rules_as_files() {
+    let (_outer, inside) = folder_with_traps();
     let folder = Folder::open(&inside).unwrap();
     symlink("below", inside.join("door")).unwrap();
     let below = folder.folder(Path::new("door")).unwrap();
@@ -58,8 +58,8 @@ fn folders_below_are_opened_as_files_are() {
 }
 
 #[test]
-fn writing_follows_no_link() {
-    let (outer, inside) = planted();
+fn writing_refuses_links() {
+    let (outer, inside) = folder_with_traps();
     let folder = Folder::open(&inside).unwrap();
     for name in ["out", "within", "dangling"] {
         let target = fs::read_link(inside.join(name)).unwrap();
@@ -76,8 +76,8 @@ fn writing_follows_no_link() {
 }
 
 #[test]
-fn a_finished_file_replaces_a_link_and_not_what_it_names() {
-    let (outer, inside) = planted();
+fn a_renamed_file_replaces_a_link_and_not_its_target() {
+    let (outer, inside) = folder_with_traps();
     let folder = Folder::open(&inside).unwrap();
     let mut file = folder.create_new(Path::new("new")).unwrap();
     file.write_all(b"result").unwrap();
@@ -90,8 +90,8 @@ fn a_finished_file_replaces_a_link_and_not_what_it_names() {
 }
 
 #[test]
-fn an_open_folder_stays_the_same_when_its_name_is_given_away() {
-    let (outer, inside) = planted();
+fn an_open_folder_is_unaffected_by_replacing_its_path() {
+    let (outer, inside) = folder_with_traps();
     let folder = Folder::open(&inside).unwrap();
     fs::rename(&inside, outer.path().join("elsewhere")).unwrap();
     symlink(outer.path(), &inside).unwrap();
