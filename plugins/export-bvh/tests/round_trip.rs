@@ -99,7 +99,7 @@ fn worst(text: &str, scene: &ExportedScene) -> f64 {
 }
 
 #[test]
-fn joints_are_where_the_stage_has_them() {
+fn exported_joints_are_where_the_stage_has_them() {
     for roots in [1, 3] {
         let scene = ExportedScene::new("a.rhai", Arc::new(stage(roots)));
         let text = exported(&scene);
@@ -115,7 +115,7 @@ fn joints_are_where_the_stage_has_them() {
 }
 
 #[test]
-fn angles_are_continuous_and_only_what_moves_has_positions() {
+fn angles_are_continuous_and_only_moving_joints_have_positions() {
     let scene = ExportedScene::new("a.rhai", Arc::new(stage(1)));
     let text = exported(&scene);
     // The root and the hand.

@@ -188,7 +188,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn influences_are_such_as_the_specification_asks_for() {
+    fn influences_are_unique_and_normalized() {
         let mut row = [(3, 0.25), (3, 0.25), (7, 0.0), (9, 0.5)];
         tidy(&mut row);
         assert_eq!(row, [(3, 0.5), (0, 0.0), (0, 0.0), (9, 0.5)]);

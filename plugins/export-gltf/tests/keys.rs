@@ -62,7 +62,7 @@ fn interpolations(json: &Value) -> Vec<&str> {
 }
 
 #[test]
-fn linear_and_stepped_keys_are_played_in_all_ways() {
+fn linear_and_stepped_keys_survive_all_playback_modes() {
     type Cues = fn(&Arc<Clip>) -> Vec<Cue>;
     let ways: [(&str, Cues); 8] = [
         ("looped", |c| vec![Cue::new(c.clone())]),

@@ -43,7 +43,7 @@ fn encode(frame: &Frame, info: &VideoInfo) -> Vec<u8> {
 }
 
 #[test]
-fn opaque_pictures_come_back_as_rgb_with_their_texts() {
+fn opaque_images_are_written_as_rgb_with_text_chunks() {
     for (w, h) in [(61, 37), (1, 1), (1280, 3)] {
         let frame = picture(w, h, 255);
         for compression in ["fast", "small"] {
@@ -75,7 +75,7 @@ fn with_options(frame: &Frame, options: &[(&str, &str)]) -> VideoInfo {
 }
 
 #[test]
-fn alpha_is_straight_unless_it_shall_be_premultiplied() {
+fn alpha_is_straight_unless_the_option_premultiplies_it() {
     // Light 0.2, 0.1 and 0.05 at an alpha of 0.2 is light 1, 0.5 and 0.25 that covers a fifth.
     let frame = Frame { width: 1, height: 1, rgba: vec![124, 89, 63, 51] };
     let pixel = |alpha: &str| {
@@ -92,7 +92,7 @@ fn alpha_is_straight_unless_it_shall_be_premultiplied() {
 }
 
 #[test]
-fn sixteen_bits_hold_what_eight_round_off() {
+fn sixteen_bits_keep_values_that_eight_bits_round() {
     let light = |i: u32| 1e-3 + 1e-5 * i as f32;
     let color: Vec<Vec4> = (0..64).map(|i| Vec4::new(light(i), 0.5 * light(i), 2.0, 1.0)).collect();
     let frame = FloatFrame { color, ..FloatFrame::new([64, 1]) };
@@ -126,7 +126,7 @@ fn sixteen_bits_hold_what_eight_round_off() {
 }
 
 #[test]
-fn one_clear_pixel_keeps_the_alpha_of_all() {
+fn one_transparent_pixel_keeps_the_alpha_channel() {
     let frame = picture(20, 10, 7);
     let bytes = encode(&frame, &with_options(&frame, &[("alpha", "premultiplied")]));
     let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
@@ -156,7 +156,7 @@ fn ffmpeg_reads_the_same_pixels() {
 }
 
 #[test]
-fn a_second_picture_and_none_are_refused() {
+fn two_frames_and_zero_frames_are_errors() {
     let frame = picture(2, 2, 255);
     let mut sink = PngExporter.begin(&info(&frame), Box::new(Vec::new())).unwrap();
     sink.frame(&frame).unwrap();
@@ -171,7 +171,7 @@ fn a_second_picture_and_none_are_refused() {
 
 /// A file made of another's pixels has the bytes that encoding the image gives, opaque or not.
 #[test]
-fn the_pixels_of_a_file_get_another_provenance() {
+fn provenance_is_replaced_without_changing_the_pixels() {
     for alpha in [255, 7] {
         let frame = picture(61, 40, alpha);
         let encoded = |info: &VideoInfo| {

@@ -135,7 +135,7 @@ mod tests {
     use choreo_plugin::motion::FrameRate;
 
     #[test]
-    fn a_zoom_has_the_angle_between_its_keys() {
+    fn sampled_focal_lengths_follow_a_linear_angle_of_view() {
         let frames = Frames { start: Time::ZERO, rate: FrameRate { num: 24, den: 1 } };
         let times = vec![Time::ZERO, Time::from_secs(2.0)];
         let samples = focal_lengths(&Series { times, values: vec![0.2, 1.6], width: 1 }, frames);

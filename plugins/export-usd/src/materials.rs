@@ -344,7 +344,7 @@ mod tests {
 
     /// Order as in UsdTransform2d: scale, then rotation, then translation.
     #[test]
-    fn a_transform_from_below_moves_the_same_points() {
+    fn uv_transforms_with_v_flipped_move_the_same_points() {
         for (rotation, scale) in [(0.7f32, Vec2::new(2.0, 3.0)), (-2.0, Vec2::new(0.5, -1.5))] {
             let above = choreo_plugin::stage::uv_transform(Vec2::new(0.25, -0.5), rotation, scale);
             let (translation, degrees, scale) = from_below(&above);

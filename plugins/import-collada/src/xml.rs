@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn texts_around_comments() {
+    fn text_around_xml_comments_is_joined() {
         let doc = parse("<a> 1 <!-- 2 -->3<![CDATA[ 4]]> <b>5</b>&#54;</a>").unwrap();
         let all: String = texts(doc.root_element()).collect();
         assert_eq!(all.split_whitespace().collect::<Vec<_>>(), ["1", "3", "4", "6"]);

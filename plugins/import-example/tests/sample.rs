@@ -22,7 +22,7 @@ fn import(text: &str) -> Result<Asset, ImportError> {
 }
 
 #[test]
-fn the_sample_arrives_whole() {
+fn the_sample_is_imported_completely() {
     let asset = import(include_str!("sample.example")).unwrap();
     let mesh = &asset.meshes[0].primitives[0];
     assert_eq!((mesh.positions.len(), mesh.indices.len() / 3), (5, 6));
@@ -32,14 +32,14 @@ fn the_sample_arrives_whole() {
 }
 
 #[test]
-fn files_are_known_by_their_first_word() {
+fn files_are_claimed_by_their_first_word() {
     assert_eq!(ExampleImporter.claim(&source("example 1\n")), Claim::Content(90));
     let other = Source { name: "a.txt".into(), ..source("v 1 2 3") };
     assert_eq!(ExampleImporter.claim(&other), Claim::NotMine);
 }
 
 #[test]
-fn mistakes_have_their_line() {
+fn errors_name_their_line() {
     let text = |file: &str| import(file).unwrap_err().to_string();
     assert_eq!(text("point 1 2"), "a.example: line 1: a point has 3 numbers, this one has 2");
     assert_eq!(text("point 1 2 x"), "a.example: line 1: \"x\" is not the number that belongs here");

@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn changes_are_those_of_the_values() {
+    fn derivatives_equal_differences_of_the_values() {
         for (lens, v) in [
             (Lens::HorizontalAngle(1.6), 75.0),
             (Lens::FocalLength(12.0), 35.0),

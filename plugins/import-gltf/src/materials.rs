@@ -310,7 +310,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn uv_rotation_takes_u_up() {
+    fn uv_rotation_is_counterclockwise() {
         let t = TextureTransform {
             rotation: json::extensions::texture::TextureTransformRotation(std::f32::consts::FRAC_PI_2),
             offset: json::extensions::texture::TextureTransformOffset([0.25, 0.5]),

@@ -344,7 +344,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_lie_beside_the_layer_that_names_them() {
+    fn asset_paths_are_relative_to_their_layer() {
         assert_eq!(beside("a/b.usda", "./c.png"), "a/c.png");
         assert_eq!(beside("a/b.usda", "../c.png"), "c.png");
         assert_eq!(beside("b.usda", "../c.png"), "../c.png");

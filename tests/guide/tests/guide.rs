@@ -22,7 +22,7 @@ fn book_with(from: &str, to: &str) -> Book {
 }
 
 #[test]
-fn links_and_images_lead_somewhere() {
+fn link_and_image_targets_exist() {
     assert_eq!(book().problems, Vec::<String>::new());
     let planted = [
         ("../concepts/constraints.md", "../concepts/constraint.md"),
@@ -193,7 +193,7 @@ fn commands_and_their_options_exist() {
 }
 
 #[test]
-fn every_image_is_drawn_from_its_script() {
+fn every_image_is_rendered_from_its_script() {
     let book = book();
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("image.png");

@@ -222,7 +222,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_sums_agree_and_smooth_surfaces_lose_nothing() {
+    fn both_integrals_agree_and_smooth_surfaces_conserve_energy() {
         for (roughness, nv) in [(0.25, 0.9), (0.6, 0.5), (1.0, 0.3)] {
             let (exact, summed) = (truth(roughness, nv), reflected(correlated, roughness, nv));
             assert!((exact - summed).abs() < 2e-3, "{roughness} {nv}: {exact} {summed}");
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn the_renderer_shows_the_formula() {
+    fn the_renderer_equals_the_formula() {
         check_renderer().unwrap();
     }
 }

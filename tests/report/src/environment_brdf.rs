@@ -184,7 +184,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_mirror_reflects_by_schlicks_term_and_nothing_reflects_more_than_all() {
+    fn a_mirror_follows_schlick_and_reflectance_is_at_most_one() {
         for nv in [0.2, 0.5, 0.9] {
             let [scale, bias] = integral(SMOOTHEST, nv);
             let [mirror_scale, mirror_bias] = schlick(nv as f32).map(f64::from);
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn the_renderer_shows_the_fit() {
+    fn the_renderer_equals_the_fit() {
         check_renderer().unwrap();
     }
 }

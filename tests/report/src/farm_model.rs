@@ -256,7 +256,7 @@ mod tests {
 
     /// Closed forms: chunks in rounds, and a storage or scheduler as the bottleneck.
     #[test]
-    fn simple_farms_take_what_can_be_calculated() {
+    fn simple_farms_take_the_time_of_the_closed_form() {
         near(PLAIN.run().rendered, 10.0 * 12.0);
         near(PLAIN.run().efficiency, 100.0 / 120.0);
         near(Farm { workers: 3, ..PLAIN }.run().rendered, 4.0 * 12.0);
@@ -284,7 +284,7 @@ mod tests {
     /// Failures cost only the work that is thrown away, and no frame is lost. With resumed chunks, each failure costs a start, the
     /// recovery, and half a frame on average.
     #[test]
-    fn failures_cost_their_starts() {
+    fn each_failure_costs_one_restart() {
         let farm = Farm { frames: 200_000, chunk: 100, failures: 6.0, recovery: 30.0, ..PLAIN };
         let outcome = farm.run();
         let calm = 2000.0 * 102.0;

@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn the_dependencies_are_as_deny_toml_says() {
+    fn the_dependencies_satisfy_deny_toml() {
         let faults = deny().faults(&packages().unwrap());
         assert!(faults.is_empty(), "deny.toml:\n{}", faults.join("\n"));
     }

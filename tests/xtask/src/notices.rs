@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_are_cargo_s() {
+    fn version_ranges_equal_cargos() {
         let range = |version: &str| {
             let packages = packages().unwrap();
             let any = packages.into_values().next().unwrap();

@@ -96,7 +96,7 @@ fn obscured(x: f64, radius: f64, bias: f64) -> f64 {
 }
 
 #[test]
-fn a_valley_is_as_dark_as_the_integral_says() {
+fn occlusion_in_a_valley_equals_the_integral() {
     let run = |strength: f32| {
         let options = [("radius", 0.4), ("samples", 64.0), ("strength", strength)];
         valley().run("ambient_occlusion", &options)
@@ -132,7 +132,7 @@ fn a_valley_is_as_dark_as_the_integral_says() {
 }
 
 #[test]
-fn what_is_in_focus_is_sharp_and_a_point_out_of_focus_is_the_disk_of_a_thin_lens() {
+fn depth_of_field_keeps_focus_sharp_and_blurs_a_point_to_the_disk_of_a_thin_lens() {
     let (yfov, depth, focus, n) = (0.6f32, 8.0f32, 2.0f32, 0.7f32);
     let mut given = Given::wall(Vec4::W, depth, perspective(yfov));
     given.image[MIDDLE] = Vec4::new(1.0, 1.0, 1.0, 1.0);
@@ -169,7 +169,7 @@ fn what_is_in_focus_is_sharp_and_a_point_out_of_focus_is_the_disk_of_a_thin_lens
 }
 
 #[test]
-fn grain_has_its_strength_no_bias_and_belongs_to_its_frame() {
+fn grain_has_its_strength_no_bias_and_differs_between_frames() {
     let frame = |frame: u32| EffectFrame { frame, ..EffectFrame::default() };
     let run = |number: u32, size: f32| {
         let given = Given::wall(GREY, 1.0, frame(number));
@@ -194,7 +194,7 @@ fn grain_has_its_strength_no_bias_and_belongs_to_its_frame() {
 }
 
 #[test]
-fn shafts_are_the_sum_of_the_sky_towards_the_sun() {
+fn light_shafts_are_the_sum_of_the_sky_towards_the_sun() {
     let mut frame = perspective(0.6);
     // Straight ahead.
     frame.sun = Some(Vec3::NEG_Z);
@@ -253,7 +253,7 @@ fn edges_lie_at_steps_and_creases_and_nowhere_else() {
 }
 
 #[test]
-fn hot_air_bends_what_is_far_by_no_more_than_its_strength() {
+fn heat_haze_shifts_distant_surfaces_by_at_most_its_strength() {
     let at = |time: f32, depth: f32| {
         let mut given = Given::wall(GREY, depth, EffectFrame { time, ..EffectFrame::default() });
         // Each pixel's place as its color.

@@ -57,7 +57,7 @@ fn worst(name: &str, bytes: &[u8], fault: Option<Fault>) -> f64 {
 }
 
 #[test]
-fn joints_are_where_the_angles_say() {
+fn joints_equal_the_reference_evaluation_of_the_file() {
     for (name, bytes) in samples() {
         let error = worst(&name, &bytes, None);
         println!("{name}: worst joint {error:.1e} of the size");
@@ -67,7 +67,7 @@ fn joints_are_where_the_angles_say() {
 
 /// The comparison can fail: the angles applied in the opposite order, and a position added to the offset.
 #[test]
-fn a_planted_fault_is_seen() {
+fn the_comparison_detects_a_planted_fault() {
     for (name, bytes) in samples() {
         if name == "arm.bvh" || name == "valid-nested-joints.bvh" {
             continue; // They turn about one axis at a time: the order makes no difference.

@@ -46,7 +46,7 @@ fn changed(changes: &[(&str, &str)]) -> String {
 }
 
 #[test]
-fn nodes_in_metres_and_upright() {
+fn nodes_are_converted_to_metres_and_y_up() {
     let asset = read(ARM);
     assert_eq!(asset.skeleton.names(), ["Upper", "Lower", "Arm", "eye"]);
     assert_eq!(asset.skeleton.parents(), [None, Some(0), None, None]);
@@ -117,7 +117,7 @@ fn uv_sets_materials_and_textures() {
 }
 
 #[test]
-fn what_is_mirrored_is_reflective_times_reflectivity() {
+fn reflection_is_reflective_times_reflectivity() {
     let of = |reflective: &str| {
         let lines = format!("<shininess><float>92</float></shininess>{reflective}");
         let asset = with(&[("<shininess><float>92</float></shininess>", &lines)]);
@@ -151,7 +151,7 @@ fn cameras_and_lights() {
 }
 
 #[test]
-fn what_is_not_needed_is_not_read() {
+fn parts_outside_the_import_scope_are_not_read() {
     let read = |needs: ImportScope| {
         let files = companions();
         let asset = import(&ColladaImporter, &source("arm.dae", ARM), &files, needs).unwrap();
@@ -331,7 +331,7 @@ fn encodings() {
 }
 
 #[test]
-fn a_skeleton_alone_has_bones_to_be_seen() {
+fn a_skeleton_without_a_mesh_gets_visible_bones() {
     let asset = with(&[("<instance_controller url=\"#arm-skin\">", "<instance_controller url=\"#gone\">")]);
     assert_eq!((asset.meshes[0].name.as_str(), asset.skins.len()), ("bones", 1));
     assert!(warnings(&asset)[0].contains("url=\"#gone\" refers to nothing in this file; it is left out"));
@@ -339,7 +339,7 @@ fn a_skeleton_alone_has_bones_to_be_seen() {
 
 /// The target of an instance may be missing, or be of another kind: the rest of the file is read all the same.
 #[test]
-fn instances_of_nothing_are_left_out() {
+fn instances_with_a_missing_or_wrong_target_are_left_out() {
     let nothing = "refers to nothing in this file";
     let eye = "library_visual_scenes/visual_scene \"scene\"/node \"eye\"";
     for (from, to, told, counts) in [
@@ -414,7 +414,7 @@ fn instances_of_nothing_are_left_out() {
 
 /// Some programs write decimal commas if the user's language has them.
 #[test]
-fn units_that_are_no_numbers() {
+fn units_that_are_not_numbers_are_warnings() {
     let size = |asset: &Asset| (asset.rest_bounds().max - asset.rest_bounds().min).max_element();
     let plain = read(ARM);
     let comma = with(&[("meter=\"0.01\"", "meter=\"0,01\"")]);

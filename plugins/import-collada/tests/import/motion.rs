@@ -135,7 +135,7 @@ fn worst(asset: &Asset, oracle: &Oracle<'_>, late_secs: f64) -> f64 {
 }
 
 #[test]
-fn matrices_at_their_keys() {
+fn matrix_keys_equal_the_reference() {
     let Some(folder) = assets(4) else { return };
     for name in ["pab/walk.dae", "pab/skeleton.dae", "walk.dae", "cylinder_animated_from_3ds_max.dae"] {
         let text = std::fs::read_to_string(folder.join("dae").join(name)).unwrap();
@@ -217,7 +217,7 @@ fn compare(asset: &Asset, end: f64, truth: impl Fn(f64) -> DMat4) -> f64 {
 }
 
 #[test]
-fn angles_take_the_long_way_and_mix_with_other_axes() {
+fn angles_over_180_degrees_are_kept_and_combine_with_other_axes() {
     let stack = "<translate sid=\"t\">100 0 0</translate><rotate sid=\"z\">0 0 1 0</rotate><rotate sid=\"x\">1 0 0 0</rotate><scale sid=\"s\">1 1 1</scale>";
     let channels = channel("a", "lower-node/z.ANGLE", "0 2", "0 700", "LINEAR LINEAR", None)
         + &channel("b", "lower-node/x.ANGLE", "0 1 2", "0 90 0", "LINEAR LINEAR LINEAR", None)
@@ -253,7 +253,7 @@ fn bezier(x: [f64; 4], y: [f64; 4], t: f64) -> f64 {
 }
 
 #[test]
-fn curved_held_and_component_keys() {
+fn bezier_step_and_component_keys_equal_the_closed_form() {
     let stack = "<matrix sid=\"m\">1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</matrix>";
     // x of the translation by handles, z held: (column)(row).
     let tangents = Some(("0 0 0.4 100", "0.6 0 1 100"));
@@ -285,7 +285,7 @@ fn curved_held_and_component_keys() {
 }
 
 #[test]
-fn what_cannot_be_driven_is_said() {
+fn channels_without_a_usable_target_are_warnings() {
     let stack = "<matrix sid=\"m\">1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</matrix>";
     let one = |target: &str| channel("a", target, "0 1", "0 1", "LINEAR CARDINAL", None);
     let said = |target: &str| {

@@ -92,7 +92,7 @@ fn own() -> Vec<u8> {
 
 /// Checks the project's own sample: a rotation by Euler angles, cubic and linear, through 70° in a second.
 #[test]
-fn closer_keys_are_closer() {
+fn a_smaller_tolerance_gives_a_smaller_error() {
     let close = worst(&own(), Choice::Within(TOLERANCE_DEG), 503, 0.0);
     let [one, two, four] = [24.0, 48.0, 96.0].map(|rate| worst(&own(), Choice::Rate(rate), 503, 0.0));
     println!("flag.fbx: {close:?} {one:?} {two:?} {four:?}");

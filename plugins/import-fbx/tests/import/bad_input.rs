@@ -6,7 +6,7 @@ use choreo_plugin::{Claim, Importer};
 use import_fbx::FbxImporter;
 
 #[test]
-fn truncated_and_flipped() {
+fn truncated_files_and_flipped_bits_do_not_panic() {
     if alone::ran_in_own_process() {
         return;
     }

@@ -57,7 +57,7 @@ fn primitive<'a>(asset: &'a Asset, material: &str) -> &'a Primitive {
 }
 
 #[test]
-fn units_and_axes_are_converted_and_told() {
+fn units_and_axes_are_converted_and_reported() {
     let asset = all();
     assert_eq!(asset.origin.format, "FBX 7.4 text");
     assert_eq!(asset.origin.writer, "choreo, by hand");
@@ -126,7 +126,7 @@ fn ten_influences_become_eight() {
 }
 
 #[test]
-fn shapes_in_between_are_targets_of_their_own() {
+fn in_between_shapes_become_separate_morph_targets() {
     let asset = all();
     let mesh = asset.meshes.iter().find(|m| m.name == "flag").unwrap();
     assert_eq!(mesh.morph_names, ["bulge (50 %)", "bulge"]);
@@ -225,7 +225,7 @@ fn materials_of_fbx() {
 }
 
 #[test]
-fn textures_beside_embedded_and_lost() {
+fn textures_are_found_beside_the_file_or_embedded_or_reported_missing() {
     let (asset, _) = flag(ImportScope::ALL);
     let names: Vec<&str> = asset.images.iter().map(|i| i.name.as_str()).collect();
     assert_eq!(names, ["stripes.png", "glow.png"]);
@@ -254,7 +254,7 @@ fn colors_of_vertices_are_srgb() {
 }
 
 #[test]
-fn normals_are_made_where_there_are_none() {
+fn missing_normals_are_computed() {
     let asset = all();
     let p = primitive(&asset, "cloth");
     // The flag is flat: every normal is the plane's, −Y in the file.
@@ -293,7 +293,7 @@ fn lamp_and_camera() {
 }
 
 #[test]
-fn what_is_not_needed_is_not_read() {
+fn parts_outside_the_import_scope_are_not_read() {
     let (whole, files) = flag(ImportScope::ALL);
     assert!(files.reads() > 0);
     let (clips, files) = flag(ImportScope {
@@ -322,7 +322,7 @@ fn what_is_not_needed_is_not_read() {
 }
 
 #[test]
-fn a_clip_that_is_not_played_is_a_name() {
+fn clips_outside_the_import_scope_keep_only_their_names() {
     let all = all();
     let import = |played| {
         let files = Companions::playing(played);

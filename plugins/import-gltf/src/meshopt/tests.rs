@@ -188,7 +188,7 @@ fn filters() {
 }
 
 #[test]
-fn lies_are_refused_before_anything_is_allocated() {
+fn false_counts_are_errors_before_allocation() {
     let of = |count| Packed { mode: Mode::Attributes, filter: Filter::None, count, stride: 8 };
     let text = of(1 << 40).unpack(&hex(WAVE_0)).unwrap_err().what;
     assert_eq!(text, "1099511627776 elements take 8589934617 bytes or more, but there are 194");

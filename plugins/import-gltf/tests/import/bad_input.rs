@@ -383,7 +383,7 @@ fn damaged(name: &str, bytes: Vec<u8>) -> bool {
 }
 
 #[test]
-fn truncated_and_flipped() {
+fn truncated_files_and_flipped_bits_do_not_panic() {
     if alone::ran_in_own_process() {
         return;
     }

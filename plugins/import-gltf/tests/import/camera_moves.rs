@@ -65,7 +65,7 @@ fn apart(glb: &Path, truth: &Path, late: f64) -> Apart {
 }
 
 #[test]
-fn a_camera_move_of_blender_is_where_blender_has_it() {
+fn an_imported_camera_move_equals_blenders() {
     let crate_folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let models = crate_folder.join("../../scripts/models");
     let sample = [models.join("camera_move.glb"), crate_folder.join("tests/samples/camera_move.json")];

@@ -197,7 +197,7 @@ fn draco_is_within_its_quantization() {
 }
 
 #[test]
-fn ktx2_is_near_what_was_packed() {
+fn ktx2_is_close_to_the_original_image() {
     for name in KTX2 {
         check_ktx2(name, sample(name));
     }
@@ -205,7 +205,7 @@ fn ktx2_is_near_what_was_packed() {
 
 /// Packed now, by npm's packages; KTX2 has exactly the pixels of Binomial's own transcoder.
 #[test]
-fn what_other_programs_pack_is_read() {
+fn compressed_files_of_other_programs_are_read() {
     let Some(packages) = Packages::install(env!("CARGO_TARGET_TMPDIR"), "gltf-packers", &PACKAGES) else {
         return;
     };
@@ -235,7 +235,7 @@ fn what_other_programs_pack_is_read() {
 }
 
 #[test]
-fn faults_of_packed_data_are_said_with_their_place() {
+fn errors_in_compressed_data_name_the_element() {
     let place = "bad.glb: meshes[0].primitives[0].KHR_draco_mesh_compression";
     let said = |edit: &dyn Fn(&mut serde_json::Value, &mut Vec<u8>)| {
         common::error_text(common::import_bytes("bad.glb", common::edited(&sample("edgebreaker"), edit)))
@@ -265,7 +265,7 @@ fn faults_of_packed_data_are_said_with_their_place() {
 
 /// Each is a warning, and the texture is left out or white.
 #[test]
-fn faults_of_ktx2_are_warnings() {
+fn damaged_ktx2_images_are_warnings() {
     let warned = |name: &str, at: usize, bytes: &[u8]| {
         let file = common::edited(&sample(name), |json, bin| {
             let view = json["images"][0]["bufferView"].as_u64().unwrap() as usize;
@@ -301,7 +301,7 @@ fn faults_of_ktx2_are_warnings() {
 }
 
 #[test]
-fn damaged_files_are_errors_or_read() {
+fn damaged_compressed_files_do_not_panic() {
     let flips = damage::flips();
     damage::run_cases(&GltfImporter::new(), || {
         DRACO.into_iter().chain(KTX2).map(|name| (name, sample(name), flips)).collect()

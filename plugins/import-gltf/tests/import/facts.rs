@@ -173,7 +173,7 @@ fn materials() {
 /// TextureTransformMultiTest shows beside each transformed quad one whose uvs have the transform in them
 /// (a little off, by 0.006). The rotation's direction is a known trap: the specification's own listing had it wrong.
 #[test]
-fn texture_transforms_turn_the_right_way() {
+fn texture_transforms_rotate_in_the_right_direction() {
     let Some(folder) = common::assets(1) else { return };
     let asset = common::import_path(&folder.join("gltf/TextureTransformMultiTest.glb")).unwrap();
     for (moved, sample) in [(0, 2), (1, 2), (5, 7), (6, 7), (17, 19), (18, 19)] {

@@ -296,7 +296,7 @@ fn specular_glossiness_keeps_its_reflectance() {
 }
 
 #[test]
-fn only_what_is_needed_is_decoded() {
+fn parts_outside_the_import_scope_are_not_decoded() {
     let mut b = Builder::new();
     b.json["images"] = json!([{"uri": "not there.png"}]);
     b.json["textures"] = json!([{"source": 0}]);
@@ -364,7 +364,7 @@ fn imports_are_equal() {
 }
 
 #[test]
-fn a_clip_that_is_not_played_is_a_name() {
+fn clips_outside_the_import_scope_keep_only_their_names() {
     let mut b = Builder::new();
     let mut second = b.json["animations"][0].clone();
     second["name"] = json!("nod");

@@ -57,7 +57,7 @@ fn factors() {
 }
 
 #[test]
-fn films_brushed_metal_and_leaves() {
+fn iridescence_anisotropy_and_thin_transmission_are_read() {
     let m = material(json!({
         "KHR_materials_iridescence": {"iridescenceFactor": 0.5, "iridescenceIor": 1.75, "iridescenceThicknessMaximum": 550},
         "KHR_materials_anisotropy": {"anisotropyStrength": 0.75, "anisotropyRotation": 0.5},
@@ -115,7 +115,7 @@ fn index_of_refraction() {
 }
 
 #[test]
-fn mistakes_have_places() {
+fn errors_name_the_extension_and_key() {
     let error = |extensions: Value| {
         common::error_text(import(|json| json["materials"][0]["extensions"] = extensions))
     };
@@ -138,7 +138,7 @@ fn mistakes_have_places() {
 }
 
 #[test]
-fn glass_says_what_it_does_not_do() {
+fn unsupported_glass_parameters_are_warnings() {
     let asset = import(|json| {
         json["materials"][0]["extensions"] =
             json!({"KHR_materials_transmission": {"transmissionFactor": 1.0}})

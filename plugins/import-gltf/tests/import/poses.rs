@@ -228,7 +228,7 @@ fn names_and_parents() {
 
 /// The comparison sees mistakes: one joint's rotation mirrored, one joint a thousandth of the model off, 1 ms late.
 #[test]
-fn planted_faults_are_seen() {
+fn the_comparison_detects_planted_faults() {
     let Some(folder) = common::assets(3) else { return };
     let (asset, mut oracle) = open(&folder, "gltf/Fox.glb");
     let node = *oracle.order.iter().find(|n| oracle.json["nodes"][**n]["name"] == "b_Head_05").unwrap();

@@ -56,7 +56,7 @@ fn is_the_sample(asset: &Asset) {
 }
 
 #[test]
-fn names_beside_the_file() {
+fn uris_are_resolved_beside_the_file() {
     for (uri, name) in [
         ("data.bin", "data.bin"),
         ("./sub/data.bin", "./sub/data.bin"),
@@ -81,7 +81,7 @@ fn names_beside_the_file() {
 }
 
 #[test]
-fn bytes_inside_the_file() {
+fn data_uris_are_decoded() {
     let (_, bin) = sample();
     let text = base64(&bin);
     let lines: String =

@@ -37,7 +37,7 @@ fn jolt(asset: &Asset, clip: &Clip, at: f64) -> f32 {
 }
 
 #[test]
-fn the_clips_are_there_and_name_joints_of_the_skeleton() {
+fn all_clips_exist_and_name_joints_of_the_skeleton() {
     let asset = import();
     assert_eq!(asset.clips.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), NAMES);
     for clip in &asset.clips {
@@ -47,7 +47,7 @@ fn the_clips_are_there_and_name_joints_of_the_skeleton() {
 }
 
 #[test]
-fn every_clip_ends_where_it_begins_at_the_speed_it_began_with() {
+fn every_clip_loops_in_position_and_speed() {
     let asset = import();
     for clip in &asset.clips {
         let end = clip.duration.as_secs();
@@ -61,7 +61,7 @@ fn every_clip_ends_where_it_begins_at_the_speed_it_began_with() {
 }
 
 #[test]
-fn the_seam_check_finds_a_clip_cut_short() {
+fn the_loop_check_detects_a_truncated_clip() {
     let asset = import();
     let walk = &asset.clips[1];
     assert!(moved(&asset, walk, 0.0, walk.duration.as_secs() - 0.1) > 0.05);
@@ -115,13 +115,13 @@ fn planted_feet_do_not_slide() {
 }
 
 #[test]
-fn the_slide_check_finds_a_floor_of_the_wrong_speed() {
+fn the_foot_sliding_check_detects_a_wrong_floor_speed() {
     let asset = import();
     assert!(slide(&asset, &asset.clips[1], 1.1) > 0.01);
 }
 
 #[test]
-fn nothing_sinks_into_the_floor_and_someone_stands_on_it() {
+fn feet_touch_the_floor_and_nothing_penetrates_it() {
     let asset = import();
     for clip in &asset.clips {
         let frames = (clip.duration.as_secs() * 15.0) as i64;
@@ -144,7 +144,7 @@ fn hinge(rotation: Quat, forwards: Vec3) -> (f32, f32) {
 }
 
 #[test]
-fn elbows_and_knees_bend_one_way_and_no_farther_than_people_do() {
+fn elbows_and_knees_stay_within_human_limits() {
     let asset = import();
     // mixamorig axes: the left elbow bends to −X, the right one to +X, knees to −Z.
     let hinges = [
@@ -172,7 +172,7 @@ fn elbows_and_knees_bend_one_way_and_no_farther_than_people_do() {
 }
 
 #[test]
-fn other_joints_stay_within_what_people_can_do() {
+fn other_joints_stay_within_human_limits() {
     // Degrees from rest, after Kapandji, "The Physiology of the Joints" (2007), with the spine's share for each third.
     let limits = [
         ("Spine", 30.0),

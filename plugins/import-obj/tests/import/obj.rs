@@ -129,7 +129,7 @@ fn colors_of_blender_and_of_options_are_linear() {
 }
 
 #[test]
-fn what_is_not_needed_is_not_read() {
+fn parts_outside_the_import_scope_are_not_read() {
     let read = |needs: ImportScope| {
         let files = companions();
         let asset = import(&ObjImporter, &source("room.obj", ROOM), &files, needs).unwrap();
@@ -165,7 +165,7 @@ fn vertex_colors() {
 
 /// Cases that `tobj` alone would fill from the vertex before, scale, refuse or leave out.
 #[test]
-fn corners_have_what_the_file_gives_them() {
+fn vertices_have_the_attributes_of_the_file() {
     let triangle = "v 0 0 0\nv 1 0 0 2\nv 0 1 0\nvt 0.25\nvt 0.5 0.5\nvn 0 0 1\n";
     // A face vertex without texture coordinate beside others that have one; one number is u alone; a fourth coordinate scales nothing.
     let asset = read(&format!("{triangle}f 1/1 2 3/2 # a comment\n"));
@@ -219,7 +219,7 @@ fn missing_normals_by_angle_and_by_smoothing_group() {
 }
 
 #[test]
-fn missing_libraries_and_materials_are_said() {
+fn missing_libraries_and_materials_are_warnings() {
     let text = "mtllib a b.mtl\nusemtl gold\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2\nvp 1 2\nfoo\nfoo\n";
     let said = warnings(&read(text));
     assert_eq!(

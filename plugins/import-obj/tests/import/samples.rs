@@ -49,7 +49,7 @@ fn counts_and_extents() {
 
 /// The concave polygon: its triangles cover its area once.
 #[test]
-fn the_concave_polygon() {
+fn a_concave_polygon_is_triangulated_without_overlap() {
     let Some(folder) = assets(1) else { return };
     let asset = import_path(&ObjImporter, &folder.join("obj/concave_polygon.obj")).unwrap();
     let p = &asset.meshes[0].primitives[0];
@@ -91,7 +91,7 @@ fn triangles(asset: &Asset) -> usize {
 /// The barrel as OBJ and as glTF: one size, one number of triangles, the same texture coordinates at every face vertex. (The chests
 /// are two models: the OBJ has the body alone.)
 #[test]
-fn the_barrel_of_two_formats() {
+fn the_barrel_is_equal_in_two_formats() {
     let Some(folder) = assets(1).map(|f| f.join("same-model-3-formats")) else { return };
     let obj = import_path(&ObjImporter, &folder.join("barrel_large_decorated.obj")).unwrap();
     let gltf =
@@ -122,7 +122,7 @@ fn the_barrel_of_two_formats() {
 
 /// The spider as OBJ (+Y up) and as STL (+Z up, centred, smaller): as many triangles, one shape.
 #[test]
-fn the_spider_of_two_formats() {
+fn the_spider_is_equal_in_two_formats() {
     let Some(folder) = assets(1) else { return };
     let obj = import_path(&ObjImporter, &folder.join("obj/spider.obj")).unwrap();
     let stl = import_path(&import_stl::StlImporter, &folder.join("stl/Spider_binary.stl")).unwrap();

@@ -112,7 +112,7 @@ fn what_is_left_or_guessed_is_said() {
 
 /// A bone group may name one root many times, or every joint of a chain: no joint swings twice, and the work stays bounded.
 #[test]
-fn joints_swing_once_however_often_they_are_named() {
+fn repeated_spring_joints_are_simulated_once() {
     let many = said(Version::V0, |j| {
         let group = &mut j["extensions"]["VRM"]["secondaryAnimation"]["boneGroups"][0];
         group["bones"] = (0..20_000).map(|i| json!(7 + i % 3)).collect();
@@ -121,7 +121,7 @@ fn joints_swing_once_however_often_they_are_named() {
 }
 
 #[test]
-fn samples_of_our_own_cut_off_and_with_bits_turned_over() {
+fn own_samples_truncated_and_bit_flipped_do_not_panic() {
     if alone::ran_in_own_process() {
         return;
     }
@@ -135,7 +135,7 @@ fn samples_of_our_own_cut_off_and_with_bits_turned_over() {
 
 /// `CHOREO_FLIPS=1000` for as many as the others have.
 #[test]
-fn samples_of_others_cut_off_and_with_bits_turned_over() {
+fn downloaded_samples_truncated_and_bit_flipped_do_not_panic() {
     if alone::ran_in_own_process() {
         return;
     }

@@ -66,7 +66,7 @@ fn both_versions_face_plus_z_and_move_alike() {
 }
 
 #[test]
-fn human_bones_have_one_name_in_both() {
+fn both_versions_have_the_same_human_bone_names() {
     for asset in [read(Version::V0), read(Version::V1)] {
         let humanoid = asset.skeleton.humanoid().unwrap();
         let name = |bone| humanoid.joint(bone).map(|j| asset.skeleton.names()[j as usize].as_str());
@@ -83,7 +83,7 @@ fn human_bones_have_one_name_in_both() {
 }
 
 #[test]
-fn expressions_are_those_of_1_0() {
+fn both_versions_have_the_expression_names_of_vrm_1() {
     for (version, over) in [(Version::V0, 0.0), (Version::V1, 1.0)] {
         let asset = read(version);
         // The last four tell the eyes where to look.
@@ -108,7 +108,7 @@ fn expressions_are_those_of_1_0() {
 }
 
 #[test]
-fn springs_come_out_alike_in_choreos_axes() {
+fn both_versions_have_equal_springs() {
     let (old, new) = (read(Version::V0), read(Version::V1));
     for asset in [&old, &new] {
         let springs = &asset.springs;
@@ -140,7 +140,7 @@ fn springs_come_out_alike_in_choreos_axes() {
 }
 
 #[test]
-fn animations_play_on_both_by_the_bones_whatever_axes_they_rest_in() {
+fn animations_retarget_to_both_versions_whatever_their_rest_axes() {
     let (json, bin) = animation();
     let vrma = import_bytes(&VrmImporter, "yes.vrma", glb_of(&json, &bin)).unwrap();
     sound::check("yes.vrma", &vrma);
@@ -169,7 +169,7 @@ fn animations_play_on_both_by_the_bones_whatever_axes_they_rest_in() {
 }
 
 #[test]
-fn eyes_and_words_about_the_file_are_kept() {
+fn eye_settings_and_file_metadata_are_kept() {
     let (old, new) = (read(Version::V0), read(Version::V1));
     for asset in [&old, &new] {
         let eyes = asset.eyes.unwrap();
@@ -190,7 +190,7 @@ fn eyes_and_words_about_the_file_are_kept() {
 
 /// Painted eyes from the file to the image, of 1.0 and of 0.x.
 #[test]
-fn painted_eyes_follow_what_is_looked_at() {
+fn expression_driven_eyes_follow_the_gaze_target() {
     use choreo_stage::{LookAt, Target};
     use serde_json::json;
     for version in [Version::V0, Version::V1] {
@@ -341,7 +341,7 @@ fn eyes_look_where_an_animation_says() {
 }
 
 #[test]
-fn content_decides_who_reads_a_file() {
+fn content_decides_which_importer_claims_a_file() {
     let claim = |name: &str, bytes: Vec<u8>| VrmImporter.claim(&source(name, bytes));
     let gltf = |bytes: Vec<u8>| GltfImporter::new().claim(&source("x.vrm", bytes));
     for version in [Version::V0, Version::V1] {
@@ -365,7 +365,7 @@ fn content_decides_who_reads_a_file() {
 }
 
 #[test]
-fn what_is_not_needed_is_not_read() {
+fn parts_outside_the_import_scope_are_not_read() {
     let clips =
         import(&VrmImporter, &source("a.vrm", glb(Version::V0)), &Companions::none(), ImportScope::CLIPS)
             .unwrap();
@@ -380,7 +380,7 @@ fn what_is_not_needed_is_not_read() {
 
 /// `sample/` holds what these tests make, for scripts to load; `CHOREO_ACCEPT=1` writes it.
 #[test]
-fn the_samples_are_what_is_made_here() {
+fn the_sample_files_equal_the_generated_ones() {
     let (json, bin) = animation();
     let made = [
         ("tiny-0.vrm", glb(Version::V0)),

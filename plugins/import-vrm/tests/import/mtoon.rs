@@ -19,7 +19,7 @@ fn toon(material: &Material) -> &Toon {
 }
 
 #[test]
-fn version_1_with_its_defaults_and_its_words() {
+fn mtoon_1_has_its_defaults_and_reads_every_parameter() {
     let (plain, said) = material(Version::V1, |j| {
         j["materials"][0]["extensions"] =
             json!({ "VRMC_materials_mtoon": { "specVersion": "1.0" }, "KHR_materials_unlit": {} });
@@ -47,7 +47,7 @@ fn version_1_with_its_defaults_and_its_words() {
 /// MToon 0.x's ramp goes from `shift` to mix(1, shift, toony) in NL (its shader's min and max intensity threshold). The converted one
 /// must begin and end where that does.
 #[test]
-fn version_0_has_the_same_line_between_light_and_shade() {
+fn mtoon_0_has_the_same_shading_threshold() {
     for (shift, toony) in [(0.0f64, 0.9f64), (-0.45, 0.8), (0.3, 0.5), (-1.0, 1.0)] {
         let (m, _) = material(Version::V0, |j| {
             j["extensions"]["VRM"]["materialProperties"] = json!([{ "name": "skin", "shader": "VRM/MToon",
@@ -72,7 +72,7 @@ fn version_0_has_the_same_line_between_light_and_shade() {
 }
 
 #[test]
-fn bad_words_are_refused_with_their_place() {
+fn unknown_mtoon_values_are_errors_with_their_place() {
     let error = |mtoon: Value| {
         let bytes = edited(Version::V1, |j| {
             j["materials"][0]["extensions"] = json!({ "VRMC_materials_mtoon": mtoon })
@@ -100,7 +100,7 @@ fn bad_words_are_refused_with_their_place() {
 
 /// Half of `happy` at one second: the same in both versions, whose colors and whose v count otherwise.
 #[test]
-fn expressions_change_colors_on_stage() {
+fn expressions_change_material_colors() {
     for version in [Version::V0, Version::V1] {
         let bytes = edited(version, |j| {
             if version == Version::V1 {

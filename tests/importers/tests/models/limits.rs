@@ -76,7 +76,7 @@ C: \"OP\",4,3, \"DiffuseColor\"
 ";
 
 #[test]
-fn pictures_larger_than_any() {
+fn images_over_the_size_limit_are_not_decoded() {
     let importers: [(&str, &str, &dyn Importer); 3] = [
         ("a.obj", OBJ, &import_obj::ObjImporter),
         ("a.dae", DAE, &import_collada::ColladaImporter),

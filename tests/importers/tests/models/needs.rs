@@ -11,7 +11,7 @@ fn pictures(asset: &Asset) -> Vec<(String, u32, u32)> {
 
 /// `choreo info` opens files like this: images have their sizes and no pixels.
 #[test]
-fn without_pixels_pictures_are_told_the_same() {
+fn images_without_pixels_have_the_same_names_and_sizes() {
     let Some(folder) = assets(SAMPLES) else { return };
     let mut told = 0;
     for name in samples(&folder) {
