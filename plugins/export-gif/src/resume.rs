@@ -75,7 +75,7 @@ pub struct Gate {
 pub struct Opener(Arc<AtomicBool>);
 
 impl Gate {
-    pub fn shut(out: Box<dyn Write + Send>) -> (Gate, Opener) {
+    pub fn closed(out: Box<dyn Write + Send>) -> (Gate, Opener) {
         let open = Arc::new(AtomicBool::new(false));
         (Gate { out, open: open.clone() }, Opener(open))
     }

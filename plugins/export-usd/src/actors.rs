@@ -71,7 +71,7 @@ impl<'a> ActorWriter<'a, '_> {
                             let still = (&still[..], material_overrides.clone(), &mut *known);
                             let mut body = self.body(index, (&name, &at), model, still);
                             let place = rig::parts(&widen(place), &Transform::IDENTITY);
-                            motion::place_by_parts(&mut body, &place);
+                            motion::add_transform_ops(&mut body, &place);
                             above.children.push(body);
                         }
                     }

@@ -4,7 +4,7 @@ use crate::frames::Frames;
 use crate::joints;
 use crate::layer::{ASSET, Attribute, BOOL, COLOR3F, FLOAT, Prim, Property, TOKEN, Value};
 use crate::model::Common;
-use crate::motion::{animate, place_by_parts, series_samples};
+use crate::motion::{add_transform_ops, animate, series_samples};
 use crate::names::Names;
 use choreo_exporter_kit::bake::rig;
 use choreo_exporter_kit::bake::signals::{LightPart, Quantity, rotation_towards};
@@ -84,7 +84,7 @@ pub fn of_sky<'a>(
     dome.set(TOKEN, "inputs:texture:format", Value::text("latlong"));
     dome.number(FLOAT, "inputs:intensity", &[now.strength]);
     let rotation = Quat::from_rotation_y(std::f32::consts::PI + now.turn as f32);
-    place_by_parts(&mut dome, &Transform { rotation, ..Transform::IDENTITY });
+    add_transform_ops(&mut dome, &Transform { rotation, ..Transform::IDENTITY });
     Ok(Some(dome))
 }
 
@@ -169,7 +169,7 @@ fn light<'a>(name: String, light: &Light, at: &Transform) -> (Prim<'a>, [usize; 
         let softness = (1.0 - inner / outer.max(1e-6)).clamp(0.0, 1.0);
         out.number(FLOAT, "inputs:shaping:cone:softness", &[softness]);
     }
-    let property_indices = place_by_parts(&mut out, at);
+    let property_indices = add_transform_ops(&mut out, at);
     (out, property_indices)
 }
 

@@ -74,7 +74,7 @@ impl<'f> Materials<'f> {
                     let set = input.attribute("input_set").and_then(|s| s.trim().parse().ok()).unwrap_or(0);
                     uvs.bound.insert(input.attribute("semantic").unwrap_or_default().to_string(), set);
                 }
-                xml.instanced(bound, "target", "material", "grey is used")
+                xml.resolve_instance(bound, "target", "material", "grey is used")
             }
             // Some exporters bind nothing, and use the material's id as symbol.
             None => xml.by_id(symbol).filter(|n| name_of(*n) == "material"),
@@ -116,7 +116,7 @@ impl<'f> Materials<'f> {
             ..Material::default()
         };
         let Some(instance) = child(material, "instance_effect") else { return Ok(out) };
-        let Some(effect) = xml.instanced(instance, "url", "effect", "white is used") else {
+        let Some(effect) = xml.resolve_instance(instance, "url", "effect", "white is used") else {
             return Ok(out);
         };
         let Some(profile) = child(effect, "profile_COMMON") else {
@@ -295,7 +295,7 @@ fn image<'a>(xml: &Xml<'a>, profile: Node<'a>, name: &str) -> (Option<Node<'a>>,
     let by_id = |id: &str| xml.by_id(id).filter(|n| name_of(*n) == "image");
     let Some(sampler) = param(name).and_then(|p| child(p, "sampler2D")) else { return (by_id(name), None) };
     if let Some(instance) = child(sampler, "instance_image") {
-        return (xml.follow(instance, "url").ok(), Some(sampler));
+        return (xml.resolve_reference(instance, "url").ok(), Some(sampler));
     }
     let source = child(sampler, "source").map(text_of).unwrap_or_default();
     let surface = param(source).and_then(|p| child(p, "surface"));

@@ -62,7 +62,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
         for (joint, node) in (0u32..).zip(self.tree.joints.iter().map(|j| j.node)) {
             for element in node.children() {
                 // A missing target is only a warning, because skeletons are often kept without their mesh.
-                let target = |kind| self.xml.instanced(element, "url", kind, LEFT_OUT);
+                let target = |kind| self.xml.resolve_instance(element, "url", kind, LEFT_OUT);
                 let shape = match name_of(element) {
                     "instance_geometry" => target("geometry").map(InstancedShape::plain),
                     "instance_controller" => match target("controller") {
@@ -105,7 +105,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
                 "skin" => skin = Some(inner),
                 _ => morph = Some((inner, at.id())),
             }
-            let source = match self.xml.follow(inner, "source") {
+            let source = match self.xml.resolve_reference(inner, "source") {
                 Ok(source) => source,
                 Err(problem) => {
                     self.xml.notes.warn(problem.place, format!("{}; the mesh is left out", problem.what));

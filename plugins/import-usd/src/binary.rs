@@ -191,19 +191,19 @@ impl<'a> Reader<'a> {
     fn read_tables(&mut self, [mut strings, mut fields, mut sets]: [Cursor<'a>; 3]) -> Result<()> {
         let count = strings.count(4)?;
         self.strings = (0..count).map(|_| strings.u32()).collect::<Result<_>>()?;
-        let count = self.stated(&mut fields)?;
+        let count = self.compressed_count(&mut fields)?;
         let names = self.integers(&mut fields, count)?;
         let values = self.decompressed(&mut fields, count.saturating_mul(8))?;
         let mut values = Cursor { bytes: &values, at: 0 };
         self.charge(count, 16)?;
         self.fields = names.iter().map(|name| Ok((*name as u32, values.u64()?))).collect::<Result<_>>()?;
-        let count = self.stated(&mut sets)?;
+        let count = self.compressed_count(&mut sets)?;
         self.field_sets = self.integers(&mut sets, count)?.into_iter().map(|index| index as u32).collect();
         Ok(())
     }
 
     /// Reads the element count of a compressed list. Fails where the file could not contain as many.
-    fn stated(&self, cursor: &mut Cursor<'a>) -> Result<usize> {
+    fn compressed_count(&self, cursor: &mut Cursor<'a>) -> Result<usize> {
         let count = cursor.u64()?;
         let most = cursor.bytes.len().saturating_mul(4 * MOST_RATIO) as u64;
         match count <= most {
@@ -213,8 +213,8 @@ impl<'a> Reader<'a> {
     }
 
     fn read_paths(&mut self, mut cursor: Cursor<'a>) -> Result<()> {
-        let number = self.stated(&mut cursor)?;
-        let count = self.stated(&mut cursor)?;
+        let number = self.compressed_count(&mut cursor)?;
+        let count = self.compressed_count(&mut cursor)?;
         let indices = self.integers(&mut cursor, count)?;
         let tokens = self.integers(&mut cursor, count)?;
         let jumps = self.integers(&mut cursor, count)?;
@@ -291,7 +291,7 @@ impl<'a> Reader<'a> {
 
     /// Index of each spec's fields, by path.
     fn specs(&self, mut cursor: Cursor<'a>) -> Result<BTreeMap<u32, u32>> {
-        let count = self.stated(&mut cursor)?;
+        let count = self.compressed_count(&mut cursor)?;
         let paths = self.integers(&mut cursor, count)?;
         let sets = self.integers(&mut cursor, count)?;
         self.charge(count, 64)?;
@@ -621,7 +621,7 @@ impl<'a> Reader<'a> {
         let numbers = |list: Vec<i32>| list.into_iter().map(f64::from).collect();
         match component {
             Component::Int | Component::Uint => {
-                let list = self.integers(cursor, self.plausible(count)?)?;
+                let list = self.integers(cursor, self.checked_count(count)?)?;
                 self.charge(count, 8)?;
                 let signed = component == Component::Int;
                 Ok(list
@@ -630,11 +630,11 @@ impl<'a> Reader<'a> {
                     .collect())
             }
             Component::Half | Component::Float | Component::Double => match cursor.fixed::<1>()?[0] {
-                b'i' => self.integers(cursor, self.plausible(count)?).map(numbers),
+                b'i' => self.integers(cursor, self.checked_count(count)?).map(numbers),
                 b't' => {
                     let length = cursor.u32()? as usize;
                     let table = self.raw(cursor, component, length)?;
-                    let places = self.integers(cursor, self.plausible(count)?)?;
+                    let places = self.integers(cursor, self.checked_count(count)?)?;
                     self.charge(count, 8)?;
                     let place = |place: i32| table.get(place as u32 as usize).copied();
                     let list: Option<Vec<f64>> = places.into_iter().map(place).collect();
@@ -646,7 +646,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn plausible(&self, count: usize) -> Result<usize> {
+    fn checked_count(&self, count: usize) -> Result<usize> {
         match count <= self.all.bytes.len().saturating_mul(4 * MOST_RATIO) {
             true => Ok(count),
             false => Err(damaged(format!("states {count} elements, and is too short for them"))),

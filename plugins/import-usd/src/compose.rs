@@ -59,9 +59,9 @@ impl Files for Packages<'_> {
 }
 
 /// Resolves a file name relative to the file that contains it.
-fn beside(of: &str, file: &str) -> String {
+fn path_beside(of: &str, file: &str) -> String {
     if let Some((package, inner)) = of.strip_suffix(']').and_then(|path| path.split_once('[')) {
-        return format!("{package}[{}]", beside(inner, file));
+        return format!("{package}[{}]", path_beside(inner, file));
     }
     let folder = of.rsplit_once('/').map_or("", |(folder, _)| folder);
     let mut parts: Vec<&str> = folder.split('/').filter(|part| !part.is_empty()).collect();
@@ -121,7 +121,7 @@ impl<'a> Composer<'a> {
         };
         place_files(&mut layer.root, &place);
         for sublayer in std::mem::take(&mut layer.sublayers) {
-            let path = beside(&place, &sublayer);
+            let path = path_beside(&place, &sublayer);
             match self.stack(&path, None, depth + 1) {
                 Ok(below) => merge_specs(&mut layer.root, below.root.clone()),
                 Err(problem) => self.notes.warn(name, format!("{problem}; the layer is left out")),
@@ -216,9 +216,9 @@ impl<'a> Composer<'a> {
             return Ok(());
         };
         let mut weak = self.flattened((&target, &target_name), found, &from, (Some(spec), depth + 1))?;
-        moved(&mut weak, &from, path);
+        remap_paths(&mut weak, &from, path);
         if arc.offset != 0.0 || arc.scale != 1.0 {
-            shifted(&mut weak, arc.offset, arc.scale);
+            retime(&mut weak, arc.offset, arc.scale);
         }
         merge(out, weak);
         Ok(())
@@ -233,12 +233,14 @@ fn places(children: &[Prim]) -> BTreeMap<String, usize> {
 /// Makes asset paths in a layer relative to the scene's folder.
 fn place_files(prim: &mut Prim, layer: &str) {
     for reference in prim.references.iter_mut().filter(|r| !r.file.is_empty()) {
-        reference.file = beside(layer, &reference.file);
+        reference.file = path_beside(layer, &reference.file);
     }
     for attribute in prim.attributes.values_mut().filter(|a| a.kind.starts_with("asset")) {
         if let Some(Value::Texts(list)) = &attribute.value {
-            let placed: Vec<String> =
-                list.iter().map(|f| if f.is_empty() { String::new() } else { beside(layer, f) }).collect();
+            let placed: Vec<String> = list
+                .iter()
+                .map(|f| if f.is_empty() { String::new() } else { path_beside(layer, f) })
+                .collect();
             Arc::make_mut(attribute).value = Some(Value::Texts(placed.into()));
         }
     }
@@ -318,7 +320,7 @@ fn merge_opinions(strong: &mut Prim, weak: Prim, each_child: fn(&mut Prim, Prim)
 }
 
 /// Rewrites connection and relationship targets below one path to another path.
-fn moved(prim: &mut Prim, from: &str, to: &str) {
+fn remap_paths(prim: &mut Prim, from: &str, to: &str) {
     let lists = prim.connections.values_mut().chain(prim.relations.values_mut());
     for path in lists.flatten() {
         if let Some(rest) = path.strip_prefix(from)
@@ -327,16 +329,16 @@ fn moved(prim: &mut Prim, from: &str, to: &str) {
             *path = format!("{to}{rest}");
         }
     }
-    prim.children.iter_mut().for_each(|child| moved(child, from, to));
+    prim.children.iter_mut().for_each(|child| remap_paths(child, from, to));
 }
 
-fn shifted(prim: &mut Prim, offset: f64, scale: f64) {
+fn retime(prim: &mut Prim, offset: f64, scale: f64) {
     for attribute in prim.attributes.values_mut().filter(|a| !a.samples.is_empty()) {
         let attribute = Arc::make_mut(attribute);
         attribute.samples.iter_mut().for_each(|(time, _)| *time = *time * scale + offset);
         attribute.samples.sort_by(|a, b| a.0.total_cmp(&b.0));
     }
-    prim.children.iter_mut().for_each(|child| shifted(child, offset, scale));
+    prim.children.iter_mut().for_each(|child| retime(child, offset, scale));
 }
 
 #[cfg(test)]
@@ -345,9 +347,9 @@ mod tests {
 
     #[test]
     fn asset_paths_are_relative_to_their_layer() {
-        assert_eq!(beside("a/b.usda", "./c.png"), "a/c.png");
-        assert_eq!(beside("a/b.usda", "../c.png"), "c.png");
-        assert_eq!(beside("b.usda", "../c.png"), "../c.png");
-        assert_eq!(beside("p.usdz[m/a.usdc]", "../t.png"), "p.usdz[t.png]");
+        assert_eq!(path_beside("a/b.usda", "./c.png"), "a/c.png");
+        assert_eq!(path_beside("a/b.usda", "../c.png"), "c.png");
+        assert_eq!(path_beside("b.usda", "../c.png"), "../c.png");
+        assert_eq!(path_beside("p.usdz[m/a.usdc]", "../t.png"), "p.usdz[t.png]");
     }
 }

@@ -1,26 +1,26 @@
 //! The common part of the fuzz targets: an importer's asset is put on stage, evaluated and drawn, so that a file which an importer
 //! accepts is proved harmless further down.
 
-use choreo_motion::Time;
-use choreo_plugin::{Files, ImportOptions, Importer, Manifest, ImportScope, OptionKind, OptionValue, Source};
-use choreo_render::{SceneResources, CpuRenderer, Plan, PlanOptions, Renderer};
 use choreo_asset::Asset;
+use choreo_motion::Time;
+use choreo_plugin::{Files, ImportOptions, ImportScope, Importer, Manifest, OptionKind, OptionValue, Source};
+use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use choreo_stage::{Cue, Evaluator, Snapshot, Stage};
 use std::sync::Arc;
 
 /// A folder with nothing in it.
-pub struct Nothing;
+pub struct NoFiles;
 
-impl Files for Nothing {
+impl Files for NoFiles {
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
         Err(format!("cannot read \"{relative}\": no such file"))
     }
 }
 
 /// A folder in which every name leads to the same bytes.
-pub struct Beside<'a>(pub &'a [u8]);
+pub struct SingleFile<'a>(pub &'a [u8]);
 
-impl Files for Beside<'_> {
+impl Files for SingleFile<'_> {
     fn read(&self, _: &str) -> Result<Arc<Vec<u8>>, String> {
         Ok(Arc::new(self.0.to_vec()))
     }

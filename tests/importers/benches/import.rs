@@ -57,7 +57,7 @@ fn status(field: &str) -> Option<f64> {
 }
 
 /// This process, started for one file: `ms MiB`.
-fn once(path: &Path, tolerance: Option<f64>) {
+fn import_once(path: &Path, tolerance: Option<f64>) {
     let given: Vec<_> = tolerance.map(|t| ("tolerance", OptionValue::Number(t))).into_iter().collect();
     let before = thread_ms();
     let asset = import_with(path, ImportScope { textures: false, ..ImportScope::ALL }, &given);
@@ -79,7 +79,7 @@ fn again(path: &Path) {
     println!("{first:.2} ms, warm {warm:.2} ms");
 }
 
-fn ours(path: &Path, tolerance: Option<f64>) -> Option<Run> {
+fn measure_choreo(path: &Path, tolerance: Option<f64>) -> Option<Run> {
     let me = std::env::current_exe().ok()?;
     let tolerance = tolerance.map(|t| t.to_string());
     let output = Command::new(me).arg("--once").arg(path).args(tolerance).output().ok()?;
@@ -137,7 +137,7 @@ fn tolerances(folder: &Path) {
         let mut runs: [Vec<Run>; 3] = Default::default();
         for _ in 0..RUNS {
             for (runs, degrees) in runs.iter_mut().zip(DEGREES) {
-                runs.extend(ours(&folder.join(name), Some(degrees)));
+                runs.extend(measure_choreo(&folder.join(name), Some(degrees)));
             }
         }
         let [a, b, c] = runs.map(|runs| medians(&runs).ms);
@@ -150,7 +150,7 @@ fn main() {
     if let [flag, path, tolerance @ ..] = args.as_slice()
         && flag == "--once"
     {
-        return once(Path::new(path), tolerance.first().and_then(|t| t.parse().ok()));
+        return import_once(Path::new(path), tolerance.first().and_then(|t| t.parse().ok()));
     }
     if let [flag, path] = args.as_slice()
         && flag == "--again"
@@ -174,7 +174,7 @@ fn main() {
         let shown = path.display().to_string();
         let (mut a, mut start, mut raw, mut full) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for _ in 0..RUNS {
-            a.extend(ours(&path, None));
+            a.extend(measure_choreo(&path, None));
             start.extend(assimp(&["version"]));
             let extract = ["extract", &shown, "/dev/null", NO_TEXTURE];
             raw.extend(assimp(&extract));

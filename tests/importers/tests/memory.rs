@@ -9,7 +9,7 @@ const VERTICES: usize = 600_000;
 /// KiB above what the process takes before.
 const MOST: usize = 40_000;
 /// Variable that is set in a process that only imports: the format.
-const OF: &str = "CHOREO_PEAK_OF";
+const FORMAT_VARIABLE: &str = "CHOREO_PEAK_OF";
 
 /// One polygon that goes round the same three points: a file of 1.2 MB.
 fn polygon(format: &str) -> String {
@@ -61,12 +61,14 @@ fn import_alone(format: &str) {
 
 #[test]
 fn a_polygon_of_600_000_vertices() {
-    if let Ok(format) = std::env::var(OF) {
+    if let Ok(format) = std::env::var(FORMAT_VARIABLE) {
         return import_alone(&format);
     }
     for format in ["obj", "dae", "fbx"] {
         let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["--exact", "a_polygon_of_600_000_vertices", "--nocapture"]).env(OF, format);
+        command
+            .args(["--exact", "a_polygon_of_600_000_vertices", "--nocapture"])
+            .env(FORMAT_VARIABLE, format);
         let output = command.output().unwrap();
         let text = String::from_utf8_lossy(&output.stdout);
         assert!(output.status.success(), "{text}");

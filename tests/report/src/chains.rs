@@ -13,12 +13,12 @@ const BONE: f32 = 0.1;
 /// Index of the typical length: a character with a long spine or a tail.
 const TYPICAL: usize = 2;
 const OURS: &str = "f32 matrices, by depth (LocalToModel)";
-const WAYS: [&str; 4] =
+const METHODS: [&str; 4] =
     ["f64 matrices", OURS, "f32 rotation and translation", "f32 rotation, made unit at each joint"];
 
 pub fn section() -> Result<Section, String> {
-    let mut by_length = vec![vec![Spread::default(); LENGTHS.len()]; WAYS.len()];
-    let mut nanos = vec![Nanos::default(); WAYS.len()];
+    let mut by_length = vec![vec![Spread::default(); LENGTHS.len()]; METHODS.len()];
+    let mut nanos = vec![Nanos::default(); METHODS.len()];
     for (at, length) in LENGTHS.iter().enumerate() {
         for seed in 0..8 {
             let (skeleton, pose) = chain(*length, seed)?;
@@ -40,7 +40,7 @@ pub fn section() -> Result<Section, String> {
                     std::hint::black_box(&buffers);
                 })
             };
-            let mut cases: Vec<Case> = (0..WAYS.len()).map(case).collect();
+            let mut cases: Vec<Case> = (0..METHODS.len()).map(case).collect();
             nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
         }
     }
@@ -54,7 +54,7 @@ pub fn section() -> Result<Section, String> {
         "joint; one after the other, in portable instructions: joints of a chain cannot be computed in \
          parallel"
             .into();
-    for (way, name) in WAYS.iter().enumerate() {
+    for (way, name) in METHODS.iter().enumerate() {
         let error = &by_length[way][TYPICAL];
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[way]));
     }
@@ -63,7 +63,7 @@ pub fn section() -> Result<Section, String> {
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error of the tip in µm", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "joints")));
     let mut table = Table::new("By the length of the chain", &columns);
-    for (name, errors) in WAYS.iter().zip(&by_length) {
+    for (name, errors) in METHODS.iter().zip(&by_length) {
         let cells = errors.iter().map(|e| Cell::number(quantity(e.worst), e.worst));
         table.rows.push([Cell::text(*name)].into_iter().chain(cells).collect());
     }

@@ -11,7 +11,7 @@ use choreo_render::{CpuRenderer, Renderer};
 const ENDS: [f64; 2] = [40.0, 52.0];
 const SIZE: [usize; 2] = [128, 256];
 const BLOCK: usize = 16;
-const WAYS: [&str; 4] =
+const METHODS: [&str; 4] =
     ["→ ranks of blue noise (the renderer's image)", "rounded", "ranks of Bayer, 8 × 8", "white noise"];
 
 pub fn section() -> Result<Section, String> {
@@ -26,7 +26,7 @@ pub fn section() -> Result<Section, String> {
             (">longest run of one code in a column", "run"),
         ],
     );
-    for (way, name) in WAYS.iter().enumerate() {
+    for (way, name) in METHODS.iter().enumerate() {
         let codes = codes(way, &exact)?;
         let (worst, mean) = off(&codes, &exact, BLOCK);
         let (small, _) = off(&codes, &exact, 4);

@@ -18,12 +18,12 @@ const POINTS: usize = 256;
 const HEIGHT: f64 = 720.0;
 const YFOV: f64 = 0.7;
 const OURS: &str = "f64 world, camera-relative f32";
-const WAYS: [&str; 4] =
+const METHODS: [&str; 4] =
     ["f64 throughout", OURS, "f32 world and view", "f32 world, f32 subtracted from the camera"];
 
 pub fn section() -> Result<Section, String> {
-    let mut by_distance = vec![vec![Spread::default(); DISTANCES.len()]; WAYS.len()];
-    let mut nanos = vec![Nanos::default(); WAYS.len()];
+    let mut by_distance = vec![vec![Spread::default(); DISTANCES.len()]; METHODS.len()];
+    let mut nanos = vec![Nanos::default(); METHODS.len()];
     for (at, (distance, _)) in DISTANCES.iter().enumerate() {
         let shot = Shot::new(*distance);
         let exact = shot.draw(0);
@@ -39,7 +39,7 @@ pub fn section() -> Result<Section, String> {
         if at == TYPICAL {
             let shot = &shot;
             let case = |way: usize| Case::new(POINTS, move || drop(std::hint::black_box(shot.draw(way))));
-            let mut cases: Vec<Case> = (0..WAYS.len()).map(case).collect();
+            let mut cases: Vec<Case> = (0..METHODS.len()).map(case).collect();
             nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
         }
     }
@@ -50,7 +50,7 @@ pub fn section() -> Result<Section, String> {
         DISTANCES[TYPICAL].1
     );
     choice.per = "point of 256, coordinates apart, in vector instructions of the type's width".into();
-    for (way, name) in WAYS.iter().enumerate() {
+    for (way, name) in METHODS.iter().enumerate() {
         let error = &by_distance[way][TYPICAL];
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[way]));
     }
@@ -59,7 +59,7 @@ pub fn section() -> Result<Section, String> {
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in pixels, from the origin", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "distance")));
     let mut table = Table::new("By the distance from the origin", &columns);
-    for (name, errors) in WAYS.iter().zip(&by_distance) {
+    for (name, errors) in METHODS.iter().zip(&by_distance) {
         let cells = errors.iter().map(|e| Cell::number(quantity(e.worst), e.worst));
         table.rows.push([Cell::text(*name)].into_iter().chain(cells).collect());
     }

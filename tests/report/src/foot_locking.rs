@@ -19,7 +19,7 @@ const WALK: (f64, f64) = (0.5, 4.0);
 const STAND: f64 = 2.5;
 /// Times of stops in seconds, at different phases of the step.
 const STOPS: [f64; 4] = [2.0, 2.17, 2.41, 2.63];
-const WAYS: [(&str, &str); 3] = [
+const METHODS: [(&str, &str); 3] = [
     ("as the clips have it", "anna.plant_feet(#{ weight: 0 });"),
     ("by default: steps in a stop", ""),
     ("plant_feet", "anna.plant_feet();"),
@@ -53,7 +53,7 @@ pub fn section() -> Result<Section, String> {
         choice.reference = "a foot on the ground does not move; its toe joint at 240 Hz".into();
         choice.per = "frame, clips and constraints".into();
         let mut stages = Vec::new();
-        for (name, planted) in WAYS {
+        for (name, planted) in METHODS {
             let (mut worst, mut place) = (0.0, String::new());
             for (cues, span) in &looks {
                 let stage = script(planted, cues, 1)?;
@@ -73,7 +73,7 @@ pub fn section() -> Result<Section, String> {
     let columns =
         [("100 characters, a frame in the stop", "way"), (">first frame", "ns"), (">each further", "ns")];
     let mut table = Table::new("Cost of planning: once, in the first frame that needs it", &columns);
-    for (name, planted) in WAYS {
+    for (name, planted) in METHODS {
         let stage = script(planted, &stop(2.17), 100)?;
         let (mut first, mut further) = (Vec::new(), Vec::new());
         for _ in 0..5 {

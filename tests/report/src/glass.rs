@@ -27,7 +27,7 @@ const IOR: f64 = 1.5;
 /// Distances in metres from the middle of the pane to the wall.
 const WALLS: [f64; 4] = [1.0, 1.5, 2.5, 4.0];
 const RAYS: usize = 4;
-const WAYS: [&str; 3] = ["not bent", "bent once, scene color copy", "no pane: the texture alone"];
+const METHODS: [&str; 3] = ["not bent", "bent once, scene color copy", "no pane: the texture alone"];
 
 fn light(at: DVec2) -> f64 {
     let wave = |x: f64| libm::sin(TAU * WAVES * x / WALL);
@@ -121,7 +121,7 @@ pub fn section() -> Result<Section, String> {
     columns.extend(titles.iter().map(|title| (title.as_str(), "wall")));
     let mut table = Table::new("By the distance of the wall behind the pane", &columns);
     let mut timed = Vec::new();
-    for (way, name) in WAYS.into_iter().enumerate() {
+    for (way, name) in METHODS.into_iter().enumerate() {
         let (mut all, mut cells) = (Spread::default(), vec![Cell::text(name)]);
         for wall in WALLS {
             let scene = scene(way, wall)?;
@@ -152,7 +152,7 @@ pub fn section() -> Result<Section, String> {
     }
     let nanos = interleaved(Clock::Process, 2.0 * BUDGET_SECS, &mut cases);
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
-    choice.choose(WAYS[1], "the only one that bends the view, with one lookup in the copy");
+    choice.choose(METHODS[1], "the only one that bends the view, with one lookup in the copy");
     Ok(Section {
         title: "Glass",
         text: "The renderer bends a ray once, follows it through the thickness, and reads the scene color \

@@ -60,13 +60,16 @@ pub fn farm(program: Option<&str>) -> Result<(), String> {
     fs::write(folder.join("s.rhai"), SCRIPT).map_err(|e| e.to_string())?;
     let start = Instant::now();
     let one = [&["render", "s.rhai", "-o", "one.mp4", "--quiet"][..], &OPTIONS].concat();
-    run(here(&choreo, &folder, &one), "the render of one machine")?;
+    run(command_in(&choreo, &folder, &one), "the render of one machine")?;
     let alone = start.elapsed().as_secs_f64();
     let mut cluster = Cluster::start(&root, &folder)?;
     let before = Costs::measured(&choreo, &folder, &cluster)?;
     let whole = cluster.film(&choreo, "whole", false)?;
     let start = Instant::now();
-    run(here(&choreo, &folder, &["join", "whole/segments", "-o", "joined.mp4", "--quiet"]), "choreo join")?;
+    run(
+        command_in(&choreo, &folder, &["join", "whole/segments", "-o", "joined.mp4", "--quiet"]),
+        "choreo join",
+    )?;
     let join = start.elapsed().as_secs_f64();
     // The load of the machine may vary, so costs are measured before and after the job.
     let costs = before.mean(&Costs::measured(&choreo, &folder, &cluster)?, join);
@@ -93,7 +96,7 @@ struct Costs {
 
 impl Costs {
     fn measured(choreo: &Path, folder: &Path, cluster: &Cluster) -> Result<Costs, String> {
-        run(here(choreo, folder, &["pack", "s.rhai", "-o", "s.choreo", "--quiet"]), "choreo pack")?;
+        run(command_in(choreo, folder, &["pack", "s.rhai", "-o", "s.choreo", "--quiet"]), "choreo pack")?;
         // Seconds of three tasks at the same time, of this many frames each, at three places of the film.
         let three = |frames: usize| {
             let start = Instant::now();
@@ -110,7 +113,7 @@ impl Costs {
                     "--frames",
                     &range,
                 ];
-                here(choreo, folder, &[&words[..], &OPTIONS].concat()).spawn()
+                command_in(choreo, folder, &[&words[..], &OPTIONS].concat()).spawn()
             };
             let tasks = (0..3).map(task).collect::<Result<Vec<_>, _>>()?;
             for mut task in tasks {
@@ -172,7 +175,7 @@ const SECONDS: f64 = {seconds:.2};
     }
 }
 
-fn here(program: &Path, folder: &Path, args: &[&str]) -> Command {
+fn command_in(program: &Path, folder: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(program);
     command.args(args).current_dir(folder).env("CHOREO_PLUGINS", "").stdin(Stdio::null());
     command
@@ -186,7 +189,7 @@ fn packages() -> Result<Option<PathBuf>, String> {
         return Ok(Some(root));
     }
     fs::create_dir_all(&archives).map_err(|e| format!("{}: {e}", archives.display()))?;
-    let download = here(Path::new("apt-get"), &archives, &["download", "-qq"]).args(PACKAGES).output();
+    let download = command_in(Path::new("apt-get"), &archives, &["download", "-qq"]).args(PACKAGES).output();
     if !download.is_ok_and(|run| run.status.success()) {
         return Ok(None);
     }
@@ -262,7 +265,7 @@ impl Cluster {
     fn film(&mut self, choreo: &Path, job: &str, faults: bool) -> Result<f64, String> {
         let words =
             ["farm", "s.rhai", "-o", "film.mp4", "--for", "slurm", "--to", job, "--chunk", "24", "--quiet"];
-        run(here(choreo, &self.folder, &[&words[..], &OPTIONS].concat()), "choreo farm")?;
+        run(command_in(choreo, &self.folder, &[&words[..], &OPTIONS].concat()), "choreo farm")?;
         self.wait("three idle nodes", Cluster::three_are_idle)?;
         let start = Instant::now();
         let mut submit = slurm(&self.root, &self.folder, "/bin/sh");
@@ -361,9 +364,9 @@ fn slurm(root: &Path, folder: &Path, program: &str) -> Command {
     let paths = [libraries, &own.join(libraries.file_name().unwrap_or_default()), &plugins]
         .map(|path| path.display().to_string())
         .join(":");
-    let mut command = here(&root.join(program.trim_start_matches('/')), folder, &[]);
+    let mut command = command_in(&root.join(program.trim_start_matches('/')), folder, &[]);
     if program.starts_with('/') {
-        command = here(Path::new(program), folder, &[]);
+        command = command_in(Path::new(program), folder, &[]);
     }
     command.env("LD_LIBRARY_PATH", paths).env("SLURM_CONF", folder.join("slurm.conf"));
     command

@@ -65,10 +65,10 @@ pub fn fuzz(args: &[&str]) -> Result<(), String> {
     std::fs::create_dir_all(&corpus).map_err(|e| format!("{}: {e}", corpus.display()))?;
     let mut seeds = 0;
     for place in target.places.iter().map(|p| root().join(p)) {
-        seeds += plant(&place, target.endings, &corpus)?;
+        seeds += copy_seeds(&place, target.endings, &corpus)?;
     }
     if let (true, Some(assets)) = (target.assets, assets()) {
-        seeds += plant(&assets, target.endings, &corpus)?;
+        seeds += copy_seeds(&assets, target.endings, &corpus)?;
     }
     if name == "outputs" {
         seeds += videos(&corpus)?;
@@ -143,7 +143,7 @@ fn videos(corpus: &Path) -> Result<usize, String> {
 }
 
 /// Copies files with these extensions, also from folders below; their new names are derived from their paths.
-fn plant(place: &Path, endings: &[&str], corpus: &Path) -> Result<usize, String> {
+fn copy_seeds(place: &Path, endings: &[&str], corpus: &Path) -> Result<usize, String> {
     let mut count = 0;
     let mut open: Vec<PathBuf> = vec![place.to_path_buf()];
     while let Some(folder) = open.pop() {

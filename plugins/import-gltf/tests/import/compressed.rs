@@ -113,7 +113,7 @@ fn read(name: &str, bytes: Vec<u8>) -> Asset {
 
 /// The largest differences of two vertices.
 #[derive(Debug, Default)]
-struct Apart {
+struct VertexDifference {
     position: f32,
     /// Radians.
     normal: f32,
@@ -123,7 +123,7 @@ struct Apart {
 }
 
 /// Compares a packed surface with the plain one, whose vertices are known by their places: Draco orders them anew.
-fn apart(plain: &Primitive, packed: &Primitive) -> Result<Apart, String> {
+fn vertex_difference(plain: &Primitive, packed: &Primitive) -> Result<VertexDifference, String> {
     if packed.positions.len() != plain.positions.len() {
         return Err(format!("{} vertices", packed.positions.len()));
     }
@@ -133,7 +133,7 @@ fn apart(plain: &Primitive, packed: &Primitive) -> Result<Apart, String> {
     };
     let of: Vec<usize> = packed.positions.iter().map(nearest).collect();
     let weights = |p: &Primitive, v: usize| Vec4::from_slice(&p.joint_weights[4 * v..4 * v + 4]);
-    let mut apart = Apart::default();
+    let mut apart = VertexDifference::default();
     for (v, w) in of.iter().enumerate() {
         let most = |value: &mut f32, found: f32| *value = value.max(found);
         let delta = (packed.positions[v] - plain.positions[*w]).abs();
@@ -165,7 +165,7 @@ fn apart(plain: &Primitive, packed: &Primitive) -> Result<Apart, String> {
 /// exact), 10 of the octahedron of directions, on which a step is at most 4/1022 rad long.
 fn check_draco(name: &str, bytes: Vec<u8>) -> Result<(), String> {
     let (plain, packed) = (read("plain.glb", plain()), read(name, bytes));
-    let apart = apart(&plain.meshes[0].primitives[0], &packed.meshes[0].primitives[0])?;
+    let apart = vertex_difference(&plain.meshes[0].primitives[0], &packed.meshes[0].primitives[0])?;
     println!("{name}: {apart:?}");
     let half = |range: f32, bits: i32| 0.5 * range / ((1 << bits) - 1) as f32 + 1e-6;
     let within = apart.position <= half(3.0, 14)

@@ -9,7 +9,7 @@ fn error(version: Version, edit: impl FnOnce(&mut Value)) -> String {
     error_text(import_bytes(&VrmImporter, "bad.vrm", edited(version, edit)))
 }
 
-fn said(version: Version, edit: impl FnOnce(&mut Value)) -> Vec<String> {
+fn warnings_after_edit(version: Version, edit: impl FnOnce(&mut Value)) -> Vec<String> {
     let asset = import_bytes(&VrmImporter, "odd.vrm", edited(version, edit)).unwrap();
     sound::check("odd.vrm", &asset);
     asset.springs.check(asset.skeleton.len()).unwrap();
@@ -56,12 +56,12 @@ fn errors_name_the_element() {
 #[test]
 fn what_is_left_or_guessed_is_said() {
     assert_eq!(
-        said(Version::V1, |j| j["extensions"]["VRMC_springBone"]["springs"][0]["joints"][0]["dragForce"] =
-            json!(1.5)),
+        warnings_after_edit(Version::V1, |j| j["extensions"]["VRMC_springBone"]["springs"][0]["joints"][0]
+            ["dragForce"] = json!(1.5)),
         ["extensions.VRMC_springBone.springs[0].joints[0].dragForce: is 1.5; 1 is used"]
     );
     assert_eq!(
-        said(Version::V1, |j| {
+        warnings_after_edit(Version::V1, |j| {
             let again = j["extensions"]["VRMC_springBone"]["springs"][0].clone();
             j["extensions"]["VRMC_springBone"]["springs"] = json!([again.clone(), again]);
         }),
@@ -70,7 +70,7 @@ fn what_is_left_or_guessed_is_said() {
         ]
     );
     assert_eq!(
-        said(Version::V1, |j| {
+        warnings_after_edit(Version::V1, |j| {
             let joints = &mut j["extensions"]["VRMC_springBone"]["springs"][0]["joints"];
             *joints = json!([{ "node": 9 }, { "node": 7 }]);
         }),
@@ -79,7 +79,7 @@ fn what_is_left_or_guessed_is_said() {
         ]
     );
     assert_eq!(
-        said(Version::V1, |j| {
+        warnings_after_edit(Version::V1, |j| {
             let bones = &mut j["extensions"]["VRMC_vrm"]["humanoid"]["humanBones"];
             bones["tail"] = json!({ "node": 9 });
             bones["chest"] = json!({ "node": 2 });
@@ -91,7 +91,7 @@ fn what_is_left_or_guessed_is_said() {
         ]
     );
     assert_eq!(
-        said(Version::V1, |j| {
+        warnings_after_edit(Version::V1, |j| {
             let faces = &mut j["extensions"]["VRMC_vrm"]["expressions"];
             faces["custom"]["happy"] = json!({});
             faces["preset"]["happy"]["materialColorBinds"] =
@@ -105,7 +105,7 @@ fn what_is_left_or_guessed_is_said() {
         ]
     );
     assert_eq!(
-        said(Version::V1, |j| j["extensions"]["VRMC_vrm"]["specVersion"] = json!("2.0")),
+        warnings_after_edit(Version::V1, |j| j["extensions"]["VRMC_vrm"]["specVersion"] = json!("2.0")),
         ["extensions.VRMC_vrm: has version \"2.0\"; it is read as 1.0"]
     );
 }
@@ -113,7 +113,7 @@ fn what_is_left_or_guessed_is_said() {
 /// A bone group may name one root many times, or every joint of a chain: no joint swings twice, and the work stays bounded.
 #[test]
 fn repeated_spring_joints_are_simulated_once() {
-    let many = said(Version::V0, |j| {
+    let many = warnings_after_edit(Version::V0, |j| {
         let group = &mut j["extensions"]["VRM"]["secondaryAnimation"]["boneGroups"][0];
         group["bones"] = (0..20_000).map(|i| json!(7 + i % 3)).collect();
     });

@@ -5,7 +5,7 @@
 use choreo_asset::{Asset, Topology};
 use choreo_importer_kit_testing::{assets, pose};
 use importers::assimp::{self, Scene};
-use importers::{SAMPLES, samples, whole};
+use importers::{SAMPLES, import_whole, samples};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -20,7 +20,7 @@ fn ours(asset: &Asset) -> Facts {
     let all = || asset.meshes.iter().flat_map(|m| &m.primitives);
     let triangles = all().filter(|p| p.topology == Topology::Triangles).map(|p| p.indices.len() / 3);
     let points = all().flat_map(|p| &p.positions).map(|p| (*p + 0.0).to_array().map(f32::to_bits));
-    let joints: BTreeSet<u32> = asset.skins.iter().flat_map(|s| used(asset, s)).collect();
+    let joints: BTreeSet<u32> = asset.skins.iter().flat_map(|s| used_joints(asset, s)).collect();
     let mut facts = facts([
         triangles.sum::<usize>().to_string(),
         points.collect::<BTreeSet<_>>().len().to_string(),
@@ -41,7 +41,7 @@ fn ours(asset: &Asset) -> Facts {
 }
 
 /// Joints of a skin but the one that points without influence go with.
-fn used<'a>(asset: &'a Asset, skin: &'a choreo_asset::Skin) -> impl Iterator<Item = u32> {
+fn used_joints<'a>(asset: &'a Asset, skin: &'a choreo_asset::Skin) -> impl Iterator<Item = u32> {
     let carrier = |joint: &u32| asset.instances.iter().any(|i| i.joint == *joint);
     skin.joints.iter().filter(move |j| !carrier(j)).copied()
 }
@@ -113,12 +113,12 @@ fn explained() -> BTreeSet<[String; 4]> {
 
 fn differences(name: &str, ours: &Facts, theirs: &Facts) -> Vec<[String; 4]> {
     let pairs = ours.iter().filter_map(|a| Some((a, theirs.iter().find(|b| b.0 == a.0)?)));
-    let pairs = pairs.filter(|(a, b)| !same(&a.1, &b.1));
+    let pairs = pairs.filter(|(a, b)| !is_same_fact(&a.1, &b.1));
     pairs.map(|(a, b)| [name.to_string(), a.0.to_string(), a.1.clone(), b.1.clone()]).collect()
 }
 
 /// Numbers as they are written, but for the last digit of those with a point.
-fn same(a: &str, b: &str) -> bool {
+fn is_same_fact(a: &str, b: &str) -> bool {
     let split = |s: &str| s.split(' ').map(str::to_string).collect::<Vec<_>>();
     let (a, b) = (split(a), split(b));
     a.len() == b.len()
@@ -143,7 +143,7 @@ fn differences_are_those_of_the_table() {
             println!("SKIP {SAMPLES}: assimp is not installed");
             return;
         };
-        let mine = ours(&whole(&path));
+        let mine = ours(&import_whole(&path));
         let Ok(scene) = scene else {
             found.insert([shown, "all".into(), "read".into(), "refused".into()]);
             continue;
