@@ -124,7 +124,7 @@ impl Job {
         more.extend(setting.gpu.map_or(["--device", "vulkan"], |name| ["--gpu", name]));
         more.extend(self.size.iter().flat_map(|size| ["--size", size]));
         more.extend(self.set.iter().flat_map(|set| ["--set", set]));
-        setting.bench.once(&root().join("tests/bench").join(self.script), self.out, &more)
+        setting.bench.run_once(&root().join("tests/bench").join(self.script), self.out, &more)
     }
 
     fn round(&self, setting: &Setting) -> Result<Cost, String> {
