@@ -74,7 +74,7 @@ impl<'f> Materials<'f> {
                     let set = input.attribute("input_set").and_then(|s| s.trim().parse().ok()).unwrap_or(0);
                     uvs.bound.insert(input.attribute("semantic").unwrap_or_default().to_string(), set);
                 }
-                xml.resolve_instance(bound, "target", "material", "grey is used")
+                xml.resolve_instance(bound, "target", "material", "gray is used")
             }
             // Some exporters bind nothing, and use the material's id as symbol.
             None => xml.by_id(symbol).filter(|n| name_of(*n) == "material"),
@@ -89,7 +89,7 @@ impl<'f> Materials<'f> {
                 if bound.is_none() && !symbol.is_empty() {
                     xml.warn(
                         instance,
-                        format!("material \"{symbol}\" of the mesh is not bound; grey is used"),
+                        format!("material \"{symbol}\" of the mesh is not bound; gray is used"),
                     );
                 }
                 Material {

@@ -192,7 +192,7 @@ fn materials(
             None => {
                 notes.warn(
                     format!("line {line}"),
-                    format!("material \"{name}\" is in none of the file's libraries; grey is used"),
+                    format!("material \"{name}\" is in none of the file's libraries; gray is used"),
                 );
                 out.push(plain(name));
             }

@@ -394,8 +394,9 @@ fn face_vertex(word: &[u8], counts: [usize; 3]) -> Result<[Option<u32>; 3]> {
             _ => {
                 let back = index.unsigned_abs();
                 if back > count as u64 {
-                    let what =
-                        format!("refers to {name} {index}, counted back, but there are {count} so far");
+                    let what = format!(
+                        "refers to {name} {index}, counted from the end, but there are {count} so far"
+                    );
                     return Err(what.into());
                 }
                 (count as u64 - back) as u32

@@ -67,7 +67,7 @@ impl<'a> Cursor<'a> {
         match count.checked_mul(size as u64) {
             Some(all) if all <= left => Ok(count as usize),
             _ => Err(damaged(format!(
-                "states {count} elements at byte {}, and is too short for them",
+                "declares {count} elements at byte {}, but the file is too short for them",
                 self.at - 8
             ))),
         }
@@ -157,7 +157,7 @@ impl<'a> Reader<'a> {
         // Every integer takes at least two bits, so the bytes bound the count.
         let bytes = self.decompressed(cursor, count.saturating_mul(4).saturating_add(codes + 4))?;
         if bytes.len() < 4 + codes {
-            return Err(damaged("has fewer integers than it states"));
+            return Err(damaged("has fewer integers than it declares"));
         }
         self.charge(count, 4)?;
         let mut numbers = Cursor { bytes: &bytes, at: 4 + codes };
@@ -208,7 +208,7 @@ impl<'a> Reader<'a> {
         let most = cursor.bytes.len().saturating_mul(4 * MOST_RATIO) as u64;
         match count <= most {
             true => Ok(count as usize),
-            false => Err(damaged(format!("states {count} elements, and is too short for them"))),
+            false => Err(damaged(format!("declares {count} elements, but the file is too short for them"))),
         }
     }
 
@@ -235,7 +235,7 @@ impl<'a> Reader<'a> {
                 self.charge(element.len(), 1)?;
                 // A path that occurs twice could be its own ancestor.
                 if assigned.get_mut(index as usize).is_none_or(|was| std::mem::replace(was, true)) {
-                    return Err(damaged("has a path beyond its number of paths, or one twice"));
+                    return Err(damaged("has a path index that is out of range or repeated"));
                 }
                 if depth > MOST_DEPTH {
                     return Err(damaged(format!("has more than {MOST_DEPTH} nested prims")));
@@ -649,7 +649,7 @@ impl<'a> Reader<'a> {
     fn checked_count(&self, count: usize) -> Result<usize> {
         match count <= self.all.bytes.len().saturating_mul(4 * MOST_RATIO) {
             true => Ok(count),
-            false => Err(damaged(format!("states {count} elements, and is too short for them"))),
+            false => Err(damaged(format!("declares {count} elements, but the file is too short for them"))),
         }
     }
 }

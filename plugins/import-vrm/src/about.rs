@@ -95,7 +95,8 @@ impl About {
     /// Notes how many meshes have a first-person setting, which is not used here.
     fn first_person(&mut self, meshes: Option<usize>) {
         if let Some(n @ 1..) = meshes {
-            self.add("first person", &format!("{n} meshes have a first-person setting, which is not used"));
+            let meshes = if n == 1 { "1 mesh has".into() } else { format!("{n} meshes have") };
+            self.add("first person", &format!("{meshes} a first-person setting, which is not used"));
         }
     }
 }

@@ -19,7 +19,7 @@ fn any_journal(bytes: &[u8]) {
     let mut again = journal::head(&found.identity);
     assert!(found.head == again.len() as u64);
     for (record, end) in &found.records {
-        journal::append(&mut again, record).expect("a vector takes all");
+        journal::append(&mut again, record).expect("writing to a vector cannot fail");
         assert!(*end == again.len() as u64);
     }
     assert!(bytes.starts_with(&again));
@@ -56,7 +56,7 @@ fn damaged_journal(u: &mut Unstructured) -> Result<()> {
     let mut bytes = journal::head(&identity);
     let mut ends = vec![bytes.len()];
     for record in &records {
-        journal::append(&mut bytes, record).expect("a vector takes all");
+        journal::append(&mut bytes, record).expect("writing to a vector cannot fail");
         ends.push(bytes.len());
     }
     let at = u.choose_index(bytes.len())?;
@@ -160,7 +160,7 @@ fn going_on(u: &mut Unstructured) -> Result<()> {
         options: exporter.manifest().complete(&Default::default()).expect("the defaults"),
     };
     let whole = Bytes::default();
-    let mut sink = exporter.begin(&info, Box::new(whole.clone())).expect("a vector takes all");
+    let mut sink = exporter.begin(&info, Box::new(whole.clone())).expect("writing to a vector cannot fail");
     let (mut stops, mut stop) = (Vec::new(), Stopped::default());
     for frame in &frames {
         sink.frame(frame).expect("a frame of the right size");

@@ -119,7 +119,7 @@ fn unusual_files_are_imported_with_warnings() {
     has(read("0 0.5 1.5<", "0 0.5 0.5<"), "1 of 3 keys are not after the one before");
     has(
         read("symbol=\"SKIN\"", "symbol=\"COAT\""),
-        "material \"SKIN\" of the mesh is not bound; grey is used",
+        "material \"SKIN\" of the mesh is not bound; gray is used",
     );
     has(
         read("<scene><instance_visual_scene url=\"#scene\"/></scene>", ""),

@@ -378,7 +378,7 @@ fn instances_with_a_missing_or_wrong_target_are_left_out() {
         (
             "target=\"#skin\"",
             "target=\"#x\"",
-            format!("instance_material (line 139): target=\"#x\" {nothing}; grey is used"),
+            format!("instance_material (line 139): target=\"#x\" {nothing}; gray is used"),
             (1, 1, 2, 1),
         ),
         (

@@ -151,7 +151,7 @@ fn unsupported_glass_parameters_are_warnings() {
     assert_eq!(warnings.len(), 1);
     assert_eq!(
         warnings[0].text,
-        "1 materials have transmission with thin, rough walls: the background is tinted, but not blurred by the roughness"
+        "1 material has transmission with thin, rough walls: the background is tinted, but not blurred by the roughness"
     );
 }
 

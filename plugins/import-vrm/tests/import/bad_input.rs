@@ -101,7 +101,7 @@ fn what_is_left_or_guessed_is_said() {
         [
             "extensions.VRMC_vrm.expressions.preset.happy.overrideBlink: is not none, block or blend; none is used",
             "extensions.VRMC_vrm.expressions.custom.happy: is a second expression \"happy\"; it is left out",
-            "extensions.VRMC_vrm.expressions: 1 expressions also change material properties that are missing or not drawn: happy",
+            "extensions.VRMC_vrm.expressions: 1 expression also changes material properties that are missing or not drawn: happy",
         ]
     );
     assert_eq!(
