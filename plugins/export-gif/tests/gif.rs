@@ -191,7 +191,7 @@ fn a_resumed_gif_has_the_same_bytes() {
     assert!(GifExporter.resume(&info, &[vec![1; 17 + 3]], &mut &b""[..], Box::new(Vec::new())).is_err());
 }
 
-/// A repeated frame gives the bytes that the frame itself would give once more.
+/// `repeat` writes the same bytes as a second call of `frame` with the same image.
 #[test]
 fn repeated_frames_give_the_same_bytes() {
     let fps = FrameRate { num: 30, den: 1 };

@@ -1,4 +1,4 @@
-//! Clips with keys of all interpolations, played in all ways: the file keeps the keys, and plays them as the stage does.
+//! Clips with keys of all interpolations in all playback modes: the file keeps the keys, and evaluates to the same values as the stage.
 
 use choreo_plugin::glam::{Quat, Vec3};
 use choreo_plugin::motion::{Clip, Curve, FrameRate, Interpolation, Path, Repeat, Time, Transform};

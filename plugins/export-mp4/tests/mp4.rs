@@ -175,7 +175,7 @@ fn quality_trades_size_for_error() {
     let (Some(low), Some(high)) = (of(20.0, scene), of(95.0, scene)) else { return };
     let at = |quality: f64| of(quality, texture);
     assert!(low.0 > 1.3 * high.0 && low.1 * 2 < high.1, "{low:?} {high:?}");
-    // Each number at the end of the scale has a quantizer of its own: 17, 16, … 12.
+    // Each integer quality from 95 to 100 has its own quantizer: 17, 16, … 12.
     let all: Vec<(f64, usize)> = (95..=100).map(|quality| at(f64::from(quality)).unwrap()).collect();
     println!("error and size from quality 95 to 100: {all:?}");
     assert!(all.is_sorted_by(|a, b| a.0 > b.0 && a.1 < b.1), "{all:?}");
@@ -275,7 +275,7 @@ fn segments_join_without_a_seam() {
     }
 }
 
-/// A repeated frame gives the bytes that the frame itself would give once more, beyond the end of a segment too.
+/// `repeat` writes the same bytes as a second call of `frame` with the same image, also across the end of a segment.
 #[test]
 fn repeated_frames_give_the_same_bytes() {
     let info = info(64, 48, (10, 1), 60);

@@ -1,4 +1,4 @@
-//! The sample arrives whole, and what is wrong is reported with its line.
+//! The sample file is imported completely, and errors name their line.
 
 use choreo_plugin::asset::Asset;
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Source};

@@ -1,4 +1,4 @@
-//! The text of a BVH file; what is let through is played and drawn.
+//! The text of a BVH file; an asset that imports without error is played and drawn.
 #![no_main]
 
 use choreo_fuzz::{NoFiles, import};

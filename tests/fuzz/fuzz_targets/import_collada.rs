@@ -1,4 +1,4 @@
-//! The XML of a COLLADA file; what is let through is played and drawn.
+//! The XML of a COLLADA file; an asset that imports without error is played and drawn.
 #![no_main]
 
 use choreo_fuzz::{NoFiles, import};

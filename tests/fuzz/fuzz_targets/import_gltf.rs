@@ -1,4 +1,4 @@
-//! glTF and GLB bytes; what is let through is played and drawn.
+//! glTF and GLB bytes; an asset that imports without error is played and drawn.
 #![no_main]
 
 use choreo_fuzz::{NoFiles, import};

@@ -1,4 +1,4 @@
-//! STL bytes, binary and text; what is let through is played and drawn.
+//! STL bytes, binary and text; an asset that imports without error is played and drawn.
 #![no_main]
 
 use choreo_fuzz::{NoFiles, import};

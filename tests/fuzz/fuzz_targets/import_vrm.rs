@@ -1,4 +1,4 @@
-//! VRM characters and VRM animations; what is let through is played and drawn.
+//! VRM characters and VRM animations; an asset that imports without error is played and drawn.
 #![no_main]
 
 use choreo_fuzz::{NoFiles, import};

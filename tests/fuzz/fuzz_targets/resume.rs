@@ -189,7 +189,7 @@ fn going_on(u: &mut Unstructured) -> Result<()> {
         exporter.resume(&info, &stop.states, &mut so_far, Box::new(body.clone()))
     }
     .expect("our own state");
-    // The program writes behind what is there.
+    // The resumed program appends to the existing bytes.
     let before = if stop.states.is_empty() { 0 } else { stop.length };
     stop.kept.iter().for_each(|kept| sink.again(kept).expect("our own frame"));
     frames[at + 1..].iter().for_each(|frame| sink.frame(frame).expect("a frame of the right size"));

@@ -305,7 +305,7 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
     Ok(stage)
 }
 
-/// All bits of a snapshot, as text: `{:?}` of a float tells every one apart but the kinds of NaN.
+/// All bits of a snapshot as text: `{:?}` distinguishes all floats except NaN payloads.
 fn shown(stage: &Result2<Snapshot>) -> String {
     format!("{stage:?}")
 }
@@ -315,7 +315,7 @@ type Result2<T> = std::result::Result<T, StageError>;
 fn compare(u: &mut Unstructured) -> Result<()> {
     let stage = stage(u)?;
     if !stage.check().is_empty() {
-        // Lenient: it leaves out what is not there, and must not panic.
+        // Lenient mode skips missing objects, and must not panic.
         let _ = stage.at(Time(time(u)?.0 % Time::from_secs(8.0).0));
         return Ok(());
     }

@@ -100,7 +100,7 @@ fn play(asset: Arc<Asset>) {
     }
 }
 
-/// Cameras and places never turn into NaN, whatever the numbers of a file.
+/// Asserts that cameras and transforms are finite.
 pub fn finite(snapshot: &Snapshot) {
     assert!(snapshot.camera.world_from_view.is_finite(), "{:?}", snapshot.camera);
     for actor in &snapshot.actors {

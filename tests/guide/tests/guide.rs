@@ -58,7 +58,7 @@ fn checked_and_tested(file: &Path, text: &str) -> Result<(), String> {
     if text.lines().any(|line| line.starts_with("test(")) { program::test(binary, file) } else { Ok(()) }
 }
 
-/// The scripts of the pages that pass no check, with their pages. Scripts that stand in the book several times are run once.
+/// Scripts of the pages that fail `check` or `test`, with their pages. A script that occurs several times is run once.
 fn failing<'p>(pages: impl Iterator<Item = &'p Page>) -> Vec<String> {
     let frame = std::fs::read_to_string(root().join("scripts/guide/frame.rhai")).unwrap();
     let folder = tempfile::tempdir().unwrap();

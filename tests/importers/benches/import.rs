@@ -88,7 +88,7 @@ fn measure_choreo(path: &Path, tolerance: Option<f64>) -> Option<Run> {
     Some(Run { ms: numbers.next()?, mib: numbers.next()? })
 }
 
-/// The whole process; its memory by GNU time, in a run of its own.
+/// Time and memory of the whole assimp process; GNU time measures the memory in a separate run.
 fn assimp(args: &[&str]) -> Option<Run> {
     let mut child =
         Command::new("assimp").args(args).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().ok()?;

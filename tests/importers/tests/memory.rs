@@ -39,7 +39,7 @@ fn polygon(format: &str) -> String {
     }
 }
 
-/// KiB that Linux says of this process: `VmRSS` now, `VmHWM` at its highest.
+/// Memory of this process in KiB from /proc/self/status: `VmRSS` is the current, `VmHWM` the peak value.
 fn status(key: &str) -> Option<usize> {
     let text = std::fs::read_to_string("/proc/self/status").ok()?;
     text.lines().find(|l| l.starts_with(key))?.split_whitespace().nth(1)?.parse().ok()

@@ -76,7 +76,7 @@ impl Mesh {
             _ => Vec::new(),
         };
         let (joint_indices, joint_weights, influences) = (joints, weights, *influences);
-        // Positions stand in for normals: the cost is the same.
+        // Positions are used as normals, because the cost is the same.
         let source: &[Vec3] = if normals.is_empty() { &[] } else { positions };
         match way {
             Way::Linear => LinearSkinning {

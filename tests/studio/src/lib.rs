@@ -1,4 +1,4 @@
-//! A program of somebody else: choreo with a format and an effect of its own, in the command line and in the viewer.
+//! Example of a program by another author: choreo with its own file format and effect, in the command line and in the viewer.
 
 use choreo::App;
 use choreo_plugin::asset::Asset;

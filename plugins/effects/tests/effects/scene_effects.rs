@@ -6,7 +6,7 @@ use glam::{DVec3, Mat4, Vec3, Vec4};
 const SIZE: [u32; 2] = [96, 64];
 const MIDDLE: usize = 32 * 96 + 48;
 
-/// What an effect is given: an image, and the scene that it shows.
+/// Input of an effect: an image, and the scene that it shows.
 struct Given {
     image: Vec<Vec4>,
     /// Normal and depth.
@@ -177,7 +177,7 @@ fn grain_has_its_strength_no_bias_and_differs_between_frames() {
     };
     for size in [1.0, 2.5] {
         let out = run(7, size);
-        // At half of white as it looks, the deviation is the strength.
+        // At perceptual middle gray, the standard deviation is the strength.
         let off: Vec<f64> = out.iter().map(|c| f64::from(c.x).sqrt() - 0.5).collect();
         let mean = off.iter().sum::<f64>() / off.len() as f64;
         let deviation = (off.iter().map(|o| o * o).sum::<f64>() / off.len() as f64).sqrt();
@@ -205,7 +205,7 @@ fn light_shafts_are_the_sum_of_the_sky_towards_the_sun() {
     let expected = 0.25 * (1.0 + 0.8 * (1.0 - (-2.0f64).exp()) / 2.0);
     let out = given.run("god_rays", &p)[MIDDLE].x;
     assert!((f64::from(out) / expected - 1.0).abs() < 0.01, "{out} instead of {expected}");
-    // Something before half of the way takes the far half away, here the sun's side.
+    // An occluder at half of the distance hides the half beyond it, here the sun's side.
     let blocked = |given: &mut Given, from: usize| {
         for (i, texel) in given.surface.iter_mut().enumerate().filter(|(i, _)| i % 96 >= from) {
             *texel = Vec3::Z.extend(if i % 96 >= from { 3.0 } else { 1e9 });

@@ -57,7 +57,7 @@ impl Oracle {
         (max - min).max_element()
     }
 
-    /// Joint positions in the file's units, `part` of the way from a frame to the next.
+    /// Joint positions in the file's units, interpolated by `part` from a frame to the next.
     pub fn positions(&self, frame: usize, part: f64, fault: Option<Fault>) -> Vec<DVec3> {
         let a = self.locals(frame, fault);
         let b = if part > 0.0 { self.locals(frame + 1, fault) } else { a.clone() };
@@ -107,7 +107,7 @@ fn axis_matrix(axis: &str, angle: f64) -> DMat3 {
     DMat3::from_cols_array_2d(&rows).transpose()
 }
 
-/// A part of a rotation, about its own axis: Rodrigues' formula there and back.
+/// The rotation about the same axis by `part` of its angle, by Rodrigues' formula and its inverse.
 fn partial_rotation(r: DMat3, part: f64) -> DMat3 {
     let twice_sin = DVec3::new(r.y_axis.z - r.z_axis.y, r.z_axis.x - r.x_axis.z, r.x_axis.y - r.y_axis.x);
     let trace = r.x_axis.x + r.y_axis.y + r.z_axis.z;

@@ -337,7 +337,7 @@ fn a_skeleton_without_a_mesh_gets_visible_bones() {
     assert!(warnings(&asset)[0].contains("url=\"#gone\" refers to nothing in this file; it is left out"));
 }
 
-/// The target of an instance may be missing, or be of another kind: the rest of the file is read all the same.
+/// The target of an instance may be missing, or of the wrong type: such an instance is skipped, and the other elements are read.
 #[test]
 fn instances_with_a_missing_or_wrong_target_are_left_out() {
     let nothing = "refers to nothing in this file";
@@ -445,7 +445,7 @@ fn clips_begin_at_their_first_key() {
             assert!(a.abs_diff_eq(b, 1e-6), "{at} s of {late}: {a} {b}");
         }
     }
-    // An animation_clip says where it starts: 0 where it says nothing.
+    // An animation_clip states its start; the default is 0.
     let clips = "<library_animation_clips><animation_clip name=\"all\"><instance_animation url=\"#bend\"/></animation_clip></library_animation_clips><library_visual_scenes>";
     let asset = with(&[("0 0.5 1.5", "0.25 0.75 1.75"), ("<library_visual_scenes>", clips)]);
     assert_eq!(asset.clips[0].duration.as_secs(), 1.75);

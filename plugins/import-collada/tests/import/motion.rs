@@ -14,7 +14,7 @@ fn numbers(text: &str) -> Vec<f64> {
     text.split_whitespace().map(|w| w.parse().unwrap()).collect()
 }
 
-/// Matrix animations read once more: every channel's keys by node, whole matrices only.
+/// Reference reader of matrix animations: the keys of every channel by node. Supports whole matrices only.
 struct Oracle<'d> {
     doc: &'d Document<'d>,
     /// Node id, times, matrices.
@@ -255,7 +255,7 @@ fn bezier(x: [f64; 4], y: [f64; 4], t: f64) -> f64 {
 #[test]
 fn bezier_step_and_component_keys_equal_the_closed_form() {
     let stack = "<matrix sid=\"m\">1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</matrix>";
-    // x of the translation by handles, z held: (column)(row).
+    // The x translation is a Bézier curve, z is stepped; targets are (column)(row).
     let tangents = Some(("0 0 0.4 100", "0.6 0 1 100"));
     let channels = channel("a", "lower-node/m(3)(0)", "0 1", "0 100", "BEZIER BEZIER", tangents)
         + &channel("b", "lower-node/m(3)(2)", "0 0.5 1", "0 10 20", "STEP STEP STEP", None);

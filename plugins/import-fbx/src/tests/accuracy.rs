@@ -1,4 +1,4 @@
-//! How far clips are from what ufbx evaluates between their keys, and what closer keys cost.
+//! Errors of clips between their keys, compared with ufbx, and the number of keys that a smaller tolerance needs.
 
 use crate::file::TOLERANCE_DEG;
 use crate::local::Local;
@@ -44,7 +44,7 @@ fn clips(bytes: &[u8], choice: Choice) -> Asset {
     FbxImporter.import(&source, &Companions::none(), ONLY_CLIPS, &options).unwrap()
 }
 
-/// Against ufbx, at `samples` even times of every clip, which fall between keys. `late` is a planted fault.
+/// Compares clips with ufbx at `samples` evenly spaced times, which fall between keys. `late` (seconds) is a planted fault.
 pub fn worst(bytes: &[u8], choice: Choice, samples: usize, late: f64) -> Worst {
     let asset = clips(bytes, choice);
     let scene = load::load(bytes, ONLY_CLIPS, &Companions::none()).unwrap();

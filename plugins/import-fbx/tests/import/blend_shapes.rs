@@ -13,7 +13,7 @@ const SECOND: i64 = 46_186_158_000;
 const PERCENT: [f64; 5] = [0.0, -150.0, 150.0, -30.0, 75.0];
 
 /// One triangle, in metres and +Y up, with a channel. `shapes`: full weight in percent, and what the shape adds to the first
-/// vertex. `rest`: the channel's weight in percent where no clip says otherwise.
+/// vertex. `rest`: the channel's weight in percent without a clip.
 fn file(shapes: &[(f64, [f64; 3])], rest: f64, animated: bool) -> Vec<u8> {
     let mut objects = String::from(
         "Model: 10, \"Model::body\", \"Mesh\" {\n}\nGeometry: 11, \"Geometry::body\", \"Mesh\" {\nVertices: *9 {\na: 0,0,0,1,0,0,0,1,0\n}\n\
@@ -66,7 +66,7 @@ fn read(bytes: &[u8]) -> Asset {
     asset
 }
 
-/// Where the first vertex stands by our importer and by ufbx, at a time of the clip or at rest.
+/// Position of the first vertex by this importer and by ufbx, at a time of the clip or at rest.
 fn both(bytes: &[u8], asset: &Asset, secs: Option<f64>) -> (DVec3, DVec3) {
     let ours = crate::common::posed_vertices(asset, secs.map(|s| (&*asset.clips[0], s)))[0];
     let scene = ufbx::load_memory(bytes, ufbx::LoadOpts::default()).unwrap();

@@ -287,7 +287,7 @@ fn geometric_transforms_are_baked_into_the_mesh() {
         "{}",
         p.normals[0]
     );
-    // The node and what hangs on it stand elsewhere.
+    // The node and its children have another transform.
     let (model, _) = common::pose(&asset, None);
     assert_eq!(model[1].translation.to_array(), [10.0, 1.0, 0.0]);
 }

@@ -51,7 +51,7 @@ fn vertices(path: &Path) -> Vec<DVec3> {
     text.lines().filter_map(|l| l.strip_prefix("v ")).map(vertex).collect()
 }
 
-/// The farthest that a vertex of one list is from the nearest of the other, both ways.
+/// Symmetric Hausdorff distance between two lists of vertices.
 fn distance(a: &[DVec3], b: &[DVec3]) -> f64 {
     let nearest =
         |p: &DVec3, list: &[DVec3]| list.iter().map(|q| p.distance(*q)).fold(f64::INFINITY, f64::min);

@@ -1,4 +1,4 @@
-//! Damaged and hostile files: an error that says where and what, never a panic, a hang or a full memory.
+//! Damaged and hostile files give an error with place and reason; they never cause a panic, a hang or exhausted memory.
 
 use crate::common;
 use crate::common::sample::{POSITIONS, ROTATIONS, TIMES, WEIGHTS, sample};
@@ -365,7 +365,7 @@ fn claims() {
     assert_eq!(claim("x.bvh", b"HIERARCHY"), Claim::NotMine);
 }
 
-/// Imports what is left of a file; a panic fails the test. Says whether an error came out.
+/// Imports a damaged file; a panic fails the test. Returns whether the import gave an error.
 fn damaged(name: &str, bytes: Vec<u8>) -> bool {
     match common::import_bytes(name, bytes) {
         Ok(asset) => {
@@ -418,7 +418,7 @@ fn truncated_files_and_flipped_bits_do_not_panic() {
         println!("{name}: {refused} of {flips} flips refused");
         assert!(refused > 0 && refused < flips, "{name}: {refused} of {flips}");
     }
-    // The whole run in bounded memory (Linux says how much it was at its highest).
+    // Peak memory of the whole run is bounded (Linux reports it).
     if let Ok(status) = std::fs::read_to_string("/proc/self/status")
         && let Some(line) = status.lines().find(|l| l.starts_with("VmHWM:"))
     {

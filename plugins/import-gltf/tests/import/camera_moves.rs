@@ -1,6 +1,6 @@
-//! A camera move and a lamp that Blender exported (`scripts/models/camera_move.py`), on a stage: where Blender has them, by its own matrices.
+//! A camera move and a lamp that Blender exported (`scripts/models/camera_move.py`), on a stage: compared with Blender's matrices.
 //!
-//! The file is made anew where Blender (PyPI `bpy`) can be had.
+//! The file is regenerated where Blender (PyPI `bpy`) is available.
 
 use choreo_asset::{LightKind, Projection};
 use choreo_motion::Time;

@@ -1,5 +1,5 @@
 //! Draco and KTX2: a surface and an image of known formulas, packed by the programs of Google and Binomial (npm), against what was packed.
-//! The samples are such files, so that what does not ask a registry is tested everywhere: `CHOREO_ACCEPT=1` with npm makes them anew.
+//! The samples are such files, so that the tests need no registry; `CHOREO_ACCEPT=1` with npm regenerates them.
 
 use crate::common;
 use choreo_asset::{Asset, Primitive};
@@ -122,7 +122,7 @@ struct VertexDifference {
     color: f32,
 }
 
-/// Compares a packed surface with the plain one, whose vertices are known by their places: Draco orders them anew.
+/// Compares a compressed surface with the original. Vertices are matched by position, because Draco reorders them.
 fn vertex_difference(plain: &Primitive, packed: &Primitive) -> Result<VertexDifference, String> {
     if packed.positions.len() != plain.positions.len() {
         return Err(format!("{} vertices", packed.positions.len()));

@@ -21,7 +21,7 @@ fn counts(asset: &Asset) -> Counts {
     ]
 }
 
-/// Where the publisher counts otherwise: SpecularTest, UnlitTest and Godette share vertices between
+/// The publisher's counts differ for some files: SpecularTest, UnlitTest and Godette share vertices between
 /// primitives; Cameras has no normals, and flat ones need two more vertices; RobotExpressive has two
 /// skins; one image of Godette is used by no supported texture; one node
 /// of debug_robot is outside its scene.

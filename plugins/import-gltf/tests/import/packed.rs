@@ -132,7 +132,7 @@ fn errors_name_the_compressed_element() {
 
 #[test]
 fn fallback_buffers_are_not_needed_and_too_many_instances_exceed_the_budget() {
-    // The second buffer has no bytes at all: the compressed views stand for it. With a uri it is not requested either.
+    // The second buffer has no data: the compressed views replace it. It is not requested even with a uri.
     let bytes = common::edited(&sample(), |json, _| json["buffers"][1]["uri"] = json!("missing.bin"));
     assert!(common::import_bytes("sample.glb", bytes).is_ok());
     let many = common::edited(&sample(), |json, _| {

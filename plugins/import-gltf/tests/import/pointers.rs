@@ -1,4 +1,4 @@
-//! KHR_animation_pointer: what it animates, on a stage, against the keys; and what it cannot.
+//! KHR_animation_pointer: animated properties on a stage, compared with the keys, and warnings about unsupported pointers.
 
 use crate::common;
 use choreo_asset::{Asset, Projection};

@@ -123,7 +123,7 @@ fn size(oracle: &Oracle) -> f64 {
     (high - low).length()
 }
 
-/// How far apart two placements are: the origin, and points a tenth of the model's size along each axis.
+/// Distance between two transforms: of the origin, and of points a tenth of the model's size along each axis.
 fn difference(ours: Affine3A, truth: DMat4, size: f64) -> f64 {
     let ours = Mat4::from(ours).as_dmat4();
     let longest = (0..3).map(|c| truth.col(c).length()).fold(1e-12, f64::max);

@@ -37,7 +37,7 @@ fn import(path: &Path, keep_tangents: bool) -> Asset {
     GltfImporter::new().import(&source, &folder, ImportScope::ALL, &ImportOptions::default()).unwrap()
 }
 
-/// How two lists of tangents, one a face vertex, differ.
+/// Difference between two lists of tangents, one for each face vertex.
 #[derive(Debug, Default)]
 struct Difference {
     face_vertices: usize,

@@ -1,11 +1,11 @@
-//! How the figure moves: seams, feet on the floor, joints within what people can do.
+//! Motion of the figure: loop points, foot contacts, and joints within human limits.
 
 use crate::common::{import, joints_at, pose_at, vertices_at};
 use choreo_asset::Asset;
 use choreo_motion::Clip;
 use glam::{Quat, Vec3};
 
-/// Speed of the floor under the feet, metres a second, as the README says it.
+/// Speed of the floor under the feet, metres per second, as stated in the README.
 const SPEEDS: [(&str, f32); 2] = [("Walk", 1.2), ("Run", 2.7)];
 
 const NAMES: [&str; 8] = ["Idle", "Walk", "Run", "Wave", "Dance_Groove", "Dance_Spin", "Bow", "Jump"];
@@ -82,7 +82,7 @@ fn soles(asset: &Asset) -> Vec<(usize, Vec3)> {
     points
 }
 
-/// Longest way that a point of a sole goes over the floor while it carries (within 2 mm of the floor), metres.
+/// Largest foot sliding: distance in metres that a point of a sole moves over the floor while in contact (within 2 mm).
 fn slide(asset: &Asset, clip: &Clip, floor_speed: f32) -> f32 {
     let step = 1.0 / 120.0;
     let mut worst: f32 = 0.0;
@@ -160,7 +160,7 @@ fn elbows_and_knees_stay_within_human_limits() {
             for k in 0..=(clip.duration.as_secs() * 60.0) as i64 {
                 let (bend, aside) =
                     hinge(pose_at(&asset, clip, k as f64 / 60.0).get(joint).rotation, forwards);
-                // Between two keys, bend and twist are blended as one turn: half a degree aside.
+                // Between two keys, flexion and twist are interpolated as one rotation, which deviates by up to half a degree.
                 assert!(aside < 0.01, "{} {name}: bends sideways by {aside}", clip.name);
                 (least, most) = (least.min(bend), most.max(bend));
             }

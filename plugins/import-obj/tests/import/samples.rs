@@ -1,4 +1,4 @@
-//! The sample files: counts, extents, and what assimp says of them.
+//! Sample files: counts and extents, compared with those of assimp.
 
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::{assets, assimp, import_path, sound, warnings};

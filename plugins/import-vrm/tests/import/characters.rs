@@ -86,7 +86,7 @@ fn both_versions_have_the_same_human_bone_names() {
 fn both_versions_have_the_expression_names_of_vrm_1() {
     for (version, over) in [(Version::V0, 0.0), (Version::V1, 1.0)] {
         let asset = read(version);
-        // The last four tell the eyes where to look.
+        // The last four are the gaze expressions.
         let (gaze, faces): (Vec<_>, Vec<_>) =
             asset.expressions.iter().partition(|e| choreo_asset::GAZE.contains(&e.name.as_str()));
         assert!(gaze.len() == 4 && gaze.iter().all(|e| e.morphs.is_empty()));
@@ -223,7 +223,7 @@ fn expression_driven_eyes_follow_the_gaze_target() {
         let looking = |smile: f32| {
             let mut stage = Stage::default();
             stage.cast("a", asset.clone());
-            // 60 degrees to its left; half a look leaves 30 of them to the eyes, which go half of that way.
+            // The target is 60 degrees to the left. With a weight of one half, the eyes get 30 degrees, and rotate by half of that.
             let (sin, cos) = (0.75f64.sqrt(), 0.5);
             let target = Target::Point(DVec3::new(sin, 0.0, cos) * 100.0 + DVec3::new(0.0, 1.5, 0.0));
             stage.actors[0].look_at.push(LookAt { weight: 0.5, ..LookAt::new(head, target) });
@@ -252,7 +252,7 @@ fn looking_aside() -> (serde_json::Value, Vec<u8>) {
     let at = bin.len();
     let aside =
         glam::Quat::from_rotation_y(45f32.to_radians()) * glam::Quat::from_rotation_x(-30f32.to_radians());
-    // A roll about the way that is looked changes nothing.
+    // A roll about the gaze direction changes nothing.
     let aside = aside * glam::Quat::from_rotation_z(1.0);
     floats(&mut bin, &[0.0, 0.0, 0.0, 1.0]);
     floats(&mut bin, &aside.to_array());
@@ -271,7 +271,7 @@ fn looking_aside() -> (serde_json::Value, Vec<u8>) {
     (json, bin)
 }
 
-/// VRMC_vrm_animation's `lookAt`: the angles go through the character's own range maps, whatever moves its eyes.
+/// VRMC_vrm_animation's `lookAt`: the angles go through the character's range maps, for eyes moved by bones and by expressions.
 #[test]
 fn eyes_look_where_an_animation_says() {
     use serde_json::json;

@@ -32,7 +32,7 @@ fn ours(asset: &Asset) -> Facts {
         proportions(extent(asset)),
     ]);
     if bones_only(asset) {
-        // Both make bones to be seen, each its own; assimp's have all its nodes as joints.
+        // Both importers create a visible mesh for the bones; that of assimp has all its nodes as joints.
         facts.retain(|f| !["triangles", "points", "extents"].contains(&f.0));
         let nodes = asset.skeleton.len().to_string();
         facts.iter_mut().filter(|f| f.0 == "skin joints").for_each(|f| f.1.clone_from(&nodes));
@@ -86,7 +86,7 @@ fn extent(asset: &Asset) -> [[f64; 3]; 2] {
     out
 }
 
-/// Sides of the box against its largest, ordered: the same in every unit and whatever axis is up.
+/// Side lengths of the box relative to the largest, sorted, and so independent of unit and up axis.
 fn proportions([min, max]: [[f64; 3]; 2]) -> String {
     let mut sides: Vec<f64> = (0..3).map(|i| max[i] - min[i]).collect();
     sides.sort_by(f64::total_cmp);

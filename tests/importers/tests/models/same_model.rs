@@ -24,8 +24,8 @@ fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
     points.iter().fold(none, |(a, b), p| (a.min(*p), b.max(*p)))
 }
 
-/// The greatest distance from a point of one to the nearest of the other, both ways, against the box's largest side, once
-/// both are moved to the middle of their boxes and scaled to one size: formats without units are read in others.
+/// Symmetric Hausdorff distance of two point clouds relative to the largest side of their box, after
+/// both are centered and scaled to one size, because formats without units are read in different units.
 fn hausdorff_distance(a: &[DVec3], b: &[DVec3]) -> f64 {
     let unit = |points: &[DVec3]| -> Vec<DVec3> {
         let (min, max) = bounds(points);
