@@ -73,7 +73,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    fn to(self, at: u64) -> Cursor<'a> {
+    fn at_offset(self, at: u64) -> Cursor<'a> {
         Cursor { bytes: self.bytes, at: usize::try_from(at).unwrap_or(usize::MAX) }
     }
 }
@@ -115,13 +115,13 @@ pub fn read(bytes: &[u8], budget: &Budget) -> Result<Layer> {
     let (tokens, strings, fields, field_sets) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let paths = Vec::new();
     let mut reader = Reader { all, budget, version, tokens, strings, fields, field_sets, paths };
-    let mut list = all.to(head.u64()?);
+    let mut list = all.at_offset(head.u64()?);
     let mut sections: BTreeMap<String, Cursor<'_>> = BTreeMap::new();
     for _ in 0..list.count(32)? {
         let name = list.fixed::<16>()?;
         let name = String::from_utf8_lossy(&name).trim_end_matches('\0').to_string();
         let (start, _size) = (list.u64()?, list.u64()?);
-        sections.insert(name, all.to(start));
+        sections.insert(name, all.at_offset(start));
     }
     let section =
         |name: &str| sections.get(name).copied().ok_or_else(|| damaged(format!("has no section {name}")));
@@ -337,7 +337,7 @@ impl<'a> Reader<'a> {
         layer.rate = number("timeCodesPerSecond")?.or(number("framesPerSecond")?);
         layer.start = number("startTimeCode")?;
         if let Some(value) = fields.get("subLayers") {
-            let mut cursor = self.all.to(value & PAYLOAD);
+            let mut cursor = self.all.at_offset(value & PAYLOAD);
             for _ in 0..cursor.count(4)? {
                 layer.sublayers.push(self.string(cursor.u32()?)?.to_string());
             }
@@ -376,7 +376,7 @@ impl<'a> Reader<'a> {
             }
         }
         if let Some(value) = fields.get("variantSelection") {
-            let mut cursor = self.all.to(value & PAYLOAD);
+            let mut cursor = self.all.at_offset(value & PAYLOAD);
             for _ in 0..cursor.count(8)? {
                 let (set, selected) = (cursor.u32()?, cursor.u32()?);
                 out.selections.insert(self.string(set)?.into(), self.string(selected)?.into());
@@ -450,7 +450,7 @@ impl<'a> Reader<'a> {
     }
 
     fn token_vector(&self, value: u64) -> Result<Vec<&str>> {
-        let mut cursor = self.all.to(value & PAYLOAD);
+        let mut cursor = self.all.at_offset(value & PAYLOAD);
         (0..cursor.count(4)?).map(|_| self.token(cursor.u32()?)).collect()
     }
 
@@ -469,7 +469,7 @@ impl<'a> Reader<'a> {
         let mut out = Vec::new();
         // Type 47 is a single payload; the other types are list operations.
         if value >> 48 & 0xff == 47 {
-            let mut cursor = self.all.to(value & PAYLOAD);
+            let mut cursor = self.all.at_offset(value & PAYLOAD);
             return Ok(vec![self.reference(&mut cursor, with_offset, false)?]);
         }
         let is_payload = value >> 48 & 0xff == 55;
@@ -493,7 +493,7 @@ impl<'a> Reader<'a> {
                 cursor.u32()?;
                 let from = cursor.at as u64;
                 let jump = cursor.u64()?;
-                *cursor = cursor.to(from.wrapping_add(jump).wrapping_add(8));
+                *cursor = cursor.at_offset(from.wrapping_add(jump).wrapping_add(8));
             }
         }
         Ok(out)
@@ -507,7 +507,7 @@ impl<'a> Reader<'a> {
         size: usize,
         mut each: impl FnMut(&mut Cursor<'a>, bool) -> Result<()>,
     ) -> Result<()> {
-        let mut cursor = self.all.to(value & PAYLOAD);
+        let mut cursor = self.all.at_offset(value & PAYLOAD);
         let bits = cursor.fixed::<1>()?[0];
         for (bit, keep) in [(2, true), (4, true), (32, true), (64, true), (8, false), (16, false)] {
             if bits & bit != 0 {
@@ -520,11 +520,11 @@ impl<'a> Reader<'a> {
     }
 
     fn samples(&self, value: u64, name: &str) -> Result<Vec<(f64, Value)>> {
-        let mut cursor = self.all.to(value & PAYLOAD);
+        let mut cursor = self.all.at_offset(value & PAYLOAD);
         let jumped = |cursor: &mut Cursor<'a>| -> Result<()> {
             let from = cursor.at as u64;
             let jump = cursor.u64()?;
-            *cursor = cursor.to(from.wrapping_add(jump));
+            *cursor = cursor.at_offset(from.wrapping_add(jump));
             Ok(())
         };
         jumped(&mut cursor)?;
@@ -543,7 +543,7 @@ impl<'a> Reader<'a> {
 
     fn times(&self, value: u64) -> Result<Vec<f64>> {
         if value >> 48 & 0xff == 48 {
-            let mut cursor = self.all.to(value & PAYLOAD);
+            let mut cursor = self.all.at_offset(value & PAYLOAD);
             return (0..cursor.count(8)?).map(|_| cursor.f64()).collect();
         }
         Ok(self.value(value, "times")?.map(|v| v.numbers().to_vec()).unwrap_or_default())
@@ -559,7 +559,7 @@ impl<'a> Reader<'a> {
         if value & INLINED != 0 {
             return Ok(Some(Value::Numbers(inlined(component, width, kind, payload).into())));
         }
-        let mut cursor = self.all.to(payload);
+        let mut cursor = self.all.at_offset(payload);
         if value & ARRAY == 0 {
             let list = self.raw(&mut cursor, component, width)?;
             return Ok(Some(Value::Numbers(list.into())));
@@ -593,7 +593,7 @@ impl<'a> Reader<'a> {
         if value & PAYLOAD == 0 {
             return Ok(Value::Texts([].into()));
         }
-        let mut cursor = self.all.to(value & PAYLOAD);
+        let mut cursor = self.all.at_offset(value & PAYLOAD);
         if self.version < [0, 5, 0] {
             cursor.u32()?;
         }

@@ -260,7 +260,7 @@ fn prim_of(path: &str) -> &str {
     path.rsplit_once('.').map_or(path, |(prim, _)| prim)
 }
 
-fn named(prim: &Prim) -> Material {
+fn named_material(prim: &Prim) -> Material {
     let name = if prim.display_name.is_empty() { &prim.name } else { &prim.display_name };
     Material { name: name.clone(), ..Material::default() }
 }

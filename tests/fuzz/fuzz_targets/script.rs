@@ -1,7 +1,7 @@
 //! Script text: any bytes that are text are run within low limits; what becomes of them is evaluated at some times.
 #![no_main]
 
-use choreo_fuzz::finite;
+use choreo_fuzz::assert_finite;
 use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_script::{Limits, ScriptOptions, run_text};
@@ -52,7 +52,7 @@ fuzz_target!(|bytes: &[u8]| -> Corpus {
             let mut evaluator = Evaluator::new(stage);
             for secs in [0.0, 0.5, 3.9] {
                 if let Ok(snapshot) = evaluator.at(Time::from_secs(secs)) {
-                    finite(&snapshot);
+                    assert_finite(&snapshot);
                 }
             }
         }

@@ -3,7 +3,7 @@
 #![no_main]
 
 use choreo_asset::*;
-use choreo_fuzz::finite;
+use choreo_fuzz::assert_finite;
 use choreo_motion::spring::{RigBone, SpringBone};
 use choreo_motion::{Interpolation, Time};
 use choreo_plugin::{ImportScope, Importer, Source};
@@ -333,7 +333,7 @@ fn compare(u: &mut Unstructured) -> Result<()> {
         let played = evaluator.at_into(times[i], &mut snapshot).map(|()| snapshot.clone());
         assert_eq!(shown(&played), sought[i], "at {} s", times[i].as_secs());
         if let Ok(played) = &played {
-            finite(played);
+            assert_finite(played);
         }
     }
     times.clear();

@@ -67,14 +67,14 @@ fn options(manifest: &Manifest, choice: u64) -> ImportOptions {
 }
 
 /// Sums that an image of sixteen pixels is not worth drawing for.
-fn small(asset: &Asset) -> bool {
+fn is_small(asset: &Asset) -> bool {
     let primitives = asset.meshes.iter().flat_map(|m| &m.primitives);
     let vertices: usize = primitives.map(|p| p.positions.len() + p.indices.len()).sum();
     vertices * asset.instances.len().max(1) < 20_000 && asset.skeleton.len() < 2_000
 }
 
 fn play(asset: Arc<Asset>) {
-    if !small(&asset) {
+    if !is_small(&asset) {
         return;
     }
     let mut stage = Stage::default();
@@ -91,7 +91,7 @@ fn play(asset: Arc<Asset>) {
     let drawable = renderer.load(resources.clone()).is_ok();
     for secs in [0.0, 0.07, 1e4] {
         let Ok(snapshot) = evaluator.at(Time::from_secs(secs)) else { continue };
-        finite(&snapshot);
+        assert_finite(&snapshot);
         if drawable {
             let plan = Plan::new(&resources, evaluator.stage(), &snapshot, &PlanOptions::new([16, 12], 1));
             renderer.submit(plan).expect("the CPU renderer draws whatever a plan holds");
@@ -100,8 +100,8 @@ fn play(asset: Arc<Asset>) {
     }
 }
 
-/// Asserts that cameras and transforms are finite.
-pub fn finite(snapshot: &Snapshot) {
+/// Asserts that the camera is finite, and that no transform of an actor contains NaN.
+pub fn assert_finite(snapshot: &Snapshot) {
     assert!(snapshot.camera.world_from_view.is_finite(), "{:?}", snapshot.camera);
     for actor in &snapshot.actors {
         assert!(!actor.world_from_model.is_nan(), "{:?}", actor.world_from_model);

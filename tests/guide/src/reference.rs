@@ -98,7 +98,7 @@ fn conventions() -> (String, String) {
     (before, after)
 }
 
-/// For each call the example of its topic, and a line of a lesson that shows it.
+/// Examples of each call: that of its help topic, and a line of a lesson.
 fn examples<'l>(frame: &str, lessons: &'l [Lesson]) -> Examples<'l> {
     let mut found: Examples<'l> = BTreeMap::new();
     for example in help::examples().filter(|example| !example.starts_with("choreo ")) {

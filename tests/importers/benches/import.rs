@@ -1,13 +1,13 @@
-//! Import times and peak memory of the sample files, beside assimp's: `cargo bench -p importers [-- FILTER]`; what the option
-//! `tolerance` of import-fbx costs: `-- --tolerance`; what of a file's time is a process that begins: `-- --again PATH`.
+//! Import times and peak memory of the sample files, compared with assimp: `cargo bench -p importers [-- FILTER]`.
+//! `-- --tolerance` measures the cost of the option `tolerance` of import-fbx, and `-- --again PATH` that of a new process.
 //!
-//! Both as a fresh process for every run, in turns, so that both find memory as cold and the machine as busy. Time is what the
-//! system says the threads have computed, without the start of the process: assimp's whole process less that of `assimp version`;
-//! of ours, reading the file and importing all but images, which assimp does not decode.
+//! Every run is a new process, alternately of both programs, so that both have equally cold memory and an equally busy machine.
+//! Time is the CPU time of all threads without process start: for assimp the whole process less that of `assimp version`; for
+//! choreo reading the file and importing all but images, which assimp does not decode.
 //!
-//! assimp twice, both times by `assimp extract` of a texture that no file has, so that it reads, does its steps and ends: raw
-//! makes nothing of what it has read; the like of ours has the steps whose results ours always has ([`STEPS`]).
-//! Memory is the greatest that a whole process had resident.
+//! assimp runs twice, both times as `assimp extract` of a texture that no file has, so that it reads, postprocesses and ends:
+//! "raw" without postprocessing, "the same" with the steps that choreo always does ([`STEPS`]).
+//! Memory is the peak resident memory of the whole process.
 
 use choreo_plugin::{ImportScope, OptionValue};
 use importers::{SAMPLES, import_with, samples};

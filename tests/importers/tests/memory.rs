@@ -1,4 +1,4 @@
-//! Memory at its highest of files that request much more than they hold, each in a process of its own.
+//! Peak memory of the import of one polygon with very many vertices, in each format. Each import runs in a separate process.
 
 use choreo_importer_kit_testing::{Companions, import, source};
 use choreo_plugin::ImportScope;
@@ -6,9 +6,9 @@ use std::path::Path;
 use std::process::Command;
 
 const VERTICES: usize = 600_000;
-/// KiB above what the process takes before.
+/// Largest increase of memory by the import, KiB.
 const MOST: usize = 40_000;
-/// Variable that is set in a process that only imports: the format.
+/// Environment variable with the format, set in the process that only imports.
 const FORMAT_VARIABLE: &str = "CHOREO_PEAK_OF";
 
 /// One polygon that goes round the same three points: a file of 1.2 MB.

@@ -28,8 +28,8 @@ pub fn section() -> Result<Section, String> {
     );
     for (way, name) in METHODS.iter().enumerate() {
         let codes = codes(way, &exact)?;
-        let (worst, mean) = off(&codes, &exact, BLOCK);
-        let (small, _) = off(&codes, &exact, 4);
+        let (worst, mean) = worst_and_mean_error(&codes, &exact, BLOCK);
+        let (small, _) = worst_and_mean_error(&codes, &exact, 4);
         let cell = |v: f64| Cell::number(quantity(v), v);
         table.rows.push(vec![
             Cell::text(*name),
@@ -104,7 +104,7 @@ fn rendered() -> Result<Vec<f64>, String> {
 }
 
 /// Worst and mean error of the averages over blocks.
-fn off(codes: &[f64], exact: &[f64], block: usize) -> (f64, f64) {
+fn worst_and_mean_error(codes: &[f64], exact: &[f64], block: usize) -> (f64, f64) {
     let (mut worst, mut sum, mut count) = (0.0f64, 0.0, 0.0);
     for y in (0..SIZE[1]).step_by(block) {
         let truth = exact[y..y + block].iter().sum::<f64>() / block as f64;

@@ -138,7 +138,7 @@ fn clip_rows(m: &DMat4) -> [[f64; 4]; 3] {
     [rows.x_axis, rows.y_axis, rows.w_axis].map(|row| row.to_array())
 }
 
-fn narrow<const N: usize>(rows: [[f64; N]; 3]) -> [[f32; N]; 3] {
+fn rows_to_f32<const N: usize>(rows: [[f64; N]; 3]) -> [[f32; N]; 3] {
     rows.map(|row| row.map(|v| v as f32))
 }
 
@@ -173,18 +173,22 @@ impl Shot {
                 // Same computation as in the planner and the vertex shader.
                 let offset = relative(self.world_from_model.translation, &self.view).as_dvec3();
                 let moved = DAffine3 { translation: offset, ..self.world_from_model };
-                let steps = [(narrow(affine_rows(&moved)), [0.0; 3])];
-                on_image32(&self.points32, &steps, &narrow(relative_clip))
+                let steps = [(rows_to_f32(affine_rows(&moved)), [0.0; 3])];
+                on_image32(&self.points32, &steps, &rows_to_f32(relative_clip))
             }
             2 => {
                 let view_from_world = DMat4::from(self.world_from_view).as_mat4().inverse();
                 let view_from_world = DAffine3::from_mat4(view_from_world.as_dmat4());
-                let steps = [world, affine_rows(&view_from_world)].map(|rows| (narrow(rows), [0.0; 3]));
-                on_image32(&self.points32, &steps, &narrow(clip_rows(&self.view.clip_from_view.as_dmat4())))
+                let steps = [world, affine_rows(&view_from_world)].map(|rows| (rows_to_f32(rows), [0.0; 3]));
+                on_image32(
+                    &self.points32,
+                    &steps,
+                    &rows_to_f32(clip_rows(&self.view.clip_from_view.as_dmat4())),
+                )
             }
             _ => {
                 let camera = self.world_from_view.translation.as_vec3().to_array();
-                on_image32(&self.points32, &[(narrow(world), camera)], &narrow(relative_clip))
+                on_image32(&self.points32, &[(rows_to_f32(world), camera)], &rows_to_f32(relative_clip))
             }
         }
     }

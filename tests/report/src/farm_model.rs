@@ -187,8 +187,9 @@ impl Run<'_> {
             Event::Idle => match self.chunks.pop_front() {
                 None => self.resting.push(worker),
                 Some(frames) => {
-                    let begun = served(&mut self.scheduler_free, at, farm.dispatch) + farm.gap;
-                    let loaded = served(&mut self.storage_free, begun, farm.scene_bytes / farm.storage);
+                    let begun = completion_time(&mut self.scheduler_free, at, farm.dispatch) + farm.gap;
+                    let loaded =
+                        completion_time(&mut self.storage_free, begun, farm.scene_bytes / farm.storage);
                     self.add(loaded.max(begun), worker, Event::Loaded(frames));
                 }
             },
@@ -199,7 +200,7 @@ impl Run<'_> {
                 let (start, frame) = (farm.start * slowness, farm.frame * slowness);
                 let end = start + frames as f64 * frame;
                 let fails = if farm.failures > 0.0 {
-                    -3600.0 / farm.failures * (1.0 - self.unit()).ln()
+                    -3600.0 / farm.failures * (1.0 - self.random_unit()).ln()
                 } else {
                     f64::MAX
                 };
@@ -212,8 +213,11 @@ impl Run<'_> {
                 self.add(at + fails, worker, Event::Drawn(done, frames - done));
             }
             Event::Drawn(done, left) => {
-                let written =
-                    served(&mut self.storage_free, at, done as f64 * farm.frame_bytes / farm.storage);
+                let written = completion_time(
+                    &mut self.storage_free,
+                    at,
+                    done as f64 * farm.frame_bytes / farm.storage,
+                );
                 self.last = self.last.max(written);
                 let mut back = written;
                 if left > 0 {
@@ -229,7 +233,7 @@ impl Run<'_> {
     }
 
     /// Next random number in 0..1 (splitmix64).
-    fn unit(&mut self) -> f64 {
+    fn random_unit(&mut self) -> f64 {
         self.random = self.random.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.random;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -239,7 +243,7 @@ impl Run<'_> {
 }
 
 /// Completion time of a request to a resource that serves one request after another.
-fn served(free: &mut f64, at: f64, seconds: f64) -> f64 {
+fn completion_time(free: &mut f64, at: f64, seconds: f64) -> f64 {
     *free = free.max(at) + seconds;
     *free
 }

@@ -34,7 +34,7 @@ pub fn section() -> Result<Section, String> {
     for (colors, dither) in METHODS {
         let file = encoded(&frame, colors, dither)?;
         let back = decoded(&file)?;
-        let (worst, mean) = off(&frame, &back);
+        let (worst, mean) = worst_and_mean_error(&frame, &back);
         let plain = off_by(&frame, &back, 1);
         let seen = flip(&back, &frame).map_err(|e| e.to_string())?;
         let note = format!("single pixels: mean {}; ꟻLIP mean {}", quantity(plain.1), quantity(seen.mean));
@@ -66,7 +66,7 @@ fn name(colors: u32, dither: f64) -> String {
 }
 
 /// Worst and mean error of a channel's average over blocks.
-fn off(frame: &Frame, back: &Frame) -> (f64, f64) {
+fn worst_and_mean_error(frame: &Frame, back: &Frame) -> (f64, f64) {
     off_by(frame, back, BLOCK)
 }
 

@@ -48,9 +48,9 @@ impl Shapes {
     pub fn first(&self, from: DVec3, direction: DVec3) -> Option<Hit> {
         let mut nearest = f64::INFINITY;
         let mut found = None;
-        for shape in self.0.iter().filter(|s| s.near(from, direction)) {
+        for shape in self.0.iter().filter(|s| s.crosses_bounds(from, direction)) {
             for triangle in &shape.triangles {
-                if let Some(t) = meets(triangle, from, direction)
+                if let Some(t) = ray_triangle_distance(triangle, from, direction)
                     && t < nearest
                 {
                     (nearest, found) = (t, Some(triangle));
@@ -65,14 +65,14 @@ impl Shapes {
 
     /// Whether anything is hit along the ray.
     pub fn blocked(&self, from: DVec3, direction: DVec3) -> bool {
-        let near = self.0.iter().filter(|s| s.near(from, direction));
-        near.flat_map(|s| &s.triangles).any(|t| meets(t, from, direction).is_some())
+        let near = self.0.iter().filter(|s| s.crosses_bounds(from, direction));
+        near.flat_map(|s| &s.triangles).any(|t| ray_triangle_distance(t, from, direction).is_some())
     }
 }
 
 impl Shape {
     /// Whether the ray intersects the box (Kay & Kajiya, slabs).
-    fn near(&self, from: DVec3, direction: DVec3) -> bool {
+    fn crosses_bounds(&self, from: DVec3, direction: DVec3) -> bool {
         let inverse = direction.recip();
         let (a, b) = ((self.min - 1e-9 - from) * inverse, (self.max + 1e-9 - from) * inverse);
         let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
@@ -81,7 +81,7 @@ impl Shape {
 }
 
 /// Distance along the ray (Möller & Trumbore, 1997); `None` if the triangle is behind, missed, or parallel to the ray.
-fn meets([a, b, c]: &[DVec3; 3], from: DVec3, direction: DVec3) -> Option<f64> {
+fn ray_triangle_distance([a, b, c]: &[DVec3; 3], from: DVec3, direction: DVec3) -> Option<f64> {
     let (e1, e2) = (*b - *a, *c - *a);
     let p = direction.cross(e2);
     let det = e1.dot(p);
@@ -103,10 +103,10 @@ mod tests {
     #[test]
     fn a_ray_meets_a_triangle_inside_and_not_beside_or_behind() {
         let t = [DVec3::ZERO, DVec3::X, DVec3::Y];
-        let down = |x: f64, y: f64, z: f64| meets(&t, DVec3::new(x, y, z), DVec3::NEG_Z);
+        let down = |x: f64, y: f64, z: f64| ray_triangle_distance(&t, DVec3::new(x, y, z), DVec3::NEG_Z);
         assert!((down(0.2, 0.3, 4.0).unwrap() - 4.0).abs() < 1e-12);
         assert_eq!(down(0.6, 0.6, 4.0), None, "beside");
         assert_eq!(down(0.2, 0.2, -1.0), None, "behind");
-        assert_eq!(meets(&t, DVec3::new(-1.0, 0.2, 0.0), DVec3::X), None, "along the plane");
+        assert_eq!(ray_triangle_distance(&t, DVec3::new(-1.0, 0.2, 0.0), DVec3::X), None, "along the plane");
     }
 }

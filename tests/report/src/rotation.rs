@@ -186,7 +186,7 @@ fn times(names: &[&str]) -> Result<(Vec<Nanos>, Nanos), String> {
             ]
         })
         .collect();
-    let clip = many(&turns)?;
+    let clip = clip_of_turns(&turns)?;
     let mut cases: Vec<Case> = Vec::new();
     for (_, way) in METHODS {
         let keys = &keys;
@@ -220,7 +220,7 @@ fn times(names: &[&str]) -> Result<(Vec<Nanos>, Nanos), String> {
 }
 
 /// A clip with one joint for each rotation.
-fn many(turns: &[Turn]) -> Result<Clip, String> {
+fn clip_of_turns(turns: &[Turn]) -> Result<Clip, String> {
     let times: Arc<[Time]> = [Time::ZERO, Time::from_secs(1.0)].into();
     let curve = |(joint, turn): (usize, &Turn)| Curve {
         joint: joint as u32,

@@ -108,7 +108,7 @@ fn axes(l: DVec3) -> (DVec3, DVec3) {
 }
 
 /// First hit of the camera ray through the center of each pixel.
-fn seen(moment: &Moment, shapes: &Shapes) -> Vec<Option<Hit>> {
+fn visible_hits(moment: &Moment, shapes: &Shapes) -> Vec<Option<Hit>> {
     let camera = &moment.snapshot.camera;
     let Projection::Perspective { yfov, .. } = camera.projection else { return Vec::new() };
     let [width, height] = SIZE.map(f64::from);
@@ -140,7 +140,7 @@ impl Truth {
         let unlit = drawn(&dark, cpu)?;
         let bright = drawn(&moment("false", 2.0 * PI, registry)?, cpu)?;
         let linear = srgb_to_linear_table();
-        let hits = seen(&dark, &shapes);
+        let hits = visible_hits(&dark, &shapes);
         let shares: Vec<f64> = hits.iter().map(|h| h.as_ref().map_or(0.0, |h| share(&shapes, h))).collect();
         // Interpolates in linear light between the image without the sun and the image without shadows.
         let rgba = (0..unlit.rgba.len())

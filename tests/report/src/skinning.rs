@@ -42,7 +42,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-fn narrow(map: &DAffine3) -> Affine3A {
+fn affine_to_f32(map: &DAffine3) -> Affine3A {
     Affine3A {
         matrix3: Mat3A::from(map.matrix3.as_mat3()),
         translation: Vec3A::from(map.translation.as_vec3()),
@@ -69,7 +69,7 @@ impl Mesh {
         let Mesh { influences, joints, weights, positions } = self;
         let carriers: Vec<StretchedDualQuaternion> =
             maps.iter().map(|m| StretchedDualQuaternion::of(*m)).collect();
-        let matrices: Vec<Affine3A> = maps.iter().map(narrow).collect();
+        let matrices: Vec<Affine3A> = maps.iter().map(affine_to_f32).collect();
         let motions: Vec<DualQuaternion> = carriers.iter().map(DualQuaternion::from).collect();
         let stretches: Vec<Affine3A> = match way {
             Way::Stretched => carriers.iter().map(stretch_matrix).collect(),

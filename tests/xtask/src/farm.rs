@@ -64,7 +64,7 @@ pub fn farm(program: Option<&str>) -> Result<(), String> {
     let alone = start.elapsed().as_secs_f64();
     let mut cluster = Cluster::start(&root, &folder)?;
     let before = Costs::measured(&choreo, &folder, &cluster)?;
-    let whole = cluster.film(&choreo, "whole", false)?;
+    let whole = cluster.render_film(&choreo, "whole", false)?;
     let start = Instant::now();
     run(
         command_in(&choreo, &folder, &["join", "whole/segments", "-o", "joined.mp4", "--quiet"]),
@@ -76,7 +76,7 @@ pub fn farm(program: Option<&str>) -> Result<(), String> {
     let predicted = costs.farm().run().joined;
     println!("predicted for the three nodes: {predicted:.1} s, {:+.0} %", (predicted / whole - 1.0) * 100.0);
     costs.write(whole)?;
-    let faulty = cluster.film(&choreo, "faulty", true)?;
+    let faulty = cluster.render_film(&choreo, "faulty", true)?;
     println!("| {CHUNKS} chunks of 24 frames, 640×360 | seconds |\n|---|---|");
     println!("| one machine | {alone:.1} |");
     println!("| three nodes of this machine | {whole:.1} |");
@@ -127,8 +127,13 @@ impl Costs {
         // Tasks that sleep for the duration of a chunk: the remaining time is that of Slurm.
         cluster.wait("three idle nodes", Cluster::three_are_idle)?;
         let start = Instant::now();
-        cluster.ask("sbatch", &["--array=0-23", "--output=/dev/null", &format!("--wrap=sleep {chunk:.2}")]);
-        cluster.wait("an end of the sleeping tasks", |cluster| cluster.ask("squeue", &["-h"]).is_empty())?;
+        cluster.slurm_output(
+            "sbatch",
+            &["--array=0-23", "--output=/dev/null", &format!("--wrap=sleep {chunk:.2}")],
+        );
+        cluster.wait("an end of the sleeping tasks", |cluster| {
+            cluster.slurm_output("squeue", &["-h"]).is_empty()
+        })?;
         let gap = (start.elapsed().as_secs_f64() / 8.0 - chunk).max(0.0);
         Ok(Costs { start: one - frame, frame, gap, join: 0.0 })
     }
@@ -252,17 +257,17 @@ impl Cluster {
     }
 
     /// Runs a program of the cluster and returns its output.
-    fn ask(&self, program: &str, args: &[&str]) -> String {
+    fn slurm_output(&self, program: &str, args: &[&str]) -> String {
         let output = slurm(&self.root, &self.folder, &format!("usr/bin/{program}")).args(args).output();
         output.map(|output| String::from_utf8_lossy(&output.stdout).into_owned()).unwrap_or_default()
     }
 
     fn three_are_idle(&self) -> bool {
-        self.ask("sinfo", &["-h", "-N", "-t", "idle"]).lines().count() == 3
+        self.slurm_output("sinfo", &["-h", "-N", "-t", "idle"]).lines().count() == 3
     }
 
     /// Runs a job and returns its duration in seconds.
-    fn film(&mut self, choreo: &Path, job: &str, faults: bool) -> Result<f64, String> {
+    fn render_film(&mut self, choreo: &Path, job: &str, faults: bool) -> Result<f64, String> {
         let words =
             ["farm", "s.rhai", "-o", "film.mp4", "--for", "slurm", "--to", job, "--chunk", "24", "--quiet"];
         run(command_in(choreo, &self.folder, &[&words[..], &OPTIONS].concat()), "choreo farm")?;
@@ -277,7 +282,7 @@ impl Cluster {
         if faults {
             self.wait("some segments", |_| whole_segments(&segments) >= 3)?;
             self.kill_node()?;
-            self.ask("scontrol", &["update", "nodename=n2", "state=drain", "reason=test"]);
+            self.slurm_output("scontrol", &["update", "nodename=n2", "state=drain", "reason=test"]);
         }
         let film = self.folder.join(job).join("output/film.mp4");
         self.wait("the film", |_| film.exists())?;
@@ -323,7 +328,7 @@ impl Cluster {
         let start = Instant::now();
         while !done(self) {
             if start.elapsed().as_secs() > PATIENCE {
-                let queue = self.ask("squeue", &[]);
+                let queue = self.slurm_output("squeue", &[]);
                 return Err(format!(
                     "no {what} after {PATIENCE} s; logs in {}\n{queue}",
                     self.folder.display()
@@ -337,8 +342,8 @@ impl Cluster {
 
 impl Drop for Cluster {
     fn drop(&mut self) {
-        self.ask("scancel", &["--full", "-t", "RUNNING"]);
-        self.ask("scancel", &["-t", "PENDING"]);
+        self.slurm_output("scancel", &["--full", "-t", "RUNNING"]);
+        self.slurm_output("scancel", &["-t", "PENDING"]);
         for daemon in self.nodes.iter_mut().chain([&mut self.controller]) {
             let _ = Command::new("kill").arg(daemon.id().to_string()).stderr(Stdio::null()).status();
             let _ = daemon.wait();

@@ -71,10 +71,10 @@ pub fn fuzz(args: &[&str]) -> Result<(), String> {
         seeds += copy_seeds(&assets, target.endings, &corpus)?;
     }
     if name == "outputs" {
-        seeds += videos(&corpus)?;
+        seeds += write_video_seeds(&corpus)?;
     }
     if target.endings.is_empty() || name == "dropin" {
-        seeds += numbers(&corpus)?;
+        seeds += write_number_seeds(&corpus)?;
     }
     println!("{name}: {seeds} seeds, {seconds} s");
     let mut command = Command::new("cargo");
@@ -100,7 +100,7 @@ pub fn fuzz(args: &[&str]) -> Result<(), String> {
 }
 
 /// Seeds for targets that read fields from bytes. They have no format, so any bytes will do; each seed begins with a different byte.
-fn numbers(corpus: &Path) -> Result<usize, String> {
+fn write_number_seeds(corpus: &Path) -> Result<usize, String> {
     const LENGTH: usize = 512;
     for first in 0..16u8 {
         let seed = u32::from(first) << 16;
@@ -114,7 +114,7 @@ fn numbers(corpus: &Path) -> Result<usize, String> {
 }
 
 /// Short videos of the first lesson in every format, rendered by choreo itself.
-fn videos(corpus: &Path) -> Result<usize, String> {
+fn write_video_seeds(corpus: &Path) -> Result<usize, String> {
     let formats = ["gif", "mp4", "y4m"];
     for format in formats {
         let place = corpus.join(format!("lesson.{format}"));

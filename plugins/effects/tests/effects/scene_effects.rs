@@ -218,7 +218,7 @@ fn light_shafts_are_the_sum_of_the_sky_towards_the_sun() {
     let expected = 0.25 * (1.0 + 0.8 * (1.0 - (-2.0 * 19.5 / way).exp()) / 2.0);
     let is = f64::from(out[32 * 96 + 10].x);
     assert!((is / expected - 1.0).abs() < 0.02, "{is} instead of {expected}");
-    assert_eq!(given.run("god_rays", &p)[32 * 96 + 60], GREY, "all of its way is blocked");
+    assert_eq!(given.run("god_rays", &p)[32 * 96 + 60], GREY, "the whole path to the sun is blocked");
     given.frame.sun = None;
     assert_eq!(given.run("god_rays", &p), given.image);
     given.frame.sun = Some(Vec3::Z);

@@ -40,7 +40,7 @@ fn pixels() -> Vec<u8> {
 }
 
 /// The surface, unpacked: positions, normals, uvs, colors of 8 bits, joints and weights.
-fn plain() -> Vec<u8> {
+fn uncompressed_glb() -> Vec<u8> {
     let mut bin = Vec::new();
     let (mut views, mut accessors) = (Vec::new(), Vec::new());
     let mut add = |bytes: Vec<u8>, component: u32, shape: &str, count: usize| {
@@ -164,7 +164,7 @@ fn vertex_difference(plain: &Primitive, packed: &Primitive) -> Result<VertexDiff
 /// Within half a step of the quantization: 14 bits of the surface's longest side (3), 12 of uvs and weights, 8 of colors (whole numbers,
 /// exact), 10 of the octahedron of directions, on which a step is at most 4/1022 rad long.
 fn check_draco(name: &str, bytes: Vec<u8>) -> Result<(), String> {
-    let (plain, packed) = (read("plain.glb", plain()), read(name, bytes));
+    let (plain, packed) = (read("plain.glb", uncompressed_glb()), read(name, bytes));
     let apart = vertex_difference(&plain.meshes[0].primitives[0], &packed.meshes[0].primitives[0])?;
     println!("{name}: {apart:?}");
     let half = |range: f32, bits: i32| 0.5 * range / ((1 << bits) - 1) as f32 + 1e-6;
@@ -212,7 +212,7 @@ fn compressed_files_of_other_programs_are_read() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("packed");
     std::fs::create_dir_all(&folder).unwrap();
     let (input, colors) = (folder.join("plain.glb"), folder.join("pixels"));
-    std::fs::write(&input, plain()).unwrap();
+    std::fs::write(&input, uncompressed_glb()).unwrap();
     std::fs::write(&colors, pixels()).unwrap();
     packages.run("pack.mjs", include_str!("../common/pack.mjs"), &[&input, &colors, &folder]);
     let packed = |name: &str| std::fs::read(folder.join(name)).unwrap();

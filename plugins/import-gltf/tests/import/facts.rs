@@ -80,7 +80,7 @@ fn counts_and_clips() {
             assert_eq!(clip.name, *clip_name, "{name}");
             assert!((clip.duration.as_secs() - secs).abs() < 6e-4, "{name} {clip_name}");
         }
-        sound(name, &asset);
+        check_consistency(name, &asset);
     }
 }
 
@@ -93,7 +93,7 @@ fn number_of_clips() {
 }
 
 /// Checks the promises of `Asset`'s comments about every file.
-fn sound(name: &str, asset: &Asset) {
+fn check_consistency(name: &str, asset: &Asset) {
     for mesh in &asset.meshes {
         for p in &mesh.primitives {
             let n = p.positions.len();

@@ -84,7 +84,7 @@ fn sampled(asset: &Asset, clip: Option<usize>, time: Time) -> Vec<Affine3A> {
 }
 
 /// Vertices of an instance in the world, the file's own first (flat normals append copies).
-fn placed(asset: &Asset, instance: usize, matrices: &[Affine3A], weights: &[f32]) -> Vec<Vec<Vec3>> {
+fn world_vertices(asset: &Asset, instance: usize, matrices: &[Affine3A], weights: &[f32]) -> Vec<Vec<Vec3>> {
     let instance = &asset.instances[instance];
     let mesh = &asset.meshes[instance.mesh as usize];
     let skin = instance.skin.map(|s| &asset.skins[s as usize]);
@@ -164,7 +164,7 @@ fn compare(asset: &Asset, oracle: &Oracle, grid: usize) -> Comparison {
                 }
                 // Vertices cost more: at one time of each clip, which differs from clip to clip.
                 if count == (number * 7 + 23) % times.len() {
-                    let ours = placed(asset, instance, &ours, &own);
+                    let ours = world_vertices(asset, instance, &ours, &own);
                     for (p, truth) in oracle.vertices(node, &world, &truth).iter().enumerate() {
                         assert!(ours[p].len() >= truth.len());
                         for (v, (a, b)) in ours[p].iter().zip(truth).enumerate() {

@@ -19,13 +19,13 @@ fn joint(asset: &Asset, name: &str) -> usize {
 }
 
 /// Greatest distance of any joint's place between two times, metres.
-fn moved(asset: &Asset, clip: &Clip, from: f64, to: f64) -> f32 {
+fn largest_movement(asset: &Asset, clip: &Clip, from: f64, to: f64) -> f32 {
     let (a, b) = (joints_at(asset, clip, from), joints_at(asset, clip, to));
     a.iter().zip(&b).map(|(a, b)| a.translation.distance(b.translation)).fold(0.0, f32::max)
 }
 
 /// Greatest change of any joint's speed over one key interval on either side of `at`, metres a second; `at` wraps.
-fn jolt(asset: &Asset, clip: &Clip, at: f64) -> f32 {
+fn velocity_jump(asset: &Asset, clip: &Clip, at: f64) -> f32 {
     let step = 1.0 / 30.0;
     let wrapped = |secs: f64| joints_at(asset, clip, secs.rem_euclid(clip.duration.as_secs()));
     let (before, here, after) = (wrapped(at - step), wrapped(at), wrapped(at + step));
@@ -51,10 +51,10 @@ fn every_clip_loops_in_position_and_speed() {
     let asset = import();
     for clip in &asset.clips {
         let end = clip.duration.as_secs();
-        assert!(moved(&asset, clip, 0.0, end) < 1e-6, "{}: jumps at the seam", clip.name);
-        let within = (1..(end * 30.0) as i32).map(|k| jolt(&asset, clip, f64::from(k) / 30.0));
+        assert!(largest_movement(&asset, clip, 0.0, end) < 1e-6, "{}: jumps at the seam", clip.name);
+        let within = (1..(end * 30.0) as i32).map(|k| velocity_jump(&asset, clip, f64::from(k) / 30.0));
         let within = within.fold(0.0, f32::max);
-        let seam = jolt(&asset, clip, 0.0);
+        let seam = velocity_jump(&asset, clip, 0.0);
         println!("{}: change of speed {seam:.2} m/s at the seam, {within:.2} at most elsewhere", clip.name);
         assert!(seam <= within.max(0.3), "{}: jolts at the seam", clip.name);
     }
@@ -64,7 +64,7 @@ fn every_clip_loops_in_position_and_speed() {
 fn the_loop_check_detects_a_truncated_clip() {
     let asset = import();
     let walk = &asset.clips[1];
-    assert!(moved(&asset, walk, 0.0, walk.duration.as_secs() - 0.1) > 0.05);
+    assert!(largest_movement(&asset, walk, 0.0, walk.duration.as_secs() - 0.1) > 0.05);
 }
 
 /// The points of a foot that may carry it: heel and ball, in model space, and the joint that each moves with.
@@ -83,7 +83,7 @@ fn soles(asset: &Asset) -> Vec<(usize, Vec3)> {
 }
 
 /// Largest foot sliding: distance in metres that a point of a sole moves over the floor while in contact (within 2 mm).
-fn slide(asset: &Asset, clip: &Clip, floor_speed: f32) -> f32 {
+fn foot_sliding(asset: &Asset, clip: &Clip, floor_speed: f32) -> f32 {
     let step = 1.0 / 120.0;
     let mut worst: f32 = 0.0;
     for (joint, local) in soles(asset) {
@@ -108,7 +108,7 @@ fn slide(asset: &Asset, clip: &Clip, floor_speed: f32) -> f32 {
 fn planted_feet_do_not_slide() {
     let asset = import();
     for clip in &asset.clips {
-        let slide = slide(&asset, clip, speed(clip));
+        let slide = foot_sliding(&asset, clip, speed(clip));
         println!("{}: planted feet slide {:.1} mm at most", clip.name, slide * 1e3);
         assert!(slide <= 0.01, "{}: a planted foot slides {slide} m", clip.name);
     }
@@ -117,7 +117,7 @@ fn planted_feet_do_not_slide() {
 #[test]
 fn the_foot_sliding_check_detects_a_wrong_floor_speed() {
     let asset = import();
-    assert!(slide(&asset, &asset.clips[1], 1.1) > 0.01);
+    assert!(foot_sliding(&asset, &asset.clips[1], 1.1) > 0.01);
 }
 
 #[test]

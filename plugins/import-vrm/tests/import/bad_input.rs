@@ -5,7 +5,7 @@ use choreo_importer_kit_testing::{alone, assets, damage, error_text, import_byte
 use import_vrm::VrmImporter;
 use serde_json::{Value, json};
 
-fn error(version: Version, edit: impl FnOnce(&mut Value)) -> String {
+fn error_after_edit(version: Version, edit: impl FnOnce(&mut Value)) -> String {
     error_text(import_bytes(&VrmImporter, "bad.vrm", edited(version, edit)))
 }
 
@@ -18,7 +18,7 @@ fn warnings_after_edit(version: Version, edit: impl FnOnce(&mut Value)) -> Vec<S
 
 #[test]
 fn errors_name_the_element() {
-    let bad = |edit: &dyn Fn(&mut Value)| error(Version::V1, edit);
+    let bad = |edit: &dyn Fn(&mut Value)| error_after_edit(Version::V1, edit);
     assert_eq!(
         bad(&|j| j["extensions"]["VRMC_vrm"]["humanoid"]["humanBones"]["hips"]["node"] = json!(99)),
         "bad.vrm: extensions.VRMC_vrm.humanoid.humanBones.hips.node: refers to nodes[99], but the last is nodes[12]"
@@ -43,12 +43,15 @@ fn errors_name_the_element() {
         "bad.vrm: extensions.VRMC_springBone.colliders[0].shape: is neither a sphere nor a capsule"
     );
     assert_eq!(
-        error(Version::V0, |j| j["extensions"]["VRM"]["secondaryAnimation"]["boneGroups"][0]["bones"] =
-            json!([1.5])),
+        error_after_edit(
+            Version::V0,
+            |j| j["extensions"]["VRM"]["secondaryAnimation"]["boneGroups"][0]["bones"] = json!([1.5])
+        ),
         "bad.vrm: extensions.VRM.secondaryAnimation.boneGroups[0].bones[0]: must be an index, a whole number from 0"
     );
     assert_eq!(
-        error(Version::V0, |j| j["extensions"]["VRM"]["blendShapeMaster"]["blendShapeGroups"] = json!({})),
+        error_after_edit(Version::V0, |j| j["extensions"]["VRM"]["blendShapeMaster"]["blendShapeGroups"] =
+            json!({})),
         "bad.vrm: extensions.VRM.blendShapeMaster.blendShapeGroups: must be an array"
     );
 }

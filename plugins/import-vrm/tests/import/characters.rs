@@ -347,7 +347,7 @@ fn content_decides_which_importer_claims_a_file() {
     for version in [Version::V0, Version::V1] {
         assert_eq!(claim("x.bin", glb(version)), Claim::Content(98));
         assert!(gltf(glb(version)) < Claim::Content(98));
-        // Cut off: only where the name says so too.
+        // A truncated file is claimed only if its name has the extension of VRM.
         let cut = glb(version)[..2500].to_vec();
         assert_eq!(claim("x.glb", cut.clone()), Claim::NotMine);
         assert_eq!(claim("x.vrm", cut), Claim::Content(96));

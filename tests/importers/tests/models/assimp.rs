@@ -1,5 +1,5 @@
-//! Every sample file against assimp: triangles, points, skin joints, clips and their lengths, cameras, lights, extents.
-//! Differences stand in README.md's table with their reasons; one that is not there fails, and so does a row that is no
+//! Compares every sample file with assimp: triangles, points, skin joints, clips and their lengths, cameras, lights, extents.
+//! The table in README.md lists differences and their reasons. An unlisted difference fails, and so does a row that is no
 //! longer true. `CHOREO_TABLE=1` prints the rows as they are.
 
 use choreo_asset::{Asset, Topology};
@@ -11,7 +11,7 @@ use std::path::Path;
 
 type Facts = Vec<(&'static str, String)>;
 
-/// Made to be seen where the file has no mesh.
+/// Whether the only mesh is the generated one that shows the bones of a file without a mesh.
 fn bones_only(asset: &Asset) -> bool {
     asset.meshes.len() == 1 && asset.meshes[0].name == "bones"
 }
