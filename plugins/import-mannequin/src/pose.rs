@@ -177,7 +177,7 @@ fn leg(reach: Vec3, ahead: Vec3) -> (Quat, f32) {
 
 /// Smooth minimum: rounded where the two values differ by less than `k`.
 fn soft_min(a: f32, b: f32, k: f32) -> f32 {
-    crate::field::join(a, b, k)
+    crate::field::smooth_union(a, b, k)
 }
 
 impl Pose {

@@ -75,7 +75,7 @@ impl Feet<'_> {
     }
 }
 
-/// Evaluates poses of a clip in f32, as frames do.
+/// Heights of the feet in a pose of a clip, evaluated in f32 as for a frame.
 struct FootHeights<'a> {
     feet: &'a Feet<'a>,
     rest: Pose,
