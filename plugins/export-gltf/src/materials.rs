@@ -18,7 +18,7 @@ pub struct Materials {
     pub extensions: BTreeSet<&'static str>,
     /// Material features that glTF cannot express.
     pub losses: Losses,
-    known: BTreeMap<String, Index>,
+    index_of_json: BTreeMap<String, Index>,
 }
 
 impl Materials {
@@ -39,13 +39,13 @@ impl Materials {
             self.extensions.insert(name);
         }
         let text = value.to_string();
-        if let Some(known) = self.known.get(&text).filter(|_| !own) {
+        if let Some(known) = self.index_of_json.get(&text).filter(|_| !own) {
             return *known;
         }
         let index = self.list.len() as Index;
         self.list.push(value);
         if !own {
-            self.known.insert(text, index);
+            self.index_of_json.insert(text, index);
         }
         index
     }

@@ -23,7 +23,7 @@ pub struct Muxer {
 }
 
 /// Flag in an image's size in a state: a player can start at the image. Images are far below 2 GiB.
-const KEY: u32 = 1 << 31;
+const KEY_FRAME_FLAG: u32 = 1 << 31;
 
 impl Muxer {
     pub fn new(width: u16, height: u16, fps: FrameRate, provenance: Vec<(String, String)>) -> Muxer {
@@ -84,7 +84,7 @@ impl Muxer {
         }
         for (i, size) in self.sizes.iter().enumerate().skip(self.reported) {
             let key = self.keys.binary_search(&(i as u32 + 1)).is_ok();
-            state.extend((size | if key { KEY } else { 0 }).to_le_bytes());
+            state.extend((size | if key { KEY_FRAME_FLAG } else { 0 }).to_le_bytes());
         }
         self.reported = self.sizes.len();
         state
@@ -103,8 +103,8 @@ impl Muxer {
         }
         let (sizes, []) = rest.as_chunks::<4>() else { return Err(cut()) };
         for size in sizes.iter().map(|s| u32::from_le_bytes(*s)) {
-            self.sizes.push(size & !KEY);
-            if size & KEY != 0 {
+            self.sizes.push(size & !KEY_FRAME_FLAG);
+            if size & KEY_FRAME_FLAG != 0 {
                 self.keys.push(self.sizes.len() as u32);
             }
         }

@@ -17,9 +17,9 @@ use choreo_plugin::stage::{Stage, default_sun};
 use std::collections::BTreeSet;
 
 /// Radius of point and spot lights, which USD has as spheres, metres.
-const RADIUS: f32 = 0.01;
+const LIGHT_RADIUS: f32 = 0.01;
 /// Intensity of a normalized sphere light for one candela. The luminance is intensity ÷ 4πr², and a viewer sees a disk of πr².
-const SPHERE: f32 = 4.0;
+const SPHERE_INTENSITY_PER_CANDELA: f32 = 4.0;
 
 pub fn of_stage<'a>(
     stage: &Stage,
@@ -114,7 +114,7 @@ fn of_light<'a>(
         at.translation = Vec3::ZERO;
     }
     let (mut out, property_indices) = light(names.free(&of.name), &now, &at);
-    let factor = if now.kind.is_directional() { 1.0 } else { SPHERE };
+    let factor = if now.kind.is_directional() { 1.0 } else { SPHERE_INTENSITY_PER_CANDELA };
     for (part, property) in
         [(LightPart::Position, property_indices[0]), (LightPart::Rotation, property_indices[1])]
     {
@@ -158,9 +158,9 @@ fn light<'a>(name: String, light: &Light, at: &Transform) -> (Prim<'a>, [usize; 
         out.number(FLOAT, "inputs:intensity", &[light.intensity]);
         out.number(BOOL, "inputs:normalize", &[1.0]);
     } else {
-        out.number(FLOAT, "inputs:intensity", &[light.intensity * SPHERE]);
+        out.number(FLOAT, "inputs:intensity", &[light.intensity * SPHERE_INTENSITY_PER_CANDELA]);
         out.number(BOOL, "inputs:normalize", &[1.0]);
-        out.number(FLOAT, "inputs:radius", &[RADIUS]);
+        out.number(FLOAT, "inputs:radius", &[LIGHT_RADIUS]);
         out.number(BOOL, "treatAsPoint", &[1.0]);
     }
     if let Some([inner, outer]) = light.kind.cone() {

@@ -23,7 +23,7 @@ pub struct Materials<'f> {
     pub list: Vec<Material>,
     pub bumps: Vec<BumpMap>,
     /// Materials by material element and texture coordinate sets.
-    known: BTreeMap<String, u32>,
+    index_of_key: BTreeMap<String, u32>,
 }
 
 /// Maps the texture coordinates that an effect names to the uv sets of a primitive.
@@ -53,7 +53,14 @@ struct Value {
 impl<'f> Materials<'f> {
     pub fn new(textures: bool, files: &'f dyn Files, srgb: bool) -> Materials<'f> {
         let textures = textures.then(Textures::default);
-        Materials { textures, files, srgb, list: Vec::new(), bumps: Vec::new(), known: BTreeMap::new() }
+        Materials {
+            textures,
+            files,
+            srgb,
+            list: Vec::new(),
+            bumps: Vec::new(),
+            index_of_key: BTreeMap::new(),
+        }
     }
 
     /// The material that an instance binds to a material symbol of its mesh.
@@ -80,7 +87,7 @@ impl<'f> Materials<'f> {
             None => xml.by_id(symbol).filter(|n| name_of(*n) == "material"),
         };
         let key = format!("{:?} {uvs:?}", material.map(|m| m.id()));
-        if let Some(known) = self.known.get(&key) {
+        if let Some(known) = self.index_of_key.get(&key) {
             return Ok(*known);
         }
         let made = match material {
@@ -103,7 +110,7 @@ impl<'f> Materials<'f> {
         };
         let index = self.list.len() as u32;
         self.list.push(made);
-        self.known.insert(key, index);
+        self.index_of_key.insert(key, index);
         Ok(index)
     }
 

@@ -38,7 +38,7 @@ pub struct Builder<'x, 'a, 'f> {
     /// Remaining instances of each geometry: the last one takes its lists instead of copying them.
     uses: HashMap<NodeId, usize>,
     /// Mesh and skin by a key of what they are made from.
-    known: BTreeMap<String, (u32, Option<u32>)>,
+    mesh_of_key: BTreeMap<String, (u32, Option<u32>)>,
     without_normals: usize,
 }
 
@@ -52,7 +52,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
             morphs: Vec::new(),
             geometries: HashMap::new(),
             uses: HashMap::new(),
-            known: BTreeMap::new(),
+            mesh_of_key: BTreeMap::new(),
             without_normals: 0,
         }
     }
@@ -156,7 +156,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
             skin.map(|s| s.id()),
             morph.map(|m| m.1)
         );
-        let (mesh, skin) = match self.known.get(&key) {
+        let (mesh, skin) = match self.mesh_of_key.get(&key) {
             Some(known) => *known,
             None => {
                 let skinned = skin.map(|s| {
@@ -188,7 +188,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
                 });
                 asset.meshes.push(Arc::new(mesh));
                 let made = (asset.meshes.len() as u32 - 1, skin);
-                self.known.insert(key, made);
+                self.mesh_of_key.insert(key, made);
                 made
             }
         };

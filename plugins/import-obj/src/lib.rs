@@ -198,7 +198,7 @@ fn materials(
             }
         }
     }
-    let without = model.elements.iter().any(|e| e.material == parse::NONE);
+    let without = model.elements.iter().any(|e| e.material == parse::NO_INDEX);
     if without {
         let mut material = plain("default");
         if model.has_colors {
@@ -279,7 +279,7 @@ fn place(asset: &mut Asset, model: &parse::Model, built: Vec<(u32, Primitive)>, 
                 let what = "is too big: its vertices times the scale are not finite";
                 return Err(Problem::new(format!("group \"{}\"", model.groups[group as usize]), what));
             }
-            primitive.material = primitive.material.map(|m| if m == parse::NONE { default } else { m });
+            primitive.material = primitive.material.map(|m| if m == parse::NO_INDEX { default } else { m });
             tangents::add_for_normal_map(primitive, &asset.materials, notes);
         }
         parts::add_mesh(asset, first + group, primitives);

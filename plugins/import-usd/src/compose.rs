@@ -19,12 +19,12 @@ const MOST_PRIMS: usize = 500_000;
 /// Files beside the scene, and files in its packages: `robot.usdz[skin.png]`.
 pub struct Packages<'a> {
     files: &'a dyn Files,
-    known: RefCell<BTreeMap<String, Rc<Archive>>>,
+    archives: RefCell<BTreeMap<String, Rc<Archive>>>,
 }
 
 impl<'a> Packages<'a> {
     pub fn new(files: &'a dyn Files) -> Packages<'a> {
-        Packages { files, known: RefCell::default() }
+        Packages { files, archives: RefCell::default() }
     }
 
     /// Opens and keeps a package. Returns the path and bytes of its root layer.
@@ -32,7 +32,7 @@ impl<'a> Packages<'a> {
         let archive = Rc::new(Archive::open(bytes)?);
         let first = archive.first.clone();
         let layer = archive.read(&first).unwrap_or_default();
-        self.known.borrow_mut().insert(name.to_string(), archive);
+        self.archives.borrow_mut().insert(name.to_string(), archive);
         Ok((format!("{name}[{first}]"), layer))
     }
 }
@@ -41,7 +41,7 @@ impl Files for Packages<'_> {
     fn read(&self, relative: &str) -> std::result::Result<Arc<Vec<u8>>, String> {
         match relative.strip_suffix(']').and_then(|path| path.split_once('[')) {
             Some((package, inner)) => {
-                let known = self.known.borrow();
+                let known = self.archives.borrow();
                 let found = known.get(package).and_then(|archive| archive.read(inner));
                 found.ok_or_else(|| format!("{relative}: the package has no such file"))
             }

@@ -16,7 +16,7 @@ pub struct Materials<'a> {
     pub files: &'a dyn Files,
     pub budget: &'a Budget,
     pub notes: &'a Notes,
-    known: BTreeMap<String, MaterialInfo>,
+    info_of_path: BTreeMap<String, MaterialInfo>,
     wants_textures: bool,
 }
 
@@ -45,13 +45,13 @@ impl<'a> Materials<'a> {
         (files, budget, notes): (&'a dyn Files, &'a Budget, &'a Notes),
         wants_textures: bool,
     ) -> Materials<'a> {
-        let (list, textures, known) = (Vec::new(), Textures::default(), BTreeMap::new());
-        Materials { root, list, textures, files, budget, notes, known, wants_textures }
+        let (list, textures, info_of_path) = (Vec::new(), Textures::default(), BTreeMap::new());
+        Materials { root, list, textures, files, budget, notes, info_of_path, wants_textures }
     }
 
     /// The material at a path, read on first use.
     pub fn at(&mut self, path: &str) -> MaterialInfo {
-        if let Some(known) = self.known.get(path) {
+        if let Some(known) = self.info_of_path.get(path) {
             return known.clone();
         }
         let known = match self.root.at(path) {
@@ -61,7 +61,7 @@ impl<'a> Materials<'a> {
                 MaterialInfo::default()
             }
         };
-        self.known.insert(path.to_string(), known.clone());
+        self.info_of_path.insert(path.to_string(), known.clone());
         known
     }
 

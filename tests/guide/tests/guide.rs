@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 const BINARY: &str = env!("CARGO_BIN_EXE_guide");
 /// The page in which faults are planted.
-const PLANTED: &str = "scripts/guide/src/recipes/hand_over.md";
+const PLANTED_PAGE: &str = "scripts/guide/src/recipes/hand_over.md";
 
 fn book() -> Book {
     Book::read(&root(), &[]).unwrap()
@@ -16,9 +16,9 @@ fn book() -> Book {
 
 /// The book with another text at a place of the page for faults.
 fn book_with(from: &str, to: &str) -> Book {
-    let text = std::fs::read_to_string(root().join(PLANTED)).unwrap();
-    assert!(text.contains(from), "{PLANTED} has no {from}");
-    Book::read(&root(), &[(PLANTED, &text.replacen(from, to, 1))]).unwrap()
+    let text = std::fs::read_to_string(root().join(PLANTED_PAGE)).unwrap();
+    assert!(text.contains(from), "{PLANTED_PAGE} has no {from}");
+    Book::read(&root(), &[(PLANTED_PAGE, &text.replacen(from, to, 1))]).unwrap()
 }
 
 #[test]
@@ -31,7 +31,7 @@ fn link_and_image_targets_exist() {
     ];
     for (from, to) in planted {
         let found = book_with(from, to).problems;
-        assert!(found.len() == 1 && found[0].starts_with(PLANTED), "{from} → {to}: {found:?}");
+        assert!(found.len() == 1 && found[0].starts_with(PLANTED_PAGE), "{from} → {to}: {found:?}");
     }
 }
 
@@ -118,10 +118,10 @@ fn scripts_pass_check() {
 fn a_misspelled_method_is_found() {
     let fault = |from: &str, to: &str| {
         let mut book = book();
-        let page = book.pages.iter_mut().find(|page| page.source == PLANTED).unwrap();
+        let page = book.pages.iter_mut().find(|page| page.source == PLANTED_PAGE).unwrap();
         assert!(page.text.contains(from), "{from}");
         page.text = page.text.replacen(from, to, 1);
-        failing(book.pages.iter().filter(|page| page.source == PLANTED))
+        failing(book.pages.iter().filter(|page| page.source == PLANTED_PAGE))
     };
     for (from, to) in [(".reach(", ".raech("), ("fade(0.8)", "fede(0.8)")] {
         let found = fault(from, to);

@@ -11,7 +11,7 @@ const LENGTHS: [usize; 5] = [1, 10, 50, 200, 1000];
 /// Length of a bone in metres.
 const BONE: f32 = 0.1;
 /// Index of the typical length: a character with a long spine or a tail.
-const TYPICAL: usize = 2;
+const TYPICAL_LENGTH: usize = 2;
 const OURS: &str = "f32 matrices, by depth (LocalToModel)";
 const METHODS: [&str; 4] =
     ["f64 matrices", OURS, "f32 rotation and translation", "f32 rotation, made unit at each joint"];
@@ -30,7 +30,7 @@ pub fn section() -> Result<Section, String> {
                 errors[at].add(error);
             }
         }
-        if at == TYPICAL {
+        if at == TYPICAL_LENGTH {
             let (skeleton, pose) = chain(*length, 0)?;
             let (skeleton, pose) = (&skeleton, &pose);
             let case = |way: usize| -> Case {
@@ -48,14 +48,14 @@ pub fn section() -> Result<Section, String> {
     choice.error_unit = "µm";
     choice.reference = format!(
         "the tip of a chain of {} joints of 10 cm, each turned by up to 40°, in f64 from the same f32 transforms",
-        LENGTHS[TYPICAL]
+        LENGTHS[TYPICAL_LENGTH]
     );
     choice.per =
         "joint; one after the other, in portable instructions: joints of a chain cannot be computed in \
          parallel"
             .into();
     for (way, name) in METHODS.iter().enumerate() {
-        let error = &by_length[way][TYPICAL];
+        let error = &by_length[way][TYPICAL_LENGTH];
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[way]));
     }
     choice.choose(OURS, "errors of micrometres at the tip, and the GPU needs f32 matrices anyway");

@@ -8,7 +8,7 @@ use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Renderer};
 
 /// 8-bit codes of gray at the top and at the bottom.
-const ENDS: [f64; 2] = [40.0, 52.0];
+const GRADIENT_CODES: [f64; 2] = [40.0, 52.0];
 const SIZE: [usize; 2] = [128, 256];
 const BLOCK: usize = 16;
 const METHODS: [&str; 4] =
@@ -17,7 +17,11 @@ const METHODS: [&str; 4] =
 pub fn section() -> Result<Section, String> {
     let exact = exact();
     let mut table = Table::new(
-        format!("A gradient over {} codes in {} pixels: codes of 255", ENDS[1] - ENDS[0], SIZE[1]),
+        format!(
+            "A gradient over {} codes in {} pixels: codes of 255",
+            GRADIENT_CODES[1] - GRADIENT_CODES[0],
+            SIZE[1]
+        ),
         &[
             ("way", "way"),
             (">mean of 16 × 16 pixels, worst", "worst"),
@@ -56,7 +60,7 @@ pub fn section() -> Result<Section, String> {
 
 /// The exact gradient in codes, row by row: equal steps of linear light from the top of the image to the bottom.
 fn exact() -> Vec<f64> {
-    let light = ENDS.map(|code| choreo_asset::linear_from_srgb(code / 255.0));
+    let light = GRADIENT_CODES.map(|code| choreo_asset::linear_from_srgb(code / 255.0));
     let row = |y: usize| {
         let share = (y as f64 + 0.5) / SIZE[1] as f64;
         255.0 * choreo_asset::srgb_from_linear(light[0] + (light[1] - light[0]) * share)
@@ -87,7 +91,7 @@ fn codes(way: usize, exact: &[f64]) -> Result<Vec<f64>, String> {
 
 fn rendered() -> Result<Vec<f64>, String> {
     let registry = choreo::registry();
-    let hex = ENDS.map(|code| format!("#{0:02x}{0:02x}{0:02x}", code as u8));
+    let hex = GRADIENT_CODES.map(|code| format!("#{0:02x}{0:02x}{0:02x}", code as u8));
     let [width, height] = SIZE;
     let text = format!(
         "stage(#{{ size: [{width}, {height}], background: #{{ top: \"{}\", bottom: \"{}\" }} }});

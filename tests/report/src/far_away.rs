@@ -13,7 +13,7 @@ use glam::{DAffine3, DMat4, DQuat, DVec3};
 /// Distances from the origin in metres: a room, a town, a country, the Earth, the Moon.
 const DISTANCES: [(f64, &str); 5] =
     [(1.0, "1 m"), (1e3, "1 km"), (1e5, "100 km"), (1e7, "10 000 km"), (4e8, "400 000 km")];
-const TYPICAL: usize = 1;
+const TYPICAL_DISTANCE: usize = 1;
 const POINTS: usize = 256;
 const HEIGHT: f64 = 720.0;
 const YFOV: f64 = 0.7;
@@ -36,7 +36,7 @@ pub fn section() -> Result<Section, String> {
                 errors[at].add(if off.is_finite() { off } else { HEIGHT });
             }
         }
-        if at == TYPICAL {
+        if at == TYPICAL_DISTANCE {
             let shot = &shot;
             let case = |way: usize| Case::new(POINTS, move || drop(std::hint::black_box(shot.draw(way))));
             let mut cases: Vec<Case> = (0..METHODS.len()).map(case).collect();
@@ -47,11 +47,11 @@ pub fn section() -> Result<Section, String> {
     choice.error_unit = "pixels";
     choice.reference = format!(
         "f64 throughout; a figure {} from the origin, seen by a camera 5 m before it, 720 pixels high",
-        DISTANCES[TYPICAL].1
+        DISTANCES[TYPICAL_DISTANCE].1
     );
     choice.per = "point of 256, coordinates apart, in vector instructions of the type's width".into();
     for (way, name) in METHODS.iter().enumerate() {
-        let error = &by_distance[way][TYPICAL];
+        let error = &by_distance[way][TYPICAL_DISTANCE];
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[way]));
     }
     choice.choose(OURS, "as exact everywhere as at the origin, and the GPU part is f32");

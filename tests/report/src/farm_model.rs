@@ -97,7 +97,7 @@ struct Run<'a> {
     farm: &'a Farm,
     random: u64,
     events: BinaryHeap<Timed>,
-    made: u64,
+    events_added: u64,
     /// Chunks not yet taken, as numbers of frames.
     chunks: VecDeque<u64>,
     /// Times at which the storage and the scheduler become free.
@@ -136,7 +136,7 @@ impl Farm {
             farm: self,
             random: 1,
             events: BinaryHeap::new(),
-            made: 0,
+            events_added: 0,
             chunks: (0..count).map(length).collect(),
             storage_free: 0.0,
             scheduler_free: 0.0,
@@ -177,8 +177,8 @@ impl Farm {
 
 impl Run<'_> {
     fn add(&mut self, at: f64, worker: usize, event: Event) {
-        self.made += 1;
-        self.events.push(Timed { at, order: self.made, worker, event });
+        self.events_added += 1;
+        self.events.push(Timed { at, order: self.events_added, worker, event });
     }
 
     fn event(&mut self, at: f64, worker: usize, event: Event) {

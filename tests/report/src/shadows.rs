@@ -296,10 +296,10 @@ impl Map {
         let (across, up) = axes(l);
         let side = (width / texel).ceil() as usize;
         let origin = DVec2::new(across.dot(middle), up.dot(middle)) - width * 0.5;
-        const FROM: f64 = 20.0;
+        const START_DISTANCE: f64 = 20.0;
         let at = |i: usize| {
             let p = origin + (DVec2::new((i % side) as f64, (i / side) as f64) + 0.5) * texel;
-            let start = across * p.x + up * p.y + l * FROM;
+            let start = across * p.x + up * p.y + l * START_DISTANCE;
             shapes.first(start, -l).map_or(-1e3, |hit| hit.point.dot(l) as f32)
         };
         let depth: Vec<f32> = (0..side * side).map(at).collect();

@@ -8,7 +8,7 @@ use choreo_motion::{FrameRate, Time};
 
 const HOURS: [(f64, &str); 5] =
     [(1.0 / 3600.0, "1 s"), (1.0 / 60.0, "1 min"), (1.0, "1 h"), (100.0, "100 h"), (1000.0, "1000 h")];
-const TYPICAL: usize = 2;
+const TYPICAL_HOURS: usize = 2;
 const NTSC: FrameRate = FrameRate { num: 30_000, den: 1001 };
 const OURS: &str = "ticks of 1/705 600 000 s";
 const METHODS: [&str; 5] = [
@@ -59,12 +59,12 @@ pub fn section() -> Result<Section, String> {
     choice.error_unit = "µs";
     choice.reference = format!(
         "frame · 1001 / 30 000 s as a fraction of whole numbers; {} into the timeline",
-        HOURS[TYPICAL].1
+        HOURS[TYPICAL_HOURS].1
     );
     choice.per = "frame number turned into a time".into();
     let nanos = times();
     for (way, name) in METHODS.iter().enumerate() {
-        let error = &by_length[way][TYPICAL];
+        let error = &by_length[way][TYPICAL_HOURS];
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[way]));
     }
     choice.choose(

@@ -39,7 +39,7 @@ const OPTIONS: [&str; 4] = ["--export", "keyframes=0.8", "--device", "cpu"];
 const CHUNKS: usize = 24;
 
 /// Seconds after which a job is abandoned.
-const PATIENCE: u64 = 600;
+const TIMEOUT_SECS: u64 = 600;
 
 /// Runs the test. `program`: path of an existing choreo; without it, choreo is built.
 pub fn farm(program: Option<&str>) -> Result<(), String> {
@@ -327,10 +327,10 @@ impl Cluster {
     fn wait(&self, what: &str, done: impl Fn(&Cluster) -> bool) -> Result<(), String> {
         let start = Instant::now();
         while !done(self) {
-            if start.elapsed().as_secs() > PATIENCE {
+            if start.elapsed().as_secs() > TIMEOUT_SECS {
                 let queue = self.slurm_output("squeue", &[]);
                 return Err(format!(
-                    "no {what} after {PATIENCE} s; logs in {}\n{queue}",
+                    "no {what} after {TIMEOUT_SECS} s; logs in {}\n{queue}",
                     self.folder.display()
                 ));
             }
