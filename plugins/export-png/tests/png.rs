@@ -8,7 +8,7 @@ use export_png::PngExporter;
 use std::io::Write;
 
 /// Gradients, an edge and some noise; `alpha` in the first pixel.
-fn picture(width: u32, height: u32, alpha: u8) -> Frame {
+fn test_frame(width: u32, height: u32, alpha: u8) -> Frame {
     let mut rgba = Vec::new();
     for y in 0..height {
         for x in 0..width {
@@ -45,7 +45,7 @@ fn encode(frame: &Frame, info: &VideoInfo) -> Vec<u8> {
 #[test]
 fn opaque_images_are_written_as_rgb_with_text_chunks() {
     for (w, h) in [(61, 37), (1, 1), (1280, 3)] {
-        let frame = picture(w, h, 255);
+        let frame = test_frame(w, h, 255);
         for compression in ["fast", "small"] {
             let mut info = info(&frame);
             let value = export_png::MANIFEST.parse_option("compression", compression).unwrap();
@@ -96,7 +96,7 @@ fn sixteen_bits_keep_values_that_eight_bits_round() {
     let light = |i: u32| 1e-3 + 1e-5 * i as f32;
     let color: Vec<Vec4> = (0..64).map(|i| Vec4::new(light(i), 0.5 * light(i), 2.0, 1.0)).collect();
     let frame = FloatFrame { color, ..FloatFrame::new([64, 1]) };
-    let mut info = with_options(&picture(64, 1, 255), &[("depth", "16")]);
+    let mut info = with_options(&test_frame(64, 1, 255), &[("depth", "16")]);
     assert_eq!(PngExporter.wish(&info.options).unwrap(), FrameWish::Finished);
     let written = |info: &VideoInfo| {
         let out = SharedBytes::default();
@@ -127,7 +127,7 @@ fn sixteen_bits_keep_values_that_eight_bits_round() {
 
 #[test]
 fn one_transparent_pixel_keeps_the_alpha_channel() {
-    let frame = picture(20, 10, 7);
+    let frame = test_frame(20, 10, 7);
     let bytes = encode(&frame, &with_options(&frame, &[("alpha", "premultiplied")]));
     let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
     let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
@@ -138,7 +138,7 @@ fn one_transparent_pixel_keeps_the_alpha_channel() {
 
 #[test]
 fn ffmpeg_reads_the_same_pixels() {
-    let frame = picture(64, 40, 200);
+    let frame = test_frame(64, 40, 200);
     let bytes = encode(&frame, &with_options(&frame, &[("alpha", "premultiplied")]));
     let spawned = std::process::Command::new("ffmpeg")
         .args(["-v", "error", "-f", "png_pipe", "-i", "-", "-f", "rawvideo", "-pix_fmt", "rgba", "-"])
@@ -157,7 +157,7 @@ fn ffmpeg_reads_the_same_pixels() {
 
 #[test]
 fn two_frames_and_zero_frames_are_errors() {
-    let frame = picture(2, 2, 255);
+    let frame = test_frame(2, 2, 255);
     let mut sink = PngExporter.begin(&info(&frame), Box::new(Vec::new())).unwrap();
     sink.frame(&frame).unwrap();
     let error = sink.frame(&frame).unwrap_err().to_string();
@@ -173,7 +173,7 @@ fn two_frames_and_zero_frames_are_errors() {
 #[test]
 fn provenance_is_replaced_without_changing_the_pixels() {
     for alpha in [255, 7] {
-        let frame = picture(61, 40, alpha);
+        let frame = test_frame(61, 40, alpha);
         let encoded = |info: &VideoInfo| {
             let out = SharedBytes::default();
             let mut sink = PngExporter.begin(info, Box::new(out.clone())).unwrap();

@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_stay_steps() {
+    fn stepped_keys_are_kept() {
         let two = 2 * SECOND;
         let keys = numbers(&[
             (0, 1.0),

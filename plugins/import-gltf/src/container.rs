@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn glb_is_split() {
+    fn a_glb_is_split_into_json_and_binary_chunks() {
         let bytes = glb("{} ", &[1, 2, 3]);
         let c = split(&bytes).unwrap();
         assert_eq!((c.json, c.bin, c.json_offset), (&b"{} "[..], Some(&[1u8, 2, 3][..]), 20));

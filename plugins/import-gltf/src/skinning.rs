@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows() {
+    fn influences_are_merged_limited_and_normalized() {
         let mut counts = Guesses::default();
         let mut tidied = |mut row: Vec<(u32, f32)>, n| {
             normalize_influences(&mut row, n, &mut counts);

@@ -170,7 +170,7 @@ fn missing_files_are_warnings_and_reference_cycles_are_errors() {
 }
 
 #[test]
-fn claims() {
+fn files_are_claimed_by_content() {
     assert_eq!(UsdImporter.claim(&source("x", "#usda 1.0")), Claim::Content(100));
     assert_eq!(UsdImporter.claim(&source("x", "PXR-USDC")), Claim::Content(100));
     assert_eq!(UsdImporter.claim(&source("x.usdz", "PK\x03\x04")), Claim::Content(70));

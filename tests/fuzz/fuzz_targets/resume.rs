@@ -120,7 +120,7 @@ impl Write for Bytes {
 }
 
 /// Images that move a little, or a lot.
-fn pictures(u: &mut Unstructured, [width, height]: [u32; 2]) -> Result<Vec<Frame>> {
+fn random_frames(u: &mut Unstructured, [width, height]: [u32; 2]) -> Result<Vec<Frame>> {
     let mut rgba = vec![255; (width * height * 4) as usize];
     let mut frames = Vec::new();
     for _ in 0..u.int_in_range(1..=5)? {
@@ -150,7 +150,7 @@ fn going_on(u: &mut Unstructured) -> Result<()> {
     // H.264 begins at 16 pixels.
     let least = if exporter.head_comes_last() { 16 } else { 1 };
     let size = [u.int_in_range(least..=20)?, u.int_in_range(least..=20)?];
-    let frames = pictures(u, size)?;
+    let frames = random_frames(u, size)?;
     let info = VideoInfo {
         width: size[0],
         height: size[1],

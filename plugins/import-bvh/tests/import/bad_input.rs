@@ -189,7 +189,7 @@ fn parts_outside_the_import_scope_are_not_created() {
 }
 
 #[test]
-fn claims() {
+fn files_are_claimed_by_content() {
     let claim = |name: &str, bytes: &str| BvhImporter.claim(&source(name, bytes));
     assert_eq!(claim("x", ARM), Claim::Content(90));
     assert_eq!(claim("x.txt", "\u{feff} \n hierarchy\n"), Claim::Content(90));

@@ -12,7 +12,7 @@ use import_collada::ColladaImporter;
 const ARM: &str = include_str!("../data/arm.dae");
 
 /// A BMP of one white pixel.
-fn picture() -> Vec<u8> {
+fn test_png() -> Vec<u8> {
     let mut out = b"BM".to_vec();
     out.extend(58u32.to_le_bytes());
     out.extend([0; 4]);
@@ -24,7 +24,7 @@ fn picture() -> Vec<u8> {
 }
 
 fn companions() -> Companions {
-    Companions::of(vec![("art/skin 1.png", picture())])
+    Companions::of(vec![("art/skin 1.png", test_png())])
 }
 
 fn read(text: &str) -> Asset {
@@ -84,7 +84,7 @@ fn skins_move_their_vertices() {
 }
 
 #[test]
-fn uv_sets_materials_and_textures() {
+fn uv_sets_materials_and_textures_are_imported() {
     let asset = read(ARM);
     let p = &asset.meshes[0].primitives[0];
     assert_eq!(p.uvs[0][2], Vec2::new(0.5, 0.0));
@@ -138,7 +138,7 @@ fn reflection_is_reflective_times_reflectivity() {
 }
 
 #[test]
-fn cameras_and_lights() {
+fn cameras_and_lights_are_imported() {
     let asset = read(ARM);
     let Projection::Perspective { yfov, near, far } = asset.cameras[0].projection else { panic!() };
     // tan(45°) / 2.
@@ -213,7 +213,7 @@ fn animation_clips_cut_their_range() {
 }
 
 #[test]
-fn morphs_and_their_weights() {
+fn morph_targets_and_weights_are_imported() {
     let target = ARM.split("<geometry id=\"strip\"").nth(1).unwrap().split("</geometry>").next().unwrap();
     let target = format!("<geometry id=\"raised\"{target}</geometry></library_geometries>")
         .replace("strip-", "raised-")
@@ -260,7 +260,7 @@ fn morphs_and_their_weights() {
 }
 
 #[test]
-fn strips_fans_polygons_and_lines() {
+fn strips_fans_polygons_and_lines_are_imported() {
     let polylist =
         &ARM[ARM.find("<polylist").unwrap()..ARM.find("</polylist>").unwrap() + "</polylist>".len()];
     let inputs = "<input semantic=\"VERTEX\" source=\"#strip-vertices\" offset=\"0\"/>";
@@ -284,7 +284,7 @@ fn strips_fans_polygons_and_lines() {
 }
 
 #[test]
-fn instanced_nodes_and_shared_meshes() {
+fn instanced_nodes_share_their_meshes() {
     let scene = "<library_nodes><node id=\"part\"><instance_geometry url=\"#strip\"/></node></library_nodes><library_visual_scenes>";
     let two = "<node id=\"a\"><instance_node url=\"#part\"/></node><node id=\"b\"><translate>0 0 7</translate><instance_node url=\"#part\"/></node><node id=\"arm\"";
     let asset = with(&[("<library_visual_scenes>", scene), ("<node id=\"arm\"", two)]);
@@ -296,7 +296,7 @@ fn instanced_nodes_and_shared_meshes() {
 }
 
 #[test]
-fn encodings() {
+fn utf8_and_utf16_files_are_decoded() {
     let plain = read(ARM);
     let utf16 = |bytes: fn(u16) -> [u8; 2], mark: bool| -> Vec<u8> {
         let text = ARM.replace("encoding=\"utf-8\"", "encoding=\"utf-16\"").replace("Upper", "Öber");

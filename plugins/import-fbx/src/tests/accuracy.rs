@@ -104,7 +104,7 @@ fn a_smaller_tolerance_gives_a_smaller_error() {
 
 /// The table of the README.
 #[test]
-fn sample_files() {
+fn sample_files_are_within_the_tolerance() {
     let Some(folder) = assets(9) else { return };
     let files = [
         "fbx/animation_with_skeleton.fbx",
@@ -143,7 +143,7 @@ fn sample_files() {
 
 /// Compares nodes at rest with ufbx's: they differ in the last bits of two libraries' sines.
 #[test]
-fn nodes_at_rest() {
+fn rest_transforms_equal_those_of_ufbx() {
     let files = assets(23).map(|folder| crate::tests::accuracy::all_files(&folder)).unwrap_or_default();
     let read = |path: &std::path::PathBuf| std::fs::read(path).unwrap();
     let (mut worst, mut count) = (0.0f64, 0);

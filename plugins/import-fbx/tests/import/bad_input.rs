@@ -70,7 +70,7 @@ fn element(name: &str, at: usize, properties: (u32, &[u8]), children: &dyn Fn(us
 }
 
 #[test]
-fn limits_are_named() {
+fn errors_name_the_exceeded_limit() {
     let text = |bytes: Vec<u8>| error_text(import_bytes(&FbxImporter, "x.fbx", bytes));
     // A chain of nodes.
     let chain = |nodes: usize| {

@@ -69,13 +69,13 @@ fn units_and_axes_are_converted_and_reported() {
 
 /// Translation · pivot · pre-rotation · rotation · pivot⁻¹.
 #[test]
-fn pivots_and_pre_rotation() {
+fn pivots_and_pre_rotation_are_applied() {
     assert_near(place(&all(), "hand", None), at(11.0, 2.0, 13.0));
 }
 
 /// A parent's scale moves the child's origin, but does not scale it.
 #[test]
-fn scale_that_is_not_inherited() {
+fn uninherited_scale_moves_but_does_not_scale_children() {
     let asset = all();
     assert_near(place(&asset, "free", None), at(2.0, 3.0, 4.0));
     assert_near(place(&asset, "tip", None), at(2.0, 3.0, 9.0));
@@ -159,7 +159,7 @@ fn empty_stacks_are_left_out_with_a_note() {
 }
 
 #[test]
-fn stepped_curves_stay_steps() {
+fn stepped_curves_keep_their_steps() {
     let asset = all();
     let wide = joint(&asset, "wide");
     let of = |path| asset.clips[0].curves().iter().find(|c| c.joint == wide && c.path == path).unwrap();
@@ -210,7 +210,7 @@ fn one_mesh_with_two_materials_and_a_hidden_one() {
 }
 
 #[test]
-fn materials_of_fbx() {
+fn fbx_materials_are_imported() {
     let asset = all();
     let named = |name: &str| asset.materials.iter().find(|m| m.name == name).unwrap();
     let cloth = named("cloth");
@@ -262,7 +262,7 @@ fn missing_normals_are_computed() {
 }
 
 #[test]
-fn lamp_and_camera() {
+fn lights_and_cameras_are_imported() {
     let asset = all();
     let lamp = &asset.lights[0];
     let LightKind::Spot { inner, outer } = lamp.light.kind else { panic!("{:?}", lamp.light.kind) };

@@ -148,7 +148,7 @@ fn a_horizontal_angle_is_converted_by_the_aspect_ratio() {
 }
 
 #[test]
-fn an_orthographic_view_zooms() {
+fn an_animated_orthographic_zoom_changes_the_height() {
     let asset = zooming(
         "P: \"CameraProjectionType\", \"enum\", \"\", \"\", 1\nP: \"OrthoZoom\", \"double\", \"Number\", \"\", 15\n",
         "OrthoZoom",
@@ -223,7 +223,7 @@ fn color_intensity_and_cone_of_a_light() {
 
 /// A second layer adds to the first: sampled, and the same lines.
 #[test]
-fn layers_are_mixed() {
+fn animation_layers_are_blended() {
     let asset = lamp(|objects, links| {
         *objects += "AnimationLayer: 502, \"AnimLayer::more\", \"\" {\nProperties70: {\nP: \"Weight\", \"Number\", \"\", \"A\", 50\n}\n}\n";
         *links += "C: \"OO\",502,500\n";

@@ -70,7 +70,7 @@ const FILES: &[(&str, Counts, &[Duration])] = &[
 ];
 
 #[test]
-fn counts_and_clips() {
+fn element_counts_and_clip_durations_equal_the_published_ones() {
     let Some(folder) = common::assets(FILES.len()) else { return };
     for (name, expected, clips) in FILES {
         let asset = common::import_path(&folder.join(name)).unwrap_or_else(|e| panic!("{e}"));
@@ -130,7 +130,7 @@ fn check_consistency(name: &str, asset: &Asset) {
 }
 
 #[test]
-fn cameras_and_lights() {
+fn sample_cameras_and_lights_have_known_values() {
     let Some(folder) = common::assets(4) else { return };
     let import = |n: &str| common::import_path(&folder.join("gltf").join(n)).unwrap();
     let cameras = import("Cameras.gltf").cameras;
@@ -146,7 +146,7 @@ fn cameras_and_lights() {
 }
 
 #[test]
-fn materials() {
+fn sample_materials_have_known_values() {
     let Some(folder) = common::assets(5) else { return };
     let import = |n: &str| common::import_path(&folder.join("gltf").join(n)).unwrap();
     assert!(import("UnlitTest.glb").materials.iter().all(|m| m.shading == Shading::Unlit));

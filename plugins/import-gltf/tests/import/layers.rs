@@ -20,7 +20,7 @@ fn material(extensions: Value) -> Material {
 }
 
 #[test]
-fn factors() {
+fn material_layer_factors_are_imported() {
     let m = material(json!({
         "KHR_materials_clearcoat": {"clearcoatFactor": 0.75, "clearcoatRoughnessFactor": 0.25},
         "KHR_materials_sheen": {"sheenColorFactor": [0.5, 0.25, 2.0], "sheenRoughnessFactor": 0.5},
@@ -106,7 +106,7 @@ fn brushed_metal_has_tangents_without_a_normal_map() {
 }
 
 #[test]
-fn index_of_refraction() {
+fn the_index_of_refraction_is_imported() {
     for (ior, f0) in [(1.5, 0.04), (1.0, 0.0), (1.33, 0.020_059), (2.42, 0.172_395), (0.0, 1.0)] {
         let m = material(json!({"KHR_materials_ior": {"ior": ior}}));
         let got = f64::from(m.specular_color.x) * 0.04;
@@ -156,7 +156,7 @@ fn unsupported_glass_parameters_are_warnings() {
 }
 
 #[test]
-fn variants() {
+fn the_variant_option_selects_materials() {
     let (mut json, bin) = sample();
     json["extensions"] =
         json!({"KHR_materials_variants": {"variants": [{"name": "plain"}, {"name": "festive"}]}});

@@ -32,7 +32,7 @@ fn with_fractions(value: &Value) -> Value {
 
 /// glTF 2.0 §5.25.1: `nodes` of a scene may be left out.
 #[test]
-fn a_scene_without_nodes() {
+fn a_scene_without_nodes_is_read() {
     let (mut json, bin) = sample();
     json["scenes"] = json!([{"name": "Scene"}]);
     let asset = import(&json, &bin).unwrap();
@@ -236,7 +236,7 @@ fn a_clip_without_a_mesh_gets_visible_bones() {
 
 /// glTF 2.0 §3.11: a clip begins at 0 s, however late its first key is, and holds that key until then.
 #[test]
-fn clips_begin_at_zero() {
+fn clips_begin_at_time_zero() {
     let (json, mut bin) = sample();
     for (key, secs) in [2.0f32, 2.5, 3.0].into_iter().enumerate() {
         bin[TIMES + 4 * key..][..4].copy_from_slice(&secs.to_le_bytes());

@@ -18,7 +18,7 @@ fn bowl(x: f64, z: f64) -> (f64, DVec3) {
 }
 
 #[test]
-fn vertices_and_indices() {
+fn compressed_vertices_and_indices_are_decoded() {
     let asset = common::import_bytes("packed.glb", sample()).unwrap();
     assert_eq!(asset.warnings, []);
     let [surface, rim] = &asset.meshes[0].primitives[..] else { panic!("two primitives") };
@@ -49,7 +49,7 @@ fn vertices_and_indices() {
 }
 
 #[test]
-fn keys() {
+fn compressed_keys_are_decoded() {
     let asset = common::import_bytes("packed.glb", sample()).unwrap();
     let curve = &asset.clips[0].curves()[0];
     assert_eq!(curve.times.to_vec(), [0.0, 0.5, 1.0, 1.5, 2.0].map(Time::from_secs));

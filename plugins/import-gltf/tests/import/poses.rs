@@ -186,7 +186,7 @@ fn open(folder: &Path, name: &str) -> (Asset, Oracle) {
 }
 
 #[test]
-fn every_animated_file() {
+fn poses_of_every_animated_file_equal_the_reference() {
     let Some(folder) = common::assets(ANIMATED.len()) else { return };
     println!("file | size m | worst joint, mm | relative | clip, s, joint | worst vertex, relative | weight");
     for name in ANIMATED {

@@ -8,7 +8,7 @@ use import_obj::ObjImporter;
 /// assimp joins fewer equal face vertices than we do and loses 28 faces of the spider (which has 1368, as its STL): its counts are
 /// only printed, its extents are compared.
 #[test]
-fn counts_and_extents() {
+fn counts_and_extents_equal_those_of_assimp() {
     // File, nodes, primitives, vertices, triangles, images.
     let files = [
         ("obj/box.obj", [1, 1, 24, 12, 0]),

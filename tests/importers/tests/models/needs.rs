@@ -5,7 +5,7 @@ use choreo_importer_kit_testing::assets;
 use choreo_plugin::ImportScope;
 use importers::{SAMPLES, import, import_whole, samples};
 
-fn pictures(asset: &Asset) -> Vec<(String, u32, u32)> {
+fn image_names_and_sizes(asset: &Asset) -> Vec<(String, u32, u32)> {
     asset.images.iter().map(|i| (i.name.clone(), i.width, i.height)).collect()
 }
 
@@ -17,7 +17,12 @@ fn images_without_pixels_have_the_same_names_and_sizes() {
     for name in samples(&folder) {
         let path = folder.join(&name);
         let asset = import(&path, ImportScope::NO_PIXELS).unwrap_or_else(|e| panic!("{e}"));
-        assert_eq!(pictures(&asset), pictures(&import_whole(&path)), "{}", name.display());
+        assert_eq!(
+            image_names_and_sizes(&asset),
+            image_names_and_sizes(&import_whole(&path)),
+            "{}",
+            name.display()
+        );
         assert!(asset.images.iter().all(|i| i.rgba.is_empty()), "{}", name.display());
         told += asset.images.len();
     }
