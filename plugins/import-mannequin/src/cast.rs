@@ -106,7 +106,7 @@ pub struct Lens {
 }
 
 /// The pane with its rounded rim, closed by a ring below the field's surface.
-pub fn press(field: &dyn Fn(Vec3) -> f32, lens: &Lens) -> Surface {
+pub fn lens_surface(field: &dyn Fn(Vec3) -> f32, lens: &Lens) -> Surface {
     /// (share of the outline, share of the rise): the rim bends down over the outermost tenth.
     const RINGS: [(f32, f32); 7] =
         [(0.35, 1.0), (0.65, 1.0), (0.86, 1.0), (0.94, 0.92), (0.985, 0.62), (1.0, 0.0), (1.0, -1.5)];

@@ -75,13 +75,13 @@ impl<'a> Materials<'a> {
                 base_color: Vec4::new(0.18, 0.18, 0.18, 1.0),
                 metallic: 0.0,
                 roughness: 0.5,
-                ..named(prim)
+                ..named_material(prim)
             };
             self.list.push(gray);
             return MaterialInfo { index: Some(self.list.len() as u32 - 1), ..MaterialInfo::default() };
         };
         let mut known = MaterialInfo { uvs: ["st".into(), String::new()], ..MaterialInfo::default() };
-        let mut out = Material { metallic: 0.0, ..named(prim) };
+        let mut out = Material { metallic: 0.0, ..named_material(prim) };
         self.colors(shader, (path, &mut known), &mut out);
         self.reflection(shader, (path, &mut known), &mut out);
         replace_non_finite(&mut out);

@@ -67,7 +67,7 @@ fn import_once(path: &Path, tolerance: Option<f64>) {
 }
 
 /// Times of this process: milliseconds of the first import, and of the fastest of a hundred more, which find code and memory warm.
-fn again(path: &Path) {
+fn import_repeatedly(path: &Path) {
     let run = || {
         let before = thread_ms();
         let asset = import_with(path, ImportScope { textures: false, ..ImportScope::ALL }, &[]);
@@ -155,7 +155,7 @@ fn main() {
     if let [flag, path] = args.as_slice()
         && flag == "--again"
     {
-        return again(Path::new(path));
+        return import_repeatedly(Path::new(path));
     }
     let filter = args.iter().find(|a| !a.starts_with('-')).cloned().unwrap_or_default();
     let Some(folder) = choreo_importer_kit_testing::assets(SAMPLES) else { return };

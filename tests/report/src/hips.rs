@@ -23,7 +23,7 @@ const FOOT: f32 = 0.6;
 const SMOOTH: &str = "smoothing spline over the clip, 120 Hz (default)";
 
 /// The mannequin with other shins and feet; its hips are lowered accordingly.
-fn other_body(source: &Skeleton) -> Result<Skeleton, String> {
+fn target_skeleton(source: &Skeleton) -> Result<Skeleton, String> {
     let human = HumanoidJoints::of(source);
     let joint = |name: &str| human.joint(name).ok_or(format!("the mannequin has no {name}"));
     let mut locals: Vec<Transform> = source.rest().to_vec();
@@ -155,7 +155,7 @@ fn add_errors(
 pub fn choice() -> Result<Choice, String> {
     let asset = scenes::mannequin()?;
     let source = &*asset.skeleton;
-    let body = other_body(source)?;
+    let body = target_skeleton(source)?;
     let feet = [Feet::of(source)?, Feet::of(&body)?];
     let feet = feet.each_ref();
     let retarget =

@@ -65,7 +65,7 @@ pub fn section() -> Result<Section, String> {
             }
         }
     }
-    let drive = still();
+    let drive = drive_at_rest();
     let bone = SpringBone::new(2.0, 0.2);
     let mut cases: Vec<Case> = METHODS
         .iter()
@@ -125,7 +125,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-fn still() -> Drive {
+fn drive_at_rest() -> Drive {
     let zero = DVec3::ZERO;
     Drive {
         head: zero,
@@ -191,7 +191,7 @@ fn frame(method: Method, steps: u32, bone: &SpringBone, state: &mut BoneState, d
 
 /// Worst error of a free swing in radians, and its time in seconds.
 fn free_swing(method: Method, steps: u32, frequency: f64, ratio: f64, rate: u32) -> (f64, f64) {
-    let (bone, drive) = (SpringBone::new(frequency, ratio), still());
+    let (bone, drive) = (SpringBone::new(frequency, ratio), drive_at_rest());
     let mut state = at(START, &drive);
     let mut worst = (0.0, 0.0);
     for i in 1..=(LENGTH * f64::from(rate)) as u32 {
@@ -231,10 +231,10 @@ fn moving() -> Table {
             * DVec3::NEG_Y
     };
     let run = |method: Method, steps: u32, bone: &SpringBone, rate: u32, every: u32| {
-        let mut state = at(0.0, &Drive { target: target(0.0), ..still() });
+        let mut state = at(0.0, &Drive { target: target(0.0), ..drive_at_rest() });
         let mut seen = Vec::new();
         for i in 1..=rate * 2 {
-            let drive = Drive { target: target(f64::from(i) / f64::from(rate)), ..still() };
+            let drive = Drive { target: target(f64::from(i) / f64::from(rate)), ..drive_at_rest() };
             frame(method, steps, bone, &mut state, &drive, 1.0 / f64::from(rate));
             if i.is_multiple_of(every) {
                 seen.push(state.direction);

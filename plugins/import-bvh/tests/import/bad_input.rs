@@ -71,7 +71,7 @@ fn errors_name_the_line() {
 }
 
 #[test]
-fn what_is_left_or_guessed_is_said() {
+fn guessed_and_ignored_content_is_a_warning() {
     let said = |from: &str, to: &str| {
         assert!(ARM.contains(from), "{from}");
         let asset = import_bytes(&BvhImporter, "odd.bvh", ARM.replacen(from, to, 1)).unwrap();

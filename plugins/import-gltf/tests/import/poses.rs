@@ -180,7 +180,7 @@ fn compare(asset: &Asset, oracle: &Oracle, grid: usize) -> Comparison {
     out
 }
 
-fn open(folder: &Path, name: &str) -> (Asset, Oracle) {
+fn import_with_oracle(folder: &Path, name: &str) -> (Asset, Oracle) {
     let path = folder.join(name);
     (common::import_path_without_bones(&path).unwrap_or_else(|e| panic!("{e}")), Oracle::open(&path))
 }
@@ -190,7 +190,7 @@ fn poses_of_every_animated_file_equal_the_reference() {
     let Some(folder) = common::assets(ANIMATED.len()) else { return };
     println!("file | size m | worst joint, mm | relative | clip, s, joint | worst vertex, relative | weight");
     for name in ANIMATED {
-        let (asset, oracle) = open(&folder, name);
+        let (asset, oracle) = import_with_oracle(&folder, name);
         let c = compare(&asset, &oracle, 60);
         println!(
             "{name} | {:.3} | {:.2e} | {:.1e} | {}, {:.3}, {} | {:.1e} {} | {:.1e}",
@@ -215,7 +215,7 @@ fn poses_of_every_animated_file_equal_the_reference() {
 fn names_and_parents() {
     let Some(folder) = common::assets(ANIMATED.len()) else { return };
     for name in ANIMATED {
-        let (asset, oracle) = open(&folder, name);
+        let (asset, oracle) = import_with_oracle(&folder, name);
         for (joint, node) in oracle.order.iter().enumerate() {
             let named = oracle.json["nodes"][*node]["name"].as_str();
             let expected = named.map_or(format!("node {node}"), str::to_string);
@@ -230,7 +230,7 @@ fn names_and_parents() {
 #[test]
 fn the_comparison_detects_planted_faults() {
     let Some(folder) = common::assets(3) else { return };
-    let (asset, mut oracle) = open(&folder, "gltf/Fox.glb");
+    let (asset, mut oracle) = import_with_oracle(&folder, "gltf/Fox.glb");
     let node = *oracle.order.iter().find(|n| oracle.json["nodes"][**n]["name"] == "b_Head_05").unwrap();
     let by = size(&oracle) * 1e-3;
     for fault in [Fault::Sign { node }, Fault::Offset { node, by }, Fault::Late { secs: 1e-3 }] {

@@ -57,7 +57,7 @@ fn errors_name_the_element() {
 }
 
 #[test]
-fn what_is_left_or_guessed_is_said() {
+fn guessed_and_ignored_content_is_a_warning() {
     assert_eq!(
         warnings_after_edit(Version::V1, |j| j["extensions"]["VRMC_springBone"]["springs"][0]["joints"][0]
             ["dragForce"] = json!(1.5)),

@@ -16,7 +16,7 @@ fn bones_only(asset: &Asset) -> bool {
     asset.meshes.len() == 1 && asset.meshes[0].name == "bones"
 }
 
-fn ours(asset: &Asset) -> Facts {
+fn choreo_facts(asset: &Asset) -> Facts {
     let all = || asset.meshes.iter().flat_map(|m| &m.primitives);
     let triangles = all().filter(|p| p.topology == Topology::Triangles).map(|p| p.indices.len() / 3);
     let points = all().flat_map(|p| &p.positions).map(|p| (*p + 0.0).to_array().map(f32::to_bits));
@@ -46,7 +46,7 @@ fn used_joints<'a>(asset: &'a Asset, skin: &'a choreo_asset::Skin) -> impl Itera
     skin.joints.iter().filter(move |j| !carrier(j)).copied()
 }
 
-fn theirs(scene: &Scene) -> Facts {
+fn assimp_facts(scene: &Scene) -> Facts {
     facts([
         scene.triangles.to_string(),
         scene.points.to_string(),
@@ -143,12 +143,12 @@ fn differences_are_those_of_the_table() {
             println!("SKIP {SAMPLES}: assimp is not installed");
             return;
         };
-        let mine = ours(&import_whole(&path));
+        let mine = choreo_facts(&import_whole(&path));
         let Ok(scene) = scene else {
             found.insert([shown, "all".into(), "read".into(), "refused".into()]);
             continue;
         };
-        found.extend(differences(&shown, &mine, &theirs(&scene)));
+        found.extend(differences(&shown, &mine, &assimp_facts(&scene)));
         compared += mine.len();
         // A planted fault: another number is seen everywhere.
         let mut wrong = mine.clone();
