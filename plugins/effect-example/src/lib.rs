@@ -27,7 +27,7 @@ mod tests {
     }
 
     #[test]
-    fn no_amount_changes_nothing_and_grey_stays_as_bright() {
+    fn zero_amount_changes_nothing_and_gray_keeps_its_brightness() {
         let color = Vec4::new(0.1, 0.2, 0.3, 0.5);
         assert_eq!(color_of(color, 0.0, 0.0), color);
         let white = color_of(Vec4::ONE, 1.0, 0.0);

@@ -45,7 +45,7 @@ fn encode(frames: &[Frame], plays: Option<f64>) -> Vec<u8> {
 }
 
 #[test]
-fn a_decoder_shows_the_frames() {
+fn decoded_frames_equal_the_source() {
     let frames: Vec<Frame> = (0..5).map(scene).collect();
     let bytes = encode(&frames, None);
     let decoder = PngDecoder::new(Cursor::new(&bytes)).unwrap();
@@ -66,7 +66,7 @@ fn a_decoder_shows_the_frames() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused() {
+fn wrong_frame_sizes_and_counts_are_errors() {
     let frames = [scene(0), scene(1)];
     let bytes = encode(&frames, Some(3.0));
     // The chunk acTL: number of frames, number of plays.

@@ -81,7 +81,7 @@ impl Bones {
     }
 
     /// End of a leaf bone relative to its joint: half of the bone's offset, because joints have no length.
-    pub fn end(&self, bone: usize) -> DVec3 {
+    pub fn end_site_offset(&self, bone: usize) -> DVec3 {
         self.offsets[bone] * 0.5
     }
 

@@ -22,7 +22,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
 });
 
 /// Distance in metres from its rest offset at which a joint gets position channels.
-const RIGID: f64 = 1e-5;
+const MOVEMENT_TOLERANCE: f64 = 1e-5;
 
 /// Writes BVH. Contents and limits: README.md.
 #[derive(Clone, Copy, Debug, Default)]
@@ -34,7 +34,7 @@ impl SceneExporter for BvhExporter {
     }
 
     fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
-        let actor = chosen(&scene.stage, scene.options.text("actor").unwrap_or_default())?;
+        let actor = find_actor(&scene.stage, scene.options.text("actor").unwrap_or_default())?;
         let units = scene.options.number("units").unwrap_or(100.0);
         let frame_time = frame_time(scene)?;
         let mut evaluator = scene.evaluator();
@@ -43,7 +43,7 @@ impl SceneExporter for BvhExporter {
         // The scene is evaluated twice, first to find the channels, so that memory does not grow with the length.
         for time in &scene.times {
             let pose = bones.pose(&evaluator.at(*time)?.actors[actor]);
-            bones.find_moving(&pose, RIGID);
+            bones.find_moving(&pose, MOVEMENT_TOLERANCE);
         }
 
         let out = files.main();
@@ -63,7 +63,7 @@ impl SceneExporter for BvhExporter {
 }
 
 /// Index of the actor to export, by name or as the only one with joints.
-fn chosen(stage: &Stage, name: &str) -> Result<usize, ExportError> {
+fn find_actor(stage: &Stage, name: &str) -> Result<usize, ExportError> {
     let names: Vec<&str> = stage.actors.iter().map(|actor| actor.name.as_str()).collect();
     if !name.is_empty() {
         return names.iter().position(|known| *known == name).ok_or_else(|| {
@@ -106,7 +106,7 @@ fn hierarchy(bones: &Bones, units: f64) -> String {
     let mut text = String::from("HIERARCHY\n");
     let mut last_depth = 0;
     for (bone, depth) in bones.depth_first() {
-        close(last_depth, depth, &mut text);
+        close_joints(last_depth, depth, &mut text);
         last_depth = depth + 1;
         let indent = "\t".repeat(depth);
         let word = if depth == 0 { "ROOT" } else { "JOINT" };
@@ -119,17 +119,17 @@ fn hierarchy(bones: &Bones, units: f64) -> String {
         };
         let _ = writeln!(text, "{indent}\tCHANNELS {channels}");
         if bones.is_leaf(bone) {
-            let [x, y, z] = (bones.end(bone) * units).to_array();
+            let [x, y, z] = (bones.end_site_offset(bone) * units).to_array();
             let _ = writeln!(text, "{indent}\tEnd Site\n{indent}\t{{");
             let _ = writeln!(text, "{indent}\t\tOFFSET {x:.6} {y:.6} {z:.6}\n{indent}\t}}");
         }
     }
-    close(last_depth, 0, &mut text);
+    close_joints(last_depth, 0, &mut text);
     text
 }
 
 /// Closes the braces of open bones down to a depth.
-fn close(open: usize, down_to: usize, text: &mut String) {
+fn close_joints(open: usize, down_to: usize, text: &mut String) {
     for depth in (down_to..open).rev() {
         let _ = writeln!(text, "{}}}", "\t".repeat(depth));
     }
@@ -149,7 +149,7 @@ fn frame(
             let _ = write!(line, "{x:.6} {y:.6} {z:.6} ");
         }
         let last = angles[bone];
-        angles[bone] = zxy(bones.local_rotation(pose, bone), last);
+        angles[bone] = zxy_angles_near(bones.local_rotation(pose, bone), last);
         let [z, x, y] = angles[bone].map(f64::to_degrees);
         let _ = write!(line, "{z:.6} {x:.6} {y:.6} ");
     }
@@ -158,7 +158,7 @@ fn frame(
 }
 
 /// Euler angles of Z · X · Y in radians. Of the two solutions and their full turns, those nearest to the last frame's.
-fn zxy(rotation: DQuat, last: [f64; 3]) -> [f64; 3] {
+fn zxy_angles_near(rotation: DQuat, last: [f64; 3]) -> [f64; 3] {
     let (z, x, y) = rotation.to_euler(EulerRot::ZXY);
     let near = |angles: [f64; 3]| {
         let mut turned = angles;

@@ -78,7 +78,7 @@ fn exported(scene: &ExportedScene) -> String {
 }
 
 /// Worst distance in metres of a joint of the file from that of the same name on stage, at any frame.
-fn worst(text: &str, scene: &ExportedScene) -> f64 {
+fn worst_joint_distance(text: &str, scene: &ExportedScene) -> f64 {
     let given = options(&BvhImporter, &[("scale", OptionValue::Number(0.01))]);
     let file = source("a.bvh", text.as_bytes());
     let asset = BvhImporter.import(&file, &Companions::none(), ImportScope::ALL, &given).unwrap();
@@ -99,23 +99,23 @@ fn worst(text: &str, scene: &ExportedScene) -> f64 {
 }
 
 #[test]
-fn joints_are_where_the_stage_has_them() {
+fn exported_joints_are_where_the_stage_has_them() {
     for roots in [1, 3] {
         let scene = ExportedScene::new("a.rhai", Arc::new(stage(roots)));
         let text = exported(&scene);
-        let error = worst(&text, &scene);
+        let error = worst_joint_distance(&text, &scene);
         println!("{roots} roots: {error:.1e} m");
         assert!(error < 3e-6, "{roots} roots: {error}");
         // A fault is seen: the last number of a frame in the middle is the finger's angle about y, the one before the last about x.
         let mut lines: Vec<String> = text.lines().map(str::to_string).collect();
         let middle = lines.len() - 20;
         lines[middle] = lines[middle - 1].clone();
-        assert!(worst(&(lines.join("\n") + "\n"), &scene) > 1e-3);
+        assert!(worst_joint_distance(&(lines.join("\n") + "\n"), &scene) > 1e-3);
     }
 }
 
 #[test]
-fn angles_are_continuous_and_only_what_moves_has_positions() {
+fn angles_are_continuous_and_only_moving_joints_have_positions() {
     let scene = ExportedScene::new("a.rhai", Arc::new(stage(1)));
     let text = exported(&scene);
     // The root and the hand.

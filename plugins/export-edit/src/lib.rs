@@ -63,7 +63,7 @@ impl SceneExporter for EditExporter {
 /// # Errors
 /// Only some frames are exported.
 fn check_all_frames(scene: &ExportedScene) -> Result<(), ExportError> {
-    match scene.times.len() as i64 == shots::total(scene) {
+    match scene.times.len() as i64 == shots::frame_count(scene) {
         true => Ok(()),
         false => Err(ExportError::Format("an edit holds the whole scene; remove --frames".into())),
     }

@@ -1,6 +1,6 @@
 //! OpenTimelineIO, schemas `Timeline.1`, `Track.1`, `Clip.2`, `Transition.1`. Times are whole frames at the scene's rate.
 
-use crate::shots::{Shot, shots, total};
+use crate::shots::{Shot, frame_count, shots};
 use crate::srt::{Title, titles};
 use choreo_plugin::ExportedScene;
 use choreo_plugin::motion::Time;
@@ -23,21 +23,21 @@ impl Objects {
     }
 
     fn track(&self, name: &str, kind: &str, children: Vec<Value>) -> Value {
-        let mut track = item("Track.1", name);
+        let mut track = schema_item("Track.1", name);
         track["kind"] = kind.into();
         track["children"] = children.into();
         track
     }
 
     fn gap(&self, frames: i64) -> Value {
-        let mut gap = item("Gap.1", "");
+        let mut gap = schema_item("Gap.1", "");
         gap["source_range"] = self.range(0.0, frames as f64);
         gap
     }
 
     /// A clip of `length` frames of a medium, beginning at frame `from`.
     fn clip(&self, name: &str, from: f64, length: f64, media: Value) -> Value {
-        let mut clip = item("Clip.2", name);
+        let mut clip = schema_item("Clip.2", name);
         clip["source_range"] = self.range(from, length);
         clip["media_references"] = json!({ "DEFAULT_MEDIA": media });
         clip["active_media_reference_key"] = "DEFAULT_MEDIA".into();
@@ -55,7 +55,7 @@ impl Objects {
 }
 
 /// An item with the members that all items have.
-fn item(schema: &str, name: &str) -> Value {
+fn schema_item(schema: &str, name: &str) -> Value {
     json!({
         "OTIO_SCHEMA": schema, "name": name, "metadata": {}, "source_range": null,
         "effects": [], "markers": [], "enabled": true,
@@ -63,7 +63,7 @@ fn item(schema: &str, name: &str) -> Value {
 }
 
 /// A media reference without a file.
-fn missing(name: &str) -> Value {
+fn missing_media(name: &str) -> Value {
     json!({ "OTIO_SCHEMA": "MissingReference.1", "name": name, "metadata": {}, "available_range": null })
 }
 
@@ -71,9 +71,9 @@ fn missing(name: &str) -> Value {
 pub fn timeline(scene: &ExportedScene, media: &str) -> Value {
     let make = Objects { rate: scene.fps.as_fps() };
     let mut tracks = vec![shots_track(&make, scene, media)];
-    for (index, lane) in lanes(titles(scene)).iter().enumerate() {
+    for (index, lane) in non_overlapping_lanes(titles(scene)).iter().enumerate() {
         let name = if index == 0 { "titles".to_string() } else { format!("titles {}", index + 1) };
-        tracks.push(make.track(&name, "Titles", titles_of(&make, scene, lane)));
+        tracks.push(make.track(&name, "Titles", title_clips(&make, scene, lane)));
     }
     for actor in &scene.stage.actors {
         for (index, layer) in actor.layers.iter().enumerate().filter(|(_, layer)| !layer.cues.is_empty()) {
@@ -81,10 +81,10 @@ pub fn timeline(scene: &ExportedScene, media: &str) -> Value {
                 0 => actor.name.clone(),
                 _ => format!("{}, layer {index}", actor.name),
             };
-            tracks.push(make.track(&name, "Animation", cues_of(&make, scene, (actor, layer))));
+            tracks.push(make.track(&name, "Animation", cue_clips(&make, scene, (actor, layer))));
         }
     }
-    let mut stack = item("Stack.1", "tracks");
+    let mut stack = schema_item("Stack.1", "tracks");
     stack["children"] = tracks.into();
     stack["markers"] = markers(&make, scene).into();
     let provenance: serde_json::Map<String, Value> =
@@ -100,7 +100,7 @@ pub fn timeline(scene: &ExportedScene, media: &str) -> Value {
 fn shots_track(make: &Objects, scene: &ExportedScene, media: &str) -> Value {
     let video = json!({
         "OTIO_SCHEMA": "ExternalReference.1", "name": media, "metadata": {}, "target_url": media,
-        "available_range": make.range(0.0, total(scene) as f64),
+        "available_range": make.range(0.0, frame_count(scene) as f64),
     });
     let mut children = Vec::new();
     for Shot { camera, frames: (from, to), dissolve } in shots(scene) {
@@ -126,7 +126,7 @@ fn markers(make: &Objects, scene: &ExportedScene) -> Vec<Value> {
 }
 
 /// Distributes titles over rows so that none overlap in a row.
-fn lanes(titles: Vec<Title<'_>>) -> Vec<Vec<Title<'_>>> {
+fn non_overlapping_lanes(titles: Vec<Title<'_>>) -> Vec<Vec<Title<'_>>> {
     let mut lanes: Vec<Vec<Title<'_>>> = Vec::new();
     for title in titles {
         let free = |lane: &&mut Vec<Title<'_>>| lane.last().is_none_or(|last| last.until <= title.from);
@@ -138,7 +138,7 @@ fn lanes(titles: Vec<Title<'_>>) -> Vec<Vec<Title<'_>>> {
     lanes
 }
 
-fn titles_of(make: &Objects, scene: &ExportedScene, titles: &[Title<'_>]) -> Vec<Value> {
+fn title_clips(make: &Objects, scene: &ExportedScene, titles: &[Title<'_>]) -> Vec<Value> {
     let (mut children, mut end) = (Vec::new(), 0);
     for title in titles {
         let [from, to] = [title.from, title.until].map(|time| scene.fps.frames_in(time));
@@ -160,16 +160,16 @@ fn titles_of(make: &Objects, scene: &ExportedScene, titles: &[Title<'_>]) -> Vec
 }
 
 /// The cues of a layer. A cue lasts until it ends or the next one begins; the next one's fade becomes a dissolve.
-fn cues_of(make: &Objects, scene: &ExportedScene, (actor, layer): (&Actor, &Layer)) -> Vec<Value> {
+fn cue_clips(make: &Objects, scene: &ExportedScene, (actor, layer): (&Actor, &Layer)) -> Vec<Value> {
     let (mut children, mut end) = (Vec::new(), 0);
     for (index, cue) in layer.cues.iter().enumerate() {
         let next = layer.cues.get(index + 1).map_or(scene.stage.settings.length, |next| next.start);
         let from = scene.fps.frames_in(cue.start).max(end);
         let to = scene.fps.frames_in(cue.end.unwrap_or(next).min(next));
-        if from >= to.min(total(scene)) {
+        if from >= to.min(frame_count(scene)) {
             continue;
         }
-        let to = to.min(total(scene));
+        let to = to.min(frame_count(scene));
         let fade = scene.fps.frames_in(cue.fade_in).min(to - from);
         if from > end {
             children.push(make.gap(from - end));
@@ -184,7 +184,8 @@ fn cues_of(make: &Objects, scene: &ExportedScene, (actor, layer): (&Actor, &Laye
 
 fn cue_clip(make: &Objects, (from, to): (i64, i64), cue: &Cue, asset: &str) -> Value {
     let first = if cue.speed < 0.0 { cue.trim.1 } else { cue.trim.0 };
-    let mut clip = make.clip(&cue.clip.name, first.as_secs() * make.rate, (to - from) as f64, missing(asset));
+    let mut clip =
+        make.clip(&cue.clip.name, first.as_secs() * make.rate, (to - from) as f64, missing_media(asset));
     if cue.speed != 1.0 {
         clip["effects"] = json!([{
             "OTIO_SCHEMA": "LinearTimeWarp.1", "name": "", "metadata": {}, "effect_name": "LinearTimeWarp",

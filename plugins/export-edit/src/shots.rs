@@ -14,14 +14,14 @@ pub struct Shot {
 }
 
 /// Number of frames of the scene.
-pub fn total(scene: &ExportedScene) -> i64 {
+pub fn frame_count(scene: &ExportedScene) -> i64 {
     scene.fps.frames_in(scene.stage.settings.length).max(1)
 }
 
 /// The shots of the scene in order. A shot begins at the first frame at or after its cut. Cuts to the camera that is already on, and
 /// cuts that no frame shows, are left out.
 pub fn shots(scene: &ExportedScene) -> Vec<Shot> {
-    let (stage, total) = (&scene.stage, total(scene));
+    let (stage, total) = (&scene.stage, frame_count(scene));
     let name = |camera: usize| stage.cameras.get(camera).map_or("camera", |camera| &camera.name).to_string();
     let mut shots = vec![Shot { camera: name(0), frames: (0, total), dissolve: 0 }];
     for cut in &stage.cuts {

@@ -7,8 +7,8 @@ use std::io::Write;
 
 /// Position of subtitles, as fractions of the frame: the lower third, and the middle half of the width. Speakers' names and
 /// credits stand at the sides, titles higher.
-const TOP: f64 = 2.0 / 3.0;
-const SIDE: f64 = 0.25;
+const LOWER_THIRD_TOP: f64 = 2.0 / 3.0;
+const SIDE_MARGIN: f64 = 0.25;
 
 /// A text, and when it is shown.
 pub struct Title<'a> {
@@ -30,7 +30,8 @@ pub fn titles(scene: &ExportedScene) -> Vec<Title<'_>> {
         };
         if from < until && !words.trim().is_empty() {
             let stays = (from, until) == (Time::ZERO, length);
-            let place = layer.at.y >= TOP && (SIDE..=1.0 - SIDE).contains(&layer.at.x);
+            let place =
+                layer.at.y >= LOWER_THIRD_TOP && (SIDE_MARGIN..=1.0 - SIDE_MARGIN).contains(&layer.at.x);
             titles.push(Title { words, from, until, is_subtitle: place && !stays && !layer.under });
         }
     }
@@ -39,7 +40,7 @@ pub fn titles(scene: &ExportedScene) -> Vec<Title<'_>> {
 }
 
 /// A time as `00:01:02,500`, rounded to milliseconds.
-fn stamp(time: Time) -> String {
+fn srt_time(time: Time) -> String {
     let millis = (time.as_secs() * 1000.0).round() as i64;
     let secs = millis / 1000;
     format!("{:02}:{:02}:{:02},{:03}", secs / 3600, secs / 60 % 60, secs % 60, millis % 1000)
@@ -52,7 +53,7 @@ pub fn write(scene: &ExportedScene, all: bool, out: &mut dyn Write) -> std::io::
     for (index, title) in subtitles.iter().enumerate() {
         // Empty lines are dropped, because one would end the subtitle.
         let lines: Vec<&str> = title.words.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
-        writeln!(out, "{}\n{} --> {}", index + 1, stamp(title.from), stamp(title.until))?;
+        writeln!(out, "{}\n{} --> {}", index + 1, srt_time(title.from), srt_time(title.until))?;
         writeln!(out, "{}\n", lines.join("\n"))?;
     }
     Ok(others.len())

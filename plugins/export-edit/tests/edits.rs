@@ -93,7 +93,7 @@ fn subtitles_are_the_titles_by_start() {
 
 /// A text that a viewer does not read as a subtitle is left out, counted, and written where all texts are asked for.
 #[test]
-fn decorations_are_no_subtitles() {
+fn decorative_titles_are_not_subtitles() {
     let mut scene = scene(FPS);
     let others = [
         Layer2d { at: DVec2::new(0.5, 0.2), ..title("THE TITLE", 0.5, Some(2.0)) },
@@ -165,7 +165,7 @@ fn a_timeline_has_shots_titles_cues_and_markers_in_frames() {
 }
 
 #[test]
-fn rates_of_television_and_parts_of_a_scene() {
+fn ntsc_rates_are_kept_and_a_partial_scene_is_an_error() {
     let mut scene = scene(FrameRate { num: 30_000, den: 1001 });
     let timeline: Value = serde_json::from_str(&text("otio", scene.clone())).unwrap();
     let shots = items(&timeline["tracks"]["children"][0]);

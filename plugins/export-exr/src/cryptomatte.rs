@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn hashes_are_those_of_the_published_function() {
+    fn murmur3_hashes_equal_published_values() {
         // Printed by the PyPI package mmh3.
         for (name, hash) in
             [("", 0), ("hello", 0x248b_fa47), ("hello, world", 0x149b_bb7f), ("a", 0x3c25_69b2)]

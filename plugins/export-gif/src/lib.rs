@@ -23,7 +23,7 @@ pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
 });
 
 /// The palette index of pixels that do not change from the frame before.
-const SAME: u8 = 255;
+const UNCHANGED_INDEX: u8 = 255;
 
 pub struct GifExporter;
 
@@ -60,7 +60,7 @@ impl Exporter for GifExporter {
     ) -> Result<Box<dyn FrameSink>, ExportError> {
         let cut = || ExportError::Format("the saved state of the GIF is incomplete".into());
         let state = states.last().and_then(|s| ResumeState::read(s)).ok_or_else(cut)?;
-        let (gate, opener) = Gate::shut(out);
+        let (gate, opener) = Gate::closed(out);
         let mut sink = GifSink::new(info, Box::new(gate))?;
         sink.shown = resume::canvas(so_far, sink.size, state.frames).map_err(ExportError::Format)?;
         // The encoder writes the header again; the file has it already, so the output is still discarded.
@@ -152,7 +152,7 @@ impl FrameSink for GifSink {
                 let color = self.quantizer.palette[usize::from(entry)];
                 let shown = &mut self.shown[y * w + x];
                 if *shown == color && !first {
-                    self.indices.push(SAME);
+                    self.indices.push(UNCHANGED_INDEX);
                     continue;
                 }
                 *shown = color;
@@ -168,12 +168,12 @@ impl FrameSink for GifSink {
         for y in top..bottom {
             part.extend_from_slice(&self.indices[y * w + left..y * w + right]);
         }
-        self.part([left, top, right - left, bottom - top], part, first)
+        self.write_rectangle([left, top, right - left, bottom - top], part, first)
     }
 
     /// Writes an unchanged frame as a single pixel with the right duration.
     fn repeat(&mut self, _: &Frame) -> Result<(), ExportError> {
-        self.part([0, 0, 1, 1], vec![SAME], false)
+        self.write_rectangle([0, 0, 1, 1], vec![UNCHANGED_INDEX], false)
     }
 
     fn finish(self: Box<Self>) -> Result<Vec<u8>, ExportError> {
@@ -225,19 +225,24 @@ impl Output {
 
 impl GifSink {
     /// Writes the pixels of a rectangle, given as left, top, width and height.
-    fn part(&mut self, place: [usize; 4], pixels: Vec<u8>, first: bool) -> Result<(), ExportError> {
+    fn write_rectangle(
+        &mut self,
+        place: [usize; 4],
+        pixels: Vec<u8>,
+        first: bool,
+    ) -> Result<(), ExportError> {
         let [left, top, width, height] = place.map(|pixels| pixels as u16);
         // Frame i is shown from round(100 i / fps) to round(100 (i + 1) / fps) hundredths of a second, so the average rate is
         // exact.
         let delay = self.hundredths(self.frames + 1) - self.hundredths(self.frames);
         self.frames += 1;
-        // The table has all 256 entries, for decoders that check whether `SAME` is one of them.
+        // The table has all 256 entries, for decoders that check whether `UNCHANGED_INDEX` is one of them.
         let mut table = self.quantizer.palette.as_flattened().to_vec();
         table.resize(256 * 3, 0);
         let picture = gif::Frame {
             delay: delay.min(u64::from(u16::MAX)) as u16,
             dispose: gif::DisposalMethod::Keep,
-            transparent: (!first).then_some(SAME),
+            transparent: (!first).then_some(UNCHANGED_INDEX),
             left,
             top,
             width,

@@ -121,7 +121,7 @@ fn median_cut(cells: &mut [Cell], colors: usize) -> Vec<[u8; 3]> {
         error: f64,
         axis: usize,
     }
-    fn measured(cells: &[Cell], start: usize, end: usize) -> Range {
+    fn measure_range(cells: &[Cell], start: usize, end: usize) -> Range {
         const WEIGHTS: [f64; 3] = [2.0, 4.0, 1.0];
         let (mut n, mut sum, mut squares) = (0.0, [0.0; 3], [0.0; 3]);
         for cell in &cells[start..end] {
@@ -137,7 +137,7 @@ fn median_cut(cells: &mut [Cell], colors: usize) -> Vec<[u8; 3]> {
         let axis = (0..3).max_by(|&a, &b| error[a].total_cmp(&error[b])).unwrap_or(0);
         Range { start, end, error: if end - start > 1 { error.iter().sum() } else { 0.0 }, axis }
     }
-    let mut ranges = vec![measured(cells, 0, cells.len())];
+    let mut ranges = vec![measure_range(cells, 0, cells.len())];
     while ranges.len() < colors {
         let Some(worst) = (0..ranges.len()).max_by(|&a, &b| ranges[a].error.total_cmp(&ranges[b].error))
         else {
@@ -163,8 +163,8 @@ fn median_cut(cells: &mut [Cell], colors: usize) -> Vec<[u8; 3]> {
             }
         }
         let middle = start + best.1;
-        ranges[worst] = measured(cells, start, middle);
-        ranges.push(measured(cells, middle, end));
+        ranges[worst] = measure_range(cells, start, middle);
+        ranges.push(measure_range(cells, middle, end));
     }
     let mean = |r: &Range| {
         let (mut n, mut sum) = (0u64, [0u64; 3]);

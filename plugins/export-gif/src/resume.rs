@@ -69,15 +69,15 @@ pub fn canvas(so_far: &mut dyn Read, size: (u16, u16), frames: u64) -> Result<Ve
 /// A writer that discards its input until it is opened.
 pub struct Gate {
     out: Box<dyn Write + Send>,
-    open: Arc<AtomicBool>,
+    is_open: Arc<AtomicBool>,
 }
 
 pub struct Opener(Arc<AtomicBool>);
 
 impl Gate {
-    pub fn shut(out: Box<dyn Write + Send>) -> (Gate, Opener) {
+    pub fn closed(out: Box<dyn Write + Send>) -> (Gate, Opener) {
         let open = Arc::new(AtomicBool::new(false));
-        (Gate { out, open: open.clone() }, Opener(open))
+        (Gate { out, is_open: open.clone() }, Opener(open))
     }
 }
 
@@ -89,7 +89,7 @@ impl Opener {
 
 impl Write for Gate {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        if self.open.load(Ordering::Relaxed) { self.out.write(bytes) } else { Ok(bytes.len()) }
+        if self.is_open.load(Ordering::Relaxed) { self.out.write(bytes) } else { Ok(bytes.len()) }
     }
 
     fn flush(&mut self) -> io::Result<()> {

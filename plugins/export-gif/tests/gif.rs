@@ -68,7 +68,7 @@ fn frames() -> Vec<Frame> {
 }
 
 #[test]
-fn every_frame_looks_like_its_source() {
+fn every_decoded_frame_is_close_to_its_source() {
     let frames = frames();
     let (shown, _) = decode(&encode(&frames, FrameRate { num: 30, den: 1 }));
     assert_eq!(shown.len(), frames.len());
@@ -98,7 +98,7 @@ fn delays_add_up_to_the_frame_rate() {
 }
 
 #[test]
-fn still_pictures_cost_next_to_nothing_and_bytes_repeat() {
+fn unchanged_frames_take_few_bytes_and_encoding_is_deterministic() {
     let still: Vec<Frame> = (0..50).map(|_| scene(0, false)).collect();
     let fps = FrameRate { num: 30, den: 1 };
     let one = encode(&still[..1], fps).len();
@@ -108,7 +108,7 @@ fn still_pictures_cost_next_to_nothing_and_bytes_repeat() {
 }
 
 #[test]
-fn ffmpeg_shows_the_same_pictures() {
+fn ffmpeg_decodes_the_same_images() {
     let frames = frames();
     let bytes = encode(&frames, FrameRate { num: 25, den: 1 });
     let spawned = std::process::Command::new("ffmpeg")
@@ -148,7 +148,7 @@ fn ffmpeg_shows_the_same_pictures() {
 }
 
 #[test]
-fn sizes_and_emptiness_are_refused() {
+fn too_large_sizes_and_zero_frames_are_errors() {
     let mut info = VideoInfo {
         width: 70000,
         height: 4,
@@ -165,7 +165,7 @@ fn sizes_and_emptiness_are_refused() {
 }
 
 #[test]
-fn a_stopped_gif_goes_on_to_the_same_bytes() {
+fn a_resumed_gif_has_the_same_bytes() {
     let frames = frames();
     let mut info = VideoInfo {
         width: W,
@@ -191,7 +191,7 @@ fn a_stopped_gif_goes_on_to_the_same_bytes() {
     assert!(GifExporter.resume(&info, &[vec![1; 17 + 3]], &mut &b""[..], Box::new(Vec::new())).is_err());
 }
 
-/// A repeated frame gives the bytes that the frame itself would give once more.
+/// `repeat` writes the same bytes as a second call of `frame` with the same image.
 #[test]
 fn repeated_frames_give_the_same_bytes() {
     let fps = FrameRate { num: 30, den: 1 };

@@ -63,7 +63,7 @@ impl<'a> Parts<'a> {
         let actor = &stage.actors[index];
         let materials = self.actor_materials(actor, baked, index);
         let still = baked.still_rig(actor, index);
-        let root = self.push(Node { name: actor.name.clone(), ..node_at(&still[0]) });
+        let root = self.push(Node { name: actor.name.clone(), ..node_with_transform(&still[0]) });
         self.at_root(root);
         let mut out = ActorNodes {
             root,
@@ -87,7 +87,8 @@ impl<'a> Parts<'a> {
                 true => root,
                 false => {
                     let at = rig::parts(&widen(place), &Transform::IDENTITY);
-                    let body = self.push(Node { name: format!("{} body", actor.name), ..node_at(&at) });
+                    let body =
+                        self.push(Node { name: format!("{} body", actor.name), ..node_with_transform(&at) });
                     self.document.nodes[root as usize].children.push(body);
                     body
                 }
@@ -146,7 +147,7 @@ impl<'a> Parts<'a> {
         let skeleton = &asset.skeleton;
         let base = self.document.nodes.len() as Index;
         for (name, local) in skeleton.names().iter().zip(&still[1..]) {
-            self.push(Node { name: name.clone(), ..node_at(local) });
+            self.push(Node { name: name.clone(), ..node_with_transform(local) });
         }
         for (joint, parent) in (base..).zip(skeleton.parents()) {
             let parent = parent.map_or(above, |parent| base + parent);
@@ -179,7 +180,7 @@ impl<'a> Parts<'a> {
                 let name = format!("{} {}", actor.name, asset.meshes[instance.mesh as usize].name);
                 // Viewers ignore the transform of a skinned mesh's node; its joints place it (§3.7.3.3).
                 let node = Node { name, mesh: Some(mesh), skin: Some(skin), ..Node::default() };
-                let node = self.push(weighted(node, instance));
+                let node = self.push(with_morph_weights(node, instance));
                 self.at_root(node);
                 out.meshes[number].push(node);
             }
@@ -203,7 +204,8 @@ impl<'a> Parts<'a> {
                 }
             };
             let of = std::mem::take(&mut self.document.nodes[node as usize]);
-            self.document.nodes[node as usize] = weighted(Node { mesh: Some(mesh), ..of }, instance);
+            self.document.nodes[node as usize] =
+                with_morph_weights(Node { mesh: Some(mesh), ..of }, instance);
             out.meshes[number].push(node);
         }
     }
@@ -217,13 +219,13 @@ impl<'a> Parts<'a> {
         materials: &[Option<Index>],
     ) -> Option<Index> {
         let mesh = asset.meshes.get(instance.mesh as usize)?;
-        let used = mesh.primitives.iter().map(|p| of_primitive(materials, p.material)).collect();
+        let used = mesh.primitives.iter().map(|p| primitive_material(materials, p.material)).collect();
         let key = (Arc::as_ptr(asset) as usize, instance.mesh, instance.skin, skinned, used);
         if let Some(known) = self.meshes.get(&key) {
             return *known;
         }
         let skin = instance.skin.and_then(|skin| asset.skins.get(skin as usize));
-        let made = meshes::mesh(&mut self.buffer, mesh, skin, skinned, |m| of_primitive(materials, m));
+        let made = meshes::mesh(&mut self.buffer, mesh, skin, skinned, |m| primitive_material(materials, m));
         let index = made.map(|mesh| {
             self.document.meshes.push(mesh);
             self.document.meshes.len() as Index - 1
@@ -313,17 +315,17 @@ fn uvs_of(asset: &Asset, material: u32) -> [bool; 2] {
     [0, 1].map(|set| with_it().all(|p| p.uvs[set].len() == p.positions.len()))
 }
 
-fn of_primitive(materials: &[Option<Index>], material: Option<u32>) -> Option<Index> {
+fn primitive_material(materials: &[Option<Index>], material: Option<u32>) -> Option<Index> {
     let none = materials.len() - 1;
     materials.get(material.map_or(none, |m| m as usize)).copied().flatten()
 }
 
-fn weighted(node: Node, instance: &MeshInstance) -> Node {
+fn with_morph_weights(node: Node, instance: &MeshInstance) -> Node {
     Node { weights: instance.weights.clone(), ..node }
 }
 
 /// A node with a transform; parts at their defaults are left out.
-pub(crate) fn node_at(t: &Transform) -> Node {
+pub(crate) fn node_with_transform(t: &Transform) -> Node {
     Node {
         translation: (t.translation != Vec3::ZERO).then(|| t.translation.to_array()),
         // Rounding can exceed 1, which the schema forbids.

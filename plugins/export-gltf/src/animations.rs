@@ -30,16 +30,17 @@ pub type WrittenSet = Vec<(u32, Path, Sampler)>;
 pub struct Builder {
     animation: Animation,
     /// Index of each sampler by its accessors, so that channels share equal ones.
-    known: BTreeMap<(Index, Index), Index>,
+    sampler_of_accessors: BTreeMap<(Index, Index), Index>,
 }
 
 impl Builder {
     fn channel(&mut self, sampler: Sampler, target: Target) {
         let list = &mut self.animation.samplers;
-        let sampler = *self.known.entry((sampler.input, sampler.output)).or_insert_with(|| {
-            list.push(sampler);
-            list.len() as Index - 1
-        });
+        let sampler =
+            *self.sampler_of_accessors.entry((sampler.input, sampler.output)).or_insert_with(|| {
+                list.push(sampler);
+                list.len() as Index - 1
+            });
         self.animation.channels.push(Channel { sampler, target });
     }
 

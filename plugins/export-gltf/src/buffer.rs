@@ -63,7 +63,7 @@ pub struct Buffer<'a> {
     parts: Vec<(u64, WritePart<'a>)>,
     length: u64,
     /// Accessors by hash of the content, component type and shape.
-    known: BTreeMap<(ContentHash, u16, &'static str), Index>,
+    accessor_of_content: BTreeMap<(ContentHash, u16, &'static str), Index>,
 }
 
 impl<'a> Buffer<'a> {
@@ -102,13 +102,13 @@ impl<'a> Buffer<'a> {
             });
         });
         let key = (hash, accessor.component_type, accessor.shape);
-        if let Some(known) = self.known.get(&key) {
+        if let Some(known) = self.accessor_of_content.get(&key) {
             return *known;
         }
         let write: WritePart<'a> = Box::new(move |out| each_chunk(count, &row, |bytes| out.write_all(bytes)));
         let view = self.add(count as u64 * R::BYTES, target, write);
         let index = self.accessor(Accessor { buffer_view: Some(view), ..accessor });
-        self.known.insert(key, index);
+        self.accessor_of_content.insert(key, index);
         index
     }
 

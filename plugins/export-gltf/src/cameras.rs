@@ -1,6 +1,6 @@
 //! Cameras: one for each shot, with the times of the shot.
 
-use crate::actors::{Parts, node_at};
+use crate::actors::{Parts, node_with_transform};
 use crate::document::{Index, Node};
 use choreo_exporter_kit::bake::Baked;
 use choreo_plugin::asset::Projection;
@@ -43,7 +43,7 @@ pub fn of_stage(parts: &mut Parts<'_>, stage: &Stage, baked: &Baked<'_>) -> Vec<
             scale: Vec3::ONE,
         };
         let extras = Some(Box::new(Value::from(extras)));
-        let node = parts.push(Node { name, camera: Some(camera), extras, ..node_at(&at) });
+        let node = parts.push(Node { name, camera: Some(camera), extras, ..node_with_transform(&at) });
         parts.at_root(node);
         out.push(ShotNode { node, camera });
     }

@@ -22,7 +22,7 @@ pub fn at_rest(scene: &ExportedScene) -> ExportedScene {
     let mut stage = Stage::clone(&scene.stage);
     stage.hooks = Vec::new();
     for actor in &mut stage.actors {
-        *actor = Actor { parents: actor.parents.clone(), tint: actor.tint, ..alone(actor) };
+        *actor = Actor { parents: actor.parents.clone(), tint: actor.tint, ..without_motion(actor) };
     }
     let mut out = scene.clone();
     out.stage = Arc::new(stage);
@@ -31,7 +31,7 @@ pub fn at_rest(scene: &ExportedScene) -> ExportedScene {
 }
 
 /// The actor without its layers, channels, springs and constraints.
-fn alone(actor: &Actor) -> Actor {
+fn without_motion(actor: &Actor) -> Actor {
     let (transform, skinning, file_lights) = (actor.transform, actor.skinning, actor.file_lights);
     let copies = actor.copies;
     Actor {
@@ -78,7 +78,7 @@ fn clip_scene(scene: &ExportedScene, actor: &Actor, clip: &Arc<Clip>, root: &str
     let mut stage = Stage::default();
     (stage.settings.fps, stage.settings.length) = (scene.fps, clip.duration);
     let layers = vec![Layer { cues: vec![cue], ..Layer::default() }];
-    stage.actors.push(Actor { layers, ..alone(actor) });
+    stage.actors.push(Actor { layers, ..without_motion(actor) });
     ExportedScene::new(&scene.name, Arc::new(stage))
 }
 

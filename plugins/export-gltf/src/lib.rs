@@ -155,7 +155,7 @@ fn write(
     document.extensions_used = extensions.into_iter().collect();
     document.images = match beside {
         true => textures.beside(&scene.stem, files)?,
-        false => textures.in_buffer(&mut buffer)?,
+        false => textures.images_in_buffer(&mut buffer)?,
     };
     (document.samplers, document.textures) = (textures.samplers, textures.textures);
     match beside {

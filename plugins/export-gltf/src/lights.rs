@@ -104,7 +104,11 @@ fn add(
     let index = parts.lights.add(name, light);
     let extensions = json!({ "KHR_lights_punctual": { "light": index } });
     let at = Transform { translation, rotation: rotation.unwrap_or(Quat::IDENTITY), scale: Vec3::ONE };
-    let node = Node { name: name.into(), extensions: Some(Box::new(extensions)), ..actors::node_at(&at) };
+    let node = Node {
+        name: name.into(),
+        extensions: Some(Box::new(extensions)),
+        ..actors::node_with_transform(&at)
+    };
     let node = parts.push(node);
     parts.at_root(node);
     (node, index)

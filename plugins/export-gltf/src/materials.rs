@@ -18,7 +18,7 @@ pub struct Materials {
     pub extensions: BTreeSet<&'static str>,
     /// Material features that glTF cannot express.
     pub losses: Losses,
-    known: BTreeMap<String, Index>,
+    index_of_json: BTreeMap<String, Index>,
 }
 
 impl Materials {
@@ -39,13 +39,13 @@ impl Materials {
             self.extensions.insert(name);
         }
         let text = value.to_string();
-        if let Some(known) = self.known.get(&text).filter(|_| !own) {
+        if let Some(known) = self.index_of_json.get(&text).filter(|_| !own) {
             return *known;
         }
         let index = self.list.len() as Index;
         self.list.push(value);
         if !own {
-            self.known.insert(text, index);
+            self.index_of_json.insert(text, index);
         }
         index
     }
@@ -91,7 +91,7 @@ impl Object {
         }
     }
 
-    fn put(&mut self, name: &str, value: Option<Map<String, Value>>) {
+    fn insert_some(&mut self, name: &str, value: Option<Map<String, Value>>) {
         if let Some(value) = value {
             self.0.insert(name.into(), value.into());
         }
@@ -119,15 +119,15 @@ impl Writer<'_> {
         out.0.insert("name".into(), m.name.clone().into());
         let pbr = self.metallic_roughness(m);
         out.0.insert("pbrMetallicRoughness".into(), pbr.0.into());
-        out.put("normalTexture", self.scaled(&m.normal_texture, "scale", m.normal_scale));
-        out.put(
+        out.insert_some("normalTexture", self.scaled(&m.normal_texture, "scale", m.normal_scale));
+        out.insert_some(
             "occlusionTexture",
             self.scaled(&m.occlusion_texture, "strength", m.occlusion_strength.clamp(0.0, 1.0)),
         );
         let emissive = m.emissive.max(Vec3::ZERO);
         let strength = emissive.max_element().max(1.0);
         out.color("emissiveFactor", emissive / strength, Vec3::ZERO);
-        out.put("emissiveTexture", self.info(&m.emissive_texture));
+        out.insert_some("emissiveTexture", self.info(&m.emissive_texture));
         if strength > 1.0 {
             let value = json!({ "emissiveStrength": strength });
             self.extensions.insert("KHR_materials_emissive_strength".into(), value);
@@ -158,7 +158,7 @@ impl Writer<'_> {
         if color != Vec4::ONE {
             pbr.0.insert("baseColorFactor".into(), json!(color.to_array()));
         }
-        pbr.put("baseColorTexture", self.info(&m.base_color_texture));
+        pbr.insert_some("baseColorTexture", self.info(&m.base_color_texture));
         let (metallic, roughness) = match m.shading {
             Shading::MetallicRoughness => (m.metallic, m.roughness),
             Shading::BlinnPhong | Shading::Phong => (0.0, m.mirror_roughness()),
@@ -167,7 +167,7 @@ impl Writer<'_> {
         pbr.number("metallicFactor", metallic.clamp(0.0, 1.0), 1.0);
         pbr.number("roughnessFactor", roughness.clamp(0.0, 1.0), 1.0);
         if m.shading == Shading::MetallicRoughness {
-            pbr.put("metallicRoughnessTexture", self.info(&m.metallic_roughness_texture));
+            pbr.insert_some("metallicRoughnessTexture", self.info(&m.metallic_roughness_texture));
         }
         pbr
     }
@@ -210,8 +210,8 @@ impl Writer<'_> {
         let mut specular = Object::default();
         specular.number("specularFactor", factor.clamp(0.0, 1.0), 1.0);
         specular.color("specularColorFactor", color.max(Vec3::ZERO), Vec3::ONE);
-        specular.put("specularTexture", self.info(&m.specular_texture));
-        specular.put("specularColorTexture", self.info(&m.specular_color_texture));
+        specular.insert_some("specularTexture", self.info(&m.specular_texture));
+        specular.insert_some("specularColorTexture", self.info(&m.specular_color_texture));
         self.extend("KHR_materials_specular", specular);
     }
 
@@ -227,28 +227,28 @@ impl Writer<'_> {
         if l.clearcoat > 0.0 {
             coat.number("clearcoatFactor", l.clearcoat, 0.0);
             coat.number("clearcoatRoughnessFactor", l.clearcoat_roughness, 0.0);
-            coat.put("clearcoatTexture", self.info(&l.clearcoat_texture));
-            coat.put("clearcoatRoughnessTexture", self.info(&l.clearcoat_roughness_texture));
+            coat.insert_some("clearcoatTexture", self.info(&l.clearcoat_texture));
+            coat.insert_some("clearcoatRoughnessTexture", self.info(&l.clearcoat_roughness_texture));
             let normal = self.scaled(&l.clearcoat_normal_texture, "scale", l.clearcoat_normal_scale);
-            coat.put("clearcoatNormalTexture", normal);
+            coat.insert_some("clearcoatNormalTexture", normal);
         }
         self.extend("KHR_materials_clearcoat", coat);
         let mut sheen = Object::default();
         if l.sheen_color != Vec3::ZERO {
             sheen.color("sheenColorFactor", l.sheen_color, Vec3::ZERO);
             sheen.number("sheenRoughnessFactor", l.sheen_roughness, 0.0);
-            sheen.put("sheenColorTexture", self.info(&l.sheen_color_texture));
-            sheen.put("sheenRoughnessTexture", self.info(&l.sheen_roughness_texture));
+            sheen.insert_some("sheenColorTexture", self.info(&l.sheen_color_texture));
+            sheen.insert_some("sheenRoughnessTexture", self.info(&l.sheen_roughness_texture));
         }
         self.extend("KHR_materials_sheen", sheen);
         let mut transmission = Object::default();
         transmission.number("transmissionFactor", l.transmission, 0.0);
         if l.transmission > 0.0 {
-            transmission.put("transmissionTexture", self.info(&l.transmission_texture));
+            transmission.insert_some("transmissionTexture", self.info(&l.transmission_texture));
         }
         self.extend("KHR_materials_transmission", transmission);
         self.volume(l);
-        self.thin(l);
+        self.iridescence_anisotropy_translucency(l);
     }
 
     fn volume(&mut self, l: &MaterialLayers) {
@@ -259,7 +259,7 @@ impl Writer<'_> {
         let mut volume = Object::default();
         if l.thickness > 0.0 {
             volume.number("thicknessFactor", l.thickness, 0.0);
-            volume.put("thicknessTexture", self.info(&l.thickness_texture));
+            volume.insert_some("thicknessTexture", self.info(&l.thickness_texture));
             if l.attenuation_distance > 0.0 && l.attenuation_distance.is_finite() {
                 volume.number("attenuationDistance", l.attenuation_distance, f32::INFINITY);
                 volume.color("attenuationColor", l.attenuation_color.clamp(Vec3::ZERO, Vec3::ONE), Vec3::ONE);
@@ -273,35 +273,35 @@ impl Writer<'_> {
     }
 
     /// Writes iridescence, anisotropy and diffuse transmission.
-    fn thin(&mut self, l: &MaterialLayers) {
+    fn iridescence_anisotropy_translucency(&mut self, l: &MaterialLayers) {
         let mut film = Object::default();
         if l.iridescence > 0.0 {
             let [least, most] = l.iridescence_thickness;
             film.number("iridescenceFactor", l.iridescence, 0.0);
             film.number("iridescenceIor", l.iridescence_ior, 1.3);
             film.number("iridescenceThicknessMaximum", most, 400.0);
-            film.put("iridescenceTexture", self.info(&l.iridescence_texture));
+            film.insert_some("iridescenceTexture", self.info(&l.iridescence_texture));
             let thickness = self.info(&l.iridescence_thickness_texture);
             if thickness.is_some() {
                 film.number("iridescenceThicknessMinimum", least, 100.0);
             }
-            film.put("iridescenceThicknessTexture", thickness);
+            film.insert_some("iridescenceThicknessTexture", thickness);
         }
         self.extend("KHR_materials_iridescence", film);
         let mut brushed = Object::default();
         if l.anisotropy != 0.0 {
             brushed.number("anisotropyStrength", l.anisotropy, 0.0);
             brushed.number("anisotropyRotation", l.anisotropy_rotation, 0.0);
-            brushed.put("anisotropyTexture", self.info(&l.anisotropy_texture));
+            brushed.insert_some("anisotropyTexture", self.info(&l.anisotropy_texture));
         }
         self.extend("KHR_materials_anisotropy", brushed);
         let mut leaf = Object::default();
         if l.diffuse_transmission > 0.0 {
             leaf.number("diffuseTransmissionFactor", l.diffuse_transmission, 0.0);
-            leaf.put("diffuseTransmissionTexture", self.info(&l.diffuse_transmission_texture));
+            leaf.insert_some("diffuseTransmissionTexture", self.info(&l.diffuse_transmission_texture));
             leaf.color("diffuseTransmissionColorFactor", l.diffuse_transmission_color, Vec3::ONE);
             let color = self.info(&l.diffuse_transmission_color_texture);
-            leaf.put("diffuseTransmissionColorTexture", color);
+            leaf.insert_some("diffuseTransmissionColorTexture", color);
         }
         self.extend("KHR_materials_diffuse_transmission", leaf);
     }

@@ -7,7 +7,7 @@ use choreo_plugin::glam::{Mat4, Vec3, Vec4};
 use serde_json::{Map, Value, json};
 
 /// Largest error of a unit vector's squared length that is left alone; the validator allows 0.0005 of the length.
-const UNIT: f32 = 5e-4;
+const UNIT_LENGTH_TOLERANCE: f32 = 5e-4;
 
 /// Either the skinned or the unskinned primitives of a mesh; `None` where there are none. `material` maps a material of the asset
 /// to the document's.
@@ -54,12 +54,12 @@ fn attributes<'a>(buffer: &mut Buffer<'a>, primitive: &'a Primitive) -> Map<Stri
         out.insert(name, row(buffer, Accessor::of(F32, shape, count)).into());
     };
     if normals.len() == count {
-        let row = move |i: usize| unit(normals[i], Vec3::Y).to_array();
+        let row = move |i: usize| normalized_or(normals[i], Vec3::Y).to_array();
         add("NORMAL".into(), "VEC3", &|buffer, accessor| buffer.array(row, Some(VERTICES), accessor));
     }
     if tangents.len() == count && normals.len() == count {
         let row = move |i: usize| {
-            let direction = unit(tangents[i].truncate(), Vec3::X);
+            let direction = normalized_or(tangents[i].truncate(), Vec3::X);
             direction.extend(if tangents[i].w < 0.0 { -1.0 } else { 1.0 }).to_array()
         };
         add("TANGENT".into(), "VEC4", &|buffer, accessor| buffer.array(row, Some(VERTICES), accessor));
@@ -77,8 +77,8 @@ fn attributes<'a>(buffer: &mut Buffer<'a>, primitive: &'a Primitive) -> Map<Stri
 }
 
 /// A unit vector; one whose length is near enough to 1 stays bit for bit.
-fn unit(v: Vec3, otherwise: Vec3) -> Vec3 {
-    if (v.length_squared() - 1.0).abs() <= UNIT { v } else { v.normalize_or(otherwise) }
+fn normalized_or(v: Vec3, otherwise: Vec3) -> Vec3 {
+    if (v.length_squared() - 1.0).abs() <= UNIT_LENGTH_TOLERANCE { v } else { v.normalize_or(otherwise) }
 }
 
 fn indices<'a>(buffer: &mut Buffer<'a>, primitive: &'a Primitive) -> Index {
@@ -108,7 +108,7 @@ fn add_influences<'a>(
                 (&primitive.joint_indices[range.clone()], &primitive.joint_weights[range]);
             let mut all = [(0, 0.0); 8];
             all.iter_mut().zip(joints.iter().zip(weights)).for_each(|(to, (j, w))| *to = (*j, *w));
-            tidy(&mut all[..influences.min(8)]);
+            merge_and_normalize(&mut all[..influences.min(8)]);
             std::array::from_fn(|i| all[set * 4 + i])
         };
         let accessor = |component| Accessor::of(component, "VEC4", count);
@@ -123,7 +123,7 @@ fn add_influences<'a>(
 }
 
 /// Normalizes influences: each joint occurs once, joints without weight become joint 0, and weights sum to 1 (§3.7.3.3).
-fn tidy(row: &mut [(u16, f32)]) {
+fn merge_and_normalize(row: &mut [(u16, f32)]) {
     for i in 1..row.len() {
         if let Some(first) = (0..i).find(|k| row[*k].0 == row[i].0 && row[*k].1 > 0.0) {
             row[first].1 += row[i].1;
@@ -188,12 +188,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn influences_are_such_as_the_specification_asks_for() {
+    fn influences_are_unique_and_normalized() {
         let mut row = [(3, 0.25), (3, 0.25), (7, 0.0), (9, 0.5)];
-        tidy(&mut row);
+        merge_and_normalize(&mut row);
         assert_eq!(row, [(3, 0.5), (0, 0.0), (0, 0.0), (9, 0.5)]);
         let mut row = [(3, 1.0), (4, 3.0)];
-        tidy(&mut row);
+        merge_and_normalize(&mut row);
         assert_eq!(row, [(3, 0.25), (4, 0.75)]);
     }
 }

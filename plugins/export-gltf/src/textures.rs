@@ -87,7 +87,7 @@ impl Textures {
     ///
     /// # Errors
     /// An image cannot be encoded as PNG.
-    pub(crate) fn in_buffer(&self, buffer: &mut Buffer<'_>) -> Result<Vec<Value>, ExportError> {
+    pub(crate) fn images_in_buffer(&self, buffer: &mut Buffer<'_>) -> Result<Vec<Value>, ExportError> {
         let json = |(number, file): (usize, choreo_plugin::asset::ImageFile)| {
             let media_type = file.format.media_type();
             let view = buffer.bytes(file.bytes);

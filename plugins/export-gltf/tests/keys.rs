@@ -1,4 +1,4 @@
-//! Clips with keys of all interpolations, played in all ways: the file keeps the keys, and plays them as the stage does.
+//! Clips with keys of all interpolations in all playback modes: the file keeps the keys, and evaluates to the same values as the stage.
 
 use choreo_plugin::glam::{Quat, Vec3};
 use choreo_plugin::motion::{Clip, Curve, FrameRate, Interpolation, Path, Repeat, Time, Transform};
@@ -62,7 +62,7 @@ fn interpolations(json: &Value) -> Vec<&str> {
 }
 
 #[test]
-fn linear_and_stepped_keys_are_played_in_all_ways() {
+fn linear_and_stepped_keys_survive_all_playback_modes() {
     type Cues = fn(&Arc<Clip>) -> Vec<Cue>;
     let ways: [(&str, Cues); 8] = [
         ("looped", |c| vec![Cue::new(c.clone())]),

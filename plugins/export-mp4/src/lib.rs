@@ -121,12 +121,13 @@ impl Coding {
 fn quantizer(quality: f64) -> u8 {
     let quality = quality.clamp(0.0, 100.0);
     let to_default = 0.32 * quality.min(DEFAULT_QUALITY);
-    let to_end = (quality.min(END) - DEFAULT_QUALITY).max(0.0) / (END - DEFAULT_QUALITY);
-    (42.0 - to_default - to_end - (quality - END).max(0.0)).round() as u8
+    let to_end =
+        (quality.min(FINE_QUALITY_START) - DEFAULT_QUALITY).max(0.0) / (FINE_QUALITY_START - DEFAULT_QUALITY);
+    (42.0 - to_default - to_end - (quality - FINE_QUALITY_START).max(0.0)).round() as u8
 }
 
 /// Quality from which on each integer has a quantizer of its own.
-const END: f64 = 95.0;
+const FINE_QUALITY_START: f64 = 95.0;
 
 /// Frames in a segment, which one encoder encodes. Its state cannot be stored, so each segment has a new encoder and does not
 /// depend on frames outside: a killed render resumes after the last complete segment, from the kept frames of the next one. The
@@ -135,13 +136,13 @@ const END: f64 = 95.0;
 /// segment. It is limited so that a segment's kept frames fit into `KEPT_BYTES`, even if that means more key frames than
 /// requested.
 fn segment(info: &VideoInfo) -> u32 {
-    const FEWEST: u32 = 24;
+    const MIN_SEGMENT_FRAMES: u32 = 24;
     const KEPT_BYTES: u64 = 1 << 30;
     let (width, height) = padded(info);
     let frame_bytes = u64::from(width) * u64::from(height) * 3 / 2;
     let keyframes = keyframes(info);
-    let most = u32::try_from(KEPT_BYTES / frame_bytes.max(1)).unwrap_or(u32::MAX).max(FEWEST);
-    (FEWEST.div_ceil(keyframes) * keyframes).min(most)
+    let most = u32::try_from(KEPT_BYTES / frame_bytes.max(1)).unwrap_or(u32::MAX).max(MIN_SEGMENT_FRAMES);
+    (MIN_SEGMENT_FRAMES.div_ceil(keyframes) * keyframes).min(most)
 }
 
 /// Frames from one key frame to the next.

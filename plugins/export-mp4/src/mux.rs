@@ -23,7 +23,7 @@ pub struct Muxer {
 }
 
 /// Flag in an image's size in a state: a player can start at the image. Images are far below 2 GiB.
-const KEY: u32 = 1 << 31;
+const KEY_FRAME_FLAG: u32 = 1 << 31;
 
 impl Muxer {
     pub fn new(width: u16, height: u16, fps: FrameRate, provenance: Vec<(String, String)>) -> Muxer {
@@ -84,7 +84,7 @@ impl Muxer {
         }
         for (i, size) in self.sizes.iter().enumerate().skip(self.reported) {
             let key = self.keys.binary_search(&(i as u32 + 1)).is_ok();
-            state.extend((size | if key { KEY } else { 0 }).to_le_bytes());
+            state.extend((size | if key { KEY_FRAME_FLAG } else { 0 }).to_le_bytes());
         }
         self.reported = self.sizes.len();
         state
@@ -103,8 +103,8 @@ impl Muxer {
         }
         let (sizes, []) = rest.as_chunks::<4>() else { return Err(cut()) };
         for size in sizes.iter().map(|s| u32::from_le_bytes(*s)) {
-            self.sizes.push(size & !KEY);
-            if size & KEY != 0 {
+            self.sizes.push(size & !KEY_FRAME_FLAG);
+            if size & KEY_FRAME_FLAG != 0 {
                 self.keys.push(self.sizes.len() as u32);
             }
         }
@@ -117,7 +117,7 @@ impl Muxer {
         if self.sizes.is_empty() || self.sps.len() < 4 || self.pps.is_empty() {
             return Err(io::Error::other("an MP4 needs at least one image, and there was none"));
         }
-        let ftyp = boxed(b"ftyp", &[b"isom", &0x200u32.to_be_bytes(), b"isomiso2avc1mp41"]);
+        let ftyp = mp4_box(b"ftyp", &[b"isom", &0x200u32.to_be_bytes(), b"isomiso2avc1mp41"]);
         let data: u64 = self.sizes.iter().map(|s| u64::from(*s)).sum();
         let large = data + 16 > u64::from(u32::MAX);
         // The index contains the position of the data, which depends on the length of the index, which does not depend on the
@@ -145,57 +145,57 @@ impl Muxer {
         let (w, h) = (self.width, self.height);
         let matrix = [0x10000u32, 0, 0, 0, 0x10000, 0, 0, 0, 0x4000_0000].map(u32::to_be_bytes).concat();
         // Version 1 boxes have 64-bit times. All creation times are zero, so that equal frames give equal files.
-        let mvhd = full(
+        let mvhd = full_box(
             b"mvhd",
             1,
             0,
             &[
                 &[0; 16],
-                &u32b(1000),
+                &u32_be(1000),
                 &movie_length.to_be_bytes(),
-                &u32b(0x10000),
+                &u32_be(0x10000),
                 &[1, 0],
                 &[0; 10],
                 &matrix,
                 &[0; 24],
-                &u32b(2),
+                &u32_be(2),
             ],
         );
-        let tkhd = full(
+        let tkhd = full_box(
             b"tkhd",
             1,
             3,
             &[
                 &[0; 16],
-                &u32b(1),
+                &u32_be(1),
                 &[0; 4],
                 &movie_length.to_be_bytes(),
                 &[0; 16],
                 &matrix,
-                &u32b(u32::from(w) << 16),
-                &u32b(u32::from(h) << 16),
+                &u32_be(u32::from(w) << 16),
+                &u32_be(u32::from(h) << 16),
             ],
         );
         // Language "und": three letters minus 0x60, in 5 bits each.
-        let mdhd = full(
+        let mdhd = full_box(
             b"mdhd",
             1,
             0,
-            &[&[0; 16], &u32b(self.fps.num), &track_length.to_be_bytes(), &[0x55, 0xc4, 0, 0]],
+            &[&[0; 16], &u32_be(self.fps.num), &track_length.to_be_bytes(), &[0x55, 0xc4, 0, 0]],
         );
-        let hdlr = full(b"hdlr", 0, 0, &[&[0; 4], b"vide", &[0; 12], b"choreo\0"]);
-        let vmhd = full(b"vmhd", 0, 1, &[&[0; 8]]);
-        let url = full(b"url ", 0, 1, &[]);
-        let dinf = boxed(b"dinf", &[&full(b"dref", 0, 0, &[&u32b(1), &url])]);
+        let hdlr = full_box(b"hdlr", 0, 0, &[&[0; 4], b"vide", &[0; 12], b"choreo\0"]);
+        let vmhd = full_box(b"vmhd", 0, 1, &[&[0; 8]]);
+        let url = full_box(b"url ", 0, 1, &[]);
+        let dinf = mp4_box(b"dinf", &[&full_box(b"dref", 0, 0, &[&u32_be(1), &url])]);
         let stbl = self.sample_table(data_at);
-        let minf = boxed(b"minf", &[&vmhd, &dinf, &stbl]);
-        let mdia = boxed(b"mdia", &[&mdhd, &hdlr, &minf]);
-        let trak = boxed(b"trak", &[&tkhd, &mdia]);
-        boxed(b"moov", &[&mvhd, &trak, &self.metadata()])
+        let minf = mp4_box(b"minf", &[&vmhd, &dinf, &stbl]);
+        let mdia = mp4_box(b"mdia", &[&mdhd, &hdlr, &minf]);
+        let trak = mp4_box(b"trak", &[&tkhd, &mdia]);
+        mp4_box(b"moov", &[&mvhd, &trak, &self.metadata()])
     }
 
     fn sample_table(&self, data_at: u64) -> Vec<u8> {
-        let avcc = boxed(
+        let avcc = mp4_box(
             b"avcC",
             &[
                 // Profile, constraints and level from the SPS; 4-byte NAL lengths; one SPS, one PPS.
@@ -208,11 +208,11 @@ impl Muxer {
             ],
         );
         // BT.709 primaries, transfer and matrix, limited range; square pixels.
-        let colr = boxed(b"colr", &[b"nclx", &[0, 1, 0, 1, 0, 1, 0]]);
-        let pasp = boxed(b"pasp", &[&u32b(1), &u32b(1)]);
+        let colr = mp4_box(b"colr", &[b"nclx", &[0, 1, 0, 1, 0, 1, 0]]);
+        let pasp = mp4_box(b"pasp", &[&u32_be(1), &u32_be(1)]);
         let mut name = [0u8; 32];
         name[..7].copy_from_slice(b"\x06choreo");
-        let avc1 = boxed(
+        let avc1 = mp4_box(
             b"avc1",
             &[
                 &[0; 6],
@@ -220,8 +220,8 @@ impl Muxer {
                 &[0; 16],
                 &self.width.to_be_bytes(),
                 &self.height.to_be_bytes(),
-                &u32b(0x48_0000),
-                &u32b(0x48_0000),
+                &u32_be(0x48_0000),
+                &u32_be(0x48_0000),
                 &[0; 4],
                 &[0, 1],
                 &name,
@@ -232,15 +232,15 @@ impl Muxer {
             ],
         );
         let count = self.sizes.len() as u32;
-        let stsd = full(b"stsd", 0, 0, &[&u32b(1), &avc1]);
-        let stts = full(b"stts", 0, 0, &[&u32b(1), &u32b(count), &u32b(self.fps.den)]);
+        let stsd = full_box(b"stsd", 0, 0, &[&u32_be(1), &avc1]);
+        let stts = full_box(b"stts", 0, 0, &[&u32_be(1), &u32_be(count), &u32_be(self.fps.den)]);
         let list = |values: &[u32]| values.iter().flat_map(|v| v.to_be_bytes()).collect::<Vec<u8>>();
-        let stss = full(b"stss", 0, 0, &[&u32b(self.keys.len() as u32), &list(&self.keys)]);
+        let stss = full_box(b"stss", 0, 0, &[&u32_be(self.keys.len() as u32), &list(&self.keys)]);
         // A single chunk holds all frames.
-        let stsc = full(b"stsc", 0, 0, &[&u32b(1), &u32b(1), &u32b(count), &u32b(1)]);
-        let stsz = full(b"stsz", 0, 0, &[&u32b(0), &u32b(count), &list(&self.sizes)]);
-        let co64 = full(b"co64", 0, 0, &[&u32b(1), &data_at.to_be_bytes()]);
-        boxed(b"stbl", &[&stsd, &stts, &stss, &stsc, &stsz, &co64])
+        let stsc = full_box(b"stsc", 0, 0, &[&u32_be(1), &u32_be(1), &u32_be(count), &u32_be(1)]);
+        let stsz = full_box(b"stsz", 0, 0, &[&u32_be(0), &u32_be(count), &list(&self.sizes)]);
+        let co64 = full_box(b"co64", 0, 0, &[&u32_be(1), &data_at.to_be_bytes()]);
+        mp4_box(b"stbl", &[&stsd, &stts, &stss, &stsc, &stsz, &co64])
     }
 
     /// iTunes-style metadata, which players and `ffprobe` show: the provenance as one comment.
@@ -249,18 +249,18 @@ impl Muxer {
         if text.is_empty() {
             return Vec::new();
         }
-        let data = boxed(b"data", &[&u32b(1), &[0; 4], text.join("\n").as_bytes()]);
-        let ilst = boxed(b"ilst", &[&boxed(b"\xa9cmt", &[&data])]);
-        let hdlr = full(b"hdlr", 0, 0, &[&[0; 4], b"mdirappl", &[0; 9]]);
-        boxed(b"udta", &[&full(b"meta", 0, 0, &[&hdlr, &ilst])])
+        let data = mp4_box(b"data", &[&u32_be(1), &[0; 4], text.join("\n").as_bytes()]);
+        let ilst = mp4_box(b"ilst", &[&mp4_box(b"\xa9cmt", &[&data])]);
+        let hdlr = full_box(b"hdlr", 0, 0, &[&[0; 4], b"mdirappl", &[0; 9]]);
+        mp4_box(b"udta", &[&full_box(b"meta", 0, 0, &[&hdlr, &ilst])])
     }
 }
 
-fn u32b(v: u32) -> [u8; 4] {
+fn u32_be(v: u32) -> [u8; 4] {
     v.to_be_bytes()
 }
 
-fn boxed(kind: &[u8; 4], parts: &[&[u8]]) -> Vec<u8> {
+fn mp4_box(kind: &[u8; 4], parts: &[&[u8]]) -> Vec<u8> {
     let size = 8 + parts.iter().map(|p| p.len()).sum::<usize>();
     let mut out = Vec::with_capacity(size);
     // Boxes made here stay far below 4 GiB: the index takes 4 bytes a frame, and the image data get their header elsewhere.
@@ -270,9 +270,9 @@ fn boxed(kind: &[u8; 4], parts: &[&[u8]]) -> Vec<u8> {
     out
 }
 
-fn full(kind: &[u8; 4], version: u8, flags: u32, parts: &[&[u8]]) -> Vec<u8> {
+fn full_box(kind: &[u8; 4], version: u8, flags: u32, parts: &[&[u8]]) -> Vec<u8> {
     let head = (u32::from(version) << 24 | flags).to_be_bytes();
     let mut all: Vec<&[u8]> = vec![&head];
     all.extend(parts);
-    boxed(kind, &all)
+    mp4_box(kind, &all)
 }

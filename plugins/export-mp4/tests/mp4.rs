@@ -92,7 +92,7 @@ fn players_see_rate_size_colors_and_provenance() {
 }
 
 #[test]
-fn the_index_comes_before_the_pictures_and_bytes_repeat() {
+fn the_index_precedes_the_frames_and_encoding_is_deterministic() {
     let bytes = encode(&info(64, 48, (30, 1), 5));
     let place = |name: &[u8]| bytes.windows(4).position(|w| w == name).unwrap();
     assert!(place(b"ftyp") < place(b"moov") && place(b"moov") < place(b"mdat"));
@@ -155,7 +155,7 @@ fn decoded_error_of(info: &VideoInfo, shift: u32, scene: fn(u32, u32, u32) -> Fr
 }
 
 #[test]
-fn decoded_pictures_have_the_source_s_colors() {
+fn decoded_frames_have_the_colors_of_the_source() {
     for (w, h) in [(320, 180), (321, 181)] {
         let Some((error, _)) = decoded_error(&info(w, h, (30, 1), 8), 0) else { return };
         assert!(error < 1.5, "{w}×{h}: mean error {error}");
@@ -175,7 +175,7 @@ fn quality_trades_size_for_error() {
     let (Some(low), Some(high)) = (of(20.0, scene), of(95.0, scene)) else { return };
     let at = |quality: f64| of(quality, texture);
     assert!(low.0 > 1.3 * high.0 && low.1 * 2 < high.1, "{low:?} {high:?}");
-    // Each number at the end of the scale has a quantizer of its own: 17, 16, … 12.
+    // Each integer quality from 95 to 100 has its own quantizer: 17, 16, … 12.
     let all: Vec<(f64, usize)> = (95..=100).map(|quality| at(f64::from(quality)).unwrap()).collect();
     println!("error and size from quality 95 to 100: {all:?}");
     assert!(all.is_sorted_by(|a, b| a.0 > b.0 && a.1 < b.1), "{all:?}");
@@ -188,7 +188,7 @@ fn quality_trades_size_for_error() {
 }
 
 #[test]
-fn sizes_out_of_range_are_refused_and_odd_ones_announced() {
+fn sizes_out_of_range_are_errors_and_odd_sizes_are_noted() {
     let large = info(8000, 4000, (30, 1), 1);
     let error = Mp4Exporter.begin(&large, Box::new(Vec::new())).err().unwrap().to_string();
     assert!(
@@ -204,7 +204,7 @@ fn sizes_out_of_range_are_refused_and_odd_ones_announced() {
 
 /// The video stops in the middle of a segment, at its ends, and in the first one.
 #[test]
-fn a_stopped_video_goes_on_to_the_same_bytes() {
+fn a_resumed_video_has_the_same_bytes() {
     let mut info = info(96, 64, (30, 1), 60);
     info.options.0.insert("keyframes".into(), OptionValue::Number(0.4));
     // Segments of 24 frames, key frames at every 12th and where the scene changes.
@@ -275,7 +275,7 @@ fn segments_join_without_a_seam() {
     }
 }
 
-/// A repeated frame gives the bytes that the frame itself would give once more, beyond the end of a segment too.
+/// `repeat` writes the same bytes as a second call of `frame` with the same image, also across the end of a segment.
 #[test]
 fn repeated_frames_give_the_same_bytes() {
     let info = info(64, 48, (10, 1), 60);

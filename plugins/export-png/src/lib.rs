@@ -62,8 +62,9 @@ impl Exporter for PngExporter {
         let mut head = Vec::new();
         // Dropping the writer also writes the final chunk, which is cut off below.
         drop(PngSink::new(info, None).head(&mut head, [info.width, info.height], (color, depth))?);
-        let head =
-            head.strip_suffix(&END).ok_or(ExportError::Format("PNG: the header is incomplete".into()))?;
+        let head = head
+            .strip_suffix(&IEND_CHUNK)
+            .ok_or(ExportError::Format("PNG: the header is incomplete".into()))?;
         out.write_all(head)?;
         out.write_all(pixels)?;
         out.flush()?;
@@ -137,7 +138,7 @@ impl FrameSink for PngSink {
                 pixels * 4
             )));
         }
-        let mut rgb = spare().pop().unwrap_or_default();
+        let mut rgb = spare_buffers().pop().unwrap_or_default();
         let opaque = opaque_rgb(&frame.rgba, &mut rgb);
         let color = if opaque { png::ColorType::Rgb } else { png::ColorType::Rgba };
         let mut writer = self.head(out, [frame.width, frame.height], (color, png::BitDepth::Eight))?;
@@ -147,7 +148,7 @@ impl FrameSink for PngSink {
             false => writer.write_image_data(&frame.rgba),
         };
         written.map_err(convert)?;
-        spare().push(rgb);
+        spare_buffers().push(rgb);
         writer.finish().map_err(convert)
     }
 
@@ -172,7 +173,7 @@ impl FrameSink for PngSink {
 }
 
 /// The chunk IEND.
-const END: [u8; 12] = *b"\0\0\0\0IEND\xae\x42\x60\x82";
+const IEND_CHUNK: [u8; 12] = *b"\0\0\0\0IEND\xae\x42\x60\x82";
 
 /// The bytes of a PNG from its first IDAT chunk on.
 fn pixels_of(png: &[u8]) -> Option<&[u8]> {
@@ -186,9 +187,9 @@ fn pixels_of(png: &[u8]) -> Option<&[u8]> {
 
 /// Pool of pixel buffers, because fresh memory pages cost more time than filling them. It grows to the number of images that are
 /// encoded at once.
-fn spare() -> MutexGuard<'static, Vec<Vec<u8>>> {
-    static SPARE: Mutex<Vec<Vec<u8>>> = Mutex::new(Vec::new());
-    SPARE.lock().unwrap_or_else(PoisonError::into_inner)
+fn spare_buffers() -> MutexGuard<'static, Vec<Vec<u8>>> {
+    static SPARE_BUFFERS: Mutex<Vec<Vec<u8>>> = Mutex::new(Vec::new());
+    SPARE_BUFFERS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Fills `rgb` with the pixels without alpha. False, with incomplete pixels, where any alpha is not 255.

@@ -8,7 +8,7 @@ use export_png::PngExporter;
 use std::io::Write;
 
 /// Gradients, an edge and some noise; `alpha` in the first pixel.
-fn picture(width: u32, height: u32, alpha: u8) -> Frame {
+fn test_frame(width: u32, height: u32, alpha: u8) -> Frame {
     let mut rgba = Vec::new();
     for y in 0..height {
         for x in 0..width {
@@ -43,9 +43,9 @@ fn encode(frame: &Frame, info: &VideoInfo) -> Vec<u8> {
 }
 
 #[test]
-fn opaque_pictures_come_back_as_rgb_with_their_texts() {
+fn opaque_images_are_written_as_rgb_with_text_chunks() {
     for (w, h) in [(61, 37), (1, 1), (1280, 3)] {
-        let frame = picture(w, h, 255);
+        let frame = test_frame(w, h, 255);
         for compression in ["fast", "small"] {
             let mut info = info(&frame);
             let value = export_png::MANIFEST.parse_option("compression", compression).unwrap();
@@ -75,7 +75,7 @@ fn with_options(frame: &Frame, options: &[(&str, &str)]) -> VideoInfo {
 }
 
 #[test]
-fn alpha_is_straight_unless_it_shall_be_premultiplied() {
+fn alpha_is_straight_unless_the_option_premultiplies_it() {
     // Light 0.2, 0.1 and 0.05 at an alpha of 0.2 is light 1, 0.5 and 0.25 that covers a fifth.
     let frame = Frame { width: 1, height: 1, rgba: vec![124, 89, 63, 51] };
     let pixel = |alpha: &str| {
@@ -92,11 +92,11 @@ fn alpha_is_straight_unless_it_shall_be_premultiplied() {
 }
 
 #[test]
-fn sixteen_bits_hold_what_eight_round_off() {
+fn sixteen_bits_keep_values_that_eight_bits_round() {
     let light = |i: u32| 1e-3 + 1e-5 * i as f32;
     let color: Vec<Vec4> = (0..64).map(|i| Vec4::new(light(i), 0.5 * light(i), 2.0, 1.0)).collect();
     let frame = FloatFrame { color, ..FloatFrame::new([64, 1]) };
-    let mut info = with_options(&picture(64, 1, 255), &[("depth", "16")]);
+    let mut info = with_options(&test_frame(64, 1, 255), &[("depth", "16")]);
     assert_eq!(PngExporter.wish(&info.options).unwrap(), FrameWish::Finished);
     let written = |info: &VideoInfo| {
         let out = SharedBytes::default();
@@ -126,8 +126,8 @@ fn sixteen_bits_hold_what_eight_round_off() {
 }
 
 #[test]
-fn one_clear_pixel_keeps_the_alpha_of_all() {
-    let frame = picture(20, 10, 7);
+fn one_transparent_pixel_keeps_the_alpha_channel() {
+    let frame = test_frame(20, 10, 7);
     let bytes = encode(&frame, &with_options(&frame, &[("alpha", "premultiplied")]));
     let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
     let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
@@ -138,7 +138,7 @@ fn one_clear_pixel_keeps_the_alpha_of_all() {
 
 #[test]
 fn ffmpeg_reads_the_same_pixels() {
-    let frame = picture(64, 40, 200);
+    let frame = test_frame(64, 40, 200);
     let bytes = encode(&frame, &with_options(&frame, &[("alpha", "premultiplied")]));
     let spawned = std::process::Command::new("ffmpeg")
         .args(["-v", "error", "-f", "png_pipe", "-i", "-", "-f", "rawvideo", "-pix_fmt", "rgba", "-"])
@@ -156,8 +156,8 @@ fn ffmpeg_reads_the_same_pixels() {
 }
 
 #[test]
-fn a_second_picture_and_none_are_refused() {
-    let frame = picture(2, 2, 255);
+fn two_frames_and_zero_frames_are_errors() {
+    let frame = test_frame(2, 2, 255);
     let mut sink = PngExporter.begin(&info(&frame), Box::new(Vec::new())).unwrap();
     sink.frame(&frame).unwrap();
     let error = sink.frame(&frame).unwrap_err().to_string();
@@ -171,9 +171,9 @@ fn a_second_picture_and_none_are_refused() {
 
 /// A file made of another's pixels has the bytes that encoding the image gives, opaque or not.
 #[test]
-fn the_pixels_of_a_file_get_another_provenance() {
+fn provenance_is_replaced_without_changing_the_pixels() {
     for alpha in [255, 7] {
-        let frame = picture(61, 40, alpha);
+        let frame = test_frame(61, 40, alpha);
         let encoded = |info: &VideoInfo| {
             let out = SharedBytes::default();
             let mut sink = PngExporter.begin(info, Box::new(out.clone())).unwrap();

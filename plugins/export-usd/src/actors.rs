@@ -19,7 +19,7 @@ use std::rc::Rc;
 
 /// The largest rotation of a texture between two keys, radians. The texture's offset moves on an arc, which more keys follow
 /// closely.
-const MOST_TURN: f32 = 0.05;
+const MAX_ROTATION_STEP: f32 = 0.05;
 
 /// The inputs that actors are written from.
 pub struct ActorWriter<'a, 'b> {
@@ -71,7 +71,7 @@ impl<'a> ActorWriter<'a, '_> {
                             let still = (&still[..], material_overrides.clone(), &mut *known);
                             let mut body = self.body(index, (&name, &at), model, still);
                             let place = rig::parts(&widen(place), &Transform::IDENTITY);
-                            motion::place_by_parts(&mut body, &place);
+                            motion::add_transform_ops(&mut body, &place);
                             above.children.push(body);
                         }
                     }
@@ -235,10 +235,10 @@ impl<'a> ActorWriter<'a, '_> {
     }
 }
 
-/// Adds times between the keys of a rotation, so that no step exceeds [`MOST_TURN`].
+/// Adds times between the keys of a rotation, so that no step exceeds [`MAX_ROTATION_STEP`].
 fn add_turns(series: &Series, times: &mut Vec<Time>) {
     for (pair, values) in series.times.windows(2).zip(series.values.windows(2)) {
-        let parts = ((values[1] - values[0]).abs() / MOST_TURN).ceil().clamp(1.0, 1000.0) as i64;
+        let parts = ((values[1] - values[0]).abs() / MAX_ROTATION_STEP).ceil().clamp(1.0, 1000.0) as i64;
         let length = (pair[1] - pair[0]).0;
         times.extend((1..parts.min(length)).map(|part| pair[0] + Time(length * part / parts)));
     }

@@ -2,7 +2,7 @@
 
 use crate::frames::Frames;
 use crate::layer::{DOUBLE, FLOAT, FLOAT2, Meta, Prim, STRING, Samples, TOKEN, Value};
-use crate::motion::{animate, place_by_parts, series_samples};
+use crate::motion::{add_transform_ops, animate, series_samples};
 use crate::names::Names;
 use choreo_exporter_kit::bake::shots::Shot;
 use choreo_exporter_kit::{Baked, Series};
@@ -14,11 +14,11 @@ use choreo_plugin::stage::Stage;
 /// Focal lengths and apertures in USD are in tenths of a scene unit, here tenths of a metre.
 const TENTHS: f64 = 10.0;
 /// Height of the film gate, metres. It and the focal length determine the field of view.
-const FILM: f64 = 0.024;
+const FILM_HEIGHT: f64 = 0.024;
 /// Far plane of a camera that has none, metres.
-const FAR: f32 = 1e6;
+const DEFAULT_FAR: f32 = 1e6;
 /// The largest error of a field of view between two keys, radians.
-const ANGLE: f64 = 5e-5;
+const ANGLE_TOLERANCE: f64 = 5e-5;
 
 pub fn of_stage<'a>(stage: &Stage, baked: &Baked<'_>, frames: Frames, names: &mut Names) -> Vec<Prim<'a>> {
     let [width, height] = stage.settings.size.map(|n| f64::from(n.max(1)));
@@ -52,14 +52,14 @@ fn camera<'a>(shot: &Shot, name: String, aspect: f64, frames: Frames) -> Prim<'a
     }
     let [position, rotation, lens] = &shot.parts;
     let (near, far) = match shot.projection {
-        Projection::Perspective { near, far, .. } => (near, far.unwrap_or(FAR)),
+        Projection::Perspective { near, far, .. } => (near, far.unwrap_or(DEFAULT_FAR)),
         // Clipping ranges start at 0 or more: USD has no depths behind the camera.
         Projection::Orthographic { near, far, .. } => (near.max(0.0), far),
     };
     out.number(FLOAT2, "clippingRange", &[near, far]);
     match shot.projection {
         Projection::Perspective { .. } => {
-            let film = FILM * TENTHS;
+            let film = FILM_HEIGHT * TENTHS;
             out.set(FLOAT, "verticalAperture", Value::one([film]));
             out.set(FLOAT, "horizontalAperture", Value::one([film * aspect]));
             out.set(FLOAT, "focalLength", Value::one([focal_length(lens.first()[0].into())]));
@@ -84,7 +84,7 @@ fn camera<'a>(shot: &Shot, name: String, aspect: f64, frames: Frames) -> Prim<'a
         rotation: Quat::from_slice(rotation.first()),
         scale: Vec3::ONE,
     };
-    let property_indices = place_by_parts(&mut out, &at);
+    let property_indices = add_transform_ops(&mut out, &at);
     for (series, property) in [(position, property_indices[0]), (rotation, property_indices[1])] {
         if !series.is_still() {
             animate(&mut out, property, series_samples(series, frames, f64::from));
@@ -97,11 +97,11 @@ fn camera<'a>(shot: &Shot, name: String, aspect: f64, frames: Frames) -> Prim<'a
 const MOST_HALVINGS: u32 = 10;
 
 fn focal_length(angle: f64) -> f64 {
-    0.5 * FILM * TENTHS / libm::tan(0.5 * angle)
+    0.5 * FILM_HEIGHT * TENTHS / libm::tan(0.5 * angle)
 }
 
 fn angle(focal_length: f64) -> f64 {
-    2.0 * libm::atan(0.5 * FILM * TENTHS / focal_length)
+    2.0 * libm::atan(0.5 * FILM_HEIGHT * TENTHS / focal_length)
 }
 
 /// Keys of a field of view as keys of a focal length. Adds keys where interpolated lengths would miss the interpolated angle.
@@ -118,11 +118,11 @@ fn focal_lengths<'a>(lens: &Series, frames: Frames) -> Samples<'a> {
 }
 
 /// Passes on the second of two keys, preceded by as many keys as keep the field of view in the middle of each interval within
-/// [`ANGLE`].
+/// [`ANGLE_TOLERANCE`].
 fn halve([a, b]: [(Time, f64); 2], depth: u32, key: &mut impl FnMut(Time, f64)) {
     let between = angle(0.5 * (focal_length(a.1) + focal_length(b.1)));
     let middle = (a.0.middle(b.0), 0.5 * (a.1 + b.1));
-    if depth == 0 || middle.0 <= a.0 || (between - middle.1).abs() <= ANGLE {
+    if depth == 0 || middle.0 <= a.0 || (between - middle.1).abs() <= ANGLE_TOLERANCE {
         return key(b.0, b.1);
     }
     halve([a, middle], depth - 1, key);
@@ -135,7 +135,7 @@ mod tests {
     use choreo_plugin::motion::FrameRate;
 
     #[test]
-    fn a_zoom_has_the_angle_between_its_keys() {
+    fn sampled_focal_lengths_follow_a_linear_angle_of_view() {
         let frames = Frames { start: Time::ZERO, rate: FrameRate { num: 24, den: 1 } };
         let times = vec![Time::ZERO, Time::from_secs(2.0)];
         let samples = focal_lengths(&Series { times, values: vec![0.2, 1.6], width: 1 }, frames);
@@ -150,7 +150,7 @@ mod tests {
             let time = 0.5 * (samples.times[i] + samples.times[i + 1]);
             let truth = 0.2 + 1.4 * time / 48.0;
             let found = angle(0.5 * (pair[0] + pair[1]));
-            assert!((found - truth).abs() < 4.0 * ANGLE, "{found} is not {truth}");
+            assert!((found - truth).abs() < 4.0 * ANGLE_TOLERANCE, "{found} is not {truth}");
         }
         assert!(lengths.len() > 4 && lengths.len() < 200, "{}", lengths.len());
     }

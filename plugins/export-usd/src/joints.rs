@@ -9,7 +9,7 @@ use choreo_plugin::glam::{DMat4, DQuat};
 use choreo_plugin::motion::Transform;
 
 /// Largest difference of a matrix entry between equal bind transforms.
-const SAME: f64 = 1e-5;
+const MATRIX_TOLERANCE: f64 = 1e-5;
 
 pub struct Joints {
     /// Path of each joint, `Hips/Spine`.
@@ -94,7 +94,8 @@ impl Joints {
             let inverse = inverse(index);
             let own = is_invertible(&inverse).then(|| geometry * inverse.inverse());
             let known = bind[*joint as usize];
-            let is_same = |a: &DMat4, b: &DMat4| a.abs_diff_eq(*b, SAME * a.w_axis.length().max(1.0));
+            let is_same =
+                |a: &DMat4, b: &DMat4| a.abs_diff_eq(*b, MATRIX_TOLERANCE * a.w_axis.length().max(1.0));
             match (own, known) {
                 (Some(own), None) => {
                     bind[*joint as usize] = Some(own);

@@ -92,7 +92,7 @@ impl<'a> Value<'a> {
 }
 
 /// Receives the numbers of one time sample.
-pub type Taker<'t> = &'t mut dyn FnMut(&[f64]) -> Result<()>;
+pub type RowSink<'t> = &'t mut dyn FnMut(&[f64]) -> Result<()>;
 
 /// Time samples, with times in frames.
 #[derive(Clone)]
@@ -106,7 +106,7 @@ pub enum SampleValues<'a> {
     /// Numbers made on demand. `count`: as in [`Value`]. `each` hands over the numbers of one time after the other.
     Numbers {
         count: Option<usize>,
-        each: Rc<dyn Fn(Taker<'_>) -> Result<()> + 'a>,
+        each: Rc<dyn Fn(RowSink<'_>) -> Result<()> + 'a>,
     },
     Texts(Vec<&'static str>),
 }
@@ -114,7 +114,7 @@ pub enum SampleValues<'a> {
 impl<'a> Samples<'a> {
     /// Samples from a list that has `width` numbers for each time.
     pub fn of(times: Rc<[f64]>, count: Option<usize>, width: usize, numbers: Vec<f64>) -> Samples<'a> {
-        let each = move |take: Taker<'_>| numbers.chunks(width.max(1)).try_for_each(&mut *take);
+        let each = move |take: RowSink<'_>| numbers.chunks(width.max(1)).try_for_each(&mut *take);
         Samples { times, values: SampleValues::Numbers { count, each: Rc::new(each) } }
     }
 }

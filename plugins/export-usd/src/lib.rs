@@ -80,7 +80,7 @@ impl SceneExporter for UsdExporter {
         files.deviation(check::worst(scene, &baked, &FILE_ROUNDING)?);
         let sets: Vec<_> = std::mem::take(&mut baked.sets).into_iter().map(Rc::new).collect();
         // The writers below ask each set for its constant values.
-        baked.sets = sets.iter().map(|set| still_of(set)).collect();
+        baked.sets = sets.iter().map(|set| constant_tracks(set)).collect();
         let mut common = Common::default();
         common.textures.stem = scene.stem.clone();
         let layer = layer(scene, &baked, &sets, &mut common)?;
@@ -90,7 +90,7 @@ impl SceneExporter for UsdExporter {
 }
 
 /// A track set reduced to its constant values.
-fn still_of<'a>(set: &bake::tracks::TrackSet<'a>) -> bake::tracks::TrackSet<'a> {
+fn constant_tracks<'a>(set: &bake::tracks::TrackSet<'a>) -> bake::tracks::TrackSet<'a> {
     bake::tracks::TrackSet {
         times: Vec::new(),
         tracks: Vec::new(),
@@ -224,7 +224,8 @@ fn write_package(
     let mut sum = crc32fast::Hasher::new();
     sum.update(&head);
     sum.combine(&out.end_sum()?);
-    let (place, stated) = archive.end(Contents { checksum: sum.finalize(), length: out.position() })?;
+    let (place, checksum_and_lengths) =
+        archive.end(Contents { checksum: sum.finalize(), length: out.position() })?;
     out.end_file();
     for (ending, file) in common.textures.files()? {
         let contents = Contents { checksum: crc32fast::hash(&file), length: file.len() as u64 };
@@ -234,5 +235,5 @@ fn write_package(
     archive.finish(&mut out)?;
     out.finish()?;
     files.replace(at, &head)?;
-    files.replace(place, &stated)
+    files.replace(place, &checksum_and_lengths)
 }

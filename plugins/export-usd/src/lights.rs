@@ -4,7 +4,7 @@ use crate::frames::Frames;
 use crate::joints;
 use crate::layer::{ASSET, Attribute, BOOL, COLOR3F, FLOAT, Prim, Property, TOKEN, Value};
 use crate::model::Common;
-use crate::motion::{animate, place_by_parts, series_samples};
+use crate::motion::{add_transform_ops, animate, series_samples};
 use crate::names::Names;
 use choreo_exporter_kit::bake::rig;
 use choreo_exporter_kit::bake::signals::{LightPart, Quantity, rotation_towards};
@@ -17,9 +17,9 @@ use choreo_plugin::stage::{Stage, default_sun};
 use std::collections::BTreeSet;
 
 /// Radius of point and spot lights, which USD has as spheres, metres.
-const RADIUS: f32 = 0.01;
+const LIGHT_RADIUS: f32 = 0.01;
 /// Intensity of a normalized sphere light for one candela. The luminance is intensity ÷ 4πr², and a viewer sees a disk of πr².
-const SPHERE: f32 = 4.0;
+const SPHERE_INTENSITY_PER_CANDELA: f32 = 4.0;
 
 pub fn of_stage<'a>(
     stage: &Stage,
@@ -84,7 +84,7 @@ pub fn of_sky<'a>(
     dome.set(TOKEN, "inputs:texture:format", Value::text("latlong"));
     dome.number(FLOAT, "inputs:intensity", &[now.strength]);
     let rotation = Quat::from_rotation_y(std::f32::consts::PI + now.turn as f32);
-    place_by_parts(&mut dome, &Transform { rotation, ..Transform::IDENTITY });
+    add_transform_ops(&mut dome, &Transform { rotation, ..Transform::IDENTITY });
     Ok(Some(dome))
 }
 
@@ -114,7 +114,7 @@ fn of_light<'a>(
         at.translation = Vec3::ZERO;
     }
     let (mut out, property_indices) = light(names.free(&of.name), &now, &at);
-    let factor = if now.kind.is_directional() { 1.0 } else { SPHERE };
+    let factor = if now.kind.is_directional() { 1.0 } else { SPHERE_INTENSITY_PER_CANDELA };
     for (part, property) in
         [(LightPart::Position, property_indices[0]), (LightPart::Rotation, property_indices[1])]
     {
@@ -158,9 +158,9 @@ fn light<'a>(name: String, light: &Light, at: &Transform) -> (Prim<'a>, [usize; 
         out.number(FLOAT, "inputs:intensity", &[light.intensity]);
         out.number(BOOL, "inputs:normalize", &[1.0]);
     } else {
-        out.number(FLOAT, "inputs:intensity", &[light.intensity * SPHERE]);
+        out.number(FLOAT, "inputs:intensity", &[light.intensity * SPHERE_INTENSITY_PER_CANDELA]);
         out.number(BOOL, "inputs:normalize", &[1.0]);
-        out.number(FLOAT, "inputs:radius", &[RADIUS]);
+        out.number(FLOAT, "inputs:radius", &[LIGHT_RADIUS]);
         out.number(BOOL, "treatAsPoint", &[1.0]);
     }
     if let Some([inner, outer]) = light.kind.cone() {
@@ -169,7 +169,7 @@ fn light<'a>(name: String, light: &Light, at: &Transform) -> (Prim<'a>, [usize; 
         let softness = (1.0 - inner / outer.max(1e-6)).clamp(0.0, 1.0);
         out.number(FLOAT, "inputs:shaping:cone:softness", &[softness]);
     }
-    let property_indices = place_by_parts(&mut out, at);
+    let property_indices = add_transform_ops(&mut out, at);
     (out, property_indices)
 }
 

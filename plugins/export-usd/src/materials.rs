@@ -51,7 +51,7 @@ struct Builder<'b> {
     of: Surroundings<'b>,
     textures: &'b mut Textures,
     surface: Vec<Input>,
-    others: Vec<Shader>,
+    other_shaders: Vec<Shader>,
 }
 
 /// How a texture is sampled: scale and bias of its values, color space.
@@ -73,7 +73,7 @@ impl TextureSampling {
 
 /// The shader network of a material, the surface shader first.
 pub fn network(m: &Material, of: Surroundings<'_>, textures: &mut Textures, losses: &mut Losses) -> Network {
-    let mut builder = Builder { of, textures, surface: Vec::new(), others: Vec::new() };
+    let mut builder = Builder { of, textures, surface: Vec::new(), other_shaders: Vec::new() };
     builder.material(m, losses);
     let surface = Shader {
         name: "surface".into(),
@@ -82,7 +82,7 @@ pub fn network(m: &Material, of: Surroundings<'_>, textures: &mut Textures, loss
         outputs: vec![("surface", TOKEN)],
     };
     let mut shaders = vec![surface];
-    shaders.append(&mut builder.others);
+    shaders.append(&mut builder.other_shaders);
     note_losses(m, losses);
     Network { shaders }
 }
@@ -201,7 +201,7 @@ impl Builder<'_> {
             self.of.asset.images.get(texture.image as usize).filter(|i| i.width > 0 && i.height > 0)?;
         let file = self.textures.path(image);
         let (reader, primvar) = [("uv", "st"), ("uv1", "st1")][usize::from(texture.uv_set > 0)];
-        if !self.others.iter().any(|shader| shader.name == reader) {
+        if !self.other_shaders.iter().any(|shader| shader.name == reader) {
             self.reader(reader, "UsdPrimvarReader_float2", primvar, FLOAT2);
         }
         // The transform is always written, so that materials that differ only in numbers have the same shaders.
@@ -209,7 +209,7 @@ impl Builder<'_> {
         let numbers = |name, of, list: &[f32]| Input { name, of, value: InputValue::Numbers(list.to_vec()) };
         let output = |text: String| InputValue::Output(text);
         let transform = format!("{name}_uv");
-        self.others.push(Shader {
+        self.other_shaders.push(Shader {
             name: transform.clone(),
             id: "UsdTransform2d",
             inputs: vec![
@@ -228,7 +228,7 @@ impl Builder<'_> {
             };
             InputValue::Text(name.into())
         };
-        self.others.push(Shader {
+        self.other_shaders.push(Shader {
             name: name.into(),
             id: "UsdUVTexture",
             inputs: vec![
@@ -247,7 +247,7 @@ impl Builder<'_> {
 
     fn reader(&mut self, name: &str, id: &'static str, primvar: &str, of: Type) {
         let varname = Input { name: "varname", of: STRING, value: InputValue::Text(primvar.into()) };
-        self.others.push(Shader {
+        self.other_shaders.push(Shader {
             name: name.into(),
             id,
             inputs: vec![varname],
@@ -344,7 +344,7 @@ mod tests {
 
     /// Order as in UsdTransform2d: scale, then rotation, then translation.
     #[test]
-    fn a_transform_from_below_moves_the_same_points() {
+    fn uv_transforms_with_v_flipped_move_the_same_points() {
         for (rotation, scale) in [(0.7f32, Vec2::new(2.0, 3.0)), (-2.0, Vec2::new(0.5, -1.5))] {
             let above = choreo_plugin::stage::uv_transform(Vec2::new(0.25, -0.5), rotation, scale);
             let (translation, degrees, scale) = from_below(&above);

@@ -47,7 +47,7 @@ struct Maker<'a, 'c> {
     materials: Vec<Option<ModelMaterial>>,
     names: Names,
     /// Path of each mesh without a skeleton, by mesh and primitive, so that further instances refer to it.
-    known: BTreeMap<(u32, usize), String>,
+    mesh_paths: BTreeMap<(u32, usize), String>,
     shape_names: Names,
     common: &'c mut Common,
 }
@@ -67,7 +67,7 @@ pub fn model<'a>(
         at_rest: joints::in_model(asset, asset.skeleton.rest()),
         materials: Vec::new(),
         names: Names::default(),
-        known: BTreeMap::new(),
+        mesh_paths: BTreeMap::new(),
         shape_names: Names::default(),
         path: path.clone(),
         common,
@@ -229,7 +229,7 @@ impl<'a> Maker<'a, '_> {
         let at = self.at_rest.get(instance.joint as usize).copied().unwrap_or(DMat4::IDENTITY);
         let name = prim.name.clone();
         let key = (instance.mesh, number);
-        let path = match self.known.get(&key) {
+        let path = match self.mesh_paths.get(&key) {
             Some(known) => {
                 let kind = prim.kind;
                 prim = Prim { reference: Some(known.clone()), ..Prim::new(kind, name.clone()) };
@@ -238,7 +238,7 @@ impl<'a> Maker<'a, '_> {
             None => {
                 let inside = if instance.copies.is_empty() { "" } else { "/prototype" };
                 let path = format!("{}/{name}{inside}", self.path);
-                self.known.insert(key, path.clone());
+                self.mesh_paths.insert(key, path.clone());
                 path
             }
         };

@@ -2,7 +2,7 @@
 
 use crate::frames::Frames;
 use crate::layer::{
-    Attribute, DOUBLE3, FLOAT, FLOAT3, HALF3, Prim, QUATF, SampleValues, Samples, TOKEN, Taker, Type, Value,
+    Attribute, DOUBLE3, FLOAT, FLOAT3, HALF3, Prim, QUATF, RowSink, SampleValues, Samples, TOKEN, Type, Value,
 };
 use crate::model::Model;
 use choreo_exporter_kit::bake::rig;
@@ -21,7 +21,7 @@ fn track_samples<'a>(set: &Rc<TrackSet<'a>>, track: usize, frames: Frames) -> Sa
     let Track { path, times, .. } = set.tracks[track];
     let set = set.clone();
     let times = frames.list(&set.times[times]);
-    let each = move |take: Taker<'_>| {
+    let each = move |take: RowSink<'_>| {
         let mut numbers = Vec::new();
         set.values(track, &mut numbers);
         numbers.chunks(path.width()).try_for_each(|row| {
@@ -43,7 +43,7 @@ pub(crate) fn series_samples<'a>(
 }
 
 /// Adds the transform ops of a prim: translate, orient and scale. Returns the property index of each.
-pub(crate) fn place_by_parts<'a>(prim: &mut Prim<'a>, at: &Transform) -> [usize; 3] {
+pub(crate) fn add_transform_ops<'a>(prim: &mut Prim<'a>, at: &Transform) -> [usize; 3] {
     let first = prim.properties.len();
     prim.number(DOUBLE3, "xformOp:translate", &at.translation.to_array());
     prim.number(QUATF, "xformOp:orient", &at.rotation.to_array());
@@ -63,7 +63,7 @@ pub fn animate<'a>(prim: &mut Prim<'a>, property: usize, samples: Samples<'a>) {
 
 /// Places an actor over time. A hidden actor is invisible, and has size 0 for programs that ignore visibility.
 pub fn place_actor<'a>(prim: &mut Prim<'a>, at: &Transform, sets: &[&Rc<TrackSet<'a>>], frames: Frames) {
-    let property_indices = place_by_parts(prim, at);
+    let property_indices = add_transform_ops(prim, at);
     for set in sets {
         let own = set.tracks.iter().enumerate().filter(|(_, track)| track.joint == 0);
         for (number, track) in own {
@@ -246,7 +246,7 @@ fn add_weights<'a>(out: &mut Prim<'a>, model: &Model<'a>, all: Vec<(usize, Weigh
         }
         _ => {
             let list = frames.list(&times);
-            let each = move |take: Taker<'_>| times.iter().try_for_each(|time| take(&at(*time)));
+            let each = move |take: RowSink<'_>| times.iter().try_for_each(|time| take(&at(*time)));
             let values = SampleValues::Numbers { count: Some(count), each: Rc::new(each) };
             out.attribute(FLOAT, "blendShapeWeights").sampled(Samples { times: list, values });
         }
@@ -286,7 +286,7 @@ impl<'a> JointTracks<'a> {
         }
         let list = frames.list(&times);
         let (set, rig, animated_joints) = (self.set.clone(), self.rig.clone(), self.animated_joints.clone());
-        let each = move |take: Taker<'_>| {
+        let each = move |take: RowSink<'_>| {
             let mut row: Vec<f64> = vec![0.0; count * of.width];
             if let Some(curves) = set.aligned(path, &times) {
                 return aligned_rows(
@@ -305,7 +305,7 @@ impl<'a> JointTracks<'a> {
             for time in &times {
                 Sample { clip: &clip, time: *time, pose: &mut pose }.run();
                 for (own, joint) in row.chunks_mut(of.width).zip(animated_joints.iter()) {
-                    put(of, part(&pose.get(*joint as usize)), own);
+                    write_components(of, part(&pose.get(*joint as usize)), own);
                 }
                 take(&row)?;
             }
@@ -322,10 +322,10 @@ fn aligned_rows(
     curves: &[(u32, Vec<f32>)],
     (of, part): (Type, fn(&Transform) -> [f32; 4]),
     (row, keys): (&mut [f64], usize),
-    take: Taker<'_>,
+    take: RowSink<'_>,
 ) -> std::io::Result<()> {
     for (own, joint) in row.chunks_mut(of.width).zip(animated_joints) {
-        put(of, part(&rig.rest()[*joint as usize]), own);
+        write_components(of, part(&rig.rest()[*joint as usize]), own);
     }
     let row_indices: Vec<Option<usize>> =
         curves.iter().map(|(joint, _)| animated_joints.iter().position(|own| own == joint)).collect();
@@ -334,7 +334,7 @@ fn aligned_rows(
             let Some(index) = index else { continue };
             let mut numbers = [0.0; 4];
             numbers[..of.width].copy_from_slice(&values[key * of.width..][..of.width]);
-            put(of, numbers, &mut row[index * of.width..][..of.width]);
+            write_components(of, numbers, &mut row[index * of.width..][..of.width]);
         }
         take(row)?;
     }
@@ -343,7 +343,7 @@ fn aligned_rows(
 
 /// Puts a channel's value into a row that still holds the previous one. A quaternion gets the sign nearer to the previous one, because
 /// not all programs interpolate along the shorter arc.
-fn put(of: Type, numbers: [f32; 4], own: &mut [f64]) {
+fn write_components(of: Type, numbers: [f32; 4], own: &mut [f64]) {
     let numbers = numbers.map(f64::from);
     let turned: f64 = own.iter().zip(numbers).map(|(a, b)| *a * b).sum();
     let sign = if of.is_quaternion() && turned < 0.0 { -1.0 } else { 1.0 };

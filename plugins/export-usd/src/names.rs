@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_identifiers_and_differ() {
+    fn names_become_unique_identifiers() {
         assert_eq!(identifier("mixamorig:Hips"), "mixamorig_Hips");
         assert_eq!(identifier("2 feet"), "_2_feet");
         assert_eq!(identifier("骨"), "u9aa8");

@@ -13,7 +13,7 @@ pub(crate) fn chunk(kind: &[u8; 4], content: &[u8]) -> Vec<u8> {
 }
 
 /// The lower three bytes of a number, little endian.
-fn three(number: usize) -> [u8; 3] {
+fn u24_le(number: usize) -> [u8; 3] {
     let [a, b, c, ..] = number.to_le_bytes();
     [a, b, c]
 }
@@ -22,7 +22,7 @@ fn three(number: usize) -> [u8; 3] {
 pub(crate) fn frame_chunk(at: [usize; 2], size: [usize; 2], milliseconds: u32, image: &[u8]) -> Vec<u8> {
     let mut content = Vec::with_capacity(image.len() + 24);
     let numbers = [at[0] / 2, at[1] / 2, size[0] - 1, size[1] - 1, milliseconds as usize];
-    content.extend(numbers.into_iter().flat_map(three));
+    content.extend(numbers.into_iter().flat_map(u24_le));
     // Flags: no blending, no disposal.
     content.push(2);
     content.extend(chunk(b"VP8L", image));
@@ -45,7 +45,7 @@ pub(crate) fn head(header: &Header) -> Option<Vec<u8>> {
     let Header { size: [width, height], plays, has_about, body } = *header;
     // Flags: alpha and animation, and metadata.
     let mut extended = vec![0x12 | u8::from(has_about) << 2, 0, 0, 0];
-    extended.extend([width - 1, height - 1].into_iter().flat_map(|side| three(side as usize)));
+    extended.extend([width - 1, height - 1].into_iter().flat_map(|side| u24_le(side as usize)));
     // A transparent background color, and the number of plays.
     let mut animation = vec![0; 4];
     animation.extend(plays.to_le_bytes());
@@ -67,7 +67,7 @@ pub(crate) fn image_of(still: &[u8]) -> Option<&[u8]> {
 }
 
 /// A still WebP that contains a lossless image.
-pub(crate) fn still(image: &[u8]) -> Vec<u8> {
+pub(crate) fn still_webp(image: &[u8]) -> Vec<u8> {
     let image = chunk(b"VP8L", image);
     chunk(b"RIFF", &[b"WEBP", &image[..]].concat())
 }

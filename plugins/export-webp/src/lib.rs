@@ -57,7 +57,7 @@ impl Exporter for WebpExporter {
     ) -> Result<Box<dyn FrameSink>, ExportError> {
         let mut sink = WebpSink::new(info, out)?;
         for _ in states {
-            sink.take_over(so_far)?;
+            sink.load_previous_frames(so_far)?;
         }
         Ok(Box::new(sink))
     }
@@ -94,11 +94,12 @@ impl WebpSink {
     }
 
     /// Reads back one frame of an earlier run.
-    fn take_over(&mut self, so_far: &mut dyn Read) -> Result<(), ExportError> {
+    fn load_previous_frames(&mut self, so_far: &mut dyn Read) -> Result<(), ExportError> {
         let damaged = || ExportError::Format("the unfinished WebP is damaged".into());
         let FrameChunk { at: [left, top], size: [width, height], image, bytes } =
             container::read_frame(so_far)?.ok_or_else(damaged)?;
-        let mut decoder = WebPDecoder::new(Cursor::new(container::still(&image))).map_err(|_| damaged())?;
+        let mut decoder =
+            WebPDecoder::new(Cursor::new(container::still_webp(&image))).map_err(|_| damaged())?;
         let channels = if decoder.has_alpha() { 4 } else { 3 };
         let mut pixels = vec![0; decoder.output_buffer_size().ok_or_else(damaged)?];
         decoder.read_image(&mut pixels).map_err(|_| damaged())?;

@@ -38,7 +38,7 @@ fn encode(frames: &[Frame], info: &VideoInfo) -> Vec<u8> {
 }
 
 #[test]
-fn a_decoder_shows_the_frames() {
+fn decoded_frames_equal_the_source() {
     let frames: Vec<Frame> = (0..5).map(scene).collect();
     let bytes = encode(&frames, &info(5));
     let mut decoder = WebPDecoder::new(Cursor::new(&bytes)).unwrap();
@@ -61,7 +61,7 @@ fn a_decoder_shows_the_frames() {
 }
 
 #[test]
-fn a_stopped_animation_goes_on_with_the_same_bytes() {
+fn a_resumed_animation_has_the_same_bytes() {
     let frames: Vec<Frame> = (0..5).map(scene).collect();
     let whole = encode(&frames, &info(5));
     for cut in 1..=5 {
@@ -70,7 +70,7 @@ fn a_stopped_animation_goes_on_with_the_same_bytes() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused() {
+fn wrong_frame_sizes_and_counts_are_errors() {
     let frames = [scene(0), scene(1)];
     let mut thrice = info(2);
     thrice.options.0.insert("plays".into(), OptionValue::Number(3.0));

@@ -96,7 +96,7 @@ fn a_frame_of_another_size_is_refused() {
 }
 
 #[test]
-fn a_stopped_stream_goes_on_to_the_same_bytes() {
+fn a_resumed_stream_has_the_same_bytes() {
     let frames: Vec<Frame> = (0..3).map(|f| bars(65, 33, f)).collect();
     let whole = encode(65, 33);
     for cut in 1..=3 {
@@ -106,7 +106,7 @@ fn a_stopped_stream_goes_on_to_the_same_bytes() {
 
 /// ffmpeg reads at most 95 bytes of header, so of a long identification as much as fits.
 #[test]
-fn the_header_names_how_it_was_made_and_stays_short() {
+fn the_header_has_a_short_provenance() {
     let mut info = info(16384, 16384);
     info.provenance = vec![("a".into(), "b".into()), ("choreo:id".into(), "0123456789abcdef".into())];
     for (size, id) in [(64, "0123456789abcdef"), (16384, "0123456789abc")] {

@@ -40,7 +40,7 @@ impl Joint {
 
 /// The file after the hierarchy: its bytes from MOTION on, and the number of their first line.
 #[derive(Clone, Copy, Debug)]
-pub struct Rest<'a> {
+pub struct MotionText<'a> {
     pub bytes: &'a [u8],
     pub line: usize,
 }
@@ -88,23 +88,23 @@ impl<'a> Tokens<'a> {
     }
 
     /// The next word, or an error at the end of the file that names the expected word.
-    fn want(&mut self, wanted: &str) -> Result<&'a [u8]> {
+    fn expect_word(&mut self, wanted: &str) -> Result<&'a [u8]> {
         self.next().ok_or_else(|| {
             self.problem(format!("the file ends where {wanted} should be"))
                 .hint("the file was cut off; export or copy it again")
         })
     }
 
-    fn want_number(&mut self, wanted: &str) -> Result<f64> {
-        let word = self.want(wanted)?;
+    fn expect_number(&mut self, wanted: &str) -> Result<f64> {
+        let word = self.expect_word(wanted)?;
         number(word).ok_or_else(|| self.problem(format!("\"{}\" is not a number; {wanted}", shown(word))))
     }
 }
 
-pub fn read<'a>(bytes: &'a [u8], notes: &Notes) -> Result<(Vec<Joint>, Rest<'a>)> {
+pub fn read<'a>(bytes: &'a [u8], notes: &Notes) -> Result<(Vec<Joint>, MotionText<'a>)> {
     let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let mut tokens = Tokens { bytes: text, at: 0, line: 1 };
-    let first = tokens.want("HIERARCHY")?;
+    let first = tokens.expect_word("HIERARCHY")?;
     if !first.eq_ignore_ascii_case(b"HIERARCHY") {
         return Err(tokens
             .problem(format!("starts with \"{}\", not with HIERARCHY", shown(first)))
@@ -116,7 +116,7 @@ pub fn read<'a>(bytes: &'a [u8], notes: &Notes) -> Result<(Vec<Joint>, Rest<'a>)
     loop {
         if open.is_empty() {
             tokens.skip_space();
-            let rest = Rest { bytes: &text[tokens.at..], line: tokens.line };
+            let rest = MotionText { bytes: &text[tokens.at..], line: tokens.line };
             match tokens.next() {
                 None => return finish(joints, rest, &tokens),
                 Some(w) if w.eq_ignore_ascii_case(b"MOTION") => return finish(joints, rest, &tokens),
@@ -132,13 +132,13 @@ pub fn read<'a>(bytes: &'a [u8], notes: &Notes) -> Result<(Vec<Joint>, Rest<'a>)
             continue;
         }
         let joint = open[open.len() - 1];
-        let word = tokens.want("OFFSET, CHANNELS, JOINT, End Site or }")?;
+        let word = tokens.expect_word("OFFSET, CHANNELS, JOINT, End Site or }")?;
         if word == b"}" {
             open.pop();
         } else if word.eq_ignore_ascii_case(b"OFFSET") {
             let mut offset = [0.0; 3];
             for value in &mut offset {
-                *value = tokens.want_number("OFFSET must have three numbers")?;
+                *value = tokens.expect_number("OFFSET must have three numbers")?;
             }
             joints[joint].offset = DVec3::from(offset);
         } else if word.eq_ignore_ascii_case(b"CHANNELS") {
@@ -183,7 +183,7 @@ fn begin(
         }
         _ => String::from_utf8_lossy(tokens.name()).into_owned(),
     };
-    let brace = tokens.want("{")?;
+    let brace = tokens.expect_word("{")?;
     if brace != b"{" {
         return Err(tokens.problem(format!("\"{}\" stands where {{ should be", shown(brace))));
     }
@@ -193,7 +193,7 @@ fn begin(
 }
 
 fn channels(tokens: &mut Tokens<'_>, joint: &mut Joint) -> Result<()> {
-    let word = tokens.want("the number of channels")?;
+    let word = tokens.expect_word("the number of channels")?;
     let count = integer(word)
         .filter(|n| (0..=6).contains(n))
         .ok_or_else(|| tokens.problem(format!("\"{}\" channels; a joint has 0 to 6", shown(word))))?;
@@ -201,7 +201,7 @@ fn channels(tokens: &mut Tokens<'_>, joint: &mut Joint) -> Result<()> {
         return Err(tokens.problem(format!("joint \"{}\" has CHANNELS twice", joint.name)));
     }
     for _ in 0..count {
-        let word = tokens.want("a channel's name")?;
+        let word = tokens.expect_word("a channel's name")?;
         let lower = word.to_ascii_lowercase();
         let axis = lower.first().map_or(3, |b| usize::from(b.wrapping_sub(b'x')));
         let channel = match &lower[1.min(lower.len())..] {
@@ -219,7 +219,11 @@ fn channels(tokens: &mut Tokens<'_>, joint: &mut Joint) -> Result<()> {
     Ok(())
 }
 
-fn finish<'a>(joints: Vec<Joint>, rest: Rest<'a>, tokens: &Tokens<'_>) -> Result<(Vec<Joint>, Rest<'a>)> {
+fn finish<'a>(
+    joints: Vec<Joint>,
+    rest: MotionText<'a>,
+    tokens: &Tokens<'_>,
+) -> Result<(Vec<Joint>, MotionText<'a>)> {
     match joints.is_empty() {
         true => {
             Err(tokens.problem("HIERARCHY has no ROOT").hint("the file was cut off; export or copy it again"))
@@ -228,7 +232,7 @@ fn finish<'a>(joints: Vec<Joint>, rest: Rest<'a>, tokens: &Tokens<'_>) -> Result
     }
 }
 
-impl<'a> Rest<'a> {
+impl<'a> MotionText<'a> {
     /// The lines after MOTION.
     pub fn lines(&self) -> Option<Lines<'a>> {
         let mut lines = Lines::from(self.bytes, self.line);

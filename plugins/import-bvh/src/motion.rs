@@ -1,7 +1,7 @@
 //! The MOTION section: frames become curves.
 
 use crate::Convention;
-use crate::hierarchy::{Channel, Joint, Rest};
+use crate::hierarchy::{Channel, Joint, MotionText};
 use choreo_importer_kit::text::{Lines, count as counted, integer, next_word, number, shown, words};
 use choreo_importer_kit::{Notes, Problem, Progress, Result};
 use choreo_motion::{Clip, Curve, FrameRate, Interpolation, Path, Time};
@@ -15,7 +15,7 @@ pub const MAX_SECS: f64 = 1e7;
 
 /// Reads the clip; `None` where the file has no frames.
 pub fn read(
-    rest: Rest<'_>,
+    rest: MotionText<'_>,
     joints: &[Joint],
     convention: &Convention,
     name: &str,
@@ -265,7 +265,7 @@ impl Track<'_> {
         for (channel, value) in self.channels.iter().zip(values) {
             match channel {
                 Channel::Position(axis) => position[*axis] = *value,
-                Channel::Rotation(axis) => rotation *= about(*axis, *value),
+                Channel::Rotation(axis) => rotation *= axis_rotation(*axis, *value),
             }
         }
         if self.root {
@@ -281,7 +281,7 @@ impl Track<'_> {
     }
 }
 
-fn about(axis: usize, degrees: f64) -> DQuat {
+fn axis_rotation(axis: usize, degrees: f64) -> DQuat {
     let half = degrees * (std::f64::consts::PI / 360.0);
     let (sin, cos) = libm::sincos(half);
     let mut xyz = [0.0; 3];

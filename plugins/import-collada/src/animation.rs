@@ -70,7 +70,9 @@ pub fn read(
             }
             let mut channels = Vec::new();
             for instance in children(clip, "instance_animation") {
-                let Some(animation) = xml.instanced(instance, "url", "animation", LEFT_OUT) else { continue };
+                let Some(animation) = xml.resolve_instance(instance, "url", "animation", LEFT_OUT) else {
+                    continue;
+                };
                 for channel in animation.descendants().filter(|n| name_of(*n) == "channel") {
                     in_clips.push(channel.id().get());
                     channels.push(channel);
@@ -197,7 +199,7 @@ impl<'a> Reader<'_, 'a> {
     }
 
     fn sampler(&mut self, channel: Node<'a>) -> Result<Rc<Sampler>> {
-        let node = self.xml.follow(channel, "source")?;
+        let node = self.xml.resolve_reference(channel, "source")?;
         if name_of(node) != "sampler" {
             return Err(self.xml.problem(channel, format!("source is a {}, not a sampler", name_of(node))));
         }
@@ -219,41 +221,41 @@ impl<'a> Reader<'_, 'a> {
             _ => (last, ""),
         };
         let Some(first) = parts.first().copied().or((!sid.is_empty()).then_some(sid)) else {
-            return self.leave(channel, "without a target");
+            return self.skip_channel(channel, "without a target");
         };
         let Some(mut node) = self.xml.node_by_id(first).or(self.xml.by_id(first)) else {
-            return self.leave(channel, "for something that is not in the file");
+            return self.skip_channel(channel, "for something that is not in the file");
         };
         if matches!(name_of(node), "camera" | "light") {
             let of_sid = |n: &Node<'_>| n.attribute("sid").unwrap_or(name_of(*n)) == sid;
             let names = node.descendants().find(of_sid).and_then(|n| properties::names(n, member));
             return match names {
                 Some(names) => Some(Target::Object(node.id(), names)),
-                None => self.leave(channel, "for an unsupported property of a camera or light"),
+                None => self.skip_channel(channel, "for an unsupported property of a camera or light"),
             };
         }
         if name_of(node) != "node" {
             return match self.morph(node, member) {
                 Some(target) => Some(target),
-                None => self.leave(channel, "for something that is neither a node nor a morph weight"),
+                None => self.skip_channel(channel, "for something that is neither a node nor a morph weight"),
             };
         }
         for sid in parts.iter().skip(1) {
             let Some(below) = node.descendants().find(|n| n.attribute("sid") == Some(sid)) else {
-                return self.leave(channel, "for something that is not in the file");
+                return self.skip_channel(channel, "for something that is not in the file");
             };
             node = below;
         }
         let Some(joints) = self.tree.of_element.get(&node.id()) else {
-            return self.leave(channel, "for nodes that are not in the scene");
+            return self.skip_channel(channel, "for nodes that are not in the scene");
         };
         let stack = &self.tree.joints[*joints.first()? as usize].stack;
         let Some(element) = stack.iter().position(|e| e.sid == sid) else {
-            return self.leave(channel, "for something of a node that is not a transform");
+            return self.skip_channel(channel, "for something of a node that is not a transform");
         };
         match Component::of(member, stack[element].kind) {
             Some(part) => Some(Target::Joints(joints.clone(), element, part)),
-            None => self.leave(channel, "for a part of a transform that it does not have"),
+            None => self.skip_channel(channel, "for a part of a transform that it does not have"),
         }
     }
 
@@ -265,7 +267,7 @@ impl<'a> Reader<'_, 'a> {
         Some(Target::Morph(controller.id(), index))
     }
 
-    fn leave(&mut self, channel: Node<'a>, why: &'static str) -> Option<Target> {
+    fn skip_channel(&mut self, channel: Node<'a>, why: &'static str) -> Option<Target> {
         let entry = self.left_out.entry(why);
         entry.or_insert_with(|| (0, self.xml.place(channel))).0 += 1;
         None

@@ -31,7 +31,7 @@ fn utf8(bytes: &[u8], mark: usize) -> Result<Cow<'_, str>> {
 fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Result<String> {
     let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
     char::decode_utf16(units).collect::<std::result::Result<String, _>>().map_err(|e| {
-        let what = format!("unit {:04x} of the UTF-16 text has no partner", e.unpaired_surrogate());
+        let what = format!("the UTF-16 text has the unpaired surrogate {:04x}", e.unpaired_surrogate());
         Problem::new("byte 0", what).hint("save the file as UTF-8; the file may be damaged")
     })
 }

@@ -98,7 +98,7 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &Impo
         Some("linear") => false,
         _ => !tool.contains("Blender"),
     };
-    let tree = nodes::Tree::read(&xml, nodes::Convention { metres, up: upright(up) })?;
+    let tree = nodes::Tree::read(&xml, nodes::Convention { metres, up: y_up_from_axis(up) })?;
     let mut asset = Asset {
         name: source.name.clone(),
         skeleton: Arc::new(tree.skeleton(&xml)?),
@@ -144,7 +144,7 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &Impo
 }
 
 /// The shortest rotation from the file's upward axis to +Y, about x or z.
-fn upright(up: &str) -> DMat4 {
+fn y_up_from_axis(up: &str) -> DMat4 {
     match up {
         // x becomes y, y becomes −x.
         "+X" => DMat4::from_cols(DVec4::Y, DVec4::NEG_X, DVec4::Z, DVec4::W),

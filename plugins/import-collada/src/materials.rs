@@ -23,7 +23,7 @@ pub struct Materials<'f> {
     pub list: Vec<Material>,
     pub bumps: Vec<BumpMap>,
     /// Materials by material element and texture coordinate sets.
-    known: BTreeMap<String, u32>,
+    index_of_key: BTreeMap<String, u32>,
 }
 
 /// Maps the texture coordinates that an effect names to the uv sets of a primitive.
@@ -53,7 +53,14 @@ struct Value {
 impl<'f> Materials<'f> {
     pub fn new(textures: bool, files: &'f dyn Files, srgb: bool) -> Materials<'f> {
         let textures = textures.then(Textures::default);
-        Materials { textures, files, srgb, list: Vec::new(), bumps: Vec::new(), known: BTreeMap::new() }
+        Materials {
+            textures,
+            files,
+            srgb,
+            list: Vec::new(),
+            bumps: Vec::new(),
+            index_of_key: BTreeMap::new(),
+        }
     }
 
     /// The material that an instance binds to a material symbol of its mesh.
@@ -74,13 +81,13 @@ impl<'f> Materials<'f> {
                     let set = input.attribute("input_set").and_then(|s| s.trim().parse().ok()).unwrap_or(0);
                     uvs.bound.insert(input.attribute("semantic").unwrap_or_default().to_string(), set);
                 }
-                xml.instanced(bound, "target", "material", "grey is used")
+                xml.resolve_instance(bound, "target", "material", "gray is used")
             }
             // Some exporters bind nothing, and use the material's id as symbol.
             None => xml.by_id(symbol).filter(|n| name_of(*n) == "material"),
         };
         let key = format!("{:?} {uvs:?}", material.map(|m| m.id()));
-        if let Some(known) = self.known.get(&key) {
+        if let Some(known) = self.index_of_key.get(&key) {
             return Ok(*known);
         }
         let made = match material {
@@ -89,7 +96,7 @@ impl<'f> Materials<'f> {
                 if bound.is_none() && !symbol.is_empty() {
                     xml.warn(
                         instance,
-                        format!("material \"{symbol}\" of the mesh is not bound; grey is used"),
+                        format!("material \"{symbol}\" of the mesh is not bound; gray is used"),
                     );
                 }
                 Material {
@@ -103,7 +110,7 @@ impl<'f> Materials<'f> {
         };
         let index = self.list.len() as u32;
         self.list.push(made);
-        self.known.insert(key, index);
+        self.index_of_key.insert(key, index);
         Ok(index)
     }
 
@@ -116,7 +123,7 @@ impl<'f> Materials<'f> {
             ..Material::default()
         };
         let Some(instance) = child(material, "instance_effect") else { return Ok(out) };
-        let Some(effect) = xml.instanced(instance, "url", "effect", "white is used") else {
+        let Some(effect) = xml.resolve_instance(instance, "url", "effect", "white is used") else {
             return Ok(out);
         };
         let Some(profile) = child(effect, "profile_COMMON") else {
@@ -295,7 +302,7 @@ fn image<'a>(xml: &Xml<'a>, profile: Node<'a>, name: &str) -> (Option<Node<'a>>,
     let by_id = |id: &str| xml.by_id(id).filter(|n| name_of(*n) == "image");
     let Some(sampler) = param(name).and_then(|p| child(p, "sampler2D")) else { return (by_id(name), None) };
     if let Some(instance) = child(sampler, "instance_image") {
-        return (xml.follow(instance, "url").ok(), Some(sampler));
+        return (xml.resolve_reference(instance, "url").ok(), Some(sampler));
     }
     let source = child(sampler, "source").map(text_of).unwrap_or_default();
     let surface = param(source).and_then(|p| child(p, "surface"));

@@ -38,7 +38,7 @@ pub struct Builder<'x, 'a, 'f> {
     /// Remaining instances of each geometry: the last one takes its lists instead of copying them.
     uses: HashMap<NodeId, usize>,
     /// Mesh and skin by a key of what they are made from.
-    known: BTreeMap<String, (u32, Option<u32>)>,
+    mesh_of_key: BTreeMap<String, (u32, Option<u32>)>,
     without_normals: usize,
 }
 
@@ -52,7 +52,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
             morphs: Vec::new(),
             geometries: HashMap::new(),
             uses: HashMap::new(),
-            known: BTreeMap::new(),
+            mesh_of_key: BTreeMap::new(),
             without_normals: 0,
         }
     }
@@ -62,7 +62,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
         for (joint, node) in (0u32..).zip(self.tree.joints.iter().map(|j| j.node)) {
             for element in node.children() {
                 // A missing target is only a warning, because skeletons are often kept without their mesh.
-                let target = |kind| self.xml.instanced(element, "url", kind, LEFT_OUT);
+                let target = |kind| self.xml.resolve_instance(element, "url", kind, LEFT_OUT);
                 let shape = match name_of(element) {
                     "instance_geometry" => target("geometry").map(InstancedShape::plain),
                     "instance_controller" => match target("controller") {
@@ -105,7 +105,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
                 "skin" => skin = Some(inner),
                 _ => morph = Some((inner, at.id())),
             }
-            let source = match self.xml.follow(inner, "source") {
+            let source = match self.xml.resolve_reference(inner, "source") {
                 Ok(source) => source,
                 Err(problem) => {
                     self.xml.notes.warn(problem.place, format!("{}; the mesh is left out", problem.what));
@@ -156,7 +156,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
             skin.map(|s| s.id()),
             morph.map(|m| m.1)
         );
-        let (mesh, skin) = match self.known.get(&key) {
+        let (mesh, skin) = match self.mesh_of_key.get(&key) {
             Some(known) => *known,
             None => {
                 let skinned = skin.map(|s| {
@@ -188,7 +188,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
                 });
                 asset.meshes.push(Arc::new(mesh));
                 let made = (asset.meshes.len() as u32 - 1, skin);
-                self.known.insert(key, made);
+                self.mesh_of_key.insert(key, made);
                 made
             }
         };

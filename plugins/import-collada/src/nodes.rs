@@ -11,7 +11,7 @@ use std::collections::HashMap;
 /// Joint limit, which bounds what instance_node multiplies.
 const MAX_JOINTS: usize = 65_536;
 /// Largest relative difference between a matrix and its decomposition that gives no warning.
-const SHEAR: f64 = 1e-3;
+const SHEAR_TOLERANCE: f64 = 1e-3;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TransformKind {
@@ -130,7 +130,7 @@ impl<'a> Tree<'a> {
             if !transform.is_finite() || transform.scale.max_element().abs() > 1e18 {
                 return Err(xml.problem(joint.node, "its transforms together are not finite"));
             }
-            if parts.error > SHEAR {
+            if parts.error > SHEAR_TOLERANCE {
                 let what = format!(
                     "the transform is sheared; the nearest translation, rotation and scale differ from it by {:.1} %",
                     parts.error * 100.0
@@ -156,7 +156,7 @@ pub fn transform(parts: &Trs) -> Transform {
 /// The scene that the file instances, else its first scene.
 fn scene<'a>(xml: &Xml<'a>) -> Option<Node<'a>> {
     let shown = child(xml.root(), "scene").and_then(|s| child(s, "instance_visual_scene"));
-    let named = shown.map(|s| xml.instanced(s, "url", "visual_scene", "the first scene is used"));
+    let named = shown.map(|s| xml.resolve_instance(s, "url", "visual_scene", "the first scene is used"));
     let first = || descendant(xml.root(), "visual_scene");
     match (named, first()) {
         (Some(Some(scene)), _) => return Some(scene),

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 /// Aspect ratio (width over height) where the file states none.
-const WIDE: f64 = 16.0 / 9.0;
+const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
 
 /// Distance in metres at which the renderer's inverse-square falloff equals the file's attenuation.
 const EQUAL_AT: f64 = 5.0;
@@ -78,14 +78,15 @@ impl Numbers {
 
     /// The full vertical angle of a perspective lens, radians.
     pub fn angle(&self) -> Option<f64> {
-        let across =
-            |x: f64| 2.0 * libm::atan(libm::tan(x.to_radians() / 2.0) / self.aspect().unwrap_or(WIDE));
+        let across = |x: f64| {
+            2.0 * libm::atan(libm::tan(x.to_radians() / 2.0) / self.aspect().unwrap_or(DEFAULT_ASPECT))
+        };
         self.get("yfov").map(f64::to_radians).or_else(|| self.get("xfov").map(across))
     }
 
     /// The full height of an orthographic view, in the file's units: magnifications are half extents.
     pub fn height(&self) -> f64 {
-        let across = |x: f64| 2.0 * x / self.aspect().unwrap_or(WIDE);
+        let across = |x: f64| 2.0 * x / self.aspect().unwrap_or(DEFAULT_ASPECT);
         self.get("ymag").map(|y| 2.0 * y).or_else(|| self.get("xmag").map(across)).unwrap_or(2.0)
     }
 
@@ -119,7 +120,7 @@ pub fn cameras<'a>(xml: &Xml<'a>, tree: &Tree<'a>) -> Result<Vec<Object<'a, Asse
     let mut out = Vec::new();
     for (joint, node) in (0u32..).zip(tree.joints.iter().map(|j| j.node)) {
         for instance in children(node, "instance_camera") {
-            let Some(camera) = xml.instanced(instance, "url", "camera", LEFT_OUT) else { continue };
+            let Some(camera) = xml.resolve_instance(instance, "url", "camera", LEFT_OUT) else { continue };
             let technique = child(camera, "optics").and_then(|o| child(o, "technique_common"));
             let Some(lens) = technique.and_then(|t| t.first_element_child()) else {
                 xml.warn(camera, "has no optics; it is left out");
@@ -179,7 +180,7 @@ pub fn lights<'a>(xml: &Xml<'a>, tree: &Tree<'a>) -> Result<Vec<Object<'a, Asset
     let mut out = Vec::new();
     for (joint, node) in (0u32..).zip(tree.joints.iter().map(|j| j.node)) {
         for instance in children(node, "instance_light") {
-            let Some(light) = xml.instanced(instance, "url", "light", LEFT_OUT) else { continue };
+            let Some(light) = xml.resolve_instance(instance, "url", "light", LEFT_OUT) else { continue };
             let Some(kind) = child(light, "technique_common").and_then(|t| t.first_element_child()) else {
                 xml.warn(light, "has no technique_common; it is left out");
                 continue;

@@ -113,11 +113,11 @@ pub fn inputs<'a>(xml: &Xml<'a>, element: Node<'a>) -> Result<Vec<Input<'a>>> {
         let offset = number("offset", 0)?;
         let set = number("set", 0)?;
         let semantic = input.attribute("semantic").unwrap_or_default();
-        let source = xml.follow(input, "source")?;
+        let source = xml.resolve_reference(input, "source")?;
         if semantic == "VERTEX" && name_of(source) == "vertices" {
             for inner in children(source, "input") {
                 let semantic = inner.attribute("semantic").unwrap_or_default();
-                out.push(Input { semantic, source: xml.follow(inner, "source")?, offset, set });
+                out.push(Input { semantic, source: xml.resolve_reference(inner, "source")?, offset, set });
             }
         } else {
             out.push(Input { semantic, source, offset, set });

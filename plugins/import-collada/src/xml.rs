@@ -151,7 +151,7 @@ impl<'a> Xml<'a> {
     }
 
     /// The element that a reference `#id` in an attribute names.
-    pub fn follow(&self, node: Node<'_>, attribute: &str) -> Result<Node<'a>> {
+    pub fn resolve_reference(&self, node: Node<'_>, attribute: &str) -> Result<Node<'a>> {
         let Some(url) = node.attribute(attribute) else {
             return Err(self.problem(node, format!("has no {attribute}")));
         };
@@ -164,8 +164,14 @@ impl<'a> Xml<'a> {
 
     /// The element that an instance (`instance_camera`, `instance_light` …) refers to, if it is of the given kind. Any other
     /// reference gives a warning, which ends with `instead`, what is done about it.
-    pub fn instanced(&self, instance: Node<'_>, url: &str, kind: &str, instead: &str) -> Option<Node<'a>> {
-        match self.follow(instance, url) {
+    pub fn resolve_instance(
+        &self,
+        instance: Node<'_>,
+        url: &str,
+        kind: &str,
+        instead: &str,
+    ) -> Option<Node<'a>> {
+        match self.resolve_reference(instance, url) {
             Ok(node) if name_of(node) == kind => return Some(node),
             Ok(node) => {
                 self.warn(instance, format!("refers to a {}, not a {kind}; {instead}", name_of(node)));
@@ -178,7 +184,7 @@ impl<'a> Xml<'a> {
     /// The numbers of an element's text.
     pub fn numbers(&self, node: Node<'_>) -> Result<Vec<f64>> {
         let values = self.values(node, |rest| Some(next_number(rest)?.map(Some)))?;
-        values.map_err(|(index, word)| self.bad(node, index, word, "a finite number"))
+        values.map_err(|(index, word)| self.invalid_value(node, index, word, "a finite number"))
     }
 
     /// The numbers as 32-bit floats, which take half of the memory.
@@ -186,7 +192,7 @@ impl<'a> Xml<'a> {
         let values = self.values(node, |rest| {
             Some(next_number(rest)?.map(|v| Some(v as f32).filter(|v| v.is_finite())))
         })?;
-        values.map_err(|(index, word)| self.bad(node, index, word, "a finite number"))
+        values.map_err(|(index, word)| self.invalid_value(node, index, word, "a finite number"))
     }
 
     /// Integers from −1, which skins use.
@@ -194,7 +200,7 @@ impl<'a> Xml<'a> {
         let values = self.values(node, |rest| {
             Some(next_integer(rest)?.map(|v| i32::try_from(v).ok().filter(|v| *v >= -1)))
         })?;
-        values.map_err(|(index, word)| self.bad(node, index, word, "an index"))
+        values.map_err(|(index, word)| self.invalid_value(node, index, word, "an index"))
     }
 
     /// Parses all values of an element's text, or returns the first word that is no value, with its index. `next` takes one value
@@ -250,7 +256,7 @@ impl<'a> Xml<'a> {
         self.budget.charge(count as u64, size).at(|| self.place(node))
     }
 
-    fn bad(&self, node: Node<'_>, index: usize, word: &[u8], wanted: &str) -> Problem {
+    fn invalid_value(&self, node: Node<'_>, index: usize, word: &[u8], wanted: &str) -> Problem {
         self.problem(node, format!("value {index} is \"{}\", not {wanted}", shown(word)))
     }
 }
@@ -326,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn texts_around_comments() {
+    fn text_around_xml_comments_is_joined() {
         let doc = parse("<a> 1 <!-- 2 -->3<![CDATA[ 4]]> <b>5</b>&#54;</a>").unwrap();
         let all: String = texts(doc.root_element()).collect();
         assert_eq!(all.split_whitespace().collect::<Vec<_>>(), ["1", "3", "4", "6"]);

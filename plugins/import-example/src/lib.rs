@@ -97,5 +97,5 @@ fn read(bytes: &[u8], scale: f32, builder: &mut AssetBuilder) -> Result<MeshData
 }
 
 fn numbers<'a, T: std::str::FromStr>(words: impl Iterator<Item = &'a str>) -> Result<Vec<T>, String> {
-    words.map(|w| w.parse().map_err(|_| format!("\"{w}\" is not the number that belongs here"))).collect()
+    words.map(|w| w.parse().map_err(|_| format!("\"{w}\" is not a valid number"))).collect()
 }

@@ -1,4 +1,4 @@
-//! The sample arrives whole, and what is wrong is reported with its line.
+//! The sample file is imported completely, and errors name their line.
 
 use choreo_plugin::asset::Asset;
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Source};
@@ -22,7 +22,7 @@ fn import(text: &str) -> Result<Asset, ImportError> {
 }
 
 #[test]
-fn the_sample_arrives_whole() {
+fn the_sample_is_imported_completely() {
     let asset = import(include_str!("sample.example")).unwrap();
     let mesh = &asset.meshes[0].primitives[0];
     assert_eq!((mesh.positions.len(), mesh.indices.len() / 3), (5, 6));
@@ -32,17 +32,17 @@ fn the_sample_arrives_whole() {
 }
 
 #[test]
-fn files_are_known_by_their_first_word() {
+fn files_are_claimed_by_their_first_word() {
     assert_eq!(ExampleImporter.claim(&source("example 1\n")), Claim::Content(90));
     let other = Source { name: "a.txt".into(), ..source("v 1 2 3") };
     assert_eq!(ExampleImporter.claim(&other), Claim::NotMine);
 }
 
 #[test]
-fn mistakes_have_their_line() {
+fn errors_name_their_line() {
     let text = |file: &str| import(file).unwrap_err().to_string();
     assert_eq!(text("point 1 2"), "a.example: line 1: a point has 3 numbers, this one has 2");
-    assert_eq!(text("point 1 2 x"), "a.example: line 1: \"x\" is not the number that belongs here");
+    assert_eq!(text("point 1 2 x"), "a.example: line 1: \"x\" is not a valid number");
     assert_eq!(text("\nface 0 1 2"), "a.example: line 2: point 0 does not exist, there are 0 so far");
     assert_eq!(text(""), "a.example: mesh \"example\": positions must have 3 numbers for each vertex, has 0");
     let odd = import("point 0 0 0\npoint 1 0 0\npoint 0 1 0\nface 0 1 2\ncolor red").unwrap();

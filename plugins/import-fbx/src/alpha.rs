@@ -42,7 +42,7 @@ mod tests {
     }
 
     #[test]
-    fn cut_out_or_blended() {
+    fn alpha_images_are_masked_or_blended_by_their_values() {
         assert_eq!(mode(&image(&[255; 8])), AlphaMode::Opaque);
         assert_eq!(mode(&image(&[255, 255, 0, 0])), AlphaMode::Mask(0.5));
         assert_eq!(mode(&image(&[128; 8])), AlphaMode::Blend);

@@ -26,7 +26,7 @@ use ufbx::{AnimCurve, AnimStack};
 /// Latest key time, seconds (about 115 days). Later keys are taken for damage.
 const MAX_KEY_SECS: f64 = 1e7;
 /// Largest difference from rest that counts as still: in metres, in quaternion components, and in scale.
-const STILL: f32 = 1e-6;
+const STILL_TOLERANCE: f32 = 1e-6;
 
 pub fn read(
     file: &File<'_>,
@@ -101,7 +101,7 @@ impl Maker<'_, '_> {
     }
 
     fn clip(mut self) -> Result<Option<Clip>> {
-        self.tell_repeated();
+        self.warn_repeated();
         self.nodes()?;
         self.weights()?;
         let mut properties = self.properties()?;
@@ -120,7 +120,9 @@ impl Maker<'_, '_> {
     fn is_still(&self, curve: &Curve) -> bool {
         let Some(rest) = self.tree.skeleton.rest().get(curve.joint as usize) else { return false };
         let near = |rest: &[f32]| {
-            let close = |sign: f32| curve.values.iter().zip(rest).all(|(v, r)| (sign * v - r).abs() < STILL);
+            let close = |sign: f32| {
+                curve.values.iter().zip(rest).all(|(v, r)| (sign * v - r).abs() < STILL_TOLERANCE)
+            };
             curve.times.len() == 1 && (close(1.0) || curve.path == Path::Rotation && close(-1.0))
         };
         match curve.path {
@@ -131,7 +133,7 @@ impl Maker<'_, '_> {
         }
     }
 
-    fn tell_repeated(&self) {
+    fn warn_repeated(&self) {
         for id in self.repeated.iter().take(20) {
             if let Some(element) = self.file.scene.elements.get(*id as usize) {
                 let what = format!(
@@ -159,7 +161,7 @@ impl Maker<'_, '_> {
         let mut groups = Groups::new();
         for (joint, props) in &closed {
             for path in PATHS {
-                self.gather(&mut groups, *joint, props, path)?;
+                self.add_to_group(&mut groups, *joint, props, path)?;
             }
         }
         for (intervals, members) in groups {
@@ -177,7 +179,7 @@ impl Maker<'_, '_> {
     }
 
     /// Adds a curve that never changes, and puts any other with those of the same key times, so that they share them.
-    fn gather<'m>(
+    fn add_to_group<'m>(
         &mut self,
         groups: &mut Groups<'m>,
         joint: u32,
@@ -275,7 +277,7 @@ impl Maker<'_, '_> {
     fn sampled(&mut self, node: &ufbx::Node, joint: u32, repeats: bool) -> Result<()> {
         let place = || format!("{}: {}", place_of(&self.stack.element), place_of(&node.element));
         let times = match repeats {
-            true => sampled::even(self.file, self.span, &place)?,
+            true => sampled::even_times(self.file, self.span, &place)?,
             false => sampled::knots(self.file, self.driven.curves_of(node), self.span, &place)?,
         };
         if times.is_empty() {

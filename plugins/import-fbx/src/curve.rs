@@ -11,13 +11,13 @@ pub struct Piece {
     pub to: Time,
     pub c: [f64; 4],
     /// The piece begins with a jump one tick after its key, not before it.
-    pub late: bool,
+    pub jumps_after_key: bool,
 }
 
 /// Halvings of a weighted segment, at most.
 const MAX_DEPTH: u32 = 10;
 /// Tolerance for the default tangent weight 1/3, which FBX writes with six digits.
-const THIRD: f64 = 2e-6;
+const DEFAULT_WEIGHT_TOLERANCE: f64 = 2e-6;
 
 /// Range of a clip on the file's timeline.
 #[derive(Clone, Copy, Debug)]
@@ -78,7 +78,7 @@ impl Line<'_> {
     fn hold(&mut self, to: Time, value: f64, late: bool) {
         let to = to.min(self.span.length());
         if to > self.reached {
-            self.out.push(Piece { from: self.reached, to, c: [value, 0.0, 0.0, 0.0], late });
+            self.out.push(Piece { from: self.reached, to, c: [value, 0.0, 0.0, 0.0], jumps_after_key: late });
             self.reached = to;
         }
     }
@@ -89,7 +89,7 @@ impl Line<'_> {
         if end <= start {
             return;
         }
-        let whole = Piece { from, to, c, late: late && start == from };
+        let whole = Piece { from, to, c, jumps_after_key: late && start == from };
         self.out.push(whole.part(start, end));
         self.reached = end;
     }
@@ -118,7 +118,7 @@ impl Piece {
             w * w * (c + 3.0 * u * d),
             w * w * w * d,
         ];
-        Piece { from, to, c, late: self.late && from == self.from }
+        Piece { from, to, c, jumps_after_key: self.jumps_after_key && from == self.from }
     }
 }
 
@@ -141,7 +141,7 @@ impl Bezier {
     fn is_plain(&self, tolerance: f64) -> bool {
         let off = (self.x[0] - 1.0 / 3.0).abs().max((self.x[1] - 2.0 / 3.0).abs());
         let steepest = (1..4).map(|i| (self.y[i] - self.y[i - 1]).abs()).fold(0.0, f64::max);
-        off <= THIRD || off * 3.0 * steepest <= 0.1 * tolerance
+        off <= DEFAULT_WEIGHT_TOLERANCE || off * 3.0 * steepest <= 0.1 * tolerance
     }
 
     fn plain(&self) -> [f64; 4] {

@@ -11,7 +11,7 @@ const MAX_PARTS: i64 = 4096;
 
 /// Share of the tolerance for the cubics against the file's curves, and the same for lines against the cubics. The rest is for
 /// weighted tangents.
-const SHARE: f64 = 0.4;
+const CURVE_ERROR_SHARE: f64 = 0.4;
 
 /// Value at a key, and slopes before and after it in units a second.
 #[derive(Clone, Copy)]
@@ -33,7 +33,7 @@ pub fn parts(members: &[TransformPart<'_>], accuracy: Accuracy) -> Vec<u32> {
                 let errors = members.iter().map(|m| m.cubic_error(interval) / limit(m.path, accuracy));
                 let most = errors.fold(0.0, |a: f64, b| if b > a { b } else { a });
                 // The error of a cubic falls with the fourth power of the number of parts.
-                (most / SHARE).sqrt().sqrt()
+                (most / CURVE_ERROR_SHARE).sqrt().sqrt()
             }
         };
         let most = (to.0 - from.0).clamp(1, MAX_PARTS) as f64;
@@ -94,7 +94,7 @@ pub fn spline(
     let keys = keys(intervals, parts, at);
     let width = path.width();
     let blend = if path == Path::Rotation { Blend::Rotation } else { Blend::Numbers };
-    if accuracy.rate.is_some() || straight(path, &keys, times, SHARE * limit) {
+    if accuracy.rate.is_some() || straight(path, &keys, times, CURVE_ERROR_SHARE * limit) {
         let values = keys.iter().flat_map(|k| &k.value[..width]).map(|v| *v as f32).collect();
         return finish(times.to_vec(), values, width, blend);
     }

@@ -7,7 +7,7 @@ use choreo_motion::{Path, Time};
 use glam::DVec3;
 
 /// Relative difference below which two values are no jump.
-const JUMP: f64 = 1e-9;
+const JUMP_TOLERANCE: f64 = 1e-9;
 
 /// Polynomials of several curves over shared intervals. A gap between two intervals is a jump of all curves.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -37,8 +37,8 @@ impl JoinedCurves {
                 *i += 1;
                 let Some(next) = curve.get(*i) else { continue };
                 let (a, b) = (done.end(), next.start());
-                if (a - b).abs() > JUMP * (1.0 + a.abs() + b.abs()) {
-                    *(if next.late { &mut after } else { &mut before }) = true;
+                if (a - b).abs() > JUMP_TOLERANCE * (1.0 + a.abs() + b.abs()) {
+                    *(if next.jumps_after_key { &mut after } else { &mut before }) = true;
                 }
             }
             // A jump takes one tick (1.4 ns): before the key, or after it where the old value still holds at the key.

@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_stay_steps() {
+    fn stepped_keys_are_kept() {
         let two = 2 * SECOND;
         let keys = numbers(&[
             (0, 1.0),
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_change_is_one_key() {
+    fn constant_tracks_become_one_key() {
         let keys = numbers(&[(0, 4.0), (SECOND, 4.0)]);
         assert_eq!((keys.times, keys.values), (vec![Time::ZERO], vec![4.0]));
         let turned =

@@ -69,7 +69,7 @@ mod tests {
 
     /// An image twice as wide as high, 90° across: atan ½ above and below the axis. 24 mm of film 12 mm away: 90°.
     #[test]
-    fn angles_of_right_triangles() {
+    fn field_of_view_equals_that_of_right_triangles() {
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "{a} {b}");
         near(Lens::HorizontalAngle(2.0).at(90.0).0, 2.0 * 0.463_647_609_000_806_1);
         near(Lens::FocalLength(12.0).at(12.0).0, PI / 2.0);
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn changes_are_those_of_the_values() {
+    fn derivatives_equal_differences_of_the_values() {
         for (lens, v) in [
             (Lens::HorizontalAngle(1.6), 75.0),
             (Lens::FocalLength(12.0), 35.0),

@@ -321,7 +321,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn products_with_axes() {
+    fn quaternion_products_with_axes_equal_full_products() {
         let q = DQuat::from_xyzw(0.1, -0.2, 0.3, 0.9);
         for (axis, v) in AXES.iter().enumerate() {
             let unit = DQuat::from_xyzw(v.x, v.y, v.z, 0.0);

@@ -72,7 +72,7 @@ pub fn read(
     // Key: the mesh, and the materials that its node assigns.
     let mut known: BTreeMap<(u32, Vec<u32>), Option<u32>> = BTreeMap::new();
     for one in shown {
-        let slots = slots(one);
+        let slots = material_slots(one);
         file.charge(slots.len() + 8, 8, || place_of(&one.node.element))?;
         let key = (one.mesh.element.typed_id, slots);
         let mesh = match known.get(&key) {
@@ -100,7 +100,7 @@ pub fn read(
 
 /// Materials of a mesh instance, by `typed_id`. They come from the file's node, because ufbx gives helpers the materials of the
 /// mesh's first node.
-fn slots(one: &VisibleMesh<'_>) -> Vec<u32> {
+fn material_slots(one: &VisibleMesh<'_>) -> Vec<u32> {
     let list = |node: &Node| -> Vec<u32> { node.materials.into_iter().map(|m| m.element.typed_id).collect() };
     let mut out = list(one.holder);
     let above = one.holder.parent.as_ref().filter(|_| one.holder.is_geometry_transform_helper);

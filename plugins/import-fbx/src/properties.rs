@@ -169,7 +169,7 @@ impl Maker<'_, '_> {
     fn mixed(&mut self, channel: &Channel<'_>, curves: Vec<&AnimCurve>) -> Result<Option<Keys>> {
         let place = || self.place();
         let times = match self.repeated.contains(&channel.element.element_id) {
-            true => sampled::even(self.file, self.span, &place)?,
+            true => sampled::even_times(self.file, self.span, &place)?,
             false => sampled::knots(self.file, curves.iter().copied(), self.span, &place)?,
         };
         if times.is_empty() {

@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_and_steps_get_none() {
+    fn lines_and_steps_get_no_extra_keys() {
         let parts = [Quantity::Weight];
         let times = vec![Time::ZERO, Time(1), Time::from_secs(1.0)];
         let line = |t: Time, out: &mut Vec<f64>| out.push(5.0 + t.as_secs());
@@ -167,7 +167,7 @@ mod tests {
 
     /// A rotation by 90° at constant speed: an arc needs no keys between, a chord would.
     #[test]
-    fn wide_turns_are_arcs() {
+    fn large_rotations_are_subdivided_into_arcs() {
         let parts = [Quantity::Rotation];
         let curve = |t: Time, out: &mut Vec<f64>| {
             let half = t.as_secs() * std::f64::consts::FRAC_PI_4;

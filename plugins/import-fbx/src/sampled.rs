@@ -61,7 +61,7 @@ pub fn is_flat(a: &Keyframe, b: &Keyframe) -> bool {
 }
 
 /// Regular samples including both ends, for curves that repeat beyond their keys.
-pub fn even(file: &File<'_>, span: Span, place: &dyn Fn() -> String) -> Result<Vec<Time>> {
+pub fn even_times(file: &File<'_>, span: Span, place: &dyn Fn() -> String) -> Result<Vec<Time>> {
     let count = ((span.length().as_secs() * file.rate) as usize).saturating_add(2);
     file.charge(count, 8, place)?;
     let at = |k: usize| Time::from_secs(k as f64 / file.rate);

@@ -104,7 +104,7 @@ pub fn weights(file: &File<'_>, mesh: &Mesh, place: &dyn Fn() -> String) -> Resu
             out.weights[at + k] = (weight.weight / total) as f32;
         }
     }
-    loss.tell(file, points, place);
+    loss.warn_lost_influences(file, points, place);
     Ok(Some(out))
 }
 
@@ -117,7 +117,7 @@ struct Loss {
 }
 
 impl Loss {
-    fn tell(&self, file: &File<'_>, points: usize, place: &dyn Fn() -> String) {
+    fn warn_lost_influences(&self, file: &File<'_>, points: usize, place: &dyn Fn() -> String) {
         if self.cut > 0 {
             let what = format!(
                 "{} of {points} points have more than {MAX_INFLUENCES} influences, up to {}; the {MAX_INFLUENCES} largest are kept and stretched to 1, at worst {:.2} % of the weight is lost",

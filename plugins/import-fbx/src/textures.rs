@@ -43,7 +43,7 @@ type Recipe = [Option<(u32, Channel, bool)>; 4];
 #[derive(Default)]
 pub struct Table {
     /// Image index by texture; `None` where it has no image.
-    known: BTreeMap<u32, Option<u32>>,
+    image_of_texture: BTreeMap<u32, Option<u32>>,
     encoded: Vec<Encoded<Bytes>>,
     recipes: Vec<Recipe>,
 }
@@ -98,7 +98,7 @@ impl Table {
         if !file.needs.textures {
             return Ok(None);
         }
-        if let Some(known) = self.known.get(&texture.element.typed_id) {
+        if let Some(known) = self.image_of_texture.get(&texture.element.typed_id) {
             return Ok(*known);
         }
         let place = place_of(&texture.element);
@@ -118,7 +118,7 @@ impl Table {
             Some(image) => self.load(file, image, &place)?,
             None => None,
         };
-        self.known.insert(texture.element.typed_id, found);
+        self.image_of_texture.insert(texture.element.typed_id, found);
         Ok(found)
     }
 

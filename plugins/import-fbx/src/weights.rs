@@ -29,7 +29,7 @@ impl Track {
         place: &dyn Fn() -> String,
     ) -> Result<Track> {
         let times = match repeats {
-            true => sampled::even(file, span, place)?,
+            true => sampled::even_times(file, span, place)?,
             false => sampled::knots(file, curves.iter().copied(), span, place)?,
         };
         let begin = span.begin.as_secs();

@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn glb_is_split() {
+    fn a_glb_is_split_into_json_and_binary_chunks() {
         let bytes = glb("{} ", &[1, 2, 3]);
         let c = split(&bytes).unwrap();
         assert_eq!((c.json, c.bin, c.json_offset), (&b"{} "[..], Some(&[1u8, 2, 3][..]), 20));
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn lying_lengths() {
+    fn wrong_chunk_lengths_are_errors() {
         let good = glb("{} ", &[1, 2, 3]);
         let patched = |at: usize, v: u32| {
             let mut b = good.clone();
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn version_1_is_told() {
+    fn gltf_version_1_is_an_error_with_a_hint() {
         let json =
             br#"{"asset":{"version":"1.0"},"accessors":{"a_1":{"count":1}},"scenes":{"s":{"nodes":["n"]}}}"#;
         let p = parse(&split(json).unwrap()).unwrap_err();
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn a_byte_order_mark_before_the_json_is_passed_over() {
+    fn a_byte_order_mark_before_the_json_is_skipped() {
         let json = "\u{feff}{\"asset\":{\"version\":-5}}";
         let glb = |json: &[u8]| {
             let mut glb = GLB_MAGIC.to_vec();

@@ -56,7 +56,7 @@ pub fn unpack(file: &File<'_>, primitive: &Primitive, place: &dyn Fn() -> String
             .attribute_by_unique_id(id)
             .ok_or_else(|| Problem::new(place(), format!("is attribute {id}, which the data do not have")))?;
         let accessor = accessor.value();
-        let (component, width) = form(file, accessor, &place)?;
+        let (component, width) = accessor_type(file, accessor, &place)?;
         let packed = usize::from(attribute.num_components());
         if packed != width {
             let what = format!("has {packed} components, but accessors[{accessor}] has {width}");
@@ -81,7 +81,11 @@ fn is_needed(file: &File<'_>, primitive: &Primitive) -> bool {
 }
 
 /// Component type and number of components of an accessor.
-fn form(file: &File<'_>, accessor: usize, place: &dyn Fn() -> String) -> Result<(ComponentType, usize)> {
+fn accessor_type(
+    file: &File<'_>,
+    accessor: usize,
+    place: &dyn Fn() -> String,
+) -> Result<(ComponentType, usize)> {
     let json = element(&file.root.accessors, accessor, "accessors", place)?;
     match (json.component_type, json.type_) {
         (Checked::Valid(component), Checked::Valid(shape)) => Ok((component.0, shape.multiplicity())),
@@ -105,15 +109,15 @@ fn decode(file: &File<'_>, data: &[u8], broken: &dyn Fn(String) -> Problem) -> R
 
 /// Values as bytes of the accessor's component type. Integers up to 2²⁴ are exact as floats.
 fn bytes(values: &[f32], component: ComponentType) -> Vec<u8> {
-    fn each<const N: usize>(values: &[f32], one: impl Fn(f32) -> [u8; N]) -> Vec<u8> {
+    fn encode_each<const N: usize>(values: &[f32], one: impl Fn(f32) -> [u8; N]) -> Vec<u8> {
         values.iter().flat_map(|v| one(*v)).collect()
     }
     match component {
-        ComponentType::F32 => each(values, f32::to_le_bytes),
-        ComponentType::U8 => each(values, |v| [v as u8]),
-        ComponentType::I8 => each(values, |v| (v as i8).to_le_bytes()),
-        ComponentType::U16 => each(values, |v| (v as u16).to_le_bytes()),
-        ComponentType::I16 => each(values, |v| (v as i16).to_le_bytes()),
-        ComponentType::U32 => each(values, |v| (v as u32).to_le_bytes()),
+        ComponentType::F32 => encode_each(values, f32::to_le_bytes),
+        ComponentType::U8 => encode_each(values, |v| [v as u8]),
+        ComponentType::I8 => encode_each(values, |v| (v as i8).to_le_bytes()),
+        ComponentType::U16 => encode_each(values, |v| (v as u16).to_le_bytes()),
+        ComponentType::I16 => encode_each(values, |v| (v as i16).to_le_bytes()),
+        ComponentType::U32 => encode_each(values, |v| (v as u32).to_le_bytes()),
     }
 }

@@ -11,7 +11,7 @@ use choreo_importer_kit::search;
 #[derive(Default)]
 pub struct ImageTable<'a> {
     /// Asset image of each file image that was requested; `Some(None)` where it cannot be read.
-    known: Vec<Option<Option<u32>>>,
+    index_of_file_image: Vec<Option<Option<u32>>>,
     pub entries: Vec<Encoded<Slice<'a>>>,
 }
 
@@ -33,8 +33,8 @@ impl<'a> ImageTable<'a> {
     /// The asset image of a file image; `None`, with a warning, where it cannot be read. Equal images of a file are added once.
     pub fn index_of(&mut self, file: &'a File<'_>, file_image: usize, user: &str) -> Result<Option<u32>> {
         element(&file.root.images, file_image, "images", || user.to_string())?;
-        self.known.resize(file.root.images.len(), None);
-        if let Some(known) = self.known[file_image] {
+        self.index_of_file_image.resize(file.root.images.len(), None);
+        if let Some(known) = self.index_of_file_image[file_image] {
             return Ok(known);
         }
         let place = || format!("images[{file_image}]");
@@ -52,7 +52,7 @@ impl<'a> ImageTable<'a> {
                 None
             }
         };
-        self.known[file_image] = Some(index);
+        self.index_of_file_image[file_image] = Some(index);
         Ok(index)
     }
 

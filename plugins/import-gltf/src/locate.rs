@@ -59,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn paths() {
+    fn a_byte_offset_gives_the_path_of_its_json_element() {
         let json = br#"{"a":[1,{"b":"x\",[{","c":[[2],7]}],"d":4}"#;
         let at = |needle: &str| {
             let text = std::str::from_utf8(json).unwrap();

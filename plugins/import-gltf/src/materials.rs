@@ -8,6 +8,7 @@ use crate::problem::{Problem, Result, WithPlace, element};
 use crate::profile::Profile;
 use crate::repair::{self, as_integer};
 use choreo_asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
+use choreo_importer_kit::text;
 use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 use gltf::json;
 use gltf::json::extensions::texture::TextureTransform;
@@ -49,9 +50,11 @@ pub fn read<'a>(
     let see_through = |m: &&Material| thin(m) && m.roughness > 0.0;
     if let Some(first) = out.iter().position(|m| see_through(&m)) {
         let count = out.iter().filter(see_through).count();
-        let what = "have transmission with thin, rough walls: the background is tinted, but not blurred \
+        let has = if count == 1 { "has" } else { "have" };
+        let what = "transmission with thin, rough walls: the background is tinted, but not blurred \
             by the roughness";
-        file.warn(format!("materials[{first}]"), format!("{count} materials {what}"));
+        let materials = text::count(count, "material");
+        file.warn(format!("materials[{first}]"), format!("{materials} {has} {what}"));
     }
     Ok((out, glossy))
 }
@@ -310,7 +313,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn uv_rotation_takes_u_up() {
+    fn uv_rotation_is_counterclockwise() {
         let t = TextureTransform {
             rotation: json::extensions::texture::TextureTransformRotation(std::f32::consts::FRAC_PI_2),
             offset: json::extensions::texture::TextureTransformOffset([0.25, 0.5]),

@@ -255,7 +255,7 @@ fn transform(file: &File<'_>, index: usize) -> Result<Transform> {
         Quat::IDENTITY
     } else {
         if (length - 1.0).abs() > 0.01 {
-            file.warn(place(), format!("the rotation has length {length}, not 1; it is normalised"));
+            file.warn(place(), format!("the rotation has length {length}, not 1; it is normalized"));
         }
         rotation * (1.0 / length)
     };

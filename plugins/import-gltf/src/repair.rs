@@ -92,7 +92,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn whole_numbers_of_any_spelling() {
+    fn whole_numbers_are_parsed_in_any_notation() {
         let read = |text: &str| as_integer(&serde_json::from_str(text).unwrap());
         for (text, number) in [("1", 1), ("1.0", 1), ("1e3", 1000), ("0.0", 0), ("5126.000", 5126)] {
             assert_eq!(read(text), Some(number), "{text}");
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_left_out_is_added_and_nothing_else_changes() {
+    fn repair_adds_missing_fields_and_changes_nothing_else() {
         let mut root = json!({"asset": {"version": "2.0"}, "scenes": [{}, {"nodes": [1.0]}],
             "nodes": [{"matrix": [1.0, -0.0, 0.5, 1e300]}]});
         assert_eq!(repair(&mut root), Some(Pointers::new()));

@@ -59,7 +59,7 @@ pub fn read(
         for (joints, weights) in &sets {
             row.extend(joints[vertex].into_iter().zip(weights[vertex]));
         }
-        tidy(&mut row, out.influences, &mut counts);
+        normalize_influences(&mut row, out.influences, &mut counts);
         for (joint, weight) in &row {
             let joint = u16::try_from(*joint).map_err(|_| {
                 Problem::new(place(), format!("vertex {vertex} uses joint {joint}; the limit is 65535"))
@@ -94,7 +94,7 @@ impl Guesses {
 }
 
 /// Brings a vertex to `n` influences with non-negative weights that sum to 1. Influences without weight name joint 0.
-fn tidy(row: &mut Vec<(u32, f32)>, n: usize, counts: &mut Guesses) {
+fn normalize_influences(row: &mut Vec<(u32, f32)>, n: usize, counts: &mut Guesses) {
     if row.iter().any(|(_, w)| *w < 0.0) {
         counts.negative += 1;
         row.iter_mut().for_each(|(_, w)| *w = w.max(0.0));
@@ -128,10 +128,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows() {
+    fn influences_are_merged_limited_and_normalized() {
         let mut counts = Guesses::default();
         let mut tidied = |mut row: Vec<(u32, f32)>, n| {
-            tidy(&mut row, n, &mut counts);
+            normalize_influences(&mut row, n, &mut counts);
             row
         };
         assert_eq!(

@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lists() {
+    fn strips_fans_and_loops_become_lists() {
         let five = || vec![10, 11, 12, 13, 14];
         use Topology::{Lines, Points, Triangles};
         assert_eq!(to_list(Mode::Points, five()), (Points, five(), 0));

@@ -52,7 +52,7 @@ mod tests {
 
     /// The test vectors of RFC 4648 §10.
     #[test]
-    fn base64_vectors() {
+    fn base64_decodes_the_test_vectors() {
         for (plain, coded) in [
             ("", ""),
             ("f", "Zg=="),
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn uris() {
+    fn data_uris_and_file_names_are_parsed() {
         assert_eq!(data_uri("data:application/octet-stream;base64,Zm9v").unwrap().unwrap(), b"foo");
         assert_eq!(data_uri("data:,a%20b").unwrap().unwrap(), b"a b");
         for head in ["data:;base64", "DATA:text/plain;charset=utf-8;BASE64", "data:a/b;name=\"x\"; base64"] {

@@ -28,16 +28,16 @@ pub struct Surface {
 }
 
 /// Distance along a ray at which it finally leaves the field, searched from the outside in.
-fn hit(field: &dyn Fn(Vec3) -> f32, origin: Vec3, direction: Vec3, reach: f32) -> f32 {
+fn ray_distance(field: &dyn Fn(Vec3) -> f32, origin: Vec3, direction: Vec3, reach: f32) -> f32 {
     // Blended fields overestimate distances slightly; shorter steps do not skip thin rims.
-    const CAUTION: f32 = 0.8;
+    const STEP_SAFETY: f32 = 0.8;
     let mut outside = reach;
     for _ in 0..64 {
         let d = field(origin + direction * outside);
         if d < 2e-5 {
             break;
         }
-        outside -= d * CAUTION;
+        outside -= d * STEP_SAFETY;
         if outside <= 0.0 {
             return 0.0;
         }
@@ -63,7 +63,7 @@ pub fn cast(field: &dyn Fn(Vec3) -> f32, grid: &Grid) -> Surface {
     }
     let mut out = Surface::default();
     let mut ray = |origin: Vec3, direction: Vec3| {
-        let p = origin + direction * hit(field, origin, direction, grid.reach);
+        let p = origin + direction * ray_distance(field, origin, direction, grid.reach);
         out.positions.push(p);
         out.normals.push(gradient(field, p));
     };
@@ -106,14 +106,14 @@ pub struct Lens {
 }
 
 /// The pane with its rounded rim, closed by a ring below the field's surface.
-pub fn press(field: &dyn Fn(Vec3) -> f32, lens: &Lens) -> Surface {
+pub fn lens_surface(field: &dyn Fn(Vec3) -> f32, lens: &Lens) -> Surface {
     /// (share of the outline, share of the rise): the rim bends down over the outermost tenth.
     const RINGS: [(f32, f32); 7] =
         [(0.35, 1.0), (0.65, 1.0), (0.86, 1.0), (0.94, 0.92), (0.985, 0.62), (1.0, 0.0), (1.0, -1.5)];
     let mut out = Surface::default();
     let mut put = |x: f32, y: f32, rise: f32, tilt: f32| {
         let origin = Vec3::new(lens.center.x + x, lens.center.y + y, 0.0);
-        let p = origin + Vec3::Z * hit(field, origin, Vec3::Z, lens.center.z);
+        let p = origin + Vec3::Z * ray_distance(field, origin, Vec3::Z, lens.center.z);
         let normal = gradient(field, p);
         let outwards = Vec3::new(x / (lens.half.x * lens.half.x), y / (lens.half.y * lens.half.y), 0.0);
         out.positions.push(p + normal * rise);

@@ -36,16 +36,16 @@ pub fn below(p: Vec3, at: Vec3, up: Vec3) -> f32 {
     (p - at).dot(up)
 }
 
-pub fn join(a: f32, b: f32, k: f32) -> f32 {
+pub fn smooth_union(a: f32, b: f32, k: f32) -> f32 {
     let h = (k - (a - b).abs()).max(0.0) / k;
     a.min(b) - h * h * k * 0.25
 }
 
-pub fn cut(a: f32, b: f32, k: f32) -> f32 {
-    common(a, -b, k)
+pub fn smooth_difference(a: f32, b: f32, k: f32) -> f32 {
+    smooth_intersection(a, -b, k)
 }
 
-pub fn common(a: f32, b: f32, k: f32) -> f32 {
+pub fn smooth_intersection(a: f32, b: f32, k: f32) -> f32 {
     let h = (k - (a - b).abs()).max(0.0) / k;
     a.max(b) + h * h * k * 0.25
 }

@@ -4,7 +4,9 @@
 //! instead of folding the shell. Left-hand parts are mirrored. T-pose, metres.
 
 use crate::cast::{Grid, Lens};
-use crate::field::{below, common, cut, ellipsoid, join, rounded_box, sphere, taper};
+use crate::field::{
+    below, ellipsoid, rounded_box, smooth_difference, smooth_intersection, smooth_union, sphere, taper,
+};
 use crate::rig::{self, FINGERS, Side};
 use glam::{Vec3, vec2, vec3};
 
@@ -54,7 +56,7 @@ fn skull(p: Vec3) -> f32 {
     let crown = ellipsoid(p, vec3(0.0, 1.660, -0.006), vec3(0.078, 0.090, 0.097));
     let jaw = ellipsoid(p, vec3(0.0, 1.600, 0.028), vec3(0.050, 0.064, 0.060));
     let cheek = ellipsoid(p, vec3(0.030, 1.628, 0.038), vec3(0.038, 0.045, 0.045));
-    join(join(crown, jaw, 0.05), cheek, 0.04)
+    smooth_union(smooth_union(crown, jaw, 0.05), cheek, 0.04)
 }
 
 fn ear(p: Vec3) -> f32 {
@@ -72,12 +74,12 @@ fn chest(p: Vec3) -> f32 {
     let yoke = taper(q, vec3(0.0, 1.418, -0.022), 0.062, vec3(0.142, 1.406, -0.014), 0.046);
     let collar = taper(q, vec3(0.0, 1.400, -0.022), 0.068, vec3(0.0, 1.474, -0.020), 0.038);
     let blade = ellipsoid(q, vec3(0.072, 1.350, -0.068), vec3(0.062, 0.085, 0.034));
-    let solid = join(join(join(ribs, yoke, 0.06), breast, 0.035), blade, 0.04);
-    let solid = join(solid, collar, 0.045);
+    let solid = smooth_union(smooth_union(smooth_union(ribs, yoke, 0.06), breast, 0.035), blade, 0.04);
+    let solid = smooth_union(solid, collar, 0.045);
     // An arch under the ribs, open at the front.
     let arch = ellipsoid(q, vec3(0.0, 1.070, 0.035), vec3(0.115, 0.125, 0.16));
-    let solid = cut(solid, arch, 0.030);
-    cut(solid, below(q, vec3(0.0, 1.140, 0.0), Vec3::Y), 0.035)
+    let solid = smooth_difference(solid, arch, 0.030);
+    smooth_difference(solid, below(q, vec3(0.0, 1.140, 0.0), Vec3::Y), 0.035)
 }
 
 fn belly(p: Vec3) -> f32 {
@@ -101,31 +103,33 @@ fn pelvis(p: Vec3) -> f32 {
     let flank = ellipsoid(q, vec3(0.098, 0.950, -0.008), vec3(0.066, 0.074, 0.084));
     let seat = ellipsoid(q, vec3(0.068, 0.918, -0.048), vec3(0.072, 0.074, 0.064));
     let fork = ellipsoid(q, vec3(0.0, 0.905, 0.002), vec3(0.062, 0.078, 0.078));
-    let solid = join(join(join(bowl, flank, 0.05), seat, 0.05), fork, 0.05);
+    let solid = smooth_union(smooth_union(smooth_union(bowl, flank, 0.05), seat, 0.05), fork, 0.05);
     // Leg openings, cut high at the sides.
     let leg = taper(q, HIP + vec3(0.022, -0.030, 0.012), 0.074, HIP + vec3(0.080, -0.22, 0.03), 0.10);
-    let solid = cut(solid, leg, 0.030);
-    cut(solid, -below(q, vec3(0.0, 1.040, 0.0), Vec3::Y), 0.022)
+    let solid = smooth_difference(solid, leg, 0.030);
+    smooth_difference(solid, -below(q, vec3(0.0, 1.040, 0.0), Vec3::Y), 0.022)
 }
 
 fn thigh(p: Vec3) -> f32 {
     let core = taper(p, HIP + vec3(0.004, -0.01, 0.0), 0.076, KNEE + vec3(0.0, 0.0, 0.002), 0.050);
     let quad = ellipsoid(p, vec3(0.102, 0.750, 0.020), vec3(0.066, 0.165, 0.064));
     let ham = ellipsoid(p, vec3(0.098, 0.740, -0.022), vec3(0.060, 0.155, 0.057));
-    let solid = join(join(core, quad, 0.03), ham, 0.03);
+    let solid = smooth_union(smooth_union(core, quad, 0.03), ham, 0.03);
     // Slanted: higher on the outside, like the crease of the groin.
-    let solid = common(solid, below(p, HIP + vec3(0.0, 0.004, 0.0), vec3(-0.46, 0.89, 0.0)), 0.016);
+    let solid =
+        smooth_intersection(solid, below(p, HIP + vec3(0.0, 0.004, 0.0), vec3(-0.46, 0.89, 0.0)), 0.016);
     let end = KNEE + vec3(0.0, 0.018, 0.0);
-    common(solid, -below(p, end, Vec3::Y), 0.016)
+    smooth_intersection(solid, -below(p, end, Vec3::Y), 0.016)
 }
 
 fn shin(p: Vec3) -> f32 {
     let core = taper(p, KNEE, 0.050, ANKLE + vec3(0.0, 0.0, -0.004), 0.030);
     let calf = ellipsoid(p, vec3(0.099, 0.375, -0.026), vec3(0.049, 0.112, 0.046));
     let front = ellipsoid(p, vec3(0.094, 0.400, 0.014), vec3(0.036, 0.125, 0.034));
-    let solid = join(join(core, calf, 0.035), front, 0.03);
-    let solid = common(solid, below(p, KNEE + vec3(0.0, -0.018, 0.0), vec3(0.0, 0.97, -0.24)), 0.016);
-    common(solid, -below(p, ANKLE + vec3(0.0, 0.016, 0.0), Vec3::Y), 0.012)
+    let solid = smooth_union(smooth_union(core, calf, 0.035), front, 0.03);
+    let solid =
+        smooth_intersection(solid, below(p, KNEE + vec3(0.0, -0.018, 0.0), vec3(0.0, 0.97, -0.24)), 0.016);
+    smooth_intersection(solid, -below(p, ANKLE + vec3(0.0, 0.016, 0.0), Vec3::Y), 0.012)
 }
 
 fn foot(p: Vec3) -> f32 {
@@ -134,33 +138,34 @@ fn foot(p: Vec3) -> f32 {
     let instep = taper(p, vec3(x, 0.062, 0.010), 0.034, vec3(x + 0.003, 0.022, 0.120), 0.022);
     let ball = ellipsoid(p, vec3(x + 0.004, 0.020, 0.115), vec3(0.046, 0.030, 0.062));
     let toes = ellipsoid(p, vec3(x - 0.001, 0.014, 0.165), vec3(0.038, 0.022, 0.050));
-    let solid = join(join(join(heel, instep, 0.05), ball, 0.04), toes, 0.03);
-    cut(solid, below(p, Vec3::ZERO, Vec3::Y), 0.012)
+    let solid = smooth_union(smooth_union(smooth_union(heel, instep, 0.05), ball, 0.04), toes, 0.03);
+    smooth_difference(solid, below(p, Vec3::ZERO, Vec3::Y), 0.012)
 }
 
 fn upper_arm(p: Vec3) -> f32 {
     let core = taper(p, SHOULDER + vec3(0.02, 0.0, 0.0), 0.050, ELBOW, 0.036);
     let deltoid = ellipsoid(p, vec3(0.216, 1.427, -0.012), vec3(0.070, 0.053, 0.056));
     let biceps = ellipsoid(p, vec3(0.335, 1.418, 0.000), vec3(0.085, 0.039, 0.040));
-    let solid = join(join(core, deltoid, 0.03), biceps, 0.03);
+    let solid = smooth_union(smooth_union(core, deltoid, 0.03), biceps, 0.03);
     // Slanted: with the arm down, the shoulder cap covers the ball at the side.
-    let solid = common(solid, -below(p, SHOULDER + vec3(0.002, 0.0, 0.0), vec3(0.80, 0.60, 0.0)), 0.014);
-    common(solid, below(p, ELBOW - vec3(0.014, 0.0, 0.0), Vec3::X), 0.012)
+    let solid =
+        smooth_intersection(solid, -below(p, SHOULDER + vec3(0.002, 0.0, 0.0), vec3(0.80, 0.60, 0.0)), 0.014);
+    smooth_intersection(solid, below(p, ELBOW - vec3(0.014, 0.0, 0.0), Vec3::X), 0.012)
 }
 
 fn fore_arm(p: Vec3) -> f32 {
     let core = taper(p, ELBOW, 0.037, WRIST, 0.0240);
     let muscle = ellipsoid(p, vec3(0.535, 1.421, -0.010), vec3(0.080, 0.039, 0.040));
-    let solid = join(core, muscle, 0.03);
-    let solid = common(solid, -below(p, ELBOW + vec3(0.014, 0.0, 0.0), Vec3::X), 0.012);
-    common(solid, below(p, WRIST - vec3(0.010, 0.0, 0.0), Vec3::X), 0.008)
+    let solid = smooth_union(core, muscle, 0.03);
+    let solid = smooth_intersection(solid, -below(p, ELBOW + vec3(0.014, 0.0, 0.0), Vec3::X), 0.012);
+    smooth_intersection(solid, below(p, WRIST - vec3(0.010, 0.0, 0.0), Vec3::X), 0.008)
 }
 
 fn palm(p: Vec3) -> f32 {
     let slab = rounded_box(p, vec3(0.776, 1.420, -0.010), vec3(0.043, 0.0150, 0.041), 0.0145);
     let wrist = taper(p, WRIST + vec3(0.018, 0.0, 0.0), 0.019, vec3(0.770, 1.421, -0.008), 0.015);
     let thenar = ellipsoid(p, vec3(0.762, 1.413, 0.016), vec3(0.030, 0.015, 0.018));
-    join(join(slab, wrist, 0.03), thenar, 0.015)
+    smooth_union(smooth_union(slab, wrist, 0.03), thenar, 0.015)
 }
 
 /// Radii at the root and the tip of each finger, in the order of [`FINGERS`].

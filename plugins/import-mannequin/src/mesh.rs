@@ -1,6 +1,6 @@
 //! The mesh of the figure: all parts meshed and skinned, one primitive for each material.
 
-use crate::cast::{Surface, cast, mirrored, press};
+use crate::cast::{Surface, cast, lens_surface, mirrored};
 use crate::figure::{Skinning, inlays, parts};
 use crate::rig::{self, Joint, Side};
 use crate::skin::influences;
@@ -35,7 +35,7 @@ pub fn build(scale: f32) -> Mesh {
     }
     let head = Skinning::Rigid(|_| rig::HEAD);
     for inlay in inlays() {
-        let surface = press(&inlay.field, &inlay.lens);
+        let surface = lens_surface(&inlay.field, &inlay.lens);
         let primitive = &mut primitives[inlay.material as usize];
         append(primitive, &head, Side::Left, &surface, scale);
         if inlay.paired {

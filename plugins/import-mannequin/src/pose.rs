@@ -27,7 +27,7 @@ impl Turn {
             -self.roll.to_radians(),
         )
     }
-    fn part(self, share: f32) -> Turn {
+    fn scaled(self, share: f32) -> Turn {
         turn(self.pitch * share, self.yaw * share, self.roll * share)
     }
 }
@@ -129,7 +129,7 @@ pub struct Authored {
 }
 
 /// Largest share of a leg's length that is used: a fully straight knee looks lifeless and pops.
-const LONGEST: f32 = 0.9975;
+const MAX_LEG_EXTENSION: f32 = 0.9975;
 
 fn rx(degrees: f32) -> Quat {
     Quat::from_rotation_x(degrees.to_radians())
@@ -177,7 +177,7 @@ fn leg(reach: Vec3, ahead: Vec3) -> (Quat, f32) {
 
 /// Smooth minimum: rounded where the two values differ by less than `k`.
 fn soft_min(a: f32, b: f32, k: f32) -> f32 {
-    crate::field::join(a, b, k)
+    crate::field::smooth_union(a, b, k)
 }
 
 impl Pose {
@@ -193,7 +193,7 @@ impl Pose {
         for side in Side::BOTH {
             let socket = hips + pelvis * (joints[side.up_leg()].at - joints[rig::HIPS].at);
             let to = feet[side as usize].ankle - socket;
-            let longest = 2.0 * rig::LEG_SEGMENT * LONGEST;
+            let longest = 2.0 * rig::LEG_SEGMENT * MAX_LEG_EXTENSION;
             let across = Vec2::new(to.x, to.z).length().min(longest);
             let highest = (longest * longest - across * across).sqrt() + feet[side as usize].ankle.y;
             height = soft_min(height, highest + hips.y - socket.y, 0.012);
@@ -213,7 +213,7 @@ impl Pose {
             rotations[side.toe_base()] = rx(-foot.pitch.max(0.0) * foot.toes);
         }
 
-        let third = self.spine.part(1.0 / 3.0).rotation();
+        let third = self.spine.scaled(1.0 / 3.0).rotation();
         for joint in [rig::SPINE, rig::SPINE1, rig::SPINE2] {
             rotations[joint] = third;
         }

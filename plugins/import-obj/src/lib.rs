@@ -192,13 +192,13 @@ fn materials(
             None => {
                 notes.warn(
                     format!("line {line}"),
-                    format!("material \"{name}\" is in none of the file's libraries; grey is used"),
+                    format!("material \"{name}\" is in none of the file's libraries; gray is used"),
                 );
                 out.push(plain(name));
             }
         }
     }
-    let without = model.elements.iter().any(|e| e.material == parse::NONE);
+    let without = model.elements.iter().any(|e| e.material == parse::NO_INDEX);
     if without {
         let mut material = plain("default");
         if model.has_colors {
@@ -279,7 +279,7 @@ fn place(asset: &mut Asset, model: &parse::Model, built: Vec<(u32, Primitive)>, 
                 let what = "is too big: its vertices times the scale are not finite";
                 return Err(Problem::new(format!("group \"{}\"", model.groups[group as usize]), what));
             }
-            primitive.material = primitive.material.map(|m| if m == parse::NONE { default } else { m });
+            primitive.material = primitive.material.map(|m| if m == parse::NO_INDEX { default } else { m });
             tangents::add_for_normal_map(primitive, &asset.materials, notes);
         }
         parts::add_mesh(asset, first + group, primitives);

@@ -1,6 +1,6 @@
 //! Faces become indexed primitives, one for each group and material.
 
-use crate::parse::{Model, NONE, Shape};
+use crate::parse::{Model, NO_INDEX, Shape};
 use choreo_asset::{Primitive, Topology};
 use choreo_importer_kit::polygon::{Cut, Triangulator};
 use choreo_importer_kit::text::count;
@@ -35,7 +35,7 @@ pub fn build(model: &Model, settings: &Settings, notes: &Notes) -> Vec<(u32, Pri
     let mut builder = Builder {
         model,
         settings,
-        own: vec![NONE; model.vertex_count()],
+        index_in_primitive: vec![NO_INDEX; model.vertex_count()],
         triangulator: Triangulator::default(),
         crossing: LineTally::default(),
         too_much: LineTally::default(),
@@ -96,7 +96,7 @@ struct Builder<'a> {
     model: &'a Model,
     settings: &'a Settings,
     /// The primitive's vertex for each vertex of the file; cleared after each primitive.
-    own: Vec<u32>,
+    index_in_primitive: Vec<u32>,
     triangulator: Triangulator,
     crossing: LineTally,
     too_much: LineTally,
@@ -144,7 +144,7 @@ impl Builder<'_> {
             }
         }
         for vertex in used() {
-            self.own[*vertex as usize] = NONE;
+            self.index_in_primitive[*vertex as usize] = NO_INDEX;
         }
         if shape == Shape::Face && !has_normals {
             match self.model.has_smoothing {
@@ -187,8 +187,8 @@ impl Builder<'_> {
 
     /// Adds the index of a vertex of the file, and the vertex itself where the primitive does not have it yet.
     fn face_vertex(&mut self, out: &mut Primitive, vertex: u32, attributes: Attributes) {
-        let own = &mut self.own[vertex as usize];
-        if *own == NONE {
+        let own = &mut self.index_in_primitive[vertex as usize];
+        if *own == NO_INDEX {
             *own = out.positions.len() as u32;
             add(out, self.model, vertex, self.settings, attributes);
         }

@@ -14,11 +14,11 @@ use std::io::Write;
 const MAX_GROUPS: usize = 65_536;
 const MAX_MATERIALS: usize = 65_536;
 /// Material index of elements before any `usemtl`.
-pub const NONE: u32 = u32::MAX;
+pub const NO_INDEX: u32 = u32::MAX;
 /// First entry of each list in the text for `tobj`: face vertices without texture coordinate or normal refer to it.
-const MISSING: &[u8] = b"v 0 0 0 1 1 1\nvt nan nan\nvn nan nan nan";
+const DEFAULT_ENTRIES: &[u8] = b"v 0 0 0 1 1 1\nvt nan nan\nvn nan nan nan";
 /// Names of the lists that a face vertex refers to.
-const LISTS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+const LIST_NAMES: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 /// Memory of a face vertex, bytes: in `tobj`'s faces and vertex table, then in the primitives.
 const FACE_VERTEX_BYTES: usize = 256;
 
@@ -35,7 +35,7 @@ pub struct Element {
     pub start: u32,
     pub shape: Shape,
     pub group: u32,
-    /// Index into `materials`; `NONE` before the first `usemtl`.
+    /// Index into `materials`; `NO_INDEX` before the first `usemtl`.
     pub material: u32,
     /// Smoothing group; 0 = flat.
     pub smoothing: u32,
@@ -109,15 +109,15 @@ pub fn read(
     let mut parser = Parser {
         notes,
         model: Model::default(),
-        text: MISSING.to_vec(),
+        text: DEFAULT_ENTRIES.to_vec(),
         counts: [0; 3],
         face_vertices: 0,
         ahead: Vec::new(),
         geometry,
         object: String::new(),
         pending: Some(String::new()),
-        group: NONE,
-        material: NONE,
+        group: NO_INDEX,
+        material: NO_INDEX,
         smoothing: 0,
         group_of: HashMap::new(),
         material_of: HashMap::new(),
@@ -266,10 +266,10 @@ impl Parser<'_> {
         }
         let start = self.face_vertices as u32;
         self.face_vertices += count;
-        if self.face_vertices > NONE as usize {
+        if self.face_vertices > NO_INDEX as usize {
             return Err(Problem::new(
                 place(line),
-                format!("more than {NONE} vertices of faces, which is the limit"),
+                format!("more than {NO_INDEX} vertices of faces, which is the limit"),
             ));
         }
         self.enter(line)?;
@@ -344,7 +344,7 @@ impl Parser<'_> {
         }
         for (line, list, index) in self.ahead {
             if index as usize >= self.counts[list] {
-                let (name, count) = (LISTS[list], self.counts[list]);
+                let (name, count) = (LIST_NAMES[list], self.counts[list]);
                 let what = format!("refers to {name} {}, but the file has {count}", u64::from(index) + 1);
                 return Err(Problem::new(place(line), what));
             }
@@ -379,9 +379,9 @@ fn face_vertex(word: &[u8], counts: [usize; 3]) -> Result<[Option<u32>; 3]> {
     let odd = || format!("\"{}\" is not a vertex of a face: it should be v, v/t, v//n or v/t/n", shown(word));
     let mut out = [None; 3];
     let mut parts = word.split(|b| *b == b'/');
-    for (slot, (count, name)) in out.iter_mut().zip(counts.into_iter().zip(LISTS)) {
+    for (slot, (count, name)) in out.iter_mut().zip(counts.into_iter().zip(LIST_NAMES)) {
         let Some(part) = parts.next() else { break };
-        if part.is_empty() && name != LISTS[0] {
+        if part.is_empty() && name != LIST_NAMES[0] {
             continue;
         }
         let index = integer(part).ok_or_else(odd)?;
@@ -389,13 +389,14 @@ fn face_vertex(word: &[u8], counts: [usize; 3]) -> Result<[Option<u32>; 3]> {
             0 => return Err(format!("refers to {name} 0; they are counted from 1").into()),
             1.. => u32::try_from(index - 1)
                 .ok()
-                .filter(|i| *i != NONE)
+                .filter(|i| *i != NO_INDEX)
                 .ok_or_else(|| format!("refers to {name} {index}, which is beyond the limit"))?,
             _ => {
                 let back = index.unsigned_abs();
                 if back > count as u64 {
-                    let what =
-                        format!("refers to {name} {index}, counted back, but there are {count} so far");
+                    let what = format!(
+                        "refers to {name} {index}, counted from the end, but there are {count} so far"
+                    );
                     return Err(what.into());
                 }
                 (count as u64 - back) as u32

@@ -10,7 +10,7 @@ const MAX_SOLIDS: usize = 65_536;
 
 /// Reads the file. Without `geometry`, only the solids and their names.
 pub fn read(bytes: &[u8], geometry: bool, progress: &Progress<'_>, notes: &Notes) -> Result<Vec<Solid>> {
-    let mut reader = Reader { notes, solids: Vec::new(), open: false, facet: None, vertices: Vec::new() };
+    let mut reader = Reader { notes, solids: Vec::new(), in_solid: false, facet: None, vertices: Vec::new() };
     let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let mut last = 1;
     let mut lines = Lines::new(text);
@@ -32,7 +32,7 @@ pub fn read(bytes: &[u8], geometry: bool, progress: &Progress<'_>, notes: &Notes
     if reader.solids.is_empty() {
         return Err(Problem::new("line 1", "there is no solid").hint(cut));
     }
-    if reader.open {
+    if reader.in_solid {
         notes.warn(format!("line {last}"), "the last solid has no endsolid; the file may be cut off");
     }
     Ok(reader.solids)
@@ -74,7 +74,7 @@ struct Facet {
 struct Reader<'a> {
     notes: &'a Notes,
     solids: Vec<Solid>,
-    open: bool,
+    in_solid: bool,
     facet: Option<Facet>,
     /// Vertices of the open facet.
     vertices: Vec<Vec3>,
@@ -102,7 +102,7 @@ impl Reader<'_> {
                 if let Some(open) = &self.facet {
                     return Err(problem(format!("a facet within the facet of line {}", open.line)));
                 }
-                if !self.open {
+                if !self.in_solid {
                     return Err(problem("a facet outside of a solid".into()));
                 }
                 let _normal = next_word(&mut rest);
@@ -118,7 +118,7 @@ impl Reader<'_> {
                 self.end_facet(facet).at(place)?;
             }
             Some(Keyword::Solid) => {
-                if self.open {
+                if self.in_solid {
                     self.notes.warn(format!("line {line}"), "a solid begins before the last one has ended");
                 }
                 if self.solids.len() == MAX_SOLIDS {
@@ -126,9 +126,9 @@ impl Reader<'_> {
                 }
                 let name = String::from_utf8_lossy(rest.trim_ascii()).into_owned();
                 self.solids.push(Solid { name, ..Solid::default() });
-                self.open = true;
+                self.in_solid = true;
             }
-            Some(Keyword::EndSolid) => self.open = false,
+            Some(Keyword::EndSolid) => self.in_solid = false,
             Some(Keyword::Loop) => {}
             None => {
                 let what = format!("\"{}\" is not an STL keyword", shown(&word.to_ascii_lowercase()));

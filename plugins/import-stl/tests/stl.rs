@@ -62,7 +62,7 @@ fn solids_become_nodes_z_up_and_flat() {
 }
 
 #[test]
-fn binary_files_that_begin_with_solid() {
+fn binary_files_that_begin_with_solid_are_detected() {
     let bytes = binary(b"solid exported by something", [0; 4]);
     let asset = read(bytes.clone()).unwrap();
     assert_eq!(asset.origin.format, "binary STL");
@@ -77,7 +77,7 @@ fn binary_files_that_begin_with_solid() {
 }
 
 #[test]
-fn facet_colors_of_both_customs() {
+fn facet_colors_of_viscam_and_magics_are_read() {
     // Red, green, none, white: five bits a channel.
     let viscam = read(binary(b"", [0xFC00, 0x83E0, 0, 0xFFFF])).unwrap();
     let colors =
@@ -94,7 +94,7 @@ fn facet_colors_of_both_customs() {
 }
 
 #[test]
-fn edges_are_smooth_where_asked() {
+fn the_smoothing_option_joins_normals() {
     let smooth = with(binary(b"", [0; 4]), &[("smooth", OptionValue::Number(180.0))]);
     let p = &smooth.meshes[0].primitives[0];
     let at = |v: Vec3| -> Vec<Vec3> {
@@ -149,7 +149,7 @@ fn errors_name_the_place() {
 }
 
 #[test]
-fn what_is_left_is_said() {
+fn ignored_content_is_a_warning() {
     let mut bytes = binary(b"", [0; 4]);
     bytes.extend([1, 2, 3]);
     assert_eq!(
@@ -167,7 +167,7 @@ fn what_is_left_is_said() {
 }
 
 #[test]
-fn what_is_not_needed_is_not_made() {
+fn parts_outside_the_import_scope_are_not_created() {
     let needs =
         ImportScope { geometry: false, clips: true, textures: false, pixels: false, image_files: false };
     for bytes in [TWO.as_bytes().to_vec(), binary(b"", [0; 4])] {
@@ -212,7 +212,7 @@ fn the_spider() {
 }
 
 #[test]
-fn truncated_and_flipped() {
+fn truncated_files_and_flipped_bits_do_not_panic() {
     damage::run_cases(&StlImporter, || {
         let mut cases = vec![
             ("two.stl", TWO.as_bytes().to_vec(), 1000),

@@ -67,13 +67,13 @@ impl<'a> Cursor<'a> {
         match count.checked_mul(size as u64) {
             Some(all) if all <= left => Ok(count as usize),
             _ => Err(damaged(format!(
-                "states {count} elements at byte {}, and is too short for them",
+                "declares {count} elements at byte {}, but the file is too short for them",
                 self.at - 8
             ))),
         }
     }
 
-    fn to(self, at: u64) -> Cursor<'a> {
+    fn at_offset(self, at: u64) -> Cursor<'a> {
         Cursor { bytes: self.bytes, at: usize::try_from(at).unwrap_or(usize::MAX) }
     }
 }
@@ -115,13 +115,13 @@ pub fn read(bytes: &[u8], budget: &Budget) -> Result<Layer> {
     let (tokens, strings, fields, field_sets) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let paths = Vec::new();
     let mut reader = Reader { all, budget, version, tokens, strings, fields, field_sets, paths };
-    let mut list = all.to(head.u64()?);
+    let mut list = all.at_offset(head.u64()?);
     let mut sections: BTreeMap<String, Cursor<'_>> = BTreeMap::new();
     for _ in 0..list.count(32)? {
         let name = list.fixed::<16>()?;
         let name = String::from_utf8_lossy(&name).trim_end_matches('\0').to_string();
         let (start, _size) = (list.u64()?, list.u64()?);
-        sections.insert(name, all.to(start));
+        sections.insert(name, all.at_offset(start));
     }
     let section =
         |name: &str| sections.get(name).copied().ok_or_else(|| damaged(format!("has no section {name}")));
@@ -157,7 +157,7 @@ impl<'a> Reader<'a> {
         // Every integer takes at least two bits, so the bytes bound the count.
         let bytes = self.decompressed(cursor, count.saturating_mul(4).saturating_add(codes + 4))?;
         if bytes.len() < 4 + codes {
-            return Err(damaged("has fewer integers than it states"));
+            return Err(damaged("has fewer integers than it declares"));
         }
         self.charge(count, 4)?;
         let mut numbers = Cursor { bytes: &bytes, at: 4 + codes };
@@ -191,30 +191,30 @@ impl<'a> Reader<'a> {
     fn read_tables(&mut self, [mut strings, mut fields, mut sets]: [Cursor<'a>; 3]) -> Result<()> {
         let count = strings.count(4)?;
         self.strings = (0..count).map(|_| strings.u32()).collect::<Result<_>>()?;
-        let count = self.stated(&mut fields)?;
+        let count = self.compressed_count(&mut fields)?;
         let names = self.integers(&mut fields, count)?;
         let values = self.decompressed(&mut fields, count.saturating_mul(8))?;
         let mut values = Cursor { bytes: &values, at: 0 };
         self.charge(count, 16)?;
         self.fields = names.iter().map(|name| Ok((*name as u32, values.u64()?))).collect::<Result<_>>()?;
-        let count = self.stated(&mut sets)?;
+        let count = self.compressed_count(&mut sets)?;
         self.field_sets = self.integers(&mut sets, count)?.into_iter().map(|index| index as u32).collect();
         Ok(())
     }
 
     /// Reads the element count of a compressed list. Fails where the file could not contain as many.
-    fn stated(&self, cursor: &mut Cursor<'a>) -> Result<usize> {
+    fn compressed_count(&self, cursor: &mut Cursor<'a>) -> Result<usize> {
         let count = cursor.u64()?;
         let most = cursor.bytes.len().saturating_mul(4 * MOST_RATIO) as u64;
         match count <= most {
             true => Ok(count as usize),
-            false => Err(damaged(format!("states {count} elements, and is too short for them"))),
+            false => Err(damaged(format!("declares {count} elements, but the file is too short for them"))),
         }
     }
 
     fn read_paths(&mut self, mut cursor: Cursor<'a>) -> Result<()> {
-        let number = self.stated(&mut cursor)?;
-        let count = self.stated(&mut cursor)?;
+        let number = self.compressed_count(&mut cursor)?;
+        let count = self.compressed_count(&mut cursor)?;
         let indices = self.integers(&mut cursor, count)?;
         let tokens = self.integers(&mut cursor, count)?;
         let jumps = self.integers(&mut cursor, count)?;
@@ -235,7 +235,7 @@ impl<'a> Reader<'a> {
                 self.charge(element.len(), 1)?;
                 // A path that occurs twice could be its own ancestor.
                 if assigned.get_mut(index as usize).is_none_or(|was| std::mem::replace(was, true)) {
-                    return Err(damaged("has a path beyond its number of paths, or one twice"));
+                    return Err(damaged("has a path index that is out of range or repeated"));
                 }
                 if depth > MOST_DEPTH {
                     return Err(damaged(format!("has more than {MOST_DEPTH} nested prims")));
@@ -291,7 +291,7 @@ impl<'a> Reader<'a> {
 
     /// Index of each spec's fields, by path.
     fn specs(&self, mut cursor: Cursor<'a>) -> Result<BTreeMap<u32, u32>> {
-        let count = self.stated(&mut cursor)?;
+        let count = self.compressed_count(&mut cursor)?;
         let paths = self.integers(&mut cursor, count)?;
         let sets = self.integers(&mut cursor, count)?;
         self.charge(count, 64)?;
@@ -337,7 +337,7 @@ impl<'a> Reader<'a> {
         layer.rate = number("timeCodesPerSecond")?.or(number("framesPerSecond")?);
         layer.start = number("startTimeCode")?;
         if let Some(value) = fields.get("subLayers") {
-            let mut cursor = self.all.to(value & PAYLOAD);
+            let mut cursor = self.all.at_offset(value & PAYLOAD);
             for _ in 0..cursor.count(4)? {
                 layer.sublayers.push(self.string(cursor.u32()?)?.to_string());
             }
@@ -376,7 +376,7 @@ impl<'a> Reader<'a> {
             }
         }
         if let Some(value) = fields.get("variantSelection") {
-            let mut cursor = self.all.to(value & PAYLOAD);
+            let mut cursor = self.all.at_offset(value & PAYLOAD);
             for _ in 0..cursor.count(8)? {
                 let (set, selected) = (cursor.u32()?, cursor.u32()?);
                 out.selections.insert(self.string(set)?.into(), self.string(selected)?.into());
@@ -450,7 +450,7 @@ impl<'a> Reader<'a> {
     }
 
     fn token_vector(&self, value: u64) -> Result<Vec<&str>> {
-        let mut cursor = self.all.to(value & PAYLOAD);
+        let mut cursor = self.all.at_offset(value & PAYLOAD);
         (0..cursor.count(4)?).map(|_| self.token(cursor.u32()?)).collect()
     }
 
@@ -469,7 +469,7 @@ impl<'a> Reader<'a> {
         let mut out = Vec::new();
         // Type 47 is a single payload; the other types are list operations.
         if value >> 48 & 0xff == 47 {
-            let mut cursor = self.all.to(value & PAYLOAD);
+            let mut cursor = self.all.at_offset(value & PAYLOAD);
             return Ok(vec![self.reference(&mut cursor, with_offset, false)?]);
         }
         let is_payload = value >> 48 & 0xff == 55;
@@ -493,7 +493,7 @@ impl<'a> Reader<'a> {
                 cursor.u32()?;
                 let from = cursor.at as u64;
                 let jump = cursor.u64()?;
-                *cursor = cursor.to(from.wrapping_add(jump).wrapping_add(8));
+                *cursor = cursor.at_offset(from.wrapping_add(jump).wrapping_add(8));
             }
         }
         Ok(out)
@@ -507,7 +507,7 @@ impl<'a> Reader<'a> {
         size: usize,
         mut each: impl FnMut(&mut Cursor<'a>, bool) -> Result<()>,
     ) -> Result<()> {
-        let mut cursor = self.all.to(value & PAYLOAD);
+        let mut cursor = self.all.at_offset(value & PAYLOAD);
         let bits = cursor.fixed::<1>()?[0];
         for (bit, keep) in [(2, true), (4, true), (32, true), (64, true), (8, false), (16, false)] {
             if bits & bit != 0 {
@@ -520,11 +520,11 @@ impl<'a> Reader<'a> {
     }
 
     fn samples(&self, value: u64, name: &str) -> Result<Vec<(f64, Value)>> {
-        let mut cursor = self.all.to(value & PAYLOAD);
+        let mut cursor = self.all.at_offset(value & PAYLOAD);
         let jumped = |cursor: &mut Cursor<'a>| -> Result<()> {
             let from = cursor.at as u64;
             let jump = cursor.u64()?;
-            *cursor = cursor.to(from.wrapping_add(jump));
+            *cursor = cursor.at_offset(from.wrapping_add(jump));
             Ok(())
         };
         jumped(&mut cursor)?;
@@ -543,7 +543,7 @@ impl<'a> Reader<'a> {
 
     fn times(&self, value: u64) -> Result<Vec<f64>> {
         if value >> 48 & 0xff == 48 {
-            let mut cursor = self.all.to(value & PAYLOAD);
+            let mut cursor = self.all.at_offset(value & PAYLOAD);
             return (0..cursor.count(8)?).map(|_| cursor.f64()).collect();
         }
         Ok(self.value(value, "times")?.map(|v| v.numbers().to_vec()).unwrap_or_default())
@@ -559,7 +559,7 @@ impl<'a> Reader<'a> {
         if value & INLINED != 0 {
             return Ok(Some(Value::Numbers(inlined(component, width, kind, payload).into())));
         }
-        let mut cursor = self.all.to(payload);
+        let mut cursor = self.all.at_offset(payload);
         if value & ARRAY == 0 {
             let list = self.raw(&mut cursor, component, width)?;
             return Ok(Some(Value::Numbers(list.into())));
@@ -593,7 +593,7 @@ impl<'a> Reader<'a> {
         if value & PAYLOAD == 0 {
             return Ok(Value::Texts([].into()));
         }
-        let mut cursor = self.all.to(value & PAYLOAD);
+        let mut cursor = self.all.at_offset(value & PAYLOAD);
         if self.version < [0, 5, 0] {
             cursor.u32()?;
         }
@@ -621,7 +621,7 @@ impl<'a> Reader<'a> {
         let numbers = |list: Vec<i32>| list.into_iter().map(f64::from).collect();
         match component {
             Component::Int | Component::Uint => {
-                let list = self.integers(cursor, self.plausible(count)?)?;
+                let list = self.integers(cursor, self.checked_count(count)?)?;
                 self.charge(count, 8)?;
                 let signed = component == Component::Int;
                 Ok(list
@@ -630,11 +630,11 @@ impl<'a> Reader<'a> {
                     .collect())
             }
             Component::Half | Component::Float | Component::Double => match cursor.fixed::<1>()?[0] {
-                b'i' => self.integers(cursor, self.plausible(count)?).map(numbers),
+                b'i' => self.integers(cursor, self.checked_count(count)?).map(numbers),
                 b't' => {
                     let length = cursor.u32()? as usize;
                     let table = self.raw(cursor, component, length)?;
-                    let places = self.integers(cursor, self.plausible(count)?)?;
+                    let places = self.integers(cursor, self.checked_count(count)?)?;
                     self.charge(count, 8)?;
                     let place = |place: i32| table.get(place as u32 as usize).copied();
                     let list: Option<Vec<f64>> = places.into_iter().map(place).collect();
@@ -646,10 +646,10 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn plausible(&self, count: usize) -> Result<usize> {
+    fn checked_count(&self, count: usize) -> Result<usize> {
         match count <= self.all.bytes.len().saturating_mul(4 * MOST_RATIO) {
             true => Ok(count),
-            false => Err(damaged(format!("states {count} elements, and is too short for them"))),
+            false => Err(damaged(format!("declares {count} elements, but the file is too short for them"))),
         }
     }
 }

@@ -19,12 +19,12 @@ const MOST_PRIMS: usize = 500_000;
 /// Files beside the scene, and files in its packages: `robot.usdz[skin.png]`.
 pub struct Packages<'a> {
     files: &'a dyn Files,
-    known: RefCell<BTreeMap<String, Rc<Archive>>>,
+    archives: RefCell<BTreeMap<String, Rc<Archive>>>,
 }
 
 impl<'a> Packages<'a> {
     pub fn new(files: &'a dyn Files) -> Packages<'a> {
-        Packages { files, known: RefCell::default() }
+        Packages { files, archives: RefCell::default() }
     }
 
     /// Opens and keeps a package. Returns the path and bytes of its root layer.
@@ -32,7 +32,7 @@ impl<'a> Packages<'a> {
         let archive = Rc::new(Archive::open(bytes)?);
         let first = archive.first.clone();
         let layer = archive.read(&first).unwrap_or_default();
-        self.known.borrow_mut().insert(name.to_string(), archive);
+        self.archives.borrow_mut().insert(name.to_string(), archive);
         Ok((format!("{name}[{first}]"), layer))
     }
 }
@@ -41,7 +41,7 @@ impl Files for Packages<'_> {
     fn read(&self, relative: &str) -> std::result::Result<Arc<Vec<u8>>, String> {
         match relative.strip_suffix(']').and_then(|path| path.split_once('[')) {
             Some((package, inner)) => {
-                let known = self.known.borrow();
+                let known = self.archives.borrow();
                 let found = known.get(package).and_then(|archive| archive.read(inner));
                 found.ok_or_else(|| format!("{relative}: the package has no such file"))
             }
@@ -59,9 +59,9 @@ impl Files for Packages<'_> {
 }
 
 /// Resolves a file name relative to the file that contains it.
-fn beside(of: &str, file: &str) -> String {
+fn path_beside(of: &str, file: &str) -> String {
     if let Some((package, inner)) = of.strip_suffix(']').and_then(|path| path.split_once('[')) {
-        return format!("{package}[{}]", beside(inner, file));
+        return format!("{package}[{}]", path_beside(inner, file));
     }
     let folder = of.rsplit_once('/').map_or("", |(folder, _)| folder);
     let mut parts: Vec<&str> = folder.split('/').filter(|part| !part.is_empty()).collect();
@@ -121,7 +121,7 @@ impl<'a> Composer<'a> {
         };
         place_files(&mut layer.root, &place);
         for sublayer in std::mem::take(&mut layer.sublayers) {
-            let path = beside(&place, &sublayer);
+            let path = path_beside(&place, &sublayer);
             match self.stack(&path, None, depth + 1) {
                 Ok(below) => merge_specs(&mut layer.root, below.root.clone()),
                 Err(problem) => self.notes.warn(name, format!("{problem}; the layer is left out")),
@@ -216,9 +216,9 @@ impl<'a> Composer<'a> {
             return Ok(());
         };
         let mut weak = self.flattened((&target, &target_name), found, &from, (Some(spec), depth + 1))?;
-        moved(&mut weak, &from, path);
+        remap_paths(&mut weak, &from, path);
         if arc.offset != 0.0 || arc.scale != 1.0 {
-            shifted(&mut weak, arc.offset, arc.scale);
+            retime(&mut weak, arc.offset, arc.scale);
         }
         merge(out, weak);
         Ok(())
@@ -233,14 +233,15 @@ fn places(children: &[Prim]) -> BTreeMap<String, usize> {
 /// Makes asset paths in a layer relative to the scene's folder.
 fn place_files(prim: &mut Prim, layer: &str) {
     for reference in prim.references.iter_mut().filter(|r| !r.file.is_empty()) {
-        reference.file = beside(layer, &reference.file);
+        reference.file = path_beside(layer, &reference.file);
     }
     for attribute in prim.attributes.values_mut().filter(|a| a.kind.starts_with("asset")) {
         let attribute = Arc::make_mut(attribute);
         let samples = attribute.samples.iter_mut().map(|(_, value)| value);
         for value in attribute.value.iter_mut().chain(samples) {
             let Value::Texts(list) = value else { continue };
-            let placed = list.iter().map(|f| if f.is_empty() { String::new() } else { beside(layer, f) });
+            let placed =
+                list.iter().map(|f| if f.is_empty() { String::new() } else { path_beside(layer, f) });
             *value = Value::Texts(placed.collect());
         }
     }
@@ -320,7 +321,7 @@ fn merge_opinions(strong: &mut Prim, weak: Prim, each_child: fn(&mut Prim, Prim)
 }
 
 /// Rewrites connection and relationship targets below one path to another path.
-fn moved(prim: &mut Prim, from: &str, to: &str) {
+fn remap_paths(prim: &mut Prim, from: &str, to: &str) {
     let lists = prim.connections.values_mut().chain(prim.relations.values_mut());
     for path in lists.flatten() {
         if let Some(rest) = path.strip_prefix(from)
@@ -329,16 +330,16 @@ fn moved(prim: &mut Prim, from: &str, to: &str) {
             *path = format!("{to}{rest}");
         }
     }
-    prim.children.iter_mut().for_each(|child| moved(child, from, to));
+    prim.children.iter_mut().for_each(|child| remap_paths(child, from, to));
 }
 
-fn shifted(prim: &mut Prim, offset: f64, scale: f64) {
+fn retime(prim: &mut Prim, offset: f64, scale: f64) {
     for attribute in prim.attributes.values_mut().filter(|a| !a.samples.is_empty()) {
         let attribute = Arc::make_mut(attribute);
         attribute.samples.iter_mut().for_each(|(time, _)| *time = *time * scale + offset);
         attribute.samples.sort_by(|a, b| a.0.total_cmp(&b.0));
     }
-    prim.children.iter_mut().for_each(|child| shifted(child, offset, scale));
+    prim.children.iter_mut().for_each(|child| retime(child, offset, scale));
 }
 
 #[cfg(test)]
@@ -346,10 +347,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_lie_beside_the_layer_that_names_them() {
-        assert_eq!(beside("a/b.usda", "./c.png"), "a/c.png");
-        assert_eq!(beside("a/b.usda", "../c.png"), "c.png");
-        assert_eq!(beside("b.usda", "../c.png"), "../c.png");
-        assert_eq!(beside("p.usdz[m/a.usdc]", "../t.png"), "p.usdz[t.png]");
+    fn asset_paths_are_relative_to_their_layer() {
+        assert_eq!(path_beside("a/b.usda", "./c.png"), "a/c.png");
+        assert_eq!(path_beside("a/b.usda", "../c.png"), "c.png");
+        assert_eq!(path_beside("b.usda", "../c.png"), "../c.png");
+        assert_eq!(path_beside("p.usdz[m/a.usdc]", "../t.png"), "p.usdz[t.png]");
     }
 }

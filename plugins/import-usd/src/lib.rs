@@ -310,7 +310,7 @@ impl<'b> MeshReader<'_, 'b> {
                 copies.iter().map(|copy| Affine3A::from_mat4((*copy * own).as_mat4())).collect();
             if placed.iter().all(|copy| copy.is_finite()) && !placed.is_empty() {
                 let joint = node.joint;
-                let of = Node { prim, path: path.to_string(), joint, above: Vec::new() };
+                let of = Node { prim, path: path.to_string(), joint, ancestors: Vec::new() };
                 self.mesh(&of, (joint, &placed), asset)?;
             }
         }

@@ -16,7 +16,7 @@ pub struct Materials<'a> {
     pub files: &'a dyn Files,
     pub budget: &'a Budget,
     pub notes: &'a Notes,
-    known: BTreeMap<String, MaterialInfo>,
+    info_of_path: BTreeMap<String, MaterialInfo>,
     wants_textures: bool,
 }
 
@@ -45,13 +45,13 @@ impl<'a> Materials<'a> {
         (files, budget, notes): (&'a dyn Files, &'a Budget, &'a Notes),
         wants_textures: bool,
     ) -> Materials<'a> {
-        let (list, textures, known) = (Vec::new(), Textures::default(), BTreeMap::new());
-        Materials { root, list, textures, files, budget, notes, known, wants_textures }
+        let (list, textures, info_of_path) = (Vec::new(), Textures::default(), BTreeMap::new());
+        Materials { root, list, textures, files, budget, notes, info_of_path, wants_textures }
     }
 
     /// The material at a path, read on first use.
     pub fn at(&mut self, path: &str) -> MaterialInfo {
-        if let Some(known) = self.known.get(path) {
+        if let Some(known) = self.info_of_path.get(path) {
             return known.clone();
         }
         let known = match self.root.at(path) {
@@ -61,7 +61,7 @@ impl<'a> Materials<'a> {
                 MaterialInfo::default()
             }
         };
-        self.known.insert(path.to_string(), known.clone());
+        self.info_of_path.insert(path.to_string(), known.clone());
         known
     }
 
@@ -75,13 +75,13 @@ impl<'a> Materials<'a> {
                 base_color: Vec4::new(0.18, 0.18, 0.18, 1.0),
                 metallic: 0.0,
                 roughness: 0.5,
-                ..named(prim)
+                ..named_material(prim)
             };
             self.list.push(gray);
             return MaterialInfo { index: Some(self.list.len() as u32 - 1), ..MaterialInfo::default() };
         };
         let mut known = MaterialInfo { uvs: ["st".into(), String::new()], ..MaterialInfo::default() };
-        let mut out = Material { metallic: 0.0, ..named(prim) };
+        let mut out = Material { metallic: 0.0, ..named_material(prim) };
         self.colors(shader, (path, &mut known), &mut out);
         self.reflection(shader, (path, &mut known), &mut out);
         replace_non_finite(&mut out);
@@ -260,7 +260,7 @@ fn prim_of(path: &str) -> &str {
     path.rsplit_once('.').map_or(path, |(prim, _)| prim)
 }
 
-fn named(prim: &Prim) -> Material {
+fn named_material(prim: &Prim) -> Material {
     let name = if prim.display_name.is_empty() { &prim.name } else { &prim.display_name };
     Material { name: name.clone(), ..Material::default() }
 }

@@ -9,7 +9,7 @@ use choreo_importer_kit::{Budget, Notes, Problem, Result, smooth};
 use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
 
 /// Degrees up to which an edge is smooth, where a file has no normals.
-const SMOOTH: f64 = 60.0;
+const SMOOTHING_ANGLE_DEG: f64 = 60.0;
 /// Influences of a vertex, at most.
 const MOST_INFLUENCES: usize = 8;
 
@@ -310,7 +310,7 @@ impl Builder {
         }
         match has_normals {
             true => choreo_plugin::build::normals::replace_zero(&mut out),
-            false => smooth::normals(&mut out, SMOOTH.to_radians(), None),
+            false => smooth::normals(&mut out, SMOOTHING_ANGLE_DEG.to_radians(), None),
         }
         out
     }

@@ -14,7 +14,7 @@ pub struct Node<'a> {
     pub path: String,
     pub joint: u32,
     /// Indices of the ancestor nodes, the root first.
-    pub above: Vec<usize>,
+    pub ancestors: Vec<usize>,
 }
 
 /// The joints of a Skeleton prim.
@@ -40,7 +40,7 @@ pub struct Tree<'a> {
 }
 
 /// Prim types without a transform.
-const PLACELESS: [&str; 8] = [
+const TYPES_WITHOUT_TRANSFORM: [&str; 8] = [
     "Material",
     "Shader",
     "NodeGraph",
@@ -101,7 +101,7 @@ impl<'a> Tree<'a> {
             || prim.inactive
             || is_hidden
             || matches!(purpose, "guide" | "proxy")
-            || PLACELESS.contains(&prim.kind.as_str())
+            || TYPES_WITHOUT_TRANSFORM.contains(&prim.kind.as_str())
         {
             return Ok(());
         }
@@ -117,7 +117,7 @@ impl<'a> Tree<'a> {
             self.rigs.insert(path.clone(), rig);
         }
         self.by_path.insert(path.clone(), self.nodes.len());
-        self.nodes.push(Node { prim, path: path.clone(), joint: own, above: above.to_vec() });
+        self.nodes.push(Node { prim, path: path.clone(), joint: own, ancestors: above.to_vec() });
         let mut inside = above.to_vec();
         inside.push(self.nodes.len() - 1);
         // The instancer draws its prototypes.
@@ -180,7 +180,7 @@ impl<'a> Tree<'a> {
 
     /// The first value that `get` finds on the prim or an ancestor, nearest first.
     pub fn inherited<R>(&self, node: &'a Node<'a>, get: impl Fn(&'a Prim) -> Option<R>) -> Option<R> {
-        let above = node.above.iter().rev().map(|index| self.nodes[*index].prim);
+        let above = node.ancestors.iter().rev().map(|index| self.nodes[*index].prim);
         std::iter::once(node.prim).chain(above).find_map(get)
     }
 }

@@ -113,7 +113,7 @@ impl<'a> Parser<'a> {
         std::str::from_utf8(&rest[..end]).unwrap_or_default()
     }
 
-    fn deeper<R>(&mut self, read: impl FnOnce(&mut Self) -> Result<R>) -> Result<R> {
+    fn with_depth<R>(&mut self, read: impl FnOnce(&mut Self) -> Result<R>) -> Result<R> {
         if self.depth == MOST_DEPTH {
             return Err(self.error(format!("more than {MOST_DEPTH} nested parts")));
         }
@@ -158,7 +158,7 @@ impl<'a> Parser<'a> {
     }
 
     /// Text up to a mark, which is consumed.
-    fn until(&mut self, end: &[u8]) -> Result<String> {
+    fn text_until(&mut self, end: &[u8]) -> Result<String> {
         let rest = self.rest();
         let Some(found) = rest.windows(end.len()).position(|w| w == end) else {
             return Err(self.error(format!("the closing \"{}\" is missing", shown(end))));
@@ -173,7 +173,7 @@ impl<'a> Parser<'a> {
             open @ (b'(' | b'[') => {
                 let close = if open == b'(' { b')' } else { b']' };
                 self.at += 1;
-                self.deeper(|parser| {
+                self.with_depth(|parser| {
                     while !parser.take(close) {
                         parser.value(out)?;
                     }
@@ -188,7 +188,7 @@ impl<'a> Parser<'a> {
             b'@' => {
                 let mark: &[u8] = if self.rest().starts_with(b"@@@") { b"@@@" } else { b"@" };
                 self.at += mark.len();
-                let file = self.until(mark)?;
+                let file = self.text_until(mark)?;
                 out.texts.push(file.clone());
                 let path = if self.peek() == b'<' { self.path()? } else { String::new() };
                 self.reference(file, path, out)
@@ -226,7 +226,7 @@ impl<'a> Parser<'a> {
 
     fn path(&mut self) -> Result<String> {
         self.at += 1;
-        self.until(b">")
+        self.text_until(b">")
     }
 
     /// Reads the rest of a reference: its time offset and scale.
@@ -238,7 +238,7 @@ impl<'a> Parser<'a> {
                 let key = self.word();
                 self.expect(b'=')?;
                 let mut parsed = Parsed::default();
-                self.deeper(|parser| parser.value(&mut parsed))?;
+                self.with_depth(|parser| parser.value(&mut parsed))?;
                 match (key, parsed.numbers.first()) {
                     ("offset", Some(offset)) => reference.offset = *offset,
                     ("scale", Some(scale)) => reference.scale = *scale,
@@ -252,7 +252,7 @@ impl<'a> Parser<'a> {
 
     fn skip_dictionary(&mut self) -> Result<()> {
         self.expect(b'{')?;
-        self.deeper(|parser| {
+        self.with_depth(|parser| {
             while !parser.take(b'}') {
                 match parser.peek() {
                     b'{' => parser.skip_dictionary()?,
@@ -303,7 +303,7 @@ impl<'a> Parser<'a> {
             if key == "variants" {
                 parsed.texts = self.selections()?;
             } else {
-                self.deeper(|parser| parser.value(&mut parsed))?;
+                self.with_depth(|parser| parser.value(&mut parsed))?;
             }
             if !deleted {
                 each(key, parsed);
@@ -363,7 +363,7 @@ impl<'a> Parser<'a> {
 
     fn contents(&mut self, prim: &mut Prim) -> Result<()> {
         self.expect(b'{')?;
-        self.deeper(|parser| {
+        self.with_depth(|parser| {
             while !parser.take(b'}') {
                 parser.statement(prim)?;
             }
@@ -391,7 +391,7 @@ impl<'a> Parser<'a> {
         let set = self.string()?;
         self.expect(b'=')?;
         self.expect(b'{')?;
-        self.deeper(|parser| {
+        self.with_depth(|parser| {
             while !parser.take(b'}') {
                 let name = parser.string()?;
                 let mut variant = Prim::default();

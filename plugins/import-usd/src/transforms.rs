@@ -80,7 +80,7 @@ fn operation(name: &str, numbers: &[f64]) -> DMat4 {
 }
 
 /// The largest rotation between two keys, degrees, because interpolated Euler angles do not follow the shortest arc.
-const MOST_TURN: f64 = 1.0;
+const MAX_ROTATION_STEP: f64 = 1.0;
 
 /// Increasing times of all samples of the transform ops, with added times between samples of angles.
 pub fn times(prim: &Prim) -> Vec<f64> {
@@ -93,7 +93,7 @@ pub fn times(prim: &Prim) -> Vec<f64> {
                 let [(from, a), (to, b)] = pair else { continue };
                 let turn =
                     a.numbers().iter().zip(b.numbers()).fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
-                let parts = (turn / MOST_TURN).ceil().clamp(1.0, 360.0) as u32;
+                let parts = (turn / MAX_ROTATION_STEP).ceil().clamp(1.0, 360.0) as u32;
                 out.extend((1..parts).map(|part| from + (to - from) * f64::from(part) / f64::from(parts)));
             }
         }

@@ -144,7 +144,7 @@ fn layers_references_and_variants_are_composed() {
 }
 
 #[test]
-fn what_is_missing_is_a_warning_and_circles_are_errors() {
+fn missing_files_are_warnings_and_reference_cycles_are_errors() {
     let alone =
         import(&UsdImporter, &source("scene.usda", SCENE), &Companions::none(), ImportScope::ALL).unwrap();
     let text = warnings(&alone).join("\n");
@@ -170,7 +170,7 @@ fn what_is_missing_is_a_warning_and_circles_are_errors() {
 }
 
 #[test]
-fn claims() {
+fn files_are_claimed_by_content() {
     assert_eq!(UsdImporter.claim(&source("x", "#usda 1.0")), Claim::Content(100));
     assert_eq!(UsdImporter.claim(&source("x", "PXR-USDC")), Claim::Content(100));
     assert_eq!(UsdImporter.claim(&source("x.usdz", "PK\x03\x04")), Claim::Content(70));
@@ -210,7 +210,7 @@ fn exported(extension: &str) -> Vec<u8> {
 }
 
 #[test]
-fn the_three_kinds_of_files_are_the_same_scene() {
+fn usda_usdc_and_usdz_give_the_same_scene() {
     let [text, binary, package] = ["usda", "usdc", "usdz"].map(|extension| {
         let asset = import_bytes(&UsdImporter, &format!("arm.{extension}"), exported(extension)).unwrap();
         sound::check(extension, &asset);
@@ -256,7 +256,7 @@ fn sampled_texture_files_are_relative_to_their_layer() {
 }
 
 #[test]
-fn truncated_and_flipped() {
+fn truncated_files_and_flipped_bits_do_not_panic() {
     damage::run_cases(&UsdImporter, || {
         vec![
             ("scene.usda", SCENE.as_bytes().to_vec(), 1000),

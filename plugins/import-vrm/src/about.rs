@@ -5,7 +5,7 @@ use choreo_asset::{Asset, Origin};
 use import_gltf::profile::Document;
 
 /// Longest text in characters; texts are shown on one line.
-const LONGEST: usize = 300;
+const MAX_TEXT_CHARS: usize = 300;
 
 /// Reads the metadata of VRM 1.0 ("meta.md").
 pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) {
@@ -95,7 +95,8 @@ impl About {
     /// Notes how many meshes have a first-person setting, which is not used here.
     fn first_person(&mut self, meshes: Option<usize>) {
         if let Some(n @ 1..) = meshes {
-            self.add("first person", &format!("{n} meshes have a first-person setting, which is not used"));
+            let meshes = if n == 1 { "1 mesh has".into() } else { format!("{n} meshes have") };
+            self.add("first person", &format!("{meshes} a first-person setting, which is not used"));
         }
     }
 }
@@ -109,10 +110,10 @@ fn texts<'a>(meta: &At<'a>, key: &str) -> Vec<&'a str> {
 fn one_line(text: &str) -> String {
     let words = text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|w| !w.is_empty());
     let line = words.collect::<Vec<_>>().join(" ");
-    if line.chars().count() <= LONGEST {
+    if line.chars().count() <= MAX_TEXT_CHARS {
         return line;
     }
-    line.chars().take(LONGEST).chain(['…']).collect()
+    line.chars().take(MAX_TEXT_CHARS).chain(['…']).collect()
 }
 
 #[cfg(test)]
@@ -122,6 +123,6 @@ mod tests {
     #[test]
     fn texts_become_one_line() {
         assert_eq!(one_line(" a\n\tb\u{1b}[31m c "), "a b [31m c");
-        assert_eq!(one_line(&"x".repeat(1000)).chars().count(), LONGEST + 1);
+        assert_eq!(one_line(&"x".repeat(1000)).chars().count(), MAX_TEXT_CHARS + 1);
     }
 }

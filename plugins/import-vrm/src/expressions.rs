@@ -266,9 +266,12 @@ impl<'a, 'd> Faces<'a, 'd> {
     fn finish(self, place: String) {
         if !self.incomplete.is_empty() {
             let names: Vec<&str> = self.incomplete.iter().take(12).map(String::as_str).collect();
-            let what = "also change material properties that are missing or not drawn";
-            let count = self.incomplete.len();
-            self.document.warn(place, format!("{count} expressions {what}: {}", names.join(", ")));
+            let what = "material properties that are missing or not drawn";
+            let expressions = match self.incomplete.len() {
+                1 => "1 expression also changes".into(),
+                count => format!("{count} expressions also change"),
+            };
+            self.document.warn(place, format!("{expressions} {what}: {}", names.join(", ")));
         }
     }
 }

@@ -11,9 +11,9 @@ use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 /// Rotation between two samples, degrees. Interpolated angles then stay within 0.01° of the interpolated rotation.
-const STEP: f64 = 2.0;
+const STEP_DEGREES: f64 = 2.0;
 /// Samples between two keys, at most.
-const MOST_STEPS: usize = 128;
+const MAX_STEPS: usize = 128;
 const TICKS_A_STEP: i64 = Time::TICKS_PER_SECOND / 60;
 
 /// The four gaze curves; none where the clip does not rotate the joint.
@@ -37,12 +37,12 @@ pub fn curves(clip: &Clip, joint: u32) -> Result<Vec<ExpressionCurve>, ClipError
         let apart = now.0.angle_between(angles_at(next).0).to_degrees();
         let steps = match turns.interpolation {
             Interpolation::Step => 1,
-            Interpolation::Linear => (apart / STEP) as usize + 1,
+            Interpolation::Linear => (apart / STEP_DEGREES) as usize + 1,
             Interpolation::CubicSpline => {
                 next.0.saturating_sub(time.0).max(0) as usize / TICKS_A_STEP as usize + 1
             }
         };
-        let steps = steps.clamp(1, MOST_STEPS);
+        let steps = steps.clamp(1, MAX_STEPS);
         let long = next.0.saturating_sub(time.0);
         for step in 1..steps as i64 {
             let between = Time(time.0 + long / steps as i64 * step);

@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn thumbs_of_0x_are_named_one_bone_further_down() {
+    fn thumb_bones_of_vrm_0_shift_by_one_joint() {
         assert_eq!(bone_v0("leftThumbProximal"), Some(HumanBone::LeftThumbMetacarpal));
         assert_eq!(bone_v0("rightThumbIntermediate"), Some(HumanBone::RightThumbProximal));
         assert_eq!(bone_v0("leftThumbDistal"), Some(HumanBone::LeftThumbDistal));

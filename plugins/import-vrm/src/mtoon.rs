@@ -3,7 +3,7 @@
 use crate::json::At;
 use choreo_asset::{Material, Outline, Shading, TextureRef, Toon, UvMotion};
 use choreo_importer_kit::color::linear_from_srgb;
-use choreo_importer_kit::{Problem, Result};
+use choreo_importer_kit::{Problem, Result, text};
 use glam::{Vec2, Vec3};
 use import_gltf::MaterialTextures;
 use import_gltf::profile::Document;
@@ -18,9 +18,10 @@ pub struct DrawOrders(Cell<usize>);
 impl DrawOrders {
     pub fn warn(&self, document: &Document<'_>) {
         if self.0.get() > 0 {
-            let what =
-                "materials have a drawing order for transparent parts; they are sorted back to front instead";
-            document.warn("materials", format!("{} {what}", self.0.get()));
+            let materials = text::count(self.0.get(), "material");
+            let has = if self.0.get() == 1 { "has" } else { "have" };
+            let what = "a drawing order for transparent parts, which are sorted back to front instead";
+            document.warn("materials", format!("{materials} {has} {what}"));
         }
     }
 }

@@ -59,7 +59,7 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &Asset) -> Result<Spri
             };
             document.charge(colliders.len() as u64, 4, &|| bone.place())?;
             if swinging.contains_key(&root) {
-                document.warn(bone.place(), "swings in an earlier spring; here it is left out");
+                document.warn(bone.place(), "already belongs to an earlier spring; it is left out here");
                 continue;
             }
             let joints = subtree(root, &children, &rest, skeleton.parents(), &like);

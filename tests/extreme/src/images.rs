@@ -13,10 +13,12 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 
 pub const CASES: &[Case] = &[
-    Case::new("1 mm apart, 1 m away", "share of pixels of the farther", 0.0, || apart(1.0)),
-    Case::new("1 mm apart, 100 m away", "share of pixels of the farther", 0.0, || apart(100.0)),
-    Case::new("1 mm apart, 1 km away", "share of pixels of the farther", 0.0, || apart(1e3)),
-    Case::new("1 mm apart, 10 km away", "share of pixels of the farther", 0.0, || apart(1e4)),
+    Case::new("1 mm apart, 1 m away", "share of pixels of the farther", 0.0, || wrong_depth_fraction(1.0)),
+    Case::new("1 mm apart, 100 m away", "share of pixels of the farther", 0.0, || {
+        wrong_depth_fraction(100.0)
+    }),
+    Case::new("1 mm apart, 1 km away", "share of pixels of the farther", 0.0, || wrong_depth_fraction(1e3)),
+    Case::new("1 mm apart, 10 km away", "share of pixels of the farther", 0.0, || wrong_depth_fraction(1e4)),
     Case::new("near plane at 0.1 mm, a wall at 0.2 mm", "share of pixels it misses", 0.0, || {
         wall(2e-4, 1e-4)
     }),
@@ -47,7 +49,7 @@ pub const CASES: &[Case] = &[
     }),
     Case::new("a shadow, and a tower 5 km away", "share over 2 of 255 off that on 10 m", 0.0, || {
         let mut stage = shadow(1e5, 1.0, false);
-        put(
+        add_actor(
             &mut stage,
             asset(quad(50.0), Material { double_sided: true, ..matte() }),
             Placement::at(0.0, 50.0, -5e3),
@@ -133,7 +135,7 @@ fn stage(position: DVec3, near: f32) -> Stage {
     stage
 }
 
-fn put(stage: &mut Stage, asset: Asset, at: Placement) {
+fn add_actor(stage: &mut Stage, asset: Asset, at: Placement) {
     let actor = stage.cast(&format!("actor {}", stage.actors.len()), Arc::new(asset));
     stage.actors[actor].transform = at;
 }
@@ -149,14 +151,14 @@ fn draw(stage: &Stage, size: [u32; 2]) -> Result<Vec<u8>, String> {
 }
 
 /// Fraction of the pixels for which `holds` is true; NaN without an image.
-fn share(stage: &Stage, holds: impl Fn([u8; 4]) -> bool) -> f64 {
+fn pixel_fraction(stage: &Stage, holds: impl Fn([u8; 4]) -> bool) -> f64 {
     let Ok(rgba) = draw(stage, SIZE) else { return f64::NAN };
     let pixels = rgba.as_chunks::<4>().0;
     pixels.iter().filter(|p| holds(**p)).count() as f64 / pixels.len() as f64
 }
 
 /// Largest difference between two images, in steps of 255.
-fn off(a: &Result<Vec<u8>, String>, b: &Result<Vec<u8>, String>) -> f64 {
+fn pixel_difference(a: &Result<Vec<u8>, String>, b: &Result<Vec<u8>, String>) -> f64 {
     match (a, b) {
         (Ok(a), Ok(b)) if a.len() == b.len() => {
             a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(*b))).fold(0.0, f64::max)
@@ -166,7 +168,7 @@ fn off(a: &Result<Vec<u8>, String>, b: &Result<Vec<u8>, String>) -> f64 {
 }
 
 /// Fraction of wrong pixels for a red wall one millimetre in front of a green one, at this distance. The worse of both drawing orders.
-fn apart(metres: f64) -> f64 {
+fn wrong_depth_fraction(metres: f64) -> f64 {
     let wall = |color| asset(quad(metres as f32), unlit(color));
     let worst = [false, true].map(|near_first| {
         let mut stage = stage(DVec3::new(0.0, 0.0, metres), 0.1);
@@ -175,17 +177,17 @@ fn apart(metres: f64) -> f64 {
             walls.reverse();
         }
         for (z, color) in walls {
-            put(&mut stage, wall(color), Placement::at(0.0, 0.0, z));
+            add_actor(&mut stage, wall(color), Placement::at(0.0, 0.0, z));
         }
-        share(&stage, |p| p[0] != 255)
+        pixel_fraction(&stage, |p| p[0] != 255)
     });
     worst[0].max(worst[1])
 }
 
 fn wall(metres: f64, near: f32) -> f64 {
     let mut stage = stage(DVec3::ZERO, near);
-    put(&mut stage, asset(quad(metres as f32), unlit(GREEN)), Placement::at(0.0, 0.0, -metres));
-    share(&stage, |p| p[1] != 255)
+    add_actor(&mut stage, asset(quad(metres as f32), unlit(GREEN)), Placement::at(0.0, 0.0, -metres));
+    pixel_fraction(&stage, |p| p[1] != 255)
 }
 
 fn sun() -> StageLight {
@@ -199,10 +201,10 @@ fn far_away() -> f64 {
         let lamp = Light { kind: LightKind::Point, color: Vec3::X, intensity: 3.0 * PI, range: Some(9.0) };
         stage.lights.push(StageLight { light: lamp, position: origin + DVec3::Z, ..sun() });
         let place = Placement { translation: origin, ..Placement::default() }.turned(0.4);
-        put(&mut stage, asset(quad(1.0), matte()), place);
+        add_actor(&mut stage, asset(quad(1.0), matte()), place);
         draw(&stage, SIZE)
     };
-    off(&at(DVec3::ZERO), &at(DVec3::new(1e7, -1e7, 1e7)))
+    pixel_difference(&at(DVec3::ZERO), &at(DVec3::new(1e7, -1e7, 1e7)))
 }
 
 /// A board on a square ground in the sun, scaled by `scale`.
@@ -211,10 +213,10 @@ fn shadow(ground: f64, scale: f64, far_box: bool) -> Stage {
     stage.lights.push(StageLight { shadow: Some(Shadow::default()), ..sun() });
     let level = DQuat::from_rotation_x(-0.5 * f64::from(PI));
     let wide = |half: f64| asset(quad((half * scale) as f32), Material { double_sided: true, ..matte() });
-    put(&mut stage, wide(0.5 * ground), Placement { rotation: level, ..Placement::default() });
-    put(&mut stage, wide(0.5), Placement::at(0.0, 0.5 * scale, 0.0).turned(0.3));
+    add_actor(&mut stage, wide(0.5 * ground), Placement { rotation: level, ..Placement::default() });
+    add_actor(&mut stage, wide(0.5), Placement::at(0.0, 0.5 * scale, 0.0).turned(0.3));
     if far_box {
-        put(&mut stage, wide(0.25), Placement::at(0.0, 0.25, -5e3));
+        add_actor(&mut stage, wide(0.25), Placement::at(0.0, 0.25, -5e3));
     }
     stage
 }
@@ -287,10 +289,10 @@ fn normals(normal: Vec3) -> f64 {
             stage.lights.push(StageLight::sun("none", Vec3::NEG_Z, 0.0));
         }
         let normals = vec![normal; 4];
-        put(&mut stage, asset(Primitive { normals, ..quad(1.0) }, matte()), Placement::default());
+        add_actor(&mut stage, asset(Primitive { normals, ..quad(1.0) }, matte()), Placement::default());
         draw(&stage, SIZE)
     };
-    off(&with(normal, true), &with(normal, false))
+    pixel_difference(&with(normal, true), &with(normal, false))
 }
 
 /// A relief in a mirrored actor must be the mirror image of the relief, with its light mirrored too.
@@ -306,25 +308,29 @@ fn mirrored_relief() -> f64 {
         let normal_texture = Some(texture());
         let mut asset = asset(primitive, Material { normal_texture, ..matte() });
         asset.images = vec![image([16, 16], relief)];
-        put(&mut stage, asset, Placement { scale: DVec3::new(mirror, 1.0, 1.0), ..Placement::default() });
+        add_actor(
+            &mut stage,
+            asset,
+            Placement { scale: DVec3::new(mirror, 1.0, 1.0), ..Placement::default() },
+        );
         draw(&stage, SIZE)
     };
     let flipped = with(-1.0).map(|rgba| {
         let rows = rgba.chunks(4 * SIZE[0] as usize);
         rows.flat_map(|row| row.as_chunks::<4>().0.iter().rev().flatten().copied()).collect::<Vec<u8>>()
     });
-    off(&with(1.0), &flipped)
+    pixel_difference(&with(1.0), &flipped)
 }
 
 fn broken(at: Vec3) -> f64 {
     let mut primitive = quad(1.0);
     primitive.positions[2] = at;
     let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
-    put(&mut stage, asset(primitive, unlit(GREEN)), Placement::default());
+    add_actor(&mut stage, asset(primitive, unlit(GREEN)), Placement::default());
     // A valid mesh beside it must still be visible.
-    put(&mut stage, asset(quad(0.1), unlit(Vec4::ONE)), Placement::default());
-    let white = share(&stage, |p| p == [255; 4]);
-    if white == 0.0 { f64::NAN } else { share(&stage, |p| p[1] == 255 && p[0] == 0) * 1024.0 }
+    add_actor(&mut stage, asset(quad(0.1), unlit(Vec4::ONE)), Placement::default());
+    let white = pixel_fraction(&stage, |p| p == [255; 4]);
+    if white == 0.0 { f64::NAN } else { pixel_fraction(&stage, |p| p[1] == 255 && p[0] == 0) * 1024.0 }
 }
 
 fn no_area() -> f64 {
@@ -332,9 +338,9 @@ fn no_area() -> f64 {
     let mut line = quad(1.0);
     line.positions.iter_mut().for_each(|p| p.y = 0.013);
     let point = Primitive { positions: vec![Vec3::ZERO; 4], ..quad(1.0) };
-    put(&mut stage, asset(line, unlit(GREEN)), Placement::default());
-    put(&mut stage, asset(point, unlit(GREEN)), Placement::default());
-    share(&stage, |p| p[1] != 0) * 1024.0
+    add_actor(&mut stage, asset(line, unlit(GREEN)), Placement::default());
+    add_actor(&mut stage, asset(point, unlit(GREEN)), Placement::default());
+    pixel_fraction(&stage, |p| p[1] != 0) * 1024.0
 }
 
 fn texture() -> TextureRef {
@@ -353,10 +359,10 @@ fn textured(size: [u32; 2]) -> f64 {
         let base_color_texture = there.then(texture);
         let mut asset = asset(quad(1.0), Material { base_color_texture, ..unlit(Vec4::ONE) });
         asset.images = vec![image(size, |_, _| [255; 4])];
-        put(&mut stage, asset, Placement::default());
+        add_actor(&mut stage, asset, Placement::default());
         draw(&stage, SIZE)
     };
-    off(&with(true), &with(false))
+    pixel_difference(&with(true), &with(false))
 }
 
 /// Number of draws for `count` copies of a quad in one actor; NaN if not all are drawn.
@@ -365,23 +371,23 @@ fn copies(count: usize) -> f64 {
     let mut field = asset(quad(0.03), unlit(GREEN));
     let at = |i: usize| Vec3::new((i % 400) as f32 - 200.0, (i / 400) as f32 - 125.0, 0.0) * 0.05;
     field.instances[0].copies = (0..count).map(|i| Affine3A::from_translation(at(i))).collect();
-    put(&mut stage, field, Placement::default());
+    add_actor(&mut stage, field, Placement::default());
     let Ok(snapshot) = stage.at(Time::ZERO) else { return f64::NAN };
     let resources = Arc::new(SceneResources::new(&stage));
     let plan = Plan::new(&resources, &stage, &snapshot, &PlanOptions::new(SIZE, 1));
-    let seen = share(&stage, |p| p[1] > 0);
+    let seen = pixel_fraction(&stage, |p| p[1] > 0);
     if plan.instances.len() == count && seen > 0.1 { plan.draws.len() as f64 } else { f64::NAN }
 }
 
 fn facing() -> Stage {
     let mut stage = stage(DVec3::new(0.0, 0.0, 1.0), 0.1);
-    put(&mut stage, asset(quad(1e4), unlit(GREEN)), Placement::default());
+    add_actor(&mut stage, asset(quad(1e4), unlit(GREEN)), Placement::default());
     stage
 }
 
 fn sized(size: [u32; 2]) -> f64 {
     let count = size[0] as usize * size[1] as usize;
-    off(&draw(&facing(), size), &Ok([0, 255, 0, 255].repeat(count)))
+    pixel_difference(&draw(&facing(), size), &Ok([0, 255, 0, 255].repeat(count)))
 }
 
 /// A leaf of soft alpha, cut out by its alpha, over half the image.
@@ -403,7 +409,7 @@ pub fn leaf() -> Stage {
     let material =
         Material { base_color_texture: Some(texture), alpha_mode: AlphaMode::Mask(0.5), ..unlit(Vec4::ONE) };
     let asset = Asset { images: vec![Arc::new(image)], ..asset(quad(0.7), material) };
-    put(&mut stage, asset, Placement::default());
+    add_actor(&mut stage, asset, Placement::default());
     stage
 }
 
@@ -413,7 +419,7 @@ pub(crate) fn lit_wall() -> Stage {
     stage.lights.push(sun());
     let lamp = Light { kind: LightKind::Point, color: Vec3::X, intensity: PI, range: Some(3.0) };
     stage.lights.push(StageLight { light: lamp, position: DVec3::Z, ..sun() });
-    put(&mut stage, asset(quad(0.7), matte()), Placement::default());
+    add_actor(&mut stage, asset(quad(0.7), matte()), Placement::default());
     stage
 }
 
@@ -424,7 +430,7 @@ pub fn panes() -> Stage {
     {
         let glass = Material { alpha_mode: AlphaMode::Blend, double_sided: true, ..unlit(color) };
         let rotation = DQuat::from_rotation_y(degrees.to_radians());
-        put(&mut stage, asset(quad(0.6), glass), Placement { rotation, ..Placement::default() });
+        add_actor(&mut stage, asset(quad(0.6), glass), Placement { rotation, ..Placement::default() });
     }
     stage
 }

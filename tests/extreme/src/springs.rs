@@ -7,41 +7,45 @@ use choreo_motion::spring::{
 use choreo_motion::{Skeleton, Transform};
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Vec3};
 
-const UNIT: &str = "direction, off unit length";
-const GAIN: &str = "energy gained, share of the first";
-const FREE: SpringBone = SpringBone { stiffness: 400.0, damping: 0.0 };
+const OFF_UNIT_LENGTH: &str = "direction, off unit length";
+const ENERGY_GAIN: &str = "energy gained, share of the first";
+const UNDAMPED: SpringBone = SpringBone { stiffness: 400.0, damping: 0.0 };
 
 pub const CASES: &[Case] = &[
-    Case::new("stiffness 1e12", UNIT, 1e-12, || unit(SpringBone { stiffness: 1e12, damping: 0.0 })),
-    Case::new("stiffness 1e12, energy", GAIN, 1e-6, || {
-        gain(SpringBone { stiffness: 1e12, damping: 0.0 }, 1.0 / 60.0)
+    Case::new("stiffness 1e12", OFF_UNIT_LENGTH, 1e-12, || {
+        unit(SpringBone { stiffness: 1e12, damping: 0.0 })
+    }),
+    Case::new("stiffness 1e12, energy", ENERGY_GAIN, 1e-6, || {
+        energy_gain(SpringBone { stiffness: 1e12, damping: 0.0 }, 1.0 / 60.0)
     }),
     Case::new("stiffness 1e12, at rest after 1 s", "radians from the target", 1e-9, || {
         bent_after(SpringBone { stiffness: 1e12, damping: 2e6 }, 1.0 / 60.0, 60)
     }),
-    Case::new("damping 0, 10,000 steps", GAIN, 1e-9, || gain(FREE, 1.0 / 60.0)),
-    Case::new("damping 1e6", GAIN, 1e-12, || gain(SpringBone { damping: 1e6, ..FREE }, 1.0 / 60.0)),
-    Case::new("mass 1e-6", GAIN, 1e-9, || {
-        gain(SpringBone { stiffness: 400.0 / 1e-6, damping: 2.0 / 1e-6 }, 1.0 / 60.0)
+    Case::new("damping 0, 10,000 steps", ENERGY_GAIN, 1e-9, || energy_gain(UNDAMPED, 1.0 / 60.0)),
+    Case::new("damping 1e6", ENERGY_GAIN, 1e-12, || {
+        energy_gain(SpringBone { damping: 1e6, ..UNDAMPED }, 1.0 / 60.0)
     }),
-    Case::new("mass 1e6", GAIN, 1e-9, || {
-        gain(SpringBone { stiffness: 400.0 / 1e6, damping: 2.0 / 1e6 }, 1.0 / 60.0)
+    Case::new("mass 1e-6", ENERGY_GAIN, 1e-9, || {
+        energy_gain(SpringBone { stiffness: 400.0 / 1e-6, damping: 2.0 / 1e-6 }, 1.0 / 60.0)
     }),
-    Case::new("dt 0", "radians moved", 1e-15, || (bent_after(FREE, 0.0, 100) - 1.0).abs()),
+    Case::new("mass 1e6", ENERGY_GAIN, 1e-9, || {
+        energy_gain(SpringBone { stiffness: 400.0 / 1e6, damping: 2.0 / 1e6 }, 1.0 / 60.0)
+    }),
+    Case::new("dt 0", "radians moved", 1e-15, || (bent_after(UNDAMPED, 0.0, 100) - 1.0).abs()),
     Case::new("dt 1e-6, 100,000 steps", "radians from one step of 0.1 s", 1e-8, || {
-        (bent_after(FREE, 1e-6, 100_000) - bent_after(FREE, 0.1, 1)).abs()
+        (bent_after(UNDAMPED, 1e-6, 100_000) - bent_after(UNDAMPED, 0.1, 1)).abs()
     }),
     Case::new("dt 10 s", "radians from the closed form", 1e-10, || {
-        (signed_after(FREE, 10.0, 1) - libm::cos(200.0)).abs()
+        (signed_after(UNDAMPED, 10.0, 1) - libm::cos(200.0)).abs()
     }),
-    Case::new("dt 10 s, energy", GAIN, 1e-9, || gain(FREE, 10.0)),
+    Case::new("dt 10 s, energy", ENERGY_GAIN, 1e-9, || energy_gain(UNDAMPED, 10.0)),
     Case::new("a root thrown 1 km in a frame", "radians from undisturbed", 1e-12, thrown),
     Case::new("1e7 m from the origin", "metres from the same at the origin", 1e-6, || {
         let here = tail(DVec3::ONE, DVec3::ZERO, 0.1);
         tail(DVec3::ONE, DVec3::new(1e7, 0.0, -1e7), 0.1)
             .iter()
             .zip(&here)
-            .map(|(a, b)| apart(a, b))
+            .map(|(a, b)| distance_between(a, b))
             .fold(0.0, f64::max)
     }),
     Case::new("bones of length 0", "metres from as animated", 0.0, || moved(DVec3::ONE, 0.0)),
@@ -97,7 +101,7 @@ fn unit(bone: SpringBone) -> f64 {
     if state.velocity.is_finite() { worst } else { f64::NAN }
 }
 
-fn gain(bone: SpringBone, seconds: f64) -> f64 {
+fn energy_gain(bone: SpringBone, seconds: f64) -> f64 {
     let drive = Drive { gravity: DVec3::new(3.0, -9.0, 1.0), ..drive() };
     let mut state = start();
     let first = bone.energy(&state, &drive);
@@ -174,7 +178,7 @@ fn animated(length: f32) -> Vec<Affine3A> {
     (0..5).map(|i| Affine3A::from_translation(Vec3::NEG_Y * length * i as f32)).collect()
 }
 
-fn apart(a: &Affine3A, b: &Affine3A) -> f64 {
+fn distance_between(a: &Affine3A, b: &Affine3A) -> f64 {
     let moved = f64::from((a.translation - b.translation).length());
     if a.is_finite() && b.is_finite() { moved } else { f64::NAN }
 }
@@ -183,7 +187,7 @@ fn moved(scale: DVec3, length: f32) -> f64 {
     tail(scale, DVec3::ZERO, length)
         .iter()
         .zip(&animated(length))
-        .map(|(a, b)| apart(a, b))
+        .map(|(a, b)| distance_between(a, b))
         .fold(0.0, f64::max)
 }
 

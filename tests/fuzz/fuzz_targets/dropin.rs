@@ -2,8 +2,8 @@
 //! and, behind a zero byte, what it reads (itself, where nothing follows).
 #![no_main]
 
+use choreo_fuzz::{SingleFile, import};
 use choreo_rhai_importer::RhaiImporter;
-use choreo_fuzz::{Beside, import};
 use libfuzzer_sys::{Corpus, fuzz_target};
 use std::sync::LazyLock;
 
@@ -17,7 +17,7 @@ static EVERYTHING: LazyLock<RhaiImporter> = LazyLock::new(|| {
 
 fuzz_target!(|bytes: &[u8]| -> Corpus {
     if let [0, file @ ..] = bytes {
-        import(&*EVERYTHING, "fuzz.dat", file, &Beside(file));
+        import(&*EVERYTHING, "fuzz.dat", file, &SingleFile(file));
         return Corpus::Keep;
     }
     let mut parts = bytes.splitn(2, |b| *b == 0);
@@ -25,7 +25,7 @@ fuzz_target!(|bytes: &[u8]| -> Corpus {
     let Ok(words) = std::str::from_utf8(text) else { return Corpus::Reject };
     let file = parts.next().unwrap_or(text);
     match RhaiImporter::from_text("fuzz.importer.rhai", words) {
-        Ok(importer) => import(&importer.with_steps(STEPS), "fuzz.dat", file, &Beside(file)),
+        Ok(importer) => import(&importer.with_steps(STEPS), "fuzz.dat", file, &SingleFile(file)),
         Err(error) => assert!(error.line >= 1 && error.column >= 1 && !error.message.is_empty()),
     }
     Corpus::Keep

@@ -1,8 +1,8 @@
-//! The XML of a COLLADA file; what is let through is played and drawn.
+//! The XML of a COLLADA file; an asset that imports without error is played and drawn.
 #![no_main]
 
-use choreo_fuzz::{Nothing, import};
+use choreo_fuzz::{NoFiles, import};
 use import_collada::ColladaImporter;
 use libfuzzer_sys::fuzz_target;
 
-fuzz_target!(|bytes: &[u8]| import(&ColladaImporter, "fuzz.dae", bytes, &Nothing));
+fuzz_target!(|bytes: &[u8]| import(&ColladaImporter, "fuzz.dae", bytes, &NoFiles));

@@ -1,8 +1,8 @@
-//! VRM characters and VRM animations; what is let through is played and drawn.
+//! VRM characters and VRM animations; an asset that imports without error is played and drawn.
 #![no_main]
 
-use choreo_fuzz::{Nothing, import};
+use choreo_fuzz::{NoFiles, import};
 use import_vrm::VrmImporter;
 use libfuzzer_sys::fuzz_target;
 
-fuzz_target!(|bytes: &[u8]| import(&VrmImporter, "fuzz.vrm", bytes, &Nothing));
+fuzz_target!(|bytes: &[u8]| import(&VrmImporter, "fuzz.vrm", bytes, &NoFiles));

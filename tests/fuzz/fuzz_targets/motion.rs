@@ -83,7 +83,7 @@ fn clip(u: &mut Unstructured, joints: usize) -> Result<Option<Clip>> {
     Ok(Clip::new("fuzz".into(), joints, curves).ok())
 }
 
-fn sane(t: &Transform) -> bool {
+fn is_within_limits(t: &Transform) -> bool {
     let small = |v: f32| v.abs() < 1e12;
     t.translation.to_array().into_iter().chain(t.scale.to_array()).all(small)
 }
@@ -126,7 +126,7 @@ fn poses(u: &mut Unstructured) -> Result<()> {
         let mut blend = Blend { from: &pose, to: &other, weight, mask: Some(&mask), out: &mut out };
         if blend.check().is_ok() {
             blend.run();
-            assert!(out.iter().all(|t| !sane(&t) || t.rotation.is_finite()), "{out:?}");
+            assert!(out.iter().all(|t| !is_within_limits(&t) || t.rotation.is_finite()), "{out:?}");
         }
         let mut model = vec![Affine3A::IDENTITY; joints];
         LocalToModel { skeleton: &skeleton, pose: &pose, model_from_joint: &mut model }.run_on(level);
@@ -163,7 +163,7 @@ fn poses(u: &mut Unstructured) -> Result<()> {
     Ok(())
 }
 
-/// A clip in fewer bytes gives the same bits at every level, alone and in a crossfade, and says how far it is off.
+/// A compressed clip gives the same bits at every SIMD level, and its reported error is within the tolerance.
 fn compressed(u: &mut Unstructured) -> Result<()> {
     let Some(skeleton) = skeleton(u)? else { return Ok(()) };
     let Some(clip) = clip(u, skeleton.len())? else { return Ok(()) };
@@ -224,7 +224,8 @@ fn vertices(u: &mut Unstructured) -> Result<()> {
         matrix3: glam::Mat3::from(m.matrix3).as_dmat3(),
         translation: m.translation.as_dvec3(),
     };
-    let carriers: Vec<StretchedDualQuaternion> = matrices.iter().map(|m| StretchedDualQuaternion::of(wide(m))).collect();
+    let carriers: Vec<StretchedDualQuaternion> =
+        matrices.iter().map(|m| StretchedDualQuaternion::of(wide(m))).collect();
     let motions: Vec<DualQuaternion> = carriers.iter().map(DualQuaternion::from).collect();
     let stretches: Vec<Affine3A> =
         if u.arbitrary()? { carriers.iter().map(stretch_matrix).collect() } else { Vec::new() };

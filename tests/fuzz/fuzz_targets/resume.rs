@@ -19,7 +19,7 @@ fn any_journal(bytes: &[u8]) {
     let mut again = journal::head(&found.identity);
     assert!(found.head == again.len() as u64);
     for (record, end) in &found.records {
-        journal::append(&mut again, record).expect("a vector takes all");
+        journal::append(&mut again, record).expect("writing to a vector cannot fail");
         assert!(*end == again.len() as u64);
     }
     assert!(bytes.starts_with(&again));
@@ -56,7 +56,7 @@ fn damaged_journal(u: &mut Unstructured) -> Result<()> {
     let mut bytes = journal::head(&identity);
     let mut ends = vec![bytes.len()];
     for record in &records {
-        journal::append(&mut bytes, record).expect("a vector takes all");
+        journal::append(&mut bytes, record).expect("writing to a vector cannot fail");
         ends.push(bytes.len());
     }
     let at = u.choose_index(bytes.len())?;
@@ -120,7 +120,7 @@ impl Write for Bytes {
 }
 
 /// Images that move a little, or a lot.
-fn pictures(u: &mut Unstructured, [width, height]: [u32; 2]) -> Result<Vec<Frame>> {
+fn random_frames(u: &mut Unstructured, [width, height]: [u32; 2]) -> Result<Vec<Frame>> {
     let mut rgba = vec![255; (width * height * 4) as usize];
     let mut frames = Vec::new();
     for _ in 0..u.int_in_range(1..=5)? {
@@ -150,7 +150,7 @@ fn going_on(u: &mut Unstructured) -> Result<()> {
     // H.264 begins at 16 pixels.
     let least = if exporter.head_comes_last() { 16 } else { 1 };
     let size = [u.int_in_range(least..=20)?, u.int_in_range(least..=20)?];
-    let frames = pictures(u, size)?;
+    let frames = random_frames(u, size)?;
     let info = VideoInfo {
         width: size[0],
         height: size[1],
@@ -160,7 +160,7 @@ fn going_on(u: &mut Unstructured) -> Result<()> {
         options: exporter.manifest().complete(&Default::default()).expect("the defaults"),
     };
     let whole = Bytes::default();
-    let mut sink = exporter.begin(&info, Box::new(whole.clone())).expect("a vector takes all");
+    let mut sink = exporter.begin(&info, Box::new(whole.clone())).expect("writing to a vector cannot fail");
     let (mut stops, mut stop) = (Vec::new(), Stopped::default());
     for frame in &frames {
         sink.frame(frame).expect("a frame of the right size");
@@ -189,7 +189,7 @@ fn going_on(u: &mut Unstructured) -> Result<()> {
         exporter.resume(&info, &stop.states, &mut so_far, Box::new(body.clone()))
     }
     .expect("our own state");
-    // The program writes behind what is there.
+    // The resumed program appends to the existing bytes.
     let before = if stop.states.is_empty() { 0 } else { stop.length };
     stop.kept.iter().for_each(|kept| sink.again(kept).expect("our own frame"));
     frames[at + 1..].iter().for_each(|frame| sink.frame(frame).expect("a frame of the right size"));

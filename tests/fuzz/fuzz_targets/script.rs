@@ -1,7 +1,7 @@
 //! Script text: any bytes that are text are run within low limits; what becomes of them is evaluated at some times.
 #![no_main]
 
-use choreo_fuzz::finite;
+use choreo_fuzz::assert_finite;
 use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_script::{Limits, ScriptOptions, run_text};
@@ -18,7 +18,7 @@ static REGISTRY: LazyLock<Registry> = LazyLock::new(|| {
     registry
 });
 
-/// An empty folder: scripts find nothing to load but what is built in.
+/// An empty folder, so that scripts can load only built-in assets.
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = std::env::temp_dir().join(format!("choreo-fuzz-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder for temporary files can be made");
@@ -52,7 +52,7 @@ fuzz_target!(|bytes: &[u8]| -> Corpus {
             let mut evaluator = Evaluator::new(stage);
             for secs in [0.0, 0.5, 3.9] {
                 if let Ok(snapshot) = evaluator.at(Time::from_secs(secs)) {
-                    finite(&snapshot);
+                    assert_finite(&snapshot);
                 }
             }
         }

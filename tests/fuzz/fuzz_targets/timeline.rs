@@ -2,11 +2,11 @@
 //! that `Stage::check` lets through can be evaluated at any time.
 #![no_main]
 
-use choreo_fuzz::finite;
+use choreo_asset::*;
+use choreo_fuzz::assert_finite;
 use choreo_motion::spring::{RigBone, SpringBone};
 use choreo_motion::{Interpolation, Time};
-use choreo_plugin::{Importer, ImportScope, Source};
-use choreo_asset::*;
+use choreo_plugin::{ImportScope, Importer, Source};
 use choreo_stage::*;
 use glam::{DQuat, DVec3, Vec3};
 use libfuzzer_sys::arbitrary::{Result, Unstructured};
@@ -15,8 +15,12 @@ use std::sync::{Arc, LazyLock};
 
 static PERSON: LazyLock<Arc<Asset>> = LazyLock::new(|| {
     let source = Source { name: "choreo:mannequin".into(), bytes: Arc::default() };
-    let asset =
-        import_mannequin::Mannequin.import(&source, &choreo_fuzz::Nothing, ImportScope::ALL, &Default::default());
+    let asset = import_mannequin::Mannequin.import(
+        &source,
+        &choreo_fuzz::NoFiles,
+        ImportScope::ALL,
+        &Default::default(),
+    );
     Arc::new(asset.expect("the built-in figure can be made"))
 });
 
@@ -137,7 +141,12 @@ fn constraint(u: &mut Unstructured, count: usize) -> Result<Constraint> {
         1 => {
             let joints = chain(u)?;
             let shares = joints.iter().map(|_| Ok(number(u)?.abs())).collect::<Result<_>>()?;
-            ConstraintKind::Aim(AimConstraint { joints, shares, target: target(u, count)?, limit: number(u)?.abs() })
+            ConstraintKind::Aim(AimConstraint {
+                joints,
+                shares,
+                target: target(u, count)?,
+                limit: number(u)?.abs(),
+            })
         }
         _ => {
             let mut legs = Vec::new();
@@ -155,7 +164,11 @@ fn constraint(u: &mut Unstructured, count: usize) -> Result<Constraint> {
             for _ in 0..u.int_in_range(0..=2)? {
                 let begin = standing_fades.last().map_or(Time::ZERO, |fade| fade.to);
                 let from = begin + span(u)?;
-                standing_fades.push(StandingFade { from, to: from + span(u)?, ends_standing: u.arbitrary()? });
+                standing_fades.push(StandingFade {
+                    from,
+                    to: from + span(u)?,
+                    ends_standing: u.arbitrary()?,
+                });
             }
             ConstraintKind::FootLock(FootLock { legs, hips, ground, only, standing_fades })
         }
@@ -178,8 +191,7 @@ fn limit(u: &mut Unstructured) -> Result<(u32, Limit)> {
 }
 
 fn springs(u: &mut Unstructured) -> Result<ActorSprings> {
-    let mut springs =
-        ActorSprings { wind: point(u)?, pre_roll: span(u)?, ..ActorSprings::default() };
+    let mut springs = ActorSprings { wind: point(u)?, pre_roll: span(u)?, ..ActorSprings::default() };
     for joint in chain(u)? {
         springs.rig.add(RigBone {
             joint,
@@ -212,7 +224,8 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
                 None
             };
             let base = stage.actors[id].layers.is_empty();
-            let from = [Reference::FirstFrame, Reference::Rest, Reference::At(span(u)?)][u.choose_index(3)?];
+            let from =
+                [Reference::FirstFrame, Reference::Rest, Reference::At(span(u)?)][u.choose_index(3)?];
             let modes = [LayerMode::Override, LayerMode::Additive(from), LayerMode::Subtractive(from)];
             let mode = if base { LayerMode::Override } else { modes[u.choose_index(3)?] };
             stage.actors[id].layers.push(Layer { mask, cues, mode, ..Layer::default() });
@@ -242,7 +255,8 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
             actor.look_at.push(LookAt { joint, target, start: time(u)?, end, fade: span(u)?, weight: 0.75 });
         }
         if u.ratio(1, 3)? {
-            actor.constraints = (0..u.int_in_range(1..=3)?).map(|_| constraint(u, count)).collect::<Result<_>>()?;
+            actor.constraints =
+                (0..u.int_in_range(1..=3)?).map(|_| constraint(u, count)).collect::<Result<_>>()?;
         }
         if u.ratio(1, 6)? {
             actor.limits = (0..u.int_in_range(1..=3)?).map(|_| limit(u)).collect::<Result<_>>()?;
@@ -291,7 +305,7 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
     Ok(stage)
 }
 
-/// All bits of a snapshot, as text: `{:?}` of a float tells every one apart but the kinds of NaN.
+/// All bits of a snapshot as text: `{:?}` distinguishes all floats except NaN payloads.
 fn shown(stage: &Result2<Snapshot>) -> String {
     format!("{stage:?}")
 }
@@ -301,7 +315,7 @@ type Result2<T> = std::result::Result<T, StageError>;
 fn compare(u: &mut Unstructured) -> Result<()> {
     let stage = stage(u)?;
     if !stage.check().is_empty() {
-        // Lenient: it leaves out what is not there, and must not panic.
+        // Lenient mode skips missing objects, and must not panic.
         let _ = stage.at(Time(time(u)?.0 % Time::from_secs(8.0).0));
         return Ok(());
     }
@@ -319,7 +333,7 @@ fn compare(u: &mut Unstructured) -> Result<()> {
         let played = evaluator.at_into(times[i], &mut snapshot).map(|()| snapshot.clone());
         assert_eq!(shown(&played), sought[i], "at {} s", times[i].as_secs());
         if let Ok(played) = &played {
-            finite(played);
+            assert_finite(played);
         }
     }
     times.clear();

@@ -1,26 +1,26 @@
 //! The common part of the fuzz targets: an importer's asset is put on stage, evaluated and drawn, so that a file which an importer
 //! accepts is proved harmless further down.
 
-use choreo_motion::Time;
-use choreo_plugin::{Files, ImportOptions, Importer, Manifest, ImportScope, OptionKind, OptionValue, Source};
-use choreo_render::{SceneResources, CpuRenderer, Plan, PlanOptions, Renderer};
 use choreo_asset::Asset;
+use choreo_motion::Time;
+use choreo_plugin::{Files, ImportOptions, ImportScope, Importer, Manifest, OptionKind, OptionValue, Source};
+use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use choreo_stage::{Cue, Evaluator, Snapshot, Stage};
 use std::sync::Arc;
 
 /// A folder with nothing in it.
-pub struct Nothing;
+pub struct NoFiles;
 
-impl Files for Nothing {
+impl Files for NoFiles {
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
         Err(format!("cannot read \"{relative}\": no such file"))
     }
 }
 
 /// A folder in which every name leads to the same bytes.
-pub struct Beside<'a>(pub &'a [u8]);
+pub struct SingleFile<'a>(pub &'a [u8]);
 
-impl Files for Beside<'_> {
+impl Files for SingleFile<'_> {
     fn read(&self, _: &str) -> Result<Arc<Vec<u8>>, String> {
         Ok(Arc::new(self.0.to_vec()))
     }
@@ -67,14 +67,14 @@ fn options(manifest: &Manifest, choice: u64) -> ImportOptions {
 }
 
 /// Sums that an image of sixteen pixels is not worth drawing for.
-fn small(asset: &Asset) -> bool {
+fn is_small(asset: &Asset) -> bool {
     let primitives = asset.meshes.iter().flat_map(|m| &m.primitives);
     let vertices: usize = primitives.map(|p| p.positions.len() + p.indices.len()).sum();
     vertices * asset.instances.len().max(1) < 20_000 && asset.skeleton.len() < 2_000
 }
 
 fn play(asset: Arc<Asset>) {
-    if !small(&asset) {
+    if !is_small(&asset) {
         return;
     }
     let mut stage = Stage::default();
@@ -91,7 +91,7 @@ fn play(asset: Arc<Asset>) {
     let drawable = renderer.load(resources.clone()).is_ok();
     for secs in [0.0, 0.07, 1e4] {
         let Ok(snapshot) = evaluator.at(Time::from_secs(secs)) else { continue };
-        finite(&snapshot);
+        assert_finite(&snapshot);
         if drawable {
             let plan = Plan::new(&resources, evaluator.stage(), &snapshot, &PlanOptions::new([16, 12], 1));
             renderer.submit(plan).expect("the CPU renderer draws whatever a plan holds");
@@ -100,8 +100,8 @@ fn play(asset: Arc<Asset>) {
     }
 }
 
-/// Cameras and places never turn into NaN, whatever the numbers of a file.
-pub fn finite(snapshot: &Snapshot) {
+/// Asserts that the camera is finite, and that no transform of an actor contains NaN.
+pub fn assert_finite(snapshot: &Snapshot) {
     assert!(snapshot.camera.world_from_view.is_finite(), "{:?}", snapshot.camera);
     for actor in &snapshot.actors {
         assert!(!actor.world_from_model.is_nan(), "{:?}", actor.world_from_model);

@@ -55,7 +55,7 @@ impl Book {
             book.paths.insert(page.source.clone(), page.path.clone());
         }
         let summary = book.read_file(&format!("{SOURCES}/SUMMARY.md"))?;
-        let listed = book.list(&summary, &generated)?;
+        let listed = book.add_listed_pages(&summary, &generated)?;
         for source in listed {
             let path = book.paths[&source].clone();
             let text = book.expanded(&source, &path)?;
@@ -80,7 +80,7 @@ impl Book {
 
     /// Writes the summary of the book and gives the files of the pages that it lists. An item may be a file of the repository, a pattern
     /// `*` of these, or `{{PREFIX}}` for the generated pages under a path.
-    fn list(&mut self, summary: &str, generated: &[Page]) -> Result<Vec<String>, String> {
+    fn add_listed_pages(&mut self, summary: &str, generated: &[Page]) -> Result<Vec<String>, String> {
         let mut sources = Vec::new();
         for line in summary.lines() {
             if let Some((indent, prefix)) =
@@ -99,7 +99,7 @@ impl Book {
                 continue;
             };
             let target = normal(SOURCES, &line[link.target.clone()]);
-            let files = self.matching(&target)?;
+            let files = self.matching_files(&target)?;
             // A pattern does not list a page again.
             for file in files.into_iter().filter(|file| !sources.contains(file)).collect::<Vec<_>>() {
                 let path = match file.strip_prefix(&format!("{SOURCES}/")) {
@@ -122,7 +122,7 @@ impl Book {
     }
 
     /// The files of a pattern with one `*`, in order; the file itself where there is none.
-    fn matching(&self, pattern: &str) -> Result<Vec<String>, String> {
+    fn matching_files(&self, pattern: &str) -> Result<Vec<String>, String> {
         let Some((before, after)) = pattern.split_once('*') else { return Ok(vec![pattern.to_string()]) };
         let (folder, start) = before.rsplit_once('/').unwrap_or(("", before));
         let entries = std::fs::read_dir(self.root.join(folder)).map_err(|e| format!("{folder}: {e}"))?;

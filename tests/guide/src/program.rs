@@ -1,4 +1,4 @@
-//! The program `choreo`, which the binary of this crate contains, in a process of its own.
+//! Runs the program `choreo`, which is linked into the binary of this crate, in a separate process.
 
 use crate::page::Drawing;
 use std::path::Path;
@@ -15,7 +15,7 @@ pub fn choreo(binary: &Path) -> Command {
     command
 }
 
-/// Runs a command and gives what it wrote where it fails.
+/// Runs a command. The error is its output.
 pub fn run(mut command: Command) -> Result<(), String> {
     let output = command.output().map_err(|e| format!("choreo did not start: {e}"))?;
     match output.status.success() {

@@ -14,7 +14,7 @@ const FOLDER: &str = "scripts/guide/src/reference";
 /// The repository as their links see it.
 const ROOT: &str = "../../../..";
 /// Longest line of a lesson that is shown as an example, in bytes.
-const LONGEST: usize = 130;
+const MAX_EXAMPLE_BYTES: usize = 130;
 
 /// Lines of scripts by the call that they show.
 type Examples<'l> = BTreeMap<String, (Option<&'static str>, Option<(String, &'l Lesson)>)>;
@@ -98,7 +98,7 @@ fn conventions() -> (String, String) {
     (before, after)
 }
 
-/// For each call the example of its topic, and a line of a lesson that shows it.
+/// Examples of each call: that of its help topic, and a line of a lesson.
 fn examples<'l>(frame: &str, lessons: &'l [Lesson]) -> Examples<'l> {
     let mut found: Examples<'l> = BTreeMap::new();
     for example in help::examples().filter(|example| !example.starts_with("choreo ")) {
@@ -118,7 +118,7 @@ fn examples<'l>(frame: &str, lessons: &'l [Lesson]) -> Examples<'l> {
             let is_about = lesson.words.contains(&words[usize::from(entry.on.is_empty())]);
             let rank = 2 * usize::from(!is_statement) + usize::from(!is_about);
             let name = entry.full_name();
-            if line.len() <= LONGEST
+            if line.len() <= MAX_EXAMPLE_BYTES
                 && !line.ends_with('{')
                 && rank < *ranks.get(&name).unwrap_or(&usize::MAX)
             {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 const BINARY: &str = env!("CARGO_BIN_EXE_guide");
 /// The page in which faults are planted.
-const PLANTED: &str = "scripts/guide/src/recipes/hand_over.md";
+const PLANTED_PAGE: &str = "scripts/guide/src/recipes/hand_over.md";
 
 fn book() -> Book {
     Book::read(&root(), &[]).unwrap()
@@ -16,13 +16,13 @@ fn book() -> Book {
 
 /// The book with another text at a place of the page for faults.
 fn book_with(from: &str, to: &str) -> Book {
-    let text = std::fs::read_to_string(root().join(PLANTED)).unwrap();
-    assert!(text.contains(from), "{PLANTED} has no {from}");
-    Book::read(&root(), &[(PLANTED, &text.replacen(from, to, 1))]).unwrap()
+    let text = std::fs::read_to_string(root().join(PLANTED_PAGE)).unwrap();
+    assert!(text.contains(from), "{PLANTED_PAGE} has no {from}");
+    Book::read(&root(), &[(PLANTED_PAGE, &text.replacen(from, to, 1))]).unwrap()
 }
 
 #[test]
-fn links_and_images_lead_somewhere() {
+fn link_and_image_targets_exist() {
     assert_eq!(book().problems, Vec::<String>::new());
     let planted = [
         ("../concepts/constraints.md", "../concepts/constraint.md"),
@@ -31,7 +31,7 @@ fn links_and_images_lead_somewhere() {
     ];
     for (from, to) in planted {
         let found = book_with(from, to).problems;
-        assert!(found.len() == 1 && found[0].starts_with(PLANTED), "{from} → {to}: {found:?}");
+        assert!(found.len() == 1 && found[0].starts_with(PLANTED_PAGE), "{from} → {to}: {found:?}");
     }
 }
 
@@ -58,7 +58,7 @@ fn checked_and_tested(file: &Path, text: &str) -> Result<(), String> {
     if text.lines().any(|line| line.starts_with("test(")) { program::test(binary, file) } else { Ok(()) }
 }
 
-/// The scripts of the pages that pass no check, with their pages. Scripts that stand in the book several times are run once.
+/// Scripts of the pages that fail `check` or `test`, with their pages. A script that occurs several times is run once.
 fn failing<'p>(pages: impl Iterator<Item = &'p Page>) -> Vec<String> {
     let frame = std::fs::read_to_string(root().join("scripts/guide/frame.rhai")).unwrap();
     let folder = tempfile::tempdir().unwrap();
@@ -118,10 +118,10 @@ fn scripts_pass_check() {
 fn a_misspelled_method_is_found() {
     let fault = |from: &str, to: &str| {
         let mut book = book();
-        let page = book.pages.iter_mut().find(|page| page.source == PLANTED).unwrap();
+        let page = book.pages.iter_mut().find(|page| page.source == PLANTED_PAGE).unwrap();
         assert!(page.text.contains(from), "{from}");
         page.text = page.text.replacen(from, to, 1);
-        failing(book.pages.iter().filter(|page| page.source == PLANTED))
+        failing(book.pages.iter().filter(|page| page.source == PLANTED_PAGE))
     };
     for (from, to) in [(".reach(", ".raech("), ("fade(0.8)", "fede(0.8)")] {
         let found = fault(from, to);
@@ -193,7 +193,7 @@ fn commands_and_their_options_exist() {
 }
 
 #[test]
-fn every_image_is_drawn_from_its_script() {
+fn every_image_is_rendered_from_its_script() {
     let book = book();
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("image.png");

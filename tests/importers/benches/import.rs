@@ -1,13 +1,13 @@
-//! Import times and peak memory of the sample files, beside assimp's: `cargo bench -p importers [-- FILTER]`; what the option
-//! `tolerance` of import-fbx costs: `-- --tolerance`; what of a file's time is a process that begins: `-- --again PATH`.
+//! Import times and peak memory of the sample files, compared with assimp: `cargo bench -p importers [-- FILTER]`.
+//! `-- --tolerance` measures the cost of the option `tolerance` of import-fbx, and `-- --again PATH` that of a new process.
 //!
-//! Both as a fresh process for every run, in turns, so that both find memory as cold and the machine as busy. Time is what the
-//! system says the threads have computed, without the start of the process: assimp's whole process less that of `assimp version`;
-//! of ours, reading the file and importing all but images, which assimp does not decode.
+//! Every run is a new process, alternately of both programs, so that both have equally cold memory and an equally busy machine.
+//! Time is the CPU time of all threads without process start: for assimp the whole process less that of `assimp version`; for
+//! choreo reading the file and importing all but images, which assimp does not decode.
 //!
-//! assimp twice, both times by `assimp extract` of a texture that no file has, so that it reads, does its steps and ends: raw
-//! makes nothing of what it has read; the like of ours has the steps whose results ours always has ([`STEPS`]).
-//! Memory is the greatest that a whole process had resident.
+//! assimp runs twice, both times as `assimp extract` of a texture that no file has, so that it reads, postprocesses and ends:
+//! "raw" without postprocessing, "the same" with the steps that choreo always does ([`STEPS`]).
+//! Memory is the peak resident memory of the whole process.
 
 use choreo_plugin::{ImportScope, OptionValue};
 use importers::{SAMPLES, import_with, samples};
@@ -57,7 +57,7 @@ fn status(field: &str) -> Option<f64> {
 }
 
 /// This process, started for one file: `ms MiB`.
-fn once(path: &Path, tolerance: Option<f64>) {
+fn import_once(path: &Path, tolerance: Option<f64>) {
     let given: Vec<_> = tolerance.map(|t| ("tolerance", OptionValue::Number(t))).into_iter().collect();
     let before = thread_ms();
     let asset = import_with(path, ImportScope { textures: false, ..ImportScope::ALL }, &given);
@@ -67,7 +67,7 @@ fn once(path: &Path, tolerance: Option<f64>) {
 }
 
 /// Times of this process: milliseconds of the first import, and of the fastest of a hundred more, which find code and memory warm.
-fn again(path: &Path) {
+fn import_repeatedly(path: &Path) {
     let run = || {
         let before = thread_ms();
         let asset = import_with(path, ImportScope { textures: false, ..ImportScope::ALL }, &[]);
@@ -79,7 +79,7 @@ fn again(path: &Path) {
     println!("{first:.2} ms, warm {warm:.2} ms");
 }
 
-fn ours(path: &Path, tolerance: Option<f64>) -> Option<Run> {
+fn measure_choreo(path: &Path, tolerance: Option<f64>) -> Option<Run> {
     let me = std::env::current_exe().ok()?;
     let tolerance = tolerance.map(|t| t.to_string());
     let output = Command::new(me).arg("--once").arg(path).args(tolerance).output().ok()?;
@@ -88,7 +88,7 @@ fn ours(path: &Path, tolerance: Option<f64>) -> Option<Run> {
     Some(Run { ms: numbers.next()?, mib: numbers.next()? })
 }
 
-/// The whole process; its memory by GNU time, in a run of its own.
+/// Time and memory of the whole assimp process; GNU time measures the memory in a separate run.
 fn assimp(args: &[&str]) -> Option<Run> {
     let mut child =
         Command::new("assimp").args(args).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().ok()?;
@@ -137,7 +137,7 @@ fn tolerances(folder: &Path) {
         let mut runs: [Vec<Run>; 3] = Default::default();
         for _ in 0..RUNS {
             for (runs, degrees) in runs.iter_mut().zip(DEGREES) {
-                runs.extend(ours(&folder.join(name), Some(degrees)));
+                runs.extend(measure_choreo(&folder.join(name), Some(degrees)));
             }
         }
         let [a, b, c] = runs.map(|runs| medians(&runs).ms);
@@ -150,12 +150,12 @@ fn main() {
     if let [flag, path, tolerance @ ..] = args.as_slice()
         && flag == "--once"
     {
-        return once(Path::new(path), tolerance.first().and_then(|t| t.parse().ok()));
+        return import_once(Path::new(path), tolerance.first().and_then(|t| t.parse().ok()));
     }
     if let [flag, path] = args.as_slice()
         && flag == "--again"
     {
-        return again(Path::new(path));
+        return import_repeatedly(Path::new(path));
     }
     let filter = args.iter().find(|a| !a.starts_with('-')).cloned().unwrap_or_default();
     let Some(folder) = choreo_importer_kit_testing::assets(SAMPLES) else { return };
@@ -174,7 +174,7 @@ fn main() {
         let shown = path.display().to_string();
         let (mut a, mut start, mut raw, mut full) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for _ in 0..RUNS {
-            a.extend(ours(&path, None));
+            a.extend(measure_choreo(&path, None));
             start.extend(assimp(&["version"]));
             let extract = ["extract", &shown, "/dev/null", NO_TEXTURE];
             raw.extend(assimp(&extract));

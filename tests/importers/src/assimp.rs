@@ -29,7 +29,7 @@ pub struct Scene {
     pub extent: [[f64; 3]; 2],
 }
 
-/// `None` where assimp is not installed; the end of what it says where it cannot read the file.
+/// `None` where assimp is not installed. The error is the end of its output.
 pub fn scene(path: &Path, work: &Path) -> Option<Result<Scene, String>> {
     let out = work.join(format!("{}.json", path.file_name()?.to_string_lossy()));
     let _ = std::fs::remove_file(&out);

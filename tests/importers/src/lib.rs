@@ -93,7 +93,7 @@ pub fn import_with(
     importer.import(&source(&name, bytes), &folder, needs, &options)
 }
 
-pub fn whole(path: &Path) -> Asset {
+pub fn import_whole(path: &Path) -> Asset {
     import(path, ImportScope::ALL).unwrap_or_else(|e| panic!("{e}"))
 }
 

@@ -1,4 +1,4 @@
-//! Memory at its highest of files that request much more than they hold, each in a process of its own.
+//! Peak memory of the import of one polygon with very many vertices, in each format. Each import runs in a separate process.
 
 use choreo_importer_kit_testing::{Companions, import, source};
 use choreo_plugin::ImportScope;
@@ -6,10 +6,10 @@ use std::path::Path;
 use std::process::Command;
 
 const VERTICES: usize = 600_000;
-/// KiB above what the process takes before.
-const MOST: usize = 40_000;
-/// Variable that is set in a process that only imports: the format.
-const OF: &str = "CHOREO_PEAK_OF";
+/// Largest increase of memory by the import, KiB.
+const MAX_INCREASE_KIB: usize = 40_000;
+/// Environment variable with the format, set in the process that only imports.
+const FORMAT_VARIABLE: &str = "CHOREO_PEAK_OF";
 
 /// One polygon that goes round the same three points: a file of 1.2 MB.
 fn polygon(format: &str) -> String {
@@ -39,7 +39,7 @@ fn polygon(format: &str) -> String {
     }
 }
 
-/// KiB that Linux says of this process: `VmRSS` now, `VmHWM` at its highest.
+/// Memory of this process in KiB from /proc/self/status: `VmRSS` is the current, `VmHWM` the peak value.
 fn status(key: &str) -> Option<usize> {
     let text = std::fs::read_to_string("/proc/self/status").ok()?;
     text.lines().find(|l| l.starts_with(key))?.split_whitespace().nth(1)?.parse().ok()
@@ -61,12 +61,14 @@ fn import_alone(format: &str) {
 
 #[test]
 fn a_polygon_of_600_000_vertices() {
-    if let Ok(format) = std::env::var(OF) {
+    if let Ok(format) = std::env::var(FORMAT_VARIABLE) {
         return import_alone(&format);
     }
     for format in ["obj", "dae", "fbx"] {
         let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["--exact", "a_polygon_of_600_000_vertices", "--nocapture"]).env(OF, format);
+        command
+            .args(["--exact", "a_polygon_of_600_000_vertices", "--nocapture"])
+            .env(FORMAT_VARIABLE, format);
         let output = command.output().unwrap();
         let text = String::from_utf8_lossy(&output.stdout);
         assert!(output.status.success(), "{text}");
@@ -74,7 +76,10 @@ fn a_polygon_of_600_000_vertices() {
         match peak {
             Some(peak) => {
                 println!("{format}: {peak} KiB");
-                assert!(peak < MOST, "{format}: {peak} KiB, at most {MOST} are allowed");
+                assert!(
+                    peak < MAX_INCREASE_KIB,
+                    "{format}: {peak} KiB, at most {MAX_INCREASE_KIB} are allowed"
+                );
             }
             None => println!("SKIP 1: no /proc/self/status"),
         }

@@ -29,7 +29,7 @@ const RADIUS: f32 = 0.1;
 const P: [f32; 8] = [1.0, 0.9, RADIUS, 0.0, 0.0, 0.0, 0.0, 0.0];
 
 /// Lamps of all sizes and colors, and a thin bright line, away from the image's edges.
-fn picture() -> Vec<Vec4> {
+fn test_image() -> Vec<Vec4> {
     let mut rgba = vec![Vec3::splat(0.2).extend(1.0); SIZE[0] * SIZE[1]];
     let mut random = Random(17);
     let place = |share: f64, side: usize| 80.0 + share * (side as f64 - 160.0);
@@ -140,7 +140,7 @@ fn by_effect(bloom: &Effect, rgba: &[Vec4]) -> Vec<Vec3> {
 }
 
 fn shrinks() -> Result<Choice, String> {
-    let rgba = picture();
+    let rgba = test_image();
     let exact = truth(&rgba);
     let bloom = effects::named(&["bloom"]).remove(0);
     let taken = bloom.shrink(0, SIZE.map(|s| s as u32), &P) as usize;

@@ -13,7 +13,7 @@ use std::f64::consts::{PI, TAU};
 const OURS: &str = "Smith, heights correlated (glTF)";
 /// Visibility term of a BRDF, masking and shadowing divided by 4 NL NV, as a function of α², NL, NV and VH.
 type Visibility = fn(f32, f32, f32, f32) -> f32;
-const WAYS: [(&str, Visibility); 5] = [
+const METHODS: [(&str, Visibility); 5] = [
     (OURS, correlated),
     ("Smith, each direction alone", apart),
     ("Hammon's fit of the correlated one (2017)", hammon),
@@ -121,7 +121,7 @@ fn truth(roughness: f64, nv: f64) -> f64 {
 
 pub fn section() -> Result<Section, String> {
     check_renderer()?;
-    let mut errors = [(); WAYS.len()].map(|()| (Spread::default(), String::new()));
+    let mut errors = [(); METHODS.len()].map(|()| (Spread::default(), String::new()));
     let titles: Vec<String> = DEGREES.iter().map(|d| format!(">{d}°")).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("% of the light lost, looked at from", "roughness")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "degrees")));
@@ -135,7 +135,7 @@ pub fn section() -> Result<Section, String> {
             let nv = libm::cos(degrees.to_radians());
             let exact = truth(roughness, nv);
             cells.push(Cell::number(quantity(100.0 * (1.0 - exact)), 100.0 * (1.0 - exact)));
-            for ((_, way), (error, place)) in WAYS.iter().zip(&mut errors) {
+            for ((_, way), (error, place)) in METHODS.iter().zip(&mut errors) {
                 if error.add((reflected(*way, roughness, nv) - exact).abs()) {
                     *place = format!("roughness {roughness}, {degrees}° from the normal");
                 }
@@ -163,8 +163,8 @@ pub fn section() -> Result<Section, String> {
             std::hint::black_box(&out);
         })
     };
-    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut WAYS.iter().map(case).collect::<Vec<_>>());
-    for (((name, _), (error, place)), nanos) in WAYS.iter().zip(errors).zip(nanos) {
+    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut METHODS.iter().map(case).collect::<Vec<_>>());
+    for (((name, _), (error, place)), nanos) in METHODS.iter().zip(errors).zip(nanos) {
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos).at(place));
     }
     choice.choose(
@@ -222,7 +222,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_sums_agree_and_smooth_surfaces_lose_nothing() {
+    fn both_integrals_agree_and_smooth_surfaces_conserve_energy() {
         for (roughness, nv) in [(0.25, 0.9), (0.6, 0.5), (1.0, 0.3)] {
             let (exact, summed) = (truth(roughness, nv), reflected(correlated, roughness, nv));
             assert!((exact - summed).abs() < 2e-3, "{roughness} {nv}: {exact} {summed}");
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn the_renderer_shows_the_formula() {
+    fn the_renderer_equals_the_formula() {
         check_renderer().unwrap();
     }
 }

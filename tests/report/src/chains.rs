@@ -11,14 +11,14 @@ const LENGTHS: [usize; 5] = [1, 10, 50, 200, 1000];
 /// Length of a bone in metres.
 const BONE: f32 = 0.1;
 /// Index of the typical length: a character with a long spine or a tail.
-const TYPICAL: usize = 2;
+const TYPICAL_LENGTH: usize = 2;
 const OURS: &str = "f32 matrices, by depth (LocalToModel)";
-const WAYS: [&str; 4] =
+const METHODS: [&str; 4] =
     ["f64 matrices", OURS, "f32 rotation and translation", "f32 rotation, made unit at each joint"];
 
 pub fn section() -> Result<Section, String> {
-    let mut by_length = vec![vec![Spread::default(); LENGTHS.len()]; WAYS.len()];
-    let mut nanos = vec![Nanos::default(); WAYS.len()];
+    let mut by_length = vec![vec![Spread::default(); LENGTHS.len()]; METHODS.len()];
+    let mut nanos = vec![Nanos::default(); METHODS.len()];
     for (at, length) in LENGTHS.iter().enumerate() {
         for seed in 0..8 {
             let (skeleton, pose) = chain(*length, seed)?;
@@ -30,7 +30,7 @@ pub fn section() -> Result<Section, String> {
                 errors[at].add(error);
             }
         }
-        if at == TYPICAL {
+        if at == TYPICAL_LENGTH {
             let (skeleton, pose) = chain(*length, 0)?;
             let (skeleton, pose) = (&skeleton, &pose);
             let case = |way: usize| -> Case {
@@ -40,7 +40,7 @@ pub fn section() -> Result<Section, String> {
                     std::hint::black_box(&buffers);
                 })
             };
-            let mut cases: Vec<Case> = (0..WAYS.len()).map(case).collect();
+            let mut cases: Vec<Case> = (0..METHODS.len()).map(case).collect();
             nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
         }
     }
@@ -48,14 +48,14 @@ pub fn section() -> Result<Section, String> {
     choice.error_unit = "µm";
     choice.reference = format!(
         "the tip of a chain of {} joints of 10 cm, each turned by up to 40°, in f64 from the same f32 transforms",
-        LENGTHS[TYPICAL]
+        LENGTHS[TYPICAL_LENGTH]
     );
     choice.per =
         "joint; one after the other, in portable instructions: joints of a chain cannot be computed in \
          parallel"
             .into();
-    for (way, name) in WAYS.iter().enumerate() {
-        let error = &by_length[way][TYPICAL];
+    for (way, name) in METHODS.iter().enumerate() {
+        let error = &by_length[way][TYPICAL_LENGTH];
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[way]));
     }
     choice.choose(OURS, "errors of micrometres at the tip, and the GPU needs f32 matrices anyway");
@@ -63,7 +63,7 @@ pub fn section() -> Result<Section, String> {
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error of the tip in µm", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "joints")));
     let mut table = Table::new("By the length of the chain", &columns);
-    for (name, errors) in WAYS.iter().zip(&by_length) {
+    for (name, errors) in METHODS.iter().zip(&by_length) {
         let cells = errors.iter().map(|e| Cell::number(quantity(e.worst), e.worst));
         table.rows.push([Cell::text(*name)].into_iter().chain(cells).collect());
     }

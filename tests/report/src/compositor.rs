@@ -15,7 +15,7 @@ use std::io::Cursor;
 
 const SIZE: [u32; 2] = [320, 180];
 /// Supersampling of the reference along each side of a pixel; each of its pixels has one name.
-const FINER: u32 = 16;
+const SUPERSAMPLING: u32 = 16;
 
 /// Two dancers one behind the other, thin posts, a floor, light from a window: many edges, and values far above 1.
 const SCENE: &str = r##"
@@ -57,9 +57,9 @@ fn shares(matte: &IdMatte) -> Vec<Vec<f64>> {
     out
 }
 
-/// Averages coverage over squares of `FINER` × `FINER` pixels.
+/// Averages coverage over squares of `SUPERSAMPLING` × `SUPERSAMPLING` pixels.
 fn averaged(fine: &[Vec<f64>], [width, height]: [u32; 2]) -> Vec<Vec<f64>> {
-    let (step, names) = (FINER as usize, fine.first().map_or(0, Vec::len));
+    let (step, names) = (SUPERSAMPLING as usize, fine.first().map_or(0, Vec::len));
     let mut out = vec![vec![0.0; names]; (width * height) as usize];
     let row = width as usize * step;
     for (index, shares) in fine.iter().enumerate() {
@@ -76,14 +76,14 @@ fn cryptomatte(moment: &Moment) -> Result<Choice, String> {
     renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
     let ids = |samples| Passes { id: true, id_samples: samples, ..Passes::default() };
     let missing = || "the frame has no ids".to_string();
-    let fine = drawn(&mut renderer, &plan(moment, SIZE.map(|n| n * FINER), ids(1)))?;
+    let fine = drawn(&mut renderer, &plan(moment, SIZE.map(|n| n * SUPERSAMPLING), ids(1)))?;
     let truth = averaged(&shares(&fine.actors.ok_or_else(missing)?), SIZE);
     let mut choice = Choice::new("cryptomatte", "How many samples for the ids of actors?");
     choice.error_unit = "% of a pixel";
     choice.by_mean = true;
     choice.reference = format!(
         "{} samples of each pixel; for pixels that show more than one name, or a name and nothing",
-        FINER * FINER
+        SUPERSAMPLING * SUPERSAMPLING
     );
     choice.per = format!("frame of {}×{} with ids alone", SIZE[0], SIZE[1]);
     let plans = [1, 4, 16].map(|samples| (samples, plan(moment, SIZE, ids(samples))));

@@ -8,16 +8,20 @@ use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Renderer};
 
 /// 8-bit codes of gray at the top and at the bottom.
-const ENDS: [f64; 2] = [40.0, 52.0];
+const GRADIENT_CODES: [f64; 2] = [40.0, 52.0];
 const SIZE: [usize; 2] = [128, 256];
 const BLOCK: usize = 16;
-const WAYS: [&str; 4] =
+const METHODS: [&str; 4] =
     ["→ ranks of blue noise (the renderer's image)", "rounded", "ranks of Bayer, 8 × 8", "white noise"];
 
 pub fn section() -> Result<Section, String> {
     let exact = exact();
     let mut table = Table::new(
-        format!("A gradient over {} codes in {} pixels: codes of 255", ENDS[1] - ENDS[0], SIZE[1]),
+        format!(
+            "A gradient over {} codes in {} pixels: codes of 255",
+            GRADIENT_CODES[1] - GRADIENT_CODES[0],
+            SIZE[1]
+        ),
         &[
             ("way", "way"),
             (">mean of 16 × 16 pixels, worst", "worst"),
@@ -26,10 +30,10 @@ pub fn section() -> Result<Section, String> {
             (">longest run of one code in a column", "run"),
         ],
     );
-    for (way, name) in WAYS.iter().enumerate() {
+    for (way, name) in METHODS.iter().enumerate() {
         let codes = codes(way, &exact)?;
-        let (worst, mean) = off(&codes, &exact, BLOCK);
-        let (small, _) = off(&codes, &exact, 4);
+        let (worst, mean) = worst_and_mean_error(&codes, &exact, BLOCK);
+        let (small, _) = worst_and_mean_error(&codes, &exact, 4);
         let cell = |v: f64| Cell::number(quantity(v), v);
         table.rows.push(vec![
             Cell::text(*name),
@@ -56,7 +60,7 @@ pub fn section() -> Result<Section, String> {
 
 /// The exact gradient in codes, row by row: equal steps of linear light from the top of the image to the bottom.
 fn exact() -> Vec<f64> {
-    let light = ENDS.map(|code| choreo_asset::linear_from_srgb(code / 255.0));
+    let light = GRADIENT_CODES.map(|code| choreo_asset::linear_from_srgb(code / 255.0));
     let row = |y: usize| {
         let share = (y as f64 + 0.5) / SIZE[1] as f64;
         255.0 * choreo_asset::srgb_from_linear(light[0] + (light[1] - light[0]) * share)
@@ -87,7 +91,7 @@ fn codes(way: usize, exact: &[f64]) -> Result<Vec<f64>, String> {
 
 fn rendered() -> Result<Vec<f64>, String> {
     let registry = choreo::registry();
-    let hex = ENDS.map(|code| format!("#{0:02x}{0:02x}{0:02x}", code as u8));
+    let hex = GRADIENT_CODES.map(|code| format!("#{0:02x}{0:02x}{0:02x}", code as u8));
     let [width, height] = SIZE;
     let text = format!(
         "stage(#{{ size: [{width}, {height}], background: #{{ top: \"{}\", bottom: \"{}\" }} }});
@@ -104,7 +108,7 @@ fn rendered() -> Result<Vec<f64>, String> {
 }
 
 /// Worst and mean error of the averages over blocks.
-fn off(codes: &[f64], exact: &[f64], block: usize) -> (f64, f64) {
+fn worst_and_mean_error(codes: &[f64], exact: &[f64], block: usize) -> (f64, f64) {
     let (mut worst, mut sum, mut count) = (0.0f64, 0.0, 0.0);
     for y in (0..SIZE[1]).step_by(block) {
         let truth = exact[y..y + block].iter().sum::<f64>() / block as f64;

@@ -7,7 +7,7 @@ use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Ease;
 
 const OURS: &str = "bisection, 60 steps (Ease::at)";
-const WAYS: [&str; 5] = [
+const METHODS: [&str; 5] = [
     OURS,
     "bisection, 20 steps",
     "Newton, 4 steps",
@@ -93,7 +93,7 @@ pub fn section() -> Result<Section, String> {
     .map(Curve::new)
     .into();
     curves.extend((0..200).map(|_| Curve::new(std::array::from_fn(|_| random.unit()))));
-    let mut errors = [(); WAYS.len()].map(|()| (Spread::default(), String::new()));
+    let mut errors = [(); METHODS.len()].map(|()| (Spread::default(), String::new()));
     for curve in &curves {
         let [x1, y1, x2, y2] = curve.points;
         for i in 1..400 {
@@ -122,9 +122,10 @@ pub fn section() -> Result<Section, String> {
             }
         })
     };
-    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut (0..WAYS.len()).map(case).collect::<Vec<_>>());
+    let nanos =
+        interleaved(Clock::Thread, BUDGET_SECS, &mut (0..METHODS.len()).map(case).collect::<Vec<_>>());
     for (way, (error, place)) in errors.into_iter().enumerate() {
-        let row = Row::new(WAYS[way]).error(error.worst, error.mean()).nanos(nanos[way]).at(place);
+        let row = Row::new(METHODS[way]).error(error.worst, error.mean()).nanos(nanos[way]).at(place);
         choice.rows.push(row);
     }
     choice.choose(

@@ -10,7 +10,7 @@ use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Renderer};
 
 const OURS: &str = "Karis's fit (2014)";
-const WAYS: [&str; 4] =
+const METHODS: [&str; 4] =
     [OURS, "table of 16 × 16, linear", "table of 64 × 64, linear", "Schlick's term alone"];
 const F0: [f64; 3] = [0.04, 0.5, 1.0];
 /// Number of steps in which roughness and angle are sampled.
@@ -94,7 +94,7 @@ pub fn section() -> Result<Section, String> {
         1 | 2 => tables[way - 1].at(roughness, nv),
         _ => schlick(nv),
     };
-    let mut errors = [(); WAYS.len()].map(|()| (Spread::default(), String::new()));
+    let mut errors = [(); METHODS.len()].map(|()| (Spread::default(), String::new()));
     let step = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
     for (roughness, nv) in (0..STEPS).flat_map(|r| (0..STEPS).map(move |n| (step(r), step(n)))) {
         let roughness = roughness.max(SMOOTHEST);
@@ -126,9 +126,10 @@ pub fn section() -> Result<Section, String> {
             }
         })
     };
-    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut (0..WAYS.len()).map(case).collect::<Vec<_>>());
+    let nanos =
+        interleaved(Clock::Thread, BUDGET_SECS, &mut (0..METHODS.len()).map(case).collect::<Vec<_>>());
     for (way, (error, place)) in errors.into_iter().enumerate() {
-        let row = Row::new(WAYS[way]).error(error.worst, error.mean()).nanos(nanos[way]).at(place);
+        let row = Row::new(METHODS[way]).error(error.worst, error.mean()).nanos(nanos[way]).at(place);
         choice.rows.push(row);
     }
     choice.choose(OURS, "no texture needed, and the same formula in the shaders and on the CPU");
@@ -184,7 +185,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_mirror_reflects_by_schlicks_term_and_nothing_reflects_more_than_all() {
+    fn a_mirror_follows_schlick_and_reflectance_is_at_most_one() {
         for nv in [0.2, 0.5, 0.9] {
             let [scale, bias] = integral(SMOOTHEST, nv);
             let [mirror_scale, mirror_bias] = schlick(nv as f32).map(f64::from);
@@ -195,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn the_renderer_shows_the_fit() {
+    fn the_renderer_equals_the_fit() {
         check_renderer().unwrap();
     }
 }

@@ -13,17 +13,17 @@ use glam::{DAffine3, DMat4, DQuat, DVec3};
 /// Distances from the origin in metres: a room, a town, a country, the Earth, the Moon.
 const DISTANCES: [(f64, &str); 5] =
     [(1.0, "1 m"), (1e3, "1 km"), (1e5, "100 km"), (1e7, "10 000 km"), (4e8, "400 000 km")];
-const TYPICAL: usize = 1;
+const TYPICAL_DISTANCE: usize = 1;
 const POINTS: usize = 256;
 const HEIGHT: f64 = 720.0;
 const YFOV: f64 = 0.7;
 const OURS: &str = "f64 world, camera-relative f32";
-const WAYS: [&str; 4] =
+const METHODS: [&str; 4] =
     ["f64 throughout", OURS, "f32 world and view", "f32 world, f32 subtracted from the camera"];
 
 pub fn section() -> Result<Section, String> {
-    let mut by_distance = vec![vec![Spread::default(); DISTANCES.len()]; WAYS.len()];
-    let mut nanos = vec![Nanos::default(); WAYS.len()];
+    let mut by_distance = vec![vec![Spread::default(); DISTANCES.len()]; METHODS.len()];
+    let mut nanos = vec![Nanos::default(); METHODS.len()];
     for (at, (distance, _)) in DISTANCES.iter().enumerate() {
         let shot = Shot::new(*distance);
         let exact = shot.draw(0);
@@ -36,10 +36,10 @@ pub fn section() -> Result<Section, String> {
                 errors[at].add(if off.is_finite() { off } else { HEIGHT });
             }
         }
-        if at == TYPICAL {
+        if at == TYPICAL_DISTANCE {
             let shot = &shot;
             let case = |way: usize| Case::new(POINTS, move || drop(std::hint::black_box(shot.draw(way))));
-            let mut cases: Vec<Case> = (0..WAYS.len()).map(case).collect();
+            let mut cases: Vec<Case> = (0..METHODS.len()).map(case).collect();
             nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
         }
     }
@@ -47,11 +47,11 @@ pub fn section() -> Result<Section, String> {
     choice.error_unit = "pixels";
     choice.reference = format!(
         "f64 throughout; a figure {} from the origin, seen by a camera 5 m before it, 720 pixels high",
-        DISTANCES[TYPICAL].1
+        DISTANCES[TYPICAL_DISTANCE].1
     );
     choice.per = "point of 256, coordinates apart, in vector instructions of the type's width".into();
-    for (way, name) in WAYS.iter().enumerate() {
-        let error = &by_distance[way][TYPICAL];
+    for (way, name) in METHODS.iter().enumerate() {
+        let error = &by_distance[way][TYPICAL_DISTANCE];
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[way]));
     }
     choice.choose(OURS, "as exact everywhere as at the origin, and the GPU part is f32");
@@ -59,7 +59,7 @@ pub fn section() -> Result<Section, String> {
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in pixels, from the origin", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "distance")));
     let mut table = Table::new("By the distance from the origin", &columns);
-    for (name, errors) in WAYS.iter().zip(&by_distance) {
+    for (name, errors) in METHODS.iter().zip(&by_distance) {
         let cells = errors.iter().map(|e| Cell::number(quantity(e.worst), e.worst));
         table.rows.push([Cell::text(*name)].into_iter().chain(cells).collect());
     }
@@ -138,7 +138,7 @@ fn clip_rows(m: &DMat4) -> [[f64; 4]; 3] {
     [rows.x_axis, rows.y_axis, rows.w_axis].map(|row| row.to_array())
 }
 
-fn narrow<const N: usize>(rows: [[f64; N]; 3]) -> [[f32; N]; 3] {
+fn rows_to_f32<const N: usize>(rows: [[f64; N]; 3]) -> [[f32; N]; 3] {
     rows.map(|row| row.map(|v| v as f32))
 }
 
@@ -173,18 +173,22 @@ impl Shot {
                 // Same computation as in the planner and the vertex shader.
                 let offset = relative(self.world_from_model.translation, &self.view).as_dvec3();
                 let moved = DAffine3 { translation: offset, ..self.world_from_model };
-                let steps = [(narrow(affine_rows(&moved)), [0.0; 3])];
-                on_image32(&self.points32, &steps, &narrow(relative_clip))
+                let steps = [(rows_to_f32(affine_rows(&moved)), [0.0; 3])];
+                on_image32(&self.points32, &steps, &rows_to_f32(relative_clip))
             }
             2 => {
                 let view_from_world = DMat4::from(self.world_from_view).as_mat4().inverse();
                 let view_from_world = DAffine3::from_mat4(view_from_world.as_dmat4());
-                let steps = [world, affine_rows(&view_from_world)].map(|rows| (narrow(rows), [0.0; 3]));
-                on_image32(&self.points32, &steps, &narrow(clip_rows(&self.view.clip_from_view.as_dmat4())))
+                let steps = [world, affine_rows(&view_from_world)].map(|rows| (rows_to_f32(rows), [0.0; 3]));
+                on_image32(
+                    &self.points32,
+                    &steps,
+                    &rows_to_f32(clip_rows(&self.view.clip_from_view.as_dmat4())),
+                )
             }
             _ => {
                 let camera = self.world_from_view.translation.as_vec3().to_array();
-                on_image32(&self.points32, &[(narrow(world), camera)], &narrow(relative_clip))
+                on_image32(&self.points32, &[(rows_to_f32(world), camera)], &rows_to_f32(relative_clip))
             }
         }
     }

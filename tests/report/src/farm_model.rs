@@ -97,7 +97,7 @@ struct Run<'a> {
     farm: &'a Farm,
     random: u64,
     events: BinaryHeap<Timed>,
-    made: u64,
+    events_added: u64,
     /// Chunks not yet taken, as numbers of frames.
     chunks: VecDeque<u64>,
     /// Times at which the storage and the scheduler become free.
@@ -136,7 +136,7 @@ impl Farm {
             farm: self,
             random: 1,
             events: BinaryHeap::new(),
-            made: 0,
+            events_added: 0,
             chunks: (0..count).map(length).collect(),
             storage_free: 0.0,
             scheduler_free: 0.0,
@@ -177,8 +177,8 @@ impl Farm {
 
 impl Run<'_> {
     fn add(&mut self, at: f64, worker: usize, event: Event) {
-        self.made += 1;
-        self.events.push(Timed { at, order: self.made, worker, event });
+        self.events_added += 1;
+        self.events.push(Timed { at, order: self.events_added, worker, event });
     }
 
     fn event(&mut self, at: f64, worker: usize, event: Event) {
@@ -187,8 +187,9 @@ impl Run<'_> {
             Event::Idle => match self.chunks.pop_front() {
                 None => self.resting.push(worker),
                 Some(frames) => {
-                    let begun = served(&mut self.scheduler_free, at, farm.dispatch) + farm.gap;
-                    let loaded = served(&mut self.storage_free, begun, farm.scene_bytes / farm.storage);
+                    let begun = completion_time(&mut self.scheduler_free, at, farm.dispatch) + farm.gap;
+                    let loaded =
+                        completion_time(&mut self.storage_free, begun, farm.scene_bytes / farm.storage);
                     self.add(loaded.max(begun), worker, Event::Loaded(frames));
                 }
             },
@@ -199,7 +200,7 @@ impl Run<'_> {
                 let (start, frame) = (farm.start * slowness, farm.frame * slowness);
                 let end = start + frames as f64 * frame;
                 let fails = if farm.failures > 0.0 {
-                    -3600.0 / farm.failures * (1.0 - self.unit()).ln()
+                    -3600.0 / farm.failures * (1.0 - self.random_unit()).ln()
                 } else {
                     f64::MAX
                 };
@@ -212,8 +213,11 @@ impl Run<'_> {
                 self.add(at + fails, worker, Event::Drawn(done, frames - done));
             }
             Event::Drawn(done, left) => {
-                let written =
-                    served(&mut self.storage_free, at, done as f64 * farm.frame_bytes / farm.storage);
+                let written = completion_time(
+                    &mut self.storage_free,
+                    at,
+                    done as f64 * farm.frame_bytes / farm.storage,
+                );
                 self.last = self.last.max(written);
                 let mut back = written;
                 if left > 0 {
@@ -229,7 +233,7 @@ impl Run<'_> {
     }
 
     /// Next random number in 0..1 (splitmix64).
-    fn unit(&mut self) -> f64 {
+    fn random_unit(&mut self) -> f64 {
         self.random = self.random.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.random;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -239,7 +243,7 @@ impl Run<'_> {
 }
 
 /// Completion time of a request to a resource that serves one request after another.
-fn served(free: &mut f64, at: f64, seconds: f64) -> f64 {
+fn completion_time(free: &mut f64, at: f64, seconds: f64) -> f64 {
     *free = free.max(at) + seconds;
     *free
 }
@@ -256,7 +260,7 @@ mod tests {
 
     /// Closed forms: chunks in rounds, and a storage or scheduler as the bottleneck.
     #[test]
-    fn simple_farms_take_what_can_be_calculated() {
+    fn simple_farms_take_the_time_of_the_closed_form() {
         near(PLAIN.run().rendered, 10.0 * 12.0);
         near(PLAIN.run().efficiency, 100.0 / 120.0);
         near(Farm { workers: 3, ..PLAIN }.run().rendered, 4.0 * 12.0);
@@ -284,7 +288,7 @@ mod tests {
     /// Failures cost only the work that is thrown away, and no frame is lost. With resumed chunks, each failure costs a start, the
     /// recovery, and half a frame on average.
     #[test]
-    fn failures_cost_their_starts() {
+    fn each_failure_costs_one_restart() {
         let farm = Farm { frames: 200_000, chunk: 100, failures: 6.0, recovery: 30.0, ..PLAIN };
         let outcome = farm.run();
         let calm = 2000.0 * 102.0;

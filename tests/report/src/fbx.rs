@@ -30,7 +30,7 @@ fn curve(axis: usize) -> String {
 }
 
 /// FBX text file of a limb whose rotation has three curves.
-fn file() -> String {
+fn limb_fbx() -> String {
     let curves: String = (0..3).map(curve).collect();
     let links: String =
         (0..3).map(|i| format!("C: \"OP\",{},4, \"d|{}\"\n", 10 + i, ["X", "Y", "Z"][i])).collect();
@@ -65,7 +65,7 @@ pub fn section() -> Result<Section, String> {
     );
     for degrees in TOLERANCES {
         let options = [("tolerance", OptionValue::Number(degrees))];
-        let asset = import(&registry, "limb.fbx", file().into_bytes(), &options)?;
+        let asset = import(&registry, "limb.fbx", limb_fbx().into_bytes(), &options)?;
         let clip = asset.clips.first().ok_or("the file has no clip")?;
         let joint = asset.skeleton.find("limb").ok_or("the file has no limb")?;
         let mut error = Spread::default();

@@ -81,7 +81,7 @@ fn rgb([x, y, z]: [f64; 3]) -> [f64; 3] {
 }
 
 /// Fresnel amplitudes at both surfaces of the film, for both polarizations; and the round-trip phase times the wavelength in nanometres.
-fn sides((ior, nanometres, cosine, f0): Film) -> ([[f64; 2]; 2], f64) {
+fn fresnel_and_phase((ior, nanometres, cosine, f0): Film) -> ([[f64; 2]; 2], f64) {
     let base = (1.0 + f0.sqrt()) / (1.0 - f0.sqrt());
     let sine2 = 1.0 - cosine * cosine;
     let inside = (1.0 - sine2 / (ior * ior)).sqrt();
@@ -109,7 +109,7 @@ fn mean([a, b]: [f64; 2]) -> f64 {
 
 /// Mean reflectance plus the spectral deviation from it, weighted by `receptors`: every `step` nanometres from the wavelength `from` on.
 fn by_spectrum(film: Film, from: u32, step: usize, receptors: impl Fn(f64) -> [f64; 3]) -> [f64; 3] {
-    let (amplitudes, path) = sides(film);
+    let (amplitudes, path) = fresnel_and_phase(film);
     let middle = amplitudes.iter().map(|a| mean(*a)).sum::<f64>() * 0.5;
     let (mut xyz, mut whole) = ([0.0; 3], 0.0);
     for nm in (from..=830).step_by(step).map(f64::from) {
@@ -124,7 +124,7 @@ fn by_spectrum(film: Film, from: u32, step: usize, receptors: impl Fn(f64) -> [f
 
 /// Reflectance at three wavelengths only, one for each color.
 fn three(film: Film) -> [f64; 3] {
-    let (amplitudes, path) = sides(film);
+    let (amplitudes, path) = fresnel_and_phase(film);
     [611.0, 549.0, 465.0].map(|nm| {
         let phase = libm::cos(path / nm);
         amplitudes.iter().map(|a| airy(*a, phase)).sum::<f64>() * 0.5

@@ -12,14 +12,14 @@ use std::time::Instant;
 
 const RATE: f64 = 240.0;
 /// Height in metres above the ground below which a foot touches it, and speed in metres per second below which it has come down.
-const LOW: f64 = 0.01;
-const SLOW: f64 = 0.3;
+const MAX_CONTACT_HEIGHT: f64 = 0.01;
+const MAX_CONTACT_SPEED: f64 = 0.3;
 /// Seconds of continuous walking (from, to), and seconds evaluated after a stop.
-const WALK: (f64, f64) = (0.5, 4.0);
-const STAND: f64 = 2.5;
+const WALK_SECS: (f64, f64) = (0.5, 4.0);
+const STANDING_SECS: f64 = 2.5;
 /// Times of stops in seconds, at different phases of the step.
 const STOPS: [f64; 4] = [2.0, 2.17, 2.41, 2.63];
-const WAYS: [(&str, &str); 3] = [
+const METHODS: [(&str, &str); 3] = [
     ("as the clips have it", "anna.plant_feet(#{ weight: 0 });"),
     ("by default: steps in a stop", ""),
     ("plant_feet", "anna.plant_feet();"),
@@ -45,7 +45,8 @@ pub fn section() -> Result<Section, String> {
         ("feet_of_a_walk", "How far do the feet of a walk slide? (the mannequin, root motion)"),
         ("feet_of_a_stop", "How far do feet slide where a walk fades into a stand?"),
     ];
-    let looks = [vec![(String::new(), WALK)], STOPS.map(|at| (stop(at), (at, at + STAND))).into()];
+    let looks =
+        [vec![(String::new(), WALK_SECS)], STOPS.map(|at| (stop(at), (at, at + STANDING_SECS))).into()];
     let mut choices = Vec::new();
     for ((key, question), looks) in questions.into_iter().zip(looks) {
         let mut choice = Choice::new(key, question);
@@ -53,7 +54,7 @@ pub fn section() -> Result<Section, String> {
         choice.reference = "a foot on the ground does not move; its toe joint at 240 Hz".into();
         choice.per = "frame, clips and constraints".into();
         let mut stages = Vec::new();
-        for (name, planted) in WAYS {
+        for (name, planted) in METHODS {
             let (mut worst, mut place) = (0.0, String::new());
             for (cues, span) in &looks {
                 let stage = script(planted, cues, 1)?;
@@ -73,7 +74,7 @@ pub fn section() -> Result<Section, String> {
     let columns =
         [("100 characters, a frame in the stop", "way"), (">first frame", "ns"), (">each further", "ns")];
     let mut table = Table::new("Cost of planning: once, in the first frame that needs it", &columns);
-    for (name, planted) in WAYS {
+    for (name, planted) in METHODS {
         let stage = script(planted, &stop(2.17), 100)?;
         let (mut first, mut further) = (Vec::new(), Vec::new());
         for _ in 0..5 {
@@ -136,16 +137,16 @@ fn slide(stage: &Arc<Stage>, (from, to): (f64, f64)) -> Result<(f64, f64), Strin
         let mut stands: Option<(DVec3, f64)> = None;
         for (i, pair) in places.windows(2).enumerate() {
             let now = pair[1];
-            let slow = (now - pair[0]).with_y(0.0).length() * RATE < SLOW;
+            let slow = (now - pair[0]).with_y(0.0).length() * RATE < MAX_CONTACT_SPEED;
             stands = match stands {
-                Some((first, lowest)) if now.y - lowest < LOW => {
+                Some((first, lowest)) if now.y - lowest < MAX_CONTACT_HEIGHT => {
                     let off = (now - first).with_y(0.0).length();
                     if off > worst {
                         (worst, at) = (off, from + (i + 1) as f64 / RATE);
                     }
                     Some((first, lowest.min(now.y)))
                 }
-                None if now.y - ground < LOW && slow => Some((now, now.y)),
+                None if now.y - ground < MAX_CONTACT_HEIGHT && slow => Some((now, now.y)),
                 _ => None,
             };
         }

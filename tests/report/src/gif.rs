@@ -10,7 +10,7 @@ use choreo_plugin::{Exporter, Frame, OptionValue, VideoInfo};
 use choreo_render::{CpuRenderer, Renderer};
 
 /// Options `colors` and `dither`; the last pair is the default.
-const WAYS: [(u32, f64); 8] =
+const METHODS: [(u32, f64); 8] =
     [(16, 1.0), (32, 1.0), (64, 1.0), (128, 1.0), (255, 0.0), (255, 0.5), (255, 2.0), (255, 1.0)];
 /// Side in pixels of the blocks whose averages are compared: the eye averages the dots of dithering.
 const BLOCK: usize = 4;
@@ -31,10 +31,10 @@ pub fn section() -> Result<Section, String> {
     choice.reference = format!(
         "the frame before it was encoded; means of {BLOCK} × {BLOCK} pixels, the file read by a decoder"
     );
-    for (colors, dither) in WAYS {
+    for (colors, dither) in METHODS {
         let file = encoded(&frame, colors, dither)?;
         let back = decoded(&file)?;
-        let (worst, mean) = off(&frame, &back);
+        let (worst, mean) = worst_and_mean_error(&frame, &back);
         let plain = off_by(&frame, &back, 1);
         let seen = flip(&back, &frame).map_err(|e| e.to_string())?;
         let note = format!("single pixels: mean {}; ꟻLIP mean {}", quantity(plain.1), quantity(seen.mean));
@@ -66,7 +66,7 @@ fn name(colors: u32, dither: f64) -> String {
 }
 
 /// Worst and mean error of a channel's average over blocks.
-fn off(frame: &Frame, back: &Frame) -> (f64, f64) {
+fn worst_and_mean_error(frame: &Frame, back: &Frame) -> (f64, f64) {
     off_by(frame, back, BLOCK)
 }
 

@@ -16,21 +16,21 @@ use std::sync::Arc;
 const SIZE: [u32; 2] = [320, 180];
 const TEXELS: usize = 1024;
 /// Side of the wall in metres, and number of waves over it.
-const WALL: f64 = 6.0;
+const WALL_SIDE: f64 = 6.0;
 const WAVES: f64 = 24.0;
 /// Distance of the camera from the middle of the pane in metres, its field of view in degrees, and rotation of the pane about y in degrees.
-const EYE: f64 = 3.0;
+const CAMERA_DISTANCE: f64 = 3.0;
 const FOV: f64 = 22.0;
-const TURN: f64 = 35.0;
-const THICK: f64 = 0.25;
+const PANE_DEGREES: f64 = 35.0;
+const PANE_THICKNESS: f64 = 0.25;
 const IOR: f64 = 1.5;
 /// Distances in metres from the middle of the pane to the wall.
 const WALLS: [f64; 4] = [1.0, 1.5, 2.5, 4.0];
 const RAYS: usize = 4;
-const WAYS: [&str; 3] = ["not bent", "bent once, scene color copy", "no pane: the texture alone"];
+const METHODS: [&str; 3] = ["not bent", "bent once, scene color copy", "no pane: the texture alone"];
 
 fn light(at: DVec2) -> f64 {
-    let wave = |x: f64| libm::sin(TAU * WAVES * x / WALL);
+    let wave = |x: f64| libm::sin(TAU * WAVES * x / WALL_SIDE);
     0.5 + 0.45 * wave(at.x) * wave(at.y)
 }
 
@@ -39,15 +39,15 @@ fn wall_at(x: f64, y: f64, wall: f64, pane: bool) -> DVec2 {
     let [width, height] = SIZE.map(f64::from);
     let scale = 2.0 * libm::tan(FOV.to_radians() * 0.5) / height;
     let way = DVec3::new((x - 0.5 * width) * scale, (0.5 * height - y) * scale, -1.0).normalize();
-    let mut from = DVec3::new(0.0, 0.0, EYE);
+    let mut from = DVec3::new(0.0, 0.0, CAMERA_DISTANCE);
     if pane {
-        let (sin, cos) = libm::sincos(TURN.to_radians());
+        let (sin, cos) = libm::sincos(PANE_DEGREES.to_radians());
         let normal = DVec3::new(sin, 0.0, cos);
         let cosine = -normal.dot(way);
         // Snell's law. The second face is parallel, so the ray leaves in its original direction.
         let inside = (1.0 - (1.0 - cosine * cosine) / (IOR * IOR)).sqrt();
         let bent = way / IOR + normal * (cosine / IOR - inside);
-        from = from + way * (from.dot(normal) / cosine) + bent * (THICK / inside);
+        from = from + way * (from.dot(normal) / cosine) + bent * (PANE_THICKNESS / inside);
     }
     (from + way * ((-wall - from.z) / way.z)).truncate()
 }
@@ -67,25 +67,25 @@ struct Scene {
 
 /// Scene for a method; the pane is large enough to fill the image.
 fn scene(way: usize, wall: f64) -> Result<Scene, String> {
-    let thickness = if way == 1 { THICK } else { 0.0 };
+    let thickness = if way == 1 { PANE_THICKNESS } else { 0.0 };
     // The pane transmits all light, since reflection is not measured here.
     let pane = format!(
-        "cast(\"pane\", shape(\"quad\", #{{ size: 8.0, color: \"white\", transmission: 1.0, roughness: 0.0, thickness: {thickness:?}, ior: {IOR:?} }})).at(0.0, -4.0, 0.0).turn({TURN:?});"
+        "cast(\"pane\", shape(\"quad\", #{{ size: 8.0, color: \"white\", transmission: 1.0, roughness: 0.0, thickness: {thickness:?}, ior: {IOR:?} }})).at(0.0, -4.0, 0.0).turn({PANE_DEGREES:?});"
     );
     let text = format!(
         "stage(#{{ background: \"black\", view: \"none\" }});
-         cast(\"wall\", shape(\"quad\", #{{ size: {WALL:?}, image: image(1, 1, [0, 0, 0, 255]), unlit: true }})).at(0.0, {:?}, {:?});
+         cast(\"wall\", shape(\"quad\", #{{ size: {WALL_SIDE:?}, image: image(1, 1, [0, 0, 0, 255]), unlit: true }})).at(0.0, {:?}, {:?});
          {}
          ambient(\"black\");
-         camera(\"c\").fov({FOV:?}).at(0.0, 0.0, {EYE:?}).look_at([0.0, 0.0, 0.0]);",
-        -0.5 * WALL,
+         camera(\"c\").fov({FOV:?}).at(0.0, 0.0, {CAMERA_DISTANCE:?}).look_at([0.0, 0.0, 0.0]);",
+        -0.5 * WALL_SIDE,
         -wall,
         if way == 2 { "" } else { &pane },
     );
     let mut stage = stage(&text, &choreo::registry())?;
     let actors = &mut Arc::make_mut(&mut stage).actors;
     let asset = Arc::make_mut(&mut actors[0].asset);
-    let place = |i: usize| (i as f64 + 0.5) / TEXELS as f64 * WALL - 0.5 * WALL;
+    let place = |i: usize| (i as f64 + 0.5) / TEXELS as f64 * WALL_SIDE - 0.5 * WALL_SIDE;
     let mut rgba = Vec::with_capacity(TEXELS * TEXELS * 4);
     for (y, x) in (0..TEXELS).flat_map(|y| (0..TEXELS).map(move |x| (y, x))) {
         let code = (srgb(light(DVec2::new(place(x), -place(y)))) * 255.0).round() as u8;
@@ -110,7 +110,7 @@ pub fn section() -> Result<Section, String> {
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
     choice.reference = format!(
-        "Snell's law at both faces in f64, {} rays a pixel; walls with waves {} to {} m behind the pane, which is turned by {TURN}°",
+        "Snell's law at both faces in f64, {} rays a pixel; walls with waves {} to {} m behind the pane, which is turned by {PANE_DEGREES}°",
         RAYS * RAYS,
         WALLS[0],
         WALLS[3],
@@ -121,7 +121,7 @@ pub fn section() -> Result<Section, String> {
     columns.extend(titles.iter().map(|title| (title.as_str(), "wall")));
     let mut table = Table::new("By the distance of the wall behind the pane", &columns);
     let mut timed = Vec::new();
-    for (way, name) in WAYS.into_iter().enumerate() {
+    for (way, name) in METHODS.into_iter().enumerate() {
         let (mut all, mut cells) = (Spread::default(), vec![Cell::text(name)]);
         for wall in WALLS {
             let scene = scene(way, wall)?;
@@ -152,7 +152,7 @@ pub fn section() -> Result<Section, String> {
     }
     let nanos = interleaved(Clock::Process, 2.0 * BUDGET_SECS, &mut cases);
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
-    choice.choose(WAYS[1], "the only one that bends the view, with one lookup in the copy");
+    choice.choose(METHODS[1], "the only one that bends the view, with one lookup in the copy");
     Ok(Section {
         title: "Glass",
         text: "The renderer bends a ray once, follows it through the thickness, and reads the scene color \

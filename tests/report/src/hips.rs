@@ -23,7 +23,7 @@ const FOOT: f32 = 0.6;
 const SMOOTH: &str = "smoothing spline over the clip, 120 Hz (default)";
 
 /// The mannequin with other shins and feet; its hips are lowered accordingly.
-fn other_body(source: &Skeleton) -> Result<Skeleton, String> {
+fn target_skeleton(source: &Skeleton) -> Result<Skeleton, String> {
     let human = HumanoidJoints::of(source);
     let joint = |name: &str| human.joint(name).ok_or(format!("the mannequin has no {name}"));
     let mut locals: Vec<Transform> = source.rest().to_vec();
@@ -70,24 +70,24 @@ impl Feet<'_> {
     }
 
     /// Lowest height of these joints above their rest heights.
-    fn above(joints: &[(usize, f64)], height: impl Fn(usize) -> f64) -> f64 {
+    fn lowest_above_rest(joints: &[(usize, f64)], height: impl Fn(usize) -> f64) -> f64 {
         joints.iter().map(|(joint, standing)| height(*joint) - standing).fold(f64::MAX, f64::min)
     }
 }
 
-/// Evaluates poses of a clip in f32, as frames do.
-struct Fast<'a> {
+/// Heights of the feet in a pose of a clip, evaluated in f32 as for a frame.
+struct FootHeights<'a> {
     feet: &'a Feet<'a>,
     rest: Pose,
     pose: Pose,
     matrices: Vec<Affine3A>,
 }
 
-impl Fast<'_> {
-    fn of<'a>(feet: &'a Feet<'a>) -> Fast<'a> {
+impl FootHeights<'_> {
+    fn of<'a>(feet: &'a Feet<'a>) -> FootHeights<'a> {
         let matrices = vec![Affine3A::IDENTITY; feet.skeleton.len()];
         let rest = Pose::rest(feet.skeleton);
-        Fast { feet, pose: rest.clone(), rest, matrices }
+        FootHeights { feet, pose: rest.clone(), rest, matrices }
     }
 
     /// Lowest height of a foot joint above its rest height.
@@ -96,13 +96,13 @@ impl Fast<'_> {
         self.pose.copy_from(&self.rest);
         Sample { clip, time, pose: &mut self.pose }.run();
         LocalToModel { skeleton, pose: &self.pose, model_from_joint: &mut self.matrices }.run();
-        Feet::above(&self.feet.all, |joint| f64::from(self.matrices[joint].translation.y))
+        Feet::lowest_above_rest(&self.feet.all, |joint| f64::from(self.matrices[joint].translation.y))
     }
 }
 
 /// Height in metres by which the hips must be raised for the feet, sampled at 120 Hz, and averaged over `mean` samples on both sides.
-fn asked([own, theirs]: [&Feet; 2], scale: f64, [clip, on]: [&Clip; 2], mean: usize) -> Vec<f64> {
-    let (mut source, mut target) = (Fast::of(own), Fast::of(theirs));
+fn hip_raises([own, theirs]: [&Feet; 2], scale: f64, [clip, on]: [&Clip; 2], mean: usize) -> Vec<f64> {
+    let (mut source, mut target) = (FootHeights::of(own), FootHeights::of(theirs));
     let count = (clip.duration.as_secs() * ASKED_RATE).ceil() as usize;
     let mut at = |i: usize| {
         let time = Time::from_secs(i as f64 / ASKED_RATE).min(clip.duration);
@@ -141,9 +141,9 @@ fn add_errors(
         let (source, target) = (model(own, clip), model(theirs, on));
         let more = if raised.is_empty() { 0.0 } else { height_at(raised, secs) };
         beyond.push(target[theirs.hips].translation.y + more - scale * source[own.hips].translation.y);
-        let ankle = Feet::above(&own.ankles, |j| source[j].translation.y) / own.leg;
-        let wanted = Feet::above(&own.all, |j| source[j].translation.y) * scale;
-        feet.push((ankle, Feet::above(&theirs.all, |j| target[j].translation.y) + more - wanted));
+        let ankle = Feet::lowest_above_rest(&own.ankles, |j| source[j].translation.y) / own.leg;
+        let wanted = Feet::lowest_above_rest(&own.all, |j| source[j].translation.y) * scale;
+        feet.push((ankle, Feet::lowest_above_rest(&theirs.all, |j| target[j].translation.y) + more - wanted));
     }
     for all in beyond.windows(2 * FRAME + 1) {
         steps.add((all[0] - 2.0 * all[FRAME] + all[2 * FRAME]).abs() * 1e3);
@@ -155,7 +155,7 @@ fn add_errors(
 pub fn choice() -> Result<Choice, String> {
     let asset = scenes::mannequin()?;
     let source = &*asset.skeleton;
-    let body = other_body(source)?;
+    let body = target_skeleton(source)?;
     let feet = [Feet::of(source)?, Feet::of(&body)?];
     let feet = feet.each_ref();
     let retarget =
@@ -184,7 +184,7 @@ pub fn choice() -> Result<Choice, String> {
         let mut errors = [Spread::default(); 2];
         for clip in &clips {
             let on = if smooth { kept.clip(clip).0 } else { free.clip(clip).0 };
-            let raised = mean.map_or(Vec::new(), |mean| asked(feet, scale, [clip, &on], mean));
+            let raised = mean.map_or(Vec::new(), |mean| hip_raises(feet, scale, [clip, &on], mean));
             add_errors(&mut errors, (feet, scale), [clip, &on], &raised);
         }
         let [steps, soles] = errors;
@@ -202,7 +202,7 @@ pub fn choice() -> Result<Choice, String> {
         cases.push(Case::new(clips.len(), move || {
             for clip in clips {
                 let on = retarget.clip(clip).0;
-                black_box(mean.map(|mean| asked(feet, scale, [clip, &on], mean)));
+                black_box(mean.map(|mean| hip_raises(feet, scale, [clip, &on], mean)));
             }
         }));
     }

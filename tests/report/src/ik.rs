@@ -44,31 +44,31 @@ pub fn section() -> Result<Section, String> {
                joint ever exceeds its limit."
             .into(),
         choices: vec![free, limited],
-        tables: vec![limits(), hard()],
+        tables: vec![limits(), difficult_targets()],
         off_front: Vec::new(),
     })
 }
 
-fn ways() -> Vec<(Solver, usize, String)> {
+fn solvers_and_iterations() -> Vec<(Solver, usize, String)> {
     SOLVERS
         .iter()
         .flat_map(|(solver, name)| ITERATIONS.map(|n| (*solver, n, format!("{name}, {n} iterations"))))
         .collect()
 }
 
-fn ours() -> SolverSettings {
+fn default_settings() -> SolverSettings {
     SolverSettings::default()
 }
 
 fn chosen() -> String {
     let chosen = |(solver, n, _): &(Solver, usize, String)| {
-        (*solver, *n) == (ours().chain_solver, ours().chain_iterations)
+        (*solver, *n) == (default_settings().chain_solver, default_settings().chain_iterations)
     };
-    ways().into_iter().find(chosen).map(|(.., name)| name).unwrap_or_default()
+    solvers_and_iterations().into_iter().find(chosen).map(|(.., name)| name).unwrap_or_default()
 }
 
 fn by_iterations(name: &'static str, question: &'static str, limit: Limit) -> Choice {
-    let ways = ways();
+    let ways = solvers_and_iterations();
     let problems: Vec<(Chain, DVec3)> = (0..CASES as u64).map(|seed| reachable(seed, BONES, limit)).collect();
     let problems = &problems;
     let mut cases: Vec<Case> = ways
@@ -77,7 +77,12 @@ fn by_iterations(name: &'static str, question: &'static str, limit: Limit) -> Ch
             Case::new(CASES, move || {
                 for (chain, target) in problems {
                     let mut chain = chain.clone();
-                    std::hint::black_box(chain.solve(*target, *solver, *iterations, ours().chain_tolerance));
+                    std::hint::black_box(chain.solve(
+                        *target,
+                        *solver,
+                        *iterations,
+                        default_settings().chain_tolerance,
+                    ));
                 }
             })
         })
@@ -110,7 +115,7 @@ fn limits() -> Table {
     ];
     let mut table =
         Table::new("Iterations against the distance from the goal and from joint limits", &columns);
-    for (solver, iterations, name) in ways() {
+    for (solver, iterations, name) in solvers_and_iterations() {
         let mut cells = vec![Cell::text(name)];
         for limit in [CONE, HINGE] {
             let (mut off, mut worst_beyond) = (Spread::default(), 0.0f64);
@@ -131,7 +136,7 @@ fn limits() -> Table {
 /// Distance to the target in millimetres, and degrees beyond a limit.
 fn distance(chain: &Chain, target: DVec3, solver: Solver, iterations: usize) -> (f64, f64) {
     let mut chain = chain.clone();
-    chain.solve(target, solver, iterations, ours().chain_tolerance);
+    chain.solve(target, solver, iterations, default_settings().chain_tolerance);
     let beyond =
         chain.bones.iter().map(|b| b.limit.excess(b.rest, b.rotation).to_degrees()).fold(0.0, f64::max);
     ((chain.end() - target).length() * 1e3, beyond)
@@ -164,7 +169,7 @@ fn straight(bones: usize) -> Chain {
     Chain { origin: DVec3::ZERO, parent: DQuat::IDENTITY, bones: vec![bone; bones] }
 }
 
-fn hard() -> Table {
+fn difficult_targets() -> Table {
     let columns: [(&str, &'static str); 7] = [
         ("worst distance in mm after 24 iterations", "way"),
         (">3 bones", "in reach"),
@@ -179,7 +184,7 @@ fn hard() -> Table {
         let worst = |bones: usize, limit: Limit| {
             let off = |seed| {
                 let (chain, target) = reachable(seed, bones, limit);
-                let (off, beyond) = distance(&chain, target, solver, ours().chain_iterations);
+                let (off, beyond) = distance(&chain, target, solver, default_settings().chain_iterations);
                 assert!(beyond < 1e-3, "a limit is broken by {beyond}°");
                 off
             };
@@ -189,10 +194,11 @@ fn hard() -> Table {
             .map(|seed| {
                 let (chain, _) = reachable(seed, BONES, Limit::Free);
                 let target = Random(seed).direction() * 3.0 * chain.reach();
-                distance(&chain, target, solver, ours().chain_iterations).0 - 2.0e3 * chain.reach()
+                distance(&chain, target, solver, default_settings().chain_iterations).0
+                    - 2.0e3 * chain.reach()
             })
             .fold(0.0, f64::max);
-        let line = distance(&straight(BONES), DVec3::Y * 0.6, solver, ours().chain_iterations).0;
+        let line = distance(&straight(BONES), DVec3::Y * 0.6, solver, default_settings().chain_iterations).0;
         let numbers = [
             worst(3, Limit::Free),
             worst(20, Limit::Free),

@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 
 const OURS: &str = "\"cubic\": limited by the changes beside the key, positions as vectors";
 const CATMULL_ROM: &str = "\"catmull_rom\": the parabola through the neighbors";
-const WAYS: [(&str, Way); 4] = [
+const METHODS: [(&str, Way); 4] = [
     (OURS, |times, values| one(Tangents::Limited.of(times, values, true))),
     (CATMULL_ROM, |times, values| one(Tangents::CatmullRom.of(times, values, true))),
     ("Fritsch–Carlson, each component", |times, values| one(fritsch_carlson(times, values))),
@@ -32,12 +32,12 @@ struct Reference {
 
 pub fn section() -> Result<Section, String> {
     let references = references();
-    let mut all = vec![Spread::default(); WAYS.len()];
-    let mut places = vec![String::new(); WAYS.len()];
+    let mut all = vec![Spread::default(); METHODS.len()];
+    let mut places = vec![String::new(); METHODS.len()];
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in mm", "way")];
     columns.extend(references.iter().map(|r| (r.name, "mm")));
     let mut by_motion = Table::new("By the motion", &columns);
-    for (way, (name, tangents)) in WAYS.iter().enumerate() {
+    for (way, (name, tangents)) in METHODS.iter().enumerate() {
         let mut cells = vec![Cell::text(*name)];
         for reference in &references {
             let mut own = Spread::default();
@@ -61,7 +61,7 @@ pub fn section() -> Result<Section, String> {
     choice.per = "key".into();
     for (way, nanos) in times().into_iter().enumerate() {
         let (worst, mean) = (all[way].worst, all[way].mean());
-        choice.rows.push(Row::new(WAYS[way].0).error(worst, mean).at(places[way].clone()).nanos(nanos));
+        choice.rows.push(Row::new(METHODS[way].0).error(worst, mean).at(places[way].clone()).nanos(nanos));
     }
     choice.choose(OURS, "follows smooth motions like the plain spline, and short gaps cause no overshoot");
     let (weights, by_weights) = key_weights::measured()?;
@@ -149,7 +149,7 @@ fn faults() -> Table {
     columns.extend(GAPS.iter().map(|(_, title)| (*title, "m")));
     columns.extend([(">corner in 1 ms", "m"), (">jump of speed, uneven circle", "m/s")]);
     let mut table = Table::new("Effect of short and uneven gaps", &columns);
-    for (name, way) in WAYS {
+    for (name, way) in METHODS {
         let mut numbers: Vec<f64> = GAPS.iter().map(|(gap, _)| overshoot(way, *gap, line)).collect();
         numbers.push(overshoot(way, 1e-3, |i| vec![[0.0, 1.0, 1.0, 2.0][i], [0.0, 0.0, 1.0, 1.0][i]]));
         let uneven = &references()[1];
@@ -248,5 +248,5 @@ fn times() -> Vec<Nanos> {
             std::hint::black_box(way(times, values));
         })
     };
-    interleaved(Clock::Thread, BUDGET_SECS, &mut WAYS.map(case))
+    interleaved(Clock::Thread, BUDGET_SECS, &mut METHODS.map(case))
 }

@@ -294,7 +294,7 @@ mod tests {
     use choreo_bench::plots::Row;
 
     #[test]
-    fn a_default_off_the_front_needs_a_reason() {
+    fn a_default_off_the_pareto_front_needs_a_reason() {
         let mut choice = Choice::new("c", "?");
         choice.rows =
             vec![Row::new("good").error(1.0, 1.0).nanos(1.0), Row::new("bad").error(2.0, 2.0).nanos(2.0)];
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn a_section_made_anew_takes_the_place_of_its_old_self() {
+    fn a_new_section_replaces_its_old_text() {
         let page = "# A\n\n## one\n\n1\n\n## two\n\n2\n";
         assert_eq!(with_sections(page, "# A\n\n## one\n\n11\n"), "# A\n\n## one\n\n11\n\n## two\n\n2\n");
         assert_eq!(with_sections(page, "# A\n\n## two\n\n22\n"), "# A\n\n## one\n\n1\n\n## two\n\n22\n");

@@ -92,8 +92,8 @@ impl Map {
 }
 
 /// Depth of the first intersection of a view ray with the heights.
-fn truth(map: &Map, at: DVec2, way: DVec2) -> f64 {
-    let above = |d: f64| d - map.below_exactly(at + way * d);
+fn truth(map: &Map, at: DVec2, direction: DVec2) -> f64 {
+    let above = |d: f64| d - map.below_exactly(at + direction * d);
     let count = 4096;
     let depth = |i: u32| -DEPTH * f64::from(i) / f64::from(count);
     let first = (1..=count).find(|i| above(depth(*i)) <= 0.0).unwrap_or(count);
@@ -109,7 +109,7 @@ fn truth(map: &Map, at: DVec2, way: DVec2) -> f64 {
 struct Group {
     map: usize,
     at: [Vec2; LANES],
-    way: [Vec2; LANES],
+    direction: [Vec2; LANES],
 }
 
 type Depths = [f32; LANES];
@@ -119,7 +119,7 @@ fn by_slopes(map: &Map, group: &Group, steps: usize) -> Depths {
     let mut depth = [0.0; LANES];
     for _ in 0..steps {
         for (lane, depth) in depth.iter_mut().enumerate() {
-            let [height, z] = map.sample(group.at[lane] + group.way[lane] * *depth);
+            let [height, z] = map.sample(group.at[lane] + group.direction[lane] * *depth);
             let below = (height - 1.0) * DEPTH as f32;
             *depth += (below - *depth) * z.clamp(0.0, 1.0);
         }
@@ -136,7 +136,7 @@ fn by_layers(map: &Map, group: &Group, layers: usize) -> Depths {
     for i in 1..=layers {
         let d = step * i as f32;
         for lane in 0..LANES {
-            let above = d - map.below(group.at[lane] + group.way[lane] * d);
+            let above = d - map.below(group.at[lane] + group.direction[lane] * d);
             let share = before[lane] / (before[lane] - above).max(1e-9);
             let meets = left[lane] & (above <= 0.0);
             found[lane] = if meets { d - step * (1.0 - share) } else { found[lane] };
@@ -178,9 +178,13 @@ fn steps() -> Choice {
             // Two rows of four pixels, one texel apart.
             let pixel = |lane: usize| DVec2::new((lane % 4) as f64, (lane / 4) as f64) / SIDE as f64;
             let at = |lane: usize| DVec2::new(at.x, at.y) * 7.0 + pixel(lane);
-            let way = DVec2::new(v.x, v.y) / v.z;
-            let group = Group { map, at: from_fn(|lane| at(lane).as_vec2()), way: [way.as_vec2(); LANES] };
-            (group, from_fn(|lane| truth(&maps[map], at(lane), way)))
+            let direction = DVec2::new(v.x, v.y) / v.z;
+            let group = Group {
+                map,
+                at: from_fn(|lane| at(lane).as_vec2()),
+                direction: [direction.as_vec2(); LANES],
+            };
+            (group, from_fn(|lane| truth(&maps[map], at(lane), direction)))
         })
         .collect();
     type Find = fn(&Map, &Group, usize) -> Depths;
@@ -198,7 +202,7 @@ fn steps() -> Choice {
             let got = find(&maps[group.map], group, *count);
             for lane in 0..LANES {
                 let off = (f64::from(got[lane]) - depths[lane]).abs();
-                error.add(group.way[lane].as_dvec2().length() * off);
+                error.add(group.direction[lane].as_dvec2().length() * off);
             }
         }
         choice.rows.push(Row::new(name.as_str()).error(error.worst, error.mean()));

@@ -8,7 +8,7 @@ use choreo_stage::Path;
 use glam::DVec3;
 
 const OURS: &str = "Gauss–Legendre of 3 points, 32 pieces (Path)";
-const WAYS: [&str; 5] = [
+const METHODS: [&str; 5] = [
     OURS,
     "Gauss–Legendre of 3 points, 8 pieces",
     "Gauss–Legendre of 5 points, whole stretch",
@@ -95,7 +95,7 @@ pub fn section() -> Result<Section, String> {
     // A sharp turn, in which the speed falls to nearly zero.
     let sharp = [[-4.0, 0.0], [0.0, 0.0], [0.02, 0.01], [-4.0, 0.1]].map(|[x, z]| DVec3::new(x, 0.0, z));
     stretches.push(Stretch(sharp));
-    let mut errors = [(); WAYS.len()].map(|()| (Spread::default(), String::new()));
+    let mut errors = [(); METHODS.len()].map(|()| (Spread::default(), String::new()));
     let mut of_program = Spread::default();
     for (number, stretch) in stretches.iter().enumerate() {
         let c = stretch.polynomial();
@@ -130,9 +130,10 @@ pub fn section() -> Result<Section, String> {
             prepared.iter().for_each(|(s, c)| _ = std::hint::black_box(length(way, s, c)))
         })
     };
-    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut (0..WAYS.len()).map(case).collect::<Vec<_>>());
+    let nanos =
+        interleaved(Clock::Thread, BUDGET_SECS, &mut (0..METHODS.len()).map(case).collect::<Vec<_>>());
     for (way, (error, place)) in errors.into_iter().enumerate() {
-        choice.rows.push(Row::new(WAYS[way]).error(error.worst, error.mean()).nanos(nanos[way]).at(place));
+        choice.rows.push(Row::new(METHODS[way]).error(error.worst, error.mean()).nanos(nanos[way]).at(place));
     }
     choice.choose(
         OURS,

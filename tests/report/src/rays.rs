@@ -44,13 +44,13 @@ impl Shapes {
         Shapes(shapes)
     }
 
-    /// First hit of a ray. `way`: unit vector.
-    pub fn first(&self, from: DVec3, way: DVec3) -> Option<Hit> {
+    /// First hit of a ray. `direction`: unit vector.
+    pub fn first(&self, from: DVec3, direction: DVec3) -> Option<Hit> {
         let mut nearest = f64::INFINITY;
         let mut found = None;
-        for shape in self.0.iter().filter(|s| s.near(from, way)) {
+        for shape in self.0.iter().filter(|s| s.crosses_bounds(from, direction)) {
             for triangle in &shape.triangles {
-                if let Some(t) = meets(triangle, from, way)
+                if let Some(t) = ray_triangle_distance(triangle, from, direction)
                     && t < nearest
                 {
                     (nearest, found) = (t, Some(triangle));
@@ -59,21 +59,21 @@ impl Shapes {
         }
         let [a, b, c] = *found?;
         let normal = (b - a).cross(c - a).normalize();
-        let normal = if normal.dot(way) > 0.0 { -normal } else { normal };
-        Some(Hit { point: from + way * nearest, normal })
+        let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
+        Some(Hit { point: from + direction * nearest, normal })
     }
 
     /// Whether anything is hit along the ray.
-    pub fn blocked(&self, from: DVec3, way: DVec3) -> bool {
-        let near = self.0.iter().filter(|s| s.near(from, way));
-        near.flat_map(|s| &s.triangles).any(|t| meets(t, from, way).is_some())
+    pub fn blocked(&self, from: DVec3, direction: DVec3) -> bool {
+        let near = self.0.iter().filter(|s| s.crosses_bounds(from, direction));
+        near.flat_map(|s| &s.triangles).any(|t| ray_triangle_distance(t, from, direction).is_some())
     }
 }
 
 impl Shape {
     /// Whether the ray intersects the box (Kay & Kajiya, slabs).
-    fn near(&self, from: DVec3, way: DVec3) -> bool {
-        let inverse = way.recip();
+    fn crosses_bounds(&self, from: DVec3, direction: DVec3) -> bool {
+        let inverse = direction.recip();
         let (a, b) = ((self.min - 1e-9 - from) * inverse, (self.max + 1e-9 - from) * inverse);
         let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
         leave >= enter.max(0.0)
@@ -81,9 +81,9 @@ impl Shape {
 }
 
 /// Distance along the ray (Möller & Trumbore, 1997); `None` if the triangle is behind, missed, or parallel to the ray.
-fn meets([a, b, c]: &[DVec3; 3], from: DVec3, way: DVec3) -> Option<f64> {
+fn ray_triangle_distance([a, b, c]: &[DVec3; 3], from: DVec3, direction: DVec3) -> Option<f64> {
     let (e1, e2) = (*b - *a, *c - *a);
-    let p = way.cross(e2);
+    let p = direction.cross(e2);
     let det = e1.dot(p);
     if det.abs() < 1e-15 {
         return None;
@@ -91,7 +91,7 @@ fn meets([a, b, c]: &[DVec3; 3], from: DVec3, way: DVec3) -> Option<f64> {
     let s = from - *a;
     let u = s.dot(p) / det;
     let q = s.cross(e1);
-    let v = way.dot(q) / det;
+    let v = direction.dot(q) / det;
     let t = e2.dot(q) / det;
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 1e-9).then_some(t)
 }
@@ -103,10 +103,10 @@ mod tests {
     #[test]
     fn a_ray_meets_a_triangle_inside_and_not_beside_or_behind() {
         let t = [DVec3::ZERO, DVec3::X, DVec3::Y];
-        let down = |x: f64, y: f64, z: f64| meets(&t, DVec3::new(x, y, z), DVec3::NEG_Z);
+        let down = |x: f64, y: f64, z: f64| ray_triangle_distance(&t, DVec3::new(x, y, z), DVec3::NEG_Z);
         assert!((down(0.2, 0.3, 4.0).unwrap() - 4.0).abs() < 1e-12);
         assert_eq!(down(0.6, 0.6, 4.0), None, "beside");
         assert_eq!(down(0.2, 0.2, -1.0), None, "behind");
-        assert_eq!(meets(&t, DVec3::new(-1.0, 0.2, 0.0), DVec3::X), None, "along the plane");
+        assert_eq!(ray_triangle_distance(&t, DVec3::new(-1.0, 0.2, 0.0), DVec3::X), None, "along the plane");
     }
 }

@@ -13,7 +13,7 @@ use glam::{DAffine3, DQuat};
 const TOLERANCES: [f64; 5] = [1.0, 1e-2, 1e-3, 1e-4, 1e-5];
 const DEFAULT: f64 = 1e-3;
 /// Joint that the other character lacks; the joint below it takes over its rotation.
-const LACKS: &str = "mixamorig:Spine1";
+const MISSING_JOINT: &str = "mixamorig:Spine1";
 const CLIPS: [&str; 2] = ["Walk", "Dance_Groove"];
 const TIMES: u32 = 211;
 
@@ -24,8 +24,8 @@ struct TargetSkeleton {
     follows: Vec<(usize, DQuat)>,
 }
 
-fn other_body(source: &Skeleton) -> Result<TargetSkeleton, String> {
-    let gone = source.find(LACKS).ok_or(format!("the mannequin has no joint {LACKS}"))?;
+fn target_without_spine1(source: &Skeleton) -> Result<TargetSkeleton, String> {
+    let gone = source.find(MISSING_JOINT).ok_or(format!("the mannequin has no joint {MISSING_JOINT}"))?;
     let at_rest = model_from_joint(source, &rest(source));
     let mut random = Random(77);
     let follows: Vec<(usize, DQuat)> =
@@ -105,7 +105,7 @@ fn name(radians: f64) -> String {
 pub fn section() -> Result<Section, String> {
     let asset = scenes::mannequin()?;
     let source = &*asset.skeleton;
-    let body = other_body(source)?;
+    let body = target_without_spine1(source)?;
     let hand = by_hand(source)?;
     let clips: Vec<&Clip> = asset
         .clips
@@ -126,7 +126,7 @@ pub fn section() -> Result<Section, String> {
     choice.error_unit = "°";
     choice.reference = format!(
         "rotations of the source joints in model space, in f64 at {TIMES} times of {} and of keys by hand; \
-         the target character has the same rest positions, random axes and no {LACKS}",
+         the target character has the same rest positions, random axes and no {MISSING_JOINT}",
         CLIPS.join(", ")
     );
     choice.per = format!("clip, mean of {}", clips.len());

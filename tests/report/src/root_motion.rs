@@ -7,7 +7,7 @@ use choreo_motion::Planar;
 use glam::{DVec2, DVec3, Vec2};
 
 const OURS: &str = "power in closed form, f64 (Planar::power)";
-const WAYS: [&str; 4] = [OURS, "a step each loop, f64", "a step each frame, f64", "a step each loop, f32"];
+const METHODS: [&str; 4] = [OURS, "a step each loop, f64", "a step each frame, f64", "a step each loop, f32"];
 /// Numbers of loops of one second, and their total time.
 const LOOPS: [(i64, &str); 4] = [(60, "1 min"), (3600, "1 h"), (36_000, "10 h"), (360_000, "100 h")];
 const FRAMES: i64 = 30;
@@ -78,7 +78,7 @@ fn accumulated(way: usize, turn: f64, metres: f64, loops: i64) -> DVec2 {
 }
 
 pub fn section() -> Result<Section, String> {
-    let mut errors = [[0.0f64; LOOPS.len()]; WAYS.len()];
+    let mut errors = [[0.0f64; LOOPS.len()]; METHODS.len()];
     for (fraction, metres) in WALKS {
         for (at, (loops, _)) in LOOPS.iter().enumerate() {
             let truth = exact(fraction, metres, *loops);
@@ -103,8 +103,9 @@ pub fn section() -> Result<Section, String> {
             std::hint::black_box(accumulated(way, turn, metres, LOOPS[1].0));
         })
     };
-    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut (0..WAYS.len()).map(case).collect::<Vec<_>>());
-    for (way, name) in WAYS.into_iter().enumerate() {
+    let nanos =
+        interleaved(Clock::Thread, BUDGET_SECS, &mut (0..METHODS.len()).map(case).collect::<Vec<_>>());
+    for (way, name) in METHODS.into_iter().enumerate() {
         choice.rows.push(Row::new(name).error(errors[way][1], f64::NAN).nanos(nanos[way]));
     }
     choice.choose(OURS, "any frame directly, at the same cost, and rounding does not accumulate");
@@ -112,7 +113,7 @@ pub fn section() -> Result<Section, String> {
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in mm", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "loops")));
     let mut table = Table::new("By the time on the timeline", &columns);
-    for (name, errors) in WAYS.iter().zip(errors) {
+    for (name, errors) in METHODS.iter().zip(errors) {
         let cells = errors.iter().map(|e| Cell::number(quantity(*e), *e));
         table.rows.push([Cell::text(*name)].into_iter().chain(cells).collect());
     }

@@ -127,7 +127,7 @@ impl Turn {
         lane(&spline(&[a, m0, b, m1].map(|q| rows(&[q; 8])), t as f32), 0)
     }
 
-    /// A clip with eight joints that all rotate in this way, from 0 s to 1 s.
+    /// A clip in which eight joints all make this rotation, from 0 s to 1 s.
     fn clip(&self) -> Result<Clip, String> {
         let times: Arc<[Time]> = [Time::ZERO, Time::from_secs(1.0)].into();
         let values: Vec<f32> =
@@ -186,7 +186,7 @@ fn times(names: &[&str]) -> Result<(Vec<Nanos>, Nanos), String> {
             ]
         })
         .collect();
-    let clip = many(&turns)?;
+    let clip = clip_of_turns(&turns)?;
     let mut cases: Vec<Case> = Vec::new();
     for (_, way) in METHODS {
         let keys = &keys;
@@ -220,7 +220,7 @@ fn times(names: &[&str]) -> Result<(Vec<Nanos>, Nanos), String> {
 }
 
 /// A clip with one joint for each rotation.
-fn many(turns: &[Turn]) -> Result<Clip, String> {
+fn clip_of_turns(turns: &[Turn]) -> Result<Clip, String> {
     let times: Arc<[Time]> = [Time::ZERO, Time::from_secs(1.0)].into();
     let curve = |(joint, turn): (usize, &Turn)| Curve {
         joint: joint as u32,

@@ -137,7 +137,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn covered_parts_are_known_for_simple_edges() {
+    fn the_covered_area_of_simple_edges_is_exact() {
         let near = |a: f64, b: f64| (a - b).abs() < 1e-12;
         assert!(near(covered_area([1.0, 0.0], 0.25), 0.75) && near(covered_area([0.0, -1.0], 0.0), 0.5));
         // A vertex of the square cut off at 45°: a triangle with legs of ½.

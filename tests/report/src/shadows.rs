@@ -108,7 +108,7 @@ fn axes(l: DVec3) -> (DVec3, DVec3) {
 }
 
 /// First hit of the camera ray through the center of each pixel.
-fn seen(moment: &Moment, shapes: &Shapes) -> Vec<Option<Hit>> {
+fn visible_hits(moment: &Moment, shapes: &Shapes) -> Vec<Option<Hit>> {
     let camera = &moment.snapshot.camera;
     let Projection::Perspective { yfov, .. } = camera.projection else { return Vec::new() };
     let [width, height] = SIZE.map(f64::from);
@@ -140,7 +140,7 @@ impl Truth {
         let unlit = drawn(&dark, cpu)?;
         let bright = drawn(&moment("false", 2.0 * PI, registry)?, cpu)?;
         let linear = srgb_to_linear_table();
-        let hits = seen(&dark, &shapes);
+        let hits = visible_hits(&dark, &shapes);
         let shares: Vec<f64> = hits.iter().map(|h| h.as_ref().map_or(0.0, |h| share(&shapes, h))).collect();
         // Interpolates in linear light between the image without the sun and the image without shadows.
         let rgba = (0..unlit.rgba.len())
@@ -296,10 +296,10 @@ impl Map {
         let (across, up) = axes(l);
         let side = (width / texel).ceil() as usize;
         let origin = DVec2::new(across.dot(middle), up.dot(middle)) - width * 0.5;
-        const FROM: f64 = 20.0;
+        const START_DISTANCE: f64 = 20.0;
         let at = |i: usize| {
             let p = origin + (DVec2::new((i % side) as f64, (i / side) as f64) + 0.5) * texel;
-            let start = across * p.x + up * p.y + l * FROM;
+            let start = across * p.x + up * p.y + l * START_DISTANCE;
             shapes.first(start, -l).map_or(-1e3, |hit| hit.point.dot(l) as f32)
         };
         let depth: Vec<f32> = (0..side * side).map(at).collect();

@@ -42,7 +42,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-fn narrow(map: &DAffine3) -> Affine3A {
+fn affine_to_f32(map: &DAffine3) -> Affine3A {
     Affine3A {
         matrix3: Mat3A::from(map.matrix3.as_mat3()),
         translation: Vec3A::from(map.translation.as_vec3()),
@@ -69,14 +69,14 @@ impl Mesh {
         let Mesh { influences, joints, weights, positions } = self;
         let carriers: Vec<StretchedDualQuaternion> =
             maps.iter().map(|m| StretchedDualQuaternion::of(*m)).collect();
-        let matrices: Vec<Affine3A> = maps.iter().map(narrow).collect();
+        let matrices: Vec<Affine3A> = maps.iter().map(affine_to_f32).collect();
         let motions: Vec<DualQuaternion> = carriers.iter().map(DualQuaternion::from).collect();
         let stretches: Vec<Affine3A> = match way {
             Way::Stretched => carriers.iter().map(stretch_matrix).collect(),
             _ => Vec::new(),
         };
         let (joint_indices, joint_weights, influences) = (joints, weights, *influences);
-        // Positions stand in for normals: the cost is the same.
+        // Positions are used as normals, because the cost is the same.
         let source: &[Vec3] = if normals.is_empty() { &[] } else { positions };
         match way {
             Way::Linear => LinearSkinning {
@@ -188,7 +188,7 @@ fn turned(degrees: f64) -> Vec<DAffine3> {
 /// Error by number of influences: a bent back of 16 joints 10 cm apart, with each vertex on the nearest eight; only the largest weights are
 /// kept.
 fn influences() -> Choice {
-    const MOST: usize = 8;
+    const MAX_INFLUENCES: usize = 8;
     let mut choice = Choice::new("influences", "How many joints move a vertex?");
     choice.error_unit = "mm";
     choice.reference = "all 8 influences in f64; a back of 16 joints, each bent by 12°".into();
@@ -209,7 +209,7 @@ fn influences() -> Choice {
         let mut weights: Vec<(u16, f64)> =
             (0..16).map(|j| (j as u16, libm::exp(-0.5 * far(j) * far(j)))).collect();
         weights.sort_by(|a, b| b.1.total_cmp(&a.1));
-        weights.truncate(MOST);
+        weights.truncate(MAX_INFLUENCES);
         all.push((at.as_vec3(), weights));
     }
     let kept = |n: usize| -> Mesh {
@@ -232,7 +232,7 @@ fn influences() -> Choice {
                 .sum()
         })
         .collect();
-    for n in 1..=MOST {
+    for n in 1..=MAX_INFLUENCES {
         let mesh = kept(n);
         let mut out = mesh.positions.clone();
         mesh.skinned(Way::Linear, &maps, &mut out, &mut []);

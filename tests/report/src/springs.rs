@@ -14,7 +14,7 @@ use std::f64::consts::PI;
 
 const OURS: &str = "closed form (SpringBone)";
 /// Name, steps per frame, method.
-const WAYS: [(&str, u32, Method); 9] = [
+const METHODS: [(&str, u32, Method); 9] = [
     ("explicit Euler", 1, Method::Explicit),
     ("semi-implicit Euler", 1, Method::SemiImplicit),
     ("semi-implicit Euler, 8 steps a frame", 8, Method::SemiImplicit),
@@ -43,12 +43,12 @@ enum Method {
 }
 
 pub fn section() -> Result<Section, String> {
-    let mut free = vec![Spread::default(); WAYS.len()];
-    let mut worst_at = vec![(0.0, String::new()); WAYS.len()];
-    let mut by_rate = vec![vec![Spread::default(); RATES.len()]; WAYS.len()];
-    let mut by_frequency = vec![vec![Spread::default(); FREQUENCIES.len()]; WAYS.len()];
-    let mut by_ratio = vec![vec![Spread::default(); RATIOS.len()]; WAYS.len()];
-    for (way, (_, steps, method)) in WAYS.iter().enumerate() {
+    let mut free = vec![Spread::default(); METHODS.len()];
+    let mut worst_at = vec![(0.0, String::new()); METHODS.len()];
+    let mut by_rate = vec![vec![Spread::default(); RATES.len()]; METHODS.len()];
+    let mut by_frequency = vec![vec![Spread::default(); FREQUENCIES.len()]; METHODS.len()];
+    let mut by_ratio = vec![vec![Spread::default(); RATIOS.len()]; METHODS.len()];
+    for (way, (_, steps, method)) in METHODS.iter().enumerate() {
         for (f, frequency) in FREQUENCIES.iter().enumerate() {
             for (z, ratio) in RATIOS.iter().enumerate() {
                 for (r, rate) in RATES.iter().enumerate() {
@@ -65,9 +65,9 @@ pub fn section() -> Result<Section, String> {
             }
         }
     }
-    let drive = still();
+    let drive = drive_at_rest();
     let bone = SpringBone::new(2.0, 0.2);
-    let mut cases: Vec<Case> = WAYS
+    let mut cases: Vec<Case> = METHODS
         .iter()
         .map(|(_, steps, method)| {
             let mut state = at(START, &drive);
@@ -82,7 +82,7 @@ pub fn section() -> Result<Section, String> {
                         frames a second; π where it diverges"
             .into();
     choice.per = "frame of one bone".into();
-    for (way, (name, ..)) in WAYS.iter().enumerate() {
+    for (way, (name, ..)) in METHODS.iter().enumerate() {
         let row = Row::new(*name).error(free[way].worst, free[way].mean()).nanos(nanos[way]);
         choice.rows.push(row.at(worst_at[way].1.clone()));
     }
@@ -92,7 +92,7 @@ pub fn section() -> Result<Section, String> {
         let mut columns: Vec<(&str, &'static str)> = vec![(what, "way")];
         columns.extend(titles.iter().map(|t| (t.as_str(), "case")));
         let mut table = Table::new(title, &columns);
-        for ((name, ..), errors) in WAYS.iter().zip(errors) {
+        for ((name, ..), errors) in METHODS.iter().zip(errors) {
             let cells = errors.iter().map(|e| Cell::number(quantity(e.worst), e.worst));
             table.rows.push([Cell::text(*name)].into_iter().chain(cells).collect());
         }
@@ -125,7 +125,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-fn still() -> Drive {
+fn drive_at_rest() -> Drive {
     let zero = DVec3::ZERO;
     Drive {
         head: zero,
@@ -191,7 +191,7 @@ fn frame(method: Method, steps: u32, bone: &SpringBone, state: &mut BoneState, d
 
 /// Worst error of a free swing in radians, and its time in seconds.
 fn free_swing(method: Method, steps: u32, frequency: f64, ratio: f64, rate: u32) -> (f64, f64) {
-    let (bone, drive) = (SpringBone::new(frequency, ratio), still());
+    let (bone, drive) = (SpringBone::new(frequency, ratio), drive_at_rest());
     let mut state = at(START, &drive);
     let mut worst = (0.0, 0.0);
     for i in 1..=(LENGTH * f64::from(rate)) as u32 {
@@ -231,10 +231,10 @@ fn moving() -> Table {
             * DVec3::NEG_Y
     };
     let run = |method: Method, steps: u32, bone: &SpringBone, rate: u32, every: u32| {
-        let mut state = at(0.0, &Drive { target: target(0.0), ..still() });
+        let mut state = at(0.0, &Drive { target: target(0.0), ..drive_at_rest() });
         let mut seen = Vec::new();
         for i in 1..=rate * 2 {
-            let drive = Drive { target: target(f64::from(i) / f64::from(rate)), ..still() };
+            let drive = Drive { target: target(f64::from(i) / f64::from(rate)), ..drive_at_rest() };
             frame(method, steps, bone, &mut state, &drive, 1.0 / f64::from(rate));
             if i.is_multiple_of(every) {
                 seen.push(state.direction);
@@ -249,7 +249,7 @@ fn moving() -> Table {
     let bone = SpringBone::new(3.0, 0.2);
     let truths: Vec<Vec<DVec3>> =
         RATES.iter().map(|r| run(Method::Closed, 1, &bone, r * 1000, 1000)).collect();
-    for (name, steps, method) in WAYS {
+    for (name, steps, method) in METHODS {
         let mut cells = vec![Cell::text(name)];
         for (rate, truth) in RATES.iter().zip(&truths) {
             let got = run(method, steps, &bone, *rate, 1);

@@ -6,8 +6,8 @@ use choreo_bench::reference::Spread;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_render::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
 
-const DECODE: [&str; 4] = ["table of 256", "formula, f32 power", "2.2 power", "cubic polynomial"];
-const ENCODE: [&str; 5] = [
+const DECODE_METHODS: [&str; 4] = ["table of 256", "formula, f32 power", "2.2 power", "cubic polynomial"];
+const ENCODE_METHODS: [&str; 5] = [
     "thresholds, found by a table",
     "formula, f32 power, rounded",
     "1/2.2 power, rounded",
@@ -79,8 +79,9 @@ fn decoding() -> Choice {
             (0..=255u8).for_each(|code| _ = std::hint::black_box(decode(way, std::hint::black_box(code))))
         })
     };
-    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut (0..DECODE.len()).map(case).collect::<Vec<_>>());
-    for (way, name) in DECODE.into_iter().enumerate() {
+    let nanos =
+        interleaved(Clock::Thread, BUDGET_SECS, &mut (0..DECODE_METHODS.len()).map(case).collect::<Vec<_>>());
+    for (way, name) in DECODE_METHODS.into_iter().enumerate() {
         let (mut error, mut place) = (Spread::default(), String::new());
         for code in 0..=255u8 {
             // Error in codes: the value is encoded exactly, without rounding.
@@ -91,7 +92,7 @@ fn decoding() -> Choice {
         }
         choice.rows.push(Row::new(name).error(error.worst, error.mean()).nanos(nanos[way]).at(place));
     }
-    choice.choose(DECODE[0], "exact to f32; the only cheaper way is 5 codes off");
+    choice.choose(DECODE_METHODS[0], "exact to f32; the only cheaper way is 5 codes off");
     choice
 }
 
@@ -110,8 +111,9 @@ fn encoding() -> Choice {
                 .for_each(|light| _ = std::hint::black_box(encode(way, std::hint::black_box(*light), table)));
         })
     };
-    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut (0..ENCODE.len()).map(case).collect::<Vec<_>>());
-    for (way, name) in ENCODE.into_iter().enumerate() {
+    let nanos =
+        interleaved(Clock::Thread, BUDGET_SECS, &mut (0..ENCODE_METHODS.len()).map(case).collect::<Vec<_>>());
+    for (way, name) in ENCODE_METHODS.into_iter().enumerate() {
         let (mut error, mut place) = (Spread::default(), String::new());
         for light in some {
             let off = (f64::from(encode(way, *light, table)) - encoded(f64::from(*light))).abs();
@@ -121,6 +123,6 @@ fn encoding() -> Choice {
         }
         choice.rows.push(Row::new(name).error(error.worst, error.mean()).nanos(nanos[way]).at(place));
     }
-    choice.choose(ENCODE[0], "rounds every value correctly, for less than the power costs");
+    choice.choose(ENCODE_METHODS[0], "rounds every value correctly, for less than the power costs");
     choice
 }

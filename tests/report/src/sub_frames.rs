@@ -17,7 +17,7 @@ const SIZE: [u32; 2] = [160, 90];
 /// Motion of the bar in pixels while the shutter is open.
 const SPEEDS: [f64; 4] = [0.4, 3.0, 12.0, 40.0];
 /// Left edge of the bar when the shutter opens, and its width, in pixels.
-const BAR: [f64; 2] = [50.3, 20.0];
+const BAR_EDGE_AND_WIDTH: [f64; 2] = [50.3, 20.0];
 const MOST: f64 = 16.0;
 /// Pixels of motion per sub-frame; 0 always uses the largest number of sub-frames.
 const STEPS: [f64; 5] = [0.0, 0.5, 1.0, 2.0, 4.0];
@@ -34,9 +34,9 @@ fn name(step: f64) -> String {
 fn exact(pixels: f64, column: u32) -> f64 {
     const TIMES: u32 = 4096;
     let covered = |i: u32| {
-        let left = BAR[0] + pixels * (f64::from(i) + 0.5) / f64::from(TIMES);
+        let left = BAR_EDGE_AND_WIDTH[0] + pixels * (f64::from(i) + 0.5) / f64::from(TIMES);
         let x = f64::from(column);
-        ((left + BAR[1]).min(x + 1.0) - left.max(x)).clamp(0.0, 1.0)
+        ((left + BAR_EDGE_AND_WIDTH[1]).min(x + 1.0) - left.max(x)).clamp(0.0, 1.0)
     };
     (0..TIMES).map(covered).sum::<f64>() / f64::from(TIMES)
 }
@@ -51,14 +51,14 @@ struct Scene {
 fn scene(pixels: f64) -> Result<Scene, String> {
     let registry = choreo::registry();
     // The orthographic camera shows ten pixels per metre.
-    let from = (BAR[0] + BAR[1] * 0.5 - 80.0) * 0.1;
+    let from = (BAR_EDGE_AND_WIDTH[0] + BAR_EDGE_AND_WIDTH[1] * 0.5 - 80.0) * 0.1;
     let text = format!(
         "stage(#{{ fps: 1, length: 2, background: \"black\", view: \"none\" }});
          let bar = cast(\"bar\", shape(\"quad\", #{{ size: [{:?}, 30.0], color: \"white\", unlit: true }}));
          bar.key(\"position\", [[0, [{from:?}, -15.0, 0.0]], [1, [{:?}, -15.0, 0.0]]], \"linear\");
          camera(\"c\").ortho(9.0).at(0.0, 0.0, 5.0).look_at([0.0, 0.0, 0.0]);
          effect(\"motion_blur\", #{{ samples: 256, shutter: 360.0, around: \"start\" }});",
-        BAR[1] * 0.1,
+        BAR_EDGE_AND_WIDTH[1] * 0.1,
         from + pixels * 0.1,
     );
     let mut stage = stage(&text, &registry)?;

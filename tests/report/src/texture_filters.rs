@@ -18,7 +18,7 @@ const TEXELS: usize = 1024;
 const WAVES: f64 = 64.0;
 /// Side of the ground in metres; height in metres and field of view in degrees of the camera above its near edge.
 const GROUND: f64 = 60.0;
-const EYE: f64 = 1.5;
+const CAMERA_HEIGHT: f64 = 1.5;
 const FOV: f64 = 40.0;
 /// Number of rays along a side of a pixel.
 const RAYS: usize = 16;
@@ -42,7 +42,7 @@ fn exact() -> Frame {
             let place = |pixel: u32, ray: usize| f64::from(pixel) + (ray as f64 + 0.5) / RAYS as f64;
             let right = (place(x, ray % RAYS) - 0.5 * width) * scale;
             let down = (place(y, ray / RAYS) - 0.5 * height) * scale;
-            let ahead = EYE / down;
+            let ahead = CAMERA_HEIGHT / down;
             let (u, v) = (0.5 + ahead * right / GROUND, 1.0 - ahead / GROUND);
             if down > 0.0 && (0.0..1.0).contains(&u) && (0.0..1.0).contains(&v) {
                 (sum, met) = (sum + light(u, v), met + 1);
@@ -60,7 +60,7 @@ fn ground(registry: &Registry, linear: bool, mip_linear: Option<bool>) -> Result
     let text = format!(
         "stage(#{{ background: \"black\", view: \"none\" }});
          cast(\"ground\", shape(\"plane\", #{{ size: {GROUND:?}, image: image(1, 1, [0, 0, 0, 255]), unlit: true }})).at(0.0, 0.0, {:?});
-         camera(\"c\").fov({FOV:?}).at(0.0, {EYE:?}, 0.0).look_at([0.0, {EYE:?}, -10.0]);",
+         camera(\"c\").fov({FOV:?}).at(0.0, {CAMERA_HEIGHT:?}, 0.0).look_at([0.0, {CAMERA_HEIGHT:?}, -10.0]);",
         -0.5 * GROUND
     );
     let mut stage = stage(&text, registry)?;

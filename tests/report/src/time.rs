@@ -8,10 +8,10 @@ use choreo_motion::{FrameRate, Time};
 
 const HOURS: [(f64, &str); 5] =
     [(1.0 / 3600.0, "1 s"), (1.0 / 60.0, "1 min"), (1.0, "1 h"), (100.0, "100 h"), (1000.0, "1000 h")];
-const TYPICAL: usize = 2;
+const TYPICAL_HOURS: usize = 2;
 const NTSC: FrameRate = FrameRate { num: 30_000, den: 1001 };
 const OURS: &str = "ticks of 1/705 600 000 s";
-const WAYS: [&str; 5] = [
+const METHODS: [&str; 5] = [
     OURS,
     "f64 seconds",
     "f32 seconds",
@@ -20,7 +20,7 @@ const WAYS: [&str; 5] = [
 ];
 
 pub fn section() -> Result<Section, String> {
-    let mut by_length = vec![vec![Spread::default(); HOURS.len()]; WAYS.len()];
+    let mut by_length = vec![vec![Spread::default(); HOURS.len()]; METHODS.len()];
     let mut added = (0.0f64, 0.0f32);
     let (step64, step32) = (1001.0 / 30_000.0, 1001.0f32 / 30_000.0);
     let mut frame: i64 = 0;
@@ -59,12 +59,12 @@ pub fn section() -> Result<Section, String> {
     choice.error_unit = "µs";
     choice.reference = format!(
         "frame · 1001 / 30 000 s as a fraction of whole numbers; {} into the timeline",
-        HOURS[TYPICAL].1
+        HOURS[TYPICAL_HOURS].1
     );
     choice.per = "frame number turned into a time".into();
     let nanos = times();
-    for (way, name) in WAYS.iter().enumerate() {
-        let error = &by_length[way][TYPICAL];
+    for (way, name) in METHODS.iter().enumerate() {
+        let error = &by_length[way][TYPICAL_HOURS];
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[way]));
     }
     choice.choose(
@@ -75,7 +75,7 @@ pub fn section() -> Result<Section, String> {
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in µs", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "hours")));
     let mut table = Table::new("By the time on the timeline (NTSC, 29.97 frames a second)", &columns);
-    for (name, errors) in WAYS.iter().zip(&by_length) {
+    for (name, errors) in METHODS.iter().zip(&by_length) {
         let cells = errors.iter().map(|e| Cell::number(quantity(e.worst), e.worst));
         table.rows.push([Cell::text(*name)].into_iter().chain(cells).collect());
     }

@@ -5,7 +5,7 @@ use choreo_bench::scene::tones::{Light, aces, agx, effect};
 use glam::{Vec2, Vec3, Vec4};
 
 /// Description of the colors of [`lights`].
-const OF: &str = "845 colors from −10 to +6 stops about middle gray";
+const COLORS_MEASURED: &str = "845 colors from −10 to +6 stops about middle gray";
 
 pub fn section() -> Result<Section, String> {
     check()?;
@@ -16,7 +16,10 @@ pub fn section() -> Result<Section, String> {
                worst errors are at saturated colors brighter than white, where a channel is clipped: 24 \
                codes there, one code in the mean."
             .into(),
-        choices: vec![aces(&lights(), OF, BUDGET_SECS), agx(&lights(), OF, BUDGET_SECS)],
+        choices: vec![
+            aces(&lights(), COLORS_MEASURED, BUDGET_SECS),
+            agx(&lights(), COLORS_MEASURED, BUDGET_SECS),
+        ],
         tables: Vec::new(),
         off_front: Vec::new(),
     })

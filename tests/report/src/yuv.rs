@@ -14,7 +14,7 @@ const OURS: &str = "1/2^15 fixed point, [1 2 1] across (default)";
 type Convert = fn(&[u8]) -> Planes;
 
 pub fn section() -> Result<Section, String> {
-    let rgba = picture();
+    let rgba = test_image();
     let exact = exact(&rgba);
     let ways: [(&str, Convert); 5] = [
         ("f64, [1 2 1] across", in_f64),
@@ -74,7 +74,7 @@ fn color(x: f64, y: f64) -> [f64; 3] {
         .map(|k: f64| 127.5 + 120.0 * libm::sin(k * x + 0.7 * k * y) * libm::cos(0.4 * k * y))
 }
 
-fn picture() -> Vec<u8> {
+fn test_image() -> Vec<u8> {
     let at = |i: usize| color((i % WIDTH) as f64, (i / WIDTH) as f64);
     (0..WIDTH * HEIGHT).flat_map(|i| at(i).map(|c| (c + 0.5) as u8).into_iter().chain([255])).collect()
 }

@@ -1,4 +1,4 @@
-//! A program of somebody else: choreo with a format and an effect of its own, in the command line and in the viewer.
+//! Example of a program by another author: choreo with its own file format and effect, in the command line and in the viewer.
 
 use choreo::App;
 use choreo_plugin::asset::Asset;
@@ -49,7 +49,8 @@ impl Importer for Triangles {
             |what: String| ImportError { file: source.name.clone(), place: String::new(), what, hint: None };
         let scale = options.number("scale").unwrap_or(1.0) as f32;
         let text = String::from_utf8_lossy(&source.bytes);
-        let number = |word: &str| word.parse::<f32>().map_err(|_| error(format!("\"{word}\" is no number")));
+        let number =
+            |word: &str| word.parse::<f32>().map_err(|_| error(format!("\"{word}\" is not a number")));
         let numbers = text.split_whitespace().map(number).collect::<Result<Vec<f32>, ImportError>>()?;
         let mut builder = AssetBuilder::default();
         if needs.geometry {

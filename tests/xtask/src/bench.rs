@@ -120,7 +120,7 @@ impl Bench {
     }
 
     /// One run of `choreo render SCRIPT -o OUT ARGS…`.
-    pub fn once(&self, script: &Path, out: &str, more: &[&str]) -> Result<Run, String> {
+    pub fn run_once(&self, script: &Path, out: &str, more: &[&str]) -> Result<Run, String> {
         let mut args = vec!["render".to_string(), script.display().to_string()];
         args.extend(["-o".to_string(), self.work.join(out).display().to_string(), "--quiet".to_string()]);
         args.extend(more.iter().map(|s| s.to_string()));
@@ -140,13 +140,14 @@ impl Bench {
 
     /// Medians of several runs with warm caches.
     pub fn render(&self, script: &Path, out: &str, more: &[&str]) -> Result<Run, String> {
-        self.once(script, out, more)?;
-        let runs = (0..self.repeats).map(|_| self.once(script, out, more)).collect::<Result<Vec<_>, _>>()?;
+        self.run_once(script, out, more)?;
+        let runs =
+            (0..self.repeats).map(|_| self.run_once(script, out, more)).collect::<Result<Vec<_>, _>>()?;
         Ok(medians(&runs))
     }
 
     /// Time of one image with empty caches: every run gets its own cache folder.
-    fn cold(&self, script: &Path, more: &[&str]) -> Result<Run, String> {
+    fn run_with_cold_cache(&self, script: &Path, more: &[&str]) -> Result<Run, String> {
         let mut runs = Vec::new();
         for i in 0..self.repeats {
             let cache = self.work.join(format!("cache{i}"));
@@ -183,7 +184,7 @@ pub fn bench(args: &[&str]) -> Result<(), String> {
     };
     let first = bench.render(&knight, "one.png", &with(&["--at", "1.0"]))?;
     row("first image, warm cache", first, String::new());
-    row("first image, cold cache", bench.cold(&knight, &at)?, String::new());
+    row("first image, cold cache", bench.run_with_cold_cache(&knight, &at)?, String::new());
     let png = bench.render(&knight, "frames/%04d.png", &with(&[]))?;
     let beyond = png.cpu_secs - first.cpu_secs;
     row("120 frames of one Knight → PNG", png, format!("{beyond:.2} CPU-s beyond start-up"));

@@ -140,7 +140,7 @@ mod tests {
 
     /// Messages of cargo 1.95, shortened.
     #[test]
-    fn messages_of_cargo_name_binaries_as_it_does() {
+    fn binary_names_are_read_from_cargo_messages() {
         let message = |id: &str, kind: &str, name: &str, source: &str, test: bool| {
             let target = serde_json::json!({ "kind": [kind], "name": name, "src_path": source });
             serde_json::json!({

@@ -39,7 +39,7 @@ const OPTIONS: [&str; 4] = ["--export", "keyframes=0.8", "--device", "cpu"];
 const CHUNKS: usize = 24;
 
 /// Seconds after which a job is abandoned.
-const PATIENCE: u64 = 600;
+const TIMEOUT_SECS: u64 = 600;
 
 /// Runs the test. `program`: path of an existing choreo; without it, choreo is built.
 pub fn farm(program: Option<&str>) -> Result<(), String> {
@@ -60,20 +60,23 @@ pub fn farm(program: Option<&str>) -> Result<(), String> {
     fs::write(folder.join("s.rhai"), SCRIPT).map_err(|e| e.to_string())?;
     let start = Instant::now();
     let one = [&["render", "s.rhai", "-o", "one.mp4", "--quiet"][..], &OPTIONS].concat();
-    run(here(&choreo, &folder, &one), "the render of one machine")?;
+    run(command_in(&choreo, &folder, &one), "the render of one machine")?;
     let alone = start.elapsed().as_secs_f64();
     let mut cluster = Cluster::start(&root, &folder)?;
     let before = Costs::measured(&choreo, &folder, &cluster)?;
-    let whole = cluster.film(&choreo, "whole", false)?;
+    let whole = cluster.render_film(&choreo, "whole", false)?;
     let start = Instant::now();
-    run(here(&choreo, &folder, &["join", "whole/segments", "-o", "joined.mp4", "--quiet"]), "choreo join")?;
+    run(
+        command_in(&choreo, &folder, &["join", "whole/segments", "-o", "joined.mp4", "--quiet"]),
+        "choreo join",
+    )?;
     let join = start.elapsed().as_secs_f64();
     // The load of the machine may vary, so costs are measured before and after the job.
     let costs = before.mean(&Costs::measured(&choreo, &folder, &cluster)?, join);
     let predicted = costs.farm().run().joined;
     println!("predicted for the three nodes: {predicted:.1} s, {:+.0} %", (predicted / whole - 1.0) * 100.0);
     costs.write(whole)?;
-    let faulty = cluster.film(&choreo, "faulty", true)?;
+    let faulty = cluster.render_film(&choreo, "faulty", true)?;
     println!("| {CHUNKS} chunks of 24 frames, 640×360 | seconds |\n|---|---|");
     println!("| one machine | {alone:.1} |");
     println!("| three nodes of this machine | {whole:.1} |");
@@ -93,7 +96,7 @@ struct Costs {
 
 impl Costs {
     fn measured(choreo: &Path, folder: &Path, cluster: &Cluster) -> Result<Costs, String> {
-        run(here(choreo, folder, &["pack", "s.rhai", "-o", "s.choreo", "--quiet"]), "choreo pack")?;
+        run(command_in(choreo, folder, &["pack", "s.rhai", "-o", "s.choreo", "--quiet"]), "choreo pack")?;
         // Seconds of three tasks at the same time, of this many frames each, at three places of the film.
         let three = |frames: usize| {
             let start = Instant::now();
@@ -110,7 +113,7 @@ impl Costs {
                     "--frames",
                     &range,
                 ];
-                here(choreo, folder, &[&words[..], &OPTIONS].concat()).spawn()
+                command_in(choreo, folder, &[&words[..], &OPTIONS].concat()).spawn()
             };
             let tasks = (0..3).map(task).collect::<Result<Vec<_>, _>>()?;
             for mut task in tasks {
@@ -124,8 +127,13 @@ impl Costs {
         // Tasks that sleep for the duration of a chunk: the remaining time is that of Slurm.
         cluster.wait("three idle nodes", Cluster::three_are_idle)?;
         let start = Instant::now();
-        cluster.ask("sbatch", &["--array=0-23", "--output=/dev/null", &format!("--wrap=sleep {chunk:.2}")]);
-        cluster.wait("an end of the sleeping tasks", |cluster| cluster.ask("squeue", &["-h"]).is_empty())?;
+        cluster.slurm_output(
+            "sbatch",
+            &["--array=0-23", "--output=/dev/null", &format!("--wrap=sleep {chunk:.2}")],
+        );
+        cluster.wait("an end of the sleeping tasks", |cluster| {
+            cluster.slurm_output("squeue", &["-h"]).is_empty()
+        })?;
         let gap = (start.elapsed().as_secs_f64() / 8.0 - chunk).max(0.0);
         Ok(Costs { start: one - frame, frame, gap, join: 0.0 })
     }
@@ -172,7 +180,7 @@ const SECONDS: f64 = {seconds:.2};
     }
 }
 
-fn here(program: &Path, folder: &Path, args: &[&str]) -> Command {
+fn command_in(program: &Path, folder: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(program);
     command.args(args).current_dir(folder).env("CHOREO_PLUGINS", "").stdin(Stdio::null());
     command
@@ -186,7 +194,7 @@ fn packages() -> Result<Option<PathBuf>, String> {
         return Ok(Some(root));
     }
     fs::create_dir_all(&archives).map_err(|e| format!("{}: {e}", archives.display()))?;
-    let download = here(Path::new("apt-get"), &archives, &["download", "-qq"]).args(PACKAGES).output();
+    let download = command_in(Path::new("apt-get"), &archives, &["download", "-qq"]).args(PACKAGES).output();
     if !download.is_ok_and(|run| run.status.success()) {
         return Ok(None);
     }
@@ -249,20 +257,20 @@ impl Cluster {
     }
 
     /// Runs a program of the cluster and returns its output.
-    fn ask(&self, program: &str, args: &[&str]) -> String {
+    fn slurm_output(&self, program: &str, args: &[&str]) -> String {
         let output = slurm(&self.root, &self.folder, &format!("usr/bin/{program}")).args(args).output();
         output.map(|output| String::from_utf8_lossy(&output.stdout).into_owned()).unwrap_or_default()
     }
 
     fn three_are_idle(&self) -> bool {
-        self.ask("sinfo", &["-h", "-N", "-t", "idle"]).lines().count() == 3
+        self.slurm_output("sinfo", &["-h", "-N", "-t", "idle"]).lines().count() == 3
     }
 
     /// Runs a job and returns its duration in seconds.
-    fn film(&mut self, choreo: &Path, job: &str, faults: bool) -> Result<f64, String> {
+    fn render_film(&mut self, choreo: &Path, job: &str, faults: bool) -> Result<f64, String> {
         let words =
             ["farm", "s.rhai", "-o", "film.mp4", "--for", "slurm", "--to", job, "--chunk", "24", "--quiet"];
-        run(here(choreo, &self.folder, &[&words[..], &OPTIONS].concat()), "choreo farm")?;
+        run(command_in(choreo, &self.folder, &[&words[..], &OPTIONS].concat()), "choreo farm")?;
         self.wait("three idle nodes", Cluster::three_are_idle)?;
         let start = Instant::now();
         let mut submit = slurm(&self.root, &self.folder, "/bin/sh");
@@ -274,7 +282,7 @@ impl Cluster {
         if faults {
             self.wait("some segments", |_| whole_segments(&segments) >= 3)?;
             self.kill_node()?;
-            self.ask("scontrol", &["update", "nodename=n2", "state=drain", "reason=test"]);
+            self.slurm_output("scontrol", &["update", "nodename=n2", "state=drain", "reason=test"]);
         }
         let film = self.folder.join(job).join("output/film.mp4");
         self.wait("the film", |_| film.exists())?;
@@ -319,10 +327,10 @@ impl Cluster {
     fn wait(&self, what: &str, done: impl Fn(&Cluster) -> bool) -> Result<(), String> {
         let start = Instant::now();
         while !done(self) {
-            if start.elapsed().as_secs() > PATIENCE {
-                let queue = self.ask("squeue", &[]);
+            if start.elapsed().as_secs() > TIMEOUT_SECS {
+                let queue = self.slurm_output("squeue", &[]);
                 return Err(format!(
-                    "no {what} after {PATIENCE} s; logs in {}\n{queue}",
+                    "no {what} after {TIMEOUT_SECS} s; logs in {}\n{queue}",
                     self.folder.display()
                 ));
             }
@@ -334,8 +342,8 @@ impl Cluster {
 
 impl Drop for Cluster {
     fn drop(&mut self) {
-        self.ask("scancel", &["--full", "-t", "RUNNING"]);
-        self.ask("scancel", &["-t", "PENDING"]);
+        self.slurm_output("scancel", &["--full", "-t", "RUNNING"]);
+        self.slurm_output("scancel", &["-t", "PENDING"]);
         for daemon in self.nodes.iter_mut().chain([&mut self.controller]) {
             let _ = Command::new("kill").arg(daemon.id().to_string()).stderr(Stdio::null()).status();
             let _ = daemon.wait();
@@ -361,9 +369,9 @@ fn slurm(root: &Path, folder: &Path, program: &str) -> Command {
     let paths = [libraries, &own.join(libraries.file_name().unwrap_or_default()), &plugins]
         .map(|path| path.display().to_string())
         .join(":");
-    let mut command = here(&root.join(program.trim_start_matches('/')), folder, &[]);
+    let mut command = command_in(&root.join(program.trim_start_matches('/')), folder, &[]);
     if program.starts_with('/') {
-        command = here(Path::new(program), folder, &[]);
+        command = command_in(Path::new(program), folder, &[]);
     }
     command.env("LD_LIBRARY_PATH", paths).env("SLURM_CONF", folder.join("slurm.conf"));
     command

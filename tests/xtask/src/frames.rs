@@ -23,7 +23,7 @@ struct Job {
 }
 
 /// Number of frames of the shorter run: the first frames create pipelines and textures.
-const FEW: usize = 4;
+const SHORT_RUN_FRAMES: usize = 4;
 
 /// Effects on the image, on surfaces and in the scene, with their defaults.
 const LOOKS: [&str; 12] = [
@@ -124,13 +124,13 @@ impl Job {
         more.extend(setting.gpu.map_or(["--device", "vulkan"], |name| ["--gpu", name]));
         more.extend(self.size.iter().flat_map(|size| ["--size", size]));
         more.extend(self.set.iter().flat_map(|set| ["--set", set]));
-        setting.bench.once(&root().join("tests/bench").join(self.script), self.out, &more)
+        setting.bench.run_once(&root().join("tests/bench").join(self.script), self.out, &more)
     }
 
     fn round(&self, setting: &Setting) -> Result<Cost, String> {
-        let few = self.run(setting, FEW)?;
+        let few = self.run(setting, SHORT_RUN_FRAMES)?;
         let many = self.run(setting, self.frames)?;
-        let frames = (self.frames - FEW) as f64;
+        let frames = (self.frames - SHORT_RUN_FRAMES) as f64;
         Ok(Cost {
             wall: (many.wall_secs - few.wall_secs) / frames,
             cpu: (many.cpu_secs - few.cpu_secs) / frames,

@@ -65,16 +65,16 @@ pub fn fuzz(args: &[&str]) -> Result<(), String> {
     std::fs::create_dir_all(&corpus).map_err(|e| format!("{}: {e}", corpus.display()))?;
     let mut seeds = 0;
     for place in target.places.iter().map(|p| root().join(p)) {
-        seeds += plant(&place, target.endings, &corpus)?;
+        seeds += copy_seeds(&place, target.endings, &corpus)?;
     }
     if let (true, Some(assets)) = (target.assets, assets()) {
-        seeds += plant(&assets, target.endings, &corpus)?;
+        seeds += copy_seeds(&assets, target.endings, &corpus)?;
     }
     if name == "outputs" {
-        seeds += videos(&corpus)?;
+        seeds += write_video_seeds(&corpus)?;
     }
     if target.endings.is_empty() || name == "dropin" {
-        seeds += numbers(&corpus)?;
+        seeds += write_number_seeds(&corpus)?;
     }
     println!("{name}: {seeds} seeds, {seconds} s");
     let mut command = Command::new("cargo");
@@ -100,7 +100,7 @@ pub fn fuzz(args: &[&str]) -> Result<(), String> {
 }
 
 /// Seeds for targets that read fields from bytes. They have no format, so any bytes will do; each seed begins with a different byte.
-fn numbers(corpus: &Path) -> Result<usize, String> {
+fn write_number_seeds(corpus: &Path) -> Result<usize, String> {
     const LENGTH: usize = 512;
     for first in 0..16u8 {
         let seed = u32::from(first) << 16;
@@ -114,7 +114,7 @@ fn numbers(corpus: &Path) -> Result<usize, String> {
 }
 
 /// Short videos of the first lesson in every format, rendered by choreo itself.
-fn videos(corpus: &Path) -> Result<usize, String> {
+fn write_video_seeds(corpus: &Path) -> Result<usize, String> {
     let formats = ["gif", "mp4", "y4m"];
     for format in formats {
         let place = corpus.join(format!("lesson.{format}"));
@@ -143,7 +143,7 @@ fn videos(corpus: &Path) -> Result<usize, String> {
 }
 
 /// Copies files with these extensions, also from folders below; their new names are derived from their paths.
-fn plant(place: &Path, endings: &[&str], corpus: &Path) -> Result<usize, String> {
+fn copy_seeds(place: &Path, endings: &[&str], corpus: &Path) -> Result<usize, String> {
     let mut count = 0;
     let mut open: Vec<PathBuf> = vec![place.to_path_buf()];
     while let Some(folder) = open.pop() {

@@ -8,10 +8,11 @@ use std::process::Command;
 
 pub(crate) const SIZE: (usize, usize) = (240, 135);
 const COLUMNS: usize = 5;
-/// Time of the image in seconds, unless `TIMES` has another.
-const TIME: &str = "2.0";
+/// Time of the image in seconds, unless `TIME_OF_LESSON` has another.
+const DEFAULT_TIME: &str = "2.0";
 /// Lessons that look best at another time.
-const TIMES: [(&str, &str); 5] = [("01", "3.2"), ("05", "2.6"), ("08", "1.0"), ("19", "1.0"), ("26", "2.6")];
+const TIME_OF_LESSON: [(&str, &str); 5] =
+    [("01", "3.2"), ("05", "2.6"), ("08", "1.0"), ("19", "1.0"), ("26", "2.6")];
 
 pub fn lessons() -> Result<(), String> {
     run(cargo(&["build", "--quiet", "--workspace", "--bin", "choreo"]), "cargo build")?;
@@ -34,7 +35,10 @@ pub fn lessons() -> Result<(), String> {
     for script in &scripts {
         let shown = script.strip_prefix(root().join("scripts")).unwrap_or(script).display().to_string();
         let number = shown.get(..2).unwrap_or(&shown);
-        let time = TIMES.iter().find(|(lesson, _)| *lesson == number).map_or(TIME, |(_, time)| time);
+        let time = TIME_OF_LESSON
+            .iter()
+            .find(|(lesson, _)| *lesson == number)
+            .map_or(DEFAULT_TIME, |(_, time)| time);
         let out = work.join("lesson.png");
         let mut render = Command::new(&choreo);
         render.arg("render").arg(script).args(["--quiet", "--device", "cpu", "--samples", "4", "--at", time]);

@@ -12,32 +12,32 @@ pub fn satisfied(expression: &str, allowed: &[&str]) -> bool {
     let spaced = expression.replace('/', " OR ").replace('(', " ( ").replace(')', " ) ");
     let words: Vec<&str> = spaced.split_whitespace().collect();
     let mut rest = words.as_slice();
-    any(&mut rest, allowed) && rest.is_empty()
+    or_expression_fits(&mut rest, allowed) && rest.is_empty()
 }
 
-fn any(words: &mut &[&str], allowed: &[&str]) -> bool {
-    let mut fits = all(words, allowed);
+fn or_expression_fits(words: &mut &[&str], allowed: &[&str]) -> bool {
+    let mut fits = and_expression_fits(words, allowed);
     while let ["OR", rest @ ..] = words {
         *words = rest;
-        fits |= all(words, allowed);
+        fits |= and_expression_fits(words, allowed);
     }
     fits
 }
 
-fn all(words: &mut &[&str], allowed: &[&str]) -> bool {
-    let mut fits = one(words, allowed);
+fn and_expression_fits(words: &mut &[&str], allowed: &[&str]) -> bool {
+    let mut fits = term_fits(words, allowed);
     while let ["AND", rest @ ..] = words {
         *words = rest;
-        fits &= one(words, allowed);
+        fits &= term_fits(words, allowed);
     }
     fits
 }
 
-fn one(words: &mut &[&str], allowed: &[&str]) -> bool {
+fn term_fits(words: &mut &[&str], allowed: &[&str]) -> bool {
     match *words {
         ["(", rest @ ..] => {
             *words = rest;
-            let fits = any(words, allowed);
+            let fits = or_expression_fits(words, allowed);
             let closed = words.first() == Some(&")");
             *words = words.get(1..).unwrap_or_default();
             fits && closed
@@ -97,7 +97,7 @@ impl Deny {
                 faults.push(format!("{name} is not from crates.io"));
             }
         }
-        let twice = twice(packages);
+        let twice = duplicate_packages(packages);
         faults.extend(
             twice
                 .difference(&self.skipped)
@@ -109,7 +109,7 @@ impl Deny {
 }
 
 /// Entries `name:^range` for every version of a crate that also exists in a newer version.
-fn twice(packages: &BTreeMap<String, Package>) -> BTreeSet<String> {
+fn duplicate_packages(packages: &BTreeMap<String, Package>) -> BTreeSet<String> {
     let number = |range: &str| range.split('.').map(|n| n.parse().unwrap_or(0)).collect::<Vec<u64>>();
     let mut versions: BTreeMap<&str, BTreeMap<Vec<u64>, String>> = BTreeMap::new();
     for package in packages.values().filter(|p| !p.is_ours) {
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn the_dependencies_are_as_deny_toml_says() {
+    fn the_dependencies_satisfy_deny_toml() {
         let faults = deny().faults(&packages().unwrap());
         assert!(faults.is_empty(), "deny.toml:\n{}", faults.join("\n"));
     }

@@ -160,7 +160,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn imports_between_the_modules_of_a_crate_point_one_way() {
+    fn modules_of_a_crate_have_no_import_cycles() {
         let (mut crates, mut found) = (0, Vec::new());
         for group in ["core", "plugins", "tests"] {
             for entry in std::fs::read_dir(crate::root().join(group)).unwrap().flatten() {

@@ -122,7 +122,7 @@ fn table(packages: &BTreeMap<String, Package>) -> String {
     format!("{BEGIN}\n| crate | versions | licence | linked into |\n|---|---|---|---|\n{}\n", rows.join("\n"))
 }
 
-fn halves(file: &str) -> Result<(&str, &str), String> {
+fn split_generated(file: &str) -> Result<(&str, &str), String> {
     let at = file.find(BEGIN).ok_or_else(|| format!("THIRD-PARTY.md has lost its line {BEGIN:?}"))?;
     Ok(file.split_at(at))
 }
@@ -131,7 +131,7 @@ fn halves(file: &str) -> Result<(&str, &str), String> {
 pub fn notices() -> Result<(), String> {
     let read = |path: &Path| std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()));
     let (path, packages) = (root().join("THIRD-PARTY.md"), packages()?);
-    let text = format!("{}{}", halves(&read(&path)?)?.0, table(&packages));
+    let text = format!("{}{}", split_generated(&read(&path)?)?.0, table(&packages));
     std::fs::write(&path, &text).map_err(|e| format!("{}: {e}", path.display()))?;
     let mut all = faults(&text, &packages)?;
     all.extend(Deny::read(&read(&root().join("deny.toml"))?).faults(&packages));
@@ -140,7 +140,7 @@ pub fn notices() -> Result<(), String> {
 
 /// Errors in a notices file, one line each.
 fn faults(file: &str, packages: &BTreeMap<String, Package>) -> Result<Vec<String>, String> {
-    let (by_hand, written) = halves(file)?;
+    let (by_hand, written) = split_generated(file)?;
     let expected = table(packages);
     let has = |text: &str, line: &str| text.lines().any(|l| l == line);
     let missing = expected.lines().filter(|line| !has(written, line));
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_are_cargo_s() {
+    fn version_ranges_equal_cargos() {
         let range = |version: &str| {
             let packages = packages().unwrap();
             let any = packages.into_values().next().unwrap();

@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_crate_that_says_nothing_of_itself_is_found() {
+    fn a_crate_without_metadata_is_found() {
         let (mut public, _) = crates().unwrap();
         public.truncate(1);
         public[0].description.clear();

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// Debian or Ubuntu package, the program that it provides, and a file that shows that it is installed.
-const NEEDED: [(&str, &str, &[&str]); 17] = [
+const NEEDED_PACKAGES: [(&str, &str, &[&str]); 17] = [
     ("libvulkan1", "Vulkan loader", &["libvulkan.so.1"]),
     (
         "mesa-vulkan-drivers",
@@ -50,7 +50,7 @@ const LIBRARY_FOLDERS: [&str; 6] = [
     "/usr/lib64",
 ];
 
-fn there(files: &[&str]) -> bool {
+fn all_exist(files: &[&str]) -> bool {
     files.iter().any(|file| {
         if file.starts_with('/') {
             Path::new(file).exists()
@@ -73,7 +73,7 @@ pub fn works(program: &str, args: &[&str]) -> bool {
 /// Installs missing packages if apt and root (or sudo without a password) are available; otherwise prints the commands. Never fails: a test
 /// that lacks something reports it and is counted as skipped.
 pub fn install() {
-    let missing: Vec<_> = NEEDED.iter().filter(|(_, _, files)| !there(files)).collect();
+    let missing: Vec<_> = NEEDED_PACKAGES.iter().filter(|(_, _, files)| !all_exist(files)).collect();
     if missing.is_empty() {
         return;
     }

@@ -30,7 +30,7 @@ pub fn strip() -> Result<(), String> {
 }
 
 /// Number of frames in the strip of any script, spread evenly over its length.
-const SHOWN: usize = 20;
+const FRAMES_IN_STRIP: usize = 20;
 
 /// Runs `cargo xtask strip SCRIPT`: twenty frames from the first to the last, row by row, in `target/strips/NAME.png`.
 pub fn of(script: &str) -> Result<(), String> {
@@ -59,7 +59,7 @@ pub fn of(script: &str) -> Result<(), String> {
         .filter(|p| p.extension().is_some_and(|e| e == "png"))
         .collect();
     pictures.sort();
-    let shown = pictures.len().min(SHOWN);
+    let shown = pictures.len().min(FRAMES_IN_STRIP);
     let mut shots = Vec::new();
     for index in 0..shown {
         let at = index * (pictures.len() - 1) / (shown - 1).max(1);

@@ -38,12 +38,12 @@ fn passes(name: &str, rgba: &[Vec4], size: [u32; 2], p: &[f32]) -> Vec<Vec4> {
 }
 
 #[test]
-fn all_effects_compile_and_have_the_program_s_version() {
+fn all_effects_compile_and_have_the_version_of_choreo() {
     for effect in ALL.iter() {
         let manifest = effect.manifest();
         assert_eq!(manifest.version, env!("CARGO_PKG_VERSION"), "{}", manifest.name);
         let p = [0.5; 8];
-        // What a built-in effect compiles at its first call.
+        // Built-in effects are compiled at their first call.
         match effect {
             Effect::Pixel(effect) => effect.pixels(&mut [], &[], &p),
             Effect::Surface(effect) => effect.surfaces(&mut [], &[], &p),
@@ -96,13 +96,13 @@ mod bloom {
     const P: [f32; 8] = [0.5, 1.0, 0.02, 0.0, 0.0, 0.0, 0.0, 0.0];
 
     #[test]
-    fn what_is_not_bright_stays_as_it_is() {
+    fn colors_below_the_threshold_do_not_change() {
         let grey = vec![Vec4::new(0.9, 0.5, 0.2, 1.0); 40 * 30];
         assert_eq!(passes("bloom", &grey, [40, 30], &P), grey);
     }
 
     #[test]
-    fn spilled_light_is_the_strength_of_what_is_above_the_threshold() {
+    fn bloom_adds_strength_times_the_light_above_the_threshold() {
         // Near enough for full size, and so far that it is spread in an image four times smaller.
         for (radius, shrink) in [(0.02, 1), (0.2, 4)] {
             let p = [0.5, 1.0, radius, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -120,7 +120,7 @@ mod bloom {
     }
 
     #[test]
-    fn a_smaller_picture_spreads_light_as_the_gaussian_itself() {
+    fn a_reduced_image_spreads_light_like_the_gaussian() {
         let p = [1.0, 0.5, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0];
         let size = [120, 120];
         let bright = |x: i32, y: i32| (40..60).contains(&x) && (50..80).contains(&y);
@@ -159,7 +159,7 @@ mod fog {
     }
 
     #[test]
-    fn light_is_lost_by_the_metre_and_fog_thins_with_height() {
+    fn fog_absorbs_light_per_metre_and_thins_with_height() {
         let p = [0.1, 2.0, 1.0, 0.5, 0.0, 0.0, 0.0, 0.0];
         assert_eq!(after(2.0, 0.0, 0.0, p), 1.0, "what is nearer than start is clear");
         assert!((after(12.0, 0.0, 0.0, p) - libm::expf(-1.0)).abs() < 1e-6, "ten metres of a tenth");
@@ -170,7 +170,7 @@ mod fog {
     }
 
     #[test]
-    fn along_slopes_it_is_the_sum_of_small_steps() {
+    fn fog_along_slopes_equals_the_sum_of_small_steps() {
         for (eye, height, metres, start, thins, falloff) in [
             (1.6, 0.0, 20.0, 0.0, 0.0, 0.5),
             (0.2, 9.0, 15.0, 3.0, 1.0, 0.8),
@@ -194,7 +194,7 @@ mod fog {
     }
 
     #[test]
-    fn the_sky_is_clear_above_and_lost_at_the_horizon() {
+    fn fog_leaves_the_zenith_clear_and_hides_the_horizon() {
         let p = [0.1, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0];
         let sky = |up: f32| after(BACKGROUND_DISTANCE, 0.0, up * BACKGROUND_DISTANCE, p);
         // Straight up: density / falloff metres of it in all.
@@ -208,7 +208,7 @@ mod fog {
     }
 
     #[test]
-    fn far_things_become_the_sky() {
+    fn distant_surfaces_take_the_color_of_the_sky() {
         let seen =
             SurfaceSample { distance: 1e6, background: Vec3::new(0.1, 0.2, 0.3), ..SurfaceSample::default() };
         let p = [0.1, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0];
@@ -230,7 +230,7 @@ mod fxaa {
     }
 
     #[test]
-    fn flat_and_straight_pictures_stay() {
+    fn uniform_images_and_straight_edges_do_not_change() {
         assert!(run([8, 8], SPAN, |_, _| 0.3).iter().all(|c| *c == 0.3));
         // An upright edge between pixels has no steps to smooth: bright stays bright.
         let upright = run([16, 16], SPAN, |x, _| if x < 8 { 0.0 } else { 1.0 });
@@ -256,7 +256,7 @@ mod fxaa {
         sums
     }
 
-    /// The table by which the default was chosen: of spans 2, 3, 4, 8 the error left is 0.68, 0.62, 0.68, 0.93 of what it was.
+    /// The default was chosen by this measurement: spans of 2, 3, 4 and 8 reduce the error to 0.68, 0.62, 0.68 and 0.93 of its value.
     #[test]
     fn slanted_edges_come_nearer_to_their_coverage_at_every_slope() {
         let slopes = [0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
@@ -278,7 +278,7 @@ mod motion_blur {
     use super::*;
 
     #[test]
-    fn degrees_of_the_shutter_are_shares_of_a_frame() {
+    fn shutter_degrees_become_a_fraction_of_the_frame() {
         let p = [8.0, 90.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let Effect::Shutter(blur) = effect("motion_blur") else { panic!("motion_blur is no shutter") };
         assert_eq!(blur.shutter(&p), Some(Shutter { samples: 8, open: 0.25, before: 0.0 }));
@@ -303,7 +303,7 @@ mod shadow_catcher {
     use super::*;
 
     #[test]
-    fn lit_places_are_not_seen() {
+    fn fully_lit_surfaces_are_invisible() {
         let p = [0.5, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 0.0];
         let at = |shadow: f32| {
             surface("shadow_catcher", Vec4::ONE, &SurfaceSample { shadow, ..SurfaceSample::default() }, &p)
@@ -322,7 +322,7 @@ mod tonemap {
     }
 
     #[test]
-    fn greys_stay_grey_rise_and_never_clip() {
+    fn grays_stay_gray_increase_and_never_clip() {
         for curve in [0.0, 1.0, 2.0] {
             let mut last = -1.0;
             for i in 0..160 {
@@ -338,7 +338,7 @@ mod tonemap {
     }
 
     #[test]
-    fn mid_grey_is_where_the_transforms_put_it() {
+    fn mid_gray_has_the_published_value_of_agx_and_aces() {
         // AgX has its pivot at mid gray, of code one half (Sobotka, AgX-S2O3), shown by a 2.2 display.
         let expected = libm::pow(0.5, 2.2);
         let got = f64::from(map(1.0, 0.0, Vec3::splat(0.18)).y);
@@ -349,7 +349,7 @@ mod tonemap {
     }
 
     #[test]
-    fn exposure_counts_in_stops_and_none_only_clips() {
+    fn exposure_is_in_stops_and_curve_none_only_clips() {
         for curve in [0.0, 1.0, 2.0, 3.0] {
             let c = Vec3::new(0.1, 0.4, 0.2);
             assert!(map(curve, 1.0, c).abs_diff_eq(map(curve, 0.0, c * 2.0), 1e-6));
@@ -365,7 +365,7 @@ mod toon {
     use super::*;
 
     #[test]
-    fn as_many_brightnesses_as_steps_and_the_same_hue() {
+    fn toon_has_one_brightness_per_step_and_keeps_the_hue() {
         let p = [4.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let mut seen: Vec<f32> = Vec::new();
         for i in 0..1000 {
@@ -382,7 +382,7 @@ mod toon {
     }
 
     #[test]
-    fn soft_steps_never_jump() {
+    fn soft_steps_are_continuous() {
         let p = [3.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let mut last = 0.0;
         for i in 1..=2000 {
@@ -397,7 +397,7 @@ mod views {
     use super::*;
 
     #[test]
-    fn each_view_shows_its_own() {
+    fn each_view_shows_its_quantity() {
         let seen = SurfaceSample {
             normal: Vec3::NEG_Y,
             uv: Vec2::new(1.25, -0.75),
@@ -425,7 +425,7 @@ mod vignette {
     const P: [f32; 8] = [0.5, 0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
     #[test]
-    fn middle_is_untouched_corners_lose_the_strength_and_alpha_stays() {
+    fn vignette_keeps_the_center_and_alpha_and_darkens_the_corners() {
         let white = Vec4::new(1.0, 1.0, 1.0, 0.5);
         assert_eq!(pixel("vignette", white, Vec2::splat(0.5), &P), white);
         for corner in [Vec2::ZERO, Vec2::ONE, Vec2::X, Vec2::Y] {
@@ -435,7 +435,7 @@ mod vignette {
     }
 
     #[test]
-    fn light_falls_steadily_from_the_middle() {
+    fn brightness_decreases_steadily_from_the_center() {
         let mut last = f32::INFINITY;
         for i in 0..=100 {
             let v = pixel("vignette", Vec4::ONE, Vec2::splat(0.5 + 0.005 * i as f32), &P).x;
@@ -449,7 +449,7 @@ mod wireframe {
     use super::*;
 
     #[test]
-    fn lines_of_the_color_and_no_hull() {
+    fn wireframe_has_its_color_and_no_inverted_hull() {
         let p = [0.25, 0.5, 0.75, 0.0, 0.0, 0.0, 0.0, 0.0];
         assert_eq!(outline("wireframe").wireframe(&p), Some(Vec3::new(0.25, 0.5, 0.75)));
         assert_eq!(outline("wireframe").inverted_hull(&p), None);
@@ -460,7 +460,7 @@ mod xray {
     use super::*;
 
     #[test]
-    fn edges_are_solid_and_the_middle_is_not() {
+    fn silhouettes_are_opaque_and_facing_surfaces_translucent() {
         let alpha = |facing: f32| {
             let seen = SurfaceSample { facing, ..SurfaceSample::default() };
             surface("xray", Vec4::ONE, &seen, &[0.25, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).w

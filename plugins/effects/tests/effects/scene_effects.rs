@@ -6,7 +6,7 @@ use glam::{DVec3, Mat4, Vec3, Vec4};
 const SIZE: [u32; 2] = [96, 64];
 const MIDDLE: usize = 32 * 96 + 48;
 
-/// What an effect is given: an image, and the scene that it shows.
+/// Input of an effect: an image, and the scene that it shows.
 struct Given {
     image: Vec<Vec4>,
     /// Normal and depth.
@@ -96,7 +96,7 @@ fn obscured(x: f64, radius: f64, bias: f64) -> f64 {
 }
 
 #[test]
-fn a_valley_is_as_dark_as_the_integral_says() {
+fn occlusion_in_a_valley_equals_the_integral() {
     let run = |strength: f32| {
         let options = [("radius", 0.4), ("samples", 64.0), ("strength", strength)];
         valley().run("ambient_occlusion", &options)
@@ -132,7 +132,7 @@ fn a_valley_is_as_dark_as_the_integral_says() {
 }
 
 #[test]
-fn what_is_in_focus_is_sharp_and_a_point_out_of_focus_is_the_disk_of_a_thin_lens() {
+fn depth_of_field_keeps_focus_sharp_and_blurs_a_point_to_the_disk_of_a_thin_lens() {
     let (yfov, depth, focus, n) = (0.6f32, 8.0f32, 2.0f32, 0.7f32);
     let mut given = Given::wall(Vec4::W, depth, perspective(yfov));
     given.image[MIDDLE] = Vec4::new(1.0, 1.0, 1.0, 1.0);
@@ -169,7 +169,7 @@ fn what_is_in_focus_is_sharp_and_a_point_out_of_focus_is_the_disk_of_a_thin_lens
 }
 
 #[test]
-fn grain_has_its_strength_no_bias_and_belongs_to_its_frame() {
+fn grain_has_its_strength_no_bias_and_differs_between_frames() {
     let frame = |frame: u32| EffectFrame { frame, ..EffectFrame::default() };
     let run = |number: u32, size: f32| {
         let given = Given::wall(GREY, 1.0, frame(number));
@@ -177,7 +177,7 @@ fn grain_has_its_strength_no_bias_and_belongs_to_its_frame() {
     };
     for size in [1.0, 2.5] {
         let out = run(7, size);
-        // At half of white as it looks, the deviation is the strength.
+        // At perceptual middle gray, the standard deviation is the strength.
         let off: Vec<f64> = out.iter().map(|c| f64::from(c.x).sqrt() - 0.5).collect();
         let mean = off.iter().sum::<f64>() / off.len() as f64;
         let deviation = (off.iter().map(|o| o * o).sum::<f64>() / off.len() as f64).sqrt();
@@ -194,7 +194,7 @@ fn grain_has_its_strength_no_bias_and_belongs_to_its_frame() {
 }
 
 #[test]
-fn shafts_are_the_sum_of_the_sky_towards_the_sun() {
+fn light_shafts_are_the_sum_of_the_sky_towards_the_sun() {
     let mut frame = perspective(0.6);
     // Straight ahead.
     frame.sun = Some(Vec3::NEG_Z);
@@ -205,7 +205,7 @@ fn shafts_are_the_sum_of_the_sky_towards_the_sun() {
     let expected = 0.25 * (1.0 + 0.8 * (1.0 - (-2.0f64).exp()) / 2.0);
     let out = given.run("god_rays", &p)[MIDDLE].x;
     assert!((f64::from(out) / expected - 1.0).abs() < 0.01, "{out} instead of {expected}");
-    // Something before half of the way takes the far half away, here the sun's side.
+    // An occluder at half of the distance hides the half beyond it, here the sun's side.
     let blocked = |given: &mut Given, from: usize| {
         for (i, texel) in given.surface.iter_mut().enumerate().filter(|(i, _)| i % 96 >= from) {
             *texel = Vec3::Z.extend(if i % 96 >= from { 3.0 } else { 1e9 });
@@ -218,7 +218,7 @@ fn shafts_are_the_sum_of_the_sky_towards_the_sun() {
     let expected = 0.25 * (1.0 + 0.8 * (1.0 - (-2.0 * 19.5 / way).exp()) / 2.0);
     let is = f64::from(out[32 * 96 + 10].x);
     assert!((is / expected - 1.0).abs() < 0.02, "{is} instead of {expected}");
-    assert_eq!(given.run("god_rays", &p)[32 * 96 + 60], GREY, "all of its way is blocked");
+    assert_eq!(given.run("god_rays", &p)[32 * 96 + 60], GREY, "the whole path to the sun is blocked");
     given.frame.sun = None;
     assert_eq!(given.run("god_rays", &p), given.image);
     given.frame.sun = Some(Vec3::Z);
@@ -253,7 +253,7 @@ fn edges_lie_at_steps_and_creases_and_nowhere_else() {
 }
 
 #[test]
-fn hot_air_bends_what_is_far_by_no_more_than_its_strength() {
+fn heat_haze_shifts_distant_surfaces_by_at_most_its_strength() {
     let at = |time: f32, depth: f32| {
         let mut given = Given::wall(GREY, depth, EffectFrame { time, ..EffectFrame::default() });
         // Each pixel's place as its color.

@@ -71,23 +71,23 @@ pub fn write_body(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<[u8; HEAD]> {
 
 /// Distinct items, numbered in the order of their first use.
 struct Table<T> {
-    known: BTreeMap<T, u32>,
+    index_of_item: BTreeMap<T, u32>,
     items: Vec<T>,
 }
 
 impl<T> Default for Table<T> {
     fn default() -> Table<T> {
-        Table { known: BTreeMap::new(), items: Vec::new() }
+        Table { index_of_item: BTreeMap::new(), items: Vec::new() }
     }
 }
 
 impl<T: Ord + Clone> Table<T> {
     fn index(&mut self, item: T) -> u32 {
-        if let Some(index) = self.known.get(&item) {
+        if let Some(index) = self.index_of_item.get(&item) {
             return *index;
         }
         let index = self.items.len() as u32;
-        self.known.insert(item.clone(), index);
+        self.index_of_item.insert(item.clone(), index);
         self.items.push(item);
         index
     }
@@ -353,11 +353,11 @@ impl Writer<'_, '_> {
     }
 
     fn all(&mut self, of: Type, numbers: usize, number: &dyn Fn(usize) -> f64) -> Result<()> {
-        const AT_ONCE: usize = 512;
-        let (mut list, mut bytes) = (Vec::with_capacity(AT_ONCE), Vec::new());
-        for from in (0..numbers).step_by(AT_ONCE) {
+        const NUMBERS_PER_CHUNK: usize = 512;
+        let (mut list, mut bytes) = (Vec::with_capacity(NUMBERS_PER_CHUNK), Vec::new());
+        for from in (0..numbers).step_by(NUMBERS_PER_CHUNK) {
             list.clear();
-            list.extend((from..numbers.min(from + AT_ONCE)).map(number));
+            list.extend((from..numbers.min(from + NUMBERS_PER_CHUNK)).map(number));
             bytes.clear();
             put(of.component, &list, &mut bytes);
             self.out.put(&bytes)?;

@@ -31,7 +31,7 @@ impl Text<'_, '_> {
         Ok(())
     }
 
-    fn sent_when_long(&mut self) -> Result<()> {
+    fn send_if_long(&mut self) -> Result<()> {
         if self.line.len() >= CHUNK { self.send() } else { Ok(()) }
     }
 
@@ -77,13 +77,13 @@ impl Text<'_, '_> {
                     self.line.push('\n');
                 }
             }
-            self.sent_when_long()?;
+            self.send_if_long()?;
         }
         for child in &prim.children {
             self.prim(child, depth + 1)?;
         }
         let _ = writeln!(self.line, "{indent}}}");
-        self.sent_when_long()
+        self.send_if_long()
     }
 
     fn metadata(&mut self, prim: &Prim<'_>, depth: usize) {
@@ -158,7 +158,7 @@ impl Text<'_, '_> {
                         Some(count) => self.array(of, *count, &|i| numbers[i])?,
                     }
                     self.line.push_str(",\n");
-                    self.sent_when_long()
+                    self.send_if_long()
                 })
             }
         }
@@ -184,7 +184,7 @@ impl Text<'_, '_> {
                 self.line.push_str(", ");
             }
             element(of, number, index * of.width, &mut self.line);
-            self.sent_when_long()?;
+            self.send_if_long()?;
         }
         self.line.push(']');
         Ok(())
@@ -219,7 +219,7 @@ fn element(of: Type, number: &dyn Fn(usize) -> f64, at: usize, out: &mut String)
         return tuple(of.component, 4, &turned, out);
     }
     match of.width {
-        1 => one(of.component, number(at), out),
+        1 => write_number(of.component, number(at), out),
         16 => {
             out.push_str("( ");
             for row in 0..4 {
@@ -236,13 +236,13 @@ fn tuple(component: Component, width: usize, number: &dyn Fn(usize) -> f64, out:
     out.push('(');
     for index in 0..width {
         out.push_str(if index > 0 { ", " } else { "" });
-        one(component, number(index), out);
+        write_number(component, number(index), out);
     }
     out.push(')');
 }
 
 /// Writes the shortest text that is read back as the same number.
-fn one(component: Component, number: f64, out: &mut String) {
+fn write_number(component: Component, number: f64, out: &mut String) {
     let _ = match component {
         _ if number.is_nan() => write!(out, "nan"),
         Component::Bool => write!(out, "{}", number != 0.0),

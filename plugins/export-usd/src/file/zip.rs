@@ -70,7 +70,7 @@ impl Archive {
         let Some(entry) = self.entries.last_mut() else { return Ok((0, Vec::new())) };
         entry.fits(contents.length)?;
         entry.contents = contents;
-        Ok((entry.at + CONTENTS_AT, contents.stated()))
+        Ok((entry.at + CONTENTS_AT, contents.checksum_and_lengths()))
     }
 
     /// Writes the central directory of the archive.
@@ -106,7 +106,7 @@ impl Entry {
 
 impl Contents {
     /// Checksum, stored length and original length, as both headers have them.
-    fn stated(self) -> Vec<u8> {
+    fn checksum_and_lengths(self) -> Vec<u8> {
         let length = (self.length as u32).to_le_bytes();
         [self.checksum.to_le_bytes(), length, length].concat()
     }
@@ -123,7 +123,7 @@ fn common(entry: &Entry, padding: u16) -> Vec<u8> {
     for word in [10, 1 << 11, 0, 0, DATE] {
         out.extend(u16::to_le_bytes(word));
     }
-    out.extend(entry.contents.stated());
+    out.extend(entry.contents.checksum_and_lengths());
     out.extend((entry.name.len() as u16).to_le_bytes());
     out.extend(padding.to_le_bytes());
     out

@@ -71,7 +71,7 @@ fn errors_name_the_line() {
 }
 
 #[test]
-fn what_is_left_or_guessed_is_said() {
+fn guessed_and_ignored_content_is_a_warning() {
     let said = |from: &str, to: &str| {
         assert!(ARM.contains(from), "{from}");
         let asset = import_bytes(&BvhImporter, "odd.bvh", ARM.replacen(from, to, 1)).unwrap();
@@ -149,7 +149,7 @@ fn options_are_followed() {
 }
 
 #[test]
-fn what_is_not_needed_is_not_made() {
+fn parts_outside_the_import_scope_are_not_created() {
     let import = |needs: ImportScope| {
         choreo_importer_kit_testing::import(&BvhImporter, &source("arm.bvh", ARM), &Companions::none(), needs)
             .unwrap()
@@ -189,7 +189,7 @@ fn what_is_not_needed_is_not_made() {
 }
 
 #[test]
-fn claims() {
+fn files_are_claimed_by_content() {
     let claim = |name: &str, bytes: &str| BvhImporter.claim(&source(name, bytes));
     assert_eq!(claim("x", ARM), Claim::Content(90));
     assert_eq!(claim("x.txt", "\u{feff} \n hierarchy\n"), Claim::Content(90));
@@ -198,7 +198,7 @@ fn claims() {
 }
 
 #[test]
-fn deep_and_wide_hierarchies() {
+fn deep_and_wide_hierarchies_are_limited() {
     let deep = |n: usize| {
         let joint = "JOINT a\n{\nOFFSET 0 1 0\n";
         format!("HIERARCHY\nROOT a\n{{\nOFFSET 0 0 0\n{}{}", joint.repeat(n), "}\n".repeat(n + 1))
@@ -214,7 +214,7 @@ fn deep_and_wide_hierarchies() {
 }
 
 #[test]
-fn truncated_and_flipped() {
+fn truncated_files_and_flipped_bits_do_not_panic() {
     damage::run_cases(&BvhImporter, || {
         let mut cases = vec![
             ("arm.bvh", ARM.as_bytes().to_vec(), 1000),

@@ -27,7 +27,7 @@ fn samples() -> Vec<(String, Vec<u8>)> {
 }
 
 /// Worst distance of any joint at any key and any quarter of an interval, relative to the skeleton's size.
-fn worst(name: &str, bytes: &[u8], fault: Option<Fault>) -> f64 {
+fn worst_joint_distance(name: &str, bytes: &[u8], fault: Option<Fault>) -> f64 {
     let asset = import_bytes(&BvhImporter, name, bytes).unwrap_or_else(|e| panic!("{e}"));
     let oracle = Oracle::read(std::str::from_utf8(bytes).unwrap());
     let scale = asset.origin.metres_per_unit.unwrap();
@@ -57,9 +57,9 @@ fn worst(name: &str, bytes: &[u8], fault: Option<Fault>) -> f64 {
 }
 
 #[test]
-fn joints_are_where_the_angles_say() {
+fn joints_equal_the_reference_evaluation_of_the_file() {
     for (name, bytes) in samples() {
-        let error = worst(&name, &bytes, None);
+        let error = worst_joint_distance(&name, &bytes, None);
         println!("{name}: worst joint {error:.1e} of the size");
         assert!(error < ALLOWED, "{name}: {error}");
     }
@@ -67,16 +67,16 @@ fn joints_are_where_the_angles_say() {
 
 /// The comparison can fail: the angles applied in the opposite order, and a position added to the offset.
 #[test]
-fn a_planted_fault_is_seen() {
+fn the_comparison_detects_a_planted_fault() {
     for (name, bytes) in samples() {
         if name == "arm.bvh" || name == "valid-nested-joints.bvh" {
             continue; // They turn about one axis at a time: the order makes no difference.
         }
-        let error = worst(&name, &bytes, Some(Fault::OppositeOrder));
+        let error = worst_joint_distance(&name, &bytes, Some(Fault::OppositeOrder));
         assert!(error > ALLOWED * 100.0, "{name}: {error}");
     }
     let (name, bytes) = samples().remove(0);
-    assert!(worst(&name, &bytes, Some(Fault::PositionAddsToOffset)) > 0.1);
+    assert!(worst_joint_distance(&name, &bytes, Some(Fault::PositionAddsToOffset)) > 0.1);
 }
 
 #[test]

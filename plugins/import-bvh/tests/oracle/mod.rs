@@ -57,13 +57,13 @@ impl Oracle {
         (max - min).max_element()
     }
 
-    /// Joint positions in the file's units, `part` of the way from a frame to the next.
+    /// Joint positions in the file's units, interpolated by `part` from a frame to the next.
     pub fn positions(&self, frame: usize, part: f64, fault: Option<Fault>) -> Vec<DVec3> {
         let a = self.locals(frame, fault);
         let b = if part > 0.0 { self.locals(frame + 1, fault) } else { a.clone() };
         let mut world: Vec<(DMat3, DVec3)> = Vec::new();
         for (i, joint) in self.joints.iter().enumerate() {
-            let rotation = a[i].0 * part_of(a[i].0.transpose() * b[i].0, part);
+            let rotation = a[i].0 * partial_rotation(a[i].0.transpose() * b[i].0, part);
             let position = a[i].1 + (b[i].1 - a[i].1) * part;
             world.push(match joint.parent {
                 None => (rotation, position),
@@ -107,8 +107,8 @@ fn axis_matrix(axis: &str, angle: f64) -> DMat3 {
     DMat3::from_cols_array_2d(&rows).transpose()
 }
 
-/// A part of a rotation, about its own axis: Rodrigues' formula there and back.
-fn part_of(r: DMat3, part: f64) -> DMat3 {
+/// The rotation about the same axis by `part` of its angle, by Rodrigues' formula and its inverse.
+fn partial_rotation(r: DMat3, part: f64) -> DMat3 {
     let twice_sin = DVec3::new(r.y_axis.z - r.z_axis.y, r.z_axis.x - r.x_axis.z, r.x_axis.y - r.y_axis.x);
     let trace = r.x_axis.x + r.y_axis.y + r.z_axis.z;
     let angle = twice_sin.length().atan2(trace - 1.0);

@@ -45,7 +45,7 @@ fn errors_name_element_and_line() {
 }
 
 #[test]
-fn entities_are_refused() {
+fn xml_entities_are_errors() {
     let mut laughs = "<?xml version=\"1.0\"?>\n<!DOCTYPE COLLADA [<!ENTITY a0 \"ha\">".to_string();
     (1..30).for_each(|i| laughs += &format!("<!ENTITY a{i} \"&a{};&a{};\">", i - 1, i - 1));
     laughs += "]>\n<COLLADA>&a29;</COLLADA>";
@@ -97,7 +97,7 @@ fn deep_wide_and_circular_files() {
 }
 
 #[test]
-fn odd_files_are_read_with_a_word() {
+fn unusual_files_are_imported_with_warnings() {
     let read = |from: &str, to: &str| {
         assert!(ARM.contains(from), "{from}");
         let asset = import_bytes(&ColladaImporter, "odd.dae", ARM.replacen(from, to, 1))
@@ -119,7 +119,7 @@ fn odd_files_are_read_with_a_word() {
     has(read("0 0.5 1.5<", "0 0.5 0.5<"), "1 of 3 keys are not after the one before");
     has(
         read("symbol=\"SKIN\"", "symbol=\"COAT\""),
-        "material \"SKIN\" of the mesh is not bound; grey is used",
+        "material \"SKIN\" of the mesh is not bound; gray is used",
     );
     has(
         read("<scene><instance_visual_scene url=\"#scene\"/></scene>", ""),
@@ -144,7 +144,7 @@ fn odd_files_are_read_with_a_word() {
 }
 
 #[test]
-fn truncated_and_flipped() {
+fn truncated_files_and_flipped_bits_do_not_panic() {
     damage::run_cases(&ColladaImporter, || {
         let mut cases = vec![("arm.dae", ARM.as_bytes().to_vec(), 1000)];
         if let Some(folder) = assets(4) {

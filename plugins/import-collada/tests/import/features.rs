@@ -12,7 +12,7 @@ use import_collada::ColladaImporter;
 const ARM: &str = include_str!("../data/arm.dae");
 
 /// A BMP of one white pixel.
-fn picture() -> Vec<u8> {
+fn test_png() -> Vec<u8> {
     let mut out = b"BM".to_vec();
     out.extend(58u32.to_le_bytes());
     out.extend([0; 4]);
@@ -24,7 +24,7 @@ fn picture() -> Vec<u8> {
 }
 
 fn companions() -> Companions {
-    Companions::of(vec![("art/skin 1.png", picture())])
+    Companions::of(vec![("art/skin 1.png", test_png())])
 }
 
 fn read(text: &str) -> Asset {
@@ -46,7 +46,7 @@ fn changed(changes: &[(&str, &str)]) -> String {
 }
 
 #[test]
-fn nodes_in_metres_and_upright() {
+fn nodes_are_converted_to_metres_and_y_up() {
     let asset = read(ARM);
     assert_eq!(asset.skeleton.names(), ["Upper", "Lower", "Arm", "eye"]);
     assert_eq!(asset.skeleton.parents(), [None, Some(0), None, None]);
@@ -84,7 +84,7 @@ fn skins_move_their_vertices() {
 }
 
 #[test]
-fn uv_sets_materials_and_textures() {
+fn uv_sets_materials_and_textures_are_imported() {
     let asset = read(ARM);
     let p = &asset.meshes[0].primitives[0];
     assert_eq!(p.uvs[0][2], Vec2::new(0.5, 0.0));
@@ -117,7 +117,7 @@ fn uv_sets_materials_and_textures() {
 }
 
 #[test]
-fn what_is_mirrored_is_reflective_times_reflectivity() {
+fn reflection_is_reflective_times_reflectivity() {
     let of = |reflective: &str| {
         let lines = format!("<shininess><float>92</float></shininess>{reflective}");
         let asset = with(&[("<shininess><float>92</float></shininess>", &lines)]);
@@ -138,7 +138,7 @@ fn what_is_mirrored_is_reflective_times_reflectivity() {
 }
 
 #[test]
-fn cameras_and_lights() {
+fn cameras_and_lights_are_imported() {
     let asset = read(ARM);
     let Projection::Perspective { yfov, near, far } = asset.cameras[0].projection else { panic!() };
     // tan(45°) / 2.
@@ -151,7 +151,7 @@ fn cameras_and_lights() {
 }
 
 #[test]
-fn what_is_not_needed_is_not_read() {
+fn parts_outside_the_import_scope_are_not_read() {
     let read = |needs: ImportScope| {
         let files = companions();
         let asset = import(&ColladaImporter, &source("arm.dae", ARM), &files, needs).unwrap();
@@ -213,7 +213,7 @@ fn animation_clips_cut_their_range() {
 }
 
 #[test]
-fn morphs_and_their_weights() {
+fn morph_targets_and_weights_are_imported() {
     let target = ARM.split("<geometry id=\"strip\"").nth(1).unwrap().split("</geometry>").next().unwrap();
     let target = format!("<geometry id=\"raised\"{target}</geometry></library_geometries>")
         .replace("strip-", "raised-")
@@ -260,7 +260,7 @@ fn morphs_and_their_weights() {
 }
 
 #[test]
-fn strips_fans_polygons_and_lines() {
+fn strips_fans_polygons_and_lines_are_imported() {
     let polylist =
         &ARM[ARM.find("<polylist").unwrap()..ARM.find("</polylist>").unwrap() + "</polylist>".len()];
     let inputs = "<input semantic=\"VERTEX\" source=\"#strip-vertices\" offset=\"0\"/>";
@@ -284,7 +284,7 @@ fn strips_fans_polygons_and_lines() {
 }
 
 #[test]
-fn instanced_nodes_and_shared_meshes() {
+fn instanced_nodes_share_their_meshes() {
     let scene = "<library_nodes><node id=\"part\"><instance_geometry url=\"#strip\"/></node></library_nodes><library_visual_scenes>";
     let two = "<node id=\"a\"><instance_node url=\"#part\"/></node><node id=\"b\"><translate>0 0 7</translate><instance_node url=\"#part\"/></node><node id=\"arm\"";
     let asset = with(&[("<library_visual_scenes>", scene), ("<node id=\"arm\"", two)]);
@@ -296,7 +296,7 @@ fn instanced_nodes_and_shared_meshes() {
 }
 
 #[test]
-fn encodings() {
+fn utf8_and_utf16_files_are_decoded() {
     let plain = read(ARM);
     let utf16 = |bytes: fn(u16) -> [u8; 2], mark: bool| -> Vec<u8> {
         let text = ARM.replace("encoding=\"utf-8\"", "encoding=\"utf-16\"").replace("Upper", "Öber");
@@ -331,15 +331,15 @@ fn encodings() {
 }
 
 #[test]
-fn a_skeleton_alone_has_bones_to_be_seen() {
+fn a_skeleton_without_a_mesh_gets_visible_bones() {
     let asset = with(&[("<instance_controller url=\"#arm-skin\">", "<instance_controller url=\"#gone\">")]);
     assert_eq!((asset.meshes[0].name.as_str(), asset.skins.len()), ("bones", 1));
     assert!(warnings(&asset)[0].contains("url=\"#gone\" refers to nothing in this file; it is left out"));
 }
 
-/// The target of an instance may be missing, or be of another kind: the rest of the file is read all the same.
+/// The target of an instance may be missing, or of the wrong type: such an instance is skipped, and the other elements are read.
 #[test]
-fn instances_of_nothing_are_left_out() {
+fn instances_with_a_missing_or_wrong_target_are_left_out() {
     let nothing = "refers to nothing in this file";
     let eye = "library_visual_scenes/visual_scene \"scene\"/node \"eye\"";
     for (from, to, told, counts) in [
@@ -378,7 +378,7 @@ fn instances_of_nothing_are_left_out() {
         (
             "target=\"#skin\"",
             "target=\"#x\"",
-            format!("instance_material (line 139): target=\"#x\" {nothing}; grey is used"),
+            format!("instance_material (line 139): target=\"#x\" {nothing}; gray is used"),
             (1, 1, 2, 1),
         ),
         (
@@ -414,7 +414,7 @@ fn instances_of_nothing_are_left_out() {
 
 /// Some programs write decimal commas if the user's language has them.
 #[test]
-fn units_that_are_no_numbers() {
+fn units_that_are_not_numbers_are_warnings() {
     let size = |asset: &Asset| (asset.rest_bounds().max - asset.rest_bounds().min).max_element();
     let plain = read(ARM);
     let comma = with(&[("meter=\"0.01\"", "meter=\"0,01\"")]);
@@ -445,7 +445,7 @@ fn clips_begin_at_their_first_key() {
             assert!(a.abs_diff_eq(b, 1e-6), "{at} s of {late}: {a} {b}");
         }
     }
-    // An animation_clip says where it starts: 0 where it says nothing.
+    // An animation_clip states its start; the default is 0.
     let clips = "<library_animation_clips><animation_clip name=\"all\"><instance_animation url=\"#bend\"/></animation_clip></library_animation_clips><library_visual_scenes>";
     let asset = with(&[("0 0.5 1.5", "0.25 0.75 1.75"), ("<library_visual_scenes>", clips)]);
     assert_eq!(asset.clips[0].duration.as_secs(), 1.75);

@@ -1,4 +1,4 @@
-//! Files, what is read of them, and what is refused.
+//! Integration tests of the importer: features that are read, and errors of bad files.
 
 mod bad_input;
 mod features;

@@ -14,7 +14,7 @@ fn numbers(text: &str) -> Vec<f64> {
     text.split_whitespace().map(|w| w.parse().unwrap()).collect()
 }
 
-/// Matrix animations read once more: every channel's keys by node, whole matrices only.
+/// Reference reader of matrix animations: the keys of every channel by node. Supports whole matrices only.
 struct Oracle<'d> {
     doc: &'d Document<'d>,
     /// Node id, times, matrices.
@@ -135,7 +135,7 @@ fn worst(asset: &Asset, oracle: &Oracle<'_>, late_secs: f64) -> f64 {
 }
 
 #[test]
-fn matrices_at_their_keys() {
+fn matrix_keys_equal_the_reference() {
     let Some(folder) = assets(4) else { return };
     for name in ["pab/walk.dae", "pab/skeleton.dae", "walk.dae", "cylinder_animated_from_3ds_max.dae"] {
         let text = std::fs::read_to_string(folder.join("dae").join(name)).unwrap();
@@ -217,7 +217,7 @@ fn compare(asset: &Asset, end: f64, truth: impl Fn(f64) -> DMat4) -> f64 {
 }
 
 #[test]
-fn angles_take_the_long_way_and_mix_with_other_axes() {
+fn angles_over_180_degrees_are_kept_and_combine_with_other_axes() {
     let stack = "<translate sid=\"t\">100 0 0</translate><rotate sid=\"z\">0 0 1 0</rotate><rotate sid=\"x\">1 0 0 0</rotate><scale sid=\"s\">1 1 1</scale>";
     let channels = channel("a", "lower-node/z.ANGLE", "0 2", "0 700", "LINEAR LINEAR", None)
         + &channel("b", "lower-node/x.ANGLE", "0 1 2", "0 90 0", "LINEAR LINEAR LINEAR", None)
@@ -253,9 +253,9 @@ fn bezier(x: [f64; 4], y: [f64; 4], t: f64) -> f64 {
 }
 
 #[test]
-fn curved_held_and_component_keys() {
+fn bezier_step_and_component_keys_equal_the_closed_form() {
     let stack = "<matrix sid=\"m\">1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</matrix>";
-    // x of the translation by handles, z held: (column)(row).
+    // The x translation is a Bézier curve, z is stepped; targets are (column)(row).
     let tangents = Some(("0 0 0.4 100", "0.6 0 1 100"));
     let channels = channel("a", "lower-node/m(3)(0)", "0 1", "0 100", "BEZIER BEZIER", tangents)
         + &channel("b", "lower-node/m(3)(2)", "0 0.5 1", "0 10 20", "STEP STEP STEP", None);
@@ -285,7 +285,7 @@ fn curved_held_and_component_keys() {
 }
 
 #[test]
-fn what_cannot_be_driven_is_said() {
+fn channels_without_a_usable_target_are_warnings() {
     let stack = "<matrix sid=\"m\">1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</matrix>";
     let one = |target: &str| channel("a", target, "0 1", "0 1", "LINEAR CARDINAL", None);
     let said = |target: &str| {

@@ -57,7 +57,7 @@ fn times() -> impl Iterator<Item = f64> {
 
 /// tan(½ yfov) = tan(½ xfov) ÷ 2.
 #[test]
-fn an_angle_across_is_followed_through_its_tangents() {
+fn a_horizontal_angle_becomes_an_accurate_vertical_angle() {
     let lens = animation("cam/xfov", 1, "90 30 110", "LINEAR LINEAR LINEAR");
     let asset = read(&[], &[lens]);
     let truth = |secs| 2.0 * ((0.5 * straight([90.0, 30.0, 110.0], secs).to_radians()).tan() / 2.0).atan();
@@ -73,7 +73,7 @@ fn an_angle_across_is_followed_through_its_tangents() {
 
 /// Color times intensity is π times the file's color, beyond 1 too.
 #[test]
-fn colors_of_lights_are_color_and_intensity() {
+fn animated_light_colors_become_color_and_intensity() {
     let sun = animation("sun/color", 3, "2 1 0  0.5 4 1  0.25 0.5 0.5", "LINEAR LINEAR LINEAR");
     let lamp = animation("lamp/color.G", 1, "1 0 0.5", "STEP STEP STEP");
     let sid = [
@@ -101,7 +101,7 @@ fn colors_of_lights_are_color_and_intensity() {
 
 /// The full angle of a spot, whose soft edge keeps its share.
 #[test]
-fn the_cone_of_a_spot_opens() {
+fn spot_cone_angles_are_animated() {
     let spot = "<spot><color>1 1 1</color><falloff_angle sid=\"angle\">40</falloff_angle></spot>";
     let cone = animation("sun/angle", 1, "40 80 20", "LINEAR LINEAR LINEAR");
     let asset = read(&[("<directional><color>2 1 0</color></directional>", spot)], &[cone]);
@@ -118,7 +118,7 @@ fn the_cone_of_a_spot_opens() {
 }
 
 #[test]
-fn numbers_that_are_not_read_are_named() {
+fn unsupported_animated_values_are_warnings() {
     let asset = read(&[], &[animation("cam/zfar", 1, "100 200 300", "LINEAR LINEAR LINEAR")]);
     let said = warnings(&asset);
     assert!(

@@ -1,4 +1,4 @@
-//! How far clips are from what ufbx evaluates between their keys, and what closer keys cost.
+//! Errors of clips between their keys, compared with ufbx, and the number of keys that a smaller tolerance needs.
 
 use crate::file::TOLERANCE_DEG;
 use crate::local::Local;
@@ -44,7 +44,7 @@ fn clips(bytes: &[u8], choice: Choice) -> Asset {
     FbxImporter.import(&source, &Companions::none(), ONLY_CLIPS, &options).unwrap()
 }
 
-/// Against ufbx, at `samples` even times of every clip, which fall between keys. `late` is a planted fault.
+/// Compares clips with ufbx at `samples` evenly spaced times, which fall between keys. `late` (seconds) is a planted fault.
 pub fn worst(bytes: &[u8], choice: Choice, samples: usize, late: f64) -> Worst {
     let asset = clips(bytes, choice);
     let scene = load::load(bytes, ONLY_CLIPS, &Companions::none()).unwrap();
@@ -92,7 +92,7 @@ fn own() -> Vec<u8> {
 
 /// Checks the project's own sample: a rotation by Euler angles, cubic and linear, through 70° in a second.
 #[test]
-fn closer_keys_are_closer() {
+fn a_smaller_tolerance_gives_a_smaller_error() {
     let close = worst(&own(), Choice::Within(TOLERANCE_DEG), 503, 0.0);
     let [one, two, four] = [24.0, 48.0, 96.0].map(|rate| worst(&own(), Choice::Rate(rate), 503, 0.0));
     println!("flag.fbx: {close:?} {one:?} {two:?} {four:?}");
@@ -104,7 +104,7 @@ fn closer_keys_are_closer() {
 
 /// The table of the README.
 #[test]
-fn sample_files() {
+fn sample_files_are_within_the_tolerance() {
     let Some(folder) = assets(9) else { return };
     let files = [
         "fbx/animation_with_skeleton.fbx",
@@ -143,7 +143,7 @@ fn sample_files() {
 
 /// Compares nodes at rest with ufbx's: they differ in the last bits of two libraries' sines.
 #[test]
-fn nodes_at_rest() {
+fn rest_transforms_equal_those_of_ufbx() {
     let files = assets(23).map(|folder| crate::tests::accuracy::all_files(&folder)).unwrap_or_default();
     let read = |path: &std::path::PathBuf| std::fs::read(path).unwrap();
     let (mut worst, mut count) = (0.0f64, 0);

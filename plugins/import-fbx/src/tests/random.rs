@@ -164,7 +164,7 @@ fn file(dice: &mut Dice, layers: u64, own_scale: bool) -> String {
 
 /// Every closed form within its tolerance, and none by chance: a hundredth of a second late is seen in every file.
 #[test]
-fn one_layer() {
+fn random_curves_of_one_layer_are_within_the_tolerance() {
     let mut dice = Dice(7);
     for round in 0..60 {
         let text = file(&mut dice, 1, false);
@@ -181,7 +181,7 @@ fn one_layer() {
 
 /// Translations are products with the scale of those above, which has curves of its own.
 #[test]
-fn scale_that_is_not_inherited() {
+fn random_curves_with_uninherited_scale_are_within_the_tolerance() {
     let mut dice = Dice(5);
     let mut helped = 0;
     for round in 0..40 {
@@ -200,7 +200,7 @@ fn scale_that_is_not_inherited() {
 
 /// Mixed layers are sampled: what the probes miss is a little more.
 #[test]
-fn two_layers() {
+fn random_curves_of_two_layers_are_close_to_ufbx() {
     let mut dice = Dice(11);
     for round in 0..8 {
         let text = file(&mut dice, 2, false);

@@ -6,7 +6,7 @@ use choreo_plugin::{Claim, Importer};
 use import_fbx::FbxImporter;
 
 #[test]
-fn truncated_and_flipped() {
+fn truncated_files_and_flipped_bits_do_not_panic() {
     if alone::ran_in_own_process() {
         return;
     }
@@ -70,7 +70,7 @@ fn element(name: &str, at: usize, properties: (u32, &[u8]), children: &dyn Fn(us
 }
 
 #[test]
-fn limits_are_named() {
+fn errors_name_the_exceeded_limit() {
     let text = |bytes: Vec<u8>| error_text(import_bytes(&FbxImporter, "x.fbx", bytes));
     // A chain of nodes.
     let chain = |nodes: usize| {

@@ -13,7 +13,7 @@ const SECOND: i64 = 46_186_158_000;
 const PERCENT: [f64; 5] = [0.0, -150.0, 150.0, -30.0, 75.0];
 
 /// One triangle, in metres and +Y up, with a channel. `shapes`: full weight in percent, and what the shape adds to the first
-/// vertex. `rest`: the channel's weight in percent where no clip says otherwise.
+/// vertex. `rest`: the channel's weight in percent without a clip.
 fn file(shapes: &[(f64, [f64; 3])], rest: f64, animated: bool) -> Vec<u8> {
     let mut objects = String::from(
         "Model: 10, \"Model::body\", \"Mesh\" {\n}\nGeometry: 11, \"Geometry::body\", \"Mesh\" {\nVertices: *9 {\na: 0,0,0,1,0,0,0,1,0\n}\n\
@@ -66,8 +66,8 @@ fn read(bytes: &[u8]) -> Asset {
     asset
 }
 
-/// Where the first vertex stands by our importer and by ufbx, at a time of the clip or at rest.
-fn both(bytes: &[u8], asset: &Asset, secs: Option<f64>) -> (DVec3, DVec3) {
+/// Position of the first vertex by this importer and by ufbx, at a time of the clip or at rest.
+fn choreo_and_ufbx_vertices(bytes: &[u8], asset: &Asset, secs: Option<f64>) -> (DVec3, DVec3) {
     let ours = crate::common::posed_vertices(asset, secs.map(|s| (&*asset.clips[0], s)))[0];
     let scene = ufbx::load_memory(bytes, ufbx::LoadOpts::default()).unwrap();
     let at = match secs {
@@ -100,7 +100,7 @@ fn weights_below_zero_at_rest() {
     for shapes in CHANNELS {
         for percent in [-150.0, -100.0, -50.0, -30.0, -10.0, 10.0, 30.0, 75.0, 150.0] {
             let bytes = file(shapes, percent, false);
-            let (ours, theirs) = both(&bytes, &read(&bytes), None);
+            let (ours, theirs) = choreo_and_ufbx_vertices(&bytes, &read(&bytes), None);
             assert!(ours.distance(theirs) < 1e-6, "{shapes:?} at {percent} %: {ours}, ufbx has {theirs}");
             assert!(theirs.length() > 0.05, "the shapes move the vertex");
         }
@@ -122,7 +122,7 @@ fn weights_below_zero_in_clips() {
         let mut lowest = 0.0f64;
         for step in 0..=160 {
             let secs = f64::from(step) / 40.0;
-            let (ours, theirs) = both(&bytes, &asset, Some(secs));
+            let (ours, theirs) = choreo_and_ufbx_vertices(&bytes, &asset, Some(secs));
             // Times of the keys that are added are whole ticks, of 1.4 ns.
             assert!(ours.distance(theirs) < 1e-5, "{shapes:?} at {secs} s: {ours}, ufbx has {theirs}");
             lowest = lowest.min(theirs.min_element());

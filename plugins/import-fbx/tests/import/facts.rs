@@ -5,7 +5,7 @@ use choreo_importer_kit_testing::sound;
 use choreo_motion::bind_clip;
 
 #[test]
-fn every_file_is_sound() {
+fn every_imported_file_is_consistent() {
     let Some(folder) = common::assets(23) else { return };
     let files = common::all_files(&folder);
     assert!(files.len() >= 23, "{}", files.len());

@@ -18,14 +18,14 @@ fn stripes() -> Vec<u8> {
     png
 }
 
-fn flag(needs: ImportScope) -> (Asset, Companions) {
+fn import_flag(needs: ImportScope) -> (Asset, Companions) {
     let files = Companions::of(vec![("stripes.png", stripes())]);
     let asset = import(&FbxImporter, &common::source("flag.fbx", common::own()), &files, needs).unwrap();
     (asset, files)
 }
 
 fn all() -> Asset {
-    let asset = flag(ImportScope::ALL).0;
+    let asset = import_flag(ImportScope::ALL).0;
     sound::check("flag.fbx", &asset);
     asset
 }
@@ -47,7 +47,7 @@ fn place(asset: &Asset, name: &str, secs: Option<f64>) -> DVec3 {
 }
 
 #[track_caller]
-fn near(a: DVec3, b: DVec3) {
+fn assert_near(a: DVec3, b: DVec3) {
     assert!(a.distance(b) < 1e-6, "{a} is not {b}");
 }
 
@@ -57,28 +57,28 @@ fn primitive<'a>(asset: &'a Asset, material: &str) -> &'a Primitive {
 }
 
 #[test]
-fn units_and_axes_are_converted_and_told() {
+fn units_and_axes_are_converted_and_reported() {
     let asset = all();
     assert_eq!(asset.origin.format, "FBX 7.4 text");
     assert_eq!(asset.origin.writer, "choreo, by hand");
     assert_eq!(asset.origin.up, "+Z");
     assert!((asset.origin.metres_per_unit.unwrap() - INCH).abs() < 1e-12);
-    near(place(&asset, "pole", None), at(0.0, 0.0, 10.0));
-    near(place(&asset, "bone7", None), at(70.0, 0.0, 10.0));
+    assert_near(place(&asset, "pole", None), at(0.0, 0.0, 10.0));
+    assert_near(place(&asset, "bone7", None), at(70.0, 0.0, 10.0));
 }
 
 /// Translation · pivot · pre-rotation · rotation · pivot⁻¹.
 #[test]
-fn pivots_and_pre_rotation() {
-    near(place(&all(), "hand", None), at(11.0, 2.0, 13.0));
+fn pivots_and_pre_rotation_are_applied() {
+    assert_near(place(&all(), "hand", None), at(11.0, 2.0, 13.0));
 }
 
 /// A parent's scale moves the child's origin, but does not scale it.
 #[test]
-fn scale_that_is_not_inherited() {
+fn uninherited_scale_moves_but_does_not_scale_children() {
     let asset = all();
-    near(place(&asset, "free", None), at(2.0, 3.0, 4.0));
-    near(place(&asset, "tip", None), at(2.0, 3.0, 9.0));
+    assert_near(place(&asset, "free", None), at(2.0, 3.0, 4.0));
+    assert_near(place(&asset, "tip", None), at(2.0, 3.0, 9.0));
 }
 
 #[test]
@@ -105,7 +105,7 @@ fn geometric_translation_moves_the_mesh_alone() {
     let has = |p: DVec3| vertices.iter().any(|v| v.distance(p) < 1e-6);
     assert!(has(at(0.0, 0.0, 5.0)) && has(at(100.0, 0.0, 25.0)));
     assert!(!has(at(0.0, 0.0, 0.0)));
-    near(place(&asset, "flag", None), DVec3::ZERO);
+    assert_near(place(&asset, "flag", None), DVec3::ZERO);
 }
 
 #[test]
@@ -126,7 +126,7 @@ fn ten_influences_become_eight() {
 }
 
 #[test]
-fn shapes_in_between_are_targets_of_their_own() {
+fn in_between_shapes_become_separate_morph_targets() {
     let asset = all();
     let mesh = asset.meshes.iter().find(|m| m.name == "flag").unwrap();
     assert_eq!(mesh.morph_names, ["bulge (50 %)", "bulge"]);
@@ -159,7 +159,7 @@ fn empty_stacks_are_left_out_with_a_note() {
 }
 
 #[test]
-fn stepped_curves_stay_steps() {
+fn stepped_curves_keep_their_steps() {
     let asset = all();
     let wide = joint(&asset, "wide");
     let of = |path| asset.clips[0].curves().iter().find(|c| c.joint == wide && c.path == path).unwrap();
@@ -175,7 +175,7 @@ fn stepped_curves_stay_steps() {
 fn curves_that_repeat_beyond_their_keys() {
     let asset = all();
     for (secs, z) in [(0.25, 14.0), (0.5, 10.0), (1.25, 14.0), (1.5, 10.0)] {
-        near(place(&asset, "pole", Some(secs)), at(0.0, 0.0, z));
+        assert_near(place(&asset, "pole", Some(secs)), at(0.0, 0.0, z));
     }
     assert!(
         warnings(&asset)
@@ -187,10 +187,10 @@ fn curves_that_repeat_beyond_their_keys() {
 #[test]
 fn keys_outside_the_stack_are_cut() {
     let asset = all();
-    near(place(&asset, "eye", Some(0.0)), at(0.0, -200.0, 50.0));
-    near(place(&asset, "eye", Some(1.0)), at(10.0, -200.0, 50.0));
-    near(place(&asset, "eye", Some(2.0)), at(20.0, -200.0, 50.0));
-    near(place(&asset, "eye", Some(9.0)), at(20.0, -200.0, 50.0));
+    assert_near(place(&asset, "eye", Some(0.0)), at(0.0, -200.0, 50.0));
+    assert_near(place(&asset, "eye", Some(1.0)), at(10.0, -200.0, 50.0));
+    assert_near(place(&asset, "eye", Some(2.0)), at(20.0, -200.0, 50.0));
+    assert_near(place(&asset, "eye", Some(9.0)), at(20.0, -200.0, 50.0));
 }
 
 #[test]
@@ -210,7 +210,7 @@ fn one_mesh_with_two_materials_and_a_hidden_one() {
 }
 
 #[test]
-fn materials_of_fbx() {
+fn fbx_materials_are_imported() {
     let asset = all();
     let named = |name: &str| asset.materials.iter().find(|m| m.name == name).unwrap();
     let cloth = named("cloth");
@@ -225,8 +225,8 @@ fn materials_of_fbx() {
 }
 
 #[test]
-fn textures_beside_embedded_and_lost() {
-    let (asset, _) = flag(ImportScope::ALL);
+fn textures_are_found_beside_the_file_or_embedded_or_reported_missing() {
+    let (asset, _) = import_flag(ImportScope::ALL);
     let names: Vec<&str> = asset.images.iter().map(|i| i.name.as_str()).collect();
     assert_eq!(names, ["stripes.png", "glow.png"]);
     assert_eq!((asset.images[0].width, asset.images[0].rgba[..4].to_vec()), (2, vec![9, 8, 7, 255]));
@@ -254,7 +254,7 @@ fn colors_of_vertices_are_srgb() {
 }
 
 #[test]
-fn normals_are_made_where_there_are_none() {
+fn missing_normals_are_computed() {
     let asset = all();
     let p = primitive(&asset, "cloth");
     // The flag is flat: every normal is the plane's, −Y in the file.
@@ -262,7 +262,7 @@ fn normals_are_made_where_there_are_none() {
 }
 
 #[test]
-fn lamp_and_camera() {
+fn lights_and_cameras_are_imported() {
     let asset = all();
     let lamp = &asset.lights[0];
     let LightKind::Spot { inner, outer } = lamp.light.kind else { panic!("{:?}", lamp.light.kind) };
@@ -293,10 +293,10 @@ fn lamp_and_camera() {
 }
 
 #[test]
-fn what_is_not_needed_is_not_read() {
-    let (whole, files) = flag(ImportScope::ALL);
+fn parts_outside_the_import_scope_are_not_read() {
+    let (whole, files) = import_flag(ImportScope::ALL);
     assert!(files.reads() > 0);
-    let (clips, files) = flag(ImportScope {
+    let (clips, files) = import_flag(ImportScope {
         geometry: false,
         clips: true,
         textures: false,
@@ -310,7 +310,7 @@ fn what_is_not_needed_is_not_read() {
     assert_eq!(files.reads(), 0);
     assert_eq!(clips.skeleton, whole.skeleton);
     assert_eq!(clips.clips[0].curves(), whole.clips[0].curves());
-    let (still, _) = flag(ImportScope {
+    let (still, _) = import_flag(ImportScope {
         geometry: true,
         clips: false,
         textures: false,
@@ -322,7 +322,7 @@ fn what_is_not_needed_is_not_read() {
 }
 
 #[test]
-fn a_clip_that_is_not_played_is_a_name() {
+fn clips_outside_the_import_scope_keep_only_their_names() {
     let all = all();
     let import = |played| {
         let files = Companions::playing(played);

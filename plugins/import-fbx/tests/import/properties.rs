@@ -107,7 +107,7 @@ fn worst(asset: &Asset, formula: impl Fn(f64) -> f64, late: f64) -> f64 {
 }
 
 #[test]
-fn a_vertical_angle_is_the_curve_itself() {
+fn a_vertical_angle_keeps_its_curve() {
     let asset = zooming(
         "P: \"ApertureMode\", \"enum\", \"\", \"\", 2\nP: \"FieldOfView\", \"FieldOfView\", \"\", \"A\", 45\n",
         "FieldOfView",
@@ -122,7 +122,7 @@ fn a_vertical_angle_is_the_curve_itself() {
 
 /// 24 mm of film: tan(½ yfov) = 12 mm ÷ focal length.
 #[test]
-fn a_focal_length_is_followed_through_its_arc_tangent() {
+fn a_focal_length_curve_becomes_an_accurate_vertical_angle() {
     let camera = "P: \"ApertureMode\", \"enum\", \"\", \"\", 3\nP: \"FilmWidth\", \"Number\", \"\", \"\", 1.4173228346456692\n\
                   P: \"FilmHeight\", \"Number\", \"\", \"\", 0.9448818897637795\nP: \"FocalLength\", \"Number\", \"\", \"A\", 35\n";
     let asset = zooming(camera, "FocalLength");
@@ -137,7 +137,7 @@ fn a_focal_length_is_followed_through_its_arc_tangent() {
 }
 
 #[test]
-fn an_angle_across_is_that_of_a_picture_so_wide() {
+fn a_horizontal_angle_is_converted_by_the_aspect_ratio() {
     let camera = "P: \"ApertureMode\", \"enum\", \"\", \"\", 1\nP: \"AspectWidth\", \"double\", \"Number\", \"\", 200\n\
                   P: \"AspectHeight\", \"double\", \"Number\", \"\", 100\nP: \"FieldOfView\", \"FieldOfView\", \"\", \"A\", 90\n";
     let asset = zooming(camera, "FieldOfView");
@@ -148,7 +148,7 @@ fn an_angle_across_is_that_of_a_picture_so_wide() {
 }
 
 #[test]
-fn an_orthographic_view_zooms() {
+fn an_animated_orthographic_zoom_changes_the_height() {
     let asset = zooming(
         "P: \"CameraProjectionType\", \"enum\", \"\", \"\", 1\nP: \"OrthoZoom\", \"double\", \"Number\", \"\", 15\n",
         "OrthoZoom",
@@ -160,7 +160,7 @@ fn an_orthographic_view_zooms() {
 
 /// Numbers that this kind of camera does not look at: no curve, and no warning that one is lost.
 #[test]
-fn what_a_camera_does_not_use_is_left_out() {
+fn curves_that_the_camera_does_not_use_are_left_out() {
     let asset = zooming(
         "P: \"ApertureMode\", \"enum\", \"\", \"\", 2\nP: \"FieldOfView\", \"FieldOfView\", \"\", \"A\", 45\n",
         "FocalLength",
@@ -223,7 +223,7 @@ fn color_intensity_and_cone_of_a_light() {
 
 /// A second layer adds to the first: sampled, and the same lines.
 #[test]
-fn layers_are_mixed() {
+fn animation_layers_are_blended() {
     let asset = lamp(|objects, links| {
         *objects += "AnimationLayer: 502, \"AnimLayer::more\", \"\" {\nProperties70: {\nP: \"Weight\", \"Number\", \"\", \"A\", 50\n}\n}\n";
         *links += "C: \"OO\",502,500\n";
@@ -244,7 +244,7 @@ fn layers_are_mixed() {
 
 /// A curve that holds the value at rest is no change.
 #[test]
-fn a_light_that_stays_as_it_is() {
+fn constant_light_curves_add_no_properties() {
     let asset = lamp(|objects, links| {
         *objects += &curve(13, &[200.0, 200.0]);
         let (object, link) = driven(21, 501, (2, "Intensity"), &[(13, "Intensity")]);
@@ -262,7 +262,7 @@ fn mesh(id: u32) -> String {
 
 /// Scaled, turned about X, Y and Z, moved; the node's own place comes after.
 #[test]
-fn geometric_transforms_are_in_the_mesh() {
+fn geometric_transforms_are_baked_into_the_mesh() {
     let properties = "P: \"GeometricTranslation\", \"Vector3D\", \"Vector\", \"\", 4, 5, 6\nP: \"GeometricRotation\", \"Vector3D\", \"Vector\", \"\", 30, -50, 110\n\
                       P: \"GeometricScaling\", \"Vector3D\", \"Vector\", \"\", 2, 1, -0.5\nP: \"Lcl Translation\", \"Lcl Translation\", \"\", \"A\", 10, 0, 0\n";
     let child = "P: \"Lcl Translation\", \"Lcl Translation\", \"\", \"A\", 0, 1, 0\n";
@@ -287,14 +287,14 @@ fn geometric_transforms_are_in_the_mesh() {
         "{}",
         p.normals[0]
     );
-    // The node and what hangs on it stand elsewhere.
+    // The node and its children have another transform.
     let (model, _) = common::pose(&asset, None);
     assert_eq!(model[1].translation.to_array(), [10.0, 1.0, 0.0]);
 }
 
 /// A mesh in two places with two geometric transforms cannot have them in its vertices: each instance gets a joint.
 #[test]
-fn a_mesh_used_twice_has_them_in_joints() {
+fn a_shared_mesh_has_its_geometric_transforms_in_joints() {
     let at = |x: f64| format!("P: \"GeometricRotation\", \"Vector3D\", \"Vector\", \"\", 0, 0, {x}\n");
     let objects = node(1, "Mesh", &at(90.0)) + &node(3, "Mesh", &at(-90.0)) + &mesh(2);
     let asset = asset(&objects, "C: \"OO\",1,0\nC: \"OO\",3,0\nC: \"OO\",2,1\nC: \"OO\",2,3\n");

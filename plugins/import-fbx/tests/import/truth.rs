@@ -51,7 +51,7 @@ fn vertices(path: &Path) -> Vec<DVec3> {
     text.lines().filter_map(|l| l.strip_prefix("v ")).map(vertex).collect()
 }
 
-/// The farthest that a vertex of one list is from the nearest of the other, both ways.
+/// Symmetric Hausdorff distance between two lists of vertices.
 fn distance(a: &[DVec3], b: &[DVec3]) -> f64 {
     let nearest =
         |p: &DVec3, list: &[DVec3]| list.iter().map(|q| p.distance(*q)).fold(f64::INFINITY, f64::min);
@@ -78,7 +78,7 @@ fn error(asset: &Asset, case: &Case, folder: &Path, late: f64) -> f64 {
 const TOLERANCE: f64 = 5e-6;
 
 #[test]
-fn as_the_authoring_program_has_it() {
+fn vertices_equal_the_authoring_programs_export() {
     let mut cases: Vec<Case> = MAYA.into();
     cases.push(blender("Base", "blender_279_sausage_base_0", 0.0));
     cases.push(blender("Spin", "blender_279_sausage_spin_15", 15.0));
@@ -98,7 +98,7 @@ fn as_the_authoring_program_has_it() {
 
 /// The comparison can fail: a fiftieth of a frame late, or one weight of one vertex wrong, is seen.
 #[test]
-fn planted_faults_are_seen() {
+fn the_comparison_detects_planted_faults() {
     let Some(folder) = common::assets(2).map(|f| f.join("fbx/ufbx")) else { return };
     let case = &MAYA[0];
     let mut asset = common::import_path(&folder.join(format!("{}.fbx", case.fbx)));
@@ -144,7 +144,7 @@ fn light_error(asset: &Asset, late: f64) -> f64 {
 }
 
 #[test]
-fn a_light_changes_as_in_maya() {
+fn an_animated_light_equals_mayas_values() {
     let Some(folder) = common::assets(1) else { return };
     let asset = common::import_path(&folder.join("fbx/ufbx/maya_anim_light_7500_binary.fbx"));
     println!("{} at worst", light_error(&asset, 0.0));

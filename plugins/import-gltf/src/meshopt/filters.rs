@@ -5,30 +5,32 @@ use super::Filter;
 pub fn apply(filter: Filter, stride: usize, bytes: &mut [u8]) {
     match (filter, stride) {
         (Filter::None, _) => {}
-        (Filter::Octahedral, 4) => quads8(bytes, |v| octahedral(v.map(|c| f32::from(c as i8)), 127.0)),
-        (Filter::Octahedral, _) => quads16(bytes, |v| octahedral(v.map(|c| f32::from(c as i16)), 32767.0)),
-        (Filter::Quaternion, _) => quads16(bytes, |v| quaternion(v.map(|c| c as i16))),
+        (Filter::Octahedral, 4) => map_quads_u8(bytes, |v| octahedral(v.map(|c| f32::from(c as i8)), 127.0)),
+        (Filter::Octahedral, _) => {
+            map_quads_u16(bytes, |v| octahedral(v.map(|c| f32::from(c as i16)), 32767.0))
+        }
+        (Filter::Quaternion, _) => map_quads_u16(bytes, |v| quaternion(v.map(|c| c as i16))),
         (Filter::Exponential, _) => {
             for number in bytes.as_chunks_mut::<4>().0 {
                 *number = exponential(u32::from_le_bytes(*number)).to_le_bytes();
             }
         }
-        (Filter::Color, 4) => quads8(bytes, |[y, co, cg, a]| {
+        (Filter::Color, 4) => map_quads_u8(bytes, |[y, co, cg, a]| {
             color(i32::from(y), [co, cg].map(|c| i32::from(c as i8)), i32::from(a), 255.0)
         }),
-        (Filter::Color, _) => quads16(bytes, |[y, co, cg, a]| {
+        (Filter::Color, _) => map_quads_u16(bytes, |[y, co, cg, a]| {
             color(i32::from(y), [co, cg].map(|c| i32::from(c as i16)), i32::from(a), 65535.0)
         }),
     }
 }
 
-fn quads8(bytes: &mut [u8], f: impl Fn([u8; 4]) -> [i32; 4]) {
+fn map_quads_u8(bytes: &mut [u8], f: impl Fn([u8; 4]) -> [i32; 4]) {
     for quad in bytes.as_chunks_mut::<4>().0 {
         *quad = f(*quad).map(|c| c as u8);
     }
 }
 
-fn quads16(bytes: &mut [u8], f: impl Fn([u16; 4]) -> [i32; 4]) {
+fn map_quads_u16(bytes: &mut [u8], f: impl Fn([u16; 4]) -> [i32; 4]) {
     for quad in bytes.as_chunks_mut::<8>().0 {
         let [a, b, c, d, e, g, h, i] = *quad;
         let [x, y, z, w] =

@@ -76,7 +76,7 @@ impl Packed {
     }
 
     /// The fewest bytes that can encode this many elements. A false count is found before anything is allocated.
-    pub fn least(&self) -> u64 {
+    pub fn min_encoded_bytes(&self) -> u64 {
         let (count, stride) = (self.count as u64, self.stride as u64);
         match self.mode {
             Mode::Attributes => {
@@ -94,11 +94,11 @@ impl Packed {
     /// Decompresses. [`Packed::check`] must have passed. Fails where bytes of `data` are left over.
     pub fn unpack(&self, data: &[u8]) -> Result<Vec<u8>> {
         let Packed { mode, filter, count, stride } = *self;
-        if (data.len() as u64) < self.least() {
-            let (least, length) = (self.least(), data.len());
+        if (data.len() as u64) < self.min_encoded_bytes() {
+            let (least, length) = (self.min_encoded_bytes(), data.len());
             return Err(format!("{count} elements take {least} bytes or more, but there are {length}").into());
         }
-        self.check_head(data[0])?;
+        self.check_first_byte(data[0])?;
         let unpacked = match (mode, stride) {
             (Mode::Attributes, _) => vertices(count, stride, data),
             (Mode::Triangles, 2) => meshopt::decode_index_buffer(data, count).map(short_bytes),
@@ -115,7 +115,7 @@ impl Packed {
     }
 
     /// Checks the first byte of the codec: mode in the upper half, version in the lower.
-    fn check_head(&self, head: u8) -> Result<()> {
+    fn check_first_byte(&self, head: u8) -> Result<()> {
         let mark = match self.mode {
             Mode::Attributes => 0xa0,
             Mode::Triangles => 0xe0,

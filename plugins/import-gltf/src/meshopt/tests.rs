@@ -32,7 +32,7 @@ const WAVE_1: &str =
     0000000000000000000060ea05000100";
 
 #[test]
-fn attributes() {
+fn compressed_attributes_are_decoded() {
     let wave_of = packed(Mode::Attributes, Filter::None, 40, 8);
     assert_eq!(wave_of.unpack(&hex(WAVE_0)).unwrap(), wave());
     assert_eq!(wave_of.unpack(&hex(WAVE_1)).unwrap(), wave());
@@ -58,7 +58,7 @@ fn attributes() {
 
 /// The decoder takes the stride from a type parameter; a wrong entry in the table would unpack other bytes or none.
 #[test]
-fn every_stride() {
+fn attributes_of_every_stride_are_decoded() {
     fn round_trip<const STRIDE: usize>() {
         let count = 300;
         let vertex = |v: usize| Vertex::<STRIDE>(std::array::from_fn(|b| ((v * v * (b + 3)) >> 4) as u8));
@@ -79,7 +79,7 @@ fn every_stride() {
 }
 
 #[test]
-fn indices() {
+fn compressed_indices_are_decoded() {
     // A grid of 4 × 3 cells, then two triangles that share nothing with it.
     let mut grid: Vec<u32> = Vec::new();
     for cell in 0..12u32 {
@@ -114,7 +114,7 @@ fn indices() {
 }
 
 #[test]
-fn filters() {
+fn filters_are_undone_within_their_precision() {
     let normals: [[f64; 4]; 4] =
         [[0.0, 0.6, 0.8, 1.0], [-0.36, 0.48, -0.8, -1.0], [1.0, 0.0, 0.0, 1.0], [0.0, 0.0, -1.0, 1.0]];
     let rotations: [[f64; 4]; 4] =
@@ -188,7 +188,7 @@ fn filters() {
 }
 
 #[test]
-fn lies_are_refused_before_anything_is_allocated() {
+fn false_counts_are_errors_before_allocation() {
     let of = |count| Packed { mode: Mode::Attributes, filter: Filter::None, count, stride: 8 };
     let text = of(1 << 40).unpack(&hex(WAVE_0)).unwrap_err().what;
     assert_eq!(text, "1099511627776 elements take 8589934617 bytes or more, but there are 194");
@@ -216,7 +216,7 @@ fn lies_are_refused_before_anything_is_allocated() {
 
 /// Damages every byte and cuts at every length: each gives an error or other numbers, never a panic.
 #[test]
-fn damage() {
+fn damaged_data_do_not_panic() {
     for (mode, count, stride, text) in [
         (Mode::Attributes, 40, 8, WAVE_0),
         (Mode::Attributes, 40, 8, WAVE_1),

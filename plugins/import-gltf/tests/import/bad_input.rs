@@ -1,4 +1,4 @@
-//! Damaged and hostile files: an error that says where and what, never a panic, a hang or a full memory.
+//! Damaged and hostile files give an error with place and reason; they never cause a panic, a hang or exhausted memory.
 
 use crate::common;
 use crate::common::sample::{POSITIONS, ROTATIONS, TIMES, WEIGHTS, sample};
@@ -28,7 +28,7 @@ fn with_float(offset: usize, value: f32) -> String {
 }
 
 #[test]
-fn the_sample_is_sound() {
+fn the_unchanged_sample_is_imported() {
     let (json, bin) = sample();
     let asset = import(&json, &bin).unwrap();
     assert_eq!(asset.warnings, []);
@@ -37,7 +37,7 @@ fn the_sample_is_sound() {
 }
 
 #[test]
-fn numbers_that_are_not_finite() {
+fn non_finite_numbers_are_errors() {
     assert_eq!(
         with_float(POSITIONS + 16, f32::NAN),
         "bad.glb: meshes[0].primitives[0].POSITION (accessors[0]): element 1 holds NaN, only finite numbers are allowed"
@@ -59,7 +59,7 @@ fn numbers_that_are_not_finite() {
 }
 
 #[test]
-fn key_times() {
+fn invalid_key_times_are_errors() {
     assert_eq!(
         with_float(TIMES + 8, 0.25),
         "bad.glb: animations[0].channels[0] (accessors[2]): key 2 is at 0.25 s, before key 1 at 0.5 s"
@@ -91,7 +91,7 @@ fn key_times() {
 }
 
 #[test]
-fn counts_and_indices() {
+fn wrong_counts_and_indices_are_errors() {
     assert_eq!(
         with_json(|j| j["accessors"][0]["count"] = json!(u64::MAX)),
         "bad.glb: meshes[0].primitives[0].POSITION (accessors[0]): the file's data take more than 2048 MiB when decoded, which is the limit"
@@ -182,7 +182,7 @@ fn counts_and_indices() {
 }
 
 #[test]
-fn node_trees() {
+fn invalid_node_trees_are_errors() {
     assert_eq!(
         with_json(|j| j["nodes"][2]["children"] = json!([1])),
         "bad.glb: nodes[1]: is its own ancestor: the node tree has a cycle"
@@ -208,7 +208,7 @@ fn node_trees() {
 }
 
 #[test]
-fn too_many_nodes() {
+fn too_many_nodes_are_an_error() {
     let json = format!("{{\"asset\":{{\"version\":\"2.0\"}},\"nodes\":[{}{{}}]}}", "{},".repeat(3 << 20));
     assert_eq!(
         common::error_text(common::import_bytes("bad.gltf", json.into_bytes())),
@@ -238,7 +238,7 @@ impl Files for Fails {
 }
 
 #[test]
-fn further_files() {
+fn unreadable_external_files_are_errors() {
     let (mut json, _) = sample();
     let mut text_of = |uri: &str, files: &dyn Files| {
         json["buffers"][0]["uri"] = json!(uri);
@@ -293,7 +293,7 @@ fn png_header(width: u32, height: u32) -> Vec<u8> {
 }
 
 #[test]
-fn pictures() {
+fn damaged_images_are_warnings() {
     let with_picture = |bytes: &[u8]| {
         let (mut json, mut bin) = sample();
         json["bufferViews"]
@@ -331,7 +331,7 @@ fn pictures() {
 }
 
 #[test]
-fn versions_and_extensions() {
+fn unsupported_versions_and_required_extensions_are_errors() {
     assert_eq!(
         with_json(|j| j["asset"]["version"] = json!("1.0")),
         "bad.glb: asset.version: glTF 1.0 is not supported, only 2.0"
@@ -354,7 +354,7 @@ fn versions_and_extensions() {
 }
 
 #[test]
-fn claims() {
+fn files_are_claimed_by_content() {
     let claim = |name: &str, bytes: &[u8]| GltfImporter::new().claim(&common::source(name, bytes.to_vec()));
     let (json, bin) = sample();
     assert_eq!(claim("x", &common::glb_of(&json, &bin)), Claim::Content(95));
@@ -365,7 +365,7 @@ fn claims() {
     assert_eq!(claim("x.bvh", b"HIERARCHY"), Claim::NotMine);
 }
 
-/// Imports what is left of a file; a panic fails the test. Says whether an error came out.
+/// Imports a damaged file; a panic fails the test. Returns whether the import gave an error.
 fn damaged(name: &str, bytes: Vec<u8>) -> bool {
     match common::import_bytes(name, bytes) {
         Ok(asset) => {
@@ -383,7 +383,7 @@ fn damaged(name: &str, bytes: Vec<u8>) -> bool {
 }
 
 #[test]
-fn truncated_and_flipped() {
+fn truncated_files_and_flipped_bits_do_not_panic() {
     if alone::ran_in_own_process() {
         return;
     }
@@ -418,7 +418,7 @@ fn truncated_and_flipped() {
         println!("{name}: {refused} of {flips} flips refused");
         assert!(refused > 0 && refused < flips, "{name}: {refused} of {flips}");
     }
-    // The whole run in bounded memory (Linux says how much it was at its highest).
+    // Peak memory of the whole run is bounded (Linux reports it).
     if let Ok(status) = std::fs::read_to_string("/proc/self/status")
         && let Some(line) = status.lines().find(|l| l.starts_with("VmHWM:"))
     {

@@ -1,6 +1,6 @@
-//! A camera move and a lamp that Blender exported (`scripts/models/camera_move.py`), on a stage: where Blender has them, by its own matrices.
+//! A camera move and a lamp that Blender exported (`scripts/models/camera_move.py`), on a stage: compared with Blender's matrices.
 //!
-//! The file is made anew where Blender (PyPI `bpy`) can be had.
+//! The file is regenerated where Blender (PyPI `bpy`) is available.
 
 use choreo_asset::{LightKind, Projection};
 use choreo_motion::Time;
@@ -12,9 +12,9 @@ use std::sync::Arc;
 
 /// The largest differences: of the camera's matrix, of its field of view, of the lamp's place, intensity (as a share) and color.
 #[derive(Debug, Default)]
-struct Apart([f64; 5]);
+struct CameraError([f64; 5]);
 
-impl Apart {
+impl CameraError {
     /// Blender's numbers are f32.
     fn is_small(&self) -> bool {
         self.0.iter().all(|d| *d < 5e-6)
@@ -26,7 +26,7 @@ fn numbers(value: &Value) -> Vec<f64> {
 }
 
 /// The move in the scene, `late` seconds later, against Blender's.
-fn apart(glb: &Path, truth: &Path, late: f64) -> Apart {
+fn camera_error(glb: &Path, truth: &Path, late: f64) -> CameraError {
     let asset = Arc::new(crate::common::import_path(glb).unwrap_or_else(|e| panic!("{e}")));
     assert_eq!(asset.warnings, []);
     let mut stage = Stage::default();
@@ -36,7 +36,7 @@ fn apart(glb: &Path, truth: &Path, late: f64) -> Apart {
     stage.cameras.push(Camera::new("", Rig::File { actor, camera: 0 }));
     let truth: Vec<Value> = serde_json::from_slice(&std::fs::read(truth).unwrap()).unwrap();
     assert!(truth.len() >= 13);
-    let mut out = Apart::default();
+    let mut out = CameraError::default();
     for blender in &truth {
         let time = Time::from_secs(blender["secs"].as_f64().unwrap() + late);
         let snapshot: Snapshot = stage.at(time).unwrap();
@@ -65,7 +65,7 @@ fn apart(glb: &Path, truth: &Path, late: f64) -> Apart {
 }
 
 #[test]
-fn a_camera_move_of_blender_is_where_blender_has_it() {
+fn an_imported_camera_move_equals_blenders() {
     let crate_folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let models = crate_folder.join("../../scripts/models");
     let sample = [models.join("camera_move.glb"), crate_folder.join("tests/samples/camera_move.json")];
@@ -79,11 +79,11 @@ fn a_camera_move_of_blender_is_where_blender_has_it() {
         files.push(made);
     }
     for [glb, truth] in &files {
-        let found = apart(glb, truth, 0.0);
+        let found = camera_error(glb, truth, 0.0);
         println!("{found:?}");
         assert!(found.is_small(), "{found:?}");
     }
     // A frame late is found in each of them.
-    let late = apart(&sample[0], &sample[1], 1.0 / 24.0);
+    let late = camera_error(&sample[0], &sample[1], 1.0 / 24.0);
     assert!(late.0.iter().all(|d| *d > 1e-3), "{late:?}");
 }

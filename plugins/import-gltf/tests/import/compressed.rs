@@ -1,5 +1,5 @@
 //! Draco and KTX2: a surface and an image of known formulas, packed by the programs of Google and Binomial (npm), against what was packed.
-//! The samples are such files, so that what does not ask a registry is tested everywhere: `CHOREO_ACCEPT=1` with npm makes them anew.
+//! The samples are such files, so that the tests need no registry; `CHOREO_ACCEPT=1` with npm regenerates them.
 
 use crate::common;
 use choreo_asset::{Asset, Primitive};
@@ -40,7 +40,7 @@ fn pixels() -> Vec<u8> {
 }
 
 /// The surface, unpacked: positions, normals, uvs, colors of 8 bits, joints and weights.
-fn plain() -> Vec<u8> {
+fn uncompressed_glb() -> Vec<u8> {
     let mut bin = Vec::new();
     let (mut views, mut accessors) = (Vec::new(), Vec::new());
     let mut add = |bytes: Vec<u8>, component: u32, shape: &str, count: usize| {
@@ -113,7 +113,7 @@ fn read(name: &str, bytes: Vec<u8>) -> Asset {
 
 /// The largest differences of two vertices.
 #[derive(Debug, Default)]
-struct Apart {
+struct VertexDifference {
     position: f32,
     /// Radians.
     normal: f32,
@@ -122,8 +122,8 @@ struct Apart {
     color: f32,
 }
 
-/// Compares a packed surface with the plain one, whose vertices are known by their places: Draco orders them anew.
-fn apart(plain: &Primitive, packed: &Primitive) -> Result<Apart, String> {
+/// Compares a compressed surface with the original. Vertices are matched by position, because Draco reorders them.
+fn vertex_difference(plain: &Primitive, packed: &Primitive) -> Result<VertexDifference, String> {
     if packed.positions.len() != plain.positions.len() {
         return Err(format!("{} vertices", packed.positions.len()));
     }
@@ -133,7 +133,7 @@ fn apart(plain: &Primitive, packed: &Primitive) -> Result<Apart, String> {
     };
     let of: Vec<usize> = packed.positions.iter().map(nearest).collect();
     let weights = |p: &Primitive, v: usize| Vec4::from_slice(&p.joint_weights[4 * v..4 * v + 4]);
-    let mut apart = Apart::default();
+    let mut apart = VertexDifference::default();
     for (v, w) in of.iter().enumerate() {
         let most = |value: &mut f32, found: f32| *value = value.max(found);
         let delta = (packed.positions[v] - plain.positions[*w]).abs();
@@ -164,8 +164,8 @@ fn apart(plain: &Primitive, packed: &Primitive) -> Result<Apart, String> {
 /// Within half a step of the quantization: 14 bits of the surface's longest side (3), 12 of uvs and weights, 8 of colors (whole numbers,
 /// exact), 10 of the octahedron of directions, on which a step is at most 4/1022 rad long.
 fn check_draco(name: &str, bytes: Vec<u8>) -> Result<(), String> {
-    let (plain, packed) = (read("plain.glb", plain()), read(name, bytes));
-    let apart = apart(&plain.meshes[0].primitives[0], &packed.meshes[0].primitives[0])?;
+    let (plain, packed) = (read("plain.glb", uncompressed_glb()), read(name, bytes));
+    let apart = vertex_difference(&plain.meshes[0].primitives[0], &packed.meshes[0].primitives[0])?;
     println!("{name}: {apart:?}");
     let half = |range: f32, bits: i32| 0.5 * range / ((1 << bits) - 1) as f32 + 1e-6;
     let within = apart.position <= half(3.0, 14)
@@ -197,7 +197,7 @@ fn draco_is_within_its_quantization() {
 }
 
 #[test]
-fn ktx2_is_near_what_was_packed() {
+fn ktx2_is_close_to_the_original_image() {
     for name in KTX2 {
         check_ktx2(name, sample(name));
     }
@@ -205,14 +205,14 @@ fn ktx2_is_near_what_was_packed() {
 
 /// Packed now, by npm's packages; KTX2 has exactly the pixels of Binomial's own transcoder.
 #[test]
-fn what_other_programs_pack_is_read() {
+fn compressed_files_of_other_programs_are_read() {
     let Some(packages) = Packages::install(env!("CARGO_TARGET_TMPDIR"), "gltf-packers", &PACKAGES) else {
         return;
     };
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("packed");
     std::fs::create_dir_all(&folder).unwrap();
     let (input, colors) = (folder.join("plain.glb"), folder.join("pixels"));
-    std::fs::write(&input, plain()).unwrap();
+    std::fs::write(&input, uncompressed_glb()).unwrap();
     std::fs::write(&colors, pixels()).unwrap();
     packages.run("pack.mjs", include_str!("../common/pack.mjs"), &[&input, &colors, &folder]);
     let packed = |name: &str| std::fs::read(folder.join(name)).unwrap();
@@ -235,7 +235,7 @@ fn what_other_programs_pack_is_read() {
 }
 
 #[test]
-fn faults_of_packed_data_are_said_with_their_place() {
+fn errors_in_compressed_data_name_the_element() {
     let place = "bad.glb: meshes[0].primitives[0].KHR_draco_mesh_compression";
     let said = |edit: &dyn Fn(&mut serde_json::Value, &mut Vec<u8>)| {
         common::error_text(common::import_bytes("bad.glb", common::edited(&sample("edgebreaker"), edit)))
@@ -265,7 +265,7 @@ fn faults_of_packed_data_are_said_with_their_place() {
 
 /// Each is a warning, and the texture is left out or white.
 #[test]
-fn faults_of_ktx2_are_warnings() {
+fn damaged_ktx2_images_are_warnings() {
     let warned = |name: &str, at: usize, bytes: &[u8]| {
         let file = common::edited(&sample(name), |json, bin| {
             let view = json["images"][0]["bufferView"].as_u64().unwrap() as usize;
@@ -301,7 +301,7 @@ fn faults_of_ktx2_are_warnings() {
 }
 
 #[test]
-fn damaged_files_are_errors_or_read() {
+fn damaged_compressed_files_do_not_panic() {
     let flips = damage::flips();
     damage::run_cases(&GltfImporter::new(), || {
         DRACO.into_iter().chain(KTX2).map(|name| (name, sample(name), flips)).collect()

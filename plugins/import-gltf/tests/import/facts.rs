@@ -21,7 +21,7 @@ fn counts(asset: &Asset) -> Counts {
     ]
 }
 
-/// Where the publisher counts otherwise: SpecularTest, UnlitTest and Godette share vertices between
+/// The publisher's counts differ for some files: SpecularTest, UnlitTest and Godette share vertices between
 /// primitives; Cameras has no normals, and flat ones need two more vertices; RobotExpressive has two
 /// skins; one image of Godette is used by no supported texture; one node
 /// of debug_robot is outside its scene.
@@ -70,7 +70,7 @@ const FILES: &[(&str, Counts, &[Duration])] = &[
 ];
 
 #[test]
-fn counts_and_clips() {
+fn element_counts_and_clip_durations_equal_the_published_ones() {
     let Some(folder) = common::assets(FILES.len()) else { return };
     for (name, expected, clips) in FILES {
         let asset = common::import_path(&folder.join(name)).unwrap_or_else(|e| panic!("{e}"));
@@ -80,7 +80,7 @@ fn counts_and_clips() {
             assert_eq!(clip.name, *clip_name, "{name}");
             assert!((clip.duration.as_secs() - secs).abs() < 6e-4, "{name} {clip_name}");
         }
-        sound(name, &asset);
+        check_consistency(name, &asset);
     }
 }
 
@@ -93,7 +93,7 @@ fn number_of_clips() {
 }
 
 /// Checks the promises of `Asset`'s comments about every file.
-fn sound(name: &str, asset: &Asset) {
+fn check_consistency(name: &str, asset: &Asset) {
     for mesh in &asset.meshes {
         for p in &mesh.primitives {
             let n = p.positions.len();
@@ -130,7 +130,7 @@ fn sound(name: &str, asset: &Asset) {
 }
 
 #[test]
-fn cameras_and_lights() {
+fn sample_cameras_and_lights_have_known_values() {
     let Some(folder) = common::assets(4) else { return };
     let import = |n: &str| common::import_path(&folder.join("gltf").join(n)).unwrap();
     let cameras = import("Cameras.gltf").cameras;
@@ -146,7 +146,7 @@ fn cameras_and_lights() {
 }
 
 #[test]
-fn materials() {
+fn sample_materials_have_known_values() {
     let Some(folder) = common::assets(5) else { return };
     let import = |n: &str| common::import_path(&folder.join("gltf").join(n)).unwrap();
     assert!(import("UnlitTest.glb").materials.iter().all(|m| m.shading == Shading::Unlit));
@@ -173,7 +173,7 @@ fn materials() {
 /// TextureTransformMultiTest shows beside each transformed quad one whose uvs have the transform in them
 /// (a little off, by 0.006). The rotation's direction is a known trap: the specification's own listing had it wrong.
 #[test]
-fn texture_transforms_turn_the_right_way() {
+fn texture_transforms_rotate_in_the_right_direction() {
     let Some(folder) = common::assets(1) else { return };
     let asset = common::import_path(&folder.join("gltf/TextureTransformMultiTest.glb")).unwrap();
     for (moved, sample) in [(0, 2), (1, 2), (5, 7), (6, 7), (17, 19), (18, 19)] {

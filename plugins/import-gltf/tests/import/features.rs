@@ -54,7 +54,7 @@ fn warnings(asset: &Asset) -> Vec<String> {
 }
 
 #[test]
-fn unindexed_strips_and_lines() {
+fn unindexed_strips_and_lines_are_imported() {
     for (mode, topology, indices) in [
         (0, Topology::Points, vec![0, 1, 2]),
         (1, Topology::Lines, vec![0, 1]),
@@ -138,7 +138,7 @@ fn nodes_outside_the_scene_are_left_out() {
 }
 
 #[test]
-fn scene_option() {
+fn the_scene_option_selects_the_scene() {
     let mut b = Builder::new();
     b.json["nodes"].as_array_mut().unwrap().push(json!({}));
     b.json["scenes"].as_array_mut().unwrap().push(json!({"nodes": [3]}));
@@ -152,7 +152,7 @@ fn scene_option() {
 
 /// KHR_mesh_quantization: plain and normalised integers, with stride.
 #[test]
-fn quantized_vertices() {
+fn quantized_vertices_are_decoded() {
     let mut b = Builder::new();
     let shorts: Vec<u8> =
         [0i16, 0, 0, 0, 300, 0, 0, 0, 0, -200, 7, 0].iter().flat_map(|v| v.to_le_bytes()).collect();
@@ -176,7 +176,7 @@ fn quantized_vertices() {
 }
 
 #[test]
-fn vertex_colors_of_every_kind() {
+fn vertex_colors_of_every_type_are_decoded() {
     let expected = [Vec4::new(1.0, 0.0, 0.2, 1.0), Vec4::ONE, Vec4::new(0.0, 0.0, 0.0, 1.0)];
     let rgb = [1.0f32, 0.0, 0.2, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0];
     let rgba: Vec<f32> = rgb.chunks(3).flat_map(|c| [c[0], c[1], c[2], 1.0]).collect();
@@ -229,7 +229,7 @@ fn morph_names_weights_and_animated_weights() {
 
 /// Rotations as normalised shorts and bytes; the flag itself is often forgotten.
 #[test]
-fn integer_rotations() {
+fn integer_rotations_are_decoded() {
     for flagged in [true, false] {
         let mut b = Builder::new();
         let shorts: Vec<u8> = [0i16, 0, 0, 32767]
@@ -265,7 +265,7 @@ fn matrices_and_shear() {
 }
 
 #[test]
-fn cameras_and_lights() {
+fn cameras_and_lights_are_imported() {
     let mut b = Builder::new();
     b.json["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}]);
     b.json["nodes"][1]["camera"] = json!(0);
@@ -296,7 +296,7 @@ fn specular_glossiness_keeps_its_reflectance() {
 }
 
 #[test]
-fn only_what_is_needed_is_decoded() {
+fn parts_outside_the_import_scope_are_not_decoded() {
     let mut b = Builder::new();
     b.json["images"] = json!([{"uri": "not there.png"}]);
     b.json["textures"] = json!([{"source": 0}]);
@@ -320,7 +320,7 @@ fn only_what_is_needed_is_decoded() {
 
 /// Two images of the same bytes become one, and one image is decoded once.
 #[test]
-fn equal_images_are_one() {
+fn equal_images_are_stored_once() {
     let mut png = Vec::new();
     let pixels = image::RgbaImage::from_pixel(2, 2, image::Rgba([9, 8, 7, 255]));
     pixels.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png).unwrap();
@@ -354,7 +354,7 @@ fn equal_images_are_one() {
 
 /// The same file twice gives the same asset, images and threads or not.
 #[test]
-fn imports_are_equal() {
+fn repeated_imports_are_equal() {
     let Some(folder) = common::assets(1) else { return };
     let import = || common::import_path(&folder.join("gltf/NormalTangentTest.glb")).unwrap();
     let (a, b) = (import(), import());
@@ -364,7 +364,7 @@ fn imports_are_equal() {
 }
 
 #[test]
-fn a_clip_that_is_not_played_is_a_name() {
+fn clips_outside_the_import_scope_keep_only_their_names() {
     let mut b = Builder::new();
     let mut second = b.json["animations"][0].clone();
     second["name"] = json!("nod");

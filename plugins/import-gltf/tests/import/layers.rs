@@ -20,7 +20,7 @@ fn material(extensions: Value) -> Material {
 }
 
 #[test]
-fn factors() {
+fn material_layer_factors_are_imported() {
     let m = material(json!({
         "KHR_materials_clearcoat": {"clearcoatFactor": 0.75, "clearcoatRoughnessFactor": 0.25},
         "KHR_materials_sheen": {"sheenColorFactor": [0.5, 0.25, 2.0], "sheenRoughnessFactor": 0.5},
@@ -57,7 +57,7 @@ fn factors() {
 }
 
 #[test]
-fn films_brushed_metal_and_leaves() {
+fn iridescence_anisotropy_and_thin_transmission_are_read() {
     let m = material(json!({
         "KHR_materials_iridescence": {"iridescenceFactor": 0.5, "iridescenceIor": 1.75, "iridescenceThicknessMaximum": 550},
         "KHR_materials_anisotropy": {"anisotropyStrength": 0.75, "anisotropyRotation": 0.5},
@@ -106,7 +106,7 @@ fn brushed_metal_has_tangents_without_a_normal_map() {
 }
 
 #[test]
-fn index_of_refraction() {
+fn the_index_of_refraction_is_imported() {
     for (ior, f0) in [(1.5, 0.04), (1.0, 0.0), (1.33, 0.020_059), (2.42, 0.172_395), (0.0, 1.0)] {
         let m = material(json!({"KHR_materials_ior": {"ior": ior}}));
         let got = f64::from(m.specular_color.x) * 0.04;
@@ -115,7 +115,7 @@ fn index_of_refraction() {
 }
 
 #[test]
-fn mistakes_have_places() {
+fn errors_name_the_extension_and_key() {
     let error = |extensions: Value| {
         common::error_text(import(|json| json["materials"][0]["extensions"] = extensions))
     };
@@ -138,7 +138,7 @@ fn mistakes_have_places() {
 }
 
 #[test]
-fn glass_says_what_it_does_not_do() {
+fn unsupported_glass_parameters_are_warnings() {
     let asset = import(|json| {
         json["materials"][0]["extensions"] =
             json!({"KHR_materials_transmission": {"transmissionFactor": 1.0}})
@@ -151,12 +151,12 @@ fn glass_says_what_it_does_not_do() {
     assert_eq!(warnings.len(), 1);
     assert_eq!(
         warnings[0].text,
-        "1 materials have transmission with thin, rough walls: the background is tinted, but not blurred by the roughness"
+        "1 material has transmission with thin, rough walls: the background is tinted, but not blurred by the roughness"
     );
 }
 
 #[test]
-fn variants() {
+fn the_variant_option_selects_materials() {
     let (mut json, bin) = sample();
     json["extensions"] =
         json!({"KHR_materials_variants": {"variants": [{"name": "plain"}, {"name": "festive"}]}});

@@ -32,7 +32,7 @@ fn with_fractions(value: &Value) -> Value {
 
 /// glTF 2.0 §5.25.1: `nodes` of a scene may be left out.
 #[test]
-fn a_scene_without_nodes() {
+fn a_scene_without_nodes_is_read() {
     let (mut json, bin) = sample();
     json["scenes"] = json!([{"name": "Scene"}]);
     let asset = import(&json, &bin).unwrap();
@@ -46,7 +46,7 @@ fn a_scene_without_nodes() {
 }
 
 #[test]
-fn whole_numbers_with_a_fraction() {
+fn whole_numbers_written_with_a_fraction_are_read() {
     let (json, bin) = sample();
     let plain = import(&json, &bin).unwrap();
     let same = import(&with_fractions(&json), &bin).unwrap();
@@ -126,7 +126,7 @@ fn a_missing_image_is_a_warning() {
 
 /// The names that a file gives and the folders that exporters use, as for the other formats.
 #[test]
-fn images_are_looked_for_where_other_formats_look() {
+fn images_are_searched_in_the_same_folders_as_other_formats() {
     let mut png = Vec::new();
     let pixel = image::RgbaImage::from_pixel(1, 1, image::Rgba([9, 8, 7, 255]));
     pixel.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png).unwrap();
@@ -164,7 +164,7 @@ fn all_extensions_that_are_missing_are_named() {
 
 /// `extensionsUsed` alone promises vertices for readers without Draco, which are exact; some writers leave their accessors empty.
 #[test]
-fn packed_vertices_are_read_where_there_are_no_others() {
+fn compressed_vertices_are_read_without_a_fallback() {
     let (mut json, bin) = sample();
     json["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
     json["meshes"][0]["primitives"][0]["extensions"] =
@@ -182,7 +182,7 @@ fn packed_vertices_are_read_where_there_are_no_others() {
 }
 
 #[test]
-fn indices_that_are_no_whole_numbers() {
+fn float_indices_are_errors() {
     let told = "other.glb: meshes[0].primitives[0].indices (accessors[1]): has component type F32; U8, U16 and U32 are allowed here";
     let (mut json, mut bin) = sample();
     bin.extend([0.0f32, 1.0, 2.0].iter().flat_map(|v| v.to_le_bytes()));
@@ -198,7 +198,7 @@ fn indices_that_are_no_whole_numbers() {
 }
 
 #[test]
-fn a_clip_without_a_mesh_shows_its_bones() {
+fn a_clip_without_a_mesh_gets_visible_bones() {
     let (mut json, bin) = sample();
     json.as_object_mut().unwrap().remove("meshes");
     json.as_object_mut().unwrap().remove("skins");
@@ -236,7 +236,7 @@ fn a_clip_without_a_mesh_shows_its_bones() {
 
 /// glTF 2.0 §3.11: a clip begins at 0 s, however late its first key is, and holds that key until then.
 #[test]
-fn clips_begin_at_zero() {
+fn clips_begin_at_time_zero() {
     let (json, mut bin) = sample();
     for (key, secs) in [2.0f32, 2.5, 3.0].into_iter().enumerate() {
         bin[TIMES + 4 * key..][..4].copy_from_slice(&secs.to_le_bytes());

@@ -18,7 +18,7 @@ fn bowl(x: f64, z: f64) -> (f64, DVec3) {
 }
 
 #[test]
-fn vertices_and_indices() {
+fn compressed_vertices_and_indices_are_decoded() {
     let asset = common::import_bytes("packed.glb", sample()).unwrap();
     assert_eq!(asset.warnings, []);
     let [surface, rim] = &asset.meshes[0].primitives[..] else { panic!("two primitives") };
@@ -49,7 +49,7 @@ fn vertices_and_indices() {
 }
 
 #[test]
-fn keys() {
+fn compressed_keys_are_decoded() {
     let asset = common::import_bytes("packed.glb", sample()).unwrap();
     let curve = &asset.clips[0].curves()[0];
     assert_eq!(curve.times.to_vec(), [0.0, 0.5, 1.0, 1.5, 2.0].map(Time::from_secs));
@@ -62,7 +62,7 @@ fn keys() {
 }
 
 #[test]
-fn copies_stand_where_the_formula_says() {
+fn instances_are_where_the_formula_places_them() {
     let asset = common::import_bytes("packed.glb", sample()).unwrap();
     assert_eq!(asset.instances.len(), 2, "a field is one instance, whatever it holds");
     assert!(asset.instances[0].copies.is_empty());
@@ -91,7 +91,7 @@ fn copies_stand_where_the_formula_says() {
 }
 
 #[test]
-fn what_is_wrong_is_said_with_its_place() {
+fn errors_name_the_compressed_element() {
     let edited = |edit: &dyn Fn(&mut serde_json::Value)| {
         common::error_text(common::import_bytes("bad.glb", common::edited(&sample(), |json, _| edit(json))))
     };
@@ -131,8 +131,8 @@ fn what_is_wrong_is_said_with_its_place() {
 }
 
 #[test]
-fn fallbacks_are_not_needed_and_a_million_copies_are_refused_by_the_budget() {
-    // The second buffer has no bytes at all: the compressed views stand for it. With a uri it is not requested either.
+fn fallback_buffers_are_not_needed_and_too_many_instances_exceed_the_budget() {
+    // The second buffer has no data: the compressed views replace it. It is not requested even with a uri.
     let bytes = common::edited(&sample(), |json, _| json["buffers"][1]["uri"] = json!("missing.bin"));
     assert!(common::import_bytes("sample.glb", bytes).is_ok());
     let many = common::edited(&sample(), |json, _| {

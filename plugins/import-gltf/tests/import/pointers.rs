@@ -1,4 +1,4 @@
-//! KHR_animation_pointer: what it animates, on a stage, against the keys; and what it cannot.
+//! KHR_animation_pointer: animated properties on a stage, compared with the keys, and warnings about unsupported pointers.
 
 use crate::common;
 use choreo_asset::{Asset, Projection};
@@ -120,7 +120,7 @@ fn without_the_clip_nothing_changes() {
 }
 
 #[test]
-fn what_cannot_be_animated_is_named() {
+fn unsupported_pointers_are_named_in_warnings() {
     let asset = import(&[
         ("/materials/0/extensions/KHR_materials_ior/ior", &[0.0; 3], &[1.0; 3]),
         ("/nodes/77/translation/x", &[0.0], &[1.0]),

@@ -84,7 +84,7 @@ fn sampled(asset: &Asset, clip: Option<usize>, time: Time) -> Vec<Affine3A> {
 }
 
 /// Vertices of an instance in the world, the file's own first (flat normals append copies).
-fn placed(asset: &Asset, instance: usize, matrices: &[Affine3A], weights: &[f32]) -> Vec<Vec<Vec3>> {
+fn world_vertices(asset: &Asset, instance: usize, matrices: &[Affine3A], weights: &[f32]) -> Vec<Vec<Vec3>> {
     let instance = &asset.instances[instance];
     let mesh = &asset.meshes[instance.mesh as usize];
     let skin = instance.skin.map(|s| &asset.skins[s as usize]);
@@ -123,7 +123,7 @@ fn size(oracle: &Oracle) -> f64 {
     (high - low).length()
 }
 
-/// How far apart two placements are: the origin, and points a tenth of the model's size along each axis.
+/// Distance between two transforms: of the origin, and of points a tenth of the model's size along each axis.
 fn difference(ours: Affine3A, truth: DMat4, size: f64) -> f64 {
     let ours = Mat4::from(ours).as_dmat4();
     let longest = (0..3).map(|c| truth.col(c).length()).fold(1e-12, f64::max);
@@ -164,7 +164,7 @@ fn compare(asset: &Asset, oracle: &Oracle, grid: usize) -> Comparison {
                 }
                 // Vertices cost more: at one time of each clip, which differs from clip to clip.
                 if count == (number * 7 + 23) % times.len() {
-                    let ours = placed(asset, instance, &ours, &own);
+                    let ours = world_vertices(asset, instance, &ours, &own);
                     for (p, truth) in oracle.vertices(node, &world, &truth).iter().enumerate() {
                         assert!(ours[p].len() >= truth.len());
                         for (v, (a, b)) in ours[p].iter().zip(truth).enumerate() {
@@ -180,17 +180,17 @@ fn compare(asset: &Asset, oracle: &Oracle, grid: usize) -> Comparison {
     out
 }
 
-fn open(folder: &Path, name: &str) -> (Asset, Oracle) {
+fn import_with_oracle(folder: &Path, name: &str) -> (Asset, Oracle) {
     let path = folder.join(name);
     (common::import_path_without_bones(&path).unwrap_or_else(|e| panic!("{e}")), Oracle::open(&path))
 }
 
 #[test]
-fn every_animated_file() {
+fn poses_of_every_animated_file_equal_the_reference() {
     let Some(folder) = common::assets(ANIMATED.len()) else { return };
     println!("file | size m | worst joint, mm | relative | clip, s, joint | worst vertex, relative | weight");
     for name in ANIMATED {
-        let (asset, oracle) = open(&folder, name);
+        let (asset, oracle) = import_with_oracle(&folder, name);
         let c = compare(&asset, &oracle, 60);
         println!(
             "{name} | {:.3} | {:.2e} | {:.1e} | {}, {:.3}, {} | {:.1e} {} | {:.1e}",
@@ -215,7 +215,7 @@ fn every_animated_file() {
 fn names_and_parents() {
     let Some(folder) = common::assets(ANIMATED.len()) else { return };
     for name in ANIMATED {
-        let (asset, oracle) = open(&folder, name);
+        let (asset, oracle) = import_with_oracle(&folder, name);
         for (joint, node) in oracle.order.iter().enumerate() {
             let named = oracle.json["nodes"][*node]["name"].as_str();
             let expected = named.map_or(format!("node {node}"), str::to_string);
@@ -228,9 +228,9 @@ fn names_and_parents() {
 
 /// The comparison sees mistakes: one joint's rotation mirrored, one joint a thousandth of the model off, 1 ms late.
 #[test]
-fn planted_faults_are_seen() {
+fn the_comparison_detects_planted_faults() {
     let Some(folder) = common::assets(3) else { return };
-    let (asset, mut oracle) = open(&folder, "gltf/Fox.glb");
+    let (asset, mut oracle) = import_with_oracle(&folder, "gltf/Fox.glb");
     let node = *oracle.order.iter().find(|n| oracle.json["nodes"][**n]["name"] == "b_Head_05").unwrap();
     let by = size(&oracle) * 1e-3;
     for fault in [Fault::Sign { node }, Fault::Offset { node, by }, Fault::Late { secs: 1e-3 }] {

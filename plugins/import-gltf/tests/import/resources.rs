@@ -10,12 +10,12 @@ use std::sync::{Arc, Mutex};
 
 /// Files by name, and the names that were requested.
 #[derive(Default)]
-struct Shelf {
+struct MemoryFolder {
     files: Vec<(&'static str, Vec<u8>)>,
     asked: Mutex<Vec<String>>,
 }
 
-impl Files for Shelf {
+impl Files for MemoryFolder {
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
         self.asked.lock().unwrap().push(relative.to_string());
         let found = self.files.iter().find(|(name, _)| *name == relative);
@@ -23,9 +23,9 @@ impl Files for Shelf {
     }
 }
 
-fn import(text: Vec<u8>, shelf: &Shelf) -> Result<Asset, choreo_plugin::ImportError> {
+fn import(text: Vec<u8>, folder: &MemoryFolder) -> Result<Asset, choreo_plugin::ImportError> {
     let source = common::source("model.gltf", text);
-    GltfImporter::new().import(&source, shelf, ImportScope::ALL, &ImportOptions::default())
+    GltfImporter::new().import(&source, folder, ImportScope::ALL, &ImportOptions::default())
 }
 
 fn with_uri(uri: &str) -> Vec<u8> {
@@ -56,7 +56,7 @@ fn is_the_sample(asset: &Asset) {
 }
 
 #[test]
-fn names_beside_the_file() {
+fn uris_are_resolved_beside_the_file() {
     for (uri, name) in [
         ("data.bin", "data.bin"),
         ("./sub/data.bin", "./sub/data.bin"),
@@ -69,19 +69,22 @@ fn names_beside_the_file() {
         // Not encoded at all, though it looks it.
         ("a%20b.bin", "a%20b.bin"),
     ] {
-        let shelf = Shelf { files: vec![(name, sample().1)], ..Shelf::default() };
-        is_the_sample(&import(with_uri(uri), &shelf).unwrap_or_else(|e| panic!("{uri}: {e}")));
+        let folder = MemoryFolder { files: vec![(name, sample().1)], ..MemoryFolder::default() };
+        is_the_sample(&import(with_uri(uri), &folder).unwrap_or_else(|e| panic!("{uri}: {e}")));
     }
     // The decoded name comes first, and the message names it.
-    let shelf = Shelf { files: vec![("a b.bin", sample().1), ("a%20b.bin", vec![0; 4])], ..Shelf::default() };
-    is_the_sample(&import(with_uri("a%20b.bin"), &shelf).unwrap());
-    assert_eq!(*shelf.asked.lock().unwrap(), ["a b.bin"], "read once");
-    let text = common::error_text(import(with_uri("a%20b.bin"), &Shelf::default()));
+    let folder = MemoryFolder {
+        files: vec![("a b.bin", sample().1), ("a%20b.bin", vec![0; 4])],
+        ..MemoryFolder::default()
+    };
+    is_the_sample(&import(with_uri("a%20b.bin"), &folder).unwrap());
+    assert_eq!(*folder.asked.lock().unwrap(), ["a b.bin"], "read once");
+    let text = common::error_text(import(with_uri("a%20b.bin"), &MemoryFolder::default()));
     assert!(text.ends_with("(buffers[0]): \"a b.bin\": file not found"), "{text}");
 }
 
 #[test]
-fn bytes_inside_the_file() {
+fn data_uris_are_decoded() {
     let (_, bin) = sample();
     let text = base64(&bin);
     let lines: String =
@@ -97,18 +100,18 @@ fn bytes_inside_the_file() {
         format!("data:;base64,{}", text.replace('+', "-").replace('/', "_")),
         format!("data:,{}", bin.iter().map(|b| format!("%{b:02x}")).collect::<String>()),
     ] {
-        let shelf = Shelf::default();
-        is_the_sample(&import(with_uri(&uri), &shelf).unwrap_or_else(|e| panic!("{}: {e}", &uri[..40])));
-        assert!(shelf.asked.lock().unwrap().is_empty(), "no file is read");
+        let folder = MemoryFolder::default();
+        is_the_sample(&import(with_uri(&uri), &folder).unwrap_or_else(|e| panic!("{}: {e}", &uri[..40])));
+        assert!(folder.asked.lock().unwrap().is_empty(), "no file is read");
     }
 }
 
 #[test]
 fn a_byte_order_mark_and_buffers_without_a_uri() {
-    let shelf = Shelf { files: vec![("data.bin", sample().1)], ..Shelf::default() };
+    let folder = MemoryFolder { files: vec![("data.bin", sample().1)], ..MemoryFolder::default() };
     let marked = [&b"\xEF\xBB\xBF"[..], &with_uri("data.bin")].concat();
-    is_the_sample(&import(marked, &shelf).unwrap());
-    let text = common::error_text(import(serde_json::to_vec(&sample().0).unwrap(), &Shelf::default()));
+    is_the_sample(&import(marked, &folder).unwrap());
+    let text = common::error_text(import(serde_json::to_vec(&sample().0).unwrap(), &MemoryFolder::default()));
     assert!(text.ends_with("(buffers[0]): has neither a uri nor a binary chunk of a GLB"), "{text}");
     // One that nothing uses is not missed.
     let (mut json, bin) = sample();

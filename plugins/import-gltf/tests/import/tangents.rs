@@ -37,7 +37,7 @@ fn import(path: &Path, keep_tangents: bool) -> Asset {
     GltfImporter::new().import(&source, &folder, ImportScope::ALL, &ImportOptions::default()).unwrap()
 }
 
-/// How two lists of tangents, one a face vertex, differ.
+/// Difference between two lists of tangents, one for each face vertex.
 #[derive(Debug, Default)]
 struct Difference {
     face_vertices: usize,
@@ -65,7 +65,7 @@ fn face_vertices(p: &Primitive) -> impl Iterator<Item = Vec4> + '_ {
 /// Files whose tangents come from MikkTSpace. (Suzanne's are flat and left-handed; those of chest_gold and
 /// of the second mesh of VertexColorTest lie on uv triangles without area, where anything goes.)
 #[test]
-fn as_other_programs_write_them() {
+fn tangents_are_close_to_those_of_other_programs() {
     let Some(folder) = common::assets(2) else { return };
     let mut compared = 0;
     for (name, meshes) in [("AlphaBlendModeTest.glb", 9), ("VertexColorTest.glb", 1)] {
@@ -131,7 +131,7 @@ fn well_shaped(p: &Primitive, face_vertex: usize) -> bool {
 }
 
 #[test]
-fn as_the_mikktspace_program_makes_them() {
+fn tangents_equal_those_of_mikktspace() {
     // Knight takes its colors from points of a palette: many of its uv triangles are slivers, where the C
     // program pairs edges of more than two triangles by chance of order, and all are joined here.
     let files = [

@@ -1,5 +1,5 @@
-//! The glTF 2.0 specification in f64, apart from the importer: its own reading of JSON, buffers and
-//! accessors, its own interpolation (Appendix C) and matrices. Slow and plain; it trusts its files.
+//! Reference implementation of glTF 2.0 in f64, independent of the importer: it reads JSON, buffers and
+//! accessors itself, and evaluates interpolation (Appendix C) and matrices. Slow and simple; it does not validate its files.
 
 use glam::{DMat4, DQuat, DVec3, DVec4};
 use serde_json::Value;
@@ -212,7 +212,7 @@ impl Oracle {
         (world, weights)
     }
 
-    /// Where the mesh of a node is in the world: §3.7.2.2 (morph), §3.7.3.3 (skin). One list a primitive.
+    /// World positions of the vertices of a node's mesh, one list per primitive: §3.7.2.2 (morph), §3.7.3.3 (skin).
     pub fn vertices(&self, node: usize, world: &[DMat4], weights: &[f64]) -> Vec<Vec<DVec3>> {
         let node_json = &self.json["nodes"][node];
         let mesh = &self.json["meshes"][index(&node_json["mesh"])];

@@ -62,29 +62,29 @@ pub fn bow(t: f32) -> Pose {
     pose
 }
 
-const LEAVE: f32 = 0.62;
-const LAND: f32 = 1.12;
+const TAKEOFF_SECS: f32 = 0.62;
+const LANDING_SECS: f32 = 1.12;
 
 /// A crouch, half a second in the air (30 cm high, by gravity), and a soft landing.
 pub fn jump(t: f32) -> Pose {
     let mut pose = Pose::default();
-    let air = t.clamp(LEAVE, LAND) - LEAVE;
-    let flight = 0.5 * 9.81 * air * (LAND - LEAVE - air);
+    let air = t.clamp(TAKEOFF_SECS, LANDING_SECS) - TAKEOFF_SECS;
+    let flight = 0.5 * 9.81 * air * (LANDING_SECS - TAKEOFF_SECS - air);
     let crouch = keys(
         t,
         &[
             (0.0, 0.0),
             (0.38, 1.0),
             (0.46, 0.95),
-            (LEAVE, -0.22),
+            (TAKEOFF_SECS, -0.22),
             (0.87, -0.1),
-            (LAND, 0.0),
+            (LANDING_SECS, 0.0),
             (1.30, 0.82),
             (1.70, 0.0),
         ],
     );
-    let air_borne = ease(t, 0.60, 0.76) * (1.0 - ease(t, 0.94, LAND - 0.03));
-    let tuck = keys(t, &[(LEAVE, 0.0), (0.87, 1.0), (LAND, 0.0)]);
+    let air_borne = ease(t, 0.60, 0.76) * (1.0 - ease(t, 0.94, LANDING_SECS - 0.03));
+    let tuck = keys(t, &[(TAKEOFF_SECS, 0.0), (0.87, 1.0), (LANDING_SECS, 0.0)]);
     pose.hips += vec3(0.0, flight - 0.20 * crouch - 0.006, -0.06 * crouch.max(0.0));
     pose.pelvis = turn(24.0 * crouch - 4.0 * air_borne, 0.0, 0.0);
     pose.spine = turn(1.0 + 20.0 * crouch - 8.0 * air_borne, 0.0, 0.0);
@@ -104,7 +104,7 @@ pub fn jump(t: f32) -> Pose {
         arm.lift = 5.0 * reach;
     }
     // Heels lift first and land last; the toes point down in the air.
-    let heel = keys(t, &[(0.46, 0.0), (LEAVE, 52.0), (0.78, 40.0), (LAND, 22.0), (1.24, 0.0)]);
+    let heel = keys(t, &[(0.46, 0.0), (TAKEOFF_SECS, 52.0), (0.78, 40.0), (LANDING_SECS, 22.0), (1.24, 0.0)]);
     for foot in &mut pose.feet {
         foot.pitch = heel;
         foot.lift = flight + 0.05 * tuck;

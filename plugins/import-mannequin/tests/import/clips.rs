@@ -1,11 +1,11 @@
-//! How the figure moves: seams, feet on the floor, joints within what people can do.
+//! Motion of the figure: loop points, foot contacts, and joints within human limits.
 
 use crate::common::{import, joints_at, pose_at, vertices_at};
 use choreo_asset::Asset;
 use choreo_motion::Clip;
 use glam::{Quat, Vec3};
 
-/// Speed of the floor under the feet, metres a second, as the README says it.
+/// Speed of the floor under the feet, metres per second, as stated in the README.
 const SPEEDS: [(&str, f32); 2] = [("Walk", 1.2), ("Run", 2.7)];
 
 const NAMES: [&str; 8] = ["Idle", "Walk", "Run", "Wave", "Dance_Groove", "Dance_Spin", "Bow", "Jump"];
@@ -19,13 +19,13 @@ fn joint(asset: &Asset, name: &str) -> usize {
 }
 
 /// Greatest distance of any joint's place between two times, metres.
-fn moved(asset: &Asset, clip: &Clip, from: f64, to: f64) -> f32 {
+fn largest_movement(asset: &Asset, clip: &Clip, from: f64, to: f64) -> f32 {
     let (a, b) = (joints_at(asset, clip, from), joints_at(asset, clip, to));
     a.iter().zip(&b).map(|(a, b)| a.translation.distance(b.translation)).fold(0.0, f32::max)
 }
 
 /// Greatest change of any joint's speed over one key interval on either side of `at`, metres a second; `at` wraps.
-fn jolt(asset: &Asset, clip: &Clip, at: f64) -> f32 {
+fn velocity_jump(asset: &Asset, clip: &Clip, at: f64) -> f32 {
     let step = 1.0 / 30.0;
     let wrapped = |secs: f64| joints_at(asset, clip, secs.rem_euclid(clip.duration.as_secs()));
     let (before, here, after) = (wrapped(at - step), wrapped(at), wrapped(at + step));
@@ -37,7 +37,7 @@ fn jolt(asset: &Asset, clip: &Clip, at: f64) -> f32 {
 }
 
 #[test]
-fn the_clips_are_there_and_name_joints_of_the_skeleton() {
+fn all_clips_exist_and_name_joints_of_the_skeleton() {
     let asset = import();
     assert_eq!(asset.clips.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), NAMES);
     for clip in &asset.clips {
@@ -47,24 +47,24 @@ fn the_clips_are_there_and_name_joints_of_the_skeleton() {
 }
 
 #[test]
-fn every_clip_ends_where_it_begins_at_the_speed_it_began_with() {
+fn every_clip_loops_in_position_and_speed() {
     let asset = import();
     for clip in &asset.clips {
         let end = clip.duration.as_secs();
-        assert!(moved(&asset, clip, 0.0, end) < 1e-6, "{}: jumps at the seam", clip.name);
-        let within = (1..(end * 30.0) as i32).map(|k| jolt(&asset, clip, f64::from(k) / 30.0));
+        assert!(largest_movement(&asset, clip, 0.0, end) < 1e-6, "{}: jumps at the seam", clip.name);
+        let within = (1..(end * 30.0) as i32).map(|k| velocity_jump(&asset, clip, f64::from(k) / 30.0));
         let within = within.fold(0.0, f32::max);
-        let seam = jolt(&asset, clip, 0.0);
+        let seam = velocity_jump(&asset, clip, 0.0);
         println!("{}: change of speed {seam:.2} m/s at the seam, {within:.2} at most elsewhere", clip.name);
         assert!(seam <= within.max(0.3), "{}: jolts at the seam", clip.name);
     }
 }
 
 #[test]
-fn the_seam_check_finds_a_clip_cut_short() {
+fn the_loop_check_detects_a_truncated_clip() {
     let asset = import();
     let walk = &asset.clips[1];
-    assert!(moved(&asset, walk, 0.0, walk.duration.as_secs() - 0.1) > 0.05);
+    assert!(largest_movement(&asset, walk, 0.0, walk.duration.as_secs() - 0.1) > 0.05);
 }
 
 /// The points of a foot that may carry it: heel and ball, in model space, and the joint that each moves with.
@@ -82,8 +82,8 @@ fn soles(asset: &Asset) -> Vec<(usize, Vec3)> {
     points
 }
 
-/// Longest way that a point of a sole goes over the floor while it carries (within 2 mm of the floor), metres.
-fn slide(asset: &Asset, clip: &Clip, floor_speed: f32) -> f32 {
+/// Largest foot sliding: distance in metres that a point of a sole moves over the floor while in contact (within 2 mm).
+fn foot_sliding(asset: &Asset, clip: &Clip, floor_speed: f32) -> f32 {
     let step = 1.0 / 120.0;
     let mut worst: f32 = 0.0;
     for (joint, local) in soles(asset) {
@@ -108,20 +108,20 @@ fn slide(asset: &Asset, clip: &Clip, floor_speed: f32) -> f32 {
 fn planted_feet_do_not_slide() {
     let asset = import();
     for clip in &asset.clips {
-        let slide = slide(&asset, clip, speed(clip));
+        let slide = foot_sliding(&asset, clip, speed(clip));
         println!("{}: planted feet slide {:.1} mm at most", clip.name, slide * 1e3);
         assert!(slide <= 0.01, "{}: a planted foot slides {slide} m", clip.name);
     }
 }
 
 #[test]
-fn the_slide_check_finds_a_floor_of_the_wrong_speed() {
+fn the_foot_sliding_check_detects_a_wrong_floor_speed() {
     let asset = import();
-    assert!(slide(&asset, &asset.clips[1], 1.1) > 0.01);
+    assert!(foot_sliding(&asset, &asset.clips[1], 1.1) > 0.01);
 }
 
 #[test]
-fn nothing_sinks_into_the_floor_and_someone_stands_on_it() {
+fn feet_touch_the_floor_and_nothing_penetrates_it() {
     let asset = import();
     for clip in &asset.clips {
         let frames = (clip.duration.as_secs() * 15.0) as i64;
@@ -144,7 +144,7 @@ fn hinge(rotation: Quat, forwards: Vec3) -> (f32, f32) {
 }
 
 #[test]
-fn elbows_and_knees_bend_one_way_and_no_farther_than_people_do() {
+fn elbows_and_knees_stay_within_human_limits() {
     let asset = import();
     // mixamorig axes: the left elbow bends to −X, the right one to +X, knees to −Z.
     let hinges = [
@@ -160,7 +160,7 @@ fn elbows_and_knees_bend_one_way_and_no_farther_than_people_do() {
             for k in 0..=(clip.duration.as_secs() * 60.0) as i64 {
                 let (bend, aside) =
                     hinge(pose_at(&asset, clip, k as f64 / 60.0).get(joint).rotation, forwards);
-                // Between two keys, bend and twist are blended as one turn: half a degree aside.
+                // Between two keys, flexion and twist are interpolated as one rotation, which deviates by up to half a degree.
                 assert!(aside < 0.01, "{} {name}: bends sideways by {aside}", clip.name);
                 (least, most) = (least.min(bend), most.max(bend));
             }
@@ -172,7 +172,7 @@ fn elbows_and_knees_bend_one_way_and_no_farther_than_people_do() {
 }
 
 #[test]
-fn other_joints_stay_within_what_people_can_do() {
+fn other_joints_stay_within_human_limits() {
     // Degrees from rest, after Kapandji, "The Physiology of the Joints" (2007), with the spine's share for each third.
     let limits = [
         ("Spine", 30.0),

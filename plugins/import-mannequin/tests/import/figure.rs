@@ -57,7 +57,7 @@ fn inside_out(p: &Primitive) -> usize {
 }
 
 #[test]
-fn every_part_is_closed_and_faces_outwards() {
+fn every_part_is_watertight_with_outward_normals() {
     let asset = import();
     let mut triangles = 0;
     for (i, p) in asset.meshes[0].primitives.iter().enumerate() {
@@ -73,7 +73,7 @@ fn every_part_is_closed_and_faces_outwards() {
 }
 
 #[test]
-fn the_mesh_checks_find_planted_faults() {
+fn the_mesh_checks_detect_planted_faults() {
     let mesh = &import().meshes[0];
     let mut holed = mesh.primitives[1].clone();
     holed.indices.truncate(holed.indices.len() - 3);
@@ -163,7 +163,7 @@ fn options_color_and_height() {
 }
 
 #[test]
-fn wrong_options_say_what_is_allowed() {
+fn errors_of_wrong_options_name_the_allowed_values() {
     let refuse = |name: &str, value: &str| {
         let given = ImportOptions([(name.into(), OptionValue::Text(value.into()))].into());
         Mannequin.manifest().complete(&given).unwrap_err()
@@ -184,7 +184,7 @@ fn wrong_options_say_what_is_allowed() {
 }
 
 #[test]
-fn claims_its_name_alone_and_makes_what_is_needed() {
+fn it_claims_only_its_name_and_creates_only_the_import_scope() {
     let named = |name: &str| Source { name: name.into(), ..source() };
     assert_eq!(Mannequin.claim(&source()), Claim::Content(100));
     for other in ["mannequin", "choreo:mannequin.glb", "choreo:", "a/choreo:mannequin"] {
@@ -197,7 +197,7 @@ fn claims_its_name_alone_and_makes_what_is_needed() {
 }
 
 #[test]
-fn the_same_figure_twice_and_how_long_it_takes() {
+fn generation_is_deterministic_and_fast() {
     let start = std::time::Instant::now();
     let first = import();
     println!("import: {:.1} ms", start.elapsed().as_secs_f64() * 1e3);

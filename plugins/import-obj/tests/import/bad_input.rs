@@ -24,11 +24,11 @@ fn errors_name_the_line() {
         ("f 1/1/1 2", "f 9/1/1 2", "line 16: refers to vertex 9, but the file has 5"),
         ("f 1/1/1 2", "f 1/9/1 2", "line 16: refers to texture coordinate 9, but the file has 4"),
         ("f 1/1/1 2", "f 1/1/9 2", "line 16: refers to normal 9, but the file has 1"),
-        ("f -5/", "f -6/", "line 18: refers to vertex -6, counted back, but there are 5 so far"),
+        ("f -5/", "f -6/", "line 18: refers to vertex -6, counted from the end, but there are 5 so far"),
         (
             "f 1/1/1 2",
             "f 1/-5/1 2",
-            "line 16: refers to texture coordinate -5, counted back, but there are 4 so far",
+            "line 16: refers to texture coordinate -5, counted from the end, but there are 4 so far",
         ),
         (
             "f 1/1/1 2",
@@ -63,7 +63,7 @@ fn errors_name_the_line() {
 
 /// Texture paths reach only what the caller hands over; broken images and libraries are warnings.
 #[test]
-fn companions_that_are_missing_or_broken() {
+fn missing_or_broken_companion_files_are_warnings() {
     let text = "mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n";
     let import = |mtl: &str| {
         let files = Companions::of(vec![("a.mtl", mtl.into()), ("cut.png", b"\x89PNG\r\n\x1a\n".to_vec())]);
@@ -91,7 +91,7 @@ fn companions_that_are_missing_or_broken() {
 
 /// One vertex with as many texture coordinates as there are faces; one face with all vertices.
 #[test]
-fn costly_files_take_no_longer_than_others() {
+fn adversarial_files_are_parsed_in_linear_time() {
     let n = 100_000;
     let mut many: String = "v 0 0 0\nv 1 0 0\nv 0 1 0\n".into();
     (0..n).for_each(|i| many.push_str(&format!("vt {i} 0\n")));
@@ -108,7 +108,7 @@ fn costly_files_take_no_longer_than_others() {
 }
 
 #[test]
-fn truncated_and_flipped() {
+fn truncated_files_and_flipped_bits_do_not_panic() {
     damage::run_cases(&ObjImporter, || {
         let mut cases = vec![("room.obj", ROOM.as_bytes().to_vec(), 1000)];
         if let Some(folder) = assets(2) {

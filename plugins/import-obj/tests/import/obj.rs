@@ -10,7 +10,7 @@ const ROOM: &str = include_str!("../data/room.obj");
 const ROOM_MTL: &str = include_str!("../data/room.mtl");
 
 /// A BMP of one color, 2 × 2.
-fn picture(rgb: [u8; 3]) -> Vec<u8> {
+fn png_of_color(rgb: [u8; 3]) -> Vec<u8> {
     let mut out = b"BM".to_vec();
     let row = [rgb[2], rgb[1], rgb[0], rgb[2], rgb[1], rgb[0], 0, 0];
     out.extend(70u32.to_le_bytes());
@@ -25,8 +25,8 @@ fn picture(rgb: [u8; 3]) -> Vec<u8> {
 fn companions() -> Companions {
     Companions::of(vec![
         ("room.mtl", ROOM_MTL.into()),
-        ("wall paper.png", picture([255, 0, 0])),
-        ("bumps.png", picture([128, 128, 255])),
+        ("wall paper.png", png_of_color([255, 0, 0])),
+        ("bumps.png", png_of_color([128, 128, 255])),
     ])
 }
 
@@ -77,7 +77,7 @@ fn groups_are_nodes_and_materials_primitives() {
 }
 
 #[test]
-fn materials_and_texture_options() {
+fn materials_and_texture_options_are_imported() {
     let asset = room();
     let by_name = |name: &str| asset.materials.iter().find(|m| m.name == name).unwrap();
     let wall = by_name("wall");
@@ -129,7 +129,7 @@ fn colors_of_blender_and_of_options_are_linear() {
 }
 
 #[test]
-fn what_is_not_needed_is_not_read() {
+fn parts_outside_the_import_scope_are_not_read() {
     let read = |needs: ImportScope| {
         let files = companions();
         let asset = import(&ObjImporter, &source("room.obj", ROOM), &files, needs).unwrap();
@@ -153,7 +153,7 @@ fn what_is_not_needed_is_not_read() {
 }
 
 #[test]
-fn vertex_colors() {
+fn vertex_colors_are_imported() {
     let asset = read("v 0 0 0 1 0 0\nv 1 0 0 0.5 0.5 0.5\nv 0 1 0\nf 1 2 3\n");
     let p = &asset.meshes[0].primitives[0];
     assert_eq!((p.colors[0], p.colors[2]), (Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::ONE));
@@ -165,7 +165,7 @@ fn vertex_colors() {
 
 /// Cases that `tobj` alone would fill from the vertex before, scale, refuse or leave out.
 #[test]
-fn corners_have_what_the_file_gives_them() {
+fn vertices_have_the_attributes_of_the_file() {
     let triangle = "v 0 0 0\nv 1 0 0 2\nv 0 1 0\nvt 0.25\nvt 0.5 0.5\nvn 0 0 1\n";
     // A face vertex without texture coordinate beside others that have one; one number is u alone; a fourth coordinate scales nothing.
     let asset = read(&format!("{triangle}f 1/1 2 3/2 # a comment\n"));
@@ -219,7 +219,7 @@ fn missing_normals_by_angle_and_by_smoothing_group() {
 }
 
 #[test]
-fn missing_libraries_and_materials_are_said() {
+fn missing_libraries_and_materials_are_warnings() {
     let text = "mtllib a b.mtl\nusemtl gold\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2\nvp 1 2\nfoo\nfoo\n";
     let said = warnings(&read(text));
     assert_eq!(
@@ -242,7 +242,7 @@ fn missing_libraries_and_materials_are_said() {
 }
 
 #[test]
-fn units_and_axes_by_option() {
+fn options_set_units_and_axes() {
     let given = [("scale", OptionValue::Number(0.01)), ("up", OptionValue::Text("z".into()))];
     let options = options(&ObjImporter, &given);
     let text = "v 100 200 300\nv 200 200 300\nv 100 200 400\nf 1 2 3\n";
@@ -255,7 +255,7 @@ fn units_and_axes_by_option() {
 }
 
 #[test]
-fn claims() {
+fn files_are_claimed_by_content() {
     let claim = |name: &str, text: &str| ObjImporter.claim(&source(name, text));
     assert_eq!(claim("x", ROOM), Claim::Content(40));
     assert_eq!(claim("x.obj", "what"), Claim::Extension);
@@ -273,8 +273,8 @@ fn with_library(mtl: &str) -> Asset {
     let text = format!("mtllib x.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\n{faces}");
     let files = Companions::of(vec![
         ("x.mtl", mtl.into()),
-        ("a.png", picture([9, 9, 9])),
-        ("b.png", picture([5; 3])),
+        ("a.png", png_of_color([9, 9, 9])),
+        ("b.png", png_of_color([5; 3])),
     ]);
     import(&ObjImporter, &source("x.obj", text), &files, ImportScope::ALL).unwrap()
 }

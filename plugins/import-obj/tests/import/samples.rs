@@ -1,4 +1,4 @@
-//! The sample files: counts, extents, and what assimp says of them.
+//! Sample files: counts and extents, compared with those of assimp.
 
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::{assets, assimp, import_path, sound, warnings};
@@ -8,7 +8,7 @@ use import_obj::ObjImporter;
 /// assimp joins fewer equal face vertices than we do and loses 28 faces of the spider (which has 1368, as its STL): its counts are
 /// only printed, its extents are compared.
 #[test]
-fn counts_and_extents() {
+fn counts_and_extents_equal_those_of_assimp() {
     // File, nodes, primitives, vertices, triangles, images.
     let files = [
         ("obj/box.obj", [1, 1, 24, 12, 0]),
@@ -49,7 +49,7 @@ fn counts_and_extents() {
 
 /// The concave polygon: its triangles cover its area once.
 #[test]
-fn the_concave_polygon() {
+fn a_concave_polygon_is_triangulated_without_overlap() {
     let Some(folder) = assets(1) else { return };
     let asset = import_path(&ObjImporter, &folder.join("obj/concave_polygon.obj")).unwrap();
     let p = &asset.meshes[0].primitives[0];
@@ -91,7 +91,7 @@ fn triangles(asset: &Asset) -> usize {
 /// The barrel as OBJ and as glTF: one size, one number of triangles, the same texture coordinates at every face vertex. (The chests
 /// are two models: the OBJ has the body alone.)
 #[test]
-fn the_barrel_of_two_formats() {
+fn the_barrel_is_equal_in_two_formats() {
     let Some(folder) = assets(1).map(|f| f.join("same-model-3-formats")) else { return };
     let obj = import_path(&ObjImporter, &folder.join("barrel_large_decorated.obj")).unwrap();
     let gltf =
@@ -122,7 +122,7 @@ fn the_barrel_of_two_formats() {
 
 /// The spider as OBJ (+Y up) and as STL (+Z up, centred, smaller): as many triangles, one shape.
 #[test]
-fn the_spider_of_two_formats() {
+fn the_spider_is_equal_in_two_formats() {
     let Some(folder) = assets(1) else { return };
     let obj = import_path(&ObjImporter, &folder.join("obj/spider.obj")).unwrap();
     let stl = import_path(&import_stl::StlImporter, &folder.join("stl/Spider_binary.stl")).unwrap();

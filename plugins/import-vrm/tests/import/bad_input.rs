@@ -5,11 +5,11 @@ use choreo_importer_kit_testing::{alone, assets, damage, error_text, import_byte
 use import_vrm::VrmImporter;
 use serde_json::{Value, json};
 
-fn error(version: Version, edit: impl FnOnce(&mut Value)) -> String {
+fn error_after_edit(version: Version, edit: impl FnOnce(&mut Value)) -> String {
     error_text(import_bytes(&VrmImporter, "bad.vrm", edited(version, edit)))
 }
 
-fn said(version: Version, edit: impl FnOnce(&mut Value)) -> Vec<String> {
+fn warnings_after_edit(version: Version, edit: impl FnOnce(&mut Value)) -> Vec<String> {
     let asset = import_bytes(&VrmImporter, "odd.vrm", edited(version, edit)).unwrap();
     sound::check("odd.vrm", &asset);
     asset.springs.check(asset.skeleton.len()).unwrap();
@@ -18,7 +18,7 @@ fn said(version: Version, edit: impl FnOnce(&mut Value)) -> Vec<String> {
 
 #[test]
 fn errors_name_the_element() {
-    let bad = |edit: &dyn Fn(&mut Value)| error(Version::V1, edit);
+    let bad = |edit: &dyn Fn(&mut Value)| error_after_edit(Version::V1, edit);
     assert_eq!(
         bad(&|j| j["extensions"]["VRMC_vrm"]["humanoid"]["humanBones"]["hips"]["node"] = json!(99)),
         "bad.vrm: extensions.VRMC_vrm.humanoid.humanBones.hips.node: refers to nodes[99], but the last is nodes[12]"
@@ -43,25 +43,28 @@ fn errors_name_the_element() {
         "bad.vrm: extensions.VRMC_springBone.colliders[0].shape: is neither a sphere nor a capsule"
     );
     assert_eq!(
-        error(Version::V0, |j| j["extensions"]["VRM"]["secondaryAnimation"]["boneGroups"][0]["bones"] =
-            json!([1.5])),
+        error_after_edit(
+            Version::V0,
+            |j| j["extensions"]["VRM"]["secondaryAnimation"]["boneGroups"][0]["bones"] = json!([1.5])
+        ),
         "bad.vrm: extensions.VRM.secondaryAnimation.boneGroups[0].bones[0]: must be an index, a whole number from 0"
     );
     assert_eq!(
-        error(Version::V0, |j| j["extensions"]["VRM"]["blendShapeMaster"]["blendShapeGroups"] = json!({})),
+        error_after_edit(Version::V0, |j| j["extensions"]["VRM"]["blendShapeMaster"]["blendShapeGroups"] =
+            json!({})),
         "bad.vrm: extensions.VRM.blendShapeMaster.blendShapeGroups: must be an array"
     );
 }
 
 #[test]
-fn what_is_left_or_guessed_is_said() {
+fn guessed_and_ignored_content_is_a_warning() {
     assert_eq!(
-        said(Version::V1, |j| j["extensions"]["VRMC_springBone"]["springs"][0]["joints"][0]["dragForce"] =
-            json!(1.5)),
+        warnings_after_edit(Version::V1, |j| j["extensions"]["VRMC_springBone"]["springs"][0]["joints"][0]
+            ["dragForce"] = json!(1.5)),
         ["extensions.VRMC_springBone.springs[0].joints[0].dragForce: is 1.5; 1 is used"]
     );
     assert_eq!(
-        said(Version::V1, |j| {
+        warnings_after_edit(Version::V1, |j| {
             let again = j["extensions"]["VRMC_springBone"]["springs"][0].clone();
             j["extensions"]["VRMC_springBone"]["springs"] = json!([again.clone(), again]);
         }),
@@ -70,7 +73,7 @@ fn what_is_left_or_guessed_is_said() {
         ]
     );
     assert_eq!(
-        said(Version::V1, |j| {
+        warnings_after_edit(Version::V1, |j| {
             let joints = &mut j["extensions"]["VRMC_springBone"]["springs"][0]["joints"];
             *joints = json!([{ "node": 9 }, { "node": 7 }]);
         }),
@@ -79,7 +82,7 @@ fn what_is_left_or_guessed_is_said() {
         ]
     );
     assert_eq!(
-        said(Version::V1, |j| {
+        warnings_after_edit(Version::V1, |j| {
             let bones = &mut j["extensions"]["VRMC_vrm"]["humanoid"]["humanBones"];
             bones["tail"] = json!({ "node": 9 });
             bones["chest"] = json!({ "node": 2 });
@@ -91,7 +94,7 @@ fn what_is_left_or_guessed_is_said() {
         ]
     );
     assert_eq!(
-        said(Version::V1, |j| {
+        warnings_after_edit(Version::V1, |j| {
             let faces = &mut j["extensions"]["VRMC_vrm"]["expressions"];
             faces["custom"]["happy"] = json!({});
             faces["preset"]["happy"]["materialColorBinds"] =
@@ -101,19 +104,19 @@ fn what_is_left_or_guessed_is_said() {
         [
             "extensions.VRMC_vrm.expressions.preset.happy.overrideBlink: is not none, block or blend; none is used",
             "extensions.VRMC_vrm.expressions.custom.happy: is a second expression \"happy\"; it is left out",
-            "extensions.VRMC_vrm.expressions: 1 expressions also change material properties that are missing or not drawn: happy",
+            "extensions.VRMC_vrm.expressions: 1 expression also changes material properties that are missing or not drawn: happy",
         ]
     );
     assert_eq!(
-        said(Version::V1, |j| j["extensions"]["VRMC_vrm"]["specVersion"] = json!("2.0")),
+        warnings_after_edit(Version::V1, |j| j["extensions"]["VRMC_vrm"]["specVersion"] = json!("2.0")),
         ["extensions.VRMC_vrm: has version \"2.0\"; it is read as 1.0"]
     );
 }
 
 /// A bone group may name one root many times, or every joint of a chain: no joint swings twice, and the work stays bounded.
 #[test]
-fn joints_swing_once_however_often_they_are_named() {
-    let many = said(Version::V0, |j| {
+fn repeated_spring_joints_are_simulated_once() {
+    let many = warnings_after_edit(Version::V0, |j| {
         let group = &mut j["extensions"]["VRM"]["secondaryAnimation"]["boneGroups"][0];
         group["bones"] = (0..20_000).map(|i| json!(7 + i % 3)).collect();
     });
@@ -121,7 +124,7 @@ fn joints_swing_once_however_often_they_are_named() {
 }
 
 #[test]
-fn samples_of_our_own_cut_off_and_with_bits_turned_over() {
+fn own_samples_truncated_and_bit_flipped_do_not_panic() {
     if alone::ran_in_own_process() {
         return;
     }
@@ -135,7 +138,7 @@ fn samples_of_our_own_cut_off_and_with_bits_turned_over() {
 
 /// `CHOREO_FLIPS=1000` for as many as the others have.
 #[test]
-fn samples_of_others_cut_off_and_with_bits_turned_over() {
+fn downloaded_samples_truncated_and_bit_flipped_do_not_panic() {
     if alone::ran_in_own_process() {
         return;
     }

@@ -66,7 +66,7 @@ fn both_versions_face_plus_z_and_move_alike() {
 }
 
 #[test]
-fn human_bones_have_one_name_in_both() {
+fn both_versions_have_the_same_human_bone_names() {
     for asset in [read(Version::V0), read(Version::V1)] {
         let humanoid = asset.skeleton.humanoid().unwrap();
         let name = |bone| humanoid.joint(bone).map(|j| asset.skeleton.names()[j as usize].as_str());
@@ -83,10 +83,10 @@ fn human_bones_have_one_name_in_both() {
 }
 
 #[test]
-fn expressions_are_those_of_1_0() {
+fn both_versions_have_the_expression_names_of_vrm_1() {
     for (version, over) in [(Version::V0, 0.0), (Version::V1, 1.0)] {
         let asset = read(version);
-        // The last four tell the eyes where to look.
+        // The last four are the gaze expressions.
         let (gaze, faces): (Vec<_>, Vec<_>) =
             asset.expressions.iter().partition(|e| choreo_asset::GAZE.contains(&e.name.as_str()));
         assert!(gaze.len() == 4 && gaze.iter().all(|e| e.morphs.is_empty()));
@@ -108,7 +108,7 @@ fn expressions_are_those_of_1_0() {
 }
 
 #[test]
-fn springs_come_out_alike_in_choreos_axes() {
+fn both_versions_have_equal_springs() {
     let (old, new) = (read(Version::V0), read(Version::V1));
     for asset in [&old, &new] {
         let springs = &asset.springs;
@@ -140,7 +140,7 @@ fn springs_come_out_alike_in_choreos_axes() {
 }
 
 #[test]
-fn animations_play_on_both_by_the_bones_whatever_axes_they_rest_in() {
+fn animations_retarget_to_both_versions_whatever_their_rest_axes() {
     let (json, bin) = animation();
     let vrma = import_bytes(&VrmImporter, "yes.vrma", glb_of(&json, &bin)).unwrap();
     sound::check("yes.vrma", &vrma);
@@ -169,7 +169,7 @@ fn animations_play_on_both_by_the_bones_whatever_axes_they_rest_in() {
 }
 
 #[test]
-fn eyes_and_words_about_the_file_are_kept() {
+fn eye_settings_and_file_metadata_are_kept() {
     let (old, new) = (read(Version::V0), read(Version::V1));
     for asset in [&old, &new] {
         let eyes = asset.eyes.unwrap();
@@ -190,7 +190,7 @@ fn eyes_and_words_about_the_file_are_kept() {
 
 /// Painted eyes from the file to the image, of 1.0 and of 0.x.
 #[test]
-fn painted_eyes_follow_what_is_looked_at() {
+fn expression_driven_eyes_follow_the_gaze_target() {
     use choreo_stage::{LookAt, Target};
     use serde_json::json;
     for version in [Version::V0, Version::V1] {
@@ -223,7 +223,7 @@ fn painted_eyes_follow_what_is_looked_at() {
         let looking = |smile: f32| {
             let mut stage = Stage::default();
             stage.cast("a", asset.clone());
-            // 60 degrees to its left; half a look leaves 30 of them to the eyes, which go half of that way.
+            // The target is 60 degrees to the left. With a weight of one half, the eyes get 30 degrees, and rotate by half of that.
             let (sin, cos) = (0.75f64.sqrt(), 0.5);
             let target = Target::Point(DVec3::new(sin, 0.0, cos) * 100.0 + DVec3::new(0.0, 1.5, 0.0));
             stage.actors[0].look_at.push(LookAt { weight: 0.5, ..LookAt::new(head, target) });
@@ -252,7 +252,7 @@ fn looking_aside() -> (serde_json::Value, Vec<u8>) {
     let at = bin.len();
     let aside =
         glam::Quat::from_rotation_y(45f32.to_radians()) * glam::Quat::from_rotation_x(-30f32.to_radians());
-    // A roll about the way that is looked changes nothing.
+    // A roll about the gaze direction changes nothing.
     let aside = aside * glam::Quat::from_rotation_z(1.0);
     floats(&mut bin, &[0.0, 0.0, 0.0, 1.0]);
     floats(&mut bin, &aside.to_array());
@@ -271,7 +271,7 @@ fn looking_aside() -> (serde_json::Value, Vec<u8>) {
     (json, bin)
 }
 
-/// VRMC_vrm_animation's `lookAt`: the angles go through the character's own range maps, whatever moves its eyes.
+/// VRMC_vrm_animation's `lookAt`: the angles go through the character's range maps, for eyes moved by bones and by expressions.
 #[test]
 fn eyes_look_where_an_animation_says() {
     use serde_json::json;
@@ -341,13 +341,13 @@ fn eyes_look_where_an_animation_says() {
 }
 
 #[test]
-fn content_decides_who_reads_a_file() {
+fn content_decides_which_importer_claims_a_file() {
     let claim = |name: &str, bytes: Vec<u8>| VrmImporter.claim(&source(name, bytes));
     let gltf = |bytes: Vec<u8>| GltfImporter::new().claim(&source("x.vrm", bytes));
     for version in [Version::V0, Version::V1] {
         assert_eq!(claim("x.bin", glb(version)), Claim::Content(98));
         assert!(gltf(glb(version)) < Claim::Content(98));
-        // Cut off: only where the name says so too.
+        // A truncated file is claimed only if its name has the extension of VRM.
         let cut = glb(version)[..2500].to_vec();
         assert_eq!(claim("x.glb", cut.clone()), Claim::NotMine);
         assert_eq!(claim("x.vrm", cut), Claim::Content(96));
@@ -365,7 +365,7 @@ fn content_decides_who_reads_a_file() {
 }
 
 #[test]
-fn what_is_not_needed_is_not_read() {
+fn parts_outside_the_import_scope_are_not_read() {
     let clips =
         import(&VrmImporter, &source("a.vrm", glb(Version::V0)), &Companions::none(), ImportScope::CLIPS)
             .unwrap();
@@ -380,7 +380,7 @@ fn what_is_not_needed_is_not_read() {
 
 /// `sample/` holds what these tests make, for scripts to load; `CHOREO_ACCEPT=1` writes it.
 #[test]
-fn the_samples_are_what_is_made_here() {
+fn the_sample_files_equal_the_generated_ones() {
     let (json, bin) = animation();
     let made = [
         ("tiny-0.vrm", glb(Version::V0)),

@@ -19,14 +19,14 @@ fn toon(material: &Material) -> &Toon {
 }
 
 #[test]
-fn version_1_with_its_defaults_and_its_words() {
-    let (plain, said) = material(Version::V1, |j| {
+fn mtoon_1_has_its_defaults_and_reads_every_parameter() {
+    let (plain, found_warnings) = material(Version::V1, |j| {
         j["materials"][0]["extensions"] =
             json!({ "VRMC_materials_mtoon": { "specVersion": "1.0" }, "KHR_materials_unlit": {} });
     });
     assert_eq!(toon(&plain), &Toon::default());
-    assert!(said.is_empty(), "{said:?}");
-    let (m, said) = material(Version::V1, |j| {
+    assert!(found_warnings.is_empty(), "{found_warnings:?}");
+    let (m, found_warnings) = material(Version::V1, |j| {
         j["materials"][0]["extensions"] = json!({ "VRMC_materials_mtoon": {
             "specVersion": "1.0", "shadeColorFactor": [0.25, 0.5, 0.75], "shadingShiftFactor": -0.2, "shadingToonyFactor": 0.75,
             "giEqualizationFactor": 0.5, "parametricRimColorFactor": [0.1, 0.2, 0.3], "parametricRimFresnelPowerFactor": 2.0,
@@ -41,13 +41,13 @@ fn version_1_with_its_defaults_and_its_words() {
     let outline = t.outline.as_ref().unwrap();
     assert_eq!((outline.width, outline.on_screen), (0.005, false));
     assert_eq!(t.uv_motion, Some(UvMotion { scroll: Vec2::new(0.1, 0.0), rotation: 0.0 }));
-    assert_eq!(said.len(), 1, "{said:?}");
+    assert_eq!(found_warnings.len(), 1, "{found_warnings:?}");
 }
 
 /// MToon 0.x's ramp goes from `shift` to mix(1, shift, toony) in NL (its shader's min and max intensity threshold). The converted one
 /// must begin and end where that does.
 #[test]
-fn version_0_has_the_same_line_between_light_and_shade() {
+fn mtoon_0_has_the_same_shading_threshold() {
     for (shift, toony) in [(0.0f64, 0.9f64), (-0.45, 0.8), (0.3, 0.5), (-1.0, 1.0)] {
         let (m, _) = material(Version::V0, |j| {
             j["extensions"]["VRM"]["materialProperties"] = json!([{ "name": "skin", "shader": "VRM/MToon",
@@ -72,7 +72,7 @@ fn version_0_has_the_same_line_between_light_and_shade() {
 }
 
 #[test]
-fn bad_words_are_refused_with_their_place() {
+fn wrong_mtoon_values_are_errors_with_their_place() {
     let error = |mtoon: Value| {
         let bytes = edited(Version::V1, |j| {
             j["materials"][0]["extensions"] = json!({ "VRMC_materials_mtoon": mtoon })
@@ -100,7 +100,7 @@ fn bad_words_are_refused_with_their_place() {
 
 /// Half of `happy` at one second: the same in both versions, whose colors and whose v count otherwise.
 #[test]
-fn expressions_change_colors_on_stage() {
+fn expressions_change_material_colors() {
     for version in [Version::V0, Version::V1] {
         let bytes = edited(version, |j| {
             if version == Version::V1 {

@@ -1,26 +1,26 @@
-//! Every sample file against assimp: triangles, points, skin joints, clips and their lengths, cameras, lights, extents.
-//! Differences stand in README.md's table with their reasons; one that is not there fails, and so does a row that is no
+//! Compares every sample file with assimp: triangles, points, skin joints, clips and their lengths, cameras, lights, extents.
+//! The table in README.md lists differences and their reasons. An unlisted difference fails, and so does a row that is no
 //! longer true. `CHOREO_TABLE=1` prints the rows as they are.
 
 use choreo_asset::{Asset, Topology};
 use choreo_importer_kit_testing::{assets, pose};
 use importers::assimp::{self, Scene};
-use importers::{SAMPLES, samples, whole};
+use importers::{SAMPLES, import_whole, samples};
 use std::collections::BTreeSet;
 use std::path::Path;
 
 type Facts = Vec<(&'static str, String)>;
 
-/// Made to be seen where the file has no mesh.
+/// Whether the only mesh is the generated one that shows the bones of a file without a mesh.
 fn bones_only(asset: &Asset) -> bool {
     asset.meshes.len() == 1 && asset.meshes[0].name == "bones"
 }
 
-fn ours(asset: &Asset) -> Facts {
+fn choreo_facts(asset: &Asset) -> Facts {
     let all = || asset.meshes.iter().flat_map(|m| &m.primitives);
     let triangles = all().filter(|p| p.topology == Topology::Triangles).map(|p| p.indices.len() / 3);
     let points = all().flat_map(|p| &p.positions).map(|p| (*p + 0.0).to_array().map(f32::to_bits));
-    let joints: BTreeSet<u32> = asset.skins.iter().flat_map(|s| used(asset, s)).collect();
+    let joints: BTreeSet<u32> = asset.skins.iter().flat_map(|s| used_joints(asset, s)).collect();
     let mut facts = facts([
         triangles.sum::<usize>().to_string(),
         points.collect::<BTreeSet<_>>().len().to_string(),
@@ -32,7 +32,7 @@ fn ours(asset: &Asset) -> Facts {
         proportions(extent(asset)),
     ]);
     if bones_only(asset) {
-        // Both make bones to be seen, each its own; assimp's have all its nodes as joints.
+        // Both importers create a visible mesh for the bones; that of assimp has all its nodes as joints.
         facts.retain(|f| !["triangles", "points", "extents"].contains(&f.0));
         let nodes = asset.skeleton.len().to_string();
         facts.iter_mut().filter(|f| f.0 == "skin joints").for_each(|f| f.1.clone_from(&nodes));
@@ -41,12 +41,12 @@ fn ours(asset: &Asset) -> Facts {
 }
 
 /// Joints of a skin but the one that points without influence go with.
-fn used<'a>(asset: &'a Asset, skin: &'a choreo_asset::Skin) -> impl Iterator<Item = u32> {
+fn used_joints<'a>(asset: &'a Asset, skin: &'a choreo_asset::Skin) -> impl Iterator<Item = u32> {
     let carrier = |joint: &u32| asset.instances.iter().any(|i| i.joint == *joint);
     skin.joints.iter().filter(move |j| !carrier(j)).copied()
 }
 
-fn theirs(scene: &Scene) -> Facts {
+fn assimp_facts(scene: &Scene) -> Facts {
     facts([
         scene.triangles.to_string(),
         scene.points.to_string(),
@@ -86,7 +86,7 @@ fn extent(asset: &Asset) -> [[f64; 3]; 2] {
     out
 }
 
-/// Sides of the box against its largest, ordered: the same in every unit and whatever axis is up.
+/// Side lengths of the box relative to the largest, sorted, and so independent of unit and up axis.
 fn proportions([min, max]: [[f64; 3]; 2]) -> String {
     let mut sides: Vec<f64> = (0..3).map(|i| max[i] - min[i]).collect();
     sides.sort_by(f64::total_cmp);
@@ -113,12 +113,12 @@ fn explained() -> BTreeSet<[String; 4]> {
 
 fn differences(name: &str, ours: &Facts, theirs: &Facts) -> Vec<[String; 4]> {
     let pairs = ours.iter().filter_map(|a| Some((a, theirs.iter().find(|b| b.0 == a.0)?)));
-    let pairs = pairs.filter(|(a, b)| !same(&a.1, &b.1));
+    let pairs = pairs.filter(|(a, b)| !is_same_fact(&a.1, &b.1));
     pairs.map(|(a, b)| [name.to_string(), a.0.to_string(), a.1.clone(), b.1.clone()]).collect()
 }
 
 /// Numbers as they are written, but for the last digit of those with a point.
-fn same(a: &str, b: &str) -> bool {
+fn is_same_fact(a: &str, b: &str) -> bool {
     let split = |s: &str| s.split(' ').map(str::to_string).collect::<Vec<_>>();
     let (a, b) = (split(a), split(b));
     a.len() == b.len()
@@ -143,12 +143,12 @@ fn differences_are_those_of_the_table() {
             println!("SKIP {SAMPLES}: assimp is not installed");
             return;
         };
-        let mine = ours(&whole(&path));
+        let mine = choreo_facts(&import_whole(&path));
         let Ok(scene) = scene else {
             found.insert([shown, "all".into(), "read".into(), "refused".into()]);
             continue;
         };
-        found.extend(differences(&shown, &mine, &theirs(&scene)));
+        found.extend(differences(&shown, &mine, &assimp_facts(&scene)));
         compared += mine.len();
         // A planted fault: another number is seen everywhere.
         let mut wrong = mine.clone();

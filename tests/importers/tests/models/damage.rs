@@ -3,12 +3,12 @@
 //! `cargo test --release -p importers --test models damage -- --ignored --nocapture`.
 
 use choreo_importer_kit_testing::{Companions, alone, assets, damage};
-use importers::{GLTF_SAMPLES, SAMPLES, USD, as_usd, gltf_samples, importer, samples, whole};
+use importers::{GLTF_SAMPLES, SAMPLES, USD, as_usd, gltf_samples, import_whole, importer, samples};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 type Samples = (usize, fn(&Path) -> Vec<PathBuf>);
-const FIVE: Samples = (SAMPLES, samples);
+const FIVE_FORMATS: Samples = (SAMPLES, samples);
 const GLTF: Samples = (GLTF_SAMPLES, gltf_samples);
 
 /// Cuts and flips of each file.
@@ -61,7 +61,7 @@ fn run_usd(cuts: usize, flips: usize) {
     let Some(folder) = assets(1) else { return };
     let (mut total, mut slowest) = (damage::Outcome::default(), 0.0f64);
     for name in ["same-model-3-formats/chest_gold.glb", "gltf/SimpleSkin.gltf"] {
-        let asset = Arc::new(whole(&folder.join(name)));
+        let asset = Arc::new(import_whole(&folder.join(name)));
         for extension in USD {
             let (bytes, beside) = as_usd(&asset, extension);
             let beside = Companions::of(beside);
@@ -93,7 +93,7 @@ fn all_of_usd() {
 
 #[test]
 fn a_slice() {
-    run(FIVE, 6, 12, 1 << 20);
+    run(FIVE_FORMATS, 6, 12, 1 << 20);
 }
 
 #[test]
@@ -104,7 +104,7 @@ fn a_slice_of_gltf() {
 #[test]
 #[ignore = "50 cuts and 1,000 flips of every sample: minutes, in release"]
 fn all() {
-    run(FIVE, 50, 1000, usize::MAX);
+    run(FIVE_FORMATS, 50, 1000, usize::MAX);
 }
 
 #[test]

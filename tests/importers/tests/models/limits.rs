@@ -1,10 +1,10 @@
-//! Images that say of themselves to be far larger than their file, in every format that names pictures: the limit is in the
-//! message, and the model is there without them. glTF holds its images itself; its own tests hold the words.
+//! Images whose header declares far more pixels than the file holds, in every format that names image files: the warning names the
+//! limit, and the model is imported without them. glTF embeds its images; the tests of import-gltf cover it.
 
 use choreo_importer_kit_testing::{Companions, import, source, warnings};
 use choreo_plugin::{ImportScope, Importer};
 
-/// A PNG of this size, as far as its first rows: an empty IDAT.
+/// A PNG whose header declares this size, with an empty IDAT chunk.
 fn png_header(width: u32, height: u32) -> Vec<u8> {
     let mut out = b"\x89PNG\r\n\x1a\n".to_vec();
     let size = [width.to_be_bytes(), height.to_be_bytes()].concat();
@@ -76,7 +76,7 @@ C: \"OP\",4,3, \"DiffuseColor\"
 ";
 
 #[test]
-fn pictures_larger_than_any() {
+fn images_over_the_size_limit_are_not_decoded() {
     let importers: [(&str, &str, &dyn Importer); 3] = [
         ("a.obj", OBJ, &import_obj::ObjImporter),
         ("a.dae", DAE, &import_collada::ColladaImporter),

@@ -3,7 +3,7 @@
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::{assets, pose};
 use glam::{Affine3A, DVec3, Vec3};
-use importers::{USD, as_usd, from_usd, whole};
+use importers::{USD, as_usd, from_usd, import_whole};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -24,9 +24,9 @@ fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
     points.iter().fold(none, |(a, b), p| (a.min(*p), b.max(*p)))
 }
 
-/// The greatest distance from a point of one to the nearest of the other, both ways, against the box's largest side, once
-/// both are moved to the middle of their boxes and scaled to one size: formats without units are read in others.
-fn apart(a: &[DVec3], b: &[DVec3]) -> f64 {
+/// Symmetric Hausdorff distance of two point clouds relative to the largest side of their box, after
+/// both are centered and scaled to one size, because formats without units are read in different units.
+fn hausdorff_distance(a: &[DVec3], b: &[DVec3]) -> f64 {
     let unit = |points: &[DVec3]| -> Vec<DVec3> {
         let (min, max) = bounds(points);
         points.iter().map(|p| (*p - (min + max) * 0.5) / (max - min).max_element()).collect()
@@ -54,16 +54,16 @@ fn one_way(from: &[DVec3], to: &[DVec3]) -> f64 {
 
 /// The first against each other one: the same triangles, and points within `limit` of the size.
 fn compare(folder: &Path, names: &[&str], limit: f64) {
-    let first = whole(&folder.join(names[0]));
+    let first = import_whole(&folder.join(names[0]));
     let points = vertices(&first);
     for name in &names[1..] {
-        let other = whole(&folder.join(name));
+        let other = import_whole(&folder.join(name));
         let mut others = vertices(&other);
         if name.ends_with(".stl") {
             // Whoever made the spider's STL swapped y and z, which mirrors it.
             others.iter_mut().for_each(|p| p.z = -p.z);
         }
-        let off = apart(&points, &others);
+        let off = hausdorff_distance(&points, &others);
         println!(
             "{} and {name}: {} triangles, points off by {off:.1e} of the size",
             names[0],
@@ -77,7 +77,7 @@ fn compare(folder: &Path, names: &[&str], limit: f64) {
         let place = wrong.len() / 2;
         wrong[place] += DVec3::splat(1e-3 * (max - min).max_element());
         wrong.iter_mut().filter(|p| **p == others[place]).for_each(|p| *p = DVec3::ZERO);
-        assert!(apart(&points, &wrong) > limit, "{name}: a moved vertex is not seen");
+        assert!(hausdorff_distance(&points, &wrong) > limit, "{name}: a moved vertex is not seen");
     }
 }
 
@@ -106,11 +106,11 @@ fn props_in_three_formats() {
 #[test]
 fn a_chest_in_the_formats_of_usd() {
     let Some(folder) = assets(1) else { return };
-    let first = Arc::new(whole(&folder.join("same-model-3-formats/chest_gold.glb")));
+    let first = Arc::new(import_whole(&folder.join("same-model-3-formats/chest_gold.glb")));
     let points = vertices(&first);
     for extension in USD {
         let other = from_usd(as_usd(&first, extension), extension);
-        let off = apart(&points, &vertices(&other));
+        let off = hausdorff_distance(&points, &vertices(&other));
         println!(
             "chest_gold.glb as {extension}: {} triangles, points off by {off:.1e} of the size",
             triangles(&other)
@@ -136,7 +136,8 @@ fn joints(asset: &Asset, secs: f64) -> BTreeMap<String, Affine3A> {
 #[test]
 fn a_walk_in_two_formats() {
     let Some(folder) = assets(2) else { return };
-    let (fbx, dae) = (whole(&folder.join("fbx/pab/walk.fbx")), whole(&folder.join("dae/pab/walk.dae")));
+    let (fbx, dae) =
+        (import_whole(&folder.join("fbx/pab/walk.fbx")), import_whole(&folder.join("dae/pab/walk.dae")));
     let length = fbx.clips[0].duration.as_secs();
     assert!(dae.clips[0].duration.as_secs() >= length);
     let worst = |late: f64| {

@@ -34,14 +34,14 @@ pub fn archive(file: &Path, name: &str) -> Result<(), String> {
     std::fs::create_dir_all(&root).map_err(|e| format!("{}: {e}", root.display()))?;
     output(Command::new("tar").arg("-xf").arg(file).arg("-C").arg(&root))?;
     let prefix = root.join(name);
-    expected(&prefix)?;
+    check_expected_files(&prefix)?;
     let program = |program: &str| {
         let mut command = Command::new(prefix.join("bin").join(program));
         command.current_dir(&prefix).env("CHOREO_PLUGINS", "");
         command
     };
-    runs(&program, "frame.png", SCRIPT)?;
-    picture(&prefix.join("frame.png"))?;
+    check_programs(&program, "frame.png", SCRIPT)?;
+    check_frame(&prefix.join("frame.png"))?;
     remove(&root)
 }
 
@@ -58,7 +58,7 @@ pub fn debian(file: &Path) -> Result<(), String> {
     let mut install = Command::new("dpkg");
     install.arg(format!("--root={}", root.display())).args(["--force-depends", "--force-not-root"]);
     output(install.args(["--path-include=/usr/share/*", "--install"]).arg(file))?;
-    expected(&root.join("usr"))?;
+    check_expected_files(&root.join("usr"))?;
     let program = |program: &str| {
         // A user who is not root needs a user namespace to change the root folder.
         let mut command = match works("sh", &["-c", "test \"$(id -u)\" = 0"]) {
@@ -73,8 +73,8 @@ pub fn debian(file: &Path) -> Result<(), String> {
         command.env_clear().env("PATH", "/usr/sbin:/usr/bin:/sbin:/bin");
         command
     };
-    runs(&program, "/tmp/frame.png", &format!("/usr/{SCRIPT}"))?;
-    picture(&root.join("tmp/frame.png"))?;
+    check_programs(&program, "/tmp/frame.png", &format!("/usr/{SCRIPT}"))?;
+    check_frame(&root.join("tmp/frame.png"))?;
     remove(&root)
 }
 
@@ -118,7 +118,7 @@ fn names(depends: &str) -> Vec<String> {
     names.map(str::to_string).collect()
 }
 
-fn expected(prefix: &Path) -> Result<(), String> {
+fn check_expected_files(prefix: &Path) -> Result<(), String> {
     let is_there = |file: &&str| {
         let packed = format!("{file}.gz");
         prefix.join(file).is_file() || prefix.join(packed).is_file()
@@ -128,7 +128,7 @@ fn expected(prefix: &Path) -> Result<(), String> {
 }
 
 /// Checks that both programs print their version, and that one renders a frame of the first lesson.
-fn runs(program: &dyn Fn(&str) -> Command, frame: &str, script: &str) -> Result<(), String> {
+fn check_programs(program: &dyn Fn(&str) -> Command, frame: &str, script: &str) -> Result<(), String> {
     for name in ["choreo", "choreo-view"] {
         let version = output(program(name).arg("--version"))?;
         if version.trim() != format!("{name} {}", env!("CARGO_PKG_VERSION")) {
@@ -141,7 +141,7 @@ fn runs(program: &dyn Fn(&str) -> Command, frame: &str, script: &str) -> Result<
 }
 
 /// Checks that an image has the right size and more than one color.
-fn picture(file: &Path) -> Result<(), String> {
+fn check_frame(file: &Path) -> Result<(), String> {
     let fault = |what: &dyn std::fmt::Display| format!("{}: {what}", file.display());
     let open = std::fs::File::open(file).map_err(|e| fault(&e))?;
     let mut reader = png::Decoder::new(std::io::BufReader::new(open)).read_info().map_err(|e| fault(&e))?;

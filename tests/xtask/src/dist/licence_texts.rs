@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nearly_every_crate_brings_its_licence() {
+    fn nearly_every_crate_has_a_licence_file() {
         let packages = packages().unwrap();
         let all = all(&packages);
         let without: Vec<&str> =

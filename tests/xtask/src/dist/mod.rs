@@ -112,7 +112,7 @@ mod tests {
 
     /// CI runs what a person runs.
     #[test]
-    fn commands_of_the_workflow_are_there() {
+    fn commands_of_the_workflow_exist() {
         let read = |path: &str| std::fs::read_to_string(root().join(path)).unwrap();
         let (workflow, known) = (read(".ci/release.yml"), read("tests/xtask/src/main.rs"));
         let commands: Vec<&str> = workflow
@@ -130,7 +130,7 @@ mod tests {
 
     /// The desktop entry names the program, the icon and the types of the other files.
     #[test]
-    fn files_for_desktops_fit_each_other() {
+    fn desktop_files_agree_with_each_other() {
         let read =
             |name: &str| std::fs::read_to_string(root().join("core/viewer/desktop").join(name)).unwrap();
         let (entry, types) = (read("choreo-view.desktop"), read("choreo.xml"));

@@ -61,7 +61,7 @@ pub fn write(built: &Built, to: &Path) -> Result<(), String> {
     }
     licence_texts::write(&docs.join("licences"))?;
     guide(built, &docs.join("guide"))?;
-    tracked("scripts", |name| !name.starts_with("guide/"), &share.join("choreo/examples"))?;
+    copy_tracked("scripts", |name| !name.starts_with("guide/"), &share.join("choreo/examples"))?;
     desktop(built, &share)
 }
 
@@ -84,25 +84,25 @@ fn desktop(built: &Built, share: &Path) -> Result<(), String> {
 /// Copies the guide, as a website, or as Markdown if mdBook can neither be found nor installed.
 fn guide(built: &Built, to: &Path) -> Result<(), String> {
     match book::website(Command::new(&built.guide)) {
-        Ok(website) => everything(&website, to),
+        Ok(website) => copy_folder(&website, to),
         Err(why) => {
             println!("{why}: the guide is packed as Markdown");
-            tracked("scripts/guide", |_| true, to)
+            copy_tracked("scripts/guide", |_| true, to)
         }
     }
 }
 
 /// Copies a folder recursively.
-fn everything(from: &Path, to: &Path) -> Result<(), String> {
+fn copy_folder(from: &Path, to: &Path) -> Result<(), String> {
     let entries = std::fs::read_dir(from).map_err(|e| format!("{}: {e}", from.display()))?;
     entries.flatten().try_for_each(|entry| {
         let to = to.join(entry.file_name());
-        if entry.path().is_dir() { everything(&entry.path(), &to) } else { copy(&entry.path(), &to) }
+        if entry.path().is_dir() { copy_folder(&entry.path(), &to) } else { copy(&entry.path(), &to) }
     })
 }
 
 /// Copies the files below a folder that are tracked by git, which excludes files left by a run or an editor.
-fn tracked(folder: &str, is_wanted: impl Fn(&str) -> bool, to: &Path) -> Result<(), String> {
+fn copy_tracked(folder: &str, is_wanted: impl Fn(&str) -> bool, to: &Path) -> Result<(), String> {
     let mut list = Command::new("git");
     list.args(["ls-files", "-z", "--", "."]).current_dir(root().join(folder));
     let names = super::output(&mut list)?;
