@@ -12,7 +12,6 @@ mod desktop;
 mod documents;
 mod kept_layout;
 mod robust;
-mod studio;
 mod walkthrough;
 mod wayland;
 mod window;

@@ -1,12 +1,15 @@
-//! `tests/studio`: the command line and the viewer of another program, built outside the workspace, with its importer and effect.
+//! The command line and the viewer of another program, with its importer and effect.
+#![cfg(target_os = "linux")]
 
-use crate::screen::{Running, Screen, Shot, assert_quiet, until};
-use choreo_importer_kit_testing::outside;
+#[path = "../../../core/viewer/tests/screen/mod.rs"]
+mod screen;
+
 use choreo_plugin::Source;
+use screen::{Running, Screen, Shot, assert_quiet, until};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 const SCRIPT: &str = r##"stage(#{ size: [320, 180], length: 0.1, background: "#204060" });
 cast("a", load("a.tri", #{ scale: 2.0 }));
@@ -14,27 +17,9 @@ camera("c").at(0.0, 1.0, 9.0).look_at([0.0, 1.0, 0.0]);
 effect("negative");
 "##;
 
-/// The folder of the studio's programs, built once for all tests.
+/// The folder of the studio's programs.
 fn programs() -> &'static Path {
-    static BUILT: OnceLock<PathBuf> = OnceLock::new();
-    BUILT.get_or_init(build)
-}
-
-/// Copies the program out of the workspace and builds it.
-fn build() -> PathBuf {
-    let outputs = env!("CARGO_TARGET_TMPDIR");
-    let folder = outside::folder(outputs, "studio");
-    let sources = outside::sources();
-    let copy = |name: &str| {
-        let to = folder.join(name);
-        fs::create_dir_all(to.parent().unwrap()).unwrap();
-        let text = fs::read_to_string(sources.join("tests/studio").join(name)).unwrap();
-        fs::write(to, text.replace("\"../../", &format!("\"{}/", sources.display()))).unwrap();
-    };
-    ["Cargo.toml", "src/lib.rs", "src/main.rs", "src/bin/studio-view.rs"].into_iter().for_each(copy);
-    let output = outside::cargo(outputs, &folder).args(["build", "--offline", "--quiet"]).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    outside::target(outputs).join("debug")
+    Path::new(env!("CARGO_BIN_EXE_studio")).parent().unwrap()
 }
 
 #[test]
