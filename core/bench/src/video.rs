@@ -55,7 +55,7 @@ fn planes(picture: &impl YUVSource) -> Planes {
 }
 
 /// Content of the first box with this name; boxes are searched for at any depth.
-fn find<'a>(file: &'a [u8], name: &[u8; 4]) -> Option<&'a [u8]> {
+fn find_box<'a>(file: &'a [u8], name: &[u8; 4]) -> Option<&'a [u8]> {
     let at = file.windows(4).position(|w| w == name)?;
     let size = u32::from_be_bytes(*file.get(at.checked_sub(4)?..at)?.first_chunk::<4>()?) as usize;
     file.get(at + 4..(at - 4 + size).min(file.len()))

@@ -149,7 +149,9 @@ pub fn run_section(
 
 /// Whether a test compares images or inspects plans, by the names of the functions in its text.
 fn needs_pixels(text: &str) -> bool {
-    ["expect_image", "expect_picture", "plan(", "same_as", "costs_at_most"].iter().any(|word| text.contains(word))
+    ["expect_image", "expect_picture", "plan(", "same_as", "costs_at_most"]
+        .iter()
+        .any(|word| text.contains(word))
 }
 
 fn section(
