@@ -23,7 +23,7 @@ mod scene;
 mod script_error;
 
 pub use exporter::{EXPORTER_ENDING, RhaiExporter};
-pub use importer::{ENDING, RhaiImporter};
+pub use importer::{FILE_ENDING, RhaiImporter};
 pub use on_use::ImporterOnUse;
 pub use script_error::ScriptError;
 

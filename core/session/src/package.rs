@@ -9,10 +9,10 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// File name extensions of plugins.
-pub const ENDINGS: [&str; 5] = [
-    choreo_rhai_importer::ENDING,
+pub const FILE_ENDINGS: [&str; 5] = [
+    choreo_rhai_importer::FILE_ENDING,
     choreo_rhai_importer::EXPORTER_ENDING,
-    choreo_wgsl_effect::ENDING,
+    choreo_wgsl_effect::FILE_ENDING,
     choreo_wasm_plugin::IMPORTER_ENDING,
     choreo_wasm_plugin::EXPORTER_ENDING,
 ];
@@ -144,7 +144,8 @@ impl PackagedKind {
 
     /// Kind of a plugin file by its file name.
     fn of_file(name: &str) -> Option<PackagedKind> {
-        let stem = ENDINGS.iter().find_map(|ending| name.strip_suffix(ending).map(|stem| (stem, ending)));
+        let stem =
+            FILE_ENDINGS.iter().find_map(|ending| name.strip_suffix(ending).map(|stem| (stem, ending)));
         let (stem, ending) = stem?;
         match ending {
             _ if stem.is_empty() => None,
@@ -410,7 +411,7 @@ impl<'t> Fields<'t> {
             return Err(self.reader.error_at(at, message, None));
         }
         let Some(stated) = PackagedKind::of_file(&file) else {
-            let endings = ENDINGS.map(|ending| format!("NAME{ending}"));
+            let endings = FILE_ENDINGS.map(|ending| format!("NAME{ending}"));
             let message = format!("file \"{file}\" is not named like a plugin file");
             let hint = format!("plugin files are called {}", list(endings.iter().map(String::as_str), 30));
             return Err(self.reader.error_at(at, message, Some(hint)));

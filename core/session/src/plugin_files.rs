@@ -4,7 +4,7 @@
 //! packages: folders with a `plugin.toml`. The script's folder may contain WGSL of any kind, so only files that begin like an effect count as
 //! plugins there.
 
-use crate::package::{DESCRIPTION, ENDINGS, MOST_DESCRIPTION, Package, PackagedKind, PackagedPlugin};
+use crate::package::{DESCRIPTION, FILE_ENDINGS, MOST_DESCRIPTION, Package, PackagedKind, PackagedPlugin};
 use crate::remembered_manifests;
 use choreo_files::{FileError, Folder};
 use choreo_importer_kit::images::{Encoded, Formats};
@@ -293,7 +293,7 @@ fn sources_in(place: &PluginFolder) -> Result<Vec<Source>, FolderError> {
             }
         });
     }
-    let is_plugin = |name: &str| ENDINGS.iter().any(|e| name.ends_with(e)) && !name.starts_with('.');
+    let is_plugin = |name: &str| FILE_ENDINGS.iter().any(|e| name.ends_with(e)) && !name.starts_with('.');
     let names = names.into_iter().filter(|name| is_plugin(&name.to_string_lossy()));
     Ok(names.map(|name| source(name.into())).filter(|source| !source.path.is_dir()).collect())
 }
@@ -505,7 +505,7 @@ impl Source {
     }
 
     fn is_wgsl(&self) -> bool {
-        self.shown.ends_with(choreo_wgsl_effect::ENDING)
+        self.shown.ends_with(choreo_wgsl_effect::FILE_ENDING)
     }
 
     fn is_wasm(&self) -> bool {

@@ -1,7 +1,7 @@
 //! Session: rebuilds a scene whenever its files change.
 
 use crate::edit::ScriptText;
-use crate::package::ENDINGS;
+use crate::package::FILE_ENDINGS;
 use crate::plugin_files::{self, Listing};
 use crate::{SceneSource, Waker, Watch, WatchError, WatchEvent, WatchedPaths, model};
 use choreo_asset::Asset;
@@ -252,7 +252,7 @@ impl Session {
                 .ok()
                 .or_else(|| canonical_new_folder(folder))
                 .unwrap_or_else(|| folder.clone());
-            interest.folders.extend(ENDINGS.iter().map(|ending| (folder.clone(), ending.to_string())));
+            interest.folders.extend(FILE_ENDINGS.iter().map(|ending| (folder.clone(), ending.to_string())));
         }
         if self.watch.is_some() {
             // Unused plugin files are watched, too: an edit can give one of them the name that the script requests.
@@ -347,13 +347,13 @@ fn canonical_new_folder(folder: &Path) -> Option<PathBuf> {
 }
 
 fn effect_file_ending() -> String {
-    choreo_wgsl_effect::ENDING.to_string()
+    choreo_wgsl_effect::FILE_ENDING.to_string()
 }
 
 fn wgsl_files(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let files = entries.map(|e| e.path());
-    files.filter(|p| p.to_string_lossy().ends_with(choreo_wgsl_effect::ENDING)).collect()
+    files.filter(|p| p.to_string_lossy().ends_with(choreo_wgsl_effect::FILE_ENDING)).collect()
 }
 
 /// Warnings of all assets on stage, each asset once.

@@ -19,7 +19,7 @@ use glam::{Vec2, Vec3, Vec4};
 use std::sync::{Arc, OnceLock};
 
 /// Ending of the names of effect files.
-pub const ENDING: &str = ".wgsl";
+pub const FILE_ENDING: &str = ".wgsl";
 
 /// Largest width of an outline in pixels.
 const MAX_WIDTH: f32 = 256.0;

@@ -31,7 +31,7 @@ mod tokens;
 mod trial;
 mod typed_parameters;
 
-pub use effect::{ENDING, TextureImage, WgslEffect};
+pub use effect::{FILE_ENDING, TextureImage, WgslEffect};
 pub use error::EffectError;
 pub use head::{files, hook_named, hooks, is_meant, name, word as hook_word};
 

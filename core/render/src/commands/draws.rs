@@ -156,7 +156,7 @@ impl<'a> DrawRecorder<'a> {
 pub(super) fn light_loop(plan: &Plan, key: &PipelineKey) -> LightLoop {
     match &plan.light_clusters {
         // A lighting effect may add light beyond the range of a light, so it needs all of them.
-        Some(_) if key.lighting == 0 => LightLoop::Lists,
+        Some(_) if key.lighting == 0 => LightLoop::Clusters,
         _ if plan.lights.len() == 1 => LightLoop::One,
         _ => LightLoop::All,
     }

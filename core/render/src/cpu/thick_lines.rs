@@ -3,7 +3,7 @@
 use super::setup::{Assembly, Triangle};
 use super::vertex::Vertex;
 use crate::plan::{Features, PipelineKey, TopologyKey};
-use crate::scene_resources::thick_lines::{Spread, thick_mesh};
+use crate::scene_resources::thick_lines::{ThickLineExpander, thick_mesh};
 use choreo_asset::Primitive;
 use glam::Mat4;
 
@@ -18,10 +18,10 @@ pub fn triangles(
     size: [u32; 2],
 ) -> Vec<Triangle> {
     let wide = thick_mesh(primitive, pipeline.features.has(Features::ROUND_LINES));
-    let spread = Spread::new(clip_from_relative, size);
+    let expander = ThickLineExpander::new(clip_from_relative, size);
     let corner = |i: usize| {
         let [own, other] = [wide.of[i], wide.other[i]].map(|v| &vertices[v as usize]);
-        Vertex { clip: spread.vertex(own.clip, other.clip, wide.offsets[i], width), ..*own }
+        Vertex { clip: expander.vertex(own.clip, other.clip, wide.offsets[i], width), ..*own }
     };
     let corners: Vec<Vertex> = (0..wide.of.len()).map(corner).collect();
     let pipeline = PipelineKey { topology: TopologyKey::Triangles, ..pipeline };

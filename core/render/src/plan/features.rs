@@ -366,8 +366,10 @@ fn scene_reports(facts: &Facts) -> AbsenceReports {
 
 fn light_reports(all: Features, facts: &Facts) -> AbsenceReports {
     let unlit = if facts.lit_exist { "nothing lit is in view" } else { "every material is unlit" };
-    let fewer =
-        format!("fewer than {} point and spot lights have a range", crate::plan::light_clusters::MANY);
+    let fewer = format!(
+        "fewer than {} point and spot lights have a range",
+        crate::plan::light_clusters::MIN_RANGED_LIGHTS
+    );
     let dark = format!("{} have no intensity, no color or a value that is not finite", facts.dark_lights);
     let no_shadows = match facts {
         f if !f.casting => "no light casts shadows",

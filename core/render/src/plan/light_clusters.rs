@@ -13,7 +13,7 @@ use choreo_stage::Shadow;
 use glam::{Mat4, Vec3, Vec4Swizzles};
 
 /// Number of lights with a range from which clusters are worth their cost.
-pub const MANY: usize = 8;
+pub const MIN_RANGED_LIGHTS: usize = 8;
 /// Largest number of lights in a frame: those that fit the smallest uniform buffer range that Vulkan guarantees (16 384 bytes of
 /// 64 each).
 pub const MAX_LIGHTS: usize = 256;
@@ -46,7 +46,7 @@ fn reach(light: &PlanLight, range: f32) -> (Vec3, f32) {
 /// Sorts lights without a range to the front, together with their shadows. Returns false if too few have a range for clusters to
 /// pay.
 pub(crate) fn sort(lights: &mut Vec<PlanLight>, shadows: &mut Vec<Option<Shadow>>) -> bool {
-    if lights.iter().filter(|l| l.range().is_some()).count() < MANY {
+    if lights.iter().filter(|l| l.range().is_some()).count() < MIN_RANGED_LIGHTS {
         return false;
     }
     let all = std::mem::take(lights).into_iter().zip(std::mem::take(shadows));

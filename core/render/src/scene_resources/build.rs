@@ -3,7 +3,7 @@
 use crate::scene_resources::bounds::PrimitiveInfo;
 use crate::scene_resources::content_hash::{material_content, material_hash, short};
 use crate::scene_resources::large_triangles;
-use crate::scene_resources::lod::{LodLevel, paying};
+use crate::scene_resources::lod::{LodLevel, assets_worth_levels};
 use crate::scene_resources::material::{MaterialResource, MaterialTexture, slot_sources};
 use crate::scene_resources::simplify::{Level, Model};
 use crate::scene_resources::{
@@ -24,7 +24,7 @@ impl SceneResources {
     /// Like `new`. Assets of the earlier resources are not hashed and measured again.
     pub fn after(earlier: &SceneResources, stage: &Stage) -> SceneResources {
         let (mut resources, assets) = SceneResources::collect_resources(earlier, stage);
-        let pays = paying(&resources, stage);
+        let pays = assets_worth_levels(&resources, stage);
         for (index, asset) in assets.iter().enumerate().filter(|(index, _)| pays[*index]) {
             resources.add_levels(index, asset, earlier);
         }
@@ -34,7 +34,7 @@ impl SceneResources {
     /// Like `new`, but without levels of detail, which take time. Marks the assets for which they would pay.
     pub fn without_levels(stage: &Stage) -> SceneResources {
         let (mut resources, _) = SceneResources::collect_resources(&SceneResources::default(), stage);
-        let pays = paying(&resources, stage);
+        let pays = assets_worth_levels(&resources, stage);
         resources.assets.iter_mut().zip(pays).for_each(|(entry, pays)| entry.wants_levels = pays);
         resources
     }

@@ -19,14 +19,14 @@ use choreo_stage::{ActorState, Stage};
 use glam::{Affine3A, DAffine3, Vec2};
 
 /// Largest error of a drawn level in pixels.
-pub const TOLERANCE: f32 = 1.0;
+pub const MAX_ERROR_PIXELS: f32 = 1.0;
 /// Number of drawn small copies, over all frames, from which levels pay. On the CPU renderer's threads, making the levels of a
 /// model takes as long as drawing it 150 times.
-pub const PAYS_FROM: f64 = 256.0;
+pub const MIN_SMALL_COPIES: f64 = 256.0;
 /// Times at which the sizes of copies are estimated, spread over the stage.
 const ESTIMATE_TIMES: i64 = 5;
 /// Least number of triangles of a model with levels.
-pub(super) const LEAST: usize = 64;
+pub(super) const MIN_TRIANGLES: usize = 64;
 
 /// A simplified version of a model.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,7 +38,7 @@ pub struct LodLevel {
 }
 
 /// Whether levels of detail pay for each asset of the resources.
-pub(super) fn paying(resources: &SceneResources, stage: &Stage) -> Vec<bool> {
+pub(super) fn assets_worth_levels(resources: &SceneResources, stage: &Stage) -> Vec<bool> {
     let assets = resources.assets.len();
     let frames = stage.settings.fps.frames_in(stage.settings.length).max(1) as f64;
     // Largest number of times that each asset can be drawn.
@@ -49,7 +49,7 @@ pub(super) fn paying(resources: &SceneResources, stage: &Stage) -> Vec<bool> {
         copies[asset] += copies_of(&actor.asset) as f64;
         triangles[asset] = triangles_of(resources, asset);
     }
-    let may = |asset: usize| copies[asset] * frames >= PAYS_FROM && triangles[asset] >= LEAST;
+    let may = |asset: usize| copies[asset] * frames >= MIN_SMALL_COPIES && triangles[asset] >= MIN_TRIANGLES;
     let mut pays: Vec<bool> = (0..assets).map(may).collect();
     if !stage.settings.levels_of_detail || !pays.contains(&true) {
         return vec![false; assets];
@@ -70,7 +70,7 @@ pub(super) fn paying(resources: &SceneResources, stage: &Stage) -> Vec<bool> {
             }
         }
     }
-    pays.iter_mut().zip(small).for_each(|(pays, small)| *pays &= small >= PAYS_FROM);
+    pays.iter_mut().zip(small).for_each(|(pays, small)| *pays &= small >= MIN_SMALL_COPIES);
     pays
 }
 

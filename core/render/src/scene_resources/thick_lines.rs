@@ -1,4 +1,4 @@
-//! Thick lines and points: each is a polygon in the image plane, spread out by the vertex shader. Multisampling smooths its edges
+//! Thick lines and points: each is a polygon in the image plane, expanded by the vertex shader. Multisampling smooths its edges
 //! like those of any triangle, and no device needs to support wide lines.
 
 use crate::affine::Affine3x4;
@@ -124,16 +124,16 @@ fn point_polygons(indices: &[u32], round: bool) -> ThickMesh {
 
 /// Moves the vertices of thick lines and points to their positions in an image.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Spread {
+pub(crate) struct ThickLineExpander {
     clip_from_relative: Mat4,
     /// Image size in pixels.
     size: Vec2,
 }
 
-impl Spread {
-    pub fn new(clip_from_relative: &Mat4, size: [u32; 2]) -> Spread {
+impl ThickLineExpander {
+    pub fn new(clip_from_relative: &Mat4, size: [u32; 2]) -> ThickLineExpander {
         let size = Vec2::new(size[0] as f32, size[1] as f32);
-        Spread { clip_from_relative: *clip_from_relative, size }
+        ThickLineExpander { clip_from_relative: *clip_from_relative, size }
     }
 
     /// Clip-space position of a vertex, from both ends of its line. CPU reference of `spread` in thick_lines.wgsl.
@@ -200,10 +200,10 @@ mod tests {
     #[test]
     fn widths_in_pixels_are_the_same_at_any_distance() {
         let clip = glam::camera::rh::proj::directx::perspective_infinite_reverse(1.0, 1.0, 0.1);
-        let spread = Spread::new(&clip, [200, 200]);
+        let expander = ThickLineExpander::new(&clip, [200, 200]);
         let pixels = |depth: f32, width: f32| {
             let [a, b] = [-1.0, 1.0].map(|x| clip * Vec4::new(x, 0.3, -depth, 1.0));
-            let [up, down] = [1.0, -1.0].map(|y| spread.vertex(a, b, Vec3::new(0.0, y, 0.0), width));
+            let [up, down] = [1.0, -1.0].map(|y| expander.vertex(a, b, Vec3::new(0.0, y, 0.0), width));
             ((up.y / up.w - down.y / down.w) * 100.0).abs()
         };
         for depth in [0.5, 5.0, 500.0] {
@@ -216,19 +216,19 @@ mod tests {
     #[test]
     fn lines_behind_the_camera_and_of_zero_length_stay_finite() {
         let clip = glam::camera::rh::proj::directx::perspective_infinite_reverse(1.0, 1.0, 0.1);
-        let spread = Spread::new(&clip, [200, 100]);
+        let expander = ThickLineExpander::new(&clip, [200, 100]);
         let at = |x: f32, z: f32| clip * Vec4::new(x, -0.5, z, 1.0);
         let (front, behind) = (at(0.2, -3.0), at(0.2, 4.0));
         // The line goes down from its front end to the camera, and both edges keep their distance.
         let edges = [1.0, -1.0].map(|y| {
-            let near = spread.vertex(front, behind, Vec3::new(0.0, y, 0.0), 8.0);
-            let far = spread.vertex(behind, front, Vec3::new(0.0, y, 1.0), 8.0);
+            let near = expander.vertex(front, behind, Vec3::new(0.0, y, 0.0), 8.0);
+            let far = expander.vertex(behind, front, Vec3::new(0.0, y, 1.0), 8.0);
             // Point of the edge that is a metre in front of the camera.
             near + (far - near) * ((near.w - 1.0) / (near.w - far.w))
         });
         let [a, b] = edges.map(|e| e.xy() / e.w * Vec2::new(100.0, 50.0));
         assert!((a.distance(b) - 8.0).abs() < 1e-3, "{a} {b}");
-        let dot = spread.vertex(front, front, Vec3::new(-1.0, 0.0, 0.0), 8.0);
+        let dot = expander.vertex(front, front, Vec3::new(-1.0, 0.0, 0.0), 8.0);
         assert!(dot.is_finite() && dot.x < front.x);
     }
 }

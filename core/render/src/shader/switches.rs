@@ -142,7 +142,7 @@ pub const SWITCHES: &[Switch] = &[
     variant("ONE_LIGHT", |v| v.lights == LightLoop::One && v.key.features.is_lit(), &["LIT", "!GEOMETRY"]),
     variant(
         "LIGHT_CLUSTERS",
-        |v| v.lights == LightLoop::Lists && v.key.features.is_lit(),
+        |v| v.lights == LightLoop::Clusters && v.key.features.is_lit(),
         &["LIT", "!ONE_LIGHT", "!LIGHTING", "!GEOMETRY"],
     ),
     Switch { name: "TEXTURES", source: SwitchSource::OtherModules, needs: &["EFFECTS"], only: None },

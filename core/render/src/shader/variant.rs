@@ -10,7 +10,7 @@ pub enum LightLoop {
     One,
     All,
     /// The lights of the pixel's light cluster.
-    Lists,
+    Clusters,
 }
 
 /// Everything that a scene shader is compiled for: the plan's key, and properties that only the recording knows.

@@ -3,7 +3,7 @@
 use crate::common::*;
 use choreo_asset::*;
 use choreo_motion::Time;
-use choreo_render::scene_resources::lod::PAYS_FROM;
+use choreo_render::scene_resources::lod::MIN_SMALL_COPIES;
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use choreo_stage::{Camera, Rig};
 use glam::{DQuat, DVec3, Vec3, Vec4};
@@ -132,18 +132,18 @@ fn crowd_seen_small(images: f64, count: usize) -> Scene {
 fn levels_of_detail_are_made_only_where_they_pay() {
     let levels = |scene: &Scene| scene.resources().assets[0].levels.len();
     for count in [1, 10, 50] {
-        assert_eq!(levels(&crowd_seen_small(0.9 * PAYS_FROM, count)), 0, "{count}");
+        assert_eq!(levels(&crowd_seen_small(0.9 * MIN_SMALL_COPIES, count)), 0, "{count}");
         assert!(
-            levels(&crowd_seen_small(1.1 * PAYS_FROM, count)) > 1,
+            levels(&crowd_seen_small(1.1 * MIN_SMALL_COPIES, count)) > 1,
             "{count}: by images and not by copies"
         );
     }
-    let scene = crowd_seen_small(2.0 * PAYS_FROM, 50);
+    let scene = crowd_seen_small(2.0 * MIN_SMALL_COPIES, 50);
     // Near copies need all triangles.
-    let mut near = crowd_seen_small(2.0 * PAYS_FROM, 50);
+    let mut near = crowd_seen_small(2.0 * MIN_SMALL_COPIES, 50);
     near.stage.settings.size = [4000, 2250];
     assert_eq!(levels(&near), 0);
-    let mut off = crowd_seen_small(2.0 * PAYS_FROM, 50);
+    let mut off = crowd_seen_small(2.0 * MIN_SMALL_COPIES, 50);
     off.stage.settings.levels_of_detail = false;
     assert_eq!(levels(&off), 0);
     // Resources built after others reuse their levels.

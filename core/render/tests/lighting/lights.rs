@@ -3,7 +3,7 @@
 use crate::common::*;
 use choreo_asset::*;
 use choreo_image_diff::compare;
-use choreo_render::plan::light_clusters::{LightClusters, MANY, MAX_LIGHTS};
+use choreo_render::plan::light_clusters::{LightClusters, MAX_LIGHTS, MIN_RANGED_LIGHTS};
 use choreo_render::*;
 use choreo_stage::*;
 use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
@@ -97,7 +97,7 @@ fn light_clusters_cull_most_lights_and_change_no_pixel() {
 
 #[test]
 fn few_lights_get_no_light_clusters() {
-    for (lamps, lists) in [(1, false), (MANY - 1, false), (MANY, true)] {
+    for (lamps, lists) in [(1, false), (MIN_RANGED_LIGHTS - 1, false), (MIN_RANGED_LIGHTS, true)] {
         let (_, plan) = hall_with_lamps(lamps).plan(&PlanOptions::new(SIZE, 1));
         assert_eq!(plan.light_clusters.is_some(), lists, "{lamps}");
         assert_eq!(plan.left_out.iter().any(|l| l.what == "clustered lighting"), !lists, "{lamps}");

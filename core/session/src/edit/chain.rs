@@ -3,7 +3,7 @@
 
 use super::Edit;
 use super::scan::{Call, Source};
-use super::strips::is_of_layer;
+use super::strips::is_layer_call;
 
 /// Methods that return another object or value: the calls after them are no longer about the object of the chain.
 const RETURN_OTHER_VALUES: [&str; 15] = [
@@ -37,7 +37,7 @@ fn method_rank(is_timed: bool, name: &str) -> usize {
     match name {
         "from" if is_timed => 0,
         "until" if is_timed => 1,
-        name if is_timed => 2 + usize::from(is_of_layer(name)),
+        name if is_timed => 2 + usize::from(is_layer_call(name)),
         name if PLACING_METHODS.contains(&name) => 0,
         "from" => 2,
         "until" => 3,

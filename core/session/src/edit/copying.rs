@@ -3,7 +3,7 @@
 use super::indenting::indented;
 use super::object::{ScriptObject, loaded_as, quoted};
 use super::scan::{Call, Source};
-use super::strips::{Strip, TIME_RANGE_CALLS, is_of_layer, shift_cue};
+use super::strips::{Strip, TIME_RANGE_CALLS, is_layer_call, shift_cue};
 use super::times::{EditTime, TimeLiteral};
 use super::{Edit, EditRefused};
 
@@ -30,7 +30,7 @@ pub fn copy_cue(
     // The copy also gets layer calls of other cues of the chain, and calls in later lines about the cue's variable.
     let cues = strip.cues();
     let others = cues.iter().filter(|cue| cue.call.name != strip.call.name).flat_map(|cue| &cue.chain);
-    let of_layer = others.filter(|call| is_of_layer(strip.name(call)));
+    let of_layer = others.filter(|call| is_layer_call(strip.name(call)));
     let own = ScriptObject::at(text, line, column)?.calls;
     let later = own.iter().filter(|call| call.name.start > strip.end());
     let later = later.filter(|call| !TIME_RANGE_CALLS.contains(&strip.name(call)));

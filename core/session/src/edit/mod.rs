@@ -50,7 +50,7 @@ pub use refused::EditRefused;
 pub use renaming::{NamedBy, Renaming};
 pub use reordering::{RowSide, reorder};
 pub use strips::{
-    SecondHalf, cues_before, duplicate_cue, is_of_layer, set_disabled, set_number, set_trim, shift_cue,
+    SecondHalf, cues_before, duplicate_cue, is_layer_call, set_disabled, set_number, set_trim, shift_cue,
     shift_keys, split_cue,
 };
 pub use times::{CueTime, EditTime, follows_previous_cue, set_time};

@@ -451,7 +451,11 @@ pub fn set_marker(text: &str, name: &str, time: EditTime) -> Result<Edit, EditRe
     };
     let found: Vec<Call> = text.calls_of("marker").filter(sets_it).collect();
     let [call] = found.as_slice() else {
-        return Err(format!("{} lines set the marker \"{name}\"; change it there", found.len()).into());
+        return Err(match found.len() {
+            0 => format!("no line states the time of the marker \"{name}\""),
+            count => format!("{count} lines set the marker \"{name}\"; change it there"),
+        }
+        .into());
     };
     let second = text.value_end(call.inside.start, call.inside.end) + 1..call.inside.end;
     let line = text[..call.name.start].matches('\n').count() + 1;

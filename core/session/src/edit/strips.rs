@@ -29,13 +29,13 @@ const STAGE_TIME_KEYED_CALLS: [&str; 2] = ["clip_time", "layer_weight"];
 const TRIM_TOLERANCE: f64 = 2e-5;
 
 /// Whether a call of a cue is about its layer, and so applies to all cues of its chain.
-pub fn is_of_layer(name: &str) -> bool {
+pub fn is_layer_call(name: &str) -> bool {
     LAYER_CALLS.contains(&name)
 }
 
 /// Whether a call or option of a cue is kept if the cue is copied to another time.
 fn is_independent_of_time(name: &str) -> bool {
-    !TIME_RANGE_CALLS.contains(&name) && !is_of_layer(name)
+    !TIME_RANGE_CALLS.contains(&name) && !is_layer_call(name)
 }
 
 /// Whether the keys of a call are in stage time.

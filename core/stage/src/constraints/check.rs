@@ -68,18 +68,20 @@ fn target_problem(stage: &Stage, target: &Target) -> Option<String> {
 
 /// Errors of a constraint whose joints exist.
 fn kind_problems(stage: &Stage, actor: &Actor, kind: &ConstraintKind) -> Vec<String> {
-    let (chain, in_range) = match kind {
+    let mut found = Vec::new();
+    let mut require = |holds: bool, text: &str| (!holds).then(|| found.push(text.to_string()));
+    let chain = match kind {
         ConstraintKind::Reach(reach) => {
-            let in_range = reach.joints.len() >= 2
-                && (0.0..=1.0).contains(&reach.soft)
-                && reach.hint.is_finite()
-                && reach.offset.is_none_or(|o| o.is_finite());
-            (&reach.joints, in_range)
+            require(reach.joints.len() >= 2, "a reach needs at least two joints");
+            require((0.0..=1.0).contains(&reach.soft), "soft must be from 0 to 1");
+            require(reach.hint.is_finite(), "the pole vector must be finite");
+            require(reach.offset.is_none_or(|o| o.is_finite()), "the offset must be finite");
+            &reach.joints
         }
         ConstraintKind::Aim(aim) => {
-            let in_range = aim.shares.iter().all(|s| (0.0..=1e6).contains(s))
-                && (0.0..=std::f64::consts::PI).contains(&aim.limit);
-            (&aim.joints, in_range)
+            require(aim.shares.iter().all(|s| (0.0..=1e6).contains(s)), "shares must be from 0 to 1e6");
+            require((0.0..=std::f64::consts::PI).contains(&aim.limit), "the limit must be from 0 to π rad");
+            &aim.joints
         }
         ConstraintKind::FootLock(foot_lock) => {
             let count = stage.actors.len();
@@ -94,15 +96,11 @@ fn kind_problems(stage: &Stage, actor: &Actor, kind: &ConstraintKind) -> Vec<Str
         }
     };
     let parents = actor.asset.skeleton.parents();
-    let mut found = Vec::new();
     let below = |of: u32, joint: u32| {
         std::iter::successors(parents[joint as usize], |at| parents[*at as usize]).any(|at| at == of)
     };
     if chain.is_empty() || chain.windows(2).any(|w| !below(w[0], w[1])) {
         found.push("each joint must be below the one before it".to_string());
-    }
-    if !in_range {
-        found.push("a number is out of range".to_string());
     }
     found
 }

@@ -8,7 +8,7 @@ use crate::state::history::{Alternative, Offer};
 use crate::state::selection::Selected;
 use crate::state::timeline::Bar;
 use choreo_session::edit::{
-    CueTime, Edit, ScriptObject, delete_cue, has_end, is_of_layer, paste_cue, set_time,
+    CueTime, Edit, ScriptObject, delete_cue, has_end, is_layer_call, paste_cue, set_time,
 };
 
 impl Viewer {
@@ -16,7 +16,7 @@ impl Viewer {
     /// neither is made at once. `None` if the value concerns this clip alone, or the clip already states it.
     pub(super) fn offer_of_layer(&mut self, what: &Selected, change: &FieldChange) -> Option<EditError> {
         let (FieldChange::Value(name, ..) | FieldChange::Text(name, ..)) = change else { return None };
-        let (place, siblings) = self.place_of(what).filter(|_| is_of_layer(name))?;
+        let (place, siblings) = self.place_of(what).filter(|_| is_layer_call(name))?;
         self.check_place(&place, siblings).ok().filter(|()| self.written(what, name).is_none())?;
         let (known, path) = (self.displayed_text()?, self.path.clone()?);
         let text = read(&path).ok().filter(|text| **text == *known && !self.faulty)?;

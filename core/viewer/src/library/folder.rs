@@ -46,7 +46,7 @@ pub fn list(folder: &Path, models: &[String]) -> std::io::Result<Vec<Entry>> {
     let mut entries = Vec::new();
     for entry in std::fs::read_dir(folder)?.flatten().take(MOST_ENTRIES) {
         let (path, name) = (entry.path(), entry.file_name().to_string_lossy().into_owned());
-        let is_plugin = package::ENDINGS.iter().any(|ending| name.ends_with(ending));
+        let is_plugin = package::FILE_ENDINGS.iter().any(|ending| name.ends_with(ending));
         if name.starts_with('.') || is_plugin {
             continue;
         }

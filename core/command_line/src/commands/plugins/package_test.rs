@@ -110,7 +110,7 @@ fn scripts(folder: &Path) -> Vec<PathBuf> {
 }
 
 fn is_plugin(name: &str) -> bool {
-    choreo_session::package::ENDINGS.iter().any(|ending| name.ends_with(ending))
+    choreo_session::package::FILE_ENDINGS.iter().any(|ending| name.ends_with(ending))
 }
 
 /// Names and paths of the files in the folders of samples and tests, sorted.

@@ -8,7 +8,7 @@ use crate::terminal::page::Page;
 use choreo_files::{FileError, Folder, WriteError};
 use choreo_plugin::Registry;
 use choreo_plugin::suggest::{did_you_mean, list as named};
-use choreo_session::package::{DESCRIPTION, ENDINGS, MOST_DESCRIPTION, Package, is_name};
+use choreo_session::package::{DESCRIPTION, FILE_ENDINGS, MOST_DESCRIPTION, Package, is_name};
 use choreo_session::plugin_files::{Listing, list_package, packages_in, user_folder};
 use serde_json::{Value, json};
 use std::io::Write;
@@ -89,7 +89,7 @@ pub fn notes(folder: &Path, package: &Package, listing: &Listing) -> Vec<String>
     let license = package.license_note().map(|note| format!("{}: {note}", shown.display()));
     let names = Folder::open(folder).and_then(|folder| folder.names(MOST_FILES)).unwrap_or_default();
     let unnamed = names.iter().map(|name| name.to_string_lossy()).filter(|name| {
-        ENDINGS.iter().any(|ending| name.ends_with(ending))
+        FILE_ENDINGS.iter().any(|ending| name.ends_with(ending))
             && !package.plugins.iter().any(|p| p.file == *name)
     });
     let unnamed = unnamed.map(|name| {

@@ -15,7 +15,7 @@ use crate::scene;
 use crate::scene::opening::ReopenState;
 use choreo_plugin::Registry;
 use choreo_script::content_of;
-use choreo_session::package::ENDINGS;
+use choreo_session::package::FILE_ENDINGS;
 use choreo_session::{Watch, WatchEvent, WatchedPaths};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -93,7 +93,7 @@ fn interest(args: &RenderArgs, keep: &ReopenState) -> WatchedPaths {
         for folder in listing.folders {
             if let Ok(folder) = std::path::absolute(folder) {
                 let folder = folder.canonicalize().unwrap_or(folder);
-                interest.folders.extend(ENDINGS.iter().map(|e| (folder.clone(), e.to_string())));
+                interest.folders.extend(FILE_ENDINGS.iter().map(|e| (folder.clone(), e.to_string())));
             }
         }
     }

@@ -4,7 +4,7 @@ use crate::affine::{Affine3x4, to_f64};
 use crate::plan::build::Planner;
 use crate::plan::build::mesh::MeshContext;
 use crate::scene_resources::bounds::transformed;
-use crate::scene_resources::lod::{LodLevel, TOLERANCE, small_copies, triangles_of};
+use crate::scene_resources::lod::{LodLevel, MAX_ERROR_PIXELS, small_copies, triangles_of};
 use crate::scene_resources::{AssetEntry, PrimitiveEntry};
 use choreo_asset::{Aabb, Asset};
 use choreo_stage::ActorState;
@@ -68,7 +68,7 @@ impl<'a> Planner<'a> {
         let nearest = self.view.depth(bounds.center()) - (bounds.max - bounds.min).length() * 0.5;
         let pixels_per_meter = self.view.pixels_per_meter(nearest, self.options.size);
         let scale = stretch * levels.stretch * pixels_per_meter;
-        levels.levels.iter().rposition(|level| level.error * scale <= TOLERANCE)
+        levels.levels.iter().rposition(|level| level.error * scale <= MAX_ERROR_PIXELS)
     }
 
     /// A primitive at the level of one copy; `None` if that level has no triangles of it.
