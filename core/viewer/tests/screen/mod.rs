@@ -60,7 +60,9 @@ pub fn there(program: &str) -> bool {
 /// The viewer, to be connected with a display; its settings lie in a folder of their own, and nothing is laid over the images, so that
 /// their pixels are the scene's alone.
 pub fn viewer(device: &str, args: &[&str], folder: &Path) -> Command {
-    let program = option_env!("CARGO_BIN_EXE_choreo-view").expect("a test of the viewer's crate");
+    let Some(program) = option_env!("CARGO_BIN_EXE_choreo-view") else {
+        panic!("only the tests of choreo-viewer are built with its program")
+    };
     let mut command = Command::new(program);
     command.args(args).args(["--device", device]).env("XDG_STATE_HOME", folder.join("state"));
     let settings = folder.join("state/choreo/view.json");
