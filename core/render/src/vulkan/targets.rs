@@ -137,19 +137,27 @@ pub(crate) struct FrameImages<'a> {
     pub faults: usize,
 }
 
+/// An image without mipmaps, with the aspect of its format.
+fn new_image(
+    gpu: &Context,
+    [width, height]: [u32; 2],
+    name: &str,
+    format: vk::Format,
+    usage: vk::ImageUsageFlags,
+    samples: u32,
+) -> Result<Image, RenderError> {
+    let aspect = if format == DEPTH { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR };
+    Image::new(gpu, &ImageDesc { name, width, height, levels: 1, samples, format, usage, aspect })
+}
+
 impl Targets {
     pub fn new(gpu: &Context, needs: TargetNeeds) -> Result<Targets, RenderError> {
-        let sized = |[width, height]: [u32; 2], name: &str, format, usage, samples| {
-            let aspect =
-                if format == DEPTH { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR };
-            Image::new(gpu, &ImageDesc { name, width, height, levels: 1, samples, format, usage, aspect })
-        };
-        let image = |name: &str, format, usage, samples| sized(needs.size, name, format, usage, samples);
-        use vk::ImageUsageFlags as U;
-        let frame_image =
-            image("frame image", IMAGE_FORMAT, U::COLOR_ATTACHMENT | U::TRANSFER_SRC | U::TRANSFER_DST, 1)?;
+        let usage = vk::ImageUsageFlags::COLOR_ATTACHMENT
+            | vk::ImageUsageFlags::TRANSFER_SRC
+            | vk::ImageUsageFlags::TRANSFER_DST;
+        let frame_image = new_image(gpu, needs.size, "frame image", IMAGE_FORMAT, usage, 1)?;
         let mut targets = Targets {
-            needs: needs.clone(),
+            needs,
             frame_image,
             floats: Vec::new(),
             textures: Vec::new(),
@@ -165,62 +173,63 @@ impl Targets {
             scene_color_copy: None,
             background: None,
         };
-        let made = (|| {
-            let usage = U::COLOR_ATTACHMENT | U::SAMPLED | U::TRANSFER_SRC;
-            for i in 0..needs.floats {
-                let name = format!("float target {i}");
-                targets.floats.push(image(&name, FLOAT_FORMAT, usage, 1)?);
-            }
-            for (i, size) in needs.textures.iter().enumerate() {
-                targets.textures.push(sized(
-                    *size,
-                    &format!("texture {i} of passes"),
-                    FLOAT_FORMAT,
-                    usage,
-                    1,
-                )?);
-            }
-            if needs.depth {
-                let read = if needs.layers { U::SAMPLED } else { U::empty() };
-                let usage = U::DEPTH_STENCIL_ATTACHMENT | read;
-                targets.depth = Some(image("depth", DEPTH, usage, needs.samples)?);
-            }
-            if needs.layers {
-                // SAFETY: the device is alive; destroyed by `destroy`.
-                let made = unsafe { gpu.device.create_sampler(&vk::SamplerCreateInfo::default(), None) };
-                targets.sampler = made.named("sampler of layers")?;
-            }
-            for name in ["even layers", "odd layers"].into_iter().filter(|_| needs.layers) {
-                let usage = U::DEPTH_STENCIL_ATTACHMENT | U::SAMPLED;
-                targets.layers.push(image(name, DEPTH, usage, needs.samples)?);
-            }
-            for format in super::deferred::FORMATS.into_iter().filter(|_| needs.gbuffer) {
-                let usage = U::COLOR_ATTACHMENT | U::SAMPLED;
-                targets.gbuffer.push(image("G-buffer", format, usage, 1)?);
-            }
-            for name in ["normals and depth", "motion and actors"].into_iter().take(needs.inputs) {
-                targets.inputs.push(image(name, super::scene_inputs::FORMAT, usage, 1)?);
-            }
-            if needs.inputs > 0 {
-                targets.input_depth = Some(image("depth of inputs", DEPTH, U::DEPTH_STENCIL_ATTACHMENT, 1)?);
-            }
-            if needs.samples > 1 {
-                let format = format(needs.scene);
-                let made = image("multisampled image", format, U::COLOR_ATTACHMENT, needs.samples)?;
-                targets.multisampled = Some(made);
-            }
-            targets.shadow = needs.shadow.map(|size| shadow_maps(gpu, size)).transpose()?;
-            let copy = needs.scene_color_copy.map(|levels| scene_color_image(gpu, needs.size, levels));
-            targets.scene_color_copy = copy.transpose()?;
-            Ok(())
-        })();
-        match made {
+        match targets.create_images(gpu) {
             Ok(()) => Ok(targets),
             Err(e) => {
                 targets.destroy(gpu);
                 Err(e)
             }
         }
+    }
+
+    /// Creates the images that the frame needs besides its own. After an error, those created so far are in the targets.
+    fn create_images(&mut self, gpu: &Context) -> Result<(), RenderError> {
+        use vk::ImageUsageFlags as U;
+        let needs = self.needs.clone();
+        let image =
+            |name: &str, format, usage, samples| new_image(gpu, needs.size, name, format, usage, samples);
+        let usage = U::COLOR_ATTACHMENT | U::SAMPLED | U::TRANSFER_SRC;
+        for i in 0..needs.floats {
+            let name = format!("float target {i}");
+            self.floats.push(image(&name, FLOAT_FORMAT, usage, 1)?);
+        }
+        for (i, size) in needs.textures.iter().enumerate() {
+            let name = format!("texture {i} of passes");
+            self.textures.push(new_image(gpu, *size, &name, FLOAT_FORMAT, usage, 1)?);
+        }
+        if needs.depth {
+            let read = if needs.layers { U::SAMPLED } else { U::empty() };
+            let usage = U::DEPTH_STENCIL_ATTACHMENT | read;
+            self.depth = Some(image("depth", DEPTH, usage, needs.samples)?);
+        }
+        if needs.layers {
+            // SAFETY: the device is alive; destroyed by `destroy`.
+            let made = unsafe { gpu.device.create_sampler(&vk::SamplerCreateInfo::default(), None) };
+            self.sampler = made.named("sampler of layers")?;
+        }
+        for name in ["even layers", "odd layers"].into_iter().filter(|_| needs.layers) {
+            let usage = U::DEPTH_STENCIL_ATTACHMENT | U::SAMPLED;
+            self.layers.push(image(name, DEPTH, usage, needs.samples)?);
+        }
+        for format in super::deferred::FORMATS.into_iter().filter(|_| needs.gbuffer) {
+            let usage = U::COLOR_ATTACHMENT | U::SAMPLED;
+            self.gbuffer.push(image("G-buffer", format, usage, 1)?);
+        }
+        for name in ["normals and depth", "motion and actors"].into_iter().take(needs.inputs) {
+            self.inputs.push(image(name, super::scene_inputs::FORMAT, usage, 1)?);
+        }
+        if needs.inputs > 0 {
+            self.input_depth = Some(image("depth of inputs", DEPTH, U::DEPTH_STENCIL_ATTACHMENT, 1)?);
+        }
+        if needs.samples > 1 {
+            let format = format(needs.scene);
+            let made = image("multisampled image", format, U::COLOR_ATTACHMENT, needs.samples)?;
+            self.multisampled = Some(made);
+        }
+        self.shadow = needs.shadow.map(|size| shadow_maps(gpu, size)).transpose()?;
+        let copy = needs.scene_color_copy.map(|levels| scene_color_image(gpu, needs.size, levels));
+        self.scene_color_copy = copy.transpose()?;
+        Ok(())
     }
 
     /// Images that scene shaders read, except those of materials and of the sky, which are resources.
