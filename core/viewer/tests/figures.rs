@@ -420,7 +420,7 @@ impl Slow<'_> {
 /// takes a second. An effect is made so slow that one does. Every wait has an end: what is late is left out, with a word.
 #[test]
 #[ignore = "takes two minutes, and is a measurement"]
-fn drags_and_scrubs_beside_slow_frames() {
+fn drags_and_scrubs_stay_smooth_while_frames_render_slowly() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

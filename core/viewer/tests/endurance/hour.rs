@@ -185,7 +185,7 @@ impl Person<'_> {
 
 #[test]
 #[ignore = "takes ten minutes, or as many as asked for"]
-fn of_use_leaves_nothing() {
+fn random_use_leaks_no_memory_or_file_handles() {
     let Some(screen) = Screen::new() else { return };
     let number =
         |name: &str, usual: u64| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(usual);

@@ -381,7 +381,7 @@ fn a_lesson_is_written_from_an_empty_file() {
 
 #[test]
 #[ignore = "takes ten minutes, or as many as asked for"]
-fn an_hour_beside_the_editor() {
+fn editing_in_window_and_text_editor_leaks_nothing() {
     let number =
         |name: &str, usual: u64| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(usual);
     let (minutes, seed) = (number("CHOREO_MINUTES", 10), number("CHOREO_SEED", 7));

@@ -32,7 +32,7 @@ fn second(desk: &Desk) -> f32 {
 }
 
 #[test]
-fn a_dragged_key_moves_and_the_cut_below_it_stays() {
+fn dragging_a_key_above_a_cut_moves_only_the_key() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     let keys = desk.query_all_by_label("event near field of view on camera");
     let key = keys.map(|node| node.rect().center()).max_by(|a, b| a.x.total_cmp(&b.x)).unwrap();
@@ -46,7 +46,7 @@ fn a_dragged_key_moves_and_the_cut_below_it_stays() {
 }
 
 #[test]
-fn a_refusal_is_read_beside_the_pointer_with_its_line_as_a_link() {
+fn a_rejected_edit_shows_its_reason_and_line_link_at_the_pointer() {
     let script =
         SCRIPT.replace(".until(2.0)", ".until(two)").replace("let moves", "let two = 2.0; let moves");
     let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
@@ -71,7 +71,7 @@ fn a_refusal_is_read_beside_the_pointer_with_its_line_as_a_link() {
 
 /// Where a line would do it, a dialog says why in place of the text at the pointer, and nothing else takes clicks, keys or the wheel.
 #[test]
-fn a_dialog_is_read_alone_and_takes_all_input() {
+fn a_modal_dialog_covers_other_text_and_takes_all_input() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     let refused = |desk: &mut Desk| {
         let marks: Vec<Pos2> =
@@ -128,7 +128,7 @@ fn covers(shape: &Shape, at: Pos2) -> bool {
 
 /// A refusal without a line comes between two that have one: the box of the last one does not cover its link.
 #[test]
-fn the_line_of_a_later_refusal_is_seen() {
+fn a_second_rejected_edit_shows_its_own_line() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     for (at, line) in
         [(pos2(300.0, 300.0), Some(7)), (pos2(500.0, 400.0), None), (pos2(700.0, 300.0), Some(7))]
@@ -200,7 +200,7 @@ fn model(folder: &Path) -> PathBuf {
 }
 
 #[test]
-fn a_model_from_elsewhere_is_copied_with_what_it_reads_if_the_user_agrees() {
+fn a_dropped_model_is_copied_with_its_dependencies_after_confirmation() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     let elsewhere = tempfile::tempdir().unwrap();
     let file = model(&elsewhere.path().canonicalize().unwrap());
@@ -237,7 +237,7 @@ impl egui::DroppedFile for Dropped {
 
 /// The point below the pointer is found by the image: the middle of the picture is one metre above the ground.
 #[test]
-fn a_model_that_is_dropped_on_the_image_stands_on_the_ground_under_the_pointer() {
+fn a_model_dropped_on_the_viewport_is_placed_on_the_ground_under_the_pointer() {
     let mut place = Place::new(SCRIPT);
     place.paint();
     let mut desk = place.harness(vec2(1500.0, 1000.0));
@@ -322,7 +322,7 @@ fn a_model_is_dropped_under_the_pointer_in_every_view() {
 
 /// Models of the browser stand beside those there, whatever their sizes. Truth: the vertices of all of them as posed.
 #[test]
-fn models_are_put_beside_each_other_where_there_is_room() {
+fn models_dropped_together_do_not_overlap() {
     let script = SCRIPT.replace(
         "camera(\"wide\")",
         "cast(\"ground\", shape(\"plane\", #{ size: 30.0 }));\ncamera(\"wide\")",
@@ -371,7 +371,7 @@ fn models_are_put_beside_each_other_where_there_is_room() {
 
 /// The button beside a clip of the inspector adds it at the playhead; where another clip begins there, which would never be seen, after the last.
 #[test]
-fn an_added_clip_leaves_the_clip_that_begins_at_the_playhead() {
+fn adding_a_clip_at_the_start_of_another_keeps_the_other() {
     const PLAIN: &str = "stage(#{ fps: 25, length: 10.0 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
@@ -405,7 +405,7 @@ ada.play(moves.clip(\"Idle\"));
 
 /// A clip of the browser comes after those that play, one on a row where the hand is; each says what becomes of the others.
 #[test]
-fn an_added_clip_follows_the_last_or_says_what_it_takes_over_from() {
+fn adding_a_clip_appends_it_or_reports_the_interrupted_clip() {
     const PLAIN: &str = "stage(#{ fps: 25, length: 10.0 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);

@@ -53,7 +53,7 @@ fn lessons_are_numbered_scripts_and_folders_with_one() {
 }
 
 #[test]
-fn names_are_completed_and_nothing_is_replaced_unasked() {
+fn the_save_dialog_completes_names_and_never_overwrites_unasked() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path().canonicalize().unwrap();
     std::fs::write(at.join("a.rhai"), "x").unwrap();
@@ -81,7 +81,7 @@ fn names_are_completed_and_nothing_is_replaced_unasked() {
 }
 
 #[test]
-fn recent_files_are_each_there_once_the_newest_first() {
+fn recent_files_are_unique_and_newest_first() {
     let folder = tempfile::tempdir().unwrap();
     let mut documents = Documents::default();
     for name in ["a", "b", "a"] {
@@ -97,7 +97,7 @@ fn recent_files_are_each_there_once_the_newest_first() {
 }
 
 #[test]
-fn own_keys_come_before_those_of_the_preset_and_the_usual_ones() {
+fn user_shortcuts_override_the_preset_and_the_defaults() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("choreo").join(Shortcuts::FILE);
     assert_eq!(Shortcuts::read(&file), (Shortcuts::default(), None));

@@ -77,7 +77,7 @@ fn rendered(script: &Path, output: &Path, words: &[&str]) -> Vec<u8> {
 }
 
 #[test]
-fn a_queue_of_renders_and_exports_makes_the_files_of_the_command_line() {
+fn queued_renders_and_exports_write_the_same_files_as_the_command_line() {
     let mut harness = opened(SCRIPT, "Render");
     let folder = harness.state().folder.path().to_path_buf();
     // A film at half the size, and the scene for another program behind it.
@@ -134,7 +134,7 @@ fn click_add(harness: &mut Harness<'static, Place>, name: &str) {
 }
 
 #[test]
-fn a_render_that_is_canceled_leaves_nothing_and_the_next_one_goes_on() {
+fn canceling_a_render_removes_its_output_and_starts_the_next_job() {
     let long = SCRIPT.replace("length: 0.4", "length: 100.0").replace("[64, 36]", "[640, 360]");
     let mut harness = opened(&long, "Render");
     let folder = harness.state().folder.path().to_path_buf();
@@ -166,7 +166,7 @@ fn a_render_that_is_canceled_leaves_nothing_and_the_next_one_goes_on() {
 }
 
 #[test]
-fn a_file_that_is_being_written_is_not_rendered_to_a_second_time() {
+fn a_second_job_for_a_file_being_written_is_rejected() {
     let long = SCRIPT.replace("length: 0.4", "length: 100.0").replace("[64, 36]", "[640, 360]");
     let mut harness = opened(&long, "Render");
     let folder = harness.state().folder.path().to_path_buf();
@@ -212,7 +212,7 @@ fn a_file_that_is_being_written_is_not_rendered_to_a_second_time() {
 }
 
 #[test]
-fn a_render_that_fails_says_why() {
+fn a_failed_render_reports_its_error() {
     let mut harness = opened(SCRIPT, "Render");
     harness.state().write("stage(#{ length: 1.0 }); nonsense();\n");
     choose_format(&mut harness, OutputKind::Film, "gif");
@@ -241,7 +241,7 @@ test("an image", || {
 "##;
 
 #[test]
-fn sections_are_run_compared_and_accepted() {
+fn the_test_panel_runs_sections_and_accepts_new_images() {
     let mut harness = opened(SCRIPT, "Tests");
     let folder = harness.state().folder.path().to_path_buf();
     let tests = folder.join("t.rhai");

@@ -138,7 +138,7 @@ fn the_start_page_opens_recent_files_and_lessons_shown_as_images() {
 
 /// An image that was drawn once is read from the cache folder, by the file's content.
 #[test]
-fn images_are_kept_by_content() {
+fn thumbnails_are_cached_by_content() {
     let folder = tempfile::tempdir().unwrap();
     let (file, cache) = (folder.path().join("a.rhai"), folder.path().join("cache"));
     fs::write(&file, PLAIN).unwrap();
@@ -172,7 +172,7 @@ fn images_are_kept_by_content() {
 
 /// The oldest of 64 MB of images goes when another one comes; none of 63 MB does.
 #[test]
-fn no_more_than_64_mb_of_images_are_kept() {
+fn the_thumbnail_cache_is_limited_to_64_mb() {
     let folder = tempfile::tempdir().unwrap();
     let (file, cache) = (folder.path().join("a.rhai"), folder.path().join("cache"));
     fs::create_dir_all(cache.join("thumbnails")).unwrap();
@@ -199,7 +199,7 @@ fn no_more_than_64_mb_of_images_are_kept() {
 }
 
 #[test]
-fn templates_make_scenes_without_a_warning_and_become_files() {
+fn every_template_loads_without_a_warning_and_can_be_saved() {
     let folder = tempfile::tempdir().unwrap();
     for template in TEMPLATES {
         let file = folder.path().join(format!("{}.rhai", template.name));
@@ -231,7 +231,7 @@ fn templates_make_scenes_without_a_warning_and_become_files() {
 }
 
 #[test]
-fn a_script_that_is_not_there_is_created_from_a_template() {
+fn opening_a_missing_script_offers_a_template() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("new/film.rhai");
     let mut harness = start_page(documents(folder.path(), None));
@@ -247,7 +247,7 @@ fn a_script_that_is_not_there_is_created_from_a_template() {
 }
 
 #[test]
-fn saved_elsewhere_a_script_takes_its_files_along() {
+fn save_as_copies_the_files_that_the_script_reads() {
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir_all(folder.path().join("here/assets")).unwrap();
     fs::create_dir(folder.path().join("there")).unwrap();
@@ -272,7 +272,7 @@ fn saved_elsewhere_a_script_takes_its_files_along() {
 }
 
 #[test]
-fn the_copy_of_a_lesson_has_the_files_that_it_reads() {
+fn copying_a_lesson_copies_the_files_that_it_reads() {
     let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts").canonicalize().unwrap();
     let mut viewer = Viewer::new("start");
     viewer.documents = documents(&scripts, None);
@@ -444,7 +444,7 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
 }
 
 #[test]
-fn a_model_of_the_browser_is_put_on_stage() {
+fn a_model_from_the_asset_browser_is_added_to_the_stage() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("wave.bvh"), WAVE).unwrap();
     let root = folder.path().canonicalize().unwrap();
@@ -479,7 +479,7 @@ fn a_model_of_the_browser_is_put_on_stage() {
 
 /// A clip is let go over a row, a model over the image: where the hand is decides when it plays, and where it stands.
 #[test]
-fn a_clip_and_a_model_are_dragged_out_of_the_browser() {
+fn a_clip_and_a_model_are_dragged_from_the_asset_browser_into_the_scene() {
     const SCRIPT: &str = "stage(#{ size: [320, 180], fps: 25, length: 4.0, samples: 1 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);

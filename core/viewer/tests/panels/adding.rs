@@ -39,7 +39,7 @@ fn click(desk: &mut Harness<'static, Place>, label: &str) {
 
 /// Everything of the menu, on top of each other: the script stays without a fault, and even without a warning.
 #[test]
-fn everything_that_is_added_is_good() {
+fn every_addition_loads_without_an_error() {
     let mut place = Place::new(SCRIPT);
     place.paint();
     let effects: Vec<String> =
@@ -83,7 +83,7 @@ fn everything_that_is_added_is_good() {
 
 /// Twice of each kind: what is added later stands behind.
 #[test]
-fn additions_stand_in_the_order_in_which_they_are_made() {
+fn additions_are_written_to_the_script_in_order() {
     let mut place = Place::new(SCRIPT);
     place.paint();
     let kinds = [
@@ -156,7 +156,7 @@ fn characters_come_from_the_menu_in_their_own_colors_beside_each_other() {
 }
 
 #[test]
-fn what_is_selected_is_duplicated_with_the_lines_about_it() {
+fn duplicating_an_actor_copies_all_lines_that_mention_it() {
     let mut desk = desk(SCRIPT);
     for (what, copy, more) in [
         (
@@ -202,7 +202,7 @@ fn what_is_selected_is_duplicated_with_the_lines_about_it() {
 
 /// The copy of an actor whose position is keyed stands as far beside it as one that stands still; what is computed stays, and is named.
 #[test]
-fn the_copy_of_a_keyed_actor_stands_beside_it() {
+fn duplicating_a_keyed_actor_offsets_its_keys() {
     let script = |keys: &str| {
         format!(
             "stage(#{{ fps: 25, length: 4.0 }});
@@ -252,7 +252,7 @@ ada.key(\"position\", [{keys}, [2.0, [1.5, 0.0, 0.0]]]);
 
 /// The copy of an actor on a path walks beside it; one that another actor carries stays, and a note says so.
 #[test]
-fn the_copy_of_an_actor_on_a_path_walks_beside_it() {
+fn duplicating_an_actor_on_a_path_offsets_the_path() {
     let script = "stage(#{ fps: 25, length: 4.0 });
 let ada = cast(\"ada\", load(\"choreo:mannequin\")).at(0.0, 0.0, 1.0);
 ada.path([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]], #{ speed: 0.5 });
@@ -361,7 +361,7 @@ fn cameras_that_follow_or_circle_an_actor_come_from_the_menu() {
 
 /// A second call would take the place of the first.
 #[test]
-fn ambient_light_is_added_once() {
+fn a_second_ambient_light_is_refused_with_a_note() {
     let mut place = Place::new(SCRIPT);
     for _ in 0..2 {
         place.viewer.add(&Addition::Ambient).unwrap();
@@ -427,7 +427,7 @@ fn the_stage_is_a_row_of_the_tree_with_ambient_light_and_sky() {
 
 /// Another program starts only where it is meant, and says what is missing.
 #[test]
-fn a_line_is_opened_in_the_editor_on_purpose_only() {
+fn selecting_a_line_does_not_open_the_editor_by_itself() {
     let mut desk = desk(SCRIPT);
     desk.state_mut().viewer.editor = Editor { command: Some("no-such-editor --wait".into()), terminal: None };
     desk.state_mut().viewer.go_to = Some(4);
@@ -465,7 +465,7 @@ fn a_line_is_opened_in_the_editor_on_purpose_only() {
 
 /// A number is typed, and the next click selects another clip: the number belongs to the first.
 #[test]
-fn a_field_that_is_left_by_a_click_changes_what_it_was_typed_for() {
+fn typed_text_is_applied_to_its_own_object_when_another_is_clicked() {
     let mut desk = desk(SCRIPT);
     let cue = |cue| Selected::Cue { actor: "ada".into(), layer: 0, cue };
     desk.state_mut().viewer.selection = Some(cue(0));
@@ -497,7 +497,7 @@ fn an_end_before_the_start_is_refused() {
 
 /// A direction of any length stays as it is but for the number that is changed; a camera is moved by its numbers.
 #[test]
-fn numbers_beside_the_changed_one_stay() {
+fn changing_one_number_keeps_the_text_of_its_neighbors() {
     let mut desk = desk(SCRIPT);
     for (what, label, typed, wanted) in [
         (Selected::Light(0), "light x", "0.25", SCRIPT.replace("[-0.5, -1.0, -0.5]", "[0.25, -1.0, -0.5]")),
@@ -568,7 +568,7 @@ fn the_length_of_the_stage_stays_in_frames() {
 
 /// Each field of the stage writes its own setting, and shows the one that the stage has.
 #[test]
-fn every_field_of_the_stage_is_its_own() {
+fn every_stage_field_changes_only_its_own_option() {
     let plain = "stage(#{ length: 2.0 });\nlet a = cast(\"a\", load(\"choreo:mannequin\"));\n";
     let mut desk = desk(plain);
     for (label, typed, wanted) in [

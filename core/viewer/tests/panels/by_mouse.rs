@@ -55,7 +55,7 @@ fn play(mouse: &mut Mouse, actor: &str, clip: &str, secs: f64) {
 }
 
 #[test]
-fn a_scene_of_three_is_made_from_an_empty_stage() {
+fn a_scene_of_three_actors_is_built_with_the_mouse_from_an_empty_stage() {
     let empty = TEMPLATES.iter().find(|template| template.name == "Empty stage").unwrap();
     let mut mouse = Mouse::new(Place::new(empty.text), vec2(1600.0, 1000.0));
     mouse.type_into("stage length", "8");

@@ -115,7 +115,7 @@ fn the_list_of_keys_fits_the_window() {
 }
 
 #[test]
-fn arrows_choose_in_the_palette_and_a_click_takes() {
+fn arrow_keys_move_in_the_palette_and_a_click_runs_an_entry() {
     let mut desk = desk();
     desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
     desk.run();
@@ -137,7 +137,7 @@ fn arrows_choose_in_the_palette_and_a_click_takes() {
 
 /// A click beside the palette closes it and presses nothing below.
 #[test]
-fn the_palette_takes_the_clicks_beside_it() {
+fn clicks_outside_the_palette_do_not_reach_the_panels() {
     let mut desk = desk();
     let row = desk.get_by_label("row ada").rect().center();
     let click = |desk: &mut Desk| {
@@ -172,7 +172,7 @@ fn the_palette_takes_the_clicks_beside_it() {
 
 /// In the list a click on a key waits for another, which does nothing else; actions with the same key name each other.
 #[test]
-fn keys_are_chosen_in_the_list() {
+fn shortcuts_are_assigned_in_the_shortcut_list() {
     const SPLIT: &str = "split the selected clips at the playhead";
     let mut desk = desk();
     desk.key_press(Key::F1);
@@ -220,7 +220,7 @@ fn keys_are_chosen_in_the_list() {
 
 /// A key in the user's file is the same key however its name is written.
 #[test]
-fn conflicts_of_keys_do_not_depend_on_how_they_are_written() {
+fn shortcut_conflicts_are_found_in_any_spelling() {
     let mut desk = desk();
     desk.key_press(Key::F1);
     for written in ["H", "h", "KeyH"] {
@@ -244,7 +244,7 @@ fn conflicts_of_keys_do_not_depend_on_how_they_are_written() {
 
 /// The text of the script looks as if it could be typed into: there a key neither deletes nor splits what is selected.
 #[test]
-fn over_the_script_keys_do_not_change_the_selection() {
+fn editing_keys_over_the_script_panel_change_nothing() {
     let mut desk = desk();
     desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
     desk.state_mut().viewer.playhead.seek(choreo_motion::Time::from_secs(1.0));
@@ -279,7 +279,7 @@ fn over_the_script_keys_do_not_change_the_selection() {
 }
 
 #[test]
-fn keys_follow_the_preset_and_own_ones() {
+fn shortcuts_follow_the_preset_and_user_overrides() {
     let mut desk = desk();
     let tool = |desk: &mut Desk, key| {
         desk.state_mut().viewer.tool = Tool::Move;

@@ -29,7 +29,7 @@ marker("turn", 1.0);
 "##;
 
 #[test]
-fn what_is_dragged_in_the_viewport_is_written_and_shown() {
+fn a_viewport_drag_changes_the_script_and_the_frame() {
     let mut place = Place::new(SCRIPT);
     place.viewer.change_actor("ada", Change::Move(DVec3::new(0.25, 0.0, 1.0))).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".at(-0.5, 0.0, 0.0)", ".at(-0.25, 0.0, 1.0)"));
@@ -51,7 +51,7 @@ fn what_is_dragged_in_the_viewport_is_written_and_shown() {
 }
 
 #[test]
-fn what_another_line_undoes_is_told() {
+fn a_change_that_a_later_line_overrides_is_reported() {
     let mut place = Place::new(SCRIPT);
     place.write(&format!("{SCRIPT}for a in [ada] {{ a.at(7.0, 0.0, 0.0); }}\n"));
     place.reload();
@@ -65,7 +65,7 @@ fn what_another_line_undoes_is_told() {
 }
 
 #[test]
-fn what_is_computed_is_asked_about_with_a_line_that_would_do_it() {
+fn changing_a_computed_value_offers_a_line_that_overrides_it() {
     let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     let refused =
         harness.state_mut().viewer.change_actor("bob", Change::Move(DVec3::X)).unwrap_err().to_string();
@@ -83,7 +83,7 @@ fn what_is_computed_is_asked_about_with_a_line_that_would_do_it() {
 
 /// A frame on a busy machine can take longer than a second: press and release arrive in different ones.
 #[test]
-fn a_click_is_one_however_long_a_frame_takes() {
+fn a_click_counts_as_one_click_at_any_frame_time() {
     let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     harness.state_mut().viewer.change_actor("bob", Change::Move(DVec3::X)).unwrap_err();
     harness.run();
@@ -103,7 +103,7 @@ fn a_click_is_one_however_long_a_frame_takes() {
 }
 
 #[test]
-fn a_file_that_has_changed_meanwhile_is_asked_about_and_keeps_both() {
+fn an_external_change_of_the_script_is_merged_after_confirmation() {
     let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     let other = SCRIPT.replace("let x = 0.25;", "let x = 0.75; // by the editor");
     harness.state().write(&other);
@@ -135,7 +135,7 @@ fn a_file_that_has_changed_meanwhile_is_asked_about_and_keeps_both() {
 }
 
 #[test]
-fn lights_effects_cuts_and_markers() {
+fn lights_effects_cuts_and_markers_are_edited() {
     let mut place = Place::new(SCRIPT);
     place.viewer.set_value(&Selected::Light(0), "intensity", "4.5").unwrap();
     place.reload();
@@ -206,7 +206,7 @@ fn a_marker_and_a_cut_are_dragged() {
 }
 
 #[test]
-fn a_number_of_the_inspector_is_one_change() {
+fn dragging_an_inspector_number_is_one_undo_step() {
     let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     harness.get_by_label("row ada").click();
     harness.run();
@@ -345,7 +345,7 @@ fn fields_take_expressions_and_go_back_to_their_defaults() {
 
 /// Frames are a time: typed for an angle they would be an angle of a few hundredths of a degree.
 #[test]
-fn frames_are_taken_by_times_alone() {
+fn frame_numbers_are_accepted_only_in_time_fields() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     desk.state_mut().viewer.selection = Some(Selected::Actor("ada".into()));
     desk.run();
@@ -364,7 +364,7 @@ fn frames_are_taken_by_times_alone() {
 }
 
 #[test]
-fn expressions_have_the_values_of_arithmetic() {
+fn typed_expressions_are_evaluated() {
     for (text, expected) in [
         ("1/3", 1.0 / 3.0),
         (" -2.5 ", -2.5),
@@ -383,7 +383,7 @@ fn expressions_have_the_values_of_arithmetic() {
 }
 
 #[test]
-fn what_is_no_number_is_none() {
+fn text_that_is_no_number_is_rejected() {
     let deep = "(".repeat(100_000);
     for text in ["", "x", "1/0", "1 2", "(1", "1)", "f12", "f(", "--", "1..2", "1e", &deep] {
         assert_eq!(expression::value(text, 25.0), None, "{}", &text[..text.len().min(8)]);
@@ -591,7 +591,7 @@ let words = text(\"Hello\", #{ size: 0.1 }).from(1.0);
 }
 
 #[test]
-fn a_line_that_makes_several_is_changed_for_all_or_written_out() {
+fn a_line_that_creates_several_objects_is_changed_for_all_or_expanded() {
     const LOOP: &str = "stage(#{ fps: 25, length: 4.0 });
 for i in [1, 2, 3] {
     let ball = cast(`ball ${i}`, shape(\"sphere\")).at(0.0, i, 0.0).scale(0.5);
@@ -640,7 +640,7 @@ for i in [1, 2, 3] {
 
 /// Values that a loop computed are numbers and texts once it is written out, so that they can be moved, renamed and typed over.
 #[test]
-fn what_a_loop_made_is_edited_once_it_is_written_out() {
+fn objects_of_a_loop_are_edited_after_the_loop_is_expanded() {
     const LOOP: &str = "stage(#{ fps: 25, length: 4.0 });
 let moves = load(\"choreo:mannequin\");
 for i in [-1, 0, 1] {
@@ -876,7 +876,7 @@ ada.play(moves.clip(\"Walk\")).from(0.5).until(f(60));
 
 /// A third is written as it was typed, shown so, and changed again; three quarters, which digits would state, too.
 #[test]
-fn a_typed_expression_is_written_as_one_shown_and_changed_again() {
+fn a_typed_expression_is_written_displayed_and_edited_again() {
     const SCENE: &str = "stage(#{ fps: 30, length: 30.0 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
@@ -912,7 +912,7 @@ ada.play(moves.clip(\"Walk\"), #{ fade: 0.4 }).then(moves.clip(\"Wave\")).weight
 
 /// The other fields of the inspector write what was typed, too: a light, a lens, a fade, a point, an effect.
 #[test]
-fn a_typed_expression_stays_one_in_every_field() {
+fn every_field_keeps_a_typed_expression() {
     const SCENE: &str = "stage(#{ fps: 30, length: 4.0 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
@@ -950,7 +950,7 @@ effect(\"vignette\", #{ strength: 0.5 });
 
 /// Numbers of lists and times stay as they are typed, too, and what stands beside them as it is written.
 #[test]
-fn a_typed_expression_stays_one_beside_others() {
+fn a_typed_expression_is_kept_when_a_neighbor_changes() {
     const SCENE: &str = "stage(#{ fps: 25, length: 6.0, ambient: 0.5 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves).at(2.0 / 7.0, 0, 0.333).turn(10).scale(2);
@@ -1116,7 +1116,7 @@ on_frame(|t| edge.set(\"strength\", 0.25));
 
 /// A number beyond the clip is the last that leaves something of it; a script that plays nothing would be faulty.
 #[test]
-fn a_trim_leaves_something_to_be_played() {
+fn a_trim_cannot_remove_the_whole_clip() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
     desk.run();
@@ -1134,7 +1134,7 @@ fn a_trim_leaves_something_to_be_played() {
 
 /// Fields write what the script takes: a clip of an upper layer has no inertial blend, and a color of an effect is one text.
 #[test]
-fn fields_write_what_the_script_takes() {
+fn fields_write_only_what_the_script_accepts() {
     const SCENE: &str = "stage(#{ fps: 30, length: 4.0 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
@@ -1207,7 +1207,7 @@ fn fields_of(desk: &mut Desk, what: &Selected) -> Vec<(String, String)> {
 
 /// A number or color that is within the range of its field is written, and the script still loads.
 #[test]
-fn every_field_takes_what_is_in_its_range() {
+fn every_field_accepts_its_whole_range() {
     const SCENE: &str = "stage(#{ fps: 25, length: 6.0 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
@@ -1250,7 +1250,7 @@ text(\"Hello\", #{ size: 0.1 }).from(1.0);
 
 /// A clip begins at once or fades in: stating one takes the other away.
 #[test]
-fn a_fade_and_an_inertial_start_take_each_other_away() {
+fn fade_and_inertialization_replace_each_other() {
     const CLIPS: &str = "stage(#{ fps: 25, length: 6.0 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
@@ -1277,7 +1277,7 @@ ada.play(moves.clip(\"Walk\")).until(3.0).then(moves.clip(\"Wave\"), #{ fade: 0.
 
 /// A strength needs a color of light, and goes with it; the transparency of a shape is one of three words.
 #[test]
-fn materials_of_shapes_are_edited_as_the_script_takes_them() {
+fn shape_materials_are_edited_with_the_options_of_the_script() {
     const SHAPE: &str = "stage(#{ fps: 25, length: 4.0 });
 cast(\"ball\", shape(\"sphere\", #{ color: \"#ff0000\" }));
 ";
@@ -1304,7 +1304,7 @@ cast(\"ball\", shape(\"sphere\", #{ color: \"#ff0000\" }));
 
 /// A drag of a number changes it by a hundredth of it a point, and with Shift by a tenth of that.
 #[test]
-fn a_drag_of_a_number_is_as_fast_as_it_is_large() {
+fn the_drag_speed_of_a_number_grows_with_its_value() {
     const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });
 effect(\"bloom\", #{ threshold: 0.9 });
 text(\"Hello\", #{ size: 0.12 });
