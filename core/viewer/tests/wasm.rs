@@ -20,7 +20,7 @@ sun();
 const BACKGROUND: [u8; 3] = [0x20, 0x40, 0x60];
 
 #[test]
-fn an_installed_package_in_webassembly_works_in_the_viewer() {
+fn an_installed_webassembly_package_works_in_the_viewer() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path();
     // The command line lies beside the viewer.

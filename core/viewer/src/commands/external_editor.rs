@@ -102,7 +102,7 @@ mod tests {
     use super::command;
 
     #[test]
-    fn editors_are_told_the_line_in_their_own_way() {
+    fn each_editor_gets_the_line_in_its_own_syntax() {
         let report = |editor: Option<&str>| command(editor, None, "a b.rhai", 7).join("|");
         assert_eq!(report(None), "code|-g|a b.rhai:7");
         assert_eq!(report(Some("/usr/bin/codium --wait")), "/usr/bin/codium|--wait|-g|a b.rhai:7");

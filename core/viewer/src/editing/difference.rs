@@ -59,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_and_what_comes() {
+    fn removed_and_added_lines_are_marked() {
         assert_eq!(shown("a\nb\nc\nd", "a\nb\nx\nd"), " b|-c|+x| d|");
         assert_eq!(shown("a\nb", "a\nn\nb"), " a|+n| b|");
         assert_eq!(shown("a\nb\nc\nd\ne", "x\nb\nc\nd\ny"), "-a|+x| b| c| d|-e|+y|");

@@ -467,7 +467,7 @@ mod tests {
 
     /// A symbolic link within the folder stays a link; one that leads outside is not followed.
     #[test]
-    fn a_script_that_is_a_link_is_followed_within_its_folder_only() {
+    fn a_symlinked_script_is_accepted_only_within_its_folder() {
         let dir = tempfile::tempdir().unwrap();
         let (inside, outside) = (dir.path().join("scene"), dir.path().join("bashrc"));
         fs::create_dir_all(inside.join("versions")).unwrap();

@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_plainest_clip_in_which_it_stands_is_chosen() {
+    fn the_simplest_idle_clip_is_chosen() {
         for (names, expected) in [
             (&["1H_Melee", "2H_Melee_Idle", "Idle", "Unarmed_Idle"][..], Some("Idle")),
             (&["Walk", "Armature|Sword_Idle", "Armature|IDLE"], Some("Armature|IDLE")),

@@ -180,7 +180,7 @@ mod tests {
 
     /// The visible part stays within the clip, and the content follows the pointer.
     #[test]
-    fn a_slip_moves_the_seen_part_within_the_clip() {
+    fn a_slip_moves_the_trim_range_within_the_clip() {
         let slip = |length, trim, speed, repeat, by| {
             let strip = strip(trim, speed, repeat);
             slipped_trim(&bar(length, strip), &strip, by)

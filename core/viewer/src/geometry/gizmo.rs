@@ -231,7 +231,7 @@ mod tests {
 
     /// The camera is about 7 m away: a point of the window covers 0.01 m, 0.8° of a ring and a hundredth of a scale.
     #[test]
-    fn changes_have_the_digits_that_a_point_of_the_screen_resolves() {
+    fn drag_changes_are_rounded_to_the_screen_resolution() {
         let (lens, center) = (lens(), placed().translation);
         let from = lens.point(center + DVec3::X * 0.5).unwrap();
         let to = from + DVec2::new(31.3, 4.7);
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn scale_is_a_factor_and_never_turns_inside_out() {
+    fn scale_is_a_factor_and_never_becomes_negative() {
         let lens = lens();
         let center = placed().translation;
         let at = |metres: f64| lens.point(center + DVec3::X * metres).unwrap();

@@ -17,7 +17,7 @@ mod tests {
     use super::resolved;
 
     #[test]
-    fn a_dragged_value_has_the_digits_of_a_pixel() {
+    fn a_dragged_value_is_rounded_to_pixel_resolution() {
         for (value, pixel, expected) in [
             (122.443, 1.0, 122.0),
             (119.089, 0.77, 119.0),

@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn it_agrees_with_the_renderer_s_own_matrices() {
+    fn projection_agrees_with_the_matrices_of_the_renderer() {
         for camera in cameras() {
             let size = [640, 360];
             let lens = Lens::new(&camera, DVec2::new(10.0, 20.0), DVec2::new(640.0, 360.0));
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_cut_off_before_the_camera() {
+    fn lines_are_clipped_at_the_near_plane() {
         let lens = Lens::new(&cameras()[0], DVec2::ZERO, DVec2::new(640.0, 360.0));
         let at = |z: f64| cameras()[0].world_from_view.transform_point3(DVec3::new(0.1, 0.1, z));
         assert!(lens.point(at(1.0)).is_none() && lens.line(at(1.0), at(2.0)).is_none());

@@ -86,7 +86,7 @@ mod tests {
 
     /// A moved camera is at its new position at that time, with any kind of rig.
     #[test]
-    fn a_camera_is_where_its_rig_was_moved_to() {
+    fn moving_a_rig_places_the_camera_at_the_target_point() {
         let center = Target::Point(DVec3::new(1.0, 1.0, -2.0));
         let rigs = [
             Rig::Fixed { position: DVec3::ZERO, rotation: DQuat::IDENTITY, look_at: Some(center) },

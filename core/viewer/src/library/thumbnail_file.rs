@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn those_not_shown_for_longest_go_first_and_nothing_else_does() {
+    fn the_least_recently_used_thumbnails_are_deleted_first() {
         let folder = tempfile::tempdir().unwrap();
         let image = |secs: u8| {
             let frame = Frame { width: 8, height: 8, rgba: vec![secs; 256] };

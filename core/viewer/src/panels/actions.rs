@@ -406,7 +406,7 @@ mod tests {
 
     /// The menu font has glyphs for all displayed keys.
     #[test]
-    fn keys_are_shown_with_signs_that_the_font_has() {
+    fn shortcut_symbols_exist_in_the_font() {
         let (context, mut ran) = (egui::Context::default(), false);
         context.set_fonts(super::super::icons::fonts());
         let mut output = context.run_ui(egui::RawInput::default(), |ui| {
@@ -429,7 +429,7 @@ mod tests {
 
     /// Each key of each preset exists and belongs to only one action.
     #[test]
-    fn keys_of_presets_are_keys_and_none_is_taken_twice() {
+    fn preset_shortcuts_are_valid_and_unique() {
         for (preset, _, changed) in PRESETS {
             let mut viewer = Viewer::new("x");
             viewer.shortcuts = Shortcuts { preset: preset.to_string(), ..Shortcuts::default() };
@@ -452,7 +452,7 @@ mod tests {
 
     /// Actions with keys of the system display these in addition to the user's own.
     #[test]
-    fn keys_of_the_clipboard_are_shown() {
+    fn clipboard_shortcuts_are_listed() {
         let mut viewer = Viewer::new("x");
         assert_eq!(
             ["cut", "copy", "paste", "save"].map(|id| keys_of(&viewer, id)),
@@ -463,7 +463,7 @@ mod tests {
     }
 
     #[test]
-    fn other_words_are_of_actions_and_panels() {
+    fn every_synonym_belongs_to_an_action_or_panel() {
         let all: Vec<String> =
             all_keyed_actions(&Viewer::new("x")).into_iter().map(|keyed| keyed.id).collect();
         for (id, _) in OTHER_WORDS {

@@ -55,7 +55,7 @@ fn texts(visuals: &Visuals) -> Vec<(&'static str, Color32, Color32)> {
 }
 
 #[test]
-fn both_themes_have_contrasts_of_wcag_aa() {
+fn both_themes_meet_wcag_aa_contrast() {
     // Ground truth: the examples of the standard.
     assert!((ratio(Color32::BLACK, Color32::WHITE) - 21.0).abs() < 1e-9);
     assert!((ratio(Color32::from_rgb(0x77, 0x77, 0x77), Color32::WHITE) - 4.48).abs() < 0.005);

@@ -164,7 +164,7 @@ mod tests {
     use crate::panels::Panels;
 
     #[test]
-    fn what_is_written_comes_back() {
+    fn a_written_layout_is_read_back_unchanged() {
         let mut panels = Panels::default();
         panels.set_open(Tab::Explain, false);
         panels.set_open(Tab::Viewport(1), true);
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_layout_is_none() {
+    fn an_invalid_layout_is_rejected() {
         let leaf = json!({ "tabs": ["Viewport"] });
         let nested = (0..40).fold(
             leaf.clone(),

@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_very_many_messages_the_worst_are_shown() {
+    fn the_worst_messages_are_shown_when_there_are_too_many() {
         let mut problems = vec![Problem::warning("gap"); 4 * MOST];
         problems.push(Problem::error("late"));
         let shown = problems_to_show(&problems);

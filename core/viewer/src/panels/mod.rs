@@ -448,7 +448,7 @@ mod digits {
     use super::fixed_digits;
 
     #[test]
-    fn a_number_that_rounds_to_nothing_has_no_sign() {
+    fn a_number_that_rounds_to_zero_has_no_minus_sign() {
         // Adding steps gives grid lines that are slightly off zero.
         for (value, digits, text) in [
             (-1e-17, 1, "0.0"),

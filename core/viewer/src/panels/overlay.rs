@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_end_at_the_picture() {
+    fn overlay_lines_are_clipped_to_the_image() {
         let to = Rect::from_min_max(pos2(0.0, 0.0), pos2(100.0, 50.0));
         let line = |a: (f64, f64), b: (f64, f64)| clipped([DVec2::from(a), DVec2::from(b)], to);
         assert_eq!(line((50.0, 25.0), (50.0, 1e12)), Some([DVec2::new(50.0, 25.0), DVec2::new(50.0, 50.0)]));

@@ -389,7 +389,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_room_leaves_from_the_end_and_texts_leave_first() {
+    fn entries_without_room_leave_from_the_end_texts_first() {
         let separator = || EntryLayout { is_separator: true, ..part(6.0) };
         let text = || EntryLayout { yields: true, ..part(100.0) };
         let parts = [part(20.0), separator(), text(), separator(), part(20.0), part(20.0)];

@@ -404,7 +404,7 @@ mod tests {
     use super::speed_of_drag;
 
     #[test]
-    fn a_drag_is_as_fast_as_the_number_is_large() {
+    fn the_drag_speed_grows_with_the_value() {
         let speed = |value, step, range| speed_of_drag(value, step, &range);
         // An opacity, a threshold, the size of a title, an intensity, and a position.
         for (speed, expected) in [

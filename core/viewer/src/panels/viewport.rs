@@ -348,7 +348,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_picture_lies_on_whole_pixels_and_keeps_its_shape() {
+    fn the_image_lies_on_whole_pixels_and_keeps_its_aspect_ratio() {
         let room = Rect::from_min_max(pos2(10.3, 20.7), pos2(1033.9, 811.1));
         for (size, pixels) in [([1280, 720], 1.0), ([640, 361], 1.0), ([1280, 720], 1.5)] {
             let place = image_rect(room, size, pixels, false);

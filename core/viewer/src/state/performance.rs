@@ -38,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_remembers_the_last_frames() {
+    fn only_the_last_frame_times_are_kept() {
         let mut p = Performance::default();
         assert_eq!(p.median_and_p95(), None);
         for n in 0..1000u64 {

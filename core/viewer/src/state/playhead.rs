@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn it_shows_the_frame_that_is_on() {
+    fn the_frame_at_a_time_is_the_last_started_one() {
         let mut p = playhead();
         p.seek(Time::from_secs(0.999));
         assert_eq!((p.frame(), p.time()), (24, Time::from_secs(0.96)));
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn it_plays_by_the_clock_and_passes_frames_over() {
+    fn playback_follows_the_clock_and_skips_frames() {
         let mut p = playhead();
         p.play(100.0);
         assert_eq!(p.tick(100.0), Some(0.04));
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn scrubbing_while_it_plays_goes_on_from_there() {
+    fn playback_continues_from_the_scrubbed_time() {
         let mut p = playhead();
         p.play(0.0);
         p.tick(0.5);
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn it_plays_slower_or_faster() {
+    fn playback_speed_scales_time() {
         let mut p = playhead();
         p.set_speed(0.5);
         p.play(0.0);
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_stops_it_and_ends_at_the_ends() {
+    fn a_step_pauses_playback_and_stays_within_the_scene() {
         let mut p = playhead();
         p.play(0.0);
         p.step(1);
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_is_played_again_and_again() {
+    fn a_playback_range_loops() {
         let mut p = playhead();
         p.set_range(Some((Time::from_secs(1.01), Time::from_secs(0.5))));
         assert_eq!(p.range(), Some((Time::from_secs(0.48), Time::from_secs(1.04))), "whole frames, in order");

@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn images_shrink_until_they_hold_the_rate_and_grow_again() {
+    fn image_size_is_reduced_until_the_frame_rate_holds() {
         let mut r = Reduction::default();
         assert_eq!((r.divisor(true), r.divisor(false)), (1, 1));
         r.record_duration(90.0, 40.0);
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_are_passed_over_are_counted() {
+    fn skipped_frames_are_counted() {
         let mut r = Reduction::default();
         for (frame, dropped) in [(10, 0), (11, 0), (14, 2), (15, 2), (2, 2), (4, 3)] {
             r.record_frame(frame, true);

@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn changed_settings_are_due_once_they_rest() {
+    fn settings_are_saved_after_they_stop_changing() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("view.json");
         let mut writing = SettingsWriter::new(Settings::default());
@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     #[cfg(unix)]
-    fn settings_are_written_through_no_link() {
+    fn settings_are_not_written_through_a_symlink() {
         let folder = tempfile::tempdir().unwrap();
         let (file, other) = (folder.path().join("view.json"), folder.path().join("other"));
         std::fs::write(&other, "mine").unwrap();

@@ -233,7 +233,7 @@ mod tests {
 
     /// The user edits the file while a window is open: the window only changes its preset and the keys that were chosen in it.
     #[test]
-    fn own_keys_in_the_file_stay_when_others_are_chosen() {
+    fn user_shortcuts_in_the_file_are_kept_when_others_change() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join(Shortcuts::FILE);
         std::fs::write(&file, r#"{ "preset": "choreo", "keys": { "split": "Shift+Y" } }"#).unwrap();

@@ -208,7 +208,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_image_fills_its_room_and_keeps_its_shape() {
+    fn an_image_fits_the_available_area_and_keeps_its_aspect_ratio() {
         assert_eq!(fitted([1280, 720], [640, 640], 1, 4096), [640, 360]);
         assert_eq!(fitted([1280, 720], [3840, 5000], 1, 4096), [3840, 2160]);
         assert_eq!(fitted([1280, 720], [3840, 5000], 2, 4096), [1920, 1080]);

@@ -449,7 +449,7 @@ mod tests {
 
     /// An image drawn pixel by pixel keeps its bytes, also away from the origin; at twice the size it has the means of neighboring pixels.
     #[test]
-    fn images_keep_their_bytes() {
+    fn opaque_images_are_copied_byte_for_byte() {
         let rgba: Vec<u8> = (0..64).flat_map(|i| [i as u8 * 4, 255 - i as u8, 7, 0]).collect();
         let mut textures = textures();
         let id = TextureId::User(3);

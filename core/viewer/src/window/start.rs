@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_told_with_its_package() {
+    fn a_missing_library_is_reported_with_its_package() {
         let text = no_window("Library libxkbcommon-x11.so could not be loaded.");
         assert!(text.contains("apt install libxkbcommon-x11-0 libxkbcommon0\n"), "{text}");
         let text = no_window("os error at /a/b/mod.rs:788: Failed to load one of xlib's shared libraries");

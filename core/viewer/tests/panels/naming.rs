@@ -69,7 +69,7 @@ fn note(all: &mut BTreeSet<String>, desk: &Desk, scene: &str) {
 }
 
 #[test]
-fn everything_that_can_be_operated_has_a_name() {
+fn every_interactive_widget_has_an_accessible_name() {
     let mut place = Place::new(SCRIPT);
     place.paint();
     let mut desk = place.harness(vec2(1900.0, 1300.0));

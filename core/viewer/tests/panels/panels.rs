@@ -145,7 +145,7 @@ fn a_drag_on_the_ruler_moves_the_playhead_to_where_the_mouse_is() {
 }
 
 #[test]
-fn bars_have_their_times_and_a_click_selects_what_they_are() {
+fn bars_lie_at_their_times_and_a_click_selects_their_object() {
     let mut harness = Studio::new().open();
     let timeline = &harness.state().viewer.timeline;
     let row = timeline.rows.iter().find(|r| r.label == "ada").unwrap();
@@ -174,7 +174,7 @@ fn bars_have_their_times_and_a_click_selects_what_they_are() {
 }
 
 #[test]
-fn a_drag_on_the_picture_takes_the_camera_over_where_it_stands() {
+fn the_free_camera_starts_at_the_scene_camera_and_orbits_with_a_drag() {
     let mut studio = Studio::new();
     let mut harness = studio.open();
     // The sign of the nearer camera would be under the mouse.
@@ -201,7 +201,7 @@ fn a_drag_on_the_picture_takes_the_camera_over_where_it_stands() {
 }
 
 #[test]
-fn a_faulty_version_leaves_all_as_it_was_and_says_why() {
+fn a_faulty_script_keeps_the_last_good_scene_and_reports_the_error() {
     let mut studio = Studio::new();
     let mut harness = studio.open();
     harness.get_by_label("Wave on ada").click();
@@ -239,7 +239,7 @@ fn a_faulty_version_leaves_all_as_it_was_and_says_why() {
 }
 
 #[test]
-fn nothing_is_drawn_again_while_nothing_changes() {
+fn no_frame_is_requested_while_nothing_changes() {
     let mut studio = Studio::new();
     let mut harness = studio.open();
     // The panels have been laid out: from now on it is quiet.
@@ -255,7 +255,7 @@ fn nothing_is_drawn_again_while_nothing_changes() {
 }
 
 #[test]
-fn the_tree_finds_by_name_and_panels_close_and_come_back() {
+fn the_tree_filters_by_name_and_closed_panels_reopen() {
     let mut harness = Studio::new().open();
     harness.get_by_label("near").click();
     harness.run();
@@ -278,7 +278,7 @@ fn the_tree_finds_by_name_and_panels_close_and_come_back() {
 
 /// A window that is moved to a screen of another scale: the panels are as large as before, the image has more pixels.
 #[test]
-fn moved_between_scales_the_picture_is_drawn_for_each() {
+fn the_image_is_redrawn_at_each_display_scale() {
     let script = SCRIPT_OF_A_LARGE_STAGE;
     let mut harness = Place::new(script).harness(vec2(1200.0, 800.0));
     let native = |harness: &mut Harness<'static, Place>, scale: f32| {

@@ -50,7 +50,7 @@ fn with_eve() -> String {
 }
 
 #[test]
-fn the_row_s_menu_renames_an_actor_everywhere_it_is_meant() {
+fn renaming_an_actor_in_its_row_menu_renames_all_references() {
     let mut desk = desk();
     desk.state_mut().viewer.toggles.locked.insert("ada".into());
     desk.state_mut().viewer.toggles.muted.insert(("ada".into(), 0));
@@ -122,7 +122,7 @@ fn f2_renames_cameras_lights_and_titles() {
 }
 
 #[test]
-fn the_inspector_renames() {
+fn an_object_is_renamed_in_the_inspector() {
     let mut desk = desk();
     desk.state_mut().viewer.selection = Some(Selected::Actor("bob".into()));
     desk.run();
@@ -146,7 +146,7 @@ fn the_inspector_renames() {
 }
 
 #[test]
-fn what_cannot_be_renamed_safely_is_refused_with_its_line() {
+fn an_ambiguous_rename_is_refused_with_its_line() {
     let mut place = Place::new(SCRIPT);
     for (what, to, why) in [
         (Selected::Actor("ada".into()), "bob", "a.rhai: line 5: \"bob\" is the name of another cast"),

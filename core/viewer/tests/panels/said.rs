@@ -30,7 +30,7 @@ fn said(script: &Path) -> String {
 }
 
 #[test]
-fn check_and_the_viewer_agree() {
+fn check_and_the_viewer_report_the_same_messages() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cli/tests/checked").canonicalize().unwrap();
     let files = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path());
     let scripts: Vec<PathBuf> = files.filter(|path| path.extension().is_some_and(|e| e == "rhai")).collect();
@@ -53,7 +53,7 @@ fn check_and_the_viewer_agree() {
 
 /// An examination that is no longer wanted is given up, without a message.
 #[test]
-fn a_scene_that_is_replaced_is_examined_no_further() {
+fn checking_stops_when_the_scene_is_replaced() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cli/tests/checked");
     let source = SceneSource::new(folder.join("gap.rhai"));
     let scene =

@@ -111,7 +111,7 @@ fn open_more(mouse: &mut Mouse, beside: &str) {
 }
 
 #[test]
-fn what_has_no_room_works_from_the_menu() {
+fn buttons_without_room_work_from_the_overflow_menu() {
     let mut mouse = opened(300.0, "Sequencer");
     // A button, which closes the menu.
     assert!(mouse.desk.state().viewer.in_seconds);
@@ -148,7 +148,7 @@ fn what_has_no_room_works_from_the_menu() {
 
 /// A click at an old place never meets another entry.
 #[test]
-fn entries_of_the_viewport_stay_where_they_are_whatever_is_chosen() {
+fn viewport_toolbar_entries_keep_their_places() {
     const ENTRIES: [&str; 6] =
         ["free camera", "into the script", "follow", "full size", "Show", "Save image"];
     let mut mouse = opened(1600.0, "Sequencer");
@@ -168,7 +168,7 @@ fn entries_of_the_viewport_stay_where_they_are_whatever_is_chosen() {
 
 /// A part that is played, a tempo and the unit of times move no button.
 #[test]
-fn entries_of_the_timeline_stay_where_they_are_whatever_is_set() {
+fn timeline_toolbar_entries_keep_their_places() {
     const ENTRIES: [&str; 9] = [
         "One frame forward",
         "Last frame",
@@ -208,7 +208,7 @@ fn entries_of_the_timeline_stay_where_they_are_whatever_is_set() {
 }
 
 #[test]
-fn the_overlays_are_chosen_in_one_menu() {
+fn overlays_are_toggled_in_one_menu() {
     for width in [1600.0, 300.0] {
         let mut mouse = opened(width, "Sequencer");
         if width < 500.0 {
@@ -225,7 +225,7 @@ fn the_overlays_are_chosen_in_one_menu() {
 
 /// The menu of the speed shows the one that is chosen; the script stays as it is.
 #[test]
-fn the_timeline_plays_slower_by_its_menu() {
+fn the_timeline_menu_sets_the_playback_speed() {
     let size = vec2(1600.0, 600.0);
     let mut mouse = opened(size.x, "Sequencer");
     mouse.menu(&["1×", "0.5×"]);

@@ -67,7 +67,7 @@ fn has(desk: &Desk, part: &str) -> bool {
 }
 
 #[test]
-fn the_tree_hides_shows_alone_and_locks() {
+fn the_tree_hides_isolates_and_locks_actors() {
     let mut desk = desk();
     click(&mut desk, "hide ada");
     let hidden = |desk: &mut Desk| desk.state_mut().viewer.next_request().map(|asked| asked.overrides.hidden);
@@ -91,7 +91,7 @@ fn the_tree_hides_shows_alone_and_locks() {
 }
 
 #[test]
-fn what_is_wrong_is_read_in_the_bar_and_a_click_goes_to_the_messages() {
+fn the_status_bar_shows_a_problem_and_a_click_opens_the_messages() {
     let mut desk = desk();
     desk.state_mut().spoil(&SCRIPT.replace("\"Wave\"", "\"Waev\""));
     desk.run();
@@ -160,7 +160,7 @@ fn a_click_on_a_message_goes_to_its_line() {
 }
 
 #[test]
-fn the_performance_panel_counts_and_caps() {
+fn the_performance_panel_counts_draws_and_caps_the_frame_rate() {
     let mut desk = desk();
     press(&mut desk, Modifiers::COMMAND, Key::Num8);
     desk.get_by_label("frame graph");
@@ -174,7 +174,7 @@ fn the_performance_panel_counts_and_caps() {
 }
 
 #[test]
-fn a_view_follows_flies_and_looks_through_any_camera() {
+fn a_view_follows_an_actor_flies_and_uses_any_camera() {
     let mut desk = desk();
     let place = |desk: &Desk| match &desk.state().viewer.views[0].camera {
         ViewCamera::Free(orbit) | ViewCamera::Follow { orbit, .. } => {
@@ -212,7 +212,7 @@ fn a_view_follows_flies_and_looks_through_any_camera() {
 
 /// Picking returns the object drawn there. The image's colors show which it is; the renderer does not know of picking.
 #[test]
-fn what_is_picked_is_what_is_seen() {
+fn picking_selects_the_actor_drawn_at_the_pointer() {
     let mut place = Place::new(SCRIPT);
     place.viewer.views[0].resolution = Resolution::Full;
     let frame = place.paint().unwrap();
@@ -259,7 +259,7 @@ fn real_model(name: &str) -> Option<PathBuf> {
 }
 
 #[test]
-fn a_skinned_model_of_others_is_picked_where_it_is_seen() {
+fn a_skinned_gltf_model_is_picked_where_it_is_drawn() {
     let Some(file) = real_model("gltf/Fox.glb").or_else(|| real_model("gltf/CesiumMan.glb")) else { return };
     let script = "stage(#{ size: [320, 180], length: 2.0, samples: 1, background: \"#ff00ff\" });\n\
         let fox = load(\"model.glb\");\ncast(\"fox\", fox).play(fox.clip(0));\n";
@@ -294,7 +294,7 @@ fn a_skinned_model_of_others_is_picked_where_it_is_seen() {
 }
 
 #[test]
-fn a_click_in_the_picture_selects_and_what_is_locked_stays() {
+fn a_click_in_the_image_selects_and_locked_actors_are_not_moved() {
     let mut desk = desk();
     let rect = desk.get_by_label("picture").rect();
     let shown = desk.state().viewer.shown().unwrap();
@@ -325,7 +325,7 @@ fn a_click_in_the_picture_selects_and_what_is_locked_stays() {
 }
 
 #[test]
-fn the_inspector_tells_layers_materials_joints_and_parameters() {
+fn the_inspector_shows_layers_materials_joints_and_parameters() {
     let mut desk = desk();
     // In the middle of the fade, each has half of the weight.
     desk.state_mut().viewer.playhead.seek(Time::from_secs(2.4));
@@ -360,7 +360,7 @@ fn the_inspector_tells_layers_materials_joints_and_parameters() {
 }
 
 #[test]
-fn the_sequencer_has_times_as_one_likes_them() {
+fn the_sequencer_shows_times_in_the_chosen_unit() {
     let mut desk = desk();
     desk.get_by_label("marker hello");
     click(&mut desk, "seconds");
@@ -405,7 +405,7 @@ fn the_sequencer_has_times_as_one_likes_them() {
 }
 
 #[test]
-fn all_of_it_by_the_keyboard_alone() {
+fn the_viewer_is_fully_usable_by_keyboard() {
     let mut desk = desk();
     let none = Modifiers::NONE;
     // Selecting, hiding, playing, stepping.

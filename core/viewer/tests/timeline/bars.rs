@@ -60,7 +60,7 @@ fn drag_briefly(desk: &mut Desk, modifiers: Modifiers, from: Pos2, to: Pos2) {
 }
 
 #[test]
-fn keys_that_are_let_go_with_the_button_count() {
+fn modifier_keys_released_with_the_mouse_button_apply_to_the_drag() {
     let mut desk = desk();
     let by = second(&desk);
     // Ctrl: the bar crossfades.
@@ -97,7 +97,7 @@ fn keys_that_are_let_go_with_the_button_count() {
 
 /// On a slow machine a bar is let go and Ctrl+Z pressed within one frame: the drag is taken back, and can be made again.
 #[test]
-fn a_drag_is_undone_within_the_frame_in_which_it_ends() {
+fn a_drag_can_be_undone_in_the_frame_in_which_it_ends() {
     let mut desk = desk();
     let by = second(&desk);
     let wave = desk.get_by_label("Wave on bob").rect().center();
@@ -161,7 +161,7 @@ fn a_click_on_a_handle_selects_the_bar_under_it() {
 
 /// A key where two bars meet, or where a fade ends, is taken at the top of the row, and the handles there at the middle of the bars.
 #[test]
-fn a_key_on_an_edge_leaves_the_handles_in_reach() {
+fn a_key_at_a_bar_edge_does_not_cover_its_handles() {
     let script =
         format!("{SCRIPT}ada.key(\"position\", [[2.0, [0, 0, 0]], [2.4, [1, 0, 0]], [4.0, [2, 0, 0]]]);\n");
     let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
@@ -240,7 +240,7 @@ fn a_boundary_of_clips_that_repeat_is_rolled() {
 
 /// A roll begins on either side of a joint, also at the bottom of a selected bar, where the corner of its speed is beside the joint.
 #[test]
-fn a_joint_is_rolled_from_both_of_its_sides() {
+fn a_boundary_of_two_clips_is_rolled_from_both_sides() {
     let script = SCRIPT.replace("\"Walk\")).until(2.0)", "\"Wave\"), #{ repeat: \"once\" }).until(2.0)");
     let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
     let (by, run) = (second(&desk), desk.get_by_label("Run on ada").rect());
@@ -258,7 +258,7 @@ fn a_joint_is_rolled_from_both_of_its_sides() {
 }
 
 #[test]
-fn a_slip_needs_no_trim_but_a_rest_of_the_clip() {
+fn a_slip_needs_an_unplayed_part_of_the_clip() {
     let mut place = Place::new(SCRIPT);
     let wave = Selected::Cue { actor: "bob".into(), layer: 0, cue: 0 };
     place.viewer.slip_cue(&wave, 0.25).unwrap();
@@ -282,7 +282,7 @@ fn a_slip_needs_no_trim_but_a_rest_of_the_clip() {
 }
 
 #[test]
-fn a_locked_row_says_so_when_a_bar_is_dragged() {
+fn dragging_a_bar_of_a_locked_row_is_refused_with_a_message() {
     let mut desk = desk();
     let by = second(&desk);
     desk.get_by_label("lock the row of ada").click();
@@ -359,7 +359,7 @@ fn nothing_is_added_to_a_locked_row() {
 
 /// Nothing is put where it would never be seen.
 #[test]
-fn what_would_begin_after_the_scene_is_refused() {
+fn an_edit_that_starts_after_the_scene_is_refused() {
     let mut desk = desk();
     let copied = desk.state().viewer.copy_cues(&[cue(0, 0), cue(0, 1)]).unwrap();
     let viewer = |desk: &mut Desk, edit: &dyn Fn(&mut choreo_viewer::app::Viewer)| {
@@ -397,7 +397,7 @@ fn what_would_begin_after_the_scene_is_refused() {
 /// The end that goes along with a clip is named while the clip is dragged, by its middle or its start, and once it is let go, also where others
 /// move with it.
 #[test]
-fn an_end_that_goes_along_is_named() {
+fn the_message_names_an_end_that_moves_with_the_bar() {
     let mut desk = desk();
     let (by, run) = (second(&desk), desk.get_by_label("Run on ada").rect());
     let note = "Walk, which it follows, now ends at 2.600 s";
@@ -429,7 +429,7 @@ fn an_end_that_goes_along_is_named() {
 
 /// Layers above the first crossfade, and are stretched and weighted, as the base layer is.
 #[test]
-fn layers_crossfade_are_stretched_and_weighted_as_the_base_layer_is() {
+fn upper_layers_are_edited_like_the_base_layer() {
     let mut desk = desk();
     let by = second(&desk);
     // The far end of a layer keeps its fade-out.
@@ -472,7 +472,7 @@ fn layers_crossfade_are_stretched_and_weighted_as_the_base_layer_is() {
 
 /// A clip without an end is stretched by what is seen of it: one that repeats to the end of the scene, one that is held.
 #[test]
-fn what_is_under_the_corner_goes_with_it() {
+fn stretching_a_cue_maps_its_old_end_to_the_new_end() {
     let script =
         SCRIPT.replace(".then(moves.clip(\"Run\"), #{ fade: 0.4 }).until(5.0)", ".then(moves.clip(\"Run\"))");
     for (repeat, until) in [("loop", 8.0), ("once", 2.0 + 2.0 / 3.0)] {
@@ -487,7 +487,7 @@ fn what_is_under_the_corner_goes_with_it() {
 
 /// The outline of a clip that is cut short is drawn over the bar that cuts it, where it is selected.
 #[test]
-fn the_rest_of_a_clip_is_seen_over_the_next_bar() {
+fn the_unplayed_part_of_a_clip_is_drawn_over_the_next_bar() {
     let script = SCRIPT.replace("clip(\"Walk\")).until(2.0)", "clip(\"Wave\")).until(2.0)");
     let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
     let (by, time) = (second(&desk), desk.get_by_label("time").rect());
@@ -556,7 +556,7 @@ fn bars_snap_to_beats() {
 
 /// With Shift the later cuts go along, as later clips do, also those that count frames.
 #[test]
-fn later_cuts_follow_a_camera_that_is_dragged_with_shift() {
+fn dragging_a_cut_with_shift_moves_the_later_cuts() {
     let script = format!(
         "{SCRIPT}let one = camera(\"one\").at(0.0, 1.0, 4.0);\nlet two = camera(\"two\").at(1.0, 1.0, 4.0).cut(2.0);\none.cut(f(100));\n"
     );

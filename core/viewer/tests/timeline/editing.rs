@@ -20,7 +20,7 @@ fn cue(cue: usize) -> Selected {
 }
 
 #[test]
-fn a_change_is_one_number_in_the_file_and_can_be_taken_back() {
+fn an_edit_changes_one_number_of_the_file_and_can_be_undone() {
     let mut place = Place::new(SCRIPT);
     place.viewer.set_cue(&cue(0), CueTime::Start, 0.72).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".from(0.5)", ".from(0.72)"));
@@ -49,7 +49,7 @@ fn a_byte_order_mark_stays_before_the_text() {
 }
 
 #[test]
-fn a_bar_moves_with_its_end_and_leaves_when_deleted() {
+fn moving_a_bar_moves_its_end_and_deleting_removes_its_line() {
     let mut place = Place::new(SCRIPT);
     place.viewer.move_cue(&cue(0), 1.0, false).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".from(0.5).until(2.0)", ".from(1.0).until(2.5)"));
@@ -76,7 +76,7 @@ fn a_bar_moves_with_its_end_and_leaves_when_deleted() {
 
 /// The last line about her is a loop in which she plays.
 #[test]
-fn added_clips_stand_behind_all_others_in_their_order() {
+fn added_clips_are_written_after_all_others_in_order() {
     let mut place = Place::new(SCRIPT);
     for (clip, secs) in [("Run", 3.4), ("Bow", 3.0)] {
         place.viewer.add_clip("ada", "ada", clip, secs).unwrap();
@@ -87,7 +87,7 @@ fn added_clips_stand_behind_all_others_in_their_order() {
 }
 
 #[test]
-fn where_two_clips_meet_is_the_end_of_the_first() {
+fn moving_a_clip_boundary_changes_the_end_of_the_first_clip() {
     let mut place = Place::new(SCRIPT);
     place.viewer.set_cue(&cue(1), CueTime::Start, 1.6).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".until(2.0)", ".until(1.6)"));
@@ -97,7 +97,7 @@ fn where_two_clips_meet_is_the_end_of_the_first() {
 }
 
 #[test]
-fn what_is_not_one_number_is_refused_and_nothing_changes() {
+fn a_time_that_is_not_one_number_is_refused_unchanged() {
     let mut place = Place::new(SCRIPT);
     let in_loop = Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 };
     let why = place.viewer.set_cue(&in_loop, CueTime::Start, 0.1).unwrap_err().to_string();

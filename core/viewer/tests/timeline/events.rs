@@ -31,7 +31,7 @@ fn row<'a>(timeline: &'a Timeline, label: &str) -> &'a choreo_viewer::state::tim
 }
 
 #[test]
-fn rows_have_what_happens_at_its_times() {
+fn rows_have_their_events_at_the_right_times() {
     let place = Place::new(SCRIPT);
     let timeline = &place.viewer.timeline;
     let events_of = |label: &str| -> Vec<(f64, EventKind, String)> {
@@ -70,7 +70,7 @@ fn rows_have_what_happens_at_its_times() {
 }
 
 #[test]
-fn a_click_on_an_event_goes_there_and_a_pointer_over_it_is_told_what_it_is() {
+fn clicking_an_event_seeks_to_it_and_hovering_names_it() {
     let mut desk = desk();
     let at = desk.get_by_label("event position, look begins on ada").rect().center();
     desk.hover_at(at);
@@ -103,7 +103,7 @@ fn a_click_on_an_event_goes_there_and_a_pointer_over_it_is_told_what_it_is() {
 }
 
 #[test]
-fn the_strip_tells_which_foot_stands() {
+fn the_foot_strip_shows_the_foot_contacts() {
     let mut desk = desk();
     let strip = desk.get_by_label("feet of ada").rect();
     // Somewhere in the walk a foot is down.
@@ -136,7 +136,7 @@ fn the_strip_tells_which_foot_stands() {
 }
 
 #[test]
-fn what_is_wrong_is_marked_until_it_is_mended() {
+fn problem_markers_stay_until_the_problem_is_fixed() {
     let mut desk = desk();
     let marked = |desk: &Desk| {
         let viewer = &desk.state().viewer;
@@ -161,7 +161,7 @@ fn what_is_wrong_is_marked_until_it_is_mended() {
 
 /// Buttons go into the menu before the ruler leaves the window, at twice the scale on a small screen.
 #[test]
-fn in_a_narrow_window_the_whole_ruler_is_seen() {
+fn the_whole_ruler_is_visible_in_a_narrow_window() {
     let desk = Place::new(SCRIPT).harness(vec2(640.0, 600.0));
     let ruler = desk.get_by_label("time").rect();
     assert!(ruler.right() <= 640.0 && ruler.width() > 300.0, "{ruler:?}");

@@ -64,7 +64,7 @@ fn replaced(pairs: &[(&str, &str)]) -> String {
 
 /// The curves are the values that a snapshot of the whole stage has, and the turns are those of the script.
 #[test]
-fn curves_are_what_the_stage_shows() {
+fn sampled_curves_equal_the_values_of_the_stage() {
     let mut place = Place::new(SCRIPT);
     place.viewer.selection = Some(ball());
     let scene = place.viewer.scene.clone().unwrap();
@@ -96,7 +96,7 @@ fn curves_are_what_the_stage_shows() {
 
 /// An easing is many keys of the stage, and one of the script.
 #[test]
-fn marks_are_the_keys_of_the_script() {
+fn key_markers_match_the_keys_of_the_script() {
     let place = Place::new(SCRIPT);
     let row = place.viewer.timeline.rows.iter().find(|row| row.label == "ball").unwrap();
     let times: Vec<f64> = row.events.iter().map(|event| event.at.as_secs()).collect();
@@ -108,7 +108,7 @@ fn marks_are_the_keys_of_the_script() {
 }
 
 #[test]
-fn several_keys_move_and_leave_in_one_step() {
+fn several_keys_are_moved_or_deleted_in_one_undo_step() {
     let keys = [key(ball(), "position", 1.0), key(ball(), "position", 2.0), key(ball(), "rotation", 2.0)];
     let text = text_after(|place| {
         place.viewer.select_keys(keys.to_vec());
@@ -142,7 +142,7 @@ fn several_keys_move_and_leave_in_one_step() {
 }
 
 #[test]
-fn a_number_of_several_keys_is_changed_in_place() {
+fn one_value_of_several_keys_is_changed_in_place() {
     let keys = [key(ball(), "position", 1.0), key(ball(), "position", 2.0)];
     let value = ValueDrag { property: "position".into(), part: 1, by: 0.25 };
     let text = text_after(|place| place.viewer.edit(|v| v.drag_keys(&keys, 0.2, Some(&value))));
@@ -163,7 +163,7 @@ fn a_number_of_several_keys_is_changed_in_place() {
 
 /// The other numbers of a key stay as they are written, computed ones, too.
 #[test]
-fn one_number_of_a_key_is_written_and_no_other() {
+fn editing_one_number_of_a_key_keeps_the_others() {
     let script = SCRIPT
         .replace("let cube =", "let n = 0.5;\nlet cube =")
         .replace("[1.0, [1, 0, 0]]", "[1.0, [n * 2.0, 0, 1.0 / 3.0]]")
@@ -239,7 +239,7 @@ fn a_key_is_set_where_the_playhead_is() {
 }
 
 #[test]
-fn computed_keys_are_refused_and_a_line_states_them_anew() {
+fn editing_computed_keys_is_refused_and_offers_literal_keys() {
     let way = Selected::Actor("way".into());
     let mut place = Place::new(SCRIPT);
     let refused =
@@ -269,7 +269,7 @@ fn computed_keys_are_refused_and_a_line_states_them_anew() {
 }
 
 #[test]
-fn keys_are_copied_to_another_time_and_to_another_thing() {
+fn keys_are_copied_to_another_time_and_to_another_object() {
     let keys = [key(ball(), "position", 1.0), key(ball(), "position", 2.0)];
     let text = text_after(|place| place.viewer.edit(|v| v.duplicate_keys(&keys, 3.0)));
     assert_eq!(
@@ -385,7 +385,7 @@ fn diamonds_are_selected_in_a_box_moved_and_deleted_together() {
 }
 
 #[test]
-fn the_menu_of_a_diamond_eases_types_and_deletes() {
+fn the_key_menu_sets_easing_and_value_and_deletes() {
     let mut desk = desk();
     let row = desk.get_by_label("row ball").rect().center().y;
     let at = pos2(x_of(&desk, 1.0), row);
@@ -524,7 +524,7 @@ fn keys_stay_selected_when_a_change_of_them_is_undone() {
 
 /// An actor is not taken off by who means a key of it.
 #[test]
-fn delete_over_the_curves_takes_keys_alone() {
+fn delete_over_the_curve_editor_deletes_only_keys() {
     let mut desk = curves();
     let plot = desk.get_by_label("curves").rect();
     desk.hover_at(plot.center());
@@ -583,7 +583,7 @@ fn the_menu_of_a_key_stays_while_numbers_are_typed() {
 
 /// An expression takes the place of digits also where they are the same.
 #[test]
-fn an_expression_is_kept_where_its_digits_are_there_already() {
+fn typing_the_displayed_digits_keeps_the_expression() {
     let scene = "stage(#{ size: [64, 36], fps: 30, length: 4.0 });
 let cube = shape(\"box\", #{ size: 1.0 });
 cast(\"ball\", cube).key(\"scale\", [[0.0, 1], [0.333333333, 0.333], [2.0, 0.333]]);
@@ -611,7 +611,7 @@ cast(\"ball\", cube).key(\"scale\", [[0.0, 1], [0.333333333, 0.333], [2.0, 0.333
 
 /// Fit changes the view of the curves alone, and curves that are shown first are seen whole.
 #[test]
-fn curves_are_fitted_when_shown_first_and_by_themselves() {
+fn curves_are_fitted_to_the_view_when_first_shown() {
     let mut desk = desk();
     let shown = choreo_viewer::state::span::Span { from: 3.0, to: 3.5 };
     desk.state_mut().viewer.span = shown;
@@ -643,7 +643,7 @@ fn curves_are_fitted_when_shown_first_and_by_themselves() {
 
 /// A hint is not in the way of what is dragged.
 #[test]
-fn hints_are_away_while_a_button_is_down() {
+fn tooltips_are_hidden_while_a_mouse_button_is_down() {
     let mut desk = Place::new(PARTS).harness(vec2(1500.0, 1000.0));
     // Beside the key in its middle.
     let bar = desk.get_by_label("Walk on ada").rect().center() + vec2(60.0, 3.0);
@@ -686,7 +686,7 @@ fn the_handles_of_a_bezier_easing_are_dragged() {
 }
 
 #[test]
-fn k_and_the_inspector_s_diamonds_set_keys() {
+fn the_k_key_and_the_inspector_diamonds_set_keys() {
     let mut desk = desk();
     desk.state_mut().viewer.selection = Some(ball());
     desk.state_mut().viewer.playhead.seek(Time::from_secs(0.48));
@@ -716,7 +716,7 @@ fn k_and_the_inspector_s_diamonds_set_keys() {
 
 /// A camera and an effect have bars, which are selected with their keys; commands are for the keys all the same.
 #[test]
-fn keys_of_what_has_a_bar_are_duplicated_copied_and_cut_by_keyboard() {
+fn keys_of_objects_with_bars_are_duplicated_copied_and_cut_by_keyboard() {
     let mut desk = desk();
     desk.state_mut().viewer.playhead.seek(Time::from_secs(0.48));
     let fov = key(Selected::Camera("wide".into()), "fov", 2.0);
@@ -750,7 +750,7 @@ fn keys_of_what_has_a_bar_are_duplicated_copied_and_cut_by_keyboard() {
 }
 
 #[test]
-fn k_leaves_out_curves_that_are_hidden_in_the_open_curve_editor() {
+fn the_k_key_sets_no_keys_on_hidden_curves() {
     let mut desk = curves();
     desk.state_mut().viewer.playhead.seek(Time::from_secs(0.48));
     desk.run();
@@ -775,7 +775,7 @@ fn k_leaves_out_curves_that_are_hidden_in_the_open_curve_editor() {
 
 /// The keys of a clip that have an easing are those of the script, as an option and as a method: in rows and in the inspector.
 #[test]
-fn eased_keys_of_a_clip_are_no_samples() {
+fn eased_keys_of_a_clip_are_not_treated_as_samples() {
     const KEYS: &str = "[[1.0, 1.0], [2.0, 0.0, \"in_cubic\"]]";
     for played in [format!(", #{{ weight: {KEYS} }})"), format!(").weight({KEYS})")] {
         let script = format!(
@@ -797,7 +797,7 @@ ada.play(moves.clip(\"Walk\")).until(3.0)
 
 /// All easings are seen at once: none is below the end of a list.
 #[test]
-fn easings_stand_in_columns_within_the_window() {
+fn the_easing_menu_fits_the_window_in_columns() {
     let mut desk = curves();
     let at = desk.get_by_label("key position y at 50").rect().center();
     secondary_click(&mut desk, at);
@@ -814,7 +814,7 @@ fn easings_stand_in_columns_within_the_window() {
 
 /// The speed of a straight line is the same from its first key to its last one, and none behind that.
 #[test]
-fn speeds_at_keys_are_those_of_one_side() {
+fn the_speed_at_a_key_is_one_sided() {
     let mut place = Place::new(SCRIPT);
     place.viewer.curves.speed = true;
     let speed = |name: &str, secs: f64| {
@@ -839,7 +839,7 @@ fn speeds_at_keys_are_those_of_one_side() {
 
 /// The curve editor calls an effect as the rest does.
 #[test]
-fn curves_of_an_effect_have_its_name() {
+fn curves_of_an_effect_are_labeled_with_its_name() {
     let mut desk = curves();
     let named = desk.query_all_by_label("vignette").count();
     desk.state_mut().viewer.selection = Some(Selected::Effect(0));
@@ -851,7 +851,7 @@ fn curves_of_an_effect_have_its_name() {
 
 /// Curves and menus of keys of a locked row show, but change nothing.
 #[test]
-fn keys_of_a_locked_row_are_changed_neither_as_curves_nor_by_menus() {
+fn keys_of_a_locked_row_cannot_be_changed_in_curves_or_menus() {
     type Act = fn(&mut Desk, Pos2);
     let acts: [(&str, Act); 6] = [
         ("drag", |desk, at| drag(desk, at, at + vec2(40.0, 30.0))),
@@ -948,7 +948,7 @@ camera("wide").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]).key("fov", [[0.0, 40],
 
 /// Handles lie along the curve of the stage, whose slope beside a key is measured here.
 #[test]
-fn handles_are_the_slopes_of_the_curves() {
+fn tangent_handles_have_the_slopes_of_the_curves() {
     for how in ["", ", \"smooth\"", ", \"cubic\"", ", \"catmull_rom\""] {
         let place = Place::new(&shaped(how));
         let mut counted = 0;
@@ -1137,7 +1137,7 @@ fn part(place: &Place, what: &Selected, name: &str) -> KeyedProperty {
 
 /// Joints, cues and the sky have the keys of the script, and the values that a snapshot has.
 #[test]
-fn keys_of_joints_cues_and_the_sky_are_those_of_the_script() {
+fn keys_of_joints_cues_and_the_sky_match_the_script() {
     let place = Place::new(PARTS);
     let (ada, cue) = (Selected::Actor("ada".into()), Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
     let head = part(&place, &ada, "joint:Head:rotation");
@@ -1178,7 +1178,7 @@ fn keys_of_joints_cues_and_the_sky_are_those_of_the_script() {
 }
 
 #[test]
-fn keys_of_joints_cues_and_the_sky_are_edited_as_others() {
+fn keys_of_joints_cues_and_the_sky_are_edited_like_actor_keys() {
     let (ada, walk) =
         (Selected::Actor("ada".into()), Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
     let wave = Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 };
@@ -1317,7 +1317,7 @@ fn the_sky_and_a_cue_have_curves_and_fields() {
 
 /// A key within a span with tangents leaves the curve as it is, weights included.
 #[test]
-fn a_new_key_splits_a_span_and_changes_no_curve() {
+fn inserting_a_key_keeps_the_shape_of_the_curve() {
     let script = SCRIPT.replace(
         "[1.0, [1, 0, 0]], [2.0, [1, 2, 0], \"in_quad\"]",
         "[1.0, [1, 0, 0], #{ tangent: [0, 3, -1] }], [2.0, [1, 2, 0], #{ in_tangent: -2, in_weight: [0.1, 0.6, 0.9] }]",
@@ -1345,7 +1345,7 @@ fn a_new_key_splits_a_span_and_changes_no_curve() {
 
 /// Several properties change as one; what refuses is named by the line that the user sees, whatever the others have done to the text above it.
 #[test]
-fn a_refusal_among_several_changes_names_the_line_of_the_script() {
+fn a_refused_change_of_several_names_its_script_line() {
     let script = SCRIPT
         .replace("let ways =", "let n = 1;\nball.key(\"scale\", [[0.0, 1], [1.0 * n, 2]]);\nlet ways =");
     let mut place = Place::new(&script);
@@ -1364,7 +1364,7 @@ fn a_refusal_among_several_changes_names_the_line_of_the_script() {
 
 /// An object that has lost keys stays selected, so that its other curves stay in view: an actor, an effect, and a clip whose keys were selected.
 #[test]
-fn what_has_lost_keys_stays_selected() {
+fn an_object_stays_selected_when_its_keys_are_deleted() {
     let lines = "let moves = load(\"choreo:mannequin\");\nlet ada = cast(\"ada\", moves);\nada.play(moves.clip(\"Walk\")).weight([[0.0, 1.0], [1.0, 0.5], [2.0, 1.0]]);\n";
     let script = format!("{SCRIPT}{lines}");
     let cue = Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 };
@@ -1410,7 +1410,7 @@ post("right", cube);
 "##;
 
 #[test]
-fn keys_in_a_function_are_changed_for_all_that_it_makes_or_stated_for_one() {
+fn keys_in_a_function_are_changed_for_all_objects_or_copied_for_one() {
     let mut desk = Place::new(FUNCTIONS).harness(vec2(1500.0, 1000.0));
     let of = |name: &str| Selected::Actor(name.into());
     let drag = |desk: &mut Desk, keys: &[KeyRef]| {

@@ -62,7 +62,7 @@ fn the_end_of_a_camera_is_the_next_cut() {
 
 /// A clip that follows another moves with its own end, as it does when it is dragged, and says what went along.
 #[test]
-fn a_clip_that_follows_another_moves_as_a_whole() {
+fn nudging_a_chained_clip_moves_its_start_and_end() {
     let mut desk = desk();
     let wave = Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 };
     let (text, why) = press(&mut desk, &wave, Modifiers::ALT, Key::ArrowRight);
@@ -85,7 +85,7 @@ fn a_clip_that_follows_another_moves_as_a_whole() {
 
 /// The clicked shot of a camera moves, else the one at the playhead.
 #[test]
-fn of_several_shots_of_a_camera_the_selected_one_moves() {
+fn nudging_moves_only_the_selected_shot_of_a_camera() {
     const SHOTS: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 8.0 });
 let one = camera("one").at(0.0, 1.0, 4.0);
 let two = camera("two").at(1.0, 1.0, 4.0).cut(2.0);

@@ -50,7 +50,7 @@ fn expect(desk: &mut Desk, pairs: &[(&str, &str)]) {
 }
 
 #[test]
-fn keys_of_one_property_are_handled_in_a_row_of_their_own() {
+fn each_keyed_property_has_its_own_editable_row() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     let (position, rotation) = ("row ball: position", "row ball: rotation");
     assert!(desk.query_by_label(position).is_none(), "closed at first");
@@ -90,7 +90,7 @@ fn keys_of_one_property_are_handled_in_a_row_of_their_own() {
 
 /// A property has one name, in the row of its keys and in the curve editor.
 #[test]
-fn a_property_is_named_alike_in_rows_and_curves() {
+fn a_property_has_the_same_name_in_rows_and_curves() {
     let script = format!(
         "{SCRIPT}{}{}",
         "let day = sun().key(\"direction\", [[0.0, [-1, -1, 0]], [1.0, [1, -1, 0]]]);\n",

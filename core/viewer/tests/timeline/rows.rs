@@ -39,7 +39,7 @@ const BOW: &str =
 const WAVE: &str = "bob.play(moves.clip(\"Wave\"), #{\n    fade: 0.4, // softly\n    repeat: \"once\",\n}).from(4.0).until(6.0).ease(\"smooth\").trim(0.2, 1.8);\n";
 
 #[test]
-fn a_bar_that_is_dragged_onto_another_row_is_played_there() {
+fn dragging_a_bar_onto_another_row_moves_its_clip_there() {
     let mut desk = desk();
     let second = desk.get_by_label("time").rect().width() / 8.0;
     let bow = desk.get_by_label("Bow on ada +1").rect().center();
@@ -145,7 +145,7 @@ fn a_row_that_refuses_a_bar_says_why_at_the_pointer() {
 
 /// The text at the pointer is read: no hint covers it.
 #[test]
-fn while_a_refusal_is_shown_the_bar_below_it_has_no_hint() {
+fn a_bar_below_a_refusal_message_shows_no_tooltip() {
     let mut desk = desk();
     let bow = desk.get_by_label("Bow on ada +1").rect().center();
     let is_hinted = |desk: &Desk| desk.query_by_label_contains("Bow\n").is_some();
@@ -205,7 +205,7 @@ fn clips_are_pasted_on_the_selected_row_with_all_options() {
 
 /// The color of a bar is that of its clip, whatever else is on stage.
 #[test]
-fn bars_keep_their_colors_when_others_come() {
+fn adding_bars_keeps_the_colors_of_the_others() {
     let kinds = |place: &Place| -> Vec<(String, usize)> {
         let bars = place.viewer.timeline.rows.iter().flat_map(|row| &row.bars);
         bars.map(|bar| (bar.label.clone(), bar.color_index)).collect()
@@ -227,7 +227,7 @@ fn bars_keep_their_colors_when_others_come() {
 
 /// Each tenth is a frame at 30 frames a second: a bar that is let go near one begins there, as a person would write it.
 #[test]
-fn a_bar_prefers_tenths_that_are_frames() {
+fn dragged_times_prefer_tenths_on_frame_boundaries() {
     let script = SCRIPT.replace("fps: 25", "fps: 30").replace("length: 8.0", "length: 2.5");
     let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
     let second = desk.get_by_label("time").rect().width() / 2.5;
@@ -297,7 +297,7 @@ fn a_row_is_dragged_by_its_name_to_another_place() {
 
 /// The name of the row in which a drag ends stands at the pointer only once that moves on.
 #[test]
-fn no_hint_is_at_the_pointer_where_a_row_was_let_go() {
+fn no_tooltip_appears_where_a_row_was_dropped() {
     let mut desk = desk();
     let name = |desk: &Desk, label: &str| {
         let row = desk.get_by_label(&format!("row {label}")).rect();
@@ -361,7 +361,7 @@ fn a_row_that_cannot_be_moved_there_says_why() {
 
 /// The menu of a row opens where nothing lies in it, too, for the thing whose row it is.
 #[test]
-fn a_row_has_its_menu_where_it_is_free() {
+fn a_right_click_on_free_row_space_opens_the_row_menu() {
     let mut desk = desk();
     let time = desk.get_by_label("time").rect();
     let free = pos2(time.center().x, height(&desk, "bob"));

@@ -48,7 +48,7 @@ fn farthest(a: &[glam::Affine3A], b: &[glam::Affine3A]) -> f32 {
 
 /// A split changes nothing of what is seen, wherever it is made, also in a clip that repeats.
 #[test]
-fn a_split_is_not_seen() {
+fn splitting_a_clip_does_not_change_the_pose() {
     for (what, at) in [(cue(0, 0), 0.52), (cue(0, 0), 1.72), (cue(0, 1), 3.0)] {
         let mut place = Place::new(SCRIPT);
         let times: Vec<f64> = (0..100).map(|frame| f64::from(frame) / 25.0).collect();
@@ -70,7 +70,7 @@ fn a_split_is_not_seen() {
 
 /// A trimmed bar keeps its content's place on the timeline; a slip shows another part between the same ends.
 #[test]
-fn trims_rolls_and_slips_keep_what_they_promise() {
+fn trims_rolls_and_slips_change_only_their_own_part() {
     let mut place = Place::new(SCRIPT);
     let late = pose(&place, 3.6);
     place.viewer.trim_cue(&cue(0, 1), 2.6).unwrap();
@@ -111,7 +111,7 @@ fn clips_that_overlap_crossfade() {
 }
 
 #[test]
-fn duplicates_follow_and_later_clips_make_room() {
+fn a_duplicate_is_appended_and_later_clips_shift() {
     let text = text_after(|place| place.viewer.edit(|v| v.duplicate_cue(&cue(0, 0))));
     let expected = SCRIPT.replace(
         "until(2.0)\n    .then(moves.clip(\"Wave\"), #{ fade: 0.4, repeat: \"once\" }).until(4.0)",
@@ -133,7 +133,7 @@ fn copies_go_to_other_rows() {
 }
 
 #[test]
-fn disabled_clips_have_no_weight_and_get_it_back() {
+fn a_disabled_clip_has_weight_zero_until_enabled_again() {
     let mut place = Place::new(SCRIPT);
     place.viewer.edit(|v| v.toggle_cues(&[cue(1, 0), cue(0, 1)]));
     assert_eq!(place.viewer.message, None);
@@ -187,7 +187,7 @@ fn second(desk: &Desk) -> f32 {
 }
 
 #[test]
-fn gestures_and_keys_do_all_of_it() {
+fn mouse_gestures_and_shortcuts_run_all_clip_edits() {
     let mut desk = desk();
     let by = second(&desk);
     let wave = |desk: &Desk| desk.get_by_label("Wave on ada").rect();
@@ -295,7 +295,7 @@ fn dragged_bars_snap_to_markers_and_edges() {
 }
 
 #[test]
-fn rows_have_heads_layers_lights_and_titles() {
+fn the_timeline_has_rows_for_layers_lights_and_titles() {
     let mut desk = desk();
     let labels: Vec<String> = desk.state().viewer.timeline.rows.iter().map(|row| row.label.clone()).collect();
     assert_eq!(labels[..4], ["camera", "ada", "ada +1", "bob"]);
@@ -325,7 +325,7 @@ fn rows_have_heads_layers_lights_and_titles() {
 
 /// A muted layer plays nothing: the pose is that of the script without it.
 #[test]
-fn what_is_muted_does_not_play() {
+fn muted_layers_do_not_play() {
     let mut place = Place::new(SCRIPT);
     place.viewer.playhead.seek(Time::from_secs(1.6));
     place.viewer.toggles.muted.insert(("ada".into(), 1));
@@ -378,7 +378,7 @@ fn a_clip_follows_the_one_before_it_in_its_chain() {
 
 /// The trim of the second part of a split has the digits of the time at which the first ends.
 #[test]
-fn a_trim_has_the_digits_of_times() {
+fn a_trim_is_written_with_the_digits_of_times() {
     let script = "stage(#{ size: [64, 36], fps: 30, length: 8.0 });\nlet m = load(\"choreo:mannequin\");\nlet ada = cast(\"ada\", m);\nada.play(m.clip(\"Wave\"), #{ repeat: \"once\" });\n";
     let mut place = Place::new(script);
     place.viewer.split_cues(&[cue(0, 0)], 41.0 / 30.0).unwrap();

@@ -66,7 +66,7 @@ fn click_at(desk: &mut Desk, at: Pos2) {
 }
 
 #[test]
-fn an_end_of_an_axis_looks_along_it_without_perspective() {
+fn clicking_an_axis_end_sets_an_orthographic_view_along_it() {
     let mut desk = desk();
     for side in Side::ALL {
         desk.get_by_label(&format!("{} view", side.name())).click();
@@ -193,7 +193,7 @@ fn cameras_that_follow_and_circle_are_dragged_by_their_icons() {
 
 /// The icon of a sun stands for its direction: neither a selected actor nor one that moves takes it along.
 #[test]
-fn the_icon_of_a_sun_stays_where_it_is_whatever_is_selected_or_moves() {
+fn the_sun_icon_does_not_move_with_selection_or_actors() {
     let script = SCRIPT.replace(
         "let lamp = point(",
         "let bob = cast(\"bob\", shape(\"box\")).key(\"position\", [[0.0, [1.5, 0, 0]], [1.0, [3.5, 0, 0]]]);\nlet lamp = point(",
@@ -316,7 +316,7 @@ fn a_target_of_inverse_kinematics_is_dragged_and_the_hand_follows() {
 
 /// While a sign is dragged the image has what it stands for where the hand is, and after that until the script is read again.
 #[test]
-fn what_a_sign_stands_for_is_seen_where_it_is_dragged() {
+fn a_dragged_scene_icon_shows_its_object_at_the_new_position() {
     let mut desk = desk();
     let hand = |desk: &Desk| {
         let viewer = &desk.state().viewer;

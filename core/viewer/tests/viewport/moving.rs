@@ -48,7 +48,7 @@ fn an_image_fills_the_viewport_and_shrinks_while_it_plays_too_slowly() {
 }
 
 #[test]
-fn what_a_moving_image_lacks_is_named_until_it_rests() {
+fn the_reduced_quality_note_is_shown_while_the_image_moves() {
     let place = reduced(1.0);
     assert_eq!(place.viewer.shown().unwrap().waiting, ["motion blur"]);
     let mut desk = place.harness(vec2(900.0, 700.0));
@@ -86,7 +86,7 @@ fn reduced(secs: f64) -> Place {
 
 /// In a narrow viewport the text ends with … within the image, and a pointer over it reads the whole.
 #[test]
-fn what_is_named_without_room_is_cut_short_and_read_as_a_hint() {
+fn the_reduced_quality_note_is_elided_with_a_tooltip() {
     let mut place = reduced(0.0);
     place.viewer.reduction.dropped = 3;
     let layout = serde_json::json!({
@@ -105,7 +105,7 @@ fn what_is_named_without_room_is_cut_short_and_read_as_a_hint() {
 
 /// The text of an image ends before its axes, also in a small window.
 #[test]
-fn what_is_named_leaves_the_axes_their_place() {
+fn the_reduced_quality_note_does_not_cover_the_axes() {
     let mut place = reduced(0.0);
     place.viewer.reduction.dropped = 3;
     let layout = serde_json::json!({
@@ -123,7 +123,7 @@ fn what_is_named_leaves_the_axes_their_place() {
 
 /// What is dragged has its numbers beside what the image lacks meanwhile.
 #[test]
-fn numbers_of_a_drag_are_read_beside_what_the_image_lacks() {
+fn drag_values_are_shown_beside_the_reduced_quality_note() {
     let mut place = reduced(0.0);
     place.viewer.selection = Some(Selected::Actor("box".into()));
     let (tool, handle) = (Tool::Move, Handle::Axis(0));
@@ -176,7 +176,7 @@ fn actors(place: &mut Place) -> Vec<choreo_stage::ActorState> {
 }
 
 #[test]
-fn hands_heads_and_attached_actors_follow_an_actor_while_it_is_dragged() {
+fn constraints_and_attached_actors_follow_an_actor_during_a_drag() {
     let mut place = Place::new(REACHED);
     place.viewer.views[0].panel_size = [64, 36];
     // The constraints have faded in.

@@ -40,7 +40,7 @@ fn world(place: &Place, name: &str) -> DVec3 {
 }
 
 #[test]
-fn a_keyed_actor_gets_its_key_at_the_playhead() {
+fn moving_a_keyed_actor_writes_a_key_at_the_playhead() {
     let mut place = Place::new(SCRIPT);
     // Between the keys: a new one, written as the last is.
     at(&mut place, 1.0);
@@ -83,7 +83,7 @@ fn a_keyed_actor_gets_its_key_at_the_playhead() {
 }
 
 #[test]
-fn computed_keys_are_refused_with_their_line() {
+fn moving_an_actor_with_computed_keys_is_refused_with_the_line() {
     let mut place = Place::new(SCRIPT);
     let computed = SCRIPT.replace("[f(50), [2, 0, 0]]", "[f(50), [\"ab\".len, 0, 0]]");
     place.write(&computed);
@@ -96,7 +96,7 @@ fn computed_keys_are_refused_with_their_line() {
 
 /// A change with which the script would not load is taken back with the reason; a fault of another program stays.
 #[test]
-fn a_change_that_does_not_load_is_taken_back() {
+fn a_change_that_does_not_load_is_undone() {
     let script = format!("{SCRIPT}let lamp = point(#{{ intensity: 40.0 }});\n");
     let mut place = Place::new(&script);
     let lamp = Selected::Light(2);
@@ -116,7 +116,7 @@ fn a_change_that_does_not_load_is_taken_back() {
 }
 
 #[test]
-fn what_is_attached_is_moved_in_its_parent() {
+fn an_attached_actor_is_moved_in_the_space_of_its_parent() {
     let mut place = Place::new(SCRIPT);
     for name in ["hat", "ring"] {
         place.paint();
@@ -134,7 +134,7 @@ fn what_is_attached_is_moved_in_its_parent() {
 }
 
 #[test]
-fn what_faces_something_is_moved_and_not_turned() {
+fn an_actor_that_faces_a_target_can_be_moved_but_not_turned() {
     let mut place = Place::new(SCRIPT);
     let why =
         place.viewer.change_actor("fan", Change::Turn(DQuat::from_rotation_y(0.5))).unwrap_err().to_string();
@@ -145,7 +145,7 @@ fn what_faces_something_is_moved_and_not_turned() {
 }
 
 #[test]
-fn a_camera_stands_where_the_free_one_did() {
+fn set_camera_places_a_camera_at_the_free_camera() {
     let mut place = Place::new(SCRIPT);
     place.paint();
     let orbit = {
@@ -185,7 +185,7 @@ fn a_camera_stands_where_the_free_one_did() {
 }
 
 #[test]
-fn a_new_camera_stands_where_the_free_one_does_from_the_playhead_on() {
+fn an_added_camera_starts_at_the_playhead_with_the_free_view() {
     for (script, end) in [
         (SCRIPT.to_string(), ".cut(2.0);\n"),
         (SCRIPT.lines().filter(|l| !l.starts_with("camera(")).map(|l| format!("{l}\n")).collect(), "]);\n"),
@@ -218,7 +218,7 @@ fn a_new_camera_stands_where_the_free_one_does_from_the_playhead_on() {
 }
 
 #[test]
-fn a_color_takes_the_place_of_kelvin_if_the_user_agrees_and_keys_get_numbers() {
+fn a_color_replaces_kelvin_after_confirmation_and_keys_get_numbers() {
     let mut place = Place::new(SCRIPT);
     at(&mut place, 2.0);
     place.viewer.set_value(&Selected::Light(1), "intensity", "35.0").unwrap();
@@ -247,7 +247,7 @@ fn a_color_takes_the_place_of_kelvin_if_the_user_agrees_and_keys_get_numbers() {
 /// What a view shows is what the script's camera then shows, and the other way round. Truth: points of the world, projected by the matrices of
 /// the renderer.
 #[test]
-fn a_view_and_the_camera_made_of_it_show_the_same() {
+fn a_camera_added_from_a_view_shows_the_same_image() {
     const LENSES: [&str; 5] =
         [".fov(24)", ".focal_length(85)", ".ortho(2.5)", "", ".key(\"fov\", [[0.0, 30], [2.0, 60]])"];
     let script = |lens: &str, other: &str| {

@@ -40,7 +40,7 @@ fn ends_well(screen: &Screen, window: &str, mut viewer: ViewerProcess, folder: &
 }
 
 #[test]
-fn minimised_it_does_nothing_and_is_back_with_what_has_changed() {
+fn a_minimized_window_stays_idle_and_shows_changes_when_restored() {
     let Some(screen) = Screen::new() else { return };
     let manager = Manager::start(&screen.display);
     let folder = tempfile::tempdir().unwrap();
@@ -75,7 +75,7 @@ fn minimised_it_does_nothing_and_is_back_with_what_has_changed() {
 }
 
 #[test]
-fn covered_it_does_nothing() {
+fn a_covered_window_stays_idle() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let (viewer, window) = open(&screen, folder.path(), &["--play"]);
@@ -106,12 +106,12 @@ fn covered_it_does_nothing() {
 
 /// The desktop's scale changes, or the window moves to a screen with another: the same in points, twice the pixels.
 #[test]
-fn another_scale_while_it_runs() {
+fn the_display_scale_changes_while_the_viewer_runs() {
     another_scale(false);
 }
 
 #[test]
-fn another_scale_under_a_window_manager() {
+fn the_display_scale_changes_under_a_window_manager() {
     another_scale(true);
 }
 

@@ -6,7 +6,7 @@ use std::fs;
 use std::process::Command;
 
 #[test]
-fn the_layout_outlives_a_window_that_is_ended() {
+fn the_panel_layout_is_restored_after_a_restart() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let script = folder.path().join("a.rhai");

@@ -31,7 +31,7 @@ fn ends_well(screen: &Screen, window: &str, viewer: &mut crate::screen::Running)
 }
 
 #[test]
-fn a_thousand_sizes_tiny_hidden_and_scaled() {
+fn a_thousand_resizes_including_tiny_sizes_do_not_crash() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let mut viewer = screen.view(&[&script(folder.path()), "--play"], folder.path());
@@ -70,7 +70,7 @@ fn a_thousand_sizes_tiny_hidden_and_scaled() {
 }
 
 #[test]
-fn a_lost_device_is_made_anew_and_panels_stay() {
+fn a_lost_device_is_recreated_and_the_panels_stay() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let lose = ["--lose-device-at", "3", "--lose-device-at", "12", "--play"];
@@ -87,7 +87,7 @@ fn a_lost_device_is_made_anew_and_panels_stay() {
 }
 
 #[test]
-fn a_device_that_is_lost_each_time_ends_with_a_message() {
+fn repeated_device_loss_ends_with_an_error_message() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let lose = ["--lose-device-at", "2", "--lose-device-at", "3", "--lose-device-at", "4", "--play"];
@@ -102,7 +102,7 @@ fn a_device_that_is_lost_each_time_ends_with_a_message() {
 }
 
 #[test]
-fn a_display_that_goes_ends_it_without_a_panic() {
+fn losing_the_display_ends_the_viewer_without_a_panic() {
     // The display goes at several moments, whatever the viewer is doing then.
     for wait in [0, 3, 17, 40] {
         let Some(mut screen) = Screen::new() else { return };
@@ -124,7 +124,7 @@ fn a_display_that_goes_ends_it_without_a_panic() {
 }
 
 #[test]
-fn a_window_that_was_hidden_shows_what_has_changed_meanwhile() {
+fn a_window_shown_again_displays_the_changed_scene() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let path = script(folder.path());
@@ -142,7 +142,7 @@ fn a_window_that_was_hidden_shows_what_has_changed_meanwhile() {
 
 /// On a screen with small pixels everything is twice as large, and the image has as many pixels as it is drawn with.
 #[test]
-fn on_a_screen_of_twice_the_scale_the_picture_is_pixel_on_pixel() {
+fn at_display_scale_two_the_image_is_drawn_pixel_for_pixel() {
     let Some(screen) = Screen::new() else { return };
     if !crate::screen::there("xprop") {
         println!("SKIP 1: xprop is not installed");

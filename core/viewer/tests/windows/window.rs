@@ -17,7 +17,7 @@ sun(#{ direction: [-0.6, -1.0, -0.9] });
 const BACKGROUND: [u8; 3] = [0x20, 0x40, 0x60];
 
 #[test]
-fn a_session_at_the_window() {
+fn one_window_session_covers_playback_reload_and_screenshot() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let script = folder.path().join("a.rhai");
@@ -123,7 +123,7 @@ fn the_same_as_render(shot: &Shot, script: &Path, folder: &Path) {
 }
 
 #[test]
-fn without_a_display_it_says_so() {
+fn a_missing_display_is_reported() {
     let output = Command::new(env!("CARGO_BIN_EXE_choreo-view"))
         .arg("a.rhai")
         .env_remove("DISPLAY")
@@ -151,7 +151,7 @@ fn a_display_that_does_not_answer_is_a_message() {
 }
 
 #[test]
-fn a_wayland_that_is_not_there_is_told_and_x11_takes_its_place() {
+fn an_unreachable_wayland_display_is_reported_and_x11_is_used() {
     let folder = tempfile::tempdir().unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_choreo-view"))
         .arg("a.rhai")
@@ -186,7 +186,7 @@ const LIBRARIES: [(&[&str], &str); 5] = [
 
 /// Each of them made useless: an empty file of its name is found before it.
 #[test]
-fn a_library_that_is_missing_is_told_with_its_package_and_render_goes_on() {
+fn a_missing_library_is_reported_with_its_package_and_render_still_works() {
     let Some(screen) = Screen::new() else { return };
     for (files, package) in LIBRARIES {
         let folder = tempfile::tempdir().unwrap();

@@ -124,7 +124,7 @@ fn the_same_as_render(shot: &Shot, folder: &Path) {
 /// Panels that Vulkan draws are the truth for those that the CPU draws: letters are blended with other weights, and the figures in the bar
 /// differ, but edges, areas and letters lie at the same places.
 #[test]
-fn panels_look_as_those_that_vulkan_draws() {
+fn panels_drawn_on_the_cpu_match_those_of_vulkan() {
     let Some(screen) = Screen::new() else { return };
     let mut shots = Vec::new();
     for missing in [None, Some(Missing::Driver)] {
