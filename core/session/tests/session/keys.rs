@@ -144,7 +144,7 @@ fn a_new_angle_is_the_equivalent_nearest_to_its_neighbors() {
 }
 
 #[test]
-fn moving_an_actor_with_computed_keys_is_refused_with_the_line() {
+fn computed_keys_are_refused_with_their_line() {
     let p = KeyValue::Point(DVec3::ZERO);
     let why = |text: &str| set(text, "position", 1.0, p).unwrap_err();
     for computed in
