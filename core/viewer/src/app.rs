@@ -41,7 +41,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 /// Largest width or height of an image in a viewport, pixels; `render` can draw larger ones.
-const LARGEST: u32 = 4096;
+const MAX_IMAGE_SIDE: u32 = 4096;
 
 /// Changes of how this window shows actors, independent of the script.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -408,10 +408,10 @@ impl Viewer {
         let (saves, active) = (self.screenshot.is_some(), self.active.min(self.views.len() - 1));
         for (index, view) in self.views.iter_mut().enumerate().filter(|(_, v)| v.is_visible && !v.waiting) {
             let size = match view.resolution {
-                Resolution::Full => scene.stage.settings.size.map(|s| s.clamp(1, LARGEST)),
+                Resolution::Full => scene.stage.settings.size.map(|s| s.clamp(1, MAX_IMAGE_SIDE)),
                 Resolution::Fitted => {
                     let divisor = self.reduction.divisor(moving);
-                    fitted(scene.stage.settings.size, view.panel_size, divisor, LARGEST)
+                    fitted(scene.stage.settings.size, view.panel_size, divisor, MAX_IMAGE_SIDE)
                 }
             };
             let key = FrameKey {

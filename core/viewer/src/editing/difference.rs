@@ -1,9 +1,9 @@
 //! Line-by-line difference of two texts, with one line of context.
 
 /// Number of unchanged lines shown around a change.
-const AROUND: usize = 1;
+const CONTEXT_LINES: usize = 1;
 /// Largest number of lines; the middle ones are left out.
-const MOST: usize = 400;
+const MAX_LINES: usize = 400;
 
 /// Lines of the difference, each marked with `-`, `+` or a blank. Computed as the longest common subsequence of the lines between the common
 /// beginning and end.
@@ -15,8 +15,8 @@ pub fn lines(before: &str, after: &str) -> Vec<(char, String)> {
     let (old, new) = (&a[first..a.len() - last], &b[first..b.len() - last]);
     let mut out: Vec<(char, String)> = Vec::new();
     let mut add = |sign: char, line: &str| out.push((sign, line.to_string()));
-    a[first.saturating_sub(AROUND)..first].iter().for_each(|l| add(' ', l));
-    if old.len() > MOST || new.len() > MOST {
+    a[first.saturating_sub(CONTEXT_LINES)..first].iter().for_each(|l| add(' ', l));
+    if old.len() > MAX_LINES || new.len() > MAX_LINES {
         add('-', &format!("… {} lines", old.len()));
         add('+', &format!("… {} lines", new.len()));
     } else {
@@ -46,7 +46,7 @@ pub fn lines(before: &str, after: &str) -> Vec<(char, String)> {
             }
         }
     }
-    a[a.len() - last..].iter().take(AROUND).for_each(|l| add(' ', l));
+    a[a.len() - last..].iter().take(CONTEXT_LINES).for_each(|l| add(' ', l));
     out
 }
 

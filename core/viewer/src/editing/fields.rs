@@ -58,7 +58,7 @@ pub struct StatedCall {
 }
 
 /// Methods that set how a clip repeats.
-const REPEATS: [&str; 5] = ["repeat", "once", "loop", "ping_pong", "hold"];
+const REPEAT_METHODS: [&str; 5] = ["repeat", "once", "loop", "ping_pong", "hold"];
 
 impl Viewer {
     /// Changes a value of an object.
@@ -366,7 +366,7 @@ pub(super) fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -
         FieldChange::Repeat(how) => {
             let (line, column) = object.place();
             let value = format!("\"{how}\"");
-            in_place_of(text, (line, column), &REPEATS, |text| {
+            in_place_of(text, (line, column), &REPEAT_METHODS, |text| {
                 ScriptObject::at(text, line, column)?.set_value("repeat", &value, NewValueSyntax::Option)
             })
         }

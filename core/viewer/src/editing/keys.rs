@@ -16,7 +16,7 @@ use choreo_session::edit::{
 use std::collections::BTreeMap;
 
 /// Largest number of keys that a line may state anew; more are probably samples of an easing.
-const MOST_STATED: usize = 64;
+const MAX_WRITTEN_KEYS: usize = 64;
 
 /// A change of one component of the values of keys.
 #[derive(Clone, Debug, PartialEq)]
@@ -488,7 +488,7 @@ impl Viewer {
         keyed: &KeyedProperty,
         after: &dyn Fn(Time) -> Option<Time>,
     ) -> Vec<(EditTime, ValueText)> {
-        if keyed.written.is_some() || keyed.keys.len() > MOST_STATED || keyed.kind == ValueKind::Kelvin {
+        if keyed.written.is_some() || keyed.keys.len() > MAX_WRITTEN_KEYS || keyed.kind == ValueKind::Kelvin {
             return Vec::new();
         }
         let key = |at: &Time| Some((self.edit_time(after(*at)?.as_secs()), keyed.stated_text(*at)));

@@ -301,7 +301,7 @@ impl Viewer {
         }
         self.write_edit(&path, &now, edit)?;
         self.selection = offer.selects.or(self.selection.take());
-        let writes_out = offer.label == shared::WRITE_OUT;
+        let writes_out = offer.label == shared::UNROLL_LABEL;
         self.pending_edit_after_unroll =
             self.pending_edit_after_unroll.take().filter(|_| writes_out).map(|(change, _)| (change, true));
         Ok(())
@@ -430,18 +430,18 @@ fn combine_steps(steps: &[Step], text: &str) -> Result<Edit, EditRefused> {
 }
 
 /// Byte order mark, which some editors write. Positions in scripts do not count it, so that edits must not either.
-const MARK: &str = "\u{feff}";
+const BYTE_ORDER_MARK: &str = "\u{feff}";
 
 /// A script's text without a byte order mark.
 pub(crate) fn read(path: &Path) -> Result<String, EditError> {
     let text = read_all(path)?;
-    Ok(text.strip_prefix(MARK).map(str::to_string).unwrap_or(text))
+    Ok(text.strip_prefix(BYTE_ORDER_MARK).map(str::to_string).unwrap_or(text))
 }
 
 fn read_all(path: &Path) -> Result<String, EditError> {
     /// Limit of the size of a script.
-    const MOST_BYTES: u64 = 64 << 20;
-    let bytes = choreo_files::read(path, MOST_BYTES)
+    const MAX_BYTES: u64 = 64 << 20;
+    let bytes = choreo_files::read(path, MAX_BYTES)
         .map_err(|source| EditError::Read { path: path.to_path_buf(), source })?;
     String::from_utf8(bytes).map_err(|_| EditError::NotText(path.to_path_buf()))
 }
@@ -454,7 +454,8 @@ pub(crate) fn write(path: &Path, text: &str) -> Result<(), EditError> {
     if path.is_symlink() && folder.canonicalize().is_ok_and(|folder| !place.starts_with(folder)) {
         return Err(EditError::LinkOutside { path: path.to_path_buf(), target: place });
     }
-    let mark = if read_all(&place).is_ok_and(|old| old.starts_with(MARK)) { MARK } else { "" };
+    let mark =
+        if read_all(&place).is_ok_and(|old| old.starts_with(BYTE_ORDER_MARK)) { BYTE_ORDER_MARK } else { "" };
     write_whole(&place, format!("{mark}{text}").as_bytes()).map_err(failed)
 }
 

@@ -8,7 +8,7 @@ use choreo_script::Place;
 use choreo_session::edit::{Edit, EditRefused, ScriptObject, unroll};
 
 /// Label of the button that unrolls a loop.
-pub(super) const WRITE_OUT: &str = "Write the loop out";
+pub(super) const UNROLL_LABEL: &str = "Write the loop out";
 
 impl Viewer {
     /// Keeps a refused edit of one of several objects of a loop, to be made after the user accepts to unroll the loop. `done`: result of the edit.
@@ -53,7 +53,7 @@ impl Viewer {
             ..Offer::default()
         };
         let one = unrolled
-            .map(|edit| (WRITE_OUT, "With the loop written out, each can be changed alone:", edit))
+            .map(|edit| (UNROLL_LABEL, "With the loop written out, each can be changed alone:", edit))
             .or_else(|| {
                 alone.map(|edit| ("Add the line", "An added line would change only this one:", edit))
             });

@@ -1,6 +1,6 @@
 //! The part of a clip that a bar plays: trim its start, roll the edge to the previous bar, slip the content between its ends.
 
-use super::strips::NOTHING;
+use super::strips::MIN_CLIP_SECS;
 use super::{EditError, Step};
 use crate::app::Viewer;
 use crate::state::selection::Selected;
@@ -70,12 +70,12 @@ impl Viewer {
     pub(super) fn check_boundary(&self, before: Option<&Bar>, bar: &Bar, secs: f64) -> Result<(), EditError> {
         let shown = |secs: f64| self.shown_time(choreo_motion::Time::from_secs(secs));
         let ends = self.displayed_text().is_some_and(|text| has_end(&text, bar.place.line, bar.place.column));
-        if let Some(before) = before.filter(|before| secs <= before.start.as_secs() + NOTHING) {
+        if let Some(before) = before.filter(|before| secs <= before.start.as_secs() + MIN_CLIP_SECS) {
             let (label, start) = (&before.label, shown(before.start.as_secs()));
             let why = format!("{label}, which it follows, begins at {start} and would have no length");
             return Err(EditError::refused_at(&bar.place, &why));
         }
-        if ends && secs >= bar.until.as_secs() - NOTHING {
+        if ends && secs >= bar.until.as_secs() - MIN_CLIP_SECS {
             let why =
                 format!("it would begin at {}, but it ends at {}", shown(secs), shown(bar.until.as_secs()));
             return Err(EditError::refused_at(&bar.place, &why));
@@ -111,7 +111,7 @@ fn trimmed_from(bar: &Bar, strip: &Strip, secs: f64) -> Result<[f64; 2], EditErr
         false => from += played,
         true => to -= played,
     }
-    if from < -NOTHING || to > strip.clip + NOTHING || to - from < NOTHING {
+    if from < -MIN_CLIP_SECS || to > strip.clip + MIN_CLIP_SECS || to - from < MIN_CLIP_SECS {
         let why = format!("its clip has nothing there: it runs from 0 s to {:.3} s", strip.clip);
         return Err(EditError::refused_at(&bar.place, &why));
     }
@@ -127,20 +127,20 @@ fn slipped_trim(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
         Repeat::Once => ((bar.until - bar.start).as_secs() * strip.speed.abs(), true),
         _ => {
             let seen = (bar.end - bar.start).as_secs() * strip.speed.abs();
-            (seen, seen <= length + NOTHING)
+            (seen, seen <= length + MIN_CLIP_SECS)
         }
     };
     // Keys decide the visible part of a keyed clip, and a repeating clip shows all of it, so the trim moves as a whole.
     if strip.is_keyed || !fits {
         let by = (by * strip.speed.signum()).clamp(-from, strip.clip - to);
-        return (by.abs() > NOTHING).then_some([from + by, to + by]);
+        return (by.abs() > MIN_CLIP_SECS).then_some([from + by, to + by]);
     }
     // Only the visible part must stay within the clip.
     let (before, after) = (strip.before(), strip.clip - length - strip.before());
     let slipped = (before + by).clamp(0.0, (strip.clip - seen.min(length)).max(0.0));
-    let rest = if after < NOTHING { 0.0 } else { (after + before - slipped).max(0.0) };
+    let rest = if after < MIN_CLIP_SECS { 0.0 } else { (after + before - slipped).max(0.0) };
     let part = if strip.speed < 0.0 { [rest, strip.clip - slipped] } else { [slipped, strip.clip - rest] };
-    ((slipped - before).abs() > NOTHING).then_some(part)
+    ((slipped - before).abs() > MIN_CLIP_SECS).then_some(part)
 }
 
 /// A trim that also lies within the clip after it is rounded to 3 decimal places, unless it ends on a frame.

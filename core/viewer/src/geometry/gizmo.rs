@@ -22,12 +22,12 @@ pub enum Handle {
 
 pub const AXES: [DVec3; 3] = [DVec3::X, DVec3::Y, DVec3::Z];
 /// Length of an arm, points of the window.
-pub const LENGTH: f64 = 74.0;
-const GRAB: f64 = 9.0;
+pub const ARM_LENGTH: f64 = 74.0;
+const GRAB_DISTANCE: f64 = 9.0;
 /// Number of segments of a ring.
-pub(crate) const RING: usize = 48;
+pub(crate) const RING_SEGMENTS: usize = 48;
 /// Step sizes while a key is held: degrees, and metres or factor.
-pub const STEPS: (f64, f64) = (15.0, 0.1);
+pub const DRAG_STEPS: (f64, f64) = (15.0, 0.1);
 
 /// The total change of a drag.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,8 +69,8 @@ pub fn arm(tool: Tool, axis: usize, world_from_model: &DAffine3) -> DVec3 {
 /// Points of the ring about an axis, world space.
 pub fn ring(center: DVec3, axis: usize, radius: f64) -> impl Iterator<Item = DVec3> {
     let (u, v) = (AXES[(axis + 1) % 3], AXES[(axis + 2) % 3]);
-    (0..=RING).map(move |i| {
-        let (sin, cos) = libm::sincos(i as f64 / RING as f64 * core::f64::consts::TAU);
+    (0..=RING_SEGMENTS).map(move |i| {
+        let (sin, cos) = libm::sincos(i as f64 / RING_SEGMENTS as f64 * core::f64::consts::TAU);
         center + (u * cos + v * sin) * radius
     })
 }
@@ -78,9 +78,9 @@ pub fn ring(center: DVec3, axis: usize, radius: f64) -> impl Iterator<Item = DVe
 /// The handle at a position in the window.
 pub(crate) fn handle_at(tool: Tool, world_from_model: &DAffine3, lens: &Lens, at: DVec2) -> Option<Handle> {
     let center = world_from_model.translation;
-    let length = LENGTH * lens.metres_a_point(center);
+    let length = ARM_LENGTH * lens.metres_a_point(center);
     let middle = lens.point(center)?;
-    if tool != Tool::Turn && (at - middle).length() < GRAB {
+    if tool != Tool::Turn && (at - middle).length() < GRAB_DISTANCE {
         return Some(Handle::Middle);
     }
     let distance = |axis: usize| -> Option<f64> {
@@ -97,7 +97,7 @@ pub(crate) fn handle_at(tool: Tool, world_from_model: &DAffine3, lens: &Lens, at
     };
     let nearest =
         (0..3).filter_map(|axis| Some((distance(axis)?, axis))).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (nearest.0 < GRAB).then_some(Handle::Axis(nearest.1))
+    (nearest.0 < GRAB_DISTANCE).then_some(Handle::Axis(nearest.1))
 }
 
 pub(crate) fn to_segment(p: DVec2, a: DVec2, b: DVec2) -> f64 {
@@ -119,12 +119,12 @@ impl Drag {
             (Tool::Move, Handle::Axis(axis)) => {
                 let along = |at| along_axis(lens.ray(at), center, AXES[axis]);
                 let by = along(to).zip(along(self.from)).map_or(0.0, |(to, from)| to - from);
-                Change::Move(AXES[axis] * round(by, STEPS.1, metres))
+                Change::Move(AXES[axis] * round(by, DRAG_STEPS.1, metres))
             }
             (Tool::Move, Handle::Middle) => {
                 let on_ground = |at| on_plane(lens.ray(at), center, DVec3::Y);
                 let by = on_ground(to).zip(on_ground(self.from)).map_or(DVec3::ZERO, |(to, from)| to - from);
-                let round = |by| round(by, STEPS.1, metres);
+                let round = |by| round(by, DRAG_STEPS.1, metres);
                 Change::Move(DVec3::new(round(by.x), 0.0, round(by.z)))
             }
             (Tool::Turn, Handle::Axis(axis)) => {
@@ -134,7 +134,7 @@ impl Drag {
                 let towards = if lens.to_eye(center).dot(AXES[axis]) < 0.0 { -1.0 } else { 1.0 };
                 let degrees = ((angle(to) - angle(self.from)) * towards).to_degrees();
                 let pixel = (1.0 / (to - middle).length().max(1.0)).to_degrees();
-                let degrees = round((degrees + 540.0).rem_euclid(360.0) - 180.0, STEPS.0, pixel);
+                let degrees = round((degrees + 540.0).rem_euclid(360.0) - 180.0, DRAG_STEPS.0, pixel);
                 let (sin, cos) = libm::sincos(degrees.to_radians() / 2.0);
                 let v = AXES[axis] * sin;
                 Change::Turn(DQuat::from_xyzw(v.x, v.y, v.z, cos))
@@ -150,11 +150,11 @@ impl Drag {
                     }
                     // Dragging up enlarges, down reduces.
                     Handle::Middle => {
-                        let factor = libm::pow(2.0, (self.from.y - to.y) / LENGTH);
-                        (factor, factor * core::f64::consts::LN_2 / LENGTH)
+                        let factor = libm::pow(2.0, (self.from.y - to.y) / ARM_LENGTH);
+                        (factor, factor * core::f64::consts::LN_2 / ARM_LENGTH)
                     }
                 };
-                let factor = round(factor, STEPS.1, pixel).clamp(0.01, 100.0);
+                let factor = round(factor, DRAG_STEPS.1, pixel).clamp(0.01, 100.0);
                 Change::Scale(match handle {
                     Handle::Axis(axis) => DVec3::ONE + AXES[axis] * (factor - 1.0),
                     Handle::Middle => DVec3::splat(factor),
@@ -255,7 +255,7 @@ mod tests {
         let camera = CameraState { camera: None, world_from_view, projection: Projection::default() };
         let lens = Lens::new(&camera, DVec2::ZERO, DVec2::new(800.0, 600.0));
         let middle = lens.point(placed().translation).unwrap();
-        let from = middle + DVec2::new(LENGTH, 0.0);
+        let from = middle + DVec2::new(ARM_LENGTH, 0.0);
         assert_eq!(handle_at(Tool::Turn, &placed(), &lens, from), Some(Handle::Axis(1)));
         let turn = drag(Tool::Turn, Handle::Axis(1), from);
         let change = turn.change(&lens, middle + DVec2::new(0.0, -50.0), false);

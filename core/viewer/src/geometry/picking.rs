@@ -5,7 +5,7 @@ use choreo_stage::{ActorState, Snapshot, Stage, posed_meshes};
 use glam::{DVec3, Vec3};
 
 /// Radius within which points and lines are picked, as a fraction of their distance from the camera.
-const THIN: f64 = 0.01;
+const PICK_RADIUS_RATIO: f64 = 0.01;
 
 /// Index of the first actor that a ray hits. `pickable`: whether an actor may be picked.
 pub fn actor(
@@ -114,7 +114,7 @@ fn triangle(origin: DVec3, direction: DVec3, a: DVec3, b: DVec3, c: DVec3) -> Op
 
 fn near(origin: DVec3, direction: DVec3, point: DVec3) -> Option<f64> {
     let along = (point - origin).dot(direction);
-    ((point - origin - direction * along).length() < THIN * along).then_some(along)
+    ((point - origin - direction * along).length() < PICK_RADIUS_RATIO * along).then_some(along)
 }
 
 /// Center of an actor's bounds in world space, else its position.

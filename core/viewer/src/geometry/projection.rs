@@ -5,7 +5,7 @@ use choreo_stage::CameraState;
 use glam::{DAffine3, DVec2, DVec3};
 
 /// Distance in front of the camera at which lines are clipped, metres. Nearer points are not projected.
-const NEAREST: f64 = 1e-3;
+const NEAR_PLANE: f64 = 1e-3;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Lens {
@@ -37,23 +37,23 @@ impl Lens {
     /// Projects a point from world space to the window. `None` if it is behind the camera.
     pub fn point(&self, world: DVec3) -> Option<DVec2> {
         let view = self.view_from_world.transform_point3(world);
-        (!self.perspective || -view.z >= NEAREST).then(|| self.screen(view))
+        (!self.perspective || -view.z >= NEAR_PLANE).then(|| self.screen(view))
     }
 
     /// Projects the part of a line in front of the camera.
     pub fn line(&self, a: DVec3, b: DVec3) -> Option<[DVec2; 2]> {
         let [mut a, mut b] = [a, b].map(|p| self.view_from_world.transform_point3(p));
         if self.perspective {
-            if -a.z < NEAREST && -b.z < NEAREST {
+            if -a.z < NEAR_PLANE && -b.z < NEAR_PLANE {
                 return None;
             }
             let cut = |inside: DVec3, outside: DVec3| {
-                let part = (-inside.z - NEAREST) / (outside.z - inside.z);
+                let part = (-inside.z - NEAR_PLANE) / (outside.z - inside.z);
                 inside + (outside - inside) * part
             };
-            if -a.z < NEAREST {
+            if -a.z < NEAR_PLANE {
                 a = cut(b, a);
-            } else if -b.z < NEAREST {
+            } else if -b.z < NEAR_PLANE {
                 b = cut(a, b);
             }
         }
@@ -75,7 +75,7 @@ impl Lens {
     /// Size in metres that a point of the window covers at a world position.
     pub(crate) fn metres_a_point(&self, at: DVec3) -> f64 {
         let depth = if self.perspective { -self.view_from_world.transform_point3(at).z } else { 1.0 };
-        depth.max(NEAREST) * self.height / self.size.y.max(1.0)
+        depth.max(NEAR_PLANE) * self.height / self.size.y.max(1.0)
     }
 
     pub(crate) fn is_perspective(&self) -> bool {

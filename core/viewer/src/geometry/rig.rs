@@ -5,9 +5,9 @@ use glam::{DQuat, DVec3};
 use std::f64::consts::{PI, TAU};
 
 /// Distance to the assumed target of a camera without one, metres.
-const AHEAD: f64 = 3.0;
+const DEFAULT_TARGET_DISTANCE: f64 = 3.0;
 /// Largest elevation of an orbit, radians: one degree below 90°, where the up direction of the image is undefined.
-const STEEPEST: f64 = PI * 89.0 / 180.0;
+const MAX_ELEVATION: f64 = PI * 89.0 / 180.0;
 
 /// World position of a target in a snapshot. `None` if it does not exist there.
 fn position(stage: &Stage, shown: &Snapshot, target: &Target) -> Option<DVec3> {
@@ -34,7 +34,7 @@ pub fn places(stage: &Stage, shown: &Snapshot, camera: &Camera) -> Option<[DVec3
         Rig::Fixed { position: stated, rotation, look_at } => {
             let at = keyed.unwrap_or(*stated);
             let target = look_at.as_ref().and_then(|target| position(stage, shown, target));
-            Some([at, target.unwrap_or(at + *rotation * (DVec3::NEG_Z * AHEAD))])
+            Some([at, target.unwrap_or(at + *rotation * (DVec3::NEG_Z * DEFAULT_TARGET_DISTANCE))])
         }
         Rig::Follow { target, offset } => {
             let center = position(stage, shown, target)?;
@@ -70,7 +70,7 @@ pub fn moved(stage: &Stage, shown: &Snapshot, rig: &Rig, to: DVec3) -> Option<Ri
             (distance > 0.0).then(|| Rig::Orbit {
                 target: *target,
                 distance,
-                elevation: elevation.clamp(-STEEPEST, STEEPEST),
+                elevation: elevation.clamp(-MAX_ELEVATION, MAX_ELEVATION),
                 azimuth: azimuth + turn,
                 speed: *speed,
             })

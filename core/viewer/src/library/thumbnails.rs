@@ -16,7 +16,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 /// Width and height, pixels, 16:9.
 pub const SIZE: [u32; 2] = [256, 144];
 /// Time of a scene's thumbnail, as a fraction of its length.
-const SHOWN_AT: f64 = 0.35;
+const SCENE_TIME_FRACTION: f64 = 0.35;
 /// Number of images of a preview, enough to show a motion.
 const PREVIEW_FRAMES: u32 = 16;
 
@@ -213,7 +213,9 @@ fn cached_thumbnail(
     let thumbnail = make_thumbnail(registry, job)?;
     if let Some(file) = file {
         thumbnail_file::write(&file, &thumbnail);
-        file.parent().into_iter().for_each(|folder| thumbnail_file::limit(folder, thumbnail_file::MOST_KEPT));
+        file.parent()
+            .into_iter()
+            .for_each(|folder| thumbnail_file::limit(folder, thumbnail_file::MAX_CACHE_BYTES));
     }
     Ok(thumbnail)
 }
@@ -239,7 +241,7 @@ fn make_thumbnail(registry: &Registry, job: Job) -> Result<Thumbnail, ThumbnailE
         let frames = draw_frames(&scene, &times.map(Time::from_secs).collect::<Vec<_>>())?;
         return Ok(Thumbnail { frames, secs, clips, note: Some(note) });
     }
-    let at = Time::from_secs(scene.stage.settings.length.as_secs() * SHOWN_AT);
+    let at = Time::from_secs(scene.stage.settings.length.as_secs() * SCENE_TIME_FRACTION);
     Ok(Thumbnail { frames: draw_frames(&scene, &[at])?, secs: 0.0, clips, note: None })
 }
 

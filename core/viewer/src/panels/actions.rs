@@ -181,7 +181,7 @@ const PANEL_KEYS: [&str; 9] =
     ["Ctrl+1", "Ctrl+2", "Ctrl+3", "Ctrl+4", "Ctrl+5", "Ctrl+6", "Ctrl+7", "Ctrl+8", "Ctrl+9"];
 
 /// Additional words to find actions and panels by: those of Blender, Unity and video players.
-const OTHER_WORDS: [(&str, &str); 31] = [
+const SYNONYMS: [(&str, &str); 31] = [
     ("play", "playback stop preview"),
     ("previous_frame", "step backward"),
     ("next_frame", "step forward"),
@@ -217,7 +217,7 @@ const OTHER_WORDS: [(&str, &str); 31] = [
 
 /// Additional words of an action or a panel, by its name in the shortcuts file.
 pub(super) fn other_words(id: &str) -> &'static str {
-    OTHER_WORDS.iter().find(|(other, _)| *other == id).map_or("", |(_, words)| words)
+    SYNONYMS.iter().find(|(other, _)| *other == id).map_or("", |(_, words)| words)
 }
 
 /// The action with this name in the shortcuts file.
@@ -466,7 +466,7 @@ mod tests {
     fn every_synonym_belongs_to_an_action_or_panel() {
         let all: Vec<String> =
             all_keyed_actions(&Viewer::new("x")).into_iter().map(|keyed| keyed.id).collect();
-        for (id, _) in OTHER_WORDS {
+        for (id, _) in SYNONYMS {
             assert!(all.iter().any(|known| known == id), "{id}");
         }
     }

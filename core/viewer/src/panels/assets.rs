@@ -19,8 +19,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Width of an image, points.
-const TILE: f32 = 112.0;
-const MOST_CLIPS: usize = 200;
+const TILE_WIDTH: f32 = 112.0;
+const MAX_CLIPS: usize = 200;
 
 /// Payload of a model dragged onto a viewport.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -135,7 +135,7 @@ fn tiles(
     }
     ui.horizontal_wrapped(|ui| {
         for entry in entries {
-            let size = vec2(TILE, pictures::height(TILE) + 18.0);
+            let size = vec2(TILE_WIDTH, pictures::height(TILE_WIDTH) + 18.0);
             let (place, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
             let is_chosen = browser.chosen.as_ref() == Some(&entry.path);
             let label = entry.name.clone();
@@ -164,7 +164,7 @@ fn tiles(
 }
 
 fn tile(ui: &Ui, viewer: &mut Viewer, pictures: &mut Pictures, entry: &Entry, place: Rect, strong: bool) {
-    let image = Rect::from_min_size(place.min, vec2(TILE, pictures::height(TILE)));
+    let image = Rect::from_min_size(place.min, vec2(TILE_WIDTH, pictures::height(TILE_WIDTH)));
     let color = if strong { ui.visuals().strong_text_color() } else { ui.visuals().text_color() };
     match entry.kind {
         FileKind::Folder => {
@@ -178,7 +178,7 @@ fn tile(ui: &Ui, viewer: &mut Viewer, pictures: &mut Pictures, entry: &Entry, pl
         let stroke = egui::Stroke::new(1.5, ui.visuals().selection.bg_fill);
         ui.painter().rect_stroke(image, 3.0, stroke, egui::StrokeKind::Outside);
     }
-    let name = super::elided(ui.painter(), &entry.name, 11.5, color, TILE);
+    let name = super::elided(ui.painter(), &entry.name, 11.5, color, TILE_WIDTH);
     ui.painter().galley(egui::pos2(place.left(), image.bottom() + 2.0), name, color);
 }
 
@@ -275,7 +275,7 @@ fn clips(
     if all.is_empty() {
         ui.weak("no clips");
     }
-    for clip in all.iter().take(MOST_CLIPS) {
+    for clip in all.iter().take(MAX_CLIPS) {
         ui.horizontal(|ui| {
             let hint = match on {
                 Some(name) => format!("{name} plays it after its last clip"),

@@ -11,9 +11,9 @@ use choreo_script::Severity;
 use egui::{RichText, TextStyle, Ui};
 
 /// Largest number of problems in the tooltip; the panel Messages lists all of them.
-const MOST_TOLD: usize = 5;
+const MAX_LISTED_PROBLEMS: usize = 5;
 /// Width reserved for a note at the end of the bar, points.
-const NOTE: f32 = 120.0;
+const NOTE_WIDTH: f32 = 120.0;
 
 /// State that the entries act on.
 struct Window<'w> {
@@ -46,7 +46,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             let widths =
                 figures.iter().map(|(text, _)| toolbar::text_width(ui, text, TextStyle::Body) + spacing);
             let has_note = viewer.message.is_some() || viewer.note.is_some() || viewer.faulty;
-            let reserved = if has_note { NOTE } else { 0.0 };
+            let reserved = if has_note { NOTE_WIDTH } else { 0.0 };
             let fits = bar.width(ui) + widths.sum::<f32>() + reserved <= ui.available_width();
             for (text, hint) in figures.iter().filter(|_| !fits) {
                 bar.text(text, hint, TextStyle::Body);
@@ -189,7 +189,7 @@ fn status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
         RichText::new(parts.join(", ")).color(color)
     };
     let all = viewer.problems.iter().map(ToString::to_string).chain(viewer.renderer_problems.iter().cloned());
-    let all: Vec<String> = all.take(MOST_TOLD).collect();
+    let all: Vec<String> = all.take(MAX_LISTED_PROBLEMS).collect();
     bar.widget("status", false, move |ui, window| {
         let label = ui.add(egui::Label::new(text).extend().sense(egui::Sense::click()));
         let label = label.hint(RichText::new(all.join("\n\n")).monospace());

@@ -6,7 +6,7 @@ use super::headers;
 use super::hint::Hint;
 use super::inspector::ClipDrag;
 use super::marks;
-use super::sequencer::{FOOT_STRIP, color_of, count_following_joints, row_places};
+use super::sequencer::{FOOT_STRIP_HEIGHT, color_of, count_following_joints, row_places};
 use crate::app::Viewer;
 use crate::editing::{ClipSource, EditError};
 use crate::state::selection::Selected;
@@ -20,17 +20,17 @@ use egui::{
 use std::borrow::Cow;
 
 /// Distance within which a dragged time snaps to another, points.
-const REACH: f32 = 6.0;
+const SNAP_DISTANCE: f32 = 6.0;
 /// Distance from its row within which a dragged bar stays in it, points.
 const ROW_SLACK: f32 = 5.0;
 /// Width of an end's handle inside the bar, points; narrower for narrow bars.
-const GRIP: f32 = 6.0;
+const INNER_HANDLE_WIDTH: f32 = 6.0;
 /// Width of an end's handle outside the bar, where no other bar is, points.
-const OUTSIDE: f32 = 4.0;
+const OUTER_HANDLE_WIDTH: f32 = 4.0;
 /// Length of the dashes of a whole clip's outline, points.
-const DASH: f32 = 5.0;
+const DASH_LENGTH: f32 = 5.0;
 /// Largest number of round marks in a bar; more could not be distinguished.
-const MOST_ROUNDS: usize = 200;
+const MAX_ROUND_MARKS: usize = 200;
 
 /// An action of the user on a bar.
 pub enum Act {
@@ -78,7 +78,7 @@ impl Lane {
 
     /// Distance within which a dragged time snaps to another, seconds.
     fn reach(&self, viewer: &Viewer) -> f64 {
-        self.secs(viewer, REACH) - self.secs(viewer, 0.0)
+        self.secs(viewer, SNAP_DISTANCE) - self.secs(viewer, 0.0)
     }
 
     /// Time at a dragged position, snapped to nearby times of other bars, else to a frame. `not`: the dragged bar.
@@ -97,7 +97,7 @@ impl Lane {
 
     fn place(&self, viewer: &Viewer, from: f64, to: f64) -> Rect {
         let (left, right) = (self.x(viewer, from), self.x(viewer, to));
-        let bottom = self.rect.bottom() - FOOT_STRIP - 1.0;
+        let bottom = self.rect.bottom() - FOOT_STRIP_HEIGHT - 1.0;
         Rect::from_min_max(pos2(left, self.rect.top() + 1.5), pos2(right, bottom))
     }
 }
@@ -439,26 +439,30 @@ fn handle_place(
     // The handle of a fade is at the top, or below the keys if the row has some; those of the ends have the full height.
     let is_fade = matches!(part, CueTime::FadeIn | CueTime::FadeOut);
     let has_keys = viewer.timeline.rows.get(lane.row).is_some_and(|row| !row.events.is_empty());
-    let below = if has_keys { marks::BAND + 6.0 } else { marks::BAND };
+    let below = if has_keys { marks::MARK_BAND_HEIGHT + 6.0 } else { marks::MARK_BAND_HEIGHT };
     let bottom = if is_fade { rect.top() + below } else { rect.bottom() };
     // The handles of two bars that meet are on both sides of the boundary: the end on its left, the start on its right.
     let is_met = number.checked_sub(1).is_some_and(|before| bars[before].meets(bar));
     let meets = bars.get(number + 1).is_some_and(|next| bar.meets(next));
     let width = lane.x(viewer, bar.until.as_secs()) - lane.x(viewer, bar.start.as_secs());
-    let inside = (width / 3.0).clamp(OUTSIDE, GRIP);
+    let inside = (width / 3.0).clamp(OUTER_HANDLE_WIDTH, INNER_HANDLE_WIDTH);
     let (left, right) = match part {
-        CueTime::Start => (x - if is_met { 0.0 } else { OUTSIDE }, x + inside),
-        CueTime::End => (x - inside, x + if meets { 0.0 } else { OUTSIDE }),
-        _ => (x - OUTSIDE, x + OUTSIDE),
+        CueTime::Start => (x - if is_met { 0.0 } else { OUTER_HANDLE_WIDTH }, x + inside),
+        CueTime::End => (x - inside, x + if meets { 0.0 } else { OUTER_HANDLE_WIDTH }),
+        _ => (x - OUTER_HANDLE_WIDTH, x + OUTER_HANDLE_WIDTH),
     };
     Rect::from_min_max(pos2(left, rect.top()), pos2(right, bottom)).intersect(rect)
 }
 
 /// Speed handle of a selected clip: a triangle at the bottom, next to the handle of the end. Dragging it changes the speed.
 fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane) -> Option<Act> {
-    let (x, bottom) = (lane.x(viewer, bar.played_until().as_secs()), lane.rect.bottom() - FOOT_STRIP - 1.0);
-    let place = Rect::from_min_max(pos2(x - GRIP - 11.0, bottom - 7.0), pos2(x - GRIP - 1.0, bottom))
-        .intersect(lane.rect);
+    let (x, bottom) =
+        (lane.x(viewer, bar.played_until().as_secs()), lane.rect.bottom() - FOOT_STRIP_HEIGHT - 1.0);
+    let place = Rect::from_min_max(
+        pos2(x - INNER_HANDLE_WIDTH - 11.0, bottom - 7.0),
+        pos2(x - INNER_HANDLE_WIDTH - 1.0, bottom),
+    )
+    .intersect(lane.rect);
     if place.width() <= 0.0 {
         return None;
     }
@@ -549,10 +553,10 @@ fn hover(viewer: &Viewer, bar: &Bar) -> String {
 }
 
 /// Colors of bars with an error or a warning.
-pub(super) const FAULTY: Color32 = Color32::from_rgb(0xc0, 0x30, 0x28);
-pub(super) const WARNED: Color32 = Color32::from_rgb(0xa0, 0x68, 0x00);
+pub(super) const ERROR_BAR_COLOR: Color32 = Color32::from_rgb(0xc0, 0x30, 0x28);
+pub(super) const WARNING_BAR_COLOR: Color32 = Color32::from_rgb(0xa0, 0x68, 0x00);
 /// Opacity of a disabled bar's color.
-pub(super) const OFF: f32 = 0.35;
+pub(super) const DISABLED_OPACITY: f32 = 0.35;
 
 /// Color of the name of a disabled bar, through which the panel is visible.
 pub(super) fn off_text(visuals: &egui::Visuals) -> Color32 {
@@ -570,14 +574,14 @@ fn draw(
     (selected, wrong): BarState,
 ) {
     let color = match wrong {
-        Some(choreo_script::Severity::Error) => FAULTY,
-        Some(choreo_script::Severity::Warning) => WARNED,
+        Some(choreo_script::Severity::Error) => ERROR_BAR_COLOR,
+        Some(choreo_script::Severity::Warning) => WARNING_BAR_COLOR,
         _ => color_of(bar.color_index),
     };
     let x = |time: Time| lane.x(viewer, time.as_secs());
     let round = CornerRadius::same(3);
     let is_off = bar.strip.is_some_and(|strip| strip.weight <= 0.0);
-    painter.rect_filled(place, round, if is_off { color.gamma_multiply(OFF) } else { color });
+    painter.rect_filled(place, round, if is_off { color.gamma_multiply(DISABLED_OPACITY) } else { color });
     if let Some(holds) = bar.holds_from {
         // The clip holds its last pose after its end.
         let held = Rect::from_min_max(pos2(x(holds), place.top()), place.max).intersect(place);
@@ -641,7 +645,7 @@ fn whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
         painter.rect_stroke(ghost, CornerRadius::ZERO, Stroke::new(1.5, line), StrokeKind::Middle);
         let (first, last) = (ghost.left_top(), ghost.right_bottom());
         let around = [first, ghost.right_top(), last, ghost.left_bottom(), first];
-        painter.extend(egui::Shape::dashed_line(&around, Stroke::new(1.5, dashes), DASH, DASH));
+        painter.extend(egui::Shape::dashed_line(&around, Stroke::new(1.5, dashes), DASH_LENGTH, DASH_LENGTH));
     }
 }
 
@@ -652,7 +656,7 @@ fn draw_round_starts(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect,
         return;
     }
     let (start, end) = (bar.start.as_secs(), bar.end.as_secs());
-    for round in 1..MOST_ROUNDS {
+    for round in 1..MAX_ROUND_MARKS {
         let at = start + round as f64 * strip.length();
         if at >= end {
             break;

@@ -8,7 +8,7 @@ use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
 use super::marks::SELECTED;
 use super::overlay::{X, Y, Z};
-use super::sequencer::{LABELS, RULER, draw_beats_and_playhead, scrub};
+use super::sequencer::{LABELS_WIDTH, RULER_HEIGHT, draw_beats_and_playhead, scrub};
 use super::tangents;
 use super::toolbar::Toolbar;
 use crate::app::Viewer;
@@ -26,16 +26,16 @@ use egui::{
 use std::sync::Arc;
 
 /// Distance between two samples of a curve, points.
-const STEP: f32 = 2.0;
+const SAMPLE_DISTANCE: f32 = 2.0;
 /// Half width of a key, points.
-const HALF: f32 = 3.5;
+const KEY_HALF_WIDTH: f32 = 3.5;
 /// Distance that a key must be dragged along an axis before it moves along that axis, points.
-const SLACK: f32 = 4.0;
+const DRAG_THRESHOLD: f32 = 4.0;
 /// Largest number of keys that can be pointed at.
-pub(super) const MOST: usize = 1000;
-const ROW: f32 = 20.0;
+pub(super) const MAX_KEYS: usize = 1000;
+const ROW_HEIGHT: f32 = 20.0;
 /// Colors of curves with one component; those of axes are red, green and blue.
-const SINGLE: [Color32; 6] = [
+const SINGLE_COMPONENT_COLORS: [Color32; 6] = [
     Color32::from_rgb(0xe6, 0x9f, 0x00),
     Color32::from_rgb(0x2f, 0xb3, 0xa3),
     Color32::from_rgb(0xb4, 0x7a, 0xe0),
@@ -90,9 +90,11 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     };
     toolbar(ui, viewer, &what, &all);
     let area = ui.available_rect_before_wrap();
-    let ruler =
-        Rect::from_min_max(pos2(area.left() + LABELS, area.top()), pos2(area.right(), area.top() + RULER));
-    if ruler.width() < 20.0 || area.height() < RULER + 20.0 {
+    let ruler = Rect::from_min_max(
+        pos2(area.left() + LABELS_WIDTH, area.top()),
+        pos2(area.right(), area.top() + RULER_HEIGHT),
+    );
+    if ruler.width() < 20.0 || area.height() < RULER_HEIGHT + 20.0 {
         return;
     }
     let rect = Rect::from_min_max(pos2(ruler.left(), ruler.bottom()), area.max);
@@ -313,7 +315,7 @@ fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
         ui.spacing_mut().item_spacing.y = 0.0;
         for (index, property) in all.iter().enumerate() {
             for part in 0..property.width() {
-                let (row, response) = ui.allocate_exact_size(vec2(rect.width(), ROW), Sense::click());
+                let (row, response) = ui.allocate_exact_size(vec2(rect.width(), ROW_HEIGHT), Sense::click());
                 let shown = viewer.curves.is_shown(property, part);
                 let name = format!("{} {}", property.title(), property.part(part)).trim_end().to_string();
                 let label = format!("curve {name}");
@@ -378,7 +380,7 @@ pub(super) fn color(ui: &Ui, property: &KeyedProperty, index: usize, part: usize
     let color = match (property.width(), part) {
         // A single angle is about y.
         (1, _) if property.kind == ValueKind::Rotation => Y,
-        (1, _) => SINGLE[index % SINGLE.len()],
+        (1, _) => SINGLE_COMPONENT_COLORS[index % SINGLE_COMPONENT_COLORS.len()],
         (_, 0) => X,
         (_, 1) => Y,
         (_, 2) => Z,
@@ -479,7 +481,7 @@ fn lines(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, index:
     let painter = ui.painter_at(plot.rect);
     let from = Time::from_secs(plot.time.from.max(0.0));
     let to = Time::from_secs(plot.time.to.min(viewer.playhead.length().as_secs()).max(plot.time.from));
-    let count = (plot.rect.width() / STEP) as usize;
+    let count = (plot.rect.width() / SAMPLE_DISTANCE) as usize;
     let samples = viewer.curves.samples(property, from, to, count);
     for part in (0..property.width()).filter(|part| viewer.curves.is_shown(property, *part)) {
         let points = samples.iter().filter_map(|(time, v)| Some(pos2(plot.x(*time), plot.y(*v.get(part)?))));
@@ -492,10 +494,10 @@ fn lines(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, index:
 fn points(ui: &Ui, viewer: &mut Viewer, plot: &Plot, property: &KeyedProperty, index: usize) -> Option<Act> {
     let mut act = None;
     let (fps, scale) = (viewer.playhead.fps(), viewer.curves.scale(property));
-    let first = property.keys.partition_point(|at| plot.x(*at) < plot.rect.left() - HALF);
-    for (number, at) in property.keys.iter().enumerate().skip(first).take(MOST) {
+    let first = property.keys.partition_point(|at| plot.x(*at) < plot.rect.left() - KEY_HALF_WIDTH);
+    for (number, at) in property.keys.iter().enumerate().skip(first).take(MAX_KEYS) {
         let x = plot.x(*at);
-        if !plot.rect.expand(HALF).x_range().contains(x) {
+        if !plot.rect.expand(KEY_HALF_WIDTH).x_range().contains(x) {
             continue;
         }
         let key = key_of(property, *at);
@@ -505,7 +507,7 @@ fn points(ui: &Ui, viewer: &mut Viewer, plot: &Plot, property: &KeyedProperty, i
             (0..property.width().min(values.len())).filter(|part| viewer.curves.is_shown(property, *part));
         for part in parts.collect::<Vec<_>>() {
             let place = pos2(x, plot.y(values[part]));
-            if !plot.rect.expand(HALF).contains(place) {
+            if !plot.rect.expand(KEY_HALF_WIDTH).contains(place) {
                 continue;
             }
             let hit = Rect::from_center_size(place, vec2(12.0, 12.0)).intersect(plot.rect);
@@ -531,11 +533,11 @@ fn points(ui: &Ui, viewer: &mut Viewer, plot: &Plot, property: &KeyedProperty, i
 }
 
 fn point(ui: &Ui, plot: &Plot, at: Pos2, color: Color32, strong: bool) {
-    let painter = ui.painter_at(plot.rect.expand(HALF));
+    let painter = ui.painter_at(plot.rect.expand(KEY_HALF_WIDTH));
     let around = |half: f32| {
         vec![at + vec2(0.0, -half), at + vec2(half, 0.0), at + vec2(0.0, half), at + vec2(-half, 0.0)]
     };
-    let (fill, half) = if strong { (SELECTED, HALF + 1.5) } else { (color, HALF + 0.5) };
+    let (fill, half) = if strong { (SELECTED, KEY_HALF_WIDTH + 1.5) } else { (color, KEY_HALF_WIDTH + 0.5) };
     let line = Stroke::new(1.0, ui.visuals().extreme_bg_color);
     painter.add(Shape::convex_polygon(around(half + 1.0), fill, line));
 }
@@ -587,7 +589,7 @@ fn drag_key(
     if gesture::modifiers(ui).shift {
         by = if by.x.abs() > by.y.abs() { vec2(by.x, 0.0) } else { vec2(0.0, by.y) };
     }
-    let secs = match by.x.abs() < SLACK {
+    let secs = match by.x.abs() < DRAG_THRESHOLD {
         true => 0.0,
         false => {
             let wanted = key.at.as_secs() + plot.secs(by.x) - plot.secs(0.0);
@@ -597,7 +599,7 @@ fn drag_key(
         }
     };
     let (_, divide) = viewer.curves.scale(property);
-    let fixed = by.y.abs() < SLACK || viewer.curves.speed || !property.is_plain();
+    let fixed = by.y.abs() < DRAG_THRESHOLD || viewer.curves.speed || !property.is_plain();
     let value = if fixed { 0.0 } else { -plot.value_of(by.y) * divide };
     let now = property.at(key.at).get(part).copied().unwrap_or_default();
     let value = if fixed { 0.0 } else { resolved(now + value, plot.value_of_pixel(ui) * divide) - now };
@@ -619,7 +621,7 @@ fn drag_key(
 fn handles(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, index: usize) -> Option<Act> {
     let written = property.written.as_ref().filter(|_| !viewer.curves.speed)?;
     let (mut act, scale) = (None, viewer.curves.scale(property));
-    for number in 1..property.keys.len().min(MOST) {
+    for number in 1..property.keys.len().min(MAX_KEYS) {
         let (before, at) = (property.keys[number - 1], property.keys[number]);
         let near = [before, at].map(|at| viewer.is_key_selected(&key_of(property, at)));
         let ease = written.keys.get(number).and_then(|key| key.shape.as_ref()?.ease.as_deref());

@@ -9,11 +9,11 @@ use std::path::PathBuf;
 
 /// Seconds to wait for the position of the pointer, after which the last known one is used. While files are dragged, the pointer belongs to their
 /// source; its position is known again when it moves.
-const PATIENCE: f64 = 0.4;
+const POINTER_WAIT_SECS: f64 = 0.4;
 /// Distance beyond which the ground counts as sky, metres.
-const FARTHEST: f64 = 500.0;
+const MAX_GROUND_DISTANCE: f64 = 500.0;
 /// Smallest sine of the angle between an orthographic view and the ground at which the ground counts as visible.
-const STEEP_ENOUGH: f64 = 0.05;
+const MIN_GROUND_SINE: f64 = 0.05;
 
 /// Dropped files whose position is not known yet, and the time of the drop in seconds.
 #[derive(Default)]
@@ -36,8 +36,8 @@ pub fn take(waiting: &mut PendingDrop, ui: &Ui, viewer: &mut Viewer) {
         return;
     }
     let moved = ui.input(|i| i.events.iter().any(|event| matches!(event, Event::PointerMoved(_))));
-    if !moved && now - waiting.since < PATIENCE {
-        ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(PATIENCE));
+    if !moved && now - waiting.since < POINTER_WAIT_SECS {
+        ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(POINTER_WAIT_SECS));
         return;
     }
     let files = std::mem::take(&mut waiting.files);
@@ -72,9 +72,9 @@ pub(super) fn ground(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     let (origin, direction) = lens.ray(DVec2::new(f64::from(at.x), f64::from(at.y)));
     let far = -origin.y / direction.y;
     let meets = match lens.is_perspective() {
-        true => far > 0.0 && far < FARTHEST,
+        true => far > 0.0 && far < MAX_GROUND_DISTANCE,
         // Orthographic rays begin next to the camera, on either side of the ground.
-        false => direction.y.abs() > STEEP_ENOUGH,
+        false => direction.y.abs() > MIN_GROUND_SINE,
     };
     if far.is_finite() && meets {
         return Some(origin + direction * far);

@@ -18,10 +18,11 @@ use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// Largest time, and smallest length of a trimmed part, seconds.
-const LONGEST: f64 = 1e6;
-const LEAST: f64 = 0.01;
+const MAX_SECS: f64 = 1e6;
+const MIN_TRIM_SECS: f64 = 0.01;
 /// Parameters of a shape's metallic-roughness material: name, minimum, maximum and default.
-const SURFACE: [(&str, f64, f64, f64); 2] = [("roughness", 0.0, 1.0, 0.9), ("metallic", 0.0, 1.0, 0.0)];
+const SURFACE_PARAMETERS: [(&str, f64, f64, f64); 2] =
+    [("roughness", 0.0, 1.0, 0.9), ("metallic", 0.0, 1.0, 0.0)];
 
 /// Source text of everything that the script states about an object, by name.
 pub type StatedValues = BTreeMap<String, String>;
@@ -132,7 +133,7 @@ pub fn described<T: Described>(
         }
         (value, FieldType::Time | FieldType::Duration) => {
             let set = match value {
-                FieldValue::Time(time) => number(ui, &shown, time.as_secs(), 0.0..=LONGEST, "s"),
+                FieldValue::Time(time) => number(ui, &shown, time.as_secs(), 0.0..=MAX_SECS, "s"),
                 _ => {
                     let derived = form.end.filter(|_| name == "until");
                     let row = |ui: &mut Ui| {
@@ -140,7 +141,7 @@ pub fn described<T: Described>(
                             ui,
                             &format!("{shown} field"),
                             derived,
-                            0.0..=LONGEST,
+                            0.0..=MAX_SECS,
                             true,
                         );
                         ui.weak("s");
@@ -352,8 +353,11 @@ fn trim(ui: &mut Ui, stated: &StatedValues, played: &Cue) -> Option<FieldChange>
     ui.horizontal(|ui| {
         for (end, name) in ["trim start", "trim end"].into_iter().enumerate() {
             // Some of the clip must remain.
-            let range =
-                if end == 0 { 0.0..=(now[1] - LEAST).max(0.0) } else { (now[0] + LEAST).min(whole)..=whole };
+            let range = if end == 0 {
+                0.0..=(now[1] - MIN_TRIM_SECS).max(0.0)
+            } else {
+                (now[0] + MIN_TRIM_SECS).min(whole)..=whole
+            };
             if let Some(to) = values::time(ui, name, now[end], 0.01, range) {
                 let mut all = now;
                 all[end] = to;
@@ -691,7 +695,7 @@ fn material(ui: &mut Ui, viewer: &Viewer, written: &StatedValues, made: &Materia
         (set.or(label), value)
     };
     // Blinn–Phong materials have neither.
-    for option in SURFACE.into_iter().filter(|_| !written.contains_key("shininess")) {
+    for option in SURFACE_PARAMETERS.into_iter().filter(|_| !written.contains_key("shininess")) {
         wanted = row(ui, option).0.or(wanted);
     }
     let mut strength = 1.0;

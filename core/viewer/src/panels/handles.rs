@@ -4,7 +4,7 @@ use super::canvas::Canvas;
 use super::gesture;
 use super::overlay::{X, Y, Z, line, point};
 use crate::app::{Dragging, Viewer};
-use crate::geometry::gizmo::{Change, Drag, Handle, LENGTH, Tool, arm, handle_at, ring};
+use crate::geometry::gizmo::{ARM_LENGTH, Change, Drag, Handle, Tool, arm, handle_at, ring};
 use crate::geometry::projection::Lens;
 use crate::state::selection::{Selected, actor};
 use egui::{Color32, Painter, Rect, Stroke, StrokeKind, Ui, vec2};
@@ -43,7 +43,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     }
     let text = report(&dragging.change);
     // The text about reduced quality is above.
-    let corner = canvas.place.left_top() + vec2(8.0, 8.0 + super::viewport::REDUCED);
+    let corner = canvas.place.left_top() + vec2(8.0, 8.0 + super::viewport::QUALITY_NOTE_HEIGHT);
     painter.text(corner, egui::Align2::LEFT_TOP, text, egui::FontId::monospace(13.0), Color32::WHITE);
     if ui.input(|i| i.key_pressed(egui::Key::Escape)) {
         viewer.dragging = None;
@@ -78,7 +78,7 @@ fn report(change: &Change) -> String {
 
 fn draw(painter: &Painter, tool: Tool, world_from_model: &DAffine3, hot: Option<Handle>, lens: &Lens) {
     let center = world_from_model.translation;
-    let length = LENGTH * lens.metres_a_point(center);
+    let length = ARM_LENGTH * lens.metres_a_point(center);
     let Some(middle) = lens.point(center) else { return };
     for (axis, color) in COLORS.into_iter().enumerate() {
         let is_hot = hot == Some(Handle::Axis(axis));

@@ -11,9 +11,9 @@ use crate::state::timeline::Timeline;
 use egui::{Align2, FontId, Rect, Response, Sense, Ui, pos2, vec2};
 
 /// Width of a button, points.
-const WIDTH: f32 = 16.0;
+const BUTTON_WIDTH: f32 = 16.0;
 /// Width of the triangle that collapses, points.
-const FOLD: f32 = 13.0;
+const EXPANDER_WIDTH: f32 = 13.0;
 
 /// A button in a row header that was pressed.
 pub enum Toggle {
@@ -54,8 +54,8 @@ fn has_layers(timeline: &Timeline, index: usize) -> bool {
 /// Rectangle of the triangle that shows a row for each keyed property; next to that of the layers, if there is one.
 fn expand_place(timeline: &Timeline, index: usize, label: Rect) -> Rect {
     let is_indented = has_layers(timeline, index) || timeline.rows[index].layer > Some(0);
-    let left = if is_indented { FOLD - 2.0 } else { 0.0 };
-    Rect::from_min_size(label.min + vec2(left, 0.0), vec2(FOLD, label.height()))
+    let left = if is_indented { EXPANDER_WIDTH - 2.0 } else { 0.0 };
+    Rect::from_min_size(label.min + vec2(left, 0.0), vec2(EXPANDER_WIDTH, label.height()))
 }
 
 /// Rectangle left for the name of the row.
@@ -63,7 +63,7 @@ pub(crate) fn name_place(timeline: &Timeline, index: usize, label: Rect) -> Rect
     let row = &timeline.rows[index];
     let left = match row.parts.is_empty() {
         false => expand_place(timeline, index, label).right() - label.left() - 4.0,
-        true if has_layers(timeline, index) || row.layer > Some(0) => FOLD - 4.0,
+        true if has_layers(timeline, index) || row.layer > Some(0) => EXPANDER_WIDTH - 4.0,
         true => 0.0,
     };
     let buttons = match (&row.what, row.layer) {
@@ -71,7 +71,7 @@ pub(crate) fn name_place(timeline: &Timeline, index: usize, label: Rect) -> Rect
         (Some(Selected::Actor(_)), _) => 3.0,
         _ => 0.0,
     };
-    Rect::from_min_max(label.min + vec2(left, 0.0), label.max - vec2(buttons * WIDTH, 0.0))
+    Rect::from_min_max(label.min + vec2(left, 0.0), label.max - vec2(buttons * BUTTON_WIDTH, 0.0))
 }
 
 pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<Toggle> {
@@ -89,7 +89,7 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
     let Some(Selected::Actor(name)) = &row.what else { return toggled };
     let toggles = &viewer.toggles;
     if has_layers(&viewer.timeline, index) {
-        let place = Rect::from_min_size(label.min, vec2(FOLD, label.height()));
+        let place = Rect::from_min_size(label.min, vec2(EXPANDER_WIDTH, label.height()));
         let closed = toggles.collapsed.contains(name);
         let icon = if closed { icons::CARET_RIGHT } else { icons::CARET_DOWN };
         let about = format!("layers of {name}");
@@ -98,8 +98,8 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
         }
     }
     let place = |number: f32| {
-        let right = label.right() - 2.0 - number * WIDTH;
-        Rect::from_min_max(pos2(right - WIDTH, label.top() + 3.0), pos2(right, label.bottom() - 3.0))
+        let right = label.right() - 2.0 - number * BUTTON_WIDTH;
+        Rect::from_min_max(pos2(right - BUTTON_WIDTH, label.top() + 3.0), pos2(right, label.bottom() - 3.0))
     };
     let layer = row.layer.unwrap_or(0);
     let is_base = layer == 0;

@@ -4,7 +4,7 @@
 use egui::{Context, Id, Pos2, Response, WidgetText};
 
 /// Distance that the mouse must move until tooltips appear again, points.
-const LEFT: f32 = 6.0;
+const MIN_POINTER_MOVE: f32 = 6.0;
 
 pub trait Hint {
     /// Shows a tooltip while the mouse rests on the widget.
@@ -29,7 +29,7 @@ pub(super) fn hold(context: &Context, held: bool) {
 pub(super) fn watch(context: &Context) {
     let (at, is_used) =
         context.input(|i| (i.pointer.latest_pos(), i.pointer.any_down() || i.pointer.any_released()));
-    let has_left = |from: Pos2| at.is_none_or(|at| at.distance(from) > LEFT);
+    let has_left = |from: Pos2| at.is_none_or(|at| at.distance(from) > MIN_POINTER_MOVE);
     context.data_mut(|d| {
         if let (true, Some(at)) = (is_used, at) {
             d.insert_temp(used_id(), at);

@@ -52,8 +52,8 @@ enum InspectorEdit {
 /// Properties of the selection that have keys or can have keys.
 type KeyableProperties<'k> = &'k [KeyedProperty];
 
-const MOST_CLIPS: usize = 200;
-const MOST_JOINTS: usize = 400;
+const MAX_CLIPS: usize = 200;
+const MAX_JOINTS: usize = 400;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let (Some(scene), Some(selection)) = (viewer.scene.clone(), viewer.selection.clone()) else {
@@ -421,13 +421,13 @@ fn light(
 
 /// Range of a spot's cone angle, degrees: the inner angle is smaller than the outer one.
 fn cone_range(light: &StageLight, name: &str, written: &stated::StatedValues) -> Option<RangeInclusive<f64>> {
-    const APART: f64 = 0.01;
+    const MIN_CONE_DIFFERENCE: f64 = 0.01;
     let LightKind::Spot { inner, outer } = light.light.kind else { return None };
     let [inner, outer] = [inner, outer].map(|angle| f64::from(angle).to_degrees());
     match name {
-        "inner" => Some(0.0..=(outer - APART).max(0.0)),
+        "inner" => Some(0.0..=(outer - MIN_CONE_DIFFERENCE).max(0.0)),
         // An inner angle that is not stated follows the outer one.
-        "outer" if written.contains_key("inner") => Some((inner + APART).min(90.0)..=90.0),
+        "outer" if written.contains_key("inner") => Some((inner + MIN_CONE_DIFFERENCE).min(90.0)..=90.0),
         _ => None,
     }
 }
@@ -597,7 +597,7 @@ fn frame_of_callbacks<'v>(viewer: &'v Viewer, scene: &Scene) -> Option<&'v Frame
 /// Origin of a value that a callback sets: lines of the first calls of `on_frame`, any of which may set it.
 fn by_callback(scene: &Scene) -> String {
     /// Largest number of lines listed.
-    const MOST: usize = 3;
+    const MAX_LINES: usize = 3;
     let mut all: Vec<&Place> = Vec::new();
     for place in &scene.places.callbacks {
         // A loop may register several callbacks in one line.
@@ -610,8 +610,8 @@ fn by_callback(scene: &Scene) -> String {
         true => place.line.to_string(),
         false => super::marks::report(place),
     };
-    let names: Vec<String> = all.iter().take(MOST).map(named).collect();
-    let listed = match (all.len().saturating_sub(MOST), names.as_slice()) {
+    let names: Vec<String> = all.iter().take(MAX_LINES).map(named).collect();
+    let listed = match (all.len().saturating_sub(MAX_LINES), names.as_slice()) {
         (0, [before @ .., last]) if !before.is_empty() => format!("{} and {last}", before.join(", ")),
         (0, _) => names.join(", "),
         (1, _) => format!("{} and 1 other", names.join(", ")),
@@ -703,7 +703,7 @@ fn clips(ui: &mut Ui, viewer: &Viewer, name: &str, asset: &Asset) -> Option<Insp
     let mut wanted = None;
     let title = format!("clips ({})", asset.clips.len());
     egui::CollapsingHeader::new(title).default_open(true).show(ui, |ui| {
-        for clip in asset.clips.iter().take(MOST_CLIPS) {
+        for clip in asset.clips.iter().take(MAX_CLIPS) {
             ui.horizontal(|ui| {
                 let (label, hint) = (format!("play {}", clip.name), "from the playhead on");
                 if icons::small(ui, icons::PLUS, &label, hint).clicked() {
@@ -723,7 +723,7 @@ fn clips(ui: &mut Ui, viewer: &Viewer, name: &str, asset: &Asset) -> Option<Insp
 fn materials(ui: &mut Ui, asset: &Asset) {
     egui::CollapsingHeader::new(format!("materials ({})", asset.materials.len())).show(ui, |ui| {
         Grid::new("materials").num_columns(4).striped(true).show(ui, |ui| {
-            for material in asset.materials.iter().take(MOST_CLIPS) {
+            for material in asset.materials.iter().take(MAX_CLIPS) {
                 let [r, g, b] = srgb(material.base_color.truncate());
                 let (rect, _) = ui.allocate_exact_size(egui::vec2(14.0, 14.0), egui::Sense::hover());
                 ui.painter().rect_filled(rect, 2.0, egui::Color32::from_rgb(r, g, b));
@@ -748,7 +748,7 @@ fn joints(ui: &mut Ui, asset: &Asset, state: &ActorState) {
             ui.weak("angle from rest");
             ui.weak("position (model)");
             ui.end_row();
-            for (joint, name) in asset.skeleton.names().iter().enumerate().take(MOST_JOINTS) {
+            for (joint, name) in asset.skeleton.names().iter().enumerate().take(MAX_JOINTS) {
                 let model_from_joint = state.model_from_joint[joint];
                 let local = match asset.skeleton.parents()[joint] {
                     Some(parent) => state.model_from_joint[parent as usize].inverse() * model_from_joint,

@@ -19,7 +19,7 @@ pub struct KeyList {
 }
 
 /// Rows that are not actions: keys of the toolkit, and the mouse.
-const MOUSE: [(&str, &str); 22] = [
+const FIXED_INPUTS: [(&str, &str); 22] = [
     (
         "Ctrl click",
         "adds a clip or key to the selection, as Shift click; a drag over empty rows selects a box",
@@ -123,7 +123,7 @@ pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
                     });
                     ui.end_row();
                 }
-                for (keys, what) in MOUSE {
+                for (keys, what) in FIXED_INPUTS {
                     ui.monospace(keys);
                     ui.vertical(|ui| {
                         ui.set_max_width(TEXT_WIDTH);

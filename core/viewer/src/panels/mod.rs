@@ -63,7 +63,7 @@ pub use sequencer::color_of_clip;
 use crate::app::Viewer;
 use crate::editing::EditError;
 use crate::state::settings::Settings;
-use crate::state::view::{MOST_VIEWS, Overlays, View};
+use crate::state::view::{MAX_VIEWS, Overlays, View};
 use egui::text::{LayoutJob, TextWrapping};
 use egui::{Color32, FontId, Galley, Painter, RichText, TextureId, Ui, WidgetText};
 use egui_dock::{DockArea, DockState, NodeIndex, Split, Style, TabViewer};
@@ -86,7 +86,7 @@ pub enum Tab {
     Tests,
 }
 
-const TITLES: [&str; MOST_VIEWS] = ["Viewport", "Viewport 2", "Viewport 3", "Viewport 4"];
+const TITLES: [&str; MAX_VIEWS] = ["Viewport", "Viewport 2", "Viewport 3", "Viewport 4"];
 
 impl Tab {
     pub const ALL: [Tab; 15] = [
@@ -109,7 +109,7 @@ impl Tab {
 
     pub fn title(self) -> &'static str {
         match self {
-            Tab::Viewport(view) => TITLES[view as usize % MOST_VIEWS],
+            Tab::Viewport(view) => TITLES[view as usize % MAX_VIEWS],
             Tab::Sequencer => "Sequencer",
             Tab::Tree => "Stage",
             Tab::Inspector => "Inspector",
@@ -396,7 +396,7 @@ impl TabViewer for Tabs<'_> {
     fn ui(&mut self, ui: &mut Ui, tab: &mut Tab) {
         match tab {
             Tab::Viewport(view) => {
-                let view = *view as usize % MOST_VIEWS;
+                let view = *view as usize % MAX_VIEWS;
                 while self.viewer.views.len() <= view {
                     let overlays = self.viewer.views[0].overlays;
                     self.viewer.views.push(View { is_visible: false, overlays, ..View::default() });

@@ -9,7 +9,7 @@ use egui::{Align2, Color32, FontId, Painter, Rect, Stroke, StrokeKind, Ui, pos2,
 use glam::{DVec2, DVec3};
 
 /// Largest total number of joints that are drawn.
-const MOST_JOINTS: usize = 20_000;
+const MAX_JOINTS: usize = 20_000;
 
 pub const X: Color32 = Color32::from_rgb(0xe0, 0x55, 0x4d);
 pub const Y: Color32 = Color32::from_rgb(0x6a, 0xb0, 0x3f);
@@ -65,7 +65,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
             bounds(&painter, lens, low, high, Stroke::new(1.0, color));
         }
         joints += actor.asset.skeleton.len();
-        if view.overlays.skeletons && joints <= MOST_JOINTS {
+        if view.overlays.skeletons && joints <= MAX_JOINTS {
             let color = if is_selected {
                 Color32::from_rgb(0xff, 0xd0, 0x60)
             } else {

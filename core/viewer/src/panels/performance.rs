@@ -1,7 +1,7 @@
 //! Panel of frame times by stage, and of the objects that the renderer holds.
 
 use crate::app::Viewer;
-use crate::state::performance::FRAMES;
+use crate::state::performance::MAX_FRAMES;
 use egui::{Color32, Grid, Rect, Sense, Ui, pos2, vec2};
 
 /// Colors of the stages: poses, plan, drawing.
@@ -68,7 +68,7 @@ fn graph(ui: &mut Ui, viewer: &Viewer) {
     let frames = &viewer.performance.frames;
     let budget = 1e3 / viewer.playhead.fps().as_fps() as f32;
     let highest = frames.iter().map(|f| f.iter().sum::<f32>()).fold(budget * 1.25, f32::max);
-    let width = rect.width() / FRAMES as f32;
+    let width = rect.width() / MAX_FRAMES as f32;
     for (index, frame) in frames.iter().rev().enumerate() {
         let right = rect.right() - index as f32 * width;
         let mut bottom = rect.bottom();

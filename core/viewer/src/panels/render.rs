@@ -11,7 +11,7 @@ use egui::{Button, ComboBox, DragValue, Grid, Label, ProgressBar, RichText, Text
 use std::path::Path;
 
 /// Range of a render's width and height, pixels.
-const SIDES: std::ops::RangeInclusive<u32> = 1..=16_384;
+const IMAGE_SIDE_RANGE: std::ops::RangeInclusive<u32> = 1..=16_384;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(of_scene) = viewer.scene.clone().filter(|_| !viewer.commands.program.is_empty()) else {
@@ -140,7 +140,7 @@ fn of_images(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
         }
         match form.size {
             Size::Chosen => form.chosen_size.iter_mut().zip(["width", "height"]).for_each(|(side, name)| {
-                let value = ui.add(DragValue::new(side).range(SIDES));
+                let value = ui.add(DragValue::new(side).range(IMAGE_SIDE_RANGE));
                 named(value, WidgetType::DragValue, name).hint(name);
             }),
             Size::Scaled(..) => drop(ui.add(Label::new(format!("{}×{}", pixels[0], pixels[1])).extend())),

@@ -15,11 +15,11 @@ use egui::{Color32, Painter, Rect, Stroke, Ui};
 use glam::{DVec2, DVec3};
 
 /// Distance from the center of an icon within which the mouse picks it, points.
-const REACH: f64 = 14.0;
+const PICK_RADIUS: f64 = 14.0;
 /// Distance from a line of an icon within which the mouse picks it, points.
-const REACH_OF_LINE: f64 = 5.0;
+const LINE_PICK_RADIUS: f64 = 5.0;
 /// Distance of a sun's icon from the point that it shines on, metres.
-const SUN: f64 = 3.0;
+const SUN_ICON_DISTANCE: f64 = 3.0;
 
 /// An icon in the viewport.
 #[derive(Clone, Debug)]
@@ -50,7 +50,9 @@ fn icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon> {
         let light = light?;
         let direction = light.direction.as_dvec3();
         let (at, kind) = match light.light.kind {
-            LightKind::Directional => (viewer.sunlit() - direction * SUN, IconKind::Sun(viewer.sunlit())),
+            LightKind::Directional => {
+                (viewer.sunlit() - direction * SUN_ICON_DISTANCE, IconKind::Sun(viewer.sunlit()))
+            }
             LightKind::Spot { outer, .. } => (light.position, IconKind::Spot(direction, f64::from(outer))),
             LightKind::Point => (light.position, IconKind::Point),
         };
@@ -107,9 +109,9 @@ impl Handle {
 
     /// Distance of a pointer position in points, or `None` if it is out of reach. Lines count as farther away than discs.
     fn distance(&self, at: DVec2) -> Option<f64> {
-        let to_disc = self.disc.map(|disc| (disc - at).length()).filter(|d| *d <= REACH);
+        let to_disc = self.disc.map(|disc| (disc - at).length()).filter(|d| *d <= PICK_RADIUS);
         let to_line = self.lines.iter().map(|[a, b]| to_segment(at, *a, *b)).min_by(f64::total_cmp);
-        to_disc.or(to_line.filter(|d| *d <= REACH_OF_LINE).map(|d| REACH + d))
+        to_disc.or(to_line.filter(|d| *d <= LINE_PICK_RADIUS).map(|d| PICK_RADIUS + d))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Tangent handles of selected keys in the curve editor: drawn, dragged, chosen from a menu, or edited as numbers.
 
-use super::curves::{MOST, Plot, color, key_of};
+use super::curves::{MAX_KEYS, Plot, color, key_of};
 use super::gesture;
 use super::hint::Hint;
 use super::key_menu::KeyAct;
@@ -14,7 +14,7 @@ use egui::epaint::CubicBezierShape;
 use egui::{Color32, CursorIcon, Id, Pos2, Rect, Response, Sense, Stroke, Ui, pos2, vec2};
 
 /// Smallest length of a dragged handle, as a fraction of the span.
-const SHORTEST: f64 = 0.02;
+const MIN_HANDLE_LENGTH: f64 = 0.02;
 
 /// One handle: its key, component and side.
 struct HandlePlace<'p> {
@@ -39,7 +39,7 @@ pub fn show(
         return None;
     }
     let (mut done, scale) = (None, viewer.curves.scale(property));
-    for (key, at) in property.keys.iter().enumerate().take(MOST) {
+    for (key, at) in property.keys.iter().enumerate().take(MAX_KEYS) {
         if !viewer.is_key_selected(&key_of(property, *at)) {
             continue;
         }
@@ -129,7 +129,7 @@ impl HandlePlace<'_> {
         let by = at - from;
         let secs = self.sign() * weight * span + plot.secs(by.x) - plot.secs(0.0);
         let change = self.sign() * weight * span * tangent - plot.value_of(by.y) * self.scale.1;
-        let length = (self.sign() * secs / span).clamp(SHORTEST, 1.0);
+        let length = (self.sign() * secs / span).clamp(MIN_HANDLE_LENGTH, 1.0);
         let slope = change / (self.sign() * length * span);
         let modifiers = gesture::modifiers(ui);
         let weight = modifiers.command.then_some((length * 100.0).round() / 100.0);

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Size of the longer side of an image, points, depending on the room for all compared images.
-const IMAGES: std::ops::RangeInclusive<f32> = 96.0..=220.0;
+const IMAGE_SIDE: std::ops::RangeInclusive<f32> = 96.0..=220.0;
 /// Indentation of the title of a section, points.
 const INDENT: f32 = 24.0;
 
@@ -160,7 +160,8 @@ fn draw_comparison(ui: &mut Ui, images: &Images, run: u64) {
     ];
     let count = files.iter().filter(|(_, file)| file.is_some()).count().max(1) as f32;
     let space = ui.spacing().item_spacing.x + 4.0;
-    let side = ((ui.available_width() - INDENT) / count - space).clamp(*IMAGES.start(), *IMAGES.end());
+    let side =
+        ((ui.available_width() - INDENT) / count - space).clamp(*IMAGE_SIDE.start(), *IMAGE_SIDE.end());
     ui.horizontal_wrapped(|ui| {
         for (name, file) in files {
             let Some(file) = file else { continue };

@@ -11,9 +11,9 @@ use egui::{Color32, Painter, Stroke, Ui};
 use glam::{DVec2, DVec3};
 
 /// Distance within which the mouse picks a joint, points.
-const REACH: f64 = 7.0;
+const PICK_RADIUS: f64 = 7.0;
 /// Offsets of the onion skins from the playhead, frames.
-const SKINS: [i64; 4] = [-10, -5, 5, 10];
+const ONION_SKIN_OFFSETS: [i64; 4] = [-10, -5, 5, 10];
 pub(crate) const BEFORE: Color32 = Color32::from_rgb(0x5a, 0xa9, 0xf0);
 pub const AFTER: Color32 = Color32::from_rgb(0xf0, 0x9a, 0x4a);
 const NOW: Color32 = Color32::from_rgb(0xff, 0xe0, 0x70);
@@ -67,7 +67,7 @@ fn pick(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
     {
         for joint in 0..actor.asset.skeleton.len() {
             let distance = at_joint(number, joint).map_or(f64::INFINITY, |at| (at - mouse).length());
-            if distance <= REACH && best.is_none_or(|(least, ..)| distance < least) {
+            if distance <= PICK_RADIUS && best.is_none_or(|(least, ..)| distance < least) {
                 best = Some((distance, number, joint));
             }
         }
@@ -106,7 +106,7 @@ fn path(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, joint: usize) 
 
 /// Draws skeletons some frames before and after the present one; farther ones are fainter.
 fn skins(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, parents: &[Option<u32>], frame: Time) {
-    for skin in SKINS {
+    for skin in ONION_SKIN_OFFSETS {
         let time = Time(now.0 + skin * frame.0);
         let ends = trail.frames.first().zip(trail.frames.last());
         let Some(index) =

@@ -12,7 +12,7 @@ use egui::{RichText, Ui};
 use std::collections::BTreeSet;
 
 /// Largest number of joints that a search shows.
-const MOST_JOINTS: usize = 40;
+const MAX_JOINTS: usize = 40;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(scene) = viewer.scene.clone() else {
@@ -77,7 +77,7 @@ fn actors(ui: &mut Ui, viewer: &mut Viewer, stage: &Stage, wanted: &str) {
         // A search also finds joints.
         let names = actor.asset.skeleton.names();
         let found = |n: &&String| !wanted.is_empty() && n.to_lowercase().contains(wanted);
-        let joints: Vec<&String> = names.iter().filter(found).take(MOST_JOINTS).collect();
+        let joints: Vec<&String> = names.iter().filter(found).take(MAX_JOINTS).collect();
         if !actor.name.to_lowercase().contains(wanted) && joints.is_empty() {
             continue;
         }

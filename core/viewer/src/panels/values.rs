@@ -97,7 +97,7 @@ const SMALL_RANGE: f64 = 2.0;
 /// Largest width of a range with a slider; in wider ranges a point of the slider would be too large a step.
 const WIDE_RANGE: f64 = 10.0;
 /// Largest number of decimal places.
-const MOST_DECIMALS: usize = 3;
+const MAX_DECIMALS: usize = 3;
 
 /// Change of a number per point of a drag (with Shift a tenth of it): 1/200 of a small range, else 1/100 of the number. `step`: change for the
 /// number 0; numbers near 0 change by at least a tenth of it.
@@ -121,12 +121,12 @@ fn number_text(value: f64, decimals: RangeInclusive<usize>) -> String {
 /// A number field with 3 decimal places that accepts expressions. `now`: the number during a drag.
 fn field<'n>(ui: &Ui, id: Id, number: &Number, now: &'n mut f64) -> DragValue<'n> {
     // The number of decimal places does not depend on the value.
-    let least = libm::log10(1.0 / number.speed).ceil().clamp(0.0, MOST_DECIMALS as f64) as usize;
+    let least = libm::log10(1.0 / number.speed).ceil().clamp(0.0, MAX_DECIMALS as f64) as usize;
     DragValue::new(now)
         .speed(speed_of_drag(number.value, number.speed, &number.range))
         .range(number.range.clone())
-        .max_decimals(MOST_DECIMALS)
-        .custom_formatter(move |number, _| number_text(number, least..=MOST_DECIMALS))
+        .max_decimals(MAX_DECIMALS)
+        .custom_formatter(move |number, _| number_text(number, least..=MAX_DECIMALS))
         .custom_parser(parser(ui, id, number.is_time))
 }
 

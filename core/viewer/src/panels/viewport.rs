@@ -16,9 +16,9 @@ use egui::{Color32, Key, PointerButton, Rect, Sense, Stroke, StrokeKind, Texture
 use glam::{DVec2, DVec3};
 
 /// Walking speed, metres per second.
-const PACE: f64 = 3.0;
+const WALKING_SPEED: f64 = 3.0;
 /// Height of the text at the top of an image about its reduced quality, points.
-pub(super) const REDUCED: f32 = 22.0;
+pub(super) const QUALITY_NOTE_HEIGHT: f32 = 22.0;
 
 pub(crate) fn toggle_camera(viewer: &mut Viewer) {
     let active = viewer.active.min(viewer.views.len() - 1);
@@ -277,7 +277,7 @@ fn draw_quality_note(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
         return;
     }
     let text = parts.join(" · ");
-    let label = Rect::from_min_size(place.left_top(), egui::vec2(place.width(), REDUCED));
+    let label = Rect::from_min_size(place.left_top(), egui::vec2(place.width(), QUALITY_NOTE_HEIGHT));
     let response = ui.interact(label, ui.id().with(("reduced", index)), Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, text.clone()));
     let painter = ui.painter_at(place);
@@ -335,7 +335,7 @@ fn mouse(ui: &Ui, viewer: &mut Viewer, index: usize, response: &egui::Response, 
         || super::actions::takes_walking_keys(viewer) && !ui.input(|i| i.pointer.secondary_down());
     if step != DVec3::ZERO && !command && !ui.ctx().egui_wants_keyboard_input() {
         let secs = ui.input(|i| f64::from(i.stable_dt.min(0.1)));
-        let pace = if shift { PACE * 4.0 } else { PACE };
+        let pace = if shift { WALKING_SPEED * 4.0 } else { WALKING_SPEED };
         if let Some(orbit) = viewer.free_camera(index) {
             orbit.walk(step * pace * secs);
         }

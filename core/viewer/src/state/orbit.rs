@@ -5,9 +5,9 @@ use choreo_stage::CameraState;
 use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 
 /// Largest elevation, radians. Straight up and down are excluded, where "sideways" is undefined.
-const STEEPEST: f64 = 1.55;
-const NEAREST: f64 = 0.01;
-const FARTHEST: f64 = 1e7;
+const MAX_ELEVATION: f64 = 1.55;
+const MIN_DISTANCE: f64 = 0.01;
+const MAX_DISTANCE: f64 = 1e7;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
@@ -85,9 +85,9 @@ impl Orbit {
 
     /// Rotates the camera about the center. `by`: drag in heights of the view, right and down positive.
     pub fn turn(&mut self, by: DVec2) {
-        const TURN: f64 = core::f64::consts::PI;
-        self.azimuth = (self.azimuth - by.x * TURN) % (2.0 * core::f64::consts::PI);
-        self.elevation = (self.elevation + by.y * TURN).clamp(-STEEPEST, STEEPEST);
+        const RADIANS_PER_HEIGHT: f64 = core::f64::consts::PI;
+        self.azimuth = (self.azimuth - by.x * RADIANS_PER_HEIGHT) % (2.0 * core::f64::consts::PI);
+        self.elevation = (self.elevation + by.y * RADIANS_PER_HEIGHT).clamp(-MAX_ELEVATION, MAX_ELEVATION);
     }
 
     /// Pans the camera, so that points at the distance of the center follow the mouse. `by`: drag in heights of the view.
@@ -101,7 +101,7 @@ impl Orbit {
 
     /// Zooms by notches of the mouse wheel; positive is closer.
     pub fn zoom(&mut self, notches: f64) {
-        self.distance = (self.distance * libm::pow(0.85, notches)).clamp(NEAREST, FARTHEST);
+        self.distance = (self.distance * libm::pow(0.85, notches)).clamp(MIN_DISTANCE, MAX_DISTANCE);
     }
 
     /// Rotates the camera in place. `by`: drag in heights of the view.
@@ -215,7 +215,7 @@ mod tests {
         o.zoom(-3.0);
         assert!((o.distance - 5.0).abs() < 1e-9);
         o.zoom(1e9);
-        assert_eq!(o.distance, NEAREST);
+        assert_eq!(o.distance, MIN_DISTANCE);
     }
 
     #[test]

@@ -2,9 +2,9 @@
 //! counts the frames that are dropped nevertheless.
 
 /// Largest divisor of a side.
-const LEAST: u32 = 4;
+const MAX_DIVISOR: u32 = 4;
 /// Fraction of a frame's time that larger images may take before they are tried again.
-const ROOM: f64 = 0.7;
+const RETRY_FRACTION: f64 = 0.7;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reduction {
@@ -31,8 +31,8 @@ impl Reduction {
     /// Records the duration of a moving image and the time that the frame rate allows for it, both in milliseconds.
     pub fn record_duration(&mut self, millis: f64, budget: f64) {
         if millis > budget {
-            self.divisor = (self.divisor * 2).min(LEAST);
-        } else if self.divisor > 1 && millis * 4.0 < budget * ROOM {
+            self.divisor = (self.divisor * 2).min(MAX_DIVISOR);
+        } else if self.divisor > 1 && millis * 4.0 < budget * RETRY_FRACTION {
             // Images with half the divisor have four times as many pixels.
             self.divisor /= 2;
         }

@@ -7,7 +7,7 @@ use choreo_stage::{CameraState, Snapshot, Stage};
 use glam::DVec3;
 
 /// Largest number of viewports.
-pub(crate) const MOST_VIEWS: usize = 4;
+pub(crate) const MAX_VIEWS: usize = 4;
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum ViewCamera {

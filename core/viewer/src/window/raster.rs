@@ -112,7 +112,7 @@ pub fn draw(
     pixels_per_point: f32,
     textures: &Textures,
 ) {
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(MAX_THREADS);
     let rows = (pixels.len() / width.max(1)).div_ceil(threads).max(1);
     std::thread::scope(|scope| {
         let mut parts = pixels.chunks_mut(width.max(1) * rows).enumerate();
@@ -126,7 +126,7 @@ pub fn draw(
 }
 
 /// More threads find little to do.
-const MOST_THREADS: usize = 8;
+const MAX_THREADS: usize = 8;
 
 impl Target<'_> {
     /// Draws triangles over the existing pixels.
@@ -295,7 +295,7 @@ impl Paint<'_> {
         match (&self.tint, &self.place) {
             (None, None) => {
                 let color = product(tint, texel);
-                match color.w >= OPAQUE {
+                match color.w >= OPAQUE_ALPHA {
                     true => row.fill(packed(color)),
                     false => row.iter_mut().for_each(|pixel| *pixel = over(color, *pixel)),
                 }
@@ -315,7 +315,7 @@ impl Paint<'_> {
 }
 
 /// Alpha above which a color is drawn as opaque.
-const OPAQUE: f32 = 254.5;
+const OPAQUE_ALPHA: f32 = 254.5;
 
 fn product(a: Vec4, b: Vec4) -> Vec4 {
     (a * b / 255.0).clamp(Vec4::ZERO, Vec4::splat(255.0))
@@ -324,7 +324,7 @@ fn product(a: Vec4, b: Vec4) -> Vec4 {
 fn paint(pixel: &mut u32, color: Vec4) {
     // Most pixels of a glyph's quad are empty.
     if color != Vec4::ZERO {
-        *pixel = if color.w >= OPAQUE { packed(color) } else { over(color, *pixel) };
+        *pixel = if color.w >= OPAQUE_ALPHA { packed(color) } else { over(color, *pixel) };
     }
 }
 
