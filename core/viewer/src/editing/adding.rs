@@ -136,7 +136,7 @@ impl Viewer {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
-        let inside = loaded_as(file, &folder_of(&path)).ok_or_else(|| {
+        let inside = load_path_within(file, &folder_of(&path)).ok_or_else(|| {
             let why = "it is outside the script's folder, and load(…) reads only inside; copy it into that folder first";
             EditError::refused(format!("{}: {why}", file.display()))
         })?;
@@ -292,7 +292,7 @@ impl Viewer {
                 continue;
             };
             let file = file.canonicalize().unwrap_or_else(|_| file.clone());
-            let name = loaded_as(&file, &folder)
+            let name = load_path_within(&file, &folder)
                 .unwrap_or_else(|| load_path(&asset_destination(&file, &folder, &read.read, &mut copies)));
             let along_x = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
             let own =
@@ -320,7 +320,7 @@ impl Viewer {
                 self.selection = selects;
             }
             false => {
-                let difference = difference::lines(&text, &edit.apply(&text));
+                let difference = difference::diff_lines(&text, &edit.apply(&text));
                 let count =
                     if copies.len() == 1 { "a file".into() } else { format!("{} files", copies.len()) };
                 let why = format!("{count} from outside the script's folder, copied into {ASSETS_FOLDER}/:");
@@ -359,7 +359,7 @@ impl Viewer {
                 continue;
             };
             let at = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
-            match loaded_as(file, &folder) {
+            match load_path_within(file, &folder) {
                 Some(inside) => {
                     let (lines, name) = cast_lines(&text, &inside, at, None);
                     text.push_str(&lines);
@@ -386,7 +386,7 @@ fn folder_of(script: &Path) -> PathBuf {
 }
 
 /// Path of a file in a folder, or of a built-in asset, as `load` takes it. `None` for a file outside.
-fn loaded_as(file: &Path, folder: &Path) -> Option<String> {
+fn load_path_within(file: &Path, folder: &Path) -> Option<String> {
     if is_built_in(file) {
         return Some(file.to_string_lossy().into_owned());
     }

@@ -328,7 +328,7 @@ impl Viewer {
 
     fn has_keys_of_cue(&self, what: &Selected) -> bool {
         let scene = self.scene.as_ref();
-        scene.is_some_and(|scene| keyed::of_cue(scene, what).iter().any(KeyedProperty::has_keys))
+        scene.is_some_and(|scene| keyed::cue_properties(scene, what).iter().any(KeyedProperty::has_keys))
     }
 
     /// The properties of an object that can have keys, and those that do, cached for each version of the scene.

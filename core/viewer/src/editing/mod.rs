@@ -198,7 +198,7 @@ impl Viewer {
             // The edit was made for the displayed text, and the file has changed since.
             let carried = made.ok().and_then(|edit| edit.carried_over(&known, &text));
             if let Some(edit) = carried {
-                let difference = difference::lines(&known, &edit.apply(&text));
+                let difference = difference::diff_lines(&known, &edit.apply(&text));
                 let why = "the file has changed on disk since it was shown; with both changes it would be:"
                     .to_string();
                 let label = "Write both".into();
@@ -211,7 +211,7 @@ impl Viewer {
             Err(EditRefused { why, line, alternative, alternative_label, .. }) => {
                 let why = format!("{}: {why}", file_name(&places.main));
                 if let Some(edit) = alternative {
-                    let difference = difference::lines(&text, &edit.apply(&text));
+                    let difference = difference::diff_lines(&text, &edit.apply(&text));
                     let (why, label) = (why.clone(), alternative_label.into());
                     self.offer = Some(Offer { why, label, difference, edit, text, ..Offer::default() });
                 }
@@ -334,7 +334,7 @@ impl Viewer {
     }
 
     /// Undoes the newest edit if the script no longer loads because of it, and reports why. Returns whether it did.
-    pub(crate) fn take_back_faulty(&mut self, problems: &[Problem]) -> bool {
+    pub(crate) fn undo_faulty_edit(&mut self, problems: &[Problem]) -> bool {
         let is_loaded = self.scene.is_some() && !self.faulty;
         let Some(text) = self.history.pending_text.take().filter(|_| is_loaded) else { return false };
         let is_newest = self.history.done.last().is_some_and(|done| done.text == text);

@@ -41,7 +41,7 @@ impl Viewer {
         };
         let all = made.and_then(Result::ok).filter(|edit| edit.apply(&text) != *text);
         let unrolled = unroll(&text, place.line, place.column).ok();
-        let lines = |edit: &Edit| difference::lines(&text, &edit.apply(&text));
+        let lines = |edit: &Edit| difference::diff_lines(&text, &edit.apply(&text));
         let line = place.line;
         let offer = |why: String, label: String, edit: Edit, other| Offer {
             why,
@@ -90,7 +90,7 @@ impl Viewer {
         let (variable, actors) = object.asset_variable().filter(|(_, actors)| *actors > 1)?;
         let all = change(&object, &text).ok()?;
         let own = object.own_asset(&all).ok()?;
-        let lines = |edit: &Edit| difference::lines(&text, &edit.apply(&text));
+        let lines = |edit: &Edit| difference::diff_lines(&text, &edit.apply(&text));
         let why = format!("{actors} actors share the asset {variable}");
         let (of_own, of_all) = (lines(&own), lines(&all));
         self.offer = Some(Offer {

@@ -1,6 +1,6 @@
 //! Clips as strips: split, duplicate, copy and paste, disable, change the speed or the weight.
 
-use super::trimming::within;
+use super::trimming::clamp_trim;
 use super::{EditError, Step};
 use crate::app::Viewer;
 use crate::state::selection::{Selected, actor};
@@ -28,7 +28,7 @@ impl Viewer {
             }
             let rest = match second_half(&bar, &strip, at)? {
                 SecondHalf::Trim(trim) => {
-                    SecondHalf::Trim(within(&strip, trim, self.playhead.fps().as_fps()))
+                    SecondHalf::Trim(clamp_trim(&strip, trim, self.playhead.fps().as_fps()))
                 }
                 rest => rest,
             };

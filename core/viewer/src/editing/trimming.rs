@@ -27,7 +27,7 @@ impl Viewer {
         let before = followed.or(at.checked_sub(1)).map(|before| &layer[before]);
         let meets = before.is_some_and(|before| before.meets(&bar));
         let trim = match strip.repeat {
-            Repeat::Once => Some(trimmed_from(&bar, &strip, secs)?),
+            Repeat::Once => Some(trim_for_start(&bar, &strip, secs)?),
             _ if is_chained || meets => None,
             _ => {
                 let why = "it repeats, so a trim would shorten every repetition; drag without Alt, or write .once()";
@@ -98,13 +98,13 @@ impl Viewer {
 
     fn trim_step(&self, bar: &Bar, trim: [f64; 2]) -> Step<'static> {
         let fps = self.playhead.fps().as_fps();
-        let trim = bar.strip.map_or(trim, |strip| within(&strip, trim, fps));
+        let trim = bar.strip.map_or(trim, |strip| clamp_trim(&strip, trim, fps));
         self.step(bar, move |text, line, column| set_trim(text, line, column, trim, fps))
     }
 }
 
 /// Trim of a clip played once that begins at another time and keeps its content in place, clip seconds.
-fn trimmed_from(bar: &Bar, strip: &Strip, secs: f64) -> Result<[f64; 2], EditError> {
+fn trim_for_start(bar: &Bar, strip: &Strip, secs: f64) -> Result<[f64; 2], EditError> {
     let played = (secs - bar.start.as_secs()) * strip.speed.abs();
     let [mut from, mut to] = strip.trim;
     match strip.speed < 0.0 {
@@ -144,7 +144,7 @@ fn slipped_trim(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
 }
 
 /// A trim that also lies within the clip after it is rounded to 3 decimal places, unless it ends on a frame.
-pub(super) fn within(strip: &Strip, [from, to]: [f64; 2], fps: f64) -> [f64; 2] {
+pub(super) fn clamp_trim(strip: &Strip, [from, to]: [f64; 2], fps: f64) -> [f64; 2] {
     let is_frame = ((to * fps).round() - to * fps).abs() < 1e-4;
     let is_beyond = !is_frame && (to * 1e3).round() / 1e3 > strip.clip;
     [from.max(0.0), if is_beyond { (strip.clip * 1e3).floor() / 1e3 } else { to }]
@@ -206,8 +206,8 @@ mod tests {
     #[test]
     fn a_trim_ends_within_the_clip_when_it_is_written() {
         let odd = Strip { clip: 2.0 / 3.0, ..strip([0.0, 2.0 / 3.0], 1.0, Repeat::Once) };
-        assert_eq!(within(&odd, [0.25, 2.0 / 3.0], 25.0), [0.25, 0.666]);
-        assert_eq!(within(&odd, [0.25, 2.0 / 3.0], 30.0), [0.25, 2.0 / 3.0]);
-        assert_eq!(within(&odd, [0.0, 0.5], 25.0), [0.0, 0.5]);
+        assert_eq!(clamp_trim(&odd, [0.25, 2.0 / 3.0], 25.0), [0.25, 0.666]);
+        assert_eq!(clamp_trim(&odd, [0.25, 2.0 / 3.0], 30.0), [0.25, 2.0 / 3.0]);
+        assert_eq!(clamp_trim(&odd, [0.0, 0.5], 25.0), [0.0, 0.5]);
     }
 }

@@ -73,7 +73,7 @@ impl Lens {
     }
 
     /// Size in metres that a point of the window covers at a world position.
-    pub(crate) fn metres_a_point(&self, at: DVec3) -> f64 {
+    pub(crate) fn metres_per_point(&self, at: DVec3) -> f64 {
         let depth = if self.perspective { -self.view_from_world.transform_point3(at).z } else { 1.0 };
         depth.max(NEAR_PLANE) * self.height / self.size.y.max(1.0)
     }
@@ -132,7 +132,7 @@ mod tests {
                 let (origin, direction) = lens.ray(got);
                 assert!((world - origin).cross(direction).length() < 1e-6);
                 let moved =
-                    lens.point(world + camera.world_from_view.matrix3.x_axis * lens.metres_a_point(world));
+                    lens.point(world + camera.world_from_view.matrix3.x_axis * lens.metres_per_point(world));
                 assert!((moved.unwrap() - got - DVec2::X).length() < 1e-6);
             }
         }

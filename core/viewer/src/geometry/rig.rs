@@ -27,7 +27,7 @@ fn position(stage: &Stage, shown: &Snapshot, target: &Target) -> Option<DVec3> {
 
 /// World positions of a camera and of its target, ignoring shakes and keyed targets. `None` for a camera of a file, for one that frames a set of
 /// objects, and if the target has no position.
-pub fn places(stage: &Stage, shown: &Snapshot, camera: &Camera) -> Option<[DVec3; 2]> {
+pub fn rig_points(stage: &Stage, shown: &Snapshot, camera: &Camera) -> Option<[DVec3; 2]> {
     let keyed = camera.channels.iter().rev().find(|c| c.property == Property::Translation);
     let keyed = keyed.and_then(|c| c.at(shown.time)).map(|[x, y, z, _]| DVec3::new(x, y, z));
     match &camera.rig {
@@ -51,8 +51,8 @@ pub fn places(stage: &Stage, shown: &Snapshot, camera: &Camera) -> Option<[DVec3
 }
 
 /// The rig of a camera moved to `to` at the time of a snapshot: with a new position, a new offset from its target, or a new distance and angles of
-/// its orbit. `None` in the cases of [`places`].
-pub fn moved(stage: &Stage, shown: &Snapshot, rig: &Rig, to: DVec3) -> Option<Rig> {
+/// its orbit. `None` in the cases of [`rig_points`].
+pub fn move_rig(stage: &Stage, shown: &Snapshot, rig: &Rig, to: DVec3) -> Option<Rig> {
     match rig {
         Rig::Fixed { rotation, look_at, .. } => {
             Some(Rig::Fixed { position: to, rotation: *rotation, look_at: *look_at })
@@ -98,18 +98,18 @@ mod tests {
             shown.time = Time::from_secs(secs);
             for rig in &rigs {
                 for to in [DVec3::new(3.0, 2.0, 1.0), DVec3::new(-5.0, 0.5, -6.0)] {
-                    let rig = moved(&stage, &shown, rig, to).unwrap();
+                    let rig = move_rig(&stage, &shown, rig, to).unwrap();
                     if let Rig::Orbit { azimuth, .. } = rig {
                         assert!((azimuth + 2.9).abs() <= PI, "{azimuth}");
                     }
                     let camera = Camera { rig, ..Camera::default() };
-                    let [at, target] = places(&stage, &shown, &camera).unwrap();
+                    let [at, target] = rig_points(&stage, &shown, &camera).unwrap();
                     assert!((at - to).length() < 1e-9, "{at} is not {to}");
                     assert!((target - DVec3::new(1.0, 1.0, -2.0)).length() < 1e-9);
                 }
             }
         }
         let frame = Rig::Frame { azimuth: 0.0, elevation: 0.0 };
-        assert_eq!(moved(&stage, &shown, &frame, DVec3::ONE), None);
+        assert_eq!(move_rig(&stage, &shown, &frame, DVec3::ONE), None);
     }
 }

@@ -74,10 +74,10 @@ pub(crate) const ACTIONS: &[Action] = &[
     free("previous_event", "go to the previous start, end or event", "Up", |c| c.viewer.seek_to_next(true)),
     free("next_event", "go to the next start, end or event", "Down", |c| c.viewer.seek_to_next(false)),
     free("range_from", "range start: play from here; press again: play everything", "I", |c| {
-        keys::range(c.viewer, false)
+        keys::set_range_end(c.viewer, false)
     }),
     free("range_to", "range end: play up to here; press again: play everything", "O", |c| {
-        keys::range(c.viewer, true)
+        keys::set_range_end(c.viewer, true)
     }),
     free("loop", "loop: play again and again, or once", "L", |c| c.viewer.playhead.looping ^= true),
     free("speed_tenth", "playback speed: a tenth", "", |c| c.viewer.playhead.set_speed(0.1)),
@@ -146,8 +146,8 @@ pub(crate) const ACTIONS: &[Action] = &[
     free("move", "move the selection", "G", |c| c.viewer.tool = Tool::Move),
     free("turn", "turn the selection", "R", |c| c.viewer.tool = Tool::Turn),
     free("scale", "scale the selection", "B", |c| c.viewer.tool = Tool::Scale),
-    free("hide", "hide or show the selection", "H", |c| keys::hide(c.viewer)),
-    free("isolate", "isolate the selection: show only solo actors", "", |c| keys::isolate(c.viewer)),
+    free("hide", "hide or show the selection", "H", |c| keys::toggle_hidden(c.viewer)),
+    free("isolate", "isolate the selection: show only solo actors", "", |c| keys::toggle_isolated(c.viewer)),
     free("camera", "switch between the script's camera and a free one", "C", |c| {
         viewport::toggle_camera(c.viewer)
     }),

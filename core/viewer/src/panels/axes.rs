@@ -17,7 +17,7 @@ const AXIS_END_RADIUS: f32 = 8.0;
 const NO_SIDE_LABEL: &str = "View";
 
 /// Rectangle of the axes, if they are shown.
-pub fn place_of(viewer: &Viewer, index: usize, place: Rect) -> Option<Rect> {
+pub fn axes_rect(viewer: &Viewer, index: usize, place: Rect) -> Option<Rect> {
     let has_room = place.width() >= 200.0 && place.height() >= 120.0;
     let side = 2.0 * (AXIS_LENGTH + AXIS_END_RADIUS);
     let corner = place.right_top() + vec2(-10.0 - side, 10.0);
@@ -27,7 +27,7 @@ pub fn place_of(viewer: &Viewer, index: usize, place: Rect) -> Option<Rect> {
 
 /// Draws the axes and handles clicks. Returns whether the mouse is over an end.
 pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_view: &DAffine3) -> bool {
-    let Some(middle) = place_of(viewer, index, place).map(|own| own.center()) else { return false };
+    let Some(middle) = axes_rect(viewer, index, place).map(|own| own.center()) else { return false };
     let painter = ui.painter_at(place);
     let view_from_world = world_from_view.matrix3.inverse();
     let mut ends: Vec<_> =
@@ -70,7 +70,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_
         if response.hint(format!("{} view, orthographic", side.name())).clicked() {
             viewer.active = index;
             // A second click on the same end looks from the opposite side, whose end is hidden behind it.
-            let same = orbit(viewer, index).as_ref().and_then(Side::of) == Some(side);
+            let same = free_orbit(viewer, index).as_ref().and_then(Side::of) == Some(side);
             if let Some(orbit) = viewer.free_camera(index) {
                 orbit.look_from(if same { side.opposite() } else { side });
             }
@@ -79,7 +79,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_
     hot
 }
 
-fn orbit(viewer: &Viewer, index: usize) -> Option<Orbit> {
+fn free_orbit(viewer: &Viewer, index: usize) -> Option<Orbit> {
     match &viewer.views[index].camera {
         ViewCamera::Free(orbit) | ViewCamera::Follow { orbit, .. } => Some(*orbit),
         _ => None,
@@ -88,7 +88,7 @@ fn orbit(viewer: &Viewer, index: usize) -> Option<Orbit> {
 
 /// Label of the menu: the side of the present view.
 pub fn menu_name(viewer: &Viewer, index: usize) -> &'static str {
-    orbit(viewer, index).as_ref().and_then(Side::of).map_or(NO_SIDE_LABEL, Side::name)
+    free_orbit(viewer, index).as_ref().and_then(Side::of).map_or(NO_SIDE_LABEL, Side::name)
 }
 
 /// All labels of the menu.
@@ -97,7 +97,7 @@ pub fn menu_names() -> impl Iterator<Item = &'static str> {
 }
 
 pub fn entries(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
-    let orbit = orbit(viewer, index);
+    let orbit = free_orbit(viewer, index);
     let side = orbit.as_ref().and_then(Side::of);
     let flat = orbit.is_some_and(|o| matches!(o.projection, Projection::Orthographic { .. }));
     if ui.selectable_label(orbit.is_some() && !flat, "Perspective").clicked()

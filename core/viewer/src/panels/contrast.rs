@@ -1,6 +1,8 @@
 //! Tests the contrast of both themes: WCAG 2.2 requires 4.5 to 1 for text (1.4.3) and 3 to 1 for controls and their states (1.4.11).
 
-use super::bars::{DISABLED_OPACITY, ERROR_BAR_COLOR, WARNING_BAR_COLOR, off_text, outline_colors};
+use super::bars::{
+    DISABLED_OPACITY, ERROR_BAR_COLOR, WARNING_BAR_COLOR, disabled_text_color, outline_colors,
+};
 use super::sequencer::{COLORS, color_of};
 use super::set_colors;
 use egui::{Color32, Theme, Visuals};
@@ -91,7 +93,7 @@ fn both_themes_meet_wcag_aa_contrast() {
         for theme in [Theme::Dark, Theme::Light] {
             let visuals = context.style_of(theme).visuals.clone();
             let ground = visuals.panel_fill.blend(ground.gamma_multiply(DISABLED_OPACITY));
-            let ratio = self::ratio(off_text(&visuals), ground);
+            let ratio = self::ratio(disabled_text_color(&visuals), ground);
             if ratio < 4.5 {
                 faults.push(format!("{theme:?}: a bar that is off: {ratio:.2}, on {ground:?}"));
             }

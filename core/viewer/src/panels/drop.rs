@@ -22,7 +22,7 @@ pub struct PendingDrop {
     since: f64,
 }
 
-pub fn take(waiting: &mut PendingDrop, ui: &Ui, viewer: &mut Viewer) {
+pub fn take_dropped_files(waiting: &mut PendingDrop, ui: &Ui, viewer: &mut Viewer) {
     let (dropped, now) = ui.input(|i| (i.raw.dropped_files.clone(), i.time));
     for file in dropped {
         let path = file.path().to_path_buf();
@@ -47,7 +47,7 @@ pub fn take(waiting: &mut PendingDrop, ui: &Ui, viewer: &mut Viewer) {
         && viewer.previewed_files.is_empty()
         && !viewer.faulty;
     let pointer = ui.input(|i| i.pointer.latest_pos());
-    let at = pointer.and_then(|at| ground(viewer, at)).filter(|_| scene && files.iter().all(is_model));
+    let at = pointer.and_then(|at| ground_point(viewer, at)).filter(|_| scene && files.iter().all(is_model));
     match at {
         Some(at) => viewer.dropped_models = Some(DroppedModels { files, at, beside: false }),
         None => viewer.dropped.extend(files),
@@ -56,7 +56,7 @@ pub fn take(waiting: &mut PendingDrop, ui: &Ui, viewer: &mut Viewer) {
 
 /// World position on the ground under a point of a viewport. If that is the sky, the point below it at the distance of the view's center of
 /// interest.
-pub(super) fn ground(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
+pub(super) fn ground_point(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     let scene = viewer.scene.as_ref()?;
     let inside = |view: &&crate::state::view::View| {
         let [left, top, right, bottom] = view.place;

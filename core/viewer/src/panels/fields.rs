@@ -166,7 +166,7 @@ pub fn described<T: Described>(
                     let label = format!("{name} {letter}");
                     if let Some(to) = values::number(ui, &label, pair[axis], 0.01, -1e5..=1e5) {
                         let stated = form.stated.get(name).map(String::as_str);
-                        let text = values::list(ui, stated, &pair.to_array(), axis, to);
+                        let text = values::number_list_text(ui, stated, &pair.to_array(), axis, to);
                         // `.at(x, y)` and `at: [x, y]` have different syntax.
                         let is_method = stated.is_some_and(|stated| !stated.starts_with('['));
                         let text = if is_method { text } else { format!("[{text}]") };
@@ -463,20 +463,20 @@ fn lens(
 }
 
 /// Parses a list of numbers in brackets.
-fn numbers(text: &str) -> Option<Vec<f64>> {
+fn parse_numbers(text: &str) -> Option<Vec<f64>> {
     let inside = text.trim().strip_prefix('[')?.strip_suffix(']')?;
-    inside.split(',').map(number_of).collect()
+    inside.split(',').map(parse_number).collect()
 }
 
 /// Parses a number or a calculation of a script, such as `1.0 / 3.0`.
-fn number_of(text: &str) -> Option<f64> {
+fn parse_number(text: &str) -> Option<f64> {
     let number = text.trim().parse().ok();
     number.or_else(|| expression::value(&expression::script_text(text)?, 1.0))
 }
 
 /// Parses a point: three numbers in brackets.
 pub fn point(text: &str) -> Option<DVec3> {
-    <[f64; 3]>::try_from(numbers(text)?).ok().map(DVec3::from_array)
+    <[f64; 3]>::try_from(parse_numbers(text)?).ok().map(DVec3::from_array)
 }
 
 /// Fields of a light's shadow.
@@ -635,7 +635,8 @@ fn size(ui: &mut Ui, written: &StatedValues, kind: &str, asset: &Asset) -> Optio
         "\"quad\"" => &[0, 1],
         _ => &[0, 1, 2],
     };
-    let stated = written.get("size").filter(|text| text.starts_with('[')).and_then(|text| numbers(text));
+    let stated =
+        written.get("size").filter(|text| text.starts_with('[')).and_then(|text| parse_numbers(text));
     let bounds = asset.rest_bounds();
     let real = |axis: &usize| f64::from(bounds.max[*axis] - bounds.min[*axis]);
     let now = stated.filter(|stated| stated.len() == axes.len());
@@ -646,7 +647,7 @@ fn size(ui: &mut Ui, written: &StatedValues, kind: &str, asset: &Asset) -> Optio
             let name = format!("size {}", ["x", "y", "z"][*axis]);
             let range = size_range(kind, *axis, &now);
             let Some(to) = values::number(ui, &name, now[index], 0.01, range) else { continue };
-            let all = values::list(ui, written.get("size").map(String::as_str), &now, index, to);
+            let all = values::number_list_text(ui, written.get("size").map(String::as_str), &now, index, to);
             wanted = Some(FieldChange::Material("size", Some(format!("[{all}]"))));
         }
         ui.weak("m");

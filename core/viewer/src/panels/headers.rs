@@ -82,7 +82,7 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
         let open = viewer.is_expanded(row);
         let icon = if open { icons::CARET_DOWN } else { icons::CARET_RIGHT };
         let about = format!("keyed properties of {}", row.label);
-        if button(ui, place, icon, open, &about, "show or hide a row for each keyed property") {
+        if toggle_button(ui, place, icon, open, &about, "show or hide a row for each keyed property") {
             toggled = Some(Toggle::Expand(row.key()));
         }
     }
@@ -93,7 +93,7 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
         let closed = toggles.collapsed.contains(name);
         let icon = if closed { icons::CARET_RIGHT } else { icons::CARET_DOWN };
         let about = format!("layers of {name}");
-        if button(ui, place, icon, !closed, &about, "show or hide the layers") {
+        if toggle_button(ui, place, icon, !closed, &about, "show or hide the layers") {
             toggled = Some(Toggle::Collapse(name.clone()));
         }
     }
@@ -108,21 +108,22 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
         let about = format!("mute {}", row.label);
         let number = if is_base { 2.0 } else { 0.0 };
         let icon = if muted { icons::SPEAKER_SLASH } else { icons::SPEAKER_HIGH };
-        if button(ui, place(number), icon, muted, &about, "mute: its clips do not play in this window") {
+        if toggle_button(ui, place(number), icon, muted, &about, "mute: its clips do not play in this window")
+        {
             toggled = Some(Toggle::Mute(name.clone(), layer));
         }
     }
     if is_base {
         let about = format!("only {name} in rows");
         let solo = toggles.solo.contains(name);
-        if button(ui, place(1.0), icons::STAR, solo, &about, "solo: only solo actors are shown here") {
+        if toggle_button(ui, place(1.0), icons::STAR, solo, &about, "solo: only solo actors are shown here") {
             toggled = Some(Toggle::Solo(name.clone()));
         }
         let about = format!("lock the row of {name}");
         let hint = "lock: its bars, keys, curves and fields cannot be changed, its gizmo cannot be dragged";
         let locked = toggles.locked.contains(name);
         let icon = if locked { icons::LOCK_SIMPLE } else { icons::LOCK_SIMPLE_OPEN };
-        if button(ui, place(0.0), icon, locked, &about, hint) {
+        if toggle_button(ui, place(0.0), icon, locked, &about, hint) {
             toggled = Some(Toggle::Lock(name.clone()));
         }
     }
@@ -153,7 +154,7 @@ pub(crate) fn toggle(viewer: &mut Viewer, toggle: Toggle) {
     }
 }
 
-fn button(ui: &Ui, place: Rect, icon: &str, on: bool, about: &str, hint: &str) -> bool {
+fn toggle_button(ui: &Ui, place: Rect, icon: &str, on: bool, about: &str, hint: &str) -> bool {
     let response = ui.interact(place, ui.id().with(about), Sense::click());
     response.widget_info(|| egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, on, about));
     let visuals = ui.visuals();

@@ -98,7 +98,7 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect
         }
         let by = by.or(carried.filter(|_| selected));
         let shown = by.map_or(x, |by| lane.left() + viewer.span.x_of(event.at.as_secs() + by, lane.width()));
-        painter.add(shape(event.kind, pos2(shown, y), fill));
+        painter.add(marker_shape(event.kind, pos2(shown, y), fill));
         if let (Some(by), Some(at), true) = (by, pointer, dragged) {
             draw_text_at_pointer(ui, at, &viewer.shown_time(event.at + Time::from_secs(by)));
             if response.drag_stopped() && by != 0.0 {
@@ -109,7 +109,7 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect
             acted = key_menu::show(&response, viewer, &keys).map(MarkAct::Key).or(acted);
         }
         let add = gesture::adds_to_selection(ui);
-        if response.hint(hover(viewer, event)).clicked() {
+        if response.hint(event_hint(viewer, event)).clicked() {
             acted = Some(MarkAct::Click(event.clone(), add));
         }
     }
@@ -140,7 +140,7 @@ fn dragged_to(viewer: &Viewer, event: &Event, lane: Rect, x: f32) -> f64 {
     near.unwrap_or_else(|| viewer.snapped(wanted))
 }
 
-fn hover(viewer: &Viewer, event: &Event) -> String {
+fn event_hint(viewer: &Viewer, event: &Event) -> String {
     let mut text = format!("{}\n{}", event.label, viewer.shown_time(event.at));
     if event.place.line > 0 {
         text += &format!("\n{}", report(&event.place));
@@ -149,7 +149,7 @@ fn hover(viewer: &Viewer, event: &Event) -> String {
 }
 
 /// Shape of a mark: a diamond for a key, a circle for an entrance, a square for an actor's event, a flag for a marker.
-fn shape(kind: EventKind, at: egui::Pos2, fill: Color32) -> Shape {
+fn marker_shape(kind: EventKind, at: egui::Pos2, fill: Color32) -> Shape {
     let line = Stroke::new(1.0, Color32::from_gray(20));
     let points = |all: &[(f32, f32)]| all.iter().map(|(x, y)| at + vec2(*x, *y) * HALF_WIDTH).collect();
     match kind {
@@ -170,7 +170,7 @@ fn shape(kind: EventKind, at: egui::Pos2, fill: Color32) -> Shape {
 }
 
 /// Draws foot contacts, a line for each foot. Returns the start of a clicked contact.
-pub fn feet(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
+pub fn draw_foot_contacts(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
     let (Some(scene), Some(Selected::Actor(name))) = (&viewer.scene, &row.what) else { return None };
     let is_base = row.bars.iter().any(|b| matches!(b.what, Selected::Cue { layer: 0, .. }));
     let index = actor(&scene.stage, name).filter(|_| is_base)?;

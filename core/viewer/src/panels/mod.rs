@@ -227,16 +227,16 @@ impl Panels {
             ui.ctx().set_zoom_factor(self.scale);
             self.applied = Some((self.light, self.scale));
         }
-        hint::watch(ui.ctx());
+        hint::track_pointer(ui.ctx());
         values::set_rate(ui, viewer.playhead.fps().as_fps());
-        drop::take(&mut self.waiting, ui, viewer);
+        drop::take_dropped_files(&mut self.waiting, ui, viewer);
         // A slow frame may contain both the release of the mouse button and Ctrl+Z: the drag is completed before it is undone.
         let after_drag = !viewer.documents.start && ui.input(|i| i.pointer.any_released());
         if !after_drag {
             keys::handle(self, ui, viewer, now);
         }
         bar::show(self, ui, viewer, now);
-        bar::offer(ui, viewer);
+        bar::show_offer(ui, viewer);
         files::dialogs(ui, viewer);
         palette::show(self, ui, viewer, now);
         if self.is_asking(viewer) {

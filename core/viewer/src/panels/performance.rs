@@ -29,7 +29,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             ui.monospace(format!("median {median:.1} ms, 95 % below {high:.1} ms"));
         }
     });
-    graph(ui, viewer);
+    draw_frame_graph(ui, viewer);
     let Some(shown) = viewer.shown() else {
         ui.label("no frame was drawn yet");
         return;
@@ -59,7 +59,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// A column per frame, the newest on the right.
-fn graph(ui: &mut Ui, viewer: &Viewer) {
+fn draw_frame_graph(ui: &mut Ui, viewer: &Viewer) {
     let (rect, response) =
         ui.allocate_exact_size(vec2(ui.available_width().min(720.0), 70.0), Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, "frame graph"));

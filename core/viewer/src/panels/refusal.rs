@@ -28,7 +28,7 @@ pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
     }
     let shown = refusals.at.zip(viewer.message.clone());
     // A tooltip at the mouse would cover the text.
-    hint::hold(ui.ctx(), shown.is_some());
+    hint::set_hints_hidden(ui.ctx(), shown.is_some());
     let Some((at, why)) = shown else {
         refusals.at = None;
         return;

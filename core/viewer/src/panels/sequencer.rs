@@ -66,7 +66,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     }
     scrub(ui, viewer, (ruler, viewer.span), "time");
     ui.allocate_rect(Rect::from_min_max(area.min, pos2(area.right(), ruler.bottom())), Sense::hover());
-    wheel(ui, viewer, area, ruler);
+    zoom_and_scroll_with_wheel(ui, viewer, area, ruler);
     let rows = viewer.shown_rows();
     let spacing = std::mem::replace(&mut ui.spacing_mut().item_spacing.y, 0.0);
     if let Some((camera, _)) = rows.split_first() {
@@ -132,13 +132,13 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         bar.icon(icons::ARROWS_OUT_LINE_HORIZONTAL, "Whole", hint, |viewer| {
             viewer.span = Span::whole(viewer.playhead.length().as_secs());
         });
-        speeds(&mut bar, viewer.playhead.speed());
+        speed_menu(&mut bar, viewer.playhead.speed());
         bar.show(ui, viewer, 0.0);
     });
 }
 
 /// Fields for the tempo of the music, whose beats dragged times snap to.
-fn beats(ui: &mut Ui, viewer: &mut Viewer) {
+fn tempo_fields(ui: &mut Ui, viewer: &mut Viewer) {
     let mut tempo = viewer.tempo;
     let set = values::number(ui, "beats a minute", tempo.per_minute, 0.5, 0.0..=Tempo::MAX_BEATS_PER_MINUTE);
     tempo.per_minute = set.unwrap_or(tempo.per_minute);
@@ -193,11 +193,11 @@ fn playhead_buttons(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
     bar.other_faces([widest.as_str()].into_iter());
     let hint = "dragged times snap to whole frames (N)";
     bar.icon_toggle(icons::MAGNET, viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
-    bar.widget("tempo", true, beats);
+    bar.widget("tempo", true, tempo_fields);
 }
 
 /// Menu of the playback speed.
-fn speeds(bar: &mut Toolbar<Viewer>, now: f64) {
+fn speed_menu(bar: &mut Toolbar<Viewer>, now: f64) {
     let name = |speed: f64| format!("{speed}×");
     bar.menu(&name(now), "speed of playback; the script stays as it is", move |ui, viewer| {
         for speed in SPEEDS {
@@ -290,7 +290,7 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     let selected_actor = row.what.is_some() && row.what == viewer.selection;
     let mut moment = None;
     if index > 0 && !row.bars.is_empty() {
-        moment = marks::feet(ui, viewer, row, lane);
+        moment = marks::draw_foot_contacts(ui, viewer, row, lane);
     }
     let mut clicked = None;
     let response = ui.interact(label, ui.id().with(("row", index)), Sense::click_and_drag());
@@ -546,7 +546,7 @@ pub(super) fn count_following_joints(
     found
 }
 
-fn wheel(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
+fn zoom_and_scroll_with_wheel(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
     let Some(pointer) = ui.ctx().pointer_hover_pos().filter(|p| area.contains(*p) && p.x >= ruler.left())
     else {
         return;

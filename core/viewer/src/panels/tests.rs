@@ -43,7 +43,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     let run = viewer.tests.runs();
     for section in sections.iter().filter(|s| s.is_bad()).chain(sections.iter().filter(|s| !s.is_bad())) {
-        one(ui, viewer, section, run, &mut choice);
+        show_section(ui, viewer, section, run, &mut choice);
     }
     if let Some(choice) = choice {
         let path = match viewer.test_path.trim() {
@@ -67,7 +67,7 @@ fn counts(sections: &[Section]) -> String {
     parts.map(|(count, name)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
 }
 
-fn one(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, choice: &mut Option<Choice>) {
+fn show_section(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, choice: &mut Option<Choice>) {
     let visuals = ui.visuals();
     let (sign, color) = match section.status {
         Status::Passed => ("✔", visuals.text_color()),

@@ -239,7 +239,7 @@ fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width:
         EntryKind::Separator => drop(ui.separator()),
         EntryKind::Text(style) => {
             let label = ui.add(egui::Label::new(RichText::new(face).text_style(style)).extend());
-            describe(label, false, &name, &hint, None);
+            set_name_and_hint(label, false, &name, &hint, None);
         }
         EntryKind::Widget(show) => {
             let begin = ui.cursor().left();
@@ -253,20 +253,20 @@ fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width:
         }
         EntryKind::Button(act) => {
             let button = ui.add(Button::new(face).min_size(vec2(least, 0.0)));
-            if describe(button, is_icon, &name, &hint, None).clicked() {
+            if set_name_and_hint(button, is_icon, &name, &hint, None).clicked() {
                 act(context);
             }
         }
         EntryKind::Toggle(on, act) => {
             let button = ui.add(Button::selectable(on, face).min_size(vec2(least, 0.0)));
-            if describe(button, is_icon, &name, &hint, Some(on)).clicked() {
+            if set_name_and_hint(button, is_icon, &name, &hint, Some(on)).clicked() {
                 act(context);
             }
         }
         EntryKind::Menu(show) => {
             let button = Button::new(face).min_size(vec2(width, 0.0));
             let (response, _) = MenuButton::from_button(button).config(menu).ui(ui, |ui| show(ui, context));
-            describe(response, false, &name, &hint, None);
+            set_name_and_hint(response, false, &name, &hint, None);
         }
     };
     // An entry has the same identity no matter which entries are next to it.
@@ -289,19 +289,19 @@ fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
                 }
                 false => ui.add(label.extend()),
             };
-            describe(label, false, &name, &hint, None);
+            set_name_and_hint(label, false, &name, &hint, None);
         }
         EntryKind::Widget(show) => drop(ui.horizontal(|ui| show(ui, context))),
         EntryKind::Button(act) => {
             let response = ui.add_enabled(enabled, Button::new(words));
-            if describe(response, is_icon, &name, &hint, None).clicked() {
+            if set_name_and_hint(response, is_icon, &name, &hint, None).clicked() {
                 act(context);
                 ui.close();
             }
         }
         EntryKind::Toggle(on, act) => {
             let response = ui.add_enabled(enabled, Button::selectable(on, words));
-            if describe(response, is_icon, &name, &hint, Some(on)).clicked() {
+            if set_name_and_hint(response, is_icon, &name, &hint, Some(on)).clicked() {
                 act(context);
                 ui.close();
             }
@@ -310,14 +310,20 @@ fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
             ui.add_enabled_ui(enabled, |ui| {
                 let menu = SubMenuButton::new(words).config(menu);
                 let (response, _) = menu.ui(ui, |ui| show(ui, context));
-                describe(response, is_icon, &name, &hint, None);
+                set_name_and_hint(response, is_icon, &name, &hint, None);
             });
         }
     }
 }
 
 /// Adds the name, the hint and the state of an entry.
-fn describe(response: Response, is_icon: bool, name: &str, hint: &str, on: Option<bool>) -> Response {
+fn set_name_and_hint(
+    response: Response,
+    is_icon: bool,
+    name: &str,
+    hint: &str,
+    on: Option<bool>,
+) -> Response {
     let enabled = response.enabled();
     if is_icon {
         response.widget_info(|| match on {

@@ -35,10 +35,10 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
             if overlays.onion {
                 let parents = scene.stage.actors.iter().find(|a| a.name == *actor);
                 let parents = parents.map_or(&[][..], |a| a.asset.skeleton.parents());
-                skins(&painter, lens, &trail, now, parents, viewer.playhead.fps().time_of(1));
+                draw_onion_skins(&painter, lens, &trail, now, parents, viewer.playhead.fps().time_of(1));
             }
             if overlays.trail {
-                path(&painter, lens, &trail, now, viewer.joint.as_ref().map_or(0, |joint| joint.joint));
+                draw_path(&painter, lens, &trail, now, viewer.joint.as_ref().map_or(0, |joint| joint.joint));
             }
         }
     }
@@ -87,7 +87,7 @@ fn pick(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
 }
 
 /// Draws the trail of a joint: a line through all frames, with a dot for each and a larger one for the present frame.
-fn path(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, joint: usize) {
+fn draw_path(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, joint: usize) {
     let at = |index: usize| -> Option<DVec3> { trail.frames.get(index)?.1.get(joint).copied() };
     for index in 0..trail.frames.len() {
         let Some(here) = at(index) else { continue };
@@ -105,7 +105,14 @@ fn path(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, joint: usize) 
 }
 
 /// Draws skeletons some frames before and after the present one; farther ones are fainter.
-fn skins(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, parents: &[Option<u32>], frame: Time) {
+fn draw_onion_skins(
+    painter: &Painter,
+    lens: &Lens,
+    trail: &Trail,
+    now: Time,
+    parents: &[Option<u32>],
+    frame: Time,
+) {
     for skin in ONION_SKIN_OFFSETS {
         let time = Time(now.0 + skin * frame.0);
         let ends = trail.frames.first().zip(trail.frames.last());

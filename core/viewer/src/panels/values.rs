@@ -76,7 +76,7 @@ pub fn text(ui: &Ui, value: f64) -> String {
 
 /// Source text of a list of numbers, separated by commas, of which the one at `index` was changed to `to`. `stated`: the present source text, whose
 /// other numbers stay as they are written or computed.
-pub fn list(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize, to: f64) -> String {
+pub fn number_list_text(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize, to: f64) -> String {
     let inside = stated.unwrap_or_default().trim();
     let inside = inside.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(inside);
     let parts: Vec<&str> = inside.split(',').map(str::trim).collect();
@@ -131,7 +131,7 @@ fn field<'n>(ui: &Ui, id: Id, number: &Number, now: &'n mut f64) -> DragValue<'n
 }
 
 /// Shows a field, and returns the new value at the end of a drag or of typing.
-fn settled(
+fn finish_edit(
     ui: &mut Ui,
     id: Id,
     value: f64,
@@ -242,7 +242,7 @@ pub fn derived_number(
     let weak = ui.visuals().weak_text_color();
     let from = derived.unwrap_or(*range.start());
     let number = Number { name, value: from, speed: 0.01, range, default: None, is_time };
-    settled(ui, id, from, None, |ui, now| {
+    finish_edit(ui, id, from, None, |ui, now| {
         let is_untouched = *now == from;
         let widget = field(ui, id, &number, now);
         let widget = match derived {
@@ -312,7 +312,7 @@ impl Number<'_> {
     fn show_as(self, ui: &mut Ui, shown: Option<&str>) -> Option<f64> {
         let Number { name, value, default, .. } = self;
         let id = ui.id().with(("number", name));
-        let set = settled(ui, id, value, default, |ui, now| {
+        let set = finish_edit(ui, id, value, default, |ui, now| {
             let shown = shown.filter(|_| *now == value);
             let mut widget = field(ui, id, &self, now);
             if let Some(shown) = shown {
@@ -330,7 +330,7 @@ impl Number<'_> {
         let Number { name, value, default, .. } = self;
         let id = ui.id().with(("slider", name));
         let is_wide = self.range.end() - self.range.start() > WIDE_RANGE;
-        settled(ui, id, value, default, |ui, now| {
+        finish_edit(ui, id, value, default, |ui, now| {
             ui.horizontal(|ui| {
                 let slider = (!is_wide).then(|| {
                     let widget = Slider::new(now, self.range.clone()).show_value(false);

@@ -210,7 +210,7 @@ pub(crate) fn by_property(events: &[Event]) -> Vec<(&EventKey, Vec<Event>)> {
 }
 
 /// Keys of all cameras.
-pub(crate) fn of_cameras(scene: &Scene) -> Vec<Event> {
+pub(crate) fn camera_events(scene: &Scene) -> Vec<Event> {
     let mut gathered = EventCollector::default();
     for camera in &scene.stage.cameras {
         let what = Selected::Camera(camera.name.clone());
@@ -221,13 +221,13 @@ pub(crate) fn of_cameras(scene: &Scene) -> Vec<Event> {
 }
 
 /// Keys of a light.
-pub(crate) fn of_light(scene: &Scene, index: usize, place: &Place) -> Vec<Event> {
+pub(crate) fn light_events(scene: &Scene, index: usize, place: &Place) -> Vec<Event> {
     let (mut gathered, what) = (EventCollector::default(), Selected::Light(index));
     gathered.keys(&keyed::properties_of(scene, &what, scene.stage.lights[index].channels.iter()), "");
     gathered.events(scene.stage.settings.length, Some(&what), place)
 }
 
-pub(crate) fn of_sky(scene: &Scene, place: &Place) -> Vec<Event> {
+pub(crate) fn sky_events(scene: &Scene, place: &Place) -> Vec<Event> {
     let mut gathered = EventCollector::default();
     let channels = scene.stage.sky.iter().flat_map(|sky| &sky.channels);
     gathered.keys(&keyed::properties_of(scene, &Selected::Sky, channels), "sky ");
@@ -235,18 +235,18 @@ pub(crate) fn of_sky(scene: &Scene, place: &Place) -> Vec<Event> {
 }
 
 /// Keys of some titles, images and panels, given by their indices.
-pub(crate) fn of_titles(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
+pub(crate) fn title_events(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
     let mut gathered = EventCollector::default();
     for &index in numbers {
         let layer = &scene.stage.layers_2d[index];
         let keyed = keyed::properties_of(scene, &Selected::Title(index), layer.channels.iter());
-        gathered.keys(&keyed, &format!("{} ", title(layer)));
+        gathered.keys(&keyed, &format!("{} ", title_label(layer)));
     }
     gathered.events(scene.stage.settings.length, None, &Place::default())
 }
 
 /// First words of a text in quotes, or the kind of another 2D layer.
-pub(crate) fn title(layer: &Layer2d) -> String {
+pub(crate) fn title_label(layer: &Layer2d) -> String {
     match &layer.content {
         Layer2dContent::Text { words, .. } => {
             let first = words.lines().next().unwrap_or("");
@@ -259,7 +259,7 @@ pub(crate) fn title(layer: &Layer2d) -> String {
 }
 
 /// Keys of some effects, given by their indices.
-pub(crate) fn of_effects(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
+pub(crate) fn effect_events(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
     let mut gathered = EventCollector::default();
     for &index in numbers {
         let used = &scene.stage.effects[index];

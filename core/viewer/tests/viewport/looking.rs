@@ -3,7 +3,7 @@
 use crate::place::{Desk, Place, drag};
 use choreo_asset::Projection;
 use choreo_motion::Time;
-use choreo_viewer::geometry::picking::middle;
+use choreo_viewer::geometry::picking::bounds_center;
 use choreo_viewer::geometry::projection::Lens;
 use choreo_viewer::panels::Panels;
 use choreo_viewer::state::selection::Selected;
@@ -207,7 +207,7 @@ fn the_sun_icon_does_not_move_with_selection_or_actors() {
     let viewer = &desk.state().viewer;
     let (stage, shown) = (viewer.scene.as_ref().unwrap().stage.clone(), viewer.shown().unwrap());
     let actors = stage.actors.iter().zip(&shown.snapshot.actors);
-    let middle = actors.map(|(actor, state)| middle(&actor.asset, state)).sum::<DVec3>() / 2.0;
+    let middle = actors.map(|(actor, state)| bounds_center(&actor.asset, state)).sum::<DVec3>() / 2.0;
     let at = on_screen(&desk, middle - DVec3::new(0.4, -0.3, 0.0).normalize() * 3.0);
     for selected in [None, Some("ada"), Some("bob")] {
         desk.state_mut().viewer.selection = selected.map(|name| Selected::Actor(name.into()));
