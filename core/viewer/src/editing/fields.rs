@@ -391,6 +391,8 @@ pub(super) fn field_change_edit(
         FieldChange::Time(..)
         | FieldChange::Trim(..)
         | FieldChange::FocalLength(..)
-        | FieldChange::KeyedPoint(..) => Err(EditRefused::from("it is changed in another way".to_string())),
+        | FieldChange::KeyedPoint(..) => {
+            Err(EditRefused::from("this field cannot be changed by replacing one value".to_string()))
+        }
     }
 }

@@ -348,16 +348,16 @@ fn hovering(ui: &Ui, viewer: &Viewer) {
     let text = match &files[..] {
         [file] if viewer.path.is_some() => {
             let name = name(file).unwrap_or_else(|| "a model or a clip".into());
-            format!("{name}: let go over the image to put it there, elsewhere to see it alone")
+            format!("{name}: drop it on the image to place it there, elsewhere to view it alone")
         }
-        [file] => format!("{}: let go to see it", name(file).unwrap_or_else(|| "a model or a clip".into())),
+        [file] => format!("{}: drop it to view it", name(file).unwrap_or_else(|| "a model or a clip".into())),
         files if viewer.path.is_some() => {
             format!(
-                "{} files: let go over the image to put them there, elsewhere to see them alone",
+                "{} files: drop them on the image to place them there, elsewhere to view them alone",
                 files.len()
             )
         }
-        files => format!("{} files: let go to see them side by side", files.len()),
+        files => format!("{} files: drop them to view them side by side", files.len()),
     };
     let font = egui::FontId::proportional(22.0);
     painter.text(area.center(), egui::Align2::CENTER_CENTER, text, font, egui::Color32::WHITE);

@@ -199,7 +199,7 @@ mod tests {
         p.tick(105.0);
         assert_eq!((p.frame(), p.is_playing()), (49, false));
         p.play(200.0);
-        assert_eq!(p.frame(), 0, "from the end it begins anew");
+        assert_eq!(p.frame(), 0, "playback at the end starts again at the beginning");
     }
 
     #[test]
@@ -210,7 +210,7 @@ mod tests {
         p.seek(Time::from_secs(1.0));
         assert!(p.is_playing());
         p.tick(7.0);
-        assert_eq!(p.frame(), 25, "the clock counts from now");
+        assert_eq!(p.frame(), 25, "playback time counts from the seek");
         p.tick(7.08);
         assert_eq!(p.frame(), 27);
     }
@@ -225,7 +225,7 @@ mod tests {
         assert_eq!(p.frame(), 6);
         p.set_speed(2.0);
         p.tick(0.5);
-        assert_eq!(p.frame(), 6, "it goes on from where it is");
+        assert_eq!(p.frame(), 6, "a new speed applies from the current frame");
         p.tick(0.71);
         assert_eq!(p.frame(), 16);
         p.set_scene(FrameRate { num: 25, den: 1 }, Time::from_secs(4.0));
@@ -270,7 +270,7 @@ mod tests {
         p.set_scene(FrameRate { num: 50, den: 1 }, Time::from_secs(4.0));
         assert_eq!((p.time(), p.is_playing()), (Time::from_secs(1.6), true));
         p.set_scene(FrameRate { num: 50, den: 1 }, Time::from_secs(1.0));
-        assert_eq!(p.frame(), 49, "what is no longer there is the end");
+        assert_eq!(p.frame(), 49, "a time after the new end becomes the last frame");
     }
 
     #[test]

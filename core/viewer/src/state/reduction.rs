@@ -61,7 +61,7 @@ mod tests {
         r.record_duration(90.0, 40.0);
         assert_eq!((r.divisor(true), r.divisor(false)), (2, 1));
         r.record_duration(22.0, 40.0);
-        assert_eq!(r.divisor(true), 2, "whole ones would take 88");
+        assert_eq!(r.divisor(true), 2, "images of full size would take 88 ms");
         r.record_duration(50.0, 40.0);
         r.record_duration(50.0, 40.0);
         assert_eq!(r.divisor(true), 4);

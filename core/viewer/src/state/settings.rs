@@ -180,7 +180,7 @@ mod tests {
         let wide = |scale: f32| Settings { scale, ..Settings::default() };
         assert_eq!(writing.due(&wide(1.2), 10.0), SaveTime::In(QUIET_SECS));
         assert_eq!(writing.due(&wide(1.2), 11.0), SaveTime::In(QUIET_SECS - 1.0));
-        assert_eq!(writing.due(&wide(1.3), 12.0), SaveTime::In(QUIET_SECS), "it goes on changing");
+        assert_eq!(writing.due(&wide(1.3), 12.0), SaveTime::In(QUIET_SECS), "the settings changed again");
         assert_eq!(writing.due(&wide(1.3), 12.0 + QUIET_SECS), SaveTime::Now);
         writing.write(wide(1.3), &file);
         assert_eq!(Settings::read(&file), wide(1.3));

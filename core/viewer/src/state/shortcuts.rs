@@ -196,7 +196,7 @@ impl Shortcuts {
         for (action, keys) in value["keys"].as_object().into_iter().flatten() {
             match keys.as_str() {
                 Some(keys) => drop(shortcuts.own.insert(action.clone(), keys.to_string())),
-                None => problem = Some(format!("{action}: keys must be a text, such as \"Ctrl+D\"")),
+                None => problem = Some(format!("{action}: keys must be a string, such as \"Ctrl+D\"")),
             }
         }
         (shortcuts, problem)

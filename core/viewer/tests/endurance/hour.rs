@@ -178,7 +178,7 @@ impl Person<'_> {
             if let Some(Some(shown)) = viewer.settled(quiet, Duration::from_secs(20)) {
                 return shown;
             }
-            assert!(marked < 20, "nothing is shown any more");
+            assert!(marked < 20, "the viewer shows no new frame");
         }
     }
 }
@@ -211,7 +211,7 @@ fn random_use_leaks_no_memory_or_file_handles() {
         while Instant::now() < end {
             person.act();
             actions += 1;
-            assert!(viewer.process.0.try_wait().unwrap().is_none(), "it has ended");
+            assert!(viewer.process.0.try_wait().unwrap().is_none(), "the viewer process has ended");
         }
         let shown = person.rest(&viewer);
         kept.note(minute, actions, &viewer, &shown);

@@ -47,7 +47,7 @@ impl Person<'_> {
 
     /// Saves in three ways: in place; beside the file and renamed over it; with the old file moved away first.
     fn save(&mut self, text: &str) {
-        assert_ne!(text, self.text(), "there is something to save");
+        assert_ne!(text, self.text(), "the text differs from the saved one");
         let beside = self.file.with_extension("new");
         match self.saves % 3 {
             0 => fs::write(&self.file, text).unwrap(),
@@ -192,7 +192,9 @@ impl Person<'_> {
 
     /// A drag of what is not shown yet is refused; one save can be seen as two.
     fn settle(&mut self) {
-        self.viewer.settled(Duration::from_millis(400), Duration::from_secs(600)).expect("it comes to rest");
+        self.viewer
+            .settled(Duration::from_millis(400), Duration::from_secs(600))
+            .expect("the scene stops changing");
         self.screen.rest(self.viewer.process.0.id());
     }
 
@@ -317,7 +319,9 @@ impl Person<'_> {
         // Nothing is under the mouse.
         self.screen.xdotool(&["mousemove", "--window", self.window, "1270", "850"]);
         // An image on a busy machine can take a second.
-        self.viewer.settled(Duration::from_secs(2), Duration::from_secs(600)).expect("it comes to rest");
+        self.viewer
+            .settled(Duration::from_secs(2), Duration::from_secs(600))
+            .expect("the scene stops changing");
         self.screen.rest(self.viewer.process.0.id());
         let shot = self.screen.shot(self.window);
         let [left, top, right, bottom] = PICTURE;

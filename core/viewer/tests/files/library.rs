@@ -117,7 +117,7 @@ fn user_shortcuts_override_the_preset_and_the_defaults() {
     for (text, wrong) in [
         ("[", "EOF"),
         ("{\"preset\": \"maya\"}", "unknown preset \"maya\"; presets: choreo, blender, unity"),
-        ("{\"keys\": {\"play\": 3}}", "play: keys must be a text"),
+        ("{\"keys\": {\"play\": 3}}", "play: keys must be a string"),
     ] {
         std::fs::write(&file, text).unwrap();
         let problem = Shortcuts::read(&file).1.unwrap();

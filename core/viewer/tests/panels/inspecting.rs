@@ -34,7 +34,7 @@ fn a_viewport_drag_changes_the_script_and_the_frame() {
     place.viewer.change_actor("ada", Change::Move(DVec3::new(0.25, 0.0, 1.0))).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".at(-0.5, 0.0, 0.0)", ".at(-0.25, 0.0, 1.0)"));
     place.reload();
-    assert_eq!(place.viewer.message, None, "it stands where it was put");
+    assert_eq!(place.viewer.message, None, "the actor stands at its new position");
     let (sin, cos) = libm::sincos(core::f64::consts::FRAC_PI_4 / 2.0);
     place.viewer.change_actor("ada", Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))).unwrap();
     place.reload();

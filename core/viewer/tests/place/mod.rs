@@ -87,7 +87,7 @@ impl Place {
     pub fn spoil(&mut self, text: &str) {
         self.write(text);
         let version = self.session.build(BTreeSet::new());
-        assert!(version.scene.is_none(), "it was to be faulty");
+        assert!(version.scene.is_none(), "the script was expected to be faulty");
         self.viewer.take_version(version);
     }
 

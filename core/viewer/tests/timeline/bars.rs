@@ -508,7 +508,7 @@ fn the_unplayed_part_of_a_clip_is_drawn_over_the_next_bar() {
             |rect: &egui::epaint::RectShape| (rect.rect.right() - end).abs() < 1.0 && rect.stroke.width > 0.0;
         [rects.iter().rposition(bar), rects.iter().rposition(outline)]
     };
-    assert_eq!(drawn(&desk)[1], None, "nobody looks at it");
+    assert_eq!(drawn(&desk)[1], None, "the outline is drawn only with a selection or under the pointer");
     desk.state_mut().viewer.selection = Some(cue(0, 0));
     desk.run();
     let [filled, outline] = drawn(&desk);

@@ -38,7 +38,7 @@ fn press(desk: &mut Desk, what: &Selected, modifiers: Modifiers, key: Key) -> (S
 fn refused(desk: &mut Desk, what: &Selected, modifiers: Modifiers, key: Key) -> String {
     let (text, why) = press(desk, what, modifiers, key);
     assert_eq!(text, SCRIPT);
-    why.expect("it was to be refused")
+    why.expect("the edit was expected to be refused")
 }
 
 /// The end of a camera's bar is the cut to the next camera: its time changes, and nothing is added.

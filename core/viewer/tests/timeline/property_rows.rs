@@ -54,7 +54,10 @@ fn each_keyed_property_has_its_own_editable_row() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     let (position, rotation) = ("row ball: position", "row ball: rotation");
     assert!(desk.query_by_label(position).is_none(), "closed at first");
-    assert!(desk.query_by_label("keyed properties of lone").is_none(), "it has keys of one property");
+    assert!(
+        desk.query_by_label("keyed properties of lone").is_none(),
+        "the actor has keys of only one property"
+    );
     click(&mut desk, "keyed properties of ball");
     let (from, to) = (at(&desk, position, 1.0), at(&desk, position, 1.4));
     drag(&mut desk, from, to);

@@ -159,7 +159,7 @@ fn a_bar_below_a_refusal_message_shows_no_tooltip() {
     assert!(desk.get_all_by_label("it cannot be moved there").count() >= 1);
     desk.key_press(egui::Key::Escape);
     desk.run_steps(8);
-    assert!(is_hinted(&desk), "it comes back");
+    assert!(is_hinted(&desk), "the tooltip appears again");
 }
 
 /// Copied by the menu Edit, pasted by it, by the row's menu and by the system's keys: on the selected row, at the playhead.

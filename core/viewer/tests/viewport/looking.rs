@@ -340,7 +340,7 @@ fn a_dragged_scene_icon_shows_its_object_at_the_new_position() {
         desk.run();
         desk.run();
         painted(&mut desk);
-        assert_eq!(desk.state().text(), SCRIPT, "it is not let go");
+        assert_eq!(desk.state().text(), SCRIPT, "the mouse button is still down");
         assert!((place(&desk) - (at + by)).length() < 0.02, "{} for {}", place(&desk), at + by);
         desk.drop_at(to);
         desk.run();

@@ -193,7 +193,7 @@ fn constraints_and_attached_actors_follow_an_actor_during_a_drag() {
     place.viewer.dragging = Some(Dragging { actor: "ball".into(), drag, change: Change::Move(by) });
     let dragged = actors(&mut place);
     let seen = place.viewer.shown().unwrap().snapshot.camera;
-    assert_eq!(seen, camera, "the drag is measured through it");
+    assert_eq!(seen, camera, "the image keeps the camera with which the drag began");
     place.reload_with(&REACHED.replace(".at(0.3, 1.2, 0.5)", ".at(0.1, 1.45, 0.6)"));
     let placed = actors(&mut place);
     assert_eq!(dragged.len(), placed.len());

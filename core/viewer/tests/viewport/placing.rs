@@ -48,7 +48,7 @@ fn moving_a_keyed_actor_writes_a_key_at_the_playhead() {
     let new = "by the door\n    [1.0, [1.0, 0.0, 0.5]],\n    [f(50)";
     assert_eq!(place.text(), SCRIPT.replace("by the door\n    [f(50)", new));
     place.reload();
-    assert_eq!(place.viewer.message, None, "it stands where it was put");
+    assert_eq!(place.viewer.message, None, "the actor stands at its new position");
     // Again, at the same time: that one is changed.
     place.viewer.change_actor("ada", Change::Move(DVec3::new(0.25, 0.0, 0.0))).unwrap();
     assert_eq!(

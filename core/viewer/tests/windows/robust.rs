@@ -117,7 +117,7 @@ fn losing_the_display_ends_the_viewer_without_a_panic() {
         assert_eq!(status.code(), Some(4));
         assert_quiet(folder.path());
         let said = fs::read_to_string(folder.path().join("said.txt")).unwrap();
-        assert!(said.contains("the window system has gone"), "{said}");
+        assert!(said.contains("the connection to the window system was lost"), "{said}");
         // The script is as it was.
         assert_eq!(fs::read_to_string(&path).unwrap(), SCRIPT);
     }
