@@ -1,4 +1,4 @@
-//! A package with an importer in WebAssembly: built as its author does, installed with the command line, and used in both programs. Run by
+//! A package with an importer in WebAssembly: built as its author would, installed with the command line, and used in both programs. Run by
 //! `cargo xtask wasm`.
 
 #![cfg(target_os = "linux")]

@@ -1,5 +1,5 @@
-//! Somebody at work for a while: edits, drags, breaks, mends, resizes, plays, all by a seed. Nothing that the viewer holds grows, it
-//! does not fall, and the validation layer has nothing to say:
+//! Random use of the viewer by a seed: edits, drags, errors and repairs, resizes, playback. Memory and objects of the viewer must not grow, it
+//! must not crash, and the validation layer must report nothing:
 //! `CHOREO_MINUTES=60 cargo test -p choreo -p choreo-viewer --test endurance hour -- --ignored --nocapture`, else ten minutes. `CHOREO_SEED` for another hour.
 
 use crate::screen::chance::Chance;
@@ -38,7 +38,7 @@ struct Person<'a> {
 
 impl Person<'_> {
     fn save(&self, text: &str) {
-        // Editors save in place, or beside the file and rename.
+        // Text editors save in place, or write a new file and rename it.
         let file = self.folder.join("a.rhai");
         if text.len().is_multiple_of(2) {
             fs::write(self.folder.join("a.new"), text).unwrap();
@@ -49,7 +49,7 @@ impl Person<'_> {
     }
 
     fn point(&mut self, part: [u64; 4]) -> [String; 2] {
-        // The part is in hundredths of the window: left, right, top, bottom.
+        // `part` is in hundredths of the window: left, right, top, bottom.
         let [left, right, top, bottom] = part;
         let x = self.size[0] * (left + self.chance.next(right - left)) / 100;
         let y = self.size[1] * (top + self.chance.next(bottom - top)) / 100;
@@ -71,15 +71,15 @@ impl Person<'_> {
             "mouseup",
             button,
         ]);
-        // A dialog, which a drag can open, takes everything else.
+        // A drag can open a dialog, which blocks all other input.
         if self.chance.next(4) == 0 {
             self.screen.key(self.window, "Escape");
         }
     }
 
-    /// Something that people do.
+    /// Performs one random action of a user.
     fn act(&mut self) {
-        // Where the panels lie at first.
+        // Initial places of the panels.
         const PICTURE: [u64; 4] = [20, 70, 14, 60];
         const BARS: [u64; 4] = [12, 98, 72, 96];
         let number = self.chance.next(1000) as f64 / 500.0;
@@ -156,7 +156,7 @@ impl Person<'_> {
         }
     }
 
-    /// All as at first, and at rest.
+    /// Restores the initial state and waits until the viewer is idle.
     fn rest(&mut self, viewer: &ViewerProcess) -> Value {
         fs::write(self.folder.join("glow.wgsl"), GLOW.replace("BY", "1.0")).unwrap();
         self.size = [1280, 860];
@@ -167,9 +167,9 @@ impl Person<'_> {
         let quiet = Duration::from_millis(1500);
         let mut marked = 0;
         loop {
-            // Earlier lines are outdated.
+            // Earlier log lines are outdated.
             if viewer.settled(quiet, Duration::from_secs(6)).is_none() {
-                // It plays.
+                // Playback is on.
                 self.screen.key(self.window, "space");
                 continue;
             }

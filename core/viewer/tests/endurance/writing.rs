@@ -1,6 +1,6 @@
-//! Somebody writes `scripts/02_layers.rhai` with the viewer beside the editor: line by line from an empty file, with mistakes made and
-//! mended, saved in the three ways of editors; looks around between, drags a bar, a clip of the inspector, the actor itself, takes it
-//! back, does it again. Once as fast as it goes; at a person's pace, with breaks, for as long as requested:
+//! A simulated user writes `scripts/02_layers.rhai` in a text editor next to the viewer: line by line from an empty file, with errors that are
+//! fixed, saved in the three ways of text editors. In between the user looks around, drags a bar, a clip of the inspector and the actor, and
+//! undoes and redoes it. One test runs as fast as possible; the other at the pace of a person, with breaks, for the requested time:
 //! `CHOREO_MINUTES=60 cargo test -p choreo -p choreo-viewer --test endurance writing -- --ignored --nocapture`.
 
 use crate::screen::chance::Chance;
@@ -12,14 +12,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// The color of the playhead in the sequencer.
+/// Color of the playhead in the sequencer.
 const PLAYHEAD: [u8; 3] = [0xff, 0x6a, 0x3d];
-/// The gizmo's arrow along x, and its ring about y.
+/// Colors of the gizmo's arrow along x and of its ring about y.
 const ALONG_X: [u8; 3] = [0xe0, 0x55, 0x4d];
 const ABOUT_Y: [u8; 3] = [0x6a, 0xb0, 0x3f];
-/// Buttons of the inspector.
+/// Color of the buttons of the inspector.
 const BUTTON: [u8; 3] = [60; 3];
-/// Where the panels lie at first, in a window of 1280 × 860; left in the inspector, the buttons of clips alone.
+/// Initial places of the panels in a window of 1280 × 860; of the inspector only the buttons of clips.
 const SEQUENCER: [usize; 2] = [600, 860];
 const CLIPS: [usize; 3] = [949, 325, 560];
 const PICTURE: [usize; 4] = [200, 110, 900, 540];
@@ -30,9 +30,9 @@ struct Person<'a> {
     viewer: &'a ViewerProcess,
     file: PathBuf,
     chance: Chance,
-    /// Seconds from one deed to the next, about.
+    /// Mean pause between two actions, seconds.
     pace: f64,
-    /// The newest that was viewer of.
+    /// Newest version number that the viewer has reported.
     version: u64,
     saves: u64,
     actions: u64,
@@ -45,7 +45,7 @@ impl Person<'_> {
         std::thread::sleep(Duration::from_secs_f64(self.pace * part));
     }
 
-    /// Saves in three ways: in place; beside the file and renamed over it; with the old file moved away first.
+    /// Saves in one of three ways: in place; to a new file renamed over the old one; with the old file moved away first.
     fn save(&mut self, text: &str) {
         assert_ne!(text, self.text(), "the text differs from the saved one");
         let beside = self.file.with_extension("new");
@@ -69,7 +69,7 @@ impl Person<'_> {
         fs::read_to_string(&self.file).unwrap()
     }
 
-    /// Waits for a version after those known, and where it is to be good for its image.
+    /// Waits for a version newer than the known ones. `good`: it must load, and its frame is awaited, too.
     fn taken(&mut self, good: bool) {
         loop {
             let (number, faulty) = self.viewer.version(self.version);
@@ -90,7 +90,7 @@ impl Person<'_> {
         }
     }
 
-    /// Each step once the one before has been seen.
+    /// Presses keys, waiting for each to take effect.
     fn drag(&mut self, from: (usize, usize), to: (usize, usize)) {
         let move_to = |x: usize, y: usize| {
             let [x, y] = [x, y].map(|n| n.to_string());
@@ -108,7 +108,7 @@ impl Person<'_> {
         self.actions += 1;
     }
 
-    /// A typing error: half a line, a name, a parenthesis.
+    /// Inserts a typing error: half a line, a wrong name or a missing parenthesis.
     fn mistake(&mut self, before: &str, line: &str) -> Option<String> {
         let half = line.char_indices().nth(line.chars().count() / 2)?.0;
         let mistyped = match self.chance.next(3) {
@@ -120,7 +120,7 @@ impl Person<'_> {
         (mistyped != line && text != self.text()).then_some(text)
     }
 
-    /// Something that one does between two lines.
+    /// Performs a random view action between two lines.
     fn look_around(&mut self) {
         match self.chance.next(5) {
             0 => {
@@ -135,7 +135,7 @@ impl Person<'_> {
             2 => self.keys(&["Right", "Right", "Right", "Left", "End", "Home"]),
             3 => {
                 self.drag((760, 200), (660, 240));
-                // Back to the script's camera.
+                // Returns to the camera of the script.
                 self.keys(&["c"]);
             }
             _ => {
@@ -162,7 +162,7 @@ impl Person<'_> {
         let mut before = String::new();
         for line in lesson.lines() {
             let text = format!("{before}{line}\n");
-            // Blank lines and comments are saved with what comes after.
+            // Blank lines and comments are saved together with the next line.
             if !line.trim().is_empty() && !line.starts_with("//") {
                 if self.chance.next(3) == 0
                     && let Some(mistaken) = self.mistake(&before, line)
@@ -184,13 +184,13 @@ impl Person<'_> {
         assert_eq!(self.text(), lesson);
     }
 
-    /// Before something is dragged.
+    /// Prepares the window for a drag.
     fn at_ease(&mut self) {
         self.keys(&["Escape", "ctrl+2", "ctrl+4", "g", "Home"]);
         self.settle();
     }
 
-    /// A drag of what is not shown yet is refused; one save can be seen as two.
+    /// Waits until the viewer is idle: a drag of a version that is not shown yet is refused, and one save can cause two reloads.
     fn settle(&mut self) {
         self.viewer
             .settled(Duration::from_millis(400), Duration::from_secs(600))
@@ -202,10 +202,10 @@ impl Person<'_> {
         until("the bar", || self.screen.shot(self.window).bar(color_of_clip("Run"), SEQUENCER))
     }
 
-    /// The lines of the script that a drag has changed, as they were and as they are, or come.
+    /// Lines of the script that a drag has changed or added, before and after.
     fn changed(&mut self, lesson: &str) -> (String, Vec<String>) {
         let changed = until("the change", || {
-            // It says why not, where it was refused.
+            // A refusal is shown with its reason.
             self.screen.save(self.window, "dragged.png");
             Some(self.text()).filter(|t| t != lesson)
         });
@@ -214,7 +214,7 @@ impl Person<'_> {
         (changed, come)
     }
 
-    /// Taken back, made again, and taken back.
+    /// Undoes, redoes and undoes the change.
     fn take_back(&mut self, lesson: &str, changed: &str) {
         self.taken(true);
         for (key, wanted) in [("ctrl+z", lesson), ("ctrl+y", changed), ("ctrl+z", lesson)] {
@@ -225,7 +225,7 @@ impl Person<'_> {
         }
     }
 
-    /// The end of the second clip is dragged: one number of the script changes; back, again, and back.
+    /// Drags the end of the second clip, which changes one number of the script; then undo, redo, undo.
     fn drag_a_bar(&mut self, lesson: &str) {
         self.at_ease();
         let (_, right, y) = self.kims_bar();
@@ -241,7 +241,7 @@ impl Person<'_> {
         self.take_back(lesson, &changed);
     }
 
-    /// A click on the row selects the actor: the inspector has its clips, the viewport its gizmo.
+    /// Selects the actor by a click on its row: the inspector lists its clips, the viewport shows its gizmo.
     fn select(&mut self) {
         self.at_ease();
         until("no gizmo", || self.in_picture(ALONG_X).is_empty().then_some(()));
@@ -254,7 +254,7 @@ impl Person<'_> {
         self.settle();
     }
 
-    /// Where the image has a color, from left to right.
+    /// Pixels of the viewport image with a color, from left to right.
     fn in_picture(&self, color: [u8; 3]) -> Vec<(usize, usize)> {
         let shot = self.screen.shot(self.window);
         let [left, top, right, bottom] = PICTURE;
@@ -262,13 +262,13 @@ impl Person<'_> {
         all.filter(|(x, y)| shot.is(*x, *y, color)).collect()
     }
 
-    /// One of the actor's clips is let go over its row: a line comes.
+    /// Drags one of the actor's clips onto its row, which adds a line.
     fn drag_a_clip(&mut self, lesson: &str) {
         self.select();
         self.screen.save(self.window, "clips.png");
         let shot = self.screen.shot(self.window);
         let [x, top, bottom] = CLIPS;
-        // A letter's edge can have the color of a button, too, but is not as high.
+        // The edge of a letter can also have the color of a button, but is not as high.
         let is_button = |y: usize| (y..y + 8).all(|y| shot.is(x, y, BUTTON));
         let begins = |y: &usize| is_button(*y) && !shot.is(x, *y - 1, BUTTON);
         let clips: Vec<usize> = (top..bottom).filter(begins).collect();
@@ -276,7 +276,7 @@ impl Person<'_> {
         let clip = clips[self.chance.next(clips.len() as u64) as usize];
         let to = 300 + self.chance.next(800) as usize;
         let row = self.kims_bar().2;
-        // Seen where the change never comes.
+        // A screenshot shows why no change has arrived.
         println!("a clip from {}, {} to {to}, {row}", x + 35, clip + 6);
         self.drag((x + 35, clip + 6), (to, row));
         let (changed, come) = self.changed(lesson);
@@ -289,14 +289,14 @@ impl Person<'_> {
         self.take_back(lesson, &changed);
     }
 
-    /// The actor is moved along x, or turned about y: its first key changes, or its angle.
+    /// Moves the actor along x, or turns it about y, which changes its first key or its angle.
     fn drag_the_actor(&mut self, lesson: &str, turn: bool) {
         self.select();
         let by = 15 + self.chance.next(30) as usize;
         if turn {
             let (middle, _) = until("the arrow", || self.in_picture(ALONG_X).first().copied());
             self.keys(&["r"]);
-            // The ring is as wide as the arrow was long; the arrow along y has its color, too.
+            // The radius of the ring equals the length of the arrow. The arrow along y has the same color.
             let is_ring = |at: &(usize, usize)| at.0 + 40 < middle;
             let left = until("the ring", || self.in_picture(ABOUT_Y).first().copied().filter(is_ring));
             self.drag((left.0 + 1, left.1), (left.0 + 6, left.1 + by));
@@ -313,12 +313,12 @@ impl Person<'_> {
         self.take_back(lesson, &changed);
     }
 
-    /// All as at first; what is seen then.
+    /// Restores the initial view and returns a screenshot.
     fn rest(&mut self) -> Shot {
         self.keys(&["Escape", "ctrl+0", "ctrl+1", "ctrl+2", "ctrl+4", "g", "Home"]);
-        // Nothing is under the mouse.
+        // No widget is under the pointer.
         self.screen.xdotool(&["mousemove", "--window", self.window, "1270", "850"]);
-        // An image on a busy machine can take a second.
+        // A frame on a busy machine can take a second.
         self.viewer
             .settled(Duration::from_secs(2), Duration::from_secs(600))
             .expect("the scene stops changing");
@@ -331,7 +331,7 @@ impl Person<'_> {
     }
 }
 
-/// `None`, with a word, where there is no display.
+/// Opens a viewer of an empty script. Does nothing but print a line if there is no display.
 fn at_the_desk(seed: u64, pace: f64, mut use_it: impl FnMut(&mut Person<'_>, &str)) {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -376,7 +376,7 @@ fn a_lesson_is_written_from_an_empty_file() {
         person.drag_the_actor(lesson, false);
         person.drag_the_actor(lesson, true);
         let first = person.rest();
-        // Shown able to tell: another frame is another image.
+        // Check of the test itself: another frame must give another image.
         person.keys(&["End"]);
         until("another image", || (person.screen.shot(person.window).rgb != first.rgb).then_some(()));
         assert!(person.rest() == first, "the same image as before");
@@ -409,7 +409,7 @@ fn editing_in_window_and_text_editor_leaks_nothing() {
             }
             let seen = person.rest();
             assert!(*first.get_or_insert_with(|| seen.clone()) == seen, "the same script, the same image");
-            // A break: nothing is done then.
+            // A break without any input.
             let (before, of_threads) = (person.viewer.processor_secs(), person.viewer.threads());
             std::thread::sleep(Duration::from_secs(20));
             let now = (person.viewer.processor_secs() - before) / 20.0;
@@ -419,7 +419,7 @@ fn editing_in_window_and_text_editor_leaks_nothing() {
                 println!("threads before: {of_threads:?}\nand after: {:?}", person.viewer.threads());
             }
             idle = idle.max(now);
-            // One more save, so that something is viewer.
+            // One more save, so that a new frame is displayed.
             person.save(&format!("{lesson}// {}\n", person.saves));
             let (number, _) = person.viewer.version(person.version);
             person.version = number;

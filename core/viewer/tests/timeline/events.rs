@@ -1,4 +1,4 @@
-//! Marks of the sequencer beside bars: keys, who comes and goes, what actors do, named times of clips, feet; problems, until
+//! Markers of the sequencer besides bars: keys, entrances and exits, events of actors, named times of clips, foot contacts; problems until
 //! they are resolved.
 
 use crate::place::{Desk, Place};
@@ -38,7 +38,7 @@ fn rows_have_their_events_at_the_right_times() {
         let events = &row(timeline, label).events;
         events.iter().map(|e| (e.at.as_secs(), e.kind, e.label.replace('\n', ", "))).collect()
     };
-    // The walk is as long as its file says; the heel comes once a round.
+    // The walk is as long as its file states; the heel marker comes once per round.
     let round =
         place.viewer.scene.as_ref().unwrap().stage.actors[0].layers[0].cues[0].clip.duration.as_secs();
     let heels = (0..).map(|n| 0.5 + 0.2 + f64::from(n) * round).take_while(|t| *t < 2.0);
@@ -80,7 +80,7 @@ fn clicking_an_event_seeks_to_it_and_hovering_names_it() {
     desk.run();
     assert_eq!(desk.state().viewer.playhead.frame(), 25);
     assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("ada".into())));
-    // The next and the last of all that there is: bars' ends, events, marks.
+    // Previous and next of all ends of bars, events and markers.
     let mut frames = Vec::new();
     for key in [Key::ArrowDown, Key::ArrowDown, Key::ArrowUp, Key::ArrowUp, Key::ArrowUp] {
         desk.key_press_modifiers(Modifiers::NONE, key);
@@ -106,7 +106,7 @@ fn clicking_an_event_seeks_to_it_and_hovering_names_it() {
 fn the_foot_strip_shows_the_foot_contacts() {
     let mut desk = desk();
     let strip = desk.get_by_label("feet of ada").rect();
-    // Somewhere in the walk a foot is down.
+    // At some time of the walk a foot is on the ground.
     let down = (0..60).find_map(|step| {
         let x = strip.left() + strip.width() * (0.13 + 0.005 * step as f32);
         desk.hover_at(pos2(x, strip.center().y));
@@ -159,7 +159,7 @@ fn problem_markers_stay_until_the_problem_is_fixed() {
     assert_eq!(marked(&desk), (vec![], vec![]));
 }
 
-/// Buttons go into the menu before the ruler leaves the window, at twice the scale on a small screen.
+/// Buttons move into the menu before the ruler leaves the window, at twice the scale on a small screen.
 #[test]
 fn the_whole_ruler_is_visible_in_a_narrow_window() {
     let desk = Place::new(SCRIPT).harness(vec2(640.0, 600.0));
@@ -169,7 +169,7 @@ fn the_whole_ruler_is_visible_in_a_narrow_window() {
     assert!(!more.is_empty() && more.iter().all(|right| *right <= 640.0), "{more:?}");
 }
 
-/// Effects that are on at once have rows of their own, each with its own keys: a key that is dragged changes no other effect.
+/// Effects that are active at once have separate rows with their own keys: dragging a key changes no other effect.
 #[test]
 fn keys_of_effects_are_in_the_rows_of_their_effects() {
     let script = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
