@@ -1,4 +1,4 @@
-//! Dragging writes the script, without a window: the file, and what the panels show of it.
+//! Drags that change the script, without a window: the file, and what the panels show of it.
 
 use crate::place::{Place, drag};
 use choreo_motion::Time;
@@ -28,7 +28,7 @@ fn an_edit_changes_one_number_of_the_file_and_can_be_undone() {
     assert_eq!(place.viewer.timeline.rows[1].bars[0].start, Time::from_secs(0.72));
     place.viewer.set_cue(&cue(1), CueTime::FadeIn, 0.25).unwrap();
     assert!(place.text().contains("#{ fade: 0.25 }"));
-    // The editor saves something else meanwhile.
+    // Meanwhile the text editor saves another change.
     place.write(&format!("// a note\n{}", place.text()));
     place.viewer.undo().unwrap();
     assert_eq!(place.text(), format!("// a note\n{}", SCRIPT.replace(".from(0.5)", ".from(0.72)")));
@@ -37,7 +37,7 @@ fn an_edit_changes_one_number_of_the_file_and_can_be_undone() {
     assert_eq!(place.viewer.undo().unwrap_err().to_string(), "there is nothing to undo");
 }
 
-/// An edit of the first line, too, which has one character less for the script than in the file.
+/// An edit of the first line of a file with a byte order mark, which the script does not count as a character.
 #[test]
 fn a_byte_order_mark_stays_before_the_text() {
     let script = SCRIPT.replacen('\n', " ", 3);
@@ -54,7 +54,7 @@ fn moving_a_bar_moves_its_end_and_deleting_removes_its_line() {
     place.viewer.move_cue(&cue(0), 1.0, false).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".from(0.5).until(2.0)", ".from(1.0).until(2.5)"));
     place.reload();
-    // The second follows the first: where they meet moves.
+    // The second clip follows the first: their boundary moves.
     place.viewer.move_cue(&cue(1), 3.0, false).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".from(0.5).until(2.0)", ".from(1.0).until(3.0)"));
     place.reload();
@@ -74,7 +74,7 @@ fn moving_a_bar_moves_its_end_and_deleting_removes_its_line() {
     assert!(place.viewer.delete_cue(&in_loop).unwrap_err().to_string().contains("2"));
 }
 
-/// The last line about her is a loop in which she plays.
+/// The last line that mentions the actor is a loop in which she plays a clip.
 #[test]
 fn added_clips_are_written_after_all_others_in_order() {
     let mut place = Place::new(SCRIPT);
@@ -103,7 +103,7 @@ fn a_time_that_is_not_one_number_is_refused_unchanged() {
     let why = place.viewer.set_cue(&in_loop, CueTime::Start, 0.1).unwrap_err().to_string();
     assert!(why.contains("a.rhai:6: this line makes 2 objects"), "{why}");
     assert_eq!(place.text(), SCRIPT);
-    // Changed on disk and not yet shown.
+    // The file has changed on disk and is not shown yet.
     let other = SCRIPT.replace("she", "he");
     place.write(&other);
     let why = place.viewer.set_cue(&cue(0), CueTime::Start, 0.1).unwrap_err().to_string();
@@ -111,7 +111,7 @@ fn a_time_that_is_not_one_number_is_refused_unchanged() {
     assert_eq!(place.text(), other);
 }
 
-/// Taken anywhere, a bar moves by as far as the pointer does; Delete takes the selected one out of the script.
+/// Grabbed anywhere, a bar moves as far as the pointer; Delete removes the selected one from the script.
 #[test]
 fn a_dragged_bar_moves_and_delete_removes_it() {
     let place = Place::new(SCRIPT);
