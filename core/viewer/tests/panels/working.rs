@@ -1,5 +1,5 @@
-//! Each panel at work, without a window: the tree's buttons, messages, performance, cameras, what the inspector tells, the
-//! sequencer's times, and everything by the keyboard alone.
+//! Each panel in use, without a window: buttons of the tree, messages, performance, cameras, the inspector, times of the
+//! sequencer, and operation by keyboard alone.
 
 use crate::place::{Desk, Place, drag};
 use choreo_motion::Time;
@@ -28,7 +28,7 @@ effect("vignette", #{ strength: 0.5 }).from(1.0);
 marker("hello", 1.0);
 "##;
 
-/// A desk that shows the image of the first frame.
+/// A test harness that has drawn the first frame.
 fn desk() -> Desk {
     let mut place = Place::new(SCRIPT);
     place.paint();
@@ -41,7 +41,7 @@ fn paint(desk: &mut Desk) {
     }
 }
 
-/// The field of the tree, at the left; the inspector has others.
+/// Search field of the tree, which is on the left; the inspector has other text fields.
 fn search(desk: &Desk) -> egui_kittest::Node<'_> {
     let left = |node: &egui_kittest::Node| node.rect().left();
     desk.get_all_by_role(Role::TextInput).min_by(|a, b| left(a).total_cmp(&left(b))).unwrap()
@@ -57,7 +57,7 @@ fn click(desk: &mut Desk, label: &str) {
     desk.run();
 }
 
-/// Texts of a panel, to look at after a failure.
+/// Texts that contain `part`, for the message of a failure.
 fn said(desk: &Desk, part: &str) -> Vec<String> {
     desk.query_all_by_label_contains(part).map(|node| format!("{node:?}")).collect()
 }
@@ -77,7 +77,7 @@ fn the_tree_hides_isolates_and_locks_actors() {
     desk.state_mut().viewer.views[0].waiting = false;
     assert_eq!(hidden(&mut desk), Some(vec![0, 2]));
     click(&mut desk, "solo bob");
-    // The search finds joints too, and what is typed is no key.
+    // The search finds joints, too, and typed letters are not shortcuts.
     search(&desk).click();
     desk.run();
     search(&desk).type_text("hea");
@@ -85,7 +85,7 @@ fn the_tree_hides_isolates_and_locks_actors() {
     assert!(has(&desk, "mixamorig:Head"), "{:?}", (said(&desk, "Head"), search(&desk).value()));
     assert!(desk.query_by_label("hide ball").is_none());
     assert!(desk.state().viewer.toggles.hidden.is_empty());
-    // A field that has the keyboard requests no image of its own: nothing blinks.
+    // A focused field requests no repaint: its cursor does not blink.
     let delay = desk.output().viewport_output[&egui::ViewportId::ROOT].repaint_delay;
     assert!(delay > std::time::Duration::from_secs(60), "{delay:?}");
 }
@@ -120,7 +120,7 @@ fn a_camera_s_field_of_view_is_changed_in_the_inspector() {
         desk.state_mut().reload();
         assert!(desk.state().text().contains(literal), "{}", desk.state().text());
     }
-    // The mouse makes one change.
+    // A drag of the mouse is one change.
     desk.state_mut().viewer.selection = Some(Selected::Camera("wide".into()));
     desk.run();
     let before = desk.state().text();
@@ -148,10 +148,10 @@ fn a_click_on_a_message_goes_to_its_line() {
     desk.drag_at(message);
     desk.drop_at(message);
     desk.run();
-    // The script as it is on disk, at that line.
+    // The script panel shows the file on disk, scrolled to that line.
     desk.get_by_label("as it is on disk; the last good version is shown");
     assert!(has(&desk, "   5     .then(moves.clip(\"Waev\")"));
-    // The sequencer says so, too.
+    // The sequencer marks the problem, too.
     press(&mut desk, Modifiers::COMMAND, Key::Num2);
     assert!(has(&desk, "problems: 1 error: line 5"));
     desk.state_mut().reload_with(SCRIPT);
@@ -183,7 +183,7 @@ fn a_view_follows_an_actor_flies_and_uses_any_camera() {
         other => panic!("{other:?}"),
     };
     click(&mut desk, "camera");
-    // The name stands in the tree and in the menu.
+    // The name is shown in the tree and in the menu.
     desk.get_all_by_label("near").last().unwrap().click();
     desk.run();
     assert_eq!(desk.state().viewer.views[0].camera, ViewCamera::Named("near".into()));
@@ -197,7 +197,7 @@ fn a_view_follows_an_actor_flies_and_uses_any_camera() {
     assert!(matches!(following, ViewportCamera::Following { actor: 0, .. }), "{following:?}");
     desk.state_mut().viewer.views[0].waiting = false;
     click(&mut desk, "follow");
-    // On foot, W moves ahead, along -z here, while it is held and the mouse is over the image.
+    // While W is held with the pointer over the image, the camera walks forward, here along -z.
     let before = place(&desk);
     desk.hover_at(desk.get_by_label("picture").rect().center());
     desk.key_down(Key::W);
@@ -210,7 +210,7 @@ fn a_view_follows_an_actor_flies_and_uses_any_camera() {
     assert_eq!(place(&desk) - before, walked, "and stands then");
 }
 
-/// Picking returns the object drawn there. The image's colors show which it is; the renderer does not know of picking.
+/// Picking returns the actor drawn at the pixel. The colors of the image identify the actor, independently of the picking code.
 #[test]
 fn picking_selects_the_actor_drawn_at_the_pointer() {
     let mut place = Place::new(SCRIPT);
@@ -232,7 +232,7 @@ fn picking_selects_the_actor_drawn_at_the_pointer() {
     let mut seen = [0; 3];
     for y in (2..178).step_by(3) {
         for x in (2..318).step_by(3) {
-            // Away from edges.
+            // Pixels near edges are skipped.
             let Some(expected) = kind(x, y).filter(|k| {
                 [(0, 1), (1, 0), (2, 1), (1, 2)].iter().all(|(i, j)| kind(x + i - 1, y + j - 1) == Some(*k))
             }) else {
@@ -268,7 +268,7 @@ fn a_skinned_gltf_model_is_picked_where_it_is_drawn() {
     let mut place = Place::within(folder, script);
     place.viewer.playhead.seek(Time::from_secs(0.4));
     place.viewer.views[0].resolution = Resolution::Full;
-    // It is no actor, and would hide the background.
+    // The file's ground is not an actor, and would hide the background.
     place.viewer.views[0].overlays.grid = false;
     let frame = place.paint().unwrap();
     let (scene, shown) = (place.viewer.scene.clone().unwrap(), place.viewer.shown().unwrap());
@@ -298,7 +298,7 @@ fn a_click_in_the_image_selects_and_locked_actors_are_not_moved() {
     let mut desk = desk();
     let rect = desk.get_by_label("picture").rect();
     let shown = desk.state().viewer.shown().unwrap();
-    // The image fills the panel: 16 : 9, in its middle.
+    // The image fills the panel: 16 : 9, centered.
     let width = rect.width().min(rect.height() * 16.0 / 9.0);
     let size = vec2(width, width * 9.0 / 16.0);
     let corner = rect.center() - size / 2.0;
@@ -327,13 +327,13 @@ fn a_click_in_the_image_selects_and_locked_actors_are_not_moved() {
 #[test]
 fn the_inspector_shows_layers_materials_joints_and_parameters() {
     let mut desk = desk();
-    // In the middle of the fade, each has half of the weight.
+    // In the middle of the fade, each clip has half of the weight.
     desk.state_mut().viewer.playhead.seek(Time::from_secs(2.4));
     paint(&mut desk);
     click(&mut desk, "row ada");
     let heard = [" 50 % Walk", " 50 % Wave"];
     assert!(heard.iter().all(|part| has(&desk, part)), "{:?}", said(&desk, "%"));
-    // Bob's head is turned from rest, as the script says; nothing plays on him.
+    // Bob's head is rotated from the rest pose by the script; no clip plays on him.
     click(&mut desk, "row bob");
     let joints = desk.get_all_by_label_contains("joints (").last().unwrap().rect().center();
     desk.hover_at(joints);
@@ -347,7 +347,7 @@ fn the_inspector_shows_layers_materials_joints_and_parameters() {
     desk.drop_at(materials);
     desk.run();
     assert!(has(&desk, "metallic 1.00") && has(&desk, "roughness 0.25"));
-    // The slider has the range of the manifest, and writes its value into the script.
+    // The slider has the range of the manifest, and changes the script.
     click(&mut desk, "vignette on effects");
     let slider = desk.get_by_role_and_label(Role::Slider, "strength").rect();
     let to = pos2(slider.left() + 4.0, slider.center().y);
@@ -367,7 +367,7 @@ fn the_sequencer_shows_times_in_the_chosen_unit() {
     assert!(!desk.state().viewer.in_seconds);
     assert_eq!(desk.state().viewer.shown_time(Time::from_secs(1.0)), "frame 25");
     click(&mut desk, "frames");
-    // The part that is played, by keys; its button takes it away.
+    // The playback range is set by keys, and removed by its button.
     for (secs, key) in [(1.0, Key::I), (2.0, Key::O)] {
         desk.state_mut().viewer.playhead.seek(Time::from_secs(secs));
         press(&mut desk, Modifiers::NONE, key);
@@ -376,19 +376,19 @@ fn the_sequencer_shows_times_in_the_chosen_unit() {
     assert_eq!(range, Some((1.0, 2.04)));
     click(&mut desk, "1.00 to 2.04 s");
     assert_eq!(desk.state().viewer.playhead.range(), None);
-    // Snapped to frames or not, and the view of all of it.
+    // Snapping to frames on and off, and the view of the whole scene.
     assert_eq!(desk.state().viewer.snapped(1.013), 1.0);
     click(&mut desk, "Snap");
     assert_eq!(desk.state().viewer.snapped(1.013), 1.013);
     desk.state_mut().viewer.span.zoom(4.0, 0.0, 100.0, 4.0);
     click(&mut desk, "Whole");
     assert_eq!(desk.state().viewer.span, choreo_viewer::state::span::Span::whole(4.0));
-    // The end of a bar, and a cut, by the mouse.
+    // The end of a bar and a cut are dragged with the mouse.
     for (label, secs, expected) in
         [("end of Walk in row 1", 3.0, ".until(3.0)"), ("start of near in row 0", 2.0, ".cut(2.0)")]
     {
         let ruler = desk.get_by_label("time").rect();
-        // Taken beside the time, it goes as far as the pointer.
+        // Grabbed beside its center, the handle keeps that offset.
         let from = desk.get_by_label(label).rect().center();
         let was = desk.state().viewer.timeline.rows.iter().flat_map(|row| &row.bars);
         let was = was.flat_map(|bar| [bar.start, bar.until]).map(choreo_motion::Time::as_secs);
@@ -408,7 +408,7 @@ fn the_sequencer_shows_times_in_the_chosen_unit() {
 fn the_viewer_is_fully_usable_by_keyboard() {
     let mut desk = desk();
     let none = Modifiers::NONE;
-    // Selecting, hiding, playing, stepping.
+    // Select, hide, play, step.
     press(&mut desk, none, Key::PageDown);
     assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("ada".into())));
     press(&mut desk, none, Key::H);
@@ -424,7 +424,7 @@ fn the_viewer_is_fully_usable_by_keyboard() {
     let file = desk.state().viewer.screenshot.clone().unwrap();
     assert!(file.ends_with("a_0.png"), "{}", file.display());
     press(&mut desk, none, Key::Escape);
-    // Tab goes from button to bar; Enter selects the bar, Alt and arrows move it, with Shift its end.
+    // Tab moves from button to bar; Enter selects the bar, Alt with arrows moves it, with Shift its end.
     let reach = |desk: &mut Desk, label: &str| {
         for _ in 0..200 {
             press(desk, none, Key::Tab);
@@ -447,7 +447,7 @@ fn the_viewer_is_fully_usable_by_keyboard() {
     );
     press(&mut desk, Modifiers::COMMAND, Key::Z);
     assert_eq!(desk.state().text(), SCRIPT);
-    // A number of the inspector, typed.
+    // A number is typed in the inspector.
     press(&mut desk, none, Key::Escape);
     press(&mut desk, none, Key::PageDown);
     reach(&mut desk, "x");
@@ -457,7 +457,7 @@ fn the_viewer_is_fully_usable_by_keyboard() {
     desk.run();
     press(&mut desk, none, Key::Enter);
     assert_eq!(desk.state().text(), SCRIPT.replace(".at(-0.6, 0.0", ".at(1.5, 0.0"));
-    // Panels come and go, all of it larger, and the list of shortcuts.
+    // Panels are closed and opened, the display scale grows, and the list of shortcuts opens.
     press(&mut desk, Modifiers::COMMAND, Key::Num6);
     assert!(has(&desk, "   1 stage("));
     press(&mut desk, Modifiers::COMMAND, Key::Equals);
