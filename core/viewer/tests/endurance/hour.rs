@@ -1,6 +1,6 @@
 //! Random use of the viewer by a seed: edits, drags, errors and repairs, resizes, playback. Memory and objects of the viewer must not grow, it
 //! must not crash, and the validation layer must report nothing:
-//! `CHOREO_MINUTES=60 cargo test -p choreo -p choreo-viewer --test endurance hour -- --ignored --nocapture`, else ten minutes. `CHOREO_SEED` for another hour.
+//! `CHOREO_MINUTES=60 cargo test -p choreo -p choreo-viewer --test endurance hour -- --ignored --nocapture` (default: 10); `CHOREO_SEED`.
 
 use crate::screen::chance::Chance;
 use crate::screen::kept::Kept;

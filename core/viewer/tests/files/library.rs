@@ -1,4 +1,4 @@
-//! Files, folders and keys as plain data: lists of folders, names of new files, lessons, recent files, and the user's keys.
+//! Files, folders and shortcuts as plain data: folder lists, names of new files, lessons, recent files, and the user's shortcuts.
 
 use choreo_viewer::library::documents::Documents;
 use choreo_viewer::library::file_dialog::{FileDialog, Purpose};

@@ -1,4 +1,4 @@
-//! The lesson "first dance", rebuilt from an empty stage with the mouse; the keyboard only enters numbers, names and texts. The scene is compared with
+//! The lesson "first dance", rebuilt from an empty stage by mouse; the keyboard only enters numbers, names and texts. The scene is compared with
 //! that of the lesson: joints, cameras, lights and background over ten seconds. Screenshots are saved in the folder CHOREO_SHOTS, if it is set.
 
 use crate::place::Place;

@@ -1,4 +1,4 @@
-//! The curve editor in a real window: K sets a key, the mouse drags its point, undo takes both back.
+//! The curve editor in a real window: K sets a key, the mouse drags its point, and undo reverts both.
 
 use crate::screen::{Screen, assert_quiet, until};
 use std::fs;
@@ -9,7 +9,7 @@ let ball = cast("ball", shape("box", #{ size: 1.0 })).key("position", [[0.0, [0,
 camera("c").at(0.0, 1.0, 6.0).look_at([0.0, 1.0, 0.0]);
 "##;
 
-/// A selected key, encoded by the device.
+/// Color of a selected key after the device's encoding.
 const SELECTED: [u8; 3] = [0xff, 0x8a, 0x28];
 
 #[test]

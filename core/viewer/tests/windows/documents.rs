@@ -1,12 +1,12 @@
-//! A window without a file: the start page with lessons as images, a new script by the keyboard, its folder in the asset browser, the
-//! command palette; the next window knows the script as a recent one.
+//! A window without a file: the start page with thumbnails of lessons, a new script by keyboard, its folder in the asset browser, the
+//! command palette; the next window lists the script as recent.
 
 use crate::screen::{Running, Screen, assert_quiet, until, validated};
 use serde_json::Value;
 use std::fs::{self, File};
 use std::path::Path;
 
-/// A script that is not on the disk is offered to be created; several lessons have an image.
+/// A missing script is offered to be created; several lessons have a thumbnail.
 const SOME: usize = 8;
 
 fn start(screen: &Screen, args: &[&str], folder: &Path) -> Running {

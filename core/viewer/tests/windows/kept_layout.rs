@@ -1,4 +1,4 @@
-//! The layout is in its file while the window is open, and after a signal that ends the program.
+//! The layout is saved while the window is open, so that it survives a signal that ends the program.
 
 use crate::screen::{Screen, assert_quiet, until};
 use serde_json::Value;
@@ -19,7 +19,7 @@ fn the_panel_layout_is_restored_after_a_restart() {
     let mut viewer = screen.view(&[script.to_str().unwrap()], folder.path());
     let window = screen.window();
     screen.rest(viewer.0.id());
-    // The file is complete at any time.
+    // The file is complete at all times.
     let kept = || -> Value { serde_json::from_str(&fs::read_to_string(&settings).unwrap()).unwrap() };
     let scale = || kept()["scale"].as_f64().unwrap_or(1.0);
     screen.key(&window, "ctrl+equal");

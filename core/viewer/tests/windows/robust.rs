@@ -1,5 +1,5 @@
-//! A window that is not treated well: resized a thousand times, made tiny, hidden, scaled, its device lost, its display killed.
-//! No panic, no message of the validation layer, nothing lost.
+//! Stress tests of a window: resized a thousand times, made tiny, hidden, scaled, with a lost device and a killed display.
+//! There must be no panic, no message of the validation layer, and no lost state.
 
 use crate::screen::{Screen, assert_quiet, until};
 use std::fs;
@@ -37,7 +37,7 @@ fn a_thousand_resizes_including_tiny_sizes_do_not_crash() {
     let mut viewer = screen.view(&[&script(folder.path()), "--play"], folder.path());
     let window = screen.window();
     picture(&screen, &window);
-    // A hundred at a time; among them a pixel and more than the screen has.
+    // A hundred sizes at a time, among them one pixel and more than the screen.
     for round in 0..10u32 {
         let mut all: Vec<String> = Vec::new();
         for n in 0..100u32 {
@@ -58,7 +58,7 @@ fn a_thousand_resizes_including_tiny_sizes_do_not_crash() {
     }
     screen.xdotool(&["windowsize", &window, "1200", "800"]);
     until("the window in its new size", || (screen.shot(&window).width == 1200).then_some(()));
-    // Twice as large and back.
+    // Doubled scale and back.
     for key in ["ctrl+equal", "ctrl+minus"] {
         for _ in 0..12 {
             screen.key(&window, key);
@@ -79,7 +79,7 @@ fn a_lost_device_is_recreated_and_the_panels_stay() {
     let mut viewer = screen.view(&args, folder.path());
     let window = screen.window();
     picture(&screen, &window);
-    // It plays on.
+    // Playback continues.
     let before = screen.shot(&window);
     until("movement", || (screen.shot(&window) != before).then_some(()));
     ends_well(&screen, &window, &mut viewer);
@@ -103,7 +103,7 @@ fn repeated_device_loss_ends_with_an_error_message() {
 
 #[test]
 fn losing_the_display_ends_the_viewer_without_a_panic() {
-    // The display goes at several moments, whatever the viewer is doing then.
+    // The display is killed at several moments.
     for wait in [0, 3, 17, 40] {
         let Some(mut screen) = Screen::new() else { return };
         let folder = tempfile::tempdir().unwrap();
@@ -118,7 +118,7 @@ fn losing_the_display_ends_the_viewer_without_a_panic() {
         assert_quiet(folder.path());
         let said = fs::read_to_string(folder.path().join("said.txt")).unwrap();
         assert!(said.contains("the connection to the window system was lost"), "{said}");
-        // The script is as it was.
+        // The script is unchanged.
         assert_eq!(fs::read_to_string(&path).unwrap(), SCRIPT);
     }
 }
@@ -140,7 +140,7 @@ fn a_window_shown_again_displays_the_changed_scene() {
     assert_quiet(folder.path());
 }
 
-/// On a screen with small pixels everything is twice as large, and the image has as many pixels as it is drawn with.
+/// On a high-density screen everything is twice as large, and image pixels map one to one to screen pixels.
 #[test]
 fn at_display_scale_two_the_image_is_drawn_pixel_for_pixel() {
     let Some(screen) = Screen::new() else { return };

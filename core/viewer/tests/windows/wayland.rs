@@ -1,4 +1,4 @@
-//! A window on Wayland: an actor is selected and dragged, a key takes it back, the output becomes finer, and it ends. With Vulkan under
+//! A window on Wayland: an actor is selected and dragged, the drag is undone, the output scale grows, and the window is closed. With Vulkan under
 //! the validation layer, and on the CPU.
 
 use crate::screen::wayland::{Compositor, KEY_Q, KEY_Z, SIZE};
@@ -13,9 +13,9 @@ sun(#{ direction: [-0.6, -1.0, -0.9] });
 "##;
 
 const BACKGROUND: [u8; 3] = [0x20, 0x40, 0x60];
-/// The gizmo's arrow along x.
+/// Color of the gizmo's arrow along x.
 const ALONG_X: [u8; 3] = [0xe0, 0x55, 0x4d];
-/// Where the viewport surely lies: left, top, right, bottom.
+/// A rectangle that lies within the viewport: left, top, right, bottom.
 const PICTURE: [usize; 4] = [200, 110, 900, 540];
 
 fn viewer(compositor: &Compositor, folder: &Path, vulkan: bool) -> Running {
@@ -25,7 +25,7 @@ fn viewer(compositor: &Compositor, folder: &Path, vulkan: bool) -> Running {
     started_in(command, folder, vulkan && validated())
 }
 
-/// Pixels of the viewport of which this holds, from left to right.
+/// Pixels of the viewport whose color satisfies `is`, from left to right.
 fn pixels(shot: &Shot, is: impl Fn([u8; 3]) -> bool) -> Vec<(usize, usize)> {
     let [left, top, right, bottom] = PICTURE;
     let all = (left..right).flat_map(|x| (top..bottom).map(move |y| (x, y)));
@@ -50,7 +50,7 @@ fn an_actor_is_dragged_on_wayland_by_vulkan_and_by_the_cpu() {
             (all.len() > 200).then(|| all[all.len() / 2])
         });
         wait();
-        // A click selects her, and her red arrow is dragged: one number of the script changes.
+        // A click selects ada, and her red arrow is dragged: one number of the script changes.
         hands.to(ada.0, ada.1);
         wait();
         hands.button(true);
@@ -75,7 +75,7 @@ fn an_actor_is_dragged_on_wayland_by_vulkan_and_by_the_cpu() {
         hands.ctrl(KEY_Z);
         until("the undo", || (text() == SCRIPT).then_some(()));
 
-        // On a finer output the window has half as many points across: the panels, twice as large, still fit it.
+        // At twice the output scale the window has half as many points: the panels still fit.
         compositor.tell("output * scale 2");
         wait();
         let corner = |shot: &Shot| shot.pixel(SIZE[0] as usize - 60, SIZE[1] as usize - 60);
@@ -96,7 +96,7 @@ fn an_actor_is_dragged_on_wayland_by_vulkan_and_by_the_cpu() {
     }
 }
 
-/// A compositor that closes the window ends the viewer as its own key does. It finds the window by the name of its desktop entry.
+/// Closing the window by the compositor ends the viewer like its own shortcut. The window is found by its application id.
 #[test]
 fn a_window_that_the_compositor_closes_ends_the_viewer() {
     let Some(compositor) = Compositor::new() else { return };

@@ -1,4 +1,4 @@
-//! A window where there is no Vulkan: no driver, not even the library that finds drivers, or only a driver that draws on the CPU.
+//! A window without usable Vulkan: no driver, no Vulkan loader library, or only a driver that draws on the CPU.
 
 use crate::screen::{Running, Screen, Shot, assert_quiet, until};
 use std::fs;
@@ -16,7 +16,7 @@ const BACKGROUND: [u8; 3] = [0x20, 0x40, 0x60];
 /// Left edge of the inspector in a window of 1280 × 860.
 const INSPECTOR: usize = 921;
 
-/// Parts that a machine lacks.
+/// The part of Vulkan that a machine lacks.
 #[derive(Clone, Copy, Debug)]
 enum Missing {
     Driver,
@@ -39,7 +39,7 @@ fn without(what: Missing, command: &mut Command, folder: &Path) {
         Missing::Gpu => ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].map(|name| {
             command.env(name, SOFTWARE_DRIVERS.iter().find(|file| Path::new(file).exists()).unwrap());
         }),
-        // An empty file of its name is found before it.
+        // An empty file with the library's name is found first.
         Missing::Library => ["libvulkan.so.1", "libvulkan.so"].map(|name| {
             fs::create_dir_all(folder.join("hidden")).unwrap();
             fs::write(folder.join("hidden").join(name), "").unwrap();
@@ -78,7 +78,7 @@ fn without_vulkan_the_window_shows_the_frame_and_takes_keys() {
     for missing in [Missing::Driver, Missing::Library, Missing::Gpu] {
         let folder = tempfile::tempdir().unwrap();
         let (viewer, window, first) = started(&screen, folder.path(), Some(missing));
-        // The bytes that the CPU renderer has drawn are those on the screen.
+        // The pixels on the screen are those of the CPU renderer.
         the_same_as_render(&first, folder.path());
         screen.save(&window, &format!("without_{missing:?}.png"));
         screen.xdotool(&["mousemove", "--window", &window, "600", "300"]);
@@ -100,7 +100,7 @@ fn without_vulkan_the_window_shows_the_frame_and_takes_keys() {
 
 /// Pixels of the image in the window.
 fn image(shot: &Shot) -> Vec<[u8; 3]> {
-    // The inspector beside it shows the color of the background, too.
+    // The inspector next to it contains the background color, too.
     let mut viewport = shot.clone();
     let is_beside = |pixel: usize| pixel % shot.width >= INSPECTOR;
     let beside = viewport.rgb.chunks_exact_mut(3).enumerate().filter(|(pixel, _)| is_beside(*pixel));
@@ -121,8 +121,8 @@ fn the_same_as_render(shot: &Shot, folder: &Path) {
     assert!(image(shot) == rendered, "the image on the screen is not the one that render draws");
 }
 
-/// Panels that Vulkan draws are the truth for those that the CPU draws: letters are blended with other weights, and the figures in the bar
-/// differ, but edges, areas and letters lie at the same places.
+/// Panels drawn on the CPU are compared with those drawn by Vulkan: glyphs are blended with other weights, and the timings in the bar
+/// differ, but edges, areas and glyphs must lie at the same places.
 #[test]
 fn panels_drawn_on_the_cpu_match_those_of_vulkan() {
     let Some(screen) = Screen::new() else { return };
