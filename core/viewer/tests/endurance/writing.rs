@@ -4,9 +4,9 @@
 //! `CHOREO_MINUTES=60 cargo test -p choreo -p choreo-viewer --test endurance writing -- --ignored --nocapture`.
 
 use crate::screen::chance::Chance;
-use crate::screen::kept::Kept;
+use crate::screen::kept::ResourceRecord;
 use crate::screen::viewer_process::ViewerProcess;
-use crate::screen::{Screen, Shot, assert_quiet, until, validated};
+use crate::screen::{Screen, Screenshot, assert_no_errors, is_validation_installed, until};
 use choreo_viewer::panels::color_of_clip;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ const SEQUENCER: [usize; 2] = [600, 860];
 const CLIPS: [usize; 3] = [949, 325, 560];
 const PICTURE: [usize; 4] = [200, 110, 900, 540];
 
-struct Person<'a> {
+struct SimulatedUser<'a> {
     screen: &'a Screen,
     window: &'a str,
     viewer: &'a ViewerProcess,
@@ -38,9 +38,9 @@ struct Person<'a> {
     actions: u64,
 }
 
-impl Person<'_> {
+impl SimulatedUser<'_> {
     /// Pauses like a user between two actions.
-    fn breathe(&mut self) {
+    fn pause(&mut self) {
         let part = 0.5 + self.chance.next(1000) as f64 / 1000.0;
         std::thread::sleep(Duration::from_secs_f64(self.pace * part));
     }
@@ -70,7 +70,7 @@ impl Person<'_> {
     }
 
     /// Waits for a version newer than the known ones. `good`: it must load, and its frame is awaited, too.
-    fn taken(&mut self, good: bool) {
+    fn wait_for_version(&mut self, good: bool) {
         loop {
             let (number, faulty) = self.viewer.version(self.version);
             self.version = number;
@@ -109,7 +109,7 @@ impl Person<'_> {
     }
 
     /// Inserts a typing error: half a line, a wrong name or a missing parenthesis.
-    fn mistake(&mut self, before: &str, line: &str) -> Option<String> {
+    fn insert_typo(&mut self, before: &str, line: &str) -> Option<String> {
         let half = line.char_indices().nth(line.chars().count() / 2)?.0;
         let mistyped = match self.chance.next(3) {
             0 => line[..half].to_string(),
@@ -121,7 +121,7 @@ impl Person<'_> {
     }
 
     /// Performs a random view action between two lines.
-    fn look_around(&mut self) {
+    fn perform_view_action(&mut self) {
         match self.chance.next(5) {
             0 => {
                 let to = 300 + self.chance.next(800) as usize;
@@ -165,18 +165,18 @@ impl Person<'_> {
             // Blank lines and comments are saved together with the next line.
             if !line.trim().is_empty() && !line.starts_with("//") {
                 if self.chance.next(3) == 0
-                    && let Some(mistaken) = self.mistake(&before, line)
+                    && let Some(mistaken) = self.insert_typo(&before, line)
                 {
                     self.save(&mistaken);
-                    self.taken(false);
-                    self.breathe();
+                    self.wait_for_version(false);
+                    self.pause();
                 }
                 self.save(&text);
-                self.taken(true);
-                self.breathe();
+                self.wait_for_version(true);
+                self.pause();
                 if self.chance.next(3) == 0 {
-                    self.look_around();
-                    self.breathe();
+                    self.perform_view_action();
+                    self.pause();
                 }
             }
             before = text;
@@ -185,13 +185,13 @@ impl Person<'_> {
     }
 
     /// Prepares the window for a drag.
-    fn at_ease(&mut self) {
+    fn prepare_drag(&mut self) {
         self.keys(&["Escape", "ctrl+2", "ctrl+4", "g", "Home"]);
-        self.settle();
+        self.wait_until_idle();
     }
 
     /// Waits until the viewer is idle: a drag of a version that is not shown yet is refused, and one save can cause two reloads.
-    fn settle(&mut self) {
+    fn wait_until_idle(&mut self) {
         self.viewer
             .settled(Duration::from_millis(400), Duration::from_secs(600))
             .expect("the scene stops changing");
@@ -203,7 +203,7 @@ impl Person<'_> {
     }
 
     /// Lines of the script that a drag has changed or added, before and after.
-    fn changed(&mut self, lesson: &str) -> (String, Vec<String>) {
+    fn changed_lines(&mut self, lesson: &str) -> (String, Vec<String>) {
         let changed = until("the change", || {
             // A refusal is shown with its reason.
             self.screen.save(self.window, "dragged.png");
@@ -215,47 +215,47 @@ impl Person<'_> {
     }
 
     /// Undoes, redoes and undoes the change.
-    fn take_back(&mut self, lesson: &str, changed: &str) {
-        self.taken(true);
+    fn undo_redo_undo(&mut self, lesson: &str, changed: &str) {
+        self.wait_for_version(true);
         for (key, wanted) in [("ctrl+z", lesson), ("ctrl+y", changed), ("ctrl+z", lesson)] {
-            self.breathe();
+            self.pause();
             self.keys(&[key]);
             until(key, || (self.text() == wanted).then_some(()));
-            self.taken(true);
+            self.wait_for_version(true);
         }
     }
 
     /// Drags the end of the second clip, which changes one number of the script; then undo, redo, undo.
     fn drag_a_bar(&mut self, lesson: &str) {
-        self.at_ease();
+        self.prepare_drag();
         let (_, right, y) = self.kims_bar();
         let by = 20 + self.chance.next(60) as usize;
         self.drag((right + 1, y), (right + by, y));
-        let (changed, come) = self.changed(lesson);
+        let (changed, come) = self.changed_lines(lesson);
         let [line] = &come[..] else { panic!("{changed}") };
         assert!(
             line.contains("\"Run\"") && line.contains(".until(") && !line.contains("until(4.0)"),
             "{line}"
         );
         assert_eq!(changed.lines().count(), lesson.lines().count(), "{changed}");
-        self.take_back(lesson, &changed);
+        self.undo_redo_undo(lesson, &changed);
     }
 
     /// Selects the actor by a click on its row: the inspector lists its clips, the viewport shows its gizmo.
     fn select(&mut self) {
-        self.at_ease();
-        until("no gizmo", || self.in_picture(ALONG_X).is_empty().then_some(()));
+        self.prepare_drag();
+        until("no gizmo", || self.pixels_in_image(ALONG_X).is_empty().then_some(()));
         let y = self.kims_bar().2.to_string();
         self.screen.xdotool(&["mousemove", "--window", self.window, "60", &y]);
         self.screen.rest(self.viewer.process.0.id());
         self.screen.xdotool(&["click", "1"]);
         self.actions += 1;
-        until("the gizmo", || self.in_picture(ALONG_X).last().copied());
-        self.settle();
+        until("the gizmo", || self.pixels_in_image(ALONG_X).last().copied());
+        self.wait_until_idle();
     }
 
     /// Pixels of the viewport image with a color, from left to right.
-    fn in_picture(&self, color: [u8; 3]) -> Vec<(usize, usize)> {
+    fn pixels_in_image(&self, color: [u8; 3]) -> Vec<(usize, usize)> {
         let shot = self.screen.shot(self.window);
         let [left, top, right, bottom] = PICTURE;
         let all = (left..right).flat_map(|x| (top..bottom).map(move |y| (x, y)));
@@ -279,14 +279,14 @@ impl Person<'_> {
         // A screenshot shows why no change has arrived.
         println!("a clip from {}, {} to {to}, {row}", x + 35, clip + 6);
         self.drag((x + 35, clip + 6), (to, row));
-        let (changed, come) = self.changed(lesson);
+        let (changed, come) = self.changed_lines(lesson);
         let [line] = &come[..] else { panic!("{changed}") };
         assert!(
             line.starts_with("kim.play(moves.clip(\"") && line.contains("#{ fade: 0.3 }).from("),
             "{line}"
         );
         assert_eq!(changed.replacen(&format!("{line}\n"), "", 1), lesson);
-        self.take_back(lesson, &changed);
+        self.undo_redo_undo(lesson, &changed);
     }
 
     /// Moves the actor along x, or turns it about y, which changes its first key or its angle.
@@ -294,27 +294,27 @@ impl Person<'_> {
         self.select();
         let by = 15 + self.chance.next(30) as usize;
         if turn {
-            let (middle, _) = until("the arrow", || self.in_picture(ALONG_X).first().copied());
+            let (middle, _) = until("the arrow", || self.pixels_in_image(ALONG_X).first().copied());
             self.keys(&["r"]);
             // The radius of the ring equals the length of the arrow. The arrow along y has the same color.
             let is_ring = |at: &(usize, usize)| at.0 + 40 < middle;
-            let left = until("the ring", || self.in_picture(ABOUT_Y).first().copied().filter(is_ring));
+            let left = until("the ring", || self.pixels_in_image(ABOUT_Y).first().copied().filter(is_ring));
             self.drag((left.0 + 1, left.1), (left.0 + 6, left.1 + by));
         } else {
-            let tip = until("the arrow", || self.in_picture(ALONG_X).last().copied());
+            let tip = until("the arrow", || self.pixels_in_image(ALONG_X).last().copied());
             self.drag((tip.0 - 8, tip.1), (tip.0 - 8 + by, tip.1));
         }
-        let (changed, come) = self.changed(lesson);
+        let (changed, come) = self.changed_lines(lesson);
         let [line] = &come[..] else { panic!("{changed}") };
         let keys = ", [-4.0, 0.0, 0.0]], [2.0, [-1.6, 0.0, 0.0]], [4.0, [3.8, 0.0, 0.0]]]);";
         let (turned, moved) = (!line.starts_with("kim.turn(90.0)."), !line.ends_with(keys));
         assert!(line.starts_with("kim.turn(") && (turned, moved) == (turn, !turn), "{line}");
         assert_eq!(changed.lines().count(), lesson.lines().count(), "{changed}");
-        self.take_back(lesson, &changed);
+        self.undo_redo_undo(lesson, &changed);
     }
 
     /// Restores the initial view and returns a screenshot.
-    fn rest(&mut self) -> Shot {
+    fn restore_view(&mut self) -> Screenshot {
         self.keys(&["Escape", "ctrl+0", "ctrl+1", "ctrl+2", "ctrl+4", "g", "Home"]);
         // No widget is under the pointer.
         self.screen.xdotool(&["mousemove", "--window", self.window, "1270", "850"]);
@@ -327,12 +327,12 @@ impl Person<'_> {
         let [left, top, right, bottom] = PICTURE;
         let rows =
             (top..bottom).flat_map(|y| &shot.rgb[(y * shot.width + left) * 3..(y * shot.width + right) * 3]);
-        Shot { width: right - left, height: bottom - top, rgb: rows.copied().collect() }
+        Screenshot { width: right - left, height: bottom - top, rgb: rows.copied().collect() }
     }
 }
 
 /// Opens a viewer of an empty script. Does nothing but print a line if there is no display.
-fn at_the_desk(seed: u64, pace: f64, mut use_it: impl FnMut(&mut Person<'_>, &str)) {
+fn run_writing_session(seed: u64, pace: f64, mut use_it: impl FnMut(&mut SimulatedUser<'_>, &str)) {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let lesson = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/02_layers.rhai");
@@ -340,7 +340,7 @@ fn at_the_desk(seed: u64, pace: f64, mut use_it: impl FnMut(&mut Person<'_>, &st
     let file = folder.path().join("lesson.rhai");
     fs::write(&file, "// Mine.\n").unwrap();
     let mut command = screen.command(&[file.to_str().unwrap()], folder.path());
-    if validated() {
+    if is_validation_installed() {
         command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
     }
     command.stderr(fs::File::create(folder.path().join("said.txt")).unwrap());
@@ -348,7 +348,7 @@ fn at_the_desk(seed: u64, pace: f64, mut use_it: impl FnMut(&mut Person<'_>, &st
     let (version, _) = viewer.version(0);
     let window = screen.window();
     let chance = Chance::new(seed);
-    let mut person = Person {
+    let mut person = SimulatedUser {
         screen: &screen,
         window: &window,
         viewer: &viewer,
@@ -360,26 +360,26 @@ fn at_the_desk(seed: u64, pace: f64, mut use_it: impl FnMut(&mut Person<'_>, &st
         actions: 0,
     };
     use_it(&mut person, &lesson);
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
     screen.key(&window, "ctrl+q");
     let status = until("the end", || viewer.process.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
 }
 
 #[test]
 fn a_lesson_is_written_from_an_empty_file() {
-    at_the_desk(7, 0.0, |person, lesson| {
+    run_writing_session(7, 0.0, |person, lesson| {
         person.write(lesson);
         person.drag_a_bar(lesson);
         person.drag_a_clip(lesson);
         person.drag_the_actor(lesson, false);
         person.drag_the_actor(lesson, true);
-        let first = person.rest();
+        let first = person.restore_view();
         // Check of the test itself: another frame must give another image.
         person.keys(&["End"]);
         until("another image", || (person.screen.shot(person.window).rgb != first.rgb).then_some(()));
-        assert!(person.rest() == first, "the same image as before");
+        assert!(person.restore_view() == first, "the same image as before");
     });
 }
 
@@ -390,14 +390,14 @@ fn editing_in_window_and_text_editor_leaks_nothing() {
         |name: &str, usual: u64| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(usual);
     let (minutes, seed) = (number("CHOREO_MINUTES", 10), number("CHOREO_SEED", 7));
     let pace = number("CHOREO_PACE_MS", 1000) as f64 / 1e3;
-    at_the_desk(seed, pace, |person, lesson| {
+    run_writing_session(seed, pace, |person, lesson| {
         let start = Instant::now();
-        let mut kept = Kept::default();
-        let mut first: Option<Shot> = None;
+        let mut kept = ResourceRecord::default();
+        let mut first: Option<Screenshot> = None;
         let mut idle: f64 = 0.0;
         while start.elapsed() < Duration::from_secs(minutes * 60) {
             person.save("// Once more, from nothing.\n");
-            person.taken(true);
+            person.wait_for_version(true);
             person.write(lesson);
             for deed in 0..4 {
                 match deed {
@@ -405,9 +405,9 @@ fn editing_in_window_and_text_editor_leaks_nothing() {
                     1 => person.drag_a_clip(lesson),
                     deed => person.drag_the_actor(lesson, deed == 2),
                 }
-                person.look_around();
+                person.perform_view_action();
             }
-            let seen = person.rest();
+            let seen = person.restore_view();
             assert!(*first.get_or_insert_with(|| seen.clone()) == seen, "the same script, the same image");
             // A break without any input.
             let (before, of_threads) = (person.viewer.processor_secs(), person.viewer.threads());
@@ -428,6 +428,6 @@ fn editing_in_window_and_text_editor_leaks_nothing() {
         }
         println!("at most {:.2} % of a core in breaks", idle * 100.0);
         assert!(idle < 0.01, "{idle}");
-        kept.judge();
+        kept.assert_no_growth();
     });
 }

@@ -275,7 +275,7 @@ let hat = cast(\"hat\", shape(\"box\", #{ size: 0.2 })).attach(ada.joint(\"Head\
     }
 }
 
-/// Corners of an actor's posed bounds in the image of the active camera, as fractions of half its height and width: computed
+/// The eight corners of an actor's posed bounds in the image of the active camera, as fractions of half its height and width: computed
 /// here from the snapshot in f64.
 fn corners_in_image(place: &Place, name: &str, at: Time) -> Vec<DVec2> {
     let scene = place.viewer.scene.clone().unwrap();

@@ -93,7 +93,7 @@ fn the_tree_hides_isolates_and_locks_actors() {
 #[test]
 fn the_status_bar_shows_a_problem_and_a_click_opens_the_messages() {
     let mut desk = desk();
-    desk.state_mut().spoil(&SCRIPT.replace("\"Wave\"", "\"Waev\""));
+    desk.state_mut().load_faulty(&SCRIPT.replace("\"Wave\"", "\"Waev\""));
     desk.run();
     click(&mut desk, "faulty: the last good version is shown");
     assert!(has(&desk, "unknown clip \"Waev\""));
@@ -140,7 +140,7 @@ fn a_camera_s_field_of_view_is_changed_in_the_inspector() {
 #[test]
 fn a_click_on_a_message_goes_to_its_line() {
     let mut desk = desk();
-    desk.state_mut().spoil(&SCRIPT.replace("\"Wave\"", "\"Waev\""));
+    desk.state_mut().load_faulty(&SCRIPT.replace("\"Wave\"", "\"Waev\""));
     desk.run();
     press(&mut desk, Modifiers::COMMAND, Key::Num5);
     let message = desk.get_all_by_label_contains("unknown clip").next().unwrap().rect().center();

@@ -84,7 +84,7 @@ impl Place {
     }
 
     /// Writes and loads a script that must have errors.
-    pub fn spoil(&mut self, text: &str) {
+    pub fn load_faulty(&mut self, text: &str) {
         self.write(text);
         let version = self.session.build(BTreeSet::new());
         assert!(version.scene.is_none(), "the script was expected to be faulty");

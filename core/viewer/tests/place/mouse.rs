@@ -14,9 +14,9 @@ use std::rc::Rc;
 
 /// Textures of the window, kept for drawing screenshots.
 #[derive(Clone, Default)]
-struct Kept(Rc<RefCell<Textures>>);
+struct TextureRecorder(Rc<RefCell<Textures>>);
 
-impl TestRenderer for Kept {
+impl TestRenderer for TextureRecorder {
     fn handle_delta(&mut self, delta: &mut TexturesDelta) {
         let mut textures = self.0.borrow_mut();
         textures.change(delta);
@@ -26,7 +26,7 @@ impl TestRenderer for Kept {
 
 pub struct Mouse {
     pub desk: Desk,
-    textures: Kept,
+    textures: TextureRecorder,
     /// Folder for screenshots (`CHOREO_SHOTS`). `None`: nothing is drawn.
     images: Option<PathBuf>,
     size: Vec2,
@@ -38,7 +38,7 @@ impl Mouse {
         let ui = |ui: &mut egui::Ui, place: &mut Place| {
             place.panels.show(ui, &mut place.viewer, &[Some(TextureId::User(0)); 4], 0.0);
         };
-        let textures = Kept::default();
+        let textures = TextureRecorder::default();
         let images = std::env::var_os("CHOREO_SHOTS").map(PathBuf::from);
         let shown = place.text();
         let mut desk =

@@ -41,12 +41,12 @@ pub struct Screen {
 }
 
 /// Whether the validation layer is installed.
-pub fn validated() -> bool {
+pub fn is_validation_installed() -> bool {
     Path::new("/usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json").is_file()
 }
 
 /// Asserts that the log has neither a panic nor a message of the validation layer.
-pub fn assert_quiet(folder: &Path) {
+pub fn assert_no_errors(folder: &Path) {
     let said = std::fs::read_to_string(folder.join("said.txt")).unwrap();
     for bad in ["panicked", "VUID", "Validation", "UNASSIGNED"] {
         assert!(!said.contains(bad), "{said}");
@@ -72,7 +72,7 @@ pub fn viewer(device: &str, args: &[&str], folder: &Path) -> Command {
 }
 
 /// Starts a viewer in a folder, with its output in a file there. `validation`: under the validation layer.
-pub fn started_in(mut command: Command, folder: &Path, validation: bool) -> Running {
+pub fn start_in(mut command: Command, folder: &Path, validation: bool) -> Running {
     command.current_dir(folder);
     if validation {
         command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
@@ -126,7 +126,7 @@ impl Screen {
 
     /// Starts the viewer in a folder, with its output in a file.
     pub fn view(&self, args: &[&str], folder: &Path) -> Running {
-        started_in(self.command(args, folder), folder, validated())
+        start_in(self.command(args, folder), folder, is_validation_installed())
     }
 
     /// Waits for the viewer's window and returns its id.
@@ -143,11 +143,11 @@ impl Screen {
     }
 
     /// Screenshot of a window.
-    pub fn shot(&self, window: &str) -> Shot {
+    pub fn shot(&self, window: &str) -> Screenshot {
         // A window has no image for a moment while it is resized or mapped.
         until("an image of the window", || {
             let output = self.run("import", &["-window", window, "-depth", "8", "ppm:-"]);
-            Shot::read(&output.stdout)
+            Screenshot::read(&output.stdout)
         })
     }
 
@@ -178,13 +178,13 @@ pub fn rest(processes: &[u32]) {
     let mut still = 0;
     while still < 3 && Instant::now() < end {
         std::thread::sleep(Duration::from_millis(10));
-        let works = processes.iter().any(|process| computes(*process));
+        let works = processes.iter().any(|process| is_busy(*process));
         still = if works { 0 } else { still + 1 };
     }
 }
 
 /// Whether any thread of a process runs or waits for a core (`man proc_pid_stat`, field 3).
-fn computes(process: u32) -> bool {
+fn is_busy(process: u32) -> bool {
     let tasks = std::fs::read_dir(format!("/proc/{process}/task")).into_iter().flatten().flatten();
     let stats = tasks.filter_map(|task| std::fs::read_to_string(task.path().join("stat")).ok());
     // The name before it can contain blanks; it ends at the last parenthesis.
@@ -192,15 +192,15 @@ fn computes(process: u32) -> bool {
 }
 
 #[derive(Clone, PartialEq)]
-pub struct Shot {
+pub struct Screenshot {
     pub width: usize,
     pub height: usize,
     pub rgb: Vec<u8>,
 }
 
-impl Shot {
+impl Screenshot {
     /// Reads a binary PPM.
-    pub fn read(bytes: &[u8]) -> Option<Shot> {
+    pub fn read(bytes: &[u8]) -> Option<Screenshot> {
         let mut at = 0;
         let mut words = Vec::new();
         while words.len() < 4 {
@@ -209,7 +209,7 @@ impl Shot {
             at = end + 1;
         }
         let (width, height) = (words[1].parse().ok()?, words[2].parse().ok()?);
-        Some(Shot { width, height, rgb: bytes.get(at..)?.to_vec() })
+        Some(Screenshot { width, height, rgb: bytes.get(at..)?.to_vec() })
     }
 
     /// Number of pixels with about this color.

@@ -1,6 +1,6 @@
 //! A headless Wayland compositor with simulated mouse and keyboard input.
 
-use super::{Running, Shot, there, until};
+use super::{Running, Screenshot, there, until};
 use std::fs::{self, Permissions};
 use std::io::Write;
 use std::os::fd::AsFd;
@@ -100,7 +100,7 @@ impl Compositor {
     }
 
     /// Runs a command of sway, such as `output * scale 2`.
-    pub fn tell(&self, order: &str) {
+    pub fn run_sway_command(&self, order: &str) {
         let status = self.client("swaymsg").args(["--quiet", "--", order]).status().unwrap();
         assert!(status.success(), "{order}");
     }
@@ -112,10 +112,10 @@ impl Compositor {
     }
 
     /// Screenshot of the output.
-    pub fn shot(&self) -> Shot {
+    pub fn shot(&self) -> Screenshot {
         until("an image of the output", || {
             let output = self.client("grim").args(["-t", "ppm", "-"]).output().unwrap();
-            Shot::read(&output.stdout)
+            Screenshot::read(&output.stdout)
         })
     }
 
@@ -127,7 +127,7 @@ impl Compositor {
     }
 
     /// Creates the input devices; must precede the window, which would miss the first keys of a later keyboard.
-    pub fn hands(&self) -> Hands {
+    pub fn create_input_devices(&self) -> InputDevices {
         let stream = UnixStream::connect(self.folder.path().join(&self.socket)).unwrap();
         let connection = Connection::from_socket(stream).unwrap();
         let (globals, mut queue) = registry_queue_init::<Nothing>(&connection).unwrap();
@@ -143,19 +143,19 @@ impl Compositor {
         keymap.write_all(&[0]).unwrap();
         keyboard.keymap(KeymapFormat::XkbV1.into(), keymap.as_fd(), KEYMAP.len() as u32 + 1);
         queue.roundtrip(&mut Nothing).unwrap();
-        Hands { queue, pointer, keyboard, begin: Instant::now() }
+        InputDevices { queue, pointer, keyboard, begin: Instant::now() }
     }
 }
 
 /// Virtual mouse of the output (`wlr-virtual-pointer-unstable-v1`) and virtual keyboard (`virtual-keyboard-unstable-v1`).
-pub struct Hands {
+pub struct InputDevices {
     queue: EventQueue<Nothing>,
     pointer: ZwlrVirtualPointerV1,
     keyboard: ZwpVirtualKeyboardV1,
     begin: Instant,
 }
 
-impl Hands {
+impl InputDevices {
     fn milliseconds(&self) -> u32 {
         self.begin.elapsed().as_millis() as u32
     }

@@ -146,10 +146,10 @@ fn problem_markers_stay_until_the_problem_is_fixed() {
         (rows.map(|r| r.label.clone()).collect::<Vec<_>>(), bars.map(|b| b.label.clone()).collect::<Vec<_>>())
     };
     assert_eq!(marked(&desk), (vec![], vec![]));
-    desk.state_mut().spoil(&SCRIPT.replace(".from(0.5).until(2.0)", ".from(0.5).untill(2.0)"));
+    desk.state_mut().load_faulty(&SCRIPT.replace(".from(0.5).until(2.0)", ".from(0.5).untill(2.0)"));
     desk.run();
     assert_eq!(marked(&desk), (vec![], vec!["Walk".to_string()]));
-    desk.state_mut().spoil(&SCRIPT.replace("cast(\"bob\", moves)", "cast(\"bob\", movs)"));
+    desk.state_mut().load_faulty(&SCRIPT.replace("cast(\"bob\", moves)", "cast(\"bob\", movs)"));
     desk.run();
     assert_eq!(marked(&desk), (vec!["bob".to_string()], vec![]));
     // All events of the last good version are still there.

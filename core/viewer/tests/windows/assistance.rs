@@ -1,6 +1,6 @@
 //! Accessibility of the window for a screen reader: read and operated by AT-SPI over D-Bus, with the registry of real desktops.
 
-use crate::screen::{Running, Screen, assert_quiet, there, until};
+use crate::screen::{Running, Screen, assert_no_errors, there, until};
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -146,5 +146,5 @@ fn a_screen_reader_reads_the_window_and_presses_its_buttons() {
     assert!(find(CHECK_BOX, "Loop").is_some());
     screen.key(&window, "ctrl+q");
     assert_eq!(until("the end", || viewer.0.try_wait().unwrap()).code(), Some(0));
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
 }

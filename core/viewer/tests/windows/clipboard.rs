@@ -1,6 +1,6 @@
 //! Clips copied in one window and pasted in another, through the clipboard of the display.
 
-use crate::screen::{Screen, assert_quiet, until};
+use crate::screen::{Screen, assert_no_errors, until};
 use choreo_viewer::panels::color_of_clip;
 use std::fs;
 use std::path::Path;
@@ -47,7 +47,7 @@ fn a_clip_that_is_copied_in_one_window_is_pasted_in_another() {
         screen.key(window, "ctrl+q");
         let status = until("the end", || viewer.0.try_wait().unwrap());
         assert_eq!(status.code(), Some(0));
-        assert_quiet(folder.path());
+        assert_no_errors(folder.path());
     }
 }
 

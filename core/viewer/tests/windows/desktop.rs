@@ -4,7 +4,7 @@
 mod programs;
 
 use crate::screen::viewer_process::ViewerProcess;
-use crate::screen::{Screen, Shot, assert_quiet, until, validated};
+use crate::screen::{Screen, Screenshot, assert_no_errors, is_validation_installed, until};
 use programs::{Drag, Manager, Settings};
 use std::fs;
 use std::path::Path;
@@ -22,7 +22,7 @@ fn open(screen: &Screen, folder: &Path, more: &[&str]) -> (ViewerProcess, String
     fs::write(&script, SCRIPT).unwrap();
     let args: Vec<&str> = std::iter::once(script.to_str().unwrap()).chain(more.iter().copied()).collect();
     let mut command = screen.command(&args, folder);
-    if validated() {
+    if is_validation_installed() {
         command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
     }
     command.stderr(fs::File::create(folder.join("said.txt")).unwrap());
@@ -32,11 +32,11 @@ fn open(screen: &Screen, folder: &Path, more: &[&str]) -> (ViewerProcess, String
     (viewer, window)
 }
 
-fn ends_well(screen: &Screen, window: &str, mut viewer: ViewerProcess, folder: &Path) {
+fn assert_clean_exit(screen: &Screen, window: &str, mut viewer: ViewerProcess, folder: &Path) {
     screen.key(window, "ctrl+q");
     let status = until("the end", || viewer.process.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
-    assert_quiet(folder);
+    assert_no_errors(folder);
 }
 
 #[test]
@@ -70,7 +70,7 @@ fn a_minimized_window_stays_idle_and_shows_changes_when_restored() {
         until("the new image", || (screen.shot(&window).count(wanted) > 20_000).then_some(()));
         viewer.plays();
     }
-    ends_well(&screen, &window, viewer, folder.path());
+    assert_clean_exit(&screen, &window, viewer, folder.path());
     drop(manager);
 }
 
@@ -101,7 +101,7 @@ fn a_covered_window_stays_idle() {
     screen.xdotool(&["windowunmap", "--sync", &cover]);
     viewer.plays();
     drop(above);
-    ends_well(&screen, &window, viewer, folder.path());
+    assert_clean_exit(&screen, &window, viewer, folder.path());
 }
 
 /// The desktop's scale changes, or the window moves to a screen with another scale: sizes in points stay, pixels double.
@@ -158,7 +158,7 @@ fn another_scale(managed: bool) {
         let size = [right.saturating_sub(left), bottom.saturating_sub(top)];
         (size == [320, 180] && first_button(&shot, 1.0) == Some(button)).then_some(())
     });
-    ends_well(&screen, &window, viewer, folder.path());
+    assert_clean_exit(&screen, &window, viewer, folder.path());
     drop(manager);
 }
 
@@ -213,7 +213,7 @@ fn a_file_that_is_dropped_is_shown_and_added() {
     until("a hint", || (screen.shot(&window).count(BACKGROUND) == 0).then_some(()));
     screen.xdotool(&["mousemove", "--window", &window, "640", "820"]);
     until("all as before", || (screen.shot(&window).count(BACKGROUND) > 5_000).then_some(()));
-    ends_well(&screen, &window, viewer, folder.path());
+    assert_clean_exit(&screen, &window, viewer, folder.path());
 }
 
 #[test]
@@ -230,7 +230,7 @@ fn files_that_are_dropped_together_are_all_shown_and_added() {
     }
     let paths = files.each_ref().map(|file| file.as_path());
     Drag::over(&screen.display, &window, &paths).drop();
-    // The models have different unlit colors, from left to right.
+    // The models have different emissive colors, from left to right.
     let strong = [[true, false, false], [false, true, false], [false, false, true]];
     let bounds = until("all three", || {
         let shot = screen.shot(&window);
@@ -255,7 +255,7 @@ fn files_that_are_dropped_together_are_all_shown_and_added() {
     until("one change", || {
         (fs::read_to_string(folder.path().join("a.rhai")).unwrap() == SCRIPT).then_some(())
     });
-    ends_well(&screen, &window, viewer, folder.path());
+    assert_clean_exit(&screen, &window, viewer, folder.path());
 }
 
 /// Clicks "Add to script", the fifth button of the top bar (Add is disabled then), and returns the changed script.
@@ -269,19 +269,19 @@ fn added_to_script(screen: &Screen, window: &str, viewer: &ViewerProcess, folder
 }
 
 /// Centers of the buttons in the top bar.
-fn buttons(shot: &Shot) -> Vec<usize> {
+fn buttons(shot: &Screenshot) -> Vec<usize> {
     let runs = runs(shot, 4);
     assert!(runs.len() >= 5, "{runs:?}");
     runs.iter().map(|[a, b]| (a + b) / 2).collect()
 }
 
 /// Width of the first button.
-fn first_button(shot: &Shot, scale: f64) -> Option<usize> {
+fn first_button(shot: &Screenshot, scale: f64) -> Option<usize> {
     runs(shot, (4.0 * scale) as usize).first().map(|[a, b]| b - a)
 }
 
 /// Start and end of each button in a row of pixels, found by color.
-fn runs(shot: &Shot, y: usize) -> Vec<[usize; 2]> {
+fn runs(shot: &Screenshot, y: usize) -> Vec<[usize; 2]> {
     let color = [60; 3];
     let mut runs: Vec<[usize; 2]> = Vec::new();
     for x in (4..shot.width).filter(|x| shot.is(*x, y, color)) {

@@ -1,6 +1,6 @@
 //! The layout is saved while the window is open, so that it survives a signal that ends the program.
 
-use crate::screen::{Screen, assert_quiet, until};
+use crate::screen::{Screen, assert_no_errors, until};
 use serde_json::Value;
 use std::fs;
 use std::process::Command;
@@ -33,5 +33,5 @@ fn the_panel_layout_is_restored_after_a_restart() {
     assert_eq!(status.code(), Some(0), "closed as by Quit");
     assert!((scale() - 1.2).abs() < 1e-6, "{}", scale());
     assert_eq!(kept()["tempos"], tempos);
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
 }

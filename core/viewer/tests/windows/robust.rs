@@ -1,7 +1,7 @@
 //! Stress tests of a window: resized a thousand times, made tiny, hidden, scaled, with a lost device and a killed display.
 //! There must be no panic, no message of the validation layer, and no lost state.
 
-use crate::screen::{Screen, assert_quiet, until};
+use crate::screen::{Screen, assert_no_errors, until};
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
@@ -23,7 +23,7 @@ fn picture(screen: &Screen, window: &str) {
     until("the image", || (screen.shot(window).count(BACKGROUND) > 3_000).then_some(()));
 }
 
-fn ends_well(screen: &Screen, window: &str, viewer: &mut crate::screen::Running) {
+fn assert_clean_exit(screen: &Screen, window: &str, viewer: &mut crate::screen::Running) {
     assert!(viewer.0.try_wait().unwrap().is_none(), "it is still there");
     screen.key(window, "ctrl+q");
     let status = until("the end", || viewer.0.try_wait().unwrap());
@@ -65,8 +65,8 @@ fn a_thousand_resizes_including_tiny_sizes_do_not_crash() {
         }
     }
     picture(&screen, &window);
-    ends_well(&screen, &window, &mut viewer);
-    assert_quiet(folder.path());
+    assert_clean_exit(&screen, &window, &mut viewer);
+    assert_no_errors(folder.path());
 }
 
 #[test]
@@ -82,8 +82,8 @@ fn a_lost_device_is_recreated_and_the_panels_stay() {
     // Playback continues.
     let before = screen.shot(&window);
     until("movement", || (screen.shot(&window) != before).then_some(()));
-    ends_well(&screen, &window, &mut viewer);
-    assert_quiet(folder.path());
+    assert_clean_exit(&screen, &window, &mut viewer);
+    assert_no_errors(folder.path());
 }
 
 #[test]
@@ -98,7 +98,7 @@ fn repeated_device_loss_ends_with_an_error_message() {
     assert_eq!(status.code(), Some(4));
     let said = fs::read_to_string(folder.path().join("said.txt")).unwrap();
     assert!(said.contains("the window can no longer be drawn: the device was lost"), "{said}");
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
 }
 
 #[test]
@@ -115,7 +115,7 @@ fn losing_the_display_ends_the_viewer_without_a_panic() {
         screen.server.0.kill().unwrap();
         let status = until("the end", || viewer.0.try_wait().unwrap());
         assert_eq!(status.code(), Some(4));
-        assert_quiet(folder.path());
+        assert_no_errors(folder.path());
         let said = fs::read_to_string(folder.path().join("said.txt")).unwrap();
         assert!(said.contains("the connection to the window system was lost"), "{said}");
         // The script is unchanged.
@@ -136,8 +136,8 @@ fn a_window_shown_again_displays_the_changed_scene() {
     std::thread::sleep(Duration::from_millis(800));
     screen.xdotool(&["windowmap", "--sync", &window]);
     until("the new image", || (screen.shot(&window).count([0x60, 0x20, 0x40]) > 3_000).then_some(()));
-    ends_well(&screen, &window, &mut viewer);
-    assert_quiet(folder.path());
+    assert_clean_exit(&screen, &window, &mut viewer);
+    assert_no_errors(folder.path());
 }
 
 /// On a high-density screen everything is twice as large, and image pixels map one to one to screen pixels.
@@ -166,6 +166,6 @@ fn at_display_scale_two_the_image_is_drawn_pixel_for_pixel() {
     });
     assert!(shot.height == 1000);
     screen.save(&window, "twice.png");
-    ends_well(&screen, &window, &mut viewer);
-    assert_quiet(folder.path());
+    assert_clean_exit(&screen, &window, &mut viewer);
+    assert_no_errors(folder.path());
 }

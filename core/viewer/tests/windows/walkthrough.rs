@@ -2,7 +2,7 @@
 //! screenshot of each step is saved there, and all of them in one image, `walkthrough.png`:
 //! `CHOREO_SHOTS=folder cargo test -p choreo -p choreo-viewer --test windows walkthrough`.
 
-use crate::screen::{Screen, assert_quiet, until};
+use crate::screen::{Screen, assert_no_errors, until};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -119,7 +119,7 @@ fn a_scene_is_changed_with_the_mouse_and_in_the_editor() {
     screen.key(&window, "ctrl+q");
     let status = until("the end", || viewer.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
     // The next window restores the layout of the panels.
     assert!(folder.path().join("state/choreo/view.json").is_file());
     strip();

@@ -2,7 +2,9 @@
 //! the validation layer, and on the CPU.
 
 use crate::screen::wayland::{Compositor, KEY_Q, KEY_Z, SIZE};
-use crate::screen::{self, Running, Shot, assert_quiet, rest, started_in, until, validated};
+use crate::screen::{
+    self, Running, Screenshot, assert_no_errors, is_validation_installed, rest, start_in, until,
+};
 use std::fs;
 use std::path::Path;
 
@@ -22,11 +24,11 @@ fn viewer(compositor: &Compositor, folder: &Path, vulkan: bool) -> Running {
     fs::write(folder.join("a.rhai"), SCRIPT).unwrap();
     let mut command = screen::viewer(if vulkan { "vulkan" } else { "cpu" }, &["a.rhai"], folder);
     compositor.connect(&mut command);
-    started_in(command, folder, vulkan && validated())
+    start_in(command, folder, vulkan && is_validation_installed())
 }
 
 /// Pixels of the viewport whose color satisfies `is`, from left to right.
-fn pixels(shot: &Shot, is: impl Fn([u8; 3]) -> bool) -> Vec<(usize, usize)> {
+fn pixels(shot: &Screenshot, is: impl Fn([u8; 3]) -> bool) -> Vec<(usize, usize)> {
     let [left, top, right, bottom] = PICTURE;
     let all = (left..right).flat_map(|x| (top..bottom).map(move |y| (x, y)));
     all.filter(|(x, y)| is(shot.pixel(*x, *y))).collect()
@@ -39,7 +41,7 @@ fn is_coral([red, green, blue]: [u8; 3]) -> bool {
 #[test]
 fn an_actor_is_dragged_on_wayland_by_vulkan_and_by_the_cpu() {
     let Some(compositor) = Compositor::new() else { return };
-    let mut hands = compositor.hands();
+    let mut hands = compositor.create_input_devices();
     for vulkan in [true, false] {
         let folder = tempfile::tempdir().unwrap();
         let mut viewer = viewer(&compositor, folder.path(), vulkan);
@@ -76,15 +78,15 @@ fn an_actor_is_dragged_on_wayland_by_vulkan_and_by_the_cpu() {
         until("the undo", || (text() == SCRIPT).then_some(()));
 
         // At twice the output scale the window has half as many points: the panels still fit.
-        compositor.tell("output * scale 2");
+        compositor.run_sway_command("output * scale 2");
         wait();
-        let corner = |shot: &Shot| shot.pixel(SIZE[0] as usize - 60, SIZE[1] as usize - 60);
+        let corner = |shot: &Screenshot| shot.pixel(SIZE[0] as usize - 60, SIZE[1] as usize - 60);
         until("the finer output", || {
             let shot = compositor.shot();
             (shot.count(BACKGROUND) > 20_000 && corner(&shot) != BACKGROUND).then_some(())
         });
         compositor.save(&format!("wayland_{vulkan}_2.png"));
-        compositor.tell("output * scale 1");
+        compositor.run_sway_command("output * scale 1");
         wait();
         let shot = compositor.shot();
         assert_eq!([shot.width, shot.height], SIZE.map(|s| s as usize));
@@ -92,7 +94,7 @@ fn an_actor_is_dragged_on_wayland_by_vulkan_and_by_the_cpu() {
         hands.ctrl(KEY_Q);
         let status = until("the end", || viewer.0.try_wait().unwrap());
         assert_eq!(status.code(), Some(0));
-        assert_quiet(folder.path());
+        assert_no_errors(folder.path());
     }
 }
 
@@ -104,8 +106,8 @@ fn a_window_that_the_compositor_closes_ends_the_viewer() {
     let mut viewer = viewer(&compositor, folder.path(), true);
     until("the window", || compositor.has_window().then_some(()));
     until("ada", || (pixels(&compositor.shot(), is_coral).len() > 200).then_some(()));
-    compositor.tell("[app_id=choreo-view] kill");
+    compositor.run_sway_command("[app_id=choreo-view] kill");
     let status = until("the end", || viewer.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
 }

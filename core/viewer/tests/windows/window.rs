@@ -1,7 +1,7 @@
 //! A real window on a virtual display, operated like a user: opened, played, scrubbed; the script edited, broken and
 //! repaired; resized and closed.
 
-use crate::screen::{Running, Screen, Shot, assert_quiet, until};
+use crate::screen::{Running, Screen, Screenshot, assert_no_errors, until};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -30,7 +30,7 @@ fn one_window_session_covers_playback_reload_and_screenshot() {
         (shot.count(BACKGROUND) > 20_000).then_some(shot)
     });
     // Its pixels equal those of `render`.
-    the_same_as_render(&first, &script, folder.path());
+    assert_same_as_render(&first, &script, folder.path());
     screen.save(&window, "open.png");
 
     // Shortcuts: another frame gives another image, and Home the first again.
@@ -47,7 +47,7 @@ fn one_window_session_covers_playback_reload_and_screenshot() {
     let saved = folder.path().join("a_0.png");
     until("the saved image", || saved.is_file().then_some(()));
     let saved = screen.run("convert", &[saved.to_str().unwrap(), "-depth", "8", "ppm:-"]);
-    let saved = Shot::read(&saved.stdout).unwrap();
+    let saved = Screenshot::read(&saved.stdout).unwrap();
     assert_eq!([saved.width, saved.height], [320, 180]);
     assert!(saved.count(BACKGROUND) == first.count(BACKGROUND), "the same image");
 
@@ -93,11 +93,11 @@ fn one_window_session_covers_playback_reload_and_screenshot() {
     screen.key(&window, "ctrl+q");
     let status = until("the end", || viewer.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
 }
 
 /// Compares the window's image, found by its background color, with that of `render` at the same size.
-fn the_same_as_render(shot: &Shot, script: &Path, folder: &Path) {
+fn assert_same_as_render(shot: &Screenshot, script: &Path, folder: &Path) {
     let [left, top, right, bottom] = shot.bounds(BACKGROUND);
     assert_eq!([right - left, bottom - top], [320, 180], "the image has its own size");
     let picture = folder.join("a.png");
@@ -110,7 +110,7 @@ fn the_same_as_render(shot: &Shot, script: &Path, folder: &Path) {
     let code = choreo::run(args, &choreo::app());
     assert_eq!(format!("{code:?}"), format!("{:?}", std::process::ExitCode::SUCCESS));
     let output = Command::new("convert").arg(&picture).args(["-depth", "8", "ppm:-"]).output().unwrap();
-    let rendered = Shot::read(&output.stdout).unwrap();
+    let rendered = Screenshot::read(&output.stdout).unwrap();
     let mut worst = 0;
     for y in 0..180 {
         for x in 0..320 {

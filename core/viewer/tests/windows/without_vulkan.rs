@@ -1,6 +1,6 @@
 //! A window without usable Vulkan: no driver, no Vulkan loader library, or only a driver that draws on the CPU.
 
-use crate::screen::{Running, Screen, Shot, assert_quiet, until};
+use crate::screen::{Running, Screen, Screenshot, assert_no_errors, until};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -48,7 +48,7 @@ fn without(what: Missing, command: &mut Command, folder: &Path) {
     };
 }
 
-fn started(screen: &Screen, folder: &Path, missing: Option<Missing>) -> (Running, String, Shot) {
+fn started(screen: &Screen, folder: &Path, missing: Option<Missing>) -> (Running, String, Screenshot) {
     let script = folder.join("a.rhai");
     fs::write(&script, SCRIPT).unwrap();
     let device = if missing.is_some() { "auto" } else { "vulkan" };
@@ -69,7 +69,7 @@ fn ended(screen: &Screen, mut viewer: Running, window: &str, folder: &Path) {
     screen.key(window, "ctrl+q");
     let status = until("the end", || viewer.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
-    assert_quiet(folder);
+    assert_no_errors(folder);
 }
 
 #[test]
@@ -79,7 +79,7 @@ fn without_vulkan_the_window_shows_the_frame_and_takes_keys() {
         let folder = tempfile::tempdir().unwrap();
         let (viewer, window, first) = started(&screen, folder.path(), Some(missing));
         // The pixels on the screen are those of the CPU renderer.
-        the_same_as_render(&first, folder.path());
+        assert_same_as_render(&first, folder.path());
         screen.save(&window, &format!("without_{missing:?}.png"));
         screen.xdotool(&["mousemove", "--window", &window, "600", "300"]);
         screen.key(&window, "End");
@@ -99,7 +99,7 @@ fn without_vulkan_the_window_shows_the_frame_and_takes_keys() {
 }
 
 /// Pixels of the image in the window.
-fn image(shot: &Shot) -> Vec<[u8; 3]> {
+fn image(shot: &Screenshot) -> Vec<[u8; 3]> {
     // The inspector next to it contains the background color, too.
     let mut viewport = shot.clone();
     let is_beside = |pixel: usize| pixel % shot.width >= INSPECTOR;
@@ -109,14 +109,14 @@ fn image(shot: &Shot) -> Vec<[u8; 3]> {
     (top..bottom).flat_map(|y| (left..right).map(move |x| shot.pixel(x, y))).collect()
 }
 
-fn the_same_as_render(shot: &Shot, folder: &Path) {
+fn assert_same_as_render(shot: &Screenshot, folder: &Path) {
     let picture = folder.join("a.png");
     let args = ["choreo", "render", "--at", "0", "--device", "cpu", "--quiet", "-o"].map(Into::into);
     let args = args.into_iter().chain([picture.clone().into(), folder.join("a.rhai").into()]);
     let code = choreo::run(args, &choreo::app());
     assert_eq!(format!("{code:?}"), format!("{:?}", std::process::ExitCode::SUCCESS));
     let output = Command::new("convert").arg(&picture).args(["-depth", "8", "ppm:-"]).output().unwrap();
-    let rendered = Shot::read(&output.stdout).unwrap();
+    let rendered = Screenshot::read(&output.stdout).unwrap();
     let rendered: Vec<[u8; 3]> = rendered.rgb.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
     assert!(image(shot) == rendered, "the image on the screen is not the one that render draws");
 }
