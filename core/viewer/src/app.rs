@@ -25,7 +25,7 @@ use crate::state::span::Span;
 use crate::state::tempo::Tempo;
 use crate::state::timeline::{Bar, Row, RowNumber, Timeline};
 use crate::state::trail::{JointRef, Trails};
-use crate::state::view::{FrameKey, Resolution, View, ViewCamera, fitted};
+use crate::state::view::{FrameKey, Resolution, View, ViewCamera, fit_image_size};
 use choreo_motion::Time;
 use choreo_plugin::Frame;
 use choreo_render::renderer::{CreatedCounts, DeviceUsage};
@@ -41,7 +41,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 /// Largest width or height of an image in a viewport, pixels; `render` can draw larger ones.
-const LARGEST: u32 = 4096;
+const MAX_IMAGE_SIDE: u32 = 4096;
 
 /// Changes of how this window shows actors, independent of the script.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -290,7 +290,7 @@ impl Viewer {
 
     /// Takes a version. A good one replaces the scene as a whole; the playhead, playback, selection and cameras are kept.
     pub fn take_version(&mut self, version: SceneVersion) {
-        if version.scene.is_none() && self.take_back_faulty(&version.problems) {
+        if version.scene.is_none() && self.undo_faulty_edit(&version.problems) {
             return;
         }
         self.problems = version.problems;
@@ -408,10 +408,10 @@ impl Viewer {
         let (saves, active) = (self.screenshot.is_some(), self.active.min(self.views.len() - 1));
         for (index, view) in self.views.iter_mut().enumerate().filter(|(_, v)| v.is_visible && !v.waiting) {
             let size = match view.resolution {
-                Resolution::Full => scene.stage.settings.size.map(|s| s.clamp(1, LARGEST)),
+                Resolution::Full => scene.stage.settings.size.map(|s| s.clamp(1, MAX_IMAGE_SIDE)),
                 Resolution::Fitted => {
                     let divisor = self.reduction.divisor(moving);
-                    fitted(scene.stage.settings.size, view.panel_size, divisor, LARGEST)
+                    fit_image_size(scene.stage.settings.size, view.panel_size, divisor, MAX_IMAGE_SIDE)
                 }
             };
             let key = FrameKey {
@@ -534,12 +534,13 @@ impl Viewer {
         let selected = selected.and_then(|name| selection::actor(&scene.stage, name));
         let mut actors = scene.stage.actors.iter().zip(&shown.snapshot.actors);
         let own = selected.and_then(|index| actors.nth(index));
-        own.map(|(actor, state)| picking::middle(&actor.asset, state)).or_else(|| self.middle_of_actors())
+        own.map(|(actor, state)| picking::bounds_center(&actor.asset, state))
+            .or_else(|| self.center_of_actors())
     }
 
     /// Center of all visible actors, world space.
-    pub(crate) fn middle_of_actors(&self) -> Option<DVec3> {
-        picking::middle_of_all(&self.scene.as_ref()?.stage, &self.shown()?.snapshot)
+    pub(crate) fn center_of_actors(&self) -> Option<DVec3> {
+        picking::bounds_center_of_all(&self.scene.as_ref()?.stage, &self.shown()?.snapshot)
     }
 
     /// Moves the playhead to the next (or the previous) start, end, event or marker.

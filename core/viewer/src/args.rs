@@ -196,7 +196,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn folders_of_the_project_are_searched_unless_its_file_is_not_to_be_read() {
+    fn project_folders_are_searched_unless_the_project_file_is_disabled() {
         let dir = tempfile::tempdir().unwrap();
         let d = dir.path().canonicalize().unwrap();
         for folder in ["scenes", "assets", "more"] {

@@ -135,7 +135,7 @@ fn start_rest_and_memory() {
     println!("on {}, load {}", last["device"], load());
 }
 
-/// A field of 322 × 322 vertices with normals, 5 MB, `height` metres high.
+/// A grid of 322 × 322 vertices with normals, 5 MB, `height` metres high.
 fn hill(height: f32) -> Vec<u8> {
     const SIDE: u32 = 322;
     let at = |i: u32| (i as f32 / (SIDE - 1) as f32 - 0.5) * 8.0;
@@ -146,7 +146,7 @@ fn hill(height: f32) -> Vec<u8> {
             let (x, z) = (at(column), at(row));
             let round = 1.0 + x * x + z * z;
             let y = height / round - height;
-            // The gradient of y, as a unit vector across the surface.
+            // Normal from the gradient of y.
             let slope = 2.0 * height / (round * round);
             let length = (1.0 + slope * slope * (x * x + z * z)).sqrt();
             let across = [slope * x / length, 1.0 / length, slope * z / length];
@@ -191,8 +191,8 @@ fn hill(height: f32) -> Vec<u8> {
     out
 }
 
-/// Time from right before a file is written until the window shows the new version, less the time of the same frame after an edit
-/// that changes only a comment. That edit follows each other one, so that a busy machine slows both.
+/// Latency from the moment before a file is written until the window shows the new version, minus the same for an edit that changes only
+/// a comment. The two kinds of edit alternate, so that a busy machine slows both.
 #[test]
 #[ignore = "takes some minutes, and is a measurement"]
 fn from_save_to_pixel() {
@@ -238,7 +238,7 @@ fn from_save_to_pixel() {
                 let begin = Instant::now();
                 fs::write(path, bytes).unwrap();
                 let (end, shown) = viewer.shown(version);
-                // A file that is written in two steps can be seen in two.
+                // A file that is written in two steps can cause two reloads.
                 version = shown["version"].as_u64().unwrap();
                 ((end - begin).as_secs_f64() * 1e3, shown["frame_ms"].as_f64().unwrap())
             };
@@ -255,7 +255,7 @@ fn from_save_to_pixel() {
     println!("\n{EDITS} edits each, 640×360, 4 samples, on {}, load {}", first["device"], load());
 }
 
-/// Five hundred actors with ten clips each, every one a line of its own.
+/// Five hundred actors with ten clips each, each clip on its own line.
 fn crowd() -> String {
     let mut script = String::from(
         "stage(#{ size: [320, 180], fps: 30, length: 60.0, samples: 1 });\nlet moves = load(\"choreo:mannequin\");\n",
@@ -273,7 +273,7 @@ fn crowd() -> String {
         + "camera(\"wide\").at(12.0, 6.0, 14.0).look_at([12.0, 0.9, -5.0]);\nsun(#{ direction: [-0.6, -1.0, -0.9] });\n"
 }
 
-/// The sequencer of a large scene is scrolled and zoomed by the wheel and dragged by the middle button: what each frame of the window takes.
+/// Frame times of the window while the sequencer of a large scene is scrolled and zoomed by the wheel and dragged by the middle button.
 #[test]
 #[ignore = "takes a minute, and is a measurement"]
 fn five_thousand_bars_are_scrolled_and_zoomed() {
@@ -330,13 +330,13 @@ fn five_thousand_bars_are_scrolled_and_zoomed() {
     );
 }
 
-/// An effect that only takes time: TIMES turns of a loop for each pixel.
+/// An effect that only takes time: a loop of TIMES iterations per pixel.
 const HEAVY: &str = "// effect: heavy\n// about: takes its time\n// version: 1\n// param amount = 0.5 in 0..1: how much\n\
     fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {\n    var sum = 0.0;\n    \
     for (var i = 0; i < TIMES; i = i + 1) {\n        sum = sum + fract(sum * 1.7 + uv.x * f32(i));\n    }\n    \
     return color * (1.0 + 0.0001 * p[amount] * fract(sum));\n}\n";
 
-/// Dancers, so that each frame has another image.
+/// Moving characters, so that each frame differs.
 const DANCERS: &str = r##"stage(#{ size: [640, 360], fps: 30, length: 8.0 });
 let moves = load("choreo:mannequin");
 for n in 0..4 { cast(`d${n}`, moves).at(n - 1.5, 0.0, 0.0).play(moves.clip("Dance_Groove")); }
@@ -345,18 +345,18 @@ sun(#{ direction: [-0.6, -1.0, -0.9] });
 effect("heavy");
 "##;
 
-/// Times of the viewer's own clock and of the frames, as it reports them.
+/// Times of the viewer's clock and of the frames, as the viewer reports them.
 struct Seen {
-    /// Milliseconds of the viewer's clock at which an image was on the screen.
+    /// Time at which an image was on the screen, milliseconds of the viewer's clock.
     at: f64,
     frame: f64,
     when: Instant,
 }
 
-/// Everything of one measurement ends before this, whatever the machine does.
+/// Upper limit of one measurement's duration.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// A viewer with slow frames, and the time at which its measurement ends.
+/// A viewer with slow frames, and the time at which the measurement ends.
 struct Slow<'s> {
     screen: &'s Screen,
     viewer: &'s ViewerProcess,
@@ -376,12 +376,12 @@ impl Slow<'_> {
         self.screen.xdotool(&["mousemove", "--window", &self.window, &place[0], &place[1]]);
     }
 
-    /// Waits until no image comes any more.
+    /// Waits until no more images arrive.
     fn quiet(&self, frame: Duration) {
         while self.image(frame * 2).is_some() {}
     }
 
-    /// From a move of the mouse with its button down until its image is on the screen, in times of that frame, move by move.
+    /// Latencies of single mouse moves with the button down until their image is on the screen, in multiples of the frame time.
     fn moves(&self, y: usize, frame: Duration) -> Vec<f64> {
         self.to(300, y);
         self.quiet(frame);
@@ -401,7 +401,7 @@ impl Slow<'_> {
         ratios
     }
 
-    /// Moves over a height of the window, to and fro, 125 times a second for some time; the images that were shown meanwhile.
+    /// Moves the mouse to and fro at one height 125 times per second for `secs`. Returns the images shown meanwhile.
     fn glide(&self, y: usize, secs: f64) -> Vec<Seen> {
         let steps = (secs / 0.008) as usize;
         let moves: Vec<String> = (0..steps)
@@ -416,11 +416,11 @@ impl Slow<'_> {
     }
 }
 
-/// From a move of the mouse to the image that belongs to it; images while it goes on moving; and how often the window is drawn while a frame
-/// takes a second. An effect is made so slow that one does. Every wait has an end: what is late is left out, with a word.
+/// Measures the latency from a mouse move to its image, the images during continuous movement, and the redraws of the window while a frame
+/// takes one second, which an effect is made slow enough for. Every wait has a time limit; late results are left out and reported.
 #[test]
 #[ignore = "takes two minutes, and is a measurement"]
-fn drags_and_scrubs_beside_slow_frames() {
+fn drags_and_scrubs_stay_smooth_while_frames_render_slowly() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
@@ -436,7 +436,7 @@ fn drags_and_scrubs_beside_slow_frames() {
     };
     let window = screen.window();
     let slow = Slow { screen: &screen, viewer: &viewer, window, end };
-    // More turns until a frame takes a second.
+    // More iterations until a frame takes one second.
     let (mut times, mut frame) = (20, first["frame_ms"].as_f64().unwrap());
     while frame < 1000.0 && times < 100_000 {
         times = ((times as f64 * (1300.0 / frame.max(1.0)).min(8.0)) as usize).max(times + 1);
@@ -460,7 +460,7 @@ fn drags_and_scrubs_beside_slow_frames() {
             ),
         }
     }
-    // While the mouse goes on and on, each frame is followed by the next.
+    // While the mouse keeps moving, frames follow each other.
     slow.to(300, ruler);
     slow.screen.xdotool(&["mousedown", "1"]);
     slow.viewer.meanwhile();
@@ -472,7 +472,7 @@ fn drags_and_scrubs_beside_slow_frames() {
         false => println!("\nwhile it scrubs without a rest: an image every {:.2} frame times", median(gaps)),
     }
     slow.quiet(one);
-    // A frame is asked for, and the mouse moves over the bars while it is drawn.
+    // A frame is requested, and the mouse moves over the bars while it is drawn.
     slow.screen.save(&slow.window, "slow_frames.png");
     viewer.painted();
     slow.to(1100, ruler);

@@ -1,4 +1,4 @@
-//! A package with an importer in WebAssembly: built as its author does, installed with the command line, and used in both programs. Run by
+//! A package with an importer in WebAssembly: built as its author would, installed with the command line, and used in both programs. Run by
 //! `cargo xtask wasm`.
 
 #![cfg(target_os = "linux")]
@@ -6,7 +6,7 @@
 mod screen;
 
 use choreo_importer_kit_testing::wasm::built;
-use screen::{Running, Screen, assert_quiet, until};
+use screen::{Running, Screen, assert_no_errors, until};
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -20,7 +20,7 @@ sun();
 const BACKGROUND: [u8; 3] = [0x20, 0x40, 0x60];
 
 #[test]
-fn an_installed_package_in_webassembly_works_in_the_viewer() {
+fn an_installed_webassembly_package_works_in_the_viewer() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path();
     // The command line lies beside the viewer.
@@ -72,5 +72,5 @@ fn an_installed_package_in_webassembly_works_in_the_viewer() {
     assert_ne!(shot.pixel((left + right) / 2, (top + bottom) / 2), BACKGROUND, "the mesh of the plugin");
     screen.key(&window, "ctrl+q");
     assert_eq!(until("the end", || viewer.0.try_wait().unwrap()).code(), Some(0));
-    assert_quiet(folder);
+    assert_no_errors(folder);
 }

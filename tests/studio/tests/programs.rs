@@ -5,7 +5,7 @@
 mod screen;
 
 use choreo_plugin::Source;
-use screen::{Running, Screen, Shot, assert_quiet, until};
+use screen::{Running, Screen, Screenshot, assert_no_errors, until};
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -79,7 +79,7 @@ fn plugins_of_another_program_work_in_its_command_line_and_its_viewer() {
     screen.key(&window, "ctrl+q");
     let status = until("the end", || viewer.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
     survives_a_panic(programs, folder.path(), &screen);
 }
 
@@ -194,14 +194,14 @@ fn an_installed_package_works_in_its_command_line_and_its_viewer() {
     assert_ne!(shot.pixel((left + right) / 2, (top + bottom) / 2), corner, "the importer's triangle");
     screen.key(&window, "ctrl+q");
     assert_eq!(until("the end", || viewer.0.try_wait().unwrap()).code(), Some(0));
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
 }
 
 /// The pixels of an image; `None` where ImageMagick is not installed.
-fn pixels(image: &Path) -> Option<Shot> {
+fn pixels(image: &Path) -> Option<Screenshot> {
     let Ok(output) = Command::new("convert").arg(image).args(["-depth", "8", "ppm:-"]).output() else {
         println!("SKIP 1: convert is not installed");
         return None;
     };
-    Some(Shot::read(&output.stdout).unwrap())
+    Some(Screenshot::read(&output.stdout).unwrap())
 }

@@ -5,9 +5,9 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// Editors that accept `-g file:line`.
-const GOTO: [&str; 5] = ["code", "codium", "code-oss", "cursor", "windsurf"];
+const GOTO_EDITORS: [&str; 5] = ["code", "codium", "code-oss", "cursor", "windsurf"];
 /// Editors that need a terminal.
-const IN_TERMINAL: [&str; 8] = ["vi", "vim", "nvim", "nano", "emacs", "hx", "micro", "kak"];
+const TERMINAL_EDITORS: [&str; 8] = ["vi", "vim", "nvim", "nano", "emacs", "hx", "micro", "kak"];
 
 /// Reason why the editor cannot be opened.
 #[derive(Debug, thiserror::Error)]
@@ -28,12 +28,12 @@ fn command(editor: Option<&str>, terminal: Option<&str>, file: &str, line: usize
     let program =
         Path::new(&words[0]).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let mut all = Vec::new();
-    if IN_TERMINAL.contains(&program.as_str()) && !words.iter().any(|w| w == "-c") {
+    if TERMINAL_EDITORS.contains(&program.as_str()) && !words.iter().any(|w| w == "-c") {
         all.extend([terminal.unwrap_or("x-terminal-emulator").to_string(), "-e".into()]);
     }
     all.extend(words);
     match program.as_str() {
-        p if GOTO.contains(&p) => all.extend(["-g".into(), format!("{file}:{line}")]),
+        p if GOTO_EDITORS.contains(&p) => all.extend(["-g".into(), format!("{file}:{line}")]),
         "subl" | "zed" | "hx" => all.push(format!("{file}:{line}")),
         _ => all.extend([format!("+{line}"), file.to_string()]),
     }
@@ -102,7 +102,7 @@ mod tests {
     use super::command;
 
     #[test]
-    fn editors_are_told_the_line_in_their_own_way() {
+    fn each_editor_gets_the_line_in_its_own_syntax() {
         let report = |editor: Option<&str>| command(editor, None, "a b.rhai", 7).join("|");
         assert_eq!(report(None), "code|-g|a b.rhai:7");
         assert_eq!(report(Some("/usr/bin/codium --wait")), "/usr/bin/codium|--wait|-g|a b.rhai:7");

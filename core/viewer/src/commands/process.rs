@@ -22,7 +22,7 @@ pub struct CommandOutput {
 }
 
 /// Limit of each output stream, bytes; the rest is dropped.
-const MOST_BYTES: u64 = 64 << 20;
+const MAX_STREAM_BYTES: u64 = 64 << 20;
 
 impl Process {
     pub fn start(words: &[OsString]) -> io::Result<Process> {
@@ -45,11 +45,11 @@ impl Process {
         let reader = std::thread::Builder::new().name("output of a command".into()).spawn(move || {
             let mut text = Vec::new();
             // An incomplete text is detected when it is parsed.
-            let _ = stdout.map(|out| out.take(MOST_BYTES).read_to_end(&mut text));
+            let _ = stdout.map(|out| out.take(MAX_STREAM_BYTES).read_to_end(&mut text));
             String::from_utf8_lossy(&text).into_owned()
         })?;
         let mut kept = String::new();
-        let mut lines = stderr.map(|err| BufReader::new(err.take(MOST_BYTES)));
+        let mut lines = stderr.map(|err| BufReader::new(err.take(MAX_STREAM_BYTES)));
         let mut bytes = Vec::new();
         while let Some(from) = &mut lines {
             bytes.clear();

@@ -1,6 +1,6 @@
 //! New lines for dropped files and clips: clips of an actor's own file or of another actor's, models under the pointer, and previewed files.
 
-use super::next_clip::FADE;
+use super::next_clip::CROSSFADE_SECS;
 use super::room::{self, Footprint};
 use super::standing_clip::standing_clip;
 use super::{EditError, difference, read};
@@ -45,7 +45,7 @@ pub enum ClipSource {
 }
 
 /// Folder next to the script that files from elsewhere are copied to.
-const ASSETS: &str = "assets";
+const ASSETS_FOLDER: &str = "assets";
 
 impl Viewer {
     /// Plays a clip on an actor from a time on: a clip of its own file, or of another actor's (`of`), which is retargeted. If another clip begins
@@ -94,7 +94,7 @@ impl Viewer {
 
     /// Options of a clip that follows others.
     fn options_of_next(&self, name: &str) -> String {
-        if self.has_base_clip(name) { format!(", #{{ fade: {FADE} }}") } else { String::new() }
+        if self.has_base_clip(name) { format!(", #{{ fade: {CROSSFADE_SECS} }}") } else { String::new() }
     }
 
     /// Returns a note about how many joints follow the clip.
@@ -136,7 +136,7 @@ impl Viewer {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
-        let inside = loaded_as(file, &folder_of(&path)).ok_or_else(|| {
+        let inside = load_path_within(file, &folder_of(&path)).ok_or_else(|| {
             let why = "it is outside the script's folder, and load(…) reads only inside; copy it into that folder first";
             EditError::refused(format!("{}: {why}", file.display()))
         })?;
@@ -292,7 +292,7 @@ impl Viewer {
                 continue;
             };
             let file = file.canonicalize().unwrap_or_else(|_| file.clone());
-            let name = loaded_as(&file, &folder)
+            let name = load_path_within(&file, &folder)
                 .unwrap_or_else(|| load_path(&asset_destination(&file, &folder, &read.read, &mut copies)));
             let along_x = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
             let own =
@@ -320,10 +320,10 @@ impl Viewer {
                 self.selection = selects;
             }
             false => {
-                let difference = difference::lines(&text, &edit.apply(&text));
+                let difference = difference::diff_lines(&text, &edit.apply(&text));
                 let count =
                     if copies.len() == 1 { "a file".into() } else { format!("{} files", copies.len()) };
-                let why = format!("{count} from outside the script's folder, copied into {ASSETS}/:");
+                let why = format!("{count} from outside the script's folder, copied into {ASSETS_FOLDER}/:");
                 let label = "Copy and add".into();
                 self.offer =
                     Some(Offer { why, label, difference, copies, edit, text, selects, ..Offer::default() });
@@ -359,7 +359,7 @@ impl Viewer {
                 continue;
             };
             let at = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
-            match loaded_as(file, &folder) {
+            match load_path_within(file, &folder) {
                 Some(inside) => {
                     let (lines, name) = cast_lines(&text, &inside, at, None);
                     text.push_str(&lines);
@@ -386,7 +386,7 @@ fn folder_of(script: &Path) -> PathBuf {
 }
 
 /// Path of a file in a folder, or of a built-in asset, as `load` takes it. `None` for a file outside.
-fn loaded_as(file: &Path, folder: &Path) -> Option<String> {
+fn load_path_within(file: &Path, folder: &Path) -> Option<String> {
     if is_built_in(file) {
         return Some(file.to_string_lossy().into_owned());
     }
@@ -410,7 +410,8 @@ fn asset_destination(
     let others: Vec<&PathBuf> = files_read.iter().filter(|f| *f != file && f.starts_with(home)).collect();
     // Several files get a folder of their own and keep their relative paths.
     let stem = choreo_session::model::name(file);
-    let own = if others.is_empty() { PathBuf::from(ASSETS) } else { Path::new(ASSETS).join(stem) };
+    let own =
+        if others.is_empty() { PathBuf::from(ASSETS_FOLDER) } else { Path::new(ASSETS_FOLDER).join(stem) };
     let mut inside = PathBuf::new();
     for from in std::iter::once(file).chain(others.into_iter().map(PathBuf::as_path)) {
         let to = own.join(from.strip_prefix(home).unwrap_or(from));

@@ -1,13 +1,13 @@
 //! Line-by-line difference of two texts, with one line of context.
 
 /// Number of unchanged lines shown around a change.
-const AROUND: usize = 1;
+const CONTEXT_LINES: usize = 1;
 /// Largest number of lines; the middle ones are left out.
-const MOST: usize = 400;
+const MAX_LINES: usize = 400;
 
 /// Lines of the difference, each marked with `-`, `+` or a blank. Computed as the longest common subsequence of the lines between the common
 /// beginning and end.
-pub fn lines(before: &str, after: &str) -> Vec<(char, String)> {
+pub fn diff_lines(before: &str, after: &str) -> Vec<(char, String)> {
     let (a, b): (Vec<&str>, Vec<&str>) = (before.lines().collect(), after.lines().collect());
     let first = a.iter().zip(&b).take_while(|(a, b)| a == b).count();
     let most = a.len().min(b.len()) - first;
@@ -15,8 +15,8 @@ pub fn lines(before: &str, after: &str) -> Vec<(char, String)> {
     let (old, new) = (&a[first..a.len() - last], &b[first..b.len() - last]);
     let mut out: Vec<(char, String)> = Vec::new();
     let mut add = |sign: char, line: &str| out.push((sign, line.to_string()));
-    a[first.saturating_sub(AROUND)..first].iter().for_each(|l| add(' ', l));
-    if old.len() > MOST || new.len() > MOST {
+    a[first.saturating_sub(CONTEXT_LINES)..first].iter().for_each(|l| add(' ', l));
+    if old.len() > MAX_LINES || new.len() > MAX_LINES {
         add('-', &format!("… {} lines", old.len()));
         add('+', &format!("… {} lines", new.len()));
     } else {
@@ -46,20 +46,20 @@ pub fn lines(before: &str, after: &str) -> Vec<(char, String)> {
             }
         }
     }
-    a[a.len() - last..].iter().take(AROUND).for_each(|l| add(' ', l));
+    a[a.len() - last..].iter().take(CONTEXT_LINES).for_each(|l| add(' ', l));
     out
 }
 
 #[cfg(test)]
 mod tests {
-    use super::lines;
+    use super::diff_lines;
 
     fn shown(before: &str, after: &str) -> String {
-        lines(before, after).iter().map(|(sign, line)| format!("{sign}{line}|")).collect()
+        diff_lines(before, after).iter().map(|(sign, line)| format!("{sign}{line}|")).collect()
     }
 
     #[test]
-    fn what_goes_and_what_comes() {
+    fn removed_and_added_lines_are_marked() {
         assert_eq!(shown("a\nb\nc\nd", "a\nb\nx\nd"), " b|-c|+x| d|");
         assert_eq!(shown("a\nb", "a\nn\nb"), " a|+n| b|");
         assert_eq!(shown("a\nb\nc\nd\ne", "x\nb\nc\nd\ny"), "-a|+x| b| c| d|-e|+y|");

@@ -14,7 +14,7 @@ impl Viewer {
     pub fn take_file(&mut self, purpose: Purpose, file: &Path) -> Result<(), EditError> {
         match purpose {
             Purpose::Open => {}
-            Purpose::New(template) => create(file, template.text)?,
+            Purpose::New(template) => create_file(file, template.text)?,
             Purpose::Lesson(index) => self.copy_lesson(index, file)?,
             Purpose::SaveAs => self.save_as(file)?,
         }
@@ -57,7 +57,7 @@ fn copy_script(path: &Path, read: &[PathBuf], to: &Path) -> Result<(), EditError
 }
 
 /// Writes a new script; an existing file is not overwritten.
-fn create(file: &Path, text: &str) -> Result<(), EditError> {
+fn create_file(file: &Path, text: &str) -> Result<(), EditError> {
     let failed =
         |source: std::io::Error| EditError::Write { path: file.to_path_buf(), source: source.into() };
     if let Some(folder) = file.parent().filter(|folder| !folder.as_os_str().is_empty()) {

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 /// An edit that was refused; the script has not changed. Each text is for the user.
 #[derive(Debug, thiserror::Error)]
 pub enum EditError {
-    #[error("there is nothing to change yet")]
+    #[error("no scene is loaded yet, so that nothing can be changed")]
     NothingShown,
     /// The edited object is no longer in the scene.
     #[error("it no longer exists")]
@@ -17,9 +17,9 @@ pub enum EditError {
     /// A model file is open, not a script.
     #[error("there is no script")]
     NoScript,
-    #[error("it does not come from a script")]
+    #[error("it is not created by a script line, so that there is no text to change")]
     NotFromScript,
-    #[error("{file}:{line}: it is made in a module; change it there")]
+    #[error("{file}:{line}: the object is created in this module; change it there")]
     InModule { file: String, line: usize },
     #[error("{file}:{line}: this line makes {objects} objects; change it there")]
     SharedLine { file: String, line: usize, objects: usize },

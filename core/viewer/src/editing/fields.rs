@@ -58,7 +58,7 @@ pub struct StatedCall {
 }
 
 /// Methods that set how a clip repeats.
-const REPEATS: [&str; 5] = ["repeat", "once", "loop", "ping_pong", "hold"];
+const REPEAT_METHODS: [&str; 5] = ["repeat", "once", "loop", "ping_pong", "hold"];
 
 impl Viewer {
     /// Changes a value of an object.
@@ -78,7 +78,7 @@ impl Viewer {
                 let when = self.edit_time(time.value);
                 self.change(&place, siblings, |text| {
                     let (line, column) = (place.line, place.column);
-                    let made = in_place_of(text, (line, column), &["inertial"], |text| {
+                    let made = edit_replacing(text, (line, column), &["inertial"], |text| {
                         set_time(text, line, column, CueTime::FadeIn, when)
                     });
                     time.keep_time(text, made, when.fps)
@@ -107,13 +107,13 @@ impl Viewer {
                     return Err(shared);
                 }
                 if matches!(change, FieldChange::Material(..))
-                    && let Some(shared) =
-                        self.offer_of_asset(what, &place, |object, text| changed(object, text, change))
+                    && let Some(shared) = self
+                        .offer_of_asset(what, &place, |object, text| field_change_edit(object, text, change))
                 {
                     return Err(shared);
                 }
                 self.change(&place, siblings, |text| {
-                    changed(&ScriptObject::at(text, place.line, place.column)?, text, change)
+                    field_change_edit(&ScriptObject::at(text, place.line, place.column)?, text, change)
                 })
             }
         }
@@ -154,7 +154,7 @@ impl Viewer {
                         let in_frames = stage_length(&object, text, length, fps);
                         in_frames.unwrap_or_else(|| object.set_value("length", length, *syntax))
                     }
-                    change => changed(&object, text, change),
+                    change => field_change_edit(&object, text, change),
                 }
             });
         }
@@ -198,7 +198,7 @@ impl Viewer {
                     );
                     time.keep_time(text, made, fps)
                 }
-                change => changed(&object, text, change),
+                change => field_change_edit(&object, text, change),
             }
         })
     }
@@ -332,7 +332,7 @@ pub(super) fn is_as_shown(a: f64, b: f64) -> bool {
 }
 
 /// A change that also removes the values in `others`, which exclude the new one. `make` gets the text without them.
-fn in_place_of(
+fn edit_replacing(
     text: &str,
     (line, column): (usize, usize),
     others: &[&str],
@@ -350,11 +350,15 @@ fn in_place_of(
 }
 
 /// The edit for a change of an object.
-pub(super) fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Edit, EditRefused> {
+pub(super) fn field_change_edit(
+    object: &ScriptObject,
+    text: &str,
+    change: &FieldChange,
+) -> Result<Edit, EditRefused> {
     match change {
         FieldChange::Value("inertial", value, syntax) => {
             let (line, column) = object.place();
-            in_place_of(text, (line, column), &["fade", "in_step"], |text| {
+            edit_replacing(text, (line, column), &["fade", "in_step"], |text| {
                 ScriptObject::at(text, line, column)?.set_value("inertial", value, *syntax)
             })
         }
@@ -366,7 +370,7 @@ pub(super) fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -
         FieldChange::Repeat(how) => {
             let (line, column) = object.place();
             let value = format!("\"{how}\"");
-            in_place_of(text, (line, column), &REPEATS, |text| {
+            edit_replacing(text, (line, column), &REPEAT_METHODS, |text| {
                 ScriptObject::at(text, line, column)?.set_value("repeat", &value, NewValueSyntax::Option)
             })
         }
@@ -387,6 +391,8 @@ pub(super) fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -
         FieldChange::Time(..)
         | FieldChange::Trim(..)
         | FieldChange::FocalLength(..)
-        | FieldChange::KeyedPoint(..) => Err(EditRefused::from("it is changed in another way".to_string())),
+        | FieldChange::KeyedPoint(..) => {
+            Err(EditRefused::from("this field cannot be changed by replacing one value".to_string()))
+        }
     }
 }

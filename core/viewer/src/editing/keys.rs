@@ -16,7 +16,7 @@ use choreo_session::edit::{
 use std::collections::BTreeMap;
 
 /// Largest number of keys that a line may state anew; more are probably samples of an easing.
-const MOST_STATED: usize = 64;
+const MAX_WRITTEN_KEYS: usize = 64;
 
 /// A change of one component of the values of keys.
 #[derive(Clone, Debug, PartialEq)]
@@ -328,7 +328,7 @@ impl Viewer {
 
     fn has_keys_of_cue(&self, what: &Selected) -> bool {
         let scene = self.scene.as_ref();
-        scene.is_some_and(|scene| keyed::of_cue(scene, what).iter().any(KeyedProperty::has_keys))
+        scene.is_some_and(|scene| keyed::cue_properties(scene, what).iter().any(KeyedProperty::has_keys))
     }
 
     /// The properties of an object that can have keys, and those that do, cached for each version of the scene.
@@ -488,7 +488,7 @@ impl Viewer {
         keyed: &KeyedProperty,
         after: &dyn Fn(Time) -> Option<Time>,
     ) -> Vec<(EditTime, ValueText)> {
-        if keyed.written.is_some() || keyed.keys.len() > MOST_STATED || keyed.kind == ValueKind::Kelvin {
+        if keyed.written.is_some() || keyed.keys.len() > MAX_WRITTEN_KEYS || keyed.kind == ValueKind::Kelvin {
             return Vec::new();
         }
         let key = |at: &Time| Some((self.edit_time(after(*at)?.as_secs()), keyed.stated_text(*at)));

@@ -1,7 +1,7 @@
 //! Values of a layer, such as its mask or priority, apply to all clips of a chain. If the user types one for a single clip of several, two edits
 //! are offered: take the clip out of the chain, or change the whole chain.
 
-use super::fields::changed;
+use super::fields::field_change_edit;
 use super::{EditError, FieldChange, Step, combine_steps, difference, read};
 use crate::app::Viewer;
 use crate::state::history::{Alternative, Offer};
@@ -32,13 +32,13 @@ impl Viewer {
             format!("{value} is shared by the whole row: {} and {last} would get it", others.join(", "));
         let of_all = &layer[first(at)?].place;
         let all = ScriptObject::at(&text, of_all.line, of_all.column);
-        let all = all.and_then(|object| changed(&object, &text, change)).ok();
+        let all = all.and_then(|object| field_change_edit(&object, &text, change)).ok();
         let all = all.map(|edit| (format!("Change all {}", chain.len()), edit));
         let neighbours =
             [before[at], before.iter().position(|before| *before == Some(at))].map(|at| Some(&layer[at?]));
         let alone = self.moved_out_of_chain(&layer[at], neighbours, change, &text);
         let alone = alone.map(|edit| (format!("Take {} out of the chain", layer[at].label), edit));
-        let lines = |edit: &Edit| difference::lines(&text, &edit.apply(&text));
+        let lines = |edit: &Edit| difference::diff_lines(&text, &edit.apply(&text));
         let mut offers = alone.into_iter().chain(all);
         if let Some((label, edit)) = offers.next() {
             let other =
@@ -68,7 +68,7 @@ impl Viewer {
             copied = set_time(&copied, 1, 1, CueTime::End, until).ok()?.apply(&copied);
         }
         let own = ScriptObject::at(&copied, 1, 1).ok()?;
-        let copied = changed(&own, &copied, change).ok()?.apply(&copied);
+        let copied = field_change_edit(&own, &copied, change).ok()?.apply(&copied);
         let begins = next.map(|next| self.edit_time(next.start.as_secs()));
         let mut steps =
             vec![self.step(bar, move |text, line, column| delete_cue(text, line, column, begins))];

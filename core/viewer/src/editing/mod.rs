@@ -198,7 +198,7 @@ impl Viewer {
             // The edit was made for the displayed text, and the file has changed since.
             let carried = made.ok().and_then(|edit| edit.carried_over(&known, &text));
             if let Some(edit) = carried {
-                let difference = difference::lines(&known, &edit.apply(&text));
+                let difference = difference::diff_lines(&known, &edit.apply(&text));
                 let why = "the file has changed on disk since it was shown; with both changes it would be:"
                     .to_string();
                 let label = "Write both".into();
@@ -211,7 +211,7 @@ impl Viewer {
             Err(EditRefused { why, line, alternative, alternative_label, .. }) => {
                 let why = format!("{}: {why}", file_name(&places.main));
                 if let Some(edit) = alternative {
-                    let difference = difference::lines(&text, &edit.apply(&text));
+                    let difference = difference::diff_lines(&text, &edit.apply(&text));
                     let (why, label) = (why.clone(), alternative_label.into());
                     self.offer = Some(Offer { why, label, difference, edit, text, ..Offer::default() });
                 }
@@ -301,7 +301,7 @@ impl Viewer {
         }
         self.write_edit(&path, &now, edit)?;
         self.selection = offer.selects.or(self.selection.take());
-        let writes_out = offer.label == shared::WRITE_OUT;
+        let writes_out = offer.label == shared::UNROLL_LABEL;
         self.pending_edit_after_unroll =
             self.pending_edit_after_unroll.take().filter(|_| writes_out).map(|(change, _)| (change, true));
         Ok(())
@@ -334,7 +334,7 @@ impl Viewer {
     }
 
     /// Undoes the newest edit if the script no longer loads because of it, and reports why. Returns whether it did.
-    pub(crate) fn take_back_faulty(&mut self, problems: &[Problem]) -> bool {
+    pub(crate) fn undo_faulty_edit(&mut self, problems: &[Problem]) -> bool {
         let is_loaded = self.scene.is_some() && !self.faulty;
         let Some(text) = self.history.pending_text.take().filter(|_| is_loaded) else { return false };
         let is_newest = self.history.done.last().is_some_and(|done| done.text == text);
@@ -430,18 +430,18 @@ fn combine_steps(steps: &[Step], text: &str) -> Result<Edit, EditRefused> {
 }
 
 /// Byte order mark, which some editors write. Positions in scripts do not count it, so that edits must not either.
-const MARK: &str = "\u{feff}";
+const BYTE_ORDER_MARK: &str = "\u{feff}";
 
 /// A script's text without a byte order mark.
 pub(crate) fn read(path: &Path) -> Result<String, EditError> {
     let text = read_all(path)?;
-    Ok(text.strip_prefix(MARK).map(str::to_string).unwrap_or(text))
+    Ok(text.strip_prefix(BYTE_ORDER_MARK).map(str::to_string).unwrap_or(text))
 }
 
 fn read_all(path: &Path) -> Result<String, EditError> {
     /// Limit of the size of a script.
-    const MOST_BYTES: u64 = 64 << 20;
-    let bytes = choreo_files::read(path, MOST_BYTES)
+    const MAX_BYTES: u64 = 64 << 20;
+    let bytes = choreo_files::read(path, MAX_BYTES)
         .map_err(|source| EditError::Read { path: path.to_path_buf(), source })?;
     String::from_utf8(bytes).map_err(|_| EditError::NotText(path.to_path_buf()))
 }
@@ -454,7 +454,8 @@ pub(crate) fn write(path: &Path, text: &str) -> Result<(), EditError> {
     if path.is_symlink() && folder.canonicalize().is_ok_and(|folder| !place.starts_with(folder)) {
         return Err(EditError::LinkOutside { path: path.to_path_buf(), target: place });
     }
-    let mark = if read_all(&place).is_ok_and(|old| old.starts_with(MARK)) { MARK } else { "" };
+    let mark =
+        if read_all(&place).is_ok_and(|old| old.starts_with(BYTE_ORDER_MARK)) { BYTE_ORDER_MARK } else { "" };
     write_whole(&place, format!("{mark}{text}").as_bytes()).map_err(failed)
 }
 
@@ -467,7 +468,7 @@ mod tests {
 
     /// A symbolic link within the folder stays a link; one that leads outside is not followed.
     #[test]
-    fn a_script_that_is_a_link_is_followed_within_its_folder_only() {
+    fn a_symlinked_script_is_accepted_only_within_its_folder() {
         let dir = tempfile::tempdir().unwrap();
         let (inside, outside) = (dir.path().join("scene"), dir.path().join("bashrc"));
         fs::create_dir_all(inside.join("versions")).unwrap();

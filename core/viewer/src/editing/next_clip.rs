@@ -6,7 +6,7 @@ use choreo_motion::{Repeat, Time};
 use choreo_stage::Cue;
 
 /// Duration of the crossfade into an added clip, seconds.
-pub(super) const FADE: f64 = 0.3;
+pub(super) const CROSSFADE_SECS: f64 = 0.3;
 
 /// End of a clip, stated or because it plays once. `None` if it repeats.
 fn end_of(cue: &Cue) -> Option<Time> {
@@ -46,7 +46,7 @@ impl Viewer {
             (Some(end), _) => end.as_secs(),
             (None, Some(end)) => {
                 let end = end.as_secs();
-                end - FADE.min((end - begins) / 2.0)
+                end - CROSSFADE_SECS.min((end - begins) / 2.0)
             }
             _ if now > last.start => now.as_secs(),
             _ => {
@@ -65,7 +65,8 @@ impl Viewer {
         let cues = self.base_cues(name);
         let before = cues.iter().rev().find(|cue| cue.start <= at);
         // A clip that merely crossfades at its end is not overridden.
-        let over = before.filter(|cue| end_of(cue).is_none_or(|end| end.as_secs() > secs + FADE + 1e-3));
+        let over =
+            before.filter(|cue| end_of(cue).is_none_or(|end| end.as_secs() > secs + CROSSFADE_SECS + 1e-3));
         let next = cues.iter().find(|cue| cue.start > at);
         let mut parts = Vec::new();
         if layer > 0 {

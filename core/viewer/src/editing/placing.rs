@@ -303,7 +303,11 @@ impl Viewer {
             Selected::Sky => (&sky_places, 0),
             Selected::Effect(index) => (&scene.places.effects, *index),
             Selected::Light(index) => (&scene.places.lights, *index),
-            _ => return Err(EditError::refused("it has no such value")),
+            _ => {
+                return Err(EditError::refused(
+                    "only values of lights, effects and the sky can be set in this way",
+                ));
+            }
         };
         if matches!(what, Selected::Effect(_))
             && let Some(done) = self.set_keyed_parameter(what, name, value)

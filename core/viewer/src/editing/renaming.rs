@@ -55,7 +55,7 @@ impl Viewer {
         }
         let by = self.named_by(what);
         let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
-        self.change(&place, siblings, |text| renamed(text, &place, by, to))?;
+        self.change(&place, siblings, |text| rename_edit(text, &place, by, to))?;
         self.update_name(what, to);
         Ok(())
     }
@@ -100,7 +100,7 @@ impl Viewer {
     }
 }
 
-fn renamed(text: &str, place: &Place, by: NamedBy, to: &str) -> Result<Edit, EditRefused> {
+fn rename_edit(text: &str, place: &Place, by: NamedBy, to: &str) -> Result<Edit, EditRefused> {
     let renaming = ScriptObject::at(text, place.line, place.column)?.rename(by, to)?;
     let mut changes: Vec<Edit> = renaming.stated.into_iter().collect();
     if let Some((at, name)) = renaming.variable {

@@ -7,11 +7,11 @@ use choreo_stage::{Actor, ActorState, Stage};
 use glam::{DAffine3, DVec2, DVec3};
 
 /// Largest ratio of height to width of an object that counts as ground.
-const FLAT: f64 = 0.05;
+const MAX_GROUND_RATIO: f64 = 0.05;
 /// Number of widths of the new object from which another object counts as a set that it may stand in, in both directions.
-const SET: f64 = 8.0;
+const MIN_SET_WIDTHS: f64 = 8.0;
 /// Distance between bounds, as a fraction of the new object's width.
-const GAP: f64 = 0.15;
+const GAP_FRACTION: f64 = 0.15;
 
 /// Rectangle that an object covers on the ground: x and z in world space, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,7 +57,7 @@ pub(super) fn footprint(actor: &Actor, state: Option<&ActorState>, time: Time) -
         Some((low, corners.into_iter().reduce(DVec3::max)?))
     })?;
     let size = high - low;
-    (size.y > FLAT * size.x.max(size.z)).then(|| Footprint::of(low, high))
+    (size.y > MAX_GROUND_RATIO * size.x.max(size.z)).then(|| Footprint::of(low, high))
 }
 
 /// Footprints of the actors of a stage at a time.
@@ -71,8 +71,9 @@ pub(super) fn footprints(stage: &Stage, time: Time) -> Vec<Footprint> {
 
 /// Footprints that are in the way of an object; sets are not.
 fn obstacles(taken: &[Footprint], own: Footprint) -> impl Iterator<Item = Footprint> {
-    let is_set =
-        move |other: &Footprint| (other.size() / own.size().max(DVec2::splat(1e-9))).min_element() > SET;
+    let is_set = move |other: &Footprint| {
+        (other.size() / own.size().max(DVec2::splat(1e-9))).min_element() > MIN_SET_WIDTHS
+    };
     taken.iter().copied().filter(move |other| !is_set(other))
 }
 
@@ -83,7 +84,7 @@ pub(super) fn is_free(taken: &[Footprint], own: Footprint) -> bool {
 
 /// The free position nearest to a point along x. `own`: footprint of the object at the origin.
 pub(super) fn nearest_free(taken: &[Footprint], own: Footprint, around: DVec3) -> DVec3 {
-    let gap = GAP * own.size().max_element();
+    let gap = GAP_FRACTION * own.size().max_element();
     let others: Vec<Footprint> = obstacles(taken, own).collect();
     let beside = others
         .iter()
@@ -107,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn the_next_stands_beside_those_there_and_inside_a_hall() {
+    fn a_new_model_is_placed_beside_others_and_inside_a_large_set() {
         let own = foot([-0.5, 0.5], [-0.5, 0.5]);
         let mut taken = vec![foot([-20.0, 20.0], [-20.0, 20.0])];
         assert_eq!(nearest_free(&taken, own, DVec3::new(1.0, 0.0, 2.0)), DVec3::new(1.0, 0.0, 2.0));

@@ -30,7 +30,7 @@ impl Viewer {
             },
             IconObject::Camera(name) => {
                 let camera = stage.cameras.iter().position(|camera| camera.name == *name)?;
-                let rig = rig::moved(stage, &self.shown()?.snapshot, &stage.cameras[camera].rig, to)?;
+                let rig = rig::move_rig(stage, &self.shown()?.snapshot, &stage.cameras[camera].rig, to)?;
                 PlacementOverride::Camera { camera, rig }
             }
             IconObject::Reach(name, constraint) => {
@@ -49,7 +49,7 @@ impl Viewer {
     pub(crate) fn sunlit(&self) -> DVec3 {
         let find = || {
             let scene = self.scene.as_ref()?;
-            picking::middle_of_all(&scene.stage, &scene.evaluator.clone().at(Time::ZERO).ok()?)
+            picking::bounds_center_of_all(&scene.stage, &scene.evaluator.clone().at(Time::ZERO).ok()?)
         };
         let place = self.sunlit.get().or_else(find).unwrap_or(DVec3::ZERO);
         self.sunlit.set(Some(place));
@@ -68,7 +68,7 @@ impl Viewer {
         };
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let snapshot = &self.shown().ok_or(EditError::NothingShown)?.snapshot;
-        let rig = rig::moved(&scene.stage, snapshot, &camera.rig, at).ok_or_else(by_itself)?;
+        let rig = rig::move_rig(&scene.stage, snapshot, &camera.rig, at).ok_or_else(by_itself)?;
         let (keyed, call) = match &rig {
             Rig::Fixed { position, .. } => (*position, None),
             Rig::Follow { offset, .. } => (*offset, Some("follow")),

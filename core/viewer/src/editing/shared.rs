@@ -8,7 +8,7 @@ use choreo_script::Place;
 use choreo_session::edit::{Edit, EditRefused, ScriptObject, unroll};
 
 /// Label of the button that unrolls a loop.
-pub(super) const WRITE_OUT: &str = "Write the loop out";
+pub(super) const UNROLL_LABEL: &str = "Write the loop out";
 
 impl Viewer {
     /// Keeps a refused edit of one of several objects of a loop, to be made after the user accepts to unroll the loop. `done`: result of the edit.
@@ -41,7 +41,7 @@ impl Viewer {
         };
         let all = made.and_then(Result::ok).filter(|edit| edit.apply(&text) != *text);
         let unrolled = unroll(&text, place.line, place.column).ok();
-        let lines = |edit: &Edit| difference::lines(&text, &edit.apply(&text));
+        let lines = |edit: &Edit| difference::diff_lines(&text, &edit.apply(&text));
         let line = place.line;
         let offer = |why: String, label: String, edit: Edit, other| Offer {
             why,
@@ -53,7 +53,7 @@ impl Viewer {
             ..Offer::default()
         };
         let one = unrolled
-            .map(|edit| (WRITE_OUT, "With the loop written out, each can be changed alone:", edit))
+            .map(|edit| (UNROLL_LABEL, "With the loop written out, each can be changed alone:", edit))
             .or_else(|| {
                 alone.map(|edit| ("Add the line", "An added line would change only this one:", edit))
             });
@@ -90,7 +90,7 @@ impl Viewer {
         let (variable, actors) = object.asset_variable().filter(|(_, actors)| *actors > 1)?;
         let all = change(&object, &text).ok()?;
         let own = object.own_asset(&all).ok()?;
-        let lines = |edit: &Edit| difference::lines(&text, &edit.apply(&text));
+        let lines = |edit: &Edit| difference::diff_lines(&text, &edit.apply(&text));
         let why = format!("{actors} actors share the asset {variable}");
         let (of_own, of_all) = (lines(&own), lines(&all));
         self.offer = Some(Offer {

@@ -3,7 +3,7 @@
 use choreo_asset::Asset;
 
 /// Words in the names of idle clips, in order of preference.
-const STANDING: [&str; 3] = ["idle", "stand", "rest"];
+const IDLE_WORDS: [&str; 3] = ["idle", "stand", "rest"];
 
 /// Name of the idle clip, else of the first clip.
 pub(super) fn standing_clip(asset: &Asset) -> Option<&str> {
@@ -16,8 +16,8 @@ fn best_idle_name<'n>(names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
         // Exporters prepend the armature: `Armature|Idle`.
         let own = name.rsplit(['|', ':', '/']).find(|part| !part.trim().is_empty()).unwrap_or(name);
         let words = words(own);
-        let ends = STANDING.iter().position(|word| words.last().is_some_and(|last| last == word));
-        let contains = STANDING.iter().position(|word| own.to_lowercase().contains(word));
+        let ends = IDLE_WORDS.iter().position(|word| words.last().is_some_and(|last| last == word));
+        let contains = IDLE_WORDS.iter().position(|word| own.to_lowercase().contains(word));
         match (ends, contains) {
             (Some(word), _) => (0, words.len(), word),
             (None, Some(word)) => (1, 0, word),
@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_plainest_clip_in_which_it_stands_is_chosen() {
+    fn the_simplest_idle_clip_is_chosen() {
         for (names, expected) in [
             (&["1H_Melee", "2H_Melee_Idle", "Idle", "Unarmed_Idle"][..], Some("Idle")),
             (&["Walk", "Armature|Sword_Idle", "Armature|IDLE"], Some("Armature|IDLE")),

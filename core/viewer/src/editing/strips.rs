@@ -1,6 +1,6 @@
 //! Clips as strips: split, duplicate, copy and paste, disable, change the speed or the weight.
 
-use super::trimming::within;
+use super::trimming::clamp_trim;
 use super::{EditError, Step};
 use crate::app::Viewer;
 use crate::state::selection::{Selected, actor};
@@ -12,7 +12,7 @@ use choreo_session::edit::{
 };
 
 /// Clip durations below this are treated as zero, seconds.
-pub(super) const NOTHING: f64 = 1e-6;
+pub(super) const MIN_CLIP_SECS: f64 = 1e-6;
 
 impl Viewer {
     /// Splits clips at a time into two clips that together show the same.
@@ -23,12 +23,12 @@ impl Viewer {
         let mut steps = Vec::new();
         for what in all {
             let (bar, strip) = self.strip(what)?;
-            if at <= bar.start.as_secs() + NOTHING || at >= bar.until.as_secs() - NOTHING {
+            if at <= bar.start.as_secs() + MIN_CLIP_SECS || at >= bar.until.as_secs() - MIN_CLIP_SECS {
                 return Err(EditError::refused_at(&bar.place, "the playhead is not within this clip"));
             }
             let rest = match second_half(&bar, &strip, at)? {
                 SecondHalf::Trim(trim) => {
-                    SecondHalf::Trim(within(&strip, trim, self.playhead.fps().as_fps()))
+                    SecondHalf::Trim(clamp_trim(&strip, trim, self.playhead.fps().as_fps()))
                 }
                 rest => rest,
             };
@@ -188,7 +188,7 @@ impl Viewer {
         let ends = bar.holds_from.is_none() && has_end(&known, bar.place.line, bar.place.column);
         let start = bar.start.as_secs();
         let length = bar.played_until().as_secs() - start;
-        if end - start < NOTHING || strip.is_keyed {
+        if end - start < MIN_CLIP_SECS || strip.is_keyed {
             let why = if strip.is_keyed { "keys set its time" } else { "it would have no length" };
             return Err(EditError::refused_at(&bar.place, why));
         }
@@ -246,12 +246,12 @@ fn second_half(bar: &Bar, strip: &Strip, at: f64) -> Result<SecondHalf, EditErro
         return refuse("keys set its time; split it in the script");
     }
     match strip.repeat {
-        Repeat::Once if played >= length - NOTHING => {
+        Repeat::Once if played >= length - MIN_CLIP_SECS => {
             refuse("its clip has ended before that time; the last pose is held")
         }
         Repeat::Once if strip.speed < 0.0 => Ok(SecondHalf::Trim([from, to - played])),
         Repeat::Once => Ok(SecondHalf::Trim([from + played, to])),
-        Repeat::Loop if strip.speed > 0.0 && length > NOTHING => {
+        Repeat::Loop if strip.speed > 0.0 && length > MIN_CLIP_SECS => {
             let into = played % length;
             // Times are written with 3 decimal places.
             if into < 5e-4 || length - into < 5e-4 {

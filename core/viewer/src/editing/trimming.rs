@@ -1,6 +1,6 @@
 //! The part of a clip that a bar plays: trim its start, roll the edge to the previous bar, slip the content between its ends.
 
-use super::strips::NOTHING;
+use super::strips::MIN_CLIP_SECS;
 use super::{EditError, Step};
 use crate::app::Viewer;
 use crate::state::selection::Selected;
@@ -27,7 +27,7 @@ impl Viewer {
         let before = followed.or(at.checked_sub(1)).map(|before| &layer[before]);
         let meets = before.is_some_and(|before| before.meets(&bar));
         let trim = match strip.repeat {
-            Repeat::Once => Some(trimmed_from(&bar, &strip, secs)?),
+            Repeat::Once => Some(trim_for_start(&bar, &strip, secs)?),
             _ if is_chained || meets => None,
             _ => {
                 let why = "it repeats, so a trim would shorten every repetition; drag without Alt, or write .once()";
@@ -70,12 +70,12 @@ impl Viewer {
     pub(super) fn check_boundary(&self, before: Option<&Bar>, bar: &Bar, secs: f64) -> Result<(), EditError> {
         let shown = |secs: f64| self.shown_time(choreo_motion::Time::from_secs(secs));
         let ends = self.displayed_text().is_some_and(|text| has_end(&text, bar.place.line, bar.place.column));
-        if let Some(before) = before.filter(|before| secs <= before.start.as_secs() + NOTHING) {
+        if let Some(before) = before.filter(|before| secs <= before.start.as_secs() + MIN_CLIP_SECS) {
             let (label, start) = (&before.label, shown(before.start.as_secs()));
             let why = format!("{label}, which it follows, begins at {start} and would have no length");
             return Err(EditError::refused_at(&bar.place, &why));
         }
-        if ends && secs >= bar.until.as_secs() - NOTHING {
+        if ends && secs >= bar.until.as_secs() - MIN_CLIP_SECS {
             let why =
                 format!("it would begin at {}, but it ends at {}", shown(secs), shown(bar.until.as_secs()));
             return Err(EditError::refused_at(&bar.place, &why));
@@ -98,20 +98,20 @@ impl Viewer {
 
     fn trim_step(&self, bar: &Bar, trim: [f64; 2]) -> Step<'static> {
         let fps = self.playhead.fps().as_fps();
-        let trim = bar.strip.map_or(trim, |strip| within(&strip, trim, fps));
+        let trim = bar.strip.map_or(trim, |strip| clamp_trim(&strip, trim, fps));
         self.step(bar, move |text, line, column| set_trim(text, line, column, trim, fps))
     }
 }
 
 /// Trim of a clip played once that begins at another time and keeps its content in place, clip seconds.
-fn trimmed_from(bar: &Bar, strip: &Strip, secs: f64) -> Result<[f64; 2], EditError> {
+fn trim_for_start(bar: &Bar, strip: &Strip, secs: f64) -> Result<[f64; 2], EditError> {
     let played = (secs - bar.start.as_secs()) * strip.speed.abs();
     let [mut from, mut to] = strip.trim;
     match strip.speed < 0.0 {
         false => from += played,
         true => to -= played,
     }
-    if from < -NOTHING || to > strip.clip + NOTHING || to - from < NOTHING {
+    if from < -MIN_CLIP_SECS || to > strip.clip + MIN_CLIP_SECS || to - from < MIN_CLIP_SECS {
         let why = format!("its clip has nothing there: it runs from 0 s to {:.3} s", strip.clip);
         return Err(EditError::refused_at(&bar.place, &why));
     }
@@ -127,24 +127,24 @@ fn slipped_trim(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
         Repeat::Once => ((bar.until - bar.start).as_secs() * strip.speed.abs(), true),
         _ => {
             let seen = (bar.end - bar.start).as_secs() * strip.speed.abs();
-            (seen, seen <= length + NOTHING)
+            (seen, seen <= length + MIN_CLIP_SECS)
         }
     };
     // Keys decide the visible part of a keyed clip, and a repeating clip shows all of it, so the trim moves as a whole.
     if strip.is_keyed || !fits {
         let by = (by * strip.speed.signum()).clamp(-from, strip.clip - to);
-        return (by.abs() > NOTHING).then_some([from + by, to + by]);
+        return (by.abs() > MIN_CLIP_SECS).then_some([from + by, to + by]);
     }
     // Only the visible part must stay within the clip.
     let (before, after) = (strip.before(), strip.clip - length - strip.before());
     let slipped = (before + by).clamp(0.0, (strip.clip - seen.min(length)).max(0.0));
-    let rest = if after < NOTHING { 0.0 } else { (after + before - slipped).max(0.0) };
+    let rest = if after < MIN_CLIP_SECS { 0.0 } else { (after + before - slipped).max(0.0) };
     let part = if strip.speed < 0.0 { [rest, strip.clip - slipped] } else { [slipped, strip.clip - rest] };
-    ((slipped - before).abs() > NOTHING).then_some(part)
+    ((slipped - before).abs() > MIN_CLIP_SECS).then_some(part)
 }
 
 /// A trim that also lies within the clip after it is rounded to 3 decimal places, unless it ends on a frame.
-pub(super) fn within(strip: &Strip, [from, to]: [f64; 2], fps: f64) -> [f64; 2] {
+pub(super) fn clamp_trim(strip: &Strip, [from, to]: [f64; 2], fps: f64) -> [f64; 2] {
     let is_frame = ((to * fps).round() - to * fps).abs() < 1e-4;
     let is_beyond = !is_frame && (to * 1e3).round() / 1e3 > strip.clip;
     [from.max(0.0), if is_beyond { (strip.clip * 1e3).floor() / 1e3 } else { to }]
@@ -180,7 +180,7 @@ mod tests {
 
     /// The visible part stays within the clip, and the content follows the pointer.
     #[test]
-    fn a_slip_moves_the_seen_part_within_the_clip() {
+    fn a_slip_moves_the_trim_range_within_the_clip() {
         let slip = |length, trim, speed, repeat, by| {
             let strip = strip(trim, speed, repeat);
             slipped_trim(&bar(length, strip), &strip, by)
@@ -206,8 +206,8 @@ mod tests {
     #[test]
     fn a_trim_ends_within_the_clip_when_it_is_written() {
         let odd = Strip { clip: 2.0 / 3.0, ..strip([0.0, 2.0 / 3.0], 1.0, Repeat::Once) };
-        assert_eq!(within(&odd, [0.25, 2.0 / 3.0], 25.0), [0.25, 0.666]);
-        assert_eq!(within(&odd, [0.25, 2.0 / 3.0], 30.0), [0.25, 2.0 / 3.0]);
-        assert_eq!(within(&odd, [0.0, 0.5], 25.0), [0.0, 0.5]);
+        assert_eq!(clamp_trim(&odd, [0.25, 2.0 / 3.0], 25.0), [0.25, 0.666]);
+        assert_eq!(clamp_trim(&odd, [0.25, 2.0 / 3.0], 30.0), [0.25, 2.0 / 3.0]);
+        assert_eq!(clamp_trim(&odd, [0.0, 0.5], 25.0), [0.0, 0.5]);
     }
 }

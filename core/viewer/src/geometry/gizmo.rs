@@ -2,7 +2,7 @@
 //! a drag makes. No UI toolkit is used here.
 
 use crate::geometry::projection::Lens;
-use crate::geometry::resolved;
+use crate::geometry::round_to_pixel;
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,12 +22,12 @@ pub enum Handle {
 
 pub const AXES: [DVec3; 3] = [DVec3::X, DVec3::Y, DVec3::Z];
 /// Length of an arm, points of the window.
-pub const LENGTH: f64 = 74.0;
-const GRAB: f64 = 9.0;
+pub const ARM_LENGTH: f64 = 74.0;
+const GRAB_DISTANCE: f64 = 9.0;
 /// Number of segments of a ring.
-pub(crate) const RING: usize = 48;
+pub(crate) const RING_SEGMENTS: usize = 48;
 /// Step sizes while a key is held: degrees, and metres or factor.
-pub const STEPS: (f64, f64) = (15.0, 0.1);
+pub const DRAG_STEPS: (f64, f64) = (15.0, 0.1);
 
 /// The total change of a drag.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,7 +59,7 @@ pub struct Drag {
 }
 
 /// World-space direction of an arm.
-pub fn arm(tool: Tool, axis: usize, world_from_model: &DAffine3) -> DVec3 {
+pub fn arm_direction(tool: Tool, axis: usize, world_from_model: &DAffine3) -> DVec3 {
     match tool {
         Tool::Scale => world_from_model.transform_vector3(AXES[axis]).normalize_or(AXES[axis]),
         _ => AXES[axis],
@@ -67,10 +67,10 @@ pub fn arm(tool: Tool, axis: usize, world_from_model: &DAffine3) -> DVec3 {
 }
 
 /// Points of the ring about an axis, world space.
-pub fn ring(center: DVec3, axis: usize, radius: f64) -> impl Iterator<Item = DVec3> {
+pub fn ring_points(center: DVec3, axis: usize, radius: f64) -> impl Iterator<Item = DVec3> {
     let (u, v) = (AXES[(axis + 1) % 3], AXES[(axis + 2) % 3]);
-    (0..=RING).map(move |i| {
-        let (sin, cos) = libm::sincos(i as f64 / RING as f64 * core::f64::consts::TAU);
+    (0..=RING_SEGMENTS).map(move |i| {
+        let (sin, cos) = libm::sincos(i as f64 / RING_SEGMENTS as f64 * core::f64::consts::TAU);
         center + (u * cos + v * sin) * radius
     })
 }
@@ -78,29 +78,30 @@ pub fn ring(center: DVec3, axis: usize, radius: f64) -> impl Iterator<Item = DVe
 /// The handle at a position in the window.
 pub(crate) fn handle_at(tool: Tool, world_from_model: &DAffine3, lens: &Lens, at: DVec2) -> Option<Handle> {
     let center = world_from_model.translation;
-    let length = LENGTH * lens.metres_a_point(center);
+    let length = ARM_LENGTH * lens.metres_per_point(center);
     let middle = lens.point(center)?;
-    if tool != Tool::Turn && (at - middle).length() < GRAB {
+    if tool != Tool::Turn && (at - middle).length() < GRAB_DISTANCE {
         return Some(Handle::Middle);
     }
     let distance = |axis: usize| -> Option<f64> {
         match tool {
             Tool::Turn => {
-                let points: Vec<DVec2> = ring(center, axis, length).filter_map(|p| lens.point(p)).collect();
-                points.windows(2).map(|w| to_segment(at, w[0], w[1])).reduce(f64::min)
+                let points: Vec<DVec2> =
+                    ring_points(center, axis, length).filter_map(|p| lens.point(p)).collect();
+                points.windows(2).map(|w| distance_to_segment(at, w[0], w[1])).reduce(f64::min)
             }
             _ => {
-                let tip = lens.point(center + arm(tool, axis, world_from_model) * length)?;
-                Some(to_segment(at, middle, tip))
+                let tip = lens.point(center + arm_direction(tool, axis, world_from_model) * length)?;
+                Some(distance_to_segment(at, middle, tip))
             }
         }
     };
     let nearest =
         (0..3).filter_map(|axis| Some((distance(axis)?, axis))).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (nearest.0 < GRAB).then_some(Handle::Axis(nearest.1))
+    (nearest.0 < GRAB_DISTANCE).then_some(Handle::Axis(nearest.1))
 }
 
-pub(crate) fn to_segment(p: DVec2, a: DVec2, b: DVec2) -> f64 {
+pub(crate) fn distance_to_segment(p: DVec2, a: DVec2, b: DVec2) -> f64 {
     let along = (b - a).length_squared();
     let part = if along > 0.0 { ((p - a).dot(b - a) / along).clamp(0.0, 1.0) } else { 0.0 };
     (p - a - (b - a) * part).length()
@@ -110,21 +111,21 @@ impl Drag {
     /// The change when the pointer is at `to`, rounded to the digits that a pixel resolves. `in_steps`: rounded to whole steps.
     pub fn change(&self, lens: &Lens, to: DVec2, in_steps: bool) -> Change {
         let center = self.world_from_model.translation;
-        let metres = lens.metres_a_point(center);
+        let metres = lens.metres_per_point(center);
         let round = |value: f64, step: f64, pixel: f64| match in_steps {
             true => (value / step).round() * step,
-            false => resolved(value, pixel),
+            false => round_to_pixel(value, pixel),
         };
         match (self.tool, self.handle) {
             (Tool::Move, Handle::Axis(axis)) => {
-                let along = |at| along_axis(lens.ray(at), center, AXES[axis]);
+                let along = |at| distance_along_axis(lens.ray(at), center, AXES[axis]);
                 let by = along(to).zip(along(self.from)).map_or(0.0, |(to, from)| to - from);
-                Change::Move(AXES[axis] * round(by, STEPS.1, metres))
+                Change::Move(AXES[axis] * round(by, DRAG_STEPS.1, metres))
             }
             (Tool::Move, Handle::Middle) => {
-                let on_ground = |at| on_plane(lens.ray(at), center, DVec3::Y);
+                let on_ground = |at| ray_plane_intersection(lens.ray(at), center, DVec3::Y);
                 let by = on_ground(to).zip(on_ground(self.from)).map_or(DVec3::ZERO, |(to, from)| to - from);
-                let round = |by| round(by, STEPS.1, metres);
+                let round = |by| round(by, DRAG_STEPS.1, metres);
                 Change::Move(DVec3::new(round(by.x), 0.0, round(by.z)))
             }
             (Tool::Turn, Handle::Axis(axis)) => {
@@ -134,7 +135,7 @@ impl Drag {
                 let towards = if lens.to_eye(center).dot(AXES[axis]) < 0.0 { -1.0 } else { 1.0 };
                 let degrees = ((angle(to) - angle(self.from)) * towards).to_degrees();
                 let pixel = (1.0 / (to - middle).length().max(1.0)).to_degrees();
-                let degrees = round((degrees + 540.0).rem_euclid(360.0) - 180.0, STEPS.0, pixel);
+                let degrees = round((degrees + 540.0).rem_euclid(360.0) - 180.0, DRAG_STEPS.0, pixel);
                 let (sin, cos) = libm::sincos(degrees.to_radians() / 2.0);
                 let v = AXES[axis] * sin;
                 Change::Turn(DQuat::from_xyzw(v.x, v.y, v.z, cos))
@@ -142,19 +143,19 @@ impl Drag {
             (Tool::Scale, handle) => {
                 let (factor, pixel) = match handle {
                     Handle::Axis(axis) => {
-                        let arm = arm(Tool::Scale, axis, &self.world_from_model);
-                        let along = |at| along_axis(lens.ray(at), center, arm);
+                        let arm = arm_direction(Tool::Scale, axis, &self.world_from_model);
+                        let along = |at| distance_along_axis(lens.ray(at), center, arm);
                         let (from, to) = (along(self.from).unwrap_or(1.0), along(to).unwrap_or(1.0));
                         let factor = if from.abs() < 1e-9 { 1.0 } else { to / from };
                         (factor, metres / from.abs().max(1e-9))
                     }
                     // Dragging up enlarges, down reduces.
                     Handle::Middle => {
-                        let factor = libm::pow(2.0, (self.from.y - to.y) / LENGTH);
-                        (factor, factor * core::f64::consts::LN_2 / LENGTH)
+                        let factor = libm::pow(2.0, (self.from.y - to.y) / ARM_LENGTH);
+                        (factor, factor * core::f64::consts::LN_2 / ARM_LENGTH)
                     }
                 };
-                let factor = round(factor, STEPS.1, pixel).clamp(0.01, 100.0);
+                let factor = round(factor, DRAG_STEPS.1, pixel).clamp(0.01, 100.0);
                 Change::Scale(match handle {
                     Handle::Axis(axis) => DVec3::ONE + AXES[axis] * (factor - 1.0),
                     Handle::Middle => DVec3::splat(factor),
@@ -166,7 +167,7 @@ impl Drag {
 }
 
 /// Distance in metres along an axis through `center` to its point nearest to a ray. `None` if the ray is parallel to the axis.
-fn along_axis((origin, direction): (DVec3, DVec3), center: DVec3, axis: DVec3) -> Option<f64> {
+fn distance_along_axis((origin, direction): (DVec3, DVec3), center: DVec3, axis: DVec3) -> Option<f64> {
     let across = axis.dot(direction);
     let determinant = 1.0 - across * across;
     if determinant < 1e-6 {
@@ -176,7 +177,11 @@ fn along_axis((origin, direction): (DVec3, DVec3), center: DVec3, axis: DVec3) -
     Some((axis.dot(from) - across * direction.dot(from)) / determinant)
 }
 
-fn on_plane((origin, direction): (DVec3, DVec3), center: DVec3, normal: DVec3) -> Option<DVec3> {
+fn ray_plane_intersection(
+    (origin, direction): (DVec3, DVec3),
+    center: DVec3,
+    normal: DVec3,
+) -> Option<DVec3> {
     let towards = direction.dot(normal);
     if towards.abs() < 1e-3 {
         return None;
@@ -231,7 +236,7 @@ mod tests {
 
     /// The camera is about 7 m away: a point of the window covers 0.01 m, 0.8° of a ring and a hundredth of a scale.
     #[test]
-    fn changes_have_the_digits_that_a_point_of_the_screen_resolves() {
+    fn drag_changes_are_rounded_to_the_screen_resolution() {
         let (lens, center) = (lens(), placed().translation);
         let from = lens.point(center + DVec3::X * 0.5).unwrap();
         let to = from + DVec2::new(31.3, 4.7);
@@ -255,7 +260,7 @@ mod tests {
         let camera = CameraState { camera: None, world_from_view, projection: Projection::default() };
         let lens = Lens::new(&camera, DVec2::ZERO, DVec2::new(800.0, 600.0));
         let middle = lens.point(placed().translation).unwrap();
-        let from = middle + DVec2::new(LENGTH, 0.0);
+        let from = middle + DVec2::new(ARM_LENGTH, 0.0);
         assert_eq!(handle_at(Tool::Turn, &placed(), &lens, from), Some(Handle::Axis(1)));
         let turn = drag(Tool::Turn, Handle::Axis(1), from);
         let change = turn.change(&lens, middle + DVec2::new(0.0, -50.0), false);
@@ -264,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn scale_is_a_factor_and_never_turns_inside_out() {
+    fn scale_is_a_factor_and_never_becomes_negative() {
         let lens = lens();
         let center = placed().translation;
         let at = |metres: f64| lens.point(center + DVec3::X * metres).unwrap();

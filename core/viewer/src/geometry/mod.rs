@@ -6,7 +6,7 @@ pub mod projection;
 pub mod rig;
 
 /// Rounds a dragged value to a decimal digit that is at most two pixels wide and not below a thousandth. `pixel`: change of the value per pixel.
-pub(crate) fn resolved(value: f64, pixel: f64) -> f64 {
+pub(crate) fn round_to_pixel(value: f64, pixel: f64) -> f64 {
     let digits = (-libm::log10(2.0 * pixel)).ceil().clamp(0.0, 3.0);
     let parts = libm::pow(10.0, digits);
     (value * parts).round() / parts
@@ -14,10 +14,10 @@ pub(crate) fn resolved(value: f64, pixel: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::resolved;
+    use super::round_to_pixel;
 
     #[test]
-    fn a_dragged_value_has_the_digits_of_a_pixel() {
+    fn a_dragged_value_is_rounded_to_pixel_resolution() {
         for (value, pixel, expected) in [
             (122.443, 1.0, 122.0),
             (119.089, 0.77, 119.0),
@@ -26,7 +26,7 @@ mod tests {
             (0.98765, 1e-5, 0.988),
             (1234.5, 40.0, 1235.0),
         ] {
-            assert_eq!(resolved(value, pixel), expected, "{value}, {pixel}");
+            assert_eq!(round_to_pixel(value, pixel), expected, "{value}, {pixel}");
         }
     }
 }

@@ -5,10 +5,10 @@ use choreo_stage::{ActorState, Snapshot, Stage, posed_meshes};
 use glam::{DVec3, Vec3};
 
 /// Radius within which points and lines are picked, as a fraction of their distance from the camera.
-const THIN: f64 = 0.01;
+const PICK_RADIUS_RATIO: f64 = 0.01;
 
 /// Index of the first actor that a ray hits. `pickable`: whether an actor may be picked.
-pub fn actor(
+pub fn pick_actor(
     stage: &Stage,
     snapshot: &Snapshot,
     (origin, direction): (DVec3, DVec3),
@@ -21,11 +21,11 @@ pub fn actor(
         }
         let reach = best.map_or(f64::INFINITY, |(t, _)| t);
         if let Some((low, high)) = bounds(&actor.asset, state)
-            && !meets_box(origin, direction, low, high)
+            && !ray_meets_box(origin, direction, low, high)
         {
             continue;
         }
-        if let Some(t) = surface(&actor.asset, state, origin, direction).filter(|t| *t < reach) {
+        if let Some(t) = ray_mesh_distance(&actor.asset, state, origin, direction).filter(|t| *t < reach) {
             best = Some((t, index));
         }
     }
@@ -50,7 +50,7 @@ pub fn bounds(asset: &Asset, state: &ActorState) -> Option<(DVec3, DVec3)> {
 }
 
 /// Ray-box intersection by slabs (Kay and Kajiya 1986).
-fn meets_box(origin: DVec3, direction: DVec3, low: DVec3, high: DVec3) -> bool {
+fn ray_meets_box(origin: DVec3, direction: DVec3, low: DVec3, high: DVec3) -> bool {
     let margin = DVec3::splat(1e-6) + (high - low) * 1e-6;
     let (mut near, mut far) = (0.0_f64, f64::INFINITY);
     for axis in 0..3 {
@@ -68,7 +68,7 @@ fn meets_box(origin: DVec3, direction: DVec3, low: DVec3, high: DVec3) -> bool {
 }
 
 /// Distance along the ray to the surface of a posed actor, metres.
-fn surface(asset: &Asset, state: &ActorState, origin: DVec3, direction: DVec3) -> Option<f64> {
+fn ray_mesh_distance(asset: &Asset, state: &ActorState, origin: DVec3, direction: DVec3) -> Option<f64> {
     let mut nearest: Option<f64> = None;
     let mut meet = |t: Option<f64>| {
         if let Some(t) = t.filter(|t| *t > 0.0) {
@@ -84,13 +84,15 @@ fn surface(asset: &Asset, state: &ActorState, origin: DVec3, direction: DVec3) -
                 Topology::Triangles => {
                     for vertices in primitive.indices.chunks_exact(3) {
                         if let [Some(a), Some(b), Some(c)] = [0, 1, 2].map(|i| place(&vertices[i])) {
-                            meet(triangle(origin, direction, a, b, c));
+                            meet(ray_triangle_distance(origin, direction, a, b, c));
                         }
                     }
                 }
-                _ => {
-                    primitive.indices.iter().filter_map(place).for_each(|p| meet(near(origin, direction, p)))
-                }
+                _ => primitive
+                    .indices
+                    .iter()
+                    .filter_map(place)
+                    .for_each(|p| meet(ray_point_distance(origin, direction, p))),
             }
         }
     }
@@ -98,7 +100,7 @@ fn surface(asset: &Asset, state: &ActorState, origin: DVec3, direction: DVec3) -
 }
 
 /// Distance along a ray to a triangle, both faces (Möller and Trumbore 1997).
-fn triangle(origin: DVec3, direction: DVec3, a: DVec3, b: DVec3, c: DVec3) -> Option<f64> {
+fn ray_triangle_distance(origin: DVec3, direction: DVec3, a: DVec3, b: DVec3, c: DVec3) -> Option<f64> {
     let (ab, ac) = (b - a, c - a);
     let p = direction.cross(ac);
     let determinant = ab.dot(p);
@@ -112,21 +114,22 @@ fn triangle(origin: DVec3, direction: DVec3, a: DVec3, b: DVec3, c: DVec3) -> Op
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then(|| ac.dot(q) / determinant)
 }
 
-fn near(origin: DVec3, direction: DVec3, point: DVec3) -> Option<f64> {
+fn ray_point_distance(origin: DVec3, direction: DVec3, point: DVec3) -> Option<f64> {
     let along = (point - origin).dot(direction);
-    ((point - origin - direction * along).length() < THIN * along).then_some(along)
+    ((point - origin - direction * along).length() < PICK_RADIUS_RATIO * along).then_some(along)
 }
 
 /// Center of an actor's bounds in world space, else its position.
-pub fn middle(asset: &Asset, state: &ActorState) -> DVec3 {
+pub fn bounds_center(asset: &Asset, state: &ActorState) -> DVec3 {
     bounds(asset, state).map_or(state.world_from_model.translation, |(low, high)| (low + high) / 2.0)
 }
 
 /// Mean of the centers of all visible actors, world space. `None` if there are none.
-pub(crate) fn middle_of_all(stage: &Stage, snapshot: &Snapshot) -> Option<DVec3> {
+pub(crate) fn bounds_center_of_all(stage: &Stage, snapshot: &Snapshot) -> Option<DVec3> {
     let actors = || stage.actors.iter().zip(&snapshot.actors).filter(|(_, state)| state.visible);
     let count = actors().count();
-    (count > 0).then(|| actors().map(|(a, state)| middle(&a.asset, state)).sum::<DVec3>() / count as f64)
+    (count > 0)
+        .then(|| actors().map(|(a, state)| bounds_center(&a.asset, state)).sum::<DVec3>() / count as f64)
 }
 
 /// Largest side of the bounds in the rest pose, metres, for steps and gizmos; 1 m if there is no surface.
@@ -143,15 +146,15 @@ mod tests {
     #[test]
     fn a_ray_meets_triangles_from_both_sides_and_boxes_edge_on() {
         let [a, b, c] = [DVec3::ZERO, DVec3::X, DVec3::Y];
-        let hit = |from: DVec3, to: DVec3| triangle(from, to, a, b, c);
+        let hit = |from: DVec3, to: DVec3| ray_triangle_distance(from, to, a, b, c);
         assert_eq!(hit(DVec3::new(0.2, 0.2, 2.0), -DVec3::Z), Some(2.0));
         assert_eq!(hit(DVec3::new(0.2, 0.2, -2.0), DVec3::Z), Some(2.0));
         assert_eq!(hit(DVec3::new(0.8, 0.8, 2.0), -DVec3::Z), None);
         assert_eq!(hit(DVec3::new(0.2, 0.2, 2.0), DVec3::X), None, "along it");
         let flat = (DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 0.0, 1.0));
-        assert!(meets_box(DVec3::new(0.0, 5.0, 0.0), -DVec3::Y, flat.0, flat.1));
-        assert!(meets_box(DVec3::new(-5.0, 0.0, 0.0), DVec3::X, flat.0, flat.1));
-        assert!(!meets_box(DVec3::new(-5.0, 1.0, 0.0), DVec3::X, flat.0, flat.1));
-        assert!(!meets_box(DVec3::new(-5.0, 0.0, 0.0), -DVec3::X, flat.0, flat.1), "behind");
+        assert!(ray_meets_box(DVec3::new(0.0, 5.0, 0.0), -DVec3::Y, flat.0, flat.1));
+        assert!(ray_meets_box(DVec3::new(-5.0, 0.0, 0.0), DVec3::X, flat.0, flat.1));
+        assert!(!ray_meets_box(DVec3::new(-5.0, 1.0, 0.0), DVec3::X, flat.0, flat.1));
+        assert!(!ray_meets_box(DVec3::new(-5.0, 0.0, 0.0), -DVec3::X, flat.0, flat.1), "behind");
     }
 }

@@ -5,7 +5,7 @@ use choreo_stage::CameraState;
 use glam::{DAffine3, DVec2, DVec3};
 
 /// Distance in front of the camera at which lines are clipped, metres. Nearer points are not projected.
-const NEAREST: f64 = 1e-3;
+const NEAR_PLANE: f64 = 1e-3;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Lens {
@@ -37,23 +37,23 @@ impl Lens {
     /// Projects a point from world space to the window. `None` if it is behind the camera.
     pub fn point(&self, world: DVec3) -> Option<DVec2> {
         let view = self.view_from_world.transform_point3(world);
-        (!self.perspective || -view.z >= NEAREST).then(|| self.screen(view))
+        (!self.perspective || -view.z >= NEAR_PLANE).then(|| self.screen(view))
     }
 
     /// Projects the part of a line in front of the camera.
     pub fn line(&self, a: DVec3, b: DVec3) -> Option<[DVec2; 2]> {
         let [mut a, mut b] = [a, b].map(|p| self.view_from_world.transform_point3(p));
         if self.perspective {
-            if -a.z < NEAREST && -b.z < NEAREST {
+            if -a.z < NEAR_PLANE && -b.z < NEAR_PLANE {
                 return None;
             }
             let cut = |inside: DVec3, outside: DVec3| {
-                let part = (-inside.z - NEAREST) / (outside.z - inside.z);
+                let part = (-inside.z - NEAR_PLANE) / (outside.z - inside.z);
                 inside + (outside - inside) * part
             };
-            if -a.z < NEAREST {
+            if -a.z < NEAR_PLANE {
                 a = cut(b, a);
-            } else if -b.z < NEAREST {
+            } else if -b.z < NEAR_PLANE {
                 b = cut(a, b);
             }
         }
@@ -73,9 +73,9 @@ impl Lens {
     }
 
     /// Size in metres that a point of the window covers at a world position.
-    pub(crate) fn metres_a_point(&self, at: DVec3) -> f64 {
+    pub(crate) fn metres_per_point(&self, at: DVec3) -> f64 {
         let depth = if self.perspective { -self.view_from_world.transform_point3(at).z } else { 1.0 };
-        depth.max(NEAREST) * self.height / self.size.y.max(1.0)
+        depth.max(NEAR_PLANE) * self.height / self.size.y.max(1.0)
     }
 
     pub(crate) fn is_perspective(&self) -> bool {
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn it_agrees_with_the_renderer_s_own_matrices() {
+    fn projection_agrees_with_the_matrices_of_the_renderer() {
         for camera in cameras() {
             let size = [640, 360];
             let lens = Lens::new(&camera, DVec2::new(10.0, 20.0), DVec2::new(640.0, 360.0));
@@ -132,14 +132,14 @@ mod tests {
                 let (origin, direction) = lens.ray(got);
                 assert!((world - origin).cross(direction).length() < 1e-6);
                 let moved =
-                    lens.point(world + camera.world_from_view.matrix3.x_axis * lens.metres_a_point(world));
+                    lens.point(world + camera.world_from_view.matrix3.x_axis * lens.metres_per_point(world));
                 assert!((moved.unwrap() - got - DVec2::X).length() < 1e-6);
             }
         }
     }
 
     #[test]
-    fn lines_are_cut_off_before_the_camera() {
+    fn lines_are_clipped_at_the_near_plane() {
         let lens = Lens::new(&cameras()[0], DVec2::ZERO, DVec2::new(640.0, 360.0));
         let at = |z: f64| cameras()[0].world_from_view.transform_point3(DVec3::new(0.1, 0.1, z));
         assert!(lens.point(at(1.0)).is_none() && lens.line(at(1.0), at(2.0)).is_none());

@@ -5,9 +5,9 @@ use glam::{DQuat, DVec3};
 use std::f64::consts::{PI, TAU};
 
 /// Distance to the assumed target of a camera without one, metres.
-const AHEAD: f64 = 3.0;
+const DEFAULT_TARGET_DISTANCE: f64 = 3.0;
 /// Largest elevation of an orbit, radians: one degree below 90°, where the up direction of the image is undefined.
-const STEEPEST: f64 = PI * 89.0 / 180.0;
+const MAX_ELEVATION: f64 = PI * 89.0 / 180.0;
 
 /// World position of a target in a snapshot. `None` if it does not exist there.
 fn position(stage: &Stage, shown: &Snapshot, target: &Target) -> Option<DVec3> {
@@ -27,14 +27,14 @@ fn position(stage: &Stage, shown: &Snapshot, target: &Target) -> Option<DVec3> {
 
 /// World positions of a camera and of its target, ignoring shakes and keyed targets. `None` for a camera of a file, for one that frames a set of
 /// objects, and if the target has no position.
-pub fn places(stage: &Stage, shown: &Snapshot, camera: &Camera) -> Option<[DVec3; 2]> {
+pub fn rig_points(stage: &Stage, shown: &Snapshot, camera: &Camera) -> Option<[DVec3; 2]> {
     let keyed = camera.channels.iter().rev().find(|c| c.property == Property::Translation);
     let keyed = keyed.and_then(|c| c.at(shown.time)).map(|[x, y, z, _]| DVec3::new(x, y, z));
     match &camera.rig {
         Rig::Fixed { position: stated, rotation, look_at } => {
             let at = keyed.unwrap_or(*stated);
             let target = look_at.as_ref().and_then(|target| position(stage, shown, target));
-            Some([at, target.unwrap_or(at + *rotation * (DVec3::NEG_Z * AHEAD))])
+            Some([at, target.unwrap_or(at + *rotation * (DVec3::NEG_Z * DEFAULT_TARGET_DISTANCE))])
         }
         Rig::Follow { target, offset } => {
             let center = position(stage, shown, target)?;
@@ -51,8 +51,8 @@ pub fn places(stage: &Stage, shown: &Snapshot, camera: &Camera) -> Option<[DVec3
 }
 
 /// The rig of a camera moved to `to` at the time of a snapshot: with a new position, a new offset from its target, or a new distance and angles of
-/// its orbit. `None` in the cases of [`places`].
-pub fn moved(stage: &Stage, shown: &Snapshot, rig: &Rig, to: DVec3) -> Option<Rig> {
+/// its orbit. `None` in the cases of [`rig_points`].
+pub fn move_rig(stage: &Stage, shown: &Snapshot, rig: &Rig, to: DVec3) -> Option<Rig> {
     match rig {
         Rig::Fixed { rotation, look_at, .. } => {
             Some(Rig::Fixed { position: to, rotation: *rotation, look_at: *look_at })
@@ -70,7 +70,7 @@ pub fn moved(stage: &Stage, shown: &Snapshot, rig: &Rig, to: DVec3) -> Option<Ri
             (distance > 0.0).then(|| Rig::Orbit {
                 target: *target,
                 distance,
-                elevation: elevation.clamp(-STEEPEST, STEEPEST),
+                elevation: elevation.clamp(-MAX_ELEVATION, MAX_ELEVATION),
                 azimuth: azimuth + turn,
                 speed: *speed,
             })
@@ -86,7 +86,7 @@ mod tests {
 
     /// A moved camera is at its new position at that time, with any kind of rig.
     #[test]
-    fn a_camera_is_where_its_rig_was_moved_to() {
+    fn moving_a_rig_places_the_camera_at_the_target_point() {
         let center = Target::Point(DVec3::new(1.0, 1.0, -2.0));
         let rigs = [
             Rig::Fixed { position: DVec3::ZERO, rotation: DQuat::IDENTITY, look_at: Some(center) },
@@ -98,18 +98,18 @@ mod tests {
             shown.time = Time::from_secs(secs);
             for rig in &rigs {
                 for to in [DVec3::new(3.0, 2.0, 1.0), DVec3::new(-5.0, 0.5, -6.0)] {
-                    let rig = moved(&stage, &shown, rig, to).unwrap();
+                    let rig = move_rig(&stage, &shown, rig, to).unwrap();
                     if let Rig::Orbit { azimuth, .. } = rig {
                         assert!((azimuth + 2.9).abs() <= PI, "{azimuth}");
                     }
                     let camera = Camera { rig, ..Camera::default() };
-                    let [at, target] = places(&stage, &shown, &camera).unwrap();
+                    let [at, target] = rig_points(&stage, &shown, &camera).unwrap();
                     assert!((at - to).length() < 1e-9, "{at} is not {to}");
                     assert!((target - DVec3::new(1.0, 1.0, -2.0)).length() < 1e-9);
                 }
             }
         }
         let frame = Rig::Frame { azimuth: 0.0, elevation: 0.0 };
-        assert_eq!(moved(&stage, &shown, &frame, DVec3::ONE), None);
+        assert_eq!(move_rig(&stage, &shown, &frame, DVec3::ONE), None);
     }
 }

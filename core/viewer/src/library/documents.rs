@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Largest number of recent files.
-const MOST_RECENT: usize = 12;
+const MAX_RECENT_FILES: usize = 12;
 
 #[derive(Default)]
 pub struct Documents {
@@ -46,7 +46,7 @@ impl Documents {
         let file = file.canonicalize().unwrap_or_else(|_| file.to_path_buf());
         self.recent.retain(|other| *other != file);
         self.recent.insert(0, file);
-        self.recent.truncate(MOST_RECENT);
+        self.recent.truncate(MAX_RECENT_FILES);
         self.tempos.retain(|script, _| self.recent.contains(script));
     }
 

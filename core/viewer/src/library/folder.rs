@@ -6,7 +6,7 @@ use choreo_session::package;
 use std::path::{Path, PathBuf};
 
 /// Largest number of entries that are listed.
-const MOST_ENTRIES: usize = 2000;
+const MAX_ENTRIES: usize = 2000;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FileKind {
@@ -44,7 +44,7 @@ pub fn built_in(registry: &Registry) -> Vec<Entry> {
 /// The folder cannot be read.
 pub fn list(folder: &Path, models: &[String]) -> std::io::Result<Vec<Entry>> {
     let mut entries = Vec::new();
-    for entry in std::fs::read_dir(folder)?.flatten().take(MOST_ENTRIES) {
+    for entry in std::fs::read_dir(folder)?.flatten().take(MAX_ENTRIES) {
         let (path, name) = (entry.path(), entry.file_name().to_string_lossy().into_owned());
         let is_plugin = package::FILE_ENDINGS.iter().any(|ending| name.ends_with(ending));
         if name.starts_with('.') || is_plugin {

@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 /// Keyword of the text chunk with the clips.
-const CLIPS: &str = "choreo clips";
+const CLIPS_KEYWORD: &str = "choreo clips";
 /// Largest thumbnail file, bytes.
-const MOST_BYTES: u64 = 1 << 22;
+const MAX_FILE_BYTES: u64 = 1 << 22;
 /// Largest total size of the cached thumbnails, bytes: some thousands of them.
-pub const MOST_KEPT: u64 = 64 << 20;
+pub const MAX_CACHE_BYTES: u64 = 64 << 20;
 
 /// Cache file of a thumbnail, named after the content of the displayed file, so that a changed file gets a new one.
 pub fn path(cache: &Path, shows: &Path, clip: Option<&str>) -> Option<PathBuf> {
@@ -27,17 +27,17 @@ pub fn path(cache: &Path, shows: &Path, clip: Option<&str>) -> Option<PathBuf> {
 }
 
 pub fn read(file: &Path) -> Option<Thumbnail> {
-    let bytes = choreo_files::read(file, MOST_BYTES).ok()?;
+    let bytes = choreo_files::read(file, MAX_FILE_BYTES).ok()?;
     // The modification time marks the last use. Without write permission it does not change.
     let _ = File::options().append(true).open(file).and_then(|file| file.set_modified(SystemTime::now()));
     let mut reader = png::Decoder::new(Cursor::new(bytes)).read_info().ok()?;
-    let mut rgba = vec![0; reader.output_buffer_size().filter(|size| *size as u64 <= MOST_BYTES)?];
+    let mut rgba = vec![0; reader.output_buffer_size().filter(|size| *size as u64 <= MAX_FILE_BYTES)?];
     let info = reader.next_frame(&mut rgba).ok()?;
     if (info.color_type, info.bit_depth) != (png::ColorType::Rgba, png::BitDepth::Eight) {
         return None;
     }
     let (width, height) = (info.width, info.height);
-    let text = reader.info().utf8_text.iter().find(|text| text.keyword == CLIPS)?.get_text().ok()?;
+    let text = reader.info().utf8_text.iter().find(|text| text.keyword == CLIPS_KEYWORD)?.get_text().ok()?;
     let clips: Vec<Value> = serde_json::from_str(&text).ok()?;
     let clips = clips.iter().filter_map(|clip| {
         Some(ClipEntry { name: clip["name"].as_str()?.to_string(), secs: clip["secs"].as_f64()? })
@@ -88,7 +88,7 @@ fn encoded(thumbnail: &Thumbnail) -> Option<Vec<u8>> {
     let mut encoder = png::Encoder::new(&mut bytes, frame.width, frame.height);
     encoder.set_color(png::ColorType::Rgba);
     encoder.set_depth(png::BitDepth::Eight);
-    encoder.add_itxt_chunk(CLIPS.to_string(), Value::from(clips).to_string()).ok()?;
+    encoder.add_itxt_chunk(CLIPS_KEYWORD.to_string(), Value::from(clips).to_string()).ok()?;
     let mut writer = encoder.write_header().ok()?;
     writer.write_image_data(&frame.rgba).ok()?;
     writer.finish().ok()?;
@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn those_not_shown_for_longest_go_first_and_nothing_else_does() {
+    fn the_least_recently_used_thumbnails_are_deleted_first() {
         let folder = tempfile::tempdir().unwrap();
         let image = |secs: u8| {
             let frame = Frame { width: 8, height: 8, rgba: vec![secs; 256] };

@@ -16,7 +16,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 /// Width and height, pixels, 16:9.
 pub const SIZE: [u32; 2] = [256, 144];
 /// Time of a scene's thumbnail, as a fraction of its length.
-const SHOWN_AT: f64 = 0.35;
+const SCENE_TIME_FRACTION: f64 = 0.35;
 /// Number of images of a preview, enough to show a motion.
 const PREVIEW_FRAMES: u32 = 16;
 
@@ -82,7 +82,7 @@ enum ThumbnailError {
     Problem(String),
     #[error("it is not a model")]
     NoModel,
-    #[error("the file has no such clip")]
+    #[error("the file does not contain this clip")]
     NoClip,
     #[error(transparent)]
     Thread(#[from] std::io::Error),
@@ -100,7 +100,7 @@ pub struct Thumbnails {
     known: BTreeMap<Subject, ThumbnailState>,
     worker: Option<(Sender<Job>, Receiver<FinishedThumbnail>)>,
     /// Plugins and options of the worker. `None`: no thumbnails are drawn.
-    workshop: Option<(Registry, SceneSource)>,
+    registry_and_options: Option<(Registry, SceneSource)>,
     /// Folder of cached thumbnails. `None`: no cache.
     pub cache: Option<PathBuf>,
 }
@@ -108,7 +108,11 @@ pub struct Thumbnails {
 impl Thumbnails {
     /// `like`: options for loading the files, such as additional folders.
     pub fn new(registry: &Registry, like: &SceneSource, cache: Option<PathBuf>) -> Thumbnails {
-        Thumbnails { workshop: Some((registry.clone(), like.clone())), cache, ..Thumbnails::default() }
+        Thumbnails {
+            registry_and_options: Some((registry.clone(), like.clone())),
+            cache,
+            ..Thumbnails::default()
+        }
     }
 
     /// State of the thumbnail of a subject; the first call starts drawing it. `asset`: asset of the character that plays the clip.
@@ -124,14 +128,14 @@ impl Thumbnails {
         }
         let made = match self.start(subject, asset, wake) {
             true => ThumbnailState::Waiting,
-            false => ThumbnailState::Failed("thumbnails are not drawn here".to_string()),
+            false => ThumbnailState::Failed("the thumbnail thread is not running".to_string()),
         };
         self.known.insert(subject.clone(), made.clone());
         made
     }
 
     fn start(&mut self, subject: &Subject, asset: Option<&Arc<Asset>>, wake: impl FnOnce() -> Wake) -> bool {
-        let Some((registry, like)) = &self.workshop else { return false };
+        let Some((registry, like)) = &self.registry_and_options else { return false };
         let worker = match self.worker.take() {
             Some(worker) => Some(worker),
             None => worker(registry.clone(), self.cache.clone(), wake()),
@@ -157,7 +161,7 @@ impl Thumbnails {
 
     /// Canonical paths of the files that a script reads. Empty if the plugins are unknown.
     pub fn files_of(&self, script: &Path) -> Vec<PathBuf> {
-        let Some((registry, like)) = &self.workshop else { return Vec::new() };
+        let Some((registry, like)) = &self.registry_and_options else { return Vec::new() };
         let source = SceneSource { input: script.to_path_buf(), ..like.clone() };
         let session = Session::new(source, registry, false);
         session.map_or_else(|_| Vec::new(), |mut session| session.build(BTreeSet::new()).read)
@@ -213,7 +217,9 @@ fn cached_thumbnail(
     let thumbnail = make_thumbnail(registry, job)?;
     if let Some(file) = file {
         thumbnail_file::write(&file, &thumbnail);
-        file.parent().into_iter().for_each(|folder| thumbnail_file::limit(folder, thumbnail_file::MOST_KEPT));
+        file.parent()
+            .into_iter()
+            .for_each(|folder| thumbnail_file::limit(folder, thumbnail_file::MAX_CACHE_BYTES));
     }
     Ok(thumbnail)
 }
@@ -239,7 +245,7 @@ fn make_thumbnail(registry: &Registry, job: Job) -> Result<Thumbnail, ThumbnailE
         let frames = draw_frames(&scene, &times.map(Time::from_secs).collect::<Vec<_>>())?;
         return Ok(Thumbnail { frames, secs, clips, note: Some(note) });
     }
-    let at = Time::from_secs(scene.stage.settings.length.as_secs() * SHOWN_AT);
+    let at = Time::from_secs(scene.stage.settings.length.as_secs() * SCENE_TIME_FRACTION);
     Ok(Thumbnail { frames: draw_frames(&scene, &[at])?, secs: 0.0, clips, note: None })
 }
 

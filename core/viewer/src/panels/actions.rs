@@ -74,10 +74,10 @@ pub(crate) const ACTIONS: &[Action] = &[
     free("previous_event", "go to the previous start, end or event", "Up", |c| c.viewer.seek_to_next(true)),
     free("next_event", "go to the next start, end or event", "Down", |c| c.viewer.seek_to_next(false)),
     free("range_from", "range start: play from here; press again: play everything", "I", |c| {
-        keys::range(c.viewer, false)
+        keys::set_range_end(c.viewer, false)
     }),
     free("range_to", "range end: play up to here; press again: play everything", "O", |c| {
-        keys::range(c.viewer, true)
+        keys::set_range_end(c.viewer, true)
     }),
     free("loop", "loop: play again and again, or once", "L", |c| c.viewer.playhead.looping ^= true),
     free("speed_tenth", "playback speed: a tenth", "", |c| c.viewer.playhead.set_speed(0.1)),
@@ -146,8 +146,8 @@ pub(crate) const ACTIONS: &[Action] = &[
     free("move", "move the selection", "G", |c| c.viewer.tool = Tool::Move),
     free("turn", "turn the selection", "R", |c| c.viewer.tool = Tool::Turn),
     free("scale", "scale the selection", "B", |c| c.viewer.tool = Tool::Scale),
-    free("hide", "hide or show the selection", "H", |c| keys::hide(c.viewer)),
-    free("isolate", "isolate the selection: show only solo actors", "", |c| keys::isolate(c.viewer)),
+    free("hide", "hide or show the selection", "H", |c| keys::toggle_hidden(c.viewer)),
+    free("isolate", "isolate the selection: show only solo actors", "", |c| keys::toggle_isolated(c.viewer)),
     free("camera", "switch between the script's camera and a free one", "C", |c| {
         viewport::toggle_camera(c.viewer)
     }),
@@ -181,7 +181,7 @@ const PANEL_KEYS: [&str; 9] =
     ["Ctrl+1", "Ctrl+2", "Ctrl+3", "Ctrl+4", "Ctrl+5", "Ctrl+6", "Ctrl+7", "Ctrl+8", "Ctrl+9"];
 
 /// Additional words to find actions and panels by: those of Blender, Unity and video players.
-const OTHER_WORDS: [(&str, &str); 31] = [
+const SYNONYMS: [(&str, &str); 31] = [
     ("play", "playback stop preview"),
     ("previous_frame", "step backward"),
     ("next_frame", "step forward"),
@@ -217,7 +217,7 @@ const OTHER_WORDS: [(&str, &str); 31] = [
 
 /// Additional words of an action or a panel, by its name in the shortcuts file.
 pub(super) fn other_words(id: &str) -> &'static str {
-    OTHER_WORDS.iter().find(|(other, _)| *other == id).map_or("", |(_, words)| words)
+    SYNONYMS.iter().find(|(other, _)| *other == id).map_or("", |(_, words)| words)
 }
 
 /// The action with this name in the shortcuts file.
@@ -406,7 +406,7 @@ mod tests {
 
     /// The menu font has glyphs for all displayed keys.
     #[test]
-    fn keys_are_shown_with_signs_that_the_font_has() {
+    fn shortcut_symbols_exist_in_the_font() {
         let (context, mut ran) = (egui::Context::default(), false);
         context.set_fonts(super::super::icons::fonts());
         let mut output = context.run_ui(egui::RawInput::default(), |ui| {
@@ -429,7 +429,7 @@ mod tests {
 
     /// Each key of each preset exists and belongs to only one action.
     #[test]
-    fn keys_of_presets_are_keys_and_none_is_taken_twice() {
+    fn preset_shortcuts_are_valid_and_unique() {
         for (preset, _, changed) in PRESETS {
             let mut viewer = Viewer::new("x");
             viewer.shortcuts = Shortcuts { preset: preset.to_string(), ..Shortcuts::default() };
@@ -452,7 +452,7 @@ mod tests {
 
     /// Actions with keys of the system display these in addition to the user's own.
     #[test]
-    fn keys_of_the_clipboard_are_shown() {
+    fn clipboard_shortcuts_are_listed() {
         let mut viewer = Viewer::new("x");
         assert_eq!(
             ["cut", "copy", "paste", "save"].map(|id| keys_of(&viewer, id)),
@@ -463,10 +463,10 @@ mod tests {
     }
 
     #[test]
-    fn other_words_are_of_actions_and_panels() {
+    fn every_synonym_belongs_to_an_action_or_panel() {
         let all: Vec<String> =
             all_keyed_actions(&Viewer::new("x")).into_iter().map(|keyed| keyed.id).collect();
-        for (id, _) in OTHER_WORDS {
+        for (id, _) in SYNONYMS {
             assert!(all.iter().any(|known| known == id), "{id}");
         }
     }

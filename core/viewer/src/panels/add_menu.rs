@@ -8,15 +8,15 @@ use choreo_session::edit::{Addition, SHAPES};
 use egui::Ui;
 
 /// Names, hints and additions that need no further choice.
-const PLAIN: [(&str, &str, Addition); 2] = [
+const OBJECT_ENTRIES: [(&str, &str, Addition); 2] = [
     ("Character", "the built-in character, in a color of its own", Addition::Character),
     ("Title", "text over the frame, from the playhead on", Addition::Title),
 ];
-const ORBIT: (&str, &str, Addition) =
+const ORBIT_ENTRY: (&str, &str, Addition) =
     ("Around the middle", "circles the stage; active from the playhead on", Addition::Orbit(None));
 /// Largest number of actors that cameras are offered for.
-const MOST_ACTORS: usize = 100;
-const LIGHTS: [(&str, &str, Addition); 5] = [
+const MAX_ACTORS: usize = 100;
+const LIGHT_ENTRIES: [(&str, &str, Addition); 5] = [
     ("Sun", "light from one direction, with a shadow", Addition::Sun),
     ("Point", "light from a point to all sides", Addition::Point),
     ("Spot", "a cone of light, with a shadow", Addition::Spot),
@@ -26,7 +26,10 @@ const LIGHTS: [(&str, &str, Addition); 5] = [
 
 /// Additions for the command palette with their labels. `None`: a camera at the view.
 pub fn commands(viewer: &Viewer) -> Vec<(String, Option<Addition>)> {
-    let plain = PLAIN.iter().chain(&LIGHTS).map(|(name, _, what)| (name.to_string(), Some(what.clone())));
+    let plain = OBJECT_ENTRIES
+        .iter()
+        .chain(&LIGHT_ENTRIES)
+        .map(|(name, _, what)| (name.to_string(), Some(what.clone())));
     let shapes = SHAPES.iter().map(|kind| (format!("shape: {kind}"), Some(Addition::Shape(kind))));
     let effects = effects(viewer).into_iter().map(|name| {
         let what = Addition::Effect(name.clone());
@@ -53,7 +56,7 @@ fn subjects(viewer: &Viewer) -> Vec<String> {
     let Some(scene) = &viewer.scene else { return Vec::new() };
     let selected = viewer.selection.as_ref().and_then(Selected::actor);
     let all = scene.stage.actors.iter().map(|actor| actor.name.clone());
-    all.filter(|name| selected.is_none_or(|selected| selected == name)).take(MOST_ACTORS).collect()
+    all.filter(|name| selected.is_none_or(|selected| selected == name)).take(MAX_ACTORS).collect()
 }
 
 /// Entries for cameras that show the selected actor, else menus of all actors.
@@ -105,7 +108,7 @@ pub fn constraints(viewer: &Viewer) -> Vec<(String, NewConstraint)> {
 fn targets(viewer: &Viewer) -> Vec<String> {
     let Some(selected) = viewer.selection.as_ref().and_then(Selected::actor) else { return Vec::new() };
     let all = viewer.scene.iter().flat_map(|scene| &scene.stage.actors).map(|actor| actor.name.clone());
-    all.filter(|name| name != selected).take(MOST_ACTORS).collect()
+    all.filter(|name| name != selected).take(MAX_ACTORS).collect()
 }
 
 /// Menu of constraints for the selected actor.
@@ -161,7 +164,7 @@ pub fn entries(ui: &mut Ui, viewer: &mut Viewer) {
     let entry = |ui: &mut Ui, (name, about, what): &(&str, &str, Addition)| {
         ui.button(*name).hint(*about).clicked().then(|| Some(what.clone()))
     };
-    wanted = entry(ui, &PLAIN[0]).or(wanted);
+    wanted = entry(ui, &OBJECT_ENTRIES[0]).or(wanted);
     ui.menu_button("Shape", |ui| {
         for kind in SHAPES {
             if ui.button(kind).clicked() {
@@ -173,15 +176,15 @@ pub fn entries(ui: &mut Ui, viewer: &mut Viewer) {
         if ui.button("From this view").hint("active from the playhead on").clicked() {
             wanted = Some(None);
         }
-        wanted = entry(ui, &ORBIT).or(wanted.take());
+        wanted = entry(ui, &ORBIT_ENTRY).or(wanted.take());
         wanted = cameras(ui, viewer).map(Some).or(wanted.take());
     });
     ui.menu_button("Light", |ui| {
-        for light in &LIGHTS {
+        for light in &LIGHT_ENTRIES {
             wanted = entry(ui, light).or(wanted.take());
         }
     });
-    wanted = entry(ui, &PLAIN[1]).or(wanted);
+    wanted = entry(ui, &OBJECT_ENTRIES[1]).or(wanted);
     ui.menu_button("Effect", |ui| {
         egui::ScrollArea::vertical().show(ui, |ui| {
             for name in effects(viewer) {

@@ -19,8 +19,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Width of an image, points.
-const TILE: f32 = 112.0;
-const MOST_CLIPS: usize = 200;
+const TILE_WIDTH: f32 = 112.0;
+const MAX_CLIPS: usize = 200;
 
 /// Payload of a model dragged onto a viewport.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -84,11 +84,11 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, pictures: &
     let below = if browser.chosen.is_some() { 190.0_f32.min(ui.available_height() / 2.0) } else { 0.0 };
     let height = (ui.available_height() - below).max(60.0);
     ScrollArea::vertical().id_salt("files").max_height(height).auto_shrink([false, false]).show(ui, |ui| {
-        tiles(ui, viewer, browser, pictures, &models);
+        show_tiles(ui, viewer, browser, pictures, &models);
     });
     if let Some(file) = browser.chosen.clone() {
         ui.separator();
-        chosen(ui, viewer, browser, pictures, &file);
+        show_chosen_file(ui, viewer, browser, pictures, &file);
     }
 }
 
@@ -117,7 +117,7 @@ fn path_row(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, root: &Path
     super::values::named(search, egui::WidgetType::TextEdit, "search files");
 }
 
-fn tiles(
+fn show_tiles(
     ui: &mut Ui,
     viewer: &mut Viewer,
     browser: &mut Browser,
@@ -135,7 +135,7 @@ fn tiles(
     }
     ui.horizontal_wrapped(|ui| {
         for entry in entries {
-            let size = vec2(TILE, pictures::height(TILE) + 18.0);
+            let size = vec2(TILE_WIDTH, pictures::height(TILE_WIDTH) + 18.0);
             let (place, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
             let is_chosen = browser.chosen.as_ref() == Some(&entry.path);
             let label = entry.name.clone();
@@ -143,7 +143,7 @@ fn tiles(
                 egui::WidgetInfo::selected(egui::WidgetType::Button, true, is_chosen, label.clone())
             });
             if ui.is_rect_visible(place) {
-                tile(ui, viewer, pictures, &entry, place, is_chosen || response.hovered());
+                show_tile(ui, viewer, pictures, &entry, place, is_chosen || response.hovered());
             }
             if entry.kind == FileKind::Folder {
                 if response.clicked() {
@@ -163,8 +163,15 @@ fn tiles(
     });
 }
 
-fn tile(ui: &Ui, viewer: &mut Viewer, pictures: &mut Pictures, entry: &Entry, place: Rect, strong: bool) {
-    let image = Rect::from_min_size(place.min, vec2(TILE, pictures::height(TILE)));
+fn show_tile(
+    ui: &Ui,
+    viewer: &mut Viewer,
+    pictures: &mut Pictures,
+    entry: &Entry,
+    place: Rect,
+    strong: bool,
+) {
+    let image = Rect::from_min_size(place.min, vec2(TILE_WIDTH, pictures::height(TILE_WIDTH)));
     let color = if strong { ui.visuals().strong_text_color() } else { ui.visuals().text_color() };
     match entry.kind {
         FileKind::Folder => {
@@ -178,7 +185,7 @@ fn tile(ui: &Ui, viewer: &mut Viewer, pictures: &mut Pictures, entry: &Entry, pl
         let stroke = egui::Stroke::new(1.5, ui.visuals().selection.bg_fill);
         ui.painter().rect_stroke(image, 3.0, stroke, egui::StrokeKind::Outside);
     }
-    let name = super::elided(ui.painter(), &entry.name, 11.5, color, TILE);
+    let name = super::elided(ui.painter(), &entry.name, 11.5, color, TILE_WIDTH);
     ui.painter().galley(egui::pos2(place.left(), image.bottom() + 2.0), name, color);
 }
 
@@ -190,7 +197,13 @@ fn add_model(viewer: &mut Viewer, file: &Path) {
 }
 
 /// The chosen file: its clips, and a preview of one of them.
-fn chosen(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, pictures: &mut Pictures, file: &Path) {
+fn show_chosen_file(
+    ui: &mut Ui,
+    viewer: &mut Viewer,
+    browser: &mut Browser,
+    pictures: &mut Pictures,
+    file: &Path,
+) {
     let made = viewer.documents.thumbnails.get(&Subject::file(file.to_path_buf()), None, || {
         let context = ui.ctx().clone();
         Box::new(move || context.request_repaint())
@@ -202,18 +215,18 @@ fn chosen(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, pictures: &mu
             return drop(ui.label(RichText::new(why).color(ui.visuals().error_fg_color)));
         }
     };
-    let on = character(viewer);
+    let on = target_character(viewer);
     ui.horizontal_top(|ui| {
         let width = (ui.available_width() * 0.5).clamp(100.0, 224.0);
         // Text below the image is not wider than it, so that the clips do not move.
         ui.vertical(|ui| {
             ui.set_width(width);
-            preview(ui, viewer, browser, pictures, file, width);
+            show_preview(ui, viewer, browser, pictures, file, width);
         });
         // A scroll area inherits the surrounding layout; without a column the clips would be side by side.
         ui.vertical(|ui| {
             ScrollArea::vertical().id_salt("clips").auto_shrink([false, false]).show(ui, |ui| {
-                clips(
+                show_clips(
                     ui,
                     viewer,
                     browser,
@@ -226,7 +239,7 @@ fn chosen(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, pictures: &mu
     });
 }
 
-fn preview(
+fn show_preview(
     ui: &mut Ui,
     viewer: &mut Viewer,
     browser: &Browser,
@@ -237,7 +250,7 @@ fn preview(
     let (place, response) = ui.allocate_exact_size(vec2(width, pictures::height(width)), Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, "preview"));
     let number = viewer.scene.as_ref().map_or(0, |scene| scene.number);
-    let (subject, asset, title) = match (&browser.clip, character(viewer)) {
+    let (subject, asset, title) = match (&browser.clip, target_character(viewer)) {
         (Some(clip), Some((name, asset))) => {
             let title = format!("{clip} on {name}");
             let (file, clip) = (file.to_path_buf(), Some(clip.clone()));
@@ -264,7 +277,7 @@ fn preview(
 }
 
 /// Clips of a file: a click previews one, a double click or `+` adds it after the last clip, a drag moves it to a row.
-fn clips(
+fn show_clips(
     ui: &mut Ui,
     viewer: &mut Viewer,
     browser: &mut Browser,
@@ -275,7 +288,7 @@ fn clips(
     if all.is_empty() {
         ui.weak("no clips");
     }
-    for clip in all.iter().take(MOST_CLIPS) {
+    for clip in all.iter().take(MAX_CLIPS) {
         ui.horizontal(|ui| {
             let hint = match on {
                 Some(name) => format!("{name} plays it after its last clip"),
@@ -304,7 +317,7 @@ fn clips(
 }
 
 /// The selected actor with joints, else the first one: its name and asset.
-fn character(viewer: &Viewer) -> Option<(String, Arc<Asset>)> {
+fn target_character(viewer: &Viewer) -> Option<(String, Arc<Asset>)> {
     let stage = &viewer.scene.as_ref()?.stage;
     let selected = viewer.selection.as_ref().and_then(Selected::actor);
     let selected = selected.and_then(|name| stage.actors.get(actor(stage, name)?));

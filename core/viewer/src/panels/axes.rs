@@ -11,15 +11,15 @@ use egui::{Align2, Color32, FontId, Rect, Sense, Stroke, Ui, vec2};
 use glam::{DAffine3, DVec2};
 
 /// Length of an axis, and radius of its ends, points.
-const ARM: f32 = 30.0;
-const END: f32 = 8.0;
+const AXIS_LENGTH: f32 = 30.0;
+const AXIS_END_RADIUS: f32 = 8.0;
 /// Label of the menu if the view is not along an axis.
-const NO_SIDE: &str = "View";
+const NO_SIDE_LABEL: &str = "View";
 
 /// Rectangle of the axes, if they are shown.
-pub fn place_of(viewer: &Viewer, index: usize, place: Rect) -> Option<Rect> {
+pub fn axes_rect(viewer: &Viewer, index: usize, place: Rect) -> Option<Rect> {
     let has_room = place.width() >= 200.0 && place.height() >= 120.0;
-    let side = 2.0 * (ARM + END);
+    let side = 2.0 * (AXIS_LENGTH + AXIS_END_RADIUS);
     let corner = place.right_top() + vec2(-10.0 - side, 10.0);
     let is_shown = viewer.views[index].overlays.axes && has_room;
     is_shown.then(|| Rect::from_min_size(corner, vec2(side, side)))
@@ -27,7 +27,7 @@ pub fn place_of(viewer: &Viewer, index: usize, place: Rect) -> Option<Rect> {
 
 /// Draws the axes and handles clicks. Returns whether the mouse is over an end.
 pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_view: &DAffine3) -> bool {
-    let Some(middle) = place_of(viewer, index, place).map(|own| own.center()) else { return false };
+    let Some(middle) = axes_rect(viewer, index, place).map(|own| own.center()) else { return false };
     let painter = ui.painter_at(place);
     let view_from_world = world_from_view.matrix3.inverse();
     let mut ends: Vec<_> =
@@ -38,7 +38,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_
     for (side, toward) in ends {
         let at = point(
             DVec2::new(f64::from(middle.x), f64::from(middle.y))
-                + DVec2::new(toward.x, -toward.y) * f64::from(ARM),
+                + DVec2::new(toward.x, -toward.y) * f64::from(AXIS_LENGTH),
         );
         let (letter, color) = match side {
             Side::Right | Side::Left => ("X", X),
@@ -47,27 +47,30 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_
         };
         let positive = matches!(side, Side::Right | Side::Top | Side::Front);
         let id = ui.id().with(("axis", index, side.name()));
-        let response =
-            ui.interact(Rect::from_center_size(at, vec2(2.0 * END, 2.0 * END)), id, Sense::click());
+        let response = ui.interact(
+            Rect::from_center_size(at, vec2(2.0 * AXIS_END_RADIUS, 2.0 * AXIS_END_RADIUS)),
+            id,
+            Sense::click(),
+        );
         response.widget_info(|| {
             egui::WidgetInfo::labeled(egui::WidgetType::Button, true, format!("{} view", side.name()))
         });
         hot |= response.hovered();
         if positive {
             painter.line_segment([middle, at], Stroke::new(2.0, color));
-            painter.circle_filled(at, END, color);
+            painter.circle_filled(at, AXIS_END_RADIUS, color);
             painter.text(at, Align2::CENTER_CENTER, letter, FontId::proportional(11.0), Color32::BLACK);
         } else {
-            painter.circle_filled(at, END - 1.5, color.gamma_multiply(0.35));
-            painter.circle_stroke(at, END - 1.5, Stroke::new(1.5, color));
+            painter.circle_filled(at, AXIS_END_RADIUS - 1.5, color.gamma_multiply(0.35));
+            painter.circle_stroke(at, AXIS_END_RADIUS - 1.5, Stroke::new(1.5, color));
         }
         if response.hovered() {
-            painter.circle_stroke(at, END + 2.0, Stroke::new(1.5, Color32::WHITE));
+            painter.circle_stroke(at, AXIS_END_RADIUS + 2.0, Stroke::new(1.5, Color32::WHITE));
         }
         if response.hint(format!("{} view, orthographic", side.name())).clicked() {
             viewer.active = index;
             // A second click on the same end looks from the opposite side, whose end is hidden behind it.
-            let same = orbit(viewer, index).as_ref().and_then(Side::of) == Some(side);
+            let same = free_orbit(viewer, index).as_ref().and_then(Side::of) == Some(side);
             if let Some(orbit) = viewer.free_camera(index) {
                 orbit.look_from(if same { side.opposite() } else { side });
             }
@@ -76,7 +79,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_
     hot
 }
 
-fn orbit(viewer: &Viewer, index: usize) -> Option<Orbit> {
+fn free_orbit(viewer: &Viewer, index: usize) -> Option<Orbit> {
     match &viewer.views[index].camera {
         ViewCamera::Free(orbit) | ViewCamera::Follow { orbit, .. } => Some(*orbit),
         _ => None,
@@ -85,16 +88,16 @@ fn orbit(viewer: &Viewer, index: usize) -> Option<Orbit> {
 
 /// Label of the menu: the side of the present view.
 pub fn menu_name(viewer: &Viewer, index: usize) -> &'static str {
-    orbit(viewer, index).as_ref().and_then(Side::of).map_or(NO_SIDE, Side::name)
+    free_orbit(viewer, index).as_ref().and_then(Side::of).map_or(NO_SIDE_LABEL, Side::name)
 }
 
 /// All labels of the menu.
 pub fn menu_names() -> impl Iterator<Item = &'static str> {
-    [NO_SIDE].into_iter().chain(Side::ALL.map(Side::name))
+    [NO_SIDE_LABEL].into_iter().chain(Side::ALL.map(Side::name))
 }
 
 pub fn entries(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
-    let orbit = orbit(viewer, index);
+    let orbit = free_orbit(viewer, index);
     let side = orbit.as_ref().and_then(Side::of);
     let flat = orbit.is_some_and(|o| matches!(o.projection, Projection::Orthographic { .. }));
     if ui.selectable_label(orbit.is_some() && !flat, "Perspective").clicked()

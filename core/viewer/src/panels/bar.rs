@@ -11,9 +11,9 @@ use choreo_script::Severity;
 use egui::{RichText, TextStyle, Ui};
 
 /// Largest number of problems in the tooltip; the panel Messages lists all of them.
-const MOST_TOLD: usize = 5;
+const MAX_LISTED_PROBLEMS: usize = 5;
 /// Width reserved for a note at the end of the bar, points.
-const NOTE: f32 = 120.0;
+const NOTE_WIDTH: f32 = 120.0;
 
 /// State that the entries act on.
 struct Window<'w> {
@@ -37,16 +37,16 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             bar.toggle(panels.key_list.open, "Shortcuts", "", |window| window.panels.key_list.open ^= true);
             // The name follows the menus, so that its length does not move them.
             let name = viewer.name.clone();
-            bar.widget("name", true, move |ui, _| short(ui, RichText::new(&name).strong(), &name));
+            bar.widget("name", true, move |ui, _| elided_label(ui, RichText::new(&name).strong(), &name));
             preview_entries(&mut bar, viewer);
-            status(&mut bar, ui, viewer);
+            add_status(&mut bar, ui, viewer);
             // Texts at the end of the bar, from right to left. If there is no room, they move into the menu of the toolbar.
-            let figures = figures(viewer);
+            let figures = performance_figures(viewer);
             let spacing = ui.spacing().item_spacing.x;
             let widths =
                 figures.iter().map(|(text, _)| toolbar::text_width(ui, text, TextStyle::Body) + spacing);
             let has_note = viewer.message.is_some() || viewer.note.is_some() || viewer.faulty;
-            let reserved = if has_note { NOTE } else { 0.0 };
+            let reserved = if has_note { NOTE_WIDTH } else { 0.0 };
             let fits = bar.width(ui) + widths.sum::<f32>() + reserved <= ui.available_width();
             for (text, hint) in figures.iter().filter(|_| !fits) {
                 bar.text(text, hint, TextStyle::Body);
@@ -56,7 +56,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
                 for (text, hint) in figures.iter().filter(|_| fits) {
                     ui.label(text).hint(hint);
                 }
-                note(ui, viewer);
+                show_note(ui, viewer);
             });
         });
     });
@@ -118,7 +118,7 @@ fn edit_entries(ui: &mut Ui, window: &mut Window) {
 }
 
 /// A name that is truncated to leave room for the buttons next to it. `whole`: text of the tooltip.
-fn short(ui: &mut Ui, name: RichText, whole: &str) {
+fn elided_label(ui: &mut Ui, name: RichText, whole: &str) {
     let room = (ui.ctx().content_rect().width() / 4.0).min(260.0);
     ui.scope(|ui| {
         ui.set_max_width(room);
@@ -137,7 +137,7 @@ fn preview_entries(bar: &mut Toolbar<'_, Window<'_>>, viewer: &Viewer) {
     let all: Vec<String> = viewer.previewed_files.iter().map(|file| file.display().to_string()).collect();
     bar.separator();
     bar.widget("previewed files", true, move |ui, _| {
-        short(ui, RichText::new(name).color(ui.visuals().warn_fg_color).strong(), &all.join("\n"));
+        elided_label(ui, RichText::new(name).color(ui.visuals().warn_fg_color).strong(), &all.join("\n"));
     });
     if viewer.path.is_some() {
         bar.button("Add to script", "", |window| window.viewer.edit(|v| v.add_previewed_files()));
@@ -146,7 +146,7 @@ fn preview_entries(bar: &mut Toolbar<'_, Window<'_>>, viewer: &Viewer) {
 }
 
 /// The first problem, in one line; a click goes to its line.
-fn first_problem(ui: &mut Ui, viewer: &mut Viewer) {
+fn show_first_problem(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(first) = viewer.problems.first().filter(|_| viewer.faulty) else { return };
     let (line, whole) = (first.line, first.to_string());
     let message = first.message.lines().next().unwrap_or("");
@@ -160,7 +160,7 @@ fn first_problem(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// State of the newest version; a click opens the panel Messages.
-fn status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
+fn add_status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
     let of = |severity| viewer.problems.iter().filter(|p| p.severity == severity).count();
     let (errors, warnings) = (of(Severity::Error), of(Severity::Warning));
     let many = |count: usize, one: &str| match count {
@@ -189,7 +189,7 @@ fn status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
         RichText::new(parts.join(", ")).color(color)
     };
     let all = viewer.problems.iter().map(ToString::to_string).chain(viewer.renderer_problems.iter().cloned());
-    let all: Vec<String> = all.take(MOST_TOLD).collect();
+    let all: Vec<String> = all.take(MAX_LISTED_PROBLEMS).collect();
     bar.widget("status", false, move |ui, window| {
         let label = ui.add(egui::Label::new(text).extend().sense(egui::Sense::click()));
         let label = label.hint(RichText::new(all.join("\n\n")).monospace());
@@ -200,7 +200,7 @@ fn status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
 }
 
 /// Texts about the displayed image, with their hints.
-fn figures(viewer: &Viewer) -> Vec<(String, String)> {
+fn performance_figures(viewer: &Viewer) -> Vec<(String, String)> {
     let Some(shown) = viewer.shown() else { return Vec::new() };
     let millis = |d: std::time::Duration| d.as_secs_f64() * 1e3;
     let all = shown.evaluated_in + shown.planned_in + shown.drawn_in;
@@ -216,19 +216,19 @@ fn figures(viewer: &Viewer) -> Vec<(String, String)> {
 }
 
 /// Reason why the last edit was refused, else its note, else the first problem.
-fn note(ui: &mut Ui, viewer: &mut Viewer) {
+fn show_note(ui: &mut Ui, viewer: &mut Viewer) {
     if let Some(why) = &viewer.message {
         let text = RichText::new(why).color(ui.visuals().warn_fg_color);
         ui.add(egui::Label::new(text).truncate()).hint(why);
     } else if let Some(note) = &viewer.note {
         ui.add(egui::Label::new(note).truncate()).hint(note);
     } else {
-        first_problem(ui, viewer);
+        show_first_problem(ui, viewer);
     }
 }
 
 /// Dialog for an offered edit, with the difference.
-pub fn offer(ui: &Ui, viewer: &mut Viewer) {
+pub fn show_offer(ui: &Ui, viewer: &mut Viewer) {
     let Some(offer) = &viewer.offer else { return };
     let mut agreed = None;
     let is_left = dialog::show(ui, "Change the script?", |ui| {
@@ -240,7 +240,7 @@ pub fn offer(ui: &Ui, viewer: &mut Viewer) {
             agreed = Some(OfferAnswer::GoTo(line));
         }
         ui.add_space(6.0);
-        lines(ui, &offer.difference);
+        draw_difference_lines(ui, &offer.difference);
         ui.add_space(6.0);
         ui.horizontal(|ui| {
             if ui.button(&offer.label).clicked() {
@@ -253,7 +253,7 @@ pub fn offer(ui: &Ui, viewer: &mut Viewer) {
         if let Some(other) = &offer.other {
             ui.add_space(6.0);
             ui.label("or");
-            lines(ui, &other.difference);
+            draw_difference_lines(ui, &other.difference);
             ui.add_space(6.0);
             ui.horizontal(|ui| {
                 if ui.button(&other.label).clicked() {
@@ -291,7 +291,7 @@ enum OfferAnswer {
 }
 
 /// Draws the lines of a difference.
-fn lines(ui: &mut Ui, difference: &[(char, String)]) {
+fn draw_difference_lines(ui: &mut Ui, difference: &[(char, String)]) {
     let visuals = ui.visuals().clone();
     egui::Frame::new().fill(visuals.extreme_bg_color).inner_margin(6.0).show(ui, |ui| {
         for (sign, line) in difference {

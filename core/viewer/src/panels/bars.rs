@@ -6,7 +6,7 @@ use super::headers;
 use super::hint::Hint;
 use super::inspector::ClipDrag;
 use super::marks;
-use super::sequencer::{FOOT_STRIP, color_of, count_following_joints, row_places};
+use super::sequencer::{FOOT_STRIP_HEIGHT, color_of, count_following_joints, row_places};
 use crate::app::Viewer;
 use crate::editing::{ClipSource, EditError};
 use crate::state::selection::Selected;
@@ -20,17 +20,17 @@ use egui::{
 use std::borrow::Cow;
 
 /// Distance within which a dragged time snaps to another, points.
-const REACH: f32 = 6.0;
+const SNAP_DISTANCE: f32 = 6.0;
 /// Distance from its row within which a dragged bar stays in it, points.
 const ROW_SLACK: f32 = 5.0;
 /// Width of an end's handle inside the bar, points; narrower for narrow bars.
-const GRIP: f32 = 6.0;
+const INNER_HANDLE_WIDTH: f32 = 6.0;
 /// Width of an end's handle outside the bar, where no other bar is, points.
-const OUTSIDE: f32 = 4.0;
+const OUTER_HANDLE_WIDTH: f32 = 4.0;
 /// Length of the dashes of a whole clip's outline, points.
-const DASH: f32 = 5.0;
+const DASH_LENGTH: f32 = 5.0;
 /// Largest number of round marks in a bar; more could not be distinguished.
-const MOST_ROUNDS: usize = 200;
+const MAX_ROUND_MARKS: usize = 200;
 
 /// An action of the user on a bar.
 pub enum Act {
@@ -78,7 +78,7 @@ impl Lane {
 
     /// Distance within which a dragged time snaps to another, seconds.
     fn reach(&self, viewer: &Viewer) -> f64 {
-        self.secs(viewer, REACH) - self.secs(viewer, 0.0)
+        self.secs(viewer, SNAP_DISTANCE) - self.secs(viewer, 0.0)
     }
 
     /// Time at a dragged position, snapped to nearby times of other bars, else to a frame. `not`: the dragged bar.
@@ -97,7 +97,7 @@ impl Lane {
 
     fn place(&self, viewer: &Viewer, from: f64, to: f64) -> Rect {
         let (left, right) = (self.x(viewer, from), self.x(viewer, to));
-        let bottom = self.rect.bottom() - FOOT_STRIP - 1.0;
+        let bottom = self.rect.bottom() - FOOT_STRIP_HEIGHT - 1.0;
         Rect::from_min_max(pos2(left, self.rect.top() + 1.5), pos2(right, bottom))
     }
 }
@@ -115,7 +115,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
         response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, name.clone()));
         let selected = viewer.is_bar_selected(bar);
         let wrong = viewer.severity(&bar.place);
-        draw(&ui.painter_at(lane.rect), viewer, bar, place, lane, (selected, wrong));
+        draw_bar(&ui.painter_at(lane.rect), viewer, bar, place, lane, (selected, wrong));
         if response.clicked() {
             act = Some(Act::Select(bar.clone(), gesture::adds_to_selection(ui)));
         }
@@ -126,14 +126,14 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
             false => drag_bar(ui, viewer, bar, &response, lane).or(act),
         };
         act = bar_menu::show(&response, viewer, bar).or(act);
-        if response.hint(hover(viewer, bar)).hovered() {
+        if response.hint(bar_hint(viewer, bar)).hovered() {
             pointed = Some(number);
         }
         if locked {
             continue;
         }
-        for (part, at) in handles(bar) {
-            act = handle(ui, viewer, (bars, number), part, at, lane).or(act);
+        for (part, at) in handle_times(bar) {
+            act = time_handle(ui, viewer, (bars, number), part, at, lane).or(act);
         }
         if viewer.selection.as_ref() == Some(&bar.what) && bar.strip.is_some() {
             act = speed_handle(ui, viewer, bar, number, lane).or(act);
@@ -146,7 +146,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
     bars.iter()
         .enumerate()
         .filter(is_of_interest)
-        .for_each(|(_, bar)| whole_clip(&painter, viewer, bar, lane));
+        .for_each(|(_, bar)| draw_whole_clip(&painter, viewer, bar, lane));
     act
 }
 
@@ -238,7 +238,7 @@ impl Viewer {
 }
 
 /// Handles of a bar, with their times.
-fn handles(bar: &Bar) -> Vec<(CueTime, Time)> {
+fn handle_times(bar: &Bar) -> Vec<(CueTime, Time)> {
     match bar.what {
         Selected::Cue { .. } | Selected::Title(_) => {
             let fade = (bar.start + bar.fade_in).min(bar.end);
@@ -277,7 +277,7 @@ fn drag_bar(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lan
         let by = moved.signum() * lane.on_frame(viewer, moved.abs()) * strip.speed.abs();
         let start = bar.start.as_secs() - (strip.before() + by) / strip.speed.abs();
         let ghost = lane.place(viewer, start, start + strip.clip / strip.speed.abs());
-        outline(&painter, ghost);
+        draw_outline(&painter, ghost);
         return (response.drag_stopped() && by != 0.0).then(|| Act::Slip(bar.what.clone(), by));
     }
     let (wanted, reach) = (lane.secs(viewer, pointer), lane.reach(viewer));
@@ -288,17 +288,17 @@ fn drag_bar(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lan
     let near = near.min_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs()));
     let start = near.unwrap_or_else(|| lane.on_frame(viewer, wanted));
     let start = start.max(0.0);
-    if let Some(other) = other_row(ui, viewer, bar, lane, response.interact_pointer_pos()?) {
+    if let Some(other) = target_lane(ui, viewer, bar, lane, response.interact_pointer_pos()?) {
         let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Foreground, id));
         let ghost = other.place(viewer, start, start + length).intersect(other.rect);
-        outline(&painter, ghost);
+        draw_outline(&painter, ghost);
         if let Some(text) = drop_text(ui, viewer, bar, other.row) {
             draw_text_at_pointer(ui, response.interact_pointer_pos()?, &text);
         }
         return response.drag_stopped().then(|| Act::MoveTo(bar.clone(), start, other.row));
     }
     let ghost = lane.place(viewer, start, start + length);
-    outline(&painter, ghost);
+    draw_outline(&painter, ghost);
     let drag = match (shift, command) {
         (true, _) => Drag::Ripple,
         (_, true) => Drag::Overlap,
@@ -317,7 +317,7 @@ fn drag_bar(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lan
 
 /// The row under the pointer when a bar is dragged out of its own row. For a clip any row counts; for other bars rows of actors do, which refuse
 /// them.
-fn other_row(ui: &Ui, viewer: &Viewer, bar: &Bar, lane: &Lane, at: Pos2) -> Option<Lane> {
+fn target_lane(ui: &Ui, viewer: &Viewer, bar: &Bar, lane: &Lane, at: Pos2) -> Option<Lane> {
     if lane.rect.expand(ROW_SLACK).y_range().contains(at.y) {
         return None;
     }
@@ -343,7 +343,7 @@ fn drop_text(ui: &Ui, viewer: &Viewer, bar: &Bar, row: usize) -> Option<String> 
 }
 
 /// An area that drags a point (`anchor`). Returns the position of the point during the drag, like [`gesture::dragged_position`].
-fn grip(
+fn drag_area(
     ui: &Ui,
     (place, anchor): (Rect, Pos2),
     id: egui::Id,
@@ -357,7 +357,7 @@ fn grip(
 }
 
 /// Draws a handle of a bar. At the end of a drag, returns the new time, snapped.
-fn handle(
+fn time_handle(
     ui: &Ui,
     viewer: &Viewer,
     (bars, number): (&[Bar], usize),
@@ -380,7 +380,8 @@ fn handle(
         CueTime::FadeOut => "fade-out of",
     };
     let label = format!("{name} {} in row {}", bar.label, lane.row);
-    let (response, dragged) = grip(ui, (place, pos2(x, rect.top())), id, label, CursorIcon::ResizeHorizontal);
+    let (response, dragged) =
+        drag_area(ui, (place, pos2(x, rect.top())), id, label, CursorIcon::ResizeHorizontal);
     if response.clicked() {
         // The area of a handle may reach over the next bar.
         let secs = response.interact_pointer_pos().map(|pointer| lane.secs(viewer, pointer.x));
@@ -439,33 +440,37 @@ fn handle_place(
     // The handle of a fade is at the top, or below the keys if the row has some; those of the ends have the full height.
     let is_fade = matches!(part, CueTime::FadeIn | CueTime::FadeOut);
     let has_keys = viewer.timeline.rows.get(lane.row).is_some_and(|row| !row.events.is_empty());
-    let below = if has_keys { marks::BAND + 6.0 } else { marks::BAND };
+    let below = if has_keys { marks::MARK_BAND_HEIGHT + 6.0 } else { marks::MARK_BAND_HEIGHT };
     let bottom = if is_fade { rect.top() + below } else { rect.bottom() };
     // The handles of two bars that meet are on both sides of the boundary: the end on its left, the start on its right.
     let is_met = number.checked_sub(1).is_some_and(|before| bars[before].meets(bar));
     let meets = bars.get(number + 1).is_some_and(|next| bar.meets(next));
     let width = lane.x(viewer, bar.until.as_secs()) - lane.x(viewer, bar.start.as_secs());
-    let inside = (width / 3.0).clamp(OUTSIDE, GRIP);
+    let inside = (width / 3.0).clamp(OUTER_HANDLE_WIDTH, INNER_HANDLE_WIDTH);
     let (left, right) = match part {
-        CueTime::Start => (x - if is_met { 0.0 } else { OUTSIDE }, x + inside),
-        CueTime::End => (x - inside, x + if meets { 0.0 } else { OUTSIDE }),
-        _ => (x - OUTSIDE, x + OUTSIDE),
+        CueTime::Start => (x - if is_met { 0.0 } else { OUTER_HANDLE_WIDTH }, x + inside),
+        CueTime::End => (x - inside, x + if meets { 0.0 } else { OUTER_HANDLE_WIDTH }),
+        _ => (x - OUTER_HANDLE_WIDTH, x + OUTER_HANDLE_WIDTH),
     };
     Rect::from_min_max(pos2(left, rect.top()), pos2(right, bottom)).intersect(rect)
 }
 
 /// Speed handle of a selected clip: a triangle at the bottom, next to the handle of the end. Dragging it changes the speed.
 fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane) -> Option<Act> {
-    let (x, bottom) = (lane.x(viewer, bar.played_until().as_secs()), lane.rect.bottom() - FOOT_STRIP - 1.0);
-    let place = Rect::from_min_max(pos2(x - GRIP - 11.0, bottom - 7.0), pos2(x - GRIP - 1.0, bottom))
-        .intersect(lane.rect);
+    let (x, bottom) =
+        (lane.x(viewer, bar.played_until().as_secs()), lane.rect.bottom() - FOOT_STRIP_HEIGHT - 1.0);
+    let place = Rect::from_min_max(
+        pos2(x - INNER_HANDLE_WIDTH - 11.0, bottom - 7.0),
+        pos2(x - INNER_HANDLE_WIDTH - 1.0, bottom),
+    )
+    .intersect(lane.rect);
     if place.width() <= 0.0 {
         return None;
     }
     let id = ui.id().with(("speed", lane.row, number));
     let grabbed = (place, pos2(x, bottom));
     let (response, dragged) =
-        grip(ui, grabbed, id, format!("speed of {}", bar.label), CursorIcon::ResizeEast);
+        drag_area(ui, grabbed, id, format!("speed of {}", bar.label), CursorIcon::ResizeEast);
     let corner = vec![place.right_top(), place.right_bottom(), place.left_bottom()];
     let edge = Stroke::new(1.0, Color32::BLACK);
     ui.painter_at(lane.rect).add(egui::Shape::convex_polygon(corner, Color32::WHITE, edge));
@@ -477,7 +482,7 @@ fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane)
     let end = lane.snapped(viewer, pointer.x, Some(bar));
     let length = (bar.played_until() - bar.start).as_secs() / (end - bar.start.as_secs()).max(1e-3);
     let ghost = lane.place(viewer, bar.start.as_secs(), end);
-    outline(&ui.painter_at(lane.rect), ghost);
+    draw_outline(&ui.painter_at(lane.rect), ghost);
     draw_text_at_pointer(ui, pointer, &format!("speed {:.2}", speed * length));
     response.drag_stopped().then(|| Act::Stretch(bar.what.clone(), end))
 }
@@ -496,7 +501,7 @@ fn weight_handle(ui: &Ui, bar: &Bar, number: usize, lane: &Lane, bar_place: Rect
     let id = ui.id().with(("weight", lane.row, number));
     let grabbed = (place, pos2(middle, y(weight)));
     let (response, dragged) =
-        grip(ui, grabbed, id, format!("weight of {}", bar.label), CursorIcon::ResizeVertical);
+        drag_area(ui, grabbed, id, format!("weight of {}", bar.label), CursorIcon::ResizeVertical);
     let to = dragged.map_or(weight, |at| {
         // Rounded to hundredths, as a person would write.
         let part = f64::from((bar_place.bottom() - at.y) / bar_place.height().max(1.0));
@@ -527,7 +532,7 @@ pub(super) fn draw_text_at_pointer(ui: &Ui, at: egui::Pos2, text: &str) {
     painter.galley(rect.min + vec2(3.0, 3.0), galley, Color32::WHITE);
 }
 
-fn hover(viewer: &Viewer, bar: &Bar) -> String {
+fn bar_hint(viewer: &Viewer, bar: &Bar) -> String {
     let mut text =
         format!("{}\n{} to {}", bar.label, viewer.shown_time(bar.start), viewer.shown_time(bar.end));
     if bar.fade_in > Time::ZERO {
@@ -549,19 +554,19 @@ fn hover(viewer: &Viewer, bar: &Bar) -> String {
 }
 
 /// Colors of bars with an error or a warning.
-pub(super) const FAULTY: Color32 = Color32::from_rgb(0xc0, 0x30, 0x28);
-pub(super) const WARNED: Color32 = Color32::from_rgb(0xa0, 0x68, 0x00);
+pub(super) const ERROR_BAR_COLOR: Color32 = Color32::from_rgb(0xc0, 0x30, 0x28);
+pub(super) const WARNING_BAR_COLOR: Color32 = Color32::from_rgb(0xa0, 0x68, 0x00);
 /// Opacity of a disabled bar's color.
-pub(super) const OFF: f32 = 0.35;
+pub(super) const DISABLED_OPACITY: f32 = 0.35;
 
 /// Color of the name of a disabled bar, through which the panel is visible.
-pub(super) fn off_text(visuals: &egui::Visuals) -> Color32 {
+pub(super) fn disabled_text_color(visuals: &egui::Visuals) -> Color32 {
     visuals.strong_text_color()
 }
 
 type BarState = (bool, Option<choreo_script::Severity>);
 
-fn draw(
+fn draw_bar(
     painter: &Painter,
     viewer: &Viewer,
     bar: &Bar,
@@ -570,14 +575,14 @@ fn draw(
     (selected, wrong): BarState,
 ) {
     let color = match wrong {
-        Some(choreo_script::Severity::Error) => FAULTY,
-        Some(choreo_script::Severity::Warning) => WARNED,
+        Some(choreo_script::Severity::Error) => ERROR_BAR_COLOR,
+        Some(choreo_script::Severity::Warning) => WARNING_BAR_COLOR,
         _ => color_of(bar.color_index),
     };
     let x = |time: Time| lane.x(viewer, time.as_secs());
     let round = CornerRadius::same(3);
     let is_off = bar.strip.is_some_and(|strip| strip.weight <= 0.0);
-    painter.rect_filled(place, round, if is_off { color.gamma_multiply(OFF) } else { color });
+    painter.rect_filled(place, round, if is_off { color.gamma_multiply(DISABLED_OPACITY) } else { color });
     if let Some(holds) = bar.holds_from {
         // The clip holds its last pose after its end.
         let held = Rect::from_min_max(pos2(x(holds), place.top()), place.max).intersect(place);
@@ -595,7 +600,8 @@ fn draw(
         let begin = x((bar.end - bar.fade_out).max(bar.start));
         wedge(begin, x(bar.end), x(bar.end));
     }
-    let ink = if is_off { off_text(&painter.ctx().global_style().visuals) } else { Color32::WHITE };
+    let ink =
+        if is_off { disabled_text_color(&painter.ctx().global_style().visuals) } else { Color32::WHITE };
     draw_round_starts(painter, viewer, bar, place, lane, ink);
     let text = painter.with_clip_rect(place.shrink2(vec2(4.0, 0.0)).intersect(painter.clip_rect()));
     let left = pos2(place.left() + 5.0, place.center().y);
@@ -604,7 +610,7 @@ fn draw(
         painter.hline(place.x_range(), place.center().y, Stroke::new(1.0, ink));
     }
     if selected {
-        outline(painter, place);
+        draw_outline(painter, place);
     }
 }
 
@@ -614,7 +620,7 @@ pub(super) fn outline_colors(visuals: &egui::Visuals) -> [Color32; 2] {
 }
 
 /// Draws an outline that is visible on bars and on the panel.
-fn outline(painter: &Painter, place: Rect) {
+fn draw_outline(painter: &Painter, place: Rect) {
     let [outer, inner] = outline_colors(&painter.ctx().global_style().visuals);
     let line = |place: Rect, width: f32, round: u8, color: Color32| {
         painter.rect_stroke(place, CornerRadius::same(round), Stroke::new(width, color), StrokeKind::Inside);
@@ -628,7 +634,7 @@ fn outline(painter: &Painter, place: Rect) {
 
 /// Draws the outline of a whole clip that is cut short, over the following bars. Only for selected bars and the one under the mouse, since it would
 /// look like part of the next bar.
-fn whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
+fn draw_whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
     let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.length() > 1e-3) else { return };
     let (start, end) = (bar.start.as_secs(), bar.end.as_secs());
     if start + strip.length() > end + 1e-3 {
@@ -641,7 +647,7 @@ fn whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
         painter.rect_stroke(ghost, CornerRadius::ZERO, Stroke::new(1.5, line), StrokeKind::Middle);
         let (first, last) = (ghost.left_top(), ghost.right_bottom());
         let around = [first, ghost.right_top(), last, ghost.left_bottom(), first];
-        painter.extend(egui::Shape::dashed_line(&around, Stroke::new(1.5, dashes), DASH, DASH));
+        painter.extend(egui::Shape::dashed_line(&around, Stroke::new(1.5, dashes), DASH_LENGTH, DASH_LENGTH));
     }
 }
 
@@ -652,7 +658,7 @@ fn draw_round_starts(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect,
         return;
     }
     let (start, end) = (bar.start.as_secs(), bar.end.as_secs());
-    for round in 1..MOST_ROUNDS {
+    for round in 1..MAX_ROUND_MARKS {
         let at = start + round as f64 * strip.length();
         if at >= end {
             break;

@@ -35,15 +35,15 @@ pub fn show(
                 moved.map(CameraChange::Field)
             }
             Rig::Orbit { target, .. } => motion_fields(ui, viewer, camera, "orbit", |ui, call| {
-                let of = options(ui, viewer, call, &Rig::ORBIT);
+                let of = rig_option_fields(ui, viewer, call, &Rig::ORBIT);
                 target_field(ui, viewer, call, target).or(of)
             }),
-            Rig::Frame { .. } => {
-                motion_fields(ui, viewer, camera, "frame", |ui, call| options(ui, viewer, call, &Rig::FRAME))
-            }
+            Rig::Frame { .. } => motion_fields(ui, viewer, camera, "frame", |ui, call| {
+                rig_option_fields(ui, viewer, call, &Rig::FRAME)
+            }),
             Rig::Follow { target, offset } => motion_fields(ui, viewer, camera, "follow", |ui, call| {
                 let stated = call.arguments[1].as_deref();
-                let to = point(ui, ["offset", "camera offset"], *offset, stated);
+                let to = point_field(ui, ["offset", "camera offset"], *offset, stated);
                 let to = to.map(|text| FieldChange::Argument(1, text));
                 target_field(ui, viewer, call, target).or(to)
             }),
@@ -81,7 +81,7 @@ fn fixed_camera_fields(
                     Some(key) => FieldChange::KeyedPoint(key, all, values::typed(ui, to)),
                     None => {
                         let written = stated.get(name).map(String::as_str);
-                        let text = values::list(ui, written, &now.to_array(), axis, to);
+                        let text = values::number_list_text(ui, written, &now.to_array(), axis, to);
                         let is_list = written.map_or(name == "look_at", |written| written.starts_with('['));
                         let text = if is_list { format!("[{text}]") } else { text };
                         FieldChange::Value(name, text, NewValueSyntax::Method)
@@ -116,7 +116,12 @@ fn motion_fields(
 }
 
 /// Numbers among the options of a call.
-fn options(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, all: &[RigOption]) -> Option<FieldChange> {
+fn rig_option_fields(
+    ui: &mut Ui,
+    viewer: &Viewer,
+    call: &StatedCall,
+    all: &[RigOption],
+) -> Option<FieldChange> {
     let (fps, mut wanted) = (viewer.playhead.fps().as_fps(), None);
     for RigOption { name, unit, default, range: [low, high] } in all {
         wanted = fields::label(ui, &call.written, name, "").or(wanted);
@@ -146,7 +151,7 @@ fn target_field(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target
     const WHOLE: &str = "whole actor";
     let (actor, joint) = match target {
         Target::Point(at) => {
-            let to = point(ui, ["center", "camera center"], *at, call.arguments[0].as_deref());
+            let to = point_field(ui, ["center", "camera center"], *at, call.arguments[0].as_deref());
             return to.map(|text| FieldChange::Argument(0, text));
         }
         Target::Actor(actor) => (*actor, None),
@@ -173,13 +178,14 @@ fn target_field(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target
 }
 
 /// Three number fields in a row, which return the source text of a point. `stated`: the present source text.
-fn point(ui: &mut Ui, [label, name]: [&str; 2], now: DVec3, stated: Option<&str>) -> Option<String> {
+fn point_field(ui: &mut Ui, [label, name]: [&str; 2], now: DVec3, stated: Option<&str>) -> Option<String> {
     let mut wanted = None;
     ui.label(label);
     ui.horizontal(|ui| {
         for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
             if let Some(to) = values::number(ui, &format!("{name} {letter}"), now[axis], 0.01, -1e9..=1e9) {
-                wanted = Some(format!("[{}]", values::list(ui, stated, &now.to_array(), axis, to)));
+                wanted =
+                    Some(format!("[{}]", values::number_list_text(ui, stated, &now.to_array(), axis, to)));
             }
         }
         ui.weak("m");

@@ -1,6 +1,8 @@
 //! Tests the contrast of both themes: WCAG 2.2 requires 4.5 to 1 for text (1.4.3) and 3 to 1 for controls and their states (1.4.11).
 
-use super::bars::{FAULTY, OFF, WARNED, off_text, outline_colors};
+use super::bars::{
+    DISABLED_OPACITY, ERROR_BAR_COLOR, WARNING_BAR_COLOR, disabled_text_color, outline_colors,
+};
 use super::sequencer::{COLORS, color_of};
 use super::set_colors;
 use egui::{Color32, Theme, Visuals};
@@ -55,7 +57,7 @@ fn texts(visuals: &Visuals) -> Vec<(&'static str, Color32, Color32)> {
 }
 
 #[test]
-fn both_themes_have_contrasts_of_wcag_aa() {
+fn both_themes_meet_wcag_aa_contrast() {
     // Ground truth: the examples of the standard.
     assert!((ratio(Color32::BLACK, Color32::WHITE) - 21.0).abs() < 1e-9);
     assert!((ratio(Color32::from_rgb(0x77, 0x77, 0x77), Color32::WHITE) - 4.48).abs() < 0.005);
@@ -83,15 +85,15 @@ fn both_themes_have_contrasts_of_wcag_aa() {
     }
     // Names of bars are white; those of disabled bars are drawn on the panel, two thirds of which show through.
     let bars = (0..2 * COLORS.len()).map(color_of);
-    for ground in bars.chain([FAULTY, WARNED]) {
+    for ground in bars.chain([ERROR_BAR_COLOR, WARNING_BAR_COLOR]) {
         let ratio = self::ratio(Color32::WHITE, ground);
         if ratio < 4.5 {
             faults.push(format!("a bar: {ratio:.2}, white on {ground:?}"));
         }
         for theme in [Theme::Dark, Theme::Light] {
             let visuals = context.style_of(theme).visuals.clone();
-            let ground = visuals.panel_fill.blend(ground.gamma_multiply(OFF));
-            let ratio = self::ratio(off_text(&visuals), ground);
+            let ground = visuals.panel_fill.blend(ground.gamma_multiply(DISABLED_OPACITY));
+            let ratio = self::ratio(disabled_text_color(&visuals), ground);
             if ratio < 4.5 {
                 faults.push(format!("{theme:?}: a bar that is off: {ratio:.2}, on {ground:?}"));
             }
@@ -109,8 +111,9 @@ fn outlines_stand_out_from_bars_and_rows() {
         set_colors(&context, light);
         let visuals = context.style_of(theme).visuals.clone();
         let rows = [visuals.panel_fill, visuals.panel_fill.blend(visuals.faint_bg_color)];
-        let bars: Vec<Color32> = (0..2 * COLORS.len()).map(color_of).chain([FAULTY, WARNED]).collect();
-        let off = bars.iter().map(|bar| rows[0].blend(bar.gamma_multiply(OFF)));
+        let bars: Vec<Color32> =
+            (0..2 * COLORS.len()).map(color_of).chain([ERROR_BAR_COLOR, WARNING_BAR_COLOR]).collect();
+        let off = bars.iter().map(|bar| rows[0].blend(bar.gamma_multiply(DISABLED_OPACITY)));
         let [outer, inner] = outline_colors(&visuals);
         for row in rows {
             let ratio = self::ratio(outer, row);

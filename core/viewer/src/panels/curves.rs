@@ -8,12 +8,12 @@ use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
 use super::marks::SELECTED;
 use super::overlay::{X, Y, Z};
-use super::sequencer::{LABELS, RULER, draw_beats_and_playhead, scrub};
+use super::sequencer::{LABELS_WIDTH, RULER_HEIGHT, draw_beats_and_playhead, scrub};
 use super::tangents;
 use super::toolbar::Toolbar;
 use crate::app::Viewer;
 use crate::editing::ValueDrag;
-use crate::geometry::resolved;
+use crate::geometry::round_to_pixel;
 use crate::state::curves::KeyDrag;
 use crate::state::keyed::{KeyRef, KeyedProperty, ValueKind};
 use crate::state::selection::Selected;
@@ -26,16 +26,16 @@ use egui::{
 use std::sync::Arc;
 
 /// Distance between two samples of a curve, points.
-const STEP: f32 = 2.0;
+const SAMPLE_DISTANCE: f32 = 2.0;
 /// Half width of a key, points.
-const HALF: f32 = 3.5;
+const KEY_HALF_WIDTH: f32 = 3.5;
 /// Distance that a key must be dragged along an axis before it moves along that axis, points.
-const SLACK: f32 = 4.0;
+const DRAG_THRESHOLD: f32 = 4.0;
 /// Largest number of keys that can be pointed at.
-pub(super) const MOST: usize = 1000;
-const ROW: f32 = 20.0;
+pub(super) const MAX_KEYS: usize = 1000;
+const ROW_HEIGHT: f32 = 20.0;
 /// Colors of curves with one component; those of axes are red, green and blue.
-const SINGLE: [Color32; 6] = [
+const SINGLE_COMPONENT_COLORS: [Color32; 6] = [
     Color32::from_rgb(0xe6, 0x9f, 0x00),
     Color32::from_rgb(0x2f, 0xb3, 0xa3),
     Color32::from_rgb(0xb4, 0x7a, 0xe0),
@@ -90,33 +90,35 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     };
     toolbar(ui, viewer, &what, &all);
     let area = ui.available_rect_before_wrap();
-    let ruler =
-        Rect::from_min_max(pos2(area.left() + LABELS, area.top()), pos2(area.right(), area.top() + RULER));
-    if ruler.width() < 20.0 || area.height() < RULER + 20.0 {
+    let ruler = Rect::from_min_max(
+        pos2(area.left() + LABELS_WIDTH, area.top()),
+        pos2(area.right(), area.top() + RULER_HEIGHT),
+    );
+    if ruler.width() < 20.0 || area.height() < RULER_HEIGHT + 20.0 {
         return;
     }
     let rect = Rect::from_min_max(pos2(ruler.left(), ruler.bottom()), area.max);
     viewer.curves.hovered = ui.rect_contains_pointer(area);
     if viewer.curves.fit {
-        fit(viewer, &all);
+        fit_view(viewer, &all);
     } else if viewer.curves.changes_object(&what, &all) {
-        fit_first(viewer, &all);
+        fit_when_first_shown(viewer, &all);
     }
-    wheel(ui, viewer, rect);
+    zoom_and_pan_with_wheel(ui, viewer, rect);
     scrub(ui, viewer, (ruler, viewer.curves.time), "time of the curves");
     let plot = Plot { rect, time: viewer.curves.time, values: viewer.curves.values };
-    grid(ui, viewer, &plot, &all);
-    names(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), area.bottom())), &all);
-    background(ui, viewer, &plot, &what, &all);
+    draw_grid(ui, viewer, &plot, &all);
+    show_property_names(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), area.bottom())), &all);
+    handle_background(ui, viewer, &plot, &what, &all);
     for (index, property) in all.iter().enumerate() {
-        lines(ui, viewer, &plot, property, index);
+        draw_curve_lines(ui, viewer, &plot, property, index);
     }
     let mut act = None;
     for (index, property) in all.iter().enumerate() {
-        act = handles(ui, viewer, &plot, property, index).or(act);
+        act = bezier_ease_handles(ui, viewer, &plot, property, index).or(act);
         let shaped = tangents::show(ui, viewer, &plot, property, index);
         act = shaped.map(|(key, shape)| Act::Key(KeyAct::Shape(key, shape, None))).or(act);
-        act = points(ui, viewer, &plot, property, index).or(act);
+        act = show_keys(ui, viewer, &plot, property, index).or(act);
     }
     draw_beats_and_playhead(ui, viewer, area, (ruler, viewer.curves.time));
     if all.is_empty() {
@@ -209,7 +211,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
 }
 
 /// Fits the view to all keys, or to the selected ones, with a margin.
-fn fit(viewer: &mut Viewer, all: &[KeyedProperty]) {
+fn fit_view(viewer: &mut Viewer, all: &[KeyedProperty]) {
     viewer.curves.fit = false;
     let selected: Vec<Time> = viewer.selected_keys().iter().map(|key| key.at).collect();
     let times: Vec<Time> = match selected.len() {
@@ -225,7 +227,7 @@ fn fit(viewer: &mut Viewer, all: &[KeyedProperty]) {
 }
 
 /// Fits the view when curves are shown for the first time: the values, and the times if a key is outside the visible range.
-fn fit_first(viewer: &mut Viewer, all: &[KeyedProperty]) {
+fn fit_when_first_shown(viewer: &mut Viewer, all: &[KeyedProperty]) {
     viewer.curves.fit_values(all, Time::ZERO, None);
     let keys = || all.iter().flat_map(|property| &property.keys);
     let (Some(first), Some(last)) = (keys().min(), keys().max()) else { return };
@@ -242,7 +244,7 @@ fn with_margin(first: Time, last: Time) -> Span {
 }
 
 /// The wheel zooms time, as in the sequencer; with Ctrl it zooms values, with Shift it pans.
-fn wheel(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
+fn zoom_and_pan_with_wheel(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
     let Some(pointer) = ui.ctx().pointer_hover_pos().filter(|p| rect.contains(*p) && viewer.curves.hovered)
     else {
         return;
@@ -264,7 +266,7 @@ fn wheel(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
 }
 
 /// Draws lines at round values, with the unit.
-fn grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
+fn draw_grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
     let painter = ui.painter_at(plot.rect);
     let visuals = ui.visuals();
     painter.rect_filled(plot.rect, 0.0, visuals.extreme_bg_color);
@@ -305,7 +307,7 @@ fn grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
 }
 
 /// Draws the names of the curves: a click hides or shows a curve, with Ctrl it is shown alone.
-fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
+fn show_property_names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
     let mut toggled = None;
     let mut ui = ui.new_child(UiBuilder::new().max_rect(rect));
     ui.set_clip_rect(rect.intersect(ui.clip_rect()));
@@ -313,14 +315,14 @@ fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
         ui.spacing_mut().item_spacing.y = 0.0;
         for (index, property) in all.iter().enumerate() {
             for part in 0..property.width() {
-                let (row, response) = ui.allocate_exact_size(vec2(rect.width(), ROW), Sense::click());
+                let (row, response) = ui.allocate_exact_size(vec2(rect.width(), ROW_HEIGHT), Sense::click());
                 let shown = viewer.curves.is_shown(property, part);
                 let name = format!("{} {}", property.title(), property.part(part)).trim_end().to_string();
                 let label = format!("curve {name}");
                 response.widget_info(|| {
                     egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, shown, label.clone())
                 });
-                let color = color(ui, property, index, part);
+                let color = curve_color(ui, property, index, part);
                 let swatch =
                     Rect::from_center_size(pos2(row.left() + 12.0, row.center().y), vec2(10.0, 10.0));
                 match shown {
@@ -374,11 +376,11 @@ fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
 }
 
 /// Color of a component: red, green and blue for colors and axes.
-pub(super) fn color(ui: &Ui, property: &KeyedProperty, index: usize, part: usize) -> Color32 {
+pub(super) fn curve_color(ui: &Ui, property: &KeyedProperty, index: usize, part: usize) -> Color32 {
     let color = match (property.width(), part) {
         // A single angle is about y.
         (1, _) if property.kind == ValueKind::Rotation => Y,
-        (1, _) => SINGLE[index % SINGLE.len()],
+        (1, _) => SINGLE_COMPONENT_COLORS[index % SINGLE_COMPONENT_COLORS.len()],
         (_, 0) => X,
         (_, 1) => Y,
         (_, 2) => Z,
@@ -399,7 +401,7 @@ fn theme_color(color: Color32, is_rotation: bool, dark_mode: bool) -> Color32 {
 }
 
 /// A drag over empty places selects keys in a box, the middle button pans, a double click on a curve sets a key.
-fn background(ui: &Ui, viewer: &mut Viewer, plot: &Plot, what: &Selected, all: &[KeyedProperty]) {
+fn handle_background(ui: &Ui, viewer: &mut Viewer, plot: &Plot, what: &Selected, all: &[KeyedProperty]) {
     let response = ui.interact(plot.rect, ui.id().with("plot"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Other, true, "curves"));
     if response.dragged_by(PointerButton::Middle) {
@@ -475,27 +477,33 @@ fn curve_at<'p>(
 }
 
 /// Draws the curves of one property, sampled from the stage.
-fn lines(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, index: usize) {
+fn draw_curve_lines(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, index: usize) {
     let painter = ui.painter_at(plot.rect);
     let from = Time::from_secs(plot.time.from.max(0.0));
     let to = Time::from_secs(plot.time.to.min(viewer.playhead.length().as_secs()).max(plot.time.from));
-    let count = (plot.rect.width() / STEP) as usize;
+    let count = (plot.rect.width() / SAMPLE_DISTANCE) as usize;
     let samples = viewer.curves.samples(property, from, to, count);
     for part in (0..property.width()).filter(|part| viewer.curves.is_shown(property, *part)) {
         let points = samples.iter().filter_map(|(time, v)| Some(pos2(plot.x(*time), plot.y(*v.get(part)?))));
-        let color = color(ui, property, index, part);
+        let color = curve_color(ui, property, index, part);
         painter.add(Shape::line(points.collect(), Stroke::new(1.5, color)));
     }
 }
 
 /// Draws the keys of one property as points, and returns the user's action.
-fn points(ui: &Ui, viewer: &mut Viewer, plot: &Plot, property: &KeyedProperty, index: usize) -> Option<Act> {
+fn show_keys(
+    ui: &Ui,
+    viewer: &mut Viewer,
+    plot: &Plot,
+    property: &KeyedProperty,
+    index: usize,
+) -> Option<Act> {
     let mut act = None;
     let (fps, scale) = (viewer.playhead.fps(), viewer.curves.scale(property));
-    let first = property.keys.partition_point(|at| plot.x(*at) < plot.rect.left() - HALF);
-    for (number, at) in property.keys.iter().enumerate().skip(first).take(MOST) {
+    let first = property.keys.partition_point(|at| plot.x(*at) < plot.rect.left() - KEY_HALF_WIDTH);
+    for (number, at) in property.keys.iter().enumerate().skip(first).take(MAX_KEYS) {
         let x = plot.x(*at);
-        if !plot.rect.expand(HALF).x_range().contains(x) {
+        if !plot.rect.expand(KEY_HALF_WIDTH).x_range().contains(x) {
             continue;
         }
         let key = key_of(property, *at);
@@ -505,7 +513,7 @@ fn points(ui: &Ui, viewer: &mut Viewer, plot: &Plot, property: &KeyedProperty, i
             (0..property.width().min(values.len())).filter(|part| viewer.curves.is_shown(property, *part));
         for part in parts.collect::<Vec<_>>() {
             let place = pos2(x, plot.y(values[part]));
-            if !plot.rect.expand(HALF).contains(place) {
+            if !plot.rect.expand(KEY_HALF_WIDTH).contains(place) {
                 continue;
             }
             let hit = Rect::from_center_size(place, vec2(12.0, 12.0)).intersect(plot.rect);
@@ -518,7 +526,7 @@ fn points(ui: &Ui, viewer: &mut Viewer, plot: &Plot, property: &KeyedProperty, i
             let by = viewer.curves.drag.as_ref().filter(|_| selected);
             let place =
                 by.map_or(place, |drag| dragged_key_position(viewer, plot, property, part, *at, drag));
-            point(ui, plot, place, color(ui, property, index, part), selected || response.hovered());
+            show_key(ui, plot, place, curve_color(ui, property, index, part), selected || response.hovered());
             if response.clicked() {
                 act = Some(Act::Click(key.clone(), gesture::adds_to_selection(ui)));
             }
@@ -530,12 +538,12 @@ fn points(ui: &Ui, viewer: &mut Viewer, plot: &Plot, property: &KeyedProperty, i
     act
 }
 
-fn point(ui: &Ui, plot: &Plot, at: Pos2, color: Color32, strong: bool) {
-    let painter = ui.painter_at(plot.rect.expand(HALF));
+fn show_key(ui: &Ui, plot: &Plot, at: Pos2, color: Color32, strong: bool) {
+    let painter = ui.painter_at(plot.rect.expand(KEY_HALF_WIDTH));
     let around = |half: f32| {
         vec![at + vec2(0.0, -half), at + vec2(half, 0.0), at + vec2(0.0, half), at + vec2(-half, 0.0)]
     };
-    let (fill, half) = if strong { (SELECTED, HALF + 1.5) } else { (color, HALF + 0.5) };
+    let (fill, half) = if strong { (SELECTED, KEY_HALF_WIDTH + 1.5) } else { (color, KEY_HALF_WIDTH + 0.5) };
     let line = Stroke::new(1.0, ui.visuals().extreme_bg_color);
     painter.add(Shape::convex_polygon(around(half + 1.0), fill, line));
 }
@@ -587,7 +595,7 @@ fn drag_key(
     if gesture::modifiers(ui).shift {
         by = if by.x.abs() > by.y.abs() { vec2(by.x, 0.0) } else { vec2(0.0, by.y) };
     }
-    let secs = match by.x.abs() < SLACK {
+    let secs = match by.x.abs() < DRAG_THRESHOLD {
         true => 0.0,
         false => {
             let wanted = key.at.as_secs() + plot.secs(by.x) - plot.secs(0.0);
@@ -597,10 +605,10 @@ fn drag_key(
         }
     };
     let (_, divide) = viewer.curves.scale(property);
-    let fixed = by.y.abs() < SLACK || viewer.curves.speed || !property.is_plain();
+    let fixed = by.y.abs() < DRAG_THRESHOLD || viewer.curves.speed || !property.is_plain();
     let value = if fixed { 0.0 } else { -plot.value_of(by.y) * divide };
     let now = property.at(key.at).get(part).copied().unwrap_or_default();
-    let value = if fixed { 0.0 } else { resolved(now + value, plot.value_of_pixel(ui) * divide) - now };
+    let value = if fixed { 0.0 } else { round_to_pixel(now + value, plot.value_of_pixel(ui) * divide) - now };
     let drag = KeyDrag { key: key.clone(), part, by: secs, value };
     let time = viewer.shown_time(key.at + Time::from_secs(secs));
     let unit = property.unit;
@@ -616,14 +624,20 @@ fn drag_key(
 }
 
 /// Draws the control points of Bézier easings at selected keys, which can be dragged.
-fn handles(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, index: usize) -> Option<Act> {
+fn bezier_ease_handles(
+    ui: &Ui,
+    viewer: &Viewer,
+    plot: &Plot,
+    property: &KeyedProperty,
+    index: usize,
+) -> Option<Act> {
     let written = property.written.as_ref().filter(|_| !viewer.curves.speed)?;
     let (mut act, scale) = (None, viewer.curves.scale(property));
-    for number in 1..property.keys.len().min(MOST) {
+    for number in 1..property.keys.len().min(MAX_KEYS) {
         let (before, at) = (property.keys[number - 1], property.keys[number]);
         let near = [before, at].map(|at| viewer.is_key_selected(&key_of(property, at)));
         let ease = written.keys.get(number).and_then(|key| key.shape.as_ref()?.ease.as_deref());
-        let ease = ease.and_then(bezier);
+        let ease = ease.and_then(parse_bezier);
         let Some(ease) = ease.filter(|_| near.contains(&true)) else { continue };
         let [from, to] = [before, at].map(|at| viewer.curves.displayed_values(property, at, scale));
         for part in
@@ -632,8 +646,8 @@ fn handles(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, inde
             let ends = [pos2(plot.x(before), plot.y(from[part])), pos2(plot.x(at), plot.y(to[part]))];
             for side in 0..2 {
                 let id = ui.id().with(("ease", &property.name, part, number, side));
-                let color = color(ui, property, index, part);
-                if let Some(points) = handle(ui, plot, id, ends, ease, side, color) {
+                let color = curve_color(ui, property, index, part);
+                if let Some(points) = bezier_ease_handle(ui, plot, id, ends, ease, side, color) {
                     act = Some(Act::Ease(key_of(property, at), points));
                 }
             }
@@ -643,7 +657,7 @@ fn handles(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, inde
 }
 
 /// One of the two control points of an easing between two keys. At the end of a drag, returns the new control points.
-fn handle(
+fn bezier_ease_handle(
     ui: &Ui,
     plot: &Plot,
     id: egui::Id,
@@ -677,7 +691,7 @@ fn handle(
 }
 
 /// Control points of an easing that is written as a Bézier curve.
-fn bezier(ease: &str) -> Option<[f64; 4]> {
+fn parse_bezier(ease: &str) -> Option<[f64; 4]> {
     let inside = ease.strip_prefix('[')?.strip_suffix(']')?;
     let numbers: Vec<f64> = inside.split(',').map(|part| part.trim().parse().ok()).collect::<Option<_>>()?;
     numbers.try_into().ok()

@@ -9,11 +9,11 @@ use std::path::PathBuf;
 
 /// Seconds to wait for the position of the pointer, after which the last known one is used. While files are dragged, the pointer belongs to their
 /// source; its position is known again when it moves.
-const PATIENCE: f64 = 0.4;
+const POINTER_WAIT_SECS: f64 = 0.4;
 /// Distance beyond which the ground counts as sky, metres.
-const FARTHEST: f64 = 500.0;
+const MAX_GROUND_DISTANCE: f64 = 500.0;
 /// Smallest sine of the angle between an orthographic view and the ground at which the ground counts as visible.
-const STEEP_ENOUGH: f64 = 0.05;
+const MIN_GROUND_SINE: f64 = 0.05;
 
 /// Dropped files whose position is not known yet, and the time of the drop in seconds.
 #[derive(Default)]
@@ -22,7 +22,7 @@ pub struct PendingDrop {
     since: f64,
 }
 
-pub fn take(waiting: &mut PendingDrop, ui: &Ui, viewer: &mut Viewer) {
+pub fn take_dropped_files(waiting: &mut PendingDrop, ui: &Ui, viewer: &mut Viewer) {
     let (dropped, now) = ui.input(|i| (i.raw.dropped_files.clone(), i.time));
     for file in dropped {
         let path = file.path().to_path_buf();
@@ -36,8 +36,8 @@ pub fn take(waiting: &mut PendingDrop, ui: &Ui, viewer: &mut Viewer) {
         return;
     }
     let moved = ui.input(|i| i.events.iter().any(|event| matches!(event, Event::PointerMoved(_))));
-    if !moved && now - waiting.since < PATIENCE {
-        ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(PATIENCE));
+    if !moved && now - waiting.since < POINTER_WAIT_SECS {
+        ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(POINTER_WAIT_SECS));
         return;
     }
     let files = std::mem::take(&mut waiting.files);
@@ -47,7 +47,7 @@ pub fn take(waiting: &mut PendingDrop, ui: &Ui, viewer: &mut Viewer) {
         && viewer.previewed_files.is_empty()
         && !viewer.faulty;
     let pointer = ui.input(|i| i.pointer.latest_pos());
-    let at = pointer.and_then(|at| ground(viewer, at)).filter(|_| scene && files.iter().all(is_model));
+    let at = pointer.and_then(|at| ground_point(viewer, at)).filter(|_| scene && files.iter().all(is_model));
     match at {
         Some(at) => viewer.dropped_models = Some(DroppedModels { files, at, beside: false }),
         None => viewer.dropped.extend(files),
@@ -56,7 +56,7 @@ pub fn take(waiting: &mut PendingDrop, ui: &Ui, viewer: &mut Viewer) {
 
 /// World position on the ground under a point of a viewport. If that is the sky, the point below it at the distance of the view's center of
 /// interest.
-pub(super) fn ground(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
+pub(super) fn ground_point(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     let scene = viewer.scene.as_ref()?;
     let inside = |view: &&crate::state::view::View| {
         let [left, top, right, bottom] = view.place;
@@ -72,9 +72,9 @@ pub(super) fn ground(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     let (origin, direction) = lens.ray(DVec2::new(f64::from(at.x), f64::from(at.y)));
     let far = -origin.y / direction.y;
     let meets = match lens.is_perspective() {
-        true => far > 0.0 && far < FARTHEST,
+        true => far > 0.0 && far < MAX_GROUND_DISTANCE,
         // Orthographic rays begin next to the camera, on either side of the ground.
-        false => direction.y.abs() > STEEP_ENOUGH,
+        false => direction.y.abs() > MIN_GROUND_SINE,
     };
     if far.is_finite() && meets {
         return Some(origin + direction * far);

@@ -18,10 +18,11 @@ use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// Largest time, and smallest length of a trimmed part, seconds.
-const LONGEST: f64 = 1e6;
-const LEAST: f64 = 0.01;
+const MAX_SECS: f64 = 1e6;
+const MIN_TRIM_SECS: f64 = 0.01;
 /// Parameters of a shape's metallic-roughness material: name, minimum, maximum and default.
-const SURFACE: [(&str, f64, f64, f64); 2] = [("roughness", 0.0, 1.0, 0.9), ("metallic", 0.0, 1.0, 0.0)];
+const SURFACE_PARAMETERS: [(&str, f64, f64, f64); 2] =
+    [("roughness", 0.0, 1.0, 0.9), ("metallic", 0.0, 1.0, 0.0)];
 
 /// Source text of everything that the script states about an object, by name.
 pub type StatedValues = BTreeMap<String, String>;
@@ -132,7 +133,7 @@ pub fn described<T: Described>(
         }
         (value, FieldType::Time | FieldType::Duration) => {
             let set = match value {
-                FieldValue::Time(time) => number(ui, &shown, time.as_secs(), 0.0..=LONGEST, "s"),
+                FieldValue::Time(time) => number(ui, &shown, time.as_secs(), 0.0..=MAX_SECS, "s"),
                 _ => {
                     let derived = form.end.filter(|_| name == "until");
                     let row = |ui: &mut Ui| {
@@ -140,7 +141,7 @@ pub fn described<T: Described>(
                             ui,
                             &format!("{shown} field"),
                             derived,
-                            0.0..=LONGEST,
+                            0.0..=MAX_SECS,
                             true,
                         );
                         ui.weak("s");
@@ -165,7 +166,7 @@ pub fn described<T: Described>(
                     let label = format!("{name} {letter}");
                     if let Some(to) = values::number(ui, &label, pair[axis], 0.01, -1e5..=1e5) {
                         let stated = form.stated.get(name).map(String::as_str);
-                        let text = values::list(ui, stated, &pair.to_array(), axis, to);
+                        let text = values::number_list_text(ui, stated, &pair.to_array(), axis, to);
                         // `.at(x, y)` and `at: [x, y]` have different syntax.
                         let is_method = stated.is_some_and(|stated| !stated.starts_with('['));
                         let text = if is_method { text } else { format!("[{text}]") };
@@ -352,8 +353,11 @@ fn trim(ui: &mut Ui, stated: &StatedValues, played: &Cue) -> Option<FieldChange>
     ui.horizontal(|ui| {
         for (end, name) in ["trim start", "trim end"].into_iter().enumerate() {
             // Some of the clip must remain.
-            let range =
-                if end == 0 { 0.0..=(now[1] - LEAST).max(0.0) } else { (now[0] + LEAST).min(whole)..=whole };
+            let range = if end == 0 {
+                0.0..=(now[1] - MIN_TRIM_SECS).max(0.0)
+            } else {
+                (now[0] + MIN_TRIM_SECS).min(whole)..=whole
+            };
             if let Some(to) = values::time(ui, name, now[end], 0.01, range) {
                 let mut all = now;
                 all[end] = to;
@@ -459,20 +463,20 @@ fn lens(
 }
 
 /// Parses a list of numbers in brackets.
-fn numbers(text: &str) -> Option<Vec<f64>> {
+fn parse_numbers(text: &str) -> Option<Vec<f64>> {
     let inside = text.trim().strip_prefix('[')?.strip_suffix(']')?;
-    inside.split(',').map(number_of).collect()
+    inside.split(',').map(parse_number).collect()
 }
 
 /// Parses a number or a calculation of a script, such as `1.0 / 3.0`.
-fn number_of(text: &str) -> Option<f64> {
+fn parse_number(text: &str) -> Option<f64> {
     let number = text.trim().parse().ok();
     number.or_else(|| expression::value(&expression::script_text(text)?, 1.0))
 }
 
 /// Parses a point: three numbers in brackets.
 pub fn point(text: &str) -> Option<DVec3> {
-    <[f64; 3]>::try_from(numbers(text)?).ok().map(DVec3::from_array)
+    <[f64; 3]>::try_from(parse_numbers(text)?).ok().map(DVec3::from_array)
 }
 
 /// Fields of a light's shadow.
@@ -631,7 +635,8 @@ fn size(ui: &mut Ui, written: &StatedValues, kind: &str, asset: &Asset) -> Optio
         "\"quad\"" => &[0, 1],
         _ => &[0, 1, 2],
     };
-    let stated = written.get("size").filter(|text| text.starts_with('[')).and_then(|text| numbers(text));
+    let stated =
+        written.get("size").filter(|text| text.starts_with('[')).and_then(|text| parse_numbers(text));
     let bounds = asset.rest_bounds();
     let real = |axis: &usize| f64::from(bounds.max[*axis] - bounds.min[*axis]);
     let now = stated.filter(|stated| stated.len() == axes.len());
@@ -642,7 +647,7 @@ fn size(ui: &mut Ui, written: &StatedValues, kind: &str, asset: &Asset) -> Optio
             let name = format!("size {}", ["x", "y", "z"][*axis]);
             let range = size_range(kind, *axis, &now);
             let Some(to) = values::number(ui, &name, now[index], 0.01, range) else { continue };
-            let all = values::list(ui, written.get("size").map(String::as_str), &now, index, to);
+            let all = values::number_list_text(ui, written.get("size").map(String::as_str), &now, index, to);
             wanted = Some(FieldChange::Material("size", Some(format!("[{all}]"))));
         }
         ui.weak("m");
@@ -691,7 +696,7 @@ fn material(ui: &mut Ui, viewer: &Viewer, written: &StatedValues, made: &Materia
         (set.or(label), value)
     };
     // Blinn–Phong materials have neither.
-    for option in SURFACE.into_iter().filter(|_| !written.contains_key("shininess")) {
+    for option in SURFACE_PARAMETERS.into_iter().filter(|_| !written.contains_key("shininess")) {
         wanted = row(ui, option).0.or(wanted);
     }
     let mut strength = 1.0;

@@ -50,9 +50,9 @@ pub fn entries(ui: &mut Ui, viewer: &mut Viewer) {
 
 /// The open file dialog, and the question about a missing script.
 pub(crate) fn dialogs(ui: &mut Ui, viewer: &mut Viewer) {
-    missing(ui, viewer);
+    show_missing_file(ui, viewer);
     let Some(mut dialog) = viewer.documents.dialog.take() else { return };
-    match list(ui, &mut dialog) {
+    match show_file_list(ui, &mut dialog) {
         Answer::None => viewer.documents.dialog = Some(dialog),
         Answer::Cancel => {}
         Answer::Take => match dialog.accept() {
@@ -73,7 +73,7 @@ enum Answer {
     Take,
 }
 
-fn list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
+fn show_file_list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
     let mut answer = Answer::None;
     let (title, button) = match dialog.purpose {
         Purpose::Open => ("Open".to_string(), "Open"),
@@ -145,7 +145,7 @@ fn list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
 }
 
 /// Offers to create a missing script.
-fn missing(ui: &Ui, viewer: &mut Viewer) {
+fn show_missing_file(ui: &Ui, viewer: &mut Viewer) {
     let Some(path) = viewer.documents.missing.clone() else { return };
     if path.exists() {
         // The file was created meanwhile.

@@ -4,7 +4,7 @@ use super::canvas::Canvas;
 use super::gesture;
 use super::overlay::{X, Y, Z, line, point};
 use crate::app::{Dragging, Viewer};
-use crate::geometry::gizmo::{Change, Drag, Handle, LENGTH, Tool, arm, handle_at, ring};
+use crate::geometry::gizmo::{ARM_LENGTH, Change, Drag, Handle, Tool, arm_direction, handle_at, ring_points};
 use crate::geometry::projection::Lens;
 use crate::state::selection::{Selected, actor};
 use egui::{Color32, Painter, Rect, Stroke, StrokeKind, Ui, vec2};
@@ -43,7 +43,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     }
     let text = report(&dragging.change);
     // The text about reduced quality is above.
-    let corner = canvas.place.left_top() + vec2(8.0, 8.0 + super::viewport::REDUCED);
+    let corner = canvas.place.left_top() + vec2(8.0, 8.0 + super::viewport::QUALITY_NOTE_HEIGHT);
     painter.text(corner, egui::Align2::LEFT_TOP, text, egui::FontId::monospace(13.0), Color32::WHITE);
     if ui.input(|i| i.key_pressed(egui::Key::Escape)) {
         viewer.dragging = None;
@@ -78,18 +78,18 @@ fn report(change: &Change) -> String {
 
 fn draw(painter: &Painter, tool: Tool, world_from_model: &DAffine3, hot: Option<Handle>, lens: &Lens) {
     let center = world_from_model.translation;
-    let length = LENGTH * lens.metres_a_point(center);
+    let length = ARM_LENGTH * lens.metres_per_point(center);
     let Some(middle) = lens.point(center) else { return };
     for (axis, color) in COLORS.into_iter().enumerate() {
         let is_hot = hot == Some(Handle::Axis(axis));
         let color = if is_hot { Color32::from_rgb(0xff, 0xe0, 0x70) } else { color };
         let stroke = Stroke::new(if is_hot { 3.5 } else { 2.5 }, color);
         if tool == Tool::Turn {
-            let points: Vec<_> = ring(center, axis, length).collect();
+            let points: Vec<_> = ring_points(center, axis, length).collect();
             points.windows(2).for_each(|w| line(painter, lens, w[0], w[1], stroke));
             continue;
         }
-        let tip = center + arm(tool, axis, world_from_model) * length;
+        let tip = center + arm_direction(tool, axis, world_from_model) * length;
         line(painter, lens, center, tip, stroke);
         let Some(at) = lens.point(tip) else { continue };
         if tool == Tool::Scale {

@@ -11,9 +11,9 @@ use crate::state::timeline::Timeline;
 use egui::{Align2, FontId, Rect, Response, Sense, Ui, pos2, vec2};
 
 /// Width of a button, points.
-const WIDTH: f32 = 16.0;
+const BUTTON_WIDTH: f32 = 16.0;
 /// Width of the triangle that collapses, points.
-const FOLD: f32 = 13.0;
+const EXPANDER_WIDTH: f32 = 13.0;
 
 /// A button in a row header that was pressed.
 pub enum Toggle {
@@ -54,8 +54,8 @@ fn has_layers(timeline: &Timeline, index: usize) -> bool {
 /// Rectangle of the triangle that shows a row for each keyed property; next to that of the layers, if there is one.
 fn expand_place(timeline: &Timeline, index: usize, label: Rect) -> Rect {
     let is_indented = has_layers(timeline, index) || timeline.rows[index].layer > Some(0);
-    let left = if is_indented { FOLD - 2.0 } else { 0.0 };
-    Rect::from_min_size(label.min + vec2(left, 0.0), vec2(FOLD, label.height()))
+    let left = if is_indented { EXPANDER_WIDTH - 2.0 } else { 0.0 };
+    Rect::from_min_size(label.min + vec2(left, 0.0), vec2(EXPANDER_WIDTH, label.height()))
 }
 
 /// Rectangle left for the name of the row.
@@ -63,7 +63,7 @@ pub(crate) fn name_place(timeline: &Timeline, index: usize, label: Rect) -> Rect
     let row = &timeline.rows[index];
     let left = match row.parts.is_empty() {
         false => expand_place(timeline, index, label).right() - label.left() - 4.0,
-        true if has_layers(timeline, index) || row.layer > Some(0) => FOLD - 4.0,
+        true if has_layers(timeline, index) || row.layer > Some(0) => EXPANDER_WIDTH - 4.0,
         true => 0.0,
     };
     let buttons = match (&row.what, row.layer) {
@@ -71,7 +71,7 @@ pub(crate) fn name_place(timeline: &Timeline, index: usize, label: Rect) -> Rect
         (Some(Selected::Actor(_)), _) => 3.0,
         _ => 0.0,
     };
-    Rect::from_min_max(label.min + vec2(left, 0.0), label.max - vec2(buttons * WIDTH, 0.0))
+    Rect::from_min_max(label.min + vec2(left, 0.0), label.max - vec2(buttons * BUTTON_WIDTH, 0.0))
 }
 
 pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<Toggle> {
@@ -82,24 +82,24 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
         let open = viewer.is_expanded(row);
         let icon = if open { icons::CARET_DOWN } else { icons::CARET_RIGHT };
         let about = format!("keyed properties of {}", row.label);
-        if button(ui, place, icon, open, &about, "show or hide a row for each keyed property") {
+        if toggle_button(ui, place, icon, open, &about, "show or hide a row for each keyed property") {
             toggled = Some(Toggle::Expand(row.key()));
         }
     }
     let Some(Selected::Actor(name)) = &row.what else { return toggled };
     let toggles = &viewer.toggles;
     if has_layers(&viewer.timeline, index) {
-        let place = Rect::from_min_size(label.min, vec2(FOLD, label.height()));
+        let place = Rect::from_min_size(label.min, vec2(EXPANDER_WIDTH, label.height()));
         let closed = toggles.collapsed.contains(name);
         let icon = if closed { icons::CARET_RIGHT } else { icons::CARET_DOWN };
         let about = format!("layers of {name}");
-        if button(ui, place, icon, !closed, &about, "show or hide the layers") {
+        if toggle_button(ui, place, icon, !closed, &about, "show or hide the layers") {
             toggled = Some(Toggle::Collapse(name.clone()));
         }
     }
     let place = |number: f32| {
-        let right = label.right() - 2.0 - number * WIDTH;
-        Rect::from_min_max(pos2(right - WIDTH, label.top() + 3.0), pos2(right, label.bottom() - 3.0))
+        let right = label.right() - 2.0 - number * BUTTON_WIDTH;
+        Rect::from_min_max(pos2(right - BUTTON_WIDTH, label.top() + 3.0), pos2(right, label.bottom() - 3.0))
     };
     let layer = row.layer.unwrap_or(0);
     let is_base = layer == 0;
@@ -108,21 +108,22 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
         let about = format!("mute {}", row.label);
         let number = if is_base { 2.0 } else { 0.0 };
         let icon = if muted { icons::SPEAKER_SLASH } else { icons::SPEAKER_HIGH };
-        if button(ui, place(number), icon, muted, &about, "mute: its clips do not play in this window") {
+        if toggle_button(ui, place(number), icon, muted, &about, "mute: its clips do not play in this window")
+        {
             toggled = Some(Toggle::Mute(name.clone(), layer));
         }
     }
     if is_base {
         let about = format!("only {name} in rows");
         let solo = toggles.solo.contains(name);
-        if button(ui, place(1.0), icons::STAR, solo, &about, "solo: only solo actors are shown here") {
+        if toggle_button(ui, place(1.0), icons::STAR, solo, &about, "solo: only solo actors are shown here") {
             toggled = Some(Toggle::Solo(name.clone()));
         }
         let about = format!("lock the row of {name}");
         let hint = "lock: its bars, keys, curves and fields cannot be changed, its gizmo cannot be dragged";
         let locked = toggles.locked.contains(name);
         let icon = if locked { icons::LOCK_SIMPLE } else { icons::LOCK_SIMPLE_OPEN };
-        if button(ui, place(0.0), icon, locked, &about, hint) {
+        if toggle_button(ui, place(0.0), icon, locked, &about, hint) {
             toggled = Some(Toggle::Lock(name.clone()));
         }
     }
@@ -153,7 +154,7 @@ pub(crate) fn toggle(viewer: &mut Viewer, toggle: Toggle) {
     }
 }
 
-fn button(ui: &Ui, place: Rect, icon: &str, on: bool, about: &str, hint: &str) -> bool {
+fn toggle_button(ui: &Ui, place: Rect, icon: &str, on: bool, about: &str, hint: &str) -> bool {
     let response = ui.interact(place, ui.id().with(about), Sense::click());
     response.widget_info(|| egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, on, about));
     let visuals = ui.visuals();

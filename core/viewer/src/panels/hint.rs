@@ -4,7 +4,7 @@
 use egui::{Context, Id, Pos2, Response, WidgetText};
 
 /// Distance that the mouse must move until tooltips appear again, points.
-const LEFT: f32 = 6.0;
+const MIN_POINTER_MOVE: f32 = 6.0;
 
 pub trait Hint {
     /// Shows a tooltip while the mouse rests on the widget.
@@ -13,7 +13,7 @@ pub trait Hint {
 
 impl Hint for Response {
     fn hint(self, text: impl Into<WidgetText>) -> Response {
-        match are_held(&self.ctx) {
+        match are_hints_hidden(&self.ctx) {
             true => self,
             false => self.on_hover_text(text),
         }
@@ -21,15 +21,15 @@ impl Hint for Response {
 }
 
 /// Hides tooltips, or allows them again.
-pub(super) fn hold(context: &Context, held: bool) {
+pub(super) fn set_hints_hidden(context: &Context, held: bool) {
     context.data_mut(|d| d.insert_temp(id(), held));
 }
 
 /// Records the mouse position while a button is down or at its release; called once per frame before all tooltips.
-pub(super) fn watch(context: &Context) {
+pub(super) fn track_pointer(context: &Context) {
     let (at, is_used) =
         context.input(|i| (i.pointer.latest_pos(), i.pointer.any_down() || i.pointer.any_released()));
-    let has_left = |from: Pos2| at.is_none_or(|at| at.distance(from) > LEFT);
+    let has_left = |from: Pos2| at.is_none_or(|at| at.distance(from) > MIN_POINTER_MOVE);
     context.data_mut(|d| {
         if let (true, Some(at)) = (is_used, at) {
             d.insert_temp(used_id(), at);
@@ -39,7 +39,7 @@ pub(super) fn watch(context: &Context) {
     });
 }
 
-fn are_held(context: &Context) -> bool {
+fn are_hints_hidden(context: &Context) -> bool {
     context.data(|d| d.get_temp(id()).unwrap_or(false) || d.get_temp::<Pos2>(used_id()).is_some())
 }
 

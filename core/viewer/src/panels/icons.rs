@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_icon_has_a_glyph_and_text_keeps_its_own() {
+    fn every_icon_has_a_glyph_and_text_glyphs_are_unchanged() {
         // The icon font comes after a single text font, since egui ignores glyphs of the font that its replacement glyph comes from.
         // Other fonts of egui have glyphs at some of the icons' code points.
         let mut text_and_icons = fonts();

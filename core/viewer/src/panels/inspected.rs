@@ -8,7 +8,7 @@ use egui::{Response, Ui};
 
 /// Number of frames for which a field counts as edited after it had the keyboard focus: a field takes its text in the frame after it has lost the
 /// focus.
-const FRAMES: u64 = 2;
+const FOCUS_FRAMES: u64 = 2;
 
 fn held_id() -> egui::Id {
     egui::Id::new("a field of the inspector is edited")
@@ -26,7 +26,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let id = ui.id().with("inspected");
     let held: Option<u64> = ui.data(|d| d.get_temp(held_id()));
     let before: Option<Option<Selected>> = ui.data(|d| d.get_temp(id));
-    let is_held = held.is_some_and(|frame| ui.ctx().cumulative_pass_nr() <= frame + FRAMES);
+    let is_held = held.is_some_and(|frame| ui.ctx().cumulative_pass_nr() <= frame + FOCUS_FRAMES);
     let inspected = before.filter(|_| is_held).unwrap_or_else(|| viewer.selection.clone());
     ui.data_mut(|d| d.insert_temp(id, inspected.clone()));
     let selection = std::mem::replace(&mut viewer.selection, inspected.clone());

@@ -52,8 +52,8 @@ enum InspectorEdit {
 /// Properties of the selection that have keys or can have keys.
 type KeyableProperties<'k> = &'k [KeyedProperty];
 
-const MOST_CLIPS: usize = 200;
-const MOST_JOINTS: usize = 400;
+const MAX_CLIPS: usize = 200;
+const MAX_JOINTS: usize = 400;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let (Some(scene), Some(selection)) = (viewer.scene.clone(), viewer.selection.clone()) else {
@@ -62,12 +62,12 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     };
     let line = super::script::line_of(viewer, &selection);
     let known = match &selection {
-        what @ Selected::Cue { .. } => Some(Arc::new(keyed::of_cue(&scene, what))),
+        what @ Selected::Cue { .. } => Some(Arc::new(keyed::cue_properties(&scene, what))),
         what => viewer.known_properties(what).map(|(all, _)| all),
     };
     let known = known.unwrap_or_default();
     let keyable: KeyableProperties = &known;
-    let rows = rows(viewer, &scene, &selection, keyable);
+    let rows = add_value_rows(viewer, &scene, &selection, keyable);
     let title = match &selection {
         Selected::Actor(name) | Selected::Camera(name) => name.clone(),
         Selected::Cue { actor, .. } => format!("{actor}: {}", rows.first().map_or("", |r| r.1.as_str())),
@@ -97,13 +97,15 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     });
     match &selection {
         Selected::Actor(name) => wanted = transform(ui, viewer, &scene.stage, (name, &written), keyable),
-        Selected::Light(index) => wanted = light(ui, viewer, (&scene.stage, *index), keyable, &written),
-        Selected::Effect(index) => wanted = parameters(ui, viewer, &scene, (*index, &written), keyable),
+        Selected::Light(index) => {
+            wanted = light_fields(ui, viewer, (&scene.stage, *index), keyable, &written)
+        }
+        Selected::Effect(index) => wanted = show_parameters(ui, viewer, &scene, (*index, &written), keyable),
         Selected::Camera(name) => {
             wanted = lens(ui, viewer, &scene, (name, &written), keyable);
-            wanted = camera(ui, viewer, &scene.stage, (name, &written), keyable).or(wanted);
+            wanted = camera_placement_fields(ui, viewer, &scene.stage, (name, &written), keyable).or(wanted);
         }
-        Selected::Sky => wanted = sky(ui, viewer, &scene.stage, keyable),
+        Selected::Sky => wanted = sky_fields(ui, viewer, &scene.stage, keyable),
         Selected::Cue { .. } | Selected::Title(_) => {}
     }
     let field = stated::show(ui, viewer, &scene.stage, &selection, &written);
@@ -120,11 +122,11 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         && let Some(index) = actor(&scene.stage, name)
     {
         let asset = &scene.stage.actors[index].asset;
-        wanted = clips(ui, viewer, name, asset).or(wanted);
+        wanted = show_clips(ui, viewer, name, asset).or(wanted);
         wanted = rig::show(ui, viewer, &scene.stage.actors[index], index).map(InspectorEdit::Call).or(wanted);
-        materials(ui, asset);
+        show_materials(ui, asset);
         if let Some(state) = viewer.shown().and_then(|s| s.snapshot.actors.get(index)) {
-            joints(ui, asset, state);
+            show_joints(ui, asset, state);
         }
     }
     if let Some(wanted) = wanted {
@@ -306,7 +308,7 @@ fn field_of_view_by_callback(
     let index = frame.snapshot.camera.camera?;
     let camera = scene.stage.cameras.get(index).filter(|camera| camera.name == name)?;
     let stated = stated_field_of_view(camera, frame.time, keyable)?;
-    ((stated - degrees).abs() > 1e-3).then(|| format!("{degrees:.3} ({})", by_callback(scene)))
+    ((stated - degrees).abs() > 1e-3).then(|| format!("{degrees:.3} ({})", callback_name(scene)))
 }
 
 fn lens(
@@ -339,7 +341,7 @@ fn lens(
 }
 
 /// Fields of a camera: position and target, or its motion with a target.
-fn camera(
+fn camera_placement_fields(
     ui: &mut Ui,
     viewer: &Viewer,
     stage: &Stage,
@@ -363,7 +365,7 @@ fn srgb(linear: Vec3) -> [u8; 3] {
 }
 
 /// Fields of a light at the playhead.
-fn light(
+fn light_fields(
     ui: &mut Ui,
     viewer: &Viewer,
     (stage, index): (&Stage, usize),
@@ -421,13 +423,13 @@ fn light(
 
 /// Range of a spot's cone angle, degrees: the inner angle is smaller than the outer one.
 fn cone_range(light: &StageLight, name: &str, written: &stated::StatedValues) -> Option<RangeInclusive<f64>> {
-    const APART: f64 = 0.01;
+    const MIN_CONE_DIFFERENCE: f64 = 0.01;
     let LightKind::Spot { inner, outer } = light.light.kind else { return None };
     let [inner, outer] = [inner, outer].map(|angle| f64::from(angle).to_degrees());
     match name {
-        "inner" => Some(0.0..=(outer - APART).max(0.0)),
+        "inner" => Some(0.0..=(outer - MIN_CONE_DIFFERENCE).max(0.0)),
         // An inner angle that is not stated follows the outer one.
-        "outer" if written.contains_key("inner") => Some((inner + APART).min(90.0)..=90.0),
+        "outer" if written.contains_key("inner") => Some((inner + MIN_CONE_DIFFERENCE).min(90.0)..=90.0),
         _ => None,
     }
 }
@@ -487,7 +489,8 @@ fn vector_field(
     ui.horizontal(|ui| {
         for (axis, name) in names.into_iter().enumerate() {
             if let Some(to) = values::number(ui, name, now[axis], speed, -1e6..=1e6) {
-                wanted = Some(format!("[{}]", values::list(ui, stated, &now.to_array(), axis, to)));
+                wanted =
+                    Some(format!("[{}]", values::number_list_text(ui, stated, &now.to_array(), axis, to)));
             }
         }
     });
@@ -495,7 +498,12 @@ fn vector_field(
 }
 
 /// Fields of the sky at the playhead.
-fn sky(ui: &mut Ui, viewer: &Viewer, stage: &Stage, keyable: KeyableProperties) -> Option<InspectorEdit> {
+fn sky_fields(
+    ui: &mut Ui,
+    viewer: &Viewer,
+    stage: &Stage,
+    keyable: KeyableProperties,
+) -> Option<InspectorEdit> {
     let (sky, mut wanted) = (stage.sky.as_ref()?, None);
     Grid::new("sky").num_columns(3).show(ui, |ui| {
         for field in Sky::FIELDS.iter() {
@@ -538,7 +546,7 @@ fn name_with_menu(
 }
 
 /// Fields of an effect's parameters, as described by its manifest.
-fn parameters(
+fn show_parameters(
     ui: &mut Ui,
     viewer: &Viewer,
     scene: &Scene,
@@ -569,7 +577,7 @@ fn parameters(
                 // A literal in the script would not change a value that a callback sets.
                 false => {
                     let now: Vec<String> = now.iter().map(|n| format!("{n:.3}")).collect();
-                    ui.monospace(format!("{} ({})", now.join(" "), by_callback(scene)));
+                    ui.monospace(format!("{} ({})", now.join(" "), callback_name(scene)));
                     None
                 }
             };
@@ -595,9 +603,9 @@ fn frame_of_callbacks<'v>(viewer: &'v Viewer, scene: &Scene) -> Option<&'v Frame
 }
 
 /// Origin of a value that a callback sets: lines of the first calls of `on_frame`, any of which may set it.
-fn by_callback(scene: &Scene) -> String {
+fn callback_name(scene: &Scene) -> String {
     /// Largest number of lines listed.
-    const MOST: usize = 3;
+    const MAX_LINES: usize = 3;
     let mut all: Vec<&Place> = Vec::new();
     for place in &scene.places.callbacks {
         // A loop may register several callbacks in one line.
@@ -610,8 +618,8 @@ fn by_callback(scene: &Scene) -> String {
         true => place.line.to_string(),
         false => super::marks::report(place),
     };
-    let names: Vec<String> = all.iter().take(MOST).map(named).collect();
-    let listed = match (all.len().saturating_sub(MOST), names.as_slice()) {
+    let names: Vec<String> = all.iter().take(MAX_LINES).map(named).collect();
+    let listed = match (all.len().saturating_sub(MAX_LINES), names.as_slice()) {
         (0, [before @ .., last]) if !before.is_empty() => format!("{} and {last}", before.join(", ")),
         (0, _) => names.join(", "),
         (1, _) => format!("{} and 1 other", names.join(", ")),
@@ -696,14 +704,14 @@ fn parameter(
 }
 
 /// List of clips that can be dragged onto a row of the sequencer, or added at the playhead.
-fn clips(ui: &mut Ui, viewer: &Viewer, name: &str, asset: &Asset) -> Option<InspectorEdit> {
+fn show_clips(ui: &mut Ui, viewer: &Viewer, name: &str, asset: &Asset) -> Option<InspectorEdit> {
     if asset.clips.is_empty() {
         return None;
     }
     let mut wanted = None;
     let title = format!("clips ({})", asset.clips.len());
     egui::CollapsingHeader::new(title).default_open(true).show(ui, |ui| {
-        for clip in asset.clips.iter().take(MOST_CLIPS) {
+        for clip in asset.clips.iter().take(MAX_CLIPS) {
             ui.horizontal(|ui| {
                 let (label, hint) = (format!("play {}", clip.name), "from the playhead on");
                 if icons::small(ui, icons::PLUS, &label, hint).clicked() {
@@ -720,10 +728,10 @@ fn clips(ui: &mut Ui, viewer: &Viewer, name: &str, asset: &Asset) -> Option<Insp
     wanted
 }
 
-fn materials(ui: &mut Ui, asset: &Asset) {
+fn show_materials(ui: &mut Ui, asset: &Asset) {
     egui::CollapsingHeader::new(format!("materials ({})", asset.materials.len())).show(ui, |ui| {
         Grid::new("materials").num_columns(4).striped(true).show(ui, |ui| {
-            for material in asset.materials.iter().take(MOST_CLIPS) {
+            for material in asset.materials.iter().take(MAX_CLIPS) {
                 let [r, g, b] = srgb(material.base_color.truncate());
                 let (rect, _) = ui.allocate_exact_size(egui::vec2(14.0, 14.0), egui::Sense::hover());
                 ui.painter().rect_filled(rect, 2.0, egui::Color32::from_rgb(r, g, b));
@@ -737,7 +745,7 @@ fn materials(ui: &mut Ui, asset: &Asset) {
 }
 
 /// List of joints: rotation angle from the rest pose in degrees, and position in model space.
-fn joints(ui: &mut Ui, asset: &Asset, state: &ActorState) {
+fn show_joints(ui: &mut Ui, asset: &Asset, state: &ActorState) {
     let count = asset.skeleton.len();
     if state.model_from_joint.len() < count {
         return;
@@ -748,7 +756,7 @@ fn joints(ui: &mut Ui, asset: &Asset, state: &ActorState) {
             ui.weak("angle from rest");
             ui.weak("position (model)");
             ui.end_row();
-            for (joint, name) in asset.skeleton.names().iter().enumerate().take(MOST_JOINTS) {
+            for (joint, name) in asset.skeleton.names().iter().enumerate().take(MAX_JOINTS) {
                 let model_from_joint = state.model_from_joint[joint];
                 let local = match asset.skeleton.parents()[joint] {
                     Some(parent) => state.model_from_joint[parent as usize].inverse() * model_from_joint,
@@ -759,26 +767,26 @@ fn joints(ui: &mut Ui, asset: &Asset, state: &ActorState) {
                 let half = rotation.normalize().dot(rest.normalize()).abs().min(1.0);
                 ui.label(name);
                 ui.monospace(format!("{:6.1}°", 2.0 * libm::acosf(half).to_degrees()));
-                ui.monospace(point(model_from_joint.translation.as_dvec3()));
+                ui.monospace(point_text(model_from_joint.translation.as_dvec3()));
                 ui.end_row();
             }
         });
     });
 }
 
-fn point(p: DVec3) -> String {
+fn point_text(p: DVec3) -> String {
     let [x, y, z] = p.to_array().map(|v| super::rounded(v, 1e3));
     format!("{x:.3} {y:.3} {z:.3}")
 }
 
 /// Text of angles about x, y and z.
-fn degrees(angles: DVec3) -> String {
+fn angles_text(angles: DVec3) -> String {
     let [x, y, z] = angles.to_array().map(|v| super::rounded(v, 10.0));
     format!("{x:.1}° {y:.1}° {z:.1}°")
 }
 
 /// Values that have no field.
-fn rows(
+fn add_value_rows(
     viewer: &Viewer,
     scene: &Scene,
     selection: &Selected,
@@ -788,8 +796,8 @@ fn rows(
     let mut rows = Vec::new();
     let mut row = |name: &str, value: String| rows.push((name.to_string(), value));
     match selection {
-        Selected::Actor(name) => of_actor(viewer, stage, name, &mut row),
-        Selected::Cue { actor: name, layer, cue } => of_cue(viewer, stage, name, *layer, *cue, &mut row),
+        Selected::Actor(name) => actor_rows(viewer, stage, name, &mut row),
+        Selected::Cue { actor: name, layer, cue } => cue_rows(viewer, stage, name, *layer, *cue, &mut row),
         Selected::Camera(name) => {
             if let Some(camera) = stage.cameras.iter().find(|c| c.name == *name) {
                 row("rig", rig_name(&camera.rig).into());
@@ -801,7 +809,7 @@ fn rows(
                         [y, ..] => DVec3::new(0.0, y, 0.0),
                         [] => DVec3::ZERO,
                     };
-                    row("turned x, y, z", degrees(angles));
+                    row("turned x, y, z", angles_text(angles));
                 }
                 if camera.far().is_none() {
                     row("far", "any distance".into());
@@ -815,7 +823,7 @@ fn rows(
                     .and_then(|c| stage.cameras.get(c))
                     .is_some_and(|c| c.name == *name)
             {
-                row("stands at", point(shown.snapshot.camera.world_from_view.translation));
+                row("stands at", point_text(shown.snapshot.camera.world_from_view.translation));
             }
         }
         Selected::Light(index) => {
@@ -836,7 +844,7 @@ fn rows(
     rows
 }
 
-fn of_cue(
+fn cue_rows(
     viewer: &Viewer,
     stage: &Stage,
     name: &str,
@@ -848,7 +856,7 @@ fn of_cue(
     let Some(played) = found.layers.get(layer).and_then(|l| l.cues.get(cue)) else { return };
     row("clip", played.clip.name.clone());
     let active = found.active_clips(viewer.playhead.time());
-    match shares(&active, layer).find(|(h, _)| h.cue == cue) {
+    match layer_shares(&active, layer).find(|(h, _)| h.cue == cue) {
         Some((active, share)) => {
             row("now", format!("{:.0} % at {:.3} s of the clip", share * 100.0, active.clip_time.as_secs()))
         }
@@ -857,7 +865,7 @@ fn of_cue(
 }
 
 /// Effective weight of each cue in a layer's pose, the last cue first: each leaves the rest to the ones below.
-fn shares(active: &[ActiveClip], layer: usize) -> impl Iterator<Item = (&ActiveClip, f32)> {
+fn layer_shares(active: &[ActiveClip], layer: usize) -> impl Iterator<Item = (&ActiveClip, f32)> {
     let of_layer = active.iter().filter(move |h| h.layer == layer).rev();
     of_layer.scan(1.0, |rest, h| {
         let share = if h.additive { h.weight } else { *rest * h.weight };
@@ -866,7 +874,7 @@ fn shares(active: &[ActiveClip], layer: usize) -> impl Iterator<Item = (&ActiveC
     })
 }
 
-fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&str, String)) {
+fn actor_rows(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&str, String)) {
     let Some(index) = actor(stage, name) else { return };
     let found = &stage.actors[index];
     let asset = &found.asset;
@@ -874,10 +882,10 @@ fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&st
     row("meshes, joints", format!("{}, {}", asset.meshes.len(), asset.skeleton.len()));
     if let Some(state) = viewer.shown().and_then(|s| s.snapshot.actors.get(index)) {
         row("visible", state.visible.to_string());
-        row("stands at", point(state.world_from_model.translation));
+        row("stands at", point_text(state.world_from_model.translation));
         let (scale, rotation, _) = state.world_from_model.to_scale_rotation_translation();
-        row("turned x, y, z", degrees(euler_degrees_near(rotation, DVec3::ZERO)));
-        row("scale", point(scale));
+        row("turned x, y, z", angles_text(euler_degrees_near(rotation, DVec3::ZERO)));
+        row("scale", point_text(scale));
     }
     if let Some(to) = found.parent_at(viewer.playhead.time()).and_then(|parent| parent.to) {
         let carrier = &stage.actors[to.actor];
@@ -888,7 +896,7 @@ fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&st
     let active = found.active_clips(viewer.playhead.time());
     for (number, layer) in found.layers.iter().enumerate() {
         let layer_name = if number == 0 { "base layer".to_string() } else { format!("layer {number}") };
-        let lines: Vec<String> = shares(&active, number)
+        let lines: Vec<String> = layer_shares(&active, number)
             .filter_map(|(h, share)| {
                 Some(format!("{:3.0} % {}", share * 100.0, layer.cues.get(h.cue)?.clip.name))
             })

@@ -19,7 +19,7 @@ pub struct KeyList {
 }
 
 /// Rows that are not actions: keys of the toolkit, and the mouse.
-const MOUSE: [(&str, &str); 22] = [
+const FIXED_INPUTS: [(&str, &str); 22] = [
     (
         "Ctrl click",
         "adds a clip or key to the selection, as Shift click; a drag over empty rows selects a box",
@@ -112,18 +112,18 @@ pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
         ScrollArea::vertical().max_height(room - 60.0).show(ui, |ui| {
             Grid::new("keys").num_columns(2).spacing([16.0, 4.0]).show(ui, |ui| {
                 for keyed in &all {
-                    ui.horizontal(|ui| key(ui, choosing, keyed, viewer));
+                    ui.horizontal(|ui| key_row(ui, choosing, keyed, viewer));
                     ui.vertical(|ui| {
                         ui.set_max_width(TEXT_WIDTH);
                         ui.add(Label::new(&keyed.title).wrap())
                             .hint(format!("in shortcuts.json: \"{}\"", keyed.id));
-                        if let Some(others) = others(keyed, &all) {
+                        if let Some(others) = conflicting_titles(keyed, &all) {
                             ui.label(RichText::new(others).small().color(ui.visuals().warn_fg_color));
                         }
                     });
                     ui.end_row();
                 }
-                for (keys, what) in MOUSE {
+                for (keys, what) in FIXED_INPUTS {
                     ui.monospace(keys);
                     ui.vertical(|ui| {
                         ui.set_max_width(TEXT_WIDTH);
@@ -140,7 +140,7 @@ pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
 }
 
 /// Keys of an action; a click changes them, and a button resets keys of the user's own.
-fn key(ui: &mut Ui, choosing: &mut Option<String>, keyed: &KeyedAction, viewer: &mut Viewer) {
+fn key_row(ui: &mut Ui, choosing: &mut Option<String>, keyed: &KeyedAction, viewer: &mut Viewer) {
     let KeyedAction { id, title, chords } = keyed;
     let is_chosen = choosing.as_ref() == Some(id);
     let keys = actions::system_key(id).map(str::to_string).into_iter();
@@ -163,7 +163,7 @@ fn key(ui: &mut Ui, choosing: &mut Option<String>, keyed: &KeyedAction, viewer: 
 }
 
 /// Names of other actions with one of these keys.
-fn others(keyed: &KeyedAction, all: &[KeyedAction]) -> Option<String> {
+fn conflicting_titles(keyed: &KeyedAction, all: &[KeyedAction]) -> Option<String> {
     let own: Vec<_> = keyed.chords.iter().filter_map(actions::egui_shortcut).collect();
     let has_one = |other: &&KeyedAction| {
         let mut keys = other.chords.iter().filter_map(actions::egui_shortcut);

@@ -55,7 +55,7 @@ const COMMANDS: [(KeyCommand, &str, &str); 6] = [
 ];
 
 /// Initial curve when a Bézier easing is chosen.
-const BEZIER: &str = "[0.42, 0.0, 0.58, 1.0]";
+const DEFAULT_BEZIER: &str = "[0.42, 0.0, 0.58, 1.0]";
 
 /// Opens the menu of a mark that holds keys.
 pub fn show(response: &Response, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
@@ -172,8 +172,8 @@ fn numbers(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct
 
 /// List of names with an entry for none. Easings are in one column for each direction, so that all are visible at once.
 fn choice(ui: &mut Ui, none: &str, names: &[String]) -> Option<Option<String>> {
-    const WAYS: [&str; 3] = ["in_out_", "in_", "out_"];
-    let way_of = |name: &str| WAYS.iter().position(|way| name.starts_with(way));
+    const EASING_PREFIXES: [&str; 3] = ["in_out_", "in_", "out_"];
+    let way_of = |name: &str| EASING_PREFIXES.iter().position(|way| name.starts_with(way));
     let mut chosen = ui.button(none).clicked().then_some(None);
     let mut column = |ui: &mut Ui, way: Option<usize>| {
         for name in names.iter().filter(|name| way_of(name) == way) {
@@ -184,10 +184,10 @@ fn choice(ui: &mut Ui, none: &str, names: &[String]) -> Option<Option<String>> {
     };
     column(ui, None);
     ui.horizontal_top(|ui| {
-        (0..WAYS.len()).for_each(|way| drop(ui.vertical(|ui| column(ui, Some(way)))));
+        (0..EASING_PREFIXES.len()).for_each(|way| drop(ui.vertical(|ui| column(ui, Some(way)))));
     });
     if ui.button("Bézier curve, with handles").clicked() {
-        chosen = Some(Some(BEZIER.to_string()));
+        chosen = Some(Some(DEFAULT_BEZIER.to_string()));
     }
     chosen
 }

@@ -61,7 +61,7 @@ pub(crate) fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
 }
 
 /// Sets the start or the end of the playback range at the playhead; at the same position again, removes the range.
-pub fn range(viewer: &mut Viewer, out: bool) {
+pub fn set_range_end(viewer: &mut Viewer, out: bool) {
     let (now, length) = (viewer.playhead.time(), viewer.playhead.length());
     let (from, to) = viewer.playhead.range().unwrap_or((choreo_motion::Time::ZERO, length));
     let last = to - choreo_motion::Time(1);
@@ -73,7 +73,7 @@ pub fn range(viewer: &mut Viewer, out: bool) {
     }
 }
 
-pub fn hide(viewer: &mut Viewer) {
+pub fn toggle_hidden(viewer: &mut Viewer) {
     if let Some(name) = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string)
         && !viewer.toggles.hidden.remove(&name)
     {
@@ -82,7 +82,7 @@ pub fn hide(viewer: &mut Viewer) {
 }
 
 /// Toggles whether the selected actor is shown alone (solo).
-pub(super) fn isolate(viewer: &mut Viewer) {
+pub(super) fn toggle_isolated(viewer: &mut Viewer) {
     if let Some(name) = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string)
         && !viewer.toggles.solo.remove(&name)
     {

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
 /// Deepest nesting of splits that is accepted.
-const DEEPEST: usize = 12;
+const MAX_DEPTH: usize = 12;
 
 /// Fractions of splits chosen by the user. The dock clamps its own fractions in a small window and does not restore them.
 #[derive(Default)]
@@ -119,7 +119,7 @@ fn tabs(leaf: &Value, seen: &mut BTreeSet<&'static str>) -> Option<Vec<Tab>> {
 }
 
 fn first_leaf(layout: &Value, depth: usize) -> Option<&Value> {
-    if depth > DEEPEST {
+    if depth > MAX_DEPTH {
         return None;
     }
     match layout.get("first") {
@@ -136,7 +136,7 @@ fn place(
     seen: &mut BTreeSet<&'static str>,
     depth: usize,
 ) -> Option<()> {
-    if depth > DEEPEST {
+    if depth > MAX_DEPTH {
         return None;
     }
     for (how, split) in [("below", Split::Below), ("right", Split::Right)] {
@@ -164,7 +164,7 @@ mod tests {
     use crate::panels::Panels;
 
     #[test]
-    fn what_is_written_comes_back() {
+    fn a_written_layout_is_read_back_unchanged() {
         let mut panels = Panels::default();
         panels.set_open(Tab::Explain, false);
         panels.set_open(Tab::Viewport(1), true);
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_layout_is_none() {
+    fn an_invalid_layout_is_rejected() {
         let leaf = json!({ "tabs": ["Viewport"] });
         let nested = (0..40).fold(
             leaf.clone(),

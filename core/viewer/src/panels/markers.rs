@@ -8,9 +8,9 @@ use egui::{Rect, Sense, Stroke, Ui, pos2, vec2};
 
 const SIZE: f32 = 11.5;
 /// Number of lines of flags, which are stacked where their names would overlap.
-const LEVELS: usize = 4;
+const FLAG_LINES: usize = 4;
 /// Largest width of a name, points; longer ones are shown in a tooltip.
-const WIDEST: f32 = 180.0;
+const MAX_NAME_WIDTH: f32 = 180.0;
 
 pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
     let lanes = Rect::from_min_max(ruler.min, area.max);
@@ -21,7 +21,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
     let mut in_order: Vec<usize> = (0..viewer.timeline.markers.len()).collect();
     in_order.sort_by_key(|index| viewer.timeline.markers[*index].1);
     // Right end of the last flag in each line.
-    let mut ends = [f32::NEG_INFINITY; LEVELS];
+    let mut ends = [f32::NEG_INFINITY; FLAG_LINES];
     let mut moved = None;
     for index in in_order {
         let (name, time) = &viewer.timeline.markers[index];
@@ -29,7 +29,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
         // The line begins below the ruler, so that its numbers stay readable.
         painter.vline(x, ruler.bottom()..=lanes.bottom(), Stroke::new(1.0, color));
         // A name near the right end is placed before its line.
-        let galley = super::elided(&painter, name, SIZE, color, WIDEST.min(lanes.width()));
+        let galley = super::elided(&painter, name, SIZE, color, MAX_NAME_WIDTH.min(lanes.width()));
         let size = galley.size();
         let left = (x + 3.0).min(lanes.right() - size.x - 2.0);
         let level = ends.iter().position(|end| *end + 4.0 < left).unwrap_or(0);

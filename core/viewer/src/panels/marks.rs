@@ -5,7 +5,7 @@ use super::foot_contacts::FootContacts;
 use super::gesture;
 use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
-use super::sequencer::{COLORS, FOOT_STRIP};
+use super::sequencer::{COLORS, FOOT_STRIP_HEIGHT};
 use crate::app::Viewer;
 use crate::editing::file_name;
 use crate::state::events::{Event, EventKind};
@@ -17,14 +17,14 @@ use choreo_script::{Place, Severity};
 use egui::{Color32, Rect, Sense, Shape, Stroke, Ui, pos2, vec2};
 
 /// Half width of a mark, points.
-const HALF: f32 = 4.0;
+const HALF_WIDTH: f32 = 4.0;
 /// Height of the part at the top of a row with bars where marks take the pointer, points. It ends above the middle of the bars, so that handles can
 /// be grabbed below it if a mark lies on an edge.
-pub(super) const BAND: f32 = 2.0 * HALF;
+pub(super) const MARK_BAND_HEIGHT: f32 = 2.0 * HALF_WIDTH;
 /// Color of a selected key.
 pub(super) const SELECTED: Color32 = Color32::from_rgb(0xff, 0x8a, 0x2a);
 /// Largest number of marks in one row that can be pointed at.
-const MOST: usize = 400;
+const MAX_MARKS: usize = 400;
 
 /// File name and line of a position: `dance.rhai:12`.
 pub fn report(place: &Place) -> String {
@@ -58,14 +58,18 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect
     let of = viewer.timeline.row_name(number);
     for event in &row.events {
         let x = lane.left() + viewer.span.x_of(event.at.as_secs(), lane.width());
-        if !(lane.left() - HALF..=lane.right() + HALF).contains(&x) || x - last < 2.0 || count >= MOST {
+        if !(lane.left() - HALF_WIDTH..=lane.right() + HALF_WIDTH).contains(&x)
+            || x - last < 2.0
+            || count >= MAX_MARKS
+        {
             continue;
         }
         last = x;
         count += 1;
-        let mut place = Rect::from_center_size(pos2(x, y), vec2(2.0 * HALF + 2.0, 2.0 * HALF + 2.0));
+        let mut place =
+            Rect::from_center_size(pos2(x, y), vec2(2.0 * HALF_WIDTH + 2.0, 2.0 * HALF_WIDTH + 2.0));
         if !row.bars.is_empty() {
-            place.max.y = lane.top() + BAND;
+            place.max.y = lane.top() + MARK_BAND_HEIGHT;
         }
         // Drags are sensed, too; otherwise they would reach the widget below.
         let sense = Sense::click_and_drag();
@@ -94,7 +98,7 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect
         }
         let by = by.or(carried.filter(|_| selected));
         let shown = by.map_or(x, |by| lane.left() + viewer.span.x_of(event.at.as_secs() + by, lane.width()));
-        painter.add(shape(event.kind, pos2(shown, y), fill));
+        painter.add(marker_shape(event.kind, pos2(shown, y), fill));
         if let (Some(by), Some(at), true) = (by, pointer, dragged) {
             draw_text_at_pointer(ui, at, &viewer.shown_time(event.at + Time::from_secs(by)));
             if response.drag_stopped() && by != 0.0 {
@@ -105,7 +109,7 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect
             acted = key_menu::show(&response, viewer, &keys).map(MarkAct::Key).or(acted);
         }
         let add = gesture::adds_to_selection(ui);
-        if response.hint(hover(viewer, event)).clicked() {
+        if response.hint(event_hint(viewer, event)).clicked() {
             acted = Some(MarkAct::Click(event.clone(), add));
         }
     }
@@ -114,13 +118,13 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect
 
 /// Height of the marks of a row.
 fn key_height(row: &Row, lane: Rect) -> f32 {
-    if row.bars.is_empty() { lane.center().y } else { lane.top() + 1.0 + HALF }
+    if row.bars.is_empty() { lane.center().y } else { lane.top() + 1.0 + HALF_WIDTH }
 }
 
 /// Keys of a row whose marks lie in a rectangle.
 pub(crate) fn keys_within(viewer: &Viewer, row: &Row, lane: Rect, area: Rect) -> Vec<KeyRef> {
     let y = key_height(row, lane);
-    if area.bottom() < y - HALF || area.top() > y + HALF {
+    if area.bottom() < y - HALF_WIDTH || area.top() > y + HALF_WIDTH {
         return Vec::new();
     }
     let x = |event: &Event| lane.left() + viewer.span.x_of(event.at.as_secs(), lane.width());
@@ -136,7 +140,7 @@ fn dragged_to(viewer: &Viewer, event: &Event, lane: Rect, x: f32) -> f64 {
     near.unwrap_or_else(|| viewer.snapped(wanted))
 }
 
-fn hover(viewer: &Viewer, event: &Event) -> String {
+fn event_hint(viewer: &Viewer, event: &Event) -> String {
     let mut text = format!("{}\n{}", event.label, viewer.shown_time(event.at));
     if event.place.line > 0 {
         text += &format!("\n{}", report(&event.place));
@@ -145,16 +149,16 @@ fn hover(viewer: &Viewer, event: &Event) -> String {
 }
 
 /// Shape of a mark: a diamond for a key, a circle for an entrance, a square for an actor's event, a flag for a marker.
-fn shape(kind: EventKind, at: egui::Pos2, fill: Color32) -> Shape {
+fn marker_shape(kind: EventKind, at: egui::Pos2, fill: Color32) -> Shape {
     let line = Stroke::new(1.0, Color32::from_gray(20));
-    let points = |all: &[(f32, f32)]| all.iter().map(|(x, y)| at + vec2(*x, *y) * HALF).collect();
+    let points = |all: &[(f32, f32)]| all.iter().map(|(x, y)| at + vec2(*x, *y) * HALF_WIDTH).collect();
     match kind {
         EventKind::Key => {
             Shape::convex_polygon(points(&[(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)]), fill, line)
         }
         EventKind::Entrance => Shape::Vec(vec![
-            Shape::circle_filled(at, HALF - 0.5, fill),
-            Shape::circle_stroke(at, HALF - 0.5, line),
+            Shape::circle_filled(at, HALF_WIDTH - 0.5, fill),
+            Shape::circle_stroke(at, HALF_WIDTH - 0.5, line),
         ]),
         EventKind::Body => {
             Shape::convex_polygon(points(&[(-0.8, -0.8), (0.8, -0.8), (0.8, 0.8), (-0.8, 0.8)]), fill, line)
@@ -166,7 +170,7 @@ fn shape(kind: EventKind, at: egui::Pos2, fill: Color32) -> Shape {
 }
 
 /// Draws foot contacts, a line for each foot. Returns the start of a clicked contact.
-pub fn feet(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
+pub fn draw_foot_contacts(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
     let (Some(scene), Some(Selected::Actor(name))) = (&viewer.scene, &row.what) else { return None };
     let is_base = row.bars.iter().any(|b| matches!(b.what, Selected::Cue { layer: 0, .. }));
     let index = actor(&scene.stage, name).filter(|_| is_base)?;
@@ -176,10 +180,10 @@ pub fn feet(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
     ui.data_mut(|d| d.insert_temp(id, contacts));
     let found = found?;
     let painter = ui.painter_at(lane);
-    let high = FOOT_STRIP / found.len() as f32;
+    let high = FOOT_STRIP_HEIGHT / found.len() as f32;
     for (foot, part) in found.iter().enumerate() {
         let [r, g, b] = COLORS[foot % COLORS.len()];
-        let top = lane.bottom() - FOOT_STRIP + foot as f32 * high;
+        let top = lane.bottom() - FOOT_STRIP_HEIGHT + foot as f32 * high;
         for (from, to) in &part.spans {
             let x = |secs: f64| lane.left() + viewer.span.x_of(secs, lane.width());
             let part = Rect::from_min_max(pos2(x(*from), top), pos2(x(*to), top + high));
@@ -187,7 +191,7 @@ pub fn feet(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
         }
     }
     // The clickable area is a little higher than the lines.
-    let band = Rect::from_min_max(pos2(lane.left(), lane.bottom() - FOOT_STRIP - 1.0), lane.max);
+    let band = Rect::from_min_max(pos2(lane.left(), lane.bottom() - FOOT_STRIP_HEIGHT - 1.0), lane.max);
     let response = ui.interact(band, ui.id().with(("feet", index)), Sense::click());
     let label = format!("feet of {name}");
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, label.clone()));

@@ -6,7 +6,7 @@ use choreo_session::Problem;
 use egui::{RichText, Sense, Ui};
 
 /// Largest number of displayed messages, since the window draws all of them in each frame.
-const MOST: usize = 100;
+const MAX_MESSAGES: usize = 100;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let visuals = ui.visuals().clone();
@@ -61,7 +61,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 fn problems_to_show(problems: &[Problem]) -> Vec<&Problem> {
     let mut worst: Vec<usize> = (0..problems.len()).collect();
     worst.sort_by_key(|index| problems[*index].severity);
-    worst.truncate(MOST);
+    worst.truncate(MAX_MESSAGES);
     worst.sort_unstable();
     worst.into_iter().map(|index| &problems[index]).collect()
 }
@@ -71,11 +71,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_very_many_messages_the_worst_are_shown() {
-        let mut problems = vec![Problem::warning("gap"); 4 * MOST];
+    fn the_worst_messages_are_shown_when_there_are_too_many() {
+        let mut problems = vec![Problem::warning("gap"); 4 * MAX_MESSAGES];
         problems.push(Problem::error("late"));
         let shown = problems_to_show(&problems);
-        assert_eq!(shown.len(), MOST);
+        assert_eq!(shown.len(), MAX_MESSAGES);
         assert_eq!(shown.last().map(|problem| problem.message.as_str()), Some("late"));
         assert_eq!(super::problems_to_show(&problems[..3]).len(), 3);
     }

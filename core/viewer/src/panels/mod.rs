@@ -63,7 +63,7 @@ pub use sequencer::color_of_clip;
 use crate::app::Viewer;
 use crate::editing::EditError;
 use crate::state::settings::Settings;
-use crate::state::view::{MOST_VIEWS, Overlays, View};
+use crate::state::view::{MAX_VIEWS, Overlays, View};
 use egui::text::{LayoutJob, TextWrapping};
 use egui::{Color32, FontId, Galley, Painter, RichText, TextureId, Ui, WidgetText};
 use egui_dock::{DockArea, DockState, NodeIndex, Split, Style, TabViewer};
@@ -86,7 +86,7 @@ pub enum Tab {
     Tests,
 }
 
-const TITLES: [&str; MOST_VIEWS] = ["Viewport", "Viewport 2", "Viewport 3", "Viewport 4"];
+const TITLES: [&str; MAX_VIEWS] = ["Viewport", "Viewport 2", "Viewport 3", "Viewport 4"];
 
 impl Tab {
     pub const ALL: [Tab; 15] = [
@@ -109,7 +109,7 @@ impl Tab {
 
     pub fn title(self) -> &'static str {
         match self {
-            Tab::Viewport(view) => TITLES[view as usize % MOST_VIEWS],
+            Tab::Viewport(view) => TITLES[view as usize % MAX_VIEWS],
             Tab::Sequencer => "Sequencer",
             Tab::Tree => "Stage",
             Tab::Inspector => "Inspector",
@@ -227,16 +227,16 @@ impl Panels {
             ui.ctx().set_zoom_factor(self.scale);
             self.applied = Some((self.light, self.scale));
         }
-        hint::watch(ui.ctx());
+        hint::track_pointer(ui.ctx());
         values::set_rate(ui, viewer.playhead.fps().as_fps());
-        drop::take(&mut self.waiting, ui, viewer);
+        drop::take_dropped_files(&mut self.waiting, ui, viewer);
         // A slow frame may contain both the release of the mouse button and Ctrl+Z: the drag is completed before it is undone.
         let after_drag = !viewer.documents.start && ui.input(|i| i.pointer.any_released());
         if !after_drag {
             keys::handle(self, ui, viewer, now);
         }
         bar::show(self, ui, viewer, now);
-        bar::offer(ui, viewer);
+        bar::show_offer(ui, viewer);
         files::dialogs(ui, viewer);
         palette::show(self, ui, viewer, now);
         if self.is_asking(viewer) {
@@ -348,16 +348,16 @@ fn hovering(ui: &Ui, viewer: &Viewer) {
     let text = match &files[..] {
         [file] if viewer.path.is_some() => {
             let name = name(file).unwrap_or_else(|| "a model or a clip".into());
-            format!("{name}: let go over the image to put it there, elsewhere to see it alone")
+            format!("{name}: drop it on the image to place it there, elsewhere to view it alone")
         }
-        [file] => format!("{}: let go to see it", name(file).unwrap_or_else(|| "a model or a clip".into())),
+        [file] => format!("{}: drop it to view it", name(file).unwrap_or_else(|| "a model or a clip".into())),
         files if viewer.path.is_some() => {
             format!(
-                "{} files: let go over the image to put them there, elsewhere to see them alone",
+                "{} files: drop them on the image to place them there, elsewhere to view them alone",
                 files.len()
             )
         }
-        files => format!("{} files: let go to see them side by side", files.len()),
+        files => format!("{} files: drop them to view them side by side", files.len()),
     };
     let font = egui::FontId::proportional(22.0);
     painter.text(area.center(), egui::Align2::CENTER_CENTER, text, font, egui::Color32::WHITE);
@@ -396,7 +396,7 @@ impl TabViewer for Tabs<'_> {
     fn ui(&mut self, ui: &mut Ui, tab: &mut Tab) {
         match tab {
             Tab::Viewport(view) => {
-                let view = *view as usize % MOST_VIEWS;
+                let view = *view as usize % MAX_VIEWS;
                 while self.viewer.views.len() <= view {
                     let overlays = self.viewer.views[0].overlays;
                     self.viewer.views.push(View { is_visible: false, overlays, ..View::default() });
@@ -448,7 +448,7 @@ mod digits {
     use super::fixed_digits;
 
     #[test]
-    fn a_number_that_rounds_to_nothing_has_no_sign() {
+    fn a_number_that_rounds_to_zero_has_no_minus_sign() {
         // Adding steps gives grid lines that are slightly off zero.
         for (value, digits, text) in [
             (-1e-17, 1, "0.0"),

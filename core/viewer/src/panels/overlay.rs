@@ -9,7 +9,7 @@ use egui::{Align2, Color32, FontId, Painter, Rect, Stroke, StrokeKind, Ui, pos2,
 use glam::{DVec2, DVec3};
 
 /// Largest total number of joints that are drawn.
-const MOST_JOINTS: usize = 20_000;
+const MAX_JOINTS: usize = 20_000;
 
 pub const X: Color32 = Color32::from_rgb(0xe0, 0x55, 0x4d);
 pub const Y: Color32 = Color32::from_rgb(0x6a, 0xb0, 0x3f);
@@ -21,14 +21,14 @@ pub fn point(p: DVec2) -> egui::Pos2 {
 
 pub fn line(painter: &Painter, lens: &Lens, a: DVec3, b: DVec3, stroke: Stroke) {
     let clip = painter.clip_rect();
-    let ends = lens.line(a, b).and_then(|ends| clipped(ends, clip.expand(8.0)));
+    let ends = lens.line(a, b).and_then(|ends| clip_segment(ends, clip.expand(8.0)));
     if let Some(ends) = ends {
         painter.line_segment(ends.map(point), stroke);
     }
 }
 
 /// The part of a line inside a rectangle (Liang and Barsky 1984). Without clipping, a line close to the camera could extend for kilometres.
-fn clipped([a, b]: [DVec2; 2], to: Rect) -> Option<[DVec2; 2]> {
+fn clip_segment([a, b]: [DVec2; 2], to: Rect) -> Option<[DVec2; 2]> {
     let by = b - a;
     let (mut from, mut until) = (0.0_f64, 1.0_f64);
     let low = DVec2::new(f64::from(to.left()), f64::from(to.top()));
@@ -65,7 +65,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
             bounds(&painter, lens, low, high, Stroke::new(1.0, color));
         }
         joints += actor.asset.skeleton.len();
-        if view.overlays.skeletons && joints <= MOST_JOINTS {
+        if view.overlays.skeletons && joints <= MAX_JOINTS {
             let color = if is_selected {
                 Color32::from_rgb(0xff, 0xd0, 0x60)
             } else {
@@ -127,9 +127,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_end_at_the_picture() {
+    fn overlay_lines_are_clipped_to_the_image() {
         let to = Rect::from_min_max(pos2(0.0, 0.0), pos2(100.0, 50.0));
-        let line = |a: (f64, f64), b: (f64, f64)| clipped([DVec2::from(a), DVec2::from(b)], to);
+        let line = |a: (f64, f64), b: (f64, f64)| clip_segment([DVec2::from(a), DVec2::from(b)], to);
         assert_eq!(line((50.0, 25.0), (50.0, 1e12)), Some([DVec2::new(50.0, 25.0), DVec2::new(50.0, 50.0)]));
         assert_eq!(line((-1e9, 10.0), (1e9, 10.0)).map(|l| l[1].x.round()), Some(100.0));
         assert_eq!(line((-10.0, -10.0), (-5.0, 90.0)), None);

@@ -13,9 +13,9 @@ use egui::{Align2, Key, Modifiers, RichText, ScrollArea, TextEdit, Ui, vec2};
 use std::path::PathBuf;
 
 /// Largest number of displayed entries.
-const MOST_SHOWN: usize = 60;
+const MAX_ENTRIES: usize = 60;
 /// Largest height of the list, points.
-const HEIGHT: f32 = 420.0;
+const MAX_LIST_HEIGHT: f32 = 420.0;
 
 /// Effect of an entry.
 #[derive(Clone, Debug)]
@@ -88,7 +88,7 @@ impl Palette {
         }
         // Entries that begin with the first word come first; otherwise the order of the list is kept.
         found.sort_by_key(|(behind, number, _)| (*behind, *number));
-        found.into_iter().take(MOST_SHOWN).map(|(_, _, entry)| entry.clone()).collect()
+        found.into_iter().take(MAX_ENTRIES).map(|(_, _, entry)| entry.clone()).collect()
     }
 }
 
@@ -125,7 +125,7 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
         };
         ui.separator();
         // The list grows again after a search with few results.
-        let list = ScrollArea::vertical().max_height(HEIGHT).min_scrolled_height(HEIGHT);
+        let list = ScrollArea::vertical().max_height(MAX_LIST_HEIGHT).min_scrolled_height(MAX_LIST_HEIGHT);
         list.auto_shrink([false, true]).show(ui, |ui| {
             for (number, entry) in found.iter().enumerate() {
                 let is_at = number == palette.at;

@@ -1,7 +1,7 @@
 //! Panel of frame times by stage, and of the objects that the renderer holds.
 
 use crate::app::Viewer;
-use crate::state::performance::FRAMES;
+use crate::state::performance::MAX_FRAMES;
 use egui::{Color32, Grid, Rect, Sense, Ui, pos2, vec2};
 
 /// Colors of the stages: poses, plan, drawing.
@@ -29,7 +29,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             ui.monospace(format!("median {median:.1} ms, 95 % below {high:.1} ms"));
         }
     });
-    graph(ui, viewer);
+    draw_frame_graph(ui, viewer);
     let Some(shown) = viewer.shown() else {
         ui.label("no frame was drawn yet");
         return;
@@ -59,7 +59,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// A column per frame, the newest on the right.
-fn graph(ui: &mut Ui, viewer: &Viewer) {
+fn draw_frame_graph(ui: &mut Ui, viewer: &Viewer) {
     let (rect, response) =
         ui.allocate_exact_size(vec2(ui.available_width().min(720.0), 70.0), Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, "frame graph"));
@@ -68,7 +68,7 @@ fn graph(ui: &mut Ui, viewer: &Viewer) {
     let frames = &viewer.performance.frames;
     let budget = 1e3 / viewer.playhead.fps().as_fps() as f32;
     let highest = frames.iter().map(|f| f.iter().sum::<f32>()).fold(budget * 1.25, f32::max);
-    let width = rect.width() / FRAMES as f32;
+    let width = rect.width() / MAX_FRAMES as f32;
     for (index, frame) in frames.iter().rev().enumerate() {
         let right = rect.right() - index as f32 * width;
         let mut bottom = rect.bottom();

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Largest number of textures; beyond it all are freed and uploaded again.
-const MOST_TEXTURES: usize = 256;
+const MAX_TEXTURES: usize = 256;
 
 /// Textures with the images that they were made from.
 #[derive(Default)]
@@ -48,7 +48,7 @@ impl Pictures {
     fn textures(&mut self, context: &Context, subject: &Subject, made: &Arc<Thumbnail>) -> &[TextureHandle] {
         let is_same = self.0.get(subject).is_some_and(|(of, _)| Arc::ptr_eq(of, made));
         if !is_same {
-            if self.0.len() >= MOST_TEXTURES {
+            if self.0.len() >= MAX_TEXTURES {
                 self.0.clear();
             }
             let upload = |frame: &choreo_plugin::Frame| {

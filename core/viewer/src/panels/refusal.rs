@@ -8,7 +8,7 @@ use egui::{
 };
 
 /// Largest width, points.
-const WIDEST: f32 = 420.0;
+const MAX_WIDTH: f32 = 420.0;
 
 /// Position of the displayed refusal, and number of refusals seen so far.
 #[derive(Default)]
@@ -28,7 +28,7 @@ pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
     }
     let shown = refusals.at.zip(viewer.message.clone());
     // A tooltip at the mouse would cover the text.
-    hint::hold(ui.ctx(), shown.is_some());
+    hint::set_hints_hidden(ui.ctx(), shown.is_some());
     let Some((at, why)) = shown else {
         refusals.at = None;
         return;
@@ -38,10 +38,10 @@ pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
     let area = Area::new(egui::Id::new("refusal")).order(Order::Foreground).fixed_pos(place);
     let room = area.constrain(true).interactable(false).show(ui.ctx(), |ui| {
         let popup = Frame::popup(ui.style()).show(ui, |ui| {
-            ui.set_max_width(WIDEST);
+            ui.set_max_width(MAX_WIDTH);
             ui.label(RichText::new(&why).color(ui.visuals().warn_fg_color));
             let text = format!("go to line {}", viewer.message_line?);
-            let galley = WidgetText::from(text.as_str()).into_galley(ui, None, WIDEST, TextStyle::Body);
+            let galley = WidgetText::from(text.as_str()).into_galley(ui, None, MAX_WIDTH, TextStyle::Body);
             let place = ui.allocate_space(galley.size()).1;
             Some((place, text, galley, ui.painter().clone()))
         });

@@ -11,7 +11,7 @@ use egui::{Button, ComboBox, DragValue, Grid, Label, ProgressBar, RichText, Text
 use std::path::Path;
 
 /// Range of a render's width and height, pixels.
-const SIDES: std::ops::RangeInclusive<u32> = 1..=16_384;
+const IMAGE_SIDE_RANGE: std::ops::RangeInclusive<u32> = 1..=16_384;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(of_scene) = viewer.scene.clone().filter(|_| !viewer.commands.program.is_empty()) else {
@@ -64,7 +64,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     viewer.commands.formats = formats;
     ui.separator();
-    queue(ui, viewer);
+    show_queue(ui, viewer);
 }
 
 fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Format]) {
@@ -110,7 +110,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
     });
     ui.end_row();
     if format.kind != OutputKind::Scene {
-        of_images(ui, form, scene);
+        image_fields(ui, form, scene);
     }
 
     let label = ui.label("options");
@@ -126,7 +126,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
     ui.end_row();
 }
 
-fn of_images(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
+fn image_fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
     ui.label("size");
     ui.horizontal_wrapped(|ui| {
         let scales = [(1, 4, "¼"), (1, 2, "½"), (1, 1, "as written"), (2, 1, "double")];
@@ -140,7 +140,7 @@ fn of_images(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
         }
         match form.size {
             Size::Chosen => form.chosen_size.iter_mut().zip(["width", "height"]).for_each(|(side, name)| {
-                let value = ui.add(DragValue::new(side).range(SIDES));
+                let value = ui.add(DragValue::new(side).range(IMAGE_SIDE_RANGE));
                 named(value, WidgetType::DragValue, name).hint(name);
             }),
             Size::Scaled(..) => drop(ui.add(Label::new(format!("{}×{}", pixels[0], pixels[1])).extend())),
@@ -177,7 +177,7 @@ fn is_written(job: &Job) -> String {
 }
 
 /// List of jobs, the newest at the bottom. A click on the cross cancels a job, or removes a finished one.
-fn queue(ui: &mut Ui, viewer: &Viewer) {
+fn show_queue(ui: &mut Ui, viewer: &Viewer) {
     let jobs = viewer.renders.jobs();
     if jobs.is_empty() {
         ui.weak("Renders run one after the other in the background. Each shows the script as it is saved when the render begins.");
@@ -194,7 +194,7 @@ fn queue(ui: &mut Ui, viewer: &Viewer) {
                 let label = ui.add(egui::Label::new(RichText::new(name).strong()).truncate());
                 label.hint(format!("{}\n{}", job.output.display(), job.about));
             });
-            state(ui, &job);
+            show_job_state(ui, &job);
         });
         ui.separator();
     }
@@ -209,7 +209,7 @@ fn shown_name(output: &Path) -> String {
     }
 }
 
-fn state(ui: &mut Ui, job: &Job) {
+fn show_job_state(ui: &mut Ui, job: &Job) {
     let visuals = ui.visuals();
     let (error, weak) = (visuals.error_fg_color, visuals.weak_text_color());
     match &job.state {

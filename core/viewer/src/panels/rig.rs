@@ -14,7 +14,7 @@ use choreo_stage::{
 use egui::{Grid, RichText, Ui};
 
 /// Largest number of displayed calls of one kind for an actor.
-const MOST: usize = 40;
+const MAX_CALLS: usize = 40;
 
 /// A user's edit of a call.
 pub struct CallChange(pub StatedCall, pub FieldChange);
@@ -37,17 +37,17 @@ pub fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option
     let mut wanted = None;
     let title = format!("constraints and springs ({count})");
     egui::CollapsingHeader::new(title).default_open(true).show(ui, |ui| {
-        for call in attached.into_iter().take(MOST) {
+        for call in attached.into_iter().take(MAX_CALLS) {
             let all = written::<ParentChange>(ParentChange::default(), viewer, &call);
             let change = section(ui, &call, |ui, form| fields(ui, form, &all));
             wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
         }
-        for (number, look) in actor.look_at.iter().enumerate().take(MOST) {
+        for (number, look) in actor.look_at.iter().enumerate().take(MAX_CALLS) {
             let call = shown(&places.looks, number, "look_at");
             let change = section(ui, &call, |ui, form| fields(ui, form, look));
             wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
         }
-        for (number, constraint) in actor.constraints.iter().enumerate().take(MOST) {
+        for (number, constraint) in actor.constraints.iter().enumerate().take(MAX_CALLS) {
             let call = shown(&places.constraints, number, constraint.kind.name());
             let change = section(ui, &call, |ui, form| {
                 let own = match &constraint.kind {
@@ -59,7 +59,7 @@ pub fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option
             });
             wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
         }
-        for call in springs.into_iter().take(MOST) {
+        for call in springs.into_iter().take(MAX_CALLS) {
             let all = written(SpringParameters::default(), viewer, &call);
             let change = section(ui, &call, |ui, form| fields(ui, form, &all));
             wanted = change.map(|change| CallChange(call, change)).or(wanted.take());

@@ -3,7 +3,7 @@
 use super::canvas::Canvas;
 use super::overlay::{line, point};
 use crate::app::Viewer;
-use crate::geometry::gizmo::to_segment;
+use crate::geometry::gizmo::distance_to_segment;
 use crate::geometry::projection::Lens;
 use crate::geometry::rig;
 use crate::state::dragged_icon::{DraggedIcon, IconObject};
@@ -15,11 +15,11 @@ use egui::{Color32, Painter, Rect, Stroke, Ui};
 use glam::{DVec2, DVec3};
 
 /// Distance from the center of an icon within which the mouse picks it, points.
-const REACH: f64 = 14.0;
+const PICK_RADIUS: f64 = 14.0;
 /// Distance from a line of an icon within which the mouse picks it, points.
-const REACH_OF_LINE: f64 = 5.0;
+const LINE_PICK_RADIUS: f64 = 5.0;
 /// Distance of a sun's icon from the point that it shines on, metres.
-const SUN: f64 = 3.0;
+const SUN_ICON_DISTANCE: f64 = 3.0;
 
 /// An icon in the viewport.
 #[derive(Clone, Debug)]
@@ -42,7 +42,7 @@ enum IconKind {
     Reach(DVec3),
 }
 
-fn icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon> {
+fn collect_icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon> {
     let stage = &scene.stage;
     let Some(shown) = &viewer.views[index].shown else { return Vec::new() };
     let lights = scene.evaluator.stage_lights(&shown.snapshot).into_iter().enumerate();
@@ -50,14 +50,16 @@ fn icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon> {
         let light = light?;
         let direction = light.direction.as_dvec3();
         let (at, kind) = match light.light.kind {
-            LightKind::Directional => (viewer.sunlit() - direction * SUN, IconKind::Sun(viewer.sunlit())),
+            LightKind::Directional => {
+                (viewer.sunlit() - direction * SUN_ICON_DISTANCE, IconKind::Sun(viewer.sunlit()))
+            }
             LightKind::Spot { outer, .. } => (light.position, IconKind::Spot(direction, f64::from(outer))),
             LightKind::Point => (light.position, IconKind::Point),
         };
         Some(SceneIcon { what: IconObject::Light(number), at, kind })
     });
     let cameras = stage.cameras.iter().filter_map(|camera| {
-        let [at, target] = rig::places(stage, &shown.snapshot, camera)?;
+        let [at, target] = rig::rig_points(stage, &shown.snapshot, camera)?;
         let angle = match camera.projection {
             Projection::Perspective { yfov, .. } => f64::from(yfov),
             Projection::Orthographic { .. } => 0.0,
@@ -68,11 +70,11 @@ fn icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon> {
             kind: IconKind::Camera(target, angle),
         })
     });
-    lights.chain(cameras).chain(targets(scene, shown)).collect()
+    lights.chain(cameras).chain(reach_targets(scene, shown)).collect()
 }
 
 /// Icons of points that joints reach for at the time of the image.
-fn targets(scene: &Scene, shown: &FrameInfo) -> Vec<SceneIcon> {
+fn reach_targets(scene: &Scene, shown: &FrameInfo) -> Vec<SceneIcon> {
     let mut icons = Vec::new();
     for (actor, state) in scene.stage.actors.iter().zip(&shown.snapshot.actors).filter(|(_, s)| s.visible) {
         for (number, constraint) in actor.constraints.iter().enumerate() {
@@ -107,9 +109,9 @@ impl Handle {
 
     /// Distance of a pointer position in points, or `None` if it is out of reach. Lines count as farther away than discs.
     fn distance(&self, at: DVec2) -> Option<f64> {
-        let to_disc = self.disc.map(|disc| (disc - at).length()).filter(|d| *d <= REACH);
-        let to_line = self.lines.iter().map(|[a, b]| to_segment(at, *a, *b)).min_by(f64::total_cmp);
-        to_disc.or(to_line.filter(|d| *d <= REACH_OF_LINE).map(|d| REACH + d))
+        let to_disc = self.disc.map(|disc| (disc - at).length()).filter(|d| *d <= PICK_RADIUS);
+        let to_line = self.lines.iter().map(|[a, b]| distance_to_segment(at, *a, *b)).min_by(f64::total_cmp);
+        to_disc.or(to_line.filter(|d| *d <= LINE_PICK_RADIUS).map(|d| PICK_RADIUS + d))
     }
 }
 
@@ -130,7 +132,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
         return false;
     }
     let Some(scene) = viewer.scene.clone() else { return false };
-    let mut icons = icons(viewer, *index, &scene);
+    let mut icons = collect_icons(viewer, *index, &scene);
     if let Some(dragged) = &viewer.dragged_icon {
         icons.iter_mut().filter(|icon| icon.what == dragged.what).for_each(|icon| icon.at = dragged.to);
     }

@@ -20,13 +20,13 @@ use choreo_motion::Time;
 use choreo_script::Severity;
 use egui::{Color32, FontId, Rect, Response, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 
-pub(super) const LABELS: f32 = 150.0;
-const ROW: f32 = 22.0;
+pub(super) const LABELS_WIDTH: f32 = 150.0;
+const ROW_HEIGHT: f32 = 22.0;
 /// Height of the foot contacts at the bottom of a row, points.
-pub(crate) const FOOT_STRIP: f32 = 3.0;
-pub(super) const RULER: f32 = 22.0;
+pub(crate) const FOOT_STRIP_HEIGHT: f32 = 3.0;
+pub(super) const RULER_HEIGHT: f32 = 22.0;
 /// Smallest distance of beats that are drawn, points.
-const BEATS: f32 = 6.0;
+const MIN_BEAT_DISTANCE: f32 = 6.0;
 
 /// Colors that remain distinguishable with a red-green color vision deficiency (after Okabe and Ito, "Color Universal Design").
 pub const COLORS: [[u8; 3]; 8] = [
@@ -57,14 +57,16 @@ pub fn color_of_clip(name: &str) -> [u8; 3] {
 pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     transport(ui, viewer, now);
     let area = ui.available_rect_before_wrap();
-    let ruler =
-        Rect::from_min_max(pos2(area.left() + LABELS, area.top()), pos2(area.right(), area.top() + RULER));
+    let ruler = Rect::from_min_max(
+        pos2(area.left() + LABELS_WIDTH, area.top()),
+        pos2(area.right(), area.top() + RULER_HEIGHT),
+    );
     if ruler.width() < 20.0 {
         return;
     }
     scrub(ui, viewer, (ruler, viewer.span), "time");
     ui.allocate_rect(Rect::from_min_max(area.min, pos2(area.right(), ruler.bottom())), Sense::hover());
-    wheel(ui, viewer, area, ruler);
+    zoom_and_scroll_with_wheel(ui, viewer, area, ruler);
     let rows = viewer.shown_rows();
     let spacing = std::mem::replace(&mut ui.spacing_mut().item_spacing.y, 0.0);
     if let Some((camera, _)) = rows.split_first() {
@@ -72,16 +74,21 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         row(ui, viewer, camera.row, ruler);
     }
     let others = rows.get(1..).unwrap_or_default();
-    let below = Rect::from_min_max(pos2(ruler.left(), ruler.bottom() + ROW), area.max);
+    let below = Rect::from_min_max(pos2(ruler.left(), ruler.bottom() + ROW_HEIGHT), area.max);
     select_box(ui, viewer, below, others);
-    egui::ScrollArea::vertical().auto_shrink([false, false]).show_rows(ui, ROW, others.len(), |ui, shown| {
-        for index in shown {
-            match others[index] {
-                RowNumber { row: index, part: None } => row(ui, viewer, index, ruler),
-                part => property_row::show(ui, viewer, part, ruler),
+    egui::ScrollArea::vertical().auto_shrink([false, false]).show_rows(
+        ui,
+        ROW_HEIGHT,
+        others.len(),
+        |ui, shown| {
+            for index in shown {
+                match others[index] {
+                    RowNumber { row: index, part: None } => row(ui, viewer, index, ruler),
+                    part => property_row::show(ui, viewer, part, ruler),
+                }
             }
-        }
-    });
+        },
+    );
     ui.spacing_mut().item_spacing.y = spacing;
     draw_beats_and_playhead(ui, viewer, area, (ruler, viewer.span));
     markers::show(ui, viewer, area, ruler);
@@ -125,20 +132,20 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         bar.icon(icons::ARROWS_OUT_LINE_HORIZONTAL, "Whole", hint, |viewer| {
             viewer.span = Span::whole(viewer.playhead.length().as_secs());
         });
-        speeds(&mut bar, viewer.playhead.speed());
+        speed_menu(&mut bar, viewer.playhead.speed());
         bar.show(ui, viewer, 0.0);
     });
 }
 
 /// Fields for the tempo of the music, whose beats dragged times snap to.
-fn beats(ui: &mut Ui, viewer: &mut Viewer) {
+fn tempo_fields(ui: &mut Ui, viewer: &mut Viewer) {
     let mut tempo = viewer.tempo;
-    let set = values::number(ui, "beats a minute", tempo.per_minute, 0.5, 0.0..=Tempo::FASTEST);
+    let set = values::number(ui, "beats a minute", tempo.per_minute, 0.5, 0.0..=Tempo::MAX_BEATS_PER_MINUTE);
     tempo.per_minute = set.unwrap_or(tempo.per_minute);
     ui.weak("bpm").hint("beats a minute of the music; dragged times snap to beats. 0: none");
     // The field is also there without a tempo, so that the entries after it do not move.
     ui.add_enabled_ui(tempo.per_minute > 0.0, |ui| {
-        let set = values::time(ui, "first beat", tempo.first, 0.01, 0.0..=Tempo::LATEST);
+        let set = values::time(ui, "first beat", tempo.first, 0.01, 0.0..=Tempo::MAX_FIRST_BEAT_SECS);
         tempo.first = set.unwrap_or(tempo.first);
         ui.weak("s").hint("time of the first beat");
     });
@@ -186,11 +193,11 @@ fn playhead_buttons(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
     bar.other_faces([widest.as_str()].into_iter());
     let hint = "dragged times snap to whole frames (N)";
     bar.icon_toggle(icons::MAGNET, viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
-    bar.widget("tempo", true, beats);
+    bar.widget("tempo", true, tempo_fields);
 }
 
 /// Menu of the playback speed.
-fn speeds(bar: &mut Toolbar<Viewer>, now: f64) {
+fn speed_menu(bar: &mut Toolbar<Viewer>, now: f64) {
     let name = |speed: f64| format!("{speed}×");
     bar.menu(&name(now), "speed of playback; the script stays as it is", move |ui, viewer| {
         for speed in SPEEDS {
@@ -264,7 +271,7 @@ pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span
 
 /// Allocates the next row: the rectangles of its label and of its lane.
 pub(super) fn next_row(ui: &mut Ui, number: RowNumber, ruler: Rect) -> (Rect, Rect) {
-    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::hover());
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), ROW_HEIGHT), Sense::hover());
     let pass = ui.ctx().cumulative_pass_nr();
     ui.data_mut(|d| d.insert_temp(row_id(number), (pass, rect)));
     if number.row % 2 == 1 {
@@ -283,7 +290,7 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     let selected_actor = row.what.is_some() && row.what == viewer.selection;
     let mut moment = None;
     if index > 0 && !row.bars.is_empty() {
-        moment = marks::feet(ui, viewer, row, lane);
+        moment = marks::draw_foot_contacts(ui, viewer, row, lane);
     }
     let mut clicked = None;
     let response = ui.interact(label, ui.id().with(("row", index)), Sense::click_and_drag());
@@ -539,7 +546,7 @@ pub(super) fn count_following_joints(
     found
 }
 
-fn wheel(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
+fn zoom_and_scroll_with_wheel(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
     let Some(pointer) = ui.ctx().pointer_hover_pos().filter(|p| area.contains(*p) && p.x >= ruler.left())
     else {
         return;
@@ -568,7 +575,7 @@ pub(super) fn draw_beats_and_playhead(ui: &Ui, viewer: &Viewer, area: Rect, (rul
     let after = Rect::from_min_max(pos2(x(viewer.timeline.length), lanes.top()), lanes.max);
     painter.rect_filled(after.intersect(lanes), 0.0, Color32::from_black_alpha(110));
     let faint = Stroke::new(1.0, ui.visuals().weak_text_color().gamma_multiply(0.35));
-    let least = span.secs_at(BEATS, ruler.width()) - span.from;
+    let least = span.secs_at(MIN_BEAT_DISTANCE, ruler.width()) - span.from;
     for beat in viewer.tempo.between(span.from, span.to.min(viewer.timeline.length.as_secs()), least) {
         painter.vline(ruler.left() + span.x_of(beat, ruler.width()), lanes.y_range(), faint);
     }

@@ -11,7 +11,7 @@ use egui::{RichText, ScrollArea, Sense, Ui, vec2};
 use std::path::{Path, PathBuf};
 
 /// Width of an image, points.
-const TILE: f32 = 200.0;
+const TILE_WIDTH: f32 = 200.0;
 
 pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
     // Files dropped on this page are opened.
@@ -29,7 +29,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
             section(ui, "New");
             ui.horizontal_wrapped(|ui| {
                 for template in TEMPLATES {
-                    let button = egui::Button::new(template.name).min_size(vec2(TILE, 44.0));
+                    let button = egui::Button::new(template.name).min_size(vec2(TILE_WIDTH, 44.0));
                     if ui.add(button).hint(template.about).clicked() {
                         viewer.documents.ask(Purpose::New(template), None);
                     }
@@ -86,14 +86,14 @@ fn tiles(
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing = vec2(12.0, 12.0);
         for (number, (file, title)) in files.iter().enumerate() {
-            let size = vec2(TILE, pictures::height(TILE) + 22.0);
+            let size = vec2(TILE_WIDTH, pictures::height(TILE_WIDTH) + 22.0);
             let (place, response) = ui.allocate_exact_size(size, Sense::click());
             response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, title.clone()));
             // Images outside the visible area are not drawn.
             if !ui.is_rect_visible(place) {
                 continue;
             }
-            let image = egui::Rect::from_min_size(place.min, vec2(TILE, pictures::height(TILE)));
+            let image = egui::Rect::from_min_size(place.min, vec2(TILE_WIDTH, pictures::height(TILE_WIDTH)));
             let made = pictures.show(ui, viewer, &Subject::file(file.clone()), None, image);
             let color = match response.hovered() || response.has_focus() {
                 true => ui.visuals().strong_text_color(),
@@ -103,7 +103,7 @@ fn tiles(
                 let stroke = egui::Stroke::new(2.0, ui.visuals().selection.bg_fill);
                 ui.painter().rect_stroke(image, 3.0, stroke, egui::StrokeKind::Outside);
             }
-            let name = super::elided(ui.painter(), title, 13.0, color, TILE);
+            let name = super::elided(ui.painter(), title, 13.0, color, TILE_WIDTH);
             ui.painter().galley(egui::pos2(place.left(), image.bottom() + 4.0), name, color);
             let mut hint = file.display().to_string();
             if let ThumbnailState::Failed(why) = made {

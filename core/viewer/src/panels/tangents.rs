@@ -1,12 +1,12 @@
 //! Tangent handles of selected keys in the curve editor: drawn, dragged, chosen from a menu, or edited as numbers.
 
-use super::curves::{MOST, Plot, color, key_of};
+use super::curves::{MAX_KEYS, Plot, curve_color, key_of};
 use super::gesture;
 use super::hint::Hint;
 use super::key_menu::KeyAct;
 use super::values;
 use crate::app::Viewer;
-use crate::geometry::resolved;
+use crate::geometry::round_to_pixel;
 use crate::state::keyed::{KeyRef, KeyedProperty};
 use crate::state::tangents::{HandleDrag, KeyHandle, TangentChoice};
 use choreo_session::edit::KeyShape;
@@ -14,7 +14,7 @@ use egui::epaint::CubicBezierShape;
 use egui::{Color32, CursorIcon, Id, Pos2, Rect, Response, Sense, Stroke, Ui, pos2, vec2};
 
 /// Smallest length of a dragged handle, as a fraction of the span.
-const SHORTEST: f64 = 0.02;
+const MIN_HANDLE_LENGTH: f64 = 0.02;
 
 /// One handle: its key, component and side.
 struct HandlePlace<'p> {
@@ -39,7 +39,7 @@ pub fn show(
         return None;
     }
     let (mut done, scale) = (None, viewer.curves.scale(property));
-    for (key, at) in property.keys.iter().enumerate().take(MOST) {
+    for (key, at) in property.keys.iter().enumerate().take(MAX_KEYS) {
         if !viewer.is_key_selected(&key_of(property, *at)) {
             continue;
         }
@@ -47,7 +47,7 @@ pub fn show(
         for part in (0..property.width()).filter(|part| viewer.curves.is_shown(property, *part)) {
             for (side, handle) in handles.iter().enumerate() {
                 let Some(handle) = handle else { continue };
-                let color = color(ui, property, index, part);
+                let color = curve_color(ui, property, index, part);
                 let place = HandlePlace { property, key, part, side, color, scale };
                 let shape = place.handle(ui, viewer, plot, handle);
                 done = shape.map(|shape| (key_of(property, *at), shape)).or(done);
@@ -129,13 +129,13 @@ impl HandlePlace<'_> {
         let by = at - from;
         let secs = self.sign() * weight * span + plot.secs(by.x) - plot.secs(0.0);
         let change = self.sign() * weight * span * tangent - plot.value_of(by.y) * self.scale.1;
-        let length = (self.sign() * secs / span).clamp(SHORTEST, 1.0);
+        let length = (self.sign() * secs / span).clamp(MIN_HANDLE_LENGTH, 1.0);
         let slope = change / (self.sign() * length * span);
         let modifiers = gesture::modifiers(ui);
         let weight = modifiers.command.then_some((length * 100.0).round() / 100.0);
         let (side, part) = (self.side, self.part);
         let pixel = plot.value_of_pixel(ui) * self.scale.1 / (length * span);
-        Some(HandleDrag { side, part, tangent: resolved(slope, pixel), weight, breaks: modifiers.alt })
+        Some(HandleDrag { side, part, tangent: round_to_pixel(slope, pixel), weight, breaks: modifiers.alt })
     }
 
     /// Draws the spans next to the key as they will be.

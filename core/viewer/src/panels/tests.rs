@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Size of the longer side of an image, points, depending on the room for all compared images.
-const IMAGES: std::ops::RangeInclusive<f32> = 96.0..=220.0;
+const IMAGE_SIDE: std::ops::RangeInclusive<f32> = 96.0..=220.0;
 /// Indentation of the title of a section, points.
 const INDENT: f32 = 24.0;
 
@@ -43,7 +43,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     let run = viewer.tests.runs();
     for section in sections.iter().filter(|s| s.is_bad()).chain(sections.iter().filter(|s| !s.is_bad())) {
-        one(ui, viewer, section, run, &mut choice);
+        show_section(ui, viewer, section, run, &mut choice);
     }
     if let Some(choice) = choice {
         let path = match viewer.test_path.trim() {
@@ -67,7 +67,7 @@ fn counts(sections: &[Section]) -> String {
     parts.map(|(count, name)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
 }
 
-fn one(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, choice: &mut Option<Choice>) {
+fn show_section(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, choice: &mut Option<Choice>) {
     let visuals = ui.visuals();
     let (sign, color) = match section.status {
         Status::Passed => ("✔", visuals.text_color()),
@@ -160,7 +160,8 @@ fn draw_comparison(ui: &mut Ui, images: &Images, run: u64) {
     ];
     let count = files.iter().filter(|(_, file)| file.is_some()).count().max(1) as f32;
     let space = ui.spacing().item_spacing.x + 4.0;
-    let side = ((ui.available_width() - INDENT) / count - space).clamp(*IMAGES.start(), *IMAGES.end());
+    let side =
+        ((ui.available_width() - INDENT) / count - space).clamp(*IMAGE_SIDE.start(), *IMAGE_SIDE.end());
     ui.horizontal_wrapped(|ui| {
         for (name, file) in files {
             let Some(file) = file else { continue };

@@ -9,12 +9,12 @@ use egui::{
 };
 
 /// Width of a separator, points.
-const SEPARATOR: f32 = 6.0;
+const SEPARATOR_WIDTH: f32 = 6.0;
 /// Assumed width of a widget that was not drawn yet, points.
-const UNKNOWN: f32 = 60.0;
+const ASSUMED_WIDGET_WIDTH: f32 = 60.0;
 /// Allowance for egui's rounding of positions, points.
-const ROUNDED: f32 = 1.0;
-const MORE: &str = "»";
+const ROUNDING_ALLOWANCE: f32 = 1.0;
+const OVERFLOW_LABEL: &str = "»";
 
 type Act<'a, C> = Box<dyn FnOnce(&mut C) + 'a>;
 type Show<'a, C> = Box<dyn FnOnce(&mut Ui, &mut C) + 'a>;
@@ -162,14 +162,16 @@ impl<'a, C> Toolbar<'a, C> {
     /// Width of all entries in one line, points.
     pub fn width(&self, ui: &Ui) -> f32 {
         let spacing = ui.spacing().item_spacing.x;
-        self.widths(ui).iter().map(|width| width + spacing).sum::<f32>() - spacing + ROUNDED
+        self.widths(ui).iter().map(|width| width + spacing).sum::<f32>() - spacing + ROUNDING_ALLOWANCE
     }
 
     fn widths(&self, ui: &Ui) -> Vec<f32> {
         let padding = 2.0 * ui.spacing().button_padding.x;
         let width = |entry: &Entry<'a, C>| match &entry.kind {
-            EntryKind::Separator => SEPARATOR,
-            EntryKind::Widget(_) => ui.data(|d| d.get_temp(self.id.with(&entry.name))).unwrap_or(UNKNOWN),
+            EntryKind::Separator => SEPARATOR_WIDTH,
+            EntryKind::Widget(_) => {
+                ui.data(|d| d.get_temp(self.id.with(&entry.name))).unwrap_or(ASSUMED_WIDGET_WIDTH)
+            }
             EntryKind::Text(style) => text_width(ui, &entry.face, style.clone()),
             _ => {
                 let faces = std::iter::once(&entry.face).chain(&entry.other_faces);
@@ -183,7 +185,7 @@ impl<'a, C> Toolbar<'a, C> {
     /// Draws the toolbar. `reserved`: width at its end that it leaves free, points.
     pub fn show(self, ui: &mut Ui, context: &mut C, reserved: f32) {
         let spacing = ui.spacing().item_spacing.x;
-        let more = text_width(ui, MORE, TextStyle::Button) + 2.0 * ui.spacing().button_padding.x;
+        let more = text_width(ui, OVERFLOW_LABEL, TextStyle::Button) + 2.0 * ui.spacing().button_padding.x;
         let widths = self.widths(ui);
         let parts: Vec<EntryLayout> = std::iter::zip(&self.entries, &widths)
             .map(|(entry, width)| EntryLayout {
@@ -192,7 +194,7 @@ impl<'a, C> Toolbar<'a, C> {
                 is_separator: entry.is_separator(),
             })
             .collect();
-        let room = ui.available_width() - reserved - ROUNDED;
+        let room = ui.available_width() - reserved - ROUNDING_ALLOWANCE;
         let on_line = fits_in_line(&parts, spacing, room, more);
         let (id, mut rest) = (self.id, Vec::new());
         for (number, (entry, is_on_line)) in self.entries.into_iter().zip(on_line).enumerate() {
@@ -209,7 +211,7 @@ impl<'a, C> Toolbar<'a, C> {
         }
         // A click into a text field of the menu must not close it.
         let config = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
-        let (response, _) = MenuButton::new(MORE).config(config).ui(ui, |ui| {
+        let (response, _) = MenuButton::new(OVERFLOW_LABEL).config(config).ui(ui, |ui| {
             ui.style_mut().wrap_mode = Some(TextWrapMode::Extend);
             let last = rest.iter().rposition(|entry| !entry.is_separator()).unwrap_or(0);
             for (number, entry) in rest.into_iter().enumerate().take(last + 1) {
@@ -237,7 +239,7 @@ fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width:
         EntryKind::Separator => drop(ui.separator()),
         EntryKind::Text(style) => {
             let label = ui.add(egui::Label::new(RichText::new(face).text_style(style)).extend());
-            describe(label, false, &name, &hint, None);
+            set_name_and_hint(label, false, &name, &hint, None);
         }
         EntryKind::Widget(show) => {
             let begin = ui.cursor().left();
@@ -251,20 +253,20 @@ fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width:
         }
         EntryKind::Button(act) => {
             let button = ui.add(Button::new(face).min_size(vec2(least, 0.0)));
-            if describe(button, is_icon, &name, &hint, None).clicked() {
+            if set_name_and_hint(button, is_icon, &name, &hint, None).clicked() {
                 act(context);
             }
         }
         EntryKind::Toggle(on, act) => {
             let button = ui.add(Button::selectable(on, face).min_size(vec2(least, 0.0)));
-            if describe(button, is_icon, &name, &hint, Some(on)).clicked() {
+            if set_name_and_hint(button, is_icon, &name, &hint, Some(on)).clicked() {
                 act(context);
             }
         }
         EntryKind::Menu(show) => {
             let button = Button::new(face).min_size(vec2(width, 0.0));
             let (response, _) = MenuButton::from_button(button).config(menu).ui(ui, |ui| show(ui, context));
-            describe(response, false, &name, &hint, None);
+            set_name_and_hint(response, false, &name, &hint, None);
         }
     };
     // An entry has the same identity no matter which entries are next to it.
@@ -287,19 +289,19 @@ fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
                 }
                 false => ui.add(label.extend()),
             };
-            describe(label, false, &name, &hint, None);
+            set_name_and_hint(label, false, &name, &hint, None);
         }
         EntryKind::Widget(show) => drop(ui.horizontal(|ui| show(ui, context))),
         EntryKind::Button(act) => {
             let response = ui.add_enabled(enabled, Button::new(words));
-            if describe(response, is_icon, &name, &hint, None).clicked() {
+            if set_name_and_hint(response, is_icon, &name, &hint, None).clicked() {
                 act(context);
                 ui.close();
             }
         }
         EntryKind::Toggle(on, act) => {
             let response = ui.add_enabled(enabled, Button::selectable(on, words));
-            if describe(response, is_icon, &name, &hint, Some(on)).clicked() {
+            if set_name_and_hint(response, is_icon, &name, &hint, Some(on)).clicked() {
                 act(context);
                 ui.close();
             }
@@ -308,14 +310,20 @@ fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
             ui.add_enabled_ui(enabled, |ui| {
                 let menu = SubMenuButton::new(words).config(menu);
                 let (response, _) = menu.ui(ui, |ui| show(ui, context));
-                describe(response, is_icon, &name, &hint, None);
+                set_name_and_hint(response, is_icon, &name, &hint, None);
             });
         }
     }
 }
 
 /// Adds the name, the hint and the state of an entry.
-fn describe(response: Response, is_icon: bool, name: &str, hint: &str, on: Option<bool>) -> Response {
+fn set_name_and_hint(
+    response: Response,
+    is_icon: bool,
+    name: &str,
+    hint: &str,
+    on: Option<bool>,
+) -> Response {
     let enabled = response.enabled();
     if is_icon {
         response.widget_info(|| match on {
@@ -389,7 +397,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_room_leaves_from_the_end_and_texts_leave_first() {
+    fn entries_without_room_leave_from_the_end_texts_first() {
         let separator = || EntryLayout { is_separator: true, ..part(6.0) };
         let text = || EntryLayout { yields: true, ..part(100.0) };
         let parts = [part(20.0), separator(), text(), separator(), part(20.0), part(20.0)];

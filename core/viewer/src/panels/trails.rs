@@ -11,9 +11,9 @@ use egui::{Color32, Painter, Stroke, Ui};
 use glam::{DVec2, DVec3};
 
 /// Distance within which the mouse picks a joint, points.
-const REACH: f64 = 7.0;
+const PICK_RADIUS: f64 = 7.0;
 /// Offsets of the onion skins from the playhead, frames.
-const SKINS: [i64; 4] = [-10, -5, 5, 10];
+const ONION_SKIN_OFFSETS: [i64; 4] = [-10, -5, 5, 10];
 pub(crate) const BEFORE: Color32 = Color32::from_rgb(0x5a, 0xa9, 0xf0);
 pub const AFTER: Color32 = Color32::from_rgb(0xf0, 0x9a, 0x4a);
 const NOW: Color32 = Color32::from_rgb(0xff, 0xe0, 0x70);
@@ -35,10 +35,10 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
             if overlays.onion {
                 let parents = scene.stage.actors.iter().find(|a| a.name == *actor);
                 let parents = parents.map_or(&[][..], |a| a.asset.skeleton.parents());
-                skins(&painter, lens, &trail, now, parents, viewer.playhead.fps().time_of(1));
+                draw_onion_skins(&painter, lens, &trail, now, parents, viewer.playhead.fps().time_of(1));
             }
             if overlays.trail {
-                path(&painter, lens, &trail, now, viewer.joint.as_ref().map_or(0, |joint| joint.joint));
+                draw_path(&painter, lens, &trail, now, viewer.joint.as_ref().map_or(0, |joint| joint.joint));
             }
         }
     }
@@ -67,7 +67,7 @@ fn pick(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
     {
         for joint in 0..actor.asset.skeleton.len() {
             let distance = at_joint(number, joint).map_or(f64::INFINITY, |at| (at - mouse).length());
-            if distance <= REACH && best.is_none_or(|(least, ..)| distance < least) {
+            if distance <= PICK_RADIUS && best.is_none_or(|(least, ..)| distance < least) {
                 best = Some((distance, number, joint));
             }
         }
@@ -87,7 +87,7 @@ fn pick(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
 }
 
 /// Draws the trail of a joint: a line through all frames, with a dot for each and a larger one for the present frame.
-fn path(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, joint: usize) {
+fn draw_path(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, joint: usize) {
     let at = |index: usize| -> Option<DVec3> { trail.frames.get(index)?.1.get(joint).copied() };
     for index in 0..trail.frames.len() {
         let Some(here) = at(index) else { continue };
@@ -105,8 +105,15 @@ fn path(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, joint: usize) 
 }
 
 /// Draws skeletons some frames before and after the present one; farther ones are fainter.
-fn skins(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, parents: &[Option<u32>], frame: Time) {
-    for skin in SKINS {
+fn draw_onion_skins(
+    painter: &Painter,
+    lens: &Lens,
+    trail: &Trail,
+    now: Time,
+    parents: &[Option<u32>],
+    frame: Time,
+) {
+    for skin in ONION_SKIN_OFFSETS {
         let time = Time(now.0 + skin * frame.0);
         let ends = trail.frames.first().zip(trail.frames.last());
         let Some(index) =

@@ -12,7 +12,7 @@ use egui::{RichText, Ui};
 use std::collections::BTreeSet;
 
 /// Largest number of joints that a search shows.
-const MOST_JOINTS: usize = 40;
+const MAX_JOINTS: usize = 40;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(scene) = viewer.scene.clone() else {
@@ -39,7 +39,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             viewer.selection = None;
         }
     }
-    actors(ui, viewer, stage, &wanted);
+    show_actors(ui, viewer, stage, &wanted);
     section(ui, "cameras", stage.cameras.len());
     let on = viewer.shown().and_then(|s| s.snapshot.camera.camera);
     for (index, camera) in stage.cameras.iter().enumerate().filter(|(_, c)| matches(&c.name)) {
@@ -63,7 +63,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     section(ui, "titles", stage.layers_2d.len());
     for (index, layer) in stage.layers_2d.iter().enumerate() {
-        let name = events::title(layer);
+        let name = events::title_label(layer);
         if matches(&name) {
             select(ui, viewer, RichText::new(name), Selected::Title(index));
         }
@@ -71,13 +71,13 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// Rows of the actors whose name, or the name of one of whose joints, contains the search text (in lower case).
-fn actors(ui: &mut Ui, viewer: &mut Viewer, stage: &Stage, wanted: &str) {
+fn show_actors(ui: &mut Ui, viewer: &mut Viewer, stage: &Stage, wanted: &str) {
     section(ui, "actors", stage.actors.len());
     for (index, actor) in stage.actors.iter().enumerate() {
         // A search also finds joints.
         let names = actor.asset.skeleton.names();
         let found = |n: &&String| !wanted.is_empty() && n.to_lowercase().contains(wanted);
-        let joints: Vec<&String> = names.iter().filter(found).take(MOST_JOINTS).collect();
+        let joints: Vec<&String> = names.iter().filter(found).take(MAX_JOINTS).collect();
         if !actor.name.to_lowercase().contains(wanted) && joints.is_empty() {
             continue;
         }

@@ -76,7 +76,7 @@ pub fn text(ui: &Ui, value: f64) -> String {
 
 /// Source text of a list of numbers, separated by commas, of which the one at `index` was changed to `to`. `stated`: the present source text, whose
 /// other numbers stay as they are written or computed.
-pub fn list(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize, to: f64) -> String {
+pub fn number_list_text(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize, to: f64) -> String {
     let inside = stated.unwrap_or_default().trim();
     let inside = inside.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(inside);
     let parts: Vec<&str> = inside.split(',').map(str::trim).collect();
@@ -97,7 +97,7 @@ const SMALL_RANGE: f64 = 2.0;
 /// Largest width of a range with a slider; in wider ranges a point of the slider would be too large a step.
 const WIDE_RANGE: f64 = 10.0;
 /// Largest number of decimal places.
-const MOST_DECIMALS: usize = 3;
+const MAX_DECIMALS: usize = 3;
 
 /// Change of a number per point of a drag (with Shift a tenth of it): 1/200 of a small range, else 1/100 of the number. `step`: change for the
 /// number 0; numbers near 0 change by at least a tenth of it.
@@ -121,17 +121,17 @@ fn number_text(value: f64, decimals: RangeInclusive<usize>) -> String {
 /// A number field with 3 decimal places that accepts expressions. `now`: the number during a drag.
 fn field<'n>(ui: &Ui, id: Id, number: &Number, now: &'n mut f64) -> DragValue<'n> {
     // The number of decimal places does not depend on the value.
-    let least = libm::log10(1.0 / number.speed).ceil().clamp(0.0, MOST_DECIMALS as f64) as usize;
+    let least = libm::log10(1.0 / number.speed).ceil().clamp(0.0, MAX_DECIMALS as f64) as usize;
     DragValue::new(now)
         .speed(speed_of_drag(number.value, number.speed, &number.range))
         .range(number.range.clone())
-        .max_decimals(MOST_DECIMALS)
-        .custom_formatter(move |number, _| number_text(number, least..=MOST_DECIMALS))
+        .max_decimals(MAX_DECIMALS)
+        .custom_formatter(move |number, _| number_text(number, least..=MAX_DECIMALS))
         .custom_parser(parser(ui, id, number.is_time))
 }
 
 /// Shows a field, and returns the new value at the end of a drag or of typing.
-fn settled(
+fn finish_edit(
     ui: &mut Ui,
     id: Id,
     value: f64,
@@ -242,7 +242,7 @@ pub fn derived_number(
     let weak = ui.visuals().weak_text_color();
     let from = derived.unwrap_or(*range.start());
     let number = Number { name, value: from, speed: 0.01, range, default: None, is_time };
-    settled(ui, id, from, None, |ui, now| {
+    finish_edit(ui, id, from, None, |ui, now| {
         let is_untouched = *now == from;
         let widget = field(ui, id, &number, now);
         let widget = match derived {
@@ -312,7 +312,7 @@ impl Number<'_> {
     fn show_as(self, ui: &mut Ui, shown: Option<&str>) -> Option<f64> {
         let Number { name, value, default, .. } = self;
         let id = ui.id().with(("number", name));
-        let set = settled(ui, id, value, default, |ui, now| {
+        let set = finish_edit(ui, id, value, default, |ui, now| {
             let shown = shown.filter(|_| *now == value);
             let mut widget = field(ui, id, &self, now);
             if let Some(shown) = shown {
@@ -330,7 +330,7 @@ impl Number<'_> {
         let Number { name, value, default, .. } = self;
         let id = ui.id().with(("slider", name));
         let is_wide = self.range.end() - self.range.start() > WIDE_RANGE;
-        settled(ui, id, value, default, |ui, now| {
+        finish_edit(ui, id, value, default, |ui, now| {
             ui.horizontal(|ui| {
                 let slider = (!is_wide).then(|| {
                     let widget = Slider::new(now, self.range.clone()).show_value(false);
@@ -404,7 +404,7 @@ mod tests {
     use super::speed_of_drag;
 
     #[test]
-    fn a_drag_is_as_fast_as_the_number_is_large() {
+    fn the_drag_speed_grows_with_the_value() {
         let speed = |value, step, range| speed_of_drag(value, step, &range);
         // An opacity, a threshold, the size of a title, an intensity, and a position.
         for (speed, expected) in [

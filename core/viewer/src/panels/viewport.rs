@@ -16,9 +16,9 @@ use egui::{Color32, Key, PointerButton, Rect, Sense, Stroke, StrokeKind, Texture
 use glam::{DVec2, DVec3};
 
 /// Walking speed, metres per second.
-const PACE: f64 = 3.0;
+const WALKING_SPEED: f64 = 3.0;
 /// Height of the text at the top of an image about its reduced quality, points.
-pub(super) const REDUCED: f32 = 22.0;
+pub(super) const QUALITY_NOTE_HEIGHT: f32 = 22.0;
 
 pub(crate) fn toggle_camera(viewer: &mut Viewer) {
     let active = viewer.active.min(viewer.views.len() - 1);
@@ -71,7 +71,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
         return;
     };
     if let Some(model) = response.dnd_release_payload::<ModelDrag>()
-        && let Some(at) = ui.ctx().pointer_interact_pos().and_then(|at| super::drop::ground(viewer, at))
+        && let Some(at) = ui.ctx().pointer_interact_pos().and_then(|at| super::drop::ground_point(viewer, at))
     {
         viewer.dropped_models = Some(DroppedModels { files: vec![model.0.clone()], at, beside: false });
     }
@@ -104,10 +104,10 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
         }
         let at_other = at_axis || at_icon || at_joint;
         if let Some(at) = canvas.clicked().filter(|_| !at_other) {
-            click(viewer, index, &canvas.lens, at);
+            pick_at(viewer, index, &canvas.lens, at);
         }
     }
-    mouse(ui, viewer, index, &response, place.height());
+    handle_mouse(ui, viewer, index, &response, place.height());
 }
 
 fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
@@ -118,14 +118,14 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
         bar.toggle(script, "script's camera", "", move |viewer: &mut Viewer| {
             viewer.views[index].camera = ViewCamera::Script;
         });
-        cameras(&mut bar, viewer, index);
+        camera_menu(&mut bar, viewer, index);
         bar.toggle(free, "free camera", "", move |viewer| {
             if !free {
                 let _ = viewer.free_camera(index);
             }
         });
-        into_script(&mut bar, viewer, index);
-        follow(&mut bar, viewer, index);
+        script_menu(&mut bar, viewer, index);
+        follow_toggle(&mut bar, viewer, index);
         let side = axes::menu_name(viewer, index);
         bar.menu(side, "", move |ui, viewer| axes::entries(ui, viewer, index));
         bar.other_faces(axes::menu_names());
@@ -158,7 +158,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
     });
 }
 
-fn cameras(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
+fn camera_menu(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
     let Some(scene) = viewer.scene.clone().filter(|scene| !scene.stage.cameras.is_empty()) else { return };
     const NONE: &str = "camera";
     let name = match &viewer.views[index].camera {
@@ -179,7 +179,7 @@ fn cameras(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
 }
 
 /// Menu that writes the free camera into the script: into one of its cameras, or as a new one.
-fn into_script(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
+fn script_menu(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
     let Some(scene) = viewer.scene.clone().filter(|_| viewer.path.is_some()) else { return };
     let orbit = match viewer.views[index].camera {
         ViewCamera::Free(orbit) => Some(orbit),
@@ -205,7 +205,7 @@ fn into_script(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
     bar.enabled(orbit.is_some());
 }
 
-fn follow(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
+fn follow_toggle(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
     if viewer.scene.is_none() {
         return;
     }
@@ -246,11 +246,11 @@ fn toggle_follow(viewer: &mut Viewer, index: usize) {
 }
 
 /// Selects the actor under the pointer, or nothing.
-fn click(viewer: &mut Viewer, index: usize, lens: &Lens, at: DVec2) {
+fn pick_at(viewer: &mut Viewer, index: usize, lens: &Lens, at: DVec2) {
     let (Some(scene), Some(shown)) = (viewer.scene.clone(), &viewer.views[index].shown) else { return };
     let toggles = &viewer.toggles;
     let pickable = |i: usize| scene.stage.actors.get(i).is_some_and(|a| !toggles.locked.contains(&a.name));
-    let picked = picking::actor(&scene.stage, &shown.snapshot, lens.ray(at), pickable);
+    let picked = picking::pick_actor(&scene.stage, &shown.snapshot, lens.ray(at), pickable);
     let picked = picked.map(|i| Selected::Actor(scene.stage.actors[i].name.clone()));
     viewer.select_all(picked.into_iter().collect());
 }
@@ -277,12 +277,12 @@ fn draw_quality_note(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
         return;
     }
     let text = parts.join(" · ");
-    let label = Rect::from_min_size(place.left_top(), egui::vec2(place.width(), REDUCED));
+    let label = Rect::from_min_size(place.left_top(), egui::vec2(place.width(), QUALITY_NOTE_HEIGHT));
     let response = ui.interact(label, ui.id().with(("reduced", index)), Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, text.clone()));
     let painter = ui.painter_at(place);
     // The axes are to the right of the text.
-    let right = axes::place_of(viewer, index, place).map_or(place.right(), |axes| axes.left());
+    let right = axes::axes_rect(viewer, index, place).map_or(place.right(), |axes| axes.left());
     let galley = super::elided(&painter, &text, 11.5, Color32::WHITE, right - place.left() - 12.0);
     if galley.elided {
         response.hint(text);
@@ -304,7 +304,7 @@ fn image_rect(room: Rect, size: [u32; 2], pixels_per_point: f32, fills: bool) ->
     Rect::from_min_size(pos2(on_pixels(corner.x), on_pixels(corner.y)), size)
 }
 
-fn mouse(ui: &Ui, viewer: &mut Viewer, index: usize, response: &egui::Response, height: f32) {
+fn handle_mouse(ui: &Ui, viewer: &mut Viewer, index: usize, response: &egui::Response, height: f32) {
     let by = response.drag_delta();
     let by = DVec2::new(f64::from(by.x), f64::from(by.y)) / f64::from(height.max(1.0));
     let shift = super::gesture::modifiers(ui).shift;
@@ -335,7 +335,7 @@ fn mouse(ui: &Ui, viewer: &mut Viewer, index: usize, response: &egui::Response, 
         || super::actions::takes_walking_keys(viewer) && !ui.input(|i| i.pointer.secondary_down());
     if step != DVec3::ZERO && !command && !ui.ctx().egui_wants_keyboard_input() {
         let secs = ui.input(|i| f64::from(i.stable_dt.min(0.1)));
-        let pace = if shift { PACE * 4.0 } else { PACE };
+        let pace = if shift { WALKING_SPEED * 4.0 } else { WALKING_SPEED };
         if let Some(orbit) = viewer.free_camera(index) {
             orbit.walk(step * pace * secs);
         }
@@ -348,7 +348,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_picture_lies_on_whole_pixels_and_keeps_its_shape() {
+    fn the_image_lies_on_whole_pixels_and_keeps_its_aspect_ratio() {
         let room = Rect::from_min_max(pos2(10.3, 20.7), pos2(1033.9, 811.1));
         for (size, pixels) in [([1280, 720], 1.0), ([640, 361], 1.0), ([1280, 720], 1.5)] {
             let place = image_rect(room, size, pixels, false);

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Largest number of samples of a curve.
-const MOST_SAMPLES: usize = 4000;
+const MAX_SAMPLES: usize = 4000;
 
 pub struct Curves {
     /// Times at the left and the right edge, independent of the sequencer.
@@ -159,7 +159,7 @@ impl Curves {
         to: Time,
         count: usize,
     ) -> Vec<(Time, Vec<f64>)> {
-        let count = count.clamp(2, MOST_SAMPLES) as i64;
+        let count = count.clamp(2, MAX_SAMPLES) as i64;
         let length = (to - from).0.max(1);
         let mut times: Vec<Time> = (0..=count)
             .map(|n| Time(from.0 + (i128::from(length) * i128::from(n) / i128::from(count)) as i64))
@@ -167,7 +167,7 @@ impl Curves {
         // Keys and the ticks before them are sampled, too, so that bends and jumps are exact; the speed ends after the last key.
         let bends = property.keys.iter().flat_map(|key| [*key - Time(1), *key]);
         let bends = bends.chain(property.keys.last().map(|key| *key + Time(1)));
-        times.extend(bends.filter(|time| from <= *time && *time <= to).take(2 * MOST_SAMPLES));
+        times.extend(bends.filter(|time| from <= *time && *time <= to).take(2 * MAX_SAMPLES));
         times.sort_unstable();
         times.dedup();
         let scale = self.scale(property);

@@ -11,9 +11,9 @@ use choreo_stage::{Actor, Channel, Cue, Layer2d, Layer2dContent, Property};
 use std::sync::Arc;
 
 /// Largest number of events in a row; more could not be distinguished.
-const MOST: usize = 2000;
+const MAX_EVENTS: usize = 2000;
 /// Script name of the property that makes an actor appear and disappear.
-const VISIBLE: &str = "visible";
+const VISIBLE_PROPERTY: &str = "visible";
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum EventKind {
@@ -56,13 +56,13 @@ pub(crate) struct EventCollector {
 
 impl EventCollector {
     fn add(&mut self, at: Time, kind: EventKind, label: impl Into<String>) {
-        if self.all.len() < MOST {
+        if self.all.len() < MAX_EVENTS {
             self.all.push((at, kind, label.into(), None));
         }
     }
 
     fn add_key(&mut self, at: Time, label: &str, key: Option<&EventKey>) {
-        if self.all.len() < MOST {
+        if self.all.len() < MAX_EVENTS {
             self.all.push((at, EventKind::Key, label.to_string(), key.cloned()));
         }
     }
@@ -115,8 +115,11 @@ impl EventCollector {
             for (at, value) in channel.times.iter().zip(&channel.values) {
                 let now = *value > 0.5;
                 if now != seen {
-                    let key =
-                        EventKey { what: what.clone(), property: VISIBLE.into(), label: VISIBLE.into() };
+                    let key = EventKey {
+                        what: what.clone(),
+                        property: VISIBLE_PROPERTY.into(),
+                        label: VISIBLE_PROPERTY.into(),
+                    };
                     let label = if now { "appears" } else { "goes" };
                     self.all.push((*at, EventKind::Entrance, label.to_string(), Some(key)));
                 }
@@ -140,14 +143,14 @@ impl EventCollector {
         let length = i128::from((to - from).0);
         for (name, at) in markers.iter().filter(|(_, at)| from <= *at && *at <= to) {
             let into = i128::from((if cue.speed < 0.0 { to - *at } else { *at - from }).0);
-            for round in 0..MOST as i128 {
+            for round in 0..MAX_EVENTS as i128 {
                 let played = match cue.repeat {
                     Repeat::Once if round > 0 => break,
                     Repeat::PingPong if round % 2 == 1 => (round + 1) * length - into,
                     _ => round * length + into,
                 };
                 match cue.time_of_played(played) {
-                    Some(when) if when < end && self.all.len() < MOST => {
+                    Some(when) if when < end && self.all.len() < MAX_EVENTS => {
                         self.add(when, EventKind::Mark, format!("{name} of {}", cue.clip.name));
                     }
                     _ => break,
@@ -192,7 +195,7 @@ pub(crate) fn by_property(events: &[Event]) -> Vec<(&EventKey, Vec<Event>)> {
     }
     let mut all: Vec<(&EventKey, Vec<Event>)> = Vec::new();
     for (event, key) in keys() {
-        let is_visible = key.property == VISIBLE;
+        let is_visible = key.property == VISIBLE_PROPERTY;
         let kind = if is_visible { EventKind::Entrance } else { EventKind::Key };
         let (at, what, place) = (event.at, event.what.clone(), event.place.clone());
         let one = Event { at, kind, label: key.label.clone(), what, place, keys: vec![key.clone()] };
@@ -207,7 +210,7 @@ pub(crate) fn by_property(events: &[Event]) -> Vec<(&EventKey, Vec<Event>)> {
 }
 
 /// Keys of all cameras.
-pub(crate) fn of_cameras(scene: &Scene) -> Vec<Event> {
+pub(crate) fn camera_events(scene: &Scene) -> Vec<Event> {
     let mut gathered = EventCollector::default();
     for camera in &scene.stage.cameras {
         let what = Selected::Camera(camera.name.clone());
@@ -218,13 +221,13 @@ pub(crate) fn of_cameras(scene: &Scene) -> Vec<Event> {
 }
 
 /// Keys of a light.
-pub(crate) fn of_light(scene: &Scene, index: usize, place: &Place) -> Vec<Event> {
+pub(crate) fn light_events(scene: &Scene, index: usize, place: &Place) -> Vec<Event> {
     let (mut gathered, what) = (EventCollector::default(), Selected::Light(index));
     gathered.keys(&keyed::properties_of(scene, &what, scene.stage.lights[index].channels.iter()), "");
     gathered.events(scene.stage.settings.length, Some(&what), place)
 }
 
-pub(crate) fn of_sky(scene: &Scene, place: &Place) -> Vec<Event> {
+pub(crate) fn sky_events(scene: &Scene, place: &Place) -> Vec<Event> {
     let mut gathered = EventCollector::default();
     let channels = scene.stage.sky.iter().flat_map(|sky| &sky.channels);
     gathered.keys(&keyed::properties_of(scene, &Selected::Sky, channels), "sky ");
@@ -232,18 +235,18 @@ pub(crate) fn of_sky(scene: &Scene, place: &Place) -> Vec<Event> {
 }
 
 /// Keys of some titles, images and panels, given by their indices.
-pub(crate) fn of_titles(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
+pub(crate) fn title_events(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
     let mut gathered = EventCollector::default();
     for &index in numbers {
         let layer = &scene.stage.layers_2d[index];
         let keyed = keyed::properties_of(scene, &Selected::Title(index), layer.channels.iter());
-        gathered.keys(&keyed, &format!("{} ", title(layer)));
+        gathered.keys(&keyed, &format!("{} ", title_label(layer)));
     }
     gathered.events(scene.stage.settings.length, None, &Place::default())
 }
 
 /// First words of a text in quotes, or the kind of another 2D layer.
-pub(crate) fn title(layer: &Layer2d) -> String {
+pub(crate) fn title_label(layer: &Layer2d) -> String {
     match &layer.content {
         Layer2dContent::Text { words, .. } => {
             let first = words.lines().next().unwrap_or("");
@@ -256,7 +259,7 @@ pub(crate) fn title(layer: &Layer2d) -> String {
 }
 
 /// Keys of some effects, given by their indices.
-pub(crate) fn of_effects(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
+pub(crate) fn effect_events(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
     let mut gathered = EventCollector::default();
     for &index in numbers {
         let used = &scene.stage.effects[index];

@@ -363,8 +363,8 @@ fn properties_in(scene: &Scene, text: Option<&ScriptText>, what: &Selected) -> V
         Selected::Actor(name) => actor(stage, name).map(|index| {
             let actor = &stage.actors[index];
             let mut all = described(what, actor, &actor.channels, object.as_ref());
-            all.extend(morphs(what, &actor.asset, &actor.channels));
-            all.extend(keyed_parts::joints(what, actor, object.as_ref()));
+            all.extend(morph_properties(what, &actor.asset, &actor.channels));
+            all.extend(keyed_parts::joint_properties(what, actor, object.as_ref()));
             all
         }),
         Selected::Camera(name) => stage.cameras.iter().find(|camera| camera.name == *name).map(|camera| {
@@ -380,21 +380,22 @@ fn properties_in(scene: &Scene, text: Option<&ScriptText>, what: &Selected) -> V
         Selected::Title(index) => {
             stage.layers_2d.get(*index).map(|layer| described(what, layer, &layer.channels, object.as_ref()))
         }
-        Selected::Effect(index) => stage.effects.get(*index).map(|used| parameters(scene, what, used)),
-        Selected::Sky => stage.sky.as_ref().map(|sky| described(what, sky, &sky.channels, object.as_ref())),
-        Selected::Cue { actor: name, layer, cue } => {
-            actor(stage, name).map(|index| keyed_parts::cue(what, &stage.actors[index], [*layer, *cue]))
+        Selected::Effect(index) => {
+            stage.effects.get(*index).map(|used| parameter_properties(scene, what, used))
         }
+        Selected::Sky => stage.sky.as_ref().map(|sky| described(what, sky, &sky.channels, object.as_ref())),
+        Selected::Cue { actor: name, layer, cue } => actor(stage, name)
+            .map(|index| keyed_parts::keyed_cue_properties(what, &stage.actors[index], [*layer, *cue])),
     };
     let read = |property: KeyedProperty| property.read(object.as_ref(), stage.settings.fps);
     found.unwrap_or_default().into_iter().map(read).collect()
 }
 
 /// Properties of a cue that its methods can key, without the keys in the script.
-pub fn of_cue(scene: &Scene, what: &Selected) -> Vec<KeyedProperty> {
+pub fn cue_properties(scene: &Scene, what: &Selected) -> Vec<KeyedProperty> {
     let Selected::Cue { actor: name, layer, cue } = what else { return Vec::new() };
     let Some(index) = actor(&scene.stage, name) else { return Vec::new() };
-    let all = keyed_parts::cue(what, &scene.stage.actors[index], [*layer, *cue]);
+    let all = keyed_parts::keyed_cue_properties(what, &scene.stage.actors[index], [*layer, *cue]);
     all.into_iter().map(|property| property.read(None, scene.stage.settings.fps)).collect()
 }
 
@@ -478,7 +479,7 @@ pub(super) fn named(what: &Selected, name: &str, channels: Vec<Channel>, rest: V
 }
 
 /// Weights of morph targets and expressions that have keys, each name once.
-fn morphs(what: &Selected, asset: &Asset, channels: &[Channel]) -> Vec<KeyedProperty> {
+fn morph_properties(what: &Selected, asset: &Asset, channels: &[Channel]) -> Vec<KeyedProperty> {
     let mut all: Vec<KeyedProperty> = Vec::new();
     for channel in channels {
         let (name, range) = match channel.property {
@@ -501,7 +502,7 @@ fn morphs(what: &Selected, asset: &Asset, channels: &[Channel]) -> Vec<KeyedProp
 }
 
 /// Parameters of an effect.
-fn parameters(scene: &Scene, what: &Selected, used: &EffectUse) -> Vec<KeyedProperty> {
+fn parameter_properties(scene: &Scene, what: &Selected, used: &EffectUse) -> Vec<KeyedProperty> {
     let Some(plugin) = scene.registry.effect(&used.plugin) else { return Vec::new() };
     let given = choreo_render::effect_parameters(plugin, &used.parameters);
     let (mut all, mut first) = (Vec::new(), 0);

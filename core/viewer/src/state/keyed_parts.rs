@@ -9,7 +9,11 @@ use choreo_stage::{Actor, Channel, Cue, Described, Property};
 use glam::{DMat3, DQuat, DVec3};
 
 /// Joint properties that have keys, relative to the rest pose as in scripts.
-pub(super) fn joints(what: &Selected, actor: &Actor, object: Option<&ScriptObject>) -> Vec<KeyedProperty> {
+pub(super) fn joint_properties(
+    what: &Selected,
+    actor: &Actor,
+    object: Option<&ScriptObject>,
+) -> Vec<KeyedProperty> {
     let Some(cue) = keys_of_joints(actor) else { return Vec::new() };
     let skeleton = &actor.asset.skeleton;
     let stated: Vec<&str> = object.into_iter().flat_map(ScriptObject::keyed_joints).collect();
@@ -19,7 +23,7 @@ pub(super) fn joints(what: &Selected, actor: &Actor, object: Option<&ScriptObjec
         let short = stated.iter().find(|name| skeleton.find(name) == Some(joint));
         let name =
             short.map_or_else(|| skeleton.names().get(joint).cloned(), |name| Some(name.to_string()))?;
-        let channel = relative(skeleton, curve)?;
+        let channel = relative_to_rest(skeleton, curve)?;
         let (property, kind, unit) = match channel.property {
             Property::Rotation => ("rotation", ValueKind::Rotation, "°"),
             Property::Scale => ("scale", ValueKind::Scale, ""),
@@ -38,7 +42,7 @@ pub(super) fn keys_of_joints(actor: &Actor) -> Option<&Cue> {
 }
 
 /// Converts a curve in the space of a joint's parent to keys relative to the rest pose.
-fn relative(skeleton: &Skeleton, curve: &Curve) -> Option<Channel> {
+fn relative_to_rest(skeleton: &Skeleton, curve: &Curve) -> Option<Channel> {
     let rest = skeleton.rest().get(curve.joint as usize)?;
     let cubic = curve.interpolation == Interpolation::CubicSpline;
     let values: Vec<f64> = curve.values.iter().map(|value| f64::from(*value)).collect();
@@ -70,7 +74,11 @@ fn relative(skeleton: &Skeleton, curve: &Curve) -> Option<Channel> {
 }
 
 /// Weight, speed and time of a cue, and the weight of its layer.
-pub(super) fn cue(what: &Selected, actor: &Actor, [layer, cue]: [usize; 2]) -> Vec<KeyedProperty> {
+pub(super) fn keyed_cue_properties(
+    what: &Selected,
+    actor: &Actor,
+    [layer, cue]: [usize; 2],
+) -> Vec<KeyedProperty> {
     let Some(layer) = actor.layers.get(layer).filter(|layer| layer.rank != u32::MAX) else {
         return Vec::new();
     };

@@ -5,9 +5,9 @@ use choreo_stage::CameraState;
 use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 
 /// Largest elevation, radians. Straight up and down are excluded, where "sideways" is undefined.
-const STEEPEST: f64 = 1.55;
-const NEAREST: f64 = 0.01;
-const FARTHEST: f64 = 1e7;
+const MAX_ELEVATION: f64 = 1.55;
+const MIN_DISTANCE: f64 = 0.01;
+const MAX_DISTANCE: f64 = 1e7;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
@@ -85,9 +85,9 @@ impl Orbit {
 
     /// Rotates the camera about the center. `by`: drag in heights of the view, right and down positive.
     pub fn turn(&mut self, by: DVec2) {
-        const TURN: f64 = core::f64::consts::PI;
-        self.azimuth = (self.azimuth - by.x * TURN) % (2.0 * core::f64::consts::PI);
-        self.elevation = (self.elevation + by.y * TURN).clamp(-STEEPEST, STEEPEST);
+        const RADIANS_PER_HEIGHT: f64 = core::f64::consts::PI;
+        self.azimuth = (self.azimuth - by.x * RADIANS_PER_HEIGHT) % (2.0 * core::f64::consts::PI);
+        self.elevation = (self.elevation + by.y * RADIANS_PER_HEIGHT).clamp(-MAX_ELEVATION, MAX_ELEVATION);
     }
 
     /// Pans the camera, so that points at the distance of the center follow the mouse. `by`: drag in heights of the view.
@@ -101,7 +101,7 @@ impl Orbit {
 
     /// Zooms by notches of the mouse wheel; positive is closer.
     pub fn zoom(&mut self, notches: f64) {
-        self.distance = (self.distance * libm::pow(0.85, notches)).clamp(NEAREST, FARTHEST);
+        self.distance = (self.distance * libm::pow(0.85, notches)).clamp(MIN_DISTANCE, MAX_DISTANCE);
     }
 
     /// Rotates the camera in place. `by`: drag in heights of the view.
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn it_takes_over_where_another_camera_stands() {
+    fn an_orbit_starts_at_the_position_of_a_camera() {
         let first = orbit().camera();
         let again = Orbit::from_camera(&first, DVec3::new(1.0, 1.0, 0.0));
         assert!(close(again.center, orbit().center), "{again:?}");
@@ -151,7 +151,7 @@ mod tests {
 
     /// Works for any camera, including rolled ones, ones that look straight down, and orthographic ones.
     #[test]
-    fn the_image_stays_when_a_view_is_taken_over() {
+    fn an_orbit_made_from_a_camera_keeps_the_image() {
         let rotations = [
             DQuat::from_xyzw(0.1, 0.6, -0.1, 0.8).normalize(),
             DQuat::from_rotation_y(0.4) * DQuat::from_rotation_x(-core::f64::consts::FRAC_PI_2),
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_under_the_mouse_goes_with_it() {
+    fn panning_moves_the_point_under_the_pointer_along() {
         let mut o = orbit();
         let view_from_world = |o: &Orbit| o.camera().world_from_view.inverse();
         let before = view_from_world(&o).transform_point3(o.center);
@@ -208,18 +208,18 @@ mod tests {
     }
 
     #[test]
-    fn zooming_there_and_back_again_is_nothing() {
+    fn zooming_in_and_out_restores_the_view() {
         let mut o = orbit();
         o.zoom(3.0);
         assert!(o.distance < 5.0);
         o.zoom(-3.0);
         assert!((o.distance - 5.0).abs() < 1e-9);
         o.zoom(1e9);
-        assert_eq!(o.distance, NEAREST);
+        assert_eq!(o.distance, MIN_DISTANCE);
     }
 
     #[test]
-    fn walking_forward_goes_where_one_looks() {
+    fn walking_forward_moves_along_the_view_direction() {
         let mut o = orbit();
         let before = o.camera();
         o.walk(DVec3::new(0.0, 0.0, 2.0));

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 /// Number of frames that are remembered.
-pub const FRAMES: usize = 240;
+pub const MAX_FRAMES: usize = 240;
 
 /// Durations of one frame, milliseconds: evaluation of poses, planning, drawing.
 pub(crate) type Millis = [f32; 3];
@@ -18,7 +18,7 @@ pub struct Performance {
 
 impl Performance {
     pub fn add(&mut self, poses: Duration, plan: Duration, drawing: Duration) {
-        if self.frames.len() >= FRAMES {
+        if self.frames.len() >= MAX_FRAMES {
             self.frames.pop_front();
         }
         self.frames.push_back([poses, plan, drawing].map(|d| d.as_secs_f32() * 1e3));
@@ -38,13 +38,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_remembers_the_last_frames() {
+    fn only_the_last_frame_times_are_kept() {
         let mut p = Performance::default();
         assert_eq!(p.median_and_p95(), None);
         for n in 0..1000u64 {
             p.add(Duration::from_millis(n), Duration::from_millis(1), Duration::ZERO);
         }
-        assert_eq!(p.frames.len(), FRAMES);
+        assert_eq!(p.frames.len(), MAX_FRAMES);
         let [median, high] = p.median_and_p95().unwrap();
         assert!((median - 880.0).abs() < 1.0 && (high - 988.0).abs() < 1.5, "{median} {high}");
     }

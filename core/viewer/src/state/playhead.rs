@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn it_shows_the_frame_that_is_on() {
+    fn the_frame_at_a_time_is_the_last_started_one() {
         let mut p = playhead();
         p.seek(Time::from_secs(0.999));
         assert_eq!((p.frame(), p.time()), (24, Time::from_secs(0.96)));
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn it_plays_by_the_clock_and_passes_frames_over() {
+    fn playback_follows_the_clock_and_skips_frames() {
         let mut p = playhead();
         p.play(100.0);
         assert_eq!(p.tick(100.0), Some(0.04));
@@ -199,24 +199,24 @@ mod tests {
         p.tick(105.0);
         assert_eq!((p.frame(), p.is_playing()), (49, false));
         p.play(200.0);
-        assert_eq!(p.frame(), 0, "from the end it begins anew");
+        assert_eq!(p.frame(), 0, "playback at the end starts again at the beginning");
     }
 
     #[test]
-    fn scrubbing_while_it_plays_goes_on_from_there() {
+    fn playback_continues_from_the_scrubbed_time() {
         let mut p = playhead();
         p.play(0.0);
         p.tick(0.5);
         p.seek(Time::from_secs(1.0));
         assert!(p.is_playing());
         p.tick(7.0);
-        assert_eq!(p.frame(), 25, "the clock counts from now");
+        assert_eq!(p.frame(), 25, "playback time counts from the seek");
         p.tick(7.08);
         assert_eq!(p.frame(), 27);
     }
 
     #[test]
-    fn it_plays_slower_or_faster() {
+    fn playback_speed_scales_time() {
         let mut p = playhead();
         p.set_speed(0.5);
         p.play(0.0);
@@ -225,7 +225,7 @@ mod tests {
         assert_eq!(p.frame(), 6);
         p.set_speed(2.0);
         p.tick(0.5);
-        assert_eq!(p.frame(), 6, "it goes on from where it is");
+        assert_eq!(p.frame(), 6, "a new speed applies from the current frame");
         p.tick(0.71);
         assert_eq!(p.frame(), 16);
         p.set_scene(FrameRate { num: 25, den: 1 }, Time::from_secs(4.0));
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_stops_it_and_ends_at_the_ends() {
+    fn a_step_pauses_playback_and_stays_within_the_scene() {
         let mut p = playhead();
         p.play(0.0);
         p.step(1);
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_is_played_again_and_again() {
+    fn a_playback_range_loops() {
         let mut p = playhead();
         p.set_range(Some((Time::from_secs(1.01), Time::from_secs(0.5))));
         assert_eq!(p.range(), Some((Time::from_secs(0.48), Time::from_secs(1.04))), "whole frames, in order");
@@ -270,7 +270,7 @@ mod tests {
         p.set_scene(FrameRate { num: 50, den: 1 }, Time::from_secs(4.0));
         assert_eq!((p.time(), p.is_playing()), (Time::from_secs(1.6), true));
         p.set_scene(FrameRate { num: 50, den: 1 }, Time::from_secs(1.0));
-        assert_eq!(p.frame(), 49, "what is no longer there is the end");
+        assert_eq!(p.frame(), 49, "a time after the new end becomes the last frame");
     }
 
     #[test]

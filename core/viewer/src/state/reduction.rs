@@ -2,9 +2,9 @@
 //! counts the frames that are dropped nevertheless.
 
 /// Largest divisor of a side.
-const LEAST: u32 = 4;
+const MAX_DIVISOR: u32 = 4;
 /// Fraction of a frame's time that larger images may take before they are tried again.
-const ROOM: f64 = 0.7;
+const RETRY_FRACTION: f64 = 0.7;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reduction {
@@ -31,8 +31,8 @@ impl Reduction {
     /// Records the duration of a moving image and the time that the frame rate allows for it, both in milliseconds.
     pub fn record_duration(&mut self, millis: f64, budget: f64) {
         if millis > budget {
-            self.divisor = (self.divisor * 2).min(LEAST);
-        } else if self.divisor > 1 && millis * 4.0 < budget * ROOM {
+            self.divisor = (self.divisor * 2).min(MAX_DIVISOR);
+        } else if self.divisor > 1 && millis * 4.0 < budget * RETRY_FRACTION {
             // Images with half the divisor have four times as many pixels.
             self.divisor /= 2;
         }
@@ -55,13 +55,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn images_shrink_until_they_hold_the_rate_and_grow_again() {
+    fn image_size_is_reduced_until_the_frame_rate_holds() {
         let mut r = Reduction::default();
         assert_eq!((r.divisor(true), r.divisor(false)), (1, 1));
         r.record_duration(90.0, 40.0);
         assert_eq!((r.divisor(true), r.divisor(false)), (2, 1));
         r.record_duration(22.0, 40.0);
-        assert_eq!(r.divisor(true), 2, "whole ones would take 88");
+        assert_eq!(r.divisor(true), 2, "images of full size would take 88 ms");
         r.record_duration(50.0, 40.0);
         r.record_duration(50.0, 40.0);
         assert_eq!(r.divisor(true), 4);
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_are_passed_over_are_counted() {
+    fn skipped_frames_are_counted() {
         let mut r = Reduction::default();
         for (frame, dropped) in [(10, 0), (11, 0), (14, 2), (15, 2), (2, 2), (4, 3)] {
             r.record_frame(frame, true);

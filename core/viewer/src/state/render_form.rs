@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn a_form_becomes_the_words_of_a_command() {
+    fn a_render_form_becomes_command_line_arguments() {
         let mut form = RenderForm::default();
         let film = format(OutputKind::Film, "mp4");
         let all = "--progress-lines --discard --size 640x362";

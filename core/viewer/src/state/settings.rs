@@ -90,7 +90,7 @@ impl Settings {
 }
 
 /// Seconds without a change after which settings are written, so that dragging a panel does not write continuously.
-const REST: f64 = 3.0;
+const QUIET_SECS: f64 = 3.0;
 
 /// Settings in the file, and pending changes of the window's settings.
 #[derive(Default)]
@@ -122,9 +122,9 @@ impl SettingsWriter {
         let since = self.changed.as_ref().filter(|(changed, _)| changed == settings).map(|(_, since)| *since);
         let Some(since) = since else {
             self.changed = Some((settings.clone(), now));
-            return SaveTime::In(REST);
+            return SaveTime::In(QUIET_SECS);
         };
-        let left = since + REST - now;
+        let left = since + QUIET_SECS - now;
         if left <= 0.0 { SaveTime::Now } else { SaveTime::In(left) }
     }
 
@@ -172,28 +172,28 @@ mod tests {
     }
 
     #[test]
-    fn changed_settings_are_due_once_they_rest() {
+    fn settings_are_saved_after_they_stop_changing() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("view.json");
         let mut writing = SettingsWriter::new(Settings::default());
         assert_eq!(writing.due(&Settings::default(), 0.0), SaveTime::Never);
         let wide = |scale: f32| Settings { scale, ..Settings::default() };
-        assert_eq!(writing.due(&wide(1.2), 10.0), SaveTime::In(REST));
-        assert_eq!(writing.due(&wide(1.2), 11.0), SaveTime::In(REST - 1.0));
-        assert_eq!(writing.due(&wide(1.3), 12.0), SaveTime::In(REST), "it goes on changing");
-        assert_eq!(writing.due(&wide(1.3), 12.0 + REST), SaveTime::Now);
+        assert_eq!(writing.due(&wide(1.2), 10.0), SaveTime::In(QUIET_SECS));
+        assert_eq!(writing.due(&wide(1.2), 11.0), SaveTime::In(QUIET_SECS - 1.0));
+        assert_eq!(writing.due(&wide(1.3), 12.0), SaveTime::In(QUIET_SECS), "the settings changed again");
+        assert_eq!(writing.due(&wide(1.3), 12.0 + QUIET_SECS), SaveTime::Now);
         writing.write(wide(1.3), &file);
         assert_eq!(Settings::read(&file), wide(1.3));
         assert_eq!(writing.due(&wide(1.3), 30.0), SaveTime::Never);
         // A change that was reverted is not written.
-        assert_eq!(writing.due(&wide(1.4), 31.0), SaveTime::In(REST));
+        assert_eq!(writing.due(&wide(1.4), 31.0), SaveTime::In(QUIET_SECS));
         assert_eq!(writing.due(&wide(1.3), 32.0), SaveTime::Never);
-        assert_eq!(writing.due(&wide(1.4), 40.0), SaveTime::In(REST));
+        assert_eq!(writing.due(&wide(1.4), 40.0), SaveTime::In(QUIET_SECS));
     }
 
     #[test]
     #[cfg(unix)]
-    fn settings_are_written_through_no_link() {
+    fn settings_are_not_written_through_a_symlink() {
         let folder = tempfile::tempdir().unwrap();
         let (file, other) = (folder.path().join("view.json"), folder.path().join("other"));
         std::fs::write(&other, "mine").unwrap();

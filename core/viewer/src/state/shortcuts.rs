@@ -196,7 +196,7 @@ impl Shortcuts {
         for (action, keys) in value["keys"].as_object().into_iter().flatten() {
             match keys.as_str() {
                 Some(keys) => drop(shortcuts.own.insert(action.clone(), keys.to_string())),
-                None => problem = Some(format!("{action}: keys must be a text, such as \"Ctrl+D\"")),
+                None => problem = Some(format!("{action}: keys must be a string, such as \"Ctrl+D\"")),
             }
         }
         (shortcuts, problem)
@@ -233,7 +233,7 @@ mod tests {
 
     /// The user edits the file while a window is open: the window only changes its preset and the keys that were chosen in it.
     #[test]
-    fn own_keys_in_the_file_stay_when_others_are_chosen() {
+    fn user_shortcuts_in_the_file_are_kept_when_others_change() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join(Shortcuts::FILE);
         std::fs::write(&file, r#"{ "preset": "choreo", "keys": { "split": "Shift+Y" } }"#).unwrap();

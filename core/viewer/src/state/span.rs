@@ -67,7 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn there_and_back_again() {
+    fn time_and_position_conversions_are_inverse() {
         let span = Span { from: 1.0, to: 3.0 };
         for x in [0.0, 17.0, 400.0] {
             assert!((span.x_of(span.secs_at(x, 400.0), 400.0) - x).abs() < 1e-3);
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn zooming_keeps_what_is_under_the_mouse() {
+    fn zooming_keeps_the_time_under_the_pointer() {
         let mut span = Span::whole(10.0);
         span.zoom(2.0, 100.0, 400.0, 10.0);
         assert!((span.secs_at(100.0, 400.0) - 2.5).abs() < 1e-9);
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn panning_does_not_lose_the_scene() {
+    fn panning_keeps_the_middle_of_the_span_within_the_scene() {
         let mut span = Span::whole(10.0);
         span.pan(1e9, 400.0, 10.0);
         assert_eq!((span.from, span.to), (-5.0, 5.0));
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ruler_s_lines_are_round_and_far_enough_apart() {
+    fn ruler_intervals_are_round_and_wide_enough() {
         assert_eq!(Span::whole(10.0).ruler(500.0, 60.0), 2.0);
         assert_eq!(Span::whole(0.5).ruler(500.0, 60.0), 0.1);
         assert_eq!(Span { from: 0.0, to: 1e12 }.ruler(500.0, 60.0), 1e10);

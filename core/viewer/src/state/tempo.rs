@@ -12,16 +12,18 @@ pub struct Tempo {
 
 impl Tempo {
     /// Largest number of beats per minute.
-    pub const FASTEST: f64 = 1000.0;
+    pub const MAX_BEATS_PER_MINUTE: f64 = 1000.0;
 
     /// Latest time of the first beat, seconds.
-    pub const LATEST: f64 = 1e4;
+    pub const MAX_FIRST_BEAT_SECS: f64 = 1e4;
 
     /// Parses the output of [`Tempo::to_json`]. `None` without beats.
     pub fn from_json(value: &Value) -> Option<Tempo> {
         let number = |name: &str, most: f64| value[name].as_f64().filter(|n| (0.0..=most).contains(n));
-        let tempo =
-            Tempo { per_minute: number("bpm", Tempo::FASTEST)?, first: number("first", Tempo::LATEST)? };
+        let tempo = Tempo {
+            per_minute: number("bpm", Tempo::MAX_BEATS_PER_MINUTE)?,
+            first: number("first", Tempo::MAX_FIRST_BEAT_SECS)?,
+        };
         tempo.beat().map(|_| tempo)
     }
 

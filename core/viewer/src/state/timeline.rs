@@ -155,13 +155,15 @@ impl Timeline {
             place: Place::default(),
             parts: Vec::new(),
         };
-        let mut rows = vec![plain("camera", cameras(scene), events::of_cameras(scene))];
+        let mut rows = vec![plain("camera", camera_bars(scene), events::camera_events(scene))];
         for index in 0..stage.actors.len() {
             rows.extend(actor_rows(scene, index));
         }
         if !stage.effects.is_empty() {
-            let bars = (0..stage.effects.len()).map(|index| effect(scene, index));
-            rows.extend(lanes("effects", bars.collect(), |numbers| events::of_effects(scene, numbers)));
+            let bars = (0..stage.effects.len()).map(|index| effect_bar(scene, index));
+            rows.extend(layer_rows("effects", bars.collect(), |numbers| {
+                events::effect_events(scene, numbers)
+            }));
         }
         let mut lights = Vec::new();
         for index in 0..stage.lights.len() {
@@ -169,20 +171,20 @@ impl Timeline {
                 (Selected::Light(index), places.lights.get(index).cloned().unwrap_or_default());
             let label = light_name(scene, index, &place);
             lights.push(label.clone());
-            let events = events::of_light(scene, index, &place);
+            let events = events::light_events(scene, index, &place);
             let (bars, parts) = (Vec::new(), Vec::new());
             rows.push(Row { label, what: Some(what), layer: None, bars, events, place, parts });
         }
         let place = places.sky.clone().unwrap_or_default();
-        let sky = events::of_sky(scene, &place);
+        let sky = events::sky_events(scene, &place);
         let what = Some(Selected::Sky);
         let (label, bars, parts) = ("sky".to_string(), Vec::new(), Vec::new());
         if !sky.is_empty() {
             rows.push(Row { label, what, layer: None, bars, events: sky, place, parts });
         }
         if !stage.layers_2d.is_empty() {
-            let bars = (0..stage.layers_2d.len()).map(|index| title(scene, index)).collect();
-            rows.extend(lanes("titles", bars, |numbers| events::of_titles(scene, numbers)));
+            let bars = (0..stage.layers_2d.len()).map(|index| title_bar(scene, index)).collect();
+            rows.extend(layer_rows("titles", bars, |numbers| events::title_events(scene, numbers)));
         }
         let rows = rows.into_iter().map(Row::with_parts).collect();
         Timeline { rows, lights, markers: stage.markers.clone(), length }
@@ -258,7 +260,7 @@ fn actor_rows(scene: &Scene, index: usize) -> Vec<Row> {
     rows
 }
 
-fn effect(scene: &Scene, index: usize) -> Bar {
+fn effect_bar(scene: &Scene, index: usize) -> Bar {
     let effect = &scene.stage.effects[index];
     let end = effect.end.unwrap_or(scene.stage.settings.length);
     Bar {
@@ -278,7 +280,7 @@ fn effect(scene: &Scene, index: usize) -> Bar {
 }
 
 /// Rows for bars that may overlap: each bar is put into the first row with room for it. `events`: events of the bars with these indices.
-fn lanes(label: &str, bars: Vec<Bar>, events: impl Fn(&[usize]) -> Vec<Event>) -> Vec<Row> {
+fn layer_rows(label: &str, bars: Vec<Bar>, events: impl Fn(&[usize]) -> Vec<Event>) -> Vec<Row> {
     let mut bars: Vec<(usize, Bar)> = bars.into_iter().enumerate().collect();
     bars.sort_by_key(|(_, bar)| bar.start);
     let mut rows: Vec<(Vec<usize>, Vec<Bar>)> = Vec::new();
@@ -318,11 +320,11 @@ fn light_name(scene: &Scene, index: usize, place: &Place) -> String {
 }
 
 /// The bar of a 2D layer.
-fn title(scene: &Scene, index: usize) -> Bar {
+fn title_bar(scene: &Scene, index: usize) -> Bar {
     let (length, layer) = (scene.stage.settings.length, &scene.stage.layers_2d[index]);
     let end = layer.end.unwrap_or(length);
     Bar {
-        label: events::title(layer),
+        label: events::title_label(layer),
         what: Selected::Title(index),
         start: layer.start,
         end,
@@ -384,7 +386,7 @@ fn bar(
     }
 }
 
-fn cameras(scene: &Scene) -> Vec<Bar> {
+fn camera_bars(scene: &Scene) -> Vec<Bar> {
     let (stage, places) = (&scene.stage, &scene.places);
     if stage.cameras.is_empty() {
         return Vec::new();

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Largest number of frames; longer scenes are sampled less densely.
-const MOST: i64 = 600;
+const MAX_FRAMES: i64 = 600;
 
 /// A selected joint of an actor.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -80,7 +80,7 @@ fn compute_trail(scene: &Scene, actor: &str, stop: &AtomicBool) -> Option<Trail>
     let index = scene.stage.actors.iter().position(|a| a.name == actor)?;
     let settings = &scene.stage.settings;
     let frames = settings.fps.frames_in(settings.length).max(1);
-    let step = ((frames + MOST - 1) / MOST).max(1);
+    let step = ((frames + MAX_FRAMES - 1) / MAX_FRAMES).max(1);
     let mut evaluator = scene.evaluator.clone().posing_hidden();
     let mut trail = Trail::default();
     for frame in (0..frames).step_by(step as usize) {

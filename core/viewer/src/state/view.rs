@@ -7,7 +7,7 @@ use choreo_stage::{CameraState, Snapshot, Stage};
 use glam::DVec3;
 
 /// Largest number of viewports.
-pub(crate) const MOST_VIEWS: usize = 4;
+pub(crate) const MAX_VIEWS: usize = 4;
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum ViewCamera {
@@ -159,7 +159,7 @@ impl View {
         Some(match self.viewport_camera(stage) {
             ViewportCamera::Free(camera) => camera,
             ViewportCamera::Following { actor, mut camera } => {
-                camera.world_from_view.translation += place(&shown.snapshot, actor);
+                camera.world_from_view.translation += actor_position(&shown.snapshot, actor);
                 camera
             }
             ViewportCamera::Script | ViewportCamera::Camera(_) => shown.snapshot.camera,
@@ -175,7 +175,7 @@ impl View {
                 let mut orbit = *orbit;
                 // Converts the center to world space. If the followed actor no longer exists, it counted as standing at the origin.
                 if let Some((_, index)) = actor.as_ref().filter(|(n, _)| n == name) {
-                    orbit.center += place(&shown.snapshot, *index);
+                    orbit.center += actor_position(&shown.snapshot, *index);
                 }
                 orbit
             }
@@ -183,7 +183,7 @@ impl View {
         };
         self.camera = match actor {
             Some((name, index)) => {
-                orbit.center -= place(&shown.snapshot, index);
+                orbit.center -= actor_position(&shown.snapshot, index);
                 ViewCamera::Follow { actor: name, orbit }
             }
             None => ViewCamera::Free(orbit),
@@ -191,12 +191,12 @@ impl View {
     }
 }
 
-fn place(snapshot: &Snapshot, actor: usize) -> DVec3 {
+fn actor_position(snapshot: &Snapshot, actor: usize) -> DVec3 {
     snapshot.actors.get(actor).map_or(DVec3::ZERO, |a| a.world_from_model.translation)
 }
 
 /// The largest size with the same aspect ratio that fits into `room`, divided by `divisor`, pixels; at least one pixel.
-pub fn fitted(size: [u32; 2], room: [u32; 2], divisor: u32, largest: u32) -> [u32; 2] {
+pub fn fit_image_size(size: [u32; 2], room: [u32; 2], divisor: u32, largest: u32) -> [u32; 2] {
     let [width, height] = size.map(|s| f64::from(s.max(1)));
     let scale = (f64::from(room[0]) / width).min(f64::from(room[1]) / height);
     let scale = scale.min(f64::from(largest) / width.max(height)) / f64::from(divisor.max(1));
@@ -208,12 +208,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_image_fills_its_room_and_keeps_its_shape() {
-        assert_eq!(fitted([1280, 720], [640, 640], 1, 4096), [640, 360]);
-        assert_eq!(fitted([1280, 720], [3840, 5000], 1, 4096), [3840, 2160]);
-        assert_eq!(fitted([1280, 720], [3840, 5000], 2, 4096), [1920, 1080]);
-        assert_eq!(fitted([1280, 720], [9000, 9000], 1, 4096), [4096, 2304]);
-        assert_eq!(fitted([1280, 720], [0, 0], 4, 4096), [1, 1]);
-        assert_eq!(fitted([720, 1280], [1000, 640], 1, 4096), [360, 640]);
+    fn an_image_fits_the_available_area_and_keeps_its_aspect_ratio() {
+        assert_eq!(fit_image_size([1280, 720], [640, 640], 1, 4096), [640, 360]);
+        assert_eq!(fit_image_size([1280, 720], [3840, 5000], 1, 4096), [3840, 2160]);
+        assert_eq!(fit_image_size([1280, 720], [3840, 5000], 2, 4096), [1920, 1080]);
+        assert_eq!(fit_image_size([1280, 720], [9000, 9000], 1, 4096), [4096, 2304]);
+        assert_eq!(fit_image_size([1280, 720], [0, 0], 4, 4096), [1, 1]);
+        assert_eq!(fit_image_size([720, 1280], [1000, 640], 1, 4096), [360, 640]);
     }
 }

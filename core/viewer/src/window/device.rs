@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Timeout of the wait for a frame, so that a driver that hangs does not hang the program.
 const TIMEOUT_NS: u64 = 60_000_000_000;
-const VIEWS: u32 = crate::state::view::MOST_VIEWS as u32;
+const MAX_VIEWS: u32 = crate::state::view::MAX_VIEWS as u32;
 
 /// All objects created from the device, in one struct so that they are freed in order.
 pub struct Device {
@@ -96,9 +96,9 @@ impl Device {
             .address_mode_v(vk::SamplerAddressMode::CLAMP_TO_EDGE);
         let sizes = [vk::DescriptorPoolSize {
             ty: vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
-            descriptor_count: VIEWS,
+            descriptor_count: MAX_VIEWS,
         }];
-        let sets = vk::DescriptorPoolCreateInfo::default().max_sets(VIEWS).pool_sizes(&sizes);
+        let sets = vk::DescriptorPoolCreateInfo::default().max_sets(MAX_VIEWS).pool_sizes(&sizes);
         // SAFETY: the device is alive; what is made is destroyed by `drop`.
         unsafe {
             self.pool = raw.create_command_pool(&pool, None).named("command pool")?;
@@ -112,7 +112,7 @@ impl Device {
             self.sets = raw.create_descriptor_pool(&sets, None).named("descriptor pool")?;
         }
         self.set_layout = create_vulkan_descriptor_set_layout(raw).named("descriptor layout")?;
-        let layouts = [self.set_layout; VIEWS as usize];
+        let layouts = [self.set_layout; MAX_VIEWS as usize];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(self.sets).set_layouts(&layouts);
         // SAFETY: as above.
         let sets = unsafe { raw.allocate_descriptor_sets(&info) }.named("descriptor sets")?;

@@ -18,7 +18,7 @@ pub(crate) enum ViewerError {
     Watch(#[from] choreo_session::WatchError),
     #[error("the window system failed: {0}")]
     WindowSystem(#[from] winit::error::EventLoopError),
-    #[error("the window system has gone: {0}")]
+    #[error("the connection to the window system was lost: {0}")]
     WindowSystemGone(String),
     #[error("the window can no longer be drawn: {first}; {second}")]
     NotDrawn { first: String, second: String },
@@ -37,7 +37,7 @@ impl ViewerError {
 /// Reason why an image was not saved; no incomplete file is left.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum SaveError {
-    #[error("no exporter writes such files")]
+    #[error("no installed exporter writes files with this extension")]
     NoExporter,
     #[error("cannot write: {0}")]
     Write(#[from] WriteError),

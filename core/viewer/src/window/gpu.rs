@@ -39,7 +39,7 @@ impl Gpu {
         // SAFETY: all pointers of `info` live until the call returns.
         let instance = unsafe { entry.create_instance(&info, None) }.map_err(|e| {
             GpuError::Missing(format!(
-                "no driver for windows: {e:?}\n    hint: apt install mesa-vulkan-drivers"
+                "no Vulkan driver can draw into a window: {e:?}\n    hint: apt install mesa-vulkan-drivers"
             ))
         })?;
         let surfaces = khr::surface::Instance::new(&entry, &instance);
@@ -87,8 +87,10 @@ impl Gpu {
         let mut device = Device::new(&self.instance, raw, queue, limits.max_image_dimension2_d as usize);
         // `drop` frees everything that is created below.
         let formats = formats.named("formats of the window")?;
-        device.format = surface_format(&formats)
-            .ok_or(GpuError::Other { object: "window", text: "its surface has no format".into() })?;
+        device.format = surface_format(&formats).ok_or(GpuError::Other {
+            object: "window",
+            text: "its surface has no supported color format".into(),
+        })?;
         device.make(&self.instance, self.physical, family)?;
         Ok(device)
     }

@@ -9,7 +9,7 @@ use winit::platform::x11::EventLoopExtX11;
 use x11_dl::xlib::{Display, Xlib};
 
 /// Exit code when the window can no longer be displayed.
-const FAILED: c_int = 4;
+const EXIT_FAILED: c_int = 4;
 
 /// Installs a handler that ends the program with a message when the connection is lost.
 pub(super) fn watch<T>(events: &EventLoop<T>) {
@@ -30,5 +30,5 @@ unsafe extern "C" fn lost(_: *mut Display) -> c_int {
 /// Ends the program at once, without running destructors of libraries or freeing objects of the window system.
 pub(super) fn leave(error: &ViewerError) -> ! {
     eprintln!("{error}");
-    low_level::exit(FAILED)
+    low_level::exit(EXIT_FAILED)
 }

@@ -271,7 +271,7 @@ impl ViewerWindow {
         let problem = shortcuts.write(&file.with_file_name(Shortcuts::FILE));
         self.written_preset.clone_from(&shortcuts.preset);
         if let Some(problem) = problem {
-            self.viewer.message = Some(format!("the keys could not be saved: {problem}"));
+            self.viewer.message = Some(format!("the shortcuts could not be saved: {problem}"));
             self.redraw();
         }
     }
@@ -367,7 +367,7 @@ impl ViewerWindow {
         let lost = self
             .lose_device_at
             .contains(&self.drawn)
-            .then(|| "the device was lost, as the test has it".to_string());
+            .then(|| "the device was lost (simulated by the test)".to_string());
         let lost = lost.map_or(Ok(()), Err);
         let delay = output.viewport_output.get(&egui::ViewportId::ROOT).map(|v| v.repaint_delay);
         match drawn.map_err(|e| e.to_string()).and_then(|drawn| lost.map(|()| drawn)) {
@@ -531,7 +531,7 @@ impl ViewerWindow {
                 OpenWindow::new(shown, self.device, &self.proxy).map_err(|e| e.to_string())
             }
             Some(_) => Err("three attempts in a row failed".to_string()),
-            None => Err("the window could not be kept".to_string()),
+            None => Err("the window could not be kept open".to_string()),
         };
         match again {
             Ok(open) => {

@@ -15,10 +15,10 @@ use winit::window::Window;
 pub(crate) enum PaintError {
     #[error(transparent)]
     Gpu(#[from] GpuError),
-    #[error("pixels of the window: {0}")]
+    #[error("cannot draw the window on the CPU: {0}")]
     Software(#[from] SoftBufferError),
     /// Neither Vulkan nor the CPU can draw the window.
-    #[error("{gpu}; pixels of the window: {software}")]
+    #[error("{gpu}; cannot draw the window on the CPU: {software}")]
     Neither { gpu: GpuError, software: SoftBufferError },
 }
 

@@ -112,7 +112,7 @@ pub fn draw(
     pixels_per_point: f32,
     textures: &Textures,
 ) {
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(MAX_THREADS);
     let rows = (pixels.len() / width.max(1)).div_ceil(threads).max(1);
     std::thread::scope(|scope| {
         let mut parts = pixels.chunks_mut(width.max(1) * rows).enumerate();
@@ -126,7 +126,7 @@ pub fn draw(
 }
 
 /// More threads find little to do.
-const MOST_THREADS: usize = 8;
+const MAX_THREADS: usize = 8;
 
 impl Target<'_> {
     /// Draws triangles over the existing pixels.
@@ -167,7 +167,7 @@ impl Target<'_> {
     fn triangle(&mut self, mut vertices: [Vertex; 3], clip: [usize; 4], texture: &Texture) {
         vertices.sort_by(|a, b| a.pos.y.total_cmp(&b.pos.y));
         let [a, b, c] = vertices.map(|vertex| vertex.pos);
-        let rows = pixels(a.y, c.y, clip[1], clip[3]);
+        let rows = pixel_range(a.y, c.y, clip[1], clip[3]);
         if rows.is_empty() {
             return;
         }
@@ -177,7 +177,7 @@ impl Target<'_> {
             let center = y as f32 + 0.5;
             let long = long.crossing(center);
             let short = if center < b.y { upper.crossing(center) } else { lower.crossing(center) };
-            let span = pixels(long.min(short), long.max(short), clip[0], clip[2]);
+            let span = pixel_range(long.min(short), long.max(short), clip[0], clip[2]);
             if span.is_empty() {
                 continue;
             }
@@ -189,7 +189,7 @@ impl Target<'_> {
 }
 
 /// Pixels whose centers lie in [low, high), limited to `from..until`.
-fn pixels(low: f32, high: f32, from: usize, until: usize) -> std::ops::Range<usize> {
+fn pixel_range(low: f32, high: f32, from: usize, until: usize) -> std::ops::Range<usize> {
     let first = |at: f32| {
         let at = (at - 0.5).clamp(from as f32, until.max(from) as f32);
         let whole = at as usize;
@@ -294,51 +294,53 @@ impl Paint<'_> {
         let pixels = (0u32..).zip(row.iter_mut()).map(|(step, pixel)| (dx + step as f32, pixel));
         match (&self.tint, &self.place) {
             (None, None) => {
-                let color = product(tint, texel);
-                match color.w >= OPAQUE {
-                    true => row.fill(packed(color)),
-                    false => row.iter_mut().for_each(|pixel| *pixel = over(color, *pixel)),
+                let color = multiply_colors(tint, texel);
+                match color.w >= OPAQUE_ALPHA {
+                    true => row.fill(pack_color(color)),
+                    false => row.iter_mut().for_each(|pixel| *pixel = blend_over(color, *pixel)),
                 }
             }
             (Some(tint), None) => {
-                pixels.for_each(|(right, pixel)| paint(pixel, product(tint.value(right, dy), texel)));
+                pixels.for_each(|(right, pixel)| {
+                    paint_pixel(pixel, multiply_colors(tint.value(right, dy), texel))
+                });
             }
             (None, Some(place)) => pixels.for_each(|(right, pixel)| {
-                paint(pixel, product(tint, self.texture.color(place.value(right, dy))));
+                paint_pixel(pixel, multiply_colors(tint, self.texture.color(place.value(right, dy))));
             }),
             (Some(tint), Some(place)) => pixels.for_each(|(right, pixel)| {
                 let texel = self.texture.color(place.value(right, dy));
-                paint(pixel, product(tint.value(right, dy), texel));
+                paint_pixel(pixel, multiply_colors(tint.value(right, dy), texel));
             }),
         }
     }
 }
 
 /// Alpha above which a color is drawn as opaque.
-const OPAQUE: f32 = 254.5;
+const OPAQUE_ALPHA: f32 = 254.5;
 
-fn product(a: Vec4, b: Vec4) -> Vec4 {
+fn multiply_colors(a: Vec4, b: Vec4) -> Vec4 {
     (a * b / 255.0).clamp(Vec4::ZERO, Vec4::splat(255.0))
 }
 
-fn paint(pixel: &mut u32, color: Vec4) {
+fn paint_pixel(pixel: &mut u32, color: Vec4) {
     // Most pixels of a glyph's quad are empty.
     if color != Vec4::ZERO {
-        *pixel = if color.w >= OPAQUE { packed(color) } else { over(color, *pixel) };
+        *pixel = if color.w >= OPAQUE_ALPHA { pack_color(color) } else { blend_over(color, *pixel) };
     }
 }
 
-fn packed(color: Vec4) -> u32 {
+fn pack_color(color: Vec4) -> u32 {
     let [r, g, b, _] = color.to_array().map(|c| (c + 0.5) as u32);
     r << 16 | g << 8 | b
 }
 
 /// A premultiplied color over an opaque one (Porter and Duff 1984).
-fn over(color: Vec4, below: u32) -> u32 {
+fn blend_over(color: Vec4, below: u32) -> u32 {
     let through = 1.0 - color.w / 255.0;
     let channel = |shift: u32| (below >> shift & 0xff) as f32;
     let below = Vec4::new(channel(16), channel(8), channel(0), 0.0);
-    packed((color + below * through).min(Vec4::splat(255.0)))
+    pack_color((color + below * through).min(Vec4::splat(255.0)))
 }
 
 #[cfg(test)]
@@ -449,7 +451,7 @@ mod tests {
 
     /// An image drawn pixel by pixel keeps its bytes, also away from the origin; at twice the size it has the means of neighboring pixels.
     #[test]
-    fn images_keep_their_bytes() {
+    fn opaque_images_are_copied_byte_for_byte() {
         let rgba: Vec<u8> = (0..64).flat_map(|i| [i as u8 * 4, 255 - i as u8, 7, 0]).collect();
         let mut textures = textures();
         let id = TextureId::User(3);

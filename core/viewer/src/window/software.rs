@@ -23,7 +23,7 @@ pub struct Software {
 impl Software {
     pub fn new(window: &Arc<Window>) -> Result<Software, SoftBufferError> {
         let surface = Surface::new(&Context::new(window.clone())?, window.clone())?;
-        let pictures = vec![None; crate::state::view::MOST_VIEWS];
+        let pictures = vec![None; crate::state::view::MAX_VIEWS];
         Ok(Software { surface, textures: Textures::default(), pictures })
     }
 

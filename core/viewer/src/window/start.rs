@@ -98,7 +98,7 @@ fn panic_message(panic: &(dyn Any + Send)) -> &str {
 
 /// Error about a window that cannot be opened. `why`: message of the system.
 pub(crate) fn no_window(why: &str) -> ViewerError {
-    let why = without_place(why);
+    let why = without_source_location(why);
     let package = PACKAGES.iter().find(|(part, _)| why.contains(part));
     let package = package.map_or_else(String::new, |(_, names)| format!("\n    hint: apt install {names}"));
     ViewerError::NoWindow(format!(
@@ -107,7 +107,7 @@ pub(crate) fn no_window(why: &str) -> ViewerError {
 }
 
 /// The message without the position in winit's source, which winit prepends.
-fn without_place(why: &str) -> &str {
+fn without_source_location(why: &str) -> &str {
     let place = why.strip_prefix("os error at ").and_then(|rest| rest.split_once(".rs:"));
     place.and_then(|(_, rest)| rest.split_once(": ")).map_or(why, |(_, words)| words)
 }
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_told_with_its_package() {
+    fn a_missing_library_is_reported_with_its_package() {
         let text = no_window("Library libxkbcommon-x11.so could not be loaded.");
         assert!(text.contains("apt install libxkbcommon-x11-0 libxkbcommon0\n"), "{text}");
         let text = no_window("os error at /a/b/mod.rs:788: Failed to load one of xlib's shared libraries");

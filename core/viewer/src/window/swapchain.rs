@@ -108,9 +108,11 @@ impl Swapchain {
 
     /// Acquires the next image. `None` if the surface has changed and a new swapchain is needed.
     pub fn next(&self, signal: vk::Semaphore) -> Result<Option<u32>, GpuError> {
-        const SECOND: u64 = 1_000_000_000;
+        const NANOS_PER_SEC: u64 = 1_000_000_000;
         // SAFETY: the semaphore is unsignalled and no frame waits for it.
-        match unsafe { self.loader.acquire_next_image(self.raw, 5 * SECOND, signal, vk::Fence::null()) } {
+        match unsafe {
+            self.loader.acquire_next_image(self.raw, 5 * NANOS_PER_SEC, signal, vk::Fence::null())
+        } {
             // A suboptimal swapchain is still presented, and replaced afterwards.
             Ok((index, _)) => Ok(Some(index)),
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(None),

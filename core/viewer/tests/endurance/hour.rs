@@ -1,11 +1,11 @@
-//! Somebody at work for a while: edits, drags, breaks, mends, resizes, plays, all by a seed. Nothing that the viewer holds grows, it
-//! does not fall, and the validation layer has nothing to say:
-//! `CHOREO_MINUTES=60 cargo test -p choreo -p choreo-viewer --test endurance hour -- --ignored --nocapture`, else ten minutes. `CHOREO_SEED` for another hour.
+//! Random use of the viewer by a seed: edits, drags, errors and repairs, resizes, playback. Memory and objects of the viewer must not grow, it
+//! must not crash, and the validation layer must report nothing:
+//! `CHOREO_MINUTES=60 cargo test -p choreo -p choreo-viewer --test endurance hour -- --ignored --nocapture` (default: 10); `CHOREO_SEED`.
 
 use crate::screen::chance::Chance;
-use crate::screen::kept::Kept;
+use crate::screen::kept::ResourceRecord;
 use crate::screen::viewer_process::ViewerProcess;
-use crate::screen::{Screen, assert_quiet, validated};
+use crate::screen::{Screen, assert_no_errors, is_validation_installed};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -28,7 +28,7 @@ marker("hello", 2.0);
 const GLOW: &str = "// effect: glow\n// about: brighter\n// version: 1\n// param amount = 0.5 in 0..1: how much\n\
     fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {\n    return color * (1.0 + BY * p[amount]);\n}\n";
 
-struct Person<'a> {
+struct SimulatedUser<'a> {
     screen: &'a Screen,
     window: &'a str,
     folder: &'a Path,
@@ -36,9 +36,9 @@ struct Person<'a> {
     size: [u64; 2],
 }
 
-impl Person<'_> {
+impl SimulatedUser<'_> {
     fn save(&self, text: &str) {
-        // Editors save in place, or beside the file and rename.
+        // Text editors save in place, or write a new file and rename it.
         let file = self.folder.join("a.rhai");
         if text.len().is_multiple_of(2) {
             fs::write(self.folder.join("a.new"), text).unwrap();
@@ -48,8 +48,8 @@ impl Person<'_> {
         }
     }
 
-    fn point(&mut self, part: [u64; 4]) -> [String; 2] {
-        // The part is in hundredths of the window: left, right, top, bottom.
+    fn random_point(&mut self, part: [u64; 4]) -> [String; 2] {
+        // `part` is in hundredths of the window: left, right, top, bottom.
         let [left, right, top, bottom] = part;
         let x = self.size[0] * (left + self.chance.next(right - left)) / 100;
         let y = self.size[1] * (top + self.chance.next(bottom - top)) / 100;
@@ -57,7 +57,7 @@ impl Person<'_> {
     }
 
     fn drag(&mut self, part: [u64; 4], button: &str) {
-        let (from, to) = (self.point(part), self.point(part));
+        let (from, to) = (self.random_point(part), self.random_point(part));
         let window = self.window;
         self.screen.xdotool(&["mousemove", "--window", window, &from[0], &from[1], "mousedown", button]);
         self.screen.xdotool(&[
@@ -71,15 +71,15 @@ impl Person<'_> {
             "mouseup",
             button,
         ]);
-        // A dialog, which a drag can open, takes everything else.
+        // A drag can open a dialog, which blocks all other input.
         if self.chance.next(4) == 0 {
             self.screen.key(self.window, "Escape");
         }
     }
 
-    /// Something that people do.
-    fn act(&mut self) {
-        // Where the panels lie at first.
+    /// Performs one random action of a user.
+    fn perform_random_action(&mut self) {
+        // Initial places of the panels.
         const PICTURE: [u64; 4] = [20, 70, 14, 60];
         const BARS: [u64; 4] = [12, 98, 72, 96];
         let number = self.chance.next(1000) as f64 / 500.0;
@@ -97,12 +97,12 @@ impl Person<'_> {
             9 => self.drag(PICTURE, "1"),
             10 => self.drag(PICTURE, "3"),
             11 => {
-                let at = self.point(PICTURE);
+                let at = self.random_point(PICTURE);
                 let window = self.window;
                 self.screen.xdotool(&["mousemove", "--window", window, &at[0], &at[1], "click", "1"]);
             }
             12 => {
-                let at = self.point(PICTURE);
+                let at = self.random_point(PICTURE);
                 let (window, wheel) = (self.window, self.chance.one(&["4", "5"]));
                 self.screen.xdotool(&["mousemove", "--window", window, &at[0], &at[1], "click", wheel]);
             }
@@ -156,8 +156,8 @@ impl Person<'_> {
         }
     }
 
-    /// All as at first, and at rest.
-    fn rest(&mut self, viewer: &ViewerProcess) -> Value {
+    /// Restores the initial state and waits until the viewer is idle.
+    fn restore_view(&mut self, viewer: &ViewerProcess) -> Value {
         fs::write(self.folder.join("glow.wgsl"), GLOW.replace("BY", "1.0")).unwrap();
         self.size = [1280, 860];
         self.screen.xdotool(&["windowsize", self.window, "1280", "860"]);
@@ -167,9 +167,9 @@ impl Person<'_> {
         let quiet = Duration::from_millis(1500);
         let mut marked = 0;
         loop {
-            // Earlier lines are outdated.
+            // Earlier log lines are outdated.
             if viewer.settled(quiet, Duration::from_secs(6)).is_none() {
-                // It plays.
+                // Playback is on.
                 self.screen.key(self.window, "space");
                 continue;
             }
@@ -178,14 +178,14 @@ impl Person<'_> {
             if let Some(Some(shown)) = viewer.settled(quiet, Duration::from_secs(20)) {
                 return shown;
             }
-            assert!(marked < 20, "nothing is shown any more");
+            assert!(marked < 20, "the viewer shows no new frame");
         }
     }
 }
 
 #[test]
 #[ignore = "takes ten minutes, or as many as asked for"]
-fn of_use_leaves_nothing() {
+fn random_use_leaks_no_memory_or_file_handles() {
     let Some(screen) = Screen::new() else { return };
     let number =
         |name: &str, usual: u64| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(usual);
@@ -194,7 +194,7 @@ fn of_use_leaves_nothing() {
     fs::write(folder.path().join("a.rhai"), SCRIPT).unwrap();
     fs::write(folder.path().join("glow.wgsl"), GLOW.replace("BY", "1.0")).unwrap();
     let mut command = screen.command(&[folder.path().join("a.rhai").to_str().unwrap()], folder.path());
-    if validated() {
+    if is_validation_installed() {
         command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
     }
     command.stderr(fs::File::create(folder.path().join("said.txt")).unwrap());
@@ -203,23 +203,23 @@ fn of_use_leaves_nothing() {
     let window = screen.window();
     let chance = Chance::new(seed);
     let mut person =
-        Person { screen: &screen, window: &window, folder: folder.path(), chance, size: [1280, 860] };
+        SimulatedUser { screen: &screen, window: &window, folder: folder.path(), chance, size: [1280, 860] };
     let mut actions = 0u64;
-    let mut kept = Kept::default();
+    let mut kept = ResourceRecord::default();
     for minute in 0..=minutes {
         let end = Instant::now() + Duration::from_secs(if minute == 0 { 0 } else { 60 });
         while Instant::now() < end {
-            person.act();
+            person.perform_random_action();
             actions += 1;
-            assert!(viewer.process.0.try_wait().unwrap().is_none(), "it has ended");
+            assert!(viewer.process.0.try_wait().unwrap().is_none(), "the viewer process has ended");
         }
-        let shown = person.rest(&viewer);
+        let shown = person.restore_view(&viewer);
         kept.note(minute, actions, &viewer, &shown);
-        assert_quiet(folder.path());
+        assert_no_errors(folder.path());
     }
     screen.key(&window, "ctrl+q");
     let status = crate::screen::until("the end", || viewer.process.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
-    assert_quiet(folder.path());
-    kept.judge();
+    assert_no_errors(folder.path());
+    kept.assert_no_growth();
 }

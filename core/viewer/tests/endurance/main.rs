@@ -1,4 +1,4 @@
-//! Somebody at work in a window for minutes or an hour, by a seed.
+//! Endurance tests: random use of a window for minutes or an hour, by a seed.
 #![cfg(target_os = "linux")]
 
 #[path = "../screen/mod.rs"]

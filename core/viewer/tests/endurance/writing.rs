@@ -1,53 +1,53 @@
-//! Somebody writes `scripts/02_layers.rhai` with the viewer beside the editor: line by line from an empty file, with mistakes made and
-//! mended, saved in the three ways of editors; looks around between, drags a bar, a clip of the inspector, the actor itself, takes it
-//! back, does it again. Once as fast as it goes; at a person's pace, with breaks, for as long as requested:
+//! A simulated user writes `scripts/02_layers.rhai` in a text editor next to the viewer: line by line from an empty file, with errors that are
+//! fixed, saved in the three ways of text editors. In between the user looks around, drags a bar, a clip of the inspector and the actor, and
+//! undoes and redoes it. One test runs as fast as possible; the other at the pace of a person, with breaks, for the requested time:
 //! `CHOREO_MINUTES=60 cargo test -p choreo -p choreo-viewer --test endurance writing -- --ignored --nocapture`.
 
 use crate::screen::chance::Chance;
-use crate::screen::kept::Kept;
+use crate::screen::kept::ResourceRecord;
 use crate::screen::viewer_process::ViewerProcess;
-use crate::screen::{Screen, Shot, assert_quiet, until, validated};
+use crate::screen::{Screen, Screenshot, assert_no_errors, is_validation_installed, until};
 use choreo_viewer::panels::color_of_clip;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// The color of the playhead in the sequencer.
+/// Color of the playhead in the sequencer.
 const PLAYHEAD: [u8; 3] = [0xff, 0x6a, 0x3d];
-/// The gizmo's arrow along x, and its ring about y.
+/// Colors of the gizmo's arrow along x and of its ring about y.
 const ALONG_X: [u8; 3] = [0xe0, 0x55, 0x4d];
 const ABOUT_Y: [u8; 3] = [0x6a, 0xb0, 0x3f];
-/// Buttons of the inspector.
+/// Color of the buttons of the inspector.
 const BUTTON: [u8; 3] = [60; 3];
-/// Where the panels lie at first, in a window of 1280 × 860; left in the inspector, the buttons of clips alone.
+/// Initial places of the panels in a window of 1280 × 860; of the inspector only the buttons of clips.
 const SEQUENCER: [usize; 2] = [600, 860];
 const CLIPS: [usize; 3] = [949, 325, 560];
 const PICTURE: [usize; 4] = [200, 110, 900, 540];
 
-struct Person<'a> {
+struct SimulatedUser<'a> {
     screen: &'a Screen,
     window: &'a str,
     viewer: &'a ViewerProcess,
     file: PathBuf,
     chance: Chance,
-    /// Seconds from one deed to the next, about.
+    /// Mean pause between two actions, seconds.
     pace: f64,
-    /// The newest that was viewer of.
+    /// Newest version number that the viewer has reported.
     version: u64,
     saves: u64,
     actions: u64,
 }
 
-impl Person<'_> {
+impl SimulatedUser<'_> {
     /// Pauses like a user between two actions.
-    fn breathe(&mut self) {
+    fn pause(&mut self) {
         let part = 0.5 + self.chance.next(1000) as f64 / 1000.0;
         std::thread::sleep(Duration::from_secs_f64(self.pace * part));
     }
 
-    /// Saves in three ways: in place; beside the file and renamed over it; with the old file moved away first.
+    /// Saves in one of three ways: in place; to a new file renamed over the old one; with the old file moved away first.
     fn save(&mut self, text: &str) {
-        assert_ne!(text, self.text(), "there is something to save");
+        assert_ne!(text, self.text(), "the text differs from the saved one");
         let beside = self.file.with_extension("new");
         match self.saves % 3 {
             0 => fs::write(&self.file, text).unwrap(),
@@ -69,8 +69,8 @@ impl Person<'_> {
         fs::read_to_string(&self.file).unwrap()
     }
 
-    /// Waits for a version after those known, and where it is to be good for its image.
-    fn taken(&mut self, good: bool) {
+    /// Waits for a version newer than the known ones. `good`: it must load, and its frame is awaited, too.
+    fn wait_for_version(&mut self, good: bool) {
         loop {
             let (number, faulty) = self.viewer.version(self.version);
             self.version = number;
@@ -90,7 +90,7 @@ impl Person<'_> {
         }
     }
 
-    /// Each step once the one before has been seen.
+    /// Presses keys, waiting for each to take effect.
     fn drag(&mut self, from: (usize, usize), to: (usize, usize)) {
         let move_to = |x: usize, y: usize| {
             let [x, y] = [x, y].map(|n| n.to_string());
@@ -108,8 +108,8 @@ impl Person<'_> {
         self.actions += 1;
     }
 
-    /// A typing error: half a line, a name, a parenthesis.
-    fn mistake(&mut self, before: &str, line: &str) -> Option<String> {
+    /// Inserts a typing error: half a line, a wrong name or a missing parenthesis.
+    fn insert_typo(&mut self, before: &str, line: &str) -> Option<String> {
         let half = line.char_indices().nth(line.chars().count() / 2)?.0;
         let mistyped = match self.chance.next(3) {
             0 => line[..half].to_string(),
@@ -120,8 +120,8 @@ impl Person<'_> {
         (mistyped != line && text != self.text()).then_some(text)
     }
 
-    /// Something that one does between two lines.
-    fn look_around(&mut self) {
+    /// Performs a random view action between two lines.
+    fn perform_view_action(&mut self) {
         match self.chance.next(5) {
             0 => {
                 let to = 300 + self.chance.next(800) as usize;
@@ -135,7 +135,7 @@ impl Person<'_> {
             2 => self.keys(&["Right", "Right", "Right", "Left", "End", "Home"]),
             3 => {
                 self.drag((760, 200), (660, 240));
-                // Back to the script's camera.
+                // Returns to the camera of the script.
                 self.keys(&["c"]);
             }
             _ => {
@@ -162,21 +162,21 @@ impl Person<'_> {
         let mut before = String::new();
         for line in lesson.lines() {
             let text = format!("{before}{line}\n");
-            // Blank lines and comments are saved with what comes after.
+            // Blank lines and comments are saved together with the next line.
             if !line.trim().is_empty() && !line.starts_with("//") {
                 if self.chance.next(3) == 0
-                    && let Some(mistaken) = self.mistake(&before, line)
+                    && let Some(mistaken) = self.insert_typo(&before, line)
                 {
                     self.save(&mistaken);
-                    self.taken(false);
-                    self.breathe();
+                    self.wait_for_version(false);
+                    self.pause();
                 }
                 self.save(&text);
-                self.taken(true);
-                self.breathe();
+                self.wait_for_version(true);
+                self.pause();
                 if self.chance.next(3) == 0 {
-                    self.look_around();
-                    self.breathe();
+                    self.perform_view_action();
+                    self.pause();
                 }
             }
             before = text;
@@ -184,15 +184,17 @@ impl Person<'_> {
         assert_eq!(self.text(), lesson);
     }
 
-    /// Before something is dragged.
-    fn at_ease(&mut self) {
+    /// Prepares the window for a drag.
+    fn prepare_drag(&mut self) {
         self.keys(&["Escape", "ctrl+2", "ctrl+4", "g", "Home"]);
-        self.settle();
+        self.wait_until_idle();
     }
 
-    /// A drag of what is not shown yet is refused; one save can be seen as two.
-    fn settle(&mut self) {
-        self.viewer.settled(Duration::from_millis(400), Duration::from_secs(600)).expect("it comes to rest");
+    /// Waits until the viewer is idle: a drag of a version that is not shown yet is refused, and one save can cause two reloads.
+    fn wait_until_idle(&mut self) {
+        self.viewer
+            .settled(Duration::from_millis(400), Duration::from_secs(600))
+            .expect("the scene stops changing");
         self.screen.rest(self.viewer.process.0.id());
     }
 
@@ -200,10 +202,10 @@ impl Person<'_> {
         until("the bar", || self.screen.shot(self.window).bar(color_of_clip("Run"), SEQUENCER))
     }
 
-    /// The lines of the script that a drag has changed, as they were and as they are, or come.
-    fn changed(&mut self, lesson: &str) -> (String, Vec<String>) {
+    /// Lines of the script that a drag has changed or added, before and after.
+    fn changed_lines(&mut self, lesson: &str) -> (String, Vec<String>) {
         let changed = until("the change", || {
-            // It says why not, where it was refused.
+            // A refusal is shown with its reason.
             self.screen.save(self.window, "dragged.png");
             Some(self.text()).filter(|t| t != lesson)
         });
@@ -212,61 +214,61 @@ impl Person<'_> {
         (changed, come)
     }
 
-    /// Taken back, made again, and taken back.
-    fn take_back(&mut self, lesson: &str, changed: &str) {
-        self.taken(true);
+    /// Undoes, redoes and undoes the change.
+    fn undo_redo_undo(&mut self, lesson: &str, changed: &str) {
+        self.wait_for_version(true);
         for (key, wanted) in [("ctrl+z", lesson), ("ctrl+y", changed), ("ctrl+z", lesson)] {
-            self.breathe();
+            self.pause();
             self.keys(&[key]);
             until(key, || (self.text() == wanted).then_some(()));
-            self.taken(true);
+            self.wait_for_version(true);
         }
     }
 
-    /// The end of the second clip is dragged: one number of the script changes; back, again, and back.
+    /// Drags the end of the second clip, which changes one number of the script; then undo, redo, undo.
     fn drag_a_bar(&mut self, lesson: &str) {
-        self.at_ease();
+        self.prepare_drag();
         let (_, right, y) = self.kims_bar();
         let by = 20 + self.chance.next(60) as usize;
         self.drag((right + 1, y), (right + by, y));
-        let (changed, come) = self.changed(lesson);
+        let (changed, come) = self.changed_lines(lesson);
         let [line] = &come[..] else { panic!("{changed}") };
         assert!(
             line.contains("\"Run\"") && line.contains(".until(") && !line.contains("until(4.0)"),
             "{line}"
         );
         assert_eq!(changed.lines().count(), lesson.lines().count(), "{changed}");
-        self.take_back(lesson, &changed);
+        self.undo_redo_undo(lesson, &changed);
     }
 
-    /// A click on the row selects the actor: the inspector has its clips, the viewport its gizmo.
+    /// Selects the actor by a click on its row: the inspector lists its clips, the viewport shows its gizmo.
     fn select(&mut self) {
-        self.at_ease();
-        until("no gizmo", || self.in_picture(ALONG_X).is_empty().then_some(()));
+        self.prepare_drag();
+        until("no gizmo", || self.pixels_in_image(ALONG_X).is_empty().then_some(()));
         let y = self.kims_bar().2.to_string();
         self.screen.xdotool(&["mousemove", "--window", self.window, "60", &y]);
         self.screen.rest(self.viewer.process.0.id());
         self.screen.xdotool(&["click", "1"]);
         self.actions += 1;
-        until("the gizmo", || self.in_picture(ALONG_X).last().copied());
-        self.settle();
+        until("the gizmo", || self.pixels_in_image(ALONG_X).last().copied());
+        self.wait_until_idle();
     }
 
-    /// Where the image has a color, from left to right.
-    fn in_picture(&self, color: [u8; 3]) -> Vec<(usize, usize)> {
+    /// Pixels of the viewport image with a color, from left to right.
+    fn pixels_in_image(&self, color: [u8; 3]) -> Vec<(usize, usize)> {
         let shot = self.screen.shot(self.window);
         let [left, top, right, bottom] = PICTURE;
         let all = (left..right).flat_map(|x| (top..bottom).map(move |y| (x, y)));
         all.filter(|(x, y)| shot.is(*x, *y, color)).collect()
     }
 
-    /// One of the actor's clips is let go over its row: a line comes.
+    /// Drags one of the actor's clips onto its row, which adds a line.
     fn drag_a_clip(&mut self, lesson: &str) {
         self.select();
         self.screen.save(self.window, "clips.png");
         let shot = self.screen.shot(self.window);
         let [x, top, bottom] = CLIPS;
-        // A letter's edge can have the color of a button, too, but is not as high.
+        // The edge of a letter can also have the color of a button, but is not as high.
         let is_button = |y: usize| (y..y + 8).all(|y| shot.is(x, y, BUTTON));
         let begins = |y: &usize| is_button(*y) && !shot.is(x, *y - 1, BUTTON);
         let clips: Vec<usize> = (top..bottom).filter(begins).collect();
@@ -274,61 +276,63 @@ impl Person<'_> {
         let clip = clips[self.chance.next(clips.len() as u64) as usize];
         let to = 300 + self.chance.next(800) as usize;
         let row = self.kims_bar().2;
-        // Seen where the change never comes.
+        // A screenshot shows why no change has arrived.
         println!("a clip from {}, {} to {to}, {row}", x + 35, clip + 6);
         self.drag((x + 35, clip + 6), (to, row));
-        let (changed, come) = self.changed(lesson);
+        let (changed, come) = self.changed_lines(lesson);
         let [line] = &come[..] else { panic!("{changed}") };
         assert!(
             line.starts_with("kim.play(moves.clip(\"") && line.contains("#{ fade: 0.3 }).from("),
             "{line}"
         );
         assert_eq!(changed.replacen(&format!("{line}\n"), "", 1), lesson);
-        self.take_back(lesson, &changed);
+        self.undo_redo_undo(lesson, &changed);
     }
 
-    /// The actor is moved along x, or turned about y: its first key changes, or its angle.
+    /// Moves the actor along x, or turns it about y, which changes its first key or its angle.
     fn drag_the_actor(&mut self, lesson: &str, turn: bool) {
         self.select();
         let by = 15 + self.chance.next(30) as usize;
         if turn {
-            let (middle, _) = until("the arrow", || self.in_picture(ALONG_X).first().copied());
+            let (middle, _) = until("the arrow", || self.pixels_in_image(ALONG_X).first().copied());
             self.keys(&["r"]);
-            // The ring is as wide as the arrow was long; the arrow along y has its color, too.
+            // The radius of the ring equals the length of the arrow. The arrow along y has the same color.
             let is_ring = |at: &(usize, usize)| at.0 + 40 < middle;
-            let left = until("the ring", || self.in_picture(ABOUT_Y).first().copied().filter(is_ring));
+            let left = until("the ring", || self.pixels_in_image(ABOUT_Y).first().copied().filter(is_ring));
             self.drag((left.0 + 1, left.1), (left.0 + 6, left.1 + by));
         } else {
-            let tip = until("the arrow", || self.in_picture(ALONG_X).last().copied());
+            let tip = until("the arrow", || self.pixels_in_image(ALONG_X).last().copied());
             self.drag((tip.0 - 8, tip.1), (tip.0 - 8 + by, tip.1));
         }
-        let (changed, come) = self.changed(lesson);
+        let (changed, come) = self.changed_lines(lesson);
         let [line] = &come[..] else { panic!("{changed}") };
         let keys = ", [-4.0, 0.0, 0.0]], [2.0, [-1.6, 0.0, 0.0]], [4.0, [3.8, 0.0, 0.0]]]);";
         let (turned, moved) = (!line.starts_with("kim.turn(90.0)."), !line.ends_with(keys));
         assert!(line.starts_with("kim.turn(") && (turned, moved) == (turn, !turn), "{line}");
         assert_eq!(changed.lines().count(), lesson.lines().count(), "{changed}");
-        self.take_back(lesson, &changed);
+        self.undo_redo_undo(lesson, &changed);
     }
 
-    /// All as at first; what is seen then.
-    fn rest(&mut self) -> Shot {
+    /// Restores the initial view and returns a screenshot.
+    fn restore_view(&mut self) -> Screenshot {
         self.keys(&["Escape", "ctrl+0", "ctrl+1", "ctrl+2", "ctrl+4", "g", "Home"]);
-        // Nothing is under the mouse.
+        // No widget is under the pointer.
         self.screen.xdotool(&["mousemove", "--window", self.window, "1270", "850"]);
-        // An image on a busy machine can take a second.
-        self.viewer.settled(Duration::from_secs(2), Duration::from_secs(600)).expect("it comes to rest");
+        // A frame on a busy machine can take a second.
+        self.viewer
+            .settled(Duration::from_secs(2), Duration::from_secs(600))
+            .expect("the scene stops changing");
         self.screen.rest(self.viewer.process.0.id());
         let shot = self.screen.shot(self.window);
         let [left, top, right, bottom] = PICTURE;
         let rows =
             (top..bottom).flat_map(|y| &shot.rgb[(y * shot.width + left) * 3..(y * shot.width + right) * 3]);
-        Shot { width: right - left, height: bottom - top, rgb: rows.copied().collect() }
+        Screenshot { width: right - left, height: bottom - top, rgb: rows.copied().collect() }
     }
 }
 
-/// `None`, with a word, where there is no display.
-fn at_the_desk(seed: u64, pace: f64, mut use_it: impl FnMut(&mut Person<'_>, &str)) {
+/// Opens a viewer of an empty script. Does nothing but print a line if there is no display.
+fn run_writing_session(seed: u64, pace: f64, mut use_it: impl FnMut(&mut SimulatedUser<'_>, &str)) {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let lesson = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/02_layers.rhai");
@@ -336,7 +340,7 @@ fn at_the_desk(seed: u64, pace: f64, mut use_it: impl FnMut(&mut Person<'_>, &st
     let file = folder.path().join("lesson.rhai");
     fs::write(&file, "// Mine.\n").unwrap();
     let mut command = screen.command(&[file.to_str().unwrap()], folder.path());
-    if validated() {
+    if is_validation_installed() {
         command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
     }
     command.stderr(fs::File::create(folder.path().join("said.txt")).unwrap());
@@ -344,7 +348,7 @@ fn at_the_desk(seed: u64, pace: f64, mut use_it: impl FnMut(&mut Person<'_>, &st
     let (version, _) = viewer.version(0);
     let window = screen.window();
     let chance = Chance::new(seed);
-    let mut person = Person {
+    let mut person = SimulatedUser {
         screen: &screen,
         window: &window,
         viewer: &viewer,
@@ -356,44 +360,44 @@ fn at_the_desk(seed: u64, pace: f64, mut use_it: impl FnMut(&mut Person<'_>, &st
         actions: 0,
     };
     use_it(&mut person, &lesson);
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
     screen.key(&window, "ctrl+q");
     let status = until("the end", || viewer.process.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
 }
 
 #[test]
 fn a_lesson_is_written_from_an_empty_file() {
-    at_the_desk(7, 0.0, |person, lesson| {
+    run_writing_session(7, 0.0, |person, lesson| {
         person.write(lesson);
         person.drag_a_bar(lesson);
         person.drag_a_clip(lesson);
         person.drag_the_actor(lesson, false);
         person.drag_the_actor(lesson, true);
-        let first = person.rest();
-        // Shown able to tell: another frame is another image.
+        let first = person.restore_view();
+        // Check of the test itself: another frame must give another image.
         person.keys(&["End"]);
         until("another image", || (person.screen.shot(person.window).rgb != first.rgb).then_some(()));
-        assert!(person.rest() == first, "the same image as before");
+        assert!(person.restore_view() == first, "the same image as before");
     });
 }
 
 #[test]
 #[ignore = "takes ten minutes, or as many as asked for"]
-fn an_hour_beside_the_editor() {
+fn editing_in_window_and_text_editor_leaks_nothing() {
     let number =
         |name: &str, usual: u64| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(usual);
     let (minutes, seed) = (number("CHOREO_MINUTES", 10), number("CHOREO_SEED", 7));
     let pace = number("CHOREO_PACE_MS", 1000) as f64 / 1e3;
-    at_the_desk(seed, pace, |person, lesson| {
+    run_writing_session(seed, pace, |person, lesson| {
         let start = Instant::now();
-        let mut kept = Kept::default();
-        let mut first: Option<Shot> = None;
+        let mut kept = ResourceRecord::default();
+        let mut first: Option<Screenshot> = None;
         let mut idle: f64 = 0.0;
         while start.elapsed() < Duration::from_secs(minutes * 60) {
             person.save("// Once more, from nothing.\n");
-            person.taken(true);
+            person.wait_for_version(true);
             person.write(lesson);
             for deed in 0..4 {
                 match deed {
@@ -401,11 +405,11 @@ fn an_hour_beside_the_editor() {
                     1 => person.drag_a_clip(lesson),
                     deed => person.drag_the_actor(lesson, deed == 2),
                 }
-                person.look_around();
+                person.perform_view_action();
             }
-            let seen = person.rest();
+            let seen = person.restore_view();
             assert!(*first.get_or_insert_with(|| seen.clone()) == seen, "the same script, the same image");
-            // A break: nothing is done then.
+            // A break without any input.
             let (before, of_threads) = (person.viewer.processor_secs(), person.viewer.threads());
             std::thread::sleep(Duration::from_secs(20));
             let now = (person.viewer.processor_secs() - before) / 20.0;
@@ -415,7 +419,7 @@ fn an_hour_beside_the_editor() {
                 println!("threads before: {of_threads:?}\nand after: {:?}", person.viewer.threads());
             }
             idle = idle.max(now);
-            // One more save, so that something is viewer.
+            // One more save, so that a new frame is displayed.
             person.save(&format!("{lesson}// {}\n", person.saves));
             let (number, _) = person.viewer.version(person.version);
             person.version = number;
@@ -424,6 +428,6 @@ fn an_hour_beside_the_editor() {
         }
         println!("at most {:.2} % of a core in breaks", idle * 100.0);
         assert!(idle < 0.01, "{idle}");
-        kept.judge();
+        kept.assert_no_growth();
     });
 }

@@ -1,4 +1,4 @@
-//! Keys that are dragged, models and clips that are dropped, and refusals that are read beside the pointer.
+//! Dragged keys, dropped models and clips, and refusal messages at the pointer.
 
 use crate::place::{Desk, Place, drag};
 use choreo_motion::Time;
@@ -26,13 +26,13 @@ camera("wide").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
 camera("near").at(0.0, 1.0, 2.5).look_at([0.0, 1.0, 0.0]).key("fov", [[0.0, 40], [2.0, 50]]).cut(2.0);
 "##;
 
-/// Points that a second takes in the sequencer.
+/// Width of one second in the sequencer, points.
 fn second(desk: &Desk) -> f32 {
     desk.get_by_label("time").rect().width() / 4.0
 }
 
 #[test]
-fn a_dragged_key_moves_and_the_cut_below_it_stays() {
+fn dragging_a_key_above_a_cut_moves_only_the_key() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     let keys = desk.query_all_by_label("event near field of view on camera");
     let key = keys.map(|node| node.rect().center()).max_by(|a, b| a.x.total_cmp(&b.x)).unwrap();
@@ -46,19 +46,19 @@ fn a_dragged_key_moves_and_the_cut_below_it_stays() {
 }
 
 #[test]
-fn a_refusal_is_read_beside_the_pointer_with_its_line_as_a_link() {
+fn a_rejected_edit_shows_its_reason_and_line_link_at_the_pointer() {
     let script =
         SCRIPT.replace(".until(2.0)", ".until(two)").replace("let moves", "let two = 2.0; let moves");
     let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
     let by = second(&desk);
-    // The key in the middle of the bar is not to be taken.
+    // The drag does not start on the key in the middle of the bar.
     let from = desk.get_by_label("Walk on ada").rect().center() + vec2(by * 0.4, 0.0);
     let to = from + vec2(by * 0.5, 0.0);
     drag(&mut desk, from, to);
     assert_eq!(desk.state().text(), script);
     let link = desk.get_by_label("go to line 4").rect();
     assert!((link.left_top() - to).length() < 80.0, "{link:?} is not beside {to:?}");
-    // The line takes a click, and the words above it leave one to what they cover.
+    // The link takes clicks, but the text above it lets them through to what it covers.
     let taken_by = |at| desk.ctx.layer_id_at(at).map(|layer| layer.order);
     assert_eq!(taken_by(link.center()), Some(Order::Foreground));
     assert_eq!(taken_by(link.center() - vec2(0.0, link.height())), Some(Order::Background));
@@ -69,9 +69,9 @@ fn a_refusal_is_read_beside_the_pointer_with_its_line_as_a_link() {
     assert!(shown(&desk), "the script's panel is in front");
 }
 
-/// Where a line would do it, a dialog says why in place of the text at the pointer, and nothing else takes clicks, keys or the wheel.
+/// If a line could be added instead, a dialog shows the reason in place of the text at the pointer, and blocks clicks, keys and the wheel.
 #[test]
-fn a_dialog_is_read_alone_and_takes_all_input() {
+fn a_modal_dialog_covers_other_text_and_takes_all_input() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     let refused = |desk: &mut Desk| {
         let marks: Vec<Pos2> =
@@ -117,7 +117,7 @@ fn a_dialog_is_read_alone_and_takes_all_input() {
     assert_eq!(desk.state().text(), SCRIPT);
 }
 
-/// Whether a shape is drawn over a point.
+/// Whether a shape is filled at a point.
 fn covers(shape: &Shape, at: Pos2) -> bool {
     match shape {
         Shape::Rect(rect) => rect.fill.a() > 0 && rect.rect.contains(at),
@@ -126,9 +126,9 @@ fn covers(shape: &Shape, at: Pos2) -> bool {
     }
 }
 
-/// A refusal without a line comes between two that have one: the box of the last one does not cover its link.
+/// A refusal without a line between two with one: the box of the second does not cover the link of the third.
 #[test]
-fn the_line_of_a_later_refusal_is_seen() {
+fn a_second_rejected_edit_shows_its_own_line() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     for (at, line) in
         [(pos2(300.0, 300.0), Some(7)), (pos2(500.0, 400.0), None), (pos2(700.0, 300.0), Some(7))]
@@ -172,14 +172,14 @@ fn a_clip_on_another_character_is_retargeted_and_the_joints_that_follow_are_coun
     );
     place.reload();
     assert_eq!(place.viewer.scene.as_ref().unwrap().stage.actors[1].layers[0].cues.len(), 1);
-    // A box has no joint that could follow.
+    // A box has no joints that a clip could animate.
     let mut place = Place::new(SCRIPT);
     let why = place.viewer.add_clip("hat", "ada", "Wave", 1.0).unwrap_err().to_string();
     assert!(why.ends_with("a.rhai:5: no joint of hat follows Wave of ada"), "{why}");
     assert_eq!(place.text(), SCRIPT);
 }
 
-/// Reads models as the window does, and puts them on stage.
+/// Reads dropped models as the window does, and adds them to the stage.
 fn put(place: &mut Place, files: &[PathBuf], at: DVec3) {
     put_as(place, &DroppedModels { files: files.to_vec(), at, beside: false });
 }
@@ -200,7 +200,7 @@ fn model(folder: &Path) -> PathBuf {
 }
 
 #[test]
-fn a_model_from_elsewhere_is_copied_with_what_it_reads_if_the_user_agrees() {
+fn a_dropped_model_is_copied_with_its_dependencies_after_confirmation() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     let elsewhere = tempfile::tempdir().unwrap();
     let file = model(&elsewhere.path().canonicalize().unwrap());
@@ -235,9 +235,9 @@ impl egui::DroppedFile for Dropped {
     }
 }
 
-/// The point below the pointer is found by the image: the middle of the picture is one metre above the ground.
+/// The ground point under the pointer is found from the image, whose center is one metre above the ground.
 #[test]
-fn a_model_that_is_dropped_on_the_image_stands_on_the_ground_under_the_pointer() {
+fn a_model_dropped_on_the_viewport_is_placed_on_the_ground_under_the_pointer() {
     let mut place = Place::new(SCRIPT);
     place.paint();
     let mut desk = place.harness(vec2(1500.0, 1000.0));
@@ -250,7 +250,7 @@ fn a_model_that_is_dropped_on_the_image_stands_on_the_ground_under_the_pointer()
     desk.run_steps(60);
     let dropped = desk.state_mut().viewer.dropped_models.take().unwrap();
     assert_eq!(dropped.files, [file]);
-    // Computed by hand: the camera stands 4 m away and 1 m high and looks level.
+    // Computed by hand: the camera is 4 m away, 1 m high and level.
     let scene = desk.state().viewer.scene.clone().unwrap();
     let choreo_asset::Projection::Perspective { yfov, .. } = scene.stage.cameras[0].projection else {
         panic!()
@@ -270,7 +270,7 @@ fn a_model_that_is_dropped_on_the_image_stands_on_the_ground_under_the_pointer()
     assert_eq!(place.viewer.selection, Some(Selected::Actor("tri".into())));
 }
 
-/// Views without perspective, and the sky of one with it: what is put there lies under the pointer. Truth: projected as the renderer does.
+/// Orthographic views, and the sky of a perspective one: the dropped model lies under the pointer. Expected values: the projection of the renderer.
 #[test]
 fn a_model_is_dropped_under_the_pointer_in_every_view() {
     let mut place = Place::new(SCRIPT);
@@ -311,18 +311,18 @@ fn a_model_is_dropped_under_the_pointer_in_every_view() {
             top + (clip.y / clip.w + 1.0) / 2.0 * (bottom - top),
         );
         let off = on_screen - at;
-        // Where the ground is not seen from above, as far to the side as the pointer.
+        // In a view from the side, the model is as far to the side as the pointer.
         let lies_there = matches!(view, "Top" | "Bottom") || part == [0.75, 0.9];
         let off = if lies_there { off.length() } else { off.x.abs() };
-        // A view with perspective is farther off at the ground than at the height of the pointer.
+        // In a perspective view the ground point is farther away than the point at pointer height.
         let limit = if part == [0.3, 0.2] { 40.0 } else { 1.0 };
         assert!(off < limit, "{view}: {on_screen:?} for {at:?}");
     }
 }
 
-/// Models of the browser stand beside those there, whatever their sizes. Truth: the vertices of all of them as posed.
+/// Models added from the asset browser are placed beside the others, whatever their sizes. Expected values: the posed vertices of all models.
 #[test]
-fn models_are_put_beside_each_other_where_there_is_room() {
+fn models_dropped_together_do_not_overlap() {
     let script = SCRIPT.replace(
         "camera(\"wide\")",
         "cast(\"ground\", shape(\"plane\", #{ size: 30.0 }));\ncamera(\"wide\")",
@@ -369,9 +369,9 @@ fn models_are_put_beside_each_other_where_there_is_room() {
     }
 }
 
-/// The button beside a clip of the inspector adds it at the playhead; where another clip begins there, which would never be seen, after the last.
+/// The add button of a clip in the inspector adds it at the playhead, or after the last clip if another one starts there and would hide it.
 #[test]
-fn an_added_clip_leaves_the_clip_that_begins_at_the_playhead() {
+fn adding_a_clip_at_the_start_of_another_keeps_the_other() {
     const PLAIN: &str = "stage(#{ fps: 25, length: 10.0 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
@@ -403,9 +403,9 @@ ada.play(moves.clip(\"Idle\"));
     assert!(starts[2].1 > starts[1].1 + 0.5 && starts[2].1 < 8.0, "{starts:?}");
 }
 
-/// A clip of the browser comes after those that play, one on a row where the hand is; each says what becomes of the others.
+/// A clip of the asset browser is added after the others, or dropped on a row at the pointer; a note says how it affects the others.
 #[test]
-fn an_added_clip_follows_the_last_or_says_what_it_takes_over_from() {
+fn adding_a_clip_appends_it_or_reports_the_interrupted_clip() {
     const PLAIN: &str = "stage(#{ fps: 25, length: 10.0 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
@@ -425,7 +425,7 @@ PLAYS
         ("ada.play(moves.clip(\"Wave\")).once();", 0.0, wave - 0.3, None),
         ("ada.play(moves.clip(\"Walk\"));", 0.0, walk, Some("takes over from Walk at")),
         ("ada.play(moves.clip(\"Walk\"));", 3.0, 3.0, Some("takes over from Walk at 3.000 s")),
-        // Half of what is left of the scene, where a round ends after it.
+        // Half of the remaining scene, if the present round ends after it.
         ("ada.play(moves.clip(\"Walk\")).from(9.5);", 0.0, 9.8, Some("takes over from Walk at")),
     ] {
         let mut place = Place::new(&PLAIN.replace("PLAYS", plays));

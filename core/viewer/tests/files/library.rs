@@ -1,4 +1,4 @@
-//! Files, folders and keys as plain data: lists of folders, names of new files, lessons, recent files, and the user's keys.
+//! Files, folders and shortcuts as plain data: folder lists, names of new files, lessons, recent files, and the user's shortcuts.
 
 use choreo_viewer::library::documents::Documents;
 use choreo_viewer::library::file_dialog::{FileDialog, Purpose};
@@ -53,7 +53,7 @@ fn lessons_are_numbered_scripts_and_folders_with_one() {
 }
 
 #[test]
-fn names_are_completed_and_nothing_is_replaced_unasked() {
+fn the_save_dialog_completes_names_and_never_overwrites_unasked() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path().canonicalize().unwrap();
     std::fs::write(at.join("a.rhai"), "x").unwrap();
@@ -81,7 +81,7 @@ fn names_are_completed_and_nothing_is_replaced_unasked() {
 }
 
 #[test]
-fn recent_files_are_each_there_once_the_newest_first() {
+fn recent_files_are_unique_and_newest_first() {
     let folder = tempfile::tempdir().unwrap();
     let mut documents = Documents::default();
     for name in ["a", "b", "a"] {
@@ -97,7 +97,7 @@ fn recent_files_are_each_there_once_the_newest_first() {
 }
 
 #[test]
-fn own_keys_come_before_those_of_the_preset_and_the_usual_ones() {
+fn user_shortcuts_override_the_preset_and_the_defaults() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("choreo").join(Shortcuts::FILE);
     assert_eq!(Shortcuts::read(&file), (Shortcuts::default(), None));
@@ -117,7 +117,7 @@ fn own_keys_come_before_those_of_the_preset_and_the_usual_ones() {
     for (text, wrong) in [
         ("[", "EOF"),
         ("{\"preset\": \"maya\"}", "unknown preset \"maya\"; presets: choreo, blender, unity"),
-        ("{\"keys\": {\"play\": 3}}", "play: keys must be a text"),
+        ("{\"keys\": {\"play\": 3}}", "play: keys must be a string"),
     ] {
         std::fs::write(&file, text).unwrap();
         let problem = Shortcuts::read(&file).1.unwrap();

@@ -1,4 +1,4 @@
-//! Files that the viewer opens, lists and makes, without a window.
+//! Files that the viewer opens, lists and creates, without a window.
 
 #[path = "../place/mod.rs"]
 mod place;

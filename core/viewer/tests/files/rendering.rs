@@ -1,4 +1,4 @@
-//! Renders, exports and tests that are started from the panels: the files are those that the command line makes.
+//! Renders, exports and tests that are started from the panels write the same files as the command line.
 
 use crate::place::Place;
 use choreo_viewer::commands::queue::{Job, JobState};
@@ -36,7 +36,7 @@ fn opened(script: &str, front: &str) -> Harness<'static, Place> {
     place.harness(vec2(1500.0, 1100.0))
 }
 
-/// Waits for another program, while the panels are drawn.
+/// Waits for a process while the panels are drawn.
 fn until<T>(
     harness: &mut Harness<'static, Place>,
     what: &str,
@@ -67,7 +67,7 @@ fn choose_format(harness: &mut Harness<'static, Place>, kind: OutputKind, extens
     harness.run_steps(2);
 }
 
-/// Files that the command line makes of the same scene.
+/// Bytes of the file that the command line writes for the same scene.
 fn rendered(script: &Path, output: &Path, words: &[&str]) -> Vec<u8> {
     let args =
         ["choreo", words[0]].into_iter().map(Into::into).chain([script.into(), "-o".into(), output.into()]);
@@ -77,10 +77,10 @@ fn rendered(script: &Path, output: &Path, words: &[&str]) -> Vec<u8> {
 }
 
 #[test]
-fn a_queue_of_renders_and_exports_makes_the_files_of_the_command_line() {
+fn queued_renders_and_exports_write_the_same_files_as_the_command_line() {
     let mut harness = opened(SCRIPT, "Render");
     let folder = harness.state().folder.path().to_path_buf();
-    // A film at half the size, and the scene for another program behind it.
+    // A video at half the size, followed by an export of the scene.
     choose_format(&mut harness, OutputKind::Film, "gif");
     harness.state_mut().viewer.render_form.size = Size::Scaled(1, 2);
     harness.run_steps(2);
@@ -101,7 +101,7 @@ fn a_queue_of_renders_and_exports_makes_the_files_of_the_command_line() {
     assert!(fs::read(folder.join("a.gif")).unwrap() == film, "another film than render makes");
     let scene = rendered(&script, &folder.join("b.glb"), &["export", "--quiet"]);
     assert_eq!(fs::read(folder.join("a.glb")).unwrap().len(), scene.len());
-    // One frame, by its number.
+    // One frame, given by its number.
     choose_format(&mut harness, OutputKind::Images, "png");
     harness.state_mut().viewer.render_form.range = Range::Playhead;
     harness.state_mut().viewer.playhead.step(3);
@@ -113,7 +113,7 @@ fn a_queue_of_renders_and_exports_makes_the_files_of_the_command_line() {
     assert!(fs::read(folder.join("a_3.png")).unwrap() == image, "another image than render makes");
 }
 
-/// The button below the form; its name is that of the tab, too.
+/// Clicks the button below the form; its tab has the same name.
 fn click_add(harness: &mut Harness<'static, Place>, name: &str) {
     let lowest = |harness: &Harness<'static, Place>| {
         let all = harness.get_all_by_label(name).map(|node| node.rect());
@@ -134,7 +134,7 @@ fn click_add(harness: &mut Harness<'static, Place>, name: &str) {
 }
 
 #[test]
-fn a_render_that_is_canceled_leaves_nothing_and_the_next_one_goes_on() {
+fn canceling_a_render_removes_its_output_and_starts_the_next_job() {
     let long = SCRIPT.replace("length: 0.4", "length: 100.0").replace("[64, 36]", "[640, 360]");
     let mut harness = opened(&long, "Render");
     let folder = harness.state().folder.path().to_path_buf();
@@ -159,14 +159,14 @@ fn a_render_that_is_canceled_leaves_nothing_and_the_next_one_goes_on() {
     let mut names: Vec<String> = names.collect();
     names.sort();
     assert_eq!(names, ["a.rhai", "one.png"]);
-    // What has ended is taken off the list.
+    // A finished job is removed from the list.
     harness.get_all_by_label("Remove").next().unwrap().click();
     harness.run_steps(2);
     assert_eq!(harness.state().viewer.renders.jobs().len(), 1);
 }
 
 #[test]
-fn a_file_that_is_being_written_is_not_rendered_to_a_second_time() {
+fn a_second_job_for_a_file_being_written_is_rejected() {
     let long = SCRIPT.replace("length: 0.4", "length: 100.0").replace("[64, 36]", "[640, 360]");
     let mut harness = opened(&long, "Render");
     let folder = harness.state().folder.path().to_path_buf();
@@ -177,7 +177,7 @@ fn a_file_that_is_being_written_is_not_rendered_to_a_second_time() {
     });
     click_add(&mut harness, "Render");
     assert_eq!(harness.state().viewer.renders.jobs().len(), 1);
-    // Another name is offered.
+    // Another file name is offered.
     harness.get_by_label("Write a_2.gif").click();
     harness.run_steps(3);
     assert!(harness.query_by_label_contains("is being written").is_none());
@@ -190,7 +190,7 @@ fn a_file_that_is_being_written_is_not_rendered_to_a_second_time() {
     harness.state_mut().viewer.render_form.output.clear();
     harness.run_steps(2);
     harness.get_by_label("Write a_3.gif");
-    // Exports and numbered images, too.
+    // Exports and numbered images are checked, too.
     choose_format(&mut harness, OutputKind::Scene, "glb");
     click_add(&mut harness, "Export");
     harness.get_by_label("a.glb will be written by a waiting export");
@@ -201,7 +201,7 @@ fn a_file_that_is_being_written_is_not_rendered_to_a_second_time() {
     harness.get_by_label("Write a_frames_2/%04d.png").click();
     harness.run_steps(3);
     assert_eq!(Path::new(&harness.state().viewer.render_form.output), folder.join("a_frames_2/%04d.png"));
-    // The file that no job is going to write any more is free.
+    // A file that no waiting job will write is free again.
     let jobs = harness.state().viewer.renders.jobs();
     jobs.iter().rev().for_each(|job| harness.state().viewer.renders.cancel(job.number));
     assert_eq!(ended(&mut harness, 0).state, JobState::Canceled);
@@ -212,7 +212,7 @@ fn a_file_that_is_being_written_is_not_rendered_to_a_second_time() {
 }
 
 #[test]
-fn a_render_that_fails_says_why() {
+fn a_failed_render_reports_its_error() {
     let mut harness = opened(SCRIPT, "Render");
     harness.state().write("stage(#{ length: 1.0 }); nonsense();\n");
     choose_format(&mut harness, OutputKind::Film, "gif");
@@ -241,7 +241,7 @@ test("an image", || {
 "##;
 
 #[test]
-fn sections_are_run_compared_and_accepted() {
+fn the_test_panel_runs_sections_and_accepts_new_images() {
     let mut harness = opened(SCRIPT, "Tests");
     let folder = harness.state().folder.path().to_path_buf();
     let tests = folder.join("t.rhai");
@@ -258,12 +258,12 @@ fn sections_are_run_compared_and_accepted() {
     assert!(harness.get_all_by_label_contains("five").next().is_some());
     assert!(harness.get_all_by_label_contains("got: ").next().is_some());
     harness.get_by_label("off by: 1 m");
-    // A new image is accepted, and its section alone is run again.
+    // A new image is accepted, after which only its section runs again.
     assert!(golden(&folder).is_none());
     accept(&mut harness, 2);
     assert!(golden(&folder).is_some());
     harness.get_by_label("1 failed, 2 passed");
-    // Another color: expected, actual and difference lie side by side.
+    // Another color: expected image, actual image and difference are shown side by side.
     fs::write(&tests, TESTS.replace("orange", "teal")).unwrap();
     run_all(&mut harness, 3);
     harness.get_by_label("2 failed, 1 passed");
@@ -280,7 +280,7 @@ fn sections_are_run_compared_and_accepted() {
         states,
         [("twice two", Status::Passed), ("a wrong sum", Status::Failed), ("an image", Status::Passed)]
     );
-    // A mistake in the script is an answer, too.
+    // An error in the script is reported, too.
     fs::write(&tests, "test(").unwrap();
     run_all(&mut harness, 5);
     let failed = harness.state().viewer.tests.sections();
@@ -307,7 +307,7 @@ fn accept(harness: &mut Harness<'static, Place>, runs: u64) {
     harness.run();
 }
 
-/// The golden image in a folder beside the script.
+/// Path of the golden image in a folder next to the script.
 fn golden(folder: &Path) -> Option<std::path::PathBuf> {
     fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).find_map(|path| match path.is_dir() {
         true => golden(&path),

@@ -1,4 +1,4 @@
-//! The start page, files and folders: new scripts, recent ones and lessons as images, saving under another name, and the asset browser.
+//! The start page, files and folders: new scripts, recent scripts and lessons with thumbnails, saving under another name, and the asset browser.
 
 use crate::place::Place;
 use choreo_session::{SceneSource, Session};
@@ -24,7 +24,7 @@ use std::time::Duration;
 const PLAIN: &str =
     "stage(#{ size: [64, 36], background: \"#204060\" });\ncamera(\"c\").at(0.0, 1.0, 5.0);\n";
 
-/// A character of a few joints that lifts an arm; its names are those of Mixamo.
+/// A BVH character with a few joints that lifts an arm; its joints have the names of Mixamo.
 const WAVE: &str = "HIERARCHY
 ROOT Hips
 {
@@ -84,7 +84,7 @@ fn open_assets(harness: &mut Harness<'static, Place>) {
     harness.run_steps(4);
 }
 
-/// The image of a file, once it is made.
+/// Waits for the thumbnail of a file.
 fn made(
     thumbnails: &mut Thumbnails,
     subject: &Subject,
@@ -121,7 +121,7 @@ fn the_start_page_opens_recent_files_and_lessons_shown_as_images() {
         assert!(frame.rgba.chunks_exact(4).all(|pixel| near(&pixel[..3])), "all of it is the background");
     }
     harness.run();
-    // A lesson is opened as a copy, for whose place is asked.
+    // A lesson is opened as a copy, whose path is asked for.
     harness.get_by_label("1 first").click();
     harness.run();
     assert_eq!(harness.state().viewer.documents.open, None);
@@ -136,9 +136,9 @@ fn the_start_page_opens_recent_files_and_lessons_shown_as_images() {
     assert_eq!(harness.state().viewer.documents.open, Some(recent));
 }
 
-/// An image that was drawn once is read from the cache folder, by the file's content.
+/// A thumbnail is cached under a hash of the file's content, and then read from the cache.
 #[test]
-fn images_are_kept_by_content() {
+fn thumbnails_are_cached_by_content() {
     let folder = tempfile::tempdir().unwrap();
     let (file, cache) = (folder.path().join("a.rhai"), folder.path().join("cache"));
     fs::write(&file, PLAIN).unwrap();
@@ -152,7 +152,7 @@ fn images_are_kept_by_content() {
     assert_eq!(made(&mut fresh(), &subject, None), first);
     fs::write(&file, PLAIN.replace("#204060", "#000000")).unwrap();
     assert_eq!(made(&mut fresh(), &subject, None).frames[0].rgba[..3], [0, 0, 0]);
-    // The kept image of the first content is another one now: it is read, not drawn.
+    // The cached thumbnail of the first content is replaced: a request must return the replacement.
     let all = fs::read_dir(cache.join("thumbnails")).unwrap().map(|e| e.unwrap().path());
     let black = all.into_iter().find(|path| *path != kept[0]).unwrap();
     fs::copy(black, &kept[0]).unwrap();
@@ -170,16 +170,16 @@ fn images_are_kept_by_content() {
     assert!(failed.contains("size"), "{failed}");
 }
 
-/// The oldest of 64 MB of images goes when another one comes; none of 63 MB does.
+/// A new thumbnail replaces the oldest one if the cache holds 64 MB; with 63 MB it replaces none.
 #[test]
-fn no_more_than_64_mb_of_images_are_kept() {
+fn the_thumbnail_cache_is_limited_to_64_mb() {
     let folder = tempfile::tempdir().unwrap();
     let (file, cache) = (folder.path().join("a.rhai"), folder.path().join("cache"));
     fs::create_dir_all(cache.join("thumbnails")).unwrap();
     let old = |name: &str, megabytes: u64, age: u64| {
         let path = cache.join("thumbnails").join(name);
         let image = fs::File::create(&path).unwrap();
-        // A hole in the file, which takes no room on the disk.
+        // A sparse file, which takes no space on the disk.
         image.set_len(megabytes << 20).unwrap();
         image.set_modified(std::time::SystemTime::now() - Duration::from_secs(age)).unwrap();
         path
@@ -199,7 +199,7 @@ fn no_more_than_64_mb_of_images_are_kept() {
 }
 
 #[test]
-fn templates_make_scenes_without_a_warning_and_become_files() {
+fn every_template_loads_without_a_warning_and_can_be_saved() {
     let folder = tempfile::tempdir().unwrap();
     for template in TEMPLATES {
         let file = folder.path().join(format!("{}.rhai", template.name));
@@ -231,7 +231,7 @@ fn templates_make_scenes_without_a_warning_and_become_files() {
 }
 
 #[test]
-fn a_script_that_is_not_there_is_created_from_a_template() {
+fn opening_a_missing_script_offers_a_template() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("new/film.rhai");
     let mut harness = start_page(documents(folder.path(), None));
@@ -247,7 +247,7 @@ fn a_script_that_is_not_there_is_created_from_a_template() {
 }
 
 #[test]
-fn saved_elsewhere_a_script_takes_its_files_along() {
+fn save_as_copies_the_files_that_the_script_reads() {
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir_all(folder.path().join("here/assets")).unwrap();
     fs::create_dir(folder.path().join("there")).unwrap();
@@ -264,7 +264,7 @@ fn saved_elsewhere_a_script_takes_its_files_along() {
     let mut session = Session::new(SceneSource::new(&to), &choreo::registry(), false).unwrap();
     let version = session.build(BTreeSet::new());
     assert!(version.scene.is_some(), "{:?}", version.problems);
-    // Another file of that name stays.
+    // An existing file of that name is not replaced.
     fs::write(folder.path().join("there/assets/wave.bvh"), "mine").unwrap();
     let error = viewer.take_file(Purpose::SaveAs, &to).unwrap_err().to_string();
     assert!(error.contains("another file with this name already exists"), "{error}");
@@ -272,12 +272,12 @@ fn saved_elsewhere_a_script_takes_its_files_along() {
 }
 
 #[test]
-fn the_copy_of_a_lesson_has_the_files_that_it_reads() {
+fn copying_a_lesson_copies_the_files_that_it_reads() {
     let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts").canonicalize().unwrap();
     let mut viewer = Viewer::new("start");
     viewer.documents = documents(&scripts, None);
     viewer.documents.lessons = lessons::within(&scripts);
-    // One with a module, one with a model, and one with plugins in a folder of its own.
+    // A lesson with a module, one with a model, and one with a folder of plugins.
     for (name, file) in [
         ("07_keys_and_frames", "modules/formations.rhai"),
         ("19_faces", "models/face.gltf"),
@@ -330,7 +330,7 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
     harness.run_steps(4);
     harness.get_by_label(&format!("{}  1.00 s", clip.name)).click();
     harness.run_steps(4);
-    // The preview is of the mannequin, and moves: its first image is the pose at rest.
+    // The preview shows the mannequin, and moves: its first image is the rest pose.
     let scene = harness.state().viewer.scene.clone().unwrap();
     let on = Some(("ada".to_string(), scene.number));
     let subject = Subject { file: file.clone(), clip: Some(clip.name.clone()), on };
@@ -341,14 +341,14 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
         preview.frames[a].rgba.iter().zip(&preview.frames[b].rgba).filter(|(a, b)| a != b).count()
     };
     assert!(different(0, 8) > 500, "the arm is lifted in the middle");
-    // It is as high a sixteenth before the end as after the start.
+    // The arm is equally high a sixteenth after the start and before the end.
     assert!(different(1, 15) < different(1, 8) / 20, "{} {}", different(1, 15), different(1, 8));
     assert_ne!(preview.frames[0], wave.frames[0], "it is another character");
     harness.state_mut().viewer.playhead.seek(choreo_motion::Time::from_secs(2.0));
     harness.step();
     harness.get_by_label(&format!("play {} of the file", clip.name)).click();
     harness.step();
-    // Idle goes on without end: it begins at the playhead.
+    // Idle has no end, so that the clip begins at the playhead.
     let line =
         format!("ada.play(load(\"moves/wave.bvh\").clip(\"{}\"), #{{ fade: 0.3 }}).from(2.0);\n", clip.name);
     let expected = SCRIPT.replace("camera(", &format!("{line}camera("));
@@ -358,7 +358,7 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
     assert_eq!(stage.actors[0].layers[0].cues.len(), 2);
 }
 
-/// The built-in character is in the list as a model file is: its clips are previewed, played, dragged, and it is put on stage.
+/// The built-in character is listed like a model file: its clips can be previewed, added and dragged, and it can be added to the stage.
 #[test]
 fn the_browser_lists_the_built_in_character_and_its_clips() {
     const BUILT_IN: &str = "choreo:mannequin";
@@ -375,7 +375,7 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
     place.viewer.selection = Some(Selected::Actor("ada".into()));
     let mut harness = place.harness(vec2(1500.0, 1000.0));
     open_assets(&mut harness);
-    // A folder beneath has its own files alone.
+    // A subfolder lists only its own files.
     harness.get_by_role_and_label(Role::Button, "moves").click();
     harness.run_steps(4);
     assert!(harness.query_by_role_and_label(Role::Button, BUILT_IN).is_none());
@@ -411,7 +411,7 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
     assert_eq!(harness.state().text(), SCRIPT.replace("camera(", &format!("{line}camera(")));
     harness.state_mut().reload_with(SCRIPT);
     harness.run_steps(4);
-    // The list stays where it is under the mouse.
+    // The list keeps its scroll position.
     let button = format!("play {} of the file", clip.name);
     let places = |harness: &Harness<'static, Place>| {
         let name = harness.get_by_role_and_label(Role::Button, &entry).rect();
@@ -432,7 +432,7 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
     harness.get_by_label(&button).click();
     harness.step();
     assert!(harness.state().text().contains("ada.play(moves.clip("), "{}", harness.state().text());
-    // Put on stage, it goes by a name that a person would choose.
+    // The added actor gets a readable name.
     let dropped = DroppedModels { files: vec![BUILT_IN.into()], at: glam::DVec3::X, beside: false };
     let read =
         Session::new(SceneSource::new(BUILT_IN), &choreo::registry(), false).unwrap().build(BTreeSet::new());
@@ -444,7 +444,7 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
 }
 
 #[test]
-fn a_model_of_the_browser_is_put_on_stage() {
+fn a_model_from_the_asset_browser_is_added_to_the_stage() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("wave.bvh"), WAVE).unwrap();
     let root = folder.path().canonicalize().unwrap();
@@ -477,9 +477,9 @@ fn a_model_of_the_browser_is_put_on_stage() {
     );
 }
 
-/// A clip is let go over a row, a model over the image: where the hand is decides when it plays, and where it stands.
+/// A clip is dropped on a row and a model on the image: the pointer determines its start time or its position.
 #[test]
-fn a_clip_and_a_model_are_dragged_out_of_the_browser() {
+fn a_clip_and_a_model_are_dragged_from_the_asset_browser_into_the_scene() {
     const SCRIPT: &str = "stage(#{ size: [320, 180], fps: 25, length: 4.0, samples: 1 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
@@ -501,7 +501,7 @@ camera(\"wide\").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
     drag(&mut harness, tile, at);
     let dropped = harness.state_mut().viewer.dropped_models.take().unwrap();
     assert_eq!(dropped.files, [root.join("wave.bvh")]);
-    // The camera stands 1 m high and looks level: four tenths of the image below its middle the ground is this far away.
+    // The camera is 1 m high and level: four tenths of the image below its center the ground is this far away.
     let scene = harness.state().viewer.scene.clone().unwrap();
     let choreo_asset::Projection::Perspective { yfov, .. } = scene.stage.cameras[0].projection else {
         panic!()
@@ -522,7 +522,7 @@ camera(\"wide\").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
     assert_eq!(harness.state().viewer.message, None);
     let line = format!("ada.play(load(\"wave.bvh\").clip(\"{name}\"), #{{ fade: 0.3 }}).from(2.0);\n");
     assert!(harness.state().text().contains(&line), "{}", harness.state().text());
-    // Over the camera's row there is nobody who could play it.
+    // The row of cameras does not accept a clip.
     let camera = harness.get_by_label("row camera").rect().center();
     let before = harness.state().text();
     drag(&mut harness, clip, egui::pos2(ruler.center().x, camera.y));
@@ -533,7 +533,7 @@ camera(\"wide\").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
 fn drag(desk: &mut Harness<'static, Place>, from: egui::Pos2, to: egui::Pos2) {
     desk.drag_at(from);
     desk.run();
-    // Over the limit from which on it is no click.
+    // Farther than the threshold between a click and a drag.
     for part in [0.1, 0.6, 1.0] {
         desk.hover_at(from + (to - from) * part);
         desk.run();

@@ -1,4 +1,4 @@
-//! What the menus Add and Edit do, the fields of the stage, and a field that is left by a click on something else.
+//! Menus Add and Edit, the fields of the stage, and a field that loses the focus by a click elsewhere.
 
 use crate::place::Place;
 use choreo_asset::Projection;
@@ -32,14 +32,14 @@ fn desk(script: &str) -> Harness<'static, Place> {
 }
 
 fn click(desk: &mut Harness<'static, Place>, label: &str) {
-    // With its keys.
+    // A widget's accessible name includes its shortcut.
     desk.get_by_label_contains(label).click();
     desk.run();
 }
 
-/// Everything of the menu, on top of each other: the script stays without a fault, and even without a warning.
+/// All entries of the menu are added to one script, which must load without an error or a warning.
 #[test]
-fn everything_that_is_added_is_good() {
+fn every_addition_loads_without_an_error() {
     let mut place = Place::new(SCRIPT);
     place.paint();
     let effects: Vec<String> =
@@ -63,7 +63,7 @@ fn everything_that_is_added_is_good() {
     all.extend(SHAPES.map(Addition::Shape));
     all.extend(effects.into_iter().map(Addition::Effect));
     for what in all {
-        // Each on a stage of its own, so that none depends on another.
+        // Each entry on a separate stage, so that none depends on another.
         let mut place = Place::new(SCRIPT);
         place.viewer.add(&what).unwrap();
         let before = place.viewer.selection.clone();
@@ -81,9 +81,9 @@ fn everything_that_is_added_is_good() {
     );
 }
 
-/// Twice of each kind: what is added later stands behind.
+/// Each kind is added twice: later additions are written behind.
 #[test]
-fn additions_stand_in_the_order_in_which_they_are_made() {
+fn additions_are_written_to_the_script_in_order() {
     let mut place = Place::new(SCRIPT);
     place.paint();
     let kinds = [
@@ -132,7 +132,7 @@ fn characters_come_from_the_menu_in_their_own_colors_beside_each_other() {
                  cleo.play(cleo_model.clip(\"Idle\"));\n";
     assert_eq!(text, format!("{SCRIPT}{added}"));
     assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("cleo".into())));
-    // The menu Edit takes it back, and Delete takes off whatever is selected with all lines about it.
+    // The menu Edit undoes it, and Delete removes the selected object with all lines that mention it.
     desk.get_by_label("Edit").click();
     desk.run();
     click(&mut desk, "Undo");
@@ -156,7 +156,7 @@ fn characters_come_from_the_menu_in_their_own_colors_beside_each_other() {
 }
 
 #[test]
-fn what_is_selected_is_duplicated_with_the_lines_about_it() {
+fn duplicating_an_actor_copies_all_lines_that_mention_it() {
     let mut desk = desk(SCRIPT);
     for (what, copy, more) in [
         (
@@ -200,9 +200,9 @@ fn what_is_selected_is_duplicated_with_the_lines_about_it() {
     }
 }
 
-/// The copy of an actor whose position is keyed stands as far beside it as one that stands still; what is computed stays, and is named.
+/// The copy of an actor with keyed positions is placed as far beside it as that of a fixed one; computed values stay, and are reported.
 #[test]
-fn the_copy_of_a_keyed_actor_stands_beside_it() {
+fn duplicating_a_keyed_actor_offsets_its_keys() {
     let script = |keys: &str| {
         format!(
             "stage(#{{ fps: 25, length: 4.0 }});
@@ -250,9 +250,9 @@ ada.key(\"position\", [{keys}, [2.0, [1.5, 0.0, 0.0]]]);
     );
 }
 
-/// The copy of an actor on a path walks beside it; one that another actor carries stays, and a note says so.
+/// The copy of an actor on a path walks beside it; the copy of an attached actor stays in place, and a note says so.
 #[test]
-fn the_copy_of_an_actor_on_a_path_walks_beside_it() {
+fn duplicating_an_actor_on_a_path_offsets_the_path() {
     let script = "stage(#{ fps: 25, length: 4.0 });
 let ada = cast(\"ada\", load(\"choreo:mannequin\")).at(0.0, 0.0, 1.0);
 ada.path([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]], #{ speed: 0.5 });
@@ -275,8 +275,8 @@ let hat = cast(\"hat\", shape(\"box\", #{ size: 0.2 })).attach(ada.joint(\"Head\
     }
 }
 
-/// Where the corners of an actor's posed bounds lie in the image of the camera that is on, as parts of half its height and width: computed
-/// here from the snapshot, in f64.
+/// The eight corners of an actor's posed bounds in the image of the active camera, as fractions of half its height and width: computed
+/// here from the snapshot in f64.
 fn corners_in_image(place: &Place, name: &str, at: Time) -> Vec<DVec2> {
     let scene = place.viewer.scene.clone().unwrap();
     let snapshot = scene.stage.at(at).unwrap();
@@ -293,7 +293,7 @@ fn corners_in_image(place: &Place, name: &str, at: Time) -> Vec<DVec2> {
     in_view.map(|v| DVec2::new(v.x / (width / height), v.y) / (-v.z * tan)).collect()
 }
 
-/// A camera of the selected actor is in the menu itself, those of others one menu deeper; all of the actor is in the image, and large.
+/// The menu has a camera for the selected actor itself, and those for others in submenus; the whole actor is in the image, and large.
 #[test]
 fn cameras_that_follow_or_circle_an_actor_come_from_the_menu() {
     let script = SCRIPT.replace("ada.play(", "let tiny = cast(\"tiny\", coral).scale(0.05).at(3.0, 0.0, 1.0).turn(120);\nada.key(\"position\", [[0.0, [0, 0, 0]], [4.0, [2, 0, 1]]]);\nada.play(");
@@ -315,7 +315,7 @@ fn cameras_that_follow_or_circle_an_actor_come_from_the_menu() {
             }
         }
         let label = if selected { format!("Camera {kind} {name}") } else { name.to_string() };
-        // The tree and the sequencer have its name, too.
+        // The tree and the sequencer show its name, too.
         desk.get_all_by_label(&label).find(|node| node.rect().left() > 180.0).unwrap().click();
         desk.run();
         let place = desk.state_mut();
@@ -333,7 +333,7 @@ fn cameras_that_follow_or_circle_an_actor_come_from_the_menu() {
             assert!((0.35..1.0).contains(&reach), "{line} at {secs}: {reach}");
         }
     }
-    // One without a variable gets it.
+    // An actor without a variable gets one.
     for (script, wanted) in [
         (
             "cast(\"my box\", shape(\"box\")).at(0.0, 1.0, 0.0);",
@@ -353,15 +353,15 @@ fn cameras_that_follow_or_circle_an_actor_come_from_the_menu() {
         place.viewer.undo().unwrap();
         assert_eq!(place.text(), script);
     }
-    // One that the script cannot name is refused, with its line.
+    // An actor that the script cannot name is refused, with its line.
     let mut place = Place::new("for n in 0..1 { cast(\"box\", shape(\"box\")) }\n");
     let error = place.viewer.add(&Addition::Follow("box".into())).unwrap_err().to_string();
     assert!(error.contains("a.rhai:1: a camera needs its name in the script; write let NAME"), "{error}");
 }
 
-/// A second call would take the place of the first.
+/// A second call of `ambient` would replace the first.
 #[test]
-fn ambient_light_is_added_once() {
+fn a_second_ambient_light_is_refused_with_a_note() {
     let mut place = Place::new(SCRIPT);
     for _ in 0..2 {
         place.viewer.add(&Addition::Ambient).unwrap();
@@ -371,7 +371,7 @@ fn ambient_light_is_added_once() {
     assert!(place.viewer.note.as_ref().unwrap().starts_with("the stage already has ambient light"));
 }
 
-/// The light from all around is changed where the script states it; the row Stage of the tree shows its fields.
+/// Ambient light is changed where the script sets it; the row Stage of the tree shows its fields.
 #[test]
 fn the_stage_is_a_row_of_the_tree_with_ambient_light_and_sky() {
     let call = format!("{SCRIPT}ambient(\"#8fa3c8\", 0.5);\n");
@@ -403,7 +403,7 @@ fn the_stage_is_a_row_of_the_tree_with_ambient_light_and_sky() {
         desk.state_mut().reload();
         assert!(desk.state().viewer.problems.is_empty(), "{:?}", desk.state().viewer.problems);
     }
-    // What the script computes stays.
+    // Values that the script computes are not changed.
     let script = format!("{SCRIPT}let s = 0.5;\nambient(\"white\", s * 0.5);\n");
     let mut place = Place::new(&script);
     let now = place.viewer.ambient().unwrap();
@@ -413,7 +413,7 @@ fn the_stage_is_a_row_of_the_tree_with_ambient_light_and_sky() {
         .unwrap_err();
     assert!(error.to_string().contains("ambient(\"white\", s * 0.5) is computed"), "{error}");
     assert_eq!(place.text(), script);
-    // A sky is added here, and then selected.
+    // A sky is added here, and is then selected.
     let mut desk = desk(SCRIPT);
     desk.get_by_label("add the studio").click();
     desk.run();
@@ -425,9 +425,9 @@ fn the_stage_is_a_row_of_the_tree_with_ambient_light_and_sky() {
     assert_eq!(desk.state().viewer.selection, Some(Selected::Sky));
 }
 
-/// Another program starts only where it is meant, and says what is missing.
+/// The text editor starts only on an explicit command, and a missing program is reported.
 #[test]
-fn a_line_is_opened_in_the_editor_on_purpose_only() {
+fn selecting_a_line_does_not_open_the_editor_by_itself() {
     let mut desk = desk(SCRIPT);
     desk.state_mut().viewer.editor = Editor { command: Some("no-such-editor --wait".into()), terminal: None };
     desk.state_mut().viewer.go_to = Some(4);
@@ -457,15 +457,15 @@ fn a_line_is_opened_in_the_editor_on_purpose_only() {
     desk.get_by_label("Open line 4 in the editor").click();
     desk.run();
     assert_eq!(desk.state().viewer.message.as_deref(), Some(missing));
-    // An editor in a terminal that is missing.
+    // A missing editor that needs a terminal.
     let editor = Editor { command: Some("nvim".into()), terminal: Some("no-such-terminal".into()) };
     let error = editor.open(std::path::Path::new("a.rhai"), 1).unwrap_err().to_string();
     assert!(error.contains("no program \"") && error.contains("set "), "{error}");
 }
 
-/// A number is typed, and the next click selects another clip: the number belongs to the first.
+/// A number is typed, and the next click selects another clip: the number still applies to the first.
 #[test]
-fn a_field_that_is_left_by_a_click_changes_what_it_was_typed_for() {
+fn typed_text_is_applied_to_its_own_object_when_another_is_clicked() {
     let mut desk = desk(SCRIPT);
     let cue = |cue| Selected::Cue { actor: "ada".into(), layer: 0, cue };
     desk.state_mut().viewer.selection = Some(cue(0));
@@ -485,7 +485,7 @@ fn a_field_that_is_left_by_a_click_changes_what_it_was_typed_for() {
     assert_eq!(desk.state().viewer.selection, Some(cue(1)));
 }
 
-/// No end before the start, whatever is typed.
+/// An end before the start is refused, however it is typed.
 #[test]
 fn an_end_before_the_start_is_refused() {
     let mut place = Place::new(SCRIPT);
@@ -495,9 +495,9 @@ fn an_end_before_the_start_is_refused() {
     assert_eq!(place.text(), SCRIPT);
 }
 
-/// A direction of any length stays as it is but for the number that is changed; a camera is moved by its numbers.
+/// Changing one number of a direction keeps the others, whatever its length; a camera is moved by its numbers.
 #[test]
-fn numbers_beside_the_changed_one_stay() {
+fn changing_one_number_keeps_the_text_of_its_neighbors() {
     let mut desk = desk(SCRIPT);
     for (what, label, typed, wanted) in [
         (Selected::Light(0), "light x", "0.25", SCRIPT.replace("[-0.5, -1.0, -0.5]", "[0.25, -1.0, -0.5]")),
@@ -547,7 +547,7 @@ fn the_stage_is_changed_where_nothing_is_selected() {
     }
 }
 
-/// A length that the script counts in frames stays in frames, but for an expression, which stays as it is typed.
+/// A length that the script gives in frames stays in frames; a typed expression is kept as typed.
 #[test]
 fn the_length_of_the_stage_stays_in_frames() {
     let script = SCRIPT.replace("length: 4.0", "length: f(100)");
@@ -566,9 +566,9 @@ fn the_length_of_the_stage_stays_in_frames() {
     }
 }
 
-/// Each field of the stage writes its own setting, and shows the one that the stage has.
+/// Each field of the stage writes its own option, and displays the value of the stage.
 #[test]
-fn every_field_of_the_stage_is_its_own() {
+fn every_stage_field_changes_only_its_own_option() {
     let plain = "stage(#{ length: 2.0 });\nlet a = cast(\"a\", load(\"choreo:mannequin\"));\n";
     let mut desk = desk(plain);
     for (label, typed, wanted) in [
@@ -634,7 +634,7 @@ fn constraints_are_added_to_the_selected_actor() {
         snapshot.actors[0].world_from_joint(hand).unwrap().translation
     };
     assert!((at(1.0) - point).length() < 0.02, "the hand is at {} and not at {point}", at(1.0));
-    // Another joint, an actor and a later time.
+    // Another joint, another actor and a later time.
     let new = |call, target: &str| NewConstraint { call, target: Some(target.into()) };
     place.reload_with(REACHING);
     place.viewer.playhead.seek(Time::from_secs(1.0));
@@ -657,7 +657,7 @@ fn constraints_are_added_to_the_selected_actor() {
     desk.key_press(Key::Enter);
     desk.run();
     assert!(desk.state().text().contains("ada.reach(\"RightHand\", ball).from(1.0);"));
-    // Nothing could reach while no actor is selected.
+    // Without a selected actor there is nothing to constrain.
     let viewer = &mut desk.state_mut().viewer;
     viewer.selection = None;
     let refused = viewer.add_constraint(&NewConstraint { call: ConstraintCall::Reach, target: None });

@@ -1,5 +1,5 @@
-//! A scene that is made with the mouse alone, from an empty stage: three characters, eight clips, two cameras, keys, a light, titles. The
-//! keyboard is for numbers and words. Where CHOREO_SHOTS names a folder, an image of each step is left there, and all of them in a strip:
+//! A scene built with the mouse alone from an empty stage: three characters, eight clips, two cameras, keys, a light, titles. The
+//! keyboard only enters numbers and words. In the folder CHOREO_SHOTS, if it is set, a screenshot of each step is saved, and all in one image:
 //! `CHOREO_SHOTS=folder cargo test -p choreo -p choreo-viewer --test panels by_mouse`.
 
 use crate::place::Place;
@@ -9,7 +9,7 @@ use egui::{Pos2, pos2, vec2};
 use std::path::Path;
 use std::process::Command;
 
-/// The lines behind those of the template.
+/// Lines after those of the template.
 const MADE: &str = r##"let ada_model = load("choreo:mannequin", #{ color: "coral" });
 let ada = cast("ada", ada_model);
 ada.play(ada_model.clip("Walk")).until(2.0);
@@ -33,10 +33,10 @@ text("Three dance", #{ at: [0.5, 0.85] }).from(0.5).until(2.5).fade(0.3);
 text("The end", #{ at: [0.5, 0.85] }).from(5.5).until(7.5).fade(0.3);
 "##;
 
-/// Images of the steps.
+/// File names of the screenshots of the steps.
 const STEPS: [&str; 6] = ["2_characters", "3_walks", "5_ends", "6_keys", "8_light", "9_titles"];
 
-/// Where a time is in the ruler.
+/// Screen position of a time in the ruler.
 fn at(mouse: &Mouse, secs: f64) -> Pos2 {
     let (ruler, span) = (mouse.find("time"), mouse.desk.state().viewer.span);
     let part = (secs - span.from) / (span.to - span.from);
@@ -55,7 +55,7 @@ fn play(mouse: &mut Mouse, actor: &str, clip: &str, secs: f64) {
 }
 
 #[test]
-fn a_scene_of_three_is_made_from_an_empty_stage() {
+fn a_scene_of_three_actors_is_built_with_the_mouse_from_an_empty_stage() {
     let empty = TEMPLATES.iter().find(|template| template.name == "Empty stage").unwrap();
     let mut mouse = Mouse::new(Place::new(empty.text), vec2(1600.0, 1000.0));
     mouse.type_into("stage length", "8");
@@ -78,7 +78,7 @@ fn a_scene_of_three_is_made_from_an_empty_stage() {
     play(&mut mouse, "ada", "Bow", 6.0);
     play(&mut mouse, "bob", "Wave", 6.0);
     mouse.picture("5_ends");
-    // They walk in: a key where each begins, and one where it arrives.
+    // They walk in: one key at the start of the walk, and one at its end.
     for name in ["ada", "bob", "cleo"] {
         mouse.click(name);
         seek(&mut mouse, 0.0);
@@ -108,7 +108,7 @@ fn a_scene_of_three_is_made_from_an_empty_stage() {
     strip();
 }
 
-/// The steps in one image, two in a row.
+/// Joins the screenshots of the steps in one image, two per row.
 fn strip() {
     let Some(folder) = std::env::var_os("CHOREO_SHOTS") else { return };
     let steps = STEPS.map(|name| Path::new(&folder).join(format!("{name}.png")));

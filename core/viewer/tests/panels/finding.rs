@@ -1,4 +1,4 @@
-//! The command palette finds actions, actors, clips and lines; keys follow presets and the user's own file.
+//! The command palette finds actions, actors, clips and lines; shortcuts follow presets and the user's file.
 
 use crate::place::{Desk, Place};
 use choreo_viewer::geometry::gizmo::Tool;
@@ -18,7 +18,7 @@ fn desk() -> Desk {
     Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
 }
 
-/// Opens the palette, types and presses Enter.
+/// Opens the palette, types `text` and presses Enter.
 fn command(desk: &mut Desk, text: &str) {
     desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
     desk.run();
@@ -50,7 +50,7 @@ fn the_palette_runs_actions_and_goes_to_actors_clips_and_lines() {
     desk.state_mut().viewer.playhead.seek(choreo_motion::Time::from_secs(3.0));
     command(&mut desk, "split the selected");
     assert!(desk.state().text().matches("Wave").count() == 2, "{}", desk.state().text());
-    // Keys that are typed here are no shortcuts, and Escape closes it.
+    // Keys typed here are not shortcuts, and Escape closes the palette.
     let before = desk.state().text();
     desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
     desk.run();
@@ -61,7 +61,7 @@ fn the_palette_runs_actions_and_goes_to_actors_clips_and_lines() {
     assert!(desk.query_by_label("delete the selected clips and keys from the script").is_none());
 }
 
-/// Words of Blender, Unity and players find the actions and panels.
+/// Terms of Blender, Unity and video players find the actions and panels.
 #[test]
 fn the_palette_knows_the_words_of_other_programs() {
     let mut desk = desk();
@@ -100,7 +100,7 @@ fn the_palette_knows_the_words_of_other_programs() {
     assert_eq!(desk.state().viewer.playhead.speed(), 0.5);
 }
 
-/// A long line of the list of shortcuts is wrapped.
+/// A long line in the list of shortcuts is wrapped.
 #[test]
 fn the_list_of_keys_fits_the_window() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1600.0, 1000.0));
@@ -115,7 +115,7 @@ fn the_list_of_keys_fits_the_window() {
 }
 
 #[test]
-fn arrows_choose_in_the_palette_and_a_click_takes() {
+fn arrow_keys_move_in_the_palette_and_a_click_runs_an_entry() {
     let mut desk = desk();
     desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
     desk.run();
@@ -135,9 +135,9 @@ fn arrows_choose_in_the_palette_and_a_click_takes() {
     assert_eq!(desk.state().viewer.playhead.frame(), 0);
 }
 
-/// A click beside the palette closes it and presses nothing below.
+/// A click outside the palette closes it and presses nothing behind it.
 #[test]
-fn the_palette_takes_the_clicks_beside_it() {
+fn clicks_outside_the_palette_do_not_reach_the_panels() {
     let mut desk = desk();
     let row = desk.get_by_label("row ada").rect().center();
     let click = |desk: &mut Desk| {
@@ -155,7 +155,7 @@ fn the_palette_takes_the_clicks_beside_it() {
     assert_eq!(desk.state().viewer.selection, None);
     click(&mut desk);
     assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("ada".into())));
-    // The list has its height again for the text after one that has found nothing.
+    // After a search without results, the list has its full height again for the next one.
     desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
     desk.run();
     let area = |desk: &Desk| desk.ctx.memory(|m| m.area_rect(egui::Id::new(("dialog", "Commands"))));
@@ -170,9 +170,9 @@ fn the_palette_takes_the_clicks_beside_it() {
     assert_eq!(area(&desk).unwrap(), before);
 }
 
-/// In the list a click on a key waits for another, which does nothing else; actions with the same key name each other.
+/// A click on a shortcut in the list waits for a new key, which then triggers nothing; actions with the same key name each other.
 #[test]
-fn keys_are_chosen_in_the_list() {
+fn shortcuts_are_assigned_in_the_shortcut_list() {
     const SPLIT: &str = "split the selected clips at the playhead";
     let mut desk = desk();
     desk.key_press(Key::F1);
@@ -192,7 +192,7 @@ fn keys_are_chosen_in_the_list() {
     assert_eq!(choose(&mut desk, held, Key::U), own("Ctrl+Shift+U"));
     assert!(desk.state().viewer.shortcuts.changed.contains("split"), "to be written");
     assert!(desk.query_by_label_contains("also: ").is_none());
-    // H is the key that hides: choosing it hides nothing and is a conflict.
+    // H is the shortcut for hiding: choosing it hides nothing and is a conflict.
     desk.state_mut().viewer.selection = Some(Selected::Actor("ada".into()));
     assert_eq!(choose(&mut desk, Modifiers::NONE, Key::H), own("H"));
     assert!(desk.state().viewer.toggles.hidden.is_empty());
@@ -203,7 +203,7 @@ fn keys_are_chosen_in_the_list() {
     desk.get_by_label(&format!("usual key of {SPLIT}")).click();
     desk.run();
     assert!(desk.state().viewer.shortcuts.own.is_empty());
-    // A panel has keys, too; Escape closes the list where no key is waited for.
+    // Panels have shortcuts, too; Escape closes the list if it does not wait for a key.
     desk.get_by_label("key of panel Sequencer");
     assert_eq!(choose(&mut desk, Modifiers::NONE, Key::J), own("J"));
     desk.key_press(Key::Escape);
@@ -218,9 +218,9 @@ fn keys_are_chosen_in_the_list() {
     assert_ne!(desk.state().text(), SCRIPT, "it splits");
 }
 
-/// A key in the user's file is the same key however its name is written.
+/// Shortcuts in the user's file are compared independently of their spelling.
 #[test]
-fn conflicts_of_keys_do_not_depend_on_how_they_are_written() {
+fn shortcut_conflicts_are_found_in_any_spelling() {
     let mut desk = desk();
     desk.key_press(Key::F1);
     for written in ["H", "h", "KeyH"] {
@@ -230,7 +230,7 @@ fn conflicts_of_keys_do_not_depend_on_how_they_are_written() {
         desk.get_by_label("also: hide or show the selection");
         desk.get_by_label("also: split the selected clips at the playhead");
     }
-    // Names of keys with a sign that also separates keys.
+    // Names of keys that contain the separator.
     desk.state_mut().viewer.shortcuts.own.clear();
     desk.state_mut().viewer.shortcuts.preset = "unity".into();
     desk.run();
@@ -242,9 +242,9 @@ fn conflicts_of_keys_do_not_depend_on_how_they_are_written() {
     assert!(texts.iter().any(|text| text == "Comma, Left"), "{texts:?}");
 }
 
-/// The text of the script looks as if it could be typed into: there a key neither deletes nor splits what is selected.
+/// The script panel looks editable, so that keys over it neither delete nor split the selection.
 #[test]
-fn over_the_script_keys_do_not_change_the_selection() {
+fn editing_keys_over_the_script_panel_change_nothing() {
     let mut desk = desk();
     desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
     desk.state_mut().viewer.playhead.seek(choreo_motion::Time::from_secs(1.0));
@@ -270,7 +270,7 @@ fn over_the_script_keys_do_not_change_the_selection() {
         desk.state_mut().viewer.message = None;
     }
     assert_eq!(desk.state().text(), SCRIPT);
-    // Elsewhere they do.
+    // Over other panels they do.
     desk.hover_at(desk.get_by_label("picture").rect().center());
     desk.run();
     desk.key_press(Key::Y);
@@ -279,7 +279,7 @@ fn over_the_script_keys_do_not_change_the_selection() {
 }
 
 #[test]
-fn keys_follow_the_preset_and_own_ones() {
+fn shortcuts_follow_the_preset_and_user_overrides() {
     let mut desk = desk();
     let tool = |desk: &mut Desk, key| {
         desk.state_mut().viewer.tool = Tool::Move;

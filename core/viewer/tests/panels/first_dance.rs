@@ -1,5 +1,5 @@
-//! The first dance, rebuilt from an empty stage with the mouse alone; the keyboard is for numbers, names and words. The scene is compared with
-//! that of the lesson: joints, cameras, lights and background over ten seconds. Where CHOREO_SHOTS names a folder, images are left there.
+//! The lesson "first dance", rebuilt from an empty stage by mouse; the keyboard only enters numbers, names and texts. The scene is compared with
+//! that of the lesson: joints, cameras, lights and background over ten seconds. Screenshots are saved in the folder CHOREO_SHOTS, if it is set.
 
 use crate::place::Place;
 use crate::place::mouse::Mouse;
@@ -23,7 +23,7 @@ fn point(mouse: &mut Mouse, names: [&str; 3], to: [&str; 3]) {
     }
 }
 
-/// Colors, walk and clips of one dancer, who is on stage.
+/// Sets the colors, walk and clips of one dancer, who is on stage.
 fn dancer(mouse: &mut Mouse, name: &str, [x, from, to]: [&str; 3], colors: &[(&str, &str)]) {
     mouse.click(name);
     for (field, color) in colors {
@@ -137,7 +137,7 @@ fn the_first_dance_is_rebuilt_from_an_empty_stage() {
     mouse.click("Wave on ada");
     mouse.type_into("speed field", "1.2");
     mouse.type_into("on field", "RightShoulder..");
-    // It is another layer's clip now, and still the selected one; a further click leaves it so.
+    // The clip is now in another layer and still selected; a further click changes nothing.
     let wave = Some(Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 });
     assert_eq!(mouse.desk.state().viewer.selection, wave);
     mouse.click("Wave on ada");
@@ -161,7 +161,7 @@ fn stage_of(place: &Place) -> Arc<Stage> {
     place.viewer.scene.as_ref().unwrap().stage.clone()
 }
 
-/// Joints and cameras to the micrometre, colors to a step of 8 bits.
+/// Compares joints and cameras to a micrometre, colors to one step of 8 bits.
 fn compare(rebuilt: &Stage, lesson: &Stage, at: Time) {
     let [ours, theirs] = [rebuilt.at(at).unwrap(), lesson.at(at).unwrap()];
     let secs = at.as_secs();

@@ -1,5 +1,5 @@
-//! Changes through the panels reach the script: transform, lights, effects, clips, cuts, markers; questions are asked
-//! with a difference; undo and redo.
+//! Edits in the panels change the script: transform, lights, effects, clips, cuts, markers; confirmations show a
+//! difference; undo and redo.
 
 use crate::place::{Desk, Place, drag, secondary_click};
 use choreo_script::Severity;
@@ -29,12 +29,12 @@ marker("turn", 1.0);
 "##;
 
 #[test]
-fn what_is_dragged_in_the_viewport_is_written_and_shown() {
+fn a_viewport_drag_changes_the_script_and_the_frame() {
     let mut place = Place::new(SCRIPT);
     place.viewer.change_actor("ada", Change::Move(DVec3::new(0.25, 0.0, 1.0))).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".at(-0.5, 0.0, 0.0)", ".at(-0.25, 0.0, 1.0)"));
     place.reload();
-    assert_eq!(place.viewer.message, None, "it stands where it was put");
+    assert_eq!(place.viewer.message, None, "the actor stands at its new position");
     let (sin, cos) = libm::sincos(core::f64::consts::FRAC_PI_4 / 2.0);
     place.viewer.change_actor("ada", Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))).unwrap();
     place.reload();
@@ -51,7 +51,7 @@ fn what_is_dragged_in_the_viewport_is_written_and_shown() {
 }
 
 #[test]
-fn what_another_line_undoes_is_told() {
+fn a_change_that_a_later_line_overrides_is_reported() {
     let mut place = Place::new(SCRIPT);
     place.write(&format!("{SCRIPT}for a in [ada] {{ a.at(7.0, 0.0, 0.0); }}\n"));
     place.reload();
@@ -65,7 +65,7 @@ fn what_another_line_undoes_is_told() {
 }
 
 #[test]
-fn what_is_computed_is_asked_about_with_a_line_that_would_do_it() {
+fn changing_a_computed_value_offers_a_line_that_overrides_it() {
     let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     let refused =
         harness.state_mut().viewer.change_actor("bob", Change::Move(DVec3::X)).unwrap_err().to_string();
@@ -81,9 +81,9 @@ fn what_is_computed_is_asked_about_with_a_line_that_would_do_it() {
     assert_eq!(harness.state().viewer.scene.as_ref().unwrap().stage.actors[1].transform.translation.x, 1.5);
 }
 
-/// A frame on a busy machine can take longer than a second: press and release arrive in different ones.
+/// A frame on a busy machine can take longer than a second: press and release then arrive in different frames.
 #[test]
-fn a_click_is_one_however_long_a_frame_takes() {
+fn a_click_counts_as_one_click_at_any_frame_time() {
     let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     harness.state_mut().viewer.change_actor("bob", Change::Move(DVec3::X)).unwrap_err();
     harness.run();
@@ -95,7 +95,7 @@ fn a_click_is_one_however_long_a_frame_takes() {
     harness.event(egui::Event::PointerMoved(pos));
     harness.step();
     harness.event(button(true));
-    // A quarter of a second each.
+    // Each frame takes a quarter of a second.
     (0..8).for_each(|_| harness.step());
     harness.event(button(false));
     harness.run();
@@ -103,7 +103,7 @@ fn a_click_is_one_however_long_a_frame_takes() {
 }
 
 #[test]
-fn a_file_that_has_changed_meanwhile_is_asked_about_and_keeps_both() {
+fn an_external_change_of_the_script_is_merged_after_confirmation() {
     let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     let other = SCRIPT.replace("let x = 0.25;", "let x = 0.75; // by the editor");
     harness.state().write(&other);
@@ -124,7 +124,7 @@ fn a_file_that_has_changed_meanwhile_is_asked_about_and_keeps_both() {
     harness.get_by_label("Write both").click();
     harness.run();
     assert_eq!(harness.state().text(), other.replace(".at(-0.5,", ".at(-0.4,"));
-    // And the question can be left.
+    // The confirmation can also be declined.
     harness.state().write(&other);
     harness.state_mut().viewer.change_actor("ada", change).unwrap_err();
     harness.run();
@@ -135,7 +135,7 @@ fn a_file_that_has_changed_meanwhile_is_asked_about_and_keeps_both() {
 }
 
 #[test]
-fn lights_effects_cuts_and_markers() {
+fn lights_effects_cuts_and_markers_are_edited() {
     let mut place = Place::new(SCRIPT);
     place.viewer.set_value(&Selected::Light(0), "intensity", "4.5").unwrap();
     place.reload();
@@ -206,7 +206,7 @@ fn a_marker_and_a_cut_are_dragged() {
 }
 
 #[test]
-fn a_number_of_the_inspector_is_one_change() {
+fn dragging_an_inspector_number_is_one_undo_step() {
     let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     harness.get_by_label("row ada").click();
     harness.run();
@@ -228,7 +228,7 @@ fn a_number_of_the_inspector_is_one_change() {
 
 const TRIANGLE: &str = "v -1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
-/// Drops files as the window does: they are shown instead of the script.
+/// Drops files as the window does: they are previewed in place of the script.
 fn dropped(place: &mut Place, files: &[PathBuf]) {
     let (source, left_out) = SceneSource::of_models(files.to_vec(), place.session.source()).unwrap();
     place.viewer.message = left_out;
@@ -246,7 +246,7 @@ fn a_dropped_file_is_added_as_a_line() {
     place.viewer.add_previewed_files().unwrap();
     assert_eq!(place.text(), format!("{SCRIPT}let my_box = cast(\"my_box\", load(\"My Box.obj\"));\n"));
     place.reload();
-    // Once more: another name.
+    // The second copy gets another name.
     dropped(&mut place, &[file]);
     place.viewer.add_previewed_files().unwrap();
     assert!(place.text().ends_with("let my_box_2 = cast(\"my_box_2\", load(\"My Box.obj\"));\n"));
@@ -278,7 +278,7 @@ fn files_that_are_dropped_together_stand_side_by_side_and_are_one_change() {
     let scene = place.viewer.scene.clone().unwrap();
     let stand: Vec<_> =
         scene.stage.actors.iter().map(|a| (a.name.as_str(), a.transform.translation.x)).collect();
-    // Two metres wide, and a tenth between.
+    // Each is two metres wide, with a gap between them.
     assert_eq!(stand, [("one", 0.0), ("one 2", 2.2), ("two", 4.4)]);
     let refused = place.viewer.add_previewed_files().unwrap_err().to_string();
     assert!(refused.contains("broken.obj: it cannot be read; "), "{refused}");
@@ -289,7 +289,7 @@ fn files_that_are_dropped_together_stand_side_by_side_and_are_one_change() {
     place.reload();
     place.viewer.undo().unwrap();
     assert_eq!(place.text(), SCRIPT);
-    // Nothing of it can be read: the script's scene stays, and nothing is written.
+    // An unreadable file: the scene of the script stays, and nothing is written.
     place.reload();
     let broken = files[1].clone();
     dropped(&mut place, &[broken.clone(), broken]);
@@ -298,7 +298,7 @@ fn files_that_are_dropped_together_stand_side_by_side_and_are_one_change() {
     assert_eq!(place.text(), SCRIPT);
 }
 
-/// What is typed is arithmetic, and the right mouse button sets a field to its default.
+/// Typed arithmetic is evaluated, and the right mouse button resets a field to its default.
 #[test]
 fn fields_take_expressions_and_go_back_to_their_defaults() {
     let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
@@ -343,9 +343,9 @@ fn fields_take_expressions_and_go_back_to_their_defaults() {
     assert_eq!(harness.state().text(), SCRIPT.replace(".at(-0.5, 0.0", ".at(0.0, 0.0"));
 }
 
-/// Frames are a time: typed for an angle they would be an angle of a few hundredths of a degree.
+/// f(…) converts frames to seconds, so that an angle typed with it would be wrong.
 #[test]
-fn frames_are_taken_by_times_alone() {
+fn frame_numbers_are_accepted_only_in_time_fields() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     desk.state_mut().viewer.selection = Some(Selected::Actor("ada".into()));
     desk.run();
@@ -364,7 +364,7 @@ fn frames_are_taken_by_times_alone() {
 }
 
 #[test]
-fn expressions_have_the_values_of_arithmetic() {
+fn typed_expressions_are_evaluated() {
     for (text, expected) in [
         ("1/3", 1.0 / 3.0),
         (" -2.5 ", -2.5),
@@ -383,16 +383,16 @@ fn expressions_have_the_values_of_arithmetic() {
 }
 
 #[test]
-fn what_is_no_number_is_none() {
+fn text_that_is_no_number_is_rejected() {
     let deep = "(".repeat(100_000);
     for text in ["", "x", "1/0", "1 2", "(1", "1)", "f12", "f(", "--", "1..2", "1e", &deep] {
         assert_eq!(expression::value(text, 25.0), None, "{}", &text[..text.len().min(8)]);
     }
 }
 
-/// A field of the inspector, found by its label, is given a number by the keyboard.
+/// Types a number into a field of the inspector, found by its label.
 fn type_into(desk: &mut Desk, label: &str, text: &str) {
-    // The field is the last, where the name beside it has the same label.
+    // The field is the last widget, where the name next to it has the same label.
     desk.get_all_by_label(label).last().unwrap().click();
     desk.run();
     desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
@@ -405,7 +405,7 @@ fn type_into(desk: &mut Desk, label: &str, text: &str) {
     desk.run();
 }
 
-/// The menu of a field's name takes its value away.
+/// Resets a field by the menu of its name.
 fn reset(desk: &mut Desk, label: &str) {
     desk.get_by_label(label).click_secondary();
     desk.run();
@@ -462,7 +462,7 @@ ada.play(moves.clip(\"Bow\")).on(\"Spine..\");
     desk.state_mut().reload();
     desk.run();
     assert_eq!(cue(&desk, 0, 1).clip.name, "Jump");
-    // All of it goes again, and the line is as it was but for the clip and how it repeats.
+    // After all resets the line is as before, except for the clip and its repetition.
     for name in ["speed", "weight", "trim", "ease"] {
         let row = desk.query_all_by_label(name).next().unwrap().rect().center();
         secondary_click(&mut desk, row);
@@ -474,7 +474,7 @@ ada.play(moves.clip(\"Bow\")).on(\"Spine..\");
     desk.run();
     type_into(&mut desk, "on field", "[\"Head\", \"*Arm*\"]");
     assert!(desk.state().text().contains(".on([\"Head\", \"*Arm*\"]);"), "{}", desk.state().text());
-    // A joint with those below it is chosen, too, and a text is shown and typed without its quotes.
+    // A joint with its descendants can be chosen, too, and a text is displayed and typed without its quotes.
     for (choose, typed) in [(Some("Hips.."), None), (None, Some("Spine.."))] {
         desk.state_mut().reload();
         desk.run();
@@ -492,7 +492,7 @@ ada.play(moves.clip(\"Bow\")).on(\"Spine..\");
         let written = format!(".on(\"{}\");", choose.or(typed).unwrap());
         assert!(desk.state().text().contains(&written), "{}", desk.state().text());
     }
-    // A joint that the character does not have is refused with the nearest.
+    // An unknown joint is refused, with the most similar name.
     desk.state_mut().reload();
     desk.run();
     let before = desk.state().text();
@@ -513,7 +513,7 @@ ada.play(moves.clip(\"Bow\")).on(\"Spine..\");
     }
 }
 
-/// A mask that is typed for one clip of a chain would be that of the others, too: it is offered for that clip alone, and for all of them.
+/// A mask applies to all clips of a chain: when typed for one clip, it is offered for that clip alone and for all.
 #[test]
 fn a_mask_of_a_clip_of_a_chain_is_offered_for_it_alone() {
     const CHAIN: &str = "stage(#{ fps: 25, length: 8.0 });
@@ -561,17 +561,17 @@ let words = text(\"Hello\", #{ size: 0.1 }).from(1.0);
     select(&mut desk, Selected::Light(0));
     reset(&mut desk, "intensity");
     assert!(desk.state().text().contains("let key = sun();"), "{}", desk.state().text());
-    // The reference: 2.2 lux by default.
+    // Expected value: 2.2 lux by default.
     assert!((stage(&desk).lights[0].light.intensity - 2.2).abs() < 1e-6);
     select(&mut desk, Selected::Camera("view".into()));
     type_into(&mut desk, "focal length field", "50");
-    // The script states degrees: 50 mm on 24 mm of film are 2 atan(12 / 50).
+    // The script has degrees: 50 mm on a film height of 24 mm are 2 atan(12 / 50).
     let degrees = 2.0 * libm::atan(12.0 / 50.0).to_degrees();
     let choreo_asset::Projection::Perspective { yfov, .. } = stage(&desk).cameras[0].projection else {
         panic!()
     };
     assert!((f64::from(yfov).to_degrees() - degrees).abs() < 1e-3, "{}", desk.state().text());
-    // The field of view has the digits by which the focal length is read back.
+    // The field of view has enough digits to restore the focal length.
     assert!(desk.state().text().contains(".fov(26.99147)"), "{}", desk.state().text());
     let length = desk.get_by_label("focal length field").value().unwrap_or_default();
     assert_eq!(length.parse::<f64>(), Ok(50.0));
@@ -591,7 +591,7 @@ let words = text(\"Hello\", #{ size: 0.1 }).from(1.0);
 }
 
 #[test]
-fn a_line_that_makes_several_is_changed_for_all_or_written_out() {
+fn a_line_that_creates_several_objects_is_changed_for_all_or_expanded() {
     const LOOP: &str = "stage(#{ fps: 25, length: 4.0 });
 for i in [1, 2, 3] {
     let ball = cast(`ball ${i}`, shape(\"sphere\")).at(0.0, i, 0.0).scale(0.5);
@@ -608,7 +608,7 @@ for i in [1, 2, 3] {
     desk.run();
     assert_eq!(desk.state().text(), LOOP.replace(".scale(0.5)", ".scale(1.0)"));
     desk.state_mut().reload();
-    // A computed value has no change for all; the numbers beside it have one.
+    // A computed value cannot be changed for all objects; the numbers next to it can.
     desk.state_mut().viewer.change_actor("ball 2", Change::Move(DVec3::X)).unwrap_err();
     desk.run();
     desk.get_by_label("Change all 3");
@@ -626,7 +626,7 @@ for i in [1, 2, 3] {
         stage.actors.iter().map(|a| (a.name.clone(), a.transform.translation)).collect()
     };
     assert_eq!(placed(&before), placed(&after), "{}", desk.state().text());
-    // The change for which it was written out is made then.
+    // After the loop is unrolled, the pending change is made.
     desk.state_mut().reload();
     let moved = placed(&desk.state().viewer.scene.as_ref().unwrap().stage);
     let wanted = placed(&before).into_iter().map(|(name, at)| match name.as_str() {
@@ -638,9 +638,9 @@ for i in [1, 2, 3] {
     assert_eq!(desk.state().text().matches(".scale(2.0)").count(), 1, "{}", desk.state().text());
 }
 
-/// Values that a loop computed are numbers and texts once it is written out, so that they can be moved, renamed and typed over.
+/// Unrolling a loop replaces its computed values by numbers and texts, so that they can be moved, renamed and edited.
 #[test]
-fn what_a_loop_made_is_edited_once_it_is_written_out() {
+fn objects_of_a_loop_are_edited_after_the_loop_is_expanded() {
     const LOOP: &str = "stage(#{ fps: 25, length: 4.0 });
 let moves = load(\"choreo:mannequin\");
 for i in [-1, 0, 1] {
@@ -682,7 +682,7 @@ for i in [-1, 0, 1] {
     );
 }
 
-/// Constraints, attachments, springs, shadows and keyed weights have fields, too, each written into its own call.
+/// Constraints, attachments, springs, shadows and keyed weights have fields, each of which changes its own call.
 #[test]
 fn constraints_springs_and_shadows_are_edited_and_reset() {
     const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });
@@ -758,13 +758,13 @@ let key = sun(#{ intensity: 3.0 });
     reset(&mut desk, "softness");
     assert_eq!(line(&desk, "let key"), "let key = sun(#{ intensity: 3.0, shadow: true });");
 
-    // A number would take the place of the keys.
+    // A number would replace the keys.
     select(&mut desk, Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
     desk.get_by_label("2 keys, 0.00 to 2.00 s");
     assert!(desk.query_by_label("weight field").is_none());
 }
 
-/// An end that the script does not state is no zero: weak with what counts instead, or empty.
+/// An end that the script does not set is not displayed as zero: the effective value is shown in weak text, or nothing.
 #[test]
 fn an_end_that_is_not_stated_is_not_zero() {
     const SCENE: &str = "stage(#{ fps: 30, length: 6.0 });
@@ -783,12 +783,12 @@ text(\"Hello\", #{ at: [-0.0001, 0.5] });
     desk.state_mut().viewer.selection = Some(Selected::Title(0));
     desk.run();
     assert_eq!(value(&desk, "until field"), "6.00");
-    // What rounds to nothing has no sign.
+    // A number that rounds to zero has no sign.
     assert_eq!(value(&desk, "at x").trim_start_matches('0'), ".00");
     desk.state_mut().viewer.selection = Some(Selected::Actor("ada".into()));
     desk.run();
     assert_eq!(value(&desk, "look_at until field"), "");
-    // A field that is left as it was states nothing.
+    // Leaving a field unchanged writes nothing.
     desk.get_by_label("look_at until field").click();
     desk.run();
     desk.key_press(Key::Enter);
@@ -804,7 +804,7 @@ text(\"Hello\", #{ at: [-0.0001, 0.5] });
     assert!(desk.state().text().contains("\"Wave\")).until(5.0);"), "{}", desk.state().text());
 }
 
-/// A change of what several actors are cast of is made for one alone, or for all of them, as the user chooses.
+/// An asset shared by several actors is changed for one of them or for all, as the user chooses.
 #[test]
 fn an_asset_of_several_actors_is_changed_for_one_or_for_all() {
     const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });
@@ -815,7 +815,7 @@ let b = cast(\"b\", cube).at(2.0, 0.0, 0.0);
     let mut place = Place::new(SCENE);
     place.viewer.selection = Some(Selected::Actor("b".into()));
     let mut desk = place.harness(vec2(1500.0, 1600.0));
-    // A reload would take the question away.
+    // A reload would close the dialog.
     let type_into = |desk: &mut Desk, label: &str, text: &str| {
         desk.get_all_by_label(label).last().unwrap().click();
         desk.run();
@@ -836,7 +836,7 @@ let b = cast(\"b\", cube).at(2.0, 0.0, 0.0);
     assert_eq!(desk.state().text(), changed);
     desk.state_mut().reload();
     desk.run();
-    // The asset is b's own now.
+    // b now has a separate asset.
     type_into(&mut desk, "roughness field", "0.75");
     assert_eq!(desk.state().text(), changed.replace("0.25", "0.75"));
     desk.state_mut().viewer.undo().unwrap();
@@ -849,7 +849,7 @@ let b = cast(\"b\", cube).at(2.0, 0.0, 0.0);
     assert_eq!(desk.state().text(), SCENE.replace("roughness: 0.5", "roughness: 0.25"));
 }
 
-/// A typed time is written in the style of the script, seconds or frames; typed frames and expressions stay as they are typed.
+/// A typed time is written in the unit of the script, seconds or frames; typed frames and expressions are kept as typed.
 #[test]
 fn typed_times_keep_the_style_of_the_script() {
     const SCENE: &str = "stage(#{ fps: 30, length: 6.0 });
@@ -874,9 +874,9 @@ ada.play(moves.clip(\"Walk\")).from(0.5).until(f(60));
     }
 }
 
-/// A third is written as it was typed, shown so, and changed again; three quarters, which digits would state, too.
+/// A third is written and displayed as typed, and edited again; so is 3/4, although it has an exact decimal form.
 #[test]
-fn a_typed_expression_is_written_as_one_shown_and_changed_again() {
+fn a_typed_expression_is_written_displayed_and_edited_again() {
     const SCENE: &str = "stage(#{ fps: 30, length: 30.0 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
@@ -900,7 +900,7 @@ ada.play(moves.clip(\"Walk\"), #{ fade: 0.4 }).then(moves.clip(\"Wave\")).weight
         assert!(desk.state().viewer.problems.is_empty(), "{:?}", desk.state().viewer.problems);
         let cue = desk.state().viewer.scene.as_ref().unwrap().stage.actors[0].layers[0].cues[number].clone();
         assert_eq!(cue.speed, 1.0 / 7.0);
-        // A field that is left as it was changes nothing.
+        // Leaving a field unchanged writes nothing.
         let before = desk.state().text();
         desk.get_by_label("speed field").click();
         desk.run();
@@ -910,9 +910,9 @@ ada.play(moves.clip(\"Walk\"), #{ fade: 0.4 }).then(moves.clip(\"Wave\")).weight
     }
 }
 
-/// The other fields of the inspector write what was typed, too: a light, a lens, a fade, a point, an effect.
+/// Other fields of the inspector also keep typed expressions: a light, a lens, a fade, a point, an effect.
 #[test]
-fn a_typed_expression_stays_one_in_every_field() {
+fn every_field_keeps_a_typed_expression() {
     const SCENE: &str = "stage(#{ fps: 30, length: 4.0 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
@@ -939,7 +939,7 @@ effect(\"vignette\", #{ strength: 0.5 });
         let wanted = SCENE.replace(old, new);
         assert_eq!(desk.state().text(), wanted, "{field}");
         assert!(desk.state().viewer.problems.is_empty(), "{:?}", desk.state().viewer.problems);
-        // A field that is left as it was changes nothing.
+        // Leaving a field unchanged writes nothing.
         desk.get_all_by_label(field).last().unwrap().click();
         desk.run();
         desk.key_press(Key::Enter);
@@ -948,9 +948,9 @@ effect(\"vignette\", #{ strength: 0.5 });
     }
 }
 
-/// Numbers of lists and times stay as they are typed, too, and what stands beside them as it is written.
+/// Numbers in lists and times are kept as typed, and their neighbors as written.
 #[test]
-fn a_typed_expression_stays_one_beside_others() {
+fn a_typed_expression_is_kept_when_a_neighbor_changes() {
     const SCENE: &str = "stage(#{ fps: 25, length: 6.0, ambient: 0.5 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves).at(2.0 / 7.0, 0, 0.333).turn(10).scale(2);
@@ -965,7 +965,7 @@ camera(\"wide\").at(1.0 / 7.0, 1, 4.0).look_at([0.0, 1.0, 0.0]);
     let with_trim = "\"Walk\"), #{ trim: [1.0 / 3.0, 1.0] })";
     for (what, field, typed, old, new) in [
         (actor("ada"), "z", "2/3", "0, 0.333)", "0, 2.0 / 3.0)"),
-        // The other number of these digits stays.
+        // The other number with the same digits stays.
         (actor("ada"), "y", "1/3", "0, 0.333)", "1.0 / 3.0, 0.333)"),
         (actor("ada"), "degrees", "100/3", "turn(10)", "turn(100.0 / 3.0)"),
         (actor("ada"), "scale y", "1/3", "scale(2)", "scale(2, 1.0 / 3.0, 2)"),
@@ -983,20 +983,20 @@ camera(\"wide\").at(1.0 / 7.0, 1, 4.0).look_at([0.0, 1.0, 0.0]);
         let wanted = SCENE.replace(old, new);
         assert_eq!(desk.state().text(), wanted, "{field}");
         assert_eq!(desk.state().viewer.message, None, "{field}");
-        // A field that is left as it was changes nothing.
+        // Leaving a field unchanged writes nothing.
         desk.get_all_by_label(field).last().unwrap().click();
         desk.run();
         desk.key_press(Key::Enter);
         desk.run();
         assert_eq!(desk.state().text(), wanted, "{field}");
     }
-    // A typed expression is a number as others are: the actor can be moved.
+    // A typed expression is edited like other numbers: the actor can be moved.
     desk.state_mut().reload_with(&SCENE.replace("0.333)", "1.0 / 3.0)"));
     desk.state_mut().viewer.change_actor("ada", Change::Move(DVec3::Z)).unwrap();
     assert_eq!(desk.state().text(), SCENE.replace("0.333)", "1.333)"));
 }
 
-/// A computed number of a place is refused, and the others are changed: of a camera, and of an actor in the viewport.
+/// In a position with a computed number, only that number is refused: for a camera, and for an actor in the viewport.
 #[test]
 fn numbers_beside_a_computed_one_are_edited() {
     const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });
@@ -1029,7 +1029,7 @@ camera(\"wide\").at(0, 1, 2.0 * x).look_at([0.0, 1.0, 0.0]);
     assert_eq!(desk.state().text(), higher);
 }
 
-/// A field of view is written in millimetres where the script states those, since it would not count before them.
+/// A field of view is written as a focal length where the script has one, because that takes precedence.
 #[test]
 fn a_lens_in_millimetres_stays_in_millimetres() {
     const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });
@@ -1042,7 +1042,7 @@ camera(\"wide\").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]).focal_length(85);
     assert_eq!(desk.state().text(), SCENE.replace("(85)", "(32.96973)"));
 }
 
-/// The right mouse button on a number opens the menu of the name beside it.
+/// A right click on a number opens the menu of its name.
 #[test]
 fn a_right_click_on_a_number_resets_it_as_one_on_its_name_does() {
     const SCENE: &str = "stage(#{ fps: 25, length: 4.0, exposure: 0.5 });
@@ -1071,7 +1071,7 @@ sun(#{ intensity: 3.0, color: \"white\" });
     }
 }
 
-/// A value that a callback sets is no key: the inspector names the line.
+/// A value that a callback sets is not a key: the inspector names the line of the callback.
 #[test]
 fn values_of_callbacks_are_named_as_such() {
     const SCENE: &str = "stage(#{ size: [64, 36], fps: 25, length: 4.0 });
@@ -1079,7 +1079,7 @@ let wide = camera(\"wide\").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
 let edge = effect(\"vignette\", #{ strength: 0.5 });
 on_frame(|t| edge.set(\"strength\", 0.25));
 ";
-    // A callback that leaves it as it is takes no field away.
+    // A callback that leaves a value unchanged hides no field.
     let other = SCENE.replace("edge.set(\"strength\", 0.25)", "wide.at(0.0, 1.0, 5.0)");
     for (script, is_named) in [(SCENE, true), (other.as_str(), false)] {
         let mut place = Place::new(script);
@@ -1089,7 +1089,7 @@ on_frame(|t| edge.set(\"strength\", 0.25));
         assert_eq!(desk.query_by_label("0.250 (by on_frame, line 4)").is_some(), is_named);
         assert_eq!(desk.query_by_label("strength number").is_none(), is_named);
     }
-    // The field of view of the camera that is on, too.
+    // The field of view of the active camera, too.
     let zoomed = SCENE.replace("edge.set(\"strength\", 0.25)", "wide.fov(30)");
     for (script, is_named) in [(zoomed.as_str(), true), (SCENE, false)] {
         let mut place = Place::new(script);
@@ -1098,7 +1098,7 @@ on_frame(|t| edge.set(\"strength\", 0.25));
         let desk = place.harness(vec2(1500.0, 1000.0));
         assert_eq!(desk.query_by_label("30.000 (by on_frame, line 4)").is_some(), is_named);
     }
-    // Each of several may be the one; what a loop makes is one line.
+    // Any of several callbacks may set it; those of a loop have one line.
     let callback = "on_frame(|t| edge.set(\"strength\", 0.25));\n";
     let looped = "for n in [1, 2] { on_frame(|t| edge.set(\"strength\", 0.25)); }\n".to_string();
     for (more, lines) in [
@@ -1114,9 +1114,9 @@ on_frame(|t| edge.set(\"strength\", 0.25));
     }
 }
 
-/// A number beyond the clip is the last that leaves something of it; a script that plays nothing would be faulty.
+/// A trim beyond the clip is clamped so that something remains; a clip of length zero would be an error in the script.
 #[test]
-fn a_trim_leaves_something_to_be_played() {
+fn a_trim_cannot_remove_the_whole_clip() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
     desk.run();
@@ -1132,9 +1132,9 @@ fn a_trim_leaves_something_to_be_played() {
     assert!(desk.state().viewer.problems.is_empty(), "{:?}", desk.state().viewer.problems);
 }
 
-/// Fields write what the script takes: a clip of an upper layer has no inertial blend, and a color of an effect is one text.
+/// Fields write only what the script accepts: no inertialization for a clip of an upper layer, and one text for the color of an effect.
 #[test]
-fn fields_write_what_the_script_takes() {
+fn fields_write_only_what_the_script_accepts() {
     const SCENE: &str = "stage(#{ fps: 30, length: 4.0 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
@@ -1155,7 +1155,7 @@ effect(\"outline\", #{ color: \"#ffd060\" }).on(ada);
     assert!(desk.state().viewer.problems.is_empty(), "{:?}", desk.state().viewer.problems);
 }
 
-/// Values without fields are those at the playhead, and none of them has a field, too. Angles are those that a person would type.
+/// Values without fields are those at the playhead, and none is shown twice. Angles are those that a person would type.
 #[test]
 fn rows_of_the_inspector_agree_with_its_fields() {
     const SCENE: &str = "stage(#{ size: [64, 36], fps: 25, length: 4.0 });
@@ -1178,8 +1178,8 @@ camera(\"wide\").key(\"fov\", [[0.0, 40], [2.0, 50]]).key(\"position\", [[0.0, [
     }
 }
 
-/// The fields of the inspector with a number or a color: the name of each, and what to type. Those that are there while nothing is selected
-/// are not meant.
+/// Names of the inspector's fields for numbers and colors, and a value to type into each. Fields that are also shown without a selection
+/// are left out.
 fn fields_of(desk: &mut Desk, what: &Selected) -> Vec<(String, String)> {
     let mut all = |what: Option<&Selected>| {
         desk.state_mut().viewer.selection = what.cloned();
@@ -1205,9 +1205,9 @@ fn fields_of(desk: &mut Desk, what: &Selected) -> Vec<(String, String)> {
     all(Some(what)).into_iter().filter(|(name, _)| !others.contains(name)).collect()
 }
 
-/// A number or color that is within the range of its field is written, and the script still loads.
+/// A number or color within the range of its field is written, and the script still loads.
 #[test]
-fn every_field_takes_what_is_in_its_range() {
+fn every_field_accepts_its_whole_range() {
     const SCENE: &str = "stage(#{ fps: 25, length: 6.0 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
@@ -1248,9 +1248,9 @@ text(\"Hello\", #{ size: 0.1 }).from(1.0);
     }
 }
 
-/// A clip begins at once or fades in: stating one takes the other away.
+/// A clip starts by a fade or by inertialization: setting one removes the other.
 #[test]
-fn a_fade_and_an_inertial_start_take_each_other_away() {
+fn fade_and_inertialization_replace_each_other() {
     const CLIPS: &str = "stage(#{ fps: 25, length: 6.0 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
@@ -1263,10 +1263,10 @@ ada.play(moves.clip(\"Walk\")).until(3.0).then(moves.clip(\"Wave\"), #{ fade: 0.
     assert_eq!(desk.state().text(), CLIPS.replace("fade: 0.5", "inertial: 0.1"));
     type_into(&mut desk, "fade field", "0.25");
     assert_eq!(desk.state().text(), CLIPS.replace("fade: 0.5", "fade: 0.25"));
-    // One change each.
+    // Each is one undo step.
     desk.state_mut().viewer.undo().unwrap();
     assert_eq!(desk.state().text(), CLIPS.replace("fade: 0.5", "inertial: 0.1"));
-    // A clip that does not move is refused before the script is.
+    // A speed of zero is refused before the script is changed.
     desk.state_mut().reload_with(CLIPS);
     desk.run();
     type_into(&mut desk, "speed field", "0");
@@ -1275,9 +1275,9 @@ ada.play(moves.clip(\"Walk\")).until(3.0).then(moves.clip(\"Wave\"), #{ fade: 0.
     assert!(message.contains("a clip has a speed of at least 0.001"), "{message}");
 }
 
-/// A strength needs a color of light, and goes with it; the transparency of a shape is one of three words.
+/// An emissive strength needs an emissive color, and is removed with it; the transparency of a shape is one of three words.
 #[test]
-fn materials_of_shapes_are_edited_as_the_script_takes_them() {
+fn shape_materials_are_edited_with_the_options_of_the_script() {
     const SHAPE: &str = "stage(#{ fps: 25, length: 4.0 });
 cast(\"ball\", shape(\"sphere\", #{ color: \"#ff0000\" }));
 ";
@@ -1302,9 +1302,9 @@ cast(\"ball\", shape(\"sphere\", #{ color: \"#ff0000\" }));
     assert_eq!(material(&desk).alpha_mode, choreo_asset::AlphaMode::Blend);
 }
 
-/// A drag of a number changes it by a hundredth of it a point, and with Shift by a tenth of that.
+/// A drag by one point changes a number by a hundredth of its value, with Shift by a tenth of that.
 #[test]
-fn a_drag_of_a_number_is_as_fast_as_it_is_large() {
+fn the_drag_speed_of_a_number_grows_with_its_value() {
     const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });
 effect(\"bloom\", #{ threshold: 0.9 });
 text(\"Hello\", #{ size: 0.12 });

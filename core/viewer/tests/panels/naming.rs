@@ -1,4 +1,4 @@
-//! What assistive technologies read: everything that can be pressed, typed into or dragged has a name.
+//! Accessibility: everything that can be pressed, typed into or dragged has a name for assistive technologies.
 
 use crate::place::{Desk, Place};
 use choreo_viewer::library::file_dialog::Purpose;
@@ -29,7 +29,7 @@ sky("studio");
 marker("hello", 1.0);
 "##;
 
-/// Roles of what is pressed, typed into, dragged or chosen, and of images.
+/// Roles of widgets that are pressed, typed into, dragged or chosen, and of images.
 const NAMED: [Role; 15] = [
     Role::Button,
     Role::CheckBox,
@@ -48,7 +48,7 @@ const NAMED: [Role; 15] = [
     Role::Window,
 ];
 
-/// What has no name in the window as it is, with where it is.
+/// Widgets of the window without a name, with their rectangles.
 fn nameless(desk: &Desk) -> Vec<String> {
     let all = desk.root().children_recursive();
     let bare = all.filter(|node| {
@@ -69,7 +69,7 @@ fn note(all: &mut BTreeSet<String>, desk: &Desk, scene: &str) {
 }
 
 #[test]
-fn everything_that_can_be_operated_has_a_name() {
+fn every_interactive_widget_has_an_accessible_name() {
     let mut place = Place::new(SCRIPT);
     place.paint();
     let mut desk = place.harness(vec2(1900.0, 1300.0));

@@ -1,4 +1,4 @@
-//! The panels without a window: found by their labels, clicked, dragged and typed at.
+//! The panels without a window: found by their labels, clicked, dragged and typed into.
 
 use crate::place::Place;
 use choreo_motion::Time;
@@ -31,7 +31,7 @@ stage_marker
 struct TestApp {
     viewer: Viewer,
     panels: Panels,
-    /// The clock, seconds.
+    /// Time of the clock, seconds.
     now: f64,
 }
 
@@ -89,7 +89,7 @@ impl Studio {
         harness
     }
 
-    /// Draws what the viewer wishes for; gives whether it wished for anything.
+    /// Draws the requested frames. Returns whether any was requested.
     fn paint(&self, harness: &mut Harness<'_, TestApp>) -> bool {
         let viewer = &mut harness.state_mut().viewer;
         let Some(asked) = viewer.next_request() else { return false };
@@ -145,14 +145,14 @@ fn a_drag_on_the_ruler_moves_the_playhead_to_where_the_mouse_is() {
 }
 
 #[test]
-fn bars_have_their_times_and_a_click_selects_what_they_are() {
+fn bars_lie_at_their_times_and_a_click_selects_their_object() {
     let mut harness = Studio::new().open();
     let timeline = &harness.state().viewer.timeline;
     let row = timeline.rows.iter().find(|r| r.label == "ada").unwrap();
     let times: Vec<_> =
         row.bars.iter().map(|b| (b.label.as_str(), b.start, b.end, b.fade_in, b.place.line)).collect();
     let secs = Time::from_secs;
-    // The walk goes on under the fade.
+    // The walk continues during the fade.
     let expected =
         [("Walk", secs(0.5), secs(2.5), Time::ZERO, 4), ("Wave", secs(2.0), secs(4.0), secs(0.5), 5)];
     assert_eq!(times, expected);
@@ -162,7 +162,7 @@ fn bars_have_their_times_and_a_click_selects_what_they_are() {
     harness.run();
     let expected = Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 };
     assert_eq!(harness.state().viewer.selection, Some(expected));
-    // The inspector tells of it, with its place.
+    // The inspector shows it with its line.
     harness.get_by_label("ada: Wave");
     harness.get_by_label_contains("a.rhai:5");
     harness.get_by_label("row floor").click();
@@ -174,10 +174,10 @@ fn bars_have_their_times_and_a_click_selects_what_they_are() {
 }
 
 #[test]
-fn a_drag_on_the_picture_takes_the_camera_over_where_it_stands() {
+fn the_free_camera_starts_at_the_scene_camera_and_orbits_with_a_drag() {
     let mut studio = Studio::new();
     let mut harness = studio.open();
-    // The sign of the nearer camera would be under the mouse.
+    // The icon of the nearer camera would be under the pointer.
     harness.state_mut().viewer.views[0].overlays.icons = false;
     let script_camera = harness.state().viewer.shown().unwrap().snapshot.camera.world_from_view;
     harness.key_press(Key::C);
@@ -201,7 +201,7 @@ fn a_drag_on_the_picture_takes_the_camera_over_where_it_stands() {
 }
 
 #[test]
-fn a_faulty_version_leaves_all_as_it_was_and_says_why() {
+fn a_faulty_script_keeps_the_last_good_scene_and_reports_the_error() {
     let mut studio = Studio::new();
     let mut harness = studio.open();
     harness.get_by_label("Wave on ada").click();
@@ -231,7 +231,7 @@ fn a_faulty_version_leaves_all_as_it_was_and_says_why() {
     assert_eq!((viewer.views[0].camera.clone(), viewer.selection.clone()), before);
     assert_eq!(viewer.timeline.rows[1].bars[1].fade_in, Time::from_secs(0.25));
     assert_eq!((viewer.playhead.frame(), viewer.playhead.is_playing()), (62, true));
-    // A selected object is deselected if the script no longer makes it.
+    // A selected object is deselected if the script no longer creates it.
     let without = script("").replace(".then(moves.clip(\"Wave\"), #{ fade: 0.5 })", "");
     let version = studio.save(&without);
     harness.state_mut().viewer.take_version(version);
@@ -239,10 +239,10 @@ fn a_faulty_version_leaves_all_as_it_was_and_says_why() {
 }
 
 #[test]
-fn nothing_is_drawn_again_while_nothing_changes() {
+fn no_frame_is_requested_while_nothing_changes() {
     let mut studio = Studio::new();
     let mut harness = studio.open();
-    // The panels have been laid out: from now on it is quiet.
+    // The panels have been laid out: from now on no repaint is requested.
     while studio.paint(&mut harness) {
         harness.run();
     }
@@ -255,7 +255,7 @@ fn nothing_is_drawn_again_while_nothing_changes() {
 }
 
 #[test]
-fn the_tree_finds_by_name_and_panels_close_and_come_back() {
+fn the_tree_filters_by_name_and_closed_panels_reopen() {
     let mut harness = Studio::new().open();
     harness.get_by_label("near").click();
     harness.run();
@@ -266,7 +266,7 @@ fn the_tree_finds_by_name_and_panels_close_and_come_back() {
     harness.get_by_role_and_label(check, "Sequencer").click();
     harness.run();
     assert!(harness.query_by_label("time").is_none(), "the sequencer is closed");
-    // The menu stays open for the next panel; a layout closes it.
+    // The menu stays open for the next panel; choosing a layout closes it.
     harness.get_by_role_and_label(check, "Sequencer").click();
     harness.run();
     harness.get_by_label("time");
@@ -276,9 +276,9 @@ fn the_tree_finds_by_name_and_panels_close_and_come_back() {
     harness.get_by_label("Viewport 2 tab");
 }
 
-/// A window that is moved to a screen of another scale: the panels are as large as before, the image has more pixels.
+/// A window moved to a screen of another scale: panels keep their size, the image gets more pixels.
 #[test]
-fn moved_between_scales_the_picture_is_drawn_for_each() {
+fn the_image_is_redrawn_at_each_display_scale() {
     let script = SCRIPT_OF_A_LARGE_STAGE;
     let mut harness = Place::new(script).harness(vec2(1200.0, 800.0));
     let native = |harness: &mut Harness<'static, Place>, scale: f32| {
@@ -309,7 +309,7 @@ fn moved_between_scales_the_picture_is_drawn_for_each() {
             asked.iter().zip(wanted).all(|(n, w)| (i64::from(*n) - w).abs() <= 2),
             "{asked:?} for {wanted:?}"
         );
-        // The selection and the playhead do not depend on it.
+        // The selection and the playhead stay.
         assert_eq!(harness.state().viewer.playhead.frame(), 0);
     }
 }

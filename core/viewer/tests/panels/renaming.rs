@@ -1,4 +1,4 @@
-//! Actors, cameras, lights and titles get other names: everywhere in the script, by the row's menu, F2 and the inspector.
+//! Actors, cameras, lights and titles are renamed everywhere in the script: by the menu of a row, F2 and the inspector.
 
 use crate::place::{Desk, Place, secondary_click};
 use choreo_viewer::state::selection::Selected;
@@ -38,7 +38,7 @@ fn typed(desk: &mut Desk, text: &str) {
     desk.run();
 }
 
-/// The script with the actor's new name wherever it is meant, and nowhere else.
+/// The script with the actor's new name in every reference to it, and nowhere else.
 fn with_eve() -> String {
     SCRIPT
         .replace("let ada = cast(\"ada\", moves)", "let eve_2 = cast(\"Eve 2\", moves)")
@@ -50,7 +50,7 @@ fn with_eve() -> String {
 }
 
 #[test]
-fn the_row_s_menu_renames_an_actor_everywhere_it_is_meant() {
+fn renaming_an_actor_in_its_row_menu_renames_all_references() {
     let mut desk = desk();
     desk.state_mut().viewer.toggles.locked.insert("ada".into());
     desk.state_mut().viewer.toggles.muted.insert(("ada".into(), 0));
@@ -107,7 +107,7 @@ fn f2_renames_cameras_lights_and_titles() {
         }
     }
     assert_eq!(desk.state().viewer.views[0].camera, ViewCamera::Named("far".into()));
-    // Escape leaves the name.
+    // Escape keeps the name.
     desk.state_mut().reload_with(SCRIPT);
     desk.state_mut().viewer.selection = Some(Selected::Actor("bob".into()));
     desk.run();
@@ -122,7 +122,7 @@ fn f2_renames_cameras_lights_and_titles() {
 }
 
 #[test]
-fn the_inspector_renames() {
+fn an_object_is_renamed_in_the_inspector() {
     let mut desk = desk();
     desk.state_mut().viewer.selection = Some(Selected::Actor("bob".into()));
     desk.run();
@@ -146,7 +146,7 @@ fn the_inspector_renames() {
 }
 
 #[test]
-fn what_cannot_be_renamed_safely_is_refused_with_its_line() {
+fn an_ambiguous_rename_is_refused_with_its_line() {
     let mut place = Place::new(SCRIPT);
     for (what, to, why) in [
         (Selected::Actor("ada".into()), "bob", "a.rhai: line 5: \"bob\" is the name of another cast"),
@@ -162,7 +162,7 @@ fn what_cannot_be_renamed_safely_is_refused_with_its_line() {
         assert!(refused.to_string().ends_with(why), "{refused}");
         assert_eq!(place.text(), SCRIPT);
     }
-    // Another variable of that name within a block: only the own one is renamed.
+    // Another variable of that name within a block is not renamed.
     let shadowed =
         format!("{SCRIPT}for ada in [bob] {{ ada.turn(5); }}\nfn f(ada) {{ ada }}\nada.turn(9);\n");
     place.reload_with(&shadowed);

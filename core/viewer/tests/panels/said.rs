@@ -1,4 +1,4 @@
-//! Messages of the viewer beside those of the command line: `check` and the viewer say the same.
+//! Messages of the viewer and of the command line: `check` and the viewer report the same.
 
 use choreo_session::{SceneSource, Session};
 use choreo_viewer::app::Viewer;
@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The messages of the viewer about a script, as `check` prints them.
+/// Messages of the viewer about a script, formatted as `check` prints them.
 fn said(script: &Path) -> String {
     let source = SceneSource::new(script);
     let mut session = Session::new(source.clone(), &choreo::registry(), false).unwrap();
@@ -18,10 +18,10 @@ fn said(script: &Path) -> String {
     if let Some(scene) = scene {
         let messages = check::messages(&scene, &source, &|| true).unwrap();
         viewer.take_messages(scene.number, &messages);
-        // Messages of another version are late.
+        // Messages about another version arrive late and are ignored.
         viewer.take_messages(scene.number + 1, &[choreo_session::Problem::warning("late")]);
     }
-    // Further lines are set in, as on a terminal.
+    // Continuation lines are indented, as on a terminal.
     let shown = |problem: &choreo_session::Problem| {
         let text = problem.to_string().replace('\n', "\n    ").replace("\n        ", "\n    ");
         text.replace(&format!("{}/", script.parent().unwrap().display()), "")
@@ -30,7 +30,7 @@ fn said(script: &Path) -> String {
 }
 
 #[test]
-fn check_and_the_viewer_agree() {
+fn check_and_the_viewer_report_the_same_messages() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cli/tests/checked").canonicalize().unwrap();
     let files = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path());
     let scripts: Vec<PathBuf> = files.filter(|path| path.extension().is_some_and(|e| e == "rhai")).collect();
@@ -38,9 +38,9 @@ fn check_and_the_viewer_agree() {
     let mut faults = Vec::new();
     for script in scripts {
         let expected = fs::read_to_string(script.with_extension("txt")).unwrap();
-        // The last lines are the sum and the exit code.
+        // The last lines are the summary and the exit code.
         let is_message = |line: &&str| !line.starts_with("exit code ") && !line.contains(".rhai: good, ");
-        // A callback fails where the whole scene is framed, before the other frames are looked at.
+        // A callback fails where the bounds of the whole scene are computed, before the other frames are checked.
         let expected = expected.replace("(at 3 s and in 29 more frames)", "(at 3 s)");
         let expected: String = expected.lines().filter(is_message).map(|line| format!("{line}\n")).collect();
         let got = said(&script);
@@ -51,9 +51,9 @@ fn check_and_the_viewer_agree() {
     assert!(faults.is_empty(), "{} scripts:\n{}", faults.len(), faults.join("\n"));
 }
 
-/// An examination that is no longer wanted is given up, without a message.
+/// A canceled check ends without a message.
 #[test]
-fn a_scene_that_is_replaced_is_examined_no_further() {
+fn checking_stops_when_the_scene_is_replaced() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cli/tests/checked");
     let source = SceneSource::new(folder.join("gap.rhai"));
     let scene =

@@ -1,4 +1,4 @@
-//! Toolbars in windows of several widths: one line each, and what has no room in it works from the menu at its end.
+//! Toolbars in windows of several widths: one line each; entries without room are in the menu at its end.
 
 use crate::place::Place;
 use crate::place::mouse::Mouse;
@@ -14,7 +14,7 @@ camera("wide").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
 camera("near").at(0.0, 1.0, 3.0).look_at([0.0, 1.0, 0.0]).cut(2.0);
 "#;
 
-/// Entries of each toolbar, the first of which has room at any width.
+/// Entries of each toolbar; the first one fits at any width.
 const TOOLBARS: [(&str, &[&str]); 4] = [
     ("top", &["File", "Edit", "Add", "Panels", "Appearance", "Shortcuts"]),
     (
@@ -38,7 +38,7 @@ const TOOLBARS: [(&str, &[&str]); 4] = [
     ("curves", &["Fit", "Speed", "Normalize", "Set key"]),
 ];
 
-/// The viewport and the timeline one above the other, each as wide as the window; or the curves.
+/// The viewport and the timeline one above the other, each as wide as the window; or the curve editor.
 fn opened(width: f32, bottom: &str) -> Mouse {
     let mut place = Place::new(SCRIPT);
     let layout = serde_json::json!({
@@ -48,16 +48,16 @@ fn opened(width: f32, bottom: &str) -> Mouse {
     place.panels = choreo_viewer::panels::Panels::new(&settings);
     place.viewer.selection = Some(choreo_viewer::state::selection::Selected::Actor("ball".into()));
     let mut mouse = Mouse::new(place, vec2(width, 600.0));
-    // Places of widgets that are not texts are known from the frame before.
+    // The width of widgets that are not texts is known from the previous frame.
     mouse.desk.run();
     mouse
 }
 
-/// Places of the nodes of this name that lie within the window.
+/// Rectangles of the widgets of this name that lie within the window.
 fn places(mouse: &Mouse, name: &str, size: Vec2) -> Vec<Rect> {
     let window = Rect::from_min_size(egui::Pos2::ZERO, size);
     let named = mouse.desk.query_all_by_label(name).filter(|node| {
-        // Tabs and rows have the names of entries, too.
+        // Tabs and rows can have the names of entries, too.
         let role = node.accesskit_node().role();
         !matches!(role, egui::accesskit::Role::Label | egui::accesskit::Role::Unknown)
     });
@@ -101,7 +101,7 @@ fn each_toolbar_has_one_line_at_any_width() {
     }
 }
 
-/// Opens the menu at the end of the line of an entry.
+/// Opens the overflow menu of the toolbar that contains an entry.
 fn open_more(mouse: &mut Mouse, beside: &str) {
     let line = mouse.find(beside).center().y;
     let mores: Vec<Rect> = mouse.desk.get_all_by_label("more").map(|node| node.rect()).collect();
@@ -111,7 +111,7 @@ fn open_more(mouse: &mut Mouse, beside: &str) {
 }
 
 #[test]
-fn what_has_no_room_works_from_the_menu() {
+fn buttons_without_room_work_from_the_overflow_menu() {
     let mut mouse = opened(300.0, "Sequencer");
     // A button, which closes the menu.
     assert!(mouse.desk.state().viewer.in_seconds);
@@ -126,7 +126,7 @@ fn what_has_no_room_works_from_the_menu() {
     assert_eq!(mouse.desk.state().viewer.playhead.frame(), 50);
     mouse.desk.key_press(egui::Key::Escape);
     mouse.desk.run();
-    // A button that is on or off says so.
+    // A toggle shows its state.
     open_more(&mut mouse, "script's camera");
     let is_on = |mouse: &Mouse, name: &str| {
         mouse.desk.get_by_label(name).accesskit_node().toggled() == Some(egui::accesskit::Toggled::True)
@@ -136,7 +136,7 @@ fn what_has_no_room_works_from_the_menu() {
     open_more(&mut mouse, "script's camera");
     mouse.picture("toolbars_more_viewport");
     assert!(is_on(&mouse, "Turn"));
-    // A menu in the menu.
+    // A submenu.
     let grid = mouse.desk.state().viewer.views[0].overlays.grid;
     mouse.menu(&["Show", "Grid"]);
     assert_ne!(mouse.desk.state().viewer.views[0].overlays.grid, grid);
@@ -146,9 +146,9 @@ fn what_has_no_room_works_from_the_menu() {
     assert!(mouse.desk.state().panels.light);
 }
 
-/// A click at an old place never meets another entry.
+/// Entries keep their places, so that a repeated click meets the same entry.
 #[test]
-fn entries_of_the_viewport_stay_where_they_are_whatever_is_chosen() {
+fn viewport_toolbar_entries_keep_their_places() {
     const ENTRIES: [&str; 6] =
         ["free camera", "into the script", "follow", "full size", "Show", "Save image"];
     let mut mouse = opened(1600.0, "Sequencer");
@@ -166,9 +166,9 @@ fn entries_of_the_viewport_stay_where_they_are_whatever_is_chosen() {
     assert_eq!((all(&mouse), view(&mouse)), (before, left), "a camera of the script");
 }
 
-/// A part that is played, a tempo and the unit of times move no button.
+/// A playback range, a tempo and the unit of times move no button.
 #[test]
-fn entries_of_the_timeline_stay_where_they_are_whatever_is_set() {
+fn timeline_toolbar_entries_keep_their_places() {
     const ENTRIES: [&str; 9] = [
         "One frame forward",
         "Last frame",
@@ -208,7 +208,7 @@ fn entries_of_the_timeline_stay_where_they_are_whatever_is_set() {
 }
 
 #[test]
-fn the_overlays_are_chosen_in_one_menu() {
+fn overlays_are_toggled_in_one_menu() {
     for width in [1600.0, 300.0] {
         let mut mouse = opened(width, "Sequencer");
         if width < 500.0 {
@@ -223,9 +223,9 @@ fn the_overlays_are_chosen_in_one_menu() {
     }
 }
 
-/// The menu of the speed shows the one that is chosen; the script stays as it is.
+/// The menu shows the chosen speed; the script is unchanged.
 #[test]
-fn the_timeline_plays_slower_by_its_menu() {
+fn the_timeline_menu_sets_the_playback_speed() {
     let size = vec2(1600.0, 600.0);
     let mut mouse = opened(size.x, "Sequencer");
     mouse.menu(&["1×", "0.5×"]);

@@ -1,5 +1,5 @@
-//! Each panel at work, without a window: the tree's buttons, messages, performance, cameras, what the inspector tells, the
-//! sequencer's times, and everything by the keyboard alone.
+//! Each panel in use, without a window: buttons of the tree, messages, performance, cameras, the inspector, times of the
+//! sequencer, and operation by keyboard alone.
 
 use crate::place::{Desk, Place, drag};
 use choreo_motion::Time;
@@ -28,7 +28,7 @@ effect("vignette", #{ strength: 0.5 }).from(1.0);
 marker("hello", 1.0);
 "##;
 
-/// A desk that shows the image of the first frame.
+/// A test harness that has drawn the first frame.
 fn desk() -> Desk {
     let mut place = Place::new(SCRIPT);
     place.paint();
@@ -41,7 +41,7 @@ fn paint(desk: &mut Desk) {
     }
 }
 
-/// The field of the tree, at the left; the inspector has others.
+/// Search field of the tree, which is on the left; the inspector has other text fields.
 fn search(desk: &Desk) -> egui_kittest::Node<'_> {
     let left = |node: &egui_kittest::Node| node.rect().left();
     desk.get_all_by_role(Role::TextInput).min_by(|a, b| left(a).total_cmp(&left(b))).unwrap()
@@ -57,7 +57,7 @@ fn click(desk: &mut Desk, label: &str) {
     desk.run();
 }
 
-/// Texts of a panel, to look at after a failure.
+/// Texts that contain `part`, for the message of a failure.
 fn said(desk: &Desk, part: &str) -> Vec<String> {
     desk.query_all_by_label_contains(part).map(|node| format!("{node:?}")).collect()
 }
@@ -67,7 +67,7 @@ fn has(desk: &Desk, part: &str) -> bool {
 }
 
 #[test]
-fn the_tree_hides_shows_alone_and_locks() {
+fn the_tree_hides_isolates_and_locks_actors() {
     let mut desk = desk();
     click(&mut desk, "hide ada");
     let hidden = |desk: &mut Desk| desk.state_mut().viewer.next_request().map(|asked| asked.overrides.hidden);
@@ -77,7 +77,7 @@ fn the_tree_hides_shows_alone_and_locks() {
     desk.state_mut().viewer.views[0].waiting = false;
     assert_eq!(hidden(&mut desk), Some(vec![0, 2]));
     click(&mut desk, "solo bob");
-    // The search finds joints too, and what is typed is no key.
+    // The search finds joints, too, and typed letters are not shortcuts.
     search(&desk).click();
     desk.run();
     search(&desk).type_text("hea");
@@ -85,15 +85,15 @@ fn the_tree_hides_shows_alone_and_locks() {
     assert!(has(&desk, "mixamorig:Head"), "{:?}", (said(&desk, "Head"), search(&desk).value()));
     assert!(desk.query_by_label("hide ball").is_none());
     assert!(desk.state().viewer.toggles.hidden.is_empty());
-    // A field that has the keyboard requests no image of its own: nothing blinks.
+    // A focused field requests no repaint: its cursor does not blink.
     let delay = desk.output().viewport_output[&egui::ViewportId::ROOT].repaint_delay;
     assert!(delay > std::time::Duration::from_secs(60), "{delay:?}");
 }
 
 #[test]
-fn what_is_wrong_is_read_in_the_bar_and_a_click_goes_to_the_messages() {
+fn the_status_bar_shows_a_problem_and_a_click_opens_the_messages() {
     let mut desk = desk();
-    desk.state_mut().spoil(&SCRIPT.replace("\"Wave\"", "\"Waev\""));
+    desk.state_mut().load_faulty(&SCRIPT.replace("\"Wave\"", "\"Waev\""));
     desk.run();
     click(&mut desk, "faulty: the last good version is shown");
     assert!(has(&desk, "unknown clip \"Waev\""));
@@ -120,7 +120,7 @@ fn a_camera_s_field_of_view_is_changed_in_the_inspector() {
         desk.state_mut().reload();
         assert!(desk.state().text().contains(literal), "{}", desk.state().text());
     }
-    // The mouse makes one change.
+    // A drag of the mouse is one change.
     desk.state_mut().viewer.selection = Some(Selected::Camera("wide".into()));
     desk.run();
     let before = desk.state().text();
@@ -140,7 +140,7 @@ fn a_camera_s_field_of_view_is_changed_in_the_inspector() {
 #[test]
 fn a_click_on_a_message_goes_to_its_line() {
     let mut desk = desk();
-    desk.state_mut().spoil(&SCRIPT.replace("\"Wave\"", "\"Waev\""));
+    desk.state_mut().load_faulty(&SCRIPT.replace("\"Wave\"", "\"Waev\""));
     desk.run();
     press(&mut desk, Modifiers::COMMAND, Key::Num5);
     let message = desk.get_all_by_label_contains("unknown clip").next().unwrap().rect().center();
@@ -148,10 +148,10 @@ fn a_click_on_a_message_goes_to_its_line() {
     desk.drag_at(message);
     desk.drop_at(message);
     desk.run();
-    // The script as it is on disk, at that line.
+    // The script panel shows the file on disk, scrolled to that line.
     desk.get_by_label("as it is on disk; the last good version is shown");
     assert!(has(&desk, "   5     .then(moves.clip(\"Waev\")"));
-    // The sequencer says so, too.
+    // The sequencer marks the problem, too.
     press(&mut desk, Modifiers::COMMAND, Key::Num2);
     assert!(has(&desk, "problems: 1 error: line 5"));
     desk.state_mut().reload_with(SCRIPT);
@@ -160,7 +160,7 @@ fn a_click_on_a_message_goes_to_its_line() {
 }
 
 #[test]
-fn the_performance_panel_counts_and_caps() {
+fn the_performance_panel_counts_draws_and_caps_the_frame_rate() {
     let mut desk = desk();
     press(&mut desk, Modifiers::COMMAND, Key::Num8);
     desk.get_by_label("frame graph");
@@ -174,7 +174,7 @@ fn the_performance_panel_counts_and_caps() {
 }
 
 #[test]
-fn a_view_follows_flies_and_looks_through_any_camera() {
+fn a_view_follows_an_actor_flies_and_uses_any_camera() {
     let mut desk = desk();
     let place = |desk: &Desk| match &desk.state().viewer.views[0].camera {
         ViewCamera::Free(orbit) | ViewCamera::Follow { orbit, .. } => {
@@ -183,7 +183,7 @@ fn a_view_follows_flies_and_looks_through_any_camera() {
         other => panic!("{other:?}"),
     };
     click(&mut desk, "camera");
-    // The name stands in the tree and in the menu.
+    // The name is shown in the tree and in the menu.
     desk.get_all_by_label("near").last().unwrap().click();
     desk.run();
     assert_eq!(desk.state().viewer.views[0].camera, ViewCamera::Named("near".into()));
@@ -197,7 +197,7 @@ fn a_view_follows_flies_and_looks_through_any_camera() {
     assert!(matches!(following, ViewportCamera::Following { actor: 0, .. }), "{following:?}");
     desk.state_mut().viewer.views[0].waiting = false;
     click(&mut desk, "follow");
-    // On foot, W moves ahead, along -z here, while it is held and the mouse is over the image.
+    // While W is held with the pointer over the image, the camera walks forward, here along -z.
     let before = place(&desk);
     desk.hover_at(desk.get_by_label("picture").rect().center());
     desk.key_down(Key::W);
@@ -210,9 +210,9 @@ fn a_view_follows_flies_and_looks_through_any_camera() {
     assert_eq!(place(&desk) - before, walked, "and stands then");
 }
 
-/// Picking returns the object drawn there. The image's colors show which it is; the renderer does not know of picking.
+/// Picking returns the actor drawn at the pixel. The colors of the image identify the actor, independently of the picking code.
 #[test]
-fn what_is_picked_is_what_is_seen() {
+fn picking_selects_the_actor_drawn_at_the_pointer() {
     let mut place = Place::new(SCRIPT);
     place.viewer.views[0].resolution = Resolution::Full;
     let frame = place.paint().unwrap();
@@ -232,14 +232,14 @@ fn what_is_picked_is_what_is_seen() {
     let mut seen = [0; 3];
     for y in (2..178).step_by(3) {
         for x in (2..318).step_by(3) {
-            // Away from edges.
+            // Pixels near edges are skipped.
             let Some(expected) = kind(x, y).filter(|k| {
                 [(0, 1), (1, 0), (2, 1), (1, 2)].iter().all(|(i, j)| kind(x + i - 1, y + j - 1) == Some(*k))
             }) else {
                 continue;
             };
             let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            let picked = picking::actor(&scene.stage, &shown.snapshot, lens.ray(at), |_| true);
+            let picked = picking::pick_actor(&scene.stage, &shown.snapshot, lens.ray(at), |_| true);
             assert_eq!(picked, expected, "at {x}, {y}");
             seen[expected.map_or(2, |a| a)] += 1;
         }
@@ -259,7 +259,7 @@ fn real_model(name: &str) -> Option<PathBuf> {
 }
 
 #[test]
-fn a_skinned_model_of_others_is_picked_where_it_is_seen() {
+fn a_skinned_gltf_model_is_picked_where_it_is_drawn() {
     let Some(file) = real_model("gltf/Fox.glb").or_else(|| real_model("gltf/CesiumMan.glb")) else { return };
     let script = "stage(#{ size: [320, 180], length: 2.0, samples: 1, background: \"#ff00ff\" });\n\
         let fox = load(\"model.glb\");\ncast(\"fox\", fox).play(fox.clip(0));\n";
@@ -268,7 +268,7 @@ fn a_skinned_model_of_others_is_picked_where_it_is_seen() {
     let mut place = Place::within(folder, script);
     place.viewer.playhead.seek(Time::from_secs(0.4));
     place.viewer.views[0].resolution = Resolution::Full;
-    // It is no actor, and would hide the background.
+    // The file's ground is not an actor, and would hide the background.
     place.viewer.views[0].overlays.grid = false;
     let frame = place.paint().unwrap();
     let (scene, shown) = (place.viewer.scene.clone().unwrap(), place.viewer.shown().unwrap());
@@ -285,7 +285,7 @@ fn a_skinned_model_of_others_is_picked_where_it_is_seen() {
                 continue;
             }
             let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            let picked = picking::actor(&scene.stage, &shown.snapshot, lens.ray(at), |_| true);
+            let picked = picking::pick_actor(&scene.stage, &shown.snapshot, lens.ray(at), |_| true);
             assert_eq!(picked.is_none(), back, "at {x}, {y}");
             seen[usize::from(back)] += 1;
         }
@@ -294,17 +294,17 @@ fn a_skinned_model_of_others_is_picked_where_it_is_seen() {
 }
 
 #[test]
-fn a_click_in_the_picture_selects_and_what_is_locked_stays() {
+fn a_click_in_the_image_selects_and_locked_actors_are_not_moved() {
     let mut desk = desk();
     let rect = desk.get_by_label("picture").rect();
     let shown = desk.state().viewer.shown().unwrap();
-    // The image fills the panel: 16 : 9, in its middle.
+    // The image fills the panel: 16 : 9, centered.
     let width = rect.width().min(rect.height() * 16.0 / 9.0);
     let size = vec2(width, width * 9.0 / 16.0);
     let corner = rect.center() - size / 2.0;
     let vector = |v: egui::Vec2| DVec2::new(f64::from(v.x), f64::from(v.y));
     let lens = Lens::new(&shown.snapshot.camera, vector(corner.to_vec2()), vector(size));
-    let at = lens.point(picking::middle(
+    let at = lens.point(picking::bounds_center(
         &desk.state().viewer.scene.as_ref().unwrap().stage.actors[0].asset,
         &shown.snapshot.actors[0],
     ));
@@ -325,15 +325,15 @@ fn a_click_in_the_picture_selects_and_what_is_locked_stays() {
 }
 
 #[test]
-fn the_inspector_tells_layers_materials_joints_and_parameters() {
+fn the_inspector_shows_layers_materials_joints_and_parameters() {
     let mut desk = desk();
-    // In the middle of the fade, each has half of the weight.
+    // In the middle of the fade, each clip has half of the weight.
     desk.state_mut().viewer.playhead.seek(Time::from_secs(2.4));
     paint(&mut desk);
     click(&mut desk, "row ada");
     let heard = [" 50 % Walk", " 50 % Wave"];
     assert!(heard.iter().all(|part| has(&desk, part)), "{:?}", said(&desk, "%"));
-    // Bob's head is turned from rest, as the script says; nothing plays on him.
+    // Bob's head is rotated from the rest pose by the script; no clip plays on him.
     click(&mut desk, "row bob");
     let joints = desk.get_all_by_label_contains("joints (").last().unwrap().rect().center();
     desk.hover_at(joints);
@@ -347,7 +347,7 @@ fn the_inspector_tells_layers_materials_joints_and_parameters() {
     desk.drop_at(materials);
     desk.run();
     assert!(has(&desk, "metallic 1.00") && has(&desk, "roughness 0.25"));
-    // The slider has the range of the manifest, and writes its value into the script.
+    // The slider has the range of the manifest, and changes the script.
     click(&mut desk, "vignette on effects");
     let slider = desk.get_by_role_and_label(Role::Slider, "strength").rect();
     let to = pos2(slider.left() + 4.0, slider.center().y);
@@ -360,14 +360,14 @@ fn the_inspector_tells_layers_materials_joints_and_parameters() {
 }
 
 #[test]
-fn the_sequencer_has_times_as_one_likes_them() {
+fn the_sequencer_shows_times_in_the_chosen_unit() {
     let mut desk = desk();
     desk.get_by_label("marker hello");
     click(&mut desk, "seconds");
     assert!(!desk.state().viewer.in_seconds);
     assert_eq!(desk.state().viewer.shown_time(Time::from_secs(1.0)), "frame 25");
     click(&mut desk, "frames");
-    // The part that is played, by keys; its button takes it away.
+    // The playback range is set by keys, and removed by its button.
     for (secs, key) in [(1.0, Key::I), (2.0, Key::O)] {
         desk.state_mut().viewer.playhead.seek(Time::from_secs(secs));
         press(&mut desk, Modifiers::NONE, key);
@@ -376,19 +376,19 @@ fn the_sequencer_has_times_as_one_likes_them() {
     assert_eq!(range, Some((1.0, 2.04)));
     click(&mut desk, "1.00 to 2.04 s");
     assert_eq!(desk.state().viewer.playhead.range(), None);
-    // Snapped to frames or not, and the view of all of it.
+    // Snapping to frames on and off, and the view of the whole scene.
     assert_eq!(desk.state().viewer.snapped(1.013), 1.0);
     click(&mut desk, "Snap");
     assert_eq!(desk.state().viewer.snapped(1.013), 1.013);
     desk.state_mut().viewer.span.zoom(4.0, 0.0, 100.0, 4.0);
     click(&mut desk, "Whole");
     assert_eq!(desk.state().viewer.span, choreo_viewer::state::span::Span::whole(4.0));
-    // The end of a bar, and a cut, by the mouse.
+    // The end of a bar and a cut are dragged with the mouse.
     for (label, secs, expected) in
         [("end of Walk in row 1", 3.0, ".until(3.0)"), ("start of near in row 0", 2.0, ".cut(2.0)")]
     {
         let ruler = desk.get_by_label("time").rect();
-        // Taken beside the time, it goes as far as the pointer.
+        // Grabbed beside its center, the handle keeps that offset.
         let from = desk.get_by_label(label).rect().center();
         let was = desk.state().viewer.timeline.rows.iter().flat_map(|row| &row.bars);
         let was = was.flat_map(|bar| [bar.start, bar.until]).map(choreo_motion::Time::as_secs);
@@ -405,10 +405,10 @@ fn the_sequencer_has_times_as_one_likes_them() {
 }
 
 #[test]
-fn all_of_it_by_the_keyboard_alone() {
+fn the_viewer_is_fully_usable_by_keyboard() {
     let mut desk = desk();
     let none = Modifiers::NONE;
-    // Selecting, hiding, playing, stepping.
+    // Select, hide, play, step.
     press(&mut desk, none, Key::PageDown);
     assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("ada".into())));
     press(&mut desk, none, Key::H);
@@ -424,7 +424,7 @@ fn all_of_it_by_the_keyboard_alone() {
     let file = desk.state().viewer.screenshot.clone().unwrap();
     assert!(file.ends_with("a_0.png"), "{}", file.display());
     press(&mut desk, none, Key::Escape);
-    // Tab goes from button to bar; Enter selects the bar, Alt and arrows move it, with Shift its end.
+    // Tab moves from button to bar; Enter selects the bar, Alt with arrows moves it, with Shift its end.
     let reach = |desk: &mut Desk, label: &str| {
         for _ in 0..200 {
             press(desk, none, Key::Tab);
@@ -447,7 +447,7 @@ fn all_of_it_by_the_keyboard_alone() {
     );
     press(&mut desk, Modifiers::COMMAND, Key::Z);
     assert_eq!(desk.state().text(), SCRIPT);
-    // A number of the inspector, typed.
+    // A number is typed in the inspector.
     press(&mut desk, none, Key::Escape);
     press(&mut desk, none, Key::PageDown);
     reach(&mut desk, "x");
@@ -457,7 +457,7 @@ fn all_of_it_by_the_keyboard_alone() {
     desk.run();
     press(&mut desk, none, Key::Enter);
     assert_eq!(desk.state().text(), SCRIPT.replace(".at(-0.6, 0.0", ".at(1.5, 0.0"));
-    // Panels come and go, all of it larger, and the list of shortcuts.
+    // Panels are closed and opened, the display scale grows, and the list of shortcuts opens.
     press(&mut desk, Modifiers::COMMAND, Key::Num6);
     assert!(has(&desk, "   1 stage("));
     press(&mut desk, Modifiers::COMMAND, Key::Equals);

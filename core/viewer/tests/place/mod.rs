@@ -1,4 +1,4 @@
-//! A script in a folder of its own and the viewer that shows it, without a window of the system.
+//! Test fixture: a script in a temporary folder and the viewer that shows it, without a window of the system.
 #![allow(dead_code)]
 
 pub mod mouse;
@@ -15,7 +15,7 @@ use std::fs;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
-/// All panels of a viewer.
+/// All panels of a viewer, run by the test harness.
 pub type Desk = Harness<'static, Place>;
 
 pub struct Place {
@@ -23,7 +23,7 @@ pub struct Place {
     pub session: Session,
     pub viewer: Viewer,
     pub panels: Panels,
-    /// Made when something is drawn first.
+    /// Created by the first drawn frame.
     painter: Option<(FrameRenderer, Receiver<FrameReply>)>,
 }
 
@@ -32,7 +32,7 @@ impl Place {
         Place::within(tempfile::tempdir().unwrap(), script)
     }
 
-    /// A place in a given folder that contains files.
+    /// Creates the fixture in a folder that already contains files.
     pub fn within(folder: tempfile::TempDir, script: &str) -> Place {
         let path = folder.path().join("a.rhai");
         fs::write(&path, script).unwrap();
@@ -58,7 +58,7 @@ impl Place {
         assert!(self.show_version(), "{:?} {:?}", self.viewer.message, self.viewer.problems);
     }
 
-    /// Shows the script as it is now; gives whether it loads.
+    /// Loads the present script. Returns whether it is free of errors.
     pub fn show_version(&mut self) -> bool {
         let version = self.session.build(BTreeSet::new());
         let is_good = version.scene.is_some();
@@ -66,7 +66,7 @@ impl Place {
         is_good
     }
 
-    /// Draws the next frame that is wished for, so that the viewer knows where everything stands.
+    /// Draws the requested frame, so that the viewer knows the positions of all objects.
     pub fn paint(&mut self) -> Option<Frame> {
         let asked = self.viewer.next_request()?;
         let (painter, reply) = self.painter.get_or_insert_with(|| {
@@ -83,11 +83,11 @@ impl Place {
         Some(taken.unwrap_or_else(|| panic!("{:?}", self.viewer.renderer_problems)).1)
     }
 
-    /// A version that is not good.
-    pub fn spoil(&mut self, text: &str) {
+    /// Writes and loads a script that must have errors.
+    pub fn load_faulty(&mut self, text: &str) {
         self.write(text);
         let version = self.session.build(BTreeSet::new());
-        assert!(version.scene.is_none(), "it was to be faulty");
+        assert!(version.scene.is_none(), "the script was expected to be faulty");
         self.viewer.take_version(version);
     }
 
@@ -99,7 +99,7 @@ impl Place {
         fs::write(self.folder.path().join("a.rhai"), text).unwrap();
     }
 
-    /// All panels, in a window of so many points.
+    /// Test harness with all panels, in a window of `size` points.
     pub fn harness(self, size: Vec2) -> Desk {
         let ui = |ui: &mut egui::Ui, place: &mut Place| {
             place.panels.show(ui, &mut place.viewer, &[Some(TextureId::User(0)); 4], 0.0);

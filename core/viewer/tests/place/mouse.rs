@@ -1,4 +1,4 @@
-//! A user with a mouse alone: everything is found by its name, clicked and typed into; images of the window are drawn on the CPU.
+//! Simulated user with only a mouse: widgets are found by their accessible names and clicked or typed into; screenshots are drawn on the CPU.
 #![allow(dead_code)]
 
 use super::{Desk, Place};
@@ -12,11 +12,11 @@ use std::cell::RefCell;
 use std::path::PathBuf;
 use std::rc::Rc;
 
-/// Keeps the textures of the window for images.
+/// Textures of the window, kept for drawing screenshots.
 #[derive(Clone, Default)]
-struct Kept(Rc<RefCell<Textures>>);
+struct TextureRecorder(Rc<RefCell<Textures>>);
 
-impl TestRenderer for Kept {
+impl TestRenderer for TextureRecorder {
     fn handle_delta(&mut self, delta: &mut TexturesDelta) {
         let mut textures = self.0.borrow_mut();
         textures.change(delta);
@@ -26,8 +26,8 @@ impl TestRenderer for Kept {
 
 pub struct Mouse {
     pub desk: Desk,
-    textures: Kept,
-    /// The folder for images of the window (`CHOREO_SHOTS`); without it nothing is drawn.
+    textures: TextureRecorder,
+    /// Folder for screenshots (`CHOREO_SHOTS`). `None`: nothing is drawn.
     images: Option<PathBuf>,
     size: Vec2,
     shown: String,
@@ -38,7 +38,7 @@ impl Mouse {
         let ui = |ui: &mut egui::Ui, place: &mut Place| {
             place.panels.show(ui, &mut place.viewer, &[Some(TextureId::User(0)); 4], 0.0);
         };
-        let textures = Kept::default();
+        let textures = TextureRecorder::default();
         let images = std::env::var_os("CHOREO_SHOTS").map(PathBuf::from);
         let shown = place.text();
         let mut desk =
@@ -50,7 +50,7 @@ impl Mouse {
         mouse
     }
 
-    /// Does what the window does between two gestures: a changed script is read, and the image is drawn.
+    /// Does the work of the window between two gestures: reloads a changed script and draws the frame.
     pub fn look(&mut self) {
         let text = self.desk.state().text();
         if text != self.shown {
@@ -68,7 +68,7 @@ impl Mouse {
         assert!(trouble.is_none(), "{trouble:?}");
     }
 
-    /// Where the thing with this name is, or whose name begins with it. Texts beside a field of the same name are not meant.
+    /// Rectangle of the widget whose name is or begins with `label`. Text next to a field of the same name is skipped.
     pub fn find(&self, label: &str) -> Rect {
         let is_seen = |rect: &Rect| Rect::from_min_size(Pos2::ZERO, self.size).contains(rect.center());
         let named = self.desk.query_all_by_label_contains(label).filter(|node| is_seen(&node.rect()));
@@ -80,7 +80,7 @@ impl Mouse {
         found.unwrap_or_else(|| panic!("no {label:?} in {:#?}", self.labels()))
     }
 
-    /// All names that are there, to look at after a failure.
+    /// Names of all widgets, for the message of a failure.
     pub fn labels(&self) -> Vec<String> {
         let all = self.desk.query_all_by(|node| node.label().is_some());
         all.map(|node| format!("{} {:?}", node.accesskit_node().label().unwrap_or_default(), node.rect()))
@@ -100,12 +100,12 @@ impl Mouse {
         self.look();
     }
 
-    /// Entries of a menu, one after the other.
+    /// Clicks menu entries one after the other.
     pub fn menu(&mut self, path: &[&str]) {
         path.iter().for_each(|label| self.click(label));
     }
 
-    /// Types into the field of this name, which a click opens, and leaves it open.
+    /// Opens the field with this name by a click, types into it, and leaves it open.
     pub fn write(&mut self, label: &str, text: &str) {
         self.click(label);
         self.desk.key_press_modifiers(Modifiers::COMMAND, egui::Key::A);
@@ -113,7 +113,7 @@ impl Mouse {
         self.desk.run();
     }
 
-    /// Types into a field of one line, and ends with Enter.
+    /// Types into a single-line field and presses Enter.
     pub fn type_into(&mut self, label: &str, text: &str) {
         self.write(label, text);
         self.desk.key_press(egui::Key::Enter);
@@ -121,7 +121,7 @@ impl Mouse {
         self.look();
     }
 
-    /// Leaves an image of the window, where a folder is wished.
+    /// Saves a screenshot if a folder for them is set.
     pub fn picture(&mut self, name: &str) {
         let Some(folder) = self.images.clone() else { return };
         self.desk.run();

@@ -1,11 +1,11 @@
-//! Chance by a seed.
+//! Pseudorandom numbers from a seed.
 
 /// Marsaglia's xorshift (2003).
 pub struct Chance(u64);
 
 impl Chance {
     pub fn new(seed: u64) -> Chance {
-        // It stays at nothing for ever.
+        // A state of zero would stay zero.
         Chance(seed.max(1))
     }
 

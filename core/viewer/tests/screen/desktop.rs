@@ -1,4 +1,4 @@
-//! The other programs of a desktop: a window manager, and a file manager from which files are dragged.
+//! Other programs of a desktop: a window manager, and a file manager from which files are dragged.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -26,7 +26,7 @@ fn atom(connection: &RustConnection, name: &str) -> Atom {
     connection.intern_atom(false, name.as_bytes()).unwrap().reply().unwrap().atom
 }
 
-/// The least that a window manager does: maps what requests it, iconifies (ICCCM §4.1.4) and says so (EWMH, `_NET_WM_STATE_HIDDEN`).
+/// Minimal window manager: maps windows on request, iconifies them (ICCCM §4.1.4) and reports it (EWMH, `_NET_WM_STATE_HIDDEN`).
 pub struct Manager {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -99,7 +99,7 @@ fn manage(connection: &RustConnection, stop: &AtomicBool) {
     }
 }
 
-/// The program that tells others the desktop's scale (<https://specifications.freedesktop.org/xsettings-spec/0.5/>).
+/// Settings daemon that announces the desktop's scale (<https://specifications.freedesktop.org/xsettings-spec/0.5/>).
 pub struct Settings {
     connection: RustConnection,
     owner: Window,
@@ -135,7 +135,7 @@ impl Settings {
     }
 }
 
-/// One that is never seen.
+/// Creates a window that is never mapped.
 fn window(connection: &RustConnection, root: Window) -> Window {
     let made = connection.generate_id().unwrap();
     let (depth, class, visual) = (COPY_DEPTH_FROM_PARENT, WindowClass::INPUT_OUTPUT, COPY_FROM_PARENT);
@@ -153,7 +153,7 @@ pub struct Drag {
 }
 
 impl Drag {
-    /// Comes in over the middle of the window, and gives the files' names where it is asked.
+    /// Enters the middle of the window, and sends the file names on request.
     pub fn over(display: &str, target: &str, files: &[&Path]) -> Drag {
         let (connection, root) = connected(display);
         let source = window(&connection, root);
@@ -163,12 +163,12 @@ impl Drag {
         let uris = drag.atom("text/uri-list");
         drag.send("XdndEnter", [source, 5 << 24, uris, 0, 0]);
         drag.send("XdndPosition", [source, 0, (600 << 16) | 300, CURRENT_TIME, drag.atom("XdndActionCopy")]);
-        // It asks what it would get, and says whether it takes it; in any order.
+        // The target asks for the data and reports whether it accepts the drop, in any order.
         let (mut given, mut taken) = (false, false);
         while !given || !taken {
             match drag.next() {
                 Event::SelectionRequest(asked) => {
-                    // Blanks are written as in addresses.
+                    // Blanks are percent-encoded, as in URIs.
                     let uri =
                         |file: &&Path| format!("file://{}\r\n", file.to_str().unwrap().replace(' ', "%20"));
                     let uri: String = files.iter().map(uri).collect();

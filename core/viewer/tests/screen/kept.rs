@@ -1,16 +1,16 @@
-//! The memory and objects that a viewer holds over a long time: a row now and then, and whether anything grows.
+//! Record of the memory and objects that a viewer holds over a long time, and a check that nothing grows.
 
 use super::viewer_process::ViewerProcess;
 use serde_json::Value;
 
 /// Memory in MB, objects and bytes on the device, threads, open files.
 #[derive(Default)]
-pub struct Kept {
+pub struct ResourceRecord {
     rows: Vec<[u64; 5]>,
 }
 
-impl Kept {
-    /// A row of the table. `shown`: what was reported of the image that it rests at.
+impl ResourceRecord {
+    /// Adds a row to the table. `shown`: report about the displayed image of the idle viewer.
     pub fn note(&mut self, minute: u64, actions: u64, viewer: &ViewerProcess, shown: &Value) {
         if self.rows.is_empty() {
             println!(
@@ -34,8 +34,8 @@ impl Kept {
         self.rows.push(row);
     }
 
-    /// Hidden or selected objects make the numbers at rest differ. A leak grows with each of a thousand versions.
-    pub fn judge(&self) {
+    /// Checks that no number grows like a leak. Hidden or selected objects change the numbers, but a leak grows with each of a thousand versions.
+    pub fn assert_no_growth(&self) {
         let (first, second) = self.rows.split_at(self.rows.len().div_ceil(2));
         let most = |rows: &[[u64; 5]], n: usize| rows.iter().map(|row| row[n]).max().unwrap_or(0);
         let least = |rows: &[[u64; 5]], n: usize| rows.iter().map(|row| row[n]).min().unwrap_or(0);

@@ -1,4 +1,4 @@
-//! A display without a screen, and hands for it.
+//! A virtual X display, with simulated mouse and keyboard input.
 #![allow(dead_code)]
 
 pub mod chance;
@@ -11,7 +11,7 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// Killed when a test ends, however it ends.
+/// A process that is killed when the test ends, also by a panic.
 pub struct Running(pub Child);
 
 impl Drop for Running {
@@ -21,7 +21,7 @@ impl Drop for Running {
     }
 }
 
-/// Asked to end, so that it takes its lock on the number away with it.
+/// The server is terminated, not killed, so that it removes the lock of its display number.
 impl Drop for Screen {
     fn drop(&mut self) {
         let asked = Command::new("kill").arg(self.server.0.id().to_string()).status();
@@ -41,12 +41,12 @@ pub struct Screen {
 }
 
 /// Whether the validation layer is installed.
-pub fn validated() -> bool {
+pub fn is_validation_installed() -> bool {
     Path::new("/usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json").is_file()
 }
 
-/// Neither a panic nor a word of the validation layer.
-pub fn assert_quiet(folder: &Path) {
+/// Asserts that the log has neither a panic nor a message of the validation layer.
+pub fn assert_no_errors(folder: &Path) {
     let said = std::fs::read_to_string(folder.join("said.txt")).unwrap();
     for bad in ["panicked", "VUID", "Validation", "UNASSIGNED"] {
         assert!(!said.contains(bad), "{said}");
@@ -57,8 +57,8 @@ pub fn there(program: &str) -> bool {
     std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()).any(|p| p.join(program).is_file())
 }
 
-/// The viewer, to be connected with a display; its settings lie in a folder of their own, and nothing is laid over the images, so that
-/// their pixels are the scene's alone.
+/// The viewer's command line without a display; settings are in a separate folder, and overlays are off, so that
+/// the pixels of an image are those of the scene.
 pub fn viewer(device: &str, args: &[&str], folder: &Path) -> Command {
     let Some(program) = option_env!("CARGO_BIN_EXE_choreo-view") else {
         panic!("only the tests of choreo-viewer are built with its program")
@@ -73,8 +73,8 @@ pub fn viewer(device: &str, args: &[&str], folder: &Path) -> Command {
     command
 }
 
-/// Starts a viewer in a folder; what it says goes into a file there. `validation`: under the validation layer.
-pub fn started_in(mut command: Command, folder: &Path, validation: bool) -> Running {
+/// Starts a viewer in a folder, with its output in a file there. `validation`: under the validation layer.
+pub fn start_in(mut command: Command, folder: &Path, validation: bool) -> Running {
     command.current_dir(folder);
     if validation {
         command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
@@ -84,7 +84,7 @@ pub fn started_in(mut command: Command, folder: &Path, validation: bool) -> Runn
 }
 
 impl Screen {
-    /// `None`, with a word, where this machine lacks what it takes.
+    /// Starts the display. `None`, with a printed reason, if this machine lacks a program for it.
     pub fn new() -> Option<Screen> {
         for program in ["Xvfb", "xdotool", "import"] {
             if !there(program) {
@@ -92,11 +92,11 @@ impl Screen {
                 return None;
             }
         }
-        // The server picks a free number and prints it; two at once, of other tests, too, could take the same.
+        // The server picks a free number and prints it; servers of parallel tests could otherwise take the same one.
         let one = fs::File::create(Path::new(env!("CARGO_TARGET_TMPDIR")).join("xvfb.lock")).unwrap();
         one.lock().unwrap();
         let mut server = Command::new("Xvfb");
-        // Else it begins anew when its last client goes, under the feet of one that comes.
+        // Otherwise the server resets when its last client disconnects, which breaks a client that connects at that time.
         server.args(["-noreset", "-displayfd", "1", "-screen", "0", "1400x1000x24", "-nolisten", "tcp"]);
         let mut child = server.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
         let mut line = String::new();
@@ -114,29 +114,29 @@ impl Screen {
         String::from_utf8_lossy(&output.stdout).trim().to_string()
     }
 
-    /// The viewer on this display, drawn by Vulkan.
+    /// Command of the viewer on this display, drawn by Vulkan.
     pub fn command(&self, args: &[&str], folder: &Path) -> Command {
         self.command_on("vulkan", args, folder)
     }
 
-    /// The viewer on this display, with images of the script's own size, as [`viewer`] has it.
+    /// Command of the viewer on this display, with images of the script's size; see [`viewer`].
     pub fn command_on(&self, device: &str, args: &[&str], folder: &Path) -> Command {
         let mut command = viewer(device, args, folder);
         command.arg("--full-size").env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
         command
     }
 
-    /// Started in that folder; what it says goes into a file.
+    /// Starts the viewer in a folder, with its output in a file.
     pub fn view(&self, args: &[&str], folder: &Path) -> Running {
-        started_in(self.command(args, folder), folder, validated())
+        start_in(self.command(args, folder), folder, is_validation_installed())
     }
 
-    /// Waits for the window.
+    /// Waits for the viewer's window and returns its id.
     pub fn window(&self) -> String {
         self.window_named("choreo")
     }
 
-    /// Waits for the window of the program of this name.
+    /// Waits for the window of a program and returns its id.
     pub fn window_named(&self, program: &str) -> String {
         until("a window", || {
             let found = self.xdotool(&["search", "--onlyvisible", "--name", program]);
@@ -144,17 +144,17 @@ impl Screen {
         })
     }
 
-    /// RGB rows of what is on the screen.
-    pub fn shot(&self, window: &str) -> Shot {
-        // A window that is being resized or mapped has no image for a moment.
+    /// Screenshot of a window.
+    pub fn shot(&self, window: &str) -> Screenshot {
+        // A window has no image for a moment while it is resized or mapped.
         until("an image of the window", || {
             let output = self.run("import", &["-window", window, "-depth", "8", "ppm:-"]);
-            Shot::read(&output.stdout)
+            Screenshot::read(&output.stdout)
         })
     }
 
     pub fn save(&self, window: &str, name: &str) {
-        // Screenshots are kept for people to look at, on request.
+        // Screenshots are saved on request for visual inspection.
         if let Some(folder) = std::env::var_os("CHOREO_SHOTS") {
             let file = Path::new(&folder).join(name);
             self.run("import", &["-window", window, &file.to_string_lossy()]);
@@ -166,43 +166,43 @@ impl Screen {
         self.xdotool(&["key", key]);
     }
 
-    /// [`rest`] of a viewer on this display.
+    /// Waits until a viewer and this display are idle; see [`rest`].
     pub fn rest(&self, viewer: u32) {
         rest(&[viewer, self.server.0.id()]);
     }
 }
 
-/// Waits until a viewer and its display have dealt with all that hands have done: neither has anything to compute. On a busy machine
-/// that takes seconds, and what is done meanwhile would all be seen at once. A viewer that plays is never so: it is waited for ten
+/// Waits until all processes have handled their input and compute nothing. On a busy machine that takes seconds, and later
+/// input would arrive together with earlier input. A viewer that plays never becomes idle, so that the wait ends after ten
 /// seconds.
 pub fn rest(processes: &[u32]) {
     let end = Instant::now() + Duration::from_secs(10);
     let mut still = 0;
     while still < 3 && Instant::now() < end {
         std::thread::sleep(Duration::from_millis(10));
-        let works = processes.iter().any(|process| computes(*process));
+        let works = processes.iter().any(|process| is_busy(*process));
         still = if works { 0 } else { still + 1 };
     }
 }
 
 /// Whether any thread of a process runs or waits for a core (`man proc_pid_stat`, field 3).
-fn computes(process: u32) -> bool {
+fn is_busy(process: u32) -> bool {
     let tasks = std::fs::read_dir(format!("/proc/{process}/task")).into_iter().flatten().flatten();
     let stats = tasks.filter_map(|task| std::fs::read_to_string(task.path().join("stat")).ok());
-    // The name before it may hold blanks; it ends with the last parenthesis.
+    // The name before it can contain blanks; it ends at the last parenthesis.
     stats.into_iter().any(|stat| stat.rsplit(')').next().is_some_and(|fields| !fields.starts_with(" S")))
 }
 
 #[derive(Clone, PartialEq)]
-pub struct Shot {
+pub struct Screenshot {
     pub width: usize,
     pub height: usize,
     pub rgb: Vec<u8>,
 }
 
-impl Shot {
-    /// A binary PPM.
-    pub fn read(bytes: &[u8]) -> Option<Shot> {
+impl Screenshot {
+    /// Reads a binary PPM.
+    pub fn read(bytes: &[u8]) -> Option<Screenshot> {
         let mut at = 0;
         let mut words = Vec::new();
         while words.len() < 4 {
@@ -211,16 +211,16 @@ impl Shot {
             at = end + 1;
         }
         let (width, height) = (words[1].parse().ok()?, words[2].parse().ok()?);
-        Some(Shot { width, height, rgb: bytes.get(at..)?.to_vec() })
+        Some(Screenshot { width, height, rgb: bytes.get(at..)?.to_vec() })
     }
 
-    /// How many pixels are about this color.
+    /// Number of pixels with about this color.
     pub fn count(&self, color: [u8; 3]) -> usize {
         let near = |p: &[u8]| p.iter().zip(color).all(|(a, b)| a.abs_diff(b) <= 2);
         self.rgb.chunks_exact(3).filter(|p| near(p)).count()
     }
 
-    /// The least rectangle that holds all pixels of this color: left, top, right, bottom.
+    /// Bounding rectangle of all pixels of this color: left, top, right, bottom.
     pub fn bounds(&self, color: [u8; 3]) -> [usize; 4] {
         let mut found = [usize::MAX, usize::MAX, 0, 0];
         for (i, p) in self.rgb.chunks_exact(3).enumerate() {
@@ -232,15 +232,15 @@ impl Shot {
         found
     }
 
-    /// Whether a pixel is about this color: encoded by the device, a step or two off.
+    /// Whether a pixel has about this color; the device's encoding can differ by one or two steps.
     pub fn is(&self, x: usize, y: usize, color: [u8; 3]) -> bool {
         self.pixel(x, y).iter().zip(color).all(|(a, b)| a.abs_diff(b) <= 3)
     }
 
-    /// The row with the most pixels of a color between two heights, and the first and last of them: a bar of the sequencer.
+    /// A bar of the sequencer: the pixel row between two heights with the most pixels of a color, and the first and last such pixel.
     pub fn bar(&self, color: [u8; 3], [top, bottom]: [usize; 2]) -> Option<(usize, usize, usize)> {
         let rows = (top..bottom.min(self.height)).map(|y| {
-            // Dark colors that a device encodes are a few steps off.
+            // Dark colors can differ by a few steps after the device's encoding.
             let near = |x: &usize| self.pixel(*x, y).iter().zip(color).all(|(a, b)| a.abs_diff(b) <= 8);
             let mut found = (0..self.width).filter(near);
             let first = found.next();

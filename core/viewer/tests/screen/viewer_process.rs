@@ -1,4 +1,4 @@
-//! A viewer that reports what it has shown (`--event-log`), and what the system tells of its process.
+//! A viewer process that reports the images that it has displayed (`--event-log`), and the system's data about it.
 
 use super::Running;
 use serde_json::Value;
@@ -12,7 +12,7 @@ const PATIENCE: Duration = Duration::from_secs(600);
 pub struct ViewerProcess {
     pub process: Running,
     lines: Receiver<(Instant, Value)>,
-    /// What each frame of the window took, apart from the other events: there is one whenever the mouse moves.
+    /// Frame times of the window, separate from the other events, since every mouse move causes one.
     paints: Receiver<Value>,
 }
 
@@ -39,12 +39,12 @@ impl ViewerProcess {
         ViewerProcess { process: Running(child), lines, paints }
     }
 
-    /// The next line, and when it came.
+    /// The next line of the event log, with its time of arrival.
     pub fn next(&self) -> (Instant, Value) {
         self.lines.recv_timeout(PATIENCE).unwrap_or_else(|e| panic!("the viewer reports nothing: {e}"))
     }
 
-    /// The next image of this version or a later one on the screen.
+    /// The next displayed image of this version or a later one.
     pub fn shown(&self, version: u64) -> (Instant, Value) {
         loop {
             let (when, value) = self.next();
@@ -54,7 +54,7 @@ impl ViewerProcess {
         }
     }
 
-    /// The next image on the screen that comes before a time; `None` where none does.
+    /// The next displayed image before a time. `None` if there is none.
     pub fn shown_before(&self, end: Instant) -> Option<(Instant, Value)> {
         loop {
             let left = end.checked_duration_since(Instant::now())?;
@@ -65,7 +65,7 @@ impl ViewerProcess {
         }
     }
 
-    /// The next version that is there, later than `after`: its number, and whether it is faulty.
+    /// The next loaded version later than `after`: its number, and whether it is faulty.
     pub fn version(&self, after: u64) -> (u64, bool) {
         loop {
             let (_, value) = self.next();
@@ -77,7 +77,7 @@ impl ViewerProcess {
         }
     }
 
-    /// The last image that was shown, once no event has come for so long; `None` where it goes on for more than `most`.
+    /// The last displayed image once no event has come for `quiet`. `None` if events continue for more than `most`.
     pub fn settled(&self, quiet: Duration, most: Duration) -> Option<Option<Value>> {
         let end = Instant::now() + most;
         let mut last = None;
@@ -90,7 +90,7 @@ impl ViewerProcess {
         None
     }
 
-    /// Waits until it has drawn five frames more, which shows that it plays: how fast depends on the machine.
+    /// Waits for five more frames, which shows that playback runs: its rate depends on the machine.
     pub fn plays(&self) {
         self.meanwhile();
         let mut shown = 0;
@@ -99,25 +99,25 @@ impl ViewerProcess {
         }
     }
 
-    /// Seconds of the processor that its threads have taken together (`man proc_pid_stat`, fields 14 and 15).
+    /// Processor time of all threads, seconds (`man proc_pid_stat`, fields 14 and 15).
     pub fn processor_secs(&self) -> f64 {
         let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.process.0.id())).unwrap();
-        // The name may hold blanks; it ends with the last parenthesis.
+        // The name can contain blanks; it ends at the last parenthesis.
         // 100 ticks a second, on every Linux machine that runs this: `getconf CLK_TCK`.
         ticks(stat.rsplit(')').next().unwrap()) / 100.0
     }
 
-    /// The lines that have arrived since.
+    /// Lines of the event log since the last call.
     pub fn meanwhile(&self) -> Vec<Value> {
         self.lines.try_iter().map(|(_, value)| value).collect()
     }
 
-    /// Frames of the window since this was called last.
+    /// Frame times of the window since the last call.
     pub fn painted(&self) -> Vec<Value> {
         self.paints.try_iter().collect()
     }
 
-    /// Each thread's name, and its seconds of the processor.
+    /// Name and processor time in seconds of each thread.
     pub fn threads(&self) -> Vec<(String, f64)> {
         let tasks = std::fs::read_dir(format!("/proc/{}/task", self.process.0.id())).unwrap();
         let stats = tasks.flatten().filter_map(|task| std::fs::read_to_string(task.path().join("stat")).ok());
@@ -137,13 +137,13 @@ impl ViewerProcess {
         line.and_then(|l| l.split_whitespace().next()?.parse().ok()).unwrap_or_else(|| panic!("no {name}"))
     }
 
-    /// Open files, sockets and pipes.
+    /// Number of open files, sockets and pipes.
     pub fn files(&self) -> usize {
         std::fs::read_dir(format!("/proc/{}/fd", self.process.0.id())).unwrap().count()
     }
 }
 
-/// Processor time from the fields after the name, in ticks.
+/// Processor time in ticks, from the fields after the name.
 fn ticks(fields: &str) -> f64 {
     fields.split_whitespace().skip(11).take(2).map(|f| f.parse().unwrap_or(0.0)).sum()
 }

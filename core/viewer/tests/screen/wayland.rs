@@ -1,6 +1,6 @@
-//! A Wayland compositor without a screen, a mouse and keys for it.
+//! A headless Wayland compositor with simulated mouse and keyboard input.
 
-use super::{Running, Shot, there, until};
+use super::{Running, Screenshot, there, until};
 use std::fs::{self, Permissions};
 use std::io::Write;
 use std::os::fd::AsFd;
@@ -24,24 +24,24 @@ use wayland_protocols_wlr::virtual_pointer::v1::client::zwlr_virtual_pointer_v1:
 /// Size of the only output, in pixels.
 pub const SIZE: [u32; 2] = [1280, 860];
 
-/// `linux/input-event-codes.h`.
+/// Codes from `linux/input-event-codes.h`.
 const BTN_LEFT: u32 = 0x110;
 const KEY_LEFTCTRL: u32 = 29;
 pub const KEY_Q: u32 = 16;
 pub const KEY_Z: u32 = 44;
-/// The modifier of that name in the keymap below.
+/// Bit of the Control modifier in the keymap below.
 const CONTROL: u32 = 1 << 2;
-/// The keymap of a usual keyboard (xkeyboard-config).
+/// Keymap of a standard keyboard (xkeyboard-config).
 const KEYMAP: &str = r#"xkb_keymap {
     xkb_keycodes { include "evdev+aliases(qwerty)" };
     xkb_types { include "complete" };
     xkb_compat { include "complete" };
     xkb_symbols { include "pc+us+inet(evdev)" };
 };"#;
-/// `nobody` of Linux: sway refuses to run as root.
+/// User id of `nobody`: sway refuses to run as root.
 const NOBODY: u32 = 65_534;
 
-/// sway, whose windows fill the output.
+/// The compositor sway, whose windows fill the output.
 pub struct Compositor {
     pub server: Running,
     folder: tempfile::TempDir,
@@ -50,7 +50,7 @@ pub struct Compositor {
 }
 
 impl Compositor {
-    /// `None`, with a word, where this machine lacks what it takes.
+    /// Starts the compositor. `None`, with a printed reason, if this machine lacks a program for it.
     pub fn new() -> Option<Compositor> {
         for program in ["sway", "grim"] {
             if !there(program) {
@@ -93,41 +93,41 @@ impl Compositor {
         command
     }
 
-    /// The viewer as a client of this compositor alone.
+    /// Restricts the viewer's command to this compositor.
     pub fn connect<'a>(&self, command: &'a mut Command) -> &'a mut Command {
         command.env_remove("DISPLAY").env("XDG_RUNTIME_DIR", self.folder.path());
         command.env("WAYLAND_DISPLAY", &self.socket)
     }
 
-    /// What the compositor does at once, such as `output * scale 2`.
-    pub fn tell(&self, order: &str) {
+    /// Runs a command of sway, such as `output * scale 2`.
+    pub fn run_sway_command(&self, order: &str) {
         let status = self.client("swaymsg").args(["--quiet", "--", order]).status().unwrap();
         assert!(status.success(), "{order}");
     }
 
-    /// Whether it has any window.
+    /// Whether any window is open.
     pub fn has_window(&self) -> bool {
         let tree = self.client("swaymsg").args(["-t", "get_tree", "--raw"]).output().unwrap().stdout;
         String::from_utf8_lossy(&tree).contains("\"xdg_shell\"")
     }
 
-    /// RGB rows of the output.
-    pub fn shot(&self) -> Shot {
+    /// Screenshot of the output.
+    pub fn shot(&self) -> Screenshot {
         until("an image of the output", || {
             let output = self.client("grim").args(["-t", "ppm", "-"]).output().unwrap();
-            Shot::read(&output.stdout)
+            Screenshot::read(&output.stdout)
         })
     }
 
-    /// Kept for people to look at, on request.
+    /// Saves a screenshot on request for visual inspection.
     pub fn save(&self, name: &str) {
         if let Some(folder) = std::env::var_os("CHOREO_SHOTS") {
             assert!(self.client("grim").arg(Path::new(&folder).join(name)).status().unwrap().success());
         }
     }
 
-    /// There before a window is, which would lose the first keys of a keyboard that comes later.
-    pub fn hands(&self) -> Hands {
+    /// Creates the input devices; must precede the window, which would miss the first keys of a later keyboard.
+    pub fn create_input_devices(&self) -> InputDevices {
         let stream = UnixStream::connect(self.folder.path().join(&self.socket)).unwrap();
         let connection = Connection::from_socket(stream).unwrap();
         let (globals, mut queue) = registry_queue_init::<Nothing>(&connection).unwrap();
@@ -139,23 +139,23 @@ impl Compositor {
         let keyboard = keyboards.create_virtual_keyboard(&seat, &handle, ());
         let mut keymap = tempfile::tempfile().unwrap();
         keymap.write_all(KEYMAP.as_bytes()).unwrap();
-        // With the zero byte after its end.
+        // The size includes the terminating zero byte.
         keymap.write_all(&[0]).unwrap();
         keyboard.keymap(KeymapFormat::XkbV1.into(), keymap.as_fd(), KEYMAP.len() as u32 + 1);
         queue.roundtrip(&mut Nothing).unwrap();
-        Hands { queue, pointer, keyboard, begin: Instant::now() }
+        InputDevices { queue, pointer, keyboard, begin: Instant::now() }
     }
 }
 
-/// A mouse of the output (`wlr-virtual-pointer-unstable-v1`) and a keyboard (`virtual-keyboard-unstable-v1`).
-pub struct Hands {
+/// Virtual mouse of the output (`wlr-virtual-pointer-unstable-v1`) and virtual keyboard (`virtual-keyboard-unstable-v1`).
+pub struct InputDevices {
     queue: EventQueue<Nothing>,
     pointer: ZwlrVirtualPointerV1,
     keyboard: ZwpVirtualKeyboardV1,
     begin: Instant,
 }
 
-impl Hands {
+impl InputDevices {
     fn milliseconds(&self) -> u32 {
         self.begin.elapsed().as_millis() as u32
     }
@@ -190,7 +190,7 @@ impl Hands {
     }
 }
 
-/// A client without state.
+/// State of the Wayland client, which needs none.
 struct Nothing;
 
 impl Dispatch<WlRegistry, GlobalListContents> for Nothing {

@@ -1,5 +1,5 @@
-//! Gestures on bars: rolls and slips of clips that repeat, keys that are let go with the button, locked rows, bars at the end of the scene,
-//! and layers above the first.
+//! Gestures on bars: rolls and slips of clips that repeat, modifier keys released together with the button, locked rows, bars at the end of
+//! the scene, and upper layers.
 
 use crate::place::{Desk, Place, drag};
 use choreo_motion::Time;
@@ -31,7 +31,7 @@ fn desk() -> Desk {
     Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
 }
 
-/// Points that a second takes.
+/// Width of one second in the sequencer, points.
 fn second(desk: &Desk) -> f32 {
     desk.get_by_label("time").rect().width() / 8.0
 }
@@ -41,7 +41,7 @@ fn back(desk: &mut Desk) {
     desk.run();
 }
 
-/// Drags with keys held that are let go right after the button, within the same frame.
+/// Drags with modifier keys that are released in the same frame, right after the button.
 fn drag_briefly(desk: &mut Desk, modifiers: Modifiers, from: Pos2, to: Pos2) {
     let button =
         |pos, pressed| Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers };
@@ -60,7 +60,7 @@ fn drag_briefly(desk: &mut Desk, modifiers: Modifiers, from: Pos2, to: Pos2) {
 }
 
 #[test]
-fn keys_that_are_let_go_with_the_button_count() {
+fn modifier_keys_released_with_the_mouse_button_apply_to_the_drag() {
     let mut desk = desk();
     let by = second(&desk);
     // Ctrl: the bar crossfades.
@@ -72,7 +72,7 @@ fn keys_that_are_let_go_with_the_button_count() {
         .replace("fade: 0.4 }).until(5.0)", "fade: 0.8 }).until(4.6)");
     assert_eq!(desk.state().text(), crossfaded);
     back(&mut desk);
-    // Shift: what comes later goes along.
+    // Shift: later clips move along.
     let walk = desk.get_by_label("Walk on ada").rect().center();
     drag_briefly(&mut desk, Modifiers::SHIFT, walk, walk + vec2(by, 0.0));
     let moved = SCRIPT
@@ -95,9 +95,9 @@ fn keys_that_are_let_go_with_the_button_count() {
     assert_eq!(desk.state().viewer.selected_bars(), [cue(0, 0), cue(0, 1)]);
 }
 
-/// On a slow machine a bar is let go and Ctrl+Z pressed within one frame: the drag is taken back, and can be made again.
+/// On a slow machine the release and Ctrl+Z arrive in one frame: the drag is undone and can be redone.
 #[test]
-fn a_drag_is_undone_within_the_frame_in_which_it_ends() {
+fn a_drag_can_be_undone_in_the_frame_in_which_it_ends() {
     let mut desk = desk();
     let by = second(&desk);
     let wave = desk.get_by_label("Wave on bob").rect().center();
@@ -133,7 +133,7 @@ fn a_drag_is_undone_within_the_frame_in_which_it_ends() {
     assert_eq!(desk.state().text(), moved);
 }
 
-/// A click where two bars meet, even a long one, selects the bar under the pointer and drags nothing; a handle goes as far as the pointer does.
+/// A click where two bars meet, even a long one, selects the bar under the pointer and drags nothing; a dragged handle follows the pointer.
 #[test]
 fn a_click_on_a_handle_selects_the_bar_under_it() {
     let mut desk = desk();
@@ -145,7 +145,7 @@ fn a_click_on_a_handle_selects_the_bar_under_it() {
         assert_eq!(desk.state().viewer.selection, Some(cue));
         assert_eq!((desk.state().text().as_str(), desk.state().viewer.message.as_deref()), (SCRIPT, None));
     }
-    // Held for long, and let go where it was pressed.
+    // A long press that is released where it began.
     desk.hover_at(pos2(x + 3.0, edge.y));
     desk.run();
     desk.drag_at(pos2(x + 3.0, edge.y));
@@ -153,15 +153,15 @@ fn a_click_on_a_handle_selects_the_bar_under_it() {
     desk.drop_at(pos2(x + 3.0, edge.y));
     desk.run();
     assert_eq!((desk.state().text().as_str(), desk.state().viewer.message.as_deref()), (SCRIPT, None));
-    // Taken beside its middle, it goes as far as the pointer.
+    // Grabbed beside its center, the handle keeps that offset.
     let (by, from) = (second(&desk), pos2(x - 3.0, edge.y));
     drag_briefly(&mut desk, Modifiers::NONE, from, from + vec2(by * 0.6, 0.0));
     assert_eq!(desk.state().text(), SCRIPT.replace("until(2.0)", "until(2.6)"));
 }
 
-/// A key where two bars meet, or where a fade ends, is taken at the top of the row, and the handles there at the middle of the bars.
+/// Where two bars meet or a fade ends, a key is grabbed at the top of the row, and the handles at the middle of the bars.
 #[test]
-fn a_key_on_an_edge_leaves_the_handles_in_reach() {
+fn a_key_at_a_bar_edge_does_not_cover_its_handles() {
     let script =
         format!("{SCRIPT}ada.key(\"position\", [[2.0, [0, 0, 0]], [2.4, [1, 0, 0]], [4.0, [2, 0, 0]]]);\n");
     let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
@@ -181,7 +181,7 @@ fn a_key_on_an_edge_leaves_the_handles_in_reach() {
     }
 }
 
-/// A fade-out is dragged where it begins, as a fade is, also where only the fade is stated, and is written as that is.
+/// A fade-out is dragged at its start, also where only `fade` is given, and is written in the same form.
 #[test]
 fn a_fade_out_is_dragged_where_it_begins() {
     let (method, option) = (
@@ -201,7 +201,7 @@ fn a_fade_out_is_dragged_where_it_begins() {
         drag_briefly(&mut desk, Modifiers::NONE, at, at - vec2(by * 0.4, 0.0));
         assert_eq!(desk.state().viewer.message, None);
         assert_eq!(desk.state().text(), script.replace(from, to));
-        // And back, over what is stated now.
+        // The drag back changes the fade-out that is now written.
         desk.state_mut().reload();
         desk.run();
         let at = desk.get_by_label("fade-out of Bow in row 2").rect().center();
@@ -210,7 +210,7 @@ fn a_fade_out_is_dragged_where_it_begins() {
     }
 }
 
-/// The boundary of two clips that repeat moves alone: the first goes on with its loop, the second begins its rounds there.
+/// The boundary of two repeating clips moves alone: the first continues its loop, the second starts its first round there.
 #[test]
 fn a_boundary_of_clips_that_repeat_is_rolled() {
     let mut desk = desk();
@@ -225,7 +225,7 @@ fn a_boundary_of_clips_that_repeat_is_rolled() {
     assert_eq!((bars[0].until, bars[1].start), (Time::from_secs(2.6), Time::from_secs(2.6)));
     assert_eq!(bars.iter().map(|bar| bar.strip.unwrap().trim[0]).collect::<Vec<_>>(), [0.0, 0.0]);
     back(&mut desk);
-    // Each keeps a length.
+    // Each clip keeps a positive length.
     for (secs, why) in [
         (5.0, "it would begin at 5.000 s, but it ends at 5.000 s"),
         (0.0, "Walk, which it follows, begins at 0.000 s and would have no length"),
@@ -233,14 +233,14 @@ fn a_boundary_of_clips_that_repeat_is_rolled() {
         let error = desk.state_mut().viewer.trim_cue(&cue(0, 1), secs).unwrap_err().to_string();
         assert!(error.contains(why), "{error}");
     }
-    // A bar that meets none has nothing to roll with.
+    // A bar without a neighbor at its edge cannot be rolled.
     let why = desk.state_mut().viewer.trim_cue(&cue(0, 0), 0.5).unwrap_err().to_string();
     assert!(why.contains("it repeats, so a trim would shorten every repetition"), "{why}");
 }
 
-/// A roll begins on either side of a joint, also at the bottom of a selected bar, where the corner of its speed is beside the joint.
+/// A roll begins on either side of a boundary, also at the bottom of a selected bar, where the speed handle is next to it.
 #[test]
-fn a_joint_is_rolled_from_both_of_its_sides() {
+fn a_boundary_of_two_clips_is_rolled_from_both_sides() {
     let script = SCRIPT.replace("\"Walk\")).until(2.0)", "\"Wave\"), #{ repeat: \"once\" }).until(2.0)");
     let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
     let (by, run) = (second(&desk), desk.get_by_label("Run on ada").rect());
@@ -258,7 +258,7 @@ fn a_joint_is_rolled_from_both_of_its_sides() {
 }
 
 #[test]
-fn a_slip_needs_no_trim_but_a_rest_of_the_clip() {
+fn a_slip_needs_an_unplayed_part_of_the_clip() {
     let mut place = Place::new(SCRIPT);
     let wave = Selected::Cue { actor: "bob".into(), layer: 0, cue: 0 };
     place.viewer.slip_cue(&wave, 0.25).unwrap();
@@ -268,7 +268,7 @@ fn a_slip_needs_no_trim_but_a_rest_of_the_clip() {
     place.reload();
     place.viewer.slip_cue(&wave, -0.1).unwrap();
     assert_eq!(place.text(), slipped.replace("0.25", "0.15"));
-    // One that is cut short by the next.
+    // A clip that is cut short by the next one.
     place.reload_with(SCRIPT);
     place.viewer.slip_cue(&cue(1, 1), 0.5).unwrap();
     assert!(
@@ -282,7 +282,7 @@ fn a_slip_needs_no_trim_but_a_rest_of_the_clip() {
 }
 
 #[test]
-fn a_locked_row_says_so_when_a_bar_is_dragged() {
+fn dragging_a_bar_of_a_locked_row_is_refused_with_a_message() {
     let mut desk = desk();
     let by = second(&desk);
     desk.get_by_label("lock the row of ada").click();
@@ -297,7 +297,7 @@ fn a_locked_row_says_so_when_a_bar_is_dragged() {
         desk.run();
         let why = "the row of ada is locked; press the lock beside its name to unlock it";
         assert_eq!(desk.state().viewer.message.as_deref(), Some(why));
-        // It is read beside the pointer.
+        // The reason is shown next to the pointer.
         let shapes = desk.output().shapes.iter();
         let texts = shapes.filter_map(|shape| match &shape.shape {
             egui::Shape::Text(text) => Some((text.galley.text().to_string(), text.pos)),
@@ -310,7 +310,7 @@ fn a_locked_row_says_so_when_a_bar_is_dragged() {
         desk.state_mut().viewer.message = None;
         assert_eq!(desk.state().text(), SCRIPT);
     }
-    // It is still selected by a click, and no key of the keyboard changes it.
+    // A click still selects the bar, and no shortcut changes it.
     desk.get_by_label("Walk on ada").click();
     desk.run();
     assert_eq!(desk.state().viewer.selection, Some(cue(0, 0)));
@@ -357,9 +357,9 @@ fn nothing_is_added_to_a_locked_row() {
     refused(&mut desk);
 }
 
-/// Nothing is put where it would never be seen.
+/// No clip is placed after the end of the scene.
 #[test]
-fn what_would_begin_after_the_scene_is_refused() {
+fn an_edit_that_starts_after_the_scene_is_refused() {
     let mut desk = desk();
     let copied = desk.state().viewer.copy_cues(&[cue(0, 0), cue(0, 1)]).unwrap();
     let viewer = |desk: &mut Desk, edit: &dyn Fn(&mut choreo_viewer::app::Viewer)| {
@@ -388,16 +388,16 @@ fn what_would_begin_after_the_scene_is_refused() {
     desk.state_mut().reload_with(&at_end);
     let why = desk.state_mut().viewer.duplicate_cue(&cue(0, 1)).unwrap_err().to_string();
     assert!(why.contains("Run would begin at 8.000 s"), "{why}");
-    // What is pushed out by others is named.
+    // Clips that an insertion pushes behind the end are reported.
     desk.state_mut().viewer.edit(|v| v.move_cue(&cue(0, 0), 6.5, true));
     let note = desk.state().viewer.note.clone().unwrap_or_default();
     assert_eq!(note, "Run now begins after the end of the scene at 8.000 s: make the stage longer");
 }
 
-/// The end that goes along with a clip is named while the clip is dragged, by its middle or its start, and once it is let go, also where others
+/// The end that moves along with a clip is reported during the drag, by its middle or its start, and after it, also if other bars
 /// move with it.
 #[test]
-fn an_end_that_goes_along_is_named() {
+fn the_message_names_an_end_that_moves_with_the_bar() {
     let mut desk = desk();
     let (by, run) = (second(&desk), desk.get_by_label("Run on ada").rect());
     let note = "Walk, which it follows, now ends at 2.600 s";
@@ -429,10 +429,10 @@ fn an_end_that_goes_along_is_named() {
 
 /// Layers above the first crossfade, and are stretched and weighted, as the base layer is.
 #[test]
-fn layers_crossfade_are_stretched_and_weighted_as_the_base_layer_is() {
+fn upper_layers_are_edited_like_the_base_layer() {
     let mut desk = desk();
     let by = second(&desk);
-    // The far end of a layer keeps its fade-out.
+    // The later edge of a layer keeps its fade-out.
     let wave = desk.get_by_label("Wave on ada +1").rect().center();
     drag_briefly(&mut desk, Modifiers::COMMAND, wave, wave - vec2(by * 0.6, 0.0));
     assert_eq!(desk.state().viewer.message, None);
@@ -445,7 +445,7 @@ fn layers_crossfade_are_stretched_and_weighted_as_the_base_layer_is() {
     let bars = desk.state().viewer.timeline.rows[2].bars.clone();
     assert_eq!((bars[1].fade_in, bars[1].fade_out), (Time::from_secs(0.6), Time::ZERO));
     assert_eq!(bars[0].end, Time::from_secs(3.0), "it is seen until the other one has faded in");
-    // A fade that a method states.
+    // A fade that is written as a method.
     desk.state_mut().viewer.set_cue(&cue(1, 0), choreo_session::edit::CueTime::FadeIn, 0.5).unwrap();
     assert!(desk.state().text().contains(".fade(0.5)\n"), "{}", desk.state().text());
     for (layer, row, label) in [(0, 1, "Run"), (1, 2, "Wave")] {
@@ -470,9 +470,9 @@ fn layers_crossfade_are_stretched_and_weighted_as_the_base_layer_is() {
     }
 }
 
-/// A clip without an end is stretched by what is seen of it: one that repeats to the end of the scene, one that is held.
+/// A clip without an end is stretched by its visible part, whether it repeats to the end of the scene or is held.
 #[test]
-fn what_is_under_the_corner_goes_with_it() {
+fn stretching_a_cue_maps_its_old_end_to_the_new_end() {
     let script =
         SCRIPT.replace(".then(moves.clip(\"Run\"), #{ fade: 0.4 }).until(5.0)", ".then(moves.clip(\"Run\"))");
     for (repeat, until) in [("loop", 8.0), ("once", 2.0 + 2.0 / 3.0)] {
@@ -485,14 +485,14 @@ fn what_is_under_the_corner_goes_with_it() {
     }
 }
 
-/// The outline of a clip that is cut short is drawn over the bar that cuts it, where it is selected.
+/// The outline of a selected clip that is cut short is drawn over the bar that cuts it.
 #[test]
-fn the_rest_of_a_clip_is_seen_over_the_next_bar() {
+fn the_unplayed_part_of_a_clip_is_drawn_over_the_next_bar() {
     let script = SCRIPT.replace("clip(\"Walk\")).until(2.0)", "clip(\"Wave\")).until(2.0)");
     let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
     let (by, time) = (second(&desk), desk.get_by_label("time").rect());
     let run = desk.get_by_label("Run on ada").rect();
-    // Indices in the order of drawing: the bar of Run, and the outline of Wave, which runs for 3 s.
+    // Indices in drawing order: the bar of Run, and the outline of Wave, which lasts 3 s.
     let drawn = |desk: &Desk| {
         let rects = desk.output().shapes.iter().filter_map(|shape| match &shape.shape {
             egui::Shape::Rect(rect) if (rect.rect.center().y - run.center().y).abs() < 3.0 => {
@@ -508,14 +508,14 @@ fn the_rest_of_a_clip_is_seen_over_the_next_bar() {
             |rect: &egui::epaint::RectShape| (rect.rect.right() - end).abs() < 1.0 && rect.stroke.width > 0.0;
         [rects.iter().rposition(bar), rects.iter().rposition(outline)]
     };
-    assert_eq!(drawn(&desk)[1], None, "nobody looks at it");
+    assert_eq!(drawn(&desk)[1], None, "the outline is drawn only with a selection or under the pointer");
     desk.state_mut().viewer.selection = Some(cue(0, 0));
     desk.run();
     let [filled, outline] = drawn(&desk);
     assert!(outline > filled && filled.is_some(), "{outline:?} {filled:?}");
 }
 
-/// Bars snap to the beats of a tempo that is typed, and so do clips that are dropped.
+/// Dragged bars and dropped clips snap to the beats of a typed tempo.
 #[test]
 fn bars_snap_to_beats() {
     let mut desk = desk();
@@ -541,7 +541,7 @@ fn bars_snap_to_beats() {
     }
     for (layer, label, from) in [(1, "Bow on ada +1", 1.0), (0, "Run on ada", 2.0)] {
         let bar = desk.get_by_label(label).rect();
-        // A beat is every 0.75 s; 0.03 s beside one.
+        // One beat takes 0.75 s; the drop is 0.03 s off a beat.
         let at = pos2(bar.left() + 30.0, bar.center().y);
         let wanted = if layer == 1 { 1.5 } else { 3.75 };
         drag(&mut desk, at, at + vec2(by * (wanted - from + 0.03) as f32, 0.0));
@@ -554,9 +554,9 @@ fn bars_snap_to_beats() {
     }
 }
 
-/// With Shift the later cuts go along, as later clips do, also those that count frames.
+/// With Shift the later cuts move along, as later clips do, also those written in frames.
 #[test]
-fn later_cuts_follow_a_camera_that_is_dragged_with_shift() {
+fn dragging_a_cut_with_shift_moves_the_later_cuts() {
     let script = format!(
         "{SCRIPT}let one = camera(\"one\").at(0.0, 1.0, 4.0);\nlet two = camera(\"two\").at(1.0, 1.0, 4.0).cut(2.0);\none.cut(f(100));\n"
     );
@@ -573,7 +573,7 @@ fn later_cuts_follow_a_camera_that_is_dragged_with_shift() {
     assert_eq!(desk.state().text(), script.replace(".cut(2.0)", ".cut(3.0)"));
 }
 
-/// A clip that comes after all others is refused where the scene is over by then; at the beginning it states no start.
+/// A clip after all others is refused if it would begin after the scene; one at time 0 is written without a start.
 #[test]
 fn an_added_clip_begins_within_the_scene() {
     let script = SCRIPT.replace("clip(\"Wave\")).until(1.0);", "clip(\"Wave\")).until(8.5);");

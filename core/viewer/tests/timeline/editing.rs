@@ -1,4 +1,4 @@
-//! Dragging writes the script, without a window: the file, and what the panels show of it.
+//! Drags that change the script, without a window: the file, and what the panels show of it.
 
 use crate::place::{Place, drag};
 use choreo_motion::Time;
@@ -20,7 +20,7 @@ fn cue(cue: usize) -> Selected {
 }
 
 #[test]
-fn a_change_is_one_number_in_the_file_and_can_be_taken_back() {
+fn an_edit_changes_one_number_of_the_file_and_can_be_undone() {
     let mut place = Place::new(SCRIPT);
     place.viewer.set_cue(&cue(0), CueTime::Start, 0.72).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".from(0.5)", ".from(0.72)"));
@@ -28,7 +28,7 @@ fn a_change_is_one_number_in_the_file_and_can_be_taken_back() {
     assert_eq!(place.viewer.timeline.rows[1].bars[0].start, Time::from_secs(0.72));
     place.viewer.set_cue(&cue(1), CueTime::FadeIn, 0.25).unwrap();
     assert!(place.text().contains("#{ fade: 0.25 }"));
-    // The editor saves something else meanwhile.
+    // Meanwhile the text editor saves another change.
     place.write(&format!("// a note\n{}", place.text()));
     place.viewer.undo().unwrap();
     assert_eq!(place.text(), format!("// a note\n{}", SCRIPT.replace(".from(0.5)", ".from(0.72)")));
@@ -37,7 +37,7 @@ fn a_change_is_one_number_in_the_file_and_can_be_taken_back() {
     assert_eq!(place.viewer.undo().unwrap_err().to_string(), "there is nothing to undo");
 }
 
-/// An edit of the first line, too, which has one character less for the script than in the file.
+/// An edit of the first line of a file with a byte order mark, which the script does not count as a character.
 #[test]
 fn a_byte_order_mark_stays_before_the_text() {
     let script = SCRIPT.replacen('\n', " ", 3);
@@ -49,12 +49,12 @@ fn a_byte_order_mark_stays_before_the_text() {
 }
 
 #[test]
-fn a_bar_moves_with_its_end_and_leaves_when_deleted() {
+fn moving_a_bar_moves_its_end_and_deleting_removes_its_line() {
     let mut place = Place::new(SCRIPT);
     place.viewer.move_cue(&cue(0), 1.0, false).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".from(0.5).until(2.0)", ".from(1.0).until(2.5)"));
     place.reload();
-    // The second follows the first: where they meet moves.
+    // The second clip follows the first: their boundary moves.
     place.viewer.move_cue(&cue(1), 3.0, false).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".from(0.5).until(2.0)", ".from(1.0).until(3.0)"));
     place.reload();
@@ -74,9 +74,9 @@ fn a_bar_moves_with_its_end_and_leaves_when_deleted() {
     assert!(place.viewer.delete_cue(&in_loop).unwrap_err().to_string().contains("2"));
 }
 
-/// The last line about her is a loop in which she plays.
+/// The last line that mentions the actor is a loop in which she plays a clip.
 #[test]
-fn added_clips_stand_behind_all_others_in_their_order() {
+fn added_clips_are_written_after_all_others_in_order() {
     let mut place = Place::new(SCRIPT);
     for (clip, secs) in [("Run", 3.4), ("Bow", 3.0)] {
         place.viewer.add_clip("ada", "ada", clip, secs).unwrap();
@@ -87,7 +87,7 @@ fn added_clips_stand_behind_all_others_in_their_order() {
 }
 
 #[test]
-fn where_two_clips_meet_is_the_end_of_the_first() {
+fn moving_a_clip_boundary_changes_the_end_of_the_first_clip() {
     let mut place = Place::new(SCRIPT);
     place.viewer.set_cue(&cue(1), CueTime::Start, 1.6).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".until(2.0)", ".until(1.6)"));
@@ -97,13 +97,13 @@ fn where_two_clips_meet_is_the_end_of_the_first() {
 }
 
 #[test]
-fn what_is_not_one_number_is_refused_and_nothing_changes() {
+fn a_time_that_is_not_one_number_is_refused_unchanged() {
     let mut place = Place::new(SCRIPT);
     let in_loop = Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 };
     let why = place.viewer.set_cue(&in_loop, CueTime::Start, 0.1).unwrap_err().to_string();
     assert!(why.contains("a.rhai:6: this line makes 2 objects"), "{why}");
     assert_eq!(place.text(), SCRIPT);
-    // Changed on disk and not yet shown.
+    // The file has changed on disk and is not shown yet.
     let other = SCRIPT.replace("she", "he");
     place.write(&other);
     let why = place.viewer.set_cue(&cue(0), CueTime::Start, 0.1).unwrap_err().to_string();
@@ -111,7 +111,7 @@ fn what_is_not_one_number_is_refused_and_nothing_changes() {
     assert_eq!(place.text(), other);
 }
 
-/// Taken anywhere, a bar moves by as far as the pointer does; Delete takes the selected one out of the script.
+/// Grabbed anywhere, a bar moves as far as the pointer; Delete removes the selected one from the script.
 #[test]
 fn a_dragged_bar_moves_and_delete_removes_it() {
     let place = Place::new(SCRIPT);

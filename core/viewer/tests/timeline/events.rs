@@ -1,4 +1,4 @@
-//! Marks of the sequencer beside bars: keys, who comes and goes, what actors do, named times of clips, feet; problems, until
+//! Markers of the sequencer besides bars: keys, entrances and exits, events of actors, named times of clips, foot contacts; problems until
 //! they are resolved.
 
 use crate::place::{Desk, Place};
@@ -31,14 +31,14 @@ fn row<'a>(timeline: &'a Timeline, label: &str) -> &'a choreo_viewer::state::tim
 }
 
 #[test]
-fn rows_have_what_happens_at_its_times() {
+fn rows_have_their_events_at_the_right_times() {
     let place = Place::new(SCRIPT);
     let timeline = &place.viewer.timeline;
     let events_of = |label: &str| -> Vec<(f64, EventKind, String)> {
         let events = &row(timeline, label).events;
         events.iter().map(|e| (e.at.as_secs(), e.kind, e.label.replace('\n', ", "))).collect()
     };
-    // The walk is as long as its file says; the heel comes once a round.
+    // The walk is as long as its file states; the heel marker comes once per round.
     let round =
         place.viewer.scene.as_ref().unwrap().stage.actors[0].layers[0].cues[0].clip.duration.as_secs();
     let heels = (0..).map(|n| 0.5 + 0.2 + f64::from(n) * round).take_while(|t| *t < 2.0);
@@ -70,7 +70,7 @@ fn rows_have_what_happens_at_its_times() {
 }
 
 #[test]
-fn a_click_on_an_event_goes_there_and_a_pointer_over_it_is_told_what_it_is() {
+fn clicking_an_event_seeks_to_it_and_hovering_names_it() {
     let mut desk = desk();
     let at = desk.get_by_label("event position, look begins on ada").rect().center();
     desk.hover_at(at);
@@ -80,7 +80,7 @@ fn a_click_on_an_event_goes_there_and_a_pointer_over_it_is_told_what_it_is() {
     desk.run();
     assert_eq!(desk.state().viewer.playhead.frame(), 25);
     assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("ada".into())));
-    // The next and the last of all that there is: bars' ends, events, marks.
+    // Previous and next of all ends of bars, events and markers.
     let mut frames = Vec::new();
     for key in [Key::ArrowDown, Key::ArrowDown, Key::ArrowUp, Key::ArrowUp, Key::ArrowUp] {
         desk.key_press_modifiers(Modifiers::NONE, key);
@@ -103,10 +103,10 @@ fn a_click_on_an_event_goes_there_and_a_pointer_over_it_is_told_what_it_is() {
 }
 
 #[test]
-fn the_strip_tells_which_foot_stands() {
+fn the_foot_strip_shows_the_foot_contacts() {
     let mut desk = desk();
     let strip = desk.get_by_label("feet of ada").rect();
-    // Somewhere in the walk a foot is down.
+    // At some time of the walk a foot is on the ground.
     let down = (0..60).find_map(|step| {
         let x = strip.left() + strip.width() * (0.13 + 0.005 * step as f32);
         desk.hover_at(pos2(x, strip.center().y));
@@ -136,7 +136,7 @@ fn the_strip_tells_which_foot_stands() {
 }
 
 #[test]
-fn what_is_wrong_is_marked_until_it_is_mended() {
+fn problem_markers_stay_until_the_problem_is_fixed() {
     let mut desk = desk();
     let marked = |desk: &Desk| {
         let viewer = &desk.state().viewer;
@@ -146,10 +146,10 @@ fn what_is_wrong_is_marked_until_it_is_mended() {
         (rows.map(|r| r.label.clone()).collect::<Vec<_>>(), bars.map(|b| b.label.clone()).collect::<Vec<_>>())
     };
     assert_eq!(marked(&desk), (vec![], vec![]));
-    desk.state_mut().spoil(&SCRIPT.replace(".from(0.5).until(2.0)", ".from(0.5).untill(2.0)"));
+    desk.state_mut().load_faulty(&SCRIPT.replace(".from(0.5).until(2.0)", ".from(0.5).untill(2.0)"));
     desk.run();
     assert_eq!(marked(&desk), (vec![], vec!["Walk".to_string()]));
-    desk.state_mut().spoil(&SCRIPT.replace("cast(\"bob\", moves)", "cast(\"bob\", movs)"));
+    desk.state_mut().load_faulty(&SCRIPT.replace("cast(\"bob\", moves)", "cast(\"bob\", movs)"));
     desk.run();
     assert_eq!(marked(&desk), (vec!["bob".to_string()], vec![]));
     // All events of the last good version are still there.
@@ -159,9 +159,9 @@ fn what_is_wrong_is_marked_until_it_is_mended() {
     assert_eq!(marked(&desk), (vec![], vec![]));
 }
 
-/// Buttons go into the menu before the ruler leaves the window, at twice the scale on a small screen.
+/// Buttons move into the menu before the ruler leaves the window, at twice the scale on a small screen.
 #[test]
-fn in_a_narrow_window_the_whole_ruler_is_seen() {
+fn the_whole_ruler_is_visible_in_a_narrow_window() {
     let desk = Place::new(SCRIPT).harness(vec2(640.0, 600.0));
     let ruler = desk.get_by_label("time").rect();
     assert!(ruler.right() <= 640.0 && ruler.width() > 300.0, "{ruler:?}");
@@ -169,7 +169,7 @@ fn in_a_narrow_window_the_whole_ruler_is_seen() {
     assert!(!more.is_empty() && more.iter().all(|right| *right <= 640.0), "{more:?}");
 }
 
-/// Effects that are on at once have rows of their own, each with its own keys: a key that is dragged changes no other effect.
+/// Effects that are active at once have separate rows with their own keys: dragging a key changes no other effect.
 #[test]
 fn keys_of_effects_are_in_the_rows_of_their_effects() {
     let script = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });

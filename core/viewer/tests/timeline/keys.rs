@@ -42,7 +42,7 @@ fn property(place: &Place, what: &Selected, name: &str) -> KeyedProperty {
     place.viewer.keyed_properties(what).into_iter().find(|p| p.name == name).unwrap()
 }
 
-/// The text after a change that is one step of the history.
+/// Script text after a change that must be one undo step.
 fn text_after(change: impl FnOnce(&mut Place)) -> String {
     let mut place = Place::new(SCRIPT);
     change(&mut place);
@@ -62,9 +62,9 @@ fn replaced(pairs: &[(&str, &str)]) -> String {
     })
 }
 
-/// The curves are the values that a snapshot of the whole stage has, and the turns are those of the script.
+/// Curves equal the values of a snapshot of the whole stage, and rotations keep the turns of the script.
 #[test]
-fn curves_are_what_the_stage_shows() {
+fn sampled_curves_equal_the_values_of_the_stage() {
     let mut place = Place::new(SCRIPT);
     place.viewer.selection = Some(ball());
     let scene = place.viewer.scene.clone().unwrap();
@@ -79,7 +79,7 @@ fn curves_are_what_the_stage_shows() {
         let (_, turned, at) = snapshot.actors[0].world_from_model.to_scale_rotation_translation();
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-5, "{a} for {b} at {secs}");
         position.at(time).iter().zip(at.to_array()).for_each(|(a, b)| near(*a, b));
-        // Two whole turns in two seconds, which a rotation does not hold.
+        // Two full turns in two seconds, which a quaternion cannot represent.
         let degrees = rotation.at(time);
         assert_eq!(degrees.len(), 1);
         near(degrees[0], 360.0 * secs.min(2.0));
@@ -94,9 +94,9 @@ fn curves_are_what_the_stage_shows() {
     }
 }
 
-/// An easing is many keys of the stage, and one of the script.
+/// An easing becomes many keys in the stage but is one key of the script.
 #[test]
-fn marks_are_the_keys_of_the_script() {
+fn key_markers_match_the_keys_of_the_script() {
     let place = Place::new(SCRIPT);
     let row = place.viewer.timeline.rows.iter().find(|row| row.label == "ball").unwrap();
     let times: Vec<f64> = row.events.iter().map(|event| event.at.as_secs()).collect();
@@ -108,12 +108,12 @@ fn marks_are_the_keys_of_the_script() {
 }
 
 #[test]
-fn several_keys_move_and_leave_in_one_step() {
+fn several_keys_are_moved_or_deleted_in_one_undo_step() {
     let keys = [key(ball(), "position", 1.0), key(ball(), "position", 2.0), key(ball(), "rotation", 2.0)];
     let text = text_after(|place| {
         place.viewer.select_keys(keys.to_vec());
         place.viewer.edit(|v| v.drag_keys(&keys, 0.4, None));
-        // They stay selected where they are now.
+        // The keys stay selected at their new times.
         place.reload();
         let at: Vec<f64> = place.viewer.selected_keys().iter().map(|key| key.at.as_secs()).collect();
         assert_eq!(at, [1.4, 2.4, 2.4]);
@@ -131,7 +131,7 @@ fn several_keys_move_and_leave_in_one_step() {
         text,
         replaced(&[(", [1.0, [1, 0, 0]], [2.0, [1, 2, 0], \"in_quad\"]", ""), ("    [f(50), 720]\n", "")])
     );
-    // All keys of two properties: their calls go, too.
+    // If all keys of two properties are deleted, their calls are removed, too.
     let all: Vec<KeyRef> = [("position", 0.0), ("rotation", 0.0)]
         .map(|(name, at)| key(ball(), name, at))
         .into_iter()
@@ -142,7 +142,7 @@ fn several_keys_move_and_leave_in_one_step() {
 }
 
 #[test]
-fn a_number_of_several_keys_is_changed_in_place() {
+fn one_value_of_several_keys_is_changed_in_place() {
     let keys = [key(ball(), "position", 1.0), key(ball(), "position", 2.0)];
     let value = ValueDrag { property: "position".into(), part: 1, by: 0.25 };
     let text = text_after(|place| place.viewer.edit(|v| v.drag_keys(&keys, 0.2, Some(&value))));
@@ -154,16 +154,16 @@ fn a_number_of_several_keys_is_changed_in_place() {
     let value = ValueDrag { property: "rotation".into(), part: 0, by: 200.0 };
     let text = text_after(|place| place.viewer.edit(|v| v.drag_keys(&turned, 0.0, Some(&value))));
     assert_eq!(text, replaced(&[("720", "920")]));
-    // A number stays within what the property allows.
+    // A value is clamped to the range of its property.
     let strength = [key(Selected::Effect(0), "strength", 2.0)];
     let value = ValueDrag { property: "strength".into(), part: 0, by: 5.0 };
     let text = text_after(|place| place.viewer.edit(|v| v.drag_keys(&strength, 0.0, Some(&value))));
     assert_eq!(text, replaced(&[("[2.0, 0.9]", "[2.0, 1.0]")]));
 }
 
-/// The other numbers of a key stay as they are written, computed ones, too.
+/// The other numbers of a key keep their source text, also computed ones.
 #[test]
-fn one_number_of_a_key_is_written_and_no_other() {
+fn editing_one_number_of_a_key_keeps_the_others() {
     let script = SCRIPT
         .replace("let cube =", "let n = 0.5;\nlet cube =")
         .replace("[1.0, [1, 0, 0]]", "[1.0, [n * 2.0, 0, 1.0 / 3.0]]")
@@ -186,7 +186,7 @@ fn one_number_of_a_key_is_written_and_no_other() {
         "{message}"
     );
     assert_eq!(text, script);
-    // A key that is set where it stands already changes nothing.
+    // Setting a key with the present value changes nothing.
     let mut place = Place::new(&script);
     place.viewer.set_keys_at(&ball(), &["position"], Time::from_secs(1.0)).unwrap();
     assert_eq!(place.text(), script);
@@ -200,16 +200,16 @@ fn a_key_is_set_where_the_playhead_is() {
             place.viewer.edit(|v| v.set_keys(&what, names));
         })
     };
-    // The first key of a property is a line of its own.
+    // The first key of a property becomes a new line.
     let text = set(Selected::Actor("rest".into()), &["position", "scale"], 1.24);
     let lines = "rest.key(\"scale\", [[1.24, 1.0]]);\n";
-    // The keys replace a place that is stated as numbers.
+    // The keys replace a position that is written as numbers.
     assert!(text.contains("let rest = cast(\"rest\", cube);\n"), "{text}");
     assert!(
         text.contains(lines) && text.contains("rest.key(\"position\", [[1.24, [2.0, 0.0, 0.5]]]);\n"),
         "{text}"
     );
-    // Between two keys on the way there is the value on the way.
+    // Between two keys the new one gets the interpolated value.
     let text = set(ball(), &["position", "rotation"], 0.48);
     let inserted = [
         ("[1.0, [1, 0, 0]]", "[0.48, [0.48, 0.0, 0.0]], [1.0, [1, 0, 0]]"),
@@ -224,7 +224,7 @@ fn a_key_is_set_where_the_playhead_is() {
     assert_eq!(text, replaced(&keys));
     let text = set(Selected::Effect(0), &["strength"], 1.0);
     assert_eq!(text, replaced(&[("[2.0, 0.9]", "[1.0, 0.5], [2.0, 0.9]")]));
-    // It changes nothing of what is seen, where nothing was keyed.
+    // The first key of a property does not change the image.
     let mut place = Place::new(SCRIPT);
     let before = place.viewer.scene.clone().unwrap();
     place.viewer.set_keys(&Selected::Actor("rest".into()), &["position", "rotation", "scale"]).unwrap();
@@ -239,7 +239,7 @@ fn a_key_is_set_where_the_playhead_is() {
 }
 
 #[test]
-fn computed_keys_are_refused_and_a_line_states_them_anew() {
+fn editing_computed_keys_is_refused_and_offers_literal_keys() {
     let way = Selected::Actor("way".into());
     let mut place = Place::new(SCRIPT);
     let refused =
@@ -261,7 +261,7 @@ fn computed_keys_are_refused_and_a_line_states_them_anew() {
     // Now the line can be edited.
     desk.state_mut().viewer.drag_keys(&[key(way, "position", 3.0)], 0.4, None).unwrap();
     assert!(desk.state().text().contains("[3.4, [0.0, 0.0, 3.0]]"));
-    // What a loop makes is not one thing.
+    // An object of a loop cannot be edited alone.
     desk.state_mut().reload();
     let one = Selected::Actor("one 1.0".into());
     let refused = desk.state_mut().viewer.delete_keys(&[key(one, "scale", 1.0)]).unwrap_err();
@@ -269,7 +269,7 @@ fn computed_keys_are_refused_and_a_line_states_them_anew() {
 }
 
 #[test]
-fn keys_are_copied_to_another_time_and_to_another_thing() {
+fn keys_are_copied_to_another_time_and_to_another_object() {
     let keys = [key(ball(), "position", 1.0), key(ball(), "position", 2.0)];
     let text = text_after(|place| place.viewer.edit(|v| v.duplicate_keys(&keys, 3.0)));
     assert_eq!(
@@ -316,14 +316,14 @@ fn press(desk: &mut Desk, modifiers: Modifiers, key: Key) {
     desk.run();
 }
 
-/// Points of the ruler for a time of the four seconds.
+/// Screen position of a time in the ruler, which shows four seconds.
 fn x_of(desk: &Desk, secs: f32) -> f32 {
     let curves = desk.query_by_label("time of the curves");
     let ruler = curves.unwrap_or_else(|| desk.get_by_label("time")).rect();
     ruler.left() + ruler.width() * secs / 4.0
 }
 
-/// The reload that a real window gets from the watcher.
+/// The reload that the file watcher triggers in a real window.
 fn undone(desk: &mut Desk) {
     assert_eq!(desk.state().viewer.message, None);
     desk.state_mut().reload();
@@ -338,7 +338,7 @@ fn undone(desk: &mut Desk) {
 fn diamonds_are_selected_in_a_box_moved_and_deleted_together() {
     let mut desk = desk();
     let row = desk.get_by_label("row ball").rect().center().y;
-    // A diamond's mark is at half the row's height, since ball has no clips.
+    // The diamond is at half the height of the row, since ball has no clips.
     let (left, right) = (x_of(&desk, 0.7), x_of(&desk, 2.3));
     drag(&mut desk, pos2(left, row - 9.0), pos2(right, row + 9.0));
     assert_eq!(desk.state().viewer.selected_keys().len(), 3, "{:?}", desk.state().viewer.selected_keys());
@@ -385,7 +385,7 @@ fn diamonds_are_selected_in_a_box_moved_and_deleted_together() {
 }
 
 #[test]
-fn the_menu_of_a_diamond_eases_types_and_deletes() {
+fn the_key_menu_sets_easing_and_value_and_deletes() {
     let mut desk = desk();
     let row = desk.get_by_label("row ball").rect().center().y;
     let at = pos2(x_of(&desk, 1.0), row);
@@ -410,12 +410,12 @@ fn the_menu_of_a_diamond_eases_types_and_deletes() {
     undone(&mut desk);
 }
 
-/// The curve editor in the place of the sequencer, with the ball's curves.
+/// The curve editor in place of the sequencer, with the ball's curves.
 fn curves() -> Desk {
     let mut desk = desk();
     desk.state_mut().viewer.selection = Some(ball());
     press(&mut desk, Modifiers::COMMAND, Key::Num9);
-    // The turns are much greater than the ways.
+    // Rotations have a much larger range than positions.
     let turns = desk.get_by_label("curve rotation").rect().center();
     desk.hover_at(turns);
     desk.run();
@@ -452,7 +452,7 @@ fn points_of_curves_are_dragged_in_time_and_value() {
         )])
     );
     undone(&mut desk);
-    // Shift keeps the drag on one axis, that of the greater way.
+    // Shift restricts the drag to the axis with the larger movement.
     desk.key_down_modifiers(Modifiers::SHIFT, Key::ArrowUp);
     let (from, to) = (at, pos2(x_of(&desk, 2.4), at.y + 12.0));
     desk.hover_at(from);
@@ -489,7 +489,7 @@ fn a_box_of_points_is_deleted_and_home_fits_them() {
     undone(&mut desk);
 }
 
-/// An undo or redo of a change of keys leaves them selected where they are then.
+/// After undo or redo of a key edit, the keys are selected at their present times.
 #[test]
 fn keys_stay_selected_when_a_change_of_them_is_undone() {
     let mut place = Place::new(SCRIPT);
@@ -512,7 +512,7 @@ fn keys_stay_selected_when_a_change_of_them_is_undone() {
     place.viewer.undo().unwrap();
     place.reload();
     assert_eq!(place.viewer.selected_keys(), moved);
-    // A newer selection stays.
+    // A newer selection is kept.
     place.viewer.edit(|v| v.delete_keys(&moved));
     place.reload();
     place.viewer.selection = Some(Selected::Light(0));
@@ -522,9 +522,9 @@ fn keys_stay_selected_when_a_change_of_them_is_undone() {
     assert!(place.viewer.selected_keys().is_empty());
 }
 
-/// An actor is not taken off by who means a key of it.
+/// Delete over the curve editor deletes selected keys and never the actor.
 #[test]
-fn delete_over_the_curves_takes_keys_alone() {
+fn delete_over_the_curve_editor_deletes_only_keys() {
     let mut desk = curves();
     let plot = desk.get_by_label("curves").rect();
     desk.hover_at(plot.center());
@@ -537,7 +537,7 @@ fn delete_over_the_curves_takes_keys_alone() {
     assert_eq!(viewer.selection, Some(ball()));
 }
 
-/// Numbers are typed one after the other: the menu of a key is closed by nothing but a command, Escape or a click beside it.
+/// The menu of a key stays open while numbers are typed; only a command, Escape or a click outside closes it.
 #[test]
 fn the_menu_of_a_key_stays_while_numbers_are_typed() {
     let mut desk = desk();
@@ -555,17 +555,17 @@ fn the_menu_of_a_key_stays_while_numbers_are_typed() {
         assert_eq!(desk.state().viewer.message, None);
         desk.get_by_label("position y of the key");
         desk.state_mut().reload();
-        // The menu finds its place again.
+        // The menu finds its moved key again.
         desk.run();
         desk.run();
     };
     typed(&mut desk, "position y of the key", "0.5");
-    // Past the next key: it is another one of the row.
+    // Moved past the next key, it is another key of the row.
     typed(&mut desk, "time of position", "3.0");
     typed(&mut desk, "position x of the key", "1.5");
     let keys = "[[0.0, [0, 0, 0]], [2.0, [1, 2, 0], \"in_quad\"], [3.0, [1.5, 0.5, 0]]]";
     assert!(desk.state().text().contains(keys), "{}", desk.state().text());
-    // Expressions and frames stay as they are typed.
+    // Expressions and frame numbers keep their source text.
     typed(&mut desk, "position x of the key", "4/3");
     typed(&mut desk, "time of position", "8/3");
     assert!(desk.state().text().contains("[8.0 / 3.0, [4.0 / 3.0, 0.5, 0]]"), "{}", desk.state().text());
@@ -581,9 +581,9 @@ fn the_menu_of_a_key_stays_while_numbers_are_typed() {
     assert!(desk.query_by_label("position y of the key").is_none());
 }
 
-/// An expression takes the place of digits also where they are the same.
+/// A typed expression replaces digits of the same value.
 #[test]
-fn an_expression_is_kept_where_its_digits_are_there_already() {
+fn typing_the_displayed_digits_keeps_the_expression() {
     let scene = "stage(#{ size: [64, 36], fps: 30, length: 4.0 });
 let cube = shape(\"box\", #{ size: 1.0 });
 cast(\"ball\", cube).key(\"scale\", [[0.0, 1], [0.333333333, 0.333], [2.0, 0.333]]);
@@ -609,9 +609,9 @@ cast(\"ball\", cube).key(\"scale\", [[0.0, 1], [0.333333333, 0.333], [2.0, 0.333
     }
 }
 
-/// Fit changes the view of the curves alone, and curves that are shown first are seen whole.
+/// Fit changes only the view of the curves, and newly shown curves are entirely visible.
 #[test]
-fn curves_are_fitted_when_shown_first_and_by_themselves() {
+fn curves_are_fitted_to_the_view_when_first_shown() {
     let mut desk = desk();
     let shown = choreo_viewer::state::span::Span { from: 3.0, to: 3.5 };
     desk.state_mut().viewer.span = shown;
@@ -632,7 +632,7 @@ fn curves_are_fitted_when_shown_first_and_by_themselves() {
         assert_eq!(desk.state().viewer.span, shown);
     };
     fits(&desk);
-    // The user's own view stays, until Fit is pressed.
+    // A view set by the user stays until Fit is pressed.
     desk.state_mut().viewer.curves.time = shown;
     desk.run();
     assert_eq!(desk.state().viewer.curves.time, shown);
@@ -641,11 +641,11 @@ fn curves_are_fitted_when_shown_first_and_by_themselves() {
     fits(&desk);
 }
 
-/// A hint is not in the way of what is dragged.
+/// No tooltip covers a dragged object.
 #[test]
-fn hints_are_away_while_a_button_is_down() {
+fn tooltips_are_hidden_while_a_mouse_button_is_down() {
     let mut desk = Place::new(PARTS).harness(vec2(1500.0, 1000.0));
-    // Beside the key in its middle.
+    // Next to the key in the middle of the bar.
     let bar = desk.get_by_label("Walk on ada").rect().center() + vec2(60.0, 3.0);
     let hint = |desk: &Desk| {
         let texts = desk.output().shapes.iter().filter_map(|shape| match &shape.shape {
@@ -666,7 +666,7 @@ fn hints_are_away_while_a_button_is_down() {
     assert!(!hint(&desk), "dragged");
 }
 
-/// The control points of a Bézier easing lie between its keys as in CSS, and are dragged.
+/// The control points of a Bézier easing lie between its keys as in CSS, and can be dragged.
 #[test]
 fn the_handles_of_a_bezier_easing_are_dragged() {
     let mut desk = curves();
@@ -677,7 +677,7 @@ fn the_handles_of_a_bezier_easing_are_dragged() {
     let [from, to] =
         ["key position y at 25", "key position y at 50"].map(|name| desk.get_by_label(name).rect().center());
     let place = |x: f32, y: f32| from + vec2((to.x - from.x) * x, (to.y - from.y) * y);
-    // Of x, y and z only y changes; the others' points lie on flat lines.
+    // Of x, y and z only y changes; the points of the others lie on flat lines.
     let found: Vec<Pos2> = desk.get_all_by_label("start of the easing").map(|n| n.rect().center()).collect();
     assert!(found.iter().any(|at| (*at - place(0.4, 0.0)).length() < 1.0), "{found:?}");
     let end = place(0.6, 1.0);
@@ -686,7 +686,7 @@ fn the_handles_of_a_bezier_easing_are_dragged() {
 }
 
 #[test]
-fn k_and_the_inspector_s_diamonds_set_keys() {
+fn the_k_key_and_the_inspector_diamonds_set_keys() {
     let mut desk = desk();
     desk.state_mut().viewer.selection = Some(ball());
     desk.state_mut().viewer.playhead.seek(Time::from_secs(0.48));
@@ -702,7 +702,7 @@ fn k_and_the_inspector_s_diamonds_set_keys() {
     desk.run();
     assert!(desk.state().text().contains("ball.key(\"scale\", [[0.48, 1.0]]);\n"), "{}", desk.state().text());
     undone(&mut desk);
-    // Where a key is, the diamond deletes it.
+    // On an existing key the diamond deletes it.
     desk.state_mut().viewer.playhead.seek(Time::from_secs(1.0));
     desk.run();
     desk.get_by_label("key of position").click();
@@ -714,9 +714,9 @@ fn k_and_the_inspector_s_diamonds_set_keys() {
     assert_eq!(desk.state().text(), replaced(&[("[2.0, 0.9]", "[1.0, 0.25], [2.0, 0.9]")]));
 }
 
-/// A camera and an effect have bars, which are selected with their keys; commands are for the keys all the same.
+/// A camera and an effect have bars, which are selected with their keys; commands still apply to the keys.
 #[test]
-fn keys_of_what_has_a_bar_are_duplicated_copied_and_cut_by_keyboard() {
+fn keys_of_objects_with_bars_are_duplicated_copied_and_cut_by_keyboard() {
     let mut desk = desk();
     desk.state_mut().viewer.playhead.seek(Time::from_secs(0.48));
     let fov = key(Selected::Camera("wide".into()), "fov", 2.0);
@@ -750,7 +750,7 @@ fn keys_of_what_has_a_bar_are_duplicated_copied_and_cut_by_keyboard() {
 }
 
 #[test]
-fn k_leaves_out_curves_that_are_hidden_in_the_open_curve_editor() {
+fn the_k_key_sets_no_keys_on_hidden_curves() {
     let mut desk = curves();
     desk.state_mut().viewer.playhead.seek(Time::from_secs(0.48));
     desk.run();
@@ -773,9 +773,9 @@ fn k_leaves_out_curves_that_are_hidden_in_the_open_curve_editor() {
     assert_eq!(desk.state().text(), SCRIPT);
 }
 
-/// The keys of a clip that have an easing are those of the script, as an option and as a method: in rows and in the inspector.
+/// Keys of a clip with an easing appear as in the script, whether written as an option or a method: in rows and in the inspector.
 #[test]
-fn eased_keys_of_a_clip_are_no_samples() {
+fn eased_keys_of_a_clip_are_not_treated_as_samples() {
     const KEYS: &str = "[[1.0, 1.0], [2.0, 0.0, \"in_cubic\"]]";
     for played in [format!(", #{{ weight: {KEYS} }})"), format!(").weight({KEYS})")] {
         let script = format!(
@@ -795,9 +795,9 @@ ada.play(moves.clip(\"Walk\")).until(3.0)
     }
 }
 
-/// All easings are seen at once: none is below the end of a list.
+/// The menu shows all easings at once, without scrolling.
 #[test]
-fn easings_stand_in_columns_within_the_window() {
+fn the_easing_menu_fits_the_window_in_columns() {
     let mut desk = curves();
     let at = desk.get_by_label("key position y at 50").rect().center();
     secondary_click(&mut desk, at);
@@ -812,9 +812,9 @@ fn easings_stand_in_columns_within_the_window() {
     assert!(!(0..places.len()).any(overlaps), "{places:?}");
 }
 
-/// The speed of a straight line is the same from its first key to its last one, and none behind that.
+/// The speed of a straight line is constant from its first key to its last, and zero after it.
 #[test]
-fn speeds_at_keys_are_those_of_one_side() {
+fn the_speed_at_a_key_is_one_sided() {
     let mut place = Place::new(SCRIPT);
     place.viewer.curves.speed = true;
     let speed = |name: &str, secs: f64| {
@@ -837,21 +837,21 @@ fn speeds_at_keys_are_those_of_one_side() {
     }
 }
 
-/// The curve editor calls an effect as the rest does.
+/// The curve editor labels an effect as the other panels do.
 #[test]
-fn curves_of_an_effect_have_its_name() {
+fn curves_of_an_effect_are_labeled_with_its_name() {
     let mut desk = curves();
     let named = desk.query_all_by_label("vignette").count();
     desk.state_mut().viewer.selection = Some(Selected::Effect(0));
     desk.run();
     assert!(desk.query_by_label("effect 1").is_none());
-    // The inspector and the line above the curves have the name.
+    // The inspector and the header of the curve editor show the name.
     assert!(desk.query_all_by_label("vignette").count() >= named + 2);
 }
 
-/// Curves and menus of keys of a locked row show, but change nothing.
+/// Curves and key menus of a locked row are shown, but cannot change anything.
 #[test]
-fn keys_of_a_locked_row_are_changed_neither_as_curves_nor_by_menus() {
+fn keys_of_a_locked_row_cannot_be_changed_in_curves_or_menus() {
     type Act = fn(&mut Desk, Pos2);
     let acts: [(&str, Act); 6] = [
         ("drag", |desk, at| drag(desk, at, at + vec2(40.0, 30.0))),
@@ -899,7 +899,7 @@ fn keys_of_a_locked_row_are_changed_neither_as_curves_nor_by_menus() {
     }
 }
 
-/// Diamonds and fields of the inspector refuse as the rows do.
+/// Diamonds and fields of the inspector are refused for a locked row, as in the timeline.
 #[test]
 fn the_inspector_of_a_locked_row_changes_nothing() {
     type Act = fn(&mut Desk);
@@ -932,7 +932,7 @@ fn the_inspector_of_a_locked_row_changes_nothing() {
     }
 }
 
-/// The script with keys of every kind, interpolated in every way, some with tangents and easings.
+/// The script with keys of every kind and interpolation, some with tangents and easings.
 fn shaped(how: &str) -> String {
     format!(
         r##"stage(#{{ size: [64, 36], fps: 25, length: 4.0 }});
@@ -946,9 +946,9 @@ camera("wide").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]).key("fov", [[0.0, 40],
     )
 }
 
-/// Handles lie along the curve of the stage, whose slope beside a key is measured here.
+/// Handles are tangent to the curve of the stage, whose slope beside a key is measured numerically.
 #[test]
-fn handles_are_the_slopes_of_the_curves() {
+fn tangent_handles_have_the_slopes_of_the_curves() {
     for how in ["", ", \"smooth\"", ", \"cubic\"", ", \"catmull_rom\""] {
         let place = Place::new(&shaped(how));
         let mut counted = 0;
@@ -1006,7 +1006,7 @@ fn tangents_are_chosen_for_all_selected_keys() {
     assert!(refused.contains("a.rhai:12: keys of its kelvin cannot have tangents"), "{refused}");
 }
 
-/// A drag with keys held.
+/// Drags with modifier keys held.
 fn drag_with(desk: &mut Desk, modifiers: Modifiers, from: Pos2, to: Pos2) {
     desk.hover_at(from);
     desk.run();
@@ -1023,7 +1023,7 @@ fn drag_with(desk: &mut Desk, modifiers: Modifiers, from: Pos2, to: Pos2) {
     }
 }
 
-/// The numbers behind a name in a text.
+/// Numbers that follow a name in a text.
 fn numbers_after(text: &str, name: &str) -> Vec<f64> {
     let start = text.find(name).unwrap_or_else(|| panic!("{name} in {text}")) + name.len();
     let inside = text[start..].trim_start().trim_start_matches('[').split([']', '}', '#']).next().unwrap();
@@ -1040,12 +1040,12 @@ fn handles_of_tangents_are_dragged_aligned_broken_and_longer() {
     let center = |desk: &Desk, name: &str| desk.get_by_label(name).rect().center();
     let [before, here, after] = ["key position y at 0", "key position y at 25", "key position y at 50"]
         .map(|name| center(&desk, name));
-    // A third of each span, straight to the next key.
+    // A third of each span, in the direction of the next key.
     let tip = center(&desk, "tangent of position y out of 25");
     assert!((tip - (here + (after - here) / 3.0)).length() < 1.5, "{tip:?}");
     let tip_before = center(&desk, "tangent of position y into 25");
     assert!((tip_before - (here + (before - here) / 3.0)).length() < 1.5, "{tip_before:?}");
-    // One second and two metres are so many points.
+    // Points per second and per two metres.
     let (second, metre) = (here.x - before.x, (here.y - after.y) / 2.0);
     let slope = |to: Pos2| f64::from((here.y - to.y) / metre) / f64::from((to.x - here.x) / second);
     let reloaded = |desk: &mut Desk| {
@@ -1056,12 +1056,12 @@ fn handles_of_tangents_are_dragged_aligned_broken_and_longer() {
     let to = tip + vec2(6.0, -15.0);
     drag(&mut desk, tip, to);
     let text = desk.state().text();
-    // The others keep the slope that they had on each side.
+    // The other components keep their slope on each side.
     let [into, out] = ["in_tangent:", "out_tangent:"].map(|name| numbers_after(&text, name));
     assert!((out[1] - slope(to)).abs() < 0.05 && out[1] > 2.1, "{text}");
     assert_eq!((into, out.clone()), (vec![1.0, out[1], 0.0], vec![0.0, out[1], 0.0]));
     reloaded(&mut desk);
-    // Sides of different numbers are broken: the other side stays. With Ctrl the handle gets longer.
+    // A tangent with different sides is broken: the other side stays. With Ctrl the handle gets longer.
     let tip = center(&desk, "tangent of position y out of 25");
     let to = tip + vec2(second * 0.2, 4.0);
     drag_with(&mut desk, Modifiers::COMMAND, tip, to);
@@ -1085,7 +1085,7 @@ fn handles_of_tangents_are_dragged_aligned_broken_and_longer() {
     reloaded(&mut desk);
     press(&mut desk, Modifiers::COMMAND, Key::Z);
     reloaded(&mut desk);
-    // From the menu, and as a number.
+    // Tangents chosen from the menu, and typed as a number.
     let at = center(&desk, "key position y at 25");
     secondary_click(&mut desk, at);
     desk.get_by_label_contains("Tangents").click();
@@ -1135,9 +1135,9 @@ fn part(place: &Place, what: &Selected, name: &str) -> KeyedProperty {
         .unwrap_or_else(|| panic!("{name}"))
 }
 
-/// Joints, cues and the sky have the keys of the script, and the values that a snapshot has.
+/// Joints, cues and the sky have the keys of the script and the values of a snapshot.
 #[test]
-fn keys_of_joints_cues_and_the_sky_are_those_of_the_script() {
+fn keys_of_joints_cues_and_the_sky_match_the_script() {
     let place = Place::new(PARTS);
     let (ada, cue) = (Selected::Actor("ada".into()), Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
     let head = part(&place, &ada, "joint:Head:rotation");
@@ -1148,7 +1148,7 @@ fn keys_of_joints_cues_and_the_sky_are_those_of_the_script() {
     assert_eq!((secs(&head), secs(&hips)), (vec![0.0, 1.0, 2.0], vec![0.0, 2.0]));
     assert_eq!((secs(&weight), secs(&turn)), (vec![0.0, 2.0], vec![0.0, 2.0]));
     assert!([&head, &hips, &weight, &turn].iter().all(|keyed| keyed.written.is_some()));
-    // What a script without these keys shows, with the joint moved by what the curve has.
+    // The value without these keys, plus that of the curve.
     let plain =
         Place::new(&PARTS.lines().filter(|line| !line.contains(".joint(")).collect::<Vec<_>>().join("\n"));
     for frame in 0..75 {
@@ -1178,7 +1178,7 @@ fn keys_of_joints_cues_and_the_sky_are_those_of_the_script() {
 }
 
 #[test]
-fn keys_of_joints_cues_and_the_sky_are_edited_as_others() {
+fn keys_of_joints_cues_and_the_sky_are_edited_like_actor_keys() {
     let (ada, walk) =
         (Selected::Actor("ada".into()), Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
     let wave = Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 };
@@ -1228,7 +1228,7 @@ fn keys_of_joints_cues_and_the_sky_are_edited_as_others() {
     assert_eq!(turned, PARTS.replace("[0, 40, 10]", "[0, 45, 10]"));
 }
 
-/// Keys among the options of a clip are diamonds, points and numbers like all others, and stay options.
+/// Keys among the options of a clip are edited as diamonds, points and numbers like all others, and stay options.
 #[test]
 fn keys_among_options_are_edited_in_rows_curves_and_menus() {
     const KEYS: &str = "[[0.0, 1], [1.0, 0.6], [2.0, 0.4]]";
@@ -1241,7 +1241,7 @@ ada.play(moves.clip(\"Walk\"), #{{ weight: {KEYS}, speed: 1.0 }});
     );
     let walk = Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 };
     let mut desk = Place::new(&scene).harness(vec2(1500.0, 1000.0));
-    // The text with other keys, which the next change begins anew with the old ones.
+    // Script text with other keys; the next change starts again from the old ones.
     let changed = |desk: &mut Desk, keys: &str| {
         assert_eq!(desk.state().viewer.message, None);
         assert_eq!(desk.state().text(), scene.replace(KEYS, keys));
@@ -1280,7 +1280,7 @@ ada.play(moves.clip(\"Walk\"), #{{ weight: {KEYS}, speed: 1.0 }});
     desk.run();
     press(&mut desk, Modifiers::NONE, Key::Escape);
     changed(&mut desk, "[[0.0, 1], [1.0, 1.0 / 3.0], [2.0, 0.4]]");
-    // Several in a box.
+    // Several keys in a box selection.
     let (plot, first, last) = (desk.get_by_label("curves").rect(), point(&desk, 25), point(&desk, 50));
     let corners = [pos2(first.x - 30.0, plot.top() + 2.0), pos2(last.x + 30.0, plot.bottom() - 2.0)];
     drag(&mut desk, corners[0], corners[1]);
@@ -1288,7 +1288,7 @@ ada.play(moves.clip(\"Walk\"), #{{ weight: {KEYS}, speed: 1.0 }});
     assert_eq!(desk.state().viewer.selected_keys(), keys);
     press(&mut desk, Modifiers::NONE, Key::Delete);
     changed(&mut desk, "[[0.0, 1]]");
-    // Only a method can say how all of them are interpolated.
+    // Only a method can set the interpolation of all keys.
     let at = point(&desk, 25);
     secondary_click(&mut desk, at);
     desk.get_by_label_contains("Between all keys").click();
@@ -1299,7 +1299,7 @@ ada.play(moves.clip(\"Walk\"), #{{ weight: {KEYS}, speed: 1.0 }});
     assert_eq!(desk.state().text(), scene.replace(&format!("#{{ weight: {KEYS}, speed: 1.0 }});"), &method));
 }
 
-/// They have curves, and the sky is shown and keyed in the inspector.
+/// The sky and a cue have curves, and the sky can be keyed in the inspector.
 #[test]
 fn the_sky_and_a_cue_have_curves_and_fields() {
     let mut desk = Place::new(PARTS).harness(vec2(1500.0, 1000.0));
@@ -1315,9 +1315,9 @@ fn the_sky_and_a_cue_have_curves_and_fields() {
     assert!(desk.state().text().contains(".key(\"strength\", [[0.0, 0.5]])"), "{}", desk.state().text());
 }
 
-/// A key within a span with tangents leaves the curve as it is, weights included.
+/// A key inserted in a span with tangents keeps the shape of the curve, including weights.
 #[test]
-fn a_new_key_splits_a_span_and_changes_no_curve() {
+fn inserting_a_key_keeps_the_shape_of_the_curve() {
     let script = SCRIPT.replace(
         "[1.0, [1, 0, 0]], [2.0, [1, 2, 0], \"in_quad\"]",
         "[1.0, [1, 0, 0], #{ tangent: [0, 3, -1] }], [2.0, [1, 2, 0], #{ in_tangent: -2, in_weight: [0.1, 0.6, 0.9] }]",
@@ -1333,7 +1333,7 @@ fn a_new_key_splits_a_span_and_changes_no_curve() {
     for frame in 0..=100 {
         let time = Time::from_secs(f64::from(frame) / 50.0);
         for (a, b) in before.at(time).iter().zip(after.at(time)) {
-            // Numbers are written to the thousandth.
+            // Numbers are written to a thousandth.
             assert!((a - b).abs() < 2e-3, "{a} and {b} at {}: {}", time.as_secs(), place.text());
         }
     }
@@ -1343,14 +1343,14 @@ fn a_new_key_splits_a_span_and_changes_no_curve() {
     assert_eq!(place.text(), script);
 }
 
-/// Several properties change as one; what refuses is named by the line that the user sees, whatever the others have done to the text above it.
+/// Several properties change in one step; a refusal names the line that the user sees, although earlier changes have moved it in the text.
 #[test]
-fn a_refusal_among_several_changes_names_the_line_of_the_script() {
+fn a_refused_change_of_several_names_its_script_line() {
     let script = SCRIPT
         .replace("let ways =", "let n = 1;\nball.key(\"scale\", [[0.0, 1], [1.0 * n, 2]]);\nlet ways =");
     let mut place = Place::new(&script);
     let line = script.lines().position(|line| line.starts_with("ball.key(\"scale\"")).unwrap() + 1;
-    // All keys of the rotation go with their four lines.
+    // Deleting all keys of the rotation removes their four lines.
     let keys = [key(ball(), "rotation", 0.0), key(ball(), "rotation", 2.0), key(ball(), "scale", 0.0)];
     let refused = place.viewer.delete_keys(&keys).unwrap_err().to_string();
     assert_eq!(
@@ -1362,9 +1362,9 @@ fn a_refusal_among_several_changes_names_the_line_of_the_script() {
     assert_eq!(place.text(), script);
 }
 
-/// An object that has lost keys stays selected, so that its other curves stay in view: an actor, an effect, and a clip whose keys were selected.
+/// An object whose keys were deleted stays selected, so that its other curves remain visible: an actor, an effect, and a clip.
 #[test]
-fn what_has_lost_keys_stays_selected() {
+fn an_object_stays_selected_when_its_keys_are_deleted() {
     let lines = "let moves = load(\"choreo:mannequin\");\nlet ada = cast(\"ada\", moves);\nada.play(moves.clip(\"Walk\")).weight([[0.0, 1.0], [1.0, 0.5], [2.0, 1.0]]);\n";
     let script = format!("{SCRIPT}{lines}");
     let cue = Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 };
@@ -1410,7 +1410,7 @@ post("right", cube);
 "##;
 
 #[test]
-fn keys_in_a_function_are_changed_for_all_that_it_makes_or_stated_for_one() {
+fn keys_in_a_function_are_changed_for_all_objects_or_copied_for_one() {
     let mut desk = Place::new(FUNCTIONS).harness(vec2(1500.0, 1000.0));
     let of = |name: &str| Selected::Actor(name.into());
     let drag = |desk: &mut Desk, keys: &[KeyRef]| {
@@ -1426,7 +1426,7 @@ fn keys_in_a_function_are_changed_for_all_that_it_makes_or_stated_for_one() {
     let all = FUNCTIONS.replace("[1.0, [0, 1, 0]]", "[1.4, [0, 1, 0]]");
     assert_eq!(desk.state().text(), all);
     desk.state_mut().reload();
-    // The gizmo does not change the others by itself either.
+    // The gizmo does not change the other objects by itself either.
     desk.state_mut().viewer.playhead.seek(Time::from_secs(1.4));
     let refused = desk.state_mut().viewer.change_actor("c", Change::Move(DVec3::X)).unwrap_err();
     assert!(refused.to_string().contains("a.rhai:4: this line makes 3 objects"), "{refused}");
@@ -1437,7 +1437,7 @@ fn keys_in_a_function_are_changed_for_all_that_it_makes_or_stated_for_one() {
     let line = "bounce(b);\nb.key(\"position\", [[0.0, [0.0, 0.0, 0.0]], [1.8, [0.0, 1.0, 0.0]]]);\n";
     assert_eq!(desk.state().text(), all.replace("bounce(b);\n", line));
     desk.state_mut().reload();
-    // Things that a function casts: the line of the keys counts, and not that of the cast.
+    // For objects cast in a function, the line of the keys counts, not that of the cast.
     let refused = drag(&mut desk, &[key(of("left"), "scale", 1.0)]);
     assert!(refused.ends_with("a.rhai:15: this line makes 2 objects; change it there"), "{refused}");
     desk.get_by_label("Change all 2").click();

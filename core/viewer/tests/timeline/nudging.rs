@@ -1,4 +1,4 @@
-//! Bars that the keyboard moves, frame by frame, as the mouse does.
+//! Bars moved frame by frame with the keyboard, with the same results as with the mouse.
 
 use crate::place::{Desk, Place};
 use choreo_viewer::state::selection::Selected;
@@ -24,7 +24,7 @@ fn desk() -> Desk {
     Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
 }
 
-/// The text after a key, and why it was refused.
+/// Script text after a key press, and the reason if it was refused.
 fn press(desk: &mut Desk, what: &Selected, modifiers: Modifiers, key: Key) -> (String, Option<String>) {
     desk.state_mut().reload_with(SCRIPT);
     desk.state_mut().viewer.selection = Some(what.clone());
@@ -38,10 +38,10 @@ fn press(desk: &mut Desk, what: &Selected, modifiers: Modifiers, key: Key) -> (S
 fn refused(desk: &mut Desk, what: &Selected, modifiers: Modifiers, key: Key) -> String {
     let (text, why) = press(desk, what, modifiers, key);
     assert_eq!(text, SCRIPT);
-    why.expect("it was to be refused")
+    why.expect("the edit was expected to be refused")
 }
 
-/// The end of a camera's bar is the cut to the next camera: its time changes, and nothing is added.
+/// The end of a camera's bar is the cut to the next camera: its time changes, and no line is added.
 #[test]
 fn the_end_of_a_camera_is_the_next_cut() {
     let mut desk = desk();
@@ -60,9 +60,9 @@ fn the_end_of_a_camera_is_the_next_cut() {
     assert!(why.contains("the first camera is on from the start"), "{why}");
 }
 
-/// A clip that follows another moves with its own end, as it does when it is dragged, and says what went along.
+/// A chained clip moves with its own end, as in a drag, and a note names what moved along.
 #[test]
-fn a_clip_that_follows_another_moves_as_a_whole() {
+fn nudging_a_chained_clip_moves_its_start_and_end() {
     let mut desk = desk();
     let wave = Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 };
     let (text, why) = press(&mut desk, &wave, Modifiers::ALT, Key::ArrowRight);
@@ -73,19 +73,19 @@ fn a_clip_that_follows_another_moves_as_a_whole() {
     desk.state_mut().reload_with(SCRIPT);
     desk.state_mut().viewer.move_cue(&wave, 2.04, false).unwrap();
     assert_eq!(desk.state().text(), moved);
-    // A clip that states its start moves, too; nothing begins before the scene.
+    // A clip with an explicit start moves, too; nothing begins before time 0.
     let walk = |actor: &str| Selected::Cue { actor: actor.into(), layer: 0, cue: 0 };
     let (text, _) = press(&mut desk, &walk("bob"), Modifiers::ALT, Key::ArrowLeft);
     assert_eq!(text, SCRIPT.replace(".from(1.0).until(2.0)", ".from(0.96).until(1.96)"));
     assert_eq!(press(&mut desk, &walk("ada"), Modifiers::ALT, Key::ArrowLeft), (SCRIPT.to_string(), None));
-    // An end is not moved to where another clip plays.
+    // An end cannot be moved into another clip.
     let why = refused(&mut desk, &walk("bob"), END, Key::ArrowRight);
     assert!(why.contains("Wave takes over from it at 2.000 s"), "{why}");
 }
 
-/// The clicked shot of a camera moves, else the one at the playhead.
+/// The clicked shot of a camera moves, otherwise the one at the playhead.
 #[test]
-fn of_several_shots_of_a_camera_the_selected_one_moves() {
+fn nudging_moves_only_the_selected_shot_of_a_camera() {
     const SHOTS: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 8.0 });
 let one = camera("one").at(0.0, 1.0, 4.0);
 let two = camera("two").at(1.0, 1.0, 4.0).cut(2.0);
@@ -100,7 +100,7 @@ two.cut(6.0);
         let place = desk.state_mut();
         (place.text(), place.viewer.message.take())
     };
-    // The camera alone is selected.
+    // Only the camera is selected, no shot.
     let select = |desk: &mut Desk, secs: f64| {
         desk.state_mut().viewer.selection = None;
         desk.state_mut().reload_with(SHOTS);
@@ -126,14 +126,14 @@ two.cut(6.0);
     assert_eq!(text, SHOTS);
     let why = why.expect("neither shot is at the playhead");
     assert!(why.contains("two has several shots: click the bar of one"), "{why}");
-    // The shot moves on after it has left the playhead.
+    // The shot still moves after it has left the playhead.
     select(&mut desk, 6.0);
     for to in ["two.cut(6.04)", "two.cut(6.08)"] {
         assert_eq!(later(&mut desk, Modifiers::ALT), (SHOTS.replace("two.cut(6.0)", to), None));
         desk.state_mut().reload();
         desk.run();
     }
-    // The bar is clicked, wherever the playhead is.
+    // The bar is clicked while the playhead is elsewhere.
     select(&mut desk, 2.5);
     let bars = desk.query_all_by_label("two on camera").map(|node| node.rect());
     let last = bars.max_by(|a, b| a.left().total_cmp(&b.left())).unwrap().center();

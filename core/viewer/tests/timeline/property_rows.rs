@@ -1,4 +1,4 @@
-//! Rows of single keyed properties, which open below the row that has the keys of all.
+//! Rows of single keyed properties, which open below the row with the keys of all properties.
 
 use crate::place::{Desk, Place, drag};
 use choreo_motion::Time;
@@ -30,13 +30,13 @@ fn press(desk: &mut Desk, modifiers: Modifiers, key: Key) {
     desk.run();
 }
 
-/// The place in a row for a time of the four seconds.
+/// Screen position of a time in a row; the ruler shows four seconds.
 fn at(desk: &Desk, row: &str, secs: f32) -> Pos2 {
     let ruler = desk.get_by_label("time").rect();
     pos2(ruler.left() + ruler.width() * secs / 4.0, desk.get_by_label(row).rect().center().y)
 }
 
-/// Compares the script after a change, and takes it back.
+/// Compares the script after a change, and undoes it.
 fn expect(desk: &mut Desk, pairs: &[(&str, &str)]) {
     assert_eq!(desk.state().viewer.message, None);
     let wanted = pairs.iter().fold(SCRIPT.to_string(), |text, (old, new)| text.replace(old, new));
@@ -50,11 +50,14 @@ fn expect(desk: &mut Desk, pairs: &[(&str, &str)]) {
 }
 
 #[test]
-fn keys_of_one_property_are_handled_in_a_row_of_their_own() {
+fn each_keyed_property_has_its_own_editable_row() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     let (position, rotation) = ("row ball: position", "row ball: rotation");
     assert!(desk.query_by_label(position).is_none(), "closed at first");
-    assert!(desk.query_by_label("keyed properties of lone").is_none(), "it has keys of one property");
+    assert!(
+        desk.query_by_label("keyed properties of lone").is_none(),
+        "the actor has keys of only one property"
+    );
     click(&mut desk, "keyed properties of ball");
     let (from, to) = (at(&desk, position, 1.0), at(&desk, position, 1.4));
     drag(&mut desk, from, to);
@@ -73,7 +76,7 @@ fn keys_of_one_property_are_handled_in_a_row_of_their_own() {
     desk.state_mut().viewer.select_keys(vec![key(1.0)]);
     press(&mut desk, Modifiers::NONE, Key::Delete);
     expect(&mut desk, &[(", [1.0, 90]", "")]);
-    // The diamond of the upper row is all keys, also where some of them are selected.
+    // The diamond of the upper row stands for all keys, also if some of them are selected.
     desk.state_mut().viewer.select_keys(vec![key(1.0)]);
     desk.run();
     let (from, to) = (at(&desk, "row ball", 1.0), at(&desk, "row ball", 1.4));
@@ -88,9 +91,9 @@ fn keys_of_one_property_are_handled_in_a_row_of_their_own() {
     desk.get_by_label("row camera: near field of view");
 }
 
-/// A property has one name, in the row of its keys and in the curve editor.
+/// A property has the same name in its row and in the curve editor.
 #[test]
-fn a_property_is_named_alike_in_rows_and_curves() {
+fn a_property_has_the_same_name_in_rows_and_curves() {
     let script = format!(
         "{SCRIPT}{}{}",
         "let day = sun().key(\"direction\", [[0.0, [-1, -1, 0]], [1.0, [1, -1, 0]]]);\n",

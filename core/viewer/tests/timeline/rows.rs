@@ -1,4 +1,4 @@
-//! Bars that change rows: dragged onto that of another actor, or pasted there, with all of their options.
+//! Bars that move to other rows: dragged onto the row of another actor, or pasted there, with all of their options.
 
 use crate::place::{Desk, Place, drag, secondary_click};
 use choreo_motion::Time;
@@ -29,7 +29,7 @@ fn desk() -> Desk {
     Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
 }
 
-/// The height of a row.
+/// Vertical center of a row.
 fn height(desk: &Desk, label: &str) -> f32 {
     desk.get_by_label(&format!("row {label}")).rect().center().y
 }
@@ -39,7 +39,7 @@ const BOW: &str =
 const WAVE: &str = "bob.play(moves.clip(\"Wave\"), #{\n    fade: 0.4, // softly\n    repeat: \"once\",\n}).from(4.0).until(6.0).ease(\"smooth\").trim(0.2, 1.8);\n";
 
 #[test]
-fn a_bar_that_is_dragged_onto_another_row_is_played_there() {
+fn dragging_a_bar_onto_another_row_moves_its_clip_there() {
     let mut desk = desk();
     let second = desk.get_by_label("time").rect().width() / 8.0;
     let bow = desk.get_by_label("Bow on ada +1").rect().center();
@@ -57,7 +57,7 @@ fn a_bar_that_is_dragged_onto_another_row_is_played_there() {
     assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("bob".into())));
     desk.state_mut().viewer.undo().unwrap();
     assert_eq!(desk.state().text(), SCRIPT);
-    // Several that are selected go together, the second of a chain, too.
+    // Several selected bars move together, also the second one of a chain.
     desk.state_mut().reload();
     desk.state_mut().viewer.move_cues_to(&[cue(1, 0), cue(0, 1)], "bob", 2.0).unwrap();
     let text = desk.state().text();
@@ -65,7 +65,7 @@ fn a_bar_that_is_dragged_onto_another_row_is_played_there() {
     assert!(text.contains("ada.play(moves.clip(\"Walk\")).until(2.0);\nlet bob"), "{text}");
 }
 
-/// The line moves as it stands, with frames as frames and with its comment.
+/// The line moves unchanged, with its comment and with times in frames.
 #[test]
 fn a_bar_on_another_row_keeps_its_comment_and_its_style_of_times() {
     const FRAMES: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 8.0 });
@@ -86,21 +86,21 @@ let bob = cast("bob", moves).at(1.0, 0.0, 0.0);
     let line = FRAMES.lines().find(|line| line.contains("Bow")).unwrap();
     let moved = line.replace("ada.", "bob.").replace("from(f(25)).until(f(50))", "from(f(75)).until(f(100))");
     assert_eq!(desk.state().text(), format!("{}{moved}\n", FRAMES.replace(&format!("{line}\n"), "")));
-    // Out of a chain, whose others keep their comments.
+    // Moving a clip out of a chain keeps the comments of the others.
     desk.state_mut().reload_with(FRAMES);
     desk.state_mut().viewer.move_cues_to(&[cue(0, 1)], "bob", 1.0).unwrap();
     let text = desk.state().text();
     let wave = "bob.play(moves.clip(\"Wave\"), #{ fade: 0.4 }).from(f(75)).until(f(125)); // waves\n";
     assert!(text.ends_with(wave), "{text}");
     assert!(text.contains("until(f(50)) // walks in\n    .then(moves.clip(\"Idle\")); // waits\n"), "{text}");
-    // A duplicate has the style of its bar, too.
+    // A duplicate is written in the style of its bar.
     desk.state_mut().reload_with(FRAMES);
     desk.state_mut().viewer.duplicate_cue(&cue(1, 0)).unwrap();
     let text = desk.state().text();
     assert!(text.contains("// bows a little\n    .then(moves.clip(\"Bow\")).until(f(75));\n"), "{text}");
 }
 
-/// The pointer is held over a row; gives the texts beside it.
+/// Texts that are shown at the pointer while a drag is held over a row.
 fn shown_texts(desk: &mut Desk, from: Pos2, to: Pos2) -> Vec<String> {
     desk.hover_at(from);
     desk.run();
@@ -143,9 +143,9 @@ fn a_row_that_refuses_a_bar_says_why_at_the_pointer() {
     assert_eq!(desk.state().text(), SCRIPT);
 }
 
-/// The text at the pointer is read: no hint covers it.
+/// No tooltip covers the text at the pointer.
 #[test]
-fn while_a_refusal_is_shown_the_bar_below_it_has_no_hint() {
+fn a_bar_below_a_refusal_message_shows_no_tooltip() {
     let mut desk = desk();
     let bow = desk.get_by_label("Bow on ada +1").rect().center();
     let is_hinted = |desk: &Desk| desk.query_by_label_contains("Bow\n").is_some();
@@ -159,10 +159,10 @@ fn while_a_refusal_is_shown_the_bar_below_it_has_no_hint() {
     assert!(desk.get_all_by_label("it cannot be moved there").count() >= 1);
     desk.key_press(egui::Key::Escape);
     desk.run_steps(8);
-    assert!(is_hinted(&desk), "it comes back");
+    assert!(is_hinted(&desk), "the tooltip appears again");
 }
 
-/// Copied by the menu Edit, pasted by it, by the row's menu and by the system's keys: on the selected row, at the playhead.
+/// Bars are copied and pasted by the menu Edit, the menu of a row and the system's shortcuts: onto the selected row, at the playhead.
 #[test]
 fn clips_are_pasted_on_the_selected_row_with_all_options() {
     let wanted = SCRIPT.replace("at(1.0, 0.0, 0.0);\n", &format!("at(1.0, 0.0, 0.0);\n{BOW}{WAVE}"));
@@ -203,9 +203,9 @@ fn clips_are_pasted_on_the_selected_row_with_all_options() {
     }
 }
 
-/// The color of a bar is that of its clip, whatever else is on stage.
+/// The color of a bar depends only on its clip, not on other objects.
 #[test]
-fn bars_keep_their_colors_when_others_come() {
+fn adding_bars_keeps_the_colors_of_the_others() {
     let kinds = |place: &Place| -> Vec<(String, usize)> {
         let bars = place.viewer.timeline.rows.iter().flat_map(|row| &row.bars);
         bars.map(|bar| (bar.label.clone(), bar.color_index)).collect()
@@ -219,15 +219,15 @@ fn bars_keep_their_colors_when_others_come() {
     for bar in &before {
         assert!(after.contains(bar), "{bar:?} in {after:?}");
     }
-    // And different clips have different ones, as far as there are colors.
+    // Different clips have different colors, as far as there are enough.
     let distinct: std::collections::BTreeSet<usize> =
         after.iter().filter(|(label, _)| !label.contains('\u{201c}')).map(|(_, kind)| kind % 16).collect();
     assert!(distinct.len() >= 3, "{after:?}");
 }
 
-/// Each tenth is a frame at 30 frames a second: a bar that is let go near one begins there, as a person would write it.
+/// At 30 frames per second each tenth of a second is a frame: a bar that is dropped near one begins there, the time that a person would write.
 #[test]
-fn a_bar_prefers_tenths_that_are_frames() {
+fn dragged_times_prefer_tenths_on_frame_boundaries() {
     let script = SCRIPT.replace("fps: 25", "fps: 30").replace("length: 8.0", "length: 2.5");
     let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
     let second = desk.get_by_label("time").rect().width() / 2.5;
@@ -242,7 +242,7 @@ fn a_bar_prefers_tenths_that_are_frames() {
     }
 }
 
-/// The names of actors and lights in the order of their rows.
+/// Names of actors and lights in the order of their rows.
 fn row_names(desk: &Desk) -> Vec<String> {
     desk.state().viewer.timeline.rows.iter().map(|row| row.label.clone()).collect()
 }
@@ -257,7 +257,7 @@ fn a_row_is_dragged_by_its_name_to_another_place() {
         pos2(row.left() + 30.0, row.center().y)
     };
     let above = vec2(0.0, -6.0);
-    // With the layers, and past two rows.
+    // An actor moves with its layers, past two rows.
     let (from, to) = (name(&desk, "ball"), name(&desk, "ada") + above);
     drag(&mut desk, from, to);
     assert_eq!(desk.state().viewer.message, None);
@@ -267,7 +267,7 @@ fn a_row_is_dragged_by_its_name_to_another_place() {
     desk.state_mut().reload();
     desk.run();
     assert_eq!(row_names(&desk)[..5], ["camera", "ball", "ada", "ada +1", "bob"]);
-    // Below the layers of another, at the lower half of the name; then by the menu back.
+    // Dropped on the lower half of a name, below the layers of that actor; then back by the menu.
     let (from, to) = (name(&desk, "ball"), name(&desk, "ada +1"));
     drag(&mut desk, from, to);
     desk.state_mut().reload();
@@ -280,7 +280,7 @@ fn a_row_is_dragged_by_its_name_to_another_place() {
     desk.state_mut().reload();
     desk.run();
     assert_eq!(row_names(&desk)[..5], ["camera", "ball", "ada", "ada +1", "bob"]);
-    // A light, which stays selected under its new number.
+    // A light stays selected under its new index.
     desk.state_mut().viewer.selection = Some(Selected::Light(1));
     let (from, to) = (name(&desk, "sun 2"), name(&desk, "key") + above);
     drag(&mut desk, from, to);
@@ -288,16 +288,16 @@ fn a_row_is_dragged_by_its_name_to_another_place() {
     desk.state_mut().reload();
     desk.run();
     assert_eq!(row_names(&desk)[5..7], ["sun 1", "key"]);
-    // All of it can be taken back.
+    // Every move can be undone.
     for _ in 0..4 {
         desk.state_mut().viewer.undo().unwrap();
     }
     assert_eq!(desk.state().text(), script);
 }
 
-/// The name of the row in which a drag ends stands at the pointer only once that moves on.
+/// A row shows its tooltip after a drop only once the pointer moves.
 #[test]
-fn no_hint_is_at_the_pointer_where_a_row_was_let_go() {
+fn no_tooltip_appears_where_a_row_was_dropped() {
     let mut desk = desk();
     let name = |desk: &Desk, label: &str| {
         let row = desk.get_by_label(&format!("row {label}")).rect();
@@ -349,7 +349,7 @@ fn a_row_that_cannot_be_moved_there_says_why() {
         assert!(message.contains(why), "{row}: {message}");
         assert_eq!(desk.state().text(), SCRIPT);
     }
-    // What it uses stays above it.
+    // A row that the moved one refers to stays above it.
     desk.state_mut()
         .reload_with(&SCRIPT.replace("let bob", "let x = 1.0;\nlet bob").replace("at(1.0", "at(x"));
     desk.run();
@@ -359,9 +359,9 @@ fn a_row_that_cannot_be_moved_there_says_why() {
     assert!(message.contains("line 10: this line sets x"), "{message}");
 }
 
-/// The menu of a row opens where nothing lies in it, too, for the thing whose row it is.
+/// A right click on free space of a row opens the menu of its object.
 #[test]
-fn a_row_has_its_menu_where_it_is_free() {
+fn a_right_click_on_free_row_space_opens_the_row_menu() {
     let mut desk = desk();
     let time = desk.get_by_label("time").rect();
     let free = pos2(time.center().x, height(&desk, "bob"));
@@ -371,7 +371,7 @@ fn a_row_has_its_menu_where_it_is_free() {
     desk.get_by_label_contains("Duplicate").click();
     desk.run();
     assert!(desk.state().text().contains("let bob_2 = cast(\"bob 2\", moves)"), "{}", desk.state().text());
-    // The row of another thing has that of its own.
+    // The row of another object has a different menu.
     desk.state_mut().reload();
     desk.run();
     let free = pos2(time.center().x, height(&desk, "sun 1"));

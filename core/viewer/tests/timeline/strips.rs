@@ -1,4 +1,4 @@
-//! The timeline as an editor: each gesture on bars is a change of the script's text.
+//! Clip editing on the timeline: each gesture on bars changes the text of the script.
 
 use crate::place::{Desk, Place};
 use choreo_motion::Time;
@@ -35,7 +35,7 @@ fn text_after(change: impl FnOnce(&mut Place)) -> String {
     text
 }
 
-/// Joint matrices of ada in the model, at a time.
+/// Joint matrices of ada in model space at a time.
 fn pose(place: &Place, secs: f64) -> Vec<glam::Affine3A> {
     let scene = place.viewer.scene.as_ref().unwrap();
     let snapshot = scene.evaluator.clone().at(Time::from_secs(secs)).unwrap();
@@ -46,9 +46,9 @@ fn farthest(a: &[glam::Affine3A], b: &[glam::Affine3A]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a.translation - b.translation).length()).fold(0.0, f32::max)
 }
 
-/// A split changes nothing of what is seen, wherever it is made, also in a clip that repeats.
+/// A split does not change the motion, wherever it is made, also in a repeating clip.
 #[test]
-fn a_split_is_not_seen() {
+fn splitting_a_clip_does_not_change_the_pose() {
     for (what, at) in [(cue(0, 0), 0.52), (cue(0, 0), 1.72), (cue(0, 1), 3.0)] {
         let mut place = Place::new(SCRIPT);
         let times: Vec<f64> = (0..100).map(|frame| f64::from(frame) / 25.0).collect();
@@ -58,7 +58,7 @@ fn a_split_is_not_seen() {
         assert_eq!(place.viewer.timeline.rows[1].bars.len(), 3, "{}", place.text());
         let worst = times.iter().zip(&before).map(|(t, before)| farthest(before, &pose(&place, *t)));
         let worst = worst.fold(0.0, f32::max);
-        // A fade at the split would begin with another clip: there is none. Clip times are written to the thousandth.
+        // A fade at the split would need another clip, so that there is none. Clip times are written to a thousandth.
         assert!(worst < 5e-3, "{what:?} at {at}: {worst} m\n{}", place.text());
         place.viewer.undo().unwrap();
         assert_eq!(place.text(), SCRIPT);
@@ -68,9 +68,9 @@ fn a_split_is_not_seen() {
     assert_eq!(why, "a.rhai:4: the playhead is not within this clip");
 }
 
-/// A trimmed bar keeps its content's place on the timeline; a slip shows another part between the same ends.
+/// A trimmed bar keeps its content in place on the timeline; a slip shows another part between the same ends.
 #[test]
-fn trims_rolls_and_slips_keep_what_they_promise() {
+fn trims_rolls_and_slips_change_only_their_own_part() {
     let mut place = Place::new(SCRIPT);
     let late = pose(&place, 3.6);
     place.viewer.trim_cue(&cue(0, 1), 2.6).unwrap();
@@ -86,7 +86,7 @@ fn trims_rolls_and_slips_keep_what_they_promise() {
     assert_eq!((bars[0].until, bars[1].start), (Time::from_secs(2.6), Time::from_secs(2.6)));
     place.viewer.undo().unwrap();
     place.reload();
-    // One second of the wave, which runs for 3 s, is seen.
+    // One second of the wave, which lasts 3 s, is visible.
     let short = SCRIPT.replace("until(4.0)", "until(3.0)");
     place.reload_with(&short);
     place.viewer.slip_cue(&cue(0, 1), 0.25).unwrap();
@@ -99,7 +99,7 @@ fn trims_rolls_and_slips_keep_what_they_promise() {
 #[test]
 fn clips_that_overlap_crossfade() {
     let text = text_after(|place| place.viewer.edit(|v| v.overlap_cue(&cue(0, 1), 1.4)));
-    // The walk was seen until 2.4: it still is.
+    // The walk is still visible until 2.4 s.
     let expected = SCRIPT.replace("until(2.0)\n", "until(1.4)\n").replace("fade: 0.4", "fade: 1.0");
     assert_eq!(text, expected.replace("until(4.0)", "until(3.4)"));
     let mut place = Place::new(SCRIPT);
@@ -111,7 +111,7 @@ fn clips_that_overlap_crossfade() {
 }
 
 #[test]
-fn duplicates_follow_and_later_clips_make_room() {
+fn a_duplicate_is_appended_and_later_clips_shift() {
     let text = text_after(|place| place.viewer.edit(|v| v.duplicate_cue(&cue(0, 0))));
     let expected = SCRIPT.replace(
         "until(2.0)\n    .then(moves.clip(\"Wave\"), #{ fade: 0.4, repeat: \"once\" }).until(4.0)",
@@ -133,7 +133,7 @@ fn copies_go_to_other_rows() {
 }
 
 #[test]
-fn disabled_clips_have_no_weight_and_get_it_back() {
+fn a_disabled_clip_has_weight_zero_until_enabled_again() {
     let mut place = Place::new(SCRIPT);
     place.viewer.edit(|v| v.toggle_cues(&[cue(1, 0), cue(0, 1)]));
     assert_eq!(place.viewer.message, None);
@@ -181,13 +181,13 @@ fn drag(desk: &mut Desk, modifiers: Modifiers, from: Pos2, to: Pos2) {
     desk.run();
 }
 
-/// Points that a second takes.
+/// Width of one second in the sequencer, points.
 fn second(desk: &Desk) -> f32 {
     desk.get_by_label("time").rect().width() / 8.0
 }
 
 #[test]
-fn gestures_and_keys_do_all_of_it() {
+fn mouse_gestures_and_shortcuts_run_all_clip_edits() {
     let mut desk = desk();
     let by = second(&desk);
     let wave = |desk: &Desk| desk.get_by_label("Wave on ada").rect();
@@ -208,7 +208,7 @@ fn gestures_and_keys_do_all_of_it() {
     assert!(desk.state().text().contains("trim: [0.6, 3.0]"), "{}", desk.state().text());
     desk.state_mut().viewer.undo().unwrap();
     desk.state_mut().reload();
-    // A menu, with its keys.
+    // The context menu, with its shortcuts.
     desk.state_mut().viewer.playhead.seek(Time::from_secs(3.0));
     desk.run();
     desk.get_by_label("Wave on ada").click_secondary();
@@ -227,7 +227,7 @@ fn gestures_and_keys_do_all_of_it() {
     desk.state_mut().viewer.undo().unwrap();
     desk.state_mut().reload();
     desk.run();
-    // Copied as text, pasted where bob is selected.
+    // Copied as text, pasted on the row of the selected bob.
     desk.state_mut().viewer.selection = Some(cue(0, 1));
     desk.run();
     desk.event(Event::Copy);
@@ -244,7 +244,7 @@ fn gestures_and_keys_do_all_of_it() {
     assert!(desk.state().text().contains("\nbob.play(moves.clip(\"Wave\")"), "{}", desk.state().text());
 }
 
-/// The end of the first bar, left of where two meet, rolls as the start of the second does, right of it.
+/// Where two bars meet, the end handle left of the boundary rolls it as the start handle right of it does.
 #[test]
 fn both_handles_where_two_bars_meet_roll() {
     let mut desk = desk();
@@ -289,13 +289,13 @@ fn dragged_bars_snap_to_markers_and_edges() {
     let mut desk = desk();
     let by = second(&desk);
     let bow = desk.get_by_label("Bow on ada +1").rect().center();
-    // 0.03 s from the marker, which is on no frame.
+    // 0.03 s from the marker, which is between two frames.
     drag(&mut desk, Modifiers::NONE, bow, bow + vec2(by * 4.05, 0.0));
     assert!(desk.state().text().contains(".from(5.02).until(6.02)"), "{}", desk.state().text());
 }
 
 #[test]
-fn rows_have_heads_layers_lights_and_titles() {
+fn the_timeline_has_rows_for_layers_lights_and_titles() {
     let mut desk = desk();
     let labels: Vec<String> = desk.state().viewer.timeline.rows.iter().map(|row| row.label.clone()).collect();
     assert_eq!(labels[..4], ["camera", "ada", "ada +1", "bob"]);
@@ -312,7 +312,7 @@ fn rows_have_heads_layers_lights_and_titles() {
     desk.get_by_label("lock the row of ada").click();
     desk.run();
     assert!(desk.query_by_label("start of Wave in row 1").is_none());
-    // A title is dragged as clips are.
+    // A title is dragged like a clip.
     let by = second(&desk);
     let title = desk.get_by_label("\u{201c}Hello\u{201d} on titles").rect().center();
     drag(&mut desk, Modifiers::NONE, title, title + vec2(by * 0.48, 0.0));
@@ -323,9 +323,9 @@ fn rows_have_heads_layers_lights_and_titles() {
     );
 }
 
-/// A muted layer plays nothing: the pose is that of the script without it.
+/// The pose with a muted layer equals that of the script without the layer.
 #[test]
-fn what_is_muted_does_not_play() {
+fn muted_layers_do_not_play() {
     let mut place = Place::new(SCRIPT);
     place.viewer.playhead.seek(Time::from_secs(1.6));
     place.viewer.toggles.muted.insert(("ada".into(), 1));
@@ -338,7 +338,7 @@ fn what_is_muted_does_not_play() {
     assert!(farthest(&shown, &pose(&place, at)) < 1e-6);
 }
 
-/// The clip that another one follows is the one before it in its chain of the script, which need not be the one before it in the row.
+/// A chained clip follows the previous one of its chain in the script, which need not be the previous bar in the row.
 #[test]
 fn a_clip_follows_the_one_before_it_in_its_chain() {
     let head = "stage(#{ size: [64, 36], fps: 25, length: 8.0 });\nlet m = load(\"choreo:mannequin\");\nlet ada = cast(\"ada\", m);\n";
@@ -369,16 +369,16 @@ fn a_clip_follows_the_one_before_it_in_its_chain() {
             place.reload_with(script);
         }
     }
-    // The clip that stands first once the first one is deleted begins where it began, and not where the next bar of the row does.
+    // After the first clip is deleted, the next of its chain begins at the old start, and not at the next bar of the row.
     let mut place = Place::new(&chain);
     place.viewer.delete_cue(&cue(0, 0)).unwrap();
     let deleted = format!("{head}ada.play(m.clip(\"Wave\")).from(2.0).until(4.0);\n{run}");
     assert_eq!(place.text(), deleted);
 }
 
-/// The trim of the second part of a split has the digits of the time at which the first ends.
+/// The trim of the second part of a split is written with the digits of the end time of the first.
 #[test]
-fn a_trim_has_the_digits_of_times() {
+fn a_trim_is_written_with_the_digits_of_times() {
     let script = "stage(#{ size: [64, 36], fps: 30, length: 8.0 });\nlet m = load(\"choreo:mannequin\");\nlet ada = cast(\"ada\", m);\nada.play(m.clip(\"Wave\"), #{ repeat: \"once\" });\n";
     let mut place = Place::new(script);
     place.viewer.split_cues(&[cue(0, 0)], 41.0 / 30.0).unwrap();
@@ -388,7 +388,7 @@ fn a_trim_has_the_digits_of_times() {
     );
     assert_eq!(place.text(), split);
     place.reload();
-    // One that is stated is written over in the same way.
+    // An existing trim is overwritten in the same form.
     place.viewer.trim_cue(&cue(0, 1), 50.0 / 30.0).unwrap();
     assert_eq!(place.text(), split.replace("1.366666667", "1.666666667"));
 }

@@ -3,7 +3,7 @@
 use crate::place::{Desk, Place, drag};
 use choreo_asset::Projection;
 use choreo_motion::Time;
-use choreo_viewer::geometry::picking::middle;
+use choreo_viewer::geometry::picking::bounds_center;
 use choreo_viewer::geometry::projection::Lens;
 use choreo_viewer::panels::Panels;
 use choreo_viewer::state::selection::Selected;
@@ -28,7 +28,7 @@ let lamp = point(#{ position: [-1.2, 1.8, 0.5], intensity: 40.0 });
 fn desk() -> Desk {
     let mut place = Place::new(SCRIPT);
     place.paint();
-    // Where the script's camera stands, and free.
+    // A free camera at the position of the script's camera.
     place.viewer.free_camera(0);
     let mut desk = place.harness(vec2(1280.0, 860.0));
     painted(&mut desk);
@@ -41,12 +41,12 @@ fn painted(desk: &mut Desk) {
     desk.run();
 }
 
-/// A place of the world on the screen.
+/// Screen position of a point in world space.
 fn on_screen(desk: &Desk, world: DVec3) -> Pos2 {
     on_screen_in(desk, 0, world)
 }
 
-/// A place of the world in a viewport.
+/// Screen position of a point in world space in one of the viewports.
 fn on_screen_in(desk: &Desk, view: usize, world: DVec3) -> Pos2 {
     let viewer = &desk.state().viewer;
     let view = &viewer.views[view];
@@ -66,7 +66,7 @@ fn click_at(desk: &mut Desk, at: Pos2) {
 }
 
 #[test]
-fn an_end_of_an_axis_looks_along_it_without_perspective() {
+fn clicking_an_axis_end_sets_an_orthographic_view_along_it() {
     let mut desk = desk();
     for side in Side::ALL {
         desk.get_by_label(&format!("{} view", side.name())).click();
@@ -76,12 +76,12 @@ fn an_end_of_an_axis_looks_along_it_without_perspective() {
         painted(&mut desk);
         let camera = desk.state().viewer.shown().unwrap().snapshot.camera;
         assert!(matches!(camera.projection, Projection::Orthographic { .. }), "{side:?}");
-        // Two places behind each other lie on the same point of the screen.
+        // Two points behind each other project to the same point of the screen.
         let middle = desk.state().viewer.shown().unwrap().snapshot.actors[0].world_from_model.translation;
         let (a, b) = (on_screen(&desk, middle), on_screen(&desk, middle + side.direction()));
         assert!((a - b).length() < 0.1, "{side:?}: {a:?} {b:?}");
     }
-    // The menu has the same views; its name is that of the present one.
+    // The menu lists the same views and is named after the present one.
     desk.get_by_label("Back").click();
     desk.run();
     desk.get_by_label("Perspective").click();
@@ -97,7 +97,7 @@ fn a_light_and_a_camera_are_picked_and_dragged_by_their_icons() {
     let at = on_screen(&desk, lamp);
     click_at(&mut desk, at);
     assert_eq!(desk.state().viewer.selection, Some(Selected::Light(0)));
-    // In the plane of the image, at its own distance: half a metre to the left, and up.
+    // In the plane parallel to the image through the light: half a metre to the left, and up.
     let to = on_screen(&desk, lamp + DVec3::new(-0.5, 0.2, 0.0));
     drag(&mut desk, at, to);
     let text = desk.state().text();
@@ -107,7 +107,7 @@ fn a_light_and_a_camera_are_picked_and_dragged_by_their_icons() {
     let off = DVec3::from_slice(&numbers) - (lamp + DVec3::new(-0.5, 0.2, 0.0));
     assert!(off.length() < 0.01, "{line}");
     assert_eq!(text.lines().count(), SCRIPT.lines().count(), "{text}");
-    // The camera goes on looking at what it looked at.
+    // The target of the camera stays.
     desk.state_mut().reload();
     painted(&mut desk);
     let side = DVec3::new(1.2, 1.5, 1.0);
@@ -120,7 +120,7 @@ fn a_light_and_a_camera_are_picked_and_dragged_by_their_icons() {
     assert!((height - 2.0).abs() < 0.01 && line.ends_with(".look_at(ada);"), "{line}");
 }
 
-/// The ring of a spot is its handle, too: it moves by as much as the mouse, and the view stays.
+/// The ring of a spot is also a handle: it moves with the pointer, and the view stays.
 #[test]
 fn a_spot_is_dragged_by_its_ring() {
     let spot = "let spot = spot(#{ position: [-1.0, 2.0, 0.0], direction: [0.0, -1.0, 0.0], outer: 40.0 });";
@@ -146,7 +146,7 @@ fn a_spot_is_dragged_by_its_ring() {
     assert!(off.length() < 0.01, "{line}");
 }
 
-/// A camera that follows gets another offset, one that circles another distance and angles; both go on with that, and nothing else changes.
+/// Dragging a following camera changes its offset, dragging an orbiting one its distance and angles; nothing else changes.
 #[test]
 fn cameras_that_follow_and_circle_are_dragged_by_their_icons() {
     let behind = "camera(\"behind\").follow(box, [0.0, 0.5, 2]);\n";
@@ -179,7 +179,7 @@ fn cameras_that_follow_and_circle_are_dragged_by_their_icons() {
     painted(&mut desk);
     let angle = 60f64.to_radians();
     let at = DVec3::new(1.5 * angle.sin(), 1.0, 1.5 * angle.cos());
-    // Straight up in the plane of the image: the distance on the ground stays, and so does the azimuth.
+    // A drag straight up in the image plane keeps the ground distance and the azimuth.
     let (from, to) = (on_screen(&desk, at), on_screen(&desk, at + DVec3::new(0.0, 0.5, 0.0)));
     drag(&mut desk, from, to);
     let text = desk.state().text();
@@ -191,9 +191,9 @@ fn cameras_that_follow_and_circle_are_dragged_by_their_icons() {
     assert!((azimuth - 60.0).abs() < 0.5 && speed == 0.0, "{text}");
 }
 
-/// The icon of a sun stands for its direction: neither a selected actor nor one that moves takes it along.
+/// The icon of a sun shows its direction, and does not follow a selected or moving actor.
 #[test]
-fn the_icon_of_a_sun_stays_where_it_is_whatever_is_selected_or_moves() {
+fn the_sun_icon_does_not_move_with_selection_or_actors() {
     let script = SCRIPT.replace(
         "let lamp = point(",
         "let bob = cast(\"bob\", shape(\"box\")).key(\"position\", [[0.0, [1.5, 0, 0]], [1.0, [3.5, 0, 0]]]);\nlet lamp = point(",
@@ -207,7 +207,7 @@ fn the_icon_of_a_sun_stays_where_it_is_whatever_is_selected_or_moves() {
     let viewer = &desk.state().viewer;
     let (stage, shown) = (viewer.scene.as_ref().unwrap().stage.clone(), viewer.shown().unwrap());
     let actors = stage.actors.iter().zip(&shown.snapshot.actors);
-    let middle = actors.map(|(actor, state)| middle(&actor.asset, state)).sum::<DVec3>() / 2.0;
+    let middle = actors.map(|(actor, state)| bounds_center(&actor.asset, state)).sum::<DVec3>() / 2.0;
     let at = on_screen(&desk, middle - DVec3::new(0.4, -0.3, 0.0).normalize() * 3.0);
     for selected in [None, Some("ada"), Some("bob")] {
         desk.state_mut().viewer.selection = selected.map(|name| Selected::Actor(name.into()));
@@ -285,7 +285,7 @@ fn a_joint_is_picked_and_its_trail_is_where_frames_have_it() {
         std::thread::sleep(Duration::from_millis(10));
     };
     assert_eq!(trail.frames.len(), 50);
-    // Truth: the stage itself, evaluated anew at each time.
+    // Expected values: the stage itself, evaluated at each time.
     for (time, joints) in trail.frames.iter().step_by(7) {
         let expected = place(&scene.stage.at(*time).unwrap());
         assert!((joints[hand] - expected).length() < 1e-6, "{time:?}");
@@ -314,9 +314,9 @@ fn a_target_of_inverse_kinematics_is_dragged_and_the_hand_follows() {
     assert!((at - to).length() < 0.02, "{at} for {to}");
 }
 
-/// While a sign is dragged the image has what it stands for where the hand is, and after that until the script is read again.
+/// During the drag of an icon, and until the script is reloaded, the image shows the object at the dragged position.
 #[test]
-fn what_a_sign_stands_for_is_seen_where_it_is_dragged() {
+fn a_dragged_scene_icon_shows_its_object_at_the_new_position() {
     let mut desk = desk();
     let hand = |desk: &Desk| {
         let viewer = &desk.state().viewer;
@@ -340,7 +340,7 @@ fn what_a_sign_stands_for_is_seen_where_it_is_dragged() {
         desk.run();
         desk.run();
         painted(&mut desk);
-        assert_eq!(desk.state().text(), SCRIPT, "it is not let go");
+        assert_eq!(desk.state().text(), SCRIPT, "the mouse button is still down");
         assert!((place(&desk) - (at + by)).length() < 0.02, "{} for {}", place(&desk), at + by);
         desk.drop_at(to);
         desk.run();
@@ -355,7 +355,7 @@ fn what_a_sign_stands_for_is_seen_where_it_is_dragged() {
     }
 }
 
-/// The grid is the viewport's: a saved image has none, and it is hidden by what stands before it.
+/// The grid is drawn only in the viewport, not in a saved image, and objects in front hide it.
 #[test]
 fn the_grid_is_in_the_viewport_and_in_no_saved_image() {
     let script =
@@ -372,7 +372,7 @@ fn the_grid_is_in_the_viewport_and_in_no_saved_image() {
     let different =
         with.rgba.chunks_exact(4).zip(without.rgba.chunks_exact(4)).filter(|(a, b)| a != b).count();
     assert!(different > 500, "{different} pixels of a grid");
-    // On the chest, far over the horizon's height, nothing is changed; nor in the sky.
+    // Pixels on the chest, far above the horizon, and in the sky are unchanged.
     let row = |y: usize| y * 640 * 4..(y + 1) * 640 * 4;
     for y in 0..150 {
         assert!(with.rgba[row(y)] == without.rgba[row(y)], "row {y}");

@@ -1,4 +1,4 @@
-//! Viewports, and what the mouse does in them, without a window.
+//! Mouse input in viewports, without a window.
 
 #[path = "../place/mod.rs"]
 mod place;

@@ -1,4 +1,4 @@
-//! Images while the view moves: fewer pixels where the rate needs it, with a sign of what they lack; and what the wheel does.
+//! Images while the view moves: fewer pixels where the frame rate needs it, with a note about the reduced quality; and the mouse wheel.
 
 use crate::place::{Desk, Place};
 use choreo_motion::Time;
@@ -27,7 +27,7 @@ fn an_image_fills_the_viewport_and_shrinks_while_it_plays_too_slowly() {
     let viewer = &mut desk.state_mut().viewer;
     let room = viewer.views[0].panel_size;
     let whole = viewer.next_request().unwrap();
-    // 16 : 9, as large as there is room for, although the script has 64 by 36.
+    // 16 : 9, as large as fits, although the script has 64 by 36.
     let expected = (room[0].min(room[1] * 16 / 9), room[1].min(room[0] * 9 / 16));
     assert!(
         whole.size[0].abs_diff(expected.0) <= 1 && whole.size[1].abs_diff(expected.1) <= 1,
@@ -41,14 +41,14 @@ fn an_image_fills_the_viewport_and_shrinks_while_it_plays_too_slowly() {
     let half = viewer.next_request().unwrap();
     assert!(half.moving);
     assert!((half.size[0] * 2).abs_diff(whole.size[0]) <= 1, "{:?} of {:?}", half.size, whole.size);
-    // The image at rest is whole again.
+    // The image has full resolution again once the view rests.
     viewer.views[0].waiting = false;
     viewer.playhead.pause();
     assert_eq!(viewer.next_request().unwrap().size, whole.size);
 }
 
 #[test]
-fn what_a_moving_image_lacks_is_named_until_it_rests() {
+fn the_reduced_quality_note_is_shown_while_the_image_moves() {
     let place = reduced(1.0);
     assert_eq!(place.viewer.shown().unwrap().waiting, ["motion blur"]);
     let mut desk = place.harness(vec2(900.0, 700.0));
@@ -62,7 +62,7 @@ fn what_a_moving_image_lacks_is_named_until_it_rests() {
     assert!(desk.state().viewer.shown().unwrap().waiting.is_empty());
 }
 
-/// Where the texts are drawn that contain these words.
+/// Rectangles of the drawn texts that contain `words`.
 fn drawn(desk: &Desk, words: &str) -> Vec<Rect> {
     let shapes = desk.output().shapes.iter();
     let texts = shapes.filter_map(|shape| match &shape.shape {
@@ -72,7 +72,7 @@ fn drawn(desk: &Desk, words: &str) -> Vec<Rect> {
     texts.collect()
 }
 
-/// A scene that plays from a time on, with half of its pixels, however fast the image was drawn.
+/// A scene that plays from a time on at half resolution, however fast the image was drawn.
 fn reduced(secs: f64) -> Place {
     let mut place = Place::new(SCRIPT);
     place.viewer.views[0].panel_size = [64, 36];
@@ -84,9 +84,9 @@ fn reduced(secs: f64) -> Place {
     place
 }
 
-/// In a narrow viewport the text ends with … within the image, and a pointer over it reads the whole.
+/// In a narrow viewport the text is elided with …, and a tooltip shows all of it.
 #[test]
-fn what_is_named_without_room_is_cut_short_and_read_as_a_hint() {
+fn the_reduced_quality_note_is_elided_with_a_tooltip() {
     let mut place = reduced(0.0);
     place.viewer.reduction.dropped = 3;
     let layout = serde_json::json!({
@@ -103,9 +103,9 @@ fn what_is_named_without_room_is_cut_short_and_read_as_a_hint() {
     assert_eq!(drawn(&desk, "3 frames dropped").len(), 2, "the text and the hint");
 }
 
-/// The text of an image ends before its axes, also in a small window.
+/// The note ends before the axes, also in a small window.
 #[test]
-fn what_is_named_leaves_the_axes_their_place() {
+fn the_reduced_quality_note_does_not_cover_the_axes() {
     let mut place = reduced(0.0);
     place.viewer.reduction.dropped = 3;
     let layout = serde_json::json!({
@@ -121,9 +121,9 @@ fn what_is_named_leaves_the_axes_their_place() {
     }
 }
 
-/// What is dragged has its numbers beside what the image lacks meanwhile.
+/// The values of a drag are shown next to the note about the reduced quality.
 #[test]
-fn numbers_of_a_drag_are_read_beside_what_the_image_lacks() {
+fn drag_values_are_shown_beside_the_reduced_quality_note() {
     let mut place = reduced(0.0);
     place.viewer.selection = Some(Selected::Actor("box".into()));
     let (tool, handle) = (Tool::Move, Handle::Axis(0));
@@ -155,7 +155,7 @@ fn the_wheel_zooms_the_sequencer_and_scrolls_over_the_names() {
     turn(&mut desk, at);
     let after = desk.state().viewer.span;
     assert!(after.to - after.from < (before.to - before.from) * 0.9, "{after:?}");
-    // The time under the pointer stays there.
+    // The time under the pointer stays in place.
     let under = |span: choreo_viewer::state::span::Span| span.from + 0.25 * (span.to - span.from);
     assert!((under(after) - under(before)).abs() < 1e-3, "{after:?}");
 }
@@ -176,7 +176,7 @@ fn actors(place: &mut Place) -> Vec<choreo_stage::ActorState> {
 }
 
 #[test]
-fn hands_heads_and_attached_actors_follow_an_actor_while_it_is_dragged() {
+fn constraints_and_attached_actors_follow_an_actor_during_a_drag() {
     let mut place = Place::new(REACHED);
     place.viewer.views[0].panel_size = [64, 36];
     // The constraints have faded in.
@@ -193,7 +193,7 @@ fn hands_heads_and_attached_actors_follow_an_actor_while_it_is_dragged() {
     place.viewer.dragging = Some(Dragging { actor: "ball".into(), drag, change: Change::Move(by) });
     let dragged = actors(&mut place);
     let seen = place.viewer.shown().unwrap().snapshot.camera;
-    assert_eq!(seen, camera, "the drag is measured through it");
+    assert_eq!(seen, camera, "the image keeps the camera with which the drag began");
     place.reload_with(&REACHED.replace(".at(0.3, 1.2, 0.5)", ".at(0.1, 1.45, 0.6)"));
     let placed = actors(&mut place);
     assert_eq!(dragged.len(), placed.len());

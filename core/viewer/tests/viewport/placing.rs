@@ -1,4 +1,4 @@
-//! Edits by mouse of things that are keyed, attached or face something, and of lights: the script's own literals change.
+//! Viewport edits of objects that are keyed, attached or facing a target, and of lights: the literals of the script change.
 
 use crate::place::Place;
 use choreo_motion::Time;
@@ -40,16 +40,16 @@ fn world(place: &Place, name: &str) -> DVec3 {
 }
 
 #[test]
-fn a_keyed_actor_gets_its_key_at_the_playhead() {
+fn moving_a_keyed_actor_writes_a_key_at_the_playhead() {
     let mut place = Place::new(SCRIPT);
-    // Between the keys: a new one, written as the last is.
+    // Between two keys a new one is added, written like the last.
     at(&mut place, 1.0);
     place.viewer.change_actor("ada", Change::Move(DVec3::new(0.0, 0.0, 0.5))).unwrap();
     let new = "by the door\n    [1.0, [1.0, 0.0, 0.5]],\n    [f(50)";
     assert_eq!(place.text(), SCRIPT.replace("by the door\n    [f(50)", new));
     place.reload();
-    assert_eq!(place.viewer.message, None, "it stands where it was put");
-    // Again, at the same time: that one is changed.
+    assert_eq!(place.viewer.message, None, "the actor stands at its new position");
+    // A second edit at the same time changes that key.
     place.viewer.change_actor("ada", Change::Move(DVec3::new(0.25, 0.0, 0.0))).unwrap();
     assert_eq!(
         place.text(),
@@ -65,25 +65,25 @@ fn a_keyed_actor_gets_its_key_at_the_playhead() {
     place.viewer.undo().unwrap();
     assert_eq!(place.text(), SCRIPT);
     place.reload();
-    // A turn: degrees that go on from those before.
+    // A rotation: degrees that continue from the previous key.
     at(&mut place, 4.0);
     let (sin, cos) = libm::sincos(core::f64::consts::FRAC_PI_8);
     place.viewer.change_actor("ada", Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))).unwrap();
     assert_eq!(place.text(), SCRIPT.replace("[4.0, 360]", "[4.0, 405]"));
     place.reload();
     assert_eq!(place.viewer.message, None);
-    // Between two of them it has gone on, too.
+    // The angle between two keys is continuous, too.
     at(&mut place, 2.0);
     place.viewer.change_actor("ada", Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))).unwrap();
     assert!(place.text().contains("[[0.0, 0], [2.0, 247.5], [4.0, 405]]"), "{}", place.text());
     place.reload();
-    // It has no keys of its size.
+    // The scale has no keys.
     place.viewer.change_actor("ada", Change::Scale(DVec3::splat(2.0))).unwrap();
     assert!(place.text().contains("cast(\"ada\", moves).scale(2.0).key("), "{}", place.text());
 }
 
 #[test]
-fn computed_keys_are_refused_with_their_line() {
+fn moving_an_actor_with_computed_keys_is_refused_with_the_line() {
     let mut place = Place::new(SCRIPT);
     let computed = SCRIPT.replace("[f(50), [2, 0, 0]]", "[f(50), [\"ab\".len, 0, 0]]");
     place.write(&computed);
@@ -94,9 +94,9 @@ fn computed_keys_are_refused_with_their_line() {
     assert_eq!(place.text(), computed);
 }
 
-/// A change with which the script would not load is taken back with the reason; a fault of another program stays.
+/// A change that makes the script fail to load is undone, and the reason is shown; an error made by another program stays.
 #[test]
-fn a_change_that_does_not_load_is_taken_back() {
+fn a_change_that_does_not_load_is_undone() {
     let script = format!("{SCRIPT}let lamp = point(#{{ intensity: 40.0 }});\n");
     let mut place = Place::new(&script);
     let lamp = Selected::Light(2);
@@ -116,7 +116,7 @@ fn a_change_that_does_not_load_is_taken_back() {
 }
 
 #[test]
-fn what_is_attached_is_moved_in_its_parent() {
+fn an_attached_actor_is_moved_in_the_space_of_its_parent() {
     let mut place = Place::new(SCRIPT);
     for name in ["hat", "ring"] {
         place.paint();
@@ -125,16 +125,16 @@ fn what_is_attached_is_moved_in_its_parent() {
         place.viewer.change_actor(name, Change::Move(by)).unwrap();
         place.reload();
         assert_eq!(place.viewer.message, None);
-        // Where the mouse left it; written to the thousandth.
+        // The actor is at the pointer; values are written to a thousandth.
         assert!((world(&place, name) - before - by).length() < 2e-3, "{name}: {}", world(&place, name));
     }
-    // Bob looks along x: his x is the world's -z.
+    // Bob faces along x, so that his x axis is the world's -z.
     assert!(place.text().contains(".attach(bob).at(1.3, 0.1, 0.2);"), "{}", place.text());
     assert!(!place.text().contains(".at(0.0, 0.1, 0.0).attach(bob"), "the hat's literal too");
 }
 
 #[test]
-fn what_faces_something_is_moved_and_not_turned() {
+fn an_actor_that_faces_a_target_can_be_moved_but_not_turned() {
     let mut place = Place::new(SCRIPT);
     let why =
         place.viewer.change_actor("fan", Change::Turn(DQuat::from_rotation_y(0.5))).unwrap_err().to_string();
@@ -145,7 +145,7 @@ fn what_faces_something_is_moved_and_not_turned() {
 }
 
 #[test]
-fn a_camera_stands_where_the_free_one_did() {
+fn set_camera_places_a_camera_at_the_free_camera() {
     let mut place = Place::new(SCRIPT);
     place.paint();
     let orbit = {
@@ -172,11 +172,11 @@ fn a_camera_stands_where_the_free_one_did() {
     let wanted = orbit.camera().world_from_view;
     assert!((stands.translation - wanted.translation).length() < 1e-9);
     assert!((stands.matrix3.z_axis - wanted.matrix3.z_axis).length() < 1e-9);
-    // One change, taken back as one.
+    // It is one undo step.
     place.viewer.undo().unwrap();
     assert_eq!(place.text(), SCRIPT);
     place.reload();
-    // One that follows is not moved.
+    // A following camera is not moved.
     let follows = SCRIPT.replace(".at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0])", ".follow(bob, [0, 1, 3])");
     place.write(&follows);
     place.reload();
@@ -185,7 +185,7 @@ fn a_camera_stands_where_the_free_one_did() {
 }
 
 #[test]
-fn a_new_camera_stands_where_the_free_one_does_from_the_playhead_on() {
+fn an_added_camera_starts_at_the_playhead_with_the_free_view() {
     for (script, end) in [
         (SCRIPT.to_string(), ".cut(2.0);\n"),
         (SCRIPT.lines().filter(|l| !l.starts_with("camera(")).map(|l| format!("{l}\n")).collect(), "]);\n"),
@@ -209,7 +209,7 @@ fn a_new_camera_stands_where_the_free_one_does_from_the_playhead_on() {
         let scene = place.viewer.scene.clone().unwrap();
         let camera = scene.evaluator.clone().at(Time::from_secs(2.0)).unwrap().camera.world_from_view;
         let wanted = stood.camera().world_from_view;
-        // Written to the thousandth.
+        // Values are written to a thousandth.
         assert!((camera.translation - wanted.translation).length() < 2e-3, "{camera} {wanted}");
         assert!((camera.matrix3.z_axis - wanted.matrix3.z_axis).length() < 2e-3);
         place.viewer.undo().unwrap();
@@ -218,7 +218,7 @@ fn a_new_camera_stands_where_the_free_one_does_from_the_playhead_on() {
 }
 
 #[test]
-fn a_color_takes_the_place_of_kelvin_if_the_user_agrees_and_keys_get_numbers() {
+fn a_color_replaces_kelvin_after_confirmation_and_keys_get_numbers() {
     let mut place = Place::new(SCRIPT);
     at(&mut place, 2.0);
     place.viewer.set_value(&Selected::Light(1), "intensity", "35.0").unwrap();
@@ -244,10 +244,10 @@ fn a_color_takes_the_place_of_kelvin_if_the_user_agrees_and_keys_get_numbers() {
     harness.state_mut().reload();
 }
 
-/// What a view shows is what the script's camera then shows, and the other way round. Truth: points of the world, projected by the matrices of
+/// A view and the script camera set from it show the same, in both directions. Expected values: points in world space projected by the matrices of
 /// the renderer.
 #[test]
-fn a_view_and_the_camera_made_of_it_show_the_same() {
+fn a_camera_added_from_a_view_shows_the_same_image() {
     const LENSES: [&str; 5] =
         [".fov(24)", ".focal_length(85)", ".ortho(2.5)", "", ".key(\"fov\", [[0.0, 30], [2.0, 60]])"];
     let script = |lens: &str, other: &str| {
@@ -281,10 +281,10 @@ fn a_view_and_the_camera_made_of_it_show_the_same() {
             let mut place = Place::new(&script(lens, other));
             place.paint();
             let wanted = of_camera(&place, "from");
-            // The view takes over from the camera.
+            // The view is set from the camera.
             let orbit = *place.viewer.free_camera(0).unwrap();
             assert!(near(&seen(&orbit.camera()), &wanted), "{lens}: the view");
-            // Another camera, and a new one, take over from the view.
+            // An existing and a new camera are set from the view.
             place.viewer.edit(|v| v.set_camera("to", &orbit));
             if lens.contains("ortho") && other.contains("key") {
                 let why = place.viewer.message.clone().unwrap();

@@ -1,6 +1,6 @@
-//! The window as a screen reader has it: read and operated by AT-SPI over D-Bus, with the registry that desktops use.
+//! Accessibility of the window for a screen reader: read and operated by AT-SPI over D-Bus, with the registry of real desktops.
 
-use crate::screen::{Running, Screen, assert_quiet, there, until};
+use crate::screen::{Running, Screen, assert_no_errors, there, until};
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -18,7 +18,7 @@ const ACCESSIBLE: &str = "org.a11y.atspi.Accessible";
 const BUTTON: u32 = 43;
 const CHECK_BOX: u32 = 7;
 
-/// An object of a program: the name of its connection, and its path.
+/// An accessible object: the bus name of its program, and its path.
 type Reference = (String, OwnedObjectPath);
 
 struct Node {
@@ -27,14 +27,14 @@ struct Node {
     name: String,
 }
 
-/// A session bus of its own.
+/// A private D-Bus session bus.
 struct Session {
     _daemon: Running,
     address: String,
 }
 
 impl Session {
-    /// `None`, with a word, where this machine lacks what it takes.
+    /// Starts the bus. `None`, with a printed reason, if this machine lacks a program for it.
     fn new(screen: &Screen, folder: &Path) -> Option<Session> {
         let registry = Path::new("/usr/share/dbus-1/services/org.a11y.Bus.service");
         if !there("dbus-daemon") || !registry.is_file() {
@@ -43,7 +43,7 @@ impl Session {
         }
         let mut daemon = Command::new("dbus-daemon");
         daemon.args(["--session", "--nofork", "--print-address"]).env("DISPLAY", &screen.display);
-        // The registry's socket lies there, and nothing of the desktop around is used.
+        // The registry's socket is in this folder, and nothing of the surrounding desktop is used.
         daemon.env("XDG_RUNTIME_DIR", folder).env("XDG_CONFIG_HOME", folder).env_remove("WAYLAND_DISPLAY");
         daemon.env_remove("DBUS_SESSION_BUS_ADDRESS").env_remove("AT_SPI_BUS_ADDRESS");
         let mut child = daemon.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
@@ -57,7 +57,7 @@ fn connect(address: &str) -> Connection {
     connection::Builder::address(address).unwrap().build().unwrap()
 }
 
-/// The answer of a call, where the object is still there.
+/// Reply to a call. `None` if the object no longer exists.
 fn call<T>(
     bus: &Connection,
     at: &Reference,
@@ -76,7 +76,7 @@ fn name(bus: &Connection, at: &Reference) -> Option<String> {
     String::try_from(call::<OwnedValue>(bus, at, get, &(ACCESSIBLE, "Name"))?).ok()
 }
 
-/// An object and everything below it.
+/// Reads an object and all its descendants.
 fn read(bus: &Connection, at: Reference, all: &mut Vec<Node>) {
     let role = call(bus, &at, (ACCESSIBLE, "GetRole"), &()).unwrap_or_default();
     let name = name(bus, &at).unwrap_or_default();
@@ -97,7 +97,7 @@ fn a_screen_reader_reads_the_window_and_presses_its_buttons() {
     let mut viewer = Running(command.stdout(said.try_clone().unwrap()).stderr(said).spawn().unwrap());
     let window = screen.window();
 
-    // What a screen reader does when it starts.
+    // The initial request of a screen reader.
     let bus = connect(&session.address);
     let a11y = ("org.a11y.Bus".to_string(), OwnedObjectPath::try_from("/org/a11y/bus").unwrap());
     let set = ("org.freedesktop.DBus.Properties", "Set");
@@ -137,7 +137,7 @@ fn a_screen_reader_reads_the_window_and_presses_its_buttons() {
         print!("{}", list());
     }
 
-    // The button is pressed, and is another one then.
+    // Pressing the button changes its name.
     let action = "org.a11y.atspi.Action";
     assert_eq!(call::<bool>(&bus, &play, (action, "DoAction"), &0i32), Some(true));
     let pause = until("the scene plays", || find(BUTTON, "Pause"));
@@ -146,5 +146,5 @@ fn a_screen_reader_reads_the_window_and_presses_its_buttons() {
     assert!(find(CHECK_BOX, "Loop").is_some());
     screen.key(&window, "ctrl+q");
     assert_eq!(until("the end", || viewer.0.try_wait().unwrap()).code(), Some(0));
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
 }

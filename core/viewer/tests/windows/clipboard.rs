@@ -1,6 +1,6 @@
 //! Clips copied in one window and pasted in another, through the clipboard of the display.
 
-use crate::screen::{Screen, assert_quiet, until};
+use crate::screen::{Screen, assert_no_errors, until};
 use choreo_viewer::panels::color_of_clip;
 use std::fs;
 use std::path::Path;
@@ -8,7 +8,7 @@ use std::path::Path;
 const SCRIPT: &str = r##"stage(#{ size: [320, 180], fps: 30, length: 3.0, samples: 1 });
 let moves = load("choreo:mannequin");
 let ada = cast("ada", moves);
-// A warning would give the bar another color once it comes.
+// A warning that arrives later would change the color of the bar.
 // allow: frozen_at_end
 ada.play(moves.clip("CLIP")).until(1.0);
 "##;
@@ -30,7 +30,7 @@ fn a_clip_that_is_copied_in_one_window_is_pasted_in_another() {
     click_bar(&screen, &window, from.0.id(), "Wave");
     screen.key(&window, "ctrl+c");
     screen.rest(from.0.id());
-    // Only the newer window is seen: the other one lies below it.
+    // The newer window covers the other one.
     let mut to = screen.view(&[second.to_str().unwrap()], folders[1].path());
     let other = until("another window", || {
         let found = screen.xdotool(&["search", "--onlyvisible", "--name", "choreo"]);
@@ -47,7 +47,7 @@ fn a_clip_that_is_copied_in_one_window_is_pasted_in_another() {
         screen.key(window, "ctrl+q");
         let status = until("the end", || viewer.0.try_wait().unwrap());
         assert_eq!(status.code(), Some(0));
-        assert_quiet(folder.path());
+        assert_no_errors(folder.path());
     }
 }
 

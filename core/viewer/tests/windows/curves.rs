@@ -1,6 +1,6 @@
-//! The curve editor in a real window: K sets a key, the mouse drags its point, undo takes both back.
+//! The curve editor in a real window: K sets a key, the mouse drags its point, and undo reverts both.
 
-use crate::screen::{Screen, assert_quiet, until};
+use crate::screen::{Screen, assert_no_errors, until};
 use std::fs;
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ let ball = cast("ball", shape("box", #{ size: 1.0 })).key("position", [[0.0, [0,
 camera("c").at(0.0, 1.0, 6.0).look_at([0.0, 1.0, 0.0]);
 "##;
 
-/// A selected key, encoded by the device.
+/// Color of a selected key after the device's encoding.
 const SELECTED: [u8; 3] = [0xff, 0x8a, 0x28];
 
 #[test]
@@ -68,5 +68,5 @@ fn a_key_is_set_and_dragged_in_a_window() {
     screen.key(&window, "ctrl+q");
     let status = until("the end", || viewer.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
 }

@@ -1,10 +1,10 @@
-//! The window among others: minimised and brought back, covered, moved to a screen of another scale, files dragged onto it.
+//! The window on a desktop: minimized and restored, covered, moved to a screen of another scale, with files dragged onto it.
 
 #[path = "../screen/desktop.rs"]
 mod programs;
 
 use crate::screen::viewer_process::ViewerProcess;
-use crate::screen::{Screen, Shot, assert_quiet, until, validated};
+use crate::screen::{Screen, Screenshot, assert_no_errors, is_validation_installed, until};
 use programs::{Drag, Manager, Settings};
 use std::fs;
 use std::path::Path;
@@ -22,7 +22,7 @@ fn open(screen: &Screen, folder: &Path, more: &[&str]) -> (ViewerProcess, String
     fs::write(&script, SCRIPT).unwrap();
     let args: Vec<&str> = std::iter::once(script.to_str().unwrap()).chain(more.iter().copied()).collect();
     let mut command = screen.command(&args, folder);
-    if validated() {
+    if is_validation_installed() {
         command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
     }
     command.stderr(fs::File::create(folder.join("said.txt")).unwrap());
@@ -32,26 +32,26 @@ fn open(screen: &Screen, folder: &Path, more: &[&str]) -> (ViewerProcess, String
     (viewer, window)
 }
 
-fn ends_well(screen: &Screen, window: &str, mut viewer: ViewerProcess, folder: &Path) {
+fn assert_clean_exit(screen: &Screen, window: &str, mut viewer: ViewerProcess, folder: &Path) {
     screen.key(window, "ctrl+q");
     let status = until("the end", || viewer.process.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
-    assert_quiet(folder);
+    assert_no_errors(folder);
 }
 
 #[test]
-fn minimised_it_does_nothing_and_is_back_with_what_has_changed() {
+fn a_minimized_window_stays_idle_and_shows_changes_when_restored() {
     let Some(screen) = Screen::new() else { return };
     let manager = Manager::start(&screen.display);
     let folder = tempfile::tempdir().unwrap();
     let (viewer, window) = open(&screen, folder.path(), &["--play"]);
-    // Shown able to see work.
+    // Check of the test itself: work is detected.
     viewer.plays();
     for round in 0..3 {
         screen.xdotool(&["windowminimize", &window]);
         let last = viewer.settled(Duration::from_millis(700), Duration::from_secs(300));
         assert!(last.is_some(), "it goes on drawing");
-        // A frame that was being drawn may be finished.
+        // A frame in progress can be finished.
         until("rest", || {
             let before = viewer.processor_secs();
             std::thread::sleep(Duration::from_secs(2));
@@ -61,7 +61,7 @@ fn minimised_it_does_nothing_and_is_back_with_what_has_changed() {
         std::thread::sleep(Duration::from_secs(1));
         let more = viewer.meanwhile();
         assert!(more.iter().all(|v| v["event"] != "shown"), "a frame of a window that is not seen: {more:?}");
-        // A version that is saved meanwhile is there when the window comes back.
+        // A version saved meanwhile is displayed after restoring.
         let color = format!("#6020{}0", round + 4);
         fs::write(folder.path().join("a.rhai"), SCRIPT.replace("#204060", &color)).unwrap();
         std::thread::sleep(Duration::from_millis(300));
@@ -70,12 +70,12 @@ fn minimised_it_does_nothing_and_is_back_with_what_has_changed() {
         until("the new image", || (screen.shot(&window).count(wanted) > 20_000).then_some(()));
         viewer.plays();
     }
-    ends_well(&screen, &window, viewer, folder.path());
+    assert_clean_exit(&screen, &window, viewer, folder.path());
     drop(manager);
 }
 
 #[test]
-fn covered_it_does_nothing() {
+fn a_covered_window_stays_idle() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let (viewer, window) = open(&screen, folder.path(), &["--play"]);
@@ -101,17 +101,17 @@ fn covered_it_does_nothing() {
     screen.xdotool(&["windowunmap", "--sync", &cover]);
     viewer.plays();
     drop(above);
-    ends_well(&screen, &window, viewer, folder.path());
+    assert_clean_exit(&screen, &window, viewer, folder.path());
 }
 
-/// The desktop's scale changes, or the window moves to a screen with another: the same in points, twice the pixels.
+/// The desktop's scale changes, or the window moves to a screen with another scale: sizes in points stay, pixels double.
 #[test]
-fn another_scale_while_it_runs() {
+fn the_display_scale_changes_while_the_viewer_runs() {
     another_scale(false);
 }
 
 #[test]
-fn another_scale_under_a_window_manager() {
+fn the_display_scale_changes_under_a_window_manager() {
     another_scale(true);
 }
 
@@ -134,14 +134,14 @@ fn another_scale(managed: bool) {
         if dpi != 96 {
             // The window must fit on the screen, which is smaller, so that it is visible as a whole.
             screen.xdotool(&["windowsize", "--sync", &window, "1400", "1000"]);
-            // Buttons are as much larger; images have as many pixels as they are drawn with.
+            // Buttons grow with the scale; images are still drawn pixel for pixel.
             let scale = dpi as usize as f64 / 96.0;
             until("larger buttons", || {
                 let now = first_button(&screen.shot(&window), scale)?;
                 screen.save(&window, &format!("scale_{dpi}.png"));
                 ((now as f64 - button as f64 * scale).abs() <= 3.0).then_some(())
             });
-            // For a moment after the resize the window cuts off the old frame.
+            // For a moment after the resize the window shows a part of the old frame.
             until("an image of 16:9", || {
                 let [left, top, right, bottom] = screen.shot(&window).bounds(BACKGROUND);
                 let shape = right.checked_sub(left)? as f64 / bottom.checked_sub(top)? as f64;
@@ -153,19 +153,19 @@ fn another_scale(managed: bool) {
     }
     until("all as at first", || {
         let shot = screen.shot(&window);
-        // Where panels were too narrow they took some of the others' room, and keep it.
+        // Panels that were too narrow took space from others, and keep it.
         let [left, top, right, bottom] = shot.bounds(BACKGROUND);
         let size = [right.saturating_sub(left), bottom.saturating_sub(top)];
         (size == [320, 180] && first_button(&shot, 1.0) == Some(button)).then_some(())
     });
-    ends_well(&screen, &window, viewer, folder.path());
+    assert_clean_exit(&screen, &window, viewer, folder.path());
     drop(manager);
 }
 
-/// A square, as a file manager would have it: with a blank in its name.
+/// A square, in a file whose name contains a blank, as a file manager would pass it.
 const SQUARE: &str = "v -1 0 0\nv 1 0 0\nv 1 2 0\nv -1 2 0\nf 1 2 3 4\n";
 
-/// Moves the pointer over the stage tree: what is dropped on the image is placed there at once.
+/// Moves the pointer over the stage tree: a file dropped on the image would be placed there at once.
 fn beside_the_image(screen: &Screen, window: &str) {
     screen.xdotool(&["mousemove", "--window", window, "60", "420"]);
 }
@@ -178,7 +178,7 @@ fn a_file_that_is_dropped_is_shown_and_added() {
     beside_the_image(&screen, &window);
     let file = folder.path().join("my square.obj");
     fs::write(&file, SQUARE).unwrap();
-    // Over the window, and away again: nothing has happened.
+    // Dragged over the window and away again: nothing happens.
     let before = until("rest", || Some(screen.shot(&window)).filter(|s| *s == screen.shot(&window)));
     let hovering = Drag::over(&screen.display, &window, &[&file]);
     let dark = until("a hint", || Some(screen.shot(&window)).filter(|s| s.count(BACKGROUND) == 0));
@@ -188,7 +188,7 @@ fn a_file_that_is_dropped_is_shown_and_added() {
     let all = before.count(BACKGROUND);
     until("all as before", || (screen.shot(&window).count(BACKGROUND) == all).then_some(()));
 
-    // Let go: the model in place of the scene.
+    // Dropped: the model is shown in place of the scene.
     Drag::over(&screen.display, &window, &[&file]).drop();
     until("the model", || {
         let shot = screen.shot(&window);
@@ -202,18 +202,18 @@ fn a_file_that_is_dropped_is_shown_and_added() {
 
     let added = added_to_script(&screen, &window, &viewer, folder.path());
     assert_eq!(added, format!("{SCRIPT}let my_square = cast(\"my_square\", load(\"my square.obj\"));\n"));
-    // The script again, with the square in it.
+    // The script is shown again, with the square added.
     until("the scene", || {
         let count = screen.shot(&window).count(BACKGROUND);
         (count > 5_000 && count + 500 < before.count(BACKGROUND)).then_some(())
     });
     screen.save(&window, "added.png");
-    // The file manager falls: the mouse is free again.
+    // The file manager exits: the pointer is free again.
     drop(Drag::over(&screen.display, &window, &[&file]));
     until("a hint", || (screen.shot(&window).count(BACKGROUND) == 0).then_some(()));
     screen.xdotool(&["mousemove", "--window", &window, "640", "820"]);
     until("all as before", || (screen.shot(&window).count(BACKGROUND) > 5_000).then_some(()));
-    ends_well(&screen, &window, viewer, folder.path());
+    assert_clean_exit(&screen, &window, viewer, folder.path());
 }
 
 #[test]
@@ -230,7 +230,7 @@ fn files_that_are_dropped_together_are_all_shown_and_added() {
     }
     let paths = files.each_ref().map(|file| file.as_path());
     Drag::over(&screen.display, &window, &paths).drop();
-    // They shine in colors of their own, from left to right.
+    // The models have different emissive colors, from left to right.
     let strong = [[true, false, false], [false, true, false], [false, false, true]];
     let bounds = until("all three", || {
         let shot = screen.shot(&window);
@@ -255,10 +255,10 @@ fn files_that_are_dropped_together_are_all_shown_and_added() {
     until("one change", || {
         (fs::read_to_string(folder.path().join("a.rhai")).unwrap() == SCRIPT).then_some(())
     });
-    ends_well(&screen, &window, viewer, folder.path());
+    assert_clean_exit(&screen, &window, viewer, folder.path());
 }
 
-/// The script once "Add to script", the fifth button above (Add can not be pressed then), has changed it.
+/// Clicks "Add to script", the fifth button of the top bar (Add is disabled then), and returns the changed script.
 fn added_to_script(screen: &Screen, window: &str, viewer: &ViewerProcess, folder: &Path) -> String {
     screen.rest(viewer.process.0.id());
     let [x, y] = [buttons(&screen.shot(window))[4], 12].map(|n| n.to_string());
@@ -268,20 +268,20 @@ fn added_to_script(screen: &Screen, window: &str, viewer: &ViewerProcess, folder
     until("the lines", || Some(fs::read_to_string(folder.join("a.rhai")).unwrap()).filter(|t| t != SCRIPT))
 }
 
-/// The middles of the buttons in the bar above.
-fn buttons(shot: &Shot) -> Vec<usize> {
+/// Centers of the buttons in the top bar.
+fn buttons(shot: &Screenshot) -> Vec<usize> {
     let runs = runs(shot, 4);
     assert!(runs.len() >= 5, "{runs:?}");
     runs.iter().map(|[a, b]| (a + b) / 2).collect()
 }
 
-/// How wide the first of them is.
-fn first_button(shot: &Shot, scale: f64) -> Option<usize> {
+/// Width of the first button.
+fn first_button(shot: &Screenshot, scale: f64) -> Option<usize> {
     runs(shot, (4.0 * scale) as usize).first().map(|[a, b]| b - a)
 }
 
-/// Where they begin and end in a row of pixels, by their color.
-fn runs(shot: &Shot, y: usize) -> Vec<[usize; 2]> {
+/// Start and end of each button in a row of pixels, found by color.
+fn runs(shot: &Screenshot, y: usize) -> Vec<[usize; 2]> {
     let color = [60; 3];
     let mut runs: Vec<[usize; 2]> = Vec::new();
     for x in (4..shot.width).filter(|x| shot.is(*x, y, color)) {

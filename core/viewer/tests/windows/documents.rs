@@ -1,18 +1,18 @@
-//! A window without a file: the start page with lessons as images, a new script by the keyboard, its folder in the asset browser, the
-//! command palette; the next window knows the script as a recent one.
+//! A window without a file: the start page with thumbnails of lessons, a new script by keyboard, its folder in the asset browser, the
+//! command palette; the next window lists the script as recent.
 
-use crate::screen::{Running, Screen, assert_quiet, until, validated};
+use crate::screen::{Running, Screen, assert_no_errors, is_validation_installed, until};
 use serde_json::Value;
 use std::fs::{self, File};
 use std::path::Path;
 
-/// A script that is not on the disk is offered to be created; several lessons have an image.
+/// A missing script is offered to be created; several lessons have a thumbnail.
 const SOME: usize = 8;
 
 fn start(screen: &Screen, args: &[&str], folder: &Path) -> Running {
     let mut command = screen.command(args, folder);
     command.current_dir(folder).env("XDG_CACHE_HOME", folder.join("cache"));
-    if validated() {
+    if is_validation_installed() {
         command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
     }
     let said = File::create(folder.join("said.txt")).unwrap();
@@ -60,7 +60,7 @@ fn a_new_user_begins_without_a_file() {
     screen.key(&window, "ctrl+q");
     let status = until("the end", || viewer.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
     let settings = fs::read_to_string(folder.path().join("state/choreo/view.json")).unwrap();
     let settings: Value = serde_json::from_str(&settings).unwrap();
     let recent: Vec<&str> = settings["recent"].as_array().unwrap().iter().filter_map(Value::as_str).collect();

@@ -1,12 +1,12 @@
-//! The layout is in its file while the window is open, and after a signal that ends the program.
+//! The layout is saved while the window is open, so that it survives a signal that ends the program.
 
-use crate::screen::{Screen, assert_quiet, until};
+use crate::screen::{Screen, assert_no_errors, until};
 use serde_json::Value;
 use std::fs;
 use std::process::Command;
 
 #[test]
-fn the_layout_outlives_a_window_that_is_ended() {
+fn the_panel_layout_is_restored_after_a_restart() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let script = folder.path().join("a.rhai");
@@ -19,7 +19,7 @@ fn the_layout_outlives_a_window_that_is_ended() {
     let mut viewer = screen.view(&[script.to_str().unwrap()], folder.path());
     let window = screen.window();
     screen.rest(viewer.0.id());
-    // The file is complete at any time.
+    // The file is complete at all times.
     let kept = || -> Value { serde_json::from_str(&fs::read_to_string(&settings).unwrap()).unwrap() };
     let scale = || kept()["scale"].as_f64().unwrap_or(1.0);
     screen.key(&window, "ctrl+equal");
@@ -33,5 +33,5 @@ fn the_layout_outlives_a_window_that_is_ended() {
     assert_eq!(status.code(), Some(0), "closed as by Quit");
     assert!((scale() - 1.2).abs() < 1e-6, "{}", scale());
     assert_eq!(kept()["tempos"], tempos);
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
 }

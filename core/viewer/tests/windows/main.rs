@@ -1,4 +1,4 @@
-//! A real window, on a display without a screen.
+//! Tests with a real window on a virtual display.
 #![cfg(target_os = "linux")]
 
 #[path = "../screen/mod.rs"]

@@ -1,8 +1,8 @@
-//! A walk through the viewer, as a person would take it, on a display without a screen. Where CHOREO_SHOTS names a folder, a
-//! image of each step is left there, and all of them in a strip, `walkthrough.png`:
+//! A walkthrough of the viewer on a virtual display. If CHOREO_SHOTS names a folder, a
+//! screenshot of each step is saved there, and all of them in one image, `walkthrough.png`:
 //! `CHOREO_SHOTS=folder cargo test -p choreo -p choreo-viewer --test windows walkthrough`.
 
-use crate::screen::{Screen, assert_quiet, until};
+use crate::screen::{Screen, assert_no_errors, until};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -30,7 +30,7 @@ fn a_scene_is_changed_with_the_mouse_and_in_the_editor() {
     let text = || fs::read_to_string(&script).unwrap();
     let mut viewer = screen.view(&["a.rhai"], folder.path());
     let window = screen.window();
-    // The coral of ada.
+    // The coral color of ada.
     let is_coral = |p: &[u8]| p[0] > 150 && p[1] < 110 && p[2] < 90 && p[0] > p[1] + 70;
     let middle = |coral: bool| -> Option<(usize, usize)> {
         let shot = screen.shot(&window);
@@ -49,7 +49,7 @@ fn a_scene_is_changed_with_the_mouse_and_in_the_editor() {
     let at = until("ada", || middle(true));
     screen.save(&window, "1_open.png");
 
-    // A click on her selects her: the inspector tells of it, and the gizmo is there.
+    // A click selects ada: the inspector shows her, and the gizmo appears.
     let point = |(x, y): (usize, usize)| {
         screen.xdotool(&["mousemove", "--window", &window, &x.to_string(), &y.to_string()])
     };
@@ -61,17 +61,17 @@ fn a_scene_is_changed_with_the_mouse_and_in_the_editor() {
     until("the selection", || (screen.shot(&window) != before).then_some(()));
     let arrow = until("the red arrow", || {
         let shot = screen.shot(&window);
-        // Encoded by the device, at most a step or two off.
+        // The device's encoding can differ by one or two steps.
         let is_red = |i: &usize| {
             shot.rgb[i * 3..i * 3 + 3].iter().zip([0xe0u8, 0x55, 0x4d]).all(|(a, b)| a.abs_diff(b) <= 3)
         };
         let all: Vec<usize> = (0..shot.width * shot.height).filter(is_red).collect();
-        // The tip is the rightmost of it.
+        // The tip of the arrow is its rightmost pixel.
         all.iter().max_by_key(|i| *i % shot.width).map(|i| (i % shot.width - 3, i / shot.width))
     });
     screen.save(&window, "2_selected.png");
 
-    // Its red arrow is dragged: the number in the script changes, and nothing else.
+    // The red arrow is dragged: only one number of the script changes.
     point(arrow);
     screen.rest(viewer.0.id());
     screen.xdotool(&["mousedown", "1"]);
@@ -89,7 +89,7 @@ fn a_scene_is_changed_with_the_mouse_and_in_the_editor() {
     screen.key(&window, "ctrl+z");
     until("the undo", || (text() == SCRIPT).then_some(()));
 
-    // The editor breaks the script: the last good image stays, and the line is shown.
+    // The editor saves an error: the last good image stays, and the line is shown.
     fs::write(&script, SCRIPT.replace("\"Wave\"", "\"Waev\"")).unwrap();
     screen.key(&window, "ctrl+5");
     std::thread::sleep(std::time::Duration::from_millis(1500));
@@ -97,7 +97,7 @@ fn a_scene_is_changed_with_the_mouse_and_in_the_editor() {
     until("the last good image", || middle(true));
     screen.save(&window, "4_broken.png");
     fs::write(&script, SCRIPT.replace("\"coral\"", "\"lime\"")).unwrap();
-    // She is green now, but for the line around her.
+    // The actor is green now, except for its outline.
     let greens = || {
         let shot = screen.shot(&window);
         shot.rgb
@@ -107,7 +107,7 @@ fn a_scene_is_changed_with_the_mouse_and_in_the_editor() {
     };
     until("the mended version", || (greens() > 400).then_some(()));
 
-    // It plays for a while, and the frame graph tells how long each frame took.
+    // Playback runs for a while, and the frame graph shows the time of each frame.
     screen.key(&window, "ctrl+8");
     screen.key(&window, "space");
     std::thread::sleep(std::time::Duration::from_millis(1500));
@@ -119,13 +119,13 @@ fn a_scene_is_changed_with_the_mouse_and_in_the_editor() {
     screen.key(&window, "ctrl+q");
     let status = until("the end", || viewer.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
-    assert_quiet(folder.path());
-    // Where the panels lay is known to the next window.
+    assert_no_errors(folder.path());
+    // The next window restores the layout of the panels.
     assert!(folder.path().join("state/choreo/view.json").is_file());
     strip();
 }
 
-/// All steps in one image, two in a row.
+/// Joins the screenshots of all steps in one image, two per row.
 fn strip() {
     let Some(folder) = std::env::var_os("CHOREO_SHOTS") else { return };
     let names = ["1_open", "2_selected", "3_dragged", "4_broken", "5_performance", "6_keys"];

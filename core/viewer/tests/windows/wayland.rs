@@ -1,8 +1,10 @@
-//! A window on Wayland: an actor is selected and dragged, a key takes it back, the output becomes finer, and it ends. With Vulkan under
+//! A window on Wayland: an actor is selected and dragged, the drag is undone, the output scale grows, and the window is closed. With Vulkan under
 //! the validation layer, and on the CPU.
 
 use crate::screen::wayland::{Compositor, KEY_Q, KEY_Z, SIZE};
-use crate::screen::{self, Running, Shot, assert_quiet, rest, started_in, until, validated};
+use crate::screen::{
+    self, Running, Screenshot, assert_no_errors, is_validation_installed, rest, start_in, until,
+};
 use std::fs;
 use std::path::Path;
 
@@ -13,20 +15,20 @@ sun(#{ direction: [-0.6, -1.0, -0.9] });
 "##;
 
 const BACKGROUND: [u8; 3] = [0x20, 0x40, 0x60];
-/// The gizmo's arrow along x.
+/// Color of the gizmo's arrow along x.
 const ALONG_X: [u8; 3] = [0xe0, 0x55, 0x4d];
-/// Where the viewport surely lies: left, top, right, bottom.
+/// A rectangle that lies within the viewport: left, top, right, bottom.
 const PICTURE: [usize; 4] = [200, 110, 900, 540];
 
 fn viewer(compositor: &Compositor, folder: &Path, vulkan: bool) -> Running {
     fs::write(folder.join("a.rhai"), SCRIPT).unwrap();
     let mut command = screen::viewer(if vulkan { "vulkan" } else { "cpu" }, &["a.rhai"], folder);
     compositor.connect(&mut command);
-    started_in(command, folder, vulkan && validated())
+    start_in(command, folder, vulkan && is_validation_installed())
 }
 
-/// Pixels of the viewport of which this holds, from left to right.
-fn pixels(shot: &Shot, is: impl Fn([u8; 3]) -> bool) -> Vec<(usize, usize)> {
+/// Pixels of the viewport whose color satisfies `is`, from left to right.
+fn pixels(shot: &Screenshot, is: impl Fn([u8; 3]) -> bool) -> Vec<(usize, usize)> {
     let [left, top, right, bottom] = PICTURE;
     let all = (left..right).flat_map(|x| (top..bottom).map(move |y| (x, y)));
     all.filter(|(x, y)| is(shot.pixel(*x, *y))).collect()
@@ -39,7 +41,7 @@ fn is_coral([red, green, blue]: [u8; 3]) -> bool {
 #[test]
 fn an_actor_is_dragged_on_wayland_by_vulkan_and_by_the_cpu() {
     let Some(compositor) = Compositor::new() else { return };
-    let mut hands = compositor.hands();
+    let mut hands = compositor.create_input_devices();
     for vulkan in [true, false] {
         let folder = tempfile::tempdir().unwrap();
         let mut viewer = viewer(&compositor, folder.path(), vulkan);
@@ -50,7 +52,7 @@ fn an_actor_is_dragged_on_wayland_by_vulkan_and_by_the_cpu() {
             (all.len() > 200).then(|| all[all.len() / 2])
         });
         wait();
-        // A click selects her, and her red arrow is dragged: one number of the script changes.
+        // A click selects ada, and her red arrow is dragged: one number of the script changes.
         hands.to(ada.0, ada.1);
         wait();
         hands.button(true);
@@ -75,16 +77,16 @@ fn an_actor_is_dragged_on_wayland_by_vulkan_and_by_the_cpu() {
         hands.ctrl(KEY_Z);
         until("the undo", || (text() == SCRIPT).then_some(()));
 
-        // On a finer output the window has half as many points across: the panels, twice as large, still fit it.
-        compositor.tell("output * scale 2");
+        // At twice the output scale the window has half as many points: the panels still fit.
+        compositor.run_sway_command("output * scale 2");
         wait();
-        let corner = |shot: &Shot| shot.pixel(SIZE[0] as usize - 60, SIZE[1] as usize - 60);
+        let corner = |shot: &Screenshot| shot.pixel(SIZE[0] as usize - 60, SIZE[1] as usize - 60);
         until("the finer output", || {
             let shot = compositor.shot();
             (shot.count(BACKGROUND) > 20_000 && corner(&shot) != BACKGROUND).then_some(())
         });
         compositor.save(&format!("wayland_{vulkan}_2.png"));
-        compositor.tell("output * scale 1");
+        compositor.run_sway_command("output * scale 1");
         wait();
         let shot = compositor.shot();
         assert_eq!([shot.width, shot.height], SIZE.map(|s| s as usize));
@@ -92,11 +94,11 @@ fn an_actor_is_dragged_on_wayland_by_vulkan_and_by_the_cpu() {
         hands.ctrl(KEY_Q);
         let status = until("the end", || viewer.0.try_wait().unwrap());
         assert_eq!(status.code(), Some(0));
-        assert_quiet(folder.path());
+        assert_no_errors(folder.path());
     }
 }
 
-/// A compositor that closes the window ends the viewer as its own key does. It finds the window by the name of its desktop entry.
+/// Closing the window by the compositor ends the viewer like its own shortcut. The window is found by its application id.
 #[test]
 fn a_window_that_the_compositor_closes_ends_the_viewer() {
     let Some(compositor) = Compositor::new() else { return };
@@ -104,8 +106,8 @@ fn a_window_that_the_compositor_closes_ends_the_viewer() {
     let mut viewer = viewer(&compositor, folder.path(), true);
     until("the window", || compositor.has_window().then_some(()));
     until("ada", || (pixels(&compositor.shot(), is_coral).len() > 200).then_some(()));
-    compositor.tell("[app_id=choreo-view] kill");
+    compositor.run_sway_command("[app_id=choreo-view] kill");
     let status = until("the end", || viewer.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
 }

@@ -1,7 +1,7 @@
-//! A real window, on a display without a screen, driven as by a person: opened, played, scrubbed, its script edited, broken and
-//! mended, resized and closed.
+//! A real window on a virtual display, operated like a user: opened, played, scrubbed; the script edited, broken and
+//! repaired; resized and closed.
 
-use crate::screen::{Running, Screen, Shot, assert_quiet, until};
+use crate::screen::{Running, Screen, Screenshot, assert_no_errors, until};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -17,23 +17,23 @@ sun(#{ direction: [-0.6, -1.0, -0.9] });
 const BACKGROUND: [u8; 3] = [0x20, 0x40, 0x60];
 
 #[test]
-fn a_session_at_the_window() {
+fn one_window_session_covers_playback_reload_and_screenshot() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let script = folder.path().join("a.rhai");
     fs::write(&script, SCRIPT).unwrap();
     let mut viewer = screen.view(&[script.to_str().unwrap()], folder.path());
     let window = screen.window();
-    // Open: the image is there.
+    // Opening: the image appears.
     let first = until("the first image", || {
         let shot = screen.shot(&window);
         (shot.count(BACKGROUND) > 20_000).then_some(shot)
     });
-    // The image's pixels are those that render writes.
-    the_same_as_render(&first, &script, folder.path());
+    // Its pixels equal those of `render`.
+    assert_same_as_render(&first, &script, folder.path());
     screen.save(&window, "open.png");
 
-    // Keys: another frame is another image, and home again the first.
+    // Shortcuts: another frame gives another image, and Home the first again.
     screen.xdotool(&["mousemove", "--window", &window, "600", "300"]);
     screen.key(&window, "End");
     until("the last frame", || (screen.shot(&window) != first).then_some(()));
@@ -42,16 +42,16 @@ fn a_session_at_the_window() {
         (screen.shot(&window).count(BACKGROUND) == first.count(BACKGROUND)).then_some(())
     });
 
-    // The image as a file beside the script, as render would write it.
+    // The image is saved next to the script, identical to that of `render`.
     screen.key(&window, "p");
     let saved = folder.path().join("a_0.png");
     until("the saved image", || saved.is_file().then_some(()));
     let saved = screen.run("convert", &[saved.to_str().unwrap(), "-depth", "8", "ppm:-"]);
-    let saved = Shot::read(&saved.stdout).unwrap();
+    let saved = Screenshot::read(&saved.stdout).unwrap();
     assert_eq!([saved.width, saved.height], [320, 180]);
     assert!(saved.count(BACKGROUND) == first.count(BACKGROUND), "the same image");
 
-    // Play: it moves by itself, and pauses.
+    // Playback starts and pauses.
     screen.key(&window, "space");
     let a = screen.shot(&window);
     until("movement", || (screen.shot(&window) != a).then_some(()));
@@ -63,21 +63,21 @@ fn a_session_at_the_window() {
         (screen.shot(&window) == a).then_some(())
     });
 
-    // Edit: the new background is seen; the way most editors save.
+    // An edit, saved as most editors do: the new background appears.
     let green = SCRIPT.replace("#204060", "#206040");
     fs::write(folder.path().join("a.rhai.new"), &green).unwrap();
     fs::rename(folder.path().join("a.rhai.new"), &script).unwrap();
     until("the edit", || (screen.shot(&window).count([0x20, 0x60, 0x40]) > 20_000).then_some(()));
-    // Break it: the image stays.
+    // An error in the script: the image stays.
     fs::write(&script, green.replace("Dance_Groove", "Dance_Grove")).unwrap();
     std::thread::sleep(Duration::from_millis(1000));
     until("the last good image", || (screen.shot(&window).count([0x20, 0x60, 0x40]) > 20_000).then_some(()));
     screen.save(&window, "broken.png");
-    // Mend it.
+    // The script is repaired.
     fs::write(&script, green.replace("#206040", "#602040")).unwrap();
     until("the mended version", || (screen.shot(&window).count([0x60, 0x20, 0x40]) > 20_000).then_some(()));
 
-    // Resize, large and small.
+    // The window is resized, large and small.
     for (width, height) in [(500, 400), (1390, 990), (330, 210), (1200, 800)] {
         screen.xdotool(&["windowsize", &window, &width.to_string(), &height.to_string()]);
         until("the window in its new size", || {
@@ -88,16 +88,16 @@ fn a_session_at_the_window() {
     until("the image", || (screen.shot(&window).count([0x60, 0x20, 0x40]) > 20_000).then_some(()));
     screen.save(&window, "resized.png");
 
-    // Close; it ends well.
+    // The window is closed, with exit code 0.
     assert!(viewer.0.try_wait().unwrap().is_none(), "it is still there");
     screen.key(&window, "ctrl+q");
     let status = until("the end", || viewer.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
-    assert_quiet(folder.path());
+    assert_no_errors(folder.path());
 }
 
-/// Compares the image in the window, found by its background, with what `render` draws of the same size.
-fn the_same_as_render(shot: &Shot, script: &Path, folder: &Path) {
+/// Compares the window's image, found by its background color, with that of `render` at the same size.
+fn assert_same_as_render(shot: &Screenshot, script: &Path, folder: &Path) {
     let [left, top, right, bottom] = shot.bounds(BACKGROUND);
     assert_eq!([right - left, bottom - top], [320, 180], "the image has its own size");
     let picture = folder.join("a.png");
@@ -110,7 +110,7 @@ fn the_same_as_render(shot: &Shot, script: &Path, folder: &Path) {
     let code = choreo::run(args, &choreo::app());
     assert_eq!(format!("{code:?}"), format!("{:?}", std::process::ExitCode::SUCCESS));
     let output = Command::new("convert").arg(&picture).args(["-depth", "8", "ppm:-"]).output().unwrap();
-    let rendered = Shot::read(&output.stdout).unwrap();
+    let rendered = Screenshot::read(&output.stdout).unwrap();
     let mut worst = 0;
     for y in 0..180 {
         for x in 0..320 {
@@ -118,12 +118,12 @@ fn the_same_as_render(shot: &Shot, script: &Path, folder: &Path) {
             worst = worst.max(a.iter().zip(b).map(|(a, b)| a.abs_diff(b)).max().unwrap_or(0));
         }
     }
-    // Decoded from sRGB and encoded again by the device, at most one step.
+    // The device decodes from sRGB and encodes again, which can differ by one step.
     assert!(worst <= 1, "worst difference {worst}");
 }
 
 #[test]
-fn without_a_display_it_says_so() {
+fn a_missing_display_is_reported() {
     let output = Command::new(env!("CARGO_BIN_EXE_choreo-view"))
         .arg("a.rhai")
         .env_remove("DISPLAY")
@@ -151,7 +151,7 @@ fn a_display_that_does_not_answer_is_a_message() {
 }
 
 #[test]
-fn a_wayland_that_is_not_there_is_told_and_x11_takes_its_place() {
+fn an_unreachable_wayland_display_is_reported_and_x11_is_used() {
     let folder = tempfile::tempdir().unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_choreo-view"))
         .arg("a.rhai")
@@ -175,7 +175,7 @@ fn a_wayland_that_is_not_there_is_told_and_x11_takes_its_place() {
     drop(viewer);
 }
 
-/// Libraries that are loaded when a window is opened, and their packages. (libX11 is also searched for by its whole path.)
+/// Libraries that are loaded when a window is opened, and their packages. (libX11 is also searched for by its absolute path.)
 const LIBRARIES: [(&[&str], &str); 5] = [
     (&["libX11-xcb.so.1", "libX11-xcb.so"], "libx11-xcb1"),
     (&["libXcursor.so.1", "libXcursor.so"], "libxcursor1"),
@@ -184,9 +184,9 @@ const LIBRARIES: [(&[&str], &str); 5] = [
     (&["libxkbcommon-x11.so.0", "libxkbcommon-x11.so"], "libxkbcommon-x11-0"),
 ];
 
-/// Each of them made useless: an empty file of its name is found before it.
+/// Each library is disabled by an empty file with its name that is found first.
 #[test]
-fn a_library_that_is_missing_is_told_with_its_package_and_render_goes_on() {
+fn a_missing_library_is_reported_with_its_package_and_render_still_works() {
     let Some(screen) = Screen::new() else { return };
     for (files, package) in LIBRARIES {
         let folder = tempfile::tempdir().unwrap();
@@ -208,7 +208,7 @@ fn a_library_that_is_missing_is_told_with_its_package_and_render_goes_on() {
         assert!(hint.split_whitespace().any(|word| word == package), "{package}: {said}");
         assert!(said.contains("choreo render draws the same frames without one"), "{package}: {said}");
         assert!(!said.contains("panicked") && !said.contains(".rs:"), "{package}: {said}");
-        // The same image is drawn without a window, where the same is missing.
+        // `render` writes the same image without a window, with the same library disabled.
         let picture = folder.path().join("a.png");
         let output = Command::new(std::env::current_exe().unwrap())
             .args(["--exact", "window::draws_for_another_test", "--ignored"])

@@ -1,6 +1,6 @@
-//! A window where there is no Vulkan: no driver, not even the library that finds drivers, or only a driver that draws on the CPU.
+//! A window without usable Vulkan: no driver, no Vulkan loader library, or only a driver that draws on the CPU.
 
-use crate::screen::{Running, Screen, Shot, assert_quiet, until};
+use crate::screen::{Running, Screen, Screenshot, assert_no_errors, until};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -16,7 +16,7 @@ const BACKGROUND: [u8; 3] = [0x20, 0x40, 0x60];
 /// Left edge of the inspector in a window of 1280 × 860.
 const INSPECTOR: usize = 921;
 
-/// Parts that a machine lacks.
+/// The part of Vulkan that a machine lacks.
 #[derive(Clone, Copy, Debug)]
 enum Missing {
     Driver,
@@ -39,7 +39,7 @@ fn without(what: Missing, command: &mut Command, folder: &Path) {
         Missing::Gpu => ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].map(|name| {
             command.env(name, SOFTWARE_DRIVERS.iter().find(|file| Path::new(file).exists()).unwrap());
         }),
-        // An empty file of its name is found before it.
+        // An empty file with the library's name is found first.
         Missing::Library => ["libvulkan.so.1", "libvulkan.so"].map(|name| {
             fs::create_dir_all(folder.join("hidden")).unwrap();
             fs::write(folder.join("hidden").join(name), "").unwrap();
@@ -48,7 +48,7 @@ fn without(what: Missing, command: &mut Command, folder: &Path) {
     };
 }
 
-fn started(screen: &Screen, folder: &Path, missing: Option<Missing>) -> (Running, String, Shot) {
+fn started(screen: &Screen, folder: &Path, missing: Option<Missing>) -> (Running, String, Screenshot) {
     let script = folder.join("a.rhai");
     fs::write(&script, SCRIPT).unwrap();
     let device = if missing.is_some() { "auto" } else { "vulkan" };
@@ -69,7 +69,7 @@ fn ended(screen: &Screen, mut viewer: Running, window: &str, folder: &Path) {
     screen.key(window, "ctrl+q");
     let status = until("the end", || viewer.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
-    assert_quiet(folder);
+    assert_no_errors(folder);
 }
 
 #[test]
@@ -78,8 +78,8 @@ fn without_vulkan_the_window_shows_the_frame_and_takes_keys() {
     for missing in [Missing::Driver, Missing::Library, Missing::Gpu] {
         let folder = tempfile::tempdir().unwrap();
         let (viewer, window, first) = started(&screen, folder.path(), Some(missing));
-        // The bytes that the CPU renderer has drawn are those on the screen.
-        the_same_as_render(&first, folder.path());
+        // The pixels on the screen are those of the CPU renderer.
+        assert_same_as_render(&first, folder.path());
         screen.save(&window, &format!("without_{missing:?}.png"));
         screen.xdotool(&["mousemove", "--window", &window, "600", "300"]);
         screen.key(&window, "End");
@@ -99,8 +99,8 @@ fn without_vulkan_the_window_shows_the_frame_and_takes_keys() {
 }
 
 /// Pixels of the image in the window.
-fn image(shot: &Shot) -> Vec<[u8; 3]> {
-    // The inspector beside it shows the color of the background, too.
+fn image(shot: &Screenshot) -> Vec<[u8; 3]> {
+    // The inspector next to it contains the background color, too.
     let mut viewport = shot.clone();
     let is_beside = |pixel: usize| pixel % shot.width >= INSPECTOR;
     let beside = viewport.rgb.chunks_exact_mut(3).enumerate().filter(|(pixel, _)| is_beside(*pixel));
@@ -109,22 +109,22 @@ fn image(shot: &Shot) -> Vec<[u8; 3]> {
     (top..bottom).flat_map(|y| (left..right).map(move |x| shot.pixel(x, y))).collect()
 }
 
-fn the_same_as_render(shot: &Shot, folder: &Path) {
+fn assert_same_as_render(shot: &Screenshot, folder: &Path) {
     let picture = folder.join("a.png");
     let args = ["choreo", "render", "--at", "0", "--device", "cpu", "--quiet", "-o"].map(Into::into);
     let args = args.into_iter().chain([picture.clone().into(), folder.join("a.rhai").into()]);
     let code = choreo::run(args, &choreo::app());
     assert_eq!(format!("{code:?}"), format!("{:?}", std::process::ExitCode::SUCCESS));
     let output = Command::new("convert").arg(&picture).args(["-depth", "8", "ppm:-"]).output().unwrap();
-    let rendered = Shot::read(&output.stdout).unwrap();
+    let rendered = Screenshot::read(&output.stdout).unwrap();
     let rendered: Vec<[u8; 3]> = rendered.rgb.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
     assert!(image(shot) == rendered, "the image on the screen is not the one that render draws");
 }
 
-/// Panels that Vulkan draws are the truth for those that the CPU draws: letters are blended with other weights, and the figures in the bar
-/// differ, but edges, areas and letters lie at the same places.
+/// Panels drawn on the CPU are compared with those drawn by Vulkan: glyphs are blended with other weights, and the timings in the bar
+/// differ, but edges, areas and glyphs must lie at the same places.
 #[test]
-fn panels_look_as_those_that_vulkan_draws() {
+fn panels_drawn_on_the_cpu_match_those_of_vulkan() {
     let Some(screen) = Screen::new() else { return };
     let mut shots = Vec::new();
     for missing in [None, Some(Missing::Driver)] {
