@@ -24,9 +24,9 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
-/// State that all calls of one script share.
-pub(crate) struct Shared {
-    pub build: Mutex<Build>,
+/// State that all API calls of one script share: the stage under construction, its loader and its diagnostics.
+pub(crate) struct ScriptContext {
+    pub build: Mutex<StageDraft>,
     pub defs: &'static Defs,
     pub loader: Arc<Loader>,
     /// Places of `load` calls whose file is used for its clips only.
@@ -43,7 +43,7 @@ pub(crate) struct Shared {
     pub sources: Mutex<BTreeMap<String, Arc<str>>>,
     /// Functions that the script defines, with their number of arguments.
     pub functions: Mutex<Arc<Vec<(String, usize)>>>,
-    /// Names of unknown variables in the script and its modules, which are reported already.
+    /// Unknown variables of the script and its modules that have been reported.
     pub unknown: Mutex<BTreeSet<String>>,
     /// Line and column of the token read last.
     pub last_token: Mutex<(usize, usize)>,
@@ -57,7 +57,7 @@ pub(crate) struct Shared {
     pub test: Mutex<TestState>,
 }
 
-/// Result of a run of the script.
+/// The task of a run of the script.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// The stage of the script. Test sections are not run.
@@ -68,7 +68,7 @@ pub enum Mode {
     Section(usize),
 }
 
-impl Shared {
+impl ScriptContext {
     /// The time limit that the script has exceeded, if any.
     pub fn late(&self) -> Option<&'static str> {
         if self.timeout.is_some_and(|timeout| timeout.check().is_err()) {
@@ -119,7 +119,7 @@ impl Shared {
         }
     }
 
-    /// Notes a diagnostic, unless it is silent or a comment allows it.
+    /// Adds a diagnostic, unless its error is silent or a comment in the script suppresses its rule.
     pub fn note(&self, severity: Severity, place: &Place, error: &ApiError) {
         self.note_in_order(None, severity, place, error);
     }
@@ -199,15 +199,16 @@ impl Shared {
 
 /// Byte offset of `word` in `text` where it is not part of a longer word, such as a key of an object map.
 fn find_word(text: &str, word: &str) -> Option<usize> {
-    let part = |c: char| c.is_alphanumeric() || c == '_';
+    let is_word_char = |c: char| c.is_alphanumeric() || c == '_';
     text.match_indices(word).map(|(i, _)| i).find(|i| {
-        !text[..*i].chars().next_back().is_some_and(part)
-            && !text[i + word.len()..].chars().next().is_some_and(part)
+        !text[..*i].chars().next_back().is_some_and(is_word_char)
+            && !text[i + word.len()..].chars().next().is_some_and(is_word_char)
     })
 }
 
+/// The stage while a script builds it: drafts of its objects, with the places of the calls that made them.
 #[derive(Default)]
-pub(crate) struct Build {
+pub(crate) struct StageDraft {
     pub settings: Settings,
     /// Place of the call of `stage(…)`.
     pub settings_at: Option<Place>,
@@ -499,7 +500,7 @@ pub(crate) struct CameraDraft {
     pub looks: Vec<(CameraLook, Option<Time>)>,
 }
 
-impl Build {
+impl StageDraft {
     /// The script's annotations of a clip, or of the clip that it was bound from.
     pub(crate) fn notes_of(&self, clip: &Arc<Clip>) -> Option<&ClipNotes> {
         let key = |clip: &Arc<Clip>| Arc::as_ptr(clip) as usize;

@@ -2,7 +2,7 @@
 //! it.
 
 use crate::api_error::{ApiError, Place};
-use crate::build::{ActorDraft, Build, LoadDraft};
+use crate::build::{ActorDraft, LoadDraft, StageDraft};
 use crate::cue_times::all_times;
 use crate::diagnostic::Severity;
 use choreo_motion::Time;
@@ -10,7 +10,7 @@ use choreo_stage::{Cut, Repeat};
 use std::sync::Arc;
 
 /// Adds warnings about the drafts to `notes`.
-pub fn before(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) {
+pub fn before(build: &StageDraft, notes: &mut Vec<(Severity, Place, ApiError)>) {
     let mut warn = |rule: &'static str, place: &Place, text: String| {
         notes.push((Severity::Warning, place.clone(), ApiError { rule, ..ApiError::new(text) }));
     };
@@ -45,7 +45,7 @@ pub(crate) fn rounded_secs(time: Time) -> f64 {
     libm::round(time.as_secs() * 1000.0) / 1000.0
 }
 
-fn cues(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
+fn cues(build: &StageDraft, warn: &mut impl FnMut(&'static str, &Place, String)) {
     let times = all_times(build);
     // A pose that is held for less than a frame is not visible; clip lengths are often not whole milliseconds.
     let frame = build.settings.fps.time_of(1);
@@ -127,7 +127,7 @@ fn cues(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
 /// Warns about a trimmed part of a clip that restarts with a jump while the next clip fades in over it, which is probably not
 /// intended. (Whole clips are assumed to loop.)
 fn restarts(
-    build: &Build,
+    build: &StageDraft,
     times: &[(Time, Option<Time>)],
     warn: &mut impl FnMut(&'static str, &Place, String),
 ) {
@@ -159,7 +159,7 @@ fn restarts(
 }
 
 /// Warns about several actors in one place, which is probably not intended. A flat ground below them is not counted.
-fn actors_in_one_place(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
+fn actors_in_one_place(build: &StageDraft, warn: &mut impl FnMut(&'static str, &Place, String)) {
     let flat = |a: &ActorDraft| a.actor.asset.name == "shape plane";
     // The vertices of a mesh from arrays can contain its position.
     let of_vertices = |a: &ActorDraft| {

@@ -1,7 +1,7 @@
 //! Analysis of clips when the stage is resolved: root motion, steps and gaits, once for all actors that play them.
 
 use crate::api_error::ApiError;
-use crate::build::{Build, CueDraft, RootDraft, RootUse};
+use crate::build::{CueDraft, RootDraft, RootUse, StageDraft};
 use choreo_asset::Asset;
 use choreo_motion::contacts::{ContactInterval, Contacts, find_feet, leg_length};
 use choreo_motion::{Clip, Footsteps, PhaseMatchedFade, RootMotion, RootParts, Time};
@@ -42,7 +42,7 @@ fn part(asset: &Asset, clip: &Arc<Clip>, trim: (Time, Time)) -> ClipRange {
 }
 
 /// The root motion of a cue on the base layer, if the cue or its actor requests it.
-pub fn root(build: &Build, draft: &CueDraft, found: &mut AnalyzedClips) -> Option<Arc<CueRootMotion>> {
+pub fn root(build: &StageDraft, draft: &CueDraft, found: &mut AnalyzedClips) -> Option<Arc<CueRootMotion>> {
     let actor = &build.actors[build.chains[draft.chain].actor];
     // An actor on a path that moves as fast as the clips walk has root motion without asking.
     let paced = actor
@@ -65,7 +65,7 @@ pub fn root(build: &Build, draft: &CueDraft, found: &mut AnalyzedClips) -> Optio
     root
 }
 
-fn steps(build: &Build, draft: &CueDraft, found: &mut AnalyzedClips) -> Option<Arc<Footsteps>> {
+fn steps(build: &StageDraft, draft: &CueDraft, found: &mut AnalyzedClips) -> Option<Arc<Footsteps>> {
     let trim = draft.part();
     if let Some(times) = build.notes_of(&draft.cue.clip).and_then(|notes| notes.steps.as_ref()) {
         return Footsteps::given(times, trim).map(Arc::new);
@@ -82,7 +82,7 @@ fn steps(build: &Build, draft: &CueDraft, found: &mut AnalyzedClips) -> Option<A
 
 /// The crossfade of two clips with matched phases. Error: the clips cannot be matched.
 pub fn in_step(
-    build: &Build,
+    build: &StageDraft,
     drafts: [usize; 2],
     cues: [&Cue; 2],
     found: &mut AnalyzedClips,

@@ -1,6 +1,6 @@
 //! Parses a script to a syntax tree and refuses functions that scripts must not use.
 
-use crate::build::Shared;
+use crate::build::ScriptContext;
 use crate::value::Poison;
 use rhai::{AST, ASTNode, Engine, Expr, LexError, ParseError, ParseErrorType, Position, Scope, Stmt};
 use std::sync::PoisonError;
@@ -26,7 +26,7 @@ pub(crate) const CONSTANTS: &[(&str, &str)] =
 
 /// Parses a script. Rhai silently takes an unclosed comment for the end of the script. To detect that, the script is parsed again
 /// with a `;` appended: the last token stays the same only inside a comment.
-pub fn compile(engine: &Engine, shared: &Shared, text: &str) -> Result<AST, ParseError> {
+pub fn compile(engine: &Engine, shared: &ScriptContext, text: &str) -> Result<AST, ParseError> {
     compile_within(engine, shared, text, &constants())
 }
 
@@ -44,7 +44,7 @@ const MOST_UNKNOWN: usize = 20;
 /// has another error, the variables before that error are found.
 pub(crate) fn compile_all(
     engine: &Engine,
-    shared: &Shared,
+    shared: &ScriptContext,
     text: &str,
 ) -> (Result<AST, ParseError>, Vec<UnknownVariable>) {
     let (mut scope, mut unknown) = (constants(), Vec::<UnknownVariable>::new());
@@ -100,7 +100,12 @@ fn add_further_places(ast: &AST, unknown: &mut Vec<UnknownVariable>) {
     }
 }
 
-fn compile_within(engine: &Engine, shared: &Shared, text: &str, scope: &Scope) -> Result<AST, ParseError> {
+fn compile_within(
+    engine: &Engine,
+    shared: &ScriptContext,
+    text: &str,
+    scope: &Scope,
+) -> Result<AST, ParseError> {
     let last_token = || *shared.last_token.lock().unwrap_or_else(PoisonError::into_inner);
     *shared.last_token.lock().unwrap_or_else(PoisonError::into_inner) = (0, 0);
     let ast = engine.compile_with_scope(scope, text)?;

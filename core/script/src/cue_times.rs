@@ -1,6 +1,6 @@
 //! Start and end times of cues.
 
-use crate::build::{Build, CueDraft};
+use crate::build::{CueDraft, StageDraft};
 use choreo_motion::Time;
 use choreo_stage::{Cue, Repeat};
 
@@ -35,7 +35,7 @@ impl CueDraft {
 }
 
 /// Start and end of every cue; `None` for one that repeats without end.
-pub(crate) fn all_times(build: &Build) -> Vec<(Time, Option<Time>)> {
+pub(crate) fn all_times(build: &StageDraft) -> Vec<(Time, Option<Time>)> {
     let mut times: Vec<(Time, Option<Time>)> = Vec::with_capacity(build.cues.len());
     // A cue comes later in the list than its predecessor.
     for cue in &build.cues {
@@ -47,7 +47,7 @@ pub(crate) fn all_times(build: &Build) -> Vec<(Time, Option<Time>)> {
 
 /// Start and end of one cue. `follows`: its predecessor in the chain, with start and end.
 fn cue_times(
-    build: &Build,
+    build: &StageDraft,
     cue: &CueDraft,
     follows: Option<(&CueDraft, (Time, Option<Time>))>,
 ) -> (Time, Option<Time>) {
@@ -71,7 +71,7 @@ fn cue_times(
 }
 
 /// Start and end of the cue with this index.
-pub fn times(build: &Build, id: usize) -> (Time, Option<Time>) {
+pub fn times(build: &StageDraft, id: usize) -> (Time, Option<Time>) {
     // Goes to the front of the chain and back without recursion, because chains can be long.
     let mut walk = vec![id];
     while let Some(before) = walk.last().and_then(|id| build.cues[*id].after) {

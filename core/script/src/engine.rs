@@ -2,7 +2,7 @@
 
 use crate::api;
 use crate::api_error::{ApiError, Place};
-use crate::build::Shared;
+use crate::build::ScriptContext;
 use crate::call::{Call, Function};
 use crate::compile::{FORBIDDEN_NAMES, PARSE_TIMEOUT, constants, is_refused};
 use crate::def::{Def, ResultType};
@@ -22,7 +22,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
 /// Makes the engine of one run, with the script API and the limits of `shared`.
-pub fn engine(shared: &Arc<Shared>) -> Engine {
+pub fn engine(shared: &Arc<ScriptContext>) -> Engine {
     let mut engine = choreo_sandbox::engine();
     engine.register_global_module(BasicBlobPackage::new().as_shared_module());
     let mut globals = rhai::Module::new();
@@ -45,7 +45,7 @@ pub fn engine(shared: &Arc<Shared>) -> Engine {
     engine
 }
 
-fn restrict(engine: &mut Engine, shared: &Arc<Shared>) {
+fn restrict(engine: &mut Engine, shared: &Arc<ScriptContext>) {
     let limits = &shared.limits;
     for (name, _) in FORBIDDEN_NAMES {
         engine.disable_symbol(*name);
@@ -85,9 +85,9 @@ fn restrict(engine: &mut Engine, shared: &Arc<Shared>) {
     });
 }
 
-fn capture_output(engine: &mut Engine, shared: &Arc<Shared>) {
+fn capture_output(engine: &mut Engine, shared: &Arc<ScriptContext>) {
     // Lines beyond the limit are only counted: a loop that prints must not fill the memory.
-    let keep = |shared: &std::sync::Weak<Shared>, line: String| {
+    let keep = |shared: &std::sync::Weak<ScriptContext>, line: String| {
         if let Some(shared) = shared.upgrade() {
             let mut build = shared.build.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             build.print(&line, shared.limits.printed);
@@ -105,7 +105,7 @@ fn capture_output(engine: &mut Engine, shared: &Arc<Shared>) {
 /// Adapts the tokenizer. After a dot, Rhai's keywords are method names: `.loop()`, `.until(3.0)`; and `until` can be a key of an
 /// object map. Past the time limit every token is an error, because Rhai takes quadratic time to parse a file with many
 /// variables.
-fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
+fn watch_tokens(engine: &mut Engine, shared: &Arc<ScriptContext>) {
     const OTHER: u8 = 0;
     const DOT: u8 = 1;
     const LIST: u8 = 2;
@@ -174,7 +174,7 @@ fn sign_of_number() -> Token {
     Token::LexError(Box::new(LexError::Runtime(text.into())))
 }
 
-fn register(engine: &mut Engine, shared: &Arc<Shared>, name: &str, function: &'static Function) {
+fn register(engine: &mut Engine, shared: &Arc<ScriptContext>, name: &str, function: &'static Function) {
     let def = &function.def;
     let counts: BTreeSet<usize> = def.forms().iter().map(Vec::len).collect();
     for count in counts {
@@ -193,7 +193,7 @@ fn register(engine: &mut Engine, shared: &Arc<Shared>, name: &str, function: &'s
 }
 
 fn dispatch(
-    shared: &Arc<Shared>,
+    shared: &Arc<ScriptContext>,
     Function { def, run }: &'static Function,
     context: &NativeCallContext,
     args: &mut [&mut Dynamic],

@@ -1,7 +1,7 @@
 //! Translates errors of the Rhai interpreter to messages of this program.
 
 use crate::api_error::{ApiError, Place};
-use crate::build::Shared;
+use crate::build::ScriptContext;
 use crate::call::describe;
 use crate::compile::{
     FORBIDDEN_NAMES, MANY_ARGUMENTS, MOST_ARGUMENTS, OPEN_COMMENT, PARSE_TIMEOUT, UnknownVariable, is_refused,
@@ -36,7 +36,7 @@ pub fn refused(name: &str) -> ApiError {
 }
 
 /// Place and message of an error of the interpreter. `file`: the script that was run.
-pub fn explain(error: &EvalAltResult, file: &str, shared: &Shared) -> (Place, ApiError) {
+pub fn explain(error: &EvalAltResult, file: &str, shared: &ScriptContext) -> (Place, ApiError) {
     let place = |at: Position| Place {
         file: file.to_string(),
         line: at.line().unwrap_or(0),
@@ -73,7 +73,7 @@ pub fn explain(error: &EvalAltResult, file: &str, shared: &Shared) -> (Place, Ap
 }
 
 /// Place and message of a parser error whose cause lies before the place at which the parser stops.
-fn misread(kind: &ParseErrorType, place: &Place, shared: &Shared) -> Option<(Place, ApiError)> {
+fn misread(kind: &ParseErrorType, place: &Place, shared: &ScriptContext) -> Option<(Place, ApiError)> {
     let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
     let text = sources.get(&place.file).cloned()?;
     drop(sources);
@@ -82,7 +82,7 @@ fn misread(kind: &ParseErrorType, place: &Place, shared: &Shared) -> Option<(Pla
 }
 
 /// Message and hint of an error of the interpreter itself.
-fn described(error: &EvalAltResult, place: &Place, shared: &Shared) -> ApiError {
+fn described(error: &EvalAltResult, place: &Place, shared: &ScriptContext) -> ApiError {
     let limits = &shared.limits;
     match error {
         EvalAltResult::ErrorParsing(kind, _) => parsing(kind, place, shared),
@@ -156,7 +156,7 @@ fn runtime(value: &Dynamic, place: Place) -> (Place, ApiError) {
     (place, ApiError::new(text))
 }
 
-fn limit_reached(limit: &Dynamic, shared: &Shared) -> ApiError {
+fn limit_reached(limit: &Dynamic, shared: &ScriptContext) -> ApiError {
     let name = limit.clone().into_string().unwrap_or_default();
     let limits = &shared.limits;
     match name.as_str() {
@@ -179,7 +179,7 @@ fn limit_reached(limit: &Dynamic, shared: &Shared) -> ApiError {
     }
 }
 
-fn too_large(what: &str, shared: &Shared) -> ApiError {
+fn too_large(what: &str, shared: &ScriptContext) -> ApiError {
     let limits = &shared.limits;
     let lower = what.to_lowercase();
     if lower.contains("string") {
@@ -194,7 +194,7 @@ fn too_large(what: &str, shared: &Shared) -> ApiError {
     }
 }
 
-fn parsing(kind: &ParseErrorType, place: &Place, shared: &Shared) -> ApiError {
+fn parsing(kind: &ParseErrorType, place: &Place, shared: &ScriptContext) -> ApiError {
     match kind {
         ParseErrorType::VariableUndefined(name) => unknown_variable(name, place, shared),
         ParseErrorType::ModuleUndefined(name) => ApiError::new(format!("unknown module \"{name}\""))
@@ -259,7 +259,7 @@ fn quote(token: &str) -> String {
 }
 
 /// Reports the unknown variables of a file.
-pub(crate) fn note_unknown(unknown: &[UnknownVariable], file: &str, shared: &Shared) {
+pub(crate) fn note_unknown(unknown: &[UnknownVariable], file: &str, shared: &ScriptContext) {
     for variable in unknown {
         let (line, column) = (variable.at.line().unwrap_or(0), variable.at.position().unwrap_or(0));
         let place = Place { file: file.to_string(), line, column };
@@ -268,7 +268,7 @@ pub(crate) fn note_unknown(unknown: &[UnknownVariable], file: &str, shared: &Sha
 }
 
 /// Marks unknown variables as reported, so that errors that they cause at run time are not shown.
-pub(crate) fn mark_as_reported(unknown: &[UnknownVariable], shared: &Shared) {
+pub(crate) fn mark_as_reported(unknown: &[UnknownVariable], shared: &ScriptContext) {
     let names = unknown.iter().map(|variable| variable.name.clone());
     shared.unknown.lock().unwrap_or_else(PoisonError::into_inner).extend(names);
 }
@@ -278,7 +278,7 @@ pub(crate) fn is_follow_up(message: &str) -> bool {
     message.is_empty() || message.contains(POISON)
 }
 
-fn unknown_variable(name: &str, place: &Place, shared: &Shared) -> ApiError {
+fn unknown_variable(name: &str, place: &Place, shared: &ScriptContext) -> ApiError {
     let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
     let text = sources.get(&place.file).cloned().unwrap_or_default();
     drop(sources);
@@ -308,7 +308,7 @@ fn unknown_variable(name: &str, place: &Place, shared: &Shared) -> ApiError {
 }
 
 /// The error about an unknown function. `signature`: `name (type, type)`.
-fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
+fn unknown_function(signature: &str, shared: &ScriptContext) -> ApiError {
     let (name, types) = signature_parts(signature);
     let got = || types.iter().map(|t| type_word(t)).collect::<Vec<_>>().join(", ");
     if name.starts_with("anon$") {
@@ -375,7 +375,7 @@ fn arguments(count: usize) -> String {
     if count == 1 { "1 argument".to_string() } else { format!("{count} arguments") }
 }
 
-fn unknown_member(name: &str, kind: &str, shared: &Shared) -> ApiError {
+fn unknown_member(name: &str, kind: &str, shared: &ScriptContext) -> ApiError {
     let Some(on) = HandleKind::from_name(kind) else {
         return ApiError::new(format!("{} has no \"{name}\"", a_type_word(kind)));
     };

@@ -1,7 +1,7 @@
 //! `on_frame` callbacks: closures of the script, run as pure functions of time.
 
 use crate::api_error::{ApiError, Place};
-use crate::build::{HookDraft, Shared};
+use crate::build::{HookDraft, ScriptContext};
 use crate::diagnostic::Severity;
 use crate::errors;
 use choreo_motion::Time;
@@ -59,7 +59,7 @@ pub(crate) struct ScriptHook {
     callback: FnPtr,
     context: NativeCallContextStore,
     at: Place,
-    shared: Arc<Shared>,
+    shared: Arc<ScriptContext>,
     identity: String,
     /// Number of callbacks of the stage.
     all: u64,
@@ -75,7 +75,7 @@ impl ScriptHook {
     /// `script`: hash that identifies the script with its parameters and files.
     pub fn new(
         engine: Arc<Engine>,
-        shared: Arc<Shared>,
+        shared: Arc<ScriptContext>,
         draft: HookDraft,
         script: &str,
         all: usize,

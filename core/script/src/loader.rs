@@ -86,7 +86,7 @@ struct LoaderState {
     imports: BTreeMap<(PathBuf, String), Arc<Import>>,
     /// Canonical paths and hashes of all files read.
     used: BTreeMap<PathBuf, [u8; 32]>,
-    /// Paths that were looked up in vain or are links.
+    /// Paths that were not found or are links.
     looked_for: BTreeSet<PathBuf>,
 }
 
@@ -152,7 +152,7 @@ impl Loader {
         self.state().used.clone()
     }
 
-    /// Paths that were looked up in vain so far, and links on the way to files that were found.
+    /// Paths that were not found so far, and links on the way to files that were found.
     pub fn looked_for(&self) -> BTreeSet<PathBuf> {
         self.state().looked_for.clone()
     }

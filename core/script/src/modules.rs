@@ -1,7 +1,7 @@
 //! `import "steps" as steps;`: other scripts, from the script's own folder only.
 
 use crate::api_error::{ApiError, Place};
-use crate::build::Shared;
+use crate::build::ScriptContext;
 use crate::compile::{compile_all, constants, declare_poisons};
 use crate::errors::throw;
 use crate::limits::raise_hint;
@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 pub(crate) const EMPTY: &str = "\0";
 
 pub struct Modules {
-    shared: Weak<Shared>,
+    shared: Weak<ScriptContext>,
     state: Mutex<LoadedModules>,
 }
 
@@ -28,7 +28,7 @@ struct LoadedModules {
 }
 
 impl Modules {
-    pub fn new(shared: Arc<Shared>) -> Modules {
+    pub fn new(shared: Arc<ScriptContext>) -> Modules {
         // A weak reference, because `shared` keeps the engine alive through the contexts of hooks.
         Modules { shared: Arc::downgrade(&shared), state: Mutex::default() }
     }
@@ -121,7 +121,7 @@ impl ModuleResolver for Modules {
 
 /// Reads a script or an unsaved text. Error: it is not UTF-8, or larger than 4 MiB.
 pub(crate) fn read_text(
-    shared: &Shared,
+    shared: &ScriptContext,
     found: &crate::folders::FoundFile,
     name: &str,
 ) -> Result<String, ApiError> {

@@ -1,7 +1,7 @@
 //! A parsed script, which all its runs share.
 
 use crate::api_error::Place;
-use crate::build::Shared;
+use crate::build::ScriptContext;
 use crate::compile::{UnknownVariable, compile_all};
 use rhai::{AST, Engine, ParseError};
 use std::collections::BTreeMap;
@@ -28,7 +28,12 @@ pub struct Unreadable {
 
 impl Parsed {
     /// Parses a script. `name`: its name in messages.
-    pub fn new(engine: &Engine, shared: &Shared, name: &str, text: &str) -> Result<Parsed, Unreadable> {
+    pub fn new(
+        engine: &Engine,
+        shared: &ScriptContext,
+        name: &str,
+        text: &str,
+    ) -> Result<Parsed, Unreadable> {
         let (read, unknown) = compile_all(engine, shared, text);
         let mut ast = match read {
             Ok(ast) => ast,

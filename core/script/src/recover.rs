@@ -6,7 +6,7 @@
 //! a failed loop or condition, all variables that it sets anywhere are poisoned; after a failed import, errors of calls into that
 //! module are not reported.
 
-use crate::build::{Mode, Shared};
+use crate::build::{Mode, ScriptContext};
 use crate::compile::{UnknownVariable, constants, declare_poisons};
 use crate::diagnostic::Severity;
 use crate::errors::{self, Thrown};
@@ -22,7 +22,7 @@ const MOST: usize = 20;
 pub(crate) fn run(
     engine: &Engine,
     name: &str,
-    shared: &Shared,
+    shared: &ScriptContext,
     ast: &AST,
     unknown: &[UnknownVariable],
 ) -> bool {

@@ -2,7 +2,7 @@
 
 use crate::api::defs;
 use crate::api_error::{ApiError, Place};
-use crate::build::{Build, Mode, Parameter, Shared};
+use crate::build::{Mode, Parameter, ScriptContext, StageDraft};
 use crate::cache::AssetCache;
 use crate::content::hex;
 use crate::diagnostic::{Diagnostic, Severity};
@@ -136,7 +136,7 @@ pub(crate) struct Opened {
     /// The path as the caller named it, for messages.
     pub name: String,
     pub text: String,
-    pub shared: Arc<Shared>,
+    pub shared: Arc<ScriptContext>,
 }
 
 /// Finds and reads a script file. `root`: see [`Folders::with_root`].
@@ -186,14 +186,19 @@ pub fn run_text(
     on_own_thread(move || run_here(&name, &text, &shared))
 }
 
-fn new_shared(folders: Folders, mode: Mode, registry: &Registry, options: &ScriptOptions) -> Arc<Shared> {
+fn new_shared(
+    folders: Folders,
+    mode: Mode,
+    registry: &Registry,
+    options: &ScriptOptions,
+) -> Arc<ScriptContext> {
     let mut loader = Loader::new(registry, folders, options.needs).with_cache(&options.assets);
     loader = loader.watched_by(&options.imports);
     if mode == Mode::List {
         loader = loader.when_waited_for();
     }
-    Arc::new(Shared {
-        build: Mutex::new(Build::default()),
+    Arc::new(ScriptContext {
+        build: Mutex::new(StageDraft::default()),
         defs: defs(),
         loader: Arc::new(loader),
         clips_only: Mutex::default(),
@@ -231,7 +236,7 @@ pub(crate) fn on_own_thread<T: Send + 'static>(
 }
 
 /// Makes the engine of a run and starts its time limit.
-pub fn begin(name: &str, text: &str, shared: &Arc<Shared>) -> Arc<Engine> {
+pub fn begin(name: &str, text: &str, shared: &Arc<ScriptContext>) -> Arc<Engine> {
     shared.sources.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_string(), text.into());
     let engine = Arc::new(engine::engine(shared));
     *shared.engine.lock().unwrap_or_else(PoisonError::into_inner) = Arc::downgrade(&engine);
@@ -241,7 +246,12 @@ pub fn begin(name: &str, text: &str, shared: &Arc<Shared>) -> Arc<Engine> {
 }
 
 /// Runs the statements of a parsed script. Errors, those of parsing included, are noted among the build's diagnostics.
-pub fn execute(engine: &Engine, name: &str, shared: &Shared, script: Result<(&Parsed, &AST), Unreadable>) {
+pub fn execute(
+    engine: &Engine,
+    name: &str,
+    shared: &ScriptContext,
+    script: Result<(&Parsed, &AST), Unreadable>,
+) {
     match script {
         Err(Unreadable { error, unknown }) => {
             errors::note_unknown(&unknown, name, shared);
@@ -269,7 +279,7 @@ pub fn execute(engine: &Engine, name: &str, shared: &Shared, script: Result<(&Pa
     *shared.deadline.lock().unwrap_or_else(PoisonError::into_inner) = None;
 }
 
-fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<Diagnostic>> {
+fn run_here(name: &str, text: &str, shared: &Arc<ScriptContext>) -> Result<Script, Vec<Diagnostic>> {
     let engine = begin(name, text, shared);
     let parsed = Parsed::new(&engine, shared, name, text);
     if let Ok(parsed) = &parsed {
@@ -315,7 +325,7 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
 }
 
 /// Reports names given with `--set` that no `param` declares.
-fn unknown_set_names(shared: &Shared) {
+fn unknown_set_names(shared: &ScriptContext) {
     let known: Vec<String> = {
         let build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
         build.parameters.iter().map(|p| p.name.clone()).collect()
@@ -337,7 +347,7 @@ fn unknown_set_names(shared: &Shared) {
     }
 }
 
-fn hash(text: &str, shared: &Shared) -> [u8; 32] {
+fn hash(text: &str, shared: &ScriptContext) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     let mut add = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());

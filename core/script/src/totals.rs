@@ -1,14 +1,14 @@
 //! Limits on totals over all actors, which no single call can check.
 
 use crate::api_error::{ApiError, Place};
-use crate::build::Build;
+use crate::build::StageDraft;
 use crate::limits::{Limits, raise_hint};
 use choreo_asset::{Asset, Image};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// The error that a total exceeds its limit, at the place of the first actor that makes it too large.
-pub fn too_much(build: &Build, limits: &Limits) -> Option<(Place, ApiError)> {
+pub fn too_much(build: &StageDraft, limits: &Limits) -> Option<(Place, ApiError)> {
     let mut sums = [
         ("joints", limits.joints, 0u64),
         ("instances", limits.instances, 0),

@@ -1,7 +1,7 @@
 //! Markers of clips and of the stage, footsteps of clips, and sequences for several actors.
 
 use super::markers::{clip_marker, find};
-use crate::build::{Build, ClipNotes};
+use crate::build::{ClipNotes, StageDraft};
 use crate::call::{ApiError, Call, Reply, api};
 use crate::value::{ActorRef, ClipRef};
 use choreo_motion::{Clip, Time};
@@ -25,7 +25,7 @@ api! {
 /// The largest number of markers of one clip, and of the stage.
 const MOST_MARKERS: usize = 10_000;
 
-fn notes<'a>(build: &'a mut MutexGuard<'_, Build>, clip: &Arc<Clip>) -> &'a mut ClipNotes {
+fn notes<'a>(build: &'a mut MutexGuard<'_, StageDraft>, clip: &Arc<Clip>) -> &'a mut ClipNotes {
     let notes = || ClipNotes { _clip: clip.clone(), markers: Vec::new(), steps: None };
     build.clip_notes.entry(Arc::as_ptr(clip) as usize).or_insert_with(notes)
 }

@@ -1,6 +1,6 @@
 //! `test`, and what a test can use: other scripts, stages, render plans, golden images.
 
-use crate::build::{Mode, Shared, check_limit};
+use crate::build::{Mode, ScriptContext, check_limit};
 use crate::call::{ApiError, Call, Options, Place, Reply, api, describe, numbers, unknown};
 use crate::compile::{compile, constants};
 use crate::diagnostic::Severity;
@@ -103,7 +103,7 @@ fn section(c: &mut Call) -> Reply {
 }
 
 /// Notes errors about `expect` calls of a section without a comparison, and about modifiers without effect.
-fn end_section(shared: &Shared) {
+fn end_section(shared: &ScriptContext) {
     let pending_expects = std::mem::take(&mut shared.test().pending_expects);
     for PendingExpect { place, comparisons, unused } in pending_expects {
         if comparisons == 0 {

@@ -1,7 +1,7 @@
 //! Walks to a point, as keyframes of the actor and cues of its base layer: turn, start, walk and stop.
 
 use super::cue::bound;
-use crate::build::{ActorDraft, Build, Chain, CueDraft, RootDraft, RootUse, check_limit};
+use crate::build::{ActorDraft, Chain, CueDraft, RootDraft, RootUse, StageDraft, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api};
 use crate::cue_times::times;
 use crate::value::{ActorRef, ClipRef, CueRef};
@@ -148,7 +148,7 @@ fn clip_speed(asset: &Asset, clip: &Arc<Clip>) -> f64 {
 }
 
 /// The clip of the last cue of an actor's base layer that has begun by a time.
-fn playing(build: &Build, actor: usize, time: Time) -> Option<Arc<Clip>> {
+fn playing(build: &StageDraft, actor: usize, time: Time) -> Option<Arc<Clip>> {
     let of_base = |id: &usize| {
         let chain = &build.chains[build.cues[*id].chain];
         chain.actor == actor && !chain.is_layer()
@@ -160,7 +160,7 @@ fn playing(build: &Build, actor: usize, time: Time) -> Option<Arc<Clip>> {
 
 /// Adds a cue that plays in place to the base layer of an actor.
 fn add_cue(
-    build: &mut Build,
+    build: &mut StageDraft,
     c: &Call,
     actor: usize,
     (clip, start): (&Arc<Clip>, Time),

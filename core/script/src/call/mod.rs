@@ -10,7 +10,7 @@ pub(crate) use read::{
 };
 
 pub(crate) use crate::api_error::{ApiError, Place};
-use crate::build::{Build, Shared};
+use crate::build::{ScriptContext, StageDraft};
 use crate::def::Def;
 use crate::suggest::{closest, did_you_mean, list};
 use crate::synonyms;
@@ -107,7 +107,7 @@ pub(crate) fn unknown_of<'a>(
 
 /// A call in progress: the called function, its arguments (the receiver first), and its place in the script.
 pub struct Call<'a, 'b> {
-    pub shared: &'a Arc<Shared>,
+    pub shared: &'a Arc<ScriptContext>,
     pub def: &'static Def,
     pub args: &'a mut [&'b mut Dynamic],
     pub place: Place,
@@ -126,7 +126,7 @@ impl Call<'_, '_> {
     }
 
     /// Locks the build. Drop the guard before calling anything that locks the build, too.
-    pub fn build(&self) -> MutexGuard<'_, Build> {
+    pub fn build(&self) -> MutexGuard<'_, StageDraft> {
         self.shared.build.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

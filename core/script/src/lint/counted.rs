@@ -3,7 +3,7 @@
 //!
 //! Texts, trees and lists are private to this module, so that no rule can read them uncounted.
 
-use crate::build::{Build, Declared, LoadDraft};
+use crate::build::{Declared, LoadDraft, StageDraft};
 use rhai::{AST, ASTNode, Stmt};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -85,10 +85,10 @@ impl SortedPositions {
 }
 
 /// Loads and variables of a script that has run.
-pub(super) struct Drafts<'a>(&'a Build);
+pub(super) struct Drafts<'a>(&'a StageDraft);
 
 impl<'a> Drafts<'a> {
-    pub fn new(build: &'a Build) -> Drafts<'a> {
+    pub fn new(build: &'a StageDraft) -> Drafts<'a> {
         Drafts(build)
     }
 

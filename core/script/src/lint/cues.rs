@@ -1,7 +1,7 @@
 //! Finds cues that leave a gap, freeze, hide each other or are cut off.
 
 use super::PlacedFinding;
-use crate::build::{Build, CueDraft};
+use crate::build::{CueDraft, StageDraft};
 use crate::check::rounded_secs;
 use crate::cue_times::all_times;
 use choreo_motion::Time;
@@ -27,7 +27,7 @@ impl Timed<'_> {
     }
 }
 
-pub fn check_cues(build: &Build, found: &mut Vec<PlacedFinding>) {
+pub fn check_cues(build: &StageDraft, found: &mut Vec<PlacedFinding>) {
     let times = all_times(build);
     let timed: Vec<Timed> = build
         .cues
@@ -65,7 +65,7 @@ pub fn check_cues(build: &Build, found: &mut Vec<PlacedFinding>) {
 }
 
 fn base_layer(
-    build: &Build,
+    build: &StageDraft,
     subject: Subject,
     actor: &str,
     base: &[&Timed],
@@ -134,7 +134,7 @@ fn base_layer(
 const MOST_LAYERS: usize = 32;
 
 /// Finds pairs of layers that move the same joints at the same time.
-fn layers(build: &Build, upper: &[&Timed], found: &mut Vec<PlacedFinding>) {
+fn layers(build: &StageDraft, upper: &[&Timed], found: &mut Vec<PlacedFinding>) {
     for (i, b) in upper.iter().enumerate() {
         for a in &upper[i.saturating_sub(MOST_LAYERS)..i] {
             let chains = [a, b].map(|t| &build.chains[t.draft.chain]);

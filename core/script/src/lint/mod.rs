@@ -12,7 +12,7 @@ mod cues;
 mod unused;
 
 use crate::api_error::Place;
-use crate::build::{Build, Declared};
+use crate::build::{Declared, StageDraft};
 use crate::def::Defs;
 use crate::diagnostic::{Diagnostic, Severity, allows};
 use choreo_motion::{Clip, Time};
@@ -65,7 +65,7 @@ impl PlacedFinding {
 }
 
 /// The findings about the drafts, before they are resolved to a stage.
-pub(crate) fn script_findings(build: &Build) -> Vec<PlacedFinding> {
+pub(crate) fn script_findings(build: &StageDraft) -> Vec<PlacedFinding> {
     let mut found = Vec::new();
     cues::check_cues(build, &mut found);
     unused::check_unused(&Drafts::new(build), &mut found);

@@ -102,7 +102,7 @@ mod tests {
         Arc, Drafts, Place, PlacedFinding, Source, Statements, check_unused, declared, staging_calls,
     };
     use crate::api::defs;
-    use crate::build::{Build, LoadDraft};
+    use crate::build::{LoadDraft, StageDraft};
     use crate::lint::{Places, counted};
     use crate::load::Load;
     use choreo_asset::Asset;
@@ -189,7 +189,7 @@ mod tests {
                     used,
                 }
             };
-            let mut build = Build::default();
+            let mut build = StageDraft::default();
             build.loads.extend((0..n).map(load));
             let mut found = Vec::new();
             counted::take_step_count();

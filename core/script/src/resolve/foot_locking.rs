@@ -1,6 +1,6 @@
 //! Automatic foot locks during fades.
 
-use crate::build::{ActorDraft, Build};
+use crate::build::{ActorDraft, StageDraft};
 use crate::legs;
 use choreo_motion::Time;
 use choreo_stage::{Actor, Constraint, ConstraintKind, FootLock, Property, StandingFade};
@@ -15,7 +15,7 @@ pub(super) struct PhaseMatchedCues {
 
 /// Locks the feet of moving actors during phase-matched crossfades. The strides of the two clips differ in length, so the feet of
 /// the blend would slide.
-pub(super) fn lock_feet_in_phase_matched_fades(build: &mut Build, matched: Vec<PhaseMatchedCues>) {
+pub(super) fn lock_feet_in_phase_matched_fades(build: &mut StageDraft, matched: Vec<PhaseMatchedCues>) {
     for PhaseMatchedCues { actor, span, carried } in matched {
         let Some(ActorDraft { actor, .. }) = build.actors.get_mut(actor) else { continue };
         let is_carried_or_moved = carried || is_moved(actor);
@@ -30,7 +30,7 @@ pub(super) fn lock_feet_in_phase_matched_fades(build: &mut Build, matched: Vec<P
 }
 
 /// Locks the feet of moving characters during fades between walking and standing, so that they step instead of sliding.
-pub(super) fn lock_feet_in_standing_fades(build: &mut Build, standing_fades: Vec<Vec<StandingFade>>) {
+pub(super) fn lock_feet_in_standing_fades(build: &mut StageDraft, standing_fades: Vec<Vec<StandingFade>>) {
     for (ActorDraft { actor, walks, .. }, mut fades) in build.actors.iter_mut().zip(standing_fades) {
         // A walk of `walk_to` begins with a turn and may end with one, so the fade includes the turn.
         for walk in walks.iter() {

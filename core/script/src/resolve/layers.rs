@@ -3,7 +3,7 @@
 use super::Notes;
 use super::foot_locking::{PhaseMatchedCues, is_moved};
 use crate::api_error::{ApiError, Place};
-use crate::build::{ActorDraft, Build, CueDraft, RootUse};
+use crate::build::{ActorDraft, CueDraft, RootUse, StageDraft};
 use crate::clip_analysis::{AnalyzedClips, in_step, root, standing_fades};
 use crate::cue_times::all_times;
 use crate::diagnostic::Severity;
@@ -15,7 +15,7 @@ use std::sync::Arc;
 const STANDING: f64 = 0.01;
 
 /// Warns about root motion or path following of an actor whose clips all stand still, which is probably not intended.
-fn warn_of_missing_root_motion(build: &Build, made: &[Option<Cue>], notes: &mut Notes) {
+fn warn_of_missing_root_motion(build: &StageDraft, made: &[Option<Cue>], notes: &mut Notes) {
     for (index, actor) in build.actors.iter().enumerate() {
         let paced = actor
             .actor
@@ -63,7 +63,7 @@ pub(super) struct Layers {
 }
 
 /// The layers of every actor: the base layer first, then the other layers by rank.
-pub(super) fn layers(build: &Build, notes: &mut Notes) -> Layers {
+pub(super) fn layers(build: &StageDraft, notes: &mut Notes) -> Layers {
     let times = all_times(build);
     let (layers, slots) = empty_layers(build);
     // A cue without a start time of its own ends the cue before it.
@@ -108,7 +108,7 @@ pub(super) fn layers(build: &Build, notes: &mut Notes) -> Layers {
 }
 
 /// The layers of every actor, without cues yet, and the index of each chain's layer within its actor.
-fn empty_layers(build: &Build) -> (Vec<Vec<Layer>>, Vec<usize>) {
+fn empty_layers(build: &StageDraft) -> (Vec<Vec<Layer>>, Vec<usize>) {
     let mut layers: Vec<Vec<Layer>> = build.actors.iter().map(|_| vec![Layer::default()]).collect();
     let mut slots = Vec::with_capacity(build.chains.len());
     for chain in &build.chains {
@@ -139,7 +139,7 @@ fn refuse(draft: &CueDraft, what: &str, notes: &mut Notes) {
 
 /// The cue of the stage for a draft. `None` after an error, which is noted.
 fn resolve_cue(
-    build: &Build,
+    build: &StageDraft,
     draft: &CueDraft,
     (start, end): (Time, Option<Time>),
     taken_over: Option<Time>,
@@ -184,7 +184,7 @@ fn resolve_cue(
 
 /// Matches the phases of a cue on the base layer and the cue before it. `None` if that is not possible, which is noted.
 fn match_phases(
-    build: &Build,
+    build: &StageDraft,
     id: usize,
     made: &mut [Option<Cue>],
     found: &mut AnalyzedClips,

@@ -7,7 +7,7 @@ mod layers;
 use self::foot_locking::{lock_feet_in_phase_matched_fades, lock_feet_in_standing_fades};
 use self::layers::{Layers, layers};
 use crate::api_error::{ApiError, Place};
-use crate::build::{ActorDraft, Build, CameraDraft, HookDraft, ParentDraft, Shared};
+use crate::build::{ActorDraft, CameraDraft, HookDraft, ParentDraft, ScriptContext, StageDraft};
 use crate::content::hex;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::hidden_parts::HiddenParts;
@@ -27,7 +27,7 @@ type Notes = Vec<(Severity, Place, ApiError)>;
 ///
 /// `identity`: hash that identifies the script of a callback, with its parameters and files.
 pub fn resolve(
-    shared: &Arc<Shared>,
+    shared: &Arc<ScriptContext>,
     engine: &Arc<Engine>,
     identity: &dyn Fn(&Place) -> String,
 ) -> (Stage, Places) {
@@ -99,7 +99,7 @@ pub fn resolve(
 }
 
 /// Notes errors of the stage as a whole, if its script has none.
-fn note_stage_errors(shared: &Shared, stage: &Stage, places: &Places) {
+fn note_stage_errors(shared: &ScriptContext, stage: &Stage, places: &Places) {
     let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
     if build.has_errors() {
         return;
@@ -118,7 +118,7 @@ fn note_stage_errors(shared: &Shared, stage: &Stage, places: &Places) {
 }
 
 /// The resolved stage of a test, and its errors as a whole.
-pub(crate) fn finish_stage(shared: &Arc<Shared>, engine: &Arc<Engine>) -> (Stage, Vec<Diagnostic>) {
+pub(crate) fn finish_stage(shared: &Arc<ScriptContext>, engine: &Arc<Engine>) -> (Stage, Vec<Diagnostic>) {
     // The identity of a callback is the hash of the text that contains it.
     let identity = |place: &Place| {
         let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
@@ -134,7 +134,7 @@ pub(crate) fn finish_stage(shared: &Arc<Shared>, engine: &Arc<Engine>) -> (Stage
 fn add_hooks(
     stage: &mut Stage,
     hooks: Vec<HookDraft>,
-    shared: &Arc<Shared>,
+    shared: &Arc<ScriptContext>,
     engine: &Arc<Engine>,
     identity: &dyn Fn(&Place) -> String,
 ) {
@@ -152,7 +152,7 @@ fn add_hooks(
 }
 
 /// Markers of the clips that are played, each once.
-fn clip_markers(build: &Build, layers: &[Vec<Layer>]) -> Vec<ClipMarkers> {
+fn clip_markers(build: &StageDraft, layers: &[Vec<Layer>]) -> Vec<ClipMarkers> {
     let mut all: Vec<ClipMarkers> = Vec::new();
     if build.clip_notes.values().all(|notes| notes.markers.is_empty()) {
         return all;

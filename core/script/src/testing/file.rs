@@ -1,7 +1,7 @@
 //! A test file that is parsed once for all of its sections, and the statements that the run of one section needs.
 
 use super::{ExpectedDiagnostic, SectionInfo, comments};
-use crate::build::Shared;
+use crate::build::ScriptContext;
 use crate::diagnostic::Diagnostic;
 use crate::limits::Limits;
 use crate::parsed::{Parsed, Unreadable};
@@ -146,7 +146,7 @@ impl TestFiles {
     pub(crate) fn read(
         &self,
         engine: &Engine,
-        shared: &Shared,
+        shared: &ScriptContext,
         name: &str,
         text: &str,
     ) -> Result<Arc<TestFile>, Unreadable> {

@@ -2,7 +2,7 @@
 
 use super::file::Listing;
 use super::*;
-use crate::build::{Mode, Shared};
+use crate::build::{Mode, ScriptContext};
 use crate::compile::UnknownVariable;
 use crate::resolve::finish_stage;
 use crate::run::{Opened, begin, execute, on_own_thread, open};
@@ -311,7 +311,7 @@ fn expected_in_section(
     expected.iter().filter(|e| own.contains(&e.line) || !in_section[e.line]).cloned().collect()
 }
 
-fn hash(info: &SectionInfo, shared: &Shared, files: &[(PathBuf, [u8; 32])]) -> [u8; 32] {
+fn hash(info: &SectionInfo, shared: &ScriptContext, files: &[(PathBuf, [u8; 32])]) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     let mut add = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
