@@ -214,7 +214,7 @@ impl Bones {
             else {
                 let near = did_you_mean(&line.of[0], skeleton.names().iter().map(String::as_str));
                 let (file, names) = (&body.asset.name, line.of.join(", "));
-                let why = format!("\"{file}\" has no joint {names}, requested as {}{near}", line.name);
+                let why = format!("\"{file}\" has no joint {names} for the effect's \"{}\"{near}", line.name);
                 left_out.extend((!left_out.contains(&why)).then_some(why));
                 bones.named.push(u32::MAX);
                 continue;

@@ -159,7 +159,7 @@ fn overlay_joints_are_found_by_name() {
     let line = made.strokes[0];
     assert_eq!((line.from, line.to), (DVec3::new(5.0, 2.0, 0.0), DVec3::new(10.0, 1.0, 0.0)));
     assert_eq!(line.color, Vec4::new(1.0, 2.0, 0.0, 0.5));
-    assert_eq!(made.left_out, ["\"\" has no joint tail, requested as tail"]);
+    assert_eq!(made.left_out, ["\"\" has no joint tail for the effect's \"tail\""]);
 }
 
 #[test]
