@@ -50,7 +50,7 @@ fn plugins_of_another_program_work_in_its_command_line_and_its_viewer() {
     assert_eq!(corner, [253, 249, 241]);
     assert_ne!(corner, middle);
     let made = studio(&["info", "s.png"]);
-    assert!(made.contains(&format!("studio 2.0.0 (choreo {})", env!("CARGO_PKG_VERSION"))), "{made}");
+    assert!(made.contains(&format!("studio 2.0.0 (choreo {})", choreo::app().version)), "{made}");
     assert!(made.contains("negative 1, triangles 1"), "{made}");
     // choreo itself has neither.
     let plain = choreo::registry();
