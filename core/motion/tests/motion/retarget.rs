@@ -255,7 +255,7 @@ proptest! {
     }
 
     #[test]
-    fn there_and_back_is_the_clip(seed: u64, at in 0.0..1.0f64) {
+    fn retargeting_there_and_back_restores_the_clip(seed: u64, at in 0.0..1.0f64) {
         let random = &mut Random(seed);
         let (a, b) = (random_build(random, 0), random_build(random, 1 + random.0 as usize % 2));
         let (from, to) = (body(random, &a), body(random, &b));
@@ -303,7 +303,7 @@ fn the_lowest_foot_is_where_it_should_be() {
 
 /// Three joints in the spine on one, and the other way round: what hangs on it turns as in the source.
 #[test]
-fn spines_of_other_numbers_go_end_to_end() {
+fn retargeting_maps_spines_with_different_joint_counts() {
     let random = &mut Random(7);
     for (ours, theirs) in [(3, 1), (1, 3), (3, 2), (2, 3)] {
         let from = body(random, &Build { spine: ours, ..PLAIN });
