@@ -384,7 +384,7 @@ fn joints_can_be_given_and_forbidden() {
 }
 
 #[test]
-fn what_moves_within_the_body_is_said() {
+fn retargeting_reports_translations_that_it_leaves_out() {
     let random = &mut Random(5);
     let (from, to) =
         (body(random, &PLAIN), body(random, &Build { family: 1, thigh: 0.9, shin: 0.9, ..PLAIN }));
@@ -485,7 +485,7 @@ fn fingers_are_missed_by_hands_that_have_some() {
 
 /// Hips that bear another name are what carries the thighs.
 #[test]
-fn hips_are_what_carries_the_thighs() {
+fn the_parent_of_the_thighs_is_found_as_hips() {
     let random = &mut Random(23);
     let from = body(random, &PLAIN);
     let families: [&[(&str, &str)]; 3] = [
