@@ -25,7 +25,7 @@ fn main() {
     let quick = std::env::args().any(|a| a == "--test");
     let skeleton = character();
     if std::env::args().any(|a| a == "skinning") {
-        return skinnings(quick);
+        return print_skinning_table(quick);
     }
     if std::env::args().any(|a| a == "compression") {
         let set = ("rotations 30 Hz, hips move, rest constant", clips(&skeleton, Style::Typical));
@@ -73,7 +73,7 @@ fn main() {
 
     println!("baking lost {:.4}° at worst", lost.rotation_rad.to_degrees());
     println!("\nlocal-to-model alone: {}", local_to_model(&skeleton, quick));
-    skinnings(quick);
+    print_skinning_table(quick);
 }
 
 /// Costs and savings of compression: bytes against dense f32 at 30 Hz (40 bytes per joint and key), the error measured at compression
@@ -219,27 +219,28 @@ fn sample_times(clip: &Clip, random: bool) -> Vec<Time> {
 }
 
 /// ozz-animation's figure is that of the design document: SSE, 4 influences, position + normal.
-fn skinnings(quick: bool) {
+fn print_skinning_table(quick: bool) {
     println!("\nskinning, position + normal, ns a vertex (ozz-animation 0.16, linear, 4 influences: 3.8)");
-    println!("{:<44}{:>15}{:>15}", "way", "4 influences", "8 influences");
-    let ways = [
-        ("linear", Way::Linear),
-        ("dual quaternions", Way::Dual),
-        ("dual quaternions and stretches", Way::Stretched),
+    println!("{:<44}{:>15}{:>15}", "method", "4 influences", "8 influences");
+    let methods = [
+        ("linear", SkinningMethod::Linear),
+        ("dual quaternions", SkinningMethod::Dual),
+        ("dual quaternions and stretches", SkinningMethod::Stretched),
     ];
-    for (name, way) in ways {
-        let [four, eight] = [4, 8].map(|n| skinning(way, n, Level::best(), quick));
+    for (name, method) in methods {
+        let [four, eight] = [4, 8].map(|n| skinning(method, n, Level::best(), quick));
         println!("{name:<44}{four:>15}{eight:>15}");
     }
     for (name, level) in [("AVX2", Level::Avx2), ("portable", Level::Portable)] {
-        let [linear, dual] = [Way::Linear, Way::Dual].map(|way| skinning(way, 4, level, quick));
+        let [linear, dual] =
+            [SkinningMethod::Linear, SkinningMethod::Dual].map(|method| skinning(method, 4, level, quick));
         println!("{:<44}{linear:>15}", format!("linear, {name} level"));
         println!("{:<44}{dual:>15}", format!("dual quaternions, {name} level"));
     }
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum Way {
+enum SkinningMethod {
     Linear,
     Dual,
     Stretched,
@@ -434,7 +435,7 @@ fn local_to_model(skeleton: &Skeleton, quick: bool) -> String {
     })
 }
 
-fn skinning(way: Way, influences: usize, level: Level, quick: bool) -> String {
+fn skinning(method: SkinningMethod, influences: usize, level: Level, quick: bool) -> String {
     const VERTICES: usize = 10_000;
     let mut random = Random(21);
     let mut vector = |_| Vec3::new(random.signed(), random.signed(), random.signed() + 1.5);
@@ -455,12 +456,12 @@ fn skinning(way: Way, influences: usize, level: Level, quick: bool) -> String {
     let carriers: Vec<StretchedDualQuaternion> =
         matrices.iter().map(|m| StretchedDualQuaternion::of(wide(m))).collect();
     let motions: Vec<DualQuaternion> = carriers.iter().map(DualQuaternion::from).collect();
-    let stretches: Vec<Affine3A> = match way {
-        Way::Stretched => carriers.iter().map(stretch_matrix).collect(),
+    let stretches: Vec<Affine3A> = match method {
+        SkinningMethod::Stretched => carriers.iter().map(stretch_matrix).collect(),
         _ => Vec::new(),
     };
     measure(VERTICES, quick, || {
-        if way == Way::Linear {
+        if method == SkinningMethod::Linear {
             LinearSkinning {
                 matrices: &matrices,
                 influences,

@@ -69,7 +69,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn a_clip_faded_with_itself_is_the_clip(seed: u64, at in 0.0..3.0f64, weight in 0.0..=1.0f32) {
+    fn crossfade_of_a_clip_with_itself_is_the_clip(seed: u64, at in 0.0..3.0f64, weight in 0.0..=1.0f32) {
         let (skeleton, clip, _) = motion(seed);
         let time = Time::from_secs(at);
         let pose = sampled(&skeleton, &clip, time);
@@ -92,7 +92,7 @@ proptest! {
 
     /// And the comparison can fail: another clip is another pose.
     #[test]
-    fn a_blend_at_its_ends_is_an_end_bit_for_bit(seed: u64, at in 0.0..3.0f64) {
+    fn blend_with_weight_0_or_1_returns_an_input_bit_for_bit(seed: u64, at in 0.0..3.0f64) {
         let (skeleton, a, b) = motion(seed);
         let [a, b] = [&a, &b].map(|clip| sampled(&skeleton, clip, Time::from_secs(at)));
         for (weight, end) in [(0.0, &a), (1.0, &b)] {
@@ -139,9 +139,9 @@ proptest! {
         prop_assert!(difference(&model(&skeleton, &pose), &model(&skeleton, &long)) < ROUNDING);
     }
 
-    /// Backwards is from the other end; backwards backwards is forwards.
+    /// A negative speed gives the mirror image, within the trim, of the clip time at the positive speed.
     #[test]
-    fn reversed_twice_is_as_before(start in 0i64..1_000_000, length in 1i64..1_000_000, at in 0i64..10_000_000, speed in 0.01..4.0f64) {
+    fn negative_speed_mirrors_the_clip_time(start in 0i64..1_000_000, length in 1i64..1_000_000, at in 0i64..10_000_000, speed in 0.01..4.0f64) {
         let trim = (Time(start), Time(start + length));
         for repeat in [Repeat::Once, Repeat::PingPong, Repeat::Loop] {
             let forwards = Playback { speed, trim, repeat }.clip_time(Time(at));
@@ -152,7 +152,7 @@ proptest! {
 
     /// A clip cut in two and played one part after the other is the clip.
     #[test]
-    fn two_parts_are_the_whole(length in 2i64..1_000_000, cut in 0.0..1.0f64, at in 0i64..1_200_000) {
+    fn a_split_playback_gives_the_clip_times_of_the_whole(length in 2i64..1_000_000, cut in 0.0..1.0f64, at in 0i64..1_200_000) {
         let cut = 1 + (cut * (length - 2) as f64) as i64;
         let part = |from: i64, to: i64, at: i64| {
             Playback { speed: 1.0, trim: (Time(from), Time(to)), repeat: Repeat::Once }.clip_time(Time(at))

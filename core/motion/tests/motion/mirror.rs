@@ -108,7 +108,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn mirrored_twice_is_what_was_there(seed: u64, at in 0.0..2.0f64) {
+    fn mirroring_a_pose_twice_restores_it(seed: u64, at in 0.0..2.0f64) {
         let random = &mut Random(seed);
         let symmetric = random.below(2) == 0;
         let skeleton = body(random, symmetric);
@@ -199,7 +199,7 @@ fn partners_by_name_then_by_place_in_the_tree() {
 
 /// A right arm raised by 90° about z, seen from the front, is a left arm raised by -90°; exactly, since axes agree.
 #[test]
-fn a_wave_with_the_other_hand() {
+fn mirroring_moves_a_wave_to_the_other_hand() {
     let skeleton = named(&[
         ("Hips", None, [0.0, 1.0, 0.0]),
         ("LeftArm", Some(0), [0.2, 0.5, 0.0]),

@@ -101,7 +101,7 @@ impl XyzLength for DQuat {
 }
 
 #[test]
-fn bones_turn_in_the_world_as_they_did() {
+fn bind_clip_keeps_world_space_rotation_changes() {
     let names = ["hips", "spine", "chest", "head"];
     for seed in 0..8 {
         // Names that tell nothing, names that tell the bones, and both declared.
@@ -163,7 +163,7 @@ fn equal_bodies_share_the_keys_and_bones_are_found_by_any_name() {
 }
 
 #[test]
-fn expressions_go_along_and_last_as_long_as_they_do() {
+fn bind_clip_keeps_expressions_and_their_duration() {
     let from = body(["a", "b", "c", "d"], 1, 1.0, true);
     let curve = |name: &str, secs: &[f64], values: &[f32]| ExpressionCurve {
         name: name.into(),
@@ -187,7 +187,7 @@ fn expressions_go_along_and_last_as_long_as_they_do() {
 }
 
 #[test]
-fn a_short_name_is_the_one_that_finds_the_joint() {
+fn a_short_joint_name_is_unique_and_finds_its_joint() {
     let names = ["mixamorig:Hips", "mixamorig:Head", "a:Tail", "b:Tail", "Tail2|Tip"].map(String::from);
     let skeleton = Skeleton::new(names.to_vec(), vec![None; 5], vec![Transform::IDENTITY; 5]).unwrap();
     let short: Vec<&str> = (0..5).map(|joint| skeleton.short_name(joint)).collect();

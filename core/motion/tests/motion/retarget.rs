@@ -255,7 +255,7 @@ proptest! {
     }
 
     #[test]
-    fn there_and_back_is_the_clip(seed: u64, at in 0.0..1.0f64) {
+    fn retargeting_there_and_back_restores_the_clip(seed: u64, at in 0.0..1.0f64) {
         let random = &mut Random(seed);
         let (a, b) = (random_build(random, 0), random_build(random, 1 + random.0 as usize % 2));
         let (from, to) = (body(random, &a), body(random, &b));
@@ -303,7 +303,7 @@ fn the_lowest_foot_is_where_it_should_be() {
 
 /// Three joints in the spine on one, and the other way round: what hangs on it turns as in the source.
 #[test]
-fn spines_of_other_numbers_go_end_to_end() {
+fn retargeting_maps_spines_with_different_joint_counts() {
     let random = &mut Random(7);
     for (ours, theirs) in [(3, 1), (1, 3), (3, 2), (2, 3)] {
         let from = body(random, &Build { spine: ours, ..PLAIN });
@@ -384,7 +384,7 @@ fn joints_can_be_given_and_forbidden() {
 }
 
 #[test]
-fn what_moves_within_the_body_is_said() {
+fn retargeting_reports_translations_that_it_leaves_out() {
     let random = &mut Random(5);
     let (from, to) =
         (body(random, &PLAIN), body(random, &Build { family: 1, thigh: 0.9, shin: 0.9, ..PLAIN }));
@@ -485,7 +485,7 @@ fn fingers_are_missed_by_hands_that_have_some() {
 
 /// Hips that bear another name are what carries the thighs.
 #[test]
-fn hips_are_what_carries_the_thighs() {
+fn the_parent_of_the_thighs_is_found_as_hips() {
     let random = &mut Random(23);
     let from = body(random, &PLAIN);
     let families: [&[(&str, &str)]; 3] = [

@@ -282,7 +282,7 @@ fn empty_skeleton() {
 }
 
 #[test]
-fn one_key_holds_for_ever() {
+fn a_single_key_holds_at_every_time() {
     let clip = Clip::new(
         "one".into(),
         1,

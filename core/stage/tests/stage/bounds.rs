@@ -28,7 +28,7 @@ fn holds(bounds: &Aabb, asset: &Asset, joints: &[Affine3A], weights: &[Vec<f32>]
 }
 
 #[test]
-fn no_pose_leaves_its_box() {
+fn animated_bounds_contain_every_pose() {
     let mut numbers = Random(7);
     let (mut smaller_fails, mut volumes) = (0, 0.0);
     for asset in [figure(), stick()] {

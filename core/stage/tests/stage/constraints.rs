@@ -383,7 +383,7 @@ fn feet_stand_on_the_ground_that_is_there() {
 }
 
 #[test]
-fn goals_at_nobody_are_left_out() {
+fn invalid_targets_are_reported_and_poses_stay_finite() {
     for target in
         [Target::Actor(9), Target::Joint { actor: 9, joint: 0 }, Target::Joint { actor: 0, joint: 99 }]
     {

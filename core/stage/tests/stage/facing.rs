@@ -76,7 +76,7 @@ fn without_feet_and_names_the_travel_of_clips_shows_it_and_contradictions_keep_p
 }
 
 #[test]
-fn who_faces_minus_z_faces_walks_and_looks_ahead() {
+fn a_model_that_faces_minus_z_walks_and_looks_forward() {
     for (name, front) in Front::ALL {
         let mut stage = Stage::default();
         stage.cast("anna", person(front));

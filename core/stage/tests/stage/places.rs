@@ -203,7 +203,7 @@ fn hooks_edit_after_keys_and_in_order() {
 }
 
 #[test]
-fn what_is_not_seen_is_not_posed() {
+fn culled_actors_are_not_posed() {
     let mut stage = Stage::default();
     let [anna, sword, boris] =
         [("anna", figure()), ("sword", stick()), ("boris", figure())].map(|(n, a)| stage.cast(n, a));

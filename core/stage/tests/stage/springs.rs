@@ -184,7 +184,7 @@ fn an_undamped_spring_swings_on_after_ten_minutes() {
 }
 
 #[test]
-fn without_springs_nothing_is_paid() {
+fn without_springs_a_seek_evaluates_a_single_pose() {
     let mut stage = stage();
     stage.actors[0].springs = None;
     let mut eyes = Evaluator::new(Arc::new(stage.clone()));
