@@ -212,7 +212,7 @@ const FAULTS: &[(&str, &str)] = &[
     ),
     (
         "test(\"a\", || { expect(1).equals(1); expect_image(\"p\", #{ at: 0.0, size: [20000, 20000] }); });",
-        "picture",
+        "expect_image",
     ),
     ("let x = 1;\nlet y = ;\n", "ERROR suite/t.rhai"),
     ("cast(\"a\", load(\"nowhere.glb\"));\n", "ERROR suite/t.rhai"),

@@ -238,24 +238,6 @@ fn an_image_of_a_dome_is_named() {
 }
 
 #[test]
-fn sampled_texture_files_are_relative_to_their_layer() {
-    let texture = r#"def Shader "image" {
-                uniform token info:id = "UsdUVTexture"
-                asset inputs:file.timeSamples = { 1: @red.png@, }
-                float3 outputs:rgb
-            }
-            def Shader "surface" {"#;
-    let color = "color3f inputs:diffuseColor.connect = </box/looks/red/image.outputs:rgb>";
-    let cube = CUBE.replace("def Shader \"surface\" {", texture);
-    let cube = cube.replace("color3f inputs:diffuseColor = (1, 0, 0)", color);
-    let companions = Companions::of(vec![("parts/cube.usda", cube.into_bytes())]);
-    let text = "#usda 1.0\ndef Xform \"world\" ( references = @parts/cube.usda@</box> ) {}\n";
-    let asset = import(&UsdImporter, &source("scene.usda", text), &companions, ImportScope::ALL).unwrap();
-    let missing = warnings(&asset);
-    assert!(missing.iter().any(|warning| warning.contains("parts/red.png")), "{missing:?}");
-}
-
-#[test]
 fn truncated_files_and_flipped_bits_do_not_panic() {
     damage::run_cases(&UsdImporter, || {
         vec![

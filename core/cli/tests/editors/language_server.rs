@@ -857,6 +857,7 @@ const CALLS: &str = "\
     scene: TEST scene(\"other.rhai\", OPT)
     plan: TEST plan(OPT)
     expect_image: TEST expect_image(\"a\", OPT)
+    expect_picture: TEST expect_picture(\"a\", OPT)
     Expect.on_floor: TEST expect(h.joint(\"LeftFoot\")).on_floor(OPT)
     Expect.in_frame: TEST expect(h).in_frame(OPT)
     Expect.slide: TEST expect(h.joint(\"LeftFoot\")).slide(OPT)";

@@ -80,33 +80,33 @@ fn registry() -> Registry {
             "on_pixels",
             "",
             "fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32> {
-    return color * map_image(1.5 * uv - 0.25) * tint_image(uv) * p.share; }",
+    return color * map(1.5 * uv - 0.25) * tint(uv) * p.share; }",
         ),
         (
             "on_image",
             "// hook: image\n",
             "fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32> {
     let uv = (vec2<f32>(at) + 0.5) / vec2<f32>(picture_size());
-    return picture(at) * map_image(1.5 * uv - 0.25) * tint_image(uv) * p.share; }",
+    return picture(at) * map(1.5 * uv - 0.25) * tint(uv) * p.share; }",
         ),
         (
             "on_surfaces",
             "// hook: surface\n",
             "fn effect(color: vec4<f32>, surface: SurfaceSample, p: Parameters) -> vec4<f32> {
     let uv = vec2(0.375 * surface.world.x + 0.5, 0.5 - 0.5 * surface.world.y);
-    return color * map_image(1.5 * uv - 0.25) * tint_image(uv) * p.share; }",
+    return color * map(1.5 * uv - 0.25) * tint(uv) * p.share; }",
         ),
         (
             "on_light",
             "// hook: lighting\n",
             "fn effect(sample: LightSample, p: Parameters) -> vec3<f32> {
-    return map_image(vec2(0.25, 0.5)).xyz * tint_image(vec2(0.0)).xyz * p.share; }",
+    return map(vec2(0.25, 0.5)).xyz * tint(vec2(0.0)).xyz * p.share; }",
         ),
         (
             "on_vertices",
             "// hook: vertex\n// reach: 1\n",
             "fn effect(vertex: VertexSample, p: Parameters) -> vec3<f32> {
-    return vec3(0.0, 0.5 * map_image(vec2(0.75, 5.0 / 6.0)).z * tint_image(vec2(0.0)).y * p.share, 0.0); }",
+    return vec3(0.0, 0.5 * map(vec2(0.75, 5.0 / 6.0)).z * tint(vec2(0.0)).y * p.share, 0.0); }",
         ),
     ] {
         registry.add_effect(effect(name, head, function));
