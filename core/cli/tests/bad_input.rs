@@ -197,7 +197,7 @@ fn outputs_that_cannot_be() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_full_disk_is_named() {
+fn a_full_disk_is_reported() {
     let dir = folder();
     let d = dir.path();
     for format in ["y4m", "mp4", "gif"] {

@@ -81,7 +81,7 @@ fn a_picture_that_does_not_fit_leaves_the_old_one() {
 
 /// A file system of its own, where the test may make one.
 #[test]
-fn a_small_disk_is_named_full() {
+fn a_write_that_fills_the_disk_reports_a_full_disk() {
     let dir = folder();
     let d = dir.path();
     std::fs::create_dir(d.join("small")).unwrap();
@@ -481,7 +481,7 @@ fn numbered_pictures_can_be_shared_out() {
 }
 
 #[test]
-fn a_picture_that_somebody_writes_is_left_to_him() {
+fn an_image_that_another_process_writes_is_not_overwritten() {
     let dir = folder();
     let d = dir.path();
     let held = std::fs::File::create(d.join("o.png.part")).unwrap();

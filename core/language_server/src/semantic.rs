@@ -186,7 +186,7 @@ impl<'v> Meaning<'v> {
     fn of(&self, token: usize) -> Option<(TokenKind, u32)> {
         let text = self.view.source.get(token);
         if is_string(text) {
-            return Some((self.of_string(token), 0));
+            return Some((self.kind_of_string(token), 0));
         }
         if is_word(text) {
             return Some(self.of_word(token));
@@ -226,7 +226,7 @@ impl<'v> Meaning<'v> {
         }
     }
 
-    fn of_string(&self, token: usize) -> TokenKind {
+    fn kind_of_string(&self, token: usize) -> TokenKind {
         let source = self.view.source;
         if source.get(token + 1) == ":" {
             return TokenKind::Property;

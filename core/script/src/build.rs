@@ -608,7 +608,7 @@ impl StageDraft {
     }
 
     pub fn layer_2d(&mut self, id: usize) -> Result<&mut Layer2d, ApiError> {
-        self.layers_2d.get_mut(id).ok_or_else(|| ApiError::new("this flat is not on this stage"))
+        self.layers_2d.get_mut(id).ok_or_else(|| ApiError::new("this 2D layer is not on this stage"))
     }
 
     pub fn sky(&mut self) -> Result<&mut Sky, ApiError> {

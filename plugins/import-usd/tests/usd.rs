@@ -237,6 +237,28 @@ fn an_image_of_a_dome_is_named() {
     assert_eq!(asset.ambient, glam::Vec3::ZERO);
 }
 
+/// The image is beside the layer that states it, and its bytes are cut: only an image that is found has a damaged header.
+#[test]
+fn texture_files_stated_by_time_samples_are_relative_to_their_layer() {
+    let texture = r#"def Shader "image" {
+                uniform token info:id = "UsdUVTexture"
+                asset inputs:file.timeSamples = { 1: @red.png@, }
+                float3 outputs:rgb
+            }
+            def Shader "surface" {"#;
+    let color = "color3f inputs:diffuseColor.connect = </box/looks/red/image.outputs:rgb>";
+    let cube = CUBE.replace("def Shader \"surface\" {", texture);
+    let cube = cube.replace("color3f inputs:diffuseColor = (1, 0, 0)", color);
+    let companions = Companions::of(vec![
+        ("parts/cube.usda", cube.into_bytes()),
+        ("parts/red.png", b"\x89PNG\r\n\x1a\n".to_vec()),
+    ]);
+    let text = "#usda 1.0\ndef Xform \"world\" ( references = @parts/cube.usda@</box> ) {}\n";
+    let asset = import(&UsdImporter, &source("scene.usda", text), &companions, ImportScope::ALL).unwrap();
+    let notes = warnings(&asset);
+    assert!(notes.iter().any(|note| note.contains("has a damaged header")), "{notes:?}");
+}
+
 #[test]
 fn truncated_files_and_flipped_bits_do_not_panic() {
     damage::run_cases(&UsdImporter, || {

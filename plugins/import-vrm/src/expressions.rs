@@ -234,7 +234,10 @@ impl<'a, 'd> Faces<'a, 'd> {
         match index < self.asset.materials.len() {
             true => Ok(Some(index as u32)),
             false => {
-                let what = format!("is {index}, but there are {} materials", self.asset.materials.len());
+                let what = format!(
+                    "is {index}, but the file has {} materials, from 0 on",
+                    self.asset.materials.len()
+                );
                 Err(Problem::new(at.place_of("material"), what))
             }
         }

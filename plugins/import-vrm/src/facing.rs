@@ -77,7 +77,9 @@ pub fn turn(asset: &mut Asset) -> Result<()> {
     Ok(())
 }
 
-fn turned_clip(clip: &Clip, joints: usize, between: &BTreeMap<u32, u32>) -> Result<Clip> {
+/// The clip rotated by half a turn about y. `joint_count`: of the new skeleton; `between`: joints whose meshes have moved to an added joint,
+/// with that joint.
+fn turned_clip(clip: &Clip, joint_count: usize, between: &BTreeMap<u32, u32>) -> Result<Clip> {
     let turned = |curve: &Curve| {
         // Tangents have the same signs as values.
         let signs: &[f32] = match curve.path {
@@ -94,7 +96,7 @@ fn turned_clip(clip: &Clip, joints: usize, between: &BTreeMap<u32, u32>) -> Resu
         Curve { values, ..curve.clone() }
     };
     let curves = clip.curves().iter().map(turned).collect();
-    Clip::new(clip.name.clone(), joints, curves).map_err(|e| Problem::new("animations", e.to_string()))
+    Clip::new(clip.name.clone(), joint_count, curves).map_err(|e| Problem::new("animations", e.to_string()))
 }
 
 /// Rotates the tails only: they were computed from nodes, in the file's axes; see [`from_unity`].

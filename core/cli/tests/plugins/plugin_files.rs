@@ -342,7 +342,7 @@ fn a_changed_plugin_changes_the_scripts_hash() {
 }
 
 #[test]
-fn the_lesson_is_good() {
+fn the_plugin_lesson_passes_check() {
     let lesson = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/08_plugins");
     let out = good(&lesson, &["check", "lesson.rhai"]);
     assert!(out.contains("good, 180 frames, no warnings"), "{out}");

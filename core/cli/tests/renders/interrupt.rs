@@ -64,7 +64,7 @@ fn signals_leave_finished_frames_and_the_old_file() {
 }
 
 #[test]
-fn pictures_made_before_a_signal_are_whole() {
+fn images_finished_before_an_interrupt_are_complete() {
     let dir = long_folder();
     let d = dir.path();
     let child = start(d, "f/%05d.png", &[]);

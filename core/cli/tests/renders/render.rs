@@ -223,7 +223,7 @@ fn how_it_was_made_depends_on_nothing_else() {
 
 /// Framed for the shape of the image and not for the one that the scene would have had.
 #[test]
-fn a_model_is_framed_whole_in_a_high_picture() {
+fn a_model_is_framed_completely_in_a_tall_image() {
     let dir = folder();
     let d = dir.path();
     let (width, height) = (54, 96);

@@ -11,7 +11,7 @@ use crate::time::Time;
 use glam::{DAffine3, DQuat, DVec3};
 
 /// Buffers that are kept from one time to the next, so that nothing is allocated.
-pub(super) struct Frame {
+pub(super) struct RetargetBuffers {
     pose: Pose,
     source: Model,
     target: Model,
@@ -47,10 +47,10 @@ impl Model {
     }
 }
 
-impl Frame {
+impl RetargetBuffers {
     /// Buffers for one clip.
-    pub fn new(of: &Retarget, clip: &Clip) -> Frame {
-        let mut frame = Frame {
+    pub fn new(of: &Retarget, clip: &Clip) -> RetargetBuffers {
+        let mut frame = RetargetBuffers {
             pose: Pose::rest(of.from),
             source: Model::default(),
             target: Model::default(),

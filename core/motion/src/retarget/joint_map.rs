@@ -66,7 +66,7 @@ impl JointMap {
             .iter()
             .filter(|[s, t]| s.len() != t.len() && !s.is_empty() && !t.is_empty())
             .flat_map(|[s, t]| {
-                for (joint, other) in shares(t, s) {
+                for (joint, other) in pair_chains(t, s) {
                     offer(joint, other, MatchedBy::Share);
                 }
                 t.iter().copied()
@@ -154,7 +154,7 @@ pub(super) fn in_body(skeleton: &Skeleton, human: &HumanoidJoints) -> Vec<bool> 
 }
 
 /// Pairs two chains end to end: the first with the first, the last with the last, each at most once.
-fn shares(target: &[u32], source: &[u32]) -> Vec<(u32, u32)> {
+fn pair_chains(target: &[u32], source: &[u32]) -> Vec<(u32, u32)> {
     let (long, short) = (target.len().max(source.len()), target.len().min(source.len()));
     // A single joint is paired with the end of the other chain, which carries the limbs.
     let at = |i: usize| match short {

@@ -1,6 +1,6 @@
 //! Curves of a retargeted clip: mapped key by key where that is possible, sampled elsewhere.
 
-use super::frame::Frame;
+use super::frame::RetargetBuffers;
 use super::sampler::Sampler;
 use super::{Retarget, Translations};
 use crate::clip::{Clip, Curve, Interpolation, Path};
@@ -339,7 +339,7 @@ impl Retarget<'_> {
         out: &mut Vec<Curve>,
         report: &mut RetargetReport,
     ) {
-        let frame = Frame::new(self, clip);
+        let frame = RetargetBuffers::new(self, clip);
         let mut sampler =
             Sampler { of: self, clip, rotating, translating, frame, raised: None, keys: Vec::new() };
         let coarse = !sampler.run(times);

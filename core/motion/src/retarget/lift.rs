@@ -8,7 +8,7 @@
 //! foot would sink below the floor, the floor becomes a target of a large weight, too, until no foot does.
 
 use super::Retarget;
-use super::frame::Frame;
+use super::frame::RetargetBuffers;
 use crate::clip::Clip;
 use crate::time::Time;
 
@@ -58,7 +58,7 @@ pub(super) struct Lift {
 
 impl Lift {
     /// Computes the lift of a clip, whose poses come from `frame`.
-    pub fn new(of: &Retarget, clip: &Clip, frame: &mut Frame) -> Lift {
+    pub fn new(of: &Retarget, clip: &Clip, frame: &mut RetargetBuffers) -> Lift {
         let secs = clip.duration.as_secs();
         let steps = (secs * RATE).ceil().clamp(1.0, MOST_SAMPLES);
         let step_secs = secs / steps;

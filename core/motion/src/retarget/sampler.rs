@@ -1,7 +1,7 @@
 //! Samples motion that no single curve describes, as densely as the tolerance requires.
 
 use super::Retarget;
-use super::frame::Frame;
+use super::frame::RetargetBuffers;
 use super::keys::MOST_KEYS;
 use crate::clip::Clip;
 use crate::math::rotation::unit;
@@ -16,7 +16,7 @@ pub(super) struct Sampler<'a> {
     /// Target joints whose rotation, and whose position (`translating`), is sampled.
     pub rotating: &'a [u32],
     pub translating: &'a [u32],
-    pub frame: Frame,
+    pub frame: RetargetBuffers,
     pub raised: Option<(f64, f64)>,
     pub keys: Vec<Key>,
 }

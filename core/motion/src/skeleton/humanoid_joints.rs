@@ -43,7 +43,7 @@ impl HumanoidJoints {
         self.joints.get(name).copied()
     }
 
-    /// All joints by their names of `humanoid_name`.
+    /// All joints, keyed by the names that `humanoid_name` returns.
     pub fn joints(&self) -> &BTreeMap<String, u32> {
         &self.joints
     }

@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn small_swings_are_those_of_the_specification_at_60_hz_only() {
+    fn small_swings_match_the_specification_only_at_60_hz() {
         for (stiffness, drag) in [(1.0, 0.4), (0.2, 0.1), (4.0, 0.9), (0.05, 0.01)] {
             let joint = SpringJoint { stiffness, drag_force: drag, ..SpringJoint::default() };
             let at = |rate: f64| {

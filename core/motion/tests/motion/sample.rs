@@ -381,7 +381,7 @@ fn morph_weights() {
 }
 
 #[test]
-fn a_pose_of_another_size_is_named() {
+fn a_pose_with_the_wrong_joint_count_is_an_error() {
     let clip = Clip::new("walk".into(), 3, vec![]).unwrap();
     let mut pose = Pose::identity(2);
     let job = Sample { clip: &clip, time: Time::ZERO, pose: &mut pose };

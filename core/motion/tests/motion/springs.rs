@@ -480,7 +480,7 @@ fn a_bone_never_swings_farther_than_the_one_it_follows() {
 }
 
 #[test]
-fn a_center_takes_its_own_motion_out() {
+fn springs_ignore_the_motion_of_their_center() {
     let (skeleton, mut rig) = tail(3);
     let mut free = Run::new((skeleton.clone(), rig.clone()));
     rig.bones_mut().for_each(|b| b.center = Some(0));

@@ -53,11 +53,11 @@ pub fn ids(recording: &Recording) -> Vec<Option<PipelineId>> {
         }
         Command::Preskin { variant, .. } => Some(PipelineId::Pose(*variant)),
         Command::BindPipeline(variant) => {
-            let surface = on_surface(recording, variant.key.effects());
+            let surface = effects_of_bits(recording, variant.key.effects());
             Some(PipelineId::Scene { variant: *variant, samples, float, surface })
         }
         Command::DrawBackground { surface } | Command::DrawSky { surface, .. } => {
-            let surface = on_surface(recording, *surface);
+            let surface = effects_of_bits(recording, *surface);
             let what = match command {
                 Command::DrawSky { display, .. } => Backdrop::Sky(*display),
                 _ => Backdrop::Gradient,
@@ -81,6 +81,6 @@ pub fn ids(recording: &Recording) -> Vec<Option<PipelineId>> {
 }
 
 /// The effects whose bits are set.
-fn on_surface(recording: &Recording, bits: u8) -> Vec<EffectOnSurfaces> {
+fn effects_of_bits(recording: &Recording, bits: u8) -> Vec<EffectOnSurfaces> {
     recording.scene_effects.iter().filter(|effect| bits >> effect.bit & 1 == 1).cloned().collect()
 }

@@ -111,7 +111,7 @@ fn interpolate(values: &[f64], pixel: u32, scale: f64) -> f64 {
     at(place.floor()) * (1.0 - share) + at(place.floor() + 1.0) * share
 }
 
-/// For each pixel of one side: the ramp texture, and the mean texture before the image's 0.5 is multiplied in.
+/// The ramp texture and the mean texture of each pixel of one side, before the image's 0.5 is multiplied in.
 fn ramp_and_mean(side: u32) -> [Vec<f64>; 2] {
     let ramp: Vec<f64> = (0..side.div_ceil(2)).map(|i| f64::from(i + 8) / 128.0).collect();
     let at = |i: u32| ramp[(i as usize).min(ramp.len() - 1)];

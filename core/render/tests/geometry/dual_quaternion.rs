@@ -58,7 +58,7 @@ fn lit_pixels_of_row(frame: &Frame, row: u32) -> usize {
     (0..frame.width).filter(|x| pixel(frame, *x, row)[0] > 8).count()
 }
 
-/// In a tube turned by θ at one end, linear blending leaves cos(θ/2) of the width in the middle, dual quaternions all of it.
+/// A tube is turned by θ at one end: linear blending leaves cos(θ/2) of the width in the middle, dual quaternions all of it.
 #[test]
 fn dual_quaternions_keep_the_width_of_a_twisted_tube() {
     let options = PlanOptions::new([201, 201], 1);

@@ -121,7 +121,7 @@ fn diffuse_light_is_reduced_by_the_reflected_share() {
     assert_color(middle_pixel(&scene), [0.5, 0.25, 0.125].map(|b| (b * 0.25 + highlight) * 0.8), "a sun");
 }
 
-/// On a checkered panorama, a low shininess gives the mean color, and a high one shows the single fields.
+/// A low shininess reflects the mean color of a checkered panorama, a high one shows its single fields.
 #[test]
 fn reflections_are_blurred_by_the_shininess() {
     let fields =

@@ -124,7 +124,7 @@ fn a_frame_that_fails_twice_is_an_error() {
     assert_eq!(renderer.take_notes().len(), 2);
 }
 
-/// Without recovery, each failure is an error of its kind, and the resources of the failed frame are freed: the
+/// Each failure without recovery is an error of its kind, and the resources of the failed frame are freed: the
 /// validation layer reports nothing, and the next frame is correct.
 #[test]
 fn errors_have_their_kind_and_free_all_resources() {

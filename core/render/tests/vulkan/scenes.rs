@@ -1,5 +1,5 @@
 //! The Vulkan renderer with validation: closed-form colors, images of the CPU reference, reproducible bytes, left-out commands.
-//! Without a Vulkan driver, each test prints that it is skipped.
+//! Each test prints that it is skipped if there is no Vulkan driver.
 
 use crate::common;
 use crate::common::{draw as draw_cpu, *};

@@ -376,12 +376,12 @@ fn on(c: &mut Call) -> Reply {
         return Err(ApiError::new("on: a camera has no material"));
     }
     let mut build = c.build();
-    let (actors, seen_by) = (build.actors.len(), build.cameras.len());
-    if let Some(gone) = targets.iter().find(|t| t.actor >= actors) {
-        return Err(ApiError::new(format!("actor {} is not on this stage", gone.actor)));
+    let (actors, stage_cameras) = (build.actors.len(), build.cameras.len());
+    if targets.iter().any(|target| target.actor >= actors) {
+        return Err(ApiError::new("on: an actor of another stage is named"));
     }
-    if let Some(gone) = cameras.iter().find(|camera| **camera >= seen_by) {
-        return Err(ApiError::new(format!("camera {gone} is not on this stage")));
+    if cameras.iter().any(|camera| *camera >= stage_cameras) {
+        return Err(ApiError::new("on: a camera of another stage is named"));
     }
     let used = build.effect(this.id)?;
     used.on.extend(targets);

@@ -71,7 +71,7 @@ fn walk_to(c: &mut Call) -> Reply {
     if let Some(before) = draft.walks.last().filter(|walk| from < walk.turned) {
         let text = format!("walk_to: begins at {} s, before the last walk ends", from.as_secs());
         return Err(
-            ApiError::new(text).hint(format!("give the option from, at least {}", before.turned.as_secs()))
+            ApiError::new(text).hint(format!("give the option from: {} or later", before.turned.as_secs()))
         );
     }
     let own_speed = clip_speed(&this.asset, &clip) * draft.actor.transform.scale.z.abs();

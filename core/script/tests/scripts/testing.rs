@@ -237,7 +237,7 @@ fn formulas_are_functions_of_the_time() {
 }
 
 #[test]
-fn misuse_is_answered_in_words() {
+fn misuse_of_expect_has_a_specific_error() {
     let cases = [
         ("test(\"a\", || { expect(1); });", "this expect has no comparison"),
         (

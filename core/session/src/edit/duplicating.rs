@@ -17,7 +17,7 @@ pub struct Duplicate {
     pub name: Option<String>,
     /// Lines of statements about other objects that use this one and were not copied, from 1.
     pub left: Vec<usize>,
-    /// Line that computes the position, so that the copy stands where the object does, from 1. `None` if the copy was moved.
+    /// Line (from 1) whose computed position the copy keeps, so that it is at the place of the original. `None` if the copy was moved.
     pub stays: Option<usize>,
 }
 

@@ -702,6 +702,7 @@ mod tests {
         let text = "marker(\"go\", 1.5); // marker(\"go\", 3)\nlet m = marker(\"go\");\nmarker(\"end\", x);";
         assert!(set_marker(text, "go", at(2.0)).unwrap().apply(text).starts_with("marker(\"go\", 2.0);"));
         assert!(set_marker(text, "end", at(2.0)).unwrap_err().why.contains("line 3"));
-        assert!(set_marker(text, "no", at(2.0)).is_err());
+        let unknown = set_marker(text, "no", at(2.0)).unwrap_err();
+        assert_eq!(unknown.why, "no line states the time of the marker \"no\"");
     }
 }

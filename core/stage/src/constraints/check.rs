@@ -69,18 +69,31 @@ fn target_problem(stage: &Stage, target: &Target) -> Option<String> {
 /// Errors of a constraint whose joints exist.
 fn kind_problems(stage: &Stage, actor: &Actor, kind: &ConstraintKind) -> Vec<String> {
     let mut found = Vec::new();
-    let mut require = |holds: bool, text: &str| (!holds).then(|| found.push(text.to_string()));
+    let mut require = |holds: bool, text: &dyn Fn() -> String| {
+        if !holds {
+            found.push(text());
+        }
+    };
     let chain = match kind {
         ConstraintKind::Reach(reach) => {
-            require(reach.joints.len() >= 2, "a reach needs at least two joints");
-            require((0.0..=1.0).contains(&reach.soft), "soft must be from 0 to 1");
-            require(reach.hint.is_finite(), "the pole vector must be finite");
-            require(reach.offset.is_none_or(|o| o.is_finite()), "the offset must be finite");
+            let (count, soft, hint) = (reach.joints.len(), reach.soft, reach.hint);
+            require(count >= 2, &|| format!("the chain has {count} of at least 2 joints"));
+            require((0.0..=1.0).contains(&soft), &|| format!("soft is {soft}, must be from 0 to 1"));
+            require(hint.is_finite(), &|| format!("the hint is {hint}, must be finite"));
+            if let Some(offset) = reach.offset {
+                require(offset.is_finite(), &|| format!("the offset is {offset}, must be finite"));
+            }
             &reach.joints
         }
         ConstraintKind::Aim(aim) => {
-            require(aim.shares.iter().all(|s| (0.0..=1e6).contains(s)), "shares must be from 0 to 1e6");
-            require((0.0..=std::f64::consts::PI).contains(&aim.limit), "the limit must be from 0 to π rad");
+            for share in &aim.shares {
+                require((0.0..=1e6).contains(share), &|| {
+                    format!("a share is {share}, must be from 0 to 1e6")
+                });
+            }
+            let limit = aim.limit;
+            let in_range = (0.0..=std::f64::consts::PI).contains(&limit);
+            require(in_range, &|| format!("the limit is {limit} rad, must be from 0 to π"));
             &aim.joints
         }
         ConstraintKind::FootLock(foot_lock) => {

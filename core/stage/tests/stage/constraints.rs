@@ -428,6 +428,14 @@ fn check_names_bad_goals() {
         with("actor \"anna\", reach: each joint must be below the one before it")
     );
     assert_eq!(
+        contacts(|a| kind(a).soft = 2.0),
+        with("actor \"anna\", reach: soft is 2, must be from 0 to 1")
+    );
+    assert_eq!(
+        contacts(|a| kind(a).joints = vec![UPPER]),
+        with("actor \"anna\", reach: the chain has 1 of at least 2 joints")
+    );
+    assert_eq!(
         contacts(|a| kind(a).joints = vec![UPPER, 99]),
         with("actor \"anna\", reach: joint 99 does not exist, there are 10")
     );

@@ -996,7 +996,7 @@ camera(\"wide\").at(1.0 / 7.0, 1, 4.0).look_at([0.0, 1.0, 0.0]);
     assert_eq!(desk.state().text(), SCENE.replace("0.333)", "1.333)"));
 }
 
-/// In a position with a computed number, only that number is refused: for a camera, and for an actor in the viewport.
+/// A position with a computed number refuses only that number: for a camera, and for an actor in the viewport.
 #[test]
 fn numbers_beside_a_computed_one_are_edited() {
     const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });

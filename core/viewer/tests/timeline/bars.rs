@@ -95,7 +95,7 @@ fn modifier_keys_released_with_the_mouse_button_apply_to_the_drag() {
     assert_eq!(desk.state().viewer.selected_bars(), [cue(0, 0), cue(0, 1)]);
 }
 
-/// On a slow machine the release and Ctrl+Z arrive in one frame: the drag is undone and can be redone.
+/// The release and Ctrl+Z arrive in one frame on a slow machine: the drag is undone and can be redone.
 #[test]
 fn a_drag_can_be_undone_in_the_frame_in_which_it_ends() {
     let mut desk = desk();
@@ -159,7 +159,7 @@ fn a_click_on_a_handle_selects_the_bar_under_it() {
     assert_eq!(desk.state().text(), SCRIPT.replace("until(2.0)", "until(2.6)"));
 }
 
-/// Where two bars meet or a fade ends, a key is grabbed at the top of the row, and the handles at the middle of the bars.
+/// A key where two bars meet or a fade ends is grabbed at the top of the row, the handles at the middle of the bars.
 #[test]
 fn a_key_at_a_bar_edge_does_not_cover_its_handles() {
     let script =
@@ -554,7 +554,7 @@ fn bars_snap_to_beats() {
     }
 }
 
-/// With Shift the later cuts move along, as later clips do, also those written in frames.
+/// Shift moves the later cuts along, as it does later clips, also those written in frames.
 #[test]
 fn dragging_a_cut_with_shift_moves_the_later_cuts() {
     let script = format!(

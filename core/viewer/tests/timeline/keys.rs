@@ -489,7 +489,7 @@ fn a_box_of_points_is_deleted_and_home_fits_them() {
     undone(&mut desk);
 }
 
-/// After undo or redo of a key edit, the keys are selected at their present times.
+/// Undo and redo of a key edit select the keys at their present times.
 #[test]
 fn keys_stay_selected_when_a_change_of_them_is_undone() {
     let mut place = Place::new(SCRIPT);

@@ -225,7 +225,7 @@ fn adding_bars_keeps_the_colors_of_the_others() {
     assert!(distinct.len() >= 3, "{after:?}");
 }
 
-/// At 30 frames per second each tenth of a second is a frame: a bar that is dropped near one begins there, the time that a person would write.
+/// Each tenth of a second is a frame at 30 frames per second: a bar that is dropped near one begins there, the time that a person would write.
 #[test]
 fn dragged_times_prefer_tenths_on_frame_boundaries() {
     let script = SCRIPT.replace("fps: 25", "fps: 30").replace("length: 8.0", "length: 2.5");

@@ -244,7 +244,7 @@ fn mouse_gestures_and_shortcuts_run_all_clip_edits() {
     assert!(desk.state().text().contains("\nbob.play(moves.clip(\"Wave\")"), "{}", desk.state().text());
 }
 
-/// Where two bars meet, the end handle left of the boundary rolls it as the start handle right of it does.
+/// The end handle left of a boundary between two bars rolls it as the start handle right of it does.
 #[test]
 fn both_handles_where_two_bars_meet_roll() {
     let mut desk = desk();

@@ -84,7 +84,7 @@ fn reduced(secs: f64) -> Place {
     place
 }
 
-/// In a narrow viewport the text is elided with …, and a tooltip shows all of it.
+/// A narrow viewport elides the text with …, and a tooltip shows all of it.
 #[test]
 fn the_reduced_quality_note_is_elided_with_a_tooltip() {
     let mut place = reduced(0.0);

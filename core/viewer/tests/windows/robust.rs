@@ -140,7 +140,7 @@ fn a_window_shown_again_displays_the_changed_scene() {
     assert_no_errors(folder.path());
 }
 
-/// On a high-density screen everything is twice as large, and image pixels map one to one to screen pixels.
+/// A high-density screen shows everything twice as large, and image pixels map one to one to screen pixels.
 #[test]
 fn at_display_scale_two_the_image_is_drawn_pixel_for_pixel() {
     let Some(screen) = Screen::new() else { return };

@@ -13,7 +13,7 @@ fn compile_error(text: &str) -> EffectError {
     WgslEffect::from_text("my.wgsl", text).err().unwrap_or_else(|| panic!("no error:\n{text}"))
 }
 
-/// Bodies of an effect on pixels, with their messages.
+/// Function texts of an effect on pixels, with their messages.
 const BODIES: &[(&str, &str)] = &[
     ("    return vec4(color.rgb, 1.0) * uv;", "3:12: * cannot work with vec4<f32> and vec2<f32>"),
     ("    return color.rgb;", "3:12: effect returns vec4<f32>, this value is vec3<f32>"),
@@ -332,7 +332,7 @@ fn errors_with_typed_parameters_have_their_place() {
     );
 }
 
-/// With a missing brace, the parser continues into the declarations that the program appends.
+/// The parser continues into the declarations that the program appends if a brace is missing.
 #[test]
 fn a_missing_brace_is_reported_at_the_end_of_the_text() {
     for body in [
