@@ -20,6 +20,7 @@ mod leftovers;
 mod part;
 mod part_folder;
 mod pipe;
+mod user_folder;
 mod write_error;
 
 pub use destination::Destination;
@@ -30,4 +31,5 @@ pub use identity::Identity;
 pub use leftovers::remove_unfinished;
 pub use part::{PartFile, part_name, write_whole, write_whole_beneath};
 pub use part_folder::PartFolder;
+pub use user_folder::user_folder;
 pub use write_error::WriteError;

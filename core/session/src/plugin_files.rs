@@ -196,10 +196,7 @@ fn user_folders() -> Vec<(PathBuf, bool)> {
         let folders = std::env::split_paths(&variable).filter(|f| !f.as_os_str().is_empty());
         return folders.map(|folder| (folder, true)).collect();
     }
-    let folder = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|f| f.is_absolute());
-    let data = folder("XDG_DATA_HOME")
-        .or_else(|| folder("HOME").map(|home| home.join(".local/share")))
-        .or_else(|| folder("LOCALAPPDATA"));
+    let data = choreo_files::user_folder("XDG_DATA_HOME", ".local/share");
     data.map(|data| (data.join("choreo/plugins"), false)).into_iter().collect()
 }
 

@@ -35,9 +35,5 @@ fn remembered(folder: &Path, name: &Path) -> Option<Manifest> {
 }
 
 fn folder() -> Option<PathBuf> {
-    let folder = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|f| f.is_absolute());
-    let caches = folder("XDG_CACHE_HOME")
-        .or_else(|| folder("HOME").map(|home| home.join(".cache")))
-        .or_else(|| folder("LOCALAPPDATA"));
-    Some(caches?.join("choreo/plugin-manifests"))
+    Some(choreo_files::user_folder("XDG_CACHE_HOME", ".cache")?.join("choreo/plugin-manifests"))
 }

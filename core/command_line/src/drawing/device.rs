@@ -135,11 +135,7 @@ fn on_the_cpu(why: &str) -> String {
 
 /// Folder of the pipeline cache, so that the first image of the next run appears at once.
 pub fn cache_dir() -> Option<PathBuf> {
-    let folder = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
-    folder("XDG_CACHE_HOME")
-        .or_else(|| folder("HOME").map(|home| home.join(".cache")))
-        .or_else(|| folder("LOCALAPPDATA"))
-        .map(|cache| cache.join("choreo"))
+    Some(choreo_files::user_folder("XDG_CACHE_HOME", ".cache")?.join("choreo"))
 }
 
 /// Four, for smooth edges, on every device: even the CPU renderer then draws one Knight at 1280×720 at nine frames a second

@@ -479,7 +479,8 @@ impl Execution<'_> {
     }
 }
 
-fn not_prepared(what: &str) -> RenderError {
+/// A recording uses a resource that no earlier call has prepared.
+pub(super) fn not_prepared(what: &str) -> RenderError {
     RenderError::Usage(format!("{what} was not prepared"))
 }
 

@@ -4,7 +4,7 @@ use super::VulkanRenderer;
 use super::context::Context;
 use super::descriptors::{Layouts, Pools, Set, write_buffer};
 use super::error::Named;
-use super::execute::Execution;
+use super::execute::{Execution, not_prepared};
 use super::faults::FaultPlace;
 use super::memory::Buffer;
 use super::resources::Resources;
@@ -171,10 +171,6 @@ impl VulkanRenderer {
         jobs.max(recording.preskinned_bytes(&self.scene_resources)) <= limit
             && recording.commands.iter().all(|command| mesh(command) <= limit)
     }
-}
-
-fn not_prepared(what: &str) -> RenderError {
-    RenderError::Usage(format!("{what} was not prepared"))
 }
 
 /// Sets of the source meshes of the compute stage.

@@ -35,9 +35,7 @@ impl Default for Settings {
 impl Settings {
     /// `$XDG_STATE_HOME/choreo/view.json` (XDG base directory specification), else a file below the user's home folder.
     pub fn file() -> Option<PathBuf> {
-        let folder = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
-        let state = folder("XDG_STATE_HOME").or_else(|| folder("HOME").map(|h| h.join(".local/state")));
-        Some(state.or_else(|| folder("LOCALAPPDATA"))?.join("choreo").join("view.json"))
+        Some(choreo_files::user_folder("XDG_STATE_HOME", ".local/state")?.join("choreo").join("view.json"))
     }
 
     pub fn read(file: &Path) -> Settings {
