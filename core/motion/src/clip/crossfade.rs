@@ -88,7 +88,7 @@ impl Kernel for Fused<'_, '_> {
         let [a, b] = &mut *job.scratch;
         for (clip, time, pose) in [(job.from, job.from_time, &mut *a), (job.to, job.to_time, &mut *b)] {
             let tracks = clip.tracks();
-            let constants = if unit_scale { tracks.unscaled_constants() } else { &tracks.constants };
+            let constants = if unit_scale { tracks.constants_without_scales() } else { &tracks.constants };
             sample::<F>(tracks, constants, clip.stored_curves(), time, pose.blocks_mut());
         }
         let locals = Two { a: a.blocks(), b: b.blocks(), weight: job.weight, unit_scale };

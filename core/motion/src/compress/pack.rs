@@ -57,7 +57,7 @@ pub(super) fn pack(
 
 /// Largest error of nlerp against slerp, radians, divided by (1 − cos)^1.5 of the quaternions' angle: 0.004 θ³ for rotations θ
 /// apart.
-const STRAIGHT: f64 = 0.09;
+const NLERP_ERROR_FACTOR: f64 = 0.09;
 
 /// A column with the fewest bits at one stride.
 struct Draft {
@@ -66,7 +66,7 @@ struct Draft {
     lanes: Lanes,
     /// Index into [`STRIDES`].
     stride: usize,
-    straight: bool,
+    nlerp_suffices: bool,
     /// Bits of each component and lane.
     widths: [[u8; LANES]; 4],
     low: [[f64; LANES]; 4],
@@ -81,7 +81,7 @@ impl Draft {
             channel,
             lanes: *lanes,
             stride,
-            straight: true,
+            nlerp_suffices: true,
             widths: [[0; LANES]; 4],
             low: [[0.0; LANES]; 4],
             range: [[0.0; LANES]; 4],
@@ -89,7 +89,7 @@ impl Draft {
         for (lane, (index, allowed)) in lanes.iter().enumerate().filter_map(|(i, l)| Some((i, (*l)?))) {
             let fit = fits.of(index)?;
             let (knots, worst) = &fit.splines[stride];
-            draft.straight &= STRAIGHT * fit.widest * fit.widest.sqrt() <= 0.2 * allowed;
+            draft.nlerp_suffices &= NLERP_ERROR_FACTOR * fit.widest * fit.widest.sqrt() <= 0.2 * allowed;
             // The error that remains for the rounding of the knots: independent errors add up by their squares.
             let left = (allowed * allowed - worst * worst).max(0.0).sqrt();
             if left < 0.3 * allowed {
@@ -147,7 +147,7 @@ impl Draft {
         let bits = self.widths.each_ref().map(Bits::new);
         // Eight times 16 bits at most.
         let bytes = self.widths.each_ref().map(|w| Bits::bytes(w) as u8);
-        PackedColumn { column, straight: self.straight, bits, bytes, low, step }
+        PackedColumn { column, nlerp_suffices: self.nlerp_suffices, bits, bytes, low, step }
     }
 
     /// Largest integer of a component and lane.

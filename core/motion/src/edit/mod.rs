@@ -55,7 +55,7 @@ impl Clip {
             });
         }
         let mut pose = Values::new(self);
-        Ok(self.try_each(|curve| Ok(part(curve, from, until, &mut pose)))?.with_duration(until - from))
+        Ok(self.try_map_curves(|curve| Ok(part(curve, from, until, &mut pose)))?.with_duration(until - from))
     }
 
     /// The clip backwards: at t it equals the clip at its end − t, steps included.
@@ -84,7 +84,7 @@ impl Clip {
             let times = (0..keys).map(time).collect();
             Ok::<_, std::convert::Infallible>(Curve { times, values: values.into(), ..curve.clone() })
         };
-        let Ok(clip) = self.try_each(backwards);
+        let Ok(clip) = self.try_map_curves(backwards);
         clip
     }
 
@@ -109,7 +109,7 @@ impl Clip {
             }
             Ok(Curve { times: times.into(), values: values.into(), ..curve.clone() })
         };
-        Ok(self.try_each(faster)?.with_duration(self.duration.scaled(1.0 / factor)))
+        Ok(self.try_map_curves(faster)?.with_duration(self.duration.scaled(1.0 / factor)))
     }
 }
 
@@ -129,7 +129,7 @@ impl<'a> Values<'a> {
     fn at(&mut self, curve: &Curve, time: Time) -> Vec<f32> {
         if let Path::Weights(n) = curve.path {
             let mut out = vec![0.0; n as usize];
-            crate::clip::sample::curve_between(curve, find_interval(&curve.times, time), &mut out);
+            crate::clip::sample::interpolate_curve(curve, find_interval(&curve.times, time), &mut out);
             return out;
         }
         if self.at != Some(time) {

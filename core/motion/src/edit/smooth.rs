@@ -20,7 +20,7 @@ impl Clip {
             return Err(EditError::Window { seconds: window.as_secs() });
         }
         let mut values = Values::new(self);
-        self.try_each(|curve| {
+        self.try_map_curves(|curve| {
             if curve.interpolation != Interpolation::Linear || curve.times.len() < 3 {
                 return Ok(curve.clone());
             }

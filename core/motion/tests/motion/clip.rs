@@ -47,7 +47,7 @@ fn what_is_wrong_is_named() {
         (r(&[0.0; 4]), "curve 0 (Rotation of joint 0): the rotation of key 0 has length zero, must be 1"),
         (
             curve(2, Path::Scale, LINEAR, &[0.0], &[1.0; 3]),
-            "curve 0 (Scale of joint 2): the skeleton has only 2 joints",
+            "curve 0 (Scale of joint 2): there is no such joint; number of the skeleton's joints: 2",
         ),
         (
             curve(0, Path::Weights(1 << 20), LINEAR, &[0.0], &[]),
