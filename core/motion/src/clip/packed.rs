@@ -6,7 +6,7 @@ use crate::clip::{Curve, Interpolation, Path};
 use crate::pose::{Pose, PoseBlock};
 use crate::simd::lane::{LANES, Lane};
 use crate::simd::{Bits, F8, Kernel, Level, dispatch};
-use crate::slerp_series::Series;
+use crate::slerp_series::SlerpSeries;
 use crate::time::Time;
 use std::sync::Arc;
 
@@ -134,7 +134,7 @@ impl Kernel for DecodePacked<'_> {
 #[inline(always)]
 pub(crate) fn decode<F: F8>(packed: &Packed, time: Time, blocks: &mut [PoseBlock]) {
     let (frame, fraction) = packed.frame(time);
-    let series = Series::new(fraction, packed.terms);
+    let series = SlerpSeries::new(fraction, packed.terms);
     for stride in &packed.strides {
         let phase = frame % stride.stride;
         let from = &stride.bytes[frame / stride.stride * stride.row_bytes..];
@@ -156,7 +156,7 @@ fn decode_columns<F: F8, const N: usize>(
     from: &[u8],
     weights: &[[f32; 5]; 2],
     fraction: f32,
-    series: &Series,
+    series: &SlerpSeries,
     blocks: &mut [PoseBlock],
 ) {
     let mut weights_a = [F::splat(0.0); N];
@@ -214,7 +214,7 @@ fn decode_slerp<F: F8, const N: usize>(
     mut at: usize,
     row_bytes: usize,
     [weights_a, weights_b]: [&[F; N]; 2],
-    series: &Series,
+    series: &SlerpSeries,
 ) -> Option<[F; 4]> {
     let zero = F::splat(0.0);
     let (mut a, mut b, mut square) = ([zero; 4], [zero; 4], zero);

@@ -8,7 +8,7 @@ use crate::pose::blend::{dot, lerp};
 use crate::pose::{Pose, PoseBlock};
 use crate::simd::lane::{LANES, Lane};
 use crate::simd::{F8, Kernel, Level, dispatch, load4};
-use crate::slerp_series::{MAX_TERMS, Series, weights_at};
+use crate::slerp_series::{MAX_TERMS, SlerpSeries, slerp_weights};
 use crate::time::Time;
 
 /// Evaluates a clip at a time. Joints and properties that the clip does not animate keep what is in the pose.
@@ -133,7 +133,7 @@ fn sample_step<F: F8>(rows: &KeyRows, at: Interval, blocks: &mut [PoseBlock]) {
 fn sample_linear<F: F8>(rows: &KeyRows, at: Interval, blocks: &mut [PoseBlock]) {
     let (mut a, mut b) = (rows.row(at.key), rows.row(at.next));
     let t = F::splat(at.fraction);
-    let series = Series::new(at.fraction, rows.terms);
+    let series = SlerpSeries::new(at.fraction, rows.terms);
     for column in &rows.columns {
         if column.channel == Channel::Rotation {
             let (Some((ka, rest_a)), Some((kb, rest_b))) =
@@ -301,7 +301,7 @@ pub(crate) fn slerp_shorter_arc<F: F8>(a: [F; 4], b: [F; 4], t: F, terms: usize)
         square = square.add(chord.mul(chord));
     }
     let d = square.mul(F::splat(0.5));
-    let (wa, wb) = weights_at::<F>(t, d, terms.min(MAX_TERMS));
+    let (wa, wb) = slerp_weights::<F>(t, d, terms.min(MAX_TERMS));
     let mut out = a;
     for i in 0..4 {
         out[i] = a[i].mul(wa).add(b[i].flipped_by(cos).mul(wb));

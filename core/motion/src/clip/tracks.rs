@@ -17,7 +17,7 @@ use crate::clip::separate_key_times::{SeparateKeyTimes, can_pack};
 use crate::clip::{Curve, Interpolation, Path};
 use crate::pose::PoseBlock;
 use crate::simd::lane::{LANES, Lane};
-use crate::slerp_series::{one_minus_cos, terms_for};
+use crate::slerp_series::{one_minus_cos, series_terms_for};
 use crate::time::Time;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -395,5 +395,5 @@ fn slerp_terms(curve: &Curve) -> usize {
     let widest = (1..curve.times.len())
         .map(|key| shorter_arc(key_value(curve, key - 1), key_value(curve, key)).0)
         .fold(0.0, f64::max);
-    terms_for(widest)
+    series_terms_for(widest)
 }

@@ -12,37 +12,38 @@ pub(super) struct Grid {
 }
 
 /// Key rates to try, per second: those at which files are usually made, from low to high.
-const RATES: [i64; 9] = [24, 25, 30, 48, 50, 60, 100, 120, 240];
+const CANDIDATE_RATES: [i64; 9] = [24, 25, 30, 48, 50, 60, 100, 120, 240];
 /// Largest distance of a key time from the grid, ticks: files store times as f32 seconds.
 const MAX_GRID_OFFSET: i64 = Time::TICKS_PER_SECOND / 50_000;
-/// Limit of the frames that are tried: two hours at 120 Hz.
-const MOST_FRAMES: i64 = 1 << 20;
+/// Largest number of frames of a grid: about two hours at 120 Hz.
+const MAX_FRAMES: i64 = 1 << 20;
 
 /// Whether a curve can be packed: LINEAR, and not of morph weights.
-pub(super) fn packs(curve: &Curve) -> bool {
+pub(super) fn is_packable(curve: &Curve) -> bool {
     !matches!(curve.path, Path::Weights(_)) && curve.interpolation == Interpolation::Linear
 }
 
 impl Grid {
     /// Grids to try, the coarsest first.
     pub fn candidates(clip: &Clip) -> Vec<Grid> {
-        let times = || clip.curves().iter().filter(|c| packs(c)).flat_map(|c| c.times.iter().copied());
+        let times = || clip.curves().iter().filter(|c| is_packable(c)).flat_map(|c| c.times.iter().copied());
         let (Some(start), Some(end)) = (times().min(), times().max()) else { return Vec::new() };
         let length = (end - start).0;
-        let holds = |rate: i64| {
+        let contains_all_keys = |rate: i64| {
             let step = Time::TICKS_PER_SECOND / rate;
             times().all(|t| {
                 let rest = (t - start).0.rem_euclid(step);
                 rest.min(step - rest) <= MAX_GRID_OFFSET
             })
         };
-        let own = RATES.into_iter().find(|rate| holds(*rate));
-        let rates =
-            own.into_iter().chain([60, 120, 240].into_iter().filter(|r| own.is_none_or(|own| *r > own)));
+        let clip_rate = CANDIDATE_RATES.into_iter().find(|rate| contains_all_keys(*rate));
+        let rates = clip_rate
+            .into_iter()
+            .chain([60, 120, 240].into_iter().filter(|r| clip_rate.is_none_or(|clip_rate| *r > clip_rate)));
         rates
             .map(|rate| Time::TICKS_PER_SECOND / rate)
             .map(|step| (step, length.saturating_add(step - 1 - MAX_GRID_OFFSET).max(0) / step + 1))
-            .filter(|(_, frames)| (2..=MOST_FRAMES).contains(frames))
+            .filter(|(_, frames)| (2..=MAX_FRAMES).contains(frames))
             .map(|(step, frames)| Grid { start, step, frames: frames as usize })
             .collect()
     }

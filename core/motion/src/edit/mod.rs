@@ -54,8 +54,10 @@ impl Clip {
                 duration: self.duration.as_secs(),
             });
         }
-        let mut pose = Values::new(self);
-        Ok(self.try_map_curves(|curve| Ok(part(curve, from, until, &mut pose)))?.with_duration(until - from))
+        let mut values = CurveValues::new(self);
+        Ok(self
+            .try_map_curves(|curve| Ok(cut_curve(curve, from, until, &mut values)))?
+            .with_duration(until - from))
     }
 
     /// The clip backwards: at t it equals the clip at its end − t, steps included.
@@ -93,7 +95,7 @@ impl Clip {
         if !(0.001..=1000.0).contains(&factor) {
             return Err(EditError::Speed { clip: self.name.clone(), factor });
         }
-        let faster = |curve: &Curve| {
+        let with_scaled_times = |curve: &Curve| {
             let times: Vec<Time> = curve.times.iter().map(|t| t.scaled(1.0 / factor)).collect();
             if times.windows(2).any(|pair| pair[0] >= pair[1]) {
                 return Err(EditError::KeysMeet { clip: self.name.clone(), factor });
@@ -109,20 +111,20 @@ impl Clip {
             }
             Ok(Curve { times: times.into(), values: values.into(), ..curve.clone() })
         };
-        Ok(self.try_map_curves(faster)?.with_duration(self.duration.scaled(1.0 / factor)))
+        Ok(self.try_map_curves(with_scaled_times)?.with_duration(self.duration.scaled(1.0 / factor)))
     }
 }
 
 /// Values of a clip's curves at any time.
-struct Values<'a> {
+struct CurveValues<'a> {
     clip: &'a Clip,
     pose: Pose,
     at: Option<Time>,
 }
 
-impl<'a> Values<'a> {
-    fn new(clip: &'a Clip) -> Values<'a> {
-        Values { clip, pose: Pose::identity(clip.joint_count()), at: None }
+impl<'a> CurveValues<'a> {
+    fn new(clip: &'a Clip) -> CurveValues<'a> {
+        CurveValues { clip, pose: Pose::identity(clip.joint_count()), at: None }
     }
 
     /// Value of a curve at a time, as sampling the clip gives it.
@@ -145,17 +147,17 @@ impl<'a> Values<'a> {
     }
 }
 
-/// A curve between two times, moved to begin at 0.
-fn part(curve: &Curve, from: Time, until: Time, values: &mut Values) -> Curve {
+/// The part of a curve between two times, moved to begin at 0.
+fn cut_curve(curve: &Curve, from: Time, until: Time, values: &mut CurveValues) -> Curve {
     let inside: Vec<usize> =
         (0..curve.times.len()).filter(|i| from <= curve.times[*i] && curve.times[*i] <= until).collect();
     let (mut times, mut keys) = (Vec::new(), Vec::new());
-    let mut border = |time: Time, times: &mut Vec<Time>, keys: &mut Vec<f32>| {
+    let mut insert_key = |time: Time, times: &mut Vec<Time>, keys: &mut Vec<f32>| {
         times.push(time - from);
-        keys.extend(border_key(curve, time, values));
+        keys.extend(inserted_key(curve, time, values));
     };
     if inside.first().is_none_or(|i| curve.times[*i] > from) {
-        border(from, &mut times, &mut keys);
+        insert_key(from, &mut times, &mut keys);
     }
     for i in &inside {
         let begin = keys.len();
@@ -170,22 +172,22 @@ fn part(curve: &Curve, from: Time, until: Time, values: &mut Values) -> Curve {
     // A curve is held after its last key and needs no key at the end.
     let moves_on = curve.times.last().is_some_and(|last| *last > until);
     if ends_before && moves_on {
-        border(until, &mut times, &mut keys);
+        insert_key(until, &mut times, &mut keys);
     }
     Curve { times: times.into(), values: keys.into(), ..curve.clone() }
 }
 
 /// The curve's own key at a time if it has one, else an inserted key.
-fn key_at(curve: &Curve, time: Time, values: &mut Values) -> Vec<f32> {
+fn key_or_inserted(curve: &Curve, time: Time, values: &mut CurveValues) -> Vec<f32> {
     match curve.times.binary_search(&time) {
         Ok(key) => curve.values[key * curve.stride()..][..curve.stride()].to_vec(),
-        Err(_) => border_key(curve, time, values),
+        Err(_) => inserted_key(curve, time, values),
     }
 }
 
 /// A key that can be inserted at any time and leaves the curve unchanged on both sides. The value of a cubic rotation is not
 /// normalized, since the cubic continues from the unnormalized value.
-fn border_key(curve: &Curve, time: Time, values: &mut Values) -> Vec<f32> {
+fn inserted_key(curve: &Curve, time: Time, values: &mut CurveValues) -> Vec<f32> {
     if curve.interpolation != Interpolation::CubicSpline {
         return values.at(curve, time);
     }
