@@ -414,7 +414,7 @@ impl ModelPose {
         }
         self.matrices.clear();
         for (local, parent) in self.locals.iter().zip(skeleton.parents()) {
-            let rotation = crate::math::rotation::unit(local.rotation);
+            let rotation = crate::math::rotation::normalize_or_identity(local.rotation);
             let own = DAffine3::from_scale_rotation_translation(local.scale, rotation, local.translation);
             self.matrices.push(parent.map_or(own, |p| self.matrices[p as usize] * own));
         }
@@ -441,7 +441,7 @@ pub(crate) fn joint_errors(skeleton: &Skeleton, a: &Clip, b: &Clip, max_times: u
         for (joint, local) in pose.iter().enumerate() {
             let (s, r, t) = (
                 local.scale.as_dvec3(),
-                crate::math::rotation::unit(local.rotation.as_dquat()),
+                crate::math::rotation::normalize_or_identity(local.rotation.as_dquat()),
                 local.translation.as_dvec3(),
             );
             let own = DAffine3::from_scale_rotation_translation(s, r, t);

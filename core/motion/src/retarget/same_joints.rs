@@ -34,7 +34,7 @@ pub fn same_joints(clip: &Clip, from: &Skeleton, to: &Skeleton) -> bool {
     if !animated.iter().any(|joint| partner(*joint).is_some()) {
         return false;
     }
-    let same = |joint: u32| {
+    let has_equal_rest_position = |joint: u32| {
         if known[joint as usize].is_some_and(|other| partner(joint) != Some(other)) {
             return false;
         }
@@ -58,5 +58,5 @@ pub fn same_joints(clip: &Clip, from: &Skeleton, to: &Skeleton) -> bool {
         let ((p, unit_p), (q, unit_q)) = (of(&a, parents.0), of(&b, parents.1));
         p.dot(q).abs() > 1.0 - 1e-6 && (unit_p / unit_q - 1.0).abs() < 1e-3
     };
-    animated.into_iter().all(same)
+    animated.into_iter().all(has_equal_rest_position)
 }

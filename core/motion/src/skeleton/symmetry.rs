@@ -1,6 +1,6 @@
 //! The left and right joints of a skeleton, and how a joint takes over the mirrored motion of its partner.
 
-use crate::math::rotation::unit;
+use crate::math::rotation::normalize_or_identity;
 use crate::math::transform::Transform;
 use crate::skeleton::Skeleton;
 use crate::skeleton::model_rest_pose::ModelRestPose;
@@ -68,7 +68,9 @@ impl MirrorMap {
             0
         };
         let reflected = |joint: usize| reflect_rotation(rest.rotations[joint], axis);
-        let c = |joint: usize, partner: usize| unit(reflected(partner).conjugate() * rest.rotations[joint]);
+        let c = |joint: usize, partner: usize| {
+            normalize_or_identity(reflected(partner).conjugate() * rest.rotations[joint])
+        };
         let joint = |(joint, partner): (usize, Option<u32>)| {
             let partner = partner?;
             let (before, units) = match skeleton.parents()[joint] {
