@@ -152,7 +152,7 @@ pub enum CurveError {
 
 crate::error_texts! { CurveError:
     Self::NoKeys => "it has no keys";
-    Self::Values { keys, stride, values } => "{keys} keys need {} values ({stride} a key), it has {values}", keys.saturating_mul(*stride);
+    Self::Values { keys, stride, values } => "the number of values is {values}, must be {} ({stride} per key)", keys.saturating_mul(*stride);
     Self::TimeRepeats { key, time } => "the time of key {key} ({time} s) repeats that of key {} ({time} s); key times must increase", key - 1;
     Self::TimeRunsBackwards { key, time, before } => "the time of key {key} ({time} s) runs backwards from that of key {} ({before} s); key times must increase", key - 1;
     Self::NotFinite { key, value } => "key {key} holds {value}, must be finite";

@@ -36,7 +36,7 @@ pub enum CompressError {
 
 crate::error_texts! { CompressError:
     Self::Tolerance(tolerance) => "the tolerance of {tolerance} m must be from 0.000001 m to 0.1 m";
-    Self::Joints { clip, joints, expected } => "the clip \"{clip}\" has {joints} joints, the skeleton has {expected}";
+    Self::Joints { clip, joints, expected } => "the numbers of joints differ: {joints} in the clip \"{clip}\", {expected} in the skeleton";
 }
 
 /// Largest number of rounds that lower the tolerances of all curves until the error is within the bound.

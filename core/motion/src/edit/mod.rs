@@ -36,9 +36,9 @@ crate::error_texts! { EditError:
     Self::Cut { clip, from, until, duration } => "from {from} s to {until} s is not a part of the clip \"{clip}\", which runs from 0 s to {duration} s";
     Self::Speed { clip, factor } => "the clip \"{clip}\" at {factor} times its speed: the speed must be from 0.001 to 1000";
     Self::KeysMeet { clip, factor } => "the clip \"{clip}\" at {factor} times its speed has keys less than a tick apart";
-    Self::Joints { first, second, joints, expected } => "the clip \"{second}\" has {joints} joints, \"{first}\" has {expected}";
+    Self::Joints { first, second, joints, expected } => "the numbers of joints differ: {joints} in the clip \"{second}\", {expected} in the skeleton \"{first}\"";
     Self::Weights { first, second, joint } => "the clips \"{first}\" and \"{second}\" drive different numbers of morph weights at joint {joint}";
-    Self::Joint { joint, joints } => "joint {joint} does not exist, the clip has {joints} joints";
+    Self::Joint { joint, joints } => "joint {joint} does not exist; number of the clip's joints: {joints}";
     Self::Window { seconds } => "the window of {seconds} s must be above 0 s and at most 10 s";
 }
 

@@ -52,7 +52,7 @@ pub enum ReduceError {
 
 crate::error_texts! { ReduceError:
     Self::Tolerance(tolerance) => "the tolerance of {tolerance} m must be from 0 m to 1 m";
-    Self::Joints { clip, joints, expected } => "the clip \"{clip}\" has {joints} joints, the skeleton has {expected}";
+    Self::Joints { clip, joints, expected } => "the numbers of joints differ: {joints} in the clip \"{clip}\", {expected} in the skeleton";
 }
 
 /// Distance from each joint, metres, of the points at which errors of its rotation are measured: the last joints carry

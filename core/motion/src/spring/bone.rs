@@ -131,12 +131,12 @@ impl SpringBone {
         }
         let d = state.direction;
         let mut head_velocity = (drive.head - state.head) / seconds;
-        let jolt = head_velocity - state.head_velocity;
+        let velocity_change = head_velocity - state.head_velocity;
         let mut velocity = state.velocity;
-        if jolt.length() <= TELEPORT_SPEED {
+        if velocity_change.length() <= TELEPORT_SPEED {
             // The change of the head's velocity acts as an impulse between two steps of constant velocity. It is limited to half
             // a turn per step: more would be the same as less in the other direction.
-            velocity -= tangent(d, jolt / drive.length).clamp_length_max(PI / seconds);
+            velocity -= tangent(d, velocity_change / drive.length).clamp_length_max(PI / seconds);
         } else {
             head_velocity = DVec3::ZERO;
         }
@@ -151,7 +151,7 @@ impl SpringBone {
         let (target, next_target) = (log(d, state.target), log(d, drive.target));
         let stiffness = self.stiffness + softening;
         let damping = if drive.follows {
-            self.damping.max(least_chain_damping(self.stiffness, softening))
+            self.damping.max(min_chain_damping(self.stiffness, softening))
         } else {
             self.damping
         };
@@ -163,14 +163,18 @@ impl SpringBone {
         (state.direction, state.velocity) = exp(d, way, after);
         if damping == 0.0 {
             let bent = log(state.direction, drive.target).length();
-            let mut left =
-                self.stiffness * rounded_off(0.5 * ((next_target - way).length_squared() - bent * bent));
+            let mut excess = self.stiffness
+                * zero_if_rounding_error(0.5 * ((next_target - way).length_squared() - bent * bent));
             if strength > 0.0 {
-                left += strength
-                    * load_energy_left([log(d, load / strength), way, log(state.direction, load / strength)]);
+                excess += strength
+                    * load_energy_excess([
+                        log(d, load / strength),
+                        way,
+                        log(state.direction, load / strength),
+                    ]);
             }
             if let Some(along) = state.velocity.try_normalize() {
-                state.velocity = along * (state.velocity.length_squared() + 2.0 * left).sqrt();
+                state.velocity = along * (state.velocity.length_squared() + 2.0 * excess).sqrt();
             }
         }
         // A bone gets no faster than it would be from half a turn away; otherwise undamped bones of a chain would speed each
@@ -198,23 +202,23 @@ impl SpringBone {
 
 /// Excess energy, at the end of a step, of the spring that stands for a load of strength 1. Arguments, as tangent vectors: from
 /// the start of the step to the load's direction, the step itself, and from its end to the load's direction.
-fn load_energy_left([before, step, after]: [DVec3; 3]) -> f64 {
+fn load_energy_excess([before, step, after]: [DVec3; 3]) -> f64 {
     let (from, to) = (before.length(), after.length());
     // 1 − cos φ at both ends, and the spring that touches this curve at the first.
     let height = |angle: f64| 2.0 * libm::sin(0.5 * angle) * libm::sin(0.5 * angle);
     let spring = 0.5 * sinc(from) * ((before - step).length_squared() - from * from);
-    rounded_off(spring + height(from) - height(to))
+    zero_if_rounding_error(spring + height(from) - height(to))
 }
 
 /// The energy, or zero if it is only a rounding error.
-fn rounded_off(energy: f64) -> f64 {
+fn zero_if_rounding_error(energy: f64) -> f64 {
     if energy > 1e-14 { energy } else { 0.0 }
 }
 
 /// The least damping, 1/s, with which an oscillator of stiffness K + s amplifies no motion of the target that K pulls to: the
 /// smallest κ with κ²(K + s) − κ⁴/4 ≥ K², whose left side is the least squared denominator of the module's fraction; √(2K)
 /// without a load.
-fn least_chain_damping(stiffness: f64, softening: f64) -> f64 {
+fn min_chain_damping(stiffness: f64, softening: f64) -> f64 {
     let whole = stiffness + softening;
     // (K + s) − √((K + s)² − K²), written so that nothing cancels.
     let root = (softening * (softening + 2.0 * stiffness)).sqrt();

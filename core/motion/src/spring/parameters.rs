@@ -117,18 +117,18 @@ impl Springs {
 
     /// Checks all values for a skeleton of `joint_count` joints; fails at the first one that is out of its range.
     pub fn check(&self, joint_count: usize) -> Result<(), SpringError> {
-        let need = |fine: bool, place: &dyn Fn() -> String, what: String| match fine {
+        let require = |fine: bool, place: &dyn Fn() -> String, what: String| match fine {
             true => Ok(()),
             false => Err(SpringError { place: place(), what }),
         };
         let joint = |joint: u32, place: &dyn Fn() -> String| {
             let what = format!("joint {joint} does not exist, there are {joint_count}");
-            need((joint as usize) < joint_count, place, what)
+            require((joint as usize) < joint_count, place, what)
         };
         for (index, collider) in self.colliders.iter().enumerate() {
             let place = || format!("colliders[{index}]");
             joint(collider.joint, &place)?;
-            need(collider.shape.is_sound(), &place, format!("{:?} is not a valid shape", collider.shape))?;
+            require(collider.shape.is_sound(), &place, format!("{:?} is not a valid shape", collider.shape))?;
         }
         for (index, chain) in self.chains.iter().enumerate() {
             let place = || format!("chains[{index}]");
@@ -137,7 +137,11 @@ impl Springs {
             }
             let known = chain.colliders.iter().all(|c| (*c as usize) < self.colliders.len());
             let ascending = chain.colliders.windows(2).all(|w| w[0] < w[1]);
-            need(known && ascending, &place, "its colliders are not ascending indices".into())?;
+            require(
+                known && ascending,
+                &place,
+                "its colliders must be ascending indices of existing colliders".into(),
+            )?;
             for (number, j) in chain.joints.iter().enumerate() {
                 let place = || format!("chains[{index}].joints[{number}]");
                 joint(j.joint, &place)?;
@@ -147,7 +151,7 @@ impl Springs {
                     && (0.0..=1.0).contains(&j.drag_force)
                     && j.tail.is_finite()
                     && (j.gravity_direction.length() - 1.0).abs() < 1e-3;
-                need(fine, &place, format!("{j:?} has a value out of range"))?;
+                require(fine, &place, format!("{j:?} has a value out of range"))?;
             }
         }
         Ok(())
@@ -175,7 +179,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_wrong_is_found_where_it_is() {
+    fn check_reports_the_path_of_the_invalid_parameter() {
         let sphere = ColliderShape::Sphere { offset: Vec3::ZERO, radius: 0.1, inside: false };
         let good = Springs {
             colliders: vec![SpringCollider { joint: 1, shape: sphere }],

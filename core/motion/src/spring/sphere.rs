@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn log_and_exp_are_inverse() {
+    fn exp_inverts_log_and_transports_a_vector_along_the_great_circle() {
         let a = DVec3::new(0.36, 0.48, 0.8);
         for b in
             [DVec3::X, DVec3::NEG_Z, DVec3::new(0.6, 0.0, -0.8), a, (a + DVec3::X * 1e-9).normalize(), -a]

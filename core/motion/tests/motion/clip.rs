@@ -19,7 +19,7 @@ fn what_is_wrong_is_named() {
         (t(&[], &[]), "curve 0 (Translation of joint 1): it has no keys"),
         (
             t(&[0.0, 1.0], &[0.0; 5]),
-            "curve 0 (Translation of joint 1): 2 keys need 6 values (3 a key), it has 5",
+            "curve 0 (Translation of joint 1): the number of values is 5, must be 6 (3 per key)",
         ),
         (
             t(&[0.5, 0.5], &six),

@@ -371,20 +371,20 @@ fn bad_fields_are_named() {
     let mut check = |to, weight, mask| said(Blend { from: &a, to, weight, mask, out: &mut out }.check());
     assert_eq!(check(&a, f32::NAN, None), "`Blend.weight` is NaN, must be 0..=1");
     assert_eq!(check(&a, -0.5, None), "`Blend.weight` is -0.5, must be 0..=1");
-    assert_eq!(check(&b, 0.5, None), "`Blend.to` holds 3, must hold 2");
+    assert_eq!(check(&b, 0.5, None), "`Blend.to` has length 3, must have length 2");
     assert_eq!(check(&a, 0.5, Some(&[0.5, f32::NAN])), "`Blend.mask[1]` is NaN, must be 0..=1");
-    assert_eq!(check(&a, 0.5, Some(&[0.5])), "`Blend.mask` holds 1, must hold 2");
+    assert_eq!(check(&a, 0.5, Some(&[0.5])), "`Blend.mask` has length 1, must have length 2");
     let job = BlendOnto { pose: &mut onto, to: &a, weight: 2.0, mask: None };
     assert_eq!(said(job.check()), "`BlendOnto.weight` is 2, must be 0..=1");
     let skeleton = skeleton(2, None);
     let mut matrices = [Affine3A::IDENTITY; 2];
     let job = LocalToModel { skeleton: &skeleton, pose: &b, model_from_joint: &mut matrices };
-    assert_eq!(said(job.check()), "`LocalToModel.pose` holds 3, must hold 2");
+    assert_eq!(said(job.check()), "`LocalToModel.pose` has length 3, must have length 2");
     let job = LocalToModel { skeleton: &skeleton, pose: &a, model_from_joint: &mut matrices[..1] };
-    assert_eq!(said(job.check()), "`LocalToModel.model_from_joint` holds 1, must hold 2");
+    assert_eq!(said(job.check()), "`LocalToModel.model_from_joint` has length 1, must have length 2");
     let job =
         SkinMatrices { model_from_joint: &[], joints: &[4], inverse_bind: &[], out: &mut matrices[..1] };
-    assert_eq!(said(job.check()), "`SkinMatrices.joints[0]` is 4, there are 0 joints");
+    assert_eq!(said(job.check()), "`SkinMatrices.joints[0]` is 4, the number of joints is 0");
     let mut values = [Vec3::ZERO];
     let job = Morph { targets: &[&[]], weights: &[f32::INFINITY], values: &mut values };
     assert_eq!(said(job.check()), "`Morph.weights[0]` is inf, must be finite");
@@ -401,5 +401,5 @@ fn bad_fields_are_named() {
         out_positions: &mut p,
         out_normals: &mut n,
     };
-    assert_eq!(said(job.check()), "`joint_indices[5]` is 99, there are 7 joints");
+    assert_eq!(said(job.check()), "`joint_indices[5]` is 99, the number of joints is 7");
 }

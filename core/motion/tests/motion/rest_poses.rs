@@ -143,7 +143,7 @@ fn a_t_pose_of_its_own_counts_instead_of_the_rest_pose() {
     assert!(keys(&without) != keys(&resting_in_t));
     let short = resting_in_t.humanoid().unwrap().clone().with_t_pose(vec![Transform::IDENTITY]);
     let error = resting_in_t.clone().with_humanoid(short).unwrap_err().to_string();
-    assert_eq!(error, "the T-pose has 1 transforms, the skeleton 5 joints");
+    assert_eq!(error, "the number of transforms of the T-pose is 1, must be 5, one per joint of the skeleton");
 }
 
 #[test]

@@ -385,5 +385,5 @@ fn a_pose_with_the_wrong_joint_count_is_an_error() {
     let clip = Clip::new("walk".into(), 3, vec![]).unwrap();
     let mut pose = Pose::identity(2);
     let job = Sample { clip: &clip, time: Time::ZERO, pose: &mut pose };
-    assert_eq!(job.check().unwrap_err().to_string(), "`Sample.pose` holds 2, must hold 3");
+    assert_eq!(job.check().unwrap_err().to_string(), "`Sample.pose` has length 2, must have length 3");
 }

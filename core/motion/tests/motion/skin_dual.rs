@@ -133,5 +133,5 @@ fn vertices_without_weight_stay_and_bad_input_is_named() {
         out_positions: &mut out,
         out_normals: &mut [],
     };
-    assert_eq!(job.check().unwrap_err().to_string(), "`joint_indices[0]` is 1, there are 1 joints");
+    assert_eq!(job.check().unwrap_err().to_string(), "`joint_indices[0]` is 1, the number of joints is 1");
 }
