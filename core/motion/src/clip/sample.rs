@@ -297,14 +297,14 @@ pub(crate) fn slerp_shorter_arc<F: F8>(a: [F; 4], b: [F; 4], t: F, terms: usize)
     // 1 − cos is computed from the chord: for small angles, rounding of the dot product loses it.
     let mut square = F::splat(0.0);
     for i in 0..4 {
-        let chord = a[i].sub(b[i].flipped_by(cos));
+        let chord = a[i].sub(b[i].flip_sign_by(cos));
         square = square.add(chord.mul(chord));
     }
     let d = square.mul(F::splat(0.5));
     let (wa, wb) = slerp_weights::<F>(t, d, terms.min(MAX_TERMS));
     let mut out = a;
     for i in 0..4 {
-        out[i] = a[i].mul(wa).add(b[i].flipped_by(cos).mul(wb));
+        out[i] = a[i].mul(wa).add(b[i].flip_sign_by(cos).mul(wb));
     }
     out
 }

@@ -209,7 +209,7 @@ impl SeparateKeyTimes {
             pairs[lane] = F::load_halves(self.keys.get(from..)?.first_chunk()?);
         }
         let [a, b, c, d, e, f, g, h] = pairs;
-        Some(F::joined_rows4(F::half_rows4([a, b, c, d]), F::half_rows4([e, f, g, h])))
+        Some(F::join_rows4(F::half_rows4([a, b, c, d]), F::half_rows4([e, f, g, h])))
     }
 
     #[inline(always)]

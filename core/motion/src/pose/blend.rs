@@ -197,7 +197,7 @@ fn polynomial<F: F8, const N: usize>(x: F, coefficients: [f32; N]) -> F {
 #[inline(always)]
 fn nlerp_unnormalized<F: F8>(mut p: [F; 4], q: [F; 4], sign_of_dot: F, w: F) -> [F; 4] {
     for i in 0..4 {
-        p[i] = lerp(p[i], q[i].flipped_by(sign_of_dot), w);
+        p[i] = lerp(p[i], q[i].flip_sign_by(sign_of_dot), w);
     }
     p
 }
@@ -215,7 +215,7 @@ impl Mix for CorrectedNlerp {
     #[inline(always)]
     fn mix<F: F8>(p: [F; 4], q: [F; 4], w: F) -> [F; 4] {
         let sign_of_dot = dot(p, q);
-        let d = sign_of_dot.flipped_by(sign_of_dot);
+        let d = sign_of_dot.flip_sign_by(sign_of_dot);
         let a = polynomial(d, [-1.43519, 3.55645, -3.2452, 1.0904]);
         let b = polynomial(d, [0.215638, -1.06021, 0.848013]);
         let middle = w.sub(F::splat(0.5));
@@ -230,10 +230,10 @@ impl Mix for Slerp {
     fn mix<F: F8>(mut p: [F; 4], q: [F; 4], w: F) -> [F; 4] {
         let sign_of_dot = dot(p, q);
         let q = [
-            q[0].flipped_by(sign_of_dot),
-            q[1].flipped_by(sign_of_dot),
-            q[2].flipped_by(sign_of_dot),
-            q[3].flipped_by(sign_of_dot),
+            q[0].flip_sign_by(sign_of_dot),
+            q[1].flip_sign_by(sign_of_dot),
+            q[2].flip_sign_by(sign_of_dot),
+            q[3].flip_sign_by(sign_of_dot),
         ];
         // Computed from the difference instead of the product, because small angles then keep their digits.
         let chord = [q[0].sub(p[0]), q[1].sub(p[1]), q[2].sub(p[2]), q[3].sub(p[3])];

@@ -138,8 +138,8 @@ impl<L: LocalTransforms> ComputeMatrices<'_, L> {
         }
         for [joint, parent] in by_depth {
             let Some(ColumnPairs([c0, c1], [c2, translation])) = out.get(*parent as usize) else { return };
-            let parent = [F::both(c0), F::both(c1), F::both(c2)];
-            let translation = F::upper(translation);
+            let parent = [F::load_twice(c0), F::load_twice(c1), F::load_twice(c2)];
+            let translation = F::load_upper_half(translation);
             let Some(own) = out.get_mut(*joint as usize) else { return };
             mul_columns(parent, F::load_halves(&own.0)).store_halves(&mut own.0);
             mul_columns(parent, F::load_halves(&own.1)).add(translation).store_halves(&mut own.1);
@@ -195,8 +195,8 @@ fn rotation_columns<F: F8>(q: [F; 4], scale: Option<[F; 3]>) -> [[F; 3]; 3] {
 /// Product of a 3×3 matrix, whose columns are in both halves, and two columns.
 #[inline(always)]
 fn turned<F: F8>([x, y, z]: [F; 3], columns: F) -> F {
-    let first = x.mul(columns.spread::<0>()).add(y.mul(columns.spread::<1>()));
-    first.add(z.mul(columns.spread::<2>()))
+    let first = x.mul(columns.broadcast_component::<0>()).add(y.mul(columns.broadcast_component::<1>()));
+    first.add(z.mul(columns.broadcast_component::<2>()))
 }
 
 const _: () = assert!(size_of::<Affine3A>() == 64 && align_of::<Affine3A>() == 16);

@@ -76,7 +76,7 @@ impl Kernel for AddPose<'_> {
             let q: [F; 4] = load4(&pose.rotation);
             let sign_of_dot = dot(load4(&base.rotation), q);
             for (sum, q) in sum.rotation.iter_mut().zip(q) {
-                plus(sum, q.flipped_by(sign_of_dot));
+                plus(sum, q.flip_sign_by(sign_of_dot));
             }
             F::load(total).add(w).store(total);
         }
