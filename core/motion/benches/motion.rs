@@ -453,11 +453,11 @@ fn skinning(method: SkinningMethod, influences: usize, level: Level, quick: bool
             Vec3::from(m.translation).as_dvec3(),
         )
     };
-    let carriers: Vec<StretchedDualQuaternion> =
+    let maps: Vec<StretchedDualQuaternion> =
         matrices.iter().map(|m| StretchedDualQuaternion::of(wide(m))).collect();
-    let motions: Vec<DualQuaternion> = carriers.iter().map(DualQuaternion::from).collect();
+    let motions: Vec<DualQuaternion> = maps.iter().map(DualQuaternion::from).collect();
     let stretches: Vec<Affine3A> = match method {
-        SkinningMethod::Stretched => carriers.iter().map(stretch_matrix).collect(),
+        SkinningMethod::Stretched => maps.iter().map(stretch_matrix).collect(),
         _ => Vec::new(),
     };
     measure(VERTICES, quick, || {

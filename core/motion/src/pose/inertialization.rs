@@ -2,11 +2,12 @@
 //!
 //! D. Bollo, "Inertialization: High-Performance Animation Transitions in Gears of War", GDC 2018. The offset of each joint from
 //! the new pose at the switch, as a vector (rotations as rotation vectors), decays to zero along its own direction by the
-//! quintic of the talk, which starts at the velocity of the offset and ends without velocity and acceleration; it ends earlier if the
-//! velocity leads to zero earlier, so that it does not overshoot. A velocity that leads away, and one across that direction,
+//! quintic of the talk, which starts at the velocity of the offset and ends without velocity and acceleration; it ends earlier if
+//! the velocity leads to zero earlier, so that it does not overshoot. A velocity that leads away, and one across that direction,
 //! which the talk leaves out, decay by a quintic that is zero at both ends and starts at this velocity, so that no joint's
-//! velocity jumps. This takes at most the time in which clips reverse their motion
-//! ([`MAX_VELOCITY_DECAY_SECS`]): over half a second, hips that move down would sink 2 cm lower than in either clip. The offset is a closed form of the time since the switch.
+//! velocity jumps. This takes at most the time in which clips reverse their motion ([`MAX_VELOCITY_DECAY_SECS`]): over half a
+//! second, hips that move down would sink 2 cm lower than in either clip. The offset is a closed form of the time since the
+//! switch.
 
 use crate::math::rotation::{from_rotation_vector, rotation_vector};
 use crate::math::transform::Transform;

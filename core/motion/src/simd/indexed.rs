@@ -89,7 +89,7 @@ mod tests {
         let many = vec![7u8; 70_000];
         assert_eq!(Indexed::new(&many, Indices::new(&[u16::MAX; 4])).get_four(0), [&7; 4]);
         let part = Indices::new(&[9, 3, 0, 1, 1]).subrange(1..5);
-        assert_eq!(Indexed::new(&many, part).four(0), [&7; 4]);
+        assert_eq!(Indexed::new(&many, part).get_four(0), [&7; 4]);
     }
 
     #[test]
