@@ -214,7 +214,7 @@ pub struct Clip {
     properties: Arc<[property_curve::CheckedPropertyCurve]>,
 }
 
-/// Most morph targets that one curve may drive; a file with more is refused.
+/// Largest number of morph targets that one curve may drive; a file with more is refused.
 pub const MAX_WEIGHTS: u32 = 65_536;
 
 /// The largest number a key may hold, so that interpolation stays within f32.
@@ -429,7 +429,7 @@ impl Clip {
     }
 
     /// Samples the morph weights of the mesh at `joint` into `out`. Returns false and leaves `out` unchanged if the clip does not
-    /// drive them. If the counts differ, the shorter one counts.
+    /// drive them. If the counts differ, the smaller one applies.
     pub fn sample_weights(&self, joint: u32, time: Time, out: &mut [f32]) -> bool {
         let at = self.weight_curves.partition_point(|(j, _)| *j < joint);
         let Some((_, curve)) = self.weight_curves.get(at).filter(|(j, _)| *j == joint) else { return false };

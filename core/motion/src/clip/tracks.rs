@@ -8,7 +8,7 @@
 //! - Linear curves with separate key times are resampled at common key times ([`crate::clip::common_times`]), so that they can
 //!   lie in rows, too.
 //! - If that takes too much memory, and for cubic curves, the keys of eight joints are gathered ([`crate::clip::separate_key_times`]).
-//! - The few others ("singles") stay as authored.
+//! - The few other curves ("singles") are sampled from the authored keys.
 
 use crate::clip::common_times::{CommonTimes, common_times};
 use crate::clip::key_search::Timeline;
@@ -89,7 +89,7 @@ pub(crate) struct KeyRows {
     /// angle to the next key. Cubic: all in-tangents, then all values, then all out-tangents.
     pub row_len: usize,
     pub lanes: Vec<Lane>,
-    /// Most terms of the slerp series that a column needs.
+    /// Largest number of terms of the slerp series that any column needs.
     pub terms: usize,
 }
 

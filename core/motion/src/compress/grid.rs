@@ -68,7 +68,7 @@ impl Grid {
     }
 }
 
-/// The key time that a time of the grid stands for, if any, else the time itself.
+/// The key time that coincides with a time of the grid up to rounding, if any, else the time itself.
 fn nearest_key(curve: &Curve, time: Time) -> Time {
     let at = curve.times.partition_point(|t| *t < time);
     let near = |i: usize| curve.times.get(i).copied().filter(|t| (*t - time).0.abs() <= MAX_GRID_OFFSET);

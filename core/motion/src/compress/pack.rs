@@ -10,7 +10,7 @@ use crate::simd::lane::{LANES, Lane};
 use crate::slerp_series::series_terms_for;
 use std::collections::BTreeMap;
 
-/// Most bits of a number: eight of them are 16 bytes, one load.
+/// Largest number of bits of an integer: eight integers then take 16 bytes, one load.
 const MAX_BITS: usize = 16;
 
 /// Curves of one channel of one pose block: index and tolerance of each.
@@ -30,7 +30,7 @@ pub(super) fn pack_curves(
         let lanes = columns.entry((curve.joint / LANES as u32, channel)).or_default();
         lanes[curve.joint as usize % LANES] = Some((*index, *allowed));
     }
-    let mut left = Vec::new();
+    let mut unpacked = Vec::new();
     let mut chosen: BTreeMap<usize, Vec<ColumnDraft>> = BTreeMap::new();
     for ((block, channel), lanes) in columns {
         let drafts = STRIDES.iter().enumerate().filter_map(|(at, stride)| {
@@ -43,7 +43,7 @@ pub(super) fn pack_curves(
         let curves = lanes.iter().flatten().count();
         match best.filter(|best| cost(best) < curves * channel.width() * 4 * grid.frames) {
             Some((stride, draft)) => chosen.entry(stride).or_default().push(draft),
-            None => left.extend(lanes.iter().flatten().map(|(index, _)| *index)),
+            None => unpacked.extend(lanes.iter().flatten().map(|(index, _)| *index)),
         }
     }
     let joints = clip.joint_count();
@@ -53,7 +53,7 @@ pub(super) fn pack_curves(
         .collect();
     let terms = strides.iter().flat_map(|s| &s.columns).map(|c| c.column.terms).max().unwrap_or(0);
     let Grid { start, step, frames } = *grid;
-    (Packed { start, step, frames, strides, terms }, left)
+    (Packed { start, step, frames, strides, terms }, unpacked)
 }
 
 /// Largest error of nlerp against slerp, radians, divided by (1 − cos)^1.5 of the quaternions' angle: 0.004 θ³ for rotations θ

@@ -7,13 +7,13 @@ use crate::skeleton::humanoid_joints::{HumanoidJoints, is_below};
 use crate::skeleton::joint_names::humanoid_name;
 use crate::skeleton::model_rest_pose::ModelRestPose;
 
-/// Hands that rest at most this far above the feet are forepaws, in leg lengths.
+/// Largest height above the feet, in leg lengths, at which a hand at rest counts as a forepaw.
 const MAX_PAW_HEIGHT_LEGS: f32 = 0.25;
 /// Largest distance of a foot that is an IK control from the end of its leg, in leg lengths.
 const MAX_CONTROL_DISTANCE_LEGS: f64 = 0.1;
 
 /// Finds the feet of a skeleton by joint names, left before right: `left foot` with its toes, or with its only child; else every
-/// joint called foot, toe, paw or hoof with no other below it, and hands that rest near the ground, as a fox's do. If no joint
+/// joint named foot, toe, paw or hoof with no other below it, and hands that rest near the ground, as a fox's do. If no joint
 /// has such a name, the ends of both legs by structure.
 pub fn find_feet(skeleton: &Skeleton) -> Vec<Foot> {
     let joint_named = |wanted: &str| {

@@ -33,10 +33,10 @@ const MAX_VERTICAL_SPEED_SHARE: f64 = 0.35;
 /// Horizontal speed limit of a contact against the floor, in the same units.
 const MAX_SLIDING_SPEED_LEGS: f64 = 0.5;
 const MAX_SLIDING_SPEED_SHARE: f64 = 0.35;
-/// Samples per second, and most samples per clip.
+/// Samples per second, and the largest number of samples per clip.
 const SAMPLES_PER_SECOND: f64 = 120.0;
 const MAX_SAMPLES: usize = 4096;
-/// A foot that stands at all is on the floor in at least one of this many samples of a clip.
+/// A foot that has contacts is on the floor in at least 1 of this number of samples.
 const CONTACT_SHARE_DIVISOR: usize = 10;
 
 /// Thresholds below which a foot is in contact; above 0. A joint is in contact while [`ContactThresholds::motion_ratio`] is at
@@ -189,8 +189,8 @@ impl JointTrack {
     }
 }
 
-/// Velocities of joints while they are low: at least in the lowest tenth of their samples, since a foot stands no longer in a
-/// run.
+/// Velocities of joints while they are low: in the lowest tenth of their samples at least, since in a run a foot is on the floor
+/// for no longer.
 fn lowest_velocities(tracks: &[JointTrack], leg: f64) -> Vec<DVec3> {
     let mut found = Vec::new();
     for track in tracks {

@@ -17,7 +17,8 @@ use crate::time::ease::Ease;
 /// The steps of a looped part of a clip, in the order of time, at least two.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Footsteps {
-    /// (ticks since the part's start, event): twice the foot's number at a touch-down, one more in the middle of a contact.
+    /// (ticks since the part's start, event). The event is 2 · foot index at a touch-down, and 2 · foot index + 1 in the middle of a
+    /// contact.
     events: Vec<(i64, u32)>,
     /// Duration of the part, ticks.
     length: i64,
@@ -38,7 +39,7 @@ impl Footsteps {
             contacts_by_foot.push(Vec::new());
             for stand in stands {
                 let (from, to) = ((stand.from - trim.0).0, (stand.to - trim.0).0);
-                // A character that stands all the time takes no steps.
+                // A foot that is on the floor all the time takes no steps.
                 if to - from >= length {
                     continue;
                 }
@@ -84,7 +85,7 @@ impl Footsteps {
         times.get(times.len() / 2).map_or(1, |n| *n as i64)
     }
 
-    /// Footsteps with one event per stride, evenly spaced, the first at `from` ticks.
+    /// Footsteps with one event per stride, at equal intervals, the first at `from` ticks.
     fn even_strides(&self, from: i64) -> Footsteps {
         let n = self.stride_count();
         let mut events: Vec<(i64, u32)> =
@@ -349,7 +350,7 @@ mod tests {
         let fade = Time::from_secs(0.6);
         let matched =
             PhaseMatchedFade::new([&walk, &gallop], [1.0; 2], 0, Time::ZERO, fade, Ease::Linear).unwrap();
-        // The pace is even: in strides, it is nowhere faster than the gallop nor slower than the walk.
+        // The rate changes steadily: in strides per second, it is between those of the walk and the gallop.
         let rate = |t: f64| {
             let h = Time::from_secs(1e-3);
             (matched.phase(Time::from_secs(t) + h) - matched.phase(Time::from_secs(t))) / 1e-3
@@ -372,7 +373,7 @@ mod tests {
             PhaseMatchedFade::new([&walk, &run], [1.0, 0.0], 0, Time::ZERO, Time(1000), Ease::Linear)
                 .is_none()
         );
-        // Two walks in one clip fit one: the steps go round twice.
+        // A clip of two walk cycles matches a clip of one: its steps repeat.
         let twice = Footsteps::new(
             [0.1, 0.6, 1.1, 1.6].iter().zip([0, 2, 0, 2]).map(|(t, w)| (secs(*t), w)).collect(),
             secs(2.0),

@@ -32,7 +32,7 @@ crate::error_texts! { BakeError:
     Self { clip, fps, floats } => "baking the clip \"{clip}\" at {fps} frames/s makes {floats} numbers, at most {MAX_BAKED_FLOATS} are allowed; choose a lower rate";
 }
 
-/// Most values that a baked clip may hold: 256 MiB.
+/// Largest number of values of a baked clip: 256 MiB.
 pub(crate) const MAX_BAKED_FLOATS: u128 = 1 << 26;
 
 impl Clip {

@@ -37,7 +37,7 @@ pub struct TwoBone {
 /// slows the elbow.
 const CORE_RADIUS_LENGTHS: f64 = 0.06;
 /// Weight of the bend direction in the direction to which the limb leans within the core; the limb's own direction has weight 1.
-/// A straight path through the start hardly ever runs along this mixture.
+/// Few straight paths of a target through the start run along the resulting direction.
 const BEND_LEAN_WEIGHT: f64 = 0.6;
 /// Cosines of the angles 162° and 174° by which a limb turns. Between them, the bend plane changes from turning with the limb, on
 /// the shortest arc, to staying: a half turn has no unique shortest arc.
@@ -149,7 +149,7 @@ fn rotation_between_frames(from: DVec3, normal: DVec3, to: DVec3, new_normal: DV
 }
 
 /// Distance of the end for a target at distance `wanted`: the same up to `reach · (1 − soft)`; beyond that, it approaches the
-/// whole reach exponentially, at the same speed at first, and never gets there. It approaches `nearest` likewise.
+/// whole reach exponentially, at the same speed at first, and never reaches it. It approaches `nearest` in the same way.
 fn soft_distance(wanted: f64, [nearest, reach]: [f64; 2], soft: f64) -> f64 {
     let softness = reach * soft.clamp(0.0, 1.0);
     let at_start = softness.min(0.5 * nearest);
@@ -176,7 +176,7 @@ mod tests {
         assert!((slope(0.8) - 1.0).abs() < 1e-5 && slope(1.0) < 0.5);
         assert!(at(1.0) < 1.0 && at(50.0) <= 1.0 && at(50.0) > 0.999);
         assert_eq!(soft_distance(3.0, [0.0, 1.0], 0.0), 1.0);
-        // The same where it folds, over half as far as it can be folded at most.
+        // The distance is as smooth where the limb folds, over half of the smallest distance.
         let at = |d: f64| soft_distance(d, [0.2, 1.0], 0.2);
         let slope = |d: f64| (at(d + 1e-7) - at(d - 1e-7)) / 2e-7;
         assert!((slope(0.3) - 1.0).abs() < 1e-5 && slope(0.2) < 0.5 && at(0.0) > 0.2 && at(0.35) == 0.35);

@@ -10,14 +10,14 @@ use crate::pose::Pose;
 use crate::time::Time;
 use glam::{DAffine3, DQuat, DVec3};
 
-/// Buffers that are kept from one time to the next, so that nothing is allocated.
+/// Buffers that are reused from one time to the next, so that nothing is allocated.
 pub(super) struct RetargetBuffers {
     pose: Pose,
     source: ModelPose,
     target: ModelPose,
     /// parent-from-joint of the target.
     pub locals: Vec<(DVec3, DQuat)>,
-    /// Metres by which the hips were raised, so that the feet stay on the floor.
+    /// Lift of the hips, metres, that keeps the feet on the floor.
     pub raised: f64,
     /// Height by which the hips are raised, over the clip; `None` if they are not raised.
     lift: Option<Lift>,
@@ -70,7 +70,7 @@ impl RetargetBuffers {
         frame
     }
 
-    /// Poses the source at a time of the clip, and the target after it.
+    /// Poses the source at a time of the clip, and retargets the pose to the target.
     pub fn pose_at(&mut self, retarget: &Retarget, clip: &Clip, time: Time) {
         self.raised = self.lift.as_ref().map_or(0.0, |lift| lift.at(time));
         self.pose_source(retarget, clip, time);
@@ -97,7 +97,7 @@ impl RetargetBuffers {
         }
     }
 
-    /// The clearance of the feet: the lowest one as far above its height at rest as the source's, times the scale.
+    /// The lift with which the lowest foot is as far above its height at rest as the source's, times the scale.
     fn clearance(&self, retarget: &Retarget) -> Clearance {
         let above = |side: &super::SkeletonAnalysis, model: &ModelPose, only: &dyn Fn(u32) -> bool| {
             let joints = side.contacts.iter().filter(|(joint, _)| only(*joint));
@@ -144,7 +144,7 @@ impl RetargetBuffers {
                     at = inside;
                 }
             }
-            // Places of the joints below are those of the numbers that the clip will hold.
+            // Positions of the joints below are computed from the rounded numbers that the clip will hold.
             local.translation = at.as_vec3();
             self.locals[joint] = (at, turn);
             let own = DAffine3::from_scale_rotation_translation(local.scale.as_dvec3(), turn, at);

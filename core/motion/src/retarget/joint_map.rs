@@ -153,7 +153,7 @@ pub(super) fn belongs_to_humanoid(skeleton: &Skeleton, human: &HumanoidJoints) -
     own
 }
 
-/// Pairs two chains end to end: the first with the first, the last with the last, each at most once.
+/// Pairs two chains so that their first joints match and their last joints match, each joint at most once.
 fn pair_chains(target: &[u32], source: &[u32]) -> Vec<(u32, u32)> {
     let (long, short) = (target.len().max(source.len()), target.len().min(source.len()));
     // A single joint is paired with the end of the other chain, which carries the limbs.

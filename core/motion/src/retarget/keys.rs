@@ -18,7 +18,7 @@ pub struct RetargetReport {
     pub sampled: Vec<String>,
     /// Number of keys of each sampled curve.
     pub sampled_keys: usize,
-    /// Least and most that the hips were raised by so that feet stay on the floor, metres.
+    /// Smallest and largest lift of the hips that keeps the feet on the floor, metres.
     pub raised: (f64, f64),
     /// Joints that translate within the character in the source but only rotate in the target, and their largest displacement in
     /// the source, metres.
@@ -66,7 +66,7 @@ impl Retarget<'_> {
         let mut out: Vec<Curve> = Vec::new();
         let mut times: BTreeSet<Time> = BTreeSet::new();
         let mut rotating: Vec<u32> = Vec::new();
-        // The joints are visited from the outermost inwards, to know what moves below a joint that itself stands still.
+        // Joints are visited from the leaves to the root, so that it is known whether any joint below a constant joint moves.
         let mut moves_below = vec![false; self.to.len()];
         for joint in (0..self.to.len() as u32).rev() {
             let Some(rotation) = self.rotation_mapping(joint, &curves) else {

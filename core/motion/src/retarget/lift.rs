@@ -2,7 +2,7 @@
 //!
 //! At each time the lowest foot requires a height. While a sole stands, the hips must have it. While a heel rises over its toes,
 //! and in the air, the required height follows the proportions of both feet instead, up and down by a tenth of a leg within a few
-//! frames, and a character that kept to it would jolt. The lift is the smoothest curve that keeps to the heights that standing
+//! frames, and a character that followed it would jolt. The lift is the smoothest curve that keeps to the heights that standing
 //! soles require: it minimizes Σ w (r − c)² + Σ (second difference of r)² + μ Σ (first difference of r)², with large weights w
 //! where a sole stands and small ones elsewhere (Whittaker 1923; a spline under tension, which does not overshoot its ends). If a
 //! foot would sink below the floor, the floor becomes a target of a large weight, too, until no foot does.
@@ -12,7 +12,7 @@ use super::frame::RetargetBuffers;
 use crate::clip::Clip;
 use crate::time::Time;
 
-/// Samples per second, and most samples of a clip.
+/// Samples per second, and the largest number of samples of a clip.
 const SAMPLES_PER_SECOND: f64 = 120.0;
 const MAX_SAMPLES: f64 = 262_144.0;
 /// Smoothing time of the curve where a sole stands, and elsewhere, seconds: the fourth root of 1 / w.
@@ -20,18 +20,19 @@ const STANDING_SECS: f64 = 0.015;
 const AIR_SECS: f64 = 1.0;
 /// Time over which the curve bends into the straight line from one contact to the next, seconds: the square root of 1 / μ.
 const BEND_SECS: f64 = 0.1;
-/// Heights of an ankle above its height at rest, in leg lengths: it stands up to the first, and does not from the second on.
+/// Heights of an ankle above its height at rest, in leg lengths: below the first, the foot stands; above the second, it is in the
+/// air.
 const STANDING_HEIGHT_LEGS: f64 = 0.01;
 const AIR_HEIGHT_LEGS: f64 = 0.05;
-/// Vertical speeds of an ankle, in leg lengths per second: it stands, also on a step or on its toes, up to the first, and does
-/// not from the second on.
+/// Vertical speeds of an ankle, in leg lengths per second: below the first, the foot stands, also on a step or on its toes; above
+/// the second, it moves.
 const STILL_SPEED_LEGS: f64 = 0.05;
 const MOVING_SPEED_LEGS: f64 = 0.3;
-/// Time before and after for which the ankle must be as slow, seconds.
+/// Time before and after a sample, seconds, in which the ankle must be as slow for the foot to count as standing.
 const STILL_SECS: f64 = 0.04;
 /// Depth below the floor to which a foot may sink, in leg lengths.
 const SINK_TOLERANCE_LEGS: f64 = 1e-3;
-/// Most times that the curve is computed again with the floor as a target where a foot sinks.
+/// Largest number of times that the curve is computed again with the floor as a target where a foot would sink.
 const MAX_FLOOR_ROUNDS: usize = 8;
 /// Seconds by which the curve is continued beyond both ends.
 const BEYOND_SECS: f64 = 1.0;
@@ -41,9 +42,9 @@ const MAX_LOOP_GAP_LEGS: f64 = 1e-3;
 /// The lift that the feet require at one time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Clearance {
-    /// Metres by which the hips must be raised so that the lowest foot is where it should be.
+    /// Lift of the hips, metres, with which the lowest foot has its required height.
     pub raised: f64,
-    /// Least metres by which the hips must be raised so that the lowest foot is not below the floor.
+    /// Smallest lift of the hips, metres, with which the lowest foot is not below the floor.
     pub least: f64,
     /// Height of the source's lower ankle above its height at rest, in leg lengths.
     pub ankle: f64,
@@ -134,7 +135,7 @@ fn smooth_lift(required: &[Clearance], step_secs: f64, leg: f64) -> Vec<f64> {
 
 /// Weight of each sample: how closely the curve keeps to it.
 fn sample_weights(required: &[Clearance], step_secs: f64, index: &dyn Fn(isize) -> usize) -> Vec<f64> {
-    // Feet that never come down stand where they are lowest.
+    // Feet that never touch the floor count as standing where they are lowest.
     let floor = required.iter().map(|a| a.ankle).fold(f64::MAX, f64::min).max(0.0);
     let nearby = (STILL_SECS / step_secs).ceil().min(64.0) as isize;
     let speed = |i: isize| (required[index(i + 1)].ankle - required[index(i)].ankle).abs() / step_secs;
@@ -209,7 +210,7 @@ fn tension_spline(targets: &[[f64; 2]], tension: f64) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// The normal equations hold: the gradient of what is minimized is zero, by differences of the sum itself.
+    /// The solution is a minimum: any change of one value increases the sum.
     #[test]
     fn the_spline_minimizes_its_sum_of_squares() {
         let targets: Vec<[f64; 2]> = (0..40)
@@ -238,7 +239,7 @@ mod tests {
         }
     }
 
-    /// A body whose feet stand flat but for one stride in the air keeps to the floor, and goes evenly through the air.
+    /// The lift is constant while the feet stand, and smooth during the one stride in the air.
     #[test]
     fn the_lift_holds_while_feet_stand_and_is_smooth_in_the_air() {
         let step_secs = 1.0 / SAMPLES_PER_SECOND;
@@ -246,7 +247,7 @@ mod tests {
             .map(|i| {
                 let secs = f64::from(i) * step_secs;
                 let ankle = 8.0 * ((secs - 0.8) * (1.2 - secs)).max(0.0);
-                // What the feet ask for in the air goes down by 9 cm and back within an eighth of a second.
+                // The lift that the feet require in the air goes down by 9 cm and back within an eighth of a second.
                 let raised =
                     if ankle > AIR_HEIGHT_LEGS { -0.09 * (1.0 - (8.0 * secs).fract()) } else { 0.01 };
                 Clearance { raised, least: raised - 0.2, ankle }
@@ -260,7 +261,7 @@ mod tests {
         }
         let jolt = found.windows(3).map(|r| (r[0] - 2.0 * r[1] + r[2]).abs()).fold(0.0, f64::max);
         assert!(jolt < 5e-4, "{jolt}");
-        // Where the feet would sink they do not: the floor asks for three centimetres more in the middle of the flight.
+        // Feet do not sink below the floor, which requires three centimetres more in the middle of the flight.
         let mut deep = required;
         deep[120..123].iter_mut().for_each(|required| required.least = 0.04);
         let raised = smooth_lift(&deep, step_secs, 1.0);

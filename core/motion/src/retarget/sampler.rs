@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 pub(super) struct Sampler<'a> {
     pub retarget: &'a Retarget<'a>,
     pub clip: &'a Clip,
-    /// Target joints whose rotation, and whose position (`translating`), is sampled.
+    /// Target joints whose rotations (`rotating`) or positions (`translating`) are sampled.
     pub rotating: &'a [u32],
     pub translating: &'a [u32],
     pub frame: RetargetBuffers,
@@ -54,7 +54,7 @@ impl Sampler<'_> {
 
     /// Adds keys between two until the middle of each pair is within the tolerance.
     fn refine(&mut self, from: &SampledKey, to: &SampledKey, depth: usize, max_keys: usize) -> bool {
-        /// Most bisections: down to 1/64 of the span between two keys of the source.
+        /// Largest number of bisections: down to 1/64 of the span between two keys of the source.
         const MAX_DEPTH: usize = 6;
         let span = to.time - from.time;
         if depth == MAX_DEPTH || span.0 < 2 {
@@ -94,7 +94,7 @@ impl Sampler<'_> {
     }
 }
 
-/// Both skeletons at a time, as far as sampled curves need it.
+/// Sampled rotations and positions of the target's joints at one time.
 #[derive(Clone)]
 pub(super) struct SampledKey {
     pub time: Time,

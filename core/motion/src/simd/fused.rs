@@ -1,13 +1,13 @@
 //! `a * b + c` rounded once, as the processors' fused multiply-adds do, by arithmetic that is the same everywhere.
 //!
 //! `f32::mul_add` is an instruction on 64-bit ARM. On x86-64 it is one only in functions compiled for FMA; elsewhere it calls a
-//! function of the system, which is slow, and was wrong in some.
+//! function of the system, which is slow, and was wrong on some systems.
 
 /// `a * b + c`, rounded once to the nearest, ties to even: the bits of IEEE 754's fusedMultiplyAdd but for a NaN's payload.
 #[cfg(target_arch = "aarch64")]
 #[inline(always)]
 pub(crate) fn fused_multiply_add(a: f32, b: f32, c: f32) -> f32 {
-    // The one place where `mul_add` may stand: an instruction here.
+    // The only permitted use of `mul_add`, which is an instruction on this architecture.
     a.mul_add(b, c)
 }
 
@@ -145,7 +145,7 @@ mod tests {
         }
     }
 
-    /// Sums that lie on a tie of two f32, or the least possible beside one: where rounding twice goes wrong.
+    /// Sums halfway between two f32, or next to halfway by the smallest difference, which rounding twice gets wrong.
     #[test]
     fn fma_of_sums_on_and_beside_ties_is_exact() {
         let mut rounded_twice = 0;
@@ -162,7 +162,7 @@ mod tests {
                 rounded_twice += u32::from(naive.to_bits() != fma_by_f64(a, b, c).to_bits());
             }
         }
-        // A product of 1 + 2^-12 and 1 + 2^-12 ends in a tie; a value a little beside it distinguishes up from down.
+        // The product of 1 + 2^-12 and 1 + 2^-12 is a tie; a tiny addend decides whether it is rounded up or down.
         let tie = 1.0 + 2f32.powi(-12);
         for little in [f32::from_bits(1), 1e-30, 1e-12] {
             for c in [little, -little] {

@@ -33,7 +33,7 @@ pub(crate) struct VertexStreams<'a> {
     pub out_normals: &'a mut [[f32; 3]],
 }
 
-/// Most lanes that a register has.
+/// Largest number of lanes of a register.
 const MAX_LANES: usize = 16;
 
 impl VertexStreams<'_> {

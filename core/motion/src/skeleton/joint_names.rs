@@ -46,7 +46,7 @@ const PAIRED_JOINT_NAMES: &[&[&str]] = &[
 /// Words that a family puts before all of its joints: Source engine, VRoid, Character Creator, Rigify.
 const FAMILY_PREFIXES: &[&[&str]] = &[&["valve", "biped"], &["j", "bip"], &["cc", "base"], &["def"]];
 
-/// One name for a joint whatever its family calls it: `mixamorig:LeftArm`, `Bip01 L UpperArm`, `leftUpperArm`, `J_Bip_L_UpperArm`,
+/// Choreo's name of a joint for its name in any family: `mixamorig:LeftArm`, `Bip01 L UpperArm`, `leftUpperArm`, `J_Bip_L_UpperArm`,
 /// `upperarm.l`, `armUpper_L`, `DEF-upper_arm.L`, `lShldr` and `lhumerus` are "left arm". `None` for joints that the table does
 /// not hold. The tests list the names of each family.
 pub(crate) fn humanoid_name(name: &str) -> Option<String> {

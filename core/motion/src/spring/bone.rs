@@ -3,7 +3,7 @@
 //! The direction d of the stick is a point of the unit sphere and obeys
 //!
 //! ```text
-//! d'' = K · (way from d to its target) − κ · d' + (f − A / L) across d
+//! d'' = K · (tangent vector from d to its target) − κ · d' + (f − A / L) perpendicular to d
 //! ```
 //!
 //! with the stiffness K = (2π · frequency)², the damping κ = 2 · ratio · 2π · frequency, the load f (gravity, and the drag of
@@ -20,7 +20,7 @@
 //! load; without damping the difference is added to the velocity, since otherwise the swing would come to rest.
 //!
 //! Each bone of a chain is pulled towards its animated direction as the bone before it has turned it, and exerts no force back.
-//! Motion that is passed on this way must not grow: bones of one frequency, each driven at its resonance by the one before, turn
+//! Motion that is passed along the chain must not grow: bones of one frequency, each driven at its resonance by the one before, turn
 //! a shake of the root into a whip whose end depends on the last digit, and smaller steps do not converge. (Letting each bone
 //! also feel how the bone before moves its head multiplies a swing by up to 1 / ζ per bone; tried, and 4 bones did not converge.)
 //! Hence two rules for a bone that [`Drive::follows`] another that swings: its head moves as animated, so that only this motion
@@ -215,8 +215,8 @@ fn zero_if_rounding_error(energy: f64) -> f64 {
     if energy > 1e-14 { energy } else { 0.0 }
 }
 
-/// The least damping, 1/s, with which an oscillator of stiffness K + s amplifies no motion of the target that K pulls to: the
-/// smallest κ with κ²(K + s) − κ⁴/4 ≥ K², whose left side is the least squared denominator of the module's fraction; √(2K)
+/// The smallest damping, 1/s, with which an oscillator of stiffness K + s amplifies no motion of the target that K pulls to: the
+/// smallest κ with κ²(K + s) − κ⁴/4 ≥ K², whose left side is the smallest squared denominator of the module's fraction; √(2K)
 /// without a load.
 fn min_chain_damping(stiffness: f64, softening: f64) -> f64 {
     let whole = stiffness + softening;

@@ -65,7 +65,7 @@ impl WorldCollider {
     }
 
     /// Turns a stick as little as possible so that its tail, a ball of `hit_radius`, does not enter the collider, and removes the
-    /// velocity that leads into it. If no direction is free, the one that enters least is taken. Returns whether anything
+    /// velocity that leads into it. If every direction enters, the one that enters least is taken. Returns whether anything
     /// changed.
     pub fn push_out(
         &self,
@@ -159,14 +159,14 @@ mod tests {
         let ball = WorldCollider::Sphere { center, radius: 0.2, inside: false };
         let (tail, velocity, touched) = pushed_out(ball, DVec3::NEG_Y, DVec3::X * 3.0);
         assert!(touched && ((tail - center).length() - 0.22).abs() < 1e-12, "{tail}");
-        // It came from -x and went to +x, into the ball.
+        // The tail moved towards +x, into the ball.
         assert!(velocity.length() < 1e-9, "{velocity}");
-        // Out of it, it may go.
+        // A velocity out of the ball stays.
         let (_, velocity, _) = pushed_out(ball, DVec3::NEG_Y, DVec3::X * -3.0);
         assert!(velocity.length() > 2.5);
-        // Elsewhere nothing happens.
+        // A tail outside the ball is unchanged.
         assert!(!pushed_out(ball, DVec3::Y, DVec3::X).2);
-        // Wholly within a ball: as far out as it can.
+        // A stick inside a large ball points outwards as far as possible.
         let all = WorldCollider::Sphere { center: HEAD + DVec3::X * 0.1, radius: 5.0, inside: false };
         assert!((pushed_out(all, DVec3::X, DVec3::ZERO).0 - (HEAD + DVec3::NEG_X * 0.5)).length() < 1e-9);
     }
@@ -180,7 +180,7 @@ mod tests {
         let floor = WorldCollider::Plane { point: DVec3::Y * 1.7, normal: DVec3::Y };
         let (tail, velocity, _) = pushed_out(floor, DVec3::new(0.6, -0.8, 0.0), DVec3::new(-0.8, -0.6, 0.0));
         assert!((tail.y - 1.72).abs() < 1e-12 && velocity.length() < 1e-9, "{tail} {velocity}");
-        // Too deep for the stick: straight up.
+        // If the whole stick is below the plane, it points straight up.
         let flood = WorldCollider::Plane { point: DVec3::Y * 9.0, normal: DVec3::Y };
         assert!((pushed_out(flood, DVec3::X, DVec3::ZERO).0 - HEAD - DVec3::Y * 0.5).length() < 1e-9);
     }

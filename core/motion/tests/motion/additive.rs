@@ -1,4 +1,4 @@
-//! Additive layers and mixes of many poses: closed forms, f64, any order.
+//! Additive layers and weighted blends are compared with closed forms and f64, in any order.
 
 use crate::support::*;
 use choreo_motion::math::rotation::{from_rotation_vector, rotation_vector};
@@ -38,7 +38,7 @@ fn rotation_vectors_and_rotations_convert_back_at_any_angle() {
         assert!(rotation_vector(q).abs_diff_eq(v, 1e-12), "{degrees}");
         assert!(rotation_vector(-q).abs_diff_eq(v, 1e-9), "−q at {degrees}");
     }
-    // Beyond half a turn the shorter way round.
+    // Beyond half a turn, the vector is that of the shorter rotation.
     let v = axis * 4.0;
     let short = axis * (4.0 - std::f64::consts::TAU);
     assert!(rotation_vector(from_rotation_vector(v)).abs_diff_eq(short, 1e-12));
@@ -91,7 +91,7 @@ fn additive_layers_are_independent_of_their_order_and_cancel() {
         assert!(largest_difference(&first, &sum(&order, &[1.0])) < 1e-6);
     }
     assert!(largest_difference(&base, &sum(&[0, 1, 2, 3], &[1.0, -1.0])) < 1e-5);
-    // Products of quaternions, one layer after the other, would not pass.
+    // Negative control: products of quaternions depend on the order.
     let product = |order: [usize; 2]| {
         let delta = |i: usize| {
             let (from, to) = (poses[i].0.get(5).rotation, poses[i].1.get(5).rotation);
@@ -135,12 +135,12 @@ fn a_weighted_blend_is_the_mean_in_any_order_and_the_base_has_the_remaining_weig
             }
             let got = first.get(joint);
             assert!(got.translation.as_dvec3().abs_diff_eq(place / total.max(1.0), 1e-6));
-            // Within what the corrected nlerp is off slerp.
+            // The tolerance is the error of corrected nlerp against slerp.
             let turned = b.rotation.as_dquat().slerp(q.normalize(), total.min(1.0));
             assert!(angle(got.rotation, turned.as_quat()) < 8e-4);
         }
     }
-    // Nothing added leaves the base, bit for bit; all of one pose is that pose.
+    // Without poses the base is unchanged bit for bit; one pose at weight 1 gives that pose.
     assert_eq!(mix(&[], [0.0; 3]), base);
     assert_eq!(mix(&[0, 1, 2], [0.0; 3]), base);
     assert!(largest_difference(&mix(&[1], [0.0, 1.0, 0.0]), &poses[1]) < 1e-6);

@@ -1,4 +1,4 @@
-//! Compressed clips against f64 evaluations of the clips they were made of.
+//! Compressed clips are compared with f64 evaluations of their source clips.
 
 use crate::support;
 use crate::support::Random;
@@ -9,7 +9,7 @@ use choreo_motion::{
 use glam::{Affine3A, DQuat, DVec3, EulerRot, Quat, Vec3};
 use std::sync::Arc;
 
-/// Chains of a spine and two arms, some 60 joints.
+/// A skeleton whose chains of 20 joints branch off one joint.
 fn test_skeleton(joints: usize) -> Skeleton {
     let parents: Vec<Option<u32>> = (0..joints as u32)
         .map(|j| {
@@ -35,7 +35,7 @@ fn test_skeleton(joints: usize) -> Skeleton {
     Skeleton::new((0..joints).map(|j| format!("j{j}")).collect(), parents, rest).unwrap()
 }
 
-/// Smooth turns of all joints, keys at a rate; jitter in radians; the root travels and spins.
+/// A clip in which all joints rotate smoothly with some jitter, radians, and the root travels and spins; keys at a rate.
 fn smooth_clip(skeleton: &Skeleton, rate: u32, secs: f64, jitter: f32, interpolation: Interpolation) -> Clip {
     let rate = FrameRate { num: rate, den: 1 };
     let frames = (secs * f64::from(rate.num)) as i64;
@@ -53,7 +53,7 @@ fn smooth_clip(skeleton: &Skeleton, rate: u32, secs: f64, jitter: f32, interpola
                 turn = Quat::from_rotation_y(t * 2.5) * turn;
             }
             let q = rest.rotation * turn;
-            // The other quaternion of the same rotation now and then.
+            // Some keys have the quaternion of the other sign.
             let q = if i % 7 == 3 && interpolation == Interpolation::Linear { -q } else { q };
             match interpolation {
                 Interpolation::CubicSpline => {
@@ -136,7 +136,7 @@ fn compression_to_a_tenth_of_a_millimetre_takes_a_tenth_of_the_dense_bytes() {
     assert!(report.bytes[1] * 10 <= report.dense_bytes, "{report:?}");
     assert_eq!(small.stored_bytes(), report.bytes[1]);
     assert_eq!(small.duration, clip.duration);
-    // A coarser tolerance is smaller, and is seen to be worse.
+    // A coarser tolerance takes fewer bytes and has a larger error.
     let (coarse, rough) = clip.compressed(&skeleton, 5e-3).unwrap();
     assert!(rough.bytes[1] < report.bytes[1] && rough.worst_m <= 5e-3);
     assert!(error_mm(&skeleton, &clip, &coarse) > 0.1, "the comparison must see more than a tenth");
@@ -240,7 +240,7 @@ fn clips_that_cannot_become_smaller_stay_and_invalid_input_is_an_error() {
     );
     let wrong = few.compressed(&test_skeleton(6), 1e-4).unwrap_err();
     assert_eq!(wrong, CompressError::Joints { clip: "few".into(), joints: 5, expected: 6 });
-    // Everything rests: one key each.
+    // All curves are constant: one key each.
     let still = smooth_clip(&skeleton, 30, 2.0, 0.0, Interpolation::Linear).cut(Time::ZERO, Time(1)).unwrap();
     assert!(still.compressed(&skeleton, 1e-4).is_ok());
 }

@@ -5,7 +5,7 @@ use choreo_motion::{Clip, Contacts, Curve, Interpolation, Path, Skeleton, Time, 
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
-/// A gait of one stride: how long the clip is, when each foot comes down and how long it stays, as shares of it.
+/// A gait of one stride: duration of the clip, and touch-down time and contact duration of each foot as shares of it.
 struct Gait {
     secs: f64,
     /// Metres per second.
@@ -28,7 +28,7 @@ impl Gait {
         let z = if phase < share {
             stride * (0.5 * share - phase)
         } else {
-            // In the air the foot swings from behind to the front, as fast as the floor at both ends, so that nothing jerks.
+            // In the air the foot swings forwards; at both ends it has the velocity of the floor, so that velocity is continuous.
             let s = (phase - share) / (1.0 - share);
             let (from, to, slope) = (-0.5 * share * stride, 0.5 * share * stride, -stride * (1.0 - share));
             let (s2, s3) = (s * s, s * s * s);
@@ -43,7 +43,7 @@ impl Gait {
         DVec3::new(0.0, y, z + carried)
     }
 
-    /// Hips, and feet on legs of two bones; feet are moved by translations of their own.
+    /// Hips with feet as their children, which are animated by translations.
     fn skeleton(&self) -> Skeleton {
         let mut names = vec!["Hips".to_string()];
         let mut parents = vec![None];
@@ -125,7 +125,7 @@ fn contacts_are_found_at_the_times_of_generated_gaits() {
                 off.min(1.0 - off)
             };
             let (from, to) = (stands[0].from.as_secs() / gait.secs, stands[0].to.as_secs() / gait.secs);
-            // A foot leaves the ground slowly: it is low for some of its time in the air. (4 % of a stride.)
+            // A foot leaves the floor slowly, and is low for part of its time in the air (4 % of a stride).
             assert!(near(from, *down) < 0.04 && near(to, down + share) < 0.04, "{name} {foot}: {from} {to}");
         }
     }
@@ -136,7 +136,7 @@ fn shuffling_and_hovering_feet_have_short_contacts() {
     let (_, mut gait) = gaits().remove(0);
     gait.lift = 0.03;
     gait.downs = vec![(0.1, 0.3), (0.6, 0.3)];
-    // A shuffle: feet in the air are as low as those that stand, but faster.
+    // A shuffle: feet in the air are as low as feet on the floor, but faster.
     let of = gait.contacts();
     assert!(of.intervals.iter().flatten().all(|s| (s.to - s.from).as_secs() < 0.45), "{of:?}");
     // A character that hovers up and down has no contacts as long as those of a walk.

@@ -6,7 +6,7 @@ use choreo_motion::*;
 use glam::{DQuat, DVec3, Vec3};
 use proptest::prelude::*;
 
-/// Mixed kinds of keys at times of their own, weights among them; 0 to at most 2 s.
+/// A random clip of at most 2 s with all kinds of keys at separate times, morph weights included.
 fn random_clip(random: &mut Random, skeleton: &Skeleton) -> Clip {
     let mut curves = Vec::new();
     for joint in 0..skeleton.len() as u32 {
@@ -47,7 +47,7 @@ fn largest_difference(a: &(Pose, Vec<f32>), b: &(Pose, Vec<f32>)) -> f32 {
     a.0.iter().zip(b.0.iter()).map(one).fold(weights, f32::max)
 }
 
-/// A cubic rotation that all but vanishes before it is normalized loses digits.
+/// Tolerance of comparisons: a cubic rotation of nearly zero length loses digits when it is normalized.
 const TOLERANCE: f32 = 2e-4;
 
 fn time_at_fraction(fraction: f64, duration: Time) -> Time {
@@ -69,7 +69,7 @@ proptest! {
         let distance = largest_difference(&sampled(&skeleton, &cut, t), &sampled(&skeleton, &clip, from + t));
         prop_assert!(distance < TOLERANCE, "{distance}");
         prop_assert!(cut.curves().iter().all(|c| c.times[0] >= Time::ZERO && c.times[c.times.len() - 1] <= cut.duration));
-        // Both parts one after the other are the clip again.
+// Both parts, joined, are the clip again.
         let whole = clip.cut(Time::ZERO, until).unwrap().joined(&clip.cut(until, clip.duration).unwrap_or(clip.clone()), &skeleton);
         if until < clip.duration {
             let whole = whole.unwrap();
@@ -92,7 +92,7 @@ proptest! {
             true => sampled(&skeleton, &a, t),
             false => sampled(&skeleton, &b, t - a.duration),
         };
-        // Where kinds differ, cubics become keys 1/240 s apart; these are of keys 0.3 s apart and any direction.
+        // If interpolations differ, cubics become LINEAR keys 1/240 s apart, which is coarse for random keys 0.3 s apart.
         let mixed = both.curves().iter().any(|c| {
             let kind = |clip: &Clip| {
                 let found = clip.curves().iter().find(|d| (d.joint, d.path) == (c.joint, c.path));
@@ -118,7 +118,7 @@ proptest! {
         let again = back.reversed();
         for (a, b) in again.curves().iter().zip(clip.curves()) {
             if a.interpolation == Interpolation::Step {
-                // Where its first step begins does not show.
+// The time of the first key of a STEP curve has no effect.
                 prop_assert_eq!((&a.times[1..], &a.values), (&b.times[1..], &b.values));
             } else {
                 prop_assert_eq!(a, b);
@@ -133,12 +133,12 @@ proptest! {
         let clip = random_clip(random, &skeleton);
         let fast = clip.at_speed(factor).unwrap();
         let t = time_at_fraction(at, fast.duration);
-        // Times are rounded to ticks: at a step that is the other side of it.
+        // Times are rounded to ticks, which may move a time to the other side of a step.
         let near_step = |c: &Curve| c.interpolation == Interpolation::Step && c.times.iter().any(|k| (k.scaled(1.0 / factor) - t).0.abs() < 3);
         prop_assume!(!clip.curves().iter().any(near_step));
         let distance = largest_difference(&sampled(&skeleton, &fast, t), &sampled(&skeleton, &clip, t.scaled(factor)));
         prop_assert!(distance < TOLERANCE, "{distance}");
-        // A power of two and back is what it was, bit for bit.
+// A speed of 1/2 and then of 2 restores the clip bit for bit.
         let again = clip.at_speed(0.5).unwrap().at_speed(2.0).unwrap();
         prop_assert!(again.curves() == clip.curves() && again.duration == clip.duration);
     }
@@ -180,7 +180,7 @@ proptest! {
             let (less, report) = clip.reduced(&skeleton, tolerance, keep).unwrap();
             prop_assert!(report.worst_m <= tolerance && report.bytes[1] <= report.bytes[0]);
             prop_assert_eq!((report.keys, less.duration), ([500, less.keys()], clip.duration));
-            // Measured anew, at a time of no key, by another way.
+// An independent measurement at a time between keys.
             let t = time_at_fraction(at, clip.duration);
             let model = |clip: &Clip| {
                 let pose = sampled(&skeleton, clip, t).0;
@@ -197,7 +197,8 @@ proptest! {
     }
 }
 
-/// The error that a reduction states is measured at keys alone: against joints, and points 10 cm from them, at times between keys too.
+/// The reported error is measured at keys only. It is compared with the error of joints, and of points 10 cm from them, at 3,000
+/// times.
 #[test]
 fn the_reported_error_of_a_reduction_is_the_largest_at_any_time() {
     let skeleton = skeleton(5, None);
@@ -258,7 +259,7 @@ fn smoothing_removes_jitter_and_keeps_steady_motion() {
     for (key, s) in keys.iter().zip(&secs) {
         assert!((f64::from(key.x) - s).abs() < 1e-6, "even motion stays: {key} at {s}");
     }
-    // Away from the ends a tenth of the shaking is left; the ends are as they were.
+    // Away from the ends less than a fifth of the jitter is left; the ends are unchanged.
     assert!(keys[10..50].iter().all(|k| k.y.abs() < 0.002), "{keys:?}");
     assert_eq!((keys[0].y, keys[60].y), (0.01, 0.01));
     let steps = Curve { interpolation: Interpolation::Step, ..clip(0.01).curves()[0].clone() };
@@ -269,7 +270,7 @@ fn smoothing_removes_jitter_and_keeps_steady_motion() {
 #[test]
 fn an_offset_moves_a_joint_along_the_axes_of_the_model() {
     let mut rest = vec![Transform::IDENTITY; 2];
-    // A parent that lies on its side and counts in centimetres.
+    // A parent that is rotated by 90° and converts centimetres.
     rest[0].rotation = glam::Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
     rest[0].scale = Vec3::splat(0.01);
     let skeleton = Skeleton::new(vec!["a".into(), "b".into()], vec![None, Some(0)], rest).unwrap();

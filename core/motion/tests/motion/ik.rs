@@ -39,7 +39,7 @@ fn two_bone_ik_reaches_targets_within_reach() {
         let expected = distance.clamp((a - b).abs(), a + b);
         assert!(((fk_end - limb.target).length() - (distance - expected).abs()).abs() < 1e-9);
         reached += usize::from(expected == distance);
-        // The elbow stays on its side: the normal of the bend is turned as the line to the target is, if that is no half turn.
+        // The elbow stays on its side: unless the line to the target makes a half turn, the normal of the bend rotates with it.
         let normal = |m: DVec3, e: DVec3| (m - start).cross(e - start);
         let (before, after) = (normal(middle, end), normal(fk_middle, fk_end));
         let half_turn = (end - start).normalize().dot((limb.target - start).normalize()) < -0.95;
@@ -52,7 +52,8 @@ fn two_bone_ik_reaches_targets_within_reach() {
     assert!(reached > 500);
 }
 
-/// The farthest that the bones turn, radians, and the elbow moves, metres, from one of `steps` targets to the next on a line by the start.
+/// Largest rotation of a bone, radians, and largest movement of the elbow, metres, from one of `steps` targets to the next, on a
+/// line past the start.
 fn largest_changes(limb: TwoBone, way: DVec3, beside: DVec3, steps: i32) -> (f64, f64) {
     let mut before: Option<[DQuat; 2]> = None;
     let mut worst = (0.0f64, 0.0f64);
@@ -97,7 +98,8 @@ fn elbows_do_not_jump_when_the_target_passes_through_the_shoulder() {
                 {
                     let coarse = largest_changes(limb, way * sign, beside, 2_000);
                     let fine = largest_changes(limb, way * sign, beside, 32_000);
-                    // A jump is as far however small the steps are. The elbow goes at up to 53 times the target's speed, 96 times 4 mm beside.
+                    // A jump has the same size for any step length. The elbow moves at up to 53 times the target's speed, and at 96
+                    // times if the line passes 4 mm beside the start.
                     assert!(
                         fine.0 < 0.1 * coarse.0 + 1e-6 && fine.1 < 110.0 / 32_000.0,
                         "{lower} m, along {way} · {sign}, {beside} beside: {coarse:?}, {fine:?}"
@@ -153,7 +155,7 @@ fn two_bone_ik_handles_degenerate_limbs_and_targets() {
     assert!((ok(TwoBone { target: x * 1e9, ..straight }) - (1e9 - 2.0)).abs() < 1.0, "far out of reach");
     let unlike = TwoBone { middle: x * 0.1, end: x * 1.1, target: x * 0.01, ..straight };
     assert!((ok(unlike) - 0.9).abs() < 0.01, "too near for unequal bones");
-    // A hand that comes to the shoulder does not spring back to where the clip has it.
+    // A hand at the shoulder does not jump back to the position in the clip.
     assert!(ok(TwoBone { target: DVec3::ZERO, ..straight }) < 1e-12, "the target in the start");
     assert!(
         (ok(TwoBone { target: DVec3::ZERO, ..unlike }) - 0.9).abs() < 1e-9,
@@ -180,7 +182,7 @@ fn chain_solvers_reach_targets_within_reach() {
             let mut chain = random_chain(&mut n, count, Limit::Free);
             let target =
                 chain.origin + n.vec3().normalize() * chain.reach() * (0.45 + 0.4 * n.signed64().abs());
-            // Two bones of unlike length cannot reach everywhere inside.
+            // Two bones of different lengths cannot reach every point within their reach.
             let solved = chain.solve(target, solver, 500, 1e-6);
             assert!(solved.distance < 1e-5, "{solver:?}, case {case}, {count} bones: {solved:?}");
             assert!(((chain.end() - target).length() - solved.distance).abs() < 1e-12);
@@ -243,7 +245,8 @@ fn chain_solvers_handle_degenerate_chains_and_targets() {
     }
 }
 
-/// The nearest that the end of a chain of hinges gets to a target, by trying everything: a grid, then ever finer about its best places.
+/// Smallest distance between the end of a chain of hinges and a target, by search: over a grid of angles, then with ever smaller
+/// steps from its 20 best points.
 fn nearest_distance_by_search(chain: &Chain, axes: &[DVec3], ranges: &[(f64, f64)], target: DVec3) -> f64 {
     const STEPS: usize = 24;
     let off = |angles: &[f64]| {
@@ -311,7 +314,7 @@ fn chains_with_limits_come_near_the_global_optimum() {
             worst_without = worst_without.max(((chain.end() - target).length() - nearest) / reach);
             let solved = chain.solve(target, solver, 24, 1e-5);
             short.push(((solved.distance - nearest) / reach).max(0.0));
-            // Nor is any place about it nearer that its joints may go to.
+            // No allowed pose nearby is nearer to the target.
             for _ in 0..200 {
                 let mut other = chain.clone();
                 for (bone, axis) in other.bones.iter_mut().zip(&axes) {
@@ -333,5 +336,8 @@ fn chains_with_limits_come_near_the_global_optimum() {
         );
         assert!(all >= 0.85 && at(1.0) < 0.25, "{solver:?}: {all} {short:?}");
     }
-    assert!(worst_without > 0.3, "left as it is it would be as near: {worst_without}");
+    assert!(
+        worst_without > 0.3,
+        "the chains were already near the optimum before they were solved: {worst_without}"
+    );
 }

@@ -1,4 +1,4 @@
-//! Blend, crossfade, local-to-model, skinning, morphing: closed forms, f64, equal bits, named errors.
+//! Blend, crossfade, local-to-model, skinning and morphing are compared with closed forms, with f64 and between SIMD levels.
 
 use crate::support::skinned_mesh::SkinnedMesh;
 use crate::support::*;
@@ -72,7 +72,7 @@ proptest! {
             prop_assert!(near(out.scale, a.scale, b.scale));
             let (p, q) = (a.rotation.as_dquat(), b.rotation.as_dquat());
             let q = if p.dot(q) < 0.0 { -q } else { q };
-            // Within what the corrected nlerp is off slerp.
+// The tolerance is the error of corrected nlerp against slerp.
             let wanted = slerp(p.to_array(), q.to_array(), w);
             prop_assert!(degrees_between(quat64(out.rotation), wanted) < 0.046);
         }
@@ -140,7 +140,7 @@ proptest! {
     }
 }
 
-/// Rotations (and scales) on some joints, translations on others.
+/// A random clip whose joints have some of rotation, translation and, if `scaled`, scale.
 fn random_clip(random: &mut Random, joints: usize, scaled: bool) -> Clip {
     let times: Arc<[Time]> = (0..2).map(|i| Time(i * 23_520_000)).collect();
     let mut curves = Vec::new();
@@ -164,7 +164,7 @@ impl SkinningCase {
         let matrices = (0..7)
             .map(|_| {
                 let scale = Vec3::new(if mirrored { -1.0 } else { 1.0 }, 1.5, 0.7);
-                // Near each other, as joints of a bend are: opposite rotations would cancel to nothing.
+                // Similar rotations, as of joints of a bend: opposite rotations would cancel each other.
                 let turn =
                     Quat::from_array([0.3, 0.2, 0.1, 1.0].map(|c| c + 0.2 * random.signed())).normalize();
                 Affine3A::from_scale_rotation_translation(scale, turn, Vec3::splat(random.signed()))

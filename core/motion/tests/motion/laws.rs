@@ -48,14 +48,14 @@ fn model_matrices(skeleton: &Skeleton, pose: &Pose) -> Vec<Affine3A> {
     out
 }
 
-/// The largest difference of any number, against the largest number.
+/// The largest difference of two elements, relative to the largest element.
 fn difference(a: &[Affine3A], b: &[Affine3A]) -> f32 {
     let pairs = || a.iter().flat_map(|m| m.to_cols_array()).zip(b.iter().flat_map(|m| m.to_cols_array()));
     let size = pairs().map(|(x, _)| x.abs()).fold(1.0, f32::max);
     pairs().map(|(x, y)| (x - y).abs()).fold(0.0, f32::max) / size
 }
 
-/// The same rotation has two signs.
+/// Whether two transforms are equal up to a tolerance; q and −q are the same rotation.
 fn nearly_equal(a: &Transform, b: &Transform, tolerance: f32) -> bool {
     let turned = a.rotation.dot(b.rotation).abs() > 1.0 - tolerance;
     let close = |x: Vec3, y: Vec3| (x - y).abs().max_element() <= tolerance * (1.0 + x.abs().max_element());
@@ -90,7 +90,7 @@ proptest! {
         }
     }
 
-    /// And the comparison can fail: another clip is another pose.
+/// The two clips give different poses, so that the comparison can fail.
     #[test]
     fn blend_with_weight_0_or_1_returns_an_input_bit_for_bit(seed: u64, at in 0.0..3.0f64) {
         let (skeleton, a, b) = random_motion(seed);
@@ -100,7 +100,7 @@ proptest! {
             Blend { from: &a, to: &b, weight, mask: None, out: &mut out }.run();
             prop_assert_eq!(&out, end);
         }
-        // Turned around, the weights count the other way.
+// With inputs exchanged, a weight w becomes 1 − w.
         let (mut there, mut back) = (Pose::identity(0), Pose::identity(0));
         Blend { from: &a, to: &b, weight: 0.25, mask: None, out: &mut there }.run();
         Blend { from: &b, to: &a, weight: 0.75, mask: None, out: &mut back }.run();
@@ -120,12 +120,12 @@ proptest! {
             let from_parent = parent.map_or(Affine3A::IDENTITY, |p| model[p as usize]);
             prop_assume!(from_parent.matrix3.determinant().abs() > 1e-3);
             let back = from_parent.inverse() * model[joint];
-            // The inverse magnifies rounding by how unlike the scales of the chain are.
+// The inverse magnifies rounding by the ratio of the scales of the chain.
             prop_assert!(difference(&[local], &[back]) < 5e-3, "{local:?} {back:?}");
         }
     }
 
-    /// A quaternion of any length turns as the one of length 1 does.
+/// A quaternion of any length gives the same rotation as the normalized one.
     #[test]
     fn local_to_model_ignores_the_length_of_quaternions(seed: u64, k in 0.1..10.0f32) {
         let (skeleton, clip, _) = random_motion(seed);
@@ -159,7 +159,7 @@ proptest! {
         };
         let parts = if at < cut { part(0, cut, at) } else { part(cut, length, at - cut) };
         prop_assert_eq!(parts, part(0, length, at));
-        // And played again and again, period by period.
+// A loop repeats after each period.
         let looped = Playback { speed: 1.0, trim: (Time(0), Time(length)), repeat: Repeat::Loop };
         prop_assert_eq!(looped.clip_time(Time(at)), looped.clip_time(Time(at + 7 * length)));
     }

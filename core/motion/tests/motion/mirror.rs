@@ -5,12 +5,13 @@ use choreo_motion::*;
 use glam::{DAffine3, DMat3, DQuat, DVec3, Quat, Vec3};
 use proptest::prelude::*;
 
-/// A tree of the middle with pairs of branches, in no special order of axes; where `symmetric`, at rest its own mirror image.
+/// A random tree of central joints with pairs of branches and random joint axes; its rest positions are symmetric if
+/// `symmetric`.
 fn random_skeleton(random: &mut Random, symmetric: bool) -> Skeleton {
     let (mut names, mut parents, mut rest) = (Vec::new(), Vec::new(), Vec::new());
     let mut pairs: Vec<(u32, u32)> = Vec::new();
     let mut middle = Vec::new();
-    // Rotations in model space, to make rest poses symmetric in place though axes are not.
+    // Positions and rotations in model space: the rest positions are symmetric although the axes are not.
     let mut model: Vec<(DVec3, DQuat)> = Vec::new();
     let mut add =
         |name: String, parent: Option<u32>, at: DVec3, turn: DQuat, model: &mut Vec<(DVec3, DQuat)>| {
@@ -139,8 +140,8 @@ proptest! {
         prop_assert!(distance(&pose, &other) < 1e-3, "{}", distance(&pose, &other));
     }
 
-    /// f64: where the body is symmetric each joint comes to stand where its partner's reflection is, and is turned
-    /// from its rest pose as that.
+/// In a symmetric skeleton each joint gets the reflected position of its partner, and the reflected rotation from rest. Compared
+    /// in f64.
     #[test]
     fn each_joint_takes_the_reflected_transform_of_its_partner(seed: u64, at in 0.0..2.0f64) {
         let random = &mut Random(seed);
@@ -158,7 +159,7 @@ proptest! {
             let turned = |of: &[DAffine3], j: usize| of[j].matrix3 * rest[j].matrix3.transpose();
             let error = turned(&after, joint) - m * turned(&before, partner) * m;
             prop_assert!(error.to_cols_array().iter().all(|v| v.abs() < 1e-5), "{error}");
-            // The comparison can fail: not reflected, it is another turn.
+// Negative control: without the reflection, the rotation differs.
             let other = turned(&after, joint) - turned(&before, partner);
             let turns = (turned(&before, partner) - DMat3::IDENTITY).to_cols_array();
             if map.partner(joint as u32) != Some(joint as u32) && turns.iter().any(|v| v.abs() > 1.2) {
@@ -228,7 +229,7 @@ fn mirroring_moves_a_raised_arm_to_the_other_side() {
     assert_eq!(pose.get(2).rotation, Quat::IDENTITY);
 }
 
-/// Half as large on one side, a node that scales centimetres, and scale keys.
+/// One side has half the scale of the other, a node converts centimetres, and scales are animated.
 #[test]
 fn scales_and_units_are_mirrored_relative_to_the_rest_pose() {
     let mut rest = [Transform::IDENTITY; 4];
@@ -242,7 +243,7 @@ fn scales_and_units_are_mirrored_relative_to_the_rest_pose() {
     let skeleton = Skeleton::new(names5, vec![None, Some(0), Some(0), Some(1), Some(2)], rest5).unwrap();
     let map = MirrorMap::new(&skeleton).unwrap();
     let mut pose = Pose::rest(&skeleton);
-    // The left hand goes 30 units, 0.3 m, outwards; its arm doubles.
+    // The left hand moves outwards by 30 units (0.3 m), and the scale of its arm doubles.
     pose.set(3, Transform { translation: Vec3::X * 30.0, ..Transform::IDENTITY });
     pose.set(1, Transform { scale: Vec3::splat(0.02), ..pose.get(1) });
     let out = mirrored(&map, &pose);

@@ -43,7 +43,8 @@ fn worst_error(clip: &Clip, pose: &Pose, time: Time) -> (f64, f64) {
     worst
 }
 
-/// A clip of all kinds of curves: some share their key times, some are alone, some constant, some joints have none.
+/// A clip of all kinds of curves: some share their key times, some have separate ones, some are constant, and some joints have no
+/// curve.
 fn mixed_clip(seed: u64, joints: usize) -> Clip {
     let mut random = Random(seed);
     let random_times = |random: &mut Random| -> Arc<[Time]> {
@@ -129,7 +130,7 @@ fn sampled_on_level(clip: &Clip, time: Time, level: Level) -> Pose {
     pose
 }
 
-/// Curves of a block that have key times of their own are gathered, and those of one clip are too many for common key times.
+/// The keys of curves with separate key times are gathered, since such curves of one clip are too many for common key times.
 #[test]
 fn curves_with_separate_key_times_equal_the_reference_and_their_single_sampling() {
     const JOINTS: u32 = 45;
@@ -202,7 +203,7 @@ fn linear_rotations_are_accurate_to_a_ten_thousandth_of_a_degree() {
                     let half = spacing.to_radians() / 2.0;
                     let b =
                         a * Quat::from_array((axis * half.sin() as f32).extend(half.cos() as f32).to_array());
-                    // Every other joint by the longer way round in numbers.
+                    // Every other joint gets the quaternion of the other sign, which is farther in numbers.
                     let b = if joint % 2 == 0 { b } else { -b };
                     let values = [a.to_array(), b.to_array()].concat();
                     curve(joint, Path::Rotation, Interpolation::Linear, &[0.0, 1.0], &values)

@@ -1,4 +1,4 @@
-//! Dual-quaternion skinning against the same formulas in f64, which the unit tests hold to closed forms.
+//! Dual-quaternion skinning is compared with the same formulas in f64, which unit tests compare with closed forms.
 
 use crate::support::Random;
 use crate::support::skinned_mesh::SkinnedMesh;
@@ -97,7 +97,7 @@ fn the_comparison_with_f64_detects_a_planted_error() {
     assert!(case.error(&positions, &normals) > 9e-4);
 }
 
-/// Lists of influences in another order, and those that weigh nothing, change nothing but rounding.
+/// The order of influences, and influences of weight 0, change the result by rounding only.
 #[test]
 fn dual_quaternion_skinning_ignores_the_order_of_influences() {
     let mut case = DualSkinningCase::random(&mut Random(8), 64, 4, false, false);

@@ -37,7 +37,7 @@ fn a_planar_swing_equals_the_closed_form_at_any_step_length() {
                     bone.step(&mut state, &drive, 1.0 / rate);
                     let exact = closed_form_angle(start, frequency, ratio, f64::from(frame) / rate);
                     let off = (angle_of_direction(state.direction) - exact).abs();
-                    // The phase of a thousand turns a second is known as well as its time is.
+                    // At 1,000 Hz, rounding of the time limits the accuracy of the phase.
                     let allowed = if frequency > 100.0 { 1e-8 } else { 1e-11 };
                     assert!(off < allowed, "{frequency} Hz, ζ {ratio}, {rate} fps, frame {frame}: {off:e}");
                 }
@@ -75,7 +75,7 @@ fn free_damped_motion_never_gains_energy() {
         let drive = Drive { gravity, length: n.power(-3.0, 1.0), ..drive_at_rest(n.direction()) };
         let step = n.power(-6.0, 1.0);
         let mut state = BoneState { velocity: DVec3::ZERO, ..state_at(n.direction(), &drive) };
-        // The speed is at most that of a swing from half a turn away, at which speeds are limited.
+        // The velocity is at most that of a swing from half a turn away, the limit that steps impose.
         state.velocity = state.direction.any_orthonormal_vector() * bone.stiffness.sqrt();
         let mut energy = bone.energy(&state, &drive);
         let scale = energy + gravity.length() / drive.length;
@@ -133,7 +133,7 @@ fn an_undamped_swing_under_gravity_keeps_its_amplitude_for_a_minute() {
             let periods = crossings.len() as f64 - 1.0;
             let period = (crossings[crossings.len() - 1] - crossings[0]) / periods;
             let exact = pendulum_period((gravity / drive.length).sqrt(), amplitude);
-            // The spring in place of the load is taken anew each step.
+            // The spring that replaces the load changes with each step.
             let allowed = 0.6 / (rate * rate) * gravity / drive.length;
             assert!(
                 (period / exact - 1.0).abs() < allowed,
@@ -156,7 +156,7 @@ fn an_undamped_swing_under_gravity_keeps_its_amplitude_for_a_minute() {
     }
 }
 
-/// The test of energy fails for the semi-implicit Euler method.
+/// Negative control: the semi-implicit Euler method gains energy.
 #[test]
 fn semi_implicit_euler_fails_the_energy_test() {
     let (bone, drive) = (SpringBone::new(15.0, 0.0), drive_at_rest(DVec3::NEG_Y));
@@ -171,7 +171,7 @@ fn semi_implicit_euler_fails_the_energy_test() {
     assert!(bone.energy(&state, &drive) > 2.0 * before);
 }
 
-/// A head that shakes and a target that turns.
+/// The head shakes and the target rotates.
 #[test]
 fn a_bone_at_60_hz_converges_to_a_thousand_times_finer_steps() {
     let drive_at = |t: f64| Drive {
@@ -212,7 +212,7 @@ fn the_settled_state_is_an_equilibrium() {
     }
 }
 
-/// A tail of `count` sticks along −Y, 10 cm each, the first joint being the body.
+/// A tail of `count` sticks along −Y, 10 cm each; the first joint is the character.
 fn tail_rig(count: usize) -> (Skeleton, SpringRig) {
     let rest = |i: usize| Transform {
         translation: if i == 0 { Vec3::ZERO } else { Vec3::NEG_Y * 0.1 },
@@ -307,7 +307,7 @@ fn joints_lag_behind_and_sticks_keep_their_length() {
         widest = widest.max(run.out[8].translation.x.abs());
     }
     assert!(widest > 0.3 && widest < 0.8, "{widest}");
-    // Each joint points at the next.
+    // Each joint points at the next one.
     let way = run.out[5].translation - run.out[4].translation;
     let points = run.out[4].transform_vector3(Vec3::NEG_Y);
     assert!(way.normalize().dot(points.into()) > 0.99999);
@@ -346,7 +346,7 @@ fn extreme_parameters_and_motions_stay_finite() {
                 rig.ground = Some(-1.0);
                 let mut run = Simulation::new((skeleton, rig));
                 for frame in 0..30 {
-                    // Thrown 1 km to and fro.
+                    // The actor is teleported by 1 km and back.
                     let x = if frame % 7 == 3 { 1000.0 } else { 0.01 * f64::from(frame) };
                     let place = DAffine3::from_scale_rotation_translation(
                         DVec3::new(scale, scale, scale * 3.0),
@@ -390,7 +390,7 @@ fn a_teleported_head_does_not_disturb_its_stick() {
         bone.step(&mut far, &Drive { head, ..drive }, 1.0 / 60.0);
         assert!((near.direction - far.direction).length() < 1e-12, "frame {frame}");
     }
-    // A push is felt.
+    // A small movement of the head does affect the stick.
     bone.step(&mut far, &Drive { head: DVec3::X * 1000.05, ..drive }, 1.0 / 60.0);
     bone.step(&mut near, &drive, 1.0 / 60.0);
     assert!((near.direction - far.direction).length() > 0.1);
@@ -418,7 +418,7 @@ fn shaken_tails(count: usize, steps: u32, spring: SpringBone, frames: u32) -> Ve
     let mut seen = Vec::new();
     for i in 0..=frames * steps {
         let t = f64::from(i) / f64::from(60 * steps);
-        // Three tones, one of them the bones' own.
+        // Three frequencies, one of them the bones' resonance.
         let x = 0.1 * (1.0 - libm::cos(9.0 * t)) + 0.02 * libm::sin(18.8 * t) + 0.01 * libm::sin(40.0 * t);
         run.step(DAffine3::from_translation(DVec3::X * x), 1.0 / f64::from(60 * steps));
         if i.is_multiple_of(steps) {
@@ -433,7 +433,7 @@ fn largest_distance(a: &[Vec3], b: &[Vec3]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (*a - *b).length()).fold(0.0, f32::max)
 }
 
-/// The same motion at finer steps, however long the chain, however lightly damped.
+/// Chains of any length and damping give the same motion with finer steps.
 #[test]
 fn chains_converge_to_a_thousand_times_finer_steps() {
     for (count, steps) in [(1, 1000), (4, 1000), (20, 200), (100, 40)] {
@@ -476,7 +476,7 @@ fn a_bone_never_swings_farther_than_the_one_it_follows() {
             };
             assert!(swing(true) < 0.1001, "{frequency} Hz at {hz} Hz: {}", swing(true));
             if (hz - frequency).abs() < 0.1 {
-                assert!(swing(false) > 0.3, "one that follows nothing rings: {}", swing(false));
+                assert!(swing(false) > 0.3, "a bone that follows no other must resonate: {}", swing(false));
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Ticks, frame rates, playback: exact however long.
+//! Ticks, frame rates and playback are exact for any duration.
 
 use choreo_motion::{FrameRate, FrameRateError, Playback, Repeat, Time};
 use proptest::prelude::*;
@@ -28,7 +28,7 @@ fn frame_rates_are_recognized_from_fps() {
     assert_eq!(FrameRate::from_fps(23.976), Ok(FrameRate { num: 24_000, den: 1001 }));
     assert_eq!(FrameRate::from_fps(23.98), Ok(FrameRate { num: 24_000, den: 1001 }));
     assert_eq!(FrameRate::from_fps(12.5), Ok(FrameRate { num: 25, den: 2 }));
-    // Kept as they are, not rounded to thousandths or to NTSC.
+    // These rates are not rounded to thousandths or to NTSC rates.
     assert_eq!(FrameRate::from_fps(29.973), Ok(FrameRate { num: 29_973, den: 1000 }));
     assert_eq!(FrameRate::from_fps(12.3456), Ok(FrameRate { num: 7716, den: 625 }));
     assert_eq!(FrameRate::from_fps(1.0 / 3.0), Ok(FrameRate { num: 1, den: 3 }));

@@ -5,13 +5,13 @@ use super::*;
 /// The joints of one family of names.
 struct Family {
     name: &'static str,
-    /// Our name and theirs.
+    /// Choreo's name and the family's.
     middle: &'static [(&'static str, &'static str)],
-    /// Our name without its side and theirs, in which `{}` stands for one of `sides`.
+    /// Choreo's name without its side, and the family's, in which `{}` stands for one of `sides`.
     sided: &'static [(&'static str, &'static str)],
     /// How the family writes left and right.
     sides: [&'static str; 2],
-    /// Joints of the family that are no joint of the table: ends, twist joints, what else the rig has.
+    /// Joints of the family that are not in the table, such as end joints and twist joints.
     others: &'static [&'static str],
 }
 
