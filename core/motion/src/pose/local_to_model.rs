@@ -194,7 +194,7 @@ fn rotation_columns<F: F8>(q: [F; 4], scale: Option<[F; 3]>) -> [[F; 3]; 3] {
 
 /// Product of a 3×3 matrix, whose columns are in both halves, and two columns.
 #[inline(always)]
-fn turned<F: F8>([x, y, z]: [F; 3], columns: F) -> F {
+fn mul_columns<F: F8>([x, y, z]: [F; 3], columns: F) -> F {
     let first = x.mul(columns.broadcast_component::<0>()).add(y.mul(columns.broadcast_component::<1>()));
     first.add(z.mul(columns.broadcast_component::<2>()))
 }
