@@ -52,7 +52,7 @@ impl Grid {
         (0..self.frames).map(|frame| Time(self.start.0.saturating_add(frame as i64 * self.step)))
     }
 
-    /// Values of a curve at all times, in f64; each rotation is in the hemisphere of the one before.
+    /// Values of a curve at all times of the grid, in f64; each rotation is in the hemisphere of the one before.
     pub fn values(&self, curve: &Curve) -> Vec<[f64; 4]> {
         let mut values: Vec<[f64; 4]> =
             self.times().map(|t| curve_at(curve, nearest_key(curve, t))).collect();

@@ -41,11 +41,12 @@ mod tests {
     /// found bit by bit.
     fn fma_by_integers(a: f32, b: f32, c: f32) -> f32 {
         // Bit 0 of a sum is 2^-298, the square of the smallest f32.
-        let place = |v: f32| {
+        let mantissa_and_exponent = |v: f32| {
             let (bits, exponent) = (v.to_bits() & 0x7F_FFFF, (v.to_bits() >> 23) & 0xFF);
             (u64::from(if exponent == 0 { bits } else { bits | 1 << 23 }), exponent.max(1) - 1)
         };
-        let ((am, ae), (bm, be), (cm, ce)) = (place(a), place(b), place(c));
+        let ((am, ae), (bm, be), (cm, ce)) =
+            (mantissa_and_exponent(a), mantissa_and_exponent(b), mantissa_and_exponent(c));
         let product = Wide::shifted(am * bm, ae + be);
         let addend = Wide::shifted(cm, ce + 149);
         let (product_negative, c_negative) =

@@ -261,7 +261,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_name_finds_its_bone() {
+    fn bones_are_found_by_names_of_vrm_and_other_families() {
         for (index, bone) in HumanBone::ALL.into_iter().enumerate() {
             assert_eq!(bone as usize, index);
             assert_eq!(HumanBone::from_name(bone.name()), Some(bone));

@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sides_of_every_family() {
+    fn sides_are_recognized_in_every_naming_family() {
         for (left, right) in [
             ("mixamorig:LeftHandThumb1", "mixamorig:RightHandThumb1"),
             ("mixamorigLeftArm", "mixamorigRightArm"),

@@ -201,7 +201,7 @@ impl SkinningCase {
 }
 
 #[test]
-fn the_skinning_comparison_sees_a_planted_fault() {
+fn the_skinning_comparison_detects_a_planted_error() {
     let case = SkinningCase::random(&mut Random(2), 20, 4, false);
     let (mut positions, normals) = case.run(Level::best());
     positions[13].x += 1e-3;

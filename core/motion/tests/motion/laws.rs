@@ -111,7 +111,7 @@ proptest! {
 
     /// Each matrix is the parent's times the joint's own, so the parent's inverse gives the joint's own back.
     #[test]
-    fn local_to_model_can_be_undone(seed: u64, at in 0.0..3.0f64) {
+    fn inverse_parent_matrices_recover_the_local_transforms(seed: u64, at in 0.0..3.0f64) {
         let (skeleton, clip, _) = random_motion(seed);
         let pose = sampled(&skeleton, &clip, Time::from_secs(at));
         let model = model_matrices(&skeleton, &pose);
@@ -165,7 +165,7 @@ proptest! {
     }
 
     #[test]
-    fn a_clip_bound_to_its_own_skeleton_is_itself(seed: u64, at in 0.0..3.0f64) {
+    fn binding_to_the_own_skeleton_keeps_the_clip(seed: u64, at in 0.0..3.0f64) {
         let (skeleton, clip, _) = random_motion(seed);
         let (bound, missing) = bind_clip(&clip, &skeleton, &skeleton);
         prop_assert!(missing.is_empty());
