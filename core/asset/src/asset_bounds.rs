@@ -164,9 +164,9 @@ fn rest_bounds(asset: &Asset) -> Aabb {
         let joints = asset.rest_model_from_joint();
         if !instance.copies.is_empty() {
             let points = mesh.primitives.iter().flat_map(|p| p.positions.iter().copied());
-            let one = Aabb::of(points);
+            let mesh_bounds = Aabb::of(points);
             let joint = joints.get(instance.joint as usize).copied().unwrap_or(Affine3A::IDENTITY);
-            let boxes = instance.copies.iter().map(|copy| one.transformed(&(joint * *copy)));
+            let boxes = instance.copies.iter().map(|copy| mesh_bounds.transformed(&(joint * *copy)));
             bounds = boxes.fold(bounds, Aabb::union);
             continue;
         }

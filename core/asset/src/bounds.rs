@@ -27,9 +27,9 @@ impl Aabb {
 
     /// The smallest box around the points that are finite.
     pub fn of(points: impl IntoIterator<Item = Vec3>) -> Aabb {
-        let mut all = Aabb::EMPTY;
-        points.into_iter().for_each(|p| all.add(p));
-        all
+        let mut bounds = Aabb::EMPTY;
+        points.into_iter().for_each(|p| bounds.add(p));
+        bounds
     }
 
     /// Extends the box to a point. Points that are not finite are ignored.

@@ -76,8 +76,8 @@ pub fn requested(expressions: &[Expression], weights: &[f32]) -> Option<(f64, f6
 impl RangeMap {
     /// Maps an angle ≥ 0, in radians, to an angle in radians or a weight.
     pub fn map(&self, angle: f64) -> f64 {
-        let most = f64::from(self.input_max);
-        if most > 0.0 { (angle / most).clamp(0.0, 1.0) * f64::from(self.output_scale) } else { 0.0 }
+        let input_max = f64::from(self.input_max);
+        if input_max > 0.0 { (angle / input_max).clamp(0.0, 1.0) * f64::from(self.output_scale) } else { 0.0 }
     }
 }
 

@@ -11,9 +11,9 @@ const MAX_SEPARATE_BOXES: usize = 64;
 impl Asset {
     /// model-from-model of the character's first `count` placements (`None`: all); the identity if it has none.
     pub fn first_placements(&self, count: Option<u32>) -> impl Iterator<Item = Affine3A> + '_ {
-        let own = if self.placements.is_empty() { Some(Affine3A::IDENTITY) } else { None };
+        let identity = if self.placements.is_empty() { Some(Affine3A::IDENTITY) } else { None };
         let limit = count.filter(|_| !self.placements.is_empty()).map_or(usize::MAX, |n| n as usize);
-        own.into_iter().chain(self.placements.iter().copied().take(limit))
+        identity.into_iter().chain(self.placements.iter().copied().take(limit))
     }
 
     /// Every drawn copy of an instance: model-from-model of the character's placement, and joint-from-mesh of the copy. `count`

@@ -110,14 +110,14 @@ impl Facing {
             evidence.extend(level(("travel of clips", travel_direction(skeleton, clips))));
         }
         let votes = |front| evidence.iter().filter(|e| Front::nearest(e.direction) == Some(front)).count();
-        let most = Front::ALL
+        let best = Front::ALL
             .iter()
             .map(|(_, front)| *front)
             .max_by_key(|front| (votes(*front), *front == Front::PlusZ));
-        let most = most.unwrap_or_default();
-        let doubtful = !evidence.is_empty() && 2 * votes(most) <= evidence.len();
+        let best = best.unwrap_or_default();
+        let doubtful = !evidence.is_empty() && 2 * votes(best) <= evidence.len();
         Facing {
-            front: if doubtful || evidence.is_empty() { Front::PlusZ } else { most },
+            front: if doubtful || evidence.is_empty() { Front::PlusZ } else { best },
             evidence,
             doubtful,
         }

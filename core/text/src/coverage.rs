@@ -55,20 +55,20 @@ impl Coverage {
         }
         let mut coverage = Coverage::new(low, high, image_size);
         // Quarter circles as cubic Bézier curves, off by 0.03 % of the radius at most.
-        let near = radius * (1.0 - 0.552_284_8);
+        let handle_offset = radius * (1.0 - 0.552_284_8);
         let mut add = |a, b| coverage.line(a, b);
         let mut outline = OutlineFlattener::new(&mut add, [0.0; 2], 1.0);
         let ([x0, y0], [x1, y1]) = (low, high);
         // The outline has y up.
         outline.move_to(x0 + radius, -y0);
         outline.line_to(x1 - radius, -y0);
-        outline.curve_to(x1 - near, -y0, x1, -(y0 + near), x1, -(y0 + radius));
+        outline.curve_to(x1 - handle_offset, -y0, x1, -(y0 + handle_offset), x1, -(y0 + radius));
         outline.line_to(x1, -(y1 - radius));
-        outline.curve_to(x1, -(y1 - near), x1 - near, -y1, x1 - radius, -y1);
+        outline.curve_to(x1, -(y1 - handle_offset), x1 - handle_offset, -y1, x1 - radius, -y1);
         outline.line_to(x0 + radius, -y1);
-        outline.curve_to(x0 + near, -y1, x0, -(y1 - near), x0, -(y1 - radius));
+        outline.curve_to(x0 + handle_offset, -y1, x0, -(y1 - handle_offset), x0, -(y1 - radius));
         outline.line_to(x0, -(y0 + radius));
-        outline.curve_to(x0, -(y0 + near), x0 + near, -y0, x0 + radius, -y0);
+        outline.curve_to(x0, -(y0 + handle_offset), x0 + handle_offset, -y0, x0 + radius, -y0);
         outline.close();
         coverage
     }

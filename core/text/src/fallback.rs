@@ -17,10 +17,10 @@ pub struct Fallback {
 pub fn fallbacks(chars: &[char]) -> Vec<Option<Fallback>> {
     static KNOWN: Mutex<BTreeMap<char, Option<Fallback>>> = Mutex::new(BTreeMap::new());
     let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-    let mut wanted: Vec<char> = chars.iter().copied().filter(|c| !known.contains_key(c)).collect();
-    let mut assign_fallback = |fallback: &Fallback, wanted: &mut Vec<char>| {
-        let missing = fallback.font.missing(&wanted.iter().collect::<String>());
-        wanted.retain(|c| {
+    let mut unknown_chars: Vec<char> = chars.iter().copied().filter(|c| !known.contains_key(c)).collect();
+    let mut assign_fallback = |fallback: &Fallback, unknown_chars: &mut Vec<char>| {
+        let missing = fallback.font.missing(&unknown_chars.iter().collect::<String>());
+        unknown_chars.retain(|c| {
             let has = !missing.contains(c);
             if has {
                 known.insert(*c, Some(fallback.clone()));
@@ -29,17 +29,17 @@ pub fn fallbacks(chars: &[char]) -> Vec<Option<Fallback>> {
         });
     };
     for font in built_in() {
-        assign_fallback(&Fallback { font: font.clone(), file: None }, &mut wanted);
+        assign_fallback(&Fallback { font: font.clone(), file: None }, &mut unknown_chars);
     }
     for path in system_files() {
-        if wanted.is_empty() {
+        if unknown_chars.is_empty() {
             break;
         }
         if let Some(font) = read_font(path) {
-            assign_fallback(&Fallback { font, file: Some(path.clone()) }, &mut wanted);
+            assign_fallback(&Fallback { font, file: Some(path.clone()) }, &mut unknown_chars);
         }
     }
-    known.extend(wanted.into_iter().map(|c| (c, None)));
+    known.extend(unknown_chars.into_iter().map(|c| (c, None)));
     chars.iter().map(|c| known.get(c).cloned().flatten()).collect()
 }
 

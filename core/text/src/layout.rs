@@ -138,14 +138,14 @@ pub fn lay_out(font: &Font, text: &str, style: &Style) -> TextLayout {
     let (up, down) = (f32::from(face.ascender()) * scale, f32::from(face.descender()) * scale);
     let step = style.size * style.line_height;
     let mut layout = TextLayout { size_of_em: style.size, lines: lines.len(), ..TextLayout::default() };
-    let left = |width: f32| match style.align {
+    let line_start = |width: f32| match style.align {
         Align::Left => 0.0,
         Align::Center => (box_width - width) * 0.5,
         Align::Right => box_width - width,
     };
-    layout.ends = [left(widest), left(widest) + widest];
+    layout.ends = [line_start(widest), line_start(widest) + widest];
     for (row, (words, width)) in lines.iter().enumerate() {
-        let mut x = left(*width);
+        let mut x = line_start(*width);
         let y = up + step * row as f32;
         for word in words {
             layout.glyphs.extend(word.glyphs.iter().map(|(glyph, at)| (*glyph, [x + at, y])));

@@ -64,12 +64,12 @@ impl Packed {
     }
 
     pub fn stored_bytes(&self) -> usize {
-        let of = |s: &Stride| {
+        let bytes_of_stride = |s: &Stride| {
             let ranges =
                 s.columns.iter().map(|c| (8 + 3) * LANES * c.column.channel.width() + 8).sum::<usize>();
             s.bytes.len() + ranges
         };
-        self.strides.iter().map(of).sum()
+        self.strides.iter().map(bytes_of_stride).sum()
     }
 
     /// The curves as decoded, LINEAR, with keys at all frames.

@@ -131,15 +131,15 @@ impl SeparateKeyTimes {
         let mut grid = Vec::with_capacity(self.cells * firsts.len());
         for cell in 0..self.cells {
             for (firsts, SeparateColumn { last, .. }) in firsts.iter().zip(&self.columns) {
-                let (mut intervals, mut most) = (*firsts, 0);
+                let (mut intervals, mut max_within) = (*firsts, 0);
                 for (interval, last) in intervals.iter_mut().zip(last) {
                     let starts = &self.interval_starts[*interval as usize + 1..=*last as usize];
                     let before = starts.partition_point(|start| self.cell_index(*start) < cell);
                     let within = starts[before..].partition_point(|start| self.cell_index(*start) == cell);
                     *interval += before as u32;
-                    most = within.max(most);
+                    max_within = within.max(max_within);
                 }
-                grid.push(Cell { intervals, bisection_steps: usize::BITS - most.leading_zeros() });
+                grid.push(Cell { intervals, bisection_steps: usize::BITS - max_within.leading_zeros() });
             }
         }
         self.grid = grid;

@@ -139,15 +139,17 @@ pub(crate) type StrayCurves = BTreeMap<(Interpolation, u32, Channel), Vec<usize>
 fn find_stray_curves<'a>(curves: &[Curve], groups: impl Iterator<Item = &'a Vec<usize>>) -> StrayCurves {
     let mut columns = StrayCurves::new();
     for members in groups {
-        let mut own = StrayCurves::new();
+        let mut group_columns = StrayCurves::new();
         for &index in members {
             let Some(channel) = Channel::of(curves[index].path) else { continue };
             let key = (curves[index].interpolation, curves[index].joint / LANES as u32, channel);
-            own.entry(key).or_default().push(index);
+            group_columns.entry(key).or_default().push(index);
         }
         // The other curves lie in rows already.
-        own.retain(|_, members| members.len() < MIN_CURVES_PER_COLUMN);
-        own.into_iter().for_each(|(column, members)| columns.entry(column).or_default().extend(members));
+        group_columns.retain(|_, members| members.len() < MIN_CURVES_PER_COLUMN);
+        group_columns
+            .into_iter()
+            .for_each(|(column, members)| columns.entry(column).or_default().extend(members));
     }
     columns.retain(|_, members| members.len() >= MIN_CURVES_PER_COLUMN);
     columns

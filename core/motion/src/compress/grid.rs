@@ -71,6 +71,7 @@ impl Grid {
 /// The key time that coincides with a time of the grid up to rounding, if any, else the time itself.
 fn nearest_key(curve: &Curve, time: Time) -> Time {
     let at = curve.times.partition_point(|t| *t < time);
-    let near = |i: usize| curve.times.get(i).copied().filter(|t| (*t - time).0.abs() <= MAX_GRID_OFFSET);
-    near(at).or_else(|| at.checked_sub(1).and_then(near)).unwrap_or(time)
+    let key_within_offset =
+        |i: usize| curve.times.get(i).copied().filter(|t| (*t - time).0.abs() <= MAX_GRID_OFFSET);
+    key_within_offset(at).or_else(|| at.checked_sub(1).and_then(key_within_offset)).unwrap_or(time)
 }

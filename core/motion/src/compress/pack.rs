@@ -98,12 +98,12 @@ impl ColumnDraft {
             let (knots, worst) = &fit.splines[stride];
             draft.nlerp_suffices &= NLERP_ERROR_FACTOR * fit.widest * fit.widest.sqrt() <= 0.2 * allowed;
             // The error that remains for the rounding of the knots: independent errors add up by their squares.
-            let left = (allowed * allowed - worst * worst).max(0.0).sqrt();
-            if left < 0.3 * allowed {
+            let remaining_error = (allowed * allowed - worst * worst).max(0.0).sqrt();
+            if remaining_error < 0.3 * allowed {
                 return None;
             }
             // Rounding is evenly spread over a step in each component, which counts twice for quaternions.
-            let step = if channel == Channel::Rotation { left } else { left * 1.5 };
+            let step = if channel == Channel::Rotation { remaining_error } else { remaining_error * 1.5 };
             for c in 0..channel.width() {
                 let (low, high) = knots
                     .iter()

@@ -67,10 +67,10 @@ pub fn leg_of_ik_control(skeleton: &Skeleton, human: &HumanoidJoints, foot: u32)
     let [hip, knee] = [human.joint(&format!("{side} upleg"))?, human.joint(&format!("{side} leg"))?];
     let parents = skeleton.parents();
     let rest = ModelRestPose::of(skeleton);
-    let apart = |a: u32, b: u32| (rest.positions[a as usize] - rest.positions[b as usize]).length();
+    let distance = |a: u32, b: u32| (rest.positions[a as usize] - rest.positions[b as usize]).length();
     let ends = (0u32..).zip(parents).filter(|(_, parent)| **parent == Some(knee));
-    let gap = ends.map(|(end, _)| apart(end, foot)).fold(f64::INFINITY, f64::min);
-    let beside = gap < MAX_CONTROL_DISTANCE_LEGS * (apart(hip, knee) + apart(knee, foot));
+    let gap = ends.map(|(end, _)| distance(end, foot)).fold(f64::INFINITY, f64::min);
+    let beside = gap < MAX_CONTROL_DISTANCE_LEGS * (distance(hip, knee) + distance(knee, foot));
     (beside && parents[knee as usize] == Some(hip) && !is_below(skeleton, foot, hip)).then_some([hip, knee])
 }
 
@@ -113,7 +113,7 @@ pub fn leg_length(skeleton: &Skeleton, feet: &[Foot]) -> Option<f64> {
     };
     let chains: Vec<Vec<u32>> =
         feet.iter().filter_map(|f| f.joints.first()).map(|j| chain_to_root(*j)).collect();
-    let apart =
+    let distance =
         |a: u32, b: u32| Some(f64::from((*model.get(a as usize)? - *model.get(b as usize)?).length()));
     // Joints of one leg only, and the joint that carries the leg.
     let chain_of_leg = |chain: &[u32]| {
@@ -121,12 +121,12 @@ pub fn leg_length(skeleton: &Skeleton, feet: &[Foot]) -> Option<f64> {
         chain.iter().skip(1).position(shared).map(|at| chain[..at + 2].to_vec())
     };
     let legs: Vec<Vec<u32>> = chains.iter().filter_map(|chain| chain_of_leg(chain)).collect();
-    let along = |leg: &Vec<u32>| leg.windows(2).filter_map(|pair| apart(pair[0], pair[1])).sum::<f64>();
+    let along = |leg: &Vec<u32>| leg.windows(2).filter_map(|pair| distance(pair[0], pair[1])).sum::<f64>();
     let mut length = legs.iter().map(along).fold(0.0, f64::max);
     if legs.iter().all(|leg| leg.len() < 3) {
         let human = HumanoidJoints::of(skeleton);
         for foot in legs.iter().map(|leg| leg[0]) {
-            let of_ik_control = |[hip, knee]: [u32; 2]| Some(apart(hip, knee)? + apart(knee, foot)?);
+            let of_ik_control = |[hip, knee]: [u32; 2]| Some(distance(hip, knee)? + distance(knee, foot)?);
             length =
                 length.max(leg_of_ik_control(skeleton, &human, foot).and_then(of_ik_control).unwrap_or(0.0));
         }

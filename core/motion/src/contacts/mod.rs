@@ -164,8 +164,12 @@ impl Contacts {
         }
         let at = |i: usize| if i <= count { time(i) } else { trim.1 + (time(i - count) - trim.0) };
         let to_interval = |(from, to): (usize, usize)| ContactInterval { from: at(from), to: at(to) };
-        let of = |row: &Vec<f64>| still_intervals(row, step, looped).into_iter().map(to_interval).collect();
-        Some(Contacts { intervals: motion_ratios.iter().map(of).collect(), floor_velocity: floor })
+        let intervals_of_row =
+            |row: &Vec<f64>| still_intervals(row, step, looped).into_iter().map(to_interval).collect();
+        Some(Contacts {
+            intervals: motion_ratios.iter().map(intervals_of_row).collect(),
+            floor_velocity: floor,
+        })
     }
 }
 

@@ -156,8 +156,10 @@ impl Footsteps {
     /// Smallest number of steps by which `other` is shifted so that the same feet step at the same time.
     fn matching_shift(&self, other: &Footsteps) -> Option<i64> {
         let (n, m) = (self.events.len(), other.events.len());
-        let what = |steps: &Footsteps, i: usize| steps.events[i % steps.events.len()].1;
-        (0..m).find(|shift| (0..n * m).all(|i| what(self, i) == what(other, i + shift))).map(|s| s as i64)
+        let event_of = |steps: &Footsteps, i: usize| steps.events[i % steps.events.len()].1;
+        (0..m)
+            .find(|shift| (0..n * m).all(|i| event_of(self, i) == event_of(other, i + shift)))
+            .map(|s| s as i64)
     }
 }
 

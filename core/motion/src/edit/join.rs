@@ -55,12 +55,12 @@ impl Clip {
         let expressions = names.into_iter().map(|name| {
             let pair =
                 [self, next].map(|c| c.expressions().iter().find(|e| e.name == name).map(|e| e.as_curve()));
-            let same = pair[0]
+            let equal_interpolation = pair[0]
                 .as_ref()
                 .zip(pair[1].as_ref())
                 .is_none_or(|(a, b)| a.interpolation == b.interpolation);
             let kind = pair.iter().flatten().next().map_or(Interpolation::Linear, |c| c.interpolation);
-            let kind = if same { kind } else { Interpolation::Linear };
+            let kind = if equal_interpolation { kind } else { Interpolation::Linear };
             let [first, second] = [0, 1].map(|at| match &pair[at] {
                 Some(curve) => with_interpolation(curve, kind, &mut values[at]),
                 None => rest_curve(0, Path::Weights(1), kind, rest),

@@ -86,10 +86,13 @@ impl Clip {
         let reduced = shared_choices
             .iter()
             .filter_map(|shared| self.reduced_with_times(skeleton, &reach, tolerance_m, *shared));
-        let all = ReductionReport { keys: [self.keys(); 2], bytes: [key_bytes(self); 2], worst_m: 0.0 };
+        let unchanged_report =
+            ReductionReport { keys: [self.keys(); 2], bytes: [key_bytes(self); 2], worst_m: 0.0 };
         // Separate times take 8 bytes per key: if few keys can be left out, keeping all of them takes less.
         let smaller = reduced.filter(|(_, report)| report.bytes[1] < report.bytes[0]);
-        Ok(smaller.min_by_key(|(_, report)| report.bytes[1]).unwrap_or_else(|| (self.clone(), all)))
+        Ok(smaller
+            .min_by_key(|(_, report)| report.bytes[1])
+            .unwrap_or_else(|| (self.clone(), unchanged_report)))
     }
 
     /// Reduces keys until the measured error is within the tolerance. `shared`: curves with equal key times keep the same keys.
@@ -177,9 +180,9 @@ impl JointReach {
         for joint in (0..skeleton.len()).rev() {
             if let Some(parent) = skeleton.parents()[joint] {
                 let bone = (rest.positions[joint] - rest.positions[parent as usize]).length();
-                let far = bone + distance[joint];
+                let reach = bone + distance[joint];
                 let above = &mut distance[parent as usize];
-                *above = above.max(far);
+                *above = above.max(reach);
             }
         }
         distance.iter_mut().for_each(|d| *d += POINT_DISTANCE_M);
@@ -294,8 +297,9 @@ fn tolerance_distance(path: Path, allowed: f64) -> f64 {
 
 /// Squared distance between a value and a key; for rotations, between quaternions in the same hemisphere.
 fn squared_distance_to_key(curve: &Curve, value_there: &[f64; 4], key: usize) -> f64 {
-    let own = key_value(curve, key);
-    let sum = |sign: f64| (0..4).map(|i| own[i] - sign * value_there[i]).map(|d| d * d).sum::<f64>();
+    let key_value_there = key_value(curve, key);
+    let sum =
+        |sign: f64| (0..4).map(|i| key_value_there[i] - sign * value_there[i]).map(|d| d * d).sum::<f64>();
     match curve.path {
         Path::Rotation => sum(1.0).min(sum(-1.0)),
         _ => sum(1.0),
@@ -316,11 +320,11 @@ fn with_keys(curve: &Curve, kept: &[usize], times: Option<Arc<[Time]>>) -> Curve
 /// Bytes of the key times and values that are stored uncompressed.
 pub(crate) fn key_bytes(clip: &Clip) -> usize {
     let mut seen = std::collections::BTreeSet::new();
-    let of = |curve: &Curve| {
-        let own = seen.insert(curve.times.as_ptr() as usize);
-        curve.values.len() * 4 + if own { curve.times.len() * 8 } else { 0 }
+    let bytes_of_curve = |curve: &Curve| {
+        let is_first_use = seen.insert(curve.times.as_ptr() as usize);
+        curve.values.len() * 4 + if is_first_use { curve.times.len() * 8 } else { 0 }
     };
-    clip.stored_curves().iter().map(of).sum()
+    clip.stored_curves().iter().map(bytes_of_curve).sum()
 }
 
 /// Largest distance in model space, over all key times, of any joint and the points that turn with it, between a clip and its
@@ -340,10 +344,12 @@ fn largest_error(skeleton: &Skeleton, source: &Clip, reduced: &Clip) -> f64 {
         second.set_pose(skeleton, &rest, &mut reduced_cursors, time);
         for (joint, (first, second)) in first.matrices.iter().zip(&second.matrices).enumerate() {
             let arm = POINT_DISTANCE_M / scales[joint].max(1e-9);
-            let (apart, turned) = (first.translation - second.translation, first.matrix3 - second.matrix3);
-            let points = [turned.x_axis, turned.y_axis, turned.z_axis].map(|axis| apart + axis * arm);
+            let (offset, rotation_change) =
+                (first.translation - second.translation, first.matrix3 - second.matrix3);
+            let points = [rotation_change.x_axis, rotation_change.y_axis, rotation_change.z_axis]
+                .map(|axis| offset + axis * arm);
             let squares = points.map(DVec3::length_squared);
-            worst = squares.into_iter().fold(worst.max(apart.length_squared()), f64::max);
+            worst = squares.into_iter().fold(worst.max(offset.length_squared()), f64::max);
         }
     }
     worst.sqrt()

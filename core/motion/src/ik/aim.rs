@@ -47,9 +47,12 @@ impl Aim<'_> {
         // Rotations of the other joints move the last one and change its direction to the target: each joint takes its share of
         // the remaining rotation, and the last one all that is left.
         for (at, turned) in turns.iter_mut().enumerate().take(count) {
-            let left = shares(&self.joints[at..]);
-            let share =
-                if at + 1 == count { 1.0 } else { (self.joints[at].share.max(0.0) / left).clamp(0.0, 1.0) };
+            let remaining_shares = shares(&self.joints[at..]);
+            let share = if at + 1 == count {
+                1.0
+            } else {
+                (self.joints[at].share.max(0.0) / remaining_shares).clamp(0.0, 1.0)
+            };
             let tip = self.joints[count - 1].position;
             if share > 0.0 && share.is_finite() {
                 let turn = rotation_fraction(rotation_between(forward, goal - tip), share);

@@ -17,38 +17,38 @@ pub(super) fn sweep(chain: &mut Chain, target: DVec3, scratch: &mut SolverScratc
     for index in (0..chain.bones.len()).rev() {
         let (pivot, parent) = (positions[index], rotations[index]);
         let bone = &mut chain.bones[index];
-        let (arm, way) = (end - pivot, target - pivot);
-        let mut best = (arm - way).length();
+        let (arm, to_target) = (end - pivot, target - pivot);
+        let mut best = (arm - to_target).length();
         let before = *bone;
         let mut keep_if_nearer = |bone: &mut ChainBone, turned: DQuat| {
             let now = parent * turned * (parent * before.rotation).inverse() * arm;
-            let far = (now - way).length();
-            if turned.is_finite() && far < best {
-                best = far;
+            let distance = (now - to_target).length();
+            if turned.is_finite() && distance < best {
+                best = distance;
                 bone.rotation = turned;
                 end = pivot + now;
             }
         };
         match before.limit {
             Limit::Free => {
-                let turn = parent.inverse() * rotation_between(arm, way) * parent;
+                let turn = parent.inverse() * rotation_between(arm, to_target) * parent;
                 keep_if_nearer(bone, (turn * before.rotation).normalize());
             }
             Limit::Hinge { axis, angle } => {
                 let (_, now) = swing_and_twist(before.rest.inverse() * before.rotation, axis);
-                let turned = now + angle_about(parent * before.rest * axis, arm, way);
-                let kept = nearest_allowed_angle(turned, angle);
-                keep_if_nearer(bone, (before.rest * DQuat::from_axis_angle(axis, kept)).normalize());
+                let turned = now + angle_about(parent * before.rest * axis, arm, to_target);
+                let allowed_angle = nearest_allowed_angle(turned, angle);
+                keep_if_nearer(bone, (before.rest * DQuat::from_axis_angle(axis, allowed_angle)).normalize());
             }
             Limit::SwingTwist { axis, twist, .. } => {
-                let turn = parent.inverse() * rotation_between(arm, way) * parent;
+                let turn = parent.inverse() * rotation_between(arm, to_target) * parent;
                 // The whole swing, and parts of it in case that is beyond the cone.
                 for share in [1.0, 0.5, 0.125, 0.01] {
                     let wanted = (rotation_fraction(turn, share) * before.rotation).normalize();
                     keep_if_nearer(bone, before.limit.clamp(before.rest, wanted));
                 }
                 let (tilt, now) = swing_and_twist(before.rest.inverse() * before.rotation, axis);
-                let turned = now + angle_about(parent * before.rotation * axis, arm, way);
+                let turned = now + angle_about(parent * before.rotation * axis, arm, to_target);
                 let about = DQuat::from_axis_angle(axis, nearest_allowed_angle(turned, twist));
                 keep_if_nearer(bone, (before.rest * tilt * about).normalize());
             }

@@ -15,8 +15,8 @@ pub(super) fn iterate(chain: &mut Chain, target: DVec3, scratch: &mut SolverScra
     *last = target;
     for index in (0..chain.bones.len()).rev() {
         let length = chain.bones[index].offset.length();
-        let way = (goals[index] - goals[index + 1]).try_normalize().unwrap_or(DVec3::Y);
-        goals[index] = goals[index + 1] + way * length;
+        let direction = (goals[index] - goals[index + 1]).try_normalize().unwrap_or(DVec3::Y);
+        goals[index] = goals[index + 1] + direction * length;
     }
     let (mut at, mut parent) = (chain.origin, chain.parent);
     for (index, bone) in chain.bones.iter_mut().enumerate() {

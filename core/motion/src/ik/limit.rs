@@ -43,13 +43,13 @@ impl Limit {
             Limit::Free => local,
             Limit::SwingTwist { axis, swing, twist } => {
                 let (tilt, turn) = swing_and_twist(rest.inverse() * local, axis);
-                let kept = turn.clamp(twist.0, twist.1);
+                let clamped_turn = turn.clamp(twist.0, twist.1);
                 let angle = angle_of(tilt);
-                if angle <= swing && kept == turn {
+                if angle <= swing && clamped_turn == turn {
                     return local;
                 }
                 let tilt = if angle <= swing { tilt } else { rotation_fraction(tilt, swing / angle) };
-                (rest * tilt * DQuat::from_axis_angle(axis, kept)).normalize()
+                (rest * tilt * DQuat::from_axis_angle(axis, clamped_turn)).normalize()
             }
             Limit::Hinge { axis, angle } => {
                 let (_, turn) = swing_and_twist(rest.inverse() * local, axis);

@@ -81,8 +81,9 @@ impl AdditiveLayers {
 
 /// Ratio of scales; 1 where the reference's scale is zero.
 fn scale_ratio(from: Vec3, to: Vec3) -> DVec3 {
-    let one = |from: f32, to: f32| if from.abs() < 1e-12 { 1.0 } else { f64::from(to) / f64::from(from) };
-    DVec3::new(one(from.x, to.x), one(from.y, to.y), one(from.z, to.z))
+    let component_ratio =
+        |from: f32, to: f32| if from.abs() < 1e-12 { 1.0 } else { f64::from(to) / f64::from(from) };
+    DVec3::new(component_ratio(from.x, to.x), component_ratio(from.y, to.y), component_ratio(from.z, to.z))
 }
 
 fn reciprocal_or_one(v: DVec3) -> DVec3 {

@@ -11,8 +11,8 @@ use glam::{DQuat, DVec3};
 /// Mean length of the legs from hip to foot, metres; 0 if there are none.
 pub(super) fn leg_length(human: &HumanoidJoints, rest: &ModelRestPose) -> f64 {
     let leg = |side: &str| {
-        let place = |name: &str| Some(rest.positions[human.joint(&format!("{side} {name}"))? as usize]);
-        let (hip, knee, foot) = (place("upleg")?, place("leg")?, place("foot")?);
+        let position = |name: &str| Some(rest.positions[human.joint(&format!("{side} {name}"))? as usize]);
+        let (hip, knee, foot) = (position("upleg")?, position("leg")?, position("foot")?);
         Some((knee - hip).length() + (foot - knee).length())
     };
     match (leg("left"), leg("right")) {
@@ -25,9 +25,9 @@ pub(super) fn leg_length(human: &HumanoidJoints, rest: &ModelRestPose) -> f64 {
 pub(super) fn yaw_to_target(source: &SkeletonAnalysis, target: &SkeletonAnalysis) -> (DQuat, f64) {
     let left = |side: &SkeletonAnalysis| {
         let across = |name: &str| {
-            let place =
+            let position =
                 |s: &str| side.human.joint(&format!("{s} {name}")).map(|j| side.rest.positions[j as usize]);
-            let mut across = place("left")? - place("right")?;
+            let mut across = position("left")? - position("right")?;
             across.y = 0.0;
             (across.length() > 1e-6).then_some(across)
         };

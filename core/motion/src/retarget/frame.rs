@@ -104,15 +104,15 @@ impl RetargetBuffers {
             joints.map(|(joint, standing)| model.position(*joint).y - standing).fold(f64::MAX, f64::min)
         };
         let all = |_| true;
-        let (wanted, actual) =
+        let (source_clearance, target_clearance) =
             (above(&retarget.source, &self.source, &all), above(&retarget.target, &self.target, &all));
         let ankles = ["left foot", "right foot"].map(|name| retarget.source.human.joint(name));
         let ankle = above(&retarget.source, &self.source, &|joint| ankles.contains(&Some(joint)));
-        let ankle = if ankle == f64::MAX { wanted } else { ankle };
-        let wanted = wanted * retarget.scale;
+        let ankle = if ankle == f64::MAX { source_clearance } else { ankle };
+        let source_clearance = source_clearance * retarget.scale;
         Clearance {
-            raised: wanted - actual,
-            least: wanted.min(0.0) - actual,
+            raised: source_clearance - target_clearance,
+            least: source_clearance.min(0.0) - target_clearance,
             ankle: ankle / retarget.source.leg.max(1e-6),
         }
     }

@@ -87,9 +87,12 @@ impl JointMap {
         };
         // Joints outside a humanoid are not matched with joints inside: a mesh beside the bones may be called "Body", too.
         let both_humanoid = source.is_humanoid() && target.is_humanoid();
-        let own = both_humanoid.then(|| [belongs_to_humanoid(from, source), belongs_to_humanoid(to, target)]);
+        let in_humanoid =
+            both_humanoid.then(|| [belongs_to_humanoid(from, source), belongs_to_humanoid(to, target)]);
         let is_mixed = |joint: u32, other: u32| {
-            own.as_ref().is_some_and(|[source, target]| source[other as usize] != target[joint as usize])
+            in_humanoid
+                .as_ref()
+                .is_some_and(|[source, target]| source[other as usize] != target[joint as usize])
         };
         let names = match_names(from, to);
         for (other, joint) in (0u32..).zip(&names) {
@@ -142,15 +145,15 @@ impl JointMap {
 
 /// Whether each joint belongs to the humanoid: its bones, all joints below them, and the ancestors of the hips.
 pub(super) fn belongs_to_humanoid(skeleton: &Skeleton, human: &HumanoidJoints) -> Vec<bool> {
-    let mut own: Vec<bool> = Vec::with_capacity(skeleton.len());
+    let mut in_humanoid: Vec<bool> = Vec::with_capacity(skeleton.len());
     for (joint, parent) in (0u32..).zip(skeleton.parents()) {
         let bone = human.joints().values().any(|bone| *bone == joint);
-        own.push(bone || parent.is_some_and(|p| own[p as usize]));
+        in_humanoid.push(bone || parent.is_some_and(|p| in_humanoid[p as usize]));
     }
     for joint in std::iter::successors(human.joint("hips"), |j| skeleton.parents()[*j as usize]) {
-        own[joint as usize] = true;
+        in_humanoid[joint as usize] = true;
     }
-    own
+    in_humanoid
 }
 
 /// Pairs two chains so that their first joints match and their last joints match, each joint at most once.

@@ -53,11 +53,14 @@ struct CurvesByJoint<'c> {
 impl Retarget<'_> {
     /// Retargets a clip to the target's skeleton.
     pub fn clip(&self, clip: &Clip) -> (Clip, RetargetReport) {
-        let of = |path: Path| {
+        let curves_of = |path: Path| {
             let curves = clip.curves().iter().filter(move |c| c.path == path);
             curves.map(|c| (c.joint, c)).collect::<BTreeMap<u32, &Curve>>()
         };
-        let curves = CurvesByJoint { rotations: of(Path::Rotation), translations: of(Path::Translation) };
+        let curves = CurvesByJoint {
+            rotations: curves_of(Path::Rotation),
+            translations: curves_of(Path::Translation),
+        };
         let mut report = RetargetReport {
             rests_standing: self.rests_standing(),
             target_stands: self.target_stands(),
@@ -79,8 +82,8 @@ impl Retarget<'_> {
                 RotationMapping::Still(turn) => {
                     let rest = normalize_or_identity(self.to.rest()[joint as usize].rotation.as_dquat());
                     // Half the chord is the sine of a quarter of the angle.
-                    let apart = (turn - rest).length().min((turn + rest).length());
-                    if below && apart > 1e-4 {
+                    let chord = (turn - rest).length().min((turn + rest).length());
+                    if below && chord > 1e-4 {
                         let values: Arc<[f32]> = turn.to_array().map(|v| v as f32).into();
                         let (path, interpolation) = (Path::Rotation, Interpolation::Linear);
                         out.push(Curve { joint, path, interpolation, times: [Time::ZERO].into(), values });

@@ -79,9 +79,9 @@ impl Lift {
         if last == 0 {
             return self.raised[0];
         }
-        let place = (time.as_secs() / self.step_secs).clamp(0.0, last as f64);
-        let i = (place as usize).min(last - 1);
-        let w = place - i as f64;
+        let sample_position = (time.as_secs() / self.step_secs).clamp(0.0, last as f64);
+        let i = (sample_position as usize).min(last - 1);
+        let w = sample_position - i as f64;
         let [b, c] = [self.raised[i], self.raised[i + 1]];
         // The curve continues straight beyond its ends.
         let a = if i == 0 { 2.0 * b - c } else { self.raised[i - 1] };
@@ -109,18 +109,18 @@ fn smooth_lift(required: &[Clearance], step_secs: f64, leg: f64) -> Vec<f64> {
     };
     let weights = sample_weights(required, step_secs, &index);
     let beyond = (BEYOND_SECS / step_secs).ceil().min(1e6) as isize;
-    let all: Vec<usize> = (-beyond..count as isize + beyond).map(index).collect();
+    let sample_indices: Vec<usize> = (-beyond..count as isize + beyond).map(index).collect();
     let mut targets: Vec<[f64; 2]> =
-        all.iter().map(|i| [weights[*i], weights[*i] * required[*i].raised]).collect();
+        sample_indices.iter().map(|i| [weights[*i], weights[*i] * required[*i].raised]).collect();
     let floor = fourth_power(step_secs / STANDING_SECS);
-    let mut sunk = vec![false; all.len()];
+    let mut sunk = vec![false; sample_indices.len()];
     let tension = (step_secs / BEND_SECS) * (step_secs / BEND_SECS);
-    let mut found = tension_spline(&targets, tension);
+    let mut lift = tension_spline(&targets, tension);
     for _ in 0..MAX_FLOOR_ROUNDS {
         let mut more = false;
-        for (i, sample) in all.iter().enumerate() {
+        for (i, sample) in sample_indices.iter().enumerate() {
             let least = required[*sample].least;
-            if !sunk[i] && found[i] < least - SINK_TOLERANCE_LEGS * leg {
+            if !sunk[i] && lift[i] < least - SINK_TOLERANCE_LEGS * leg {
                 targets[i] = [targets[i][0] + floor, targets[i][1] + floor * least];
                 (sunk[i], more) = (true, true);
             }
@@ -128,9 +128,9 @@ fn smooth_lift(required: &[Clearance], step_secs: f64, leg: f64) -> Vec<f64> {
         if !more {
             break;
         }
-        found = tension_spline(&targets, tension);
+        lift = tension_spline(&targets, tension);
     }
-    found[beyond as usize..][..count].to_vec()
+    lift[beyond as usize..][..count].to_vec()
 }
 
 /// Weight of each sample: how closely the curve keeps to it.

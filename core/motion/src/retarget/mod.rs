@@ -124,8 +124,8 @@ impl SkeletonAnalysis {
         let leg = leg_length(&human, &rest);
         // A rest pose that does not stand near y = 0, as with the hips at the origin, stands on its lowest joint. Only joints of
         // the character count, since files have cameras and IK controls below the floor.
-        let own = belongs_to_humanoid(skeleton, &human);
-        let lowest = rest.positions.iter().zip(&own).filter(|(_, own)| **own);
+        let in_humanoid = belongs_to_humanoid(skeleton, &human);
+        let lowest = rest.positions.iter().zip(&in_humanoid).filter(|(_, in_humanoid)| **in_humanoid);
         let lowest = lowest.map(|(p, _)| p.y).fold(f64::MAX, f64::min);
         let floor = if lowest.abs() > 0.25 * leg && leg > 0.0 { lowest } else { 0.0 };
         // Feet that are not below the hips, such as IK controls of a rig, do not move when the hips are raised.

@@ -45,9 +45,10 @@ pub fn same_joints(clip: &Clip, from: &Skeleton, to: &Skeleton) -> bool {
         if let (Some(p), Some(q)) = parents
             && partner(p) == Some(q)
         {
-            let (at, scale) = (own.translation - theirs.translation, a.scales[p as usize]);
-            let apart = f64::from(at.length()) * scale;
-            return apart <= 2e-3 * size && (a.scales[p as usize] / b.scales[q as usize] - 1.0).abs() < 1e-3;
+            let (offset, scale) = (own.translation - theirs.translation, a.scales[p as usize]);
+            let distance = f64::from(offset.length()) * scale;
+            return distance <= 2e-3 * size
+                && (a.scales[p as usize] / b.scales[q as usize] - 1.0).abs() < 1e-3;
         }
         // The topmost joint: axes and unit of its parent space must be the same. Its own position may differ, since clips move
         // it.

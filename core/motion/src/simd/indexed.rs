@@ -60,8 +60,13 @@ impl<'a, T> Indexed<'a, T> {
     pub fn get_four(&self, four: usize) -> [&'a T; 4] {
         let indices = &self.indices.as_chunks::<4>().0[four];
         // SAFETY: both are eight bytes, and any eight are a number.
-        let all = unsafe { std::mem::transmute::<[u16; 4], u64>(indices.map(u16::to_le)) }.to_le();
-        let (a, b, c, d) = (all & 0xFFFF, (all >> 16) & 0xFFFF, (all >> 32) & 0xFFFF, all >> 48);
+        let packed_indices = unsafe { std::mem::transmute::<[u16; 4], u64>(indices.map(u16::to_le)) }.to_le();
+        let (a, b, c, d) = (
+            packed_indices & 0xFFFF,
+            (packed_indices >> 16) & 0xFFFF,
+            (packed_indices >> 32) & 0xFFFF,
+            packed_indices >> 48,
+        );
         // SAFETY: `new` has compared the largest of these indices with the length of this list, which is borrowed, as they are,
         // and so has not changed since.
         unsafe {

@@ -105,21 +105,21 @@ impl VertexStreams<'_> {
         let range = first * self.influences..self.positions.len() * self.influences;
         let (mut points, mut normals) = ([[0.0; 3]; MAX_LANES], [[0.0; 3]; MAX_LANES]);
         points[..count].copy_from_slice(&self.positions[first..]);
-        let some = !self.normals.is_empty();
-        if some {
+        let has_normals = !self.normals.is_empty();
+        if has_normals {
             normals[..count].copy_from_slice(&self.normals[first..]);
         }
-        let (moved, turned) = deformer.deform::<F, 0>(Block {
+        let (out_points, out_normals) = deformer.deform::<F, 0>(Block {
             influences: self.influences,
             joints: joints.subrange(range.clone()),
             weights: &self.joint_weights[range],
             points: &points,
-            normals: if some { Some(&normals) } else { None },
+            normals: if has_normals { Some(&normals) } else { None },
         });
-        F::store_point_rows(moved, &mut points);
+        F::store_point_rows(out_points, &mut points);
         self.out_positions[first..].copy_from_slice(&points[..count]);
-        if let Some(turned) = turned {
-            F::store_point_rows(turned, &mut normals);
+        if let Some(out_normals) = out_normals {
+            F::store_point_rows(out_normals, &mut normals);
             self.out_normals[first..].copy_from_slice(&normals[..count]);
         }
     }

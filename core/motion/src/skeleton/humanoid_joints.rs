@@ -77,7 +77,7 @@ impl HumanoidJoints {
             let Some(name) = humanoid_name(name) else { continue };
             // A mesh often has the same name as its parent joint or a sibling joint. The ancestor is meant, or the sibling that
             // has children; otherwise nothing is guessed.
-            let other = |first: &mut Option<u32>| {
+            let resolve_duplicate = |first: &mut Option<u32>| {
                 let ends = |j: u32| children[j as usize].is_empty();
                 let parent = |j: u32| skeleton.parents()[j as usize];
                 *first = first.and_then(|first| match (ends(first), ends(joint)) {
@@ -87,7 +87,7 @@ impl HumanoidJoints {
                     _ => None,
                 });
             };
-            found.entry(name).and_modify(other).or_insert(Some(joint));
+            found.entry(name).and_modify(resolve_duplicate).or_insert(Some(joint));
         }
         for (name, joint) in found {
             if let Some(joint) = joint
@@ -170,10 +170,11 @@ impl HumanoidJoints {
             }
         }
         let Some(arms) = limbs.first() else { return };
-        let place = |joint: u32| rest.positions[joint as usize];
+        let position = |joint: u32| rest.positions[joint as usize];
         for (side, chain) in ["left", "right"].iter().zip(&arms.chains) {
             // A collar bone is a short joint before three others.
-            let lengths: Vec<f64> = chain.windows(2).map(|w| (place(w[1]) - place(w[0])).length()).collect();
+            let lengths: Vec<f64> =
+                chain.windows(2).map(|w| (position(w[1]) - position(w[0])).length()).collect();
             let collar = chain.len() > 3 && lengths[0] < 0.75 * lengths[1];
             let names: &[&str] = if collar { &["shoulder", "arm", "forearm", "hand"] } else { &ARM };
             for (name, joint) in names.iter().zip(chain) {
@@ -184,7 +185,7 @@ impl HumanoidJoints {
         let above =
             (0u32..).zip(&partners).filter(|(j, p)| **p == Some(*j) && is_below(skeleton, *j, arms.middle));
         let leaves: Vec<u32> = above.map(|(j, _)| j).filter(|j| *j != arms.middle).collect();
-        let top = leaves.iter().copied().max_by(|a, b| place(*a).y.total_cmp(&place(*b).y));
+        let top = leaves.iter().copied().max_by(|a, b| position(*a).y.total_cmp(&position(*b).y));
         if let Some(top) = top {
             self.assign_if_free("head", top);
         }
@@ -267,12 +268,12 @@ fn children_of_joints(skeleton: &Skeleton) -> Vec<Vec<u32>> {
 fn unbranched_chain(from: u32, children: &[Vec<u32>], rest: &ModelRestPose) -> Vec<u32> {
     let mut chain = vec![from];
     let mut joint = from;
-    let near = 1e-4 * rest.height();
+    let min_distance = 1e-4 * rest.height();
     loop {
-        let place = rest.positions[joint as usize];
+        let position = rest.positions[joint as usize];
         let mut next = children[joint as usize]
             .iter()
-            .filter(|c| (rest.positions[**c as usize] - place).length() > near);
+            .filter(|c| (rest.positions[**c as usize] - position).length() > min_distance);
         match (next.next(), next.next()) {
             (Some(child), None) => {
                 chain.push(*child);

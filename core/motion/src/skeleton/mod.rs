@@ -136,8 +136,9 @@ impl Skeleton {
             return Some(joint as usize);
         }
         let wanted = crate::skeleton::joint_names::humanoid_name(name)?;
-        let same = |n: &String| crate::skeleton::joint_names::humanoid_name(n).as_ref() == Some(&wanted);
-        let mut hits = self.names.iter().enumerate().filter(|(_, n)| same(n));
+        let has_wanted_name =
+            |n: &String| crate::skeleton::joint_names::humanoid_name(n).as_ref() == Some(&wanted);
+        let mut hits = self.names.iter().enumerate().filter(|(_, n)| has_wanted_name(n));
         match (hits.next(), hits.next()) {
             (Some((i, _)), None) => Some(i),
             _ => None,

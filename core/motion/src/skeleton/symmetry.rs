@@ -56,13 +56,13 @@ impl MirrorMap {
         }
         let rest = ModelRestPose::of(skeleton);
         // The axis along which partners are farthest apart; x if several are equal.
-        let mut apart = DVec3::ZERO;
+        let mut distances = DVec3::ZERO;
         for (joint, partner) in pairs() {
-            apart += (rest.positions[joint] - rest.positions[partner]).abs();
+            distances += (rest.positions[joint] - rest.positions[partner]).abs();
         }
-        let axis = if apart.z > apart.x && apart.z > apart.y {
+        let axis = if distances.z > distances.x && distances.z > distances.y {
             2
-        } else if apart.y > apart.x {
+        } else if distances.y > distances.x {
             1
         } else {
             0
@@ -98,13 +98,13 @@ impl MirrorMap {
 
     /// (left, right) of all pairs, in the order of the left joints; sides by names.
     pub fn pairs(&self, skeleton: &Skeleton) -> Vec<(u32, u32)> {
-        let left = |joint: u32| {
+        let is_left = |joint: u32| {
             let name = skeleton.names().get(joint as usize);
             name.and_then(|n| side_of(n)).is_some_and(|(side, _)| side == Side::Left)
         };
         let all = (0u32..).zip(&self.joints).filter_map(|(j, m)| Some((j, m.as_ref()?.partner)));
         all.filter(|(joint, partner)| {
-            joint != partner && (left(*joint) || !left(*partner) && joint < partner)
+            joint != partner && (is_left(*joint) || !is_left(*partner) && joint < partner)
         })
         .collect()
     }

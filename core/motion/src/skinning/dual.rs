@@ -161,8 +161,8 @@ impl<F: Vertices> BlendedMotion<F> {
         let fours = weighted_sums::<F, N>(motions, block);
         let [[x, y, z, w], [dx, dy, dz, dw]] = F::join_halves(fours);
         let square = x.fused_add(x, y.fused_add(y, z.fused_add(z, w.mul(w))));
-        let some = F::splat(0.0).less(square);
-        let scale = F::select(some, F::splat(2.0).div(square), zero);
+        let is_nonzero = F::splat(0.0).less(square);
+        let scale = F::select(is_nonzero, F::splat(2.0).div(square), zero);
         // The vector part of 2 dual · conjugate(real) / |real|².
         let vector = [x, y, z];
         let dual = [dx, dy, dz];
@@ -244,9 +244,9 @@ fn weighted_sums_of_four<F: F8, const N: usize>(
 /// Index of the largest weight, the first of equals.
 #[inline(always)]
 fn largest_weight_index(weights: &[f32]) -> usize {
-    let (mut at, mut most) = (0, weights[0]);
+    let (mut at, mut largest) = (0, weights[0]);
     for (i, weight) in weights.iter().enumerate() {
-        (at, most) = if *weight > most { (i, *weight) } else { (at, most) };
+        (at, largest) = if *weight > largest { (i, *weight) } else { (at, largest) };
     }
     at
 }
@@ -288,10 +288,10 @@ fn weighted_sum_of_fours<F: F8, const N: usize>(
 fn normalize_or_keep<F: Lanes>(n: [F; 3]) -> [F; 3] {
     let square = dot3(&n, &n);
     let k = F::splat(1.0).div(square.sqrt());
-    let some = F::splat(0.0).less(square);
+    let is_nonzero = F::splat(0.0).less(square);
     let mut out = n;
     for i in 0..3 {
-        out[i] = F::select(some, n[i].mul(k), n[i]);
+        out[i] = F::select(is_nonzero, n[i].mul(k), n[i]);
     }
     out
 }

@@ -103,19 +103,19 @@ impl SpringBone {
         let mut direction = drive.target;
         if strength > 0.0 {
             // K θ = f sin(φ − θ) on the arc from the target to the load's direction.
-            let way = log(drive.target, load / strength);
-            let whole = way.length();
-            let (mut low, mut high) = (0.0, whole);
+            let towards_load = log(drive.target, load / strength);
+            let angle_to_load = towards_load.length();
+            let (mut low, mut high) = (0.0, angle_to_load);
             for _ in 0..64 {
                 let middle = 0.5 * (low + high);
-                if self.stiffness * middle < strength * libm::sin(whole - middle) {
+                if self.stiffness * middle < strength * libm::sin(angle_to_load - middle) {
                     low = middle;
                 } else {
                     high = middle;
                 }
             }
-            if whole > 0.0 {
-                direction = exp(drive.target, way * (low / whole), DVec3::ZERO).0;
+            if angle_to_load > 0.0 {
+                direction = exp(drive.target, towards_load * (low / angle_to_load), DVec3::ZERO).0;
             }
         }
         let velocity = DVec3::ZERO;
@@ -144,9 +144,9 @@ impl SpringBone {
         let strength = load.length();
         let (mut softening, mut towards_load) = (0.0, DVec3::ZERO);
         if strength > 0.0 {
-            let way = log(d, load / strength);
-            softening = strength * sinc(way.length());
-            towards_load = way * softening;
+            let to_load = log(d, load / strength);
+            softening = strength * sinc(to_load.length());
+            towards_load = to_load * softening;
         }
         let (target, next_target) = (log(d, state.target), log(d, drive.target));
         let stiffness = self.stiffness + softening;
@@ -158,18 +158,20 @@ impl SpringBone {
         let response = Response::new(stiffness, damping, seconds);
         let steady = target * self.stiffness + towards_load;
         let ramp = (next_target - target) * (self.stiffness / seconds);
-        let way = velocity * response.impulse + steady * response.load + ramp * response.ramp;
+        let displacement = velocity * response.impulse + steady * response.load + ramp * response.ramp;
         let after = velocity * response.impulse_rate + steady * response.impulse + ramp * response.load;
-        (state.direction, state.velocity) = exp(d, way, after);
+        (state.direction, state.velocity) = exp(d, displacement, after);
         if damping == 0.0 {
-            let bent = log(state.direction, drive.target).length();
+            let bend_angle = log(state.direction, drive.target).length();
             let mut excess = self.stiffness
-                * zero_if_rounding_error(0.5 * ((next_target - way).length_squared() - bent * bent));
+                * zero_if_rounding_error(
+                    0.5 * ((next_target - displacement).length_squared() - bend_angle * bend_angle),
+                );
             if strength > 0.0 {
                 excess += strength
                     * load_energy_excess([
                         log(d, load / strength),
-                        way,
+                        displacement,
                         log(state.direction, load / strength),
                     ]);
             }

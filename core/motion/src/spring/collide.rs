@@ -106,9 +106,9 @@ impl WorldCollider {
             }
         };
         let reach = if inside { (radius - hit_radius).max(0.0) } else { radius + hit_radius };
-        let way = center - head;
-        let axis = way.try_normalize()?;
-        let distance = way.length();
+        let to_center = center - head;
+        let axis = to_center.try_normalize()?;
+        let distance = to_center.length();
         let cos = (length * length + distance * distance - reach * reach) / (2.0 * length * distance);
         Some(Cone { axis, cos, inside })
     }

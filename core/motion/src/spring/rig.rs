@@ -158,12 +158,12 @@ fn spring_and_pull_of_vrm(joint: &SpringJoint, length: f64) -> (SpringBone, f64)
     let dt = 1.0 / VRM_STEPS_PER_SECOND;
     let pull = f64::from(joint.stiffness);
     // A drag of 1 loses all speed; here a billionth is kept, so that the logarithm is finite.
-    let kept = (1.0 - f64::from(joint.drag_force)).clamp(1e-9, 1.0);
+    let kept_speed = (1.0 - f64::from(joint.drag_force)).clamp(1e-9, 1.0);
     let rho = length / (length + pull * dt);
     if length <= 0.0 || rho <= 0.0 {
         return (SpringBone::default(), 0.0);
     }
-    let (sum, product) = (rho * (1.0 + kept), rho * kept);
+    let (sum, product) = (rho * (1.0 + kept_speed), rho * kept_speed);
     let discriminant = 0.25 * sum * sum - product;
     let damping = -libm::log(product) / dt;
     let stiffness = if discriminant < 0.0 {
@@ -178,8 +178,8 @@ fn spring_and_pull_of_vrm(joint: &SpringJoint, length: f64) -> (SpringBone, f64)
     // Balance of stiffness against gravity as in the file; without stiffness, the same final speed of falling.
     let share = if pull > 0.0 {
         stiffness / pull
-    } else if kept < 1.0 {
-        damping / ((1.0 - kept) * length)
+    } else if kept_speed < 1.0 {
+        damping / ((1.0 - kept_speed) * length)
     } else {
         1.0 / (dt * length)
     };

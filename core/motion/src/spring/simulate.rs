@@ -175,8 +175,8 @@ impl SpringStep<'_> {
                 bone_state.velocity = space.vector_from_world(velocity);
             }
         }
-        let wanted = (*model_from_world * direction).try_normalize()?;
-        let turn = DQuat::from_rotation_arc(stick.normalize(), wanted);
+        let new_direction = (*model_from_world * direction).try_normalize()?;
+        let turn = DQuat::from_rotation_arc(stick.normalize(), new_direction);
         if !turn.is_finite() {
             return None;
         }
@@ -197,11 +197,11 @@ impl SpringStep<'_> {
         let ground = self.rig.ground.map(|y| WorldCollider::Plane { point: DVec3::Y * y, normal: DVec3::Y });
         // Pushing a tail out of one collider may push it into another. The ground comes last, so that it always holds.
         for _ in 0..2 {
-            let own =
+            let colliders =
                 bone.colliders.iter().filter_map(|c| self.scratch.world_colliders.get(*c as usize)?.as_ref());
             let before = touched;
             touched = false;
-            for collider in own.chain(&ground) {
+            for collider in colliders.chain(&ground) {
                 touched |= collider.push_out(head, length, radius, direction, velocity);
             }
             if !touched {

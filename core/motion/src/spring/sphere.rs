@@ -50,12 +50,12 @@ mod tests {
         for b in
             [DVec3::X, DVec3::NEG_Z, DVec3::new(0.6, 0.0, -0.8), a, (a + DVec3::X * 1e-9).normalize(), -a]
         {
-            let way = log(a, b);
-            assert!(way.dot(a).abs() < 1e-12 && way.length() <= PI + 1e-12);
-            let (there, carried) = exp(a, way, way);
+            let arc = log(a, b);
+            assert!(arc.dot(a).abs() < 1e-12 && arc.length() <= PI + 1e-12);
+            let (there, carried) = exp(a, arc, arc);
             assert!((there - b).length() < 1e-12, "{b}: {there}");
             // A vector along the great circle stays along it, with the same length.
-            assert!((carried.length() - way.length()).abs() < 1e-12 && carried.dot(there).abs() < 1e-12);
+            assert!((carried.length() - arc.length()).abs() < 1e-12 && carried.dot(there).abs() < 1e-12);
         }
     }
 }
