@@ -161,7 +161,7 @@ crate::error_texts! { CurveError:
     Self::TooManyWeights(count) => "{count} morph weights, at most {MAX_WEIGHTS} are allowed";
     Self::ZeroRotation(key) => "the rotation of key {key} has length zero, must be 1";
     Self::Duplicate(curve) => "curve {curve} already drives the same property";
-    Self::TwoCurves => "it has two curves";
+    Self::TwoCurves => "it has two curves, must have one";
 }
 
 /// Error of an expression's curve.

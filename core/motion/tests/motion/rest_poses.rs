@@ -186,7 +186,7 @@ fn bind_clip_keeps_expressions_and_their_duration() {
     assert_eq!((at("sad", 0.5), bound.duration), (None, face.duration));
     let error = |curves| plain.clone().with_expressions(curves).unwrap_err().to_string();
     let twice = vec![curve("aa", &[0.0], &[0.0]), curve("aa", &[1.0], &[0.0])];
-    assert_eq!(error(twice), "expression \"aa\": it has two curves");
+    assert_eq!(error(twice), "expression \"aa\": it has two curves, must have one");
     let nan = vec![curve("aa", &[0.0], &[f32::NAN])];
     assert_eq!(error(nan), "expression \"aa\": key 0 holds NaN, must be finite");
 }
