@@ -11,16 +11,16 @@ impl Asset {
     /// Whether each material can be changed by a clip, an expression or UV animation. Base color curves of clips do not count:
     /// see [`Asset::animated_base_colors`]. Empty if no material can be changed.
     pub fn changing_materials(&self) -> Vec<bool> {
-        let mut all: BTreeSet<u32> = BTreeSet::new();
+        let mut changing: BTreeSet<u32> = BTreeSet::new();
         let properties = self.clips.iter().flat_map(|clip| clip.properties());
-        all.extend(properties.filter_map(|(target, _)| match target {
+        changing.extend(properties.filter_map(|(target, _)| match target {
             PropertyTarget::Material(material, _) => Some(material),
             _ => None,
         }));
-        all.extend(self.expressions.iter().flat_map(Expression::changed_materials));
-        all.extend((0..).zip(&self.materials).filter(|(_, m)| m.has_uv_animation()).map(|(i, _)| i));
+        changing.extend(self.expressions.iter().flat_map(Expression::changed_materials));
+        changing.extend((0..).zip(&self.materials).filter(|(_, m)| m.has_uv_animation()).map(|(i, _)| i));
         let mut out = Vec::new();
-        for material in all.into_iter().filter(|m| (*m as usize) < self.materials.len()) {
+        for material in changing.into_iter().filter(|m| (*m as usize) < self.materials.len()) {
             out.resize(self.materials.len(), false);
             out[material as usize] = true;
         }

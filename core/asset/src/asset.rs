@@ -114,13 +114,13 @@ pub struct MeshInstance {
 impl MeshInstance {
     /// joint-from-mesh of each copy; the identity if there are no copies.
     pub(crate) fn joint_from_copies(&self) -> impl Iterator<Item = Affine3A> + '_ {
-        let own = if self.copies.is_empty() { Some(Affine3A::IDENTITY) } else { None };
-        own.into_iter().chain(self.copies.iter().copied())
+        let identity = if self.copies.is_empty() { Some(Affine3A::IDENTITY) } else { None };
+        identity.into_iter().chain(self.copies.iter().copied())
     }
 
     /// joint-from-mesh of the first `count` copies (`None`: all); the identity if there are no copies.
     pub(crate) fn joint_from_first(&self, count: Option<u32>) -> impl Iterator<Item = Affine3A> + '_ {
-        let most = count.filter(|_| !self.copies.is_empty()).map_or(usize::MAX, |n| n as usize);
-        self.joint_from_copies().take(most)
+        let limit = count.filter(|_| !self.copies.is_empty()).map_or(usize::MAX, |n| n as usize);
+        self.joint_from_copies().take(limit)
     }
 }

@@ -26,7 +26,7 @@ impl Asset {
 
     /// model-from-joint of every joint in rest pose.
     pub fn rest_model_from_joint(&self) -> &[Affine3A] {
-        self.derived.rest_model_from_joint.get_or_init(|| model_from_rest(&self.skeleton))
+        self.derived.rest_model_from_joint.get_or_init(|| rest_matrices(&self.skeleton))
     }
 
     /// Bounds of each mesh instance relative to the joints that move it; see [`InstanceBounds::posed`].
@@ -47,7 +47,7 @@ impl Asset {
     }
 }
 
-fn model_from_rest(skeleton: &Skeleton) -> Vec<Affine3A> {
+fn rest_matrices(skeleton: &Skeleton) -> Vec<Affine3A> {
     let mut model_from_joint: Vec<Affine3A> = Vec::with_capacity(skeleton.len());
     for (parent, rest) in skeleton.parents().iter().zip(skeleton.rest()) {
         let local = rest.to_affine();
@@ -114,7 +114,7 @@ fn instance_bounds(asset: &Asset, instance: &MeshInstance) -> InstanceBounds {
     for (index, primitive) in mesh.primitives.iter().enumerate() {
         for (v, position) in primitive.positions.iter().enumerate() {
             let n = if skin.is_some() { primitive.influences } else { 0 };
-            let mut cover = |slot: usize| {
+            let mut add_to_slot = |slot: usize| {
                 if let (Some(part), Some((_, inverse_bind))) = (parts.get_mut(slot), slots.get(slot)) {
                     let point = inverse_bind.transform_point3(*position);
                     part.reach.add(point);
@@ -129,7 +129,7 @@ fn instance_bounds(asset: &Asset, instance: &MeshInstance) -> InstanceBounds {
                 }
             };
             if n == 0 {
-                cover(rigid);
+                add_to_slot(rigid);
                 continue;
             }
             for k in v * n..(v + 1) * n {
@@ -137,13 +137,13 @@ fn instance_bounds(asset: &Asset, instance: &MeshInstance) -> InstanceBounds {
                     (primitive.joint_indices.get(k), primitive.joint_weights.get(k))
                     && *weight > 0.0
                 {
-                    cover(usize::from(*slot));
+                    add_to_slot(usize::from(*slot));
                 }
             }
         }
     }
     if !instance.copies.is_empty() {
-        parts[rigid].spread(&instance.copies);
+        parts[rigid].extend_to_copies(&instance.copies);
     }
     parts.retain(|part| !part.reach.is_empty());
     let mut outline: Vec<(u32, u32)> = Vec::new();
@@ -164,9 +164,9 @@ fn rest_bounds(asset: &Asset) -> Aabb {
         let joints = asset.rest_model_from_joint();
         if !instance.copies.is_empty() {
             let points = mesh.primitives.iter().flat_map(|p| p.positions.iter().copied());
-            let one = Aabb::of(points);
+            let mesh_bounds = Aabb::of(points);
             let joint = joints.get(instance.joint as usize).copied().unwrap_or(Affine3A::IDENTITY);
-            let boxes = instance.copies.iter().map(|copy| one.transformed(&(joint * *copy)));
+            let boxes = instance.copies.iter().map(|copy| mesh_bounds.transformed(&(joint * *copy)));
             bounds = boxes.fold(bounds, Aabb::union);
             continue;
         }

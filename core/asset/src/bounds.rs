@@ -27,9 +27,9 @@ impl Aabb {
 
     /// The smallest box around the points that are finite.
     pub fn of(points: impl IntoIterator<Item = Vec3>) -> Aabb {
-        let mut all = Aabb::EMPTY;
-        points.into_iter().for_each(|p| all.add(p));
-        all
+        let mut bounds = Aabb::EMPTY;
+        points.into_iter().for_each(|p| bounds.add(p));
+        bounds
     }
 
     /// Extends the box to a point. Points that are not finite are ignored.
@@ -162,15 +162,15 @@ impl InstanceBounds {
 
 impl BoundsPart {
     /// Extends the boxes to all copies of the mesh.
-    pub(crate) fn spread(&mut self, joint_from_copies: &[Affine3A]) {
-        let over = |one: &Aabb, place: fn(&Affine3A) -> Affine3A| {
+    pub(crate) fn extend_to_copies(&mut self, joint_from_copies: &[Affine3A]) {
+        let union_over_copies = |one: &Aabb, place: fn(&Affine3A) -> Affine3A| {
             let boxes = joint_from_copies.iter().map(|copy| one.transformed(&place(copy)));
             boxes.fold(Aabb::EMPTY, Aabb::union)
         };
-        self.reach = over(&self.reach, |copy| *copy);
+        self.reach = union_over_copies(&self.reach, |copy| *copy);
         let turned: fn(&Affine3A) -> Affine3A = |copy| Affine3A::from_mat3(copy.matrix3.into());
         for morph in &mut self.morphs {
-            *morph = over(morph, turned);
+            *morph = union_over_copies(morph, turned);
         }
     }
 
@@ -198,8 +198,11 @@ impl AffineRange {
         let (first, rest) = maps.split_first()?;
         let mut range = AffineRange { low: *first, high: *first };
         for map in rest {
-            for (((low, high), now), _) in
-                columns(&mut range.low).into_iter().zip(columns(&mut range.high)).zip(values(map)).zip(0..4)
+            for (((low, high), now), _) in columns_mut(&mut range.low)
+                .into_iter()
+                .zip(columns_mut(&mut range.high))
+                .zip(columns_of(map))
+                .zip(0..4)
             {
                 (*low, *high) = (low.min(now), high.max(now));
             }
@@ -209,7 +212,7 @@ impl AffineRange {
 
     /// Box around the images of a box under each of the maps, by interval arithmetic: exact for translations, somewhat large for
     /// rotations.
-    pub(crate) fn image(&self, of: &Aabb) -> Aabb {
+    pub(crate) fn transformed_bounds(&self, of: &Aabb) -> Aabb {
         let (mut min, mut max) = (self.low.translation, self.high.translation);
         let (low, high) = (self.low.matrix3, self.high.matrix3);
         for axis in 0..3 {
@@ -224,11 +227,11 @@ impl AffineRange {
     }
 }
 
-fn columns(a: &mut Affine3A) -> [&mut Vec3A; 4] {
+fn columns_mut(a: &mut Affine3A) -> [&mut Vec3A; 4] {
     let m = &mut a.matrix3;
     [&mut m.x_axis, &mut m.y_axis, &mut m.z_axis, &mut a.translation]
 }
 
-fn values(a: &Affine3A) -> [Vec3A; 4] {
+fn columns_of(a: &Affine3A) -> [Vec3A; 4] {
     [a.matrix3.x_axis, a.matrix3.y_axis, a.matrix3.z_axis, a.translation]
 }

@@ -125,18 +125,18 @@ pub fn resolve_weights(expressions: &[Expression], weights: &mut [f32]) {
         };
     }
     let factor = |group: ExpressionGroup, of: fn(&Expression) -> Override, weights: &[f32]| {
-        let mut held = 0.0f32;
+        let mut suppression = 0.0f32;
         for (expression, weight) in expressions.iter().zip(weights) {
             if expression.group == group || *weight <= 0.0 {
                 continue;
             }
-            held += match of(expression) {
+            suppression += match of(expression) {
                 Override::None => 0.0,
                 Override::Block => 1.0,
                 Override::Blend => *weight,
             };
         }
-        1.0 - held.min(1.0)
+        1.0 - suppression.min(1.0)
     };
     // All factors come from the weights before any is suppressed.
     let factors = [
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_clamped_and_binary_ones_rounded() {
+    fn weights_are_clamped_and_those_of_binary_expressions_rounded() {
         let faces = [expression("happy", false), expression("sad", true)];
         for (given, expected) in [
             ([0.25, 0.25], [0.25, 0.0]),
@@ -199,7 +199,7 @@ mod tests {
 
     /// The cases of the specification: "Procedural override", "Interaction between override and isBinary".
     #[test]
-    fn expressions_hold_each_other_down() {
+    fn overrides_suppress_expressions_of_other_groups() {
         let happy = |over_blink, binary| Expression { over_blink, ..expression("happy", binary) };
         let blink = |binary| expression("blink", binary);
         let of = |over, happy_binary, blink_binary, weight| {
@@ -209,12 +209,12 @@ mod tests {
         assert_eq!(of(Override::Block, false, false, 0.25), 0.0);
         assert_eq!(of(Override::Block, false, false, 0.0), 1.0);
         assert_eq!(of(Override::Blend, false, false, 0.25), 0.75);
-        // A binary expression acts by what it puts out.
+        // A binary expression suppresses by its resolved weight.
         assert_eq!(of(Override::Blend, true, false, 0.25), 1.0);
         assert_eq!(of(Override::Blend, true, false, 0.75), 0.0);
-        // A binary expression that is held down at all is gone.
+        // A binary expression that is suppressed at all has weight 0.
         assert_eq!(of(Override::Blend, false, true, 0.25), 0.0);
-        // Not the same kind, and not another kind than said.
+        // Expressions of the same group, and of groups without an override, are not suppressed.
         let left = Expression { over_blink: Override::Block, ..expression("blinkLeft", false) };
         assert_eq!(resolved(&[left, blink(false)], &[1.0, 1.0]), [1.0, 1.0]);
         assert_eq!(
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn binds_add_up_and_stay_inside_the_lists() {
+    fn binds_are_summed_and_invalid_indices_are_ignored() {
         let bind = |target, weight| MorphBind { instance: 0, target, weight };
         let faces = [
             Expression { morphs: vec![bind(0, 0.5), bind(7, 1.0)], ..expression("happy", false) },

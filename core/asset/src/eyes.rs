@@ -76,8 +76,8 @@ pub fn requested(expressions: &[Expression], weights: &[f32]) -> Option<(f64, f6
 impl RangeMap {
     /// Maps an angle ≥ 0, in radians, to an angle in radians or a weight.
     pub fn map(&self, angle: f64) -> f64 {
-        let most = f64::from(self.input_max);
-        if most > 0.0 { (angle / most).clamp(0.0, 1.0) * f64::from(self.output_scale) } else { 0.0 }
+        let input_max = f64::from(self.input_max);
+        if input_max > 0.0 { (angle / input_max).clamp(0.0, 1.0) * f64::from(self.output_scale) } else { 0.0 }
     }
 }
 
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn eyes_turn_as_far_as_their_maps_say() {
+    fn eye_rotations_follow_the_range_maps() {
         let map = |input_max: f32, output: f32| RangeMap {
             input_max: input_max.to_radians(),
             output_scale: output.to_radians(),
@@ -114,20 +114,20 @@ mod tests {
             let (yaw, pitch) = eyes.turn_of(left, way);
             [yaw.to_degrees(), pitch.to_degrees()]
         };
-        let near = |got: [f64; 2], expected: [f64; 2]| {
+        let assert_near = |got: [f64; 2], expected: [f64; 2]| {
             assert!(
                 (got[0] - expected[0]).abs() < 1e-6 && (got[1] - expected[1]).abs() < 1e-6,
                 "{got:?} {expected:?}"
             );
         };
         // A target on the character's left: outwards for the left eye, inwards for the right one.
-        near(at(true, 45.0, 0.0), [6.0, 0.0]);
-        near(at(false, 45.0, 0.0), [4.0, 0.0]);
-        near(at(true, -45.0, 0.0), [-4.0, 0.0]);
-        near(at(false, -45.0, 0.0), [-6.0, 0.0]);
-        near(at(true, 0.0, 45.0), [0.0, 10.0]);
-        near(at(true, 0.0, -60.0), [0.0, -10.0]);
-        near(at(true, 170.0, 0.0), [12.0, 0.0]);
+        assert_near(at(true, 45.0, 0.0), [6.0, 0.0]);
+        assert_near(at(false, 45.0, 0.0), [4.0, 0.0]);
+        assert_near(at(true, -45.0, 0.0), [-4.0, 0.0]);
+        assert_near(at(false, -45.0, 0.0), [-6.0, 0.0]);
+        assert_near(at(true, 0.0, 45.0), [0.0, 10.0]);
+        assert_near(at(true, 0.0, -60.0), [0.0, -10.0]);
+        assert_near(at(true, 170.0, 0.0), [12.0, 0.0]);
         assert_eq!(RangeMap { input_max: 0.0, output_scale: 1.0 }.map(1.0), 0.0);
     }
 }

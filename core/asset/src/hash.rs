@@ -11,7 +11,7 @@ use std::sync::Arc;
 pub type ContentHash = [u8; 32];
 
 /// Elements of a list that are serialized together before they are hashed: 384 KiB of the largest type.
-const BLOCK: usize = 4096;
+const ELEMENTS_PER_BLOCK: usize = 4096;
 
 /// A hasher that gets a length or tag before all data of variable size, so that no two contents share a byte stream.
 #[derive(Default)]
@@ -121,7 +121,7 @@ macro_rules! hashed {
 }
 
 /// Hashes numbers and vectors of numbers as little-endian bytes, lists of them block by block.
-macro_rules! numbers {
+macro_rules! impl_hashed_for_numbers {
     ($($ty:ty: |$value:ident| $numbers:expr;)*) => {
         $(impl Hashed for $ty {
             fn hash(&self, w: &mut Writer) {
@@ -129,8 +129,8 @@ macro_rules! numbers {
                 $numbers.iter().for_each(|number| _ = w.hasher.update(&number.to_le_bytes()));
             }
             fn hash_all(list: &[$ty], w: &mut Writer) {
-                let mut bytes = Vec::with_capacity(size_of_val(list).min(BLOCK * size_of::<$ty>()));
-                for block in list.chunks(BLOCK) {
+                let mut bytes = Vec::with_capacity(size_of_val(list).min(ELEMENTS_PER_BLOCK * size_of::<$ty>()));
+                for block in list.chunks(ELEMENTS_PER_BLOCK) {
                     bytes.clear();
                     for $value in block {
                         $numbers.iter().for_each(|number| bytes.extend(number.to_le_bytes()));
@@ -142,7 +142,7 @@ macro_rules! numbers {
     };
 }
 
-numbers! {
+impl_hashed_for_numbers! {
     u16: |v| [*v];
     u32: |v| [*v];
     f32: |v| [*v];
@@ -180,7 +180,7 @@ impl Hashed for u8 {
 }
 
 /// Hashes pointers as the values behind them.
-macro_rules! passed_on {
+macro_rules! impl_hashed_for_pointers {
     ($($ty:ty),*) => {
         $(impl<T: Hashed + ?Sized> Hashed for $ty {
             fn hash(&self, w: &mut Writer) {
@@ -190,7 +190,7 @@ macro_rules! passed_on {
     };
 }
 
-passed_on!(&T, Box<T>, Arc<T>);
+impl_hashed_for_pointers!(&T, Box<T>, Arc<T>);
 
 impl<T: Hashed> Hashed for Option<T> {
     fn hash(&self, w: &mut Writer) {

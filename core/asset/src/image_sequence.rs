@@ -82,12 +82,12 @@ impl ImageSequence {
 
     /// Index of the image that is shown at a time.
     pub fn index(&self, time: Time) -> usize {
-        frame(time, self.fps, self.count().max(1), self.once)
+        frame_index(time, self.fps, self.count().max(1), self.once)
     }
 }
 
 /// Index of the frame, of `count`, that is shown at a time.
-pub(crate) fn frame(time: Time, fps: f32, count: usize, once: bool) -> usize {
+pub(crate) fn frame_index(time: Time, fps: f32, count: usize, once: bool) -> usize {
     let count = count as f64;
     let frame = libm::floor(time.0 as f64 * f64::from(fps) / Time::TICKS_PER_SECOND as f64);
     match once {
@@ -101,8 +101,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_go_round_or_stay() {
-        let at = |seconds: f64, once| frame(Time::from_secs(seconds), 10.0, 3, once);
+    fn frames_repeat_or_stop_at_the_last_one() {
+        let at = |seconds: f64, once| frame_index(Time::from_secs(seconds), 10.0, 3, once);
         let seen = |once| [-0.05, 0.0, 0.1, 0.25, 0.3, 1.0].map(|t| at(t, once));
         assert_eq!(seen(false), [2, 0, 1, 2, 0, 1]);
         assert_eq!(seen(true), [0, 0, 1, 2, 2, 2]);

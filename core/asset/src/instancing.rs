@@ -11,9 +11,9 @@ const MAX_SEPARATE_BOXES: usize = 64;
 impl Asset {
     /// model-from-model of the character's first `count` placements (`None`: all); the identity if it has none.
     pub fn first_placements(&self, count: Option<u32>) -> impl Iterator<Item = Affine3A> + '_ {
-        let own = if self.placements.is_empty() { Some(Affine3A::IDENTITY) } else { None };
-        let most = count.filter(|_| !self.placements.is_empty()).map_or(usize::MAX, |n| n as usize);
-        own.into_iter().chain(self.placements.iter().copied().take(most))
+        let identity = if self.placements.is_empty() { Some(Affine3A::IDENTITY) } else { None };
+        let limit = count.filter(|_| !self.placements.is_empty()).map_or(usize::MAX, |n| n as usize);
+        identity.into_iter().chain(self.placements.iter().copied().take(limit))
     }
 
     /// Every drawn copy of an instance: model-from-model of the character's placement, and joint-from-mesh of the copy. `count`
@@ -47,7 +47,7 @@ impl Asset {
                 let boxes = self.placements.iter().map(|place| of_one.transformed(place));
                 boxes.fold(Aabb::EMPTY, Aabb::union)
             }
-            _ => self.range_of_placements().map_or(*of_one, |range| range.image(of_one)),
+            _ => self.range_of_placements().map_or(*of_one, |range| range.transformed_bounds(of_one)),
         }
     }
 
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spread_box_holds_each_corner_at_each_place_and_is_tight_where_nothing_turns() {
+    fn bounds_of_all_placements_contain_every_placed_corner_and_are_tight_for_translations() {
         let one = Aabb { min: Vec3::new(-0.5, 0.0, -2.0), max: Vec3::new(0.25, 1.75, -1.0) };
         for (count, turned) in [(1, true), (64, true), (65, true), (300, true), (300, false), (12, false)] {
             let asset = Asset { placements: placements(count, turned).into(), ..Asset::default() };
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_counts_as_a_whole_and_copies_count_where_there_is_no_place() {
+    fn a_limit_counts_placements_or_copies_if_there_are_no_placements() {
         let moved = |x: f32| Affine3A::from_translation(Vec3::X * x);
         let instance = MeshInstance { copies: [moved(0.1), moved(0.2)].into(), ..MeshInstance::default() };
         let mut asset = Asset { placements: [moved(1.0), moved(2.0), moved(3.0)].into(), ..Asset::default() };

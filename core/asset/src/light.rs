@@ -133,7 +133,7 @@ mod tests {
     use super::LightKind;
 
     #[test]
-    fn types_stand_at_their_numbers_and_take_as_many_parameters_as_they_give() {
+    fn numbers_and_parameters_of_light_types_match_their_order() {
         for (number, mut kind) in (0..).zip(LightKind::ALL) {
             let given = kind.parameters_mut().into_iter().zip(1u8..).map(|(parameter, value)| {
                 *parameter = f32::from(value);

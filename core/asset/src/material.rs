@@ -1,6 +1,6 @@
 //! Materials: parameters of the shading models, textures, alpha, lines.
 
-use crate::image_sequence::{ImageSequence, frame};
+use crate::image_sequence::{ImageSequence, frame_index};
 use crate::material_layers::MaterialLayers;
 use crate::reflection::Reflection;
 use crate::texture::TextureRef;
@@ -145,7 +145,7 @@ impl FrameStrip {
     pub fn cell(&self, time: Time) -> Affine2 {
         let (columns, rows) = (self.columns.max(1), self.rows.max(1));
         let count = self.count.clamp(1, columns * rows) as usize;
-        let frame = frame(time, self.fps, count, self.once) as u32;
+        let frame = frame_index(time, self.fps, count, self.once) as u32;
         let scale = Vec2::new(1.0 / columns as f32, 1.0 / rows as f32);
         let at = Vec2::new((frame % columns) as f32, (frame / columns) as f32);
         Affine2::from_scale_angle_translation(scale, 0.0, at * scale)

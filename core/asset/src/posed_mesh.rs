@@ -108,7 +108,7 @@ fn pose_primitive(
         }
         out.positions.push(world_from_mesh.transform_point3(position));
         if let Some(normal) = normal {
-            out.normals.push((cofactor(world_from_mesh.matrix3) * normal).normalize_or_zero());
+            out.normals.push((cofactor_matrix(world_from_mesh.matrix3) * normal).normalize_or_zero());
         }
     }
     out
@@ -116,7 +116,7 @@ fn pose_primitive(
 
 /// Normal matrix |det(m)| · m⁻ᵀ, computed from cofactors without a division: normals have the right direction but not unit
 /// length, and singular maps are allowed. The sign keeps mirrored normals outward.
-fn cofactor(m: DMat3) -> DMat3 {
+fn cofactor_matrix(m: DMat3) -> DMat3 {
     let c = DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
     if m.determinant() < 0.0 { -c } else { c }
 }

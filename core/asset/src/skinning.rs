@@ -41,7 +41,7 @@ impl VertexTransforms {
         let skin = match skinning {
             Skinning::Linear => SkinTransforms::Linear(matrices),
             Skinning::DualQuaternion => SkinTransforms::Dual(
-                matrices.iter().map(|m| StretchedDualQuaternion::of(affine(m))).collect(),
+                matrices.iter().map(|m| StretchedDualQuaternion::of(affine_from_matrix(m))).collect(),
             ),
         };
         VertexTransforms { skin, rigid: joint(instance.joint) }
@@ -72,7 +72,7 @@ impl VertexTransforms {
                 for (slot, weight) in influences {
                     blended += slots.get(slot).map_or(DMat4::ZERO, |m| *m * weight);
                 }
-                affine(&blended)
+                affine_from_matrix(&blended)
             }
             SkinTransforms::Dual(slots) => {
                 StretchedDualQuaternion::blend(influences.filter_map(|(slot, w)| Some((slots.get(slot)?, w))))
@@ -81,6 +81,6 @@ impl VertexTransforms {
     }
 }
 
-fn affine(m: &DMat4) -> DAffine3 {
+fn affine_from_matrix(m: &DMat4) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_mat4(*m), m.w_axis.truncate())
 }

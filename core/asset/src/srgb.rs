@@ -20,7 +20,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ends_and_middle() {
+    fn srgb_conversion_matches_known_values_and_its_inverse() {
         assert_eq!((linear_from_srgb(0.0), linear_from_srgb(1.0)), (0.0, 1.0));
         assert!((linear_from_srgb(0.5) - 0.214_041_140_48).abs() < 1e-9);
         assert!((linear_from_srgb_f32(0.5) - 0.214_041_14).abs() < 1e-7);

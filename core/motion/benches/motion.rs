@@ -18,47 +18,48 @@ use std::sync::Arc;
 use support::Random;
 
 const JOINTS: usize = 67;
-const SECS: f64 = 15.0;
+const CLIP_SECS: f64 = 15.0;
 
 fn main() {
     // `cargo test --benches` passes `--test`: then one quick round only.
     let quick = std::env::args().any(|a| a == "--test");
-    let skeleton = character();
+    let skeleton = mixamo_like_skeleton();
     if std::env::args().any(|a| a == "skinning") {
         return print_skinning_table(quick);
     }
     if std::env::args().any(|a| a == "compression") {
-        let set = ("rotations 30 Hz, hips move, rest constant", clips(&skeleton, Style::Typical));
-        return compressed(
+        let set =
+            ("rotations 30 Hz, hips move, rest constant", generate_clips(&skeleton, ClipStyle::Typical));
+        return print_compression_table(
             &skeleton,
-            &[set, ("all T, R, S move, 30 Hz", clips(&skeleton, Style::All))],
+            &[set, ("all T, R, S move, 30 Hz", generate_clips(&skeleton, ClipStyle::All))],
             quick,
         );
     }
     if std::env::args().any(|a| a == "sparse") {
-        return sparse_keys(&skeleton, quick);
+        return print_sparse_key_table(&skeleton, quick);
     }
     println!("level: {:?}; {JOINTS} joints; ns a character, median (fastest)\n", Level::best());
     println!("crossfade: sample + sample + blend + local-to-model");
     println!("{:<44}{:>15}{:>15}{:>15}{:>12}", "clips", "one, hot", "1,000", "10,000", "error, mm");
-    let sparse = clips(&skeleton, Style::Sparse);
+    let sparse = generate_clips(&skeleton, ClipStyle::Sparse);
     let rate = FrameRate { num: 60, den: 1 };
     let baked = sparse.each_ref().map(|clip| clip.baked(rate).unwrap());
     let lost = baked[0].1;
     let baked = baked.map(|(clip, _)| clip);
     let sets = [
-        ("rotations 30 Hz, hips move, rest constant", clips(&skeleton, Style::Typical)),
-        ("all T, R, S move, 30 Hz", clips(&skeleton, Style::All)),
+        ("rotations 30 Hz, hips move, rest constant", generate_clips(&skeleton, ClipStyle::Typical)),
+        ("all T, R, S move, 30 Hz", generate_clips(&skeleton, ClipStyle::All)),
         ("sparse: rotations, own key times a joint", sparse),
         ("the sparse ones baked at 60 Hz", baked),
     ];
     for (name, clips) in &sets {
         let [hot, thousand, ten] =
-            [1, 1_000, 10_000].map(|n| crossfades(&skeleton, clips, n, Level::best(), quick));
+            [1, 1_000, 10_000].map(|n| measure_crossfades(&skeleton, clips, n, Level::best(), quick));
         let error = worst_error_mm(&skeleton, clips);
         println!("{name:<44}{hot:>15}{thousand:>15}{ten:>15}{error:>12.5}");
     }
-    let portable = crossfades(&skeleton, &sets[0].1, 1, Level::Portable, quick);
+    let portable = measure_crossfades(&skeleton, &sets[0].1, 1, Level::Portable, quick);
     println!("{:<44}{portable:>15}", "the first, portable level");
 
     println!(
@@ -66,19 +67,19 @@ fn main() {
     );
     println!("{:<44}{:>15}{:>15}{:>12}", "clip", "next frame", "random seek", "random/next");
     for (name, clips) in &sets {
-        let [next, random] = [false, true].map(|random| samples(&clips[0], random, quick));
+        let [next, random] = [false, true].map(|random| measure_samples(&clips[0], random, quick));
         println!("{name:<44}{next:>15}{random:>15}{:>12.2}", seek_ratio(&clips[0], quick));
     }
-    compressed(&skeleton, &sets, quick);
+    print_compression_table(&skeleton, &sets, quick);
 
     println!("baking lost {:.4}° at worst", lost.rotation_rad.to_degrees());
-    println!("\nlocal-to-model alone: {}", local_to_model(&skeleton, quick));
+    println!("\nlocal-to-model alone: {}", measure_local_to_model(&skeleton, quick));
     print_skinning_table(quick);
 }
 
 /// Costs and savings of compression: bytes against dense f32 at 30 Hz (40 bytes per joint and key), the error measured at compression
 /// and one found at other times in f64, and the time of a sample.
-fn compressed(skeleton: &Skeleton, sets: &[(&str, [Clip; 2])], quick: bool) {
+fn print_compression_table(skeleton: &Skeleton, sets: &[(&str, [Clip; 2])], quick: bool) {
     println!("\ncompressed clips, one sample");
     println!(
         "{:<44}{:>10}{:>10}{:>12}{:>12}{:>15}{:>15}{:>12}",
@@ -94,14 +95,14 @@ fn compressed(skeleton: &Skeleton, sets: &[(&str, [Clip; 2])], quick: bool) {
     for (name, clips) in sets {
         for tolerance in [1e-5, 1e-4, 1e-3] {
             let (clip, report) = clips[0].compressed(skeleton, tolerance).unwrap();
-            let [next, random] = [false, true].map(|random| samples(&clip, random, quick));
+            let [next, random] = [false, true].map(|random| measure_samples(&clip, random, quick));
             println!(
                 "{:<44}{:>10}{:>10.1}{:>12.4}{:>12.4}{next:>15}{random:>15}{:>12.2}",
                 format!("{name}, {} mm", tolerance * 1e3),
                 report.bytes[1],
                 report.dense_bytes as f64 / report.bytes[1] as f64,
                 report.worst_m * 1e3,
-                lost_mm(skeleton, &clips[0], &clip),
+                largest_error_mm(skeleton, &clips[0], &clip),
                 seek_ratio(&clip, quick),
             );
         }
@@ -109,11 +110,11 @@ fn compressed(skeleton: &Skeleton, sets: &[(&str, [Clip; 2])], quick: bool) {
 }
 
 /// Compares clips with separate key times per joint with the same clips baked at 60 Hz, measured alternately.
-fn sparse_keys(skeleton: &Skeleton, quick: bool) {
+fn print_sparse_key_table(skeleton: &Skeleton, quick: bool) {
     println!("separate key times per joint against the same baked at 60 Hz, {JOINTS} joints, ns");
     println!("{:<12}{:<14}{:>10}{:>10}{:>10}", "keys", "what", "separate", "baked", "ratio");
-    for (name, style) in [("linear", Style::Sparse), ("cubic", Style::Cubic)] {
-        let sparse = clips(skeleton, style);
+    for (name, style) in [("linear", ClipStyle::Sparse), ("cubic", ClipStyle::Cubic)] {
+        let sparse = generate_clips(skeleton, style);
         let rate = FrameRate { num: 60, den: 1 };
         let baked = sparse.each_ref().map(|clip| clip.baked(rate).unwrap().0);
         let [next, random] = [false, true].map(|random| sample_times(&sparse[0], random));
@@ -170,7 +171,7 @@ fn sparse_keys(skeleton: &Skeleton, quick: bool) {
 }
 
 /// Largest distance in mm between a joint of `clip` and an f64 evaluation of `source`, over 500 times.
-fn lost_mm(skeleton: &Skeleton, source: &Clip, clip: &Clip) -> f64 {
+fn largest_error_mm(skeleton: &Skeleton, source: &Clip, clip: &Clip) -> f64 {
     let mut random = Random(41);
     let mut pose = Pose::rest(skeleton);
     let mut worst = 0.0f64;
@@ -228,12 +229,12 @@ fn print_skinning_table(quick: bool) {
         ("dual quaternions and stretches", SkinningMethod::Stretched),
     ];
     for (name, method) in methods {
-        let [four, eight] = [4, 8].map(|n| skinning(method, n, Level::best(), quick));
+        let [four, eight] = [4, 8].map(|n| measure_skinning(method, n, Level::best(), quick));
         println!("{name:<44}{four:>15}{eight:>15}");
     }
     for (name, level) in [("AVX2", Level::Avx2), ("portable", Level::Portable)] {
-        let [linear, dual] =
-            [SkinningMethod::Linear, SkinningMethod::Dual].map(|method| skinning(method, 4, level, quick));
+        let [linear, dual] = [SkinningMethod::Linear, SkinningMethod::Dual]
+            .map(|method| measure_skinning(method, 4, level, quick));
         println!("{:<44}{linear:>15}", format!("linear, {name} level"));
         println!("{:<44}{dual:>15}", format!("dual quaternions, {name} level"));
     }
@@ -282,7 +283,7 @@ fn measure(items: usize, quick: bool, mut round: impl FnMut()) -> String {
 }
 
 /// Hips, spine, head, arms with five fingers of four joints, legs: parents as in a Mixamo character.
-fn character() -> Skeleton {
+fn mixamo_like_skeleton() -> Skeleton {
     let mut parents: Vec<Option<u32>> = vec![None];
     let chain = |parents: &mut Vec<Option<u32>>, root: u32, length: usize| {
         let mut parent = root;
@@ -316,37 +317,37 @@ fn character() -> Skeleton {
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum Style {
+enum ClipStyle {
     Typical,
     All,
     Sparse,
-    /// [`Style::Sparse`] with CUBICSPLINE keys.
+    /// [`ClipStyle::Sparse`] with CUBICSPLINE keys.
     Cubic,
 }
 
 /// Two clips of smooth motion (a few harmonics per joint) at 30 Hz, or with ten to forty keys per joint.
-fn clips(skeleton: &Skeleton, style: Style) -> [Clip; 2] {
+fn generate_clips(skeleton: &Skeleton, style: ClipStyle) -> [Clip; 2] {
     let thirty: Arc<[Time]> = {
         let rate = FrameRate { num: 30, den: 1 };
-        (0..=(SECS * 30.0) as i64).map(|frame| rate.time_of(frame)).collect()
+        (0..=(CLIP_SECS * 30.0) as i64).map(|frame| rate.time_of(frame)).collect()
     };
     [11, 12].map(|seed| {
         let mut random = Random(seed);
         let mut curves = Vec::new();
         for (joint, rest) in skeleton.rest().iter().enumerate() {
             let mut times = Arc::clone(&thirty);
-            if matches!(style, Style::Sparse | Style::Cubic) {
+            if matches!(style, ClipStyle::Sparse | ClipStyle::Cubic) {
                 let mut secs: Vec<f64> = (0..10 + random.below(30))
-                    .map(|_| f64::from(random.signed() + 1.0) * 0.5 * SECS)
+                    .map(|_| f64::from(random.signed() + 1.0) * 0.5 * CLIP_SECS)
                     .collect();
-                secs.extend([0.0, SECS]);
+                secs.extend([0.0, CLIP_SECS]);
                 secs.sort_by(f64::total_cmp);
                 times = secs.into_iter().map(Time::from_secs).collect();
             }
             let joint = joint as u32;
             let [a, b, c] = [0; 3].map(|_| random.rotation());
             let mut add = |path, values: &dyn Fn(f64) -> Vec<f32>| {
-                let cubic = style == Style::Cubic;
+                let cubic = style == ClipStyle::Cubic;
                 let key = |t: &Time| {
                     let (at, h) = (t.as_secs(), 1e-3);
                     let slope = values(at + h).into_iter().zip(values(at - h));
@@ -366,7 +367,7 @@ fn clips(skeleton: &Skeleton, style: Style) -> [Clip; 2] {
                 let turn = Quat::from_euler(glam::EulerRot::XYZ, wave(t, a), wave(t, b), wave(t, c));
                 (rest.rotation * turn).to_array().to_vec()
             });
-            let moving = style == Style::All;
+            let moving = style == ClipStyle::All;
             add(Path::Translation, &|t| {
                 let sway = if moving || joint == 0 { 0.1 } else { 0.0 };
                 let offset = Vec3::new(wave(t, b), wave(t, c), wave(t, a)) * sway;
@@ -381,7 +382,13 @@ fn clips(skeleton: &Skeleton, style: Style) -> [Clip; 2] {
     })
 }
 
-fn crossfades(skeleton: &Skeleton, clips: &[Clip; 2], count: usize, level: Level, quick: bool) -> String {
+fn measure_crossfades(
+    skeleton: &Skeleton,
+    clips: &[Clip; 2],
+    count: usize,
+    level: Level,
+    quick: bool,
+) -> String {
     let rest = Pose::rest(skeleton);
     let mut scratch = [rest.clone(), rest.clone()];
     let mut random = Random(5);
@@ -415,7 +422,7 @@ fn crossfades(skeleton: &Skeleton, clips: &[Clip; 2], count: usize, level: Level
     })
 }
 
-fn samples(clip: &Clip, random: bool, quick: bool) -> String {
+fn measure_samples(clip: &Clip, random: bool, quick: bool) -> String {
     let mut pose = Pose::identity(JOINTS);
     let times = sample_times(clip, random);
     measure(times.len(), quick, || {
@@ -426,7 +433,7 @@ fn samples(clip: &Clip, random: bool, quick: bool) -> String {
     })
 }
 
-fn local_to_model(skeleton: &Skeleton, quick: bool) -> String {
+fn measure_local_to_model(skeleton: &Skeleton, quick: bool) -> String {
     let pose = Pose::rest(skeleton);
     let mut out = vec![Affine3A::IDENTITY; JOINTS];
     measure(1, quick, || {
@@ -435,7 +442,7 @@ fn local_to_model(skeleton: &Skeleton, quick: bool) -> String {
     })
 }
 
-fn skinning(method: SkinningMethod, influences: usize, level: Level, quick: bool) -> String {
+fn measure_skinning(method: SkinningMethod, influences: usize, level: Level, quick: bool) -> String {
     const VERTICES: usize = 10_000;
     let mut random = Random(21);
     let mut vector = |_| Vec3::new(random.signed(), random.signed(), random.signed() + 1.5);
@@ -453,11 +460,11 @@ fn skinning(method: SkinningMethod, influences: usize, level: Level, quick: bool
             Vec3::from(m.translation).as_dvec3(),
         )
     };
-    let carriers: Vec<StretchedDualQuaternion> =
+    let maps: Vec<StretchedDualQuaternion> =
         matrices.iter().map(|m| StretchedDualQuaternion::of(wide(m))).collect();
-    let motions: Vec<DualQuaternion> = carriers.iter().map(DualQuaternion::from).collect();
+    let motions: Vec<DualQuaternion> = maps.iter().map(DualQuaternion::from).collect();
     let stretches: Vec<Affine3A> = match method {
-        SkinningMethod::Stretched => carriers.iter().map(stretch_matrix).collect(),
+        SkinningMethod::Stretched => maps.iter().map(stretch_matrix).collect(),
         _ => Vec::new(),
     };
     measure(VERTICES, quick, || {

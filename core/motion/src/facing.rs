@@ -63,7 +63,7 @@ impl Front {
     }
 
     /// The axis within 35° of a direction.
-    fn along(direction: DVec3) -> Option<Front> {
+    fn nearest(direction: DVec3) -> Option<Front> {
         let level = direction.with_y(0.0).try_normalize()?;
         Self::ALL.iter().map(|(_, front)| *front).find(|front| front.direction().dot(level) > 0.819)
     }
@@ -94,30 +94,30 @@ impl Facing {
     /// indicates a direction, from the travel of clips. The front is the axis that most of them indicate.
     pub fn of(skeleton: &Skeleton, clips: &[Arc<Clip>]) -> Facing {
         let rest = ModelRestPose::of(skeleton);
-        let at = |joint: u32| rest.positions[joint as usize];
-        let shown = [
-            ("feet", toes(skeleton, at)),
-            ("eyes", eyes(skeleton, at)),
-            ("knees", knees(skeleton, at)),
-            ("left and right", sides(skeleton, at)),
+        let position = |joint: u32| rest.positions[joint as usize];
+        let indicated_directions = [
+            ("feet", toe_direction(skeleton, position)),
+            ("eyes", eye_direction(skeleton, position)),
+            ("knees", knee_direction(skeleton, position)),
+            ("left and right", left_right_direction(skeleton, position)),
         ];
         let level = |(part, direction): (&'static str, DVec3)| {
             let direction = direction.with_y(0.0).try_normalize()?;
             Some(FacingEvidence { part, direction })
         };
-        let mut evidence: Vec<FacingEvidence> = shown.into_iter().filter_map(level).collect();
+        let mut evidence: Vec<FacingEvidence> = indicated_directions.into_iter().filter_map(level).collect();
         if evidence.is_empty() {
-            evidence.extend(level(("travel of clips", travel(skeleton, clips))));
+            evidence.extend(level(("travel of clips", travel_direction(skeleton, clips))));
         }
-        let votes = |front| evidence.iter().filter(|e| Front::along(e.direction) == Some(front)).count();
-        let most = Front::ALL
+        let votes = |front| evidence.iter().filter(|e| Front::nearest(e.direction) == Some(front)).count();
+        let best = Front::ALL
             .iter()
             .map(|(_, front)| *front)
             .max_by_key(|front| (votes(*front), *front == Front::PlusZ));
-        let most = most.unwrap_or_default();
-        let doubtful = !evidence.is_empty() && 2 * votes(most) <= evidence.len();
+        let best = best.unwrap_or_default();
+        let doubtful = !evidence.is_empty() && 2 * votes(best) <= evidence.len();
         Facing {
-            front: if doubtful || evidence.is_empty() { Front::PlusZ } else { most },
+            front: if doubtful || evidence.is_empty() { Front::PlusZ } else { best },
             evidence,
             doubtful,
         }
@@ -125,16 +125,16 @@ impl Facing {
 }
 
 /// The direction from heels to toes; zero for toes that point down.
-fn toes(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
+fn toe_direction(skeleton: &Skeleton, position: impl Fn(u32) -> DVec3) -> DVec3 {
     let ahead = |joints: &[u32]| match joints {
-        [heel, toe, ..] => horizontal_direction(at(*toe) - at(*heel), 0.3),
+        [heel, toe, ..] => horizontal_direction(position(*toe) - position(*heel), 0.3),
         _ => DVec3::ZERO,
     };
     find_feet(skeleton).iter().map(|foot| ahead(&foot.joints)).sum()
 }
 
 /// Direction from the parent joints of the eyes to the eyes.
-fn eyes(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
+fn eye_direction(skeleton: &Skeleton, position: impl Fn(u32) -> DVec3) -> DVec3 {
     let is_eye = |name: &str| {
         let name = name.to_lowercase();
         name.contains("eye")
@@ -142,26 +142,29 @@ fn eyes(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
     };
     let eyes = (0u32..).zip(skeleton.names()).filter(|(_, name)| is_eye(name));
     let parents = skeleton.parents();
-    eyes.filter_map(|(eye, _)| Some(horizontal_direction(at(eye) - at(parents[eye as usize]?), 0.2))).sum()
+    eyes.filter_map(|(eye, _)| {
+        Some(horizontal_direction(position(eye) - position(parents[eye as usize]?), 0.2))
+    })
+    .sum()
 }
 
 /// Direction in which bent knees lie off the lines from hips to ankles.
-fn knees(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
+fn knee_direction(skeleton: &Skeleton, position: impl Fn(u32) -> DVec3) -> DVec3 {
     let joints = HumanoidJoints::of(skeleton);
     let bend = |side: &str| {
-        let find = |part: &str| joints.joint(&format!("{side} {part}")).map(&at);
+        let find = |part: &str| joints.joint(&format!("{side} {part}")).map(&position);
         let (Some(hip), Some(knee), Some(ankle)) = (find("upleg"), find("leg"), find("foot")) else {
             return DVec3::ZERO;
         };
         let leg = ankle - hip;
-        let before = knee - hip - leg * ((knee - hip).dot(leg) / leg.length_squared());
-        if before.length() > 0.01 * leg.length() { horizontal_direction(before, 0.3) } else { DVec3::ZERO }
+        let bend = knee - hip - leg * ((knee - hip).dot(leg) / leg.length_squared());
+        if bend.length() > 0.01 * leg.length() { horizontal_direction(bend, 0.3) } else { DVec3::ZERO }
     };
     bend("left") + bend("right")
 }
 
 /// Forward direction from joints that are named as left and right: with +Y up, left × up is forward.
-fn sides(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
+fn left_right_direction(skeleton: &Skeleton, position: impl Fn(u32) -> DVec3) -> DVec3 {
     let mut pairs: BTreeMap<String, [Vec<u32>; 2]> = BTreeMap::new();
     for (joint, name) in (0u32..).zip(skeleton.names()) {
         if let Some((side, rest)) = side_of(name) {
@@ -170,29 +173,29 @@ fn sides(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
     }
     let across = |pair: &[Vec<u32>; 2]| match pair {
         [left, right] if left.len() == 1 && right.len() == 1 => {
-            horizontal_direction(at(left[0]) - at(right[0]), 0.7)
+            horizontal_direction(position(left[0]) - position(right[0]), 0.7)
         }
         _ => DVec3::ZERO,
     };
     let across: Vec<DVec3> = pairs.values().map(across).filter(|way| *way != DVec3::ZERO).collect();
     // If the pairs contradict each other, the names do not mean sides.
-    together(&across).cross(DVec3::Y)
+    sum_unless_contradictory(&across).cross(DVec3::Y)
 }
 
 /// Sum of unit vectors; zero if they contradict each other.
-fn together(directions: &[DVec3]) -> DVec3 {
+fn sum_unless_contradictory(directions: &[DVec3]) -> DVec3 {
     let sum: DVec3 = directions.iter().sum();
     if sum.length() > 0.5 * directions.len() as f64 { sum } else { DVec3::ZERO }
 }
 
-/// Least number of joints that rotate in a clip of a walking character. With fewer, something slides: a door, a cart, a camera.
-const LIMBS: usize = 4;
+/// Smallest number of rotating joints in a clip of a walking character. Clips with fewer move a door, a cart or a camera.
+const MIN_ROTATING_JOINTS: usize = 4;
 
 /// Direction of travel of clips in which limbs move; zero if the clips contradict each other.
-fn travel(skeleton: &Skeleton, clips: &[Arc<Clip>]) -> DVec3 {
+fn travel_direction(skeleton: &Skeleton, clips: &[Arc<Clip>]) -> DVec3 {
     let limbs = |clip: &&Arc<Clip>| {
         let turns = |curve: &&Curve| curve.path == Path::Rotation && curve.times.len() > 1;
-        clip.curves().iter().filter(turns).count() >= LIMBS
+        clip.curves().iter().filter(turns).count() >= MIN_ROTATING_JOINTS
     };
     let velocity = |clip: &Arc<Clip>| {
         let span = (Time::ZERO, clip.duration);
@@ -200,7 +203,7 @@ fn travel(skeleton: &Skeleton, clips: &[Arc<Clip>]) -> DVec3 {
     };
     let moving =
         clips.iter().filter(limbs).filter_map(velocity).map(|v| v.with_y(0.0)).filter(|v| v.length() > 0.2);
-    together(&moving.map(|v| v.normalize()).collect::<Vec<_>>())
+    sum_unless_contradictory(&moving.map(|v| v.normalize()).collect::<Vec<_>>())
 }
 
 /// Horizontal unit vector along a displacement; zero unless its horizontal part is more than `share` of its length.

@@ -11,9 +11,9 @@ pub enum InputError {
 }
 
 crate::error_texts! { InputError:
-    Self::Length { field, length, expected } => "`{field}` holds {length}, must hold {expected}";
+    Self::Length { field, length, expected } => "`{field}` has length {length}, must have length {expected}";
     Self::Value { field, value, allowed } => "`{field}` is {value}, must be {allowed}";
-    Self::Joint { field, at, index, count } => "`{field}[{at}]` is {index}, there are {count} joints";
+    Self::Joint { field, at, index, count } => "`{field}[{at}]` is {index}, the number of joints is {count}";
     Self::Nested { field, error } => "`{field}`: {error}";
 }
 

@@ -27,10 +27,11 @@ impl Clip {
         });
         // Suffixes are exchanged: `blinkLeft` becomes `blinkRight`.
         let expressions = self.expressions().iter().map(|e| {
-            let other = [("Left", "Right"), ("Right", "Left")];
-            let flip =
-                |(side, other): &(&str, &str)| e.name.strip_suffix(side).map(|name| format!("{name}{other}"));
-            let name = other.iter().find_map(flip).unwrap_or_else(|| e.name.clone());
+            let side_pairs = [("Left", "Right"), ("Right", "Left")];
+            let flip = |(side, opposite): &(&str, &str)| {
+                e.name.strip_suffix(side).map(|name| format!("{name}{opposite}"))
+            };
+            let name = side_pairs.iter().find_map(flip).unwrap_or_else(|| e.name.clone());
             ExpressionCurve { name, ..e.clone() }
         });
         let mut expressions: Vec<ExpressionCurve> = expressions.collect();

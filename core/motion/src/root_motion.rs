@@ -22,7 +22,7 @@ pub struct RootParts {
     pub horizontal: bool,
     /// Motion up and down.
     pub vertical: bool,
-    /// Heading. `None`: only if the clip as a whole turns by more than `LEAST_TURN_RAD`, since hips sway in a straight walk.
+    /// Heading. `None`: only if the clip as a whole turns by more than `MIN_TURN_RAD`, since hips sway in a straight walk.
     pub yaw: Option<bool>,
 }
 
@@ -32,18 +32,18 @@ impl Default for RootParts {
     }
 }
 
-/// 15°: more than hips deviate from the direction of travel at the ends of a straight walk.
-pub(crate) const LEAST_TURN_RAD: f64 = std::f64::consts::PI / 12.0;
+/// Smallest turn that counts as a change of heading, 15°: more than hips deviate from the direction of travel at the ends of a straight walk.
+pub(crate) const MIN_TURN_RAD: f64 = std::f64::consts::PI / 12.0;
 
 /// A root that moves no farther than this share of the leg's length in a clip stays on the spot.
 const STILL_DISTANCE_LEGS: f64 = 0.1;
-/// The same limit for a root that returns to its start, as in a gallop on the spot. The gait must then be as fast as `GAIT`.
+/// The same limit for a root that returns to its start, as in a gallop on the spot. The gait must then be as fast as `MIN_GAIT_SPEED_LEGS`.
 const RETURNING_DISTANCE_LEGS: f64 = 0.6;
-/// Least speed of the floor under such a gait, leg lengths per second.
-const GAIT: f64 = 1.0;
+/// Smallest speed of the floor under a gait on the spot that returns to its start, leg lengths per second.
+const MIN_GAIT_SPEED_LEGS: f64 = 1.0;
 
 #[derive(Clone, Debug)]
-struct Link {
+struct ChainJoint {
     rest: DAffine3,
     parts: (DVec3, DQuat, DVec3),
     /// Indices of the clip's curves of translation, rotation and scale.
@@ -56,7 +56,7 @@ pub struct RootMotion {
     clip: Arc<Clip>,
     joint: u32,
     /// Joints from the root of the skeleton to the root-motion joint.
-    chain: Vec<Link>,
+    chain: Vec<ChainJoint>,
     /// Rotation of the joint in model space at rest.
     rest_rotation: DQuat,
     /// Parts that are extracted.
@@ -86,7 +86,7 @@ impl RootMotion {
                 clip.curves().iter().position(|c| c.joint == at && c.path == path).map(|i| i as u32)
             };
             let parts = (rest.translation.as_dvec3(), rest.rotation.as_dquat(), rest.scale.as_dvec3());
-            chain.push(Link {
+            chain.push(ChainJoint {
                 rest: DAffine3::from_scale_rotation_translation(parts.2, parts.1, parts.0),
                 parts,
                 curves: [find(Path::Translation), find(Path::Rotation), find(Path::Scale)],
@@ -106,9 +106,9 @@ impl RootMotion {
             trim,
         };
         let turn = wrapped(motion.frame(trim.1).yaw - motion.frame(trim.0).yaw);
-        motion.yaw = parts.yaw.unwrap_or(turn.abs() > LEAST_TURN_RAD);
+        motion.yaw = parts.yaw.unwrap_or(turn.abs() > MIN_TURN_RAD);
         if parts.horizontal && trim.1 > trim.0 {
-            motion.treadmill = motion.on_the_spot(skeleton);
+            motion.treadmill = motion.treadmill_velocity(skeleton);
         }
         Some(motion)
     }
@@ -129,32 +129,33 @@ impl RootMotion {
             return velocity;
         }
         let secs = (self.trim.1 - self.trim.0).as_secs();
-        let way = self.place(self.trim.1) - self.place(self.trim.0);
-        if secs > 0.0 { way / secs } else { DVec3::ZERO }
+        let displacement = self.place(self.trim.1) - self.place(self.trim.0);
+        if secs > 0.0 { displacement / secs } else { DVec3::ZERO }
     }
 
     /// Velocity against the floor if the root stays on the spot while the feet walk.
-    fn on_the_spot(&self, skeleton: &Skeleton) -> Option<DVec3> {
+    fn treadmill_velocity(&self, skeleton: &Skeleton) -> Option<DVec3> {
         let steps = 16;
         let span = (self.trim.1 - self.trim.0).0;
         let first = self.place(self.trim.0).with_y(0.0);
-        let reach = (1..=steps)
+        let max_distance = (1..=steps)
             .map(|i| (self.place(self.trim.0 + Time(span / steps * i)).with_y(0.0) - first).length())
             .fold(0.0, f64::max);
         let feet = contacts::find_feet(skeleton);
         let leg = contacts::leg_length(skeleton, &feet)?;
-        let back = (self.place(self.trim.1).with_y(0.0) - first).length() <= 0.5 * STILL_DISTANCE_LEGS * leg;
-        if reach > if back { RETURNING_DISTANCE_LEGS } else { STILL_DISTANCE_LEGS } * leg {
+        let returns =
+            (self.place(self.trim.1).with_y(0.0) - first).length() <= 0.5 * STILL_DISTANCE_LEGS * leg;
+        if max_distance > if returns { RETURNING_DISTANCE_LEGS } else { STILL_DISTANCE_LEGS } * leg {
             return None;
         }
         let Contacts { floor_velocity, .. } = Contacts::find(skeleton, &self.clip, self.trim, &feet)?;
-        (reach <= STILL_DISTANCE_LEGS * leg || floor_velocity.length() > GAIT * leg)
+        (max_distance <= STILL_DISTANCE_LEGS * leg || floor_velocity.length() > MIN_GAIT_SPEED_LEGS * leg)
             .then_some(-floor_velocity)
     }
 
     /// Position of the root joint in model space, metres.
     pub fn place(&self, time: Time) -> DVec3 {
-        self.root(time).0
+        self.root_transform(time).0
     }
 
     /// Frame that moves the character along, in model space.
@@ -163,19 +164,19 @@ impl RootMotion {
             let secs = (time - self.trim.0).as_secs();
             return Planar { translation: velocity * secs, yaw: 0.0 };
         }
-        let (place, rotation) = self.root(time);
+        let (place, rotation) = self.root_transform(time);
         let RootParts { horizontal, vertical, .. } = self.parts;
         let translation = DVec3::new(
             if horizontal { place.x } else { 0.0 },
             if vertical { place.y } else { 0.0 },
             if horizontal { place.z } else { 0.0 },
         );
-        let yaw = if self.yaw { twist(rotation * self.rest_rotation.conjugate()) } else { 0.0 };
+        let yaw = if self.yaw { twist_about_y(rotation * self.rest_rotation.conjugate()) } else { 0.0 };
         Planar { translation, yaw }
     }
 
     /// Position and rotation of the root joint in model space.
-    fn root(&self, time: Time) -> (DVec3, DQuat) {
+    fn root_transform(&self, time: Time) -> (DVec3, DQuat) {
         let mut model = DAffine3::IDENTITY;
         let mut turned = DQuat::IDENTITY;
         for link in &self.chain {
@@ -204,7 +205,7 @@ impl RootMotion {
 }
 
 /// Twist of a rotation about +Y, radians, without its swing; 0 if the rotation turns +Y upside down.
-fn twist(q: DQuat) -> f64 {
+fn twist_about_y(q: DQuat) -> f64 {
     if q.y == 0.0 && q.w == 0.0 { 0.0 } else { wrapped(2.0 * libm::atan2(q.y, q.w)) }
 }
 

@@ -12,8 +12,8 @@ use crate::simd::F8;
 /// Terms of the longest series; d ≤ 1, the ratio of successive terms tends to d/2.
 pub(crate) const MAX_TERMS: usize = 26;
 
-/// 1 / (i (2i + 1))
-const INVERSE: [f32; MAX_TERMS + 1] = {
+/// 1 / (i (2i + 1)): part of the factor between successive coefficients of the series.
+const FACTOR_DENOMINATOR_INVERSES: [f32; MAX_TERMS + 1] = {
     let mut table = [0.0; MAX_TERMS + 1];
     let mut i = 1;
     while i <= MAX_TERMS {
@@ -23,11 +23,11 @@ const INVERSE: [f32; MAX_TERMS + 1] = {
     table
 };
 
-/// Truncation that is allowed, relative to unit length: half of f32's own rounding.
-const TOLERANCE: f64 = 3e-8;
+/// Largest truncation error of the series, relative to unit length: half of f32's own rounding.
+const MAX_TRUNCATION_ERROR: f64 = 3e-8;
 
-/// Number of terms beyond the first that intervals of at most this d need.
-pub(crate) fn terms_for(d: f64) -> usize {
+/// Number of terms beyond the first that intervals need whose d = 1 − cos of the angle is at most this.
+pub(crate) fn series_terms_for(d: f64) -> usize {
     let d = d.clamp(0.0, 1.0);
     // The rest of the series after N terms is below (term N+1) / (1 − d/2), for every t.
     let mut terms = 0;
@@ -37,7 +37,7 @@ pub(crate) fn terms_for(d: f64) -> usize {
         for i in 1..=MAX_TERMS {
             let n = i as f64;
             term *= (n * n - t * t) / (n * (2.0 * n + 1.0)) * d;
-            if term / (1.0 - 0.5 * d) < TOLERANCE {
+            if term / (1.0 - 0.5 * d) < MAX_TRUNCATION_ERROR {
                 break;
             }
             terms = terms.max(i);
@@ -57,15 +57,15 @@ pub(crate) fn one_minus_cos(a: [f32; 4], b: [f32; 4]) -> f64 {
     0.5 * (0..4).map(|i| (a[i] - b[i]) * (a[i] - b[i])).sum::<f64>()
 }
 
-/// Coefficients of both weights at one t.
-pub(crate) struct Series {
+/// Coefficients of the slerp weights of both keys at one t.
+pub(crate) struct SlerpSeries {
     /// (coefficient of the first key's weight, coefficient of the second key's)
     coefficients: [(f32, f32); MAX_TERMS + 1],
 }
 
-impl Series {
+impl SlerpSeries {
     #[inline(always)]
-    pub fn new(t: f32, terms: usize) -> Series {
+    pub fn new(t: f32, terms: usize) -> SlerpSeries {
         let mut coefficients = [(0.0, 0.0); MAX_TERMS + 1];
         let u = 1.0 - t;
         let (uu, tt) = (u * u, t * t);
@@ -73,11 +73,11 @@ impl Series {
         coefficients[0] = (a, b);
         for i in 1..=terms.min(MAX_TERMS) {
             let square = (i * i) as f32;
-            a *= (square - uu) * INVERSE[i];
-            b *= (square - tt) * INVERSE[i];
+            a *= (square - uu) * FACTOR_DENOMINATOR_INVERSES[i];
+            b *= (square - tt) * FACTOR_DENOMINATOR_INVERSES[i];
             coefficients[i] = (a, b);
         }
-        Series { coefficients }
+        SlerpSeries { coefficients }
     }
 
     /// The weights of two keys, eight joints at a time.
@@ -94,16 +94,17 @@ impl Series {
     }
 }
 
-/// Weights of eight pairs of keys, each at its own t.
+/// Slerp weights of eight pairs of keys, each at its own t.
 #[inline(always)]
-pub(crate) fn weights_at<F: F8>(t: F, d: F, terms: usize) -> (F, F) {
+pub(crate) fn slerp_weights<F: F8>(t: F, d: F, terms: usize) -> (F, F) {
     let one = F::splat(1.0);
     let u = one.sub(t);
     let (uu, tt) = (u.mul(u), t.mul(t));
     let (mut a, mut b) = (u, t);
     let (mut wa, mut wb) = (a, b);
     let mut power = one;
-    for (i, inverse) in INVERSE.iter().enumerate().take(terms.min(MAX_TERMS) + 1).skip(1) {
+    for (i, inverse) in FACTOR_DENOMINATOR_INVERSES.iter().enumerate().take(terms.min(MAX_TERMS) + 1).skip(1)
+    {
         let (square, inverse) = (F::splat((i * i) as f32), F::splat(*inverse));
         power = power.mul(d);
         a = a.mul(square.sub(uu).mul(inverse));

@@ -55,20 +55,20 @@ impl Coverage {
         }
         let mut coverage = Coverage::new(low, high, image_size);
         // Quarter circles as cubic Bézier curves, off by 0.03 % of the radius at most.
-        let near = radius * (1.0 - 0.552_284_8);
+        let handle_offset = radius * (1.0 - 0.552_284_8);
         let mut add = |a, b| coverage.line(a, b);
-        let mut outline = Outline::new(&mut add, [0.0; 2], 1.0);
+        let mut outline = OutlineFlattener::new(&mut add, [0.0; 2], 1.0);
         let ([x0, y0], [x1, y1]) = (low, high);
         // The outline has y up.
         outline.move_to(x0 + radius, -y0);
         outline.line_to(x1 - radius, -y0);
-        outline.curve_to(x1 - near, -y0, x1, -(y0 + near), x1, -(y0 + radius));
+        outline.curve_to(x1 - handle_offset, -y0, x1, -(y0 + handle_offset), x1, -(y0 + radius));
         outline.line_to(x1, -(y1 - radius));
-        outline.curve_to(x1, -(y1 - near), x1 - near, -y1, x1 - radius, -y1);
+        outline.curve_to(x1, -(y1 - handle_offset), x1 - handle_offset, -y1, x1 - radius, -y1);
         outline.line_to(x0 + radius, -y1);
-        outline.curve_to(x0 + near, -y1, x0, -(y1 - near), x0, -(y1 - radius));
+        outline.curve_to(x0 + handle_offset, -y1, x0, -(y1 - handle_offset), x0, -(y1 - radius));
         outline.line_to(x0, -(y0 + radius));
-        outline.curve_to(x0, -(y0 + near), x0 + near, -y0, x0 + radius, -y0);
+        outline.curve_to(x0, -(y0 + handle_offset), x0 + handle_offset, -y0, x0 + radius, -y0);
         outline.close();
         coverage
     }
@@ -128,7 +128,7 @@ impl Coverage {
             let next = (row + 1.0).min(bottom);
             let (x0, x1) = (a[0] + (y - a[1]) * slope, a[0] + (next - a[1]) * slope);
             let cells = &mut self.areas[row as usize * stride..(row as usize + 1) * stride];
-            span(cells, width, [x0.min(x1), x0.max(x1)], (next - y) * direction);
+            add_edge_within_row(cells, width, [x0.min(x1), x0.max(x1)], (next - y) * direction);
             y = next;
         }
     }
@@ -145,7 +145,7 @@ fn squared_distance(p: [f32; 2], a: [f32; 2], b: [f32; 2]) -> f32 {
 
 /// Adds the part of an edge that lies in one row, from `x0` to `x1` with the signed height `height`. Parts left of the row count
 /// at its left side.
-fn span(cells: &mut [f32], width: f32, [x0, x1]: [f32; 2], height: f32) {
+fn add_edge_within_row(cells: &mut [f32], width: f32, [x0, x1]: [f32; 2], height: f32) {
     if x0 >= width {
         return;
     }
@@ -159,7 +159,12 @@ fn span(cells: &mut [f32], width: f32, [x0, x1]: [f32; 2], height: f32) {
         let left = (-x0).max(0.0) / whole;
         let right = (x1 - width).max(0.0) / whole;
         cells[0] += height * left;
-        span(cells, width, [x0.max(0.0), x1.min(width).max(x0.max(0.0))], height * (1.0 - left - right));
+        add_edge_within_row(
+            cells,
+            width,
+            [x0.max(0.0), x1.min(width).max(x0.max(0.0))],
+            height * (1.0 - left - right),
+        );
         return;
     }
     let first = x0.floor();
@@ -195,7 +200,7 @@ fn span(cells: &mut [f32], width: f32, [x0, x1]: [f32; 2], height: f32) {
 }
 
 /// Flattens a glyph's curves into straight edges.
-pub(crate) struct Outline<'a> {
+pub(crate) struct OutlineFlattener<'a> {
     add: &'a mut dyn FnMut([f32; 2], [f32; 2]),
     origin: [f32; 2],
     scale: f32,
@@ -204,61 +209,65 @@ pub(crate) struct Outline<'a> {
 }
 
 /// Largest distance between an edge and its curve in pixels.
-const FLATNESS: f32 = 0.02;
+const MAX_CURVE_ERROR: f32 = 0.02;
 
-impl<'a> Outline<'a> {
+impl<'a> OutlineFlattener<'a> {
     /// `add` gets the two ends of each edge, in pixels.
-    pub fn new(add: &'a mut dyn FnMut([f32; 2], [f32; 2]), origin: [f32; 2], scale: f32) -> Outline<'a> {
-        Outline { add, origin, scale, start: origin, at: origin }
+    pub fn new(
+        add: &'a mut dyn FnMut([f32; 2], [f32; 2]),
+        origin: [f32; 2],
+        scale: f32,
+    ) -> OutlineFlattener<'a> {
+        OutlineFlattener { add, origin, scale, start: origin, at: origin }
     }
 
     /// Pixel position of a point in font units, y up.
-    fn place(&self, x: f32, y: f32) -> [f32; 2] {
+    fn to_pixels(&self, x: f32, y: f32) -> [f32; 2] {
         [self.origin[0] + x * self.scale, self.origin[1] - y * self.scale]
     }
 
-    fn edge(&mut self, to: [f32; 2]) {
+    fn add_edge(&mut self, to: [f32; 2]) {
         (self.add)(self.at, to);
         self.at = to;
     }
 
     /// Number of even steps that approximate a curve with this second difference.
-    fn steps(bend: f32) -> usize {
-        (bend / (8.0 * FLATNESS)).sqrt().ceil().clamp(1.0, 64.0) as usize
+    fn step_count(bend: f32) -> usize {
+        (bend / (8.0 * MAX_CURVE_ERROR)).sqrt().ceil().clamp(1.0, 64.0) as usize
     }
 }
 
-impl OutlineBuilder for Outline<'_> {
+impl OutlineBuilder for OutlineFlattener<'_> {
     fn move_to(&mut self, x: f32, y: f32) {
-        self.start = self.place(x, y);
+        self.start = self.to_pixels(x, y);
         self.at = self.start;
     }
 
     fn line_to(&mut self, x: f32, y: f32) {
-        let to = self.place(x, y);
-        self.edge(to);
+        let to = self.to_pixels(x, y);
+        self.add_edge(to);
     }
 
     fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
-        let (a, b, c) = (self.at, self.place(x1, y1), self.place(x, y));
+        let (a, b, c) = (self.at, self.to_pixels(x1, y1), self.to_pixels(x, y));
         let bend = [0, 1].map(|i| 2.0 * (a[i] - 2.0 * b[i] + c[i]).abs());
-        let steps = Self::steps(bend[0] + bend[1]);
+        let steps = Self::step_count(bend[0] + bend[1]);
         for s in 1..=steps {
             let t = s as f32 / steps as f32;
             let u = 1.0 - t;
-            self.edge([0, 1].map(|i| u * u * a[i] + 2.0 * u * t * b[i] + t * t * c[i]));
+            self.add_edge([0, 1].map(|i| u * u * a[i] + 2.0 * u * t * b[i] + t * t * c[i]));
         }
     }
 
     fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
-        let (a, b, c, d) = (self.at, self.place(x1, y1), self.place(x2, y2), self.place(x, y));
+        let (a, b, c, d) = (self.at, self.to_pixels(x1, y1), self.to_pixels(x2, y2), self.to_pixels(x, y));
         let bend =
             [0, 1].map(|i| 6.0 * (a[i] - 2.0 * b[i] + c[i]).abs().max((b[i] - 2.0 * c[i] + d[i]).abs()));
-        let steps = Self::steps(bend[0] + bend[1]);
+        let steps = Self::step_count(bend[0] + bend[1]);
         for s in 1..=steps {
             let t = s as f32 / steps as f32;
             let u = 1.0 - t;
-            self.edge([0, 1].map(|i| {
+            self.add_edge([0, 1].map(|i| {
                 u * u * u * a[i] + 3.0 * u * u * t * b[i] + 3.0 * u * t * t * c[i] + t * t * t * d[i]
             }));
         }
@@ -266,6 +275,6 @@ impl OutlineBuilder for Outline<'_> {
 
     fn close(&mut self) {
         let start = self.start;
-        self.edge(start);
+        self.add_edge(start);
     }
 }

@@ -17,10 +17,10 @@ pub struct Fallback {
 pub fn fallbacks(chars: &[char]) -> Vec<Option<Fallback>> {
     static KNOWN: Mutex<BTreeMap<char, Option<Fallback>>> = Mutex::new(BTreeMap::new());
     let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-    let mut wanted: Vec<char> = chars.iter().copied().filter(|c| !known.contains_key(c)).collect();
-    let mut take = |fallback: &Fallback, wanted: &mut Vec<char>| {
-        let missing = fallback.font.missing(&wanted.iter().collect::<String>());
-        wanted.retain(|c| {
+    let mut unknown_chars: Vec<char> = chars.iter().copied().filter(|c| !known.contains_key(c)).collect();
+    let mut assign_fallback = |fallback: &Fallback, unknown_chars: &mut Vec<char>| {
+        let missing = fallback.font.missing(&unknown_chars.iter().collect::<String>());
+        unknown_chars.retain(|c| {
             let has = !missing.contains(c);
             if has {
                 known.insert(*c, Some(fallback.clone()));
@@ -29,17 +29,17 @@ pub fn fallbacks(chars: &[char]) -> Vec<Option<Fallback>> {
         });
     };
     for font in built_in() {
-        take(&Fallback { font: font.clone(), file: None }, &mut wanted);
+        assign_fallback(&Fallback { font: font.clone(), file: None }, &mut unknown_chars);
     }
     for path in system_files() {
-        if wanted.is_empty() {
+        if unknown_chars.is_empty() {
             break;
         }
-        if let Some(font) = read(path) {
-            take(&Fallback { font, file: Some(path.clone()) }, &mut wanted);
+        if let Some(font) = read_font(path) {
+            assign_fallback(&Fallback { font, file: Some(path.clone()) }, &mut unknown_chars);
         }
     }
-    known.extend(wanted.into_iter().map(|c| (c, None)));
+    known.extend(unknown_chars.into_iter().map(|c| (c, None)));
     chars.iter().map(|c| known.get(c).cloned().flatten()).collect()
 }
 
@@ -55,14 +55,14 @@ fn built_in() -> &'static [Font] {
     })
 }
 
-/// Bytes of the largest font file that is read: fonts of all Chinese characters take 20 MB.
-const LARGEST: u64 = 64 << 20;
-/// Most files and folders that the search for fonts looks at.
-const MOST: usize = 5000;
+/// Size of the largest font file that is read, bytes: fonts with all Chinese characters take 20 MB.
+const MAX_FONT_FILE_BYTES: u64 = 64 << 20;
+/// Largest number of files and folders that the search for fonts looks at.
+const MAX_FOLDER_ENTRIES: usize = 5000;
 
-fn read(path: &Path) -> Option<Font> {
+fn read_font(path: &Path) -> Option<Font> {
     let length = std::fs::metadata(path).ok()?.len();
-    let bytes = (length <= LARGEST).then(|| std::fs::read(path).ok()).flatten()?;
+    let bytes = (length <= MAX_FONT_FILE_BYTES).then(|| std::fs::read(path).ok()).flatten()?;
     Font::new(&path.file_stem()?.to_string_lossy(), bytes).ok()
 }
 
@@ -79,7 +79,7 @@ fn system_files() -> &'static [PathBuf] {
         while let Some(folder) = folders.pop() {
             for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
                 seen += 1;
-                if seen > MOST {
+                if seen > MAX_FOLDER_ENTRIES {
                     break;
                 }
                 let path = entry.path();
@@ -90,7 +90,7 @@ fn system_files() -> &'static [PathBuf] {
                 }
             }
         }
-        files.sort_by_cached_key(|path| (is_special(path), path.file_name().map(ToOwned::to_owned)));
+        files.sort_by_cached_key(|path| (is_styled_variant(path), path.file_name().map(ToOwned::to_owned)));
         files
     })
 }
@@ -107,8 +107,8 @@ fn is_font(path: &Path) -> bool {
     path.extension().is_some_and(|e| ["ttf", "otf", "ttc"].iter().any(|known| e.eq_ignore_ascii_case(known)))
 }
 
-/// Bold, slanted, narrow and monospaced fonts come after the others.
-fn is_special(path: &Path) -> bool {
+/// Whether a file name indicates a bold, slanted, narrow, monospaced or other special font; these come after regular ones.
+fn is_styled_variant(path: &Path) -> bool {
     let name = path.file_stem().map(|stem| stem.to_string_lossy().to_lowercase()).unwrap_or_default();
     ["bold", "italic", "oblique", "mono", "condensed", "light", "black", "thin", "serif", "math"]
         .iter()

@@ -51,9 +51,10 @@ impl Font {
     /// The built-in font, Ubuntu Light.
     pub fn built_in() -> Font {
         static BUILT_IN: OnceLock<Font> = OnceLock::new();
-        let made =
-            || Font::new("Ubuntu Light", epaint_default_fonts::UBUNTU_LIGHT).expect("a font that was tried");
-        BUILT_IN.get_or_init(made).clone()
+        let parse = || {
+            Font::new("Ubuntu Light", epaint_default_fonts::UBUNTU_LIGHT).expect("the built-in font is valid")
+        };
+        BUILT_IN.get_or_init(parse).clone()
     }
 
     pub fn hash(&self) -> [u8; 32] {
@@ -61,7 +62,7 @@ impl Font {
     }
 
     pub(crate) fn face(&self) -> Face<'_> {
-        Face::parse(&self.bytes, 0).expect("parsed when it was made")
+        Face::parse(&self.bytes, 0).expect("the font was parsed when it was created")
     }
 
     /// Characters of a text that the font has no glyph for, each once, in order.

@@ -1,6 +1,6 @@
 //! Text layout: line breaking, alignment and kerning.
 
-use crate::coverage::{Coverage, Outline};
+use crate::coverage::{Coverage, OutlineFlattener};
 use crate::fallback::fallbacks;
 use crate::font::{Font, kerning};
 use ttf_parser::{Face, GlyphId};
@@ -61,12 +61,12 @@ impl<'f> Faces<'f> {
         of_fallback.unwrap_or((None, 0))
     }
 
-    fn of(&self, font: Option<u8>) -> &Face<'f> {
+    fn face_of(&self, font: Option<u8>) -> &Face<'f> {
         font.map_or(&self.own, |index| &self.fallbacks[usize::from(index)])
     }
 
     fn advance(&self, (font, glyph): Glyph, size: f32) -> f32 {
-        let face = self.of(font);
+        let face = self.face_of(font);
         f32::from(face.glyph_hor_advance(GlyphId(glyph)).unwrap_or(0)) * scale(face, size)
     }
 
@@ -75,7 +75,7 @@ impl<'f> Faces<'f> {
         if left.0 != right.0 {
             return 0.0;
         }
-        let face = self.of(left.0);
+        let face = self.face_of(left.0);
         kerning(face, GlyphId(left.1), GlyphId(right.1)) * scale(face, size)
     }
 }
@@ -117,7 +117,7 @@ pub fn lay_out(font: &Font, text: &str, style: &Style) -> TextLayout {
     let faces = Faces { own: font.face(), index_of, fallbacks: fallbacks.iter().map(Font::face).collect() };
     let mut lines: Vec<(Vec<Word>, f32)> = Vec::new();
     for paragraph in text.split('\n') {
-        let words: Vec<Word> = paragraph.split(' ').map(|w| word(&faces, w, style.size)).collect();
+        let words: Vec<Word> = paragraph.split(' ').map(|w| shape_word(&faces, w, style.size)).collect();
         let (mut line, mut width) = (Vec::new(), 0.0f32);
         for word in words {
             let gap = line.last().map_or(0.0, |before: &Word| before.space);
@@ -138,14 +138,14 @@ pub fn lay_out(font: &Font, text: &str, style: &Style) -> TextLayout {
     let (up, down) = (f32::from(face.ascender()) * scale, f32::from(face.descender()) * scale);
     let step = style.size * style.line_height;
     let mut layout = TextLayout { size_of_em: style.size, lines: lines.len(), ..TextLayout::default() };
-    let left = |width: f32| match style.align {
+    let line_start = |width: f32| match style.align {
         Align::Left => 0.0,
         Align::Center => (box_width - width) * 0.5,
         Align::Right => box_width - width,
     };
-    layout.ends = [left(widest), left(widest) + widest];
+    layout.ends = [line_start(widest), line_start(widest) + widest];
     for (row, (words, width)) in lines.iter().enumerate() {
-        let mut x = left(*width);
+        let mut x = line_start(*width);
         let y = up + step * row as f32;
         for word in words {
             layout.glyphs.extend(word.glyphs.iter().map(|(glyph, at)| (*glyph, [x + at, y])));
@@ -158,7 +158,7 @@ pub fn lay_out(font: &Font, text: &str, style: &Style) -> TextLayout {
     layout
 }
 
-fn word(faces: &Faces, text: &str, size: f32) -> Word {
+fn shape_word(faces: &Faces, text: &str, size: f32) -> Word {
     let mut glyphs = Vec::new();
     let (mut x, mut before) = (0.0, None);
     for c in text.chars().filter(|c| !c.is_control()) {
@@ -177,8 +177,8 @@ fn word(faces: &Faces, text: &str, size: f32) -> Word {
 impl TextLayout {
     /// Coverage of all glyphs in an image of size `image_size`, scaled by `factor`, with the box's top left at `at` (pixels).
     pub fn coverage(&self, font: &Font, at: [f32; 2], factor: f32, image_size: [u32; 2]) -> Coverage {
-        let mut coverage = self.empty(at, factor, 0.0, image_size);
-        self.edges(font, at, factor, &mut |a, b| coverage.line(a, b));
+        let mut coverage = self.empty_coverage(at, factor, 0.0, image_size);
+        self.add_edges(font, at, factor, &mut |a, b| coverage.line(a, b));
         coverage
     }
 
@@ -191,9 +191,9 @@ impl TextLayout {
         distance: f32,
         image_size: [u32; 2],
     ) -> Coverage {
-        let mut coverage = self.empty(at, factor, distance.ceil() + 1.0, image_size);
+        let mut coverage = self.empty_coverage(at, factor, distance.ceil() + 1.0, image_size);
         let mut edges = Vec::new();
-        self.edges(font, at, factor, &mut |a, b| {
+        self.add_edges(font, at, factor, &mut |a, b| {
             coverage.line(a, b);
             edges.push([a, b]);
         });
@@ -201,7 +201,7 @@ impl TextLayout {
     }
 
     /// Zero coverage with room for all glyphs and a margin in pixels.
-    fn empty(&self, at: [f32; 2], factor: f32, margin: f32, image_size: [u32; 2]) -> Coverage {
+    fn empty_coverage(&self, at: [f32; 2], factor: f32, margin: f32, image_size: [u32; 2]) -> Coverage {
         let size = self.size.map(|s| s * factor);
         // Accents and slanted letters reach over the box.
         let over = (size[1].max(1.0) * 0.25).ceil() + margin;
@@ -212,12 +212,12 @@ impl TextLayout {
         )
     }
 
-    fn edges(&self, font: &Font, at: [f32; 2], factor: f32, add: &mut dyn FnMut([f32; 2], [f32; 2])) {
+    fn add_edges(&self, font: &Font, at: [f32; 2], factor: f32, add: &mut dyn FnMut([f32; 2], [f32; 2])) {
         let faces: Vec<Face> = std::iter::once(font).chain(&self.fallbacks).map(Font::face).collect();
         for ((font, glyph), [x, y]) in &self.glyphs {
             let face = &faces[font.map_or(0, |index| usize::from(index) + 1)];
             let origin = [at[0] + x * factor, at[1] + y * factor];
-            let mut outline = Outline::new(add, origin, scale(face, self.size_of_em) * factor);
+            let mut outline = OutlineFlattener::new(add, origin, scale(face, self.size_of_em) * factor);
             face.outline_glyph(GlyphId(*glyph), &mut outline);
         }
     }

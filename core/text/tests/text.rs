@@ -1,4 +1,4 @@
-//! Coverage against areas in closed form and against many samples; lines against what they must do.
+//! Coverage is compared with areas in closed form and with supersampling; layout with expected line breaks and positions.
 
 use choreo_text::*;
 use std::f64::consts::PI;
@@ -8,7 +8,7 @@ fn sum(c: &Coverage) -> f64 {
 }
 
 #[test]
-fn rectangles_cover_their_area_wherever_they_lie() {
+fn the_coverage_of_a_rectangle_sums_to_its_area_at_any_position() {
     for (low, high) in [([1.25, 2.5], [7.75, 3.25]), ([0.0, 0.0], [10.0, 10.0]), ([3.1, 3.2], [3.3, 3.4])] {
         let c = Coverage::rectangle(low, high, [10, 10]);
         let area = f64::from(high[0] - low[0]) * f64::from(high[1] - low[1]);
@@ -30,7 +30,7 @@ fn rectangles_cover_their_area_wherever_they_lie() {
 }
 
 #[test]
-fn round_corners_leave_out_what_lies_outside_of_their_circles() {
+fn the_coverage_of_a_rounded_rectangle_sums_to_its_area() {
     for radius in [0.0f32, 1.5, 4.0, 90.0] {
         let c = Coverage::rounded([1.25, 2.5], [21.75, 14.25], radius, [30, 20]);
         // As large as the shorter side allows.
@@ -42,7 +42,7 @@ fn round_corners_leave_out_what_lies_outside_of_their_circles() {
 
 /// Steiner's formula: what is within w of a convex shape of area A and circumference C has the area A + C w + π w².
 #[test]
-fn an_outline_reaches_as_far_as_it_should() {
+fn an_outline_has_the_area_of_the_dilated_shape() {
     let font = Font::built_in();
     let layout = lay_out(&font, ".", &style(200.0));
     let at = [40.5, 60.25];
@@ -67,7 +67,7 @@ fn an_outline_reaches_as_far_as_it_should() {
 
 /// Polygons of every slope: pixel by pixel against the share of 64 × 64 points inside.
 #[test]
-fn slanted_edges_cover_what_samples_say() {
+fn coverage_of_triangles_matches_supersampling() {
     let triangles = [
         [[1.3, 1.1], [14.6, 3.7], [4.2, 13.9]],
         [[0.5, 0.5], [15.5, 1.0], [15.0, 1.5]],
@@ -105,7 +105,7 @@ fn style(size: f32) -> Style {
 }
 
 #[test]
-fn a_full_stop_is_as_large_as_its_size() {
+fn glyph_area_grows_with_the_square_of_the_font_size() {
     // Twice the size, four times the area.
     let font = Font::built_in();
     let area = |size: f32| {
@@ -121,7 +121,7 @@ fn a_full_stop_is_as_large_as_its_size() {
 }
 
 #[test]
-fn lines_break_between_words_and_are_aligned() {
+fn lines_wrap_between_words_and_are_aligned() {
     let font = Font::built_in();
     let wide = lay_out(&font, "one two three", &style(20.0));
     assert_eq!(wide.lines, 1);
@@ -151,7 +151,7 @@ fn pairs_are_kerned() {
 }
 
 #[test]
-fn what_is_no_font_is_told() {
+fn invalid_fonts_are_errors_and_unusual_texts_are_laid_out() {
     assert!(Font::new("x", &b"nothing"[..]).unwrap_err().0.contains("is not a font"));
     assert_eq!(Font::built_in().missing("a b\n漢a漢"), ['漢']);
     // Empty and strange texts.
@@ -163,7 +163,7 @@ fn what_is_no_font_is_told() {
 }
 
 #[test]
-fn characters_that_a_font_lacks_are_drawn_in_another() {
+fn missing_characters_are_drawn_in_a_fallback_font() {
     let emoji = Font::new("emoji", epaint_default_fonts::NOTO_EMOJI_REGULAR).unwrap();
     assert_eq!(emoji.missing("😀Ж"), ['Ж']);
     let ink = |font: &Font, text: &str| {
@@ -186,7 +186,7 @@ fn characters_that_a_font_lacks_are_drawn_in_another() {
 }
 
 #[test]
-fn fonts_of_the_system_come_last() {
+fn system_fonts_are_used_only_if_built_in_fonts_lack_a_character() {
     // A letter of Hebrew, which the built-in fonts lack and DejaVu Sans has.
     let file = std::path::Path::new("/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf");
     if !file.is_file() {

@@ -17,7 +17,7 @@ struct SoftBox {
 
 /// Lights for a subject that faces +Z (azimuth 180): a large warm key light, left of a camera in front of it; a cool fill light
 /// on the other side; two strips behind for rim light; and a sheet overhead.
-const BOXES: [SoftBox; 5] = [
+const SOFT_BOXES: [SoftBox; 5] = [
     SoftBox {
         azimuth: 138.0,
         elevation: 38.0,
@@ -50,7 +50,7 @@ const BOXES: [SoftBox; 5] = [
 ];
 
 /// How far the edge of a box is blurred, degrees.
-const EDGE: f64 = 3.0;
+const EDGE_BLUR_DEGREES: f64 = 3.0;
 
 fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
@@ -58,34 +58,36 @@ fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
 }
 
 /// Unit direction from azimuth (counter-clockwise from above, 0 along −Z) and elevation in degrees.
-fn direction(azimuth: f64, elevation: f64) -> DVec3 {
+fn direction_from_angles(azimuth: f64, elevation: f64) -> DVec3 {
     let (a, e) = (azimuth.to_radians(), elevation.to_radians());
     DVec3::new(-libm::sin(a) * libm::cos(e), libm::sin(e), -libm::cos(a) * libm::cos(e))
 }
 
 /// Radiance of the room in a direction with the y component `up`: a dark floor, a bright horizon, gray above.
-fn room(up: f64) -> Vec3 {
+fn room_radiance(up: f64) -> Vec3 {
     let floor = 0.12 + 0.10 * smoothstep(-1.0, -0.1, up);
     let wall = 0.38 - 0.20 * smoothstep(0.05, 0.9, up);
-    let grey = floor + (wall - floor) * smoothstep(-0.08, 0.08, up);
-    Vec3::new(0.98, 0.99, 1.02) * grey as f32
+    let gray = floor + (wall - floor) * smoothstep(-0.08, 0.08, up);
+    Vec3::new(0.98, 0.99, 1.02) * gray as f32
 }
 
-fn radiance(way: DVec3) -> Vec3 {
-    let mut light = room(way.y);
-    for lamp in &BOXES {
-        let middle = direction(lamp.azimuth, lamp.elevation);
-        let ahead = way.dot(middle);
+fn studio_radiance(direction: DVec3) -> Vec3 {
+    let mut light = room_radiance(direction.y);
+    for soft_box in &SOFT_BOXES {
+        let middle = direction_from_angles(soft_box.azimuth, soft_box.elevation);
+        let ahead = direction.dot(middle);
         if ahead <= 0.0 {
             continue;
         }
         // Angles are measured along the axes of the plane that the box lies in.
         let across = middle.cross(DVec3::Y).normalize_or(DVec3::X);
         let upward = across.cross(middle);
-        let degrees = |axis: DVec3| libm::atan(way.dot(axis) / ahead).to_degrees().abs();
-        let inside = |axis, half: f64| 1.0 - smoothstep(half - EDGE, half + EDGE, degrees(axis));
-        let share = inside(across, lamp.half[0]) * inside(upward, lamp.half[1]);
-        light += lamp.color * (lamp.radiance * share) as f32;
+        let degrees = |axis: DVec3| libm::atan(direction.dot(axis) / ahead).to_degrees().abs();
+        let inside = |axis, half: f64| {
+            1.0 - smoothstep(half - EDGE_BLUR_DEGREES, half + EDGE_BLUR_DEGREES, degrees(axis))
+        };
+        let share = inside(across, soft_box.half[0]) * inside(upward, soft_box.half[1]);
+        light += soft_box.color * (soft_box.radiance * share) as f32;
     }
     light
 }
@@ -94,18 +96,20 @@ impl Panorama {
     /// The panorama of `sky("studio")`, made once, with the same bits on every machine.
     pub fn studio() -> Arc<Panorama> {
         static STUDIO: OnceLock<Arc<Panorama>> = OnceLock::new();
-        let made = || {
+        let create = || {
             let (width, height) = (512u32, 256u32);
             let mut rgb = Vec::with_capacity(3 * (width * height) as usize);
             for y in 0..height {
                 let elevation = 90.0 - (f64::from(y) + 0.5) / f64::from(height) * 180.0;
                 for x in 0..width {
                     let azimuth = 180.0 - (f64::from(x) + 0.5) / f64::from(width) * 360.0;
-                    rgb.extend(radiance(direction(azimuth, elevation)).to_array());
+                    rgb.extend(studio_radiance(direction_from_angles(azimuth, elevation)).to_array());
                 }
             }
-            Arc::new(Panorama::new("studio", width, height, rgb).expect("finite numbers, one a texel"))
+            Arc::new(
+                Panorama::new("studio", width, height, rgb).expect("the studio panorama has valid texels"),
+            )
         };
-        STUDIO.get_or_init(made).clone()
+        STUDIO.get_or_init(create).clone()
     }
 }

@@ -12,10 +12,10 @@ use crate::time::Time;
 use glam::DQuat;
 use std::sync::Arc;
 
-/// Limits of the resampled rows: this many times the bytes of the keys, or this many bytes in all. Without them, curves with
+/// Limits of the resampled rows: this many times the bytes of the keys, or this many bytes in all. Without limits, curves with
 /// hundreds of separate key times would take memory in the square of their number.
-const MOST_TIMES_THE_BYTES: usize = 16;
-const ALWAYS_BYTES: usize = 1 << 20;
+const MAX_GROWTH: usize = 16;
+const ALWAYS_ALLOWED_BYTES: usize = 1 << 20;
 
 /// Curves on common key times.
 pub(crate) struct CommonTimes {
@@ -36,17 +36,17 @@ pub(crate) fn common_times(curves: &[Curve], stray_curves: &StrayCurves) -> Opti
     let lanes: usize =
         columns().map(|((.., channel), _)| if *channel == Channel::Rotation { 5 } else { 3 }).sum();
     let bytes = times.len() * lanes * LANES * size_of::<f32>();
-    let keys: usize = sources.iter().map(|i| curves[*i].values.len() * size_of::<f32>()).sum();
-    if sources.is_empty() || bytes > ALWAYS_BYTES.max(keys * MOST_TIMES_THE_BYTES) {
+    let key_bytes: usize = sources.iter().map(|i| curves[*i].values.len() * size_of::<f32>()).sum();
+    if sources.is_empty() || bytes > ALWAYS_ALLOWED_BYTES.max(key_bytes * MAX_GROWTH) {
         return None;
     }
     let times: Arc<[Time]> = times.into();
-    let curves = sources.iter().map(|i| at_times(&curves[*i], &times)).collect();
+    let curves = sources.iter().map(|i| resample_linear(&curves[*i], &times)).collect();
     Some(CommonTimes { sources, curves })
 }
 
 /// Resamples a linear curve at `times`, which include all of its key times.
-fn at_times(curve: &Curve, times: &Arc<[Time]>) -> Curve {
+fn resample_linear(curve: &Curve, times: &Arc<[Time]>) -> Curve {
     let width = curve.path.width();
     let mut values = Vec::with_capacity(times.len() * width);
     for time in times.iter() {

@@ -4,7 +4,7 @@ use crate::clip::Clip;
 use crate::clip::sample::{Sample, sample};
 use crate::input_error::InputError;
 use crate::pose::Pose;
-use crate::pose::local_to_model::{LocalToModel, Matrices, Two};
+use crate::pose::local_to_model::{BlendedPoses, ComputeMatrices, LocalToModel};
 use crate::simd::{F8, Kernel, Level, dispatch};
 use crate::skeleton::Skeleton;
 use crate::time::Time;
@@ -66,33 +66,34 @@ impl Crossfade<'_> {
             return;
         }
         let (from, to) = (self.from.tracks(), self.to.tracks());
-        let unit_scale =
-            from.unit_scale && to.unit_scale && (from.covers[2] && to.covers[2] || self.rest.unit_scale());
+        let unit_scale = from.unit_scale
+            && to.unit_scale
+            && (from.covers[2] && to.covers[2] || self.rest.has_unit_scale());
         let covers = [from.covers, to.covers];
         for (pose, covers) in self.scratch.iter_mut().zip(covers) {
             pose.copy_channels(self.rest, covers.map(|covered| !covered));
         }
-        dispatch(level, Fused { job: self, unit_scale });
+        dispatch(level, CrossfadeKernel { job: self, unit_scale });
     }
 }
 
-struct Fused<'a, 'b> {
+struct CrossfadeKernel<'a, 'b> {
     job: &'b mut Crossfade<'a>,
     unit_scale: bool,
 }
 
-impl Kernel for Fused<'_, '_> {
+impl Kernel for CrossfadeKernel<'_, '_> {
     #[inline(always)]
     fn run<F: F8>(self) {
-        let Fused { job, unit_scale } = self;
+        let CrossfadeKernel { job, unit_scale } = self;
         let [a, b] = &mut *job.scratch;
         for (clip, time, pose) in [(job.from, job.from_time, &mut *a), (job.to, job.to_time, &mut *b)] {
             let tracks = clip.tracks();
-            let constants = if unit_scale { tracks.unscaled_constants() } else { &tracks.constants };
+            let constants = if unit_scale { tracks.constants_without_scales() } else { &tracks.constants };
             sample::<F>(tracks, constants, clip.stored_curves(), time, pose.blocks_mut());
         }
-        let locals = Two { a: a.blocks(), b: b.blocks(), weight: job.weight, unit_scale };
+        let locals = BlendedPoses { a: a.blocks(), b: b.blocks(), weight: job.weight, unit_scale };
         let by_depth = job.skeleton.by_depth();
-        Matrices { by_depth, locals, out: &mut *job.model_from_joint }.compute::<F>();
+        ComputeMatrices { by_depth, locals, out: &mut *job.model_from_joint }.compute::<F>();
     }
 }

@@ -114,7 +114,7 @@ impl ExpressionCurve {
         Curve { joint: 0, path: Path::Weights(1), interpolation: self.interpolation, times, values }
     }
 
-    pub(crate) fn changed(&self, curve: Curve) -> ExpressionCurve {
+    pub(crate) fn with_keys_of(&self, curve: Curve) -> ExpressionCurve {
         let Curve { interpolation, times, values, .. } = curve;
         ExpressionCurve { name: self.name.clone(), interpolation, times, values }
     }
@@ -152,16 +152,16 @@ pub enum CurveError {
 
 crate::error_texts! { CurveError:
     Self::NoKeys => "it has no keys";
-    Self::Values { keys, stride, values } => "{keys} keys need {} values ({stride} a key), it has {values}", keys.saturating_mul(*stride);
+    Self::Values { keys, stride, values } => "the number of values is {values}, must be {} ({stride} per key)", keys.saturating_mul(*stride);
     Self::TimeRepeats { key, time } => "the time of key {key} ({time} s) repeats that of key {} ({time} s); key times must increase", key - 1;
     Self::TimeRunsBackwards { key, time, before } => "the time of key {key} ({time} s) runs backwards from that of key {} ({before} s); key times must increase", key - 1;
     Self::NotFinite { key, value } => "key {key} holds {value}, must be finite";
     Self::TooLarge { key, value } => "key {key} holds {value}, at most ±{MAX_KEY} is allowed";
-    Self::NoJoint(joints) => "the skeleton has only {joints} joints";
+    Self::NoJoint(joints) => "there is no such joint; number of the skeleton's joints: {joints}";
     Self::TooManyWeights(count) => "{count} morph weights, at most {MAX_WEIGHTS} are allowed";
     Self::ZeroRotation(key) => "the rotation of key {key} has length zero, must be 1";
     Self::Duplicate(curve) => "curve {curve} already drives the same property";
-    Self::TwoCurves => "it has two curves";
+    Self::TwoCurves => "it has two curves, must have one";
 }
 
 /// Error of an expression's curve.
@@ -214,7 +214,7 @@ pub struct Clip {
     properties: Arc<[property_curve::CheckedPropertyCurve]>,
 }
 
-/// Most morph targets that one curve may drive; a file with more is refused.
+/// Largest number of morph targets that one curve may drive; a file with more is refused.
 pub const MAX_WEIGHTS: u32 = 65_536;
 
 /// The largest number a key may hold, so that interpolation stays within f32.
@@ -296,7 +296,11 @@ impl Clip {
         let at = self.expressions.binary_search_by(|c| c.name.as_str().cmp(name)).ok()?;
         let curve = &self.expressions[at];
         let mut weight = [0.0];
-        crate::clip::sample::curve_between(&curve.as_curve(), find_interval(&curve.times, time), &mut weight);
+        crate::clip::sample::interpolate_curve(
+            &curve.as_curve(),
+            find_interval(&curve.times, time),
+            &mut weight,
+        );
         Some(weight[0])
     }
 
@@ -311,9 +315,12 @@ impl Clip {
     }
 
     /// The clip with each curve changed, including those of expressions, which are passed as curves of one morph weight.
-    pub(crate) fn try_each<E>(&self, mut change: impl FnMut(&Curve) -> Result<Curve, E>) -> Result<Clip, E> {
+    pub(crate) fn try_map_curves<E>(
+        &self,
+        mut change: impl FnMut(&Curve) -> Result<Curve, E>,
+    ) -> Result<Clip, E> {
         let curves = self.curves().iter().map(&mut change).collect::<Result<Vec<_>, E>>()?;
-        let expression = |e: &ExpressionCurve| Ok(e.changed(change(&e.as_curve())?));
+        let expression = |e: &ExpressionCurve| Ok(e.with_keys_of(change(&e.as_curve())?));
         let expressions = self.expressions.iter().map(expression).collect::<Result<Vec<_>, E>>()?;
         Ok(self.with_curves(self.joint_count, curves).with_checked_expressions(expressions))
     }
@@ -331,7 +338,7 @@ impl Clip {
 
     /// The clip with curves of its asset's cameras, lights and materials. The duration grows to the longest curve.
     pub fn with_properties(mut self, curves: Vec<PropertyCurve>) -> Result<Clip, ClipError> {
-        self.properties = property_curve::check(curves)?.into();
+        self.properties = property_curve::check_property_curves(curves)?.into();
         let last = self.properties.iter().filter_map(|p| p.curve().times.last()).max();
         self.duration = self.duration.max(last.copied().unwrap_or(Time::ZERO));
         Ok(self)
@@ -422,12 +429,12 @@ impl Clip {
     }
 
     /// Samples the morph weights of the mesh at `joint` into `out`. Returns false and leaves `out` unchanged if the clip does not
-    /// drive them. If the counts differ, the shorter one counts.
+    /// drive them. If the counts differ, the smaller one applies.
     pub fn sample_weights(&self, joint: u32, time: Time, out: &mut [f32]) -> bool {
         let at = self.weight_curves.partition_point(|(j, _)| *j < joint);
         let Some((_, curve)) = self.weight_curves.get(at).filter(|(j, _)| *j == joint) else { return false };
         let curve = &self.curves[*curve as usize];
-        crate::clip::sample::curve_between(curve, find_interval(&curve.times, time), out);
+        crate::clip::sample::interpolate_curve(curve, find_interval(&curve.times, time), out);
         true
     }
 }

@@ -1,12 +1,12 @@
 //! Quantized B-spline knots of a compressed clip, eight joints side by side, and the kernel that decodes them.
 
-use crate::clip::sample::write;
+use crate::clip::sample::store_column;
 use crate::clip::tracks::{Channel, Column};
 use crate::clip::{Curve, Interpolation, Path};
 use crate::pose::{Pose, PoseBlock};
 use crate::simd::lane::{LANES, Lane};
 use crate::simd::{Bits, F8, Kernel, Level, dispatch};
-use crate::slerp_series::Series;
+use crate::slerp_series::SlerpSeries;
 use crate::time::Time;
 use std::sync::Arc;
 
@@ -37,7 +37,7 @@ pub(crate) struct Stride {
 pub(crate) struct PackedColumn {
     pub(crate) column: Column,
     /// Whether neighboring rotations are so close that normalized linear interpolation is as good as slerp.
-    pub(crate) straight: bool,
+    pub(crate) nlerp_suffices: bool,
     /// Layout and number of bits of each component's numbers.
     pub(crate) bits: [Bits; 4],
     pub(crate) bytes: [u8; 4],
@@ -64,12 +64,12 @@ impl Packed {
     }
 
     pub fn stored_bytes(&self) -> usize {
-        let of = |s: &Stride| {
+        let bytes_of_stride = |s: &Stride| {
             let ranges =
                 s.columns.iter().map(|c| (8 + 3) * LANES * c.column.channel.width() + 8).sum::<usize>();
             s.bytes.len() + ranges
         };
-        self.strides.iter().map(of).sum()
+        self.strides.iter().map(bytes_of_stride).sum()
     }
 
     /// The curves as decoded, LINEAR, with keys at all frames.
@@ -92,7 +92,7 @@ impl Packed {
         }
         let mut pose = Pose::identity(joint_count);
         for time in times.iter() {
-            dispatch(Level::best(), ReadPacked { packed: self, time: *time, blocks: pose.blocks_mut() });
+            dispatch(Level::best(), DecodePacked { packed: self, time: *time, blocks: pose.blocks_mut() });
             for (curve, values) in curves.iter().zip(&mut values) {
                 let local = pose.get(curve.joint as usize);
                 match curve.path {
@@ -118,79 +118,79 @@ impl Packed {
     }
 }
 
-struct ReadPacked<'a> {
+struct DecodePacked<'a> {
     packed: &'a Packed,
     time: Time,
     blocks: &'a mut [PoseBlock],
 }
 
-impl Kernel for ReadPacked<'_> {
+impl Kernel for DecodePacked<'_> {
     #[inline(always)]
     fn run<F: F8>(self) {
-        read::<F>(self.packed, self.time, self.blocks);
+        decode::<F>(self.packed, self.time, self.blocks);
     }
 }
 
 #[inline(always)]
-pub(crate) fn read<F: F8>(packed: &Packed, time: Time, blocks: &mut [PoseBlock]) {
+pub(crate) fn decode<F: F8>(packed: &Packed, time: Time, blocks: &mut [PoseBlock]) {
     let (frame, fraction) = packed.frame(time);
-    let series = Series::new(fraction, packed.terms);
+    let series = SlerpSeries::new(fraction, packed.terms);
     for stride in &packed.strides {
         let phase = frame % stride.stride;
         let from = &stride.bytes[frame / stride.stride * stride.row_bytes..];
         let weights = &stride.weights[phase];
         if stride.stride == 1 {
-            columns::<F, 2>(stride, from, weights, fraction, &series, blocks);
+            decode_columns::<F, 2>(stride, from, weights, fraction, &series, blocks);
         } else if phase + 1 < stride.stride {
-            columns::<F, 4>(stride, from, weights, fraction, &series, blocks);
+            decode_columns::<F, 4>(stride, from, weights, fraction, &series, blocks);
         } else {
-            columns::<F, 5>(stride, from, weights, fraction, &series, blocks);
+            decode_columns::<F, 5>(stride, from, weights, fraction, &series, blocks);
         }
     }
 }
 
 /// Decodes all columns of a stride from N neighboring knots.
 #[inline(always)]
-fn columns<F: F8, const N: usize>(
+fn decode_columns<F: F8, const N: usize>(
     stride: &Stride,
     from: &[u8],
     weights: &[[f32; 5]; 2],
     fraction: f32,
-    series: &Series,
+    series: &SlerpSeries,
     blocks: &mut [PoseBlock],
 ) {
-    let mut of_a = [F::splat(0.0); N];
-    let mut of_b = of_a;
-    let mut between = of_a;
+    let mut weights_a = [F::splat(0.0); N];
+    let mut weights_b = weights_a;
+    let mut weights_between = weights_a;
     for i in 0..N {
         let (a, b) = (weights[0][i], weights[1][i]);
-        of_a[i] = F::splat(a);
-        of_b[i] = F::splat(b);
-        between[i] = F::splat(a + (b - a) * fraction);
+        weights_a[i] = F::splat(a);
+        weights_b[i] = F::splat(b);
+        weights_between[i] = F::splat(a + (b - a) * fraction);
     }
     let mut at = 0;
     for column in &stride.columns {
         let rotation = column.column.channel == Channel::Rotation;
-        let values = if rotation && !column.straight {
-            slerped::<F, N>(column, from, at, stride.row_bytes, [&of_a, &of_b], series)
+        let values = if rotation && !column.nlerp_suffices {
+            decode_slerp::<F, N>(column, from, at, stride.row_bytes, [&weights_a, &weights_b], series)
         } else if rotation {
-            between_knots::<F, N, 4>(column, from, at, stride.row_bytes, &between)
+            decode_linear::<F, N, 4>(column, from, at, stride.row_bytes, &weights_between)
         } else {
-            between_knots::<F, N, 3>(column, from, at, stride.row_bytes, &between)
+            decode_linear::<F, N, 3>(column, from, at, stride.row_bytes, &weights_between)
         };
         let Some(mut values) = values else { return };
         if rotation {
-            values = near_unit(values);
+            values = normalize_near_unit(values);
         }
         at += column.bytes.iter().map(|b| usize::from(*b)).sum::<usize>();
         let Some(block) = blocks.get_mut(column.column.block as usize) else { continue };
-        write(&column.column, block, values);
+        store_column(&column.column, block, values);
     }
 }
 
 /// The first `W` components, interpolated linearly between frames; components that are not stored have the value `low`.
 #[inline(always)]
-fn between_knots<F: F8, const N: usize, const W: usize>(
+fn decode_linear<F: F8, const N: usize, const W: usize>(
     column: &PackedColumn,
     from: &[u8],
     mut at: usize,
@@ -199,8 +199,8 @@ fn between_knots<F: F8, const N: usize, const W: usize>(
 ) -> Option<[F; 4]> {
     let mut values = [F::load(&column.low[3]); 4];
     for (c, value) in values.iter_mut().enumerate().take(W) {
-        let knots = knots::<F, N>(from, at, row_bytes, &column.bits[c])?;
-        *value = F::load(&column.low[c]).add(F::load(&column.step[c]).mul(weighed(&knots, weights)));
+        let knots = unpack_knots::<F, N>(from, at, row_bytes, &column.bits[c])?;
+        *value = F::load(&column.low[c]).add(F::load(&column.step[c]).mul(weighted_sum(&knots, weights)));
         at += usize::from(column.bytes[c]);
     }
     Some(values)
@@ -208,21 +208,21 @@ fn between_knots<F: F8, const N: usize, const W: usize>(
 
 /// Slerp between the rotations at both frames.
 #[inline(always)]
-fn slerped<F: F8, const N: usize>(
+fn decode_slerp<F: F8, const N: usize>(
     column: &PackedColumn,
     from: &[u8],
     mut at: usize,
     row_bytes: usize,
-    [of_a, of_b]: [&[F; N]; 2],
-    series: &Series,
+    [weights_a, weights_b]: [&[F; N]; 2],
+    series: &SlerpSeries,
 ) -> Option<[F; 4]> {
     let zero = F::splat(0.0);
     let (mut a, mut b, mut square) = ([zero; 4], [zero; 4], zero);
     for c in 0..4 {
-        let knots = knots::<F, N>(from, at, row_bytes, &column.bits[c])?;
+        let knots = unpack_knots::<F, N>(from, at, row_bytes, &column.bits[c])?;
         let (low, step) = (F::load(&column.low[c]), F::load(&column.step[c]));
-        a[c] = low.add(step.mul(weighed(&knots, of_a)));
-        b[c] = low.add(step.mul(weighed(&knots, of_b)));
+        a[c] = low.add(step.mul(weighted_sum(&knots, weights_a)));
+        b[c] = low.add(step.mul(weighted_sum(&knots, weights_b)));
         let chord = a[c].sub(b[c]);
         square = square.add(chord.mul(chord));
         at += usize::from(column.bytes[c]);
@@ -236,7 +236,12 @@ fn slerped<F: F8, const N: usize>(
 
 /// One component of neighboring knots; in registers, since it is used at once.
 #[inline(always)]
-fn knots<F: F8, const N: usize>(from: &[u8], at: usize, row_bytes: usize, bits: &Bits) -> Option<[F; N]> {
+fn unpack_knots<F: F8, const N: usize>(
+    from: &[u8],
+    at: usize,
+    row_bytes: usize,
+    bits: &Bits,
+) -> Option<[F; N]> {
     let unpacking = F::unpacking(bits);
     let mut knots = [F::splat(0.0); N];
     for (i, knot) in knots.iter_mut().enumerate() {
@@ -246,7 +251,7 @@ fn knots<F: F8, const N: usize>(from: &[u8], at: usize, row_bytes: usize, bits: 
 }
 
 #[inline(always)]
-fn weighed<F: F8, const N: usize>(knots: &[F; N], weights: &[F; N]) -> F {
+fn weighted_sum<F: F8, const N: usize>(knots: &[F; N], weights: &[F; N]) -> F {
     let mut sum = knots[0].mul(weights[0]);
     for i in 1..N {
         sum = sum.add(knots[i].mul(weights[i]));
@@ -256,7 +261,7 @@ fn weighed<F: F8, const N: usize>(knots: &[F; N], weights: &[F; N]) -> F {
 
 /// Normalizes quaternions within a few hundredths of length 1: 1/√(1 + e) = 1 − e/2 + 3e²/8 − …, without root and division.
 #[inline(always)]
-fn near_unit<F: F8>(q: [F; 4]) -> [F; 4] {
+fn normalize_near_unit<F: F8>(q: [F; 4]) -> [F; 4] {
     let one = F::splat(1.0);
     let e = crate::pose::blend::dot(q, q).sub(one);
     let k = one.add(e.mul(e.mul(F::splat(0.375)).sub(F::splat(0.5))));

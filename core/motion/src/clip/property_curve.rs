@@ -102,14 +102,16 @@ pub(crate) struct CheckedPropertyCurve {
     curve: Curve,
 }
 
-pub(crate) fn check(curves: Vec<PropertyCurve>) -> Result<Vec<CheckedPropertyCurve>, ClipError> {
+pub(crate) fn check_property_curves(
+    curves: Vec<PropertyCurve>,
+) -> Result<Vec<CheckedPropertyCurve>, ClipError> {
     let mut out: Vec<CheckedPropertyCurve> = Vec::with_capacity(curves.len());
     for (index, curve) in curves.into_iter().enumerate() {
         let PropertyCurve { target, interpolation, times, values } = curve;
         let path = Path::Weights(target.width() as u32);
         let mut curve = Curve { joint: 0, path, interpolation, times, values };
-        let twice = out.iter().position(|c| c.target == target);
-        let checked = check_curve(&mut curve, 1).and(match twice {
+        let earlier = out.iter().position(|c| c.target == target);
+        let checked = check_curve(&mut curve, 1).and(match earlier {
             Some(first) => Err(CurveError::Duplicate(first)),
             None => Ok(()),
         });
@@ -129,6 +131,6 @@ impl CheckedPropertyCurve {
     }
 
     pub(crate) fn sample(&self, time: Time, out: &mut [f32]) {
-        crate::clip::sample::curve_between(&self.curve, find_interval(&self.curve.times, time), out);
+        crate::clip::sample::interpolate_curve(&self.curve, find_interval(&self.curve.times, time), out);
     }
 }

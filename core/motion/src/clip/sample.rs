@@ -1,14 +1,14 @@
 //! Sampling: evaluates a clip at a time, into a pose.
 
 use crate::clip::key_search::Interval;
-use crate::clip::tracks::{Channel, Column, Constant, Group, Rows, Single, Tracks};
+use crate::clip::tracks::{Channel, Column, ConstantColumn, KeyRows, SingleCurve, TimelineGroup, Tracks};
 use crate::clip::{Clip, Curve, Interpolation};
 use crate::input_error::InputError;
 use crate::pose::blend::{dot, lerp};
 use crate::pose::{Pose, PoseBlock};
 use crate::simd::lane::{LANES, Lane};
 use crate::simd::{F8, Kernel, Level, dispatch, load4};
-use crate::slerp_series::{MAX_TERMS, Series, weights_at};
+use crate::slerp_series::{MAX_TERMS, SlerpSeries, slerp_weights};
 use crate::time::Time;
 
 /// Evaluates a clip at a time. Joints and properties that the clip does not animate keep what is in the pose.
@@ -60,32 +60,32 @@ impl Kernel for SampleTracks<'_> {
 #[inline(always)]
 pub(crate) fn sample<F: F8>(
     tracks: &Tracks,
-    constants: &[Constant],
+    constants: &[ConstantColumn],
     curves: &[Curve],
     time: Time,
     blocks: &mut [PoseBlock],
 ) {
-    for Constant { column, rows } in constants {
+    for ConstantColumn { column, rows } in constants {
         if let Some(block) = blocks.get_mut(column.block as usize) {
-            write::<F>(column, block, load4(rows));
+            store_column::<F>(column, block, load4(rows));
         }
     }
     if let Some(packed) = &tracks.packed {
-        crate::clip::packed::read::<F>(packed, time, blocks);
+        crate::clip::packed::decode::<F>(packed, time, blocks);
     }
-    let mut batch = Batch::default();
+    let mut batch = SlerpBatch::default();
     for group in &tracks.groups {
         let at = group.timeline.find(time);
         if !group.step.columns.is_empty() {
-            step::<F>(&group.step, at, blocks);
+            sample_step::<F>(&group.step, at, blocks);
         }
         if !group.linear.columns.is_empty() {
-            linear::<F>(&group.linear, at, blocks);
+            sample_linear::<F>(&group.linear, at, blocks);
         }
         if !group.cubic.columns.is_empty() {
-            cubic::<F>(&group.cubic, at, blocks);
+            sample_cubic::<F>(&group.cubic, at, blocks);
         }
-        singles::<F>(group, curves, at, blocks, &mut batch);
+        sample_singles::<F>(group, curves, at, blocks, &mut batch);
     }
     for separate in &tracks.separate {
         separate.sample::<F>(time, blocks);
@@ -95,7 +95,7 @@ pub(crate) fn sample<F: F8>(
 
 /// Stores the components that the channel has, in the lanes that the column drives.
 #[inline(always)]
-pub(crate) fn write<F: F8>(column: &Column, block: &mut PoseBlock, values: [F; 4]) {
+pub(crate) fn store_column<F: F8>(column: &Column, block: &mut PoseBlock, values: [F; 4]) {
     let rows = column.channel.rows(block);
     match &column.mask {
         None => {
@@ -113,23 +113,27 @@ pub(crate) fn write<F: F8>(column: &Column, block: &mut PoseBlock, values: [F; 4
 }
 
 #[inline(always)]
-fn step<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
+fn sample_step<F: F8>(rows: &KeyRows, at: Interval, blocks: &mut [PoseBlock]) {
     let mut row = &rows.lanes[at.key * rows.row_len..(at.key + 1) * rows.row_len];
     for column in &rows.columns {
         let (values, rest) = row.split_at(column.channel.width());
         row = rest;
         if let Some(block) = blocks.get_mut(column.block as usize) {
             let last = F::load(&values[values.len() - 1]);
-            write(column, block, [F::load(&values[0]), F::load(&values[1]), F::load(&values[2]), last]);
+            store_column(
+                column,
+                block,
+                [F::load(&values[0]), F::load(&values[1]), F::load(&values[2]), last],
+            );
         }
     }
 }
 
 #[inline(always)]
-fn linear<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
-    let (mut a, mut b) = (rows.at(at.key), rows.at(at.next));
+fn sample_linear<F: F8>(rows: &KeyRows, at: Interval, blocks: &mut [PoseBlock]) {
+    let (mut a, mut b) = (rows.row(at.key), rows.row(at.next));
     let t = F::splat(at.fraction);
-    let series = Series::new(at.fraction, rows.terms);
+    let series = SlerpSeries::new(at.fraction, rows.terms);
     for column in &rows.columns {
         if column.channel == Channel::Rotation {
             let (Some((ka, rest_a)), Some((kb, rest_b))) =
@@ -144,7 +148,7 @@ fn linear<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
             for (value, (a, b)) in values.iter_mut().zip(ka.iter().zip(kb)) {
                 *value = F::load(a).mul(wa).add(F::load(b).mul(wb));
             }
-            write(column, block, values);
+            store_column(column, block, values);
         } else {
             let (Some((ka, rest_a)), Some((kb, rest_b))) =
                 (a.split_first_chunk::<3>(), b.split_first_chunk::<3>())
@@ -157,22 +161,22 @@ fn linear<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
             for (value, (a, b)) in values.iter_mut().zip(ka.iter().zip(kb)) {
                 *value = lerp(F::load(a), F::load(b), t);
             }
-            write(column, block, values);
+            store_column(column, block, values);
         }
     }
 }
 
 /// Hermite basis (glTF 2.0 Appendix C.4): weights of value, out-tangent, next in-tangent, next value; tangents are per second.
 #[inline(always)]
-fn hermite(at: Interval) -> [f32; 4] {
+fn hermite_weights(at: Interval) -> [f32; 4] {
     let (t, span) = (at.fraction, at.span.as_secs() as f32);
     let (t2, t3) = (t * t, t * t * t);
     [2.0 * t3 - 3.0 * t2 + 1.0, span * (t3 - 2.0 * t2 + t), span * (t3 - t2), 3.0 * t2 - 2.0 * t3]
 }
 
-/// [`hermite`] of eight fractions and spans, with the same bits.
+/// [`hermite_weights`] of eight fractions and spans, with the same bits.
 #[inline(always)]
-pub(crate) fn hermite_at<F: F8>(t: F, span_secs: F) -> [F; 4] {
+pub(crate) fn hermite_weights_x8<F: F8>(t: F, span_secs: F) -> [F; 4] {
     let [one, two, three] = [F::splat(1.0), F::splat(2.0), F::splat(3.0)];
     let t2 = t.mul(t);
     let t3 = t2.mul(t);
@@ -185,10 +189,10 @@ pub(crate) fn hermite_at<F: F8>(t: F, span_secs: F) -> [F; 4] {
 }
 
 #[inline(always)]
-fn cubic<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
+fn sample_cubic<F: F8>(rows: &KeyRows, at: Interval, blocks: &mut [PoseBlock]) {
     let len = rows.row_len;
     let (a, b) = (&rows.lanes[at.key * 3 * len..][..3 * len], &rows.lanes[at.next * 3 * len..][..3 * len]);
-    let w = hermite(at);
+    let w = hermite_weights(at);
     let weights = [F::splat(w[0]), F::splat(w[1]), F::splat(w[2]), F::splat(w[3])];
     let mut from = 0;
     for column in &rows.columns {
@@ -205,15 +209,15 @@ fn cubic<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
             values[i] = value.add(F::load(&b[at]).mul(weights[2])).add(F::load(&b[len + at]).mul(weights[3]));
         }
         if column.channel == Channel::Rotation {
-            values = normalized(values, keys);
+            values = normalize_or(values, keys);
         }
-        write(column, block, values);
+        store_column(column, block, values);
     }
 }
 
-/// Normalizes quaternions; gives `otherwise` if the length is zero (as between opposite keys without tangents) or beyond f32.
+/// Normalizes quaternions; returns `otherwise` if the length is zero (as between opposite keys without tangents) or overflows f32.
 #[inline(always)]
-pub(crate) fn normalized<F: F8>(q: [F; 4], otherwise: [F; 4]) -> [F; 4] {
+pub(crate) fn normalize_or<F: F8>(q: [F; 4], otherwise: [F; 4]) -> [F; 4] {
     let square = dot(q, q);
     let usable = F::splat(1e-30).less(square);
     let k = F::splat(1.0).div(square.sqrt());
@@ -225,16 +229,16 @@ pub(crate) fn normalized<F: F8>(q: [F; 4], otherwise: [F; 4]) -> [F; 4] {
     out
 }
 
-impl Rows {
+impl KeyRows {
     #[inline(always)]
-    fn at(&self, key: usize) -> &[Lane] {
+    fn row(&self, key: usize) -> &[Lane] {
         &self.lanes[key * self.row_len..(key + 1) * self.row_len]
     }
 }
 
-/// Linear rotations of single curves, gathered until there are eight.
+/// Pairs of keys of linear rotations, collected from single curves until there are eight, which are slerped at once.
 #[derive(Default)]
-struct Batch {
+struct SlerpBatch {
     a: [Lane; 4],
     b: [Lane; 4],
     fraction: Lane,
@@ -243,7 +247,7 @@ struct Batch {
     terms: usize,
 }
 
-impl Batch {
+impl SlerpBatch {
     #[inline(always)]
     fn push<F: F8>(
         &mut self,
@@ -273,13 +277,13 @@ impl Batch {
             return;
         }
         let (a, b) = (load4::<F>(&self.a), load4::<F>(&self.b));
-        let values = slerp_between(a, b, F::load(&self.fraction), self.terms);
+        let values = slerp_shorter_arc(a, b, F::load(&self.fraction), self.terms);
         let mut out = [Lane::splat(0.0); 4];
         for i in 0..4 {
             values[i].store(&mut out[i]);
         }
         for lane in 0..self.count {
-            put(blocks, self.joints[lane], Channel::Rotation, out.map(|row| row.0[lane]));
+            store_joint(blocks, self.joints[lane], Channel::Rotation, out.map(|row| row.0[lane]));
         }
         self.count = 0;
         self.terms = 0;
@@ -288,26 +292,26 @@ impl Batch {
 
 /// Slerp between eight pairs of keys, on the shorter arc.
 #[inline(always)]
-pub(crate) fn slerp_between<F: F8>(a: [F; 4], b: [F; 4], t: F, terms: usize) -> [F; 4] {
+pub(crate) fn slerp_shorter_arc<F: F8>(a: [F; 4], b: [F; 4], t: F, terms: usize) -> [F; 4] {
     let cos = dot(a, b);
     // 1 − cos is computed from the chord: for small angles, rounding of the dot product loses it.
     let mut square = F::splat(0.0);
     for i in 0..4 {
-        let chord = a[i].sub(b[i].flipped_by(cos));
+        let chord = a[i].sub(b[i].flip_sign_by(cos));
         square = square.add(chord.mul(chord));
     }
     let d = square.mul(F::splat(0.5));
-    let (wa, wb) = weights_at::<F>(t, d, terms.min(MAX_TERMS));
+    let (wa, wb) = slerp_weights::<F>(t, d, terms.min(MAX_TERMS));
     let mut out = a;
     for i in 0..4 {
-        out[i] = a[i].mul(wa).add(b[i].flipped_by(cos).mul(wb));
+        out[i] = a[i].mul(wa).add(b[i].flip_sign_by(cos).mul(wb));
     }
     out
 }
 
-/// Stores one channel of one joint.
+/// Stores one channel of one joint, if the pose has it.
 #[inline(always)]
-fn put(blocks: &mut [PoseBlock], joint: u32, channel: Channel, value: [f32; 4]) {
+fn store_joint(blocks: &mut [PoseBlock], joint: u32, channel: Channel, value: [f32; 4]) {
     if let Some(block) = blocks.get_mut(joint as usize / LANES) {
         for (row, component) in channel.rows(block).iter_mut().zip(value) {
             row.0[joint as usize % LANES] = component;
@@ -316,28 +320,28 @@ fn put(blocks: &mut [PoseBlock], joint: u32, channel: Channel, value: [f32; 4]) 
 }
 
 #[inline(always)]
-fn singles<F: F8>(
-    group: &Group,
+fn sample_singles<F: F8>(
+    group: &TimelineGroup,
     curves: &[Curve],
     at: Interval,
     blocks: &mut [PoseBlock],
-    batch: &mut Batch,
+    batch: &mut SlerpBatch,
 ) {
-    for Single { curve, channel, terms } in &group.singles {
+    for SingleCurve { curve, channel, terms } in &group.singles {
         let curve = &curves[*curve];
         if *channel == Channel::Rotation && curve.interpolation == Interpolation::Linear {
             let (a, b) = (&curve.values[at.key * 4..][..4], &curve.values[at.next * 4..][..4]);
             batch.push::<F>(a, b, at.fraction, curve.joint, *terms, blocks);
         } else {
             let mut value = [0.0; 4];
-            curve_between(curve, at, &mut value);
-            put(blocks, curve.joint, *channel, value);
+            interpolate_curve(curve, at, &mut value);
+            store_joint(blocks, curve.joint, *channel, value);
         }
     }
 }
 
-/// Evaluates one curve in a known interval; any but linear rotations.
-pub(crate) fn curve_between(curve: &Curve, at: Interval, out: &mut [f32]) {
+/// Evaluates one curve, except linear rotations, in a known interval.
+pub(crate) fn interpolate_curve(curve: &Curve, at: Interval, out: &mut [f32]) {
     let (width, stride) = (curve.path.width(), curve.stride());
     let count = width.min(out.len());
     let a = &curve.values[at.key * stride..][..stride];
@@ -350,7 +354,7 @@ pub(crate) fn curve_between(curve: &Curve, at: Interval, out: &mut [f32]) {
             }
         }
         Interpolation::CubicSpline => {
-            let w = hermite(at);
+            let w = hermite_weights(at);
             for i in 0..count {
                 out[i] = a[width + i] * w[0] + a[2 * width + i] * w[1] + b[i] * w[2] + b[width + i] * w[3];
             }

@@ -20,11 +20,11 @@ pub(crate) fn curve_at(curve: &Curve, time: Time) -> [f64; 4] {
     // The fraction in f64, from the exact times: `at` holds it as f32.
     let span = curve.times[at.next] - curve.times[at.key];
     let s = if span > Time::ZERO { (time - curve.times[at.key]).0 as f64 / span.0 as f64 } else { 0.0 };
-    let mixed = match curve.interpolation {
+    let interpolated = match curve.interpolation {
         _ if at.next == at.key => a,
         Interpolation::Step => a,
         Interpolation::Linear if curve.path == Path::Rotation => {
-            slerp_sum(unit(a).into(), unit(b).into(), s).to_array()
+            slerp_sum(normalize_or_identity(a).into(), normalize_or_identity(b).into(), s).to_array()
         }
         Interpolation::Linear => std::array::from_fn(|i| a[i] + (b[i] - a[i]) * s),
         Interpolation::CubicSpline => {
@@ -38,10 +38,10 @@ pub(crate) fn curve_at(curve: &Curve, time: Time) -> [f64; 4] {
             })
         }
     };
-    if curve.path == Path::Rotation { unit(mixed) } else { mixed }
+    if curve.path == Path::Rotation { normalize_or_identity(interpolated) } else { interpolated }
 }
 
-fn unit(q: [f64; 4]) -> [f64; 4] {
+fn normalize_or_identity(q: [f64; 4]) -> [f64; 4] {
     let q = DVec4::from_array(q);
     if q.length_squared() > 0.0 { (q / q.length()).to_array() } else { DQuat::IDENTITY.to_array() }
 }

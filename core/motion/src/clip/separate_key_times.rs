@@ -3,8 +3,8 @@
 //! A grid over the clip holds the interval of each curve at the start of each cell. The few keys within a cell are found by
 //! bisection, so that a seek costs as much as the next frame. Neighboring keys lie side by side, so that one load reads both.
 
-use crate::clip::sample::{hermite_at, normalized, slerp_between, write};
-use crate::clip::tracks::{Channel, Column, Lanes, column, part};
+use crate::clip::sample::{hermite_weights_x8, normalize_or, slerp_shorter_arc, store_column};
+use crate::clip::tracks::{Channel, Column, Lanes, make_column, tangent_or_value};
 use crate::clip::{Curve, Interpolation};
 use crate::pose::PoseBlock;
 use crate::pose::blend::lerp;
@@ -13,7 +13,7 @@ use crate::simd::lane::{LANES, Lane};
 use crate::time::Time;
 
 /// The largest number of ticks that f64 holds exactly.
-const MOST_TICKS: i64 = 1 << 53;
+const MAX_EXACT_TICKS: i64 = 1 << 53;
 
 /// Curves of one interpolation. A curve of N keys has N + 1 intervals: up to its first key, between each two keys, and from its
 /// last key on.
@@ -21,7 +21,7 @@ const MOST_TICKS: i64 = 1 << 53;
 pub(crate) struct SeparateKeyTimes {
     columns: Vec<SeparateColumn>,
     /// Entries of [`Self::keys`] that one key takes: 1, or 3 for in-tangent, value and out-tangent.
-    parts: usize,
+    entries_per_key: usize,
     /// Start of the grid, ticks, and cells per tick.
     start: f64,
     density: f64,
@@ -30,7 +30,7 @@ pub(crate) struct SeparateKeyTimes {
     grid: Vec<Cell>,
     /// Ticks at which each interval begins.
     interval_starts: Vec<f64>,
-    spans: Vec<Span>,
+    spans: Vec<KeySpan>,
     /// The key before each interval, and then the key after it.
     keys: Vec<[f32; 4]>,
 }
@@ -47,12 +47,12 @@ struct Cell {
     /// The interval of each lane where the cell begins.
     intervals: [u32; LANES],
     /// Number of bisection steps that find an interval in the cell.
-    halvings: u32,
+    bisection_steps: u32,
 }
 
 /// The time between two keys.
 #[derive(Clone, Copy, Debug)]
-struct Span {
+struct KeySpan {
     /// Start, ticks.
     from: f64,
     /// 1 / duration in ticks; 0 beyond the ends of a curve.
@@ -60,11 +60,12 @@ struct Span {
     secs: f32,
 }
 
-const OUTSIDE: Span = Span { from: 0.0, rate: 0.0, secs: 0.0 };
+/// The span before the first and after the last key of a curve, where the value holds.
+const OUTSIDE_SPAN: KeySpan = KeySpan { from: 0.0, rate: 0.0, secs: 0.0 };
 
 /// Whether [`SeparateKeyTimes`] can hold a curve: linear or cubic, several keys, times exact in f64.
-pub(crate) fn fits(curve: &Curve) -> bool {
-    let exact = |time: Option<&Time>| time.is_some_and(|t| t.0.abs() < MOST_TICKS);
+pub(crate) fn can_pack(curve: &Curve) -> bool {
+    let exact = |time: Option<&Time>| time.is_some_and(|t| t.0.abs() < MAX_EXACT_TICKS);
     curve.interpolation != Interpolation::Step
         && curve.times.len() > 1
         && exact(curve.times.first())
@@ -72,10 +73,10 @@ pub(crate) fn fits(curve: &Curve) -> bool {
 }
 
 impl SeparateKeyTimes {
-    /// Packs curves of one interpolation, linear or cubic, all of which fit ([`fits`]). `members`: block, channel and curve
+    /// Packs curves of one interpolation, linear or cubic, all of which pass [`can_pack`]. `members`: block, channel and curve
     /// indices.
     pub fn pack<'a>(curves: &'a [Curve], members: impl Iterator<Item = (u32, Channel, &'a [usize])>) -> Self {
-        let mut packed = SeparateKeyTimes { parts: 1, ..SeparateKeyTimes::default() };
+        let mut packed = SeparateKeyTimes { entries_per_key: 1, ..SeparateKeyTimes::default() };
         // The first interval of each lane.
         let mut firsts: Vec<[u32; LANES]> = Vec::new();
         for (block, channel, members) in members {
@@ -86,7 +87,7 @@ impl SeparateKeyTimes {
                 lanes[lane] = Some(curve);
                 first[lane] = packed.interval_starts.len() as u32;
                 last[lane] = first[lane] + curve.times.len() as u32;
-                packed.add(curve);
+                packed.add_curve(curve);
             }
             // Lanes without a curve copy another lane, and are not written.
             let Some(driven) = lanes.iter().position(Option::is_some) else { continue };
@@ -94,28 +95,30 @@ impl SeparateKeyTimes {
                 (first[lane], last[lane]) = (first[driven], last[driven]);
             }
             firsts.push(first);
-            packed.columns.push(SeparateColumn { column: column(usize::MAX, block, channel, &lanes), last });
+            packed
+                .columns
+                .push(SeparateColumn { column: make_column(usize::MAX, block, channel, &lanes), last });
         }
         packed.build_grid(&firsts);
         packed
     }
 
-    fn add(&mut self, curve: &Curve) {
+    fn add_curve(&mut self, curve: &Curve) {
         let ticks = |key: usize| curve.times[key].0 as f64;
         let count = curve.times.len();
         // The first key's value holds up to its time, inclusive.
         self.interval_starts.extend([f64::NEG_INFINITY, ticks(0) + 1.0]);
         self.interval_starts.extend((1..count).map(ticks));
         self.interval_starts.push(f64::INFINITY);
-        self.spans.push(OUTSIDE);
+        self.spans.push(OUTSIDE_SPAN);
         self.spans.extend((1..count).map(|key| {
             let length = curve.times[key] - curve.times[key - 1];
-            Span { from: ticks(key - 1), rate: 1.0 / length.0 as f64, secs: length.as_secs() as f32 }
+            KeySpan { from: ticks(key - 1), rate: 1.0 / length.0 as f64, secs: length.as_secs() as f32 }
         }));
-        self.spans.extend([OUTSIDE; 2]);
-        self.parts = if curve.interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+        self.spans.extend([OUTSIDE_SPAN; 2]);
+        self.entries_per_key = if curve.interpolation == Interpolation::CubicSpline { 3 } else { 1 };
         for key in std::iter::once(0).chain(0..count).chain([count - 1]) {
-            self.keys.extend((0..self.parts).map(|at| part(curve, key, at)));
+            self.keys.extend((0..self.entries_per_key).map(|at| tangent_or_value(curve, key, at)));
         }
     }
 
@@ -128,15 +131,15 @@ impl SeparateKeyTimes {
         let mut grid = Vec::with_capacity(self.cells * firsts.len());
         for cell in 0..self.cells {
             for (firsts, SeparateColumn { last, .. }) in firsts.iter().zip(&self.columns) {
-                let (mut intervals, mut most) = (*firsts, 0);
+                let (mut intervals, mut max_within) = (*firsts, 0);
                 for (interval, last) in intervals.iter_mut().zip(last) {
                     let starts = &self.interval_starts[*interval as usize + 1..=*last as usize];
-                    let before = starts.partition_point(|start| self.cell(*start) < cell);
-                    let within = starts[before..].partition_point(|start| self.cell(*start) == cell);
+                    let before = starts.partition_point(|start| self.cell_index(*start) < cell);
+                    let within = starts[before..].partition_point(|start| self.cell_index(*start) == cell);
                     *interval += before as u32;
-                    most = within.max(most);
+                    max_within = within.max(max_within);
                 }
-                grid.push(Cell { intervals, halvings: usize::BITS - most.leading_zeros() });
+                grid.push(Cell { intervals, bisection_steps: usize::BITS - max_within.leading_zeros() });
             }
         }
         self.grid = grid;
@@ -144,7 +147,7 @@ impl SeparateKeyTimes {
 
     /// Cell of a time; never decreases with time.
     #[inline(always)]
-    fn cell(&self, ticks: f64) -> usize {
+    fn cell_index(&self, ticks: f64) -> usize {
         (((ticks - self.start) * self.density) as usize).min(self.cells - 1)
     }
 
@@ -154,24 +157,24 @@ impl SeparateKeyTimes {
             return;
         }
         let ticks = time.0 as f64;
-        let row = &self.grid[self.cell(ticks) * self.columns.len()..][..self.columns.len()];
+        let row = &self.grid[self.cell_index(ticks) * self.columns.len()..][..self.columns.len()];
         for (SeparateColumn { column, last }, cell) in self.columns.iter().zip(row) {
             let Some(block) = blocks.get_mut(column.block as usize) else { continue };
-            let intervals = self.intervals(cell, last, ticks);
-            let values = match self.parts {
-                1 => self.linear::<F>(column, &intervals, ticks),
-                _ => self.cubic::<F>(column, &intervals, ticks),
+            let intervals = self.find_intervals(cell, last, ticks);
+            let values = match self.entries_per_key {
+                1 => self.sample_linear::<F>(column, &intervals, ticks),
+                _ => self.sample_cubic::<F>(column, &intervals, ticks),
             };
             let Some(values) = values else { return };
-            write(column, block, values);
+            store_column(column, block, values);
         }
     }
 
     /// The last interval of each lane that has begun at `ticks`.
     #[inline(always)]
-    fn intervals(&self, cell: &Cell, last: &[u32; LANES], ticks: f64) -> [u32; LANES] {
+    fn find_intervals(&self, cell: &Cell, last: &[u32; LANES], ticks: f64) -> [u32; LANES] {
         let mut intervals = cell.intervals;
-        for halving in (0..cell.halvings).rev() {
+        for halving in (0..cell.bisection_steps).rev() {
             for lane in 0..LANES {
                 let next = (intervals[lane] + (1 << halving)).min(last[lane]);
                 let begun = u32::from(self.interval_starts[next as usize] <= ticks);
@@ -181,6 +184,7 @@ impl SeparateKeyTimes {
         intervals
     }
 
+    /// Fractions of eight intervals at a time, and their durations in seconds.
     #[inline(always)]
     fn fractions<F: F8>(&self, intervals: &[u32; LANES], ticks: f64) -> (F, F) {
         let (mut from, mut rate, mut secs) = ([0.0; LANES], [0.0; LANES], Lane::default());
@@ -195,40 +199,40 @@ impl SeparateKeyTimes {
         (F::load(&fraction), F::load(&secs))
     }
 
-    /// Component rows of two neighboring entries of the keys of eight intervals; `at`: offset of the first one from the
+    /// Two neighboring entries of the keys of eight intervals, one row per component. `at`: index of the first one within the
     /// interval's entries.
     #[inline(always)]
-    fn gather<F: F8>(&self, intervals: &[u32; LANES], at: usize) -> Option<[[F; 4]; 2]> {
+    fn load_key_pairs<F: F8>(&self, intervals: &[u32; LANES], at: usize) -> Option<[[F; 4]; 2]> {
         let mut pairs = [F::splat(0.0); LANES];
         for lane in 0..LANES {
-            let from = intervals[lane] as usize * self.parts + at;
+            let from = intervals[lane] as usize * self.entries_per_key + at;
             pairs[lane] = F::load_halves(self.keys.get(from..)?.first_chunk()?);
         }
         let [a, b, c, d, e, f, g, h] = pairs;
-        Some(F::joined_rows4(F::half_rows4([a, b, c, d]), F::half_rows4([e, f, g, h])))
+        Some(F::join_rows4(F::half_rows4([a, b, c, d]), F::half_rows4([e, f, g, h])))
     }
 
     #[inline(always)]
-    fn linear<F: F8>(&self, column: &Column, intervals: &[u32; LANES], ticks: f64) -> Option<[F; 4]> {
-        let [a, b] = self.gather::<F>(intervals, 0)?;
+    fn sample_linear<F: F8>(&self, column: &Column, intervals: &[u32; LANES], ticks: f64) -> Option<[F; 4]> {
+        let [a, b] = self.load_key_pairs::<F>(intervals, 0)?;
         let (t, _) = self.fractions::<F>(intervals, ticks);
         if column.channel == Channel::Rotation {
-            return Some(slerp_between(a, b, t, column.terms));
+            return Some(slerp_shorter_arc(a, b, t, column.terms));
         }
         Some([lerp(a[0], b[0], t), lerp(a[1], b[1], t), lerp(a[2], b[2], t), a[3]])
     }
 
     #[inline(always)]
-    fn cubic<F: F8>(&self, column: &Column, intervals: &[u32; LANES], ticks: f64) -> Option<[F; 4]> {
-        let [key, tangent] = self.gather::<F>(intervals, 1)?;
-        let [next_tangent, next] = self.gather::<F>(intervals, 3)?;
+    fn sample_cubic<F: F8>(&self, column: &Column, intervals: &[u32; LANES], ticks: f64) -> Option<[F; 4]> {
+        let [key, tangent] = self.load_key_pairs::<F>(intervals, 1)?;
+        let [next_tangent, next] = self.load_key_pairs::<F>(intervals, 3)?;
         let (t, secs) = self.fractions::<F>(intervals, ticks);
-        let w = hermite_at(t, secs);
+        let w = hermite_weights_x8(t, secs);
         let mut values = key;
         for i in 0..4 {
             let value = key[i].mul(w[0]).add(tangent[i].mul(w[1]));
             values[i] = value.add(next_tangent[i].mul(w[2])).add(next[i].mul(w[3]));
         }
-        Some(if column.channel == Channel::Rotation { normalized(values, key) } else { values })
+        Some(if column.channel == Channel::Rotation { normalize_or(values, key) } else { values })
     }
 }

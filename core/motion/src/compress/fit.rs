@@ -3,7 +3,7 @@
 //! L. Piegl, W. Tiller, "The NURBS Book", §9.4.1. The normal equations are the same for all curves of a clip: seven diagonals, factored
 //! once for each spacing of the knots.
 
-use super::grid::{Grid, packs};
+use super::grid::{Grid, is_packable};
 use crate::clip::{Clip, Curve, Path};
 use crate::slerp_series::one_minus_cos;
 use crate::time::Time;
@@ -12,8 +12,8 @@ use std::sync::Arc;
 /// Numbers of keys per knot. At 1 the knots are the keys.
 pub(crate) const STRIDES: [usize; 6] = [1, 2, 3, 4, 6, 8];
 
-/// B-spline basis: weights of four knots at a fraction `s` of the way from the second to the third.
-pub(crate) fn basis(s: f64) -> [f64; 4] {
+/// Uniform cubic B-spline basis: weights of four knots at a fraction `s` of the way from the second to the third.
+pub(crate) fn bspline_weights(s: f64) -> [f64; 4] {
     let (r, s2, s3) = (1.0 - s, s * s, s * s * s);
     [
         r * r * r / 6.0,
@@ -29,9 +29,9 @@ pub(crate) fn knot_count(frames: usize, stride: usize) -> usize {
 }
 
 /// Values of each curve on the grid, and their splines; `None` for curves that are not packed.
-pub(super) struct CurveFits(Vec<Option<Fit>>);
+pub(super) struct CurveFits(Vec<Option<CurveFit>>);
 
-pub(super) struct Fit {
+pub(super) struct CurveFit {
     /// 1 − cos of the largest angle between neighboring quaternions; 0 for other curves.
     pub widest: f64,
     pub values: Vec<[f64; 4]>,
@@ -46,50 +46,52 @@ impl CurveFits {
             let values = grid.values(curve);
             let spline = |solver: &Solver| {
                 let knots = solver.solve(&values);
-                let worst = worst(curve.path, solver.stride, &knots, &values);
+                let worst = largest_spline_error(curve.path, solver.stride, &knots, &values);
                 (knots, worst)
             };
             let splines = solvers.iter().map(spline).collect();
             let narrow = |q: &[f64; 4]| q.map(|c| c as f32);
             let intervals = values.windows(2).map(|w| one_minus_cos(narrow(&w[0]), narrow(&w[1])));
             let widest = if curve.path == Path::Rotation { intervals.fold(0.0, f64::max) } else { 0.0 };
-            Fit { widest, values, splines }
+            CurveFit { widest, values, splines }
         };
-        CurveFits(clip.curves().iter().map(|curve| packs(curve).then(|| fit(curve))).collect())
+        CurveFits(clip.curves().iter().map(|curve| is_packable(curve).then(|| fit(curve))).collect())
     }
 
-    pub fn of(&self, curve: usize) -> Option<&Fit> {
+    pub fn fit_of(&self, curve: usize) -> Option<&CurveFit> {
         self.0.get(curve)?.as_ref()
     }
 
-    /// A curve on the grid, not packed, for curves where packing does not pay.
-    pub fn raw(&self, curve: &Curve, index: usize, times: &Arc<[Time]>) -> Curve {
+    /// The curve with LINEAR keys at the grid's times, for curves that packing does not make smaller.
+    pub fn resampled_curve(&self, curve: &Curve, index: usize, times: &Arc<[Time]>) -> Curve {
         let width = curve.path.width();
-        let Some(fit) = self.of(index) else { return curve.clone() };
+        let Some(fit) = self.fit_of(index) else { return curve.clone() };
         let values = fit.values.iter().flat_map(|v| v[..width].iter().map(|c| *c as f32)).collect();
         let interpolation = crate::clip::Interpolation::Linear;
         Curve { times: times.clone(), values, interpolation, ..curve.clone() }
     }
 }
 
-impl Fit {
+impl CurveFit {
     /// The first value, if all values are within the tolerance of it.
     pub fn constant(&self, allowed: f64) -> Option<&[f64]> {
         let first = self.values.first()?;
-        let rests = self.values.iter().all(|v| apart(v, first) <= allowed);
-        rests.then(|| &first[..])
+        let is_constant = self.values.iter().all(|v| doubled_distance(v, first) <= allowed);
+        is_constant.then(|| &first[..])
     }
 }
 
-fn apart(a: &[f64; 4], b: &[f64; 4]) -> f64 {
+/// Twice the distance between two values: between unit quaternions, about the angle of the rotation.
+fn doubled_distance(a: &[f64; 4], b: &[f64; 4]) -> f64 {
     2.0 * a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
-fn worst(path: Path, stride: usize, knots: &[[f64; 4]], values: &[[f64; 4]]) -> f64 {
+/// Largest error of the spline at the frames: radians for rotations, else a distance.
+fn largest_spline_error(path: Path, stride: usize, knots: &[[f64; 4]], values: &[[f64; 4]]) -> f64 {
     if stride == 1 {
         return 0.0;
     }
-    let phases: Vec<[f64; 4]> = (0..stride).map(|p| basis(p as f64 / stride as f64)).collect();
+    let phases: Vec<[f64; 4]> = (0..stride).map(|p| bspline_weights(p as f64 / stride as f64)).collect();
     let mut worst = 0.0f64;
     for (frame, value) in values.iter().enumerate() {
         let (first, weights) = (frame / stride, &phases[frame % stride]);
@@ -97,7 +99,7 @@ fn worst(path: Path, stride: usize, knots: &[[f64; 4]], values: &[[f64; 4]]) -> 
         for (knot, weight) in knots[first..].iter().zip(weights) {
             (0..4).for_each(|c| at[c] += knot[c] * weight);
         }
-        worst = worst.max(apart(&at, value));
+        worst = worst.max(doubled_distance(&at, value));
     }
     // The distance between unit quaternions is half the angle.
     if path == Path::Rotation { worst } else { worst * 0.5 }
@@ -115,7 +117,7 @@ const STIFFNESS: f64 = 1e-9;
 
 impl Solver {
     fn new(frames: usize, stride: usize) -> Solver {
-        let phases: Vec<[f64; 4]> = (0..stride).map(|p| basis(p as f64 / stride as f64)).collect();
+        let phases: Vec<[f64; 4]> = (0..stride).map(|p| bspline_weights(p as f64 / stride as f64)).collect();
         let count = knot_count(frames, stride);
         let mut factor = vec![[0.0; 4]; if stride == 1 { 0 } else { count }];
         if stride > 1 {
@@ -199,16 +201,16 @@ mod tests {
             for stride in STRIDES {
                 let knots = Solver::new(frames, stride).solve(&values);
                 assert_eq!(knots.len(), knot_count(frames, stride));
-                let worst = worst(Path::Translation, stride, &knots, &values);
+                let worst = largest_spline_error(Path::Translation, stride, &knots, &values);
                 assert!(worst < 1e-5, "{frames} frames, stride {stride}: {worst}");
             }
         }
     }
 
     #[test]
-    fn what_is_not_smooth_is_seen_to_be_off() {
+    fn values_that_alternate_have_a_large_spline_error() {
         let values: Vec<[f64; 4]> = (0..40).map(|i| [f64::from(i % 2), 0.0, 0.0, 0.0]).collect();
         let knots = Solver::new(40, 4).solve(&values);
-        assert!(worst(Path::Translation, 4, &knots, &values) > 0.4);
+        assert!(largest_spline_error(Path::Translation, 4, &knots, &values) > 0.4);
     }
 }

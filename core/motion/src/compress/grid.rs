@@ -12,37 +12,38 @@ pub(super) struct Grid {
 }
 
 /// Key rates to try, per second: those at which files are usually made, from low to high.
-const RATES: [i64; 9] = [24, 25, 30, 48, 50, 60, 100, 120, 240];
+const CANDIDATE_RATES: [i64; 9] = [24, 25, 30, 48, 50, 60, 100, 120, 240];
 /// Largest distance of a key time from the grid, ticks: files store times as f32 seconds.
 const MAX_GRID_OFFSET: i64 = Time::TICKS_PER_SECOND / 50_000;
-/// Limit of the frames that are tried: two hours at 120 Hz.
-const MOST_FRAMES: i64 = 1 << 20;
+/// Largest number of frames of a grid: about two hours at 120 Hz.
+const MAX_FRAMES: i64 = 1 << 20;
 
 /// Whether a curve can be packed: LINEAR, and not of morph weights.
-pub(super) fn packs(curve: &Curve) -> bool {
+pub(super) fn is_packable(curve: &Curve) -> bool {
     !matches!(curve.path, Path::Weights(_)) && curve.interpolation == Interpolation::Linear
 }
 
 impl Grid {
     /// Grids to try, the coarsest first.
     pub fn candidates(clip: &Clip) -> Vec<Grid> {
-        let times = || clip.curves().iter().filter(|c| packs(c)).flat_map(|c| c.times.iter().copied());
+        let times = || clip.curves().iter().filter(|c| is_packable(c)).flat_map(|c| c.times.iter().copied());
         let (Some(start), Some(end)) = (times().min(), times().max()) else { return Vec::new() };
         let length = (end - start).0;
-        let holds = |rate: i64| {
+        let contains_all_keys = |rate: i64| {
             let step = Time::TICKS_PER_SECOND / rate;
             times().all(|t| {
                 let rest = (t - start).0.rem_euclid(step);
                 rest.min(step - rest) <= MAX_GRID_OFFSET
             })
         };
-        let own = RATES.into_iter().find(|rate| holds(*rate));
-        let rates =
-            own.into_iter().chain([60, 120, 240].into_iter().filter(|r| own.is_none_or(|own| *r > own)));
+        let clip_rate = CANDIDATE_RATES.into_iter().find(|rate| contains_all_keys(*rate));
+        let rates = clip_rate
+            .into_iter()
+            .chain([60, 120, 240].into_iter().filter(|r| clip_rate.is_none_or(|clip_rate| *r > clip_rate)));
         rates
             .map(|rate| Time::TICKS_PER_SECOND / rate)
             .map(|step| (step, length.saturating_add(step - 1 - MAX_GRID_OFFSET).max(0) / step + 1))
-            .filter(|(_, frames)| (2..=MOST_FRAMES).contains(frames))
+            .filter(|(_, frames)| (2..=MAX_FRAMES).contains(frames))
             .map(|(step, frames)| Grid { start, step, frames: frames as usize })
             .collect()
     }
@@ -51,7 +52,7 @@ impl Grid {
         (0..self.frames).map(|frame| Time(self.start.0.saturating_add(frame as i64 * self.step)))
     }
 
-    /// Values of a curve at all times, in f64; each rotation is in the hemisphere of the one before.
+    /// Values of a curve at all times of the grid, in f64; each rotation is in the hemisphere of the one before.
     pub fn values(&self, curve: &Curve) -> Vec<[f64; 4]> {
         let mut values: Vec<[f64; 4]> =
             self.times().map(|t| curve_at(curve, nearest_key(curve, t))).collect();
@@ -67,9 +68,10 @@ impl Grid {
     }
 }
 
-/// The key time that a time of the grid stands for, if any, else the time itself.
+/// The key time that coincides with a time of the grid up to rounding, if any, else the time itself.
 fn nearest_key(curve: &Curve, time: Time) -> Time {
     let at = curve.times.partition_point(|t| *t < time);
-    let near = |i: usize| curve.times.get(i).copied().filter(|t| (*t - time).0.abs() <= MAX_GRID_OFFSET);
-    near(at).or_else(|| at.checked_sub(1).and_then(near)).unwrap_or(time)
+    let key_within_offset =
+        |i: usize| curve.times.get(i).copied().filter(|t| (*t - time).0.abs() <= MAX_GRID_OFFSET);
+    key_within_offset(at).or_else(|| at.checked_sub(1).and_then(key_within_offset)).unwrap_or(time)
 }

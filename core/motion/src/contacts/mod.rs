@@ -26,18 +26,18 @@ pub use feet::{find_feet, leg_length, leg_of_ik_control};
 pub use still_intervals::still_intervals;
 
 /// Height limit of a contact above the lowest position, in leg lengths. A walk's toe swings through at 2 %, but fast.
-const HEIGHT: f64 = 0.06;
+const MAX_HEIGHT_LEGS: f64 = 0.06;
 /// Vertical speed limit of a contact, in leg lengths per second, and as a fraction of the gait's speed.
-const CLIMB_LEGS: f64 = 0.8;
-const CLIMB_SHARE: f64 = 0.35;
-/// Horizontal speed limit of a contact against the floor, likewise.
-const SLIP_LEGS: f64 = 0.5;
-const SLIP_SHARE: f64 = 0.35;
-/// Samples per second, and most samples per clip.
-const RATE: f64 = 120.0;
-const MOST: usize = 4096;
-/// A foot that stands at all is on the floor in at least one of this many samples of a clip.
-const LOWEST_SHARE: usize = 10;
+const MAX_VERTICAL_SPEED_LEGS: f64 = 0.8;
+const MAX_VERTICAL_SPEED_SHARE: f64 = 0.35;
+/// Horizontal speed limit of a contact against the floor, in the same units.
+const MAX_SLIDING_SPEED_LEGS: f64 = 0.5;
+const MAX_SLIDING_SPEED_SHARE: f64 = 0.35;
+/// Samples per second, and the largest number of samples per clip.
+const SAMPLES_PER_SECOND: f64 = 120.0;
+const MAX_SAMPLES: usize = 4096;
+/// A foot that has contacts is on the floor in at least 1 of this number of samples.
+const CONTACT_SHARE_DIVISOR: usize = 10;
 
 /// Thresholds below which a foot is in contact; above 0. A joint is in contact while [`ContactThresholds::motion_ratio`] is at
 /// most 1.
@@ -54,8 +54,11 @@ pub struct ContactThresholds {
 impl ContactThresholds {
     /// Thresholds for a leg of `leg` metres and a character that moves over the floor at `gait` metres per second.
     pub fn new(leg: f64, gait: f64) -> ContactThresholds {
-        let (climb, slip) = (CLIMB_LEGS * leg + CLIMB_SHARE * gait, SLIP_LEGS * leg + SLIP_SHARE * gait);
-        ContactThresholds { height: HEIGHT * leg, climb, slip }
+        let (climb, slip) = (
+            MAX_VERTICAL_SPEED_LEGS * leg + MAX_VERTICAL_SPEED_SHARE * gait,
+            MAX_SLIDING_SPEED_LEGS * leg + MAX_SLIDING_SPEED_SHARE * gait,
+        );
+        ContactThresholds { height: MAX_HEIGHT_LEGS * leg, climb, slip }
     }
 
     /// Largest ratio of height, vertical and horizontal speed to their thresholds: in contact up to 1. `velocity` is relative to
@@ -92,14 +95,15 @@ pub struct Contacts {
     pub floor_velocity: DVec3,
 }
 
-fn model(skeleton: &Skeleton, pose: &Pose) -> Vec<Vec3> {
+/// Positions of all joints in model space.
+fn joint_positions(skeleton: &Skeleton, pose: &Pose) -> Vec<Vec3> {
     let mut matrices = vec![Affine3A::IDENTITY; skeleton.len()];
     LocalToModel { skeleton, pose, model_from_joint: &mut matrices }.run();
     matrices.into_iter().map(|m| m.translation.into()).collect()
 }
 
 /// A joint of a foot over the clip.
-struct Track {
+struct JointTrack {
     foot: usize,
     /// Heights above the joint's lowest position, metres.
     heights: Vec<f64>,
@@ -112,7 +116,7 @@ impl Contacts {
     pub fn find(skeleton: &Skeleton, clip: &Clip, trim: (Time, Time), feet: &[Foot]) -> Option<Contacts> {
         let leg = leg_length(skeleton, feet)?;
         let span = (trim.1 - trim.0).as_secs();
-        let count = ((span * RATE) as usize).clamp(8, MOST);
+        let count = ((span * SAMPLES_PER_SECOND) as usize).clamp(8, MAX_SAMPLES);
         if span <= 0.0 || clip.joint_count() != skeleton.len() {
             return None;
         }
@@ -121,84 +125,90 @@ impl Contacts {
         let joints: Vec<(usize, u32)> =
             feet.iter().enumerate().flat_map(|(f, foot)| foot.joints.iter().map(move |j| (f, *j))).collect();
         let mut pose = Pose::rest(skeleton);
-        let mut places: Vec<Vec<DVec3>> = vec![Vec::with_capacity(count + 1); joints.len()];
+        let mut positions: Vec<Vec<DVec3>> = vec![Vec::with_capacity(count + 1); joints.len()];
         for i in 0..=count {
             Sample { clip, time: time(i), pose: &mut pose }.run();
-            let model = model(skeleton, &pose);
-            for ((_, joint), places) in joints.iter().zip(&mut places) {
-                places.push(model[*joint as usize].as_dvec3());
+            let model = joint_positions(skeleton, &pose);
+            for ((_, joint), positions) in joints.iter().zip(&mut positions) {
+                positions.push(model[*joint as usize].as_dvec3());
             }
         }
-        let ways: Vec<DVec3> = places.iter().map(|p| p[count] - p[0]).collect();
-        let drift = ways.iter().sum::<DVec3>() / ways.len().max(1) as f64;
-        let looped = ways.iter().all(|way| (*way - drift).length() < 0.1 * leg);
-        let tracks: Vec<Track> = joints
+        let displacements: Vec<DVec3> = positions.iter().map(|p| p[count] - p[0]).collect();
+        let drift = displacements.iter().sum::<DVec3>() / displacements.len().max(1) as f64;
+        let looped = displacements.iter().all(|displacement| (*displacement - drift).length() < 0.1 * leg);
+        let tracks: Vec<JointTrack> = joints
             .iter()
-            .zip(&places)
-            .map(|((foot, _), places)| Track::new(*foot, places, step, looped.then_some(drift)))
+            .zip(&positions)
+            .map(|((foot, _), positions)| JointTrack::new(*foot, positions, step, looped.then_some(drift)))
             .collect();
-        let mut floor = median(&lowest_velocities(&tracks, leg))?;
-        let mut unrest = vec![vec![f64::INFINITY; count + 1]; feet.len()];
-        // The floor's velocity comes from low joints first, then from joints in contact.
+        let mut floor = horizontal_median(&lowest_velocities(&tracks, leg))?;
+        let mut motion_ratios = vec![vec![f64::INFINITY; count + 1]; feet.len()];
+        // The floor's velocity is estimated from the lowest samples first, then from joints in contact.
         for _ in 0..2 {
-            let rule = ContactThresholds::new(leg, (floor - drift.with_y(0.0) / span).length());
-            let mut stood = Vec::new();
-            unrest.iter_mut().for_each(|row| row.fill(f64::INFINITY));
+            let thresholds = ContactThresholds::new(leg, (floor - drift.with_y(0.0) / span).length());
+            let mut contact_velocities = Vec::new();
+            motion_ratios.iter_mut().for_each(|row| row.fill(f64::INFINITY));
             for track in &tracks {
-                let row = &mut unrest[track.foot];
-                for ((unrest, height), velocity) in row.iter_mut().zip(&track.heights).zip(&track.velocities)
+                let row = &mut motion_ratios[track.foot];
+                for ((smallest_ratio, height), velocity) in
+                    row.iter_mut().zip(&track.heights).zip(&track.velocities)
                 {
-                    let own = rule.motion_ratio(*height, *velocity - floor);
-                    if own <= 1.0 {
-                        stood.push(*velocity);
+                    let ratio = thresholds.motion_ratio(*height, *velocity - floor);
+                    if ratio <= 1.0 {
+                        contact_velocities.push(*velocity);
                     }
-                    *unrest = unrest.min(own);
+                    *smallest_ratio = smallest_ratio.min(ratio);
                 }
             }
-            floor = median(&stood).unwrap_or(floor);
+            floor = horizontal_median(&contact_velocities).unwrap_or(floor);
         }
         let at = |i: usize| if i <= count { time(i) } else { trim.1 + (time(i - count) - trim.0) };
-        let stand = |(from, to): (usize, usize)| ContactInterval { from: at(from), to: at(to) };
-        let of = |row: &Vec<f64>| still_intervals(row, step, looped).into_iter().map(stand).collect();
-        Some(Contacts { intervals: unrest.iter().map(of).collect(), floor_velocity: floor })
+        let to_interval = |(from, to): (usize, usize)| ContactInterval { from: at(from), to: at(to) };
+        let intervals_of_row =
+            |row: &Vec<f64>| still_intervals(row, step, looped).into_iter().map(to_interval).collect();
+        Some(Contacts {
+            intervals: motion_ratios.iter().map(intervals_of_row).collect(),
+            floor_velocity: floor,
+        })
     }
 }
 
-impl Track {
+impl JointTrack {
     /// `drift`: displacement of a loop per cycle; `None` if the clip is no loop.
-    fn new(foot: usize, places: &[DVec3], step: f64, drift: Option<DVec3>) -> Track {
-        let lowest = places.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
-        let count = places.len() - 1;
+    fn new(foot: usize, positions: &[DVec3], step: f64, drift: Option<DVec3>) -> JointTrack {
+        let lowest = positions.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
+        let count = positions.len() - 1;
         // Central differences, around the seam of a loop, else one-sided at the ends.
         let velocity = |i: usize| match (drift, i) {
             (Some(drift), i) if i == 0 || i == count => {
-                (places[1] + drift - places[count - 1]) / (2.0 * step)
+                (positions[1] + drift - positions[count - 1]) / (2.0 * step)
             }
             (_, i) => {
                 let (a, b) = (i.saturating_sub(1), (i + 1).min(count));
-                (places[b] - places[a]) / ((b - a) as f64 * step)
+                (positions[b] - positions[a]) / ((b - a) as f64 * step)
             }
         };
-        let heights = places.iter().map(|p| p.y - lowest).collect();
-        Track { foot, heights, velocities: (0..=count).map(velocity).collect() }
+        let heights = positions.iter().map(|p| p.y - lowest).collect();
+        JointTrack { foot, heights, velocities: (0..=count).map(velocity).collect() }
     }
 }
 
-/// Velocities of joints while they are low: at least in the lowest tenth of their samples, since a foot stands no longer in a
-/// run.
-fn lowest_velocities(tracks: &[Track], leg: f64) -> Vec<DVec3> {
+/// Velocities of joints while they are low: in the lowest tenth of their samples at least, since in a run a foot is on the floor
+/// for no longer.
+fn lowest_velocities(tracks: &[JointTrack], leg: f64) -> Vec<DVec3> {
     let mut found = Vec::new();
     for track in tracks {
         let mut sorted = track.heights.clone();
         sorted.sort_by(f64::total_cmp);
-        let limit = sorted[sorted.len() / LOWEST_SHARE].max(0.5 * HEIGHT * leg);
+        let limit = sorted[sorted.len() / CONTACT_SHARE_DIVISOR].max(0.5 * MAX_HEIGHT_LEGS * leg);
         let pairs = track.heights.iter().zip(&track.velocities);
         found.extend(pairs.filter(|(height, _)| **height <= limit).map(|(_, velocity)| *velocity));
     }
     found
 }
 
-fn median(samples: &[DVec3]) -> Option<DVec3> {
+/// Component-wise median of the horizontal components; `None` without samples.
+fn horizontal_median(samples: &[DVec3]) -> Option<DVec3> {
     let middle = |component: fn(&DVec3) -> f64| {
         let mut values: Vec<f64> = samples.iter().map(component).collect();
         values.sort_by(f64::total_cmp);

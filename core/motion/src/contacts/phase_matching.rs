@@ -17,7 +17,8 @@ use crate::time::ease::Ease;
 /// The steps of a looped part of a clip, in the order of time, at least two.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Footsteps {
-    /// (ticks since the part's start, event): twice the foot's number at a touch-down, one more in the middle of a contact.
+    /// (ticks since the part's start, event). The event is 2 · foot index at a touch-down, and 2 · foot index + 1 in the middle of a
+    /// contact.
     events: Vec<(i64, u32)>,
     /// Duration of the part, ticks.
     length: i64,
@@ -26,29 +27,29 @@ pub struct Footsteps {
 }
 
 /// Number of phase shifts that are tried when strides are matched, and of samples that compare them.
-const PHASES: i64 = 96;
+const PHASE_SHIFTS: i64 = 96;
 
 impl Footsteps {
     /// Footsteps of a clip's contacts; `None` if there are fewer than two.
     pub fn of(contacts: &Contacts, trim: (Time, Time)) -> Option<Footsteps> {
         let length = (trim.1 - trim.0).0;
         let mut events = Vec::new();
-        let mut all = Vec::new();
+        let mut contacts_by_foot = Vec::new();
         for (foot, stands) in (0u32..).zip(&contacts.intervals) {
-            all.push(Vec::new());
+            contacts_by_foot.push(Vec::new());
             for stand in stands {
                 let (from, to) = ((stand.from - trim.0).0, (stand.to - trim.0).0);
-                // A character that stands all the time takes no steps.
+                // A foot that is on the floor all the time takes no steps.
                 if to - from >= length {
                     continue;
                 }
-                all.last_mut()?.push((from.rem_euclid(length.max(1)), to - from));
+                contacts_by_foot.last_mut()?.push((from.rem_euclid(length.max(1)), to - from));
                 events.push((from.rem_euclid(length.max(1)), 2 * foot));
                 events.push((((from + to) / 2).rem_euclid(length.max(1)), 2 * foot + 1));
             }
         }
         let steps = Footsteps::new(events, length)?;
-        Some(Footsteps { stands: all, ..steps })
+        Some(Footsteps { stands: contacts_by_foot, ..steps })
     }
 
     /// Footsteps at touch-down times that a script gives: one foot after the other.
@@ -68,25 +69,25 @@ impl Footsteps {
     }
 
     /// The footsteps with touch-downs only.
-    fn touch_downs(&self) -> Option<Footsteps> {
+    fn touch_downs_only(&self) -> Option<Footsteps> {
         let downs = self.events.iter().filter(|(_, what)| what % 2 == 0).copied().collect();
         Footsteps::new(downs, self.length)
     }
 
-    fn count(&self) -> i64 {
+    fn event_count(&self) -> i64 {
         self.events.len() as i64
     }
 
     /// Number of strides: the median number of contacts per foot.
-    fn strides(&self) -> i64 {
+    fn stride_count(&self) -> i64 {
         let mut times: Vec<usize> = self.stands.iter().map(Vec::len).filter(|n| *n > 0).collect();
         times.sort_unstable();
         times.get(times.len() / 2).map_or(1, |n| *n as i64)
     }
 
-    /// Footsteps with one event per stride, evenly spaced, the first at `from` ticks.
+    /// Footsteps with one event per stride, at equal intervals, the first at `from` ticks.
     fn even_strides(&self, from: i64) -> Footsteps {
-        let n = self.strides();
+        let n = self.stride_count();
         let mut events: Vec<(i64, u32)> =
             (0..n).map(|i| ((from + self.length / n * i).rem_euclid(self.length), 0)).collect();
         events.sort_unstable();
@@ -94,7 +95,7 @@ impl Footsteps {
     }
 
     /// Whether a foot is on the floor at a time, ticks since the part's start.
-    fn is_down(&self, foot: usize, at: i64) -> bool {
+    fn foot_is_down(&self, foot: usize, at: i64) -> bool {
         self.stands[foot].iter().any(|(from, long)| (at - from).rem_euclid(self.length) <= *long)
     }
 
@@ -105,31 +106,33 @@ impl Footsteps {
         if feet < 3 || other.stands.len() != feet {
             return None;
         }
-        let stride = |of: &Footsteps| of.length / of.strides();
-        let at = |of: &Footsteps, i: i64| stride(of) * i.rem_euclid(PHASES) / PHASES;
-        let alike = |shift: &i64| {
-            let same = |i: i64| {
+        let stride = |of: &Footsteps| of.length / of.stride_count();
+        let at = |of: &Footsteps, i: i64| stride(of) * i.rem_euclid(PHASE_SHIFTS) / PHASE_SHIFTS;
+        let feet_in_agreement = |shift: &i64| {
+            let agreeing_feet = |i: i64| {
                 (0..feet)
-                    .filter(|f| self.is_down(*f, at(self, i)) == other.is_down(*f, at(other, i + shift)))
+                    .filter(|f| {
+                        self.foot_is_down(*f, at(self, i)) == other.foot_is_down(*f, at(other, i + shift))
+                    })
                     .count()
             };
-            (0..PHASES).map(same).sum::<usize>()
+            (0..PHASE_SHIFTS).map(agreeing_feet).sum::<usize>()
         };
         // The first of equal ones wins: `max_by_key` returns the last, so the range is reversed.
-        let best = (0..PHASES).rev().max_by_key(alike)?;
+        let best = (0..PHASE_SHIFTS).rev().max_by_key(feet_in_agreement)?;
         Some([self.even_strides(0), other.even_strides(at(other, best))])
     }
 
     /// Ticks that have been played at step number `i`, whole cycles counted.
-    fn at_step(&self, i: i64) -> i128 {
-        let n = self.count();
+    fn ticks_at_step(&self, i: i64) -> i128 {
+        let n = self.event_count();
         i128::from(i.div_euclid(n)) * i128::from(self.length)
             + i128::from(self.events[i.rem_euclid(n) as usize].0)
     }
 
     /// Ticks from step `i` to the next.
-    fn span(&self, i: i64) -> f64 {
-        (self.at_step(i + 1) - self.at_step(i)) as f64
+    fn step_ticks(&self, i: i64) -> f64 {
+        (self.ticks_at_step(i + 1) - self.ticks_at_step(i)) as f64
     }
 
     /// Phase: the number of steps taken after a number of played ticks.
@@ -138,8 +141,8 @@ impl Footsteps {
         let into = played.rem_euclid(i128::from(self.length)) as i64;
         let after = self.events.partition_point(|(at, _)| *at <= into) as i64;
         let round = round.clamp(-(1 << 50), 1 << 50) as i64;
-        let step = round * self.count() + after - 1;
-        step as f64 + (played - self.at_step(step)) as f64 / self.span(step)
+        let step = round * self.event_count() + after - 1;
+        step as f64 + (played - self.ticks_at_step(step)) as f64 / self.step_ticks(step)
     }
 
     /// Played ticks after which a number of steps has been taken.
@@ -147,14 +150,16 @@ impl Footsteps {
         let step = libm::floor(phase);
         let rest = phase - step;
         let step = step.clamp(-1e15, 1e15) as i64;
-        self.at_step(step) + libm::round(rest * self.span(step)) as i128
+        self.ticks_at_step(step) + libm::round(rest * self.step_ticks(step)) as i128
     }
 
     /// Smallest number of steps by which `other` is shifted so that the same feet step at the same time.
-    fn shift_to(&self, other: &Footsteps) -> Option<i64> {
+    fn matching_shift(&self, other: &Footsteps) -> Option<i64> {
         let (n, m) = (self.events.len(), other.events.len());
-        let what = |steps: &Footsteps, i: usize| steps.events[i % steps.events.len()].1;
-        (0..m).find(|shift| (0..n * m).all(|i| what(self, i) == what(other, i + shift))).map(|s| s as i64)
+        let event_of = |steps: &Footsteps, i: usize| steps.events[i % steps.events.len()].1;
+        (0..m)
+            .find(|shift| (0..n * m).all(|i| event_of(self, i) == event_of(other, i + shift)))
+            .map(|s| s as i64)
     }
 }
 
@@ -173,8 +178,8 @@ pub struct PhaseMatchedFade {
     pieces: Vec<(Time, f64)>,
 }
 
-/// Most steps of a fade.
-const MOST_STEPS: usize = 100_000;
+/// Largest number of steps in a fade.
+const MAX_STEPS: usize = 100_000;
 
 impl PhaseMatchedFade {
     /// Matches the steps of two clips. `speeds`: clip ticks per stage tick. `played`: ticks of the first clip that have been
@@ -187,13 +192,16 @@ impl PhaseMatchedFade {
         fade: Time,
         ease: Ease,
     ) -> Option<PhaseMatchedFade> {
-        let with = |from: Footsteps, to: Footsteps| from.shift_to(&to).map(|shift| (from, to, shift));
-        let full = with(steps[0].clone(), steps[1].clone());
+        let matched_steps =
+            |from: Footsteps, to: Footsteps| from.matching_shift(&to).map(|shift| (from, to, shift));
+        let full = matched_steps(steps[0].clone(), steps[1].clone());
         let (from, to, shift) = match full {
             Some(full) => full,
-            None => match with(steps[0].touch_downs()?, steps[1].touch_downs()?) {
+            None => match matched_steps(steps[0].touch_downs_only()?, steps[1].touch_downs_only()?) {
                 Some(downs) => downs,
-                None => steps[0].aligned_by_strides(steps[1]).and_then(|[from, to]| with(from, to))?,
+                None => {
+                    steps[0].aligned_by_strides(steps[1]).and_then(|[from, to]| matched_steps(from, to))?
+                }
             },
         };
         if speeds.iter().any(|s| *s <= 0.0 || !s.is_finite()) || fade <= Time::ZERO {
@@ -203,7 +211,7 @@ impl PhaseMatchedFade {
         let mut matched =
             PhaseMatchedFade { start, fade, ease, from, to, speeds, shift, pieces: vec![(start, phase)] };
         let end = start + fade;
-        while matched.pieces.len() < MOST_STEPS {
+        while matched.pieces.len() < MAX_STEPS {
             let (at, phase) = matched.pieces[matched.pieces.len() - 1];
             let next = libm::floor(phase) + 1.0;
             if matched.phase(end) < next {
@@ -233,7 +241,7 @@ impl PhaseMatchedFade {
     }
 
     /// Integral of the fade's weight up to a time, ticks.
-    fn area(&self, time: Time) -> f64 {
+    fn weight_integral(&self, time: Time) -> f64 {
         let fade = self.fade.0 as f64;
         self.ease.area((time - self.start).0 as f64 / fade) * fade
     }
@@ -244,8 +252,13 @@ impl PhaseMatchedFade {
         let piece = self.pieces.partition_point(|(at, _)| *at <= time).max(1) - 1;
         let (at, phase) = self.pieces[piece];
         let step = libm::floor(phase) as i64;
-        let rates = [self.speeds[0] / self.from.span(step), self.speeds[1] / self.to.span(step + self.shift)];
-        phase + rates[0] * (time - at).0 as f64 + (rates[1] - rates[0]) * (self.area(time) - self.area(at))
+        let rates = [
+            self.speeds[0] / self.from.step_ticks(step),
+            self.speeds[1] / self.to.step_ticks(step + self.shift),
+        ];
+        phase
+            + rates[0] * (time - at).0 as f64
+            + (rates[1] - rates[0]) * (self.weight_integral(time) - self.weight_integral(at))
     }
 
     /// Ticks of the first and of the second clip that have been played at a time from the start on.
@@ -273,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn phases_count_steps_both_ways() {
+    fn phase_and_played_ticks_are_inverse_functions() {
         let [walk, _] = walk_and_run();
         assert_eq!(walk.phase(i128::from(secs(0.1))), 0.0);
         assert_eq!(walk.phase(i128::from(secs(3.6))), 7.0);
@@ -285,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn both_keep_step_and_go_at_their_own_pace_at_either_end() {
+    fn clips_stay_in_phase_and_keep_their_own_rates_at_both_ends_of_the_fade() {
         let [walk, run] = walk_and_run();
         let (start, fade) = (Time::from_secs(2.3), Time::from_secs(0.8));
         for ease in [Ease::Linear, Ease::Smooth] {
@@ -300,7 +313,7 @@ mod tests {
                 let share = f64::from(i) / f64::from(n);
                 let w = ease.at(share);
                 let step = libm::floor(euler) as i64;
-                let rates = [1.0 / walk.span(step), 1.0 / run.span(step)];
+                let rates = [1.0 / walk.step_ticks(step), 1.0 / run.step_ticks(step)];
                 euler += (rates[0] * (1.0 - w) + rates[1] * w) * fade.0 as f64 / f64::from(n);
                 if i % 1000 == 999 {
                     let time = start + Time((fade.0 as f64 * (share + 1.0 / f64::from(n))) as i64);
@@ -321,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn a_walk_and_a_gallop_on_four_feet_are_matched_by_strides() {
+    fn walk_and_gallop_of_a_quadruped_are_matched_by_strides() {
         let gait = |length: f64, stands: [(f64, f64); 4]| {
             let stand = |(from, to): (f64, f64)| {
                 vec![crate::contacts::ContactInterval {
@@ -339,7 +352,7 @@ mod tests {
         let fade = Time::from_secs(0.6);
         let matched =
             PhaseMatchedFade::new([&walk, &gallop], [1.0; 2], 0, Time::ZERO, fade, Ease::Linear).unwrap();
-        // The pace is even: in strides, it is nowhere faster than the gallop nor slower than the walk.
+        // The rate changes steadily: in strides per second, it is between those of the walk and the gallop.
         let rate = |t: f64| {
             let h = Time::from_secs(1e-3);
             (matched.phase(Time::from_secs(t) + h) - matched.phase(Time::from_secs(t))) / 1e-3
@@ -352,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn what_takes_other_steps_is_not_matched() {
+    fn clips_with_different_steps_are_not_matched() {
         let [walk, run] = walk_and_run();
         let hop = Footsteps::new(vec![(0, 0), (secs(0.4), 0)], secs(0.8)).unwrap();
         assert!(
@@ -362,7 +375,7 @@ mod tests {
             PhaseMatchedFade::new([&walk, &run], [1.0, 0.0], 0, Time::ZERO, Time(1000), Ease::Linear)
                 .is_none()
         );
-        // Two walks in one clip fit one: the steps go round twice.
+        // A clip of two walk cycles matches a clip of one: its steps repeat.
         let twice = Footsteps::new(
             [0.1, 0.6, 1.1, 1.6].iter().zip([0, 2, 0, 2]).map(|(t, w)| (secs(*t), w)).collect(),
             secs(2.0),

@@ -32,7 +32,7 @@ crate::error_texts! { BakeError:
     Self { clip, fps, floats } => "baking the clip \"{clip}\" at {fps} frames/s makes {floats} numbers, at most {MAX_BAKED_FLOATS} are allowed; choose a lower rate";
 }
 
-/// Most values that a baked clip may hold: 256 MiB.
+/// Largest number of values of a baked clip: 256 MiB.
 pub(crate) const MAX_BAKED_FLOATS: u128 = 1 << 26;
 
 impl Clip {
@@ -79,13 +79,13 @@ impl Clip {
 
     fn distance_from(&self, baked: &Clip, times: &[Time]) -> BakeDeviation {
         let middles = times.windows(2).map(|pair| Time(pair[0].0 + (pair[1].0 - pair[0].0) / 2));
-        let mut all: Vec<Time> =
+        let mut times_to_compare: Vec<Time> =
             self.curves().iter().flat_map(|c| c.times.iter().copied()).chain(middles).collect();
-        all.sort_unstable();
-        all.dedup();
+        times_to_compare.sort_unstable();
+        times_to_compare.dedup();
         let mut poses = [Pose::identity(self.joint_count()), Pose::identity(self.joint_count())];
         let mut worst = BakeDeviation::default();
-        for time in all {
+        for time in times_to_compare {
             let [a, b] = &mut poses;
             Sample { clip: self, time, pose: a }.run();
             Sample { clip: baked, time, pose: b }.run();

@@ -8,11 +8,10 @@ use glam::{DQuat, DVec3, Vec3};
 
 impl Clip {
     /// A clip of each joint's motion relative to `reference`, applied to the rest pose. As an additive layer with the rest pose as
-    /// reference ([`crate::AdditiveLayers`]) it adds the same as this clip does with `reference`; with `taken_away` it adds the opposite.
-    /// With q the clip's rotation, r the reference's and q₀ that of the rest pose, the result is q₀ r⁻¹ q (q₀ q⁻¹ r if
-    /// `taken_away`): linear in q, so that slerp and
-    /// cubics between keys stay exact. Scales are multiplied (their opposite is exact only at the keys), morph weights are
-    /// subtracted.
+    /// reference ([`crate::AdditiveLayers`]) it adds the same as this clip does with `reference`; if `taken_away`, it adds the
+    /// opposite. With q the clip's rotation, r the reference's and q₀ that of the rest pose, the result is q₀ r⁻¹ q (q₀ q⁻¹ r if
+    /// `taken_away`): linear in q, so that slerp and cubics between keys stay exact. Scales are multiplied (their opposite is
+    /// exact only at the keys), morph weights are subtracted.
     pub fn difference_from(
         &self,
         reference: &Pose,
@@ -48,9 +47,9 @@ impl Clip {
                     }
                     (Path::Scale, value) => {
                         let (from, rest) = (from.scale.to_array(), rest.scale.to_array());
-                        values.extend(
-                            (0..3).map(|i| scale(value[i], from[i], rest[i], tangent(part), taken_away)),
-                        );
+                        values.extend((0..3).map(|i| {
+                            scale_difference(value[i], from[i], rest[i], tangent(part), taken_away)
+                        }));
                     }
                     (_, value) => values.extend(value),
                 }
@@ -62,8 +61,8 @@ impl Clip {
 }
 
 /// Scale of the difference: rest · now / from, or rest · from / now if `taken_away`. A divisor of 0 gives the ratio 1, as in
-/// [`crate::AdditiveLayers`], or 0 for a tangent; a tangent that is taken away is 0.
-fn scale(now: f32, from: f32, rest: f32, tangent: bool, taken_away: bool) -> f32 {
+/// [`crate::AdditiveLayers`], or 0 for a tangent; the tangent of a scale that is taken away is 0.
+fn scale_difference(now: f32, from: f32, rest: f32, tangent: bool, taken_away: bool) -> f32 {
     let (now, from, rest) = (f64::from(now), f64::from(from), f64::from(rest));
     let ratio = match (from.abs() < 1e-12, tangent, taken_away) {
         (true, false, _) => 1.0,

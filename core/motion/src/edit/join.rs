@@ -1,6 +1,6 @@
 //! Joins two clips, one after the other.
 
-use super::{EditError, Values, key_at};
+use super::{CurveValues, EditError, key_or_inserted};
 use crate::clip::{Clip, Curve, ExpressionCurve, Interpolation, Path};
 use crate::skeleton::Skeleton;
 use crate::time::Time;
@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// Ticks between the LINEAR keys that replace a cubic curve if the other clip's curve is not cubic: 1/240 s.
-const FINE: i64 = Time::TICKS_PER_SECOND / 240;
+const LINEAR_KEY_SPACING: i64 = Time::TICKS_PER_SECOND / 240;
 
 impl Clip {
     /// This clip, followed by `next` from its end on. Properties that only one clip animates are at rest in the other, morph
@@ -23,47 +23,50 @@ impl Clip {
                 return Err(EditError::Joints { first, second, joints, expected });
             }
         }
-        let mut both: BTreeMap<(u32, u8), [Option<&Curve>; 2]> = BTreeMap::new();
+        let mut curve_pairs: BTreeMap<(u32, u8), [Option<&Curve>; 2]> = BTreeMap::new();
         for (at, clip) in [self, next].into_iter().enumerate() {
             for curve in clip.curves() {
-                both.entry((curve.joint, curve.path.property())).or_default()[at] = Some(curve);
+                curve_pairs.entry((curve.joint, curve.path.property())).or_default()[at] = Some(curve);
             }
         }
-        let mut values = [Values::new(self), Values::new(next)];
-        let mut curves = Vec::with_capacity(both.len());
-        for ((joint, _), pair) in both {
+        let mut values = [CurveValues::new(self), CurveValues::new(next)];
+        let mut curves = Vec::with_capacity(curve_pairs.len());
+        for ((joint, _), pair) in curve_pairs {
             let either = pair[0].or(pair[1]);
             let Some(path) = either.map(|c| c.path) else { continue };
             if pair.iter().flatten().any(|c| c.path != path) {
                 let (first, second) = names();
                 return Err(EditError::Weights { first, second, joint });
             }
-            let kinds: Vec<Interpolation> = pair.iter().flatten().map(|c| c.interpolation).collect();
-            let interpolation =
-                if kinds.windows(2).all(|k| k[0] == k[1]) { kinds[0] } else { Interpolation::Linear };
+            let interpolations: Vec<Interpolation> = pair.iter().flatten().map(|c| c.interpolation).collect();
+            let interpolation = if interpolations.windows(2).all(|k| k[0] == k[1]) {
+                interpolations[0]
+            } else {
+                Interpolation::Linear
+            };
             let [first, second] = [0, 1].map(|at| match pair[at] {
-                Some(curve) => converted(curve, interpolation, &mut values[at]),
-                None => still(joint, path, interpolation, rest),
+                Some(curve) => with_interpolation(curve, interpolation, &mut values[at]),
+                None => rest_curve(joint, path, interpolation, rest),
             });
-            curves.push(joined(&first, self.duration, &second, &mut values));
+            curves.push(join_curves(&first, self.duration, &second, &mut values));
         }
         let names: BTreeSet<&str> =
             [self, next].iter().flat_map(|c| c.expressions()).map(|e| e.name.as_str()).collect();
         let expressions = names.into_iter().map(|name| {
             let pair =
                 [self, next].map(|c| c.expressions().iter().find(|e| e.name == name).map(|e| e.as_curve()));
-            let same = pair[0]
+            let equal_interpolation = pair[0]
                 .as_ref()
                 .zip(pair[1].as_ref())
                 .is_none_or(|(a, b)| a.interpolation == b.interpolation);
             let kind = pair.iter().flatten().next().map_or(Interpolation::Linear, |c| c.interpolation);
-            let kind = if same { kind } else { Interpolation::Linear };
+            let kind = if equal_interpolation { kind } else { Interpolation::Linear };
             let [first, second] = [0, 1].map(|at| match &pair[at] {
-                Some(curve) => converted(curve, kind, &mut values[at]),
-                None => still(0, Path::Weights(1), kind, rest),
+                Some(curve) => with_interpolation(curve, kind, &mut values[at]),
+                None => rest_curve(0, Path::Weights(1), kind, rest),
             });
             let Curve { interpolation, times, values, .. } =
-                joined(&first, self.duration, &second, &mut values);
+                join_curves(&first, self.duration, &second, &mut values);
             ExpressionCurve { name: name.to_string(), interpolation, times, values }
         });
         let expressions = expressions.collect();
@@ -75,7 +78,7 @@ impl Clip {
 }
 
 /// A curve with one key: the rest pose, or morph weights of zero.
-fn still(joint: u32, path: Path, interpolation: Interpolation, rest: &Skeleton) -> Curve {
+fn rest_curve(joint: u32, path: Path, interpolation: Interpolation, rest: &Skeleton) -> Curve {
     let rest = rest.rest().get(joint as usize).copied().unwrap_or_default();
     let value = match path {
         Path::Translation => rest.translation.to_array().to_vec(),
@@ -94,7 +97,7 @@ fn still(joint: u32, path: Path, interpolation: Interpolation, rest: &Skeleton) 
 }
 
 /// The curve, converted to another interpolation.
-fn converted(curve: &Curve, interpolation: Interpolation, values: &mut Values) -> Curve {
+fn with_interpolation(curve: &Curve, interpolation: Interpolation, values: &mut CurveValues) -> Curve {
     if curve.interpolation == interpolation {
         return curve.clone();
     }
@@ -104,8 +107,8 @@ fn converted(curve: &Curve, interpolation: Interpolation, values: &mut Values) -
         match (curve.interpolation, before) {
             (Interpolation::Step, Some(before)) if *time - before > Time(1) => times.push(*time - Time(1)),
             (Interpolation::CubicSpline, Some(before)) => {
-                let steps = ((*time - before).0 / FINE).max(1);
-                times.extend((1..steps).map(|s| before + Time(FINE * s)));
+                let steps = ((*time - before).0 / LINEAR_KEY_SPACING).max(1);
+                times.extend((1..steps).map(|s| before + Time(LINEAR_KEY_SPACING * s)));
             }
             _ => {}
         }
@@ -116,11 +119,11 @@ fn converted(curve: &Curve, interpolation: Interpolation, values: &mut Values) -
 }
 
 /// Joins two curves of the same interpolation; the second begins at the time `end` of the first.
-fn joined(first: &Curve, end: Time, second: &Curve, values: &mut [Values; 2]) -> Curve {
+fn join_curves(first: &Curve, end: Time, second: &Curve, values: &mut [CurveValues; 2]) -> Curve {
     let stride = first.stride();
     let cubic = first.interpolation == Interpolation::CubicSpline;
     let width = first.path.width();
-    let held = |curve: &Curve, time: Time, values: &mut Values| match curve.times.len() {
+    let held_key = |curve: &Curve, time: Time, values: &mut CurveValues| match curve.times.len() {
         // This includes curves of the rest pose, which are in no clip.
         1 if cubic => {
             let mut key = curve.values.to_vec();
@@ -129,13 +132,13 @@ fn joined(first: &Curve, end: Time, second: &Curve, values: &mut [Values; 2]) ->
             key
         }
         1 => curve.values.to_vec(),
-        _ => key_at(curve, time, values),
+        _ => key_or_inserted(curve, time, values),
     };
-    let [one, two] = values;
-    let mut start = held(second, Time::ZERO, two);
-    let close = held(first, end, one);
+    let [first_values, second_values] = values;
+    let mut start_key = held_key(second, Time::ZERO, second_values);
+    let end_key = held_key(first, end, first_values);
     let value = |key: &[f32]| if cubic { key[width..2 * width].to_vec() } else { key.to_vec() };
-    let seamless = value(&start) == value(&close);
+    let seamless = value(&start_key) == value(&end_key);
     let (mut times, mut keys) = (Vec::new(), Vec::new());
     for (i, time) in first.times.iter().enumerate().filter(|(_, t)| **t < end) {
         times.push(*time);
@@ -150,15 +153,15 @@ fn joined(first: &Curve, end: Time, second: &Curve, values: &mut [Values; 2]) ->
         let last = end - Time(1);
         if times.last().is_none_or(|t| *t < last) {
             times.push(last);
-            keys.extend(held(first, last, one));
+            keys.extend(held_key(first, last, first_values));
         }
     }
     if seamless && cubic {
-        start[..width].copy_from_slice(&close[..width]);
+        start_key[..width].copy_from_slice(&end_key[..width]);
     }
     let later = second.times.iter().enumerate().filter(|(_, t)| **t > Time::ZERO);
     times.push(end);
-    keys.extend(start);
+    keys.extend(start_key);
     for (i, time) in later {
         times.push(end + *time);
         let begin = keys.len();

@@ -36,9 +36,9 @@ crate::error_texts! { EditError:
     Self::Cut { clip, from, until, duration } => "from {from} s to {until} s is not a part of the clip \"{clip}\", which runs from 0 s to {duration} s";
     Self::Speed { clip, factor } => "the clip \"{clip}\" at {factor} times its speed: the speed must be from 0.001 to 1000";
     Self::KeysMeet { clip, factor } => "the clip \"{clip}\" at {factor} times its speed has keys less than a tick apart";
-    Self::Joints { first, second, joints, expected } => "the clip \"{second}\" has {joints} joints, \"{first}\" has {expected}";
+    Self::Joints { first, second, joints, expected } => "the numbers of joints differ: {joints} in the clip \"{second}\", {expected} in the skeleton \"{first}\"";
     Self::Weights { first, second, joint } => "the clips \"{first}\" and \"{second}\" drive different numbers of morph weights at joint {joint}";
-    Self::Joint { joint, joints } => "joint {joint} does not exist, the clip has {joints} joints";
+    Self::Joint { joint, joints } => "joint {joint} does not exist; number of the clip's joints: {joints}";
     Self::Window { seconds } => "the window of {seconds} s must be above 0 s and at most 10 s";
 }
 
@@ -54,8 +54,10 @@ impl Clip {
                 duration: self.duration.as_secs(),
             });
         }
-        let mut pose = Values::new(self);
-        Ok(self.try_each(|curve| Ok(part(curve, from, until, &mut pose)))?.with_duration(until - from))
+        let mut values = CurveValues::new(self);
+        Ok(self
+            .try_map_curves(|curve| Ok(cut_curve(curve, from, until, &mut values)))?
+            .with_duration(until - from))
     }
 
     /// The clip backwards: at t it equals the clip at its end − t, steps included.
@@ -84,7 +86,7 @@ impl Clip {
             let times = (0..keys).map(time).collect();
             Ok::<_, std::convert::Infallible>(Curve { times, values: values.into(), ..curve.clone() })
         };
-        let Ok(clip) = self.try_each(backwards);
+        let Ok(clip) = self.try_map_curves(backwards);
         clip
     }
 
@@ -93,7 +95,7 @@ impl Clip {
         if !(0.001..=1000.0).contains(&factor) {
             return Err(EditError::Speed { clip: self.name.clone(), factor });
         }
-        let faster = |curve: &Curve| {
+        let with_scaled_times = |curve: &Curve| {
             let times: Vec<Time> = curve.times.iter().map(|t| t.scaled(1.0 / factor)).collect();
             if times.windows(2).any(|pair| pair[0] >= pair[1]) {
                 return Err(EditError::KeysMeet { clip: self.name.clone(), factor });
@@ -109,27 +111,27 @@ impl Clip {
             }
             Ok(Curve { times: times.into(), values: values.into(), ..curve.clone() })
         };
-        Ok(self.try_each(faster)?.with_duration(self.duration.scaled(1.0 / factor)))
+        Ok(self.try_map_curves(with_scaled_times)?.with_duration(self.duration.scaled(1.0 / factor)))
     }
 }
 
 /// Values of a clip's curves at any time.
-struct Values<'a> {
+struct CurveValues<'a> {
     clip: &'a Clip,
     pose: Pose,
     at: Option<Time>,
 }
 
-impl<'a> Values<'a> {
-    fn new(clip: &'a Clip) -> Values<'a> {
-        Values { clip, pose: Pose::identity(clip.joint_count()), at: None }
+impl<'a> CurveValues<'a> {
+    fn new(clip: &'a Clip) -> CurveValues<'a> {
+        CurveValues { clip, pose: Pose::identity(clip.joint_count()), at: None }
     }
 
     /// Value of a curve at a time, as sampling the clip gives it.
     fn at(&mut self, curve: &Curve, time: Time) -> Vec<f32> {
         if let Path::Weights(n) = curve.path {
             let mut out = vec![0.0; n as usize];
-            crate::clip::sample::curve_between(curve, find_interval(&curve.times, time), &mut out);
+            crate::clip::sample::interpolate_curve(curve, find_interval(&curve.times, time), &mut out);
             return out;
         }
         if self.at != Some(time) {
@@ -145,17 +147,17 @@ impl<'a> Values<'a> {
     }
 }
 
-/// A curve between two times, moved to begin at 0.
-fn part(curve: &Curve, from: Time, until: Time, values: &mut Values) -> Curve {
+/// The part of a curve between two times, moved to begin at 0.
+fn cut_curve(curve: &Curve, from: Time, until: Time, values: &mut CurveValues) -> Curve {
     let inside: Vec<usize> =
         (0..curve.times.len()).filter(|i| from <= curve.times[*i] && curve.times[*i] <= until).collect();
     let (mut times, mut keys) = (Vec::new(), Vec::new());
-    let mut border = |time: Time, times: &mut Vec<Time>, keys: &mut Vec<f32>| {
+    let mut insert_key = |time: Time, times: &mut Vec<Time>, keys: &mut Vec<f32>| {
         times.push(time - from);
-        keys.extend(border_key(curve, time, values));
+        keys.extend(inserted_key(curve, time, values));
     };
     if inside.first().is_none_or(|i| curve.times[*i] > from) {
-        border(from, &mut times, &mut keys);
+        insert_key(from, &mut times, &mut keys);
     }
     for i in &inside {
         let begin = keys.len();
@@ -170,22 +172,22 @@ fn part(curve: &Curve, from: Time, until: Time, values: &mut Values) -> Curve {
     // A curve is held after its last key and needs no key at the end.
     let moves_on = curve.times.last().is_some_and(|last| *last > until);
     if ends_before && moves_on {
-        border(until, &mut times, &mut keys);
+        insert_key(until, &mut times, &mut keys);
     }
     Curve { times: times.into(), values: keys.into(), ..curve.clone() }
 }
 
 /// The curve's own key at a time if it has one, else an inserted key.
-fn key_at(curve: &Curve, time: Time, values: &mut Values) -> Vec<f32> {
+fn key_or_inserted(curve: &Curve, time: Time, values: &mut CurveValues) -> Vec<f32> {
     match curve.times.binary_search(&time) {
         Ok(key) => curve.values[key * curve.stride()..][..curve.stride()].to_vec(),
-        Err(_) => border_key(curve, time, values),
+        Err(_) => inserted_key(curve, time, values),
     }
 }
 
 /// A key that can be inserted at any time and leaves the curve unchanged on both sides. The value of a cubic rotation is not
 /// normalized, since the cubic continues from the unnormalized value.
-fn border_key(curve: &Curve, time: Time, values: &mut Values) -> Vec<f32> {
+fn inserted_key(curve: &Curve, time: Time, values: &mut CurveValues) -> Vec<f32> {
     if curve.interpolation != Interpolation::CubicSpline {
         return values.at(curve, time);
     }

@@ -27,7 +27,7 @@ impl Clip {
         let mut curves = self.curves().to_vec();
         let rest = &skeleton.rest()[joint as usize];
         if by.turned != DQuat::IDENTITY {
-            let curve = find(&mut curves, joint, Path::Rotation, &rest.rotation.to_array());
+            let curve = find_or_add_curve(&mut curves, joint, Path::Rotation, &rest.rotation.to_array());
             let turned = curve.values.chunks_exact(4).flat_map(|q| {
                 let q = DQuat::from_xyzw(q[0].into(), q[1].into(), q[2].into(), q[3].into()) * by.turned;
                 q.to_array().map(|v| v as f32)
@@ -36,7 +36,8 @@ impl Clip {
         }
         if by.moved != DVec3::ZERO {
             let moved = offset_in_parent(skeleton, joint, by.moved);
-            let curve = find(&mut curves, joint, Path::Translation, &rest.translation.to_array());
+            let curve =
+                find_or_add_curve(&mut curves, joint, Path::Translation, &rest.translation.to_array());
             let cubic = curve.interpolation == Interpolation::CubicSpline;
             let values = curve.values.chunks_exact(3).enumerate().flat_map(|(part, v)| {
                 let by = if cubic && part % 3 != 1 { [0.0; 3] } else { moved.to_array() };
@@ -49,7 +50,7 @@ impl Clip {
 }
 
 /// The curve of a property; if there is none, a new one that holds the rest pose.
-fn find<'a>(curves: &'a mut Vec<Curve>, joint: u32, path: Path, rest: &[f32]) -> &'a mut Curve {
+fn find_or_add_curve<'a>(curves: &'a mut Vec<Curve>, joint: u32, path: Path, rest: &[f32]) -> &'a mut Curve {
     let at = curves.iter().position(|c| c.joint == joint && c.path == path).unwrap_or_else(|| {
         let times: Arc<[Time]> = [Time::ZERO].into();
         curves.push(Curve { joint, path, interpolation: Interpolation::Linear, times, values: rest.into() });

@@ -1,6 +1,5 @@
-//! Key reduction: LINEAR keys that interpolation of the others reproduces are left out, within a stated distance of any joint in
-//! model
-//! space.
+//! Key reduction: LINEAR keys that interpolation of the others reproduces are left out, within a tolerance: the largest distance,
+//! in model space, by which any joint may be off.
 //!
 //! A rotation error of a joint moves all joints below it, so that the tolerance of its keys is the distance tolerance divided by
 //! the distance to the farthest joint below. Curves begin with half of that. The whole clip is then compared with its source in
@@ -53,14 +52,15 @@ pub enum ReduceError {
 
 crate::error_texts! { ReduceError:
     Self::Tolerance(tolerance) => "the tolerance of {tolerance} m must be from 0 m to 1 m";
-    Self::Joints { clip, joints, expected } => "the clip \"{clip}\" has {joints} joints, the skeleton has {expected}";
+    Self::Joints { clip, joints, expected } => "the numbers of joints differ: {joints} in the clip \"{clip}\", {expected} in the skeleton";
 }
 
-/// Distance from each joint of the points that show its rotation, metres: the last joints carry fingertips or a hat.
-const SHELL: f64 = 0.1;
+/// Distance from each joint, metres, of the points at which errors of its rotation are measured: the last joints carry
+/// fingertips or a hat.
+const POINT_DISTANCE_M: f64 = 0.1;
 
-/// Most attempts; each halves the tolerances of the curves.
-const ROUNDS: usize = 12;
+/// Largest number of attempts; each halves the tolerances of the curves.
+const MAX_ROUNDS: usize = 12;
 
 impl Clip {
     /// The clip with fewer keys, or the clip itself if that saves no bytes. STEP, CUBICSPLINE and morph weights stay as authored.
@@ -77,34 +77,38 @@ impl Clip {
             let (joints, expected) = (self.joint_count(), skeleton.len());
             return Err(ReduceError::Joints { clip: self.name.clone(), joints, expected });
         }
-        let reach = Reach::of(skeleton);
-        let ways: &[bool] = match keep {
+        let reach = JointReach::of(skeleton);
+        let shared_choices: &[bool] = match keep {
             KeptTimes::Shared => &[true],
             KeptTimes::Own => &[false],
             KeptTimes::Fewest => &[false, true],
         };
-        let reduced =
-            ways.iter().filter_map(|shared| self.reduced_with_times(skeleton, &reach, tolerance_m, *shared));
-        let all = ReductionReport { keys: [self.keys(); 2], bytes: [bytes(self); 2], worst_m: 0.0 };
+        let reduced = shared_choices
+            .iter()
+            .filter_map(|shared| self.reduced_with_times(skeleton, &reach, tolerance_m, *shared));
+        let unchanged_report =
+            ReductionReport { keys: [self.keys(); 2], bytes: [key_bytes(self); 2], worst_m: 0.0 };
         // Separate times take 8 bytes per key: if few keys can be left out, keeping all of them takes less.
         let smaller = reduced.filter(|(_, report)| report.bytes[1] < report.bytes[0]);
-        Ok(smaller.min_by_key(|(_, report)| report.bytes[1]).unwrap_or_else(|| (self.clone(), all)))
+        Ok(smaller
+            .min_by_key(|(_, report)| report.bytes[1])
+            .unwrap_or_else(|| (self.clone(), unchanged_report)))
     }
 
     /// Reduces keys until the measured error is within the tolerance. `shared`: curves with equal key times keep the same keys.
     fn reduced_with_times(
         &self,
         skeleton: &Skeleton,
-        reach: &Reach,
+        reach: &JointReach,
         tolerance_m: f64,
         shared: bool,
     ) -> Option<(Clip, ReductionReport)> {
         let mut share = 0.5;
-        for _ in 0..ROUNDS {
+        for _ in 0..MAX_ROUNDS {
             let clip = self.without_redundant_keys(reach, tolerance_m * share, shared);
-            let worst_m = farthest(skeleton, self, &clip);
+            let worst_m = largest_error(skeleton, self, &clip);
             if worst_m <= tolerance_m {
-                let (keys, bytes) = ([self.keys(), clip.keys()], [bytes(self), bytes(&clip)]);
+                let (keys, bytes) = ([self.keys(), clip.keys()], [key_bytes(self), key_bytes(&clip)]);
                 return Some((clip, ReductionReport { keys, bytes, worst_m }));
             }
             share *= 0.5;
@@ -117,7 +121,7 @@ impl Clip {
         self.curves().iter().map(|c| c.times.len()).sum()
     }
 
-    fn without_redundant_keys(&self, reach: &Reach, tolerance_m: f64, shared: bool) -> Clip {
+    fn without_redundant_keys(&self, reach: &JointReach, tolerance_m: f64, shared: bool) -> Clip {
         let allowed = |curve: &Curve| {
             let joint = curve.joint as usize;
             match curve.path {
@@ -132,7 +136,7 @@ impl Clip {
         let mut curves = self.curves().to_vec();
         if !shared {
             for curve in curves.iter_mut().filter(|c| linear(c)) {
-                let kept = kept(&[(curve, allowed(curve))]);
+                let kept = kept_keys(&[(curve, allowed(curve))]);
                 *curve = with_keys(curve, &kept, None);
             }
         } else {
@@ -147,7 +151,7 @@ impl Clip {
                     .collect();
                 let members: Vec<(&Curve, f64)> =
                     group.iter().map(|i| (&curves[*i], allowed(&curves[*i]))).collect();
-                let kept = kept(&members);
+                let kept = kept_keys(&members);
                 let times: Arc<[Time]> = kept.iter().map(|k| times[*k]).collect();
                 let reduced: Vec<Curve> =
                     group.iter().map(|i| with_keys(&curves[*i], &kept, Some(times.clone()))).collect();
@@ -162,75 +166,80 @@ impl Clip {
 }
 
 /// The effect of a joint's error on positions in the model.
-pub(crate) struct Reach {
-    /// Distance along the bones from each joint to the farthest joint below it, at rest, plus [`SHELL`]; metres.
+pub(crate) struct JointReach {
+    /// Distance along the bones from each joint to the farthest joint below it, at rest, plus [`POINT_DISTANCE_M`]; metres.
     pub distance: Vec<f64>,
     /// Length of one unit of the parent's space, metres, for each joint.
     pub unit: Vec<f64>,
 }
 
-impl Reach {
-    pub fn of(skeleton: &Skeleton) -> Reach {
+impl JointReach {
+    pub fn of(skeleton: &Skeleton) -> JointReach {
         let rest = ModelRestPose::of(skeleton);
         let mut distance = vec![0.0f64; skeleton.len()];
         for joint in (0..skeleton.len()).rev() {
             if let Some(parent) = skeleton.parents()[joint] {
                 let bone = (rest.positions[joint] - rest.positions[parent as usize]).length();
-                let far = bone + distance[joint];
+                let reach = bone + distance[joint];
                 let above = &mut distance[parent as usize];
-                *above = above.max(far);
+                *above = above.max(reach);
             }
         }
-        distance.iter_mut().for_each(|d| *d += SHELL);
+        distance.iter_mut().for_each(|d| *d += POINT_DISTANCE_M);
         let unit = |parent: &Option<u32>| parent.map_or(1.0, |p| rest.scales[p as usize]).max(1e-9);
-        Reach { distance, unit: skeleton.parents().iter().map(unit).collect() }
+        JointReach { distance, unit: skeleton.parents().iter().map(unit).collect() }
     }
 }
 
 /// Indices of the keys that are kept. Each is, greedily, the farthest one with all keys before it within each curve's tolerance.
-fn kept(curves: &[(&Curve, f64)]) -> Vec<usize> {
+fn kept_keys(curves: &[(&Curve, f64)]) -> Vec<usize> {
     let Some((first, _)) = curves.first() else { return Vec::new() };
     let last = first.times.len() - 1;
-    if curves.iter().all(|(curve, allowed)| fits(curve, 0, last, *allowed) && rests(curve, *allowed)) {
+    if curves
+        .iter()
+        .all(|(curve, allowed)| segment_fits(curve, 0, last, *allowed) && stays_at_first_key(curve, *allowed))
+    {
         return vec![0];
     }
-    let all_fit =
-        |from: usize, to: usize| curves.iter().all(|(curve, allowed)| fits(curve, from, to, *allowed));
+    let all_fit = |from: usize, to: usize| {
+        curves.iter().all(|(curve, allowed)| segment_fits(curve, from, to, *allowed))
+    };
     let mut kept = vec![0];
     let mut at = 0;
     while at < last {
         // Exponential search, then bisection.
-        let mut good = at + 1;
+        let mut fitting = at + 1;
         let mut step = 2;
         while at + step <= last && all_fit(at, at + step) {
-            good = at + step;
+            fitting = at + step;
             step *= 2;
         }
-        let mut bad = (at + step).min(last + 1);
-        while bad - good > 1 {
-            let middle = good + (bad - good) / 2;
-            if all_fit(at, middle) { good = middle } else { bad = middle }
+        let mut failing = (at + step).min(last + 1);
+        while failing - fitting > 1 {
+            let middle = fitting + (failing - fitting) / 2;
+            if all_fit(at, middle) { fitting = middle } else { failing = middle }
         }
-        kept.push(good);
-        at = good;
+        kept.push(fitting);
+        at = fitting;
     }
     kept
 }
 
-/// Whether all keys are within the tolerance of the first one.
-fn rests(curve: &Curve, allowed: f64) -> bool {
+/// Whether all keys are within the tolerance of the first key.
+fn stays_at_first_key(curve: &Curve, allowed: f64) -> bool {
     let limit = tolerance_distance(curve.path, allowed);
-    (0..curve.times.len()).all(|key| apart_squared(curve, &value(curve, 0), key) <= limit * limit)
+    (0..curve.times.len())
+        .all(|key| squared_distance_to_key(curve, &key_value(curve, 0), key) <= limit * limit)
 }
 
 /// Whether all keys between two keys are within the tolerance of the interpolation between these.
-fn fits(curve: &Curve, from: usize, to: usize, allowed: f64) -> bool {
-    let segment = Segment::new(curve.path, value(curve, from), value(curve, to));
+fn segment_fits(curve: &Curve, from: usize, to: usize, allowed: f64) -> bool {
+    let segment = Segment::new(curve.path, key_value(curve, from), key_value(curve, to));
     let (start, span) = (curve.times[from], (curve.times[to] - curve.times[from]).0 as f64);
     let limit = tolerance_distance(curve.path, allowed);
     (from + 1..to).all(|key| {
         let t = (curve.times[key] - start).0 as f64 / span;
-        apart_squared(curve, &segment.at(t), key) <= limit * limit
+        squared_distance_to_key(curve, &segment.at(t), key) <= limit * limit
     })
 }
 
@@ -243,7 +252,7 @@ struct Segment {
 }
 
 /// Below this angle between quaternions, radians, linear interpolation is within 1.3e-7 of slerp, which is a rounding of f32.
-const STRAIGHT: f64 = 1e-3;
+const MIN_SLERP_ANGLE_RAD: f64 = 1e-3;
 
 impl Segment {
     fn new(path: Path, a: [f64; 4], mut b: [f64; 4]) -> Segment {
@@ -254,7 +263,7 @@ impl Segment {
                 b = b.map(|v| -v);
             }
             let angle = libm::acos(dot.abs().min(1.0));
-            arc = (angle > STRAIGHT).then(|| (angle, 1.0 / libm::sin(angle)));
+            arc = (angle > MIN_SLERP_ANGLE_RAD).then(|| (angle, 1.0 / libm::sin(angle)));
         }
         Segment { a, b, arc }
     }
@@ -268,7 +277,7 @@ impl Segment {
     }
 }
 
-fn value(curve: &Curve, key: usize) -> [f64; 4] {
+fn key_value(curve: &Curve, key: usize) -> [f64; 4] {
     let width = curve.path.width().min(4);
     let mut out = [0.0; 4];
     for (out, v) in out.iter_mut().zip(&curve.values[key * curve.path.width()..][..width]) {
@@ -277,7 +286,7 @@ fn value(curve: &Curve, key: usize) -> [f64; 4] {
     out
 }
 
-/// Converts a tolerance in radians, metres or scale factors to a distance as measured by [`apart_squared`].
+/// Converts a tolerance in radians, metres or scale factors to a distance as measured by [`squared_distance_to_key`].
 fn tolerance_distance(path: Path, allowed: f64) -> f64 {
     match path {
         // Unit quaternions whose rotations are an angle apart have half of that angle between them.
@@ -287,15 +296,17 @@ fn tolerance_distance(path: Path, allowed: f64) -> f64 {
 }
 
 /// Squared distance between a value and a key; for rotations, between quaternions in the same hemisphere.
-fn apart_squared(curve: &Curve, value_there: &[f64; 4], key: usize) -> f64 {
-    let own = value(curve, key);
-    let sum = |sign: f64| (0..4).map(|i| own[i] - sign * value_there[i]).map(|d| d * d).sum::<f64>();
+fn squared_distance_to_key(curve: &Curve, value_there: &[f64; 4], key: usize) -> f64 {
+    let key_value_there = key_value(curve, key);
+    let sum =
+        |sign: f64| (0..4).map(|i| key_value_there[i] - sign * value_there[i]).map(|d| d * d).sum::<f64>();
     match curve.path {
         Path::Rotation => sum(1.0).min(sum(-1.0)),
         _ => sum(1.0),
     }
 }
 
+/// The curve with only the kept keys. `times`: their times, if curves share them.
 fn with_keys(curve: &Curve, kept: &[usize], times: Option<Arc<[Time]>>) -> Curve {
     if kept.len() == curve.times.len() {
         return curve.clone();
@@ -307,51 +318,53 @@ fn with_keys(curve: &Curve, kept: &[usize], times: Option<Arc<[Time]>>) -> Curve
 }
 
 /// Bytes of the key times and values that are stored uncompressed.
-pub(crate) fn bytes(clip: &Clip) -> usize {
+pub(crate) fn key_bytes(clip: &Clip) -> usize {
     let mut seen = std::collections::BTreeSet::new();
-    let of = |curve: &Curve| {
-        let own = seen.insert(curve.times.as_ptr() as usize);
-        curve.values.len() * 4 + if own { curve.times.len() * 8 } else { 0 }
+    let bytes_of_curve = |curve: &Curve| {
+        let is_first_use = seen.insert(curve.times.as_ptr() as usize);
+        curve.values.len() * 4 + if is_first_use { curve.times.len() * 8 } else { 0 }
     };
-    clip.stored_curves().iter().map(of).sum()
+    clip.stored_curves().iter().map(bytes_of_curve).sum()
 }
 
 /// Largest distance in model space, over all key times, of any joint and the points that turn with it, between a clip and its
 /// reduction.
-fn farthest(skeleton: &Skeleton, all: &Clip, some: &Clip) -> f64 {
-    let mut times: Vec<Time> = all.curves().iter().flat_map(|c| c.times.iter().copied()).collect();
+fn largest_error(skeleton: &Skeleton, source: &Clip, reduced: &Clip) -> f64 {
+    let mut times: Vec<Time> = source.curves().iter().flat_map(|c| c.times.iter().copied()).collect();
     times.sort_unstable();
     times.dedup();
     let scales = ModelRestPose::of(skeleton).scales;
-    let mut of_all: Vec<Cursor> = all.curves().iter().map(Cursor::new).collect();
-    let mut of_some: Vec<Cursor> = some.curves().iter().map(Cursor::new).collect();
-    let rest: Vec<Local> = skeleton.rest().iter().map(Local::of).collect();
-    let (mut one, mut other) = (Model::default(), Model::default());
+    let mut source_cursors: Vec<CurveCursor> = source.curves().iter().map(CurveCursor::new).collect();
+    let mut reduced_cursors: Vec<CurveCursor> = reduced.curves().iter().map(CurveCursor::new).collect();
+    let rest: Vec<JointTransform> = skeleton.rest().iter().map(JointTransform::of).collect();
+    let (mut first, mut second) = (ModelPose::default(), ModelPose::default());
     let mut worst = 0.0f64;
     for time in times {
-        one.pose(skeleton, &rest, &mut of_all, time);
-        other.pose(skeleton, &rest, &mut of_some, time);
-        for (joint, (one, other)) in one.matrices.iter().zip(&other.matrices).enumerate() {
-            let arm = SHELL / scales[joint].max(1e-9);
-            let (apart, turned) = (one.translation - other.translation, one.matrix3 - other.matrix3);
-            let points = [turned.x_axis, turned.y_axis, turned.z_axis].map(|axis| apart + axis * arm);
+        first.set_pose(skeleton, &rest, &mut source_cursors, time);
+        second.set_pose(skeleton, &rest, &mut reduced_cursors, time);
+        for (joint, (first, second)) in first.matrices.iter().zip(&second.matrices).enumerate() {
+            let arm = POINT_DISTANCE_M / scales[joint].max(1e-9);
+            let (offset, rotation_change) =
+                (first.translation - second.translation, first.matrix3 - second.matrix3);
+            let points = [rotation_change.x_axis, rotation_change.y_axis, rotation_change.z_axis]
+                .map(|axis| offset + axis * arm);
             let squares = points.map(DVec3::length_squared);
-            worst = squares.into_iter().fold(worst.max(apart.length_squared()), f64::max);
+            worst = squares.into_iter().fold(worst.max(offset.length_squared()), f64::max);
         }
     }
     worst.sqrt()
 }
 
 /// Reads a curve at increasing times.
-struct Cursor<'a> {
+struct CurveCursor<'a> {
     curve: &'a Curve,
     /// First key that is not before the time that was read last.
     next: usize,
 }
 
-impl<'a> Cursor<'a> {
-    fn new(curve: &'a Curve) -> Cursor<'a> {
-        Cursor { curve, next: 0 }
+impl<'a> CurveCursor<'a> {
+    fn new(curve: &'a Curve) -> CurveCursor<'a> {
+        CurveCursor { curve, next: 0 }
     }
 
     fn at(&mut self, time: Time) -> [f64; 4] {
@@ -359,35 +372,41 @@ impl<'a> Cursor<'a> {
         self.next += times[self.next..].iter().take_while(|key| **key < time).count();
         let is_key = times.get(self.next) == Some(&time);
         match self.curve.interpolation {
-            Interpolation::Linear if is_key => value(self.curve, self.next),
+            Interpolation::Linear if is_key => key_value(self.curve, self.next),
             _ => curve_at(self.curve, time),
         }
     }
 }
 
 #[derive(Clone, Copy)]
-struct Local {
+struct JointTransform {
     translation: DVec3,
     rotation: DQuat,
     scale: DVec3,
 }
 
-impl Local {
-    fn of(t: &Transform) -> Local {
+impl JointTransform {
+    fn of(t: &Transform) -> JointTransform {
         let (translation, scale) = (t.translation.as_dvec3(), t.scale.as_dvec3());
-        Local { translation, rotation: t.rotation.as_dquat(), scale }
+        JointTransform { translation, rotation: t.rotation.as_dquat(), scale }
     }
 }
 
-/// model-from-joint of a pose, in reused buffers.
+/// Matrices model-from-joint of a pose, in reused buffers.
 #[derive(Default)]
-struct Model {
-    locals: Vec<Local>,
+struct ModelPose {
+    locals: Vec<JointTransform>,
     matrices: Vec<DAffine3>,
 }
 
-impl Model {
-    fn pose(&mut self, skeleton: &Skeleton, rest: &[Local], cursors: &mut [Cursor<'_>], time: Time) {
+impl ModelPose {
+    fn set_pose(
+        &mut self,
+        skeleton: &Skeleton,
+        rest: &[JointTransform],
+        cursors: &mut [CurveCursor<'_>],
+        time: Time,
+    ) {
         self.locals.clear();
         self.locals.extend_from_slice(rest);
         for cursor in cursors {
@@ -401,7 +420,7 @@ impl Model {
         }
         self.matrices.clear();
         for (local, parent) in self.locals.iter().zip(skeleton.parents()) {
-            let rotation = crate::math::rotation::unit(local.rotation);
+            let rotation = crate::math::rotation::normalize_or_identity(local.rotation);
             let own = DAffine3::from_scale_rotation_translation(local.scale, rotation, local.translation);
             self.matrices.push(parent.map_or(own, |p| self.matrices[p as usize] * own));
         }
@@ -409,15 +428,15 @@ impl Model {
 }
 
 /// Largest distance in model space of each joint, and of points that turn with it, between two clips: at all keys of `a` and
-/// halfway between them, or at about `most` of these times, evenly chosen.
-pub(crate) fn distances(skeleton: &Skeleton, a: &Clip, b: &Clip, most: usize) -> Vec<f64> {
+/// halfway between them, or at about `max_times` of these times, evenly chosen.
+pub(crate) fn joint_errors(skeleton: &Skeleton, a: &Clip, b: &Clip, max_times: usize) -> Vec<f64> {
     let mut times: Vec<Time> = a.curves().iter().flat_map(|c| c.times.iter().copied()).collect();
     times.sort_unstable();
     times.dedup();
     let middles: Vec<Time> = times.windows(2).map(|w| Time(w[0].0 + (w[1].0 - w[0].0) / 2)).collect();
     times.extend(middles);
     times.sort_unstable();
-    let every = times.len().div_ceil(most.max(1)).max(1);
+    let every = times.len().div_ceil(max_times.max(1)).max(1);
     let mut pose = Pose::rest(skeleton);
     let mut model = |clip: &Clip, time: Time| -> Vec<DAffine3> {
         for (joint, rest) in skeleton.rest().iter().enumerate() {
@@ -428,7 +447,7 @@ pub(crate) fn distances(skeleton: &Skeleton, a: &Clip, b: &Clip, most: usize) ->
         for (joint, local) in pose.iter().enumerate() {
             let (s, r, t) = (
                 local.scale.as_dvec3(),
-                crate::math::rotation::unit(local.rotation.as_dquat()),
+                crate::math::rotation::normalize_or_identity(local.rotation.as_dquat()),
                 local.translation.as_dvec3(),
             );
             let own = DAffine3::from_scale_rotation_translation(s, r, t);
@@ -439,12 +458,12 @@ pub(crate) fn distances(skeleton: &Skeleton, a: &Clip, b: &Clip, most: usize) ->
     let rest = ModelRestPose::of(skeleton);
     let mut worst = vec![0.0f64; skeleton.len()];
     for time in times.into_iter().step_by(every) {
-        let (one, other) = (model(a, time), model(b, time));
-        for (joint, (one, other)) in one.iter().zip(&other).enumerate() {
-            let arm = SHELL / rest.scales[joint].max(1e-9);
+        let (first, second) = (model(a, time), model(b, time));
+        for (joint, (first, second)) in first.iter().zip(&second).enumerate() {
+            let arm = POINT_DISTANCE_M / rest.scales[joint].max(1e-9);
             for point in [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z] {
                 let at = |m: &DAffine3| m.transform_point3(point * arm);
-                worst[joint] = worst[joint].max((at(one) - at(other)).length());
+                worst[joint] = worst[joint].max((at(first) - at(second)).length());
             }
         }
     }

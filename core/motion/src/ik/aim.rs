@@ -37,7 +37,7 @@ impl Aim<'_> {
         turns.fill(DQuat::IDENTITY);
         let shares = |joints: &[AimJoint]| joints.iter().map(|j| j.share.max(0.0)).sum::<f64>();
         let Some(last) = self.joints.last().copied() else { return };
-        let whole = limited(self.forward, self.target - last.position, self.limit, self.weight);
+        let whole = limited_rotation(self.forward, self.target - last.position, self.limit, self.weight);
         // The goal lies in the direction of the limited rotation, at the target's distance.
         let Some(whole) = whole else { return };
         let goal = last.position + whole * self.forward.normalize() * (self.target - last.position).length();
@@ -47,9 +47,12 @@ impl Aim<'_> {
         // Rotations of the other joints move the last one and change its direction to the target: each joint takes its share of
         // the remaining rotation, and the last one all that is left.
         for (at, turned) in turns.iter_mut().enumerate().take(count) {
-            let left = shares(&self.joints[at..]);
-            let share =
-                if at + 1 == count { 1.0 } else { (self.joints[at].share.max(0.0) / left).clamp(0.0, 1.0) };
+            let remaining_shares = shares(&self.joints[at..]);
+            let share = if at + 1 == count {
+                1.0
+            } else {
+                (self.joints[at].share.max(0.0) / remaining_shares).clamp(0.0, 1.0)
+            };
             let tip = self.joints[count - 1].position;
             if share > 0.0 && share.is_finite() {
                 let turn = rotation_fraction(rotation_between(forward, goal - tip), share);
@@ -66,14 +69,14 @@ impl Aim<'_> {
 }
 
 /// The rotation from one direction towards another, at most `limit`, fading out beyond it, times a weight.
-fn limited(now: DVec3, way: DVec3, limit: f64, weight: f64) -> Option<DQuat> {
-    let (now, way) = (now.try_normalize()?, way.try_normalize()?);
-    let cross = now.cross(way);
+fn limited_rotation(from: DVec3, to: DVec3, limit: f64, weight: f64) -> Option<DQuat> {
+    let (from, to) = (from.try_normalize()?, to.try_normalize()?);
+    let cross = from.cross(to);
     let Some(axis) = cross.try_normalize() else { return Some(DQuat::IDENTITY) };
-    let angle = libm::atan2(cross.length(), now.dot(way));
+    let angle = libm::atan2(cross.length(), from.dot(to));
     let limit = limit.clamp(0.0, PI);
-    let kept = if angle <= limit { angle } else { limit * (PI - angle) / (PI - limit) };
-    let turn = DQuat::from_axis_angle(axis, kept * weight.clamp(0.0, 1.0));
+    let limited_angle = if angle <= limit { angle } else { limit * (PI - angle) / (PI - limit) };
+    let turn = DQuat::from_axis_angle(axis, limited_angle * weight.clamp(0.0, 1.0));
     turn.is_finite().then_some(turn)
 }
 
@@ -88,7 +91,7 @@ mod tests {
     }
 
     /// Position and direction of the last joint after all turns, by forward kinematics.
-    fn after(turns: &[DQuat; 3], joints: [AimJoint; 3]) -> (DVec3, DVec3) {
+    fn posed_end(turns: &[DQuat; 3], joints: [AimJoint; 3]) -> (DVec3, DVec3) {
         let (mut at, mut before) = (joints[0].position, joints[0].position);
         for i in 1..3 {
             at += turns[i - 1] * (joints[i].position - before);
@@ -98,14 +101,14 @@ mod tests {
     }
 
     #[test]
-    fn the_last_joint_points_at_the_target_and_all_turn() {
+    fn the_last_joint_points_at_the_target_and_all_joints_with_a_share_turn() {
         for target in [DVec3::new(2.0, 1.0, 1.0), DVec3::new(-0.5, 2.5, 0.9), DVec3::new(0.3, 1.7, 0.4)] {
             for shares in [[1.0, 1.0, 1.0], [0.2, 0.3, 0.5], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]] {
                 let mut joints = spine(shares);
                 let mut turns = [DQuat::IDENTITY; 3];
                 let limit = 80f64.to_radians();
                 Aim { joints: &mut joints, forward: DVec3::Z, target, limit, weight: 1.0 }.run(&mut turns);
-                let (at, forward) = after(&turns, spine(shares));
+                let (at, forward) = posed_end(&turns, spine(shares));
                 assert!((at - joints[2].position).length() < 1e-12);
                 let off = super::super::limit::angle_of(super::rotation_between(forward, target - at));
                 assert!(off < 1e-9, "{target} {shares:?}: {off}");
@@ -116,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn targets_in_the_joint_behind_or_nowhere_turn_nothing() {
+    fn targets_at_the_joint_straight_behind_or_nan_turn_nothing() {
         let head = spine([1.0; 3])[2].position;
         for target in [head, head - DVec3::Z, DVec3::NAN] {
             let mut turns = [DQuat::IDENTITY; 3];

@@ -1,13 +1,13 @@
 //! Cyclic coordinate descent.
 
 use super::Chain;
-use super::chain::Scratch;
+use super::chain::SolverScratch;
 use crate::math::rotation::rotation_between;
 use glam::DVec3;
 
 /// One iteration: turns each joint once, from the end inwards.
-pub(super) fn iterate(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
-    let Scratch { positions, rotations, .. } = scratch;
+pub(super) fn iterate(chain: &mut Chain, target: DVec3, scratch: &mut SolverScratch) {
+    let SolverScratch { positions, rotations, .. } = scratch;
     let mut end = chain.frames(positions, rotations);
     for index in (0..chain.bones.len()).rev() {
         let (pivot, parent) = (positions[index], rotations[index]);

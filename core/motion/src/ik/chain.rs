@@ -110,7 +110,7 @@ impl Chain {
         }
         let mut best = (solved.distance, self.bones.clone());
         self.bend_if_straight(target);
-        let mut scratch = Scratch::default();
+        let mut scratch = SolverScratch::default();
         for iteration in 1..=iterations {
             if solved.distance <= tolerance {
                 break;
@@ -134,16 +134,21 @@ impl Chain {
             solved.distance = best.0;
         }
         if solved.distance > tolerance && self.bones.iter().any(|b| b.limit != Limit::Free) {
-            solved.distance = self.descend(target, tolerance, &mut scratch);
+            solved.distance = self.refine_by_coordinate_descent(target, tolerance, &mut scratch);
         }
         solved
     }
 
     /// Coordinate descent after a solver whose joints are stuck at their limits, as long as sweeps bring the end nearer.
-    fn descend(&mut self, target: DVec3, tolerance: f64, scratch: &mut Scratch) -> f64 {
-        const SWEEPS: usize = 64;
+    fn refine_by_coordinate_descent(
+        &mut self,
+        target: DVec3,
+        tolerance: f64,
+        scratch: &mut SolverScratch,
+    ) -> f64 {
+        const MAX_SWEEPS: usize = 64;
         let mut distance = (self.end() - target).length();
-        for _ in 0..SWEEPS {
+        for _ in 0..MAX_SWEEPS {
             coordinate_descent::sweep(self, target, scratch);
             let now = (self.end() - target).length();
             let gained = distance - now;
@@ -158,9 +163,10 @@ impl Chain {
     /// Straightens the chain towards a target out of reach, a pose to which iterations converge ever more slowly. Returns false
     /// if the target is in reach, or if any joint has a limit.
     fn straighten_towards(&mut self, target: DVec3) -> bool {
-        let way = target - self.origin;
+        let to_target = target - self.origin;
         let free = self.bones.iter().all(|bone| bone.limit == Limit::Free);
-        let Some(line) = way.try_normalize().filter(|_| free && way.length() >= self.reach()) else {
+        let Some(line) = to_target.try_normalize().filter(|_| free && to_target.length() >= self.reach())
+        else {
             return false;
         };
         let mut parent = self.parent;
@@ -179,25 +185,28 @@ impl Chain {
     /// could begin.
     fn bend_if_straight(&mut self, target: DVec3) {
         /// Radians; large enough for a first step, too small to be seen where it is not needed.
-        const NUDGE: f64 = 1e-3;
+        const BEND_ANGLE_RAD: f64 = 1e-3;
         let mut positions = Vec::with_capacity(self.bones.len() + 1);
         self.positions(&mut positions);
-        let way = target - self.origin;
-        let scale = self.reach() * way.length().max(self.reach());
-        let off_line = positions.iter().map(|p| (*p - self.origin).cross(way).length()).fold(0.0, f64::max);
-        let beyond = way.length() >= self.reach() && (self.end() - self.origin).dot(way) > 0.0;
+        let to_target = target - self.origin;
+        let scale = self.reach() * to_target.length().max(self.reach());
+        let off_line =
+            positions.iter().map(|p| (*p - self.origin).cross(to_target).length()).fold(0.0, f64::max);
+        let beyond = to_target.length() >= self.reach() && (self.end() - self.origin).dot(to_target) > 0.0;
         if off_line > 1e-9 * scale || beyond || self.bones.len() < 2 {
             return;
         }
-        let line =
-            way.try_normalize().or_else(|| (self.end() - self.origin).try_normalize()).unwrap_or(DVec3::Y);
+        let line = to_target
+            .try_normalize()
+            .or_else(|| (self.end() - self.origin).try_normalize())
+            .unwrap_or(DVec3::Y);
         let axis = line.any_orthonormal_vector();
         let mut parent = self.parent;
         for (index, bone) in self.bones.iter_mut().enumerate() {
             // The first bone turns out and the others back: a bow.
-            let angle = if index == 0 { NUDGE } else { -2.0 * NUDGE };
-            let nudged = parent.inverse() * DQuat::from_axis_angle(axis, angle) * parent * bone.rotation;
-            bone.rotation = bone.limit.clamp(bone.rest, nudged.normalize());
+            let angle = if index == 0 { BEND_ANGLE_RAD } else { -2.0 * BEND_ANGLE_RAD };
+            let bent = parent.inverse() * DQuat::from_axis_angle(axis, angle) * parent * bone.rotation;
+            bone.rotation = bone.limit.clamp(bone.rest, bent.normalize());
             parent *= bone.rotation;
         }
     }
@@ -205,7 +214,7 @@ impl Chain {
 
 /// Buffers of the solvers, kept between the iterations of one call.
 #[derive(Clone, Debug)]
-pub(super) struct Scratch {
+pub(super) struct SolverScratch {
     pub positions: Vec<DVec3>,
     pub goals: Vec<DVec3>,
     pub rotations: Vec<DQuat>,
@@ -216,9 +225,9 @@ pub(super) struct Scratch {
     pub stuck: bool,
 }
 
-impl Default for Scratch {
+impl Default for SolverScratch {
     fn default() -> Self {
-        Scratch {
+        SolverScratch {
             positions: Vec::new(),
             goals: Vec::new(),
             rotations: Vec::new(),

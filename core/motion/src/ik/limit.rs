@@ -42,17 +42,17 @@ impl Limit {
         match *self {
             Limit::Free => local,
             Limit::SwingTwist { axis, swing, twist } => {
-                let (tilt, turn) = split(rest.inverse() * local, axis);
-                let kept = turn.clamp(twist.0, twist.1);
+                let (tilt, turn) = swing_and_twist(rest.inverse() * local, axis);
+                let clamped_turn = turn.clamp(twist.0, twist.1);
                 let angle = angle_of(tilt);
-                if angle <= swing && kept == turn {
+                if angle <= swing && clamped_turn == turn {
                     return local;
                 }
                 let tilt = if angle <= swing { tilt } else { rotation_fraction(tilt, swing / angle) };
-                (rest * tilt * DQuat::from_axis_angle(axis, kept)).normalize()
+                (rest * tilt * DQuat::from_axis_angle(axis, clamped_turn)).normalize()
             }
             Limit::Hinge { axis, angle } => {
-                let (_, turn) = split(rest.inverse() * local, axis);
+                let (_, turn) = swing_and_twist(rest.inverse() * local, axis);
                 (rest * DQuat::from_axis_angle(axis, turn.clamp(angle.0, angle.1))).normalize()
             }
         }
@@ -65,7 +65,7 @@ impl Limit {
 }
 
 /// Swing–twist decomposition: a swing of the axis, and the angle of the twist about it that comes before, −π..=π.
-pub(super) fn split(q: DQuat, axis: DVec3) -> (DQuat, f64) {
+pub(super) fn swing_and_twist(q: DQuat, axis: DVec3) -> (DQuat, f64) {
     let along = q.xyz().dot(axis);
     let size = (along * along + q.w * q.w).sqrt();
     if size < 1e-12 {
@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_within_stays_and_what_is_beyond_is_brought_to_the_edge() {
+    fn rotations_within_the_limit_stay_and_others_are_clamped_to_it() {
         let rest = degrees(DVec3::new(1.0, 2.0, 3.0), 70.0);
         let limit = Limit::SwingTwist { axis: DVec3::Y, swing: 30f64.to_radians(), twist: (-0.2, 0.1) };
         assert_eq!(limit.check(), Ok(()));
@@ -99,7 +99,7 @@ mod tests {
         assert_eq!(limit.clamp(rest, within), within);
         let beyond = rest * degrees(DVec3::new(1.0, 0.0, 1.0), 80.0) * degrees(DVec3::Y, -60.0);
         let clamped = limit.clamp(rest, beyond);
-        let (tilt, turn) = split(rest.inverse() * clamped, DVec3::Y);
+        let (tilt, turn) = swing_and_twist(rest.inverse() * clamped, DVec3::Y);
         assert!((angle_of(tilt).to_degrees() - 30.0).abs() < 1e-9 && (turn + 0.2).abs() < 1e-9);
         // The direction of the tilt is unchanged.
         let way = tilt.xyz().normalize();
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hinge_turns_about_its_axis_only() {
+    fn a_hinge_rotates_about_its_axis_only() {
         let limit = Limit::Hinge { axis: DVec3::X, angle: (0.0, 2.0) };
         let q = DQuat::from_rotation_x(1.0) * DQuat::from_rotation_y(0.3);
         let clamped = limit.clamp(DQuat::IDENTITY, q);
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn check_names_what_is_wrong() {
+    fn check_names_the_invalid_field() {
         let error = |limit: Limit| limit.check().unwrap_err().to_string();
         assert_eq!(
             error(Limit::Hinge { axis: DVec3::ONE * 0.5, angle: (0.0, 1.0) }),

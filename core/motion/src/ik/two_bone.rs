@@ -9,7 +9,7 @@ use std::f64::consts::FRAC_PI_2;
 /// The law of cosines gives the triangle of shoulder, elbow and hand. It is laid towards the target and turned about that line so
 /// that the elbow keeps its side, or bends towards the pole.
 ///
-/// A target within 6 % of the limb's length from the start (`CORE`) is not reached exactly: the limb swings around at an even
+/// A target within 6 % of the limb's length from the start (`CORE_RADIUS_LENGTHS`) is not reached exactly: the limb swings around at an even
 /// pace instead of flipping at once. If a target passes straight through the shoulder at 0.1 m/s, the elbow of an arm moves at up
 /// to 5.3 m/s. No limb follows every target without a jump: jumps remain at one point of that core, and at directions 13° to
 /// either side of the one opposite to where the limb points.
@@ -35,9 +35,9 @@ pub struct TwoBone {
 
 /// Radius of the core around the start, in lengths of the limb: 33 mm for an arm, less than a shoulder is thick. A wider core
 /// slows the elbow.
-const CORE: f64 = 0.06;
+const CORE_RADIUS_LENGTHS: f64 = 0.06;
 /// Weight of the bend direction in the direction to which the limb leans within the core; the limb's own direction has weight 1.
-/// A straight path through the start hardly ever runs along this mixture.
+/// Few straight paths of a target through the start run along the resulting direction.
 const BEND_LEAN_WEIGHT: f64 = 0.6;
 /// Cosines of the angles 162° and 174° by which a limb turns. Between them, the bend plane changes from turning with the limb, on
 /// the shortest arc, to staying: a half turn has no unique shortest arc.
@@ -77,15 +77,19 @@ impl TwoBone {
         let pole = |line| self.pole.and_then(|p| across(p - self.start, line));
         let bend = across(upper, line).or_else(|| pole(line)).or_else(|| across(self.hint, line));
         let bend = bend.unwrap_or_else(|| line.any_orthonormal_vector());
-        let towards = direction(self.target - self.start, CORE * (a + b), line + bend * BEND_LEAN_WEIGHT);
+        let towards = direction_through_core(
+            self.target - self.start,
+            CORE_RADIUS_LENGTHS * (a + b),
+            line + bend * BEND_LEAN_WEIGHT,
+        );
         let normal = bend.cross(line);
-        let kept = || across(towards.cross(turned_normal(normal, line, towards)), towards);
+        let kept = || across(towards.cross(rotated_bend_normal(normal, line, towards)), towards);
         let new_bend = pole(towards).or_else(kept)?;
         // The angle at the start joint, between the line to the end and the upper bone.
         // Equal bones leave a rounding error, which is large relative to a short distance.
-        let unlike = if (a - b).abs() > 1e-9 * (a + b) { a * a - b * b } else { 0.0 };
+        let difference_of_squares = if (a - b).abs() > 1e-9 * (a + b) { a * a - b * b } else { 0.0 };
         let cos = if distance > 0.0 {
-            ((unlike + distance * distance) / (2.0 * a * distance)).clamp(-1.0, 1.0)
+            ((difference_of_squares + distance * distance) / (2.0 * a * distance)).clamp(-1.0, 1.0)
         } else {
             0.0
         };
@@ -93,10 +97,10 @@ impl TwoBone {
         let new_middle = self.start + (towards * cos + new_bend * sin) * a;
         let new_end = self.start + towards * distance;
         let new_normal = new_bend.cross(towards);
-        let start = turn(upper, normal, new_middle - self.start, new_normal)?;
+        let start = rotation_between_frames(upper, normal, new_middle - self.start, new_normal)?;
         // The lower bone of a limb that is folded onto itself runs back along the upper.
         let new_lower = new_end - new_middle;
-        let middle = turn(lower, normal, new_lower, new_normal)?;
+        let middle = rotation_between_frames(lower, normal, new_lower, new_normal)?;
         (start.is_finite() && middle.is_finite()).then_some(TwoBoneSolution {
             start,
             middle,
@@ -109,7 +113,7 @@ impl TwoBone {
 /// Direction of a target, continuous except at one point: within the core it leans towards `lean_direction`, and is
 /// `lean_direction` at the start itself. As a target passes through the start at right angles to `lean_direction`, the direction
 /// turns evenly, by half a turn over the width of the core.
-fn direction(target: DVec3, core: f64, lean_direction: DVec3) -> DVec3 {
+fn direction_through_core(target: DVec3, core: f64, lean_direction: DVec3) -> DVec3 {
     let from_start = target.length();
     // The tangent is meaningless at 0 and beyond the core.
     let lean = match FRAC_PI_2 * from_start / core {
@@ -122,7 +126,7 @@ fn direction(target: DVec3, core: f64, lean_direction: DVec3) -> DVec3 {
 
 /// Normal of the bend for a new direction: turned like the direction, but if that is nearly half a turn, kept as close to the old
 /// normal as possible, so that rounding does not choose the axis.
-fn turned_normal(normal: DVec3, line: DVec3, towards: DVec3) -> DVec3 {
+fn rotated_bend_normal(normal: DVec3, line: DVec3, towards: DVec3) -> DVec3 {
     let turned = rotation_between(line, towards) * normal;
     let share = ((BEND_PLANE_FADE_COS[0] - line.dot(towards))
         / (BEND_PLANE_FADE_COS[0] - BEND_PLANE_FADE_COS[1]))
@@ -134,7 +138,7 @@ fn turned_normal(normal: DVec3, line: DVec3, towards: DVec3) -> DVec3 {
 }
 
 /// The rotation that brings a direction and a normal of it to another direction and its normal.
-fn turn(from: DVec3, normal: DVec3, to: DVec3, new_normal: DVec3) -> Option<DQuat> {
+fn rotation_between_frames(from: DVec3, normal: DVec3, to: DVec3, new_normal: DVec3) -> Option<DQuat> {
     let frame = |x: DVec3, z: DVec3| {
         let x = x.try_normalize()?;
         let z = (z - x * x.dot(z)).try_normalize()?;
@@ -145,19 +149,19 @@ fn turn(from: DVec3, normal: DVec3, to: DVec3, new_normal: DVec3) -> Option<DQua
 }
 
 /// Distance of the end for a target at distance `wanted`: the same up to `reach · (1 − soft)`; beyond that, it approaches the
-/// whole reach exponentially, at the same speed at first, and never gets there. It approaches `nearest` likewise.
+/// whole reach exponentially, at the same speed at first, and never reaches it. It approaches `nearest` in the same way.
 fn soft_distance(wanted: f64, [nearest, reach]: [f64; 2], soft: f64) -> f64 {
     let softness = reach * soft.clamp(0.0, 1.0);
     let at_start = softness.min(0.5 * nearest);
     let (inner, hard) = (nearest + at_start, reach - softness);
-    let gone = if softness > 0.0 && wanted > hard {
+    let softened = if softness > 0.0 && wanted > hard {
         reach - softness * libm::exp((hard - wanted) / softness)
     } else if at_start > 0.0 && wanted < inner {
         nearest + at_start * libm::exp((wanted - inner) / at_start)
     } else {
         wanted
     };
-    gone.clamp(nearest, reach)
+    softened.clamp(nearest, reach)
 }
 
 #[cfg(test)]
@@ -165,14 +169,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn soft_reach_has_no_corner_and_no_end() {
+    fn soft_distance_is_smooth_and_never_reaches_its_limit() {
         let at = |d: f64| soft_distance(d, [0.0, 1.0], 0.2);
         assert_eq!((at(0.5), at(0.8)), (0.5, 0.8));
         let slope = |d: f64| (at(d + 1e-7) - at(d - 1e-7)) / 2e-7;
         assert!((slope(0.8) - 1.0).abs() < 1e-5 && slope(1.0) < 0.5);
         assert!(at(1.0) < 1.0 && at(50.0) <= 1.0 && at(50.0) > 0.999);
         assert_eq!(soft_distance(3.0, [0.0, 1.0], 0.0), 1.0);
-        // The same where it folds, over half as far as it can be folded at most.
+        // The distance is as smooth where the limb folds, over half of the smallest distance.
         let at = |d: f64| soft_distance(d, [0.2, 1.0], 0.2);
         let slope = |d: f64| (at(d + 1e-7) - at(d - 1e-7)) / 2e-7;
         assert!((slope(0.3) - 1.0).abs() < 1e-5 && slope(0.2) < 0.5 && at(0.0) > 0.2 && at(0.35) == 0.35);

@@ -22,13 +22,13 @@ impl Planar {
 
     /// Composition: first `other`, then this motion.
     pub fn compose(self, other: Planar) -> Planar {
-        let turned = turned(other.translation, self.yaw);
-        Planar { translation: self.translation + turned, yaw: self.yaw + other.yaw }
+        let rotated = rotate_about_y(other.translation, self.yaw);
+        Planar { translation: self.translation + rotated, yaw: self.yaw + other.yaw }
     }
 
     /// The inverse motion.
     pub fn inverse(self) -> Planar {
-        Planar { translation: turned(-self.translation, -self.yaw), yaw: -self.yaw }
+        Planar { translation: rotate_about_y(-self.translation, -self.yaw), yaw: -self.yaw }
     }
 
     /// This motion, repeated `times` times, in closed form: the steps of a circle sum to a chord, Σ R(iθ) = R((k − 1)θ/2)
@@ -39,7 +39,7 @@ impl Planar {
         let half = wrapped(self.yaw) / 2.0;
         let sine = libm::sin(half);
         let chord = if sine == 0.0 { k } else { libm::sin(wrapped(k * half)) / sine };
-        let mut translation = turned(self.translation * chord, (k - 1.0) * half);
+        let mut translation = rotate_about_y(self.translation * chord, (k - 1.0) * half);
         translation.y = self.translation.y * k;
         Planar { translation, yaw: self.yaw * k }
     }
@@ -51,7 +51,7 @@ impl Planar {
         let half = yaw / 2.0;
         // The chord of an arc with this angle is shorter by sin(θ/2) / (θ/2), and turned by θ/2.
         let chord = if half.abs() < 1e-9 { 1.0 } else { libm::sin(half) / half };
-        let mut step = turned(self.translation, -half) / chord;
+        let mut step = rotate_about_y(self.translation, -half) / chord;
         step.y = self.translation.y;
         (step, yaw)
     }
@@ -60,14 +60,14 @@ impl Planar {
     pub fn from_velocity((step, yaw): (DVec3, f64)) -> Planar {
         let half = yaw / 2.0;
         let chord = if half.abs() < 1e-9 { 1.0 } else { libm::sin(half) / half };
-        let mut translation = turned(step * chord, half);
+        let mut translation = rotate_about_y(step * chord, half);
         translation.y = step.y;
         Planar { translation, yaw }
     }
 }
 
-/// A vector turned about +Y.
-fn turned(v: DVec3, angle: f64) -> DVec3 {
+/// Rotates a vector about +Y by an angle in radians.
+fn rotate_about_y(v: DVec3, angle: f64) -> DVec3 {
     if angle == 0.0 {
         return v;
     }
@@ -92,33 +92,33 @@ pub fn wrapped(angle: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn near(a: Planar, b: Planar, tolerance: f64) {
+    fn assert_near(a: Planar, b: Planar, tolerance: f64) {
         assert!(a.translation.abs_diff_eq(b.translation, tolerance), "{a:?} {b:?}");
         assert!(wrapped(a.yaw - b.yaw).abs() < tolerance, "{a:?} {b:?}");
     }
 
     #[test]
-    fn powers_are_products() {
+    fn a_power_equals_the_product_of_its_steps() {
         for yaw in [0.0, 1e-12, -1e-4, 0.3, std::f64::consts::PI, -2.0, 7.0] {
             let step = Planar { translation: DVec3::new(0.4, 0.1, 1.3), yaw };
             let mut product = Planar::IDENTITY;
             for k in 0..40 {
-                near(step.power(k), product, 1e-9);
+                assert_near(step.power(k), product, 1e-9);
                 product = product.compose(step);
             }
-            near(step.power(7).compose(step.power(-7)), Planar::IDENTITY, 1e-9);
-            near(step.compose(step.inverse()), Planar::IDENTITY, 1e-12);
+            assert_near(step.power(7).compose(step.power(-7)), Planar::IDENTITY, 1e-9);
+            assert_near(step.compose(step.inverse()), Planar::IDENTITY, 1e-12);
         }
         let off = Planar { translation: DVec3::Z, yaw: 0.1 }.power(3).translation.z;
         assert!((off - 3.0).abs() > 0.01, "steps added without their turns would have passed: {off}");
     }
 
     #[test]
-    fn a_hundred_hours_on_a_circle_end_where_they_began() {
+    fn a_hundred_hours_of_steps_on_a_circle_return_to_the_start() {
         // 360 steps of one degree are once around; a step a second.
         let step = Planar { translation: DVec3::Z, yaw: std::f64::consts::TAU / 360.0 };
-        near(step.power(360_000), Planar::IDENTITY, 1e-7);
-        near(
+        assert_near(step.power(360_000), Planar::IDENTITY, 1e-7);
+        assert_near(
             Planar { translation: DVec3::Z * 1.25, yaw: 0.0 }.power(360_000),
             Planar { translation: DVec3::Z * 450_000.0, yaw: 0.0 },
             0.0001e-4,
@@ -126,13 +126,13 @@ mod tests {
     }
 
     #[test]
-    fn velocities_lead_back_and_halves_make_a_whole() {
+    fn from_velocity_inverts_velocity_and_two_half_steps_equal_one() {
         for yaw in [0.0, 1e-12, 0.5, -3.0] {
             let motion = Planar { translation: DVec3::new(0.4, 0.1, 1.3), yaw };
-            near(Planar::from_velocity(motion.velocity()), motion, 1e-12);
+            assert_near(Planar::from_velocity(motion.velocity()), motion, 1e-12);
             let (step, turn) = motion.velocity();
             let half = Planar::from_velocity((step / 2.0, turn / 2.0));
-            near(half.compose(half), motion, 1e-12);
+            assert_near(half.compose(half), motion, 1e-12);
         }
     }
 }

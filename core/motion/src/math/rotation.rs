@@ -69,7 +69,7 @@ pub fn from_rotation_vector(v: DVec3) -> DQuat {
 }
 
 /// Normalizes a quaternion; the identity where its length is zero.
-pub(crate) fn unit(q: DQuat) -> DQuat {
+pub(crate) fn normalize_or_identity(q: DQuat) -> DQuat {
     let square = q.length_squared();
     if square > 1e-60 && square.is_finite() { q * (1.0 / square.sqrt()) } else { DQuat::IDENTITY }
 }

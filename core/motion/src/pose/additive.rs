@@ -14,24 +14,25 @@ use glam::{DVec3, Vec3};
 /// Accumulates additive layers; its memory is reused by the next sum.
 #[derive(Clone, Debug, Default)]
 pub struct AdditiveLayers {
-    joints: Vec<Delta>,
+    joints: Vec<JointDelta>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Delta {
+struct JointDelta {
     /// Axis times angle, radians.
     rotation: DVec3,
     translation: DVec3,
     scale: DVec3,
 }
 
-const NONE: Delta = Delta { rotation: DVec3::ZERO, translation: DVec3::ZERO, scale: DVec3::ONE };
+const IDENTITY_DELTA: JointDelta =
+    JointDelta { rotation: DVec3::ZERO, translation: DVec3::ZERO, scale: DVec3::ONE };
 
 impl AdditiveLayers {
     /// Begins a frame of `joints` joints without layers.
     pub fn start(&mut self, joints: usize) {
         self.joints.clear();
-        self.joints.resize(joints, NONE);
+        self.joints.resize(joints, IDENTITY_DELTA);
     }
 
     /// Adds the difference of `pose` from `reference`. A negative `weight` subtracts; it is multiplied by the mask's weight of
@@ -51,9 +52,9 @@ impl AdditiveLayers {
             delta.rotation +=
                 rotation_vector(from.rotation.as_dquat().conjugate() * to.rotation.as_dquat()) * w;
             delta.translation += (to.translation.as_dvec3() - from.translation.as_dvec3()) * w;
-            let ratio = ratio(from.scale, to.scale);
+            let ratio = scale_ratio(from.scale, to.scale);
             let factor = DVec3::ONE + (ratio - DVec3::ONE) * w.abs();
-            delta.scale *= if w < 0.0 { inverse(factor) } else { factor };
+            delta.scale *= if w < 0.0 { reciprocal_or_one(factor) } else { factor };
         }
     }
 
@@ -79,11 +80,12 @@ impl AdditiveLayers {
 }
 
 /// Ratio of scales; 1 where the reference's scale is zero.
-fn ratio(from: Vec3, to: Vec3) -> DVec3 {
-    let one = |from: f32, to: f32| if from.abs() < 1e-12 { 1.0 } else { f64::from(to) / f64::from(from) };
-    DVec3::new(one(from.x, to.x), one(from.y, to.y), one(from.z, to.z))
+fn scale_ratio(from: Vec3, to: Vec3) -> DVec3 {
+    let component_ratio =
+        |from: f32, to: f32| if from.abs() < 1e-12 { 1.0 } else { f64::from(to) / f64::from(from) };
+    DVec3::new(component_ratio(from.x, to.x), component_ratio(from.y, to.y), component_ratio(from.z, to.z))
 }
 
-fn inverse(v: DVec3) -> DVec3 {
+fn reciprocal_or_one(v: DVec3) -> DVec3 {
     DVec3::from_array(v.to_array().map(|v| if v.abs() < 1e-12 { 1.0 } else { 1.0 / v }))
 }

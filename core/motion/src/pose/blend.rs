@@ -8,7 +8,7 @@ use crate::input_error::InputError;
 use crate::pose::{Pose, PoseBlock};
 use crate::simd::lane::{LANES, Lane};
 use crate::simd::{F8, Kernel, Level, dispatch, load4};
-use crate::slerp_series::{MAX_TERMS, weights_at};
+use crate::slerp_series::{MAX_TERMS, slerp_weights};
 use std::marker::PhantomData;
 
 /// Blends two poses joint by joint: `out` is `from` at weight 0 and `to` at weight 1, exactly. All poses have equally many
@@ -29,7 +29,7 @@ pub struct Blend<'a> {
 impl Blend<'_> {
     /// Names the first field that does not fit.
     pub fn check(&self) -> Result<(), InputError> {
-        check(
+        check_blend(
             &["Blend.to", "Blend.mask", "Blend.weight"],
             self.from.len(),
             self.to.len(),
@@ -60,7 +60,7 @@ pub struct BlendOnto<'a> {
 impl BlendOnto<'_> {
     /// Names the first field that does not fit.
     pub fn check(&self) -> Result<(), InputError> {
-        check(
+        check_blend(
             &["BlendOnto.to", "BlendOnto.mask", "BlendOnto.weight"],
             self.pose.len(),
             self.to.len(),
@@ -116,7 +116,7 @@ struct Nlerp;
 pub(crate) struct CorrectedNlerp;
 struct Slerp;
 
-fn check(
+fn check_blend(
     [to_field, mask_field, weight_field]: &[&'static str; 3],
     from: usize,
     to: usize,
@@ -156,12 +156,12 @@ impl<M: Mix> Kernel for BlendBlocks<'_, M> {
 
 #[inline(always)]
 fn blend_block<F: F8, M: Mix>(a: &mut PoseBlock, b: &PoseBlock, w: F) {
-    let (from, to) = (w.equals(F::splat(0.0)), w.equals(F::splat(1.0)));
+    let (keeps_from, takes_to) = (w.equals(F::splat(0.0)), w.equals(F::splat(1.0)));
     for i in 0..3 {
         let (x, y) = (F::load(&a.translation[i]), F::load(&b.translation[i]));
-        F::select(from, x, F::select(to, y, lerp(x, y, w))).store(&mut a.translation[i]);
+        F::select(keeps_from, x, F::select(takes_to, y, lerp(x, y, w))).store(&mut a.translation[i]);
         let (x, y) = (F::load(&a.scale[i]), F::load(&b.scale[i]));
-        F::select(from, x, F::select(to, y, lerp(x, y, w))).store(&mut a.scale[i]);
+        F::select(keeps_from, x, F::select(takes_to, y, lerp(x, y, w))).store(&mut a.scale[i]);
     }
     let p: [F; 4] = load4(&a.rotation);
     let q = load4(&b.rotation);
@@ -169,7 +169,7 @@ fn blend_block<F: F8, M: Mix>(a: &mut PoseBlock, b: &PoseBlock, w: F) {
     let k = F::splat(1.0).div(dot(mixed, mixed).sqrt());
     for i in 0..4 {
         let blended = mixed[i].mul(k);
-        F::select(from, p[i], F::select(to, q[i], blended)).store(&mut a.rotation[i]);
+        F::select(keeps_from, p[i], F::select(takes_to, q[i], blended)).store(&mut a.rotation[i]);
     }
 }
 
@@ -193,11 +193,11 @@ fn polynomial<F: F8, const N: usize>(x: F, coefficients: [f32; N]) -> F {
     sum
 }
 
-/// Linear interpolation from `p` to `q`, which is negated if `side` is negative.
+/// Linear interpolation from `p` to `q`, which is negated if `sign_of_dot` is negative.
 #[inline(always)]
-fn nlerp_unnormalized<F: F8>(mut p: [F; 4], q: [F; 4], side: F, w: F) -> [F; 4] {
+fn nlerp_unnormalized<F: F8>(mut p: [F; 4], q: [F; 4], sign_of_dot: F, w: F) -> [F; 4] {
     for i in 0..4 {
-        p[i] = lerp(p[i], q[i].flipped_by(side), w);
+        p[i] = lerp(p[i], q[i].flip_sign_by(sign_of_dot), w);
     }
     p
 }
@@ -205,8 +205,8 @@ fn nlerp_unnormalized<F: F8>(mut p: [F; 4], q: [F; 4], side: F, w: F) -> [F; 4] 
 impl Mix for Nlerp {
     #[inline(always)]
     fn mix<F: F8>(p: [F; 4], q: [F; 4], w: F) -> [F; 4] {
-        let side = dot(p, q);
-        nlerp_unnormalized(p, q, side, w)
+        let sign_of_dot = dot(p, q);
+        nlerp_unnormalized(p, q, sign_of_dot, w)
     }
 }
 
@@ -214,25 +214,30 @@ impl Mix for CorrectedNlerp {
     /// A cubic of the weight keeps slerp's speed (A. Kapoulkine, "Approximating slerp", 2015, `onlerp`, fitted for all arcs).
     #[inline(always)]
     fn mix<F: F8>(p: [F; 4], q: [F; 4], w: F) -> [F; 4] {
-        let side = dot(p, q);
-        let d = side.flipped_by(side);
+        let sign_of_dot = dot(p, q);
+        let d = sign_of_dot.flip_sign_by(sign_of_dot);
         let a = polynomial(d, [-1.43519, 3.55645, -3.2452, 1.0904]);
         let b = polynomial(d, [0.215638, -1.06021, 0.848013]);
         let middle = w.sub(F::splat(0.5));
         let k = a.mul(middle.mul(middle)).add(b);
         let w = w.add(w.mul(middle).mul(w.sub(F::splat(1.0))).mul(k));
-        nlerp_unnormalized(p, q, side, w)
+        nlerp_unnormalized(p, q, sign_of_dot, w)
     }
 }
 
 impl Mix for Slerp {
     #[inline(always)]
     fn mix<F: F8>(mut p: [F; 4], q: [F; 4], w: F) -> [F; 4] {
-        let side = dot(p, q);
-        let q = [q[0].flipped_by(side), q[1].flipped_by(side), q[2].flipped_by(side), q[3].flipped_by(side)];
+        let sign_of_dot = dot(p, q);
+        let q = [
+            q[0].flip_sign_by(sign_of_dot),
+            q[1].flip_sign_by(sign_of_dot),
+            q[2].flip_sign_by(sign_of_dot),
+            q[3].flip_sign_by(sign_of_dot),
+        ];
         // Computed from the difference instead of the product, because small angles then keep their digits.
-        let way = [q[0].sub(p[0]), q[1].sub(p[1]), q[2].sub(p[2]), q[3].sub(p[3])];
-        let (a, b) = weights_at(w, dot(way, way).mul(F::splat(0.5)), MAX_TERMS);
+        let chord = [q[0].sub(p[0]), q[1].sub(p[1]), q[2].sub(p[2]), q[3].sub(p[3])];
+        let (a, b) = slerp_weights(w, dot(chord, chord).mul(F::splat(0.5)), MAX_TERMS);
         for i in 0..4 {
             p[i] = p[i].mul(a).add(q[i].mul(b));
         }

@@ -1,12 +1,13 @@
 //! Inertialization: a transition switches to the new clip at once, and the offset from the old one decays.
 //!
 //! D. Bollo, "Inertialization: High-Performance Animation Transitions in Gears of War", GDC 2018. The offset of each joint from
-//! the new pose at the switch, as a vector (rotations as rotation vectors), decays to zero along its own direction by the quintic
-//! of the talk, which starts at the velocity of the offset and ends without velocity and acceleration; it ends earlier if the
-//! velocity leads to zero earlier, so that it does not overshoot. A velocity that leads away, and one across that direction,
+//! the new pose at the switch, as a vector (rotations as rotation vectors), decays to zero along its own direction by the
+//! quintic of the talk, which starts at the velocity of the offset and ends without velocity and acceleration; it ends earlier if
+//! the velocity leads to zero earlier, so that it does not overshoot. A velocity that leads away, and one across that direction,
 //! which the talk leaves out, decay by a quintic that is zero at both ends and starts at this velocity, so that no joint's
-//! velocity jumps. This takes at most the time in which clips reverse their motion ([`LONGEST_AWAY`]): over half a second, hips
-//! on their way down would sink 2 cm lower than in either clip. The offset is a closed form of the time since the switch.
+//! velocity jumps. This takes at most the time in which clips reverse their motion ([`MAX_VELOCITY_DECAY_SECS`]): over half a
+//! second, hips that move down would sink 2 cm lower than in either clip. The offset is a closed form of the time since the
+//! switch.
 
 use crate::math::rotation::{from_rotation_vector, rotation_vector};
 use crate::math::transform::Transform;
@@ -15,7 +16,7 @@ use crate::time::Time;
 use glam::DVec3;
 
 /// The longest time in which velocities that do not lead to the new clip decay, seconds.
-const LONGEST_AWAY: f64 = 0.2;
+const MAX_VELOCITY_DECAY_SECS: f64 = 0.2;
 
 /// The remaining length of an offset at time `t` of `duration` seconds. `x0` ≥ 0 is its length and `v0` its velocity along its direction.
 pub fn decay(x0: f64, v0: f64, duration: f64, t: f64) -> f64 {
@@ -27,7 +28,7 @@ pub fn decay(x0: f64, v0: f64, duration: f64, t: f64) -> f64 {
         return 0.0;
     }
     if v0 > 0.0 {
-        return decay(x0, 0.0, duration, t) + v0 * fading_velocity(duration, t);
+        return decay(x0, 0.0, duration, t) + v0 * offset_of_fading_velocity(duration, t);
     }
     let (t2, t3) = (end * end, end * end * end);
     let a0 = ((-8.0 * v0 * end - 20.0 * x0) / t2).max(0.0);
@@ -39,8 +40,8 @@ pub fn decay(x0: f64, v0: f64, duration: f64, t: f64) -> f64 {
 
 /// Offset that a unit velocity leads to: the quintic of value 0 and slope 1 at the start, with zero value, slope and second
 /// derivative at the end.
-fn fading_velocity(duration: f64, t: f64) -> f64 {
-    let duration = duration.min(LONGEST_AWAY);
+fn offset_of_fading_velocity(duration: f64, t: f64) -> f64 {
+    let duration = duration.min(MAX_VELOCITY_DECAY_SECS);
     if t >= duration || duration <= 0.0 {
         return 0.0;
     }
@@ -52,8 +53,8 @@ fn fading_velocity(duration: f64, t: f64) -> f64 {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct DecayingOffset {
     direction: DVec3,
-    along: [f64; 2],
-    across: DVec3,
+    length_and_velocity: [f64; 2],
+    lateral_velocity: DVec3,
 }
 
 impl DecayingOffset {
@@ -61,13 +62,14 @@ impl DecayingOffset {
         let x0 = offset.length();
         let direction = if x0 > 1e-9 { offset / x0 } else { DVec3::ZERO };
         let v0 = velocity.dot(direction);
-        let along = if x0 > 1e-9 { [x0, v0] } else { [0.0; 2] };
-        DecayingOffset { direction, along, across: velocity - direction * v0 }
+        let length_and_velocity = if x0 > 1e-9 { [x0, v0] } else { [0.0; 2] };
+        DecayingOffset { direction, length_and_velocity, lateral_velocity: velocity - direction * v0 }
     }
 
     fn at(&self, duration: f64, t: f64) -> DVec3 {
-        let [x0, v0] = self.along;
-        self.direction * decay(x0, v0, duration, t) + self.across * fading_velocity(duration, t)
+        let [x0, v0] = self.length_and_velocity;
+        self.direction * decay(x0, v0, duration, t)
+            + self.lateral_velocity * offset_of_fading_velocity(duration, t)
     }
 }
 
@@ -86,7 +88,7 @@ impl Inertialization {
     pub fn new(from: [&Pose; 2], to: [&Pose; 2], step: Time, duration: Time) -> Inertialization {
         let joints = from[1].len().min(to[0].len()).min(from[0].len()).min(to[1].len());
         let per_second = 1.0 / step.as_secs().max(1e-9);
-        let one = |joint: usize| {
+        let joint_offsets = |joint: usize| {
             let [before, source] = from.map(|pose| pose.get(joint));
             let [target, after] = to.map(|pose| pose.get(joint));
             let turn = |a: Transform, b: Transform| {
@@ -105,7 +107,7 @@ impl Inertialization {
                 DecayingOffset::new(scale(source) - scale(target), velocity(&scale)),
             ]
         };
-        Inertialization { joints: (0..joints).map(one).collect(), duration }
+        Inertialization { joints: (0..joints).map(joint_offsets).collect(), duration }
     }
 
     /// Adds the offsets that remain at a time `since` the switch to a pose of the new motion.
@@ -144,12 +146,12 @@ impl WeightInertialization {
         let per_second = 1.0 / step.as_secs().max(1e-9);
         let at = |of: &[f32], i: usize| f64::from(of[i]);
         let count = from.iter().chain(&to).map(|of| of.len()).min().unwrap_or(0);
-        let one = |i: usize| {
+        let weight_offset = |i: usize| {
             let ([before, source], [target, after]) = (from.map(|of| at(of, i)), to.map(|of| at(of, i)));
             let velocity = ((source - before) - (after - target)) * per_second;
             DecayingOffset::new(DVec3::X * (source - target), DVec3::X * velocity)
         };
-        WeightInertialization { weights: (0..count).map(one).collect(), duration }
+        WeightInertialization { weights: (0..count).map(weight_offset).collect(), duration }
     }
 
     /// Adds the offsets that remain at a time `since` the switch to the weights of the new motion.
@@ -158,10 +160,10 @@ impl WeightInertialization {
             return;
         }
         let (duration, t) = (self.duration.as_secs(), since.as_secs());
-        for (dying, weight) in self.weights.iter().zip(weights) {
-            let left = dying.at(duration, t).x;
-            if left != 0.0 {
-                *weight = (f64::from(*weight) + left) as f32;
+        for (offset, weight) in self.weights.iter().zip(weights) {
+            let remaining = offset.at(duration, t).x;
+            if remaining != 0.0 {
+                *weight = (f64::from(*weight) + remaining) as f32;
             }
         }
     }
@@ -173,7 +175,7 @@ mod tests {
     use glam::{Quat, Vec3};
 
     #[test]
-    fn the_quintic_begins_as_it_must_and_ends_at_rest() {
+    fn decay_starts_with_the_given_offset_and_velocity_and_ends_at_rest() {
         for (x0, v0, end) in [(1.0, 0.0, 0.4), (0.3, 2.0, 0.5), (1.0, -3.0, 0.4), (0.2, -5.0, 0.4)] {
             let x = |t| decay(x0, v0, end, t);
             let h = 1e-6;
@@ -192,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn a_switch_begins_where_the_old_motion_was_as_fast_and_ends_in_the_new() {
+    fn a_switch_starts_with_the_old_pose_and_velocity_and_ends_in_the_new_motion() {
         let pose = |x: f32, degrees: f32| {
             let mut pose = Pose::identity(1);
             let rotation = Quat::from_rotation_z(degrees.to_radians());
@@ -218,7 +220,7 @@ mod tests {
         let speed = (at(1e-3).translation.x - at(0.0).translation.x) / 1e-3;
         assert!((speed - 2.0).abs() < 0.05, "{speed}");
         assert_eq!(at(0.3), pose(2.7, -12.0).get(0));
-        // Weights take the way of a translation along one axis.
+        // Weights decay like a translation along one axis.
         let weights = WeightInertialization::new(
             [&[1.0 - 2.0 * h, 5.0], &[1.0]],
             [&[3.0], &[3.0 - h]],

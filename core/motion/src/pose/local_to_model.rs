@@ -37,9 +37,9 @@ impl LocalToModel<'_> {
     pub fn run_on(&mut self, level: Level) {
         dispatch(
             level,
-            Matrices {
+            ComputeMatrices {
                 by_depth: self.skeleton.by_depth(),
-                locals: One(self.pose.blocks()),
+                locals: UnblendedPose(self.pose.blocks()),
                 out: self.model_from_joint,
             },
         );
@@ -47,16 +47,16 @@ impl LocalToModel<'_> {
 }
 
 /// Source of the local transforms of eight joints for a kernel.
-pub(crate) trait Locals {
+pub(crate) trait LocalTransforms {
     /// Translation, rotation (of any length but zero), scale (`None` = exactly 1).
     fn get<F: F8>(&self, block: usize) -> ([F; 3], [F; 4], Option<[F; 3]>);
     fn blocks(&self) -> usize;
 }
 
 /// One pose, unchanged.
-pub(crate) struct One<'a>(pub &'a [PoseBlock]);
+pub(crate) struct UnblendedPose<'a>(pub &'a [PoseBlock]);
 
-impl Locals for One<'_> {
+impl LocalTransforms for UnblendedPose<'_> {
     #[inline(always)]
     fn get<F: F8>(&self, block: usize) -> ([F; 3], [F; 4], Option<[F; 3]>) {
         let a = &self.0[block];
@@ -69,7 +69,7 @@ impl Locals for One<'_> {
 }
 
 /// Two poses that are blended as they are read, like [`crate::Blend`] does.
-pub(crate) struct Two<'a> {
+pub(crate) struct BlendedPoses<'a> {
     pub a: &'a [PoseBlock],
     pub b: &'a [PoseBlock],
     pub weight: f32,
@@ -77,7 +77,7 @@ pub(crate) struct Two<'a> {
     pub unit_scale: bool,
 }
 
-impl Locals for Two<'_> {
+impl LocalTransforms for BlendedPoses<'_> {
     #[inline(always)]
     fn get<F: F8>(&self, block: usize) -> ([F; 3], [F; 4], Option<[F; 3]>) {
         let (a, b, w) = (&self.a[block], &self.b[block], F::splat(self.weight));
@@ -92,7 +92,8 @@ impl Locals for Two<'_> {
     }
 }
 
-pub(crate) struct Matrices<'a, L> {
+/// The kernel of [`LocalToModel`].
+pub(crate) struct ComputeMatrices<'a, L> {
     /// See [`Skeleton::by_depth`].
     pub by_depth: &'a [[u32; 2]],
     pub locals: L,
@@ -100,18 +101,18 @@ pub(crate) struct Matrices<'a, L> {
     pub out: &'a mut [Affine3A],
 }
 
-impl<L: Locals> Kernel for Matrices<'_, L> {
+impl<L: LocalTransforms> Kernel for ComputeMatrices<'_, L> {
     #[inline(always)]
     fn run<F: F8>(self) {
         self.compute::<F>();
     }
 }
 
-impl<L: Locals> Matrices<'_, L> {
+impl<L: LocalTransforms> ComputeMatrices<'_, L> {
     #[inline(always)]
     pub fn compute<F: F8>(self) {
-        let Matrices { by_depth, locals, out } = self;
-        let out = columns_mut(out);
+        let ComputeMatrices { by_depth, locals, out } = self;
+        let out = as_columns_mut(out);
         // Local matrices come first, eight at a time; then each is multiplied by its parent's. Taking the joints by depth made
         // the whole a fifth faster than going down chain by chain in one pass.
         let (full, rest) = out.as_chunks_mut::<LANES>();
@@ -136,26 +137,26 @@ impl<L: Locals> Matrices<'_, L> {
             }
         }
         for [joint, parent] in by_depth {
-            let Some(Columns([c0, c1], [c2, translation])) = out.get(*parent as usize) else { return };
-            let parent = [F::both(c0), F::both(c1), F::both(c2)];
-            let translation = F::upper(translation);
+            let Some(ColumnPairs([c0, c1], [c2, translation])) = out.get(*parent as usize) else { return };
+            let parent = [F::load_twice(c0), F::load_twice(c1), F::load_twice(c2)];
+            let translation = F::load_upper_half(translation);
             let Some(own) = out.get_mut(*joint as usize) else { return };
-            turned(parent, F::load_halves(&own.0)).store_halves(&mut own.0);
-            turned(parent, F::load_halves(&own.1)).add(translation).store_halves(&mut own.1);
+            mul_columns(parent, F::load_halves(&own.0)).store_halves(&mut own.0);
+            mul_columns(parent, F::load_halves(&own.1)).add(translation).store_halves(&mut own.1);
         }
     }
 }
 
-/// Component rows of the columns of R·S, and of the translation.
+/// The columns of R·S and the translation of eight joints, one row per component.
 #[inline(always)]
-fn local_columns<F: F8>(locals: &impl Locals, block: usize) -> ([[F; 3]; 3], [F; 3]) {
+fn local_columns<F: F8>(locals: &impl LocalTransforms, block: usize) -> ([[F; 3]; 3], [F; 3]) {
     let (translation, rotation, scale) = locals.get::<F>(block);
     (rotation_columns(rotation, scale), translation)
 }
 
-/// A matrix as four columns of four floats, two by two.
+/// A matrix as two pairs of columns of four floats.
 #[repr(C)]
-struct Columns([[f32; 4]; 2], [[f32; 4]; 2]);
+struct ColumnPairs([[f32; 4]; 2], [[f32; 4]; 2]);
 
 #[inline(always)]
 fn lerp3<F: F8>(a: &[Lane; 3], b: &[Lane; 3], w: F) -> [F; 3] {
@@ -163,7 +164,7 @@ fn lerp3<F: F8>(a: &[Lane; 3], b: &[Lane; 3], w: F) -> [F; 3] {
     [lerp(a[0], b[0], w), lerp(a[1], b[1], w), lerp(a[2], b[2], w)]
 }
 
-/// Columns of R·S, component rows, from a quaternion of any length: 2/|q|² takes the place of normalizing.
+/// The columns of R·S, one row per component, from a quaternion of any length: 2/|q|² takes the place of normalizing.
 #[inline(always)]
 fn rotation_columns<F: F8>(q: [F; 4], scale: Option<[F; 3]>) -> [[F; 3]; 3] {
     let one = F::splat(1.0);
@@ -191,19 +192,19 @@ fn rotation_columns<F: F8>(q: [F; 4], scale: Option<[F; 3]>) -> [[F; 3]; 3] {
     }
 }
 
-/// A 3×3 matrix, its columns in both halves, times two columns.
+/// Product of a 3×3 matrix, whose columns are in both halves, and two columns.
 #[inline(always)]
-fn turned<F: F8>([x, y, z]: [F; 3], columns: F) -> F {
-    let first = x.mul(columns.spread::<0>()).add(y.mul(columns.spread::<1>()));
-    first.add(z.mul(columns.spread::<2>()))
+fn mul_columns<F: F8>([x, y, z]: [F; 3], columns: F) -> F {
+    let first = x.mul(columns.broadcast_component::<0>()).add(y.mul(columns.broadcast_component::<1>()));
+    first.add(z.mul(columns.broadcast_component::<2>()))
 }
 
 const _: () = assert!(size_of::<Affine3A>() == 64 && align_of::<Affine3A>() == 16);
-const _: () = assert!(size_of::<Columns>() == 64 && std::mem::offset_of!(Affine3A, translation) == 48);
+const _: () = assert!(size_of::<ColumnPairs>() == 64 && std::mem::offset_of!(Affine3A, translation) == 48);
 
 #[allow(unsafe_code, reason = "a view of the same bytes, which bytemuck cannot give: they may hold padding")]
 #[inline(always)]
-fn columns_mut(matrices: &mut [Affine3A]) -> &mut [Columns] {
+fn as_columns_mut(matrices: &mut [Affine3A]) -> &mut [ColumnPairs] {
     // SAFETY: `Affine3A` is `repr(C)`: three `Vec3A` columns and a translation, 64 bytes as asserted above, and a
     // `Vec3A` is three floats in 16 bytes. The fourth may be padding where glam runs without SSE: any bits may be
     // written there, and the kernel reads only columns that it wrote itself.

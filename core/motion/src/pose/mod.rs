@@ -126,7 +126,7 @@ impl Pose {
     }
 
     /// Whether all scales are exactly 1.
-    pub(crate) fn unit_scale(&self) -> bool {
+    pub(crate) fn has_unit_scale(&self) -> bool {
         // The fold has no early exit, so that it is vectorized.
         let odd = |lane: &Lane| lane.0.iter().fold(false, |odd, v| odd | (*v != 1.0));
         !self.blocks.iter().flat_map(|block| &block.scale).fold(false, |any, lane| any | odd(lane))

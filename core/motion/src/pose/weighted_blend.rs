@@ -17,7 +17,7 @@ pub struct WeightedBlend {
     sums: Vec<(PoseBlock, Lane)>,
 }
 
-const NOTHING: (PoseBlock, Lane) = (
+const EMPTY_SUM: (PoseBlock, Lane) = (
     PoseBlock {
         translation: [Lane::splat(0.0); 3],
         rotation: [Lane::splat(0.0); 4],
@@ -30,23 +30,23 @@ impl WeightedBlend {
     /// Begins a sum over a base of this many joints.
     pub fn start(&mut self, joints: usize) {
         self.sums.clear();
-        self.sums.resize(joints.div_ceil(LANES), NOTHING);
+        self.sums.resize(joints.div_ceil(LANES), EMPTY_SUM);
     }
 
     /// Adds a pose. `base` must be the same for all poses of a sum; `weight` ≥ 0 is multiplied by the mask's weight of each joint
     /// (`None` = 1).
     pub fn add(&mut self, base: &Pose, pose: &Pose, weight: f32, mask: Option<&[f32]>) {
         let (base, pose) = (base.blocks(), pose.blocks());
-        dispatch(Level::best(), Add { sums: &mut self.sums, base, pose, weight, mask });
+        dispatch(Level::best(), AddPose { sums: &mut self.sums, base, pose, weight, mask });
     }
 
     /// Blends the sum over the base.
     pub fn finish(&self, base: &mut Pose) {
-        dispatch(Level::best(), Finish { sums: &self.sums, base: base.blocks_mut() });
+        dispatch(Level::best(), BlendSum { sums: &self.sums, base: base.blocks_mut() });
     }
 }
 
-struct Add<'a> {
+struct AddPose<'a> {
     sums: &'a mut [(PoseBlock, Lane)],
     base: &'a [PoseBlock],
     pose: &'a [PoseBlock],
@@ -54,7 +54,7 @@ struct Add<'a> {
     mask: Option<&'a [f32]>,
 }
 
-impl Kernel for Add<'_> {
+impl Kernel for AddPose<'_> {
     #[inline(always)]
     fn run<F: F8>(self) {
         for (i, ((sum, total), (base, pose))) in
@@ -74,52 +74,53 @@ impl Kernel for Add<'_> {
                 plus(&mut sum.scale[n], F::load(&pose.scale[n]));
             }
             let q: [F; 4] = load4(&pose.rotation);
-            let side = dot(load4(&base.rotation), q);
+            let sign_of_dot = dot(load4(&base.rotation), q);
             for (sum, q) in sum.rotation.iter_mut().zip(q) {
-                plus(sum, q.flipped_by(side));
+                plus(sum, q.flip_sign_by(sign_of_dot));
             }
             F::load(total).add(w).store(total);
         }
     }
 }
 
-struct Finish<'a> {
+struct BlendSum<'a> {
     sums: &'a [(PoseBlock, Lane)],
     base: &'a mut [PoseBlock],
 }
 
-impl Kernel for Finish<'_> {
+impl Kernel for BlendSum<'_> {
     #[inline(always)]
     fn run<F: F8>(self) {
         let (zero, one) = (F::splat(0.0), F::splat(1.0));
         for ((sum, total), base) in self.sums.iter().zip(self.base) {
             let total = F::load(total);
-            let left = F::select(total.less(one), one.sub(total), zero);
+            let base_weight = F::select(total.less(one), one.sub(total), zero);
             let k = one.div(F::select(total.less(one), one, total));
             let untouched = total.equals(zero);
-            let mixed = |base: &Lane, sum: &Lane| F::load(base).mul(left).add(F::load(sum)).mul(k);
+            let mixed = |base: &Lane, sum: &Lane| F::load(base).mul(base_weight).add(F::load(sum)).mul(k);
             for n in 0..3 {
                 let t = mixed(&base.translation[n], &sum.translation[n]);
                 F::select(untouched, F::load(&base.translation[n]), t).store(&mut base.translation[n]);
                 let s = mixed(&base.scale[n], &sum.scale[n]);
                 F::select(untouched, F::load(&base.scale[n]), s).store(&mut base.scale[n]);
             }
-            let kept: [F; 4] = load4(&base.rotation);
+            let base_rotation: [F; 4] = load4(&base.rotation);
             let q: [F; 4] = load4(&sum.rotation);
             let square = dot(q, q);
             // All quaternions are in the hemisphere of the base, so that a sum near zero is only rounding.
             let usable = F::splat(1e-12).less(square);
             let length = one.div(square.sqrt());
-            let mut mean = kept;
+            let mut mean = base_rotation;
             for n in 0..4 {
-                mean[n] = F::select(usable, q[n].mul(length), kept[n]);
+                mean[n] = F::select(usable, q[n].mul(length), base_rotation[n]);
             }
             // The mean is mixed in like one pose of the total weight, so that equal layers give the same as one layer of their sum.
-            let partly = CorrectedNlerp::mix(kept, mean, F::select(total.less(one), total, one));
-            let length = one.div(dot(partly, partly).sqrt());
+            let interpolated =
+                CorrectedNlerp::mix(base_rotation, mean, F::select(total.less(one), total, one));
+            let length = one.div(dot(interpolated, interpolated).sqrt());
             for n in 0..4 {
-                let turned = F::select(total.less(one), partly[n].mul(length), mean[n]);
-                F::select(untouched, kept[n], turned).store(&mut base.rotation[n]);
+                let turned = F::select(total.less(one), interpolated[n].mul(length), mean[n]);
+                F::select(untouched, base_rotation[n], turned).store(&mut base.rotation[n]);
             }
         }
     }

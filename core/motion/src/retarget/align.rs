@@ -1,7 +1,7 @@
 //! Aligns the target skeleton with the source's rest pose.
 
-use super::Side;
-use crate::math::rotation::unit;
+use super::SkeletonAnalysis;
+use crate::math::rotation::normalize_or_identity;
 use crate::retarget::joint_map::JointMap;
 use crate::skeleton::Skeleton;
 use crate::skeleton::humanoid_joints::{HumanoidJoints, is_below};
@@ -11,8 +11,8 @@ use glam::{DQuat, DVec3};
 /// Mean length of the legs from hip to foot, metres; 0 if there are none.
 pub(super) fn leg_length(human: &HumanoidJoints, rest: &ModelRestPose) -> f64 {
     let leg = |side: &str| {
-        let place = |name: &str| Some(rest.positions[human.joint(&format!("{side} {name}"))? as usize]);
-        let (hip, knee, foot) = (place("upleg")?, place("leg")?, place("foot")?);
+        let position = |name: &str| Some(rest.positions[human.joint(&format!("{side} {name}"))? as usize]);
+        let (hip, knee, foot) = (position("upleg")?, position("leg")?, position("foot")?);
         Some((knee - hip).length() + (foot - knee).length())
     };
     match (leg("left"), leg("right")) {
@@ -21,13 +21,13 @@ pub(super) fn leg_length(human: &HumanoidJoints, rest: &ModelRestPose) -> f64 {
     }
 }
 
-/// Yaw, in quarter turns, that takes the source's left to the target's: as a rotation, and in degrees.
-pub(super) fn facing(source: &Side, target: &Side) -> (DQuat, f64) {
-    let left = |side: &Side| {
+/// Yaw, in quarter turns, that rotates the source's left side to the target's: as a rotation, and in degrees.
+pub(super) fn yaw_to_target(source: &SkeletonAnalysis, target: &SkeletonAnalysis) -> (DQuat, f64) {
+    let left = |side: &SkeletonAnalysis| {
         let across = |name: &str| {
-            let place =
+            let position =
                 |s: &str| side.human.joint(&format!("{s} {name}")).map(|j| side.rest.positions[j as usize]);
-            let mut across = place("left")? - place("right")?;
+            let mut across = position("left")? - position("right")?;
             across.y = 0.0;
             (across.length() > 1e-6).then_some(across)
         };
@@ -64,49 +64,59 @@ enum AlignmentRule {
 }
 
 /// Rotations of the target's joints in model space when the source is at rest.
-pub(super) fn aligned_rest(
+pub(super) fn aligned_rest_rotations(
     to: &Skeleton,
     map: &JointMap,
-    source: &Side,
-    target: &Side,
+    source: &SkeletonAnalysis,
+    target: &SkeletonAnalysis,
     yaw: DQuat,
     align: bool,
 ) -> Vec<DQuat> {
-    let rules = if align { roles(to, map, source, target) } else { Vec::new() };
-    let mut turns: Vec<DQuat> = Vec::with_capacity(to.len());
+    let rules = if align { alignment_rules(to, map, source, target) } else { Vec::new() };
+    let mut corrections: Vec<DQuat> = Vec::with_capacity(to.len());
     for joint in 0..to.len() {
-        let parent = to.parents()[joint].map_or(DQuat::IDENTITY, |p| turns[p as usize]);
+        let parent = to.parents()[joint].map_or(DQuat::IDENTITY, |p| corrections[p as usize]);
         let bone = |tip: u32| {
             let own = target.rest.positions[tip as usize] - target.rest.positions[joint];
             let (a, b) = (map.source(joint as u32)? as usize, map.source(tip)? as usize);
             Some((own, yaw * (source.rest.positions[b] - source.rest.positions[a])))
         };
-        let turn = match rules.get(joint) {
+        let correction = match rules.get(joint) {
             None | Some(AlignmentRule::Trunk) => DQuat::IDENTITY,
             Some(AlignmentRule::Rigid) => parent,
             Some(AlignmentRule::Limb(tip)) => {
-                bone(*tip).map_or(parent, |(own, theirs)| arc(parent * own, theirs) * parent)
+                bone(*tip).map_or(parent, |(own, theirs)| shortest_rotation(parent * own, theirs) * parent)
             }
             Some(AlignmentRule::Foot(tip)) => {
                 let flat = |v: DVec3| DVec3::new(v.x, 0.0, v.z);
-                let heading = tip.and_then(bone).map(|(own, theirs)| arc(flat(own), flat(theirs)));
+                let heading =
+                    tip.and_then(bone).map(|(own, theirs)| shortest_rotation(flat(own), flat(theirs)));
                 heading.unwrap_or(DQuat::IDENTITY)
             }
         };
-        turns.push(unit(turn));
+        corrections.push(normalize_or_identity(correction));
     }
-    turns.iter().zip(&target.rest.rotations).map(|(turn, rest)| unit(*turn * *rest)).collect()
+    corrections
+        .iter()
+        .zip(&target.rest.rotations)
+        .map(|(correction, rest)| normalize_or_identity(*correction * *rest))
+        .collect()
 }
 
 /// The shortest rotation from one direction to another; the identity if one of them has no length.
-fn arc(from: DVec3, to: DVec3) -> DQuat {
+fn shortest_rotation(from: DVec3, to: DVec3) -> DQuat {
     match (from.try_normalize(), to.try_normalize()) {
         (Some(from), Some(to)) => DQuat::from_rotation_arc(from, to),
         _ => DQuat::IDENTITY,
     }
 }
 
-fn roles(to: &Skeleton, map: &JointMap, source: &Side, target: &Side) -> Vec<AlignmentRule> {
+fn alignment_rules(
+    to: &Skeleton,
+    map: &JointMap,
+    source: &SkeletonAnalysis,
+    target: &SkeletonAnalysis,
+) -> Vec<AlignmentRule> {
     let mut rules: Vec<AlignmentRule> = (0..to.len()).map(|_| AlignmentRule::Rigid).collect();
     let human = &target.human;
     for (name, joint) in human.joints() {

@@ -11,8 +11,8 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 /// if both skeletons rest in the same pose with the same axes. Keys are shared with the given clip, not copied. Also returns the
 /// names of animated joints for which `to` has none, in skeleton order.
 ///
-/// If a skeleton has a `Humanoid`, humanoid bones are matched by that before any name. Their rotations are carried from T-pose to
-/// T-pose, the position of the hips in proportion to their height (VRM Animation 1.0, "how_to_transform_human_pose.md"); other
+/// If a skeleton has a `Humanoid`, humanoid bones are matched by that before any name. Their rotations are transferred from
+/// T-pose to T-pose, the position of the hips in proportion to their height (VRM Animation 1.0, "how_to_transform_human_pose.md"); other
 /// bones keep their own lengths. So the axes and sizes of the two may differ.
 ///
 /// If two joints of the clip's skeleton match one of the target's, the exact name wins, else the first. Curves of expressions are
@@ -25,7 +25,7 @@ pub fn bind_clip(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<Stri
     let humanoids =
         (from.humanoid().is_some() || to.humanoid().is_some()).then(|| HumanoidPair::new(from, to));
     let matched: Vec<Option<u32>> = match_joints(from, to, humanoids.as_ref());
-    let units = Units { from: ModelRestPose::of(from).scales, to: ModelRestPose::of(to).scales };
+    let units = ParentUnits { from: ModelRestPose::of(from).scales, to: ModelRestPose::of(to).scales };
     let mut unmatched = BTreeSet::new();
     let mut curves: Vec<Curve> = Vec::with_capacity(clip.curves().len());
     for curve in clip.curves() {
@@ -34,10 +34,10 @@ pub fn bind_clip(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<Stri
                 let bone =
                     humanoids.as_ref().and_then(|b| b.bone(curve.joint)).filter(|(_, to)| *to == joint);
                 match (&humanoids, bone) {
-                    (Some(humanoids), Some((bone, _))) => curves.extend(humanoids.carry(curve, bone)),
+                    (Some(humanoids), Some((bone, _))) => curves.extend(humanoids.transfer(curve, bone)),
                     _ => {
                         let parents = [from.parents()[curve.joint as usize], to.parents()[joint as usize]];
-                        curves.push(Curve { joint, ..units.carry(curve, parents) });
+                        curves.push(Curve { joint, ..units.convert(curve, parents) });
                     }
                 }
             }
@@ -54,31 +54,31 @@ pub fn bind_clip(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<Stri
 /// retargeted or scaled, and the clip stays as long as it was. Joints of `to` that the clip does not move keep their rest (bind) pose.
 /// Joints that share one name are paired in order. Also returns the names of animated joints that `to` lacks, in skeleton order.
 pub fn bind_by_name(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<String>) {
-    let mut free: BTreeMap<&str, VecDeque<u32>> = BTreeMap::new();
+    let mut unused_joints: BTreeMap<&str, VecDeque<u32>> = BTreeMap::new();
     for (joint, name) in (0u32..).zip(to.names()) {
-        free.entry(name).or_default().push_back(joint);
+        unused_joints.entry(name).or_default().push_back(joint);
     }
-    let partner = |name: &String| free.get_mut(name.as_str()).and_then(VecDeque::pop_front);
+    let partner = |name: &String| unused_joints.get_mut(name.as_str()).and_then(VecDeque::pop_front);
     let partners: Vec<Option<u32>> = from.names().iter().map(partner).collect();
     let bound = |curve: &Curve| Some(Curve { joint: partners[curve.joint as usize]?, ..curve.clone() });
     let curves = clip.curves().iter().filter_map(bound).collect();
-    let lacking: BTreeSet<u32> =
+    let unbound: BTreeSet<u32> =
         clip.curves().iter().map(|c| c.joint).filter(|joint| partners[*joint as usize].is_none()).collect();
-    let names = lacking.into_iter().map(|joint| from.names()[joint as usize].clone()).collect();
+    let names = unbound.into_iter().map(|joint| from.names()[joint as usize].clone()).collect();
     (clip.with_curves(to.len(), curves).with_duration(clip.duration), names)
 }
 
 /// Mean scale of model-from-joint of each joint.
-struct Units {
+struct ParentUnits {
     from: Vec<f64>,
     to: Vec<f64>,
 }
 
-impl Units {
+impl ParentUnits {
     /// Converts a curve to the units of another parent; the keys are unchanged if these are equal but for rounding.
-    fn carry(&self, curve: &Curve, [from, to]: [Option<u32>; 2]) -> Curve {
-        let unit = |scales: &[f64], parent: Option<u32>| parent.map_or(1.0, |p| scales[p as usize]);
-        let ratio = unit(&self.from, from) / unit(&self.to, to);
+    fn convert(&self, curve: &Curve, [from, to]: [Option<u32>; 2]) -> Curve {
+        let parent_unit = |scales: &[f64], parent: Option<u32>| parent.map_or(1.0, |p| scales[p as usize]);
+        let ratio = parent_unit(&self.from, from) / parent_unit(&self.to, to);
         if curve.path != Path::Translation || !ratio.is_finite() || (ratio - 1.0).abs() < 1e-4 {
             return curve.clone();
         }

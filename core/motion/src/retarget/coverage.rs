@@ -6,7 +6,7 @@ use crate::skeleton::humanoid_joints::{HumanoidJoints, is_below};
 use std::collections::BTreeSet;
 
 /// Body parts that messages name if they do not follow, from the trunk outwards.
-const PARTS: [&str; 9] = [
+const REPORTED_BODY_PARTS: [&str; 9] = [
     "hips",
     "spine",
     "head",
@@ -19,7 +19,7 @@ const PARTS: [&str; 9] = [
 ];
 
 /// A hand with this many unmatched joints below it has fingers: a held prop has one or two joints.
-const FINGER_JOINTS: usize = 3;
+const MIN_FINGER_JOINTS: usize = 3;
 
 /// The part of a clip that another skeleton follows.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -33,7 +33,7 @@ pub struct Coverage {
 }
 
 /// The joints of both skeletons that belong together.
-pub(super) struct Partners {
+pub(super) struct JointPartners {
     /// Joints of the source that are followed.
     pub followed: BTreeSet<u32>,
     /// Joints of the target that follow one.
@@ -52,7 +52,7 @@ impl Coverage {
         clip: &Clip,
         [from, to]: [&Skeleton; 2],
         [source, target]: [&HumanoidJoints; 2],
-        partners: &Partners,
+        partners: &JointPartners,
     ) -> Coverage {
         let moved: BTreeSet<u32> = clip.curves().iter().map(|c| c.joint).collect();
         let names = |joint: &u32| from.names().get(*joint as usize).cloned();
@@ -61,8 +61,8 @@ impl Coverage {
         if coverage.left_out.is_empty() {
             return coverage;
         }
-        let (own, theirs) = (parts(source), parts(target));
-        let stays = |part: &&str| {
+        let (own, theirs) = (joints_by_body_part(source), joints_by_body_part(target));
+        let stays_at_rest = |part: &&str| {
             let joints = |of: &[(&str, u32)]| -> Vec<u32> {
                 of.iter().filter(|(name, _)| name == part).map(|(_, joint)| *joint).collect()
             };
@@ -82,13 +82,13 @@ impl Coverage {
                 && !part.ends_with(" fingers")
                 && !theirs.iter().any(|j| partners.following.contains(j))
         };
-        coverage.parts = PARTS.into_iter().filter(stays).collect();
+        coverage.parts = REPORTED_BODY_PARTS.into_iter().filter(stays_at_rest).collect();
         coverage
     }
 }
 
 /// Joints of each body part. Collarbones and toes alone are no arm and no leg.
-fn parts(human: &HumanoidJoints) -> Vec<(&'static str, u32)> {
+fn joints_by_body_part(human: &HumanoidJoints) -> Vec<(&'static str, u32)> {
     let mut out: Vec<(&'static str, u32)> = Vec::new();
     for (name, joint) in human.joints() {
         let (side, base) = name.split_once(' ').unwrap_or(("", name));
@@ -110,8 +110,8 @@ fn parts(human: &HumanoidJoints) -> Vec<(&'static str, u32)> {
 }
 
 /// Whether a hand of the target has more joints below it than a held prop has, none of which follows a source joint.
-fn has_fingers(to: &Skeleton, target: &HumanoidJoints, side: &str, partners: &Partners) -> bool {
+fn has_fingers(to: &Skeleton, target: &HumanoidJoints, side: &str, partners: &JointPartners) -> bool {
     let Some(hand) = target.joint(&format!("{side} hand")) else { return false };
     let below: Vec<u32> = (0..to.len() as u32).filter(|j| *j != hand && is_below(to, *j, hand)).collect();
-    below.len() >= FINGER_JOINTS && !below.iter().any(|j| partners.following.contains(j))
+    below.len() >= MIN_FINGER_JOINTS && !below.iter().any(|j| partners.following.contains(j))
 }

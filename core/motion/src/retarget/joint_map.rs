@@ -53,7 +53,7 @@ impl JointMap {
                 used[*other as usize] = true;
             }
         }
-        let mut offer = |joint: u32, other: u32, how: MatchedBy| {
+        let mut pair_if_free = |joint: u32, other: u32, how: MatchedBy| {
             let (slot, used) = (&mut sources[joint as usize], &mut used[other as usize]);
             if !given.contains_key(&joint) && slot.is_none() && !*used {
                 *slot = Some((other, how));
@@ -67,14 +67,14 @@ impl JointMap {
             .filter(|[s, t]| s.len() != t.len() && !s.is_empty() && !t.is_empty())
             .flat_map(|[s, t]| {
                 for (joint, other) in pair_chains(t, s) {
-                    offer(joint, other, MatchedBy::Share);
+                    pair_if_free(joint, other, MatchedBy::Share);
                 }
                 t.iter().copied()
             })
             .collect();
         // A humanoid joint is matched with the same humanoid joint, whatever other joint has its name: "root" is the hips in one
         // file, and the joint on the ground in another.
-        let elsewhere = |joint: u32, other: u32| {
+        let names_another_pair = |joint: u32, other: u32| {
             let of_source = source
                 .joints()
                 .iter()
@@ -86,29 +86,32 @@ impl JointMap {
             of_source || of_target
         };
         // Joints outside a humanoid are not matched with joints inside: a mesh beside the bones may be called "Body", too.
-        let bodies = source.is_humanoid() && target.is_humanoid();
-        let own = bodies.then(|| [in_body(from, source), in_body(to, target)]);
+        let both_humanoid = source.is_humanoid() && target.is_humanoid();
+        let in_humanoid =
+            both_humanoid.then(|| [belongs_to_humanoid(from, source), belongs_to_humanoid(to, target)]);
         let is_mixed = |joint: u32, other: u32| {
-            own.as_ref().is_some_and(|[source, target]| source[other as usize] != target[joint as usize])
+            in_humanoid
+                .as_ref()
+                .is_some_and(|[source, target]| source[other as usize] != target[joint as usize])
         };
         let names = match_names(from, to);
         for (other, joint) in (0u32..).zip(&names) {
-            if let Some(joint) =
-                joint.filter(|j| !shared.contains(j) && !elsewhere(*j, other) && !is_mixed(*j, other))
+            if let Some(joint) = joint
+                .filter(|j| !shared.contains(j) && !names_another_pair(*j, other) && !is_mixed(*j, other))
                 && crate::skeleton::plain_name(&from.names()[other as usize])
                     == crate::skeleton::plain_name(&to.names()[joint as usize])
             {
-                offer(joint, other, MatchedBy::Name);
+                pair_if_free(joint, other, MatchedBy::Name);
             }
         }
         for (name, joint) in target.joints() {
             if let Some(other) = source.joint(name).filter(|_| !shared.contains(joint)) {
-                offer(*joint, other, MatchedBy::Body);
+                pair_if_free(*joint, other, MatchedBy::Body);
             }
         }
         for [s, t] in trunks.iter().filter(|[s, t]| s.len() == t.len()) {
             for (joint, other) in t.iter().zip(s.iter()) {
-                offer(*joint, *other, MatchedBy::Body);
+                pair_if_free(*joint, *other, MatchedBy::Body);
             }
         }
         JointMap { sources }
@@ -141,19 +144,19 @@ impl JointMap {
 }
 
 /// Whether each joint belongs to the humanoid: its bones, all joints below them, and the ancestors of the hips.
-pub(super) fn in_body(skeleton: &Skeleton, human: &HumanoidJoints) -> Vec<bool> {
-    let mut own: Vec<bool> = Vec::with_capacity(skeleton.len());
+pub(super) fn belongs_to_humanoid(skeleton: &Skeleton, human: &HumanoidJoints) -> Vec<bool> {
+    let mut in_humanoid: Vec<bool> = Vec::with_capacity(skeleton.len());
     for (joint, parent) in (0u32..).zip(skeleton.parents()) {
         let bone = human.joints().values().any(|bone| *bone == joint);
-        own.push(bone || parent.is_some_and(|p| own[p as usize]));
+        in_humanoid.push(bone || parent.is_some_and(|p| in_humanoid[p as usize]));
     }
     for joint in std::iter::successors(human.joint("hips"), |j| skeleton.parents()[*j as usize]) {
-        own[joint as usize] = true;
+        in_humanoid[joint as usize] = true;
     }
-    own
+    in_humanoid
 }
 
-/// Pairs two chains end to end: the first with the first, the last with the last, each at most once.
+/// Pairs two chains so that their first joints match and their last joints match, each joint at most once.
 fn pair_chains(target: &[u32], source: &[u32]) -> Vec<(u32, u32)> {
     let (long, short) = (target.len().max(source.len()), target.len().min(source.len()));
     // A single joint is paired with the end of the other chain, which carries the limbs.

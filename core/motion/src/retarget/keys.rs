@@ -4,7 +4,7 @@ use super::frame::RetargetBuffers;
 use super::sampler::Sampler;
 use super::{Retarget, Translations};
 use crate::clip::{Clip, Curve, Interpolation, Path};
-use crate::math::rotation::unit;
+use crate::math::rotation::normalize_or_identity;
 use crate::skeleton::symmetry::nearest_axes;
 use crate::time::Time;
 use glam::{DAffine3, DQuat, DVec3};
@@ -18,7 +18,7 @@ pub struct RetargetReport {
     pub sampled: Vec<String>,
     /// Number of keys of each sampled curve.
     pub sampled_keys: usize,
-    /// Least and most that the hips were raised by so that feet stay on the floor, metres.
+    /// Smallest and largest lift of the hips that keeps the feet on the floor, metres.
     pub raised: (f64, f64),
     /// Joints that translate within the character in the source but only rotate in the target, and their largest displacement in
     /// the source, metres.
@@ -27,15 +27,15 @@ pub struct RetargetReport {
     pub rests_standing: bool,
     /// Whether the target rests on both feet ([`Retarget::target_stands`]).
     pub target_stands: bool,
-    /// Whether sampling stopped at `MOST_KEYS` before the tolerance was reached.
+    /// Whether sampling stopped at `MAX_SAMPLED_KEYS` before the tolerance was reached.
     pub coarse: bool,
 }
 
 /// Keys that sampling may make for one clip, all curves together.
-pub(crate) const MOST_KEYS: usize = 1 << 22;
+pub(crate) const MAX_SAMPLED_KEYS: usize = 1 << 22;
 
 /// How a target joint's rotation follows from the source's curves.
-enum Rotation<'c> {
+enum RotationMapping<'c> {
     /// The clip does not move the joint, whose rotation is constant.
     Still(DQuat),
     /// Each key q becomes before · q · after, or before · q⁻¹ · after if `inverse`.
@@ -45,7 +45,7 @@ enum Rotation<'c> {
 }
 
 /// The source's curves by joint.
-struct Curves<'c> {
+struct CurvesByJoint<'c> {
     rotations: BTreeMap<u32, &'c Curve>,
     translations: BTreeMap<u32, &'c Curve>,
 }
@@ -53,11 +53,14 @@ struct Curves<'c> {
 impl Retarget<'_> {
     /// Retargets a clip to the target's skeleton.
     pub fn clip(&self, clip: &Clip) -> (Clip, RetargetReport) {
-        let of = |path: Path| {
+        let curves_of = |path: Path| {
             let curves = clip.curves().iter().filter(move |c| c.path == path);
             curves.map(|c| (c.joint, c)).collect::<BTreeMap<u32, &Curve>>()
         };
-        let curves = Curves { rotations: of(Path::Rotation), translations: of(Path::Translation) };
+        let curves = CurvesByJoint {
+            rotations: curves_of(Path::Rotation),
+            translations: curves_of(Path::Translation),
+        };
         let mut report = RetargetReport {
             rests_standing: self.rests_standing(),
             target_stands: self.target_stands(),
@@ -66,27 +69,27 @@ impl Retarget<'_> {
         let mut out: Vec<Curve> = Vec::new();
         let mut times: BTreeSet<Time> = BTreeSet::new();
         let mut rotating: Vec<u32> = Vec::new();
-        // The joints are visited from the outermost inwards, to know what moves below a joint that itself stands still.
+        // Joints are visited from the leaves to the root, so that it is known whether any joint below a constant joint moves.
         let mut moves_below = vec![false; self.to.len()];
         for joint in (0..self.to.len() as u32).rev() {
-            let Some(rotation) = self.rotation(joint, &curves) else {
-                self.mark_parent(joint, &mut moves_below);
+            let Some(rotation) = self.rotation_mapping(joint, &curves) else {
+                self.mark_parent_as_moving(joint, &mut moves_below);
                 continue;
             };
             let below = moves_below[joint as usize];
-            moves_below[joint as usize] |= !matches!(rotation, Rotation::Still(_));
+            moves_below[joint as usize] |= !matches!(rotation, RotationMapping::Still(_));
             match rotation {
-                Rotation::Still(turn) => {
-                    let rest = unit(self.to.rest()[joint as usize].rotation.as_dquat());
+                RotationMapping::Still(turn) => {
+                    let rest = normalize_or_identity(self.to.rest()[joint as usize].rotation.as_dquat());
                     // Half the chord is the sine of a quarter of the angle.
-                    let apart = (turn - rest).length().min((turn + rest).length());
-                    if below && apart > 1e-4 {
+                    let chord = (turn - rest).length().min((turn + rest).length());
+                    if below && chord > 1e-4 {
                         let values: Arc<[f32]> = turn.to_array().map(|v| v as f32).into();
                         let (path, interpolation) = (Path::Rotation, Interpolation::Linear);
                         out.push(Curve { joint, path, interpolation, times: [Time::ZERO].into(), values });
                     }
                 }
-                Rotation::Keys { curve, before, after, inverse } => {
+                RotationMapping::Keys { curve, before, after, inverse } => {
                     let values = curve.values.chunks_exact(4).flat_map(|q| {
                         let q = DQuat::from_xyzw(q[0].into(), q[1].into(), q[2].into(), q[3].into());
                         let q = before * if inverse { q.conjugate() } else { q } * after;
@@ -94,45 +97,45 @@ impl Retarget<'_> {
                     });
                     out.push(Curve { joint, values: values.collect(), ..curve.clone() });
                 }
-                Rotation::Sampled => {
+                RotationMapping::Sampled => {
                     rotating.push(joint);
                     self.add_rotation_times(joint, &curves, &mut times);
                 }
             }
-            self.mark_parent(joint, &mut moves_below);
+            self.mark_parent_as_moving(joint, &mut moves_below);
         }
         let mut translating: Vec<u32> = Vec::new();
-        for joint in (0..self.to.len() as u32).filter(|j| self.moves(*j)) {
+        for joint in (0..self.to.len() as u32).filter(|j| self.translates(*j)) {
             if let Some(curve) = self.translation_keys(joint, &curves) {
                 out.push(curve);
             } else if self.add_translation_times(joint, &curves, &mut times) {
                 translating.push(joint);
             }
         }
-        self.other_curves(clip, &mut out, &mut report);
+        self.add_other_curves(clip, &mut out, &mut report);
         if !rotating.is_empty() || !translating.is_empty() {
             rotating.sort_unstable();
-            self.sampled(clip, times, &rotating, &translating, &mut out, &mut report);
+            self.add_sampled_curves(clip, times, &rotating, &translating, &mut out, &mut report);
         }
         out.sort_by_key(|curve| (curve.joint, curve.path));
         (clip.with_curves(self.to.len(), out), report)
     }
 
-    fn mark_parent(&self, joint: u32, moves_below: &mut [bool]) {
+    fn mark_parent_as_moving(&self, joint: u32, moves_below: &mut [bool]) {
         if let Some(parent) = self.to.parents()[joint as usize] {
             moves_below[parent as usize] |= moves_below[joint as usize];
         }
     }
 
     /// The nearest ancestor that follows a source joint, and the rest rotation from it to the joint's parent.
-    fn leader(&self, joint: u32) -> (Option<u32>, DQuat) {
+    fn mapped_ancestor(&self, joint: u32) -> (Option<u32>, DQuat) {
         let mut between = DQuat::IDENTITY;
         let mut above = self.to.parents()[joint as usize];
         while let Some(parent) = above {
             if self.map.source(parent).is_some() {
                 break;
             }
-            between = unit(self.to.rest()[parent as usize].rotation.as_dquat() * between);
+            between = normalize_or_identity(self.to.rest()[parent as usize].rotation.as_dquat() * between);
             above = self.to.parents()[parent as usize];
         }
         (above, between)
@@ -150,9 +153,9 @@ impl Retarget<'_> {
         (ups, down)
     }
 
-    fn rotation<'c>(&self, joint: u32, curves: &Curves<'c>) -> Option<Rotation<'c>> {
+    fn rotation_mapping<'c>(&self, joint: u32, curves: &CurvesByJoint<'c>) -> Option<RotationMapping<'c>> {
         let (source, follow) = (self.map.source(joint)?, self.follow[joint as usize]?);
-        let (leader, between) = self.leader(joint);
+        let (leader, between) = self.mapped_ancestor(joint);
         let (ups, downs) = self.joint_path(leader, source);
         // The inverse of the parent's G; the leader's own G begins with the yaw, too.
         let base = match leader.and_then(|l| self.follow[l as usize]) {
@@ -165,32 +168,32 @@ impl Retarget<'_> {
             (0..steps.len()).filter(|i| curves.rotations.contains_key(&steps[*i].0)).collect();
         let product = |range: &[(u32, bool)]| {
             range.iter().fold(DQuat::IDENTITY, |product, (joint, inverse)| {
-                let rest = unit(self.from.rest()[*joint as usize].rotation.as_dquat());
+                let rest = normalize_or_identity(self.from.rest()[*joint as usize].rotation.as_dquat());
                 product * if *inverse { rest.conjugate() } else { rest }
             })
         };
         Some(match moved.as_slice() {
-            [] => Rotation::Still(unit(base * product(&steps) * follow)),
-            [i] => Rotation::Keys {
+            [] => RotationMapping::Still(normalize_or_identity(base * product(&steps) * follow)),
+            [i] => RotationMapping::Keys {
                 curve: curves.rotations.get(&steps[*i].0)?,
-                before: unit(base * product(&steps[..*i])),
-                after: unit(product(&steps[i + 1..]) * follow),
+                before: normalize_or_identity(base * product(&steps[..*i])),
+                after: normalize_or_identity(product(&steps[i + 1..]) * follow),
                 inverse: steps[*i].1,
             },
-            _ => Rotation::Sampled,
+            _ => RotationMapping::Sampled,
         })
     }
 
-    fn add_rotation_times(&self, joint: u32, curves: &Curves, times: &mut BTreeSet<Time>) {
+    fn add_rotation_times(&self, joint: u32, curves: &CurvesByJoint, times: &mut BTreeSet<Time>) {
         let Some(source) = self.map.source(joint) else { return };
-        let (ups, downs) = self.joint_path(self.leader(joint).0, source);
+        let (ups, downs) = self.joint_path(self.mapped_ancestor(joint).0, source);
         for joint in ups.iter().chain(&downs) {
             add_times(curves.rotations.get(joint), times);
         }
     }
 
     /// Translation curve of a joint, mapped key by key. `None` unless the curve of its source joint is all that moves it.
-    fn translation_keys(&self, joint: u32, curves: &Curves) -> Option<Curve> {
+    fn translation_keys(&self, joint: u32, curves: &CurvesByJoint) -> Option<Curve> {
         let source = self.map.source(joint)?;
         let curve = curves.translations.get(&source)?;
         let above =
@@ -206,7 +209,11 @@ impl Retarget<'_> {
             });
             up.fold(DAffine3::IDENTITY, |below, j| {
                 let t = &skeleton.rest()[j as usize];
-                let (s, r, t) = (t.scale.as_dvec3(), unit(t.rotation.as_dquat()), t.translation.as_dvec3());
+                let (s, r, t) = (
+                    t.scale.as_dvec3(),
+                    normalize_or_identity(t.rotation.as_dquat()),
+                    t.translation.as_dvec3(),
+                );
                 DAffine3::from_scale_rotation_translation(s, r, t) * below
             })
         };
@@ -227,7 +234,7 @@ impl Retarget<'_> {
             let v = DVec3::new(v[0].into(), v[1].into(), v[2].into());
             let v = match cubic && part % 3 != 1 {
                 true => to.transform_vector3(self.yaw * from.transform_vector3(v) * self.scale),
-                false => to.transform_point3(self.place(joint, from.transform_point3(v))),
+                false => to.transform_point3(self.target_position(joint, from.transform_point3(v))),
             };
             v.to_array().map(|v| v as f32)
         });
@@ -235,7 +242,7 @@ impl Retarget<'_> {
     }
 
     /// Adds the key times of all curves that move a joint. Returns false if the clip does not move it.
-    fn add_translation_times(&self, joint: u32, curves: &Curves, times: &mut BTreeSet<Time>) -> bool {
+    fn add_translation_times(&self, joint: u32, curves: &CurvesByJoint, times: &mut BTreeSet<Time>) -> bool {
         let Some(source) = self.map.source(joint) else { return false };
         let up = |from: u32| std::iter::successors(Some(from), |j| self.from.parents()[*j as usize]);
         let lifted = self.options.floor && Some(joint) == self.hips && self.both_have_feet();
@@ -256,7 +263,7 @@ impl Retarget<'_> {
     }
 
     /// Adds curves of scales, morph weights and, if requested, translations within the character.
-    fn other_curves(&self, clip: &Clip, out: &mut Vec<Curve>, report: &mut RetargetReport) {
+    fn add_other_curves(&self, clip: &Clip, out: &mut Vec<Curve>, report: &mut RetargetReport) {
         let followers: BTreeMap<u32, u32> =
             self.map.pairs().map(|(joint, source, _)| (source, joint)).collect();
         for curve in clip.curves() {
@@ -267,7 +274,7 @@ impl Retarget<'_> {
                 Path::Scale => {
                     let (own, theirs) = (self.to.rest()[joint as usize].scale, rest.scale);
                     if let Some(d) =
-                        self.follow[joint as usize].filter(|_| !rests(curve, theirs.to_array(), 1e-4))
+                        self.follow[joint as usize].filter(|_| !stays_at(curve, theirs.to_array(), 1e-4))
                     {
                         let axes = nearest_axes(d);
                         let values = curve.values.chunks_exact(3).flat_map(|s| {
@@ -279,14 +286,14 @@ impl Retarget<'_> {
                         out.push(Curve { joint, values: values.collect(), ..curve.clone() });
                     }
                 }
-                Path::Translation if !self.moves(joint) => {
+                Path::Translation if !self.translates(joint) => {
                     let moved = match self.options.translations {
                         Translations::All => self.offset_keys(joint, curve),
                         _ => None,
                     };
                     match moved {
                         Some(curve) => out.push(curve),
-                        None => self.held(curve, report),
+                        None => self.report_dropped_translation(curve, report),
                     }
                 }
                 _ => {}
@@ -315,7 +322,7 @@ impl Retarget<'_> {
         Some(Curve { joint, values: values.collect(), ..curve.clone() })
     }
 
-    fn held(&self, curve: &Curve, report: &mut RetargetReport) {
+    fn report_dropped_translation(&self, curve: &Curve, report: &mut RetargetReport) {
         let parent = self.from.parents()[curve.joint as usize];
         let unit = parent.map_or(1.0, |p| self.source.rest.scales[p as usize]);
         let rest = self.from.rest()[curve.joint as usize].translation;
@@ -330,7 +337,7 @@ impl Retarget<'_> {
     }
 
     /// Adds sampled curves that share their key times: the given times, and as many between as the tolerance requires.
-    fn sampled(
+    fn add_sampled_curves(
         &self,
         clip: &Clip,
         times: BTreeSet<Time>,
@@ -341,7 +348,7 @@ impl Retarget<'_> {
     ) {
         let frame = RetargetBuffers::new(self, clip);
         let mut sampler =
-            Sampler { of: self, clip, rotating, translating, frame, raised: None, keys: Vec::new() };
+            Sampler { retarget: self, clip, rotating, translating, frame, raised: None, keys: Vec::new() };
         let coarse = !sampler.run(times);
         let Sampler { keys, raised, .. } = sampler;
         report.coarse = coarse;
@@ -357,7 +364,8 @@ impl Retarget<'_> {
             let mut before = DQuat::IDENTITY;
             let values = keys.iter().flat_map(|key| {
                 // The quaternion gets the sign that is nearer to the key before.
-                let turn = if key.turns[i].dot(before) < 0.0 { -key.turns[i] } else { key.turns[i] };
+                let turn =
+                    if key.rotations[i].dot(before) < 0.0 { -key.rotations[i] } else { key.rotations[i] };
                 before = turn;
                 turn.to_array().map(|v| v as f32)
             });
@@ -371,7 +379,7 @@ impl Retarget<'_> {
             });
         }
         for (i, joint) in translating.iter().enumerate() {
-            let values = keys.iter().flat_map(|key| key.places[i].to_array().map(|v| v as f32)).collect();
+            let values = keys.iter().flat_map(|key| key.positions[i].to_array().map(|v| v as f32)).collect();
             out.push(Curve {
                 joint: *joint,
                 path: Path::Translation,
@@ -393,7 +401,7 @@ fn add_times(curve: Option<&&Curve>, times: &mut BTreeSet<Time>) {
 }
 
 /// Whether a curve stays at a value, within the tolerance.
-fn rests(curve: &Curve, value: [f32; 3], tolerance: f32) -> bool {
+fn stays_at(curve: &Curve, value: [f32; 3], tolerance: f32) -> bool {
     let cubic = curve.interpolation == Interpolation::CubicSpline;
     curve.values.chunks_exact(3).enumerate().all(|(part, v)| {
         let goal = if cubic && part % 3 != 1 { [0.0; 3] } else { value };

@@ -27,12 +27,12 @@ mod sampler;
 mod t_pose;
 
 use crate::clip::Clip;
-use crate::retarget::joint_map::{JointMap, in_body};
+use crate::retarget::joint_map::{JointMap, belongs_to_humanoid};
 use crate::skeleton::Skeleton;
 use crate::skeleton::humanoid_joints::{HumanoidJoints, is_below};
 use crate::skeleton::model_rest_pose::ModelRestPose;
-use align::{aligned_rest, facing, leg_length};
-use coverage::Partners;
+use align::{aligned_rest_rotations, leg_length, yaw_to_target};
+use coverage::JointPartners;
 use glam::{DQuat, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -89,8 +89,8 @@ pub struct Retarget<'a> {
     to: &'a Skeleton,
     map: JointMap,
     options: RetargetOptions,
-    source: Side,
-    target: Side,
+    source: SkeletonAnalysis,
+    target: SkeletonAnalysis,
     /// Metres of the target per metre of the source.
     scale: f64,
     /// Rotation that makes the source face as the target does.
@@ -103,7 +103,8 @@ pub struct Retarget<'a> {
     hips: Option<u32>,
 }
 
-struct Side {
+/// Measures of one skeleton that retargeting needs.
+struct SkeletonAnalysis {
     human: HumanoidJoints,
     rest: ModelRestPose,
     /// y of the floor that the rest pose stands on.
@@ -116,20 +117,21 @@ struct Side {
     stands: bool,
 }
 
-impl Side {
-    fn of(skeleton: &Skeleton) -> Side {
+impl SkeletonAnalysis {
+    fn of(skeleton: &Skeleton) -> SkeletonAnalysis {
         let human = HumanoidJoints::of(skeleton);
         let rest = ModelRestPose::of(skeleton);
         let leg = leg_length(&human, &rest);
         // A rest pose that does not stand near y = 0, as with the hips at the origin, stands on its lowest joint. Only joints of
         // the character count, since files have cameras and IK controls below the floor.
-        let own = in_body(skeleton, &human);
-        let lowest = rest.positions.iter().zip(&own).filter(|(_, own)| **own);
+        let in_humanoid = belongs_to_humanoid(skeleton, &human);
+        let lowest = rest.positions.iter().zip(&in_humanoid).filter(|(_, in_humanoid)| **in_humanoid);
         let lowest = lowest.map(|(p, _)| p.y).fold(f64::MAX, f64::min);
         let floor = if lowest.abs() > 0.25 * leg && leg > 0.0 { lowest } else { 0.0 };
         // Feet that are not below the hips, such as IK controls of a rig, do not move when the hips are raised.
-        let goes_along = |foot: &u32| human.joint("hips").is_some_and(|hips| is_below(skeleton, *foot, hips));
-        let feet = ["left foot", "right foot"].map(|name| human.joint(name).filter(goes_along));
+        let moves_with_hips =
+            |foot: &u32| human.joint("hips").is_some_and(|hips| is_below(skeleton, *foot, hips));
+        let feet = ["left foot", "right foot"].map(|name| human.joint(name).filter(moves_with_hips));
         let height = |joint: u32| rest.positions[joint as usize].y - floor;
         let mut contacts = Vec::new();
         for joint in 0..skeleton.len() as u32 {
@@ -148,14 +150,14 @@ impl Side {
                 *standing -= height(if is_below(skeleton, *joint, left) { left } else { right }) - low;
             }
         }
-        Side { human, rest, floor, leg, contacts, stands }
+        SkeletonAnalysis { human, rest, floor, leg, contacts, stands }
     }
 }
 
 impl<'a> Retarget<'a> {
     /// Finds the joints that belong together, and the scale between the skeletons.
     pub fn new(from: &'a Skeleton, to: &'a Skeleton, options: RetargetOptions) -> Retarget<'a> {
-        let (mut source, mut target) = (Side::of(from), Side::of(to));
+        let (mut source, mut target) = (SkeletonAnalysis::of(from), SkeletonAnalysis::of(to));
         let map = JointMap::new([from, to], [&source.human, &target.human], &options.joints);
         // Toes that the other skeleton lacks do not define its height, and a clip would not come back to where it began.
         target.contacts.retain(|(joint, _)| map.source(*joint).is_some());
@@ -164,13 +166,13 @@ impl<'a> Retarget<'a> {
         let legs = ratio(target.leg, source.leg);
         let scale =
             options.scale.or(legs).or(ratio(target.rest.height(), source.rest.height())).unwrap_or(1.0);
-        let (yaw, yaw_degrees) = facing(&source, &target);
-        let aligned = aligned_rest(to, &map, &source, &target, yaw, options.align);
+        let (yaw, yaw_degrees) = yaw_to_target(&source, &target);
+        let aligned = aligned_rest_rotations(to, &map, &source, &target, yaw, options.align);
         let follow = (0u32..)
             .zip(&aligned)
             .map(|(joint, aligned)| {
                 let s = map.source(joint)? as usize;
-                Some(crate::math::rotation::unit(
+                Some(crate::math::rotation::normalize_or_identity(
                     source.rest.rotations[s].conjugate() * yaw.conjugate() * *aligned,
                 ))
             })
@@ -223,7 +225,7 @@ impl<'a> Retarget<'a> {
 
     /// How much of a clip the target follows, and which parts of the body stay at rest.
     pub fn coverage(&self, clip: &Clip) -> Coverage {
-        let partners = Partners {
+        let partners = JointPartners {
             followed: self.map.pairs().map(|(_, source, _)| source).collect(),
             following: self.map.pairs().map(|(joint, _, _)| joint).collect(),
             forbidden: self.options.joints.iter().filter(|(_, s)| s.is_none()).map(|(j, _)| *j).collect(),
@@ -233,7 +235,7 @@ impl<'a> Retarget<'a> {
 
     /// Position in model space of a target joint that translates, for a position of its source joint. Positions at rest
     /// correspond; for the hips, their heights above the floors do.
-    fn place(&self, joint: u32, source: DVec3) -> DVec3 {
+    fn target_position(&self, joint: u32, source: DVec3) -> DVec3 {
         let s = self.map.source(joint).unwrap_or(0) as usize;
         let mut from_rest = source - self.source.rest.positions[s];
         let mut rest = self.target.rest.positions[joint as usize];
@@ -251,14 +253,14 @@ impl<'a> Retarget<'a> {
 
     /// Whether a joint's position follows the source's: the hips and their ancestors, and feet that are not below the hips, such
     /// as IK controls of a rig.
-    fn moves(&self, joint: u32) -> bool {
-        let handle = || {
+    fn translates(&self, joint: u32) -> bool {
+        let is_ik_foot = || {
             let foot = ["left foot", "right foot"].iter().any(|f| self.target.human.joint(f) == Some(joint));
             foot && self.hips.is_some_and(|hips| !is_below(self.to, joint, hips))
         };
         self.options.translations != Translations::None
             && self.map.source(joint).is_some()
-            && (self.hips.is_some_and(|hips| is_below(self.to, hips, joint)) || handle())
+            && (self.hips.is_some_and(|hips| is_below(self.to, hips, joint)) || is_ik_foot())
     }
 }
 
@@ -271,8 +273,8 @@ pub fn bind_or_retarget(
     from: &Skeleton,
     to: &Skeleton,
 ) -> (Clip, Coverage, Option<RetargetReport>) {
-    let named = from.humanoid().is_some() && to.humanoid().is_some();
-    if named || same_joints(clip, from, to) {
+    let both_declare_bones = from.humanoid().is_some() && to.humanoid().is_some();
+    if both_declare_bones || same_joints(clip, from, to) {
         let (clip, coverage) = bind(clip, from, to);
         return (clip, coverage, None);
     }
@@ -298,7 +300,7 @@ fn bind(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Coverage) {
     let left_out: BTreeSet<&str> = unmatched.iter().map(String::as_str).collect();
     let has_partner =
         |joint: &u32| from.names().get(*joint as usize).is_some_and(|name| !left_out.contains(name.as_str()));
-    let partners = Partners {
+    let partners = JointPartners {
         followed: moved.into_iter().filter(has_partner).collect(),
         following: bound.curves().iter().map(|c| c.joint).collect(),
         forbidden: BTreeSet::new(),

@@ -34,7 +34,7 @@ pub fn same_joints(clip: &Clip, from: &Skeleton, to: &Skeleton) -> bool {
     if !animated.iter().any(|joint| partner(*joint).is_some()) {
         return false;
     }
-    let same = |joint: u32| {
+    let has_equal_rest_position = |joint: u32| {
         if known[joint as usize].is_some_and(|other| partner(joint) != Some(other)) {
             return false;
         }
@@ -45,9 +45,10 @@ pub fn same_joints(clip: &Clip, from: &Skeleton, to: &Skeleton) -> bool {
         if let (Some(p), Some(q)) = parents
             && partner(p) == Some(q)
         {
-            let (at, scale) = (own.translation - theirs.translation, a.scales[p as usize]);
-            let apart = f64::from(at.length()) * scale;
-            return apart <= 2e-3 * size && (a.scales[p as usize] / b.scales[q as usize] - 1.0).abs() < 1e-3;
+            let (offset, scale) = (own.translation - theirs.translation, a.scales[p as usize]);
+            let distance = f64::from(offset.length()) * scale;
+            return distance <= 2e-3 * size
+                && (a.scales[p as usize] / b.scales[q as usize] - 1.0).abs() < 1e-3;
         }
         // The topmost joint: axes and unit of its parent space must be the same. Its own position may differ, since clips move
         // it.
@@ -58,5 +59,5 @@ pub fn same_joints(clip: &Clip, from: &Skeleton, to: &Skeleton) -> bool {
         let ((p, unit_p), (q, unit_q)) = (of(&a, parents.0), of(&b, parents.1));
         p.dot(q).abs() > 1.0 - 1e-6 && (unit_p / unit_q - 1.0).abs() < 1e-3
     };
-    animated.into_iter().all(same)
+    animated.into_iter().all(has_equal_rest_position)
 }

@@ -1,7 +1,7 @@
-//! Carries curves from one humanoid to another through their T-poses.
+//! Transfers curves from one humanoid to another through their T-poses.
 //!
 //! VRM Animation 1.0, "how_to_transform_human_pose.md": with P and R the world rotations of a bone's parent and of the bone in
-//! the T-pose, a local rotation q of one body is P·q·R⁻¹ in the axes of the world, and P'⁻¹·(P·q·R⁻¹)·R' in another body. That is
+//! the T-pose, a local rotation q of one character is P·q·R⁻¹ in the axes of the world, and P'⁻¹·(P·q·R⁻¹)·R' in another one. That is
 //! q between two constants, so that keys stay keys: slerp and splines give the same curve before and after.
 
 use crate::clip::{Curve, MAX_KEY, Path};
@@ -11,10 +11,10 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::collections::BTreeMap;
 
 /// Quaternions whose vector part is smaller than this turn nothing, and keys are then shared. About f32's resolution.
-const SAME: f64 = 3e-7;
+const MIN_ROTATION_COMPONENT: f64 = 3e-7;
 
 /// Hips lower than this have no height to compare with, metres.
-const LOWEST_HIPS: f64 = 1e-3;
+const MIN_HIPS_HEIGHT_M: f64 = 1e-3;
 
 /// The bones that two skeletons have in common.
 pub(crate) struct HumanoidPair {
@@ -29,7 +29,7 @@ struct PairedBone {
     before: DQuat,
     after: DQuat,
     /// Maps positions of the hips from the source's parent space to the target's.
-    place: Option<DAffine3>,
+    position_map: Option<DAffine3>,
 }
 
 impl HumanoidPair {
@@ -47,7 +47,7 @@ impl HumanoidPair {
             };
             let (p, r) = (above(from, &source_pose, joint), source_pose[joint as usize]);
             let (p2, r2) = (above(to, &target_pose, other), target_pose[other as usize]);
-            let place = (bone == HumanBone::Hips).then(|| hips_place(&p, &r, &p2, &r2));
+            let position_map = (bone == HumanBone::Hips).then(|| hips_position_map(&p, &r, &p2, &r2));
             bones.insert(
                 joint,
                 PairedBone {
@@ -55,7 +55,7 @@ impl HumanoidPair {
                     to: other,
                     before: (rotation(&p2).conjugate() * rotation(&p)).normalize(),
                     after: (rotation(&r).conjugate() * rotation(&r2)).normalize(),
-                    place,
+                    position_map,
                 },
             );
         }
@@ -72,13 +72,13 @@ impl HumanoidPair {
         self.bones.get(&from).map(|c| (c.bone, c.to))
     }
 
-    /// Carries a curve to the target's joint. `None` if it would change the length of a bone, or if a key would not be finite.
-    pub fn carry(&self, curve: &Curve, bone: HumanBone) -> Option<Curve> {
+    /// Transfers a curve to the target's joint. `None` if it would change the length of a bone, or if a key would not be finite.
+    pub fn transfer(&self, curve: &Curve, bone: HumanBone) -> Option<Curve> {
         let common = self.bones.get(&curve.joint).filter(|c| c.bone == bone)?;
         let joint = common.to;
-        match (curve.path, &common.place) {
-            (Path::Rotation, _) => Some(rotated(curve, joint, common.before, common.after)),
-            (Path::Translation, Some(place)) => moved(curve, joint, place),
+        match (curve.path, &common.position_map) {
+            (Path::Rotation, _) => Some(transferred_rotation(curve, joint, common.before, common.after)),
+            (Path::Translation, Some(position_map)) => transferred_translation(curve, joint, position_map),
             (Path::Translation | Path::Scale, _) => None,
             (Path::Weights(_), _) => Some(Curve { joint, ..curve.clone() }),
         }
@@ -97,15 +97,15 @@ fn rotation(m: &DAffine3) -> DQuat {
 }
 
 /// Map from the source's hips' parent space to the target's: positions in the model, times the ratio of the hips' heights.
-fn hips_place(p: &DAffine3, r: &DAffine3, p2: &DAffine3, r2: &DAffine3) -> DAffine3 {
+fn hips_position_map(p: &DAffine3, r: &DAffine3, p2: &DAffine3, r2: &DAffine3) -> DAffine3 {
     let (height, height2) = (r.translation.y, r2.translation.y);
-    let known = height > LOWEST_HIPS && height2 > LOWEST_HIPS;
+    let known = height > MIN_HIPS_HEIGHT_M && height2 > MIN_HIPS_HEIGHT_M;
     let ratio = if known { height2 / height } else { 1.0 };
     p2.inverse() * DAffine3::from_scale(DVec3::splat(ratio)) * *p
 }
 
-fn rotated(curve: &Curve, joint: u32, before: DQuat, after: DQuat) -> Curve {
-    let turns = |q: DQuat| q.to_array()[..3].iter().any(|v| v.abs() > SAME);
+fn transferred_rotation(curve: &Curve, joint: u32, before: DQuat, after: DQuat) -> Curve {
+    let turns = |q: DQuat| q.to_array()[..3].iter().any(|v| v.abs() > MIN_ROTATION_COMPONENT);
     if !turns(before) && !turns(after) {
         return Curve { joint, ..curve.clone() };
     }
@@ -118,15 +118,16 @@ fn rotated(curve: &Curve, joint: u32, before: DQuat, after: DQuat) -> Curve {
     Curve { joint, values: turned.collect(), ..curve.clone() }
 }
 
-fn moved(curve: &Curve, joint: u32, place: &DAffine3) -> Option<Curve> {
-    let keys_are_every = curve.stride() / 3;
+fn transferred_translation(curve: &Curve, joint: u32, position_map: &DAffine3) -> Option<Curve> {
+    let vectors_per_key = curve.stride() / 3;
     let (vectors, _) = curve.values.as_chunks::<3>();
     let mut values = Vec::with_capacity(curve.values.len());
     for (index, v) in vectors.iter().enumerate() {
         let v = DVec3::from_array(v.map(f64::from));
         // A spline stores each key as in-tangent, value, out-tangent.
-        let is_place = keys_are_every == 1 || index % 3 == 1;
-        let moved = if is_place { place.transform_point3(v) } else { place.transform_vector3(v) };
+        let is_value = vectors_per_key == 1 || index % 3 == 1;
+        let moved =
+            if is_value { position_map.transform_point3(v) } else { position_map.transform_vector3(v) };
         if !moved.is_finite() || moved.abs().max_element() > f64::from(MAX_KEY) {
             return None;
         }

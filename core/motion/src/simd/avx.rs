@@ -54,7 +54,7 @@ impl Lanes for Avx {
         Avx(unsafe { _mm256_sqrt_ps(self.0) })
     }
     #[inline(always)]
-    fn flipped_by(self, by: Self) -> Self {
+    fn flip_sign_by(self, by: Self) -> Self {
         // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_xor_ps(self.0, _mm256_and_ps(by.0, _mm256_set1_ps(-0.0))) })
     }
@@ -97,7 +97,7 @@ impl F8 for Avx {
         Avx(unsafe { _mm256_cmp_ps::<_CMP_EQ_OQ>(self.0, b.0) })
     }
     #[inline(always)]
-    fn both(half: &[f32; 4]) -> Self {
+    fn load_twice(half: &[f32; 4]) -> Self {
         // SAFETY: inside `run_avx2`; four floats are borrowed, and need no alignment.
         Avx(unsafe {
             let half = _mm_loadu_ps(half.as_ptr());
@@ -105,15 +105,15 @@ impl F8 for Avx {
         })
     }
     #[inline(always)]
-    fn upper(half: &[f32; 4]) -> Self {
+    fn load_upper_half(half: &[f32; 4]) -> Self {
         // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe {
-            let both = Self::both(half).0;
+            let both = Self::load_twice(half).0;
             _mm256_blend_ps::<0xF0>(_mm256_setzero_ps(), both)
         })
     }
     #[inline(always)]
-    fn spread<const I: usize>(self) -> Self {
+    fn broadcast_component<const I: usize>(self) -> Self {
         // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
         Avx(unsafe {
             match I {
@@ -144,19 +144,19 @@ impl F8 for Avx {
                 low[c] = _mm256_permute2f128_ps::<0x20>(a[c].0, b[c].0);
                 high[c] = _mm256_permute2f128_ps::<0x31>(a[c].0, b[c].0);
             }
-            let [a0, a1, a2, a3] = columns(low);
-            let [a4, a5, a6, a7] = columns(high);
+            let [a0, a1, a2, a3] = transpose_to_columns(low);
+            let [a4, a5, a6, a7] = transpose_to_columns(high);
             [Avx(a0), Avx(a1), Avx(a2), Avx(a3), Avx(a4), Avx(a5), Avx(a6), Avx(a7)]
         }
     }
     #[inline(always)]
     fn half_rows(p: [Self; 4]) -> [Self; 3] {
         // SAFETY: computes on register values alone, and runs inside `run_avx2` (see `Avx`).
-        let [x, y, z] = unsafe { rows([p[0].0, p[1].0, p[2].0, p[3].0]) };
+        let [x, y, z] = unsafe { transpose_to_rows([p[0].0, p[1].0, p[2].0, p[3].0]) };
         [Avx(x), Avx(y), Avx(z)]
     }
     #[inline(always)]
-    fn joined_rows(first: [Self; 3], next: [Self; 3]) -> [[Self; 3]; 2] {
+    fn join_rows(first: [Self; 3], next: [Self; 3]) -> [[Self; 3]; 2] {
         let (mut a, mut b) = (first, next);
         for c in 0..3 {
             a[c] = first[c].lower_halves(next[c]);
@@ -179,7 +179,7 @@ impl F8 for Avx {
         }
     }
     #[inline(always)]
-    fn joined_rows4(first: [Self; 4], next: [Self; 4]) -> [[Self; 4]; 2] {
+    fn join_rows4(first: [Self; 4], next: [Self; 4]) -> [[Self; 4]; 2] {
         let (mut a, mut b) = (first, next);
         for c in 0..4 {
             a[c] = first[c].lower_halves(next[c]);
@@ -188,7 +188,7 @@ impl F8 for Avx {
         [a, b]
     }
     #[inline(always)]
-    fn sided(q: [&[f32; 4]; 4], pivot: &[f32; 4], weights: &[f32; 4]) -> [f32; 4] {
+    fn flip_weights_to_hemisphere(q: [&[f32; 4]; 4], pivot: &[f32; 4], weights: &[f32; 4]) -> [f32; 4] {
         let mut out = [0.0; 4];
         // SAFETY: inside `run_avx2`; every load and the store are of four borrowed floats, which need no alignment.
         unsafe {
@@ -207,7 +207,7 @@ impl F8 for Avx {
         out
     }
     #[inline(always)]
-    fn of_matrix(matrix: &Affine3A) -> [Self; 2] {
+    fn load_matrix(matrix: &Affine3A) -> [Self; 2] {
         // A `Vec3A` is an SSE register on x86-64: four floats, none of them padding.
         let from: *const f32 = std::ptr::from_ref(matrix).cast();
         // SAFETY: inside `run_avx2`; 16 floats are borrowed, as `local_to_model.rs` asserts of an `Affine3A`, and two times eight are read.
@@ -303,7 +303,7 @@ impl Avx {
 
 /// Transposes four columns into the rows x, y, z and w, separately in each 128-bit half.
 #[inline(always)]
-unsafe fn rows([a, b, c, d]: [__m256; 4]) -> [__m256; 3] {
+unsafe fn transpose_to_rows([a, b, c, d]: [__m256; 4]) -> [__m256; 3] {
     // SAFETY: on values alone; the caller is inside `run_avx2`.
     unsafe {
         let (ab, cd) = (_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d));
@@ -318,7 +318,7 @@ unsafe fn rows([a, b, c, d]: [__m256; 4]) -> [__m256; 3] {
 
 /// Rows x, y, z of four joints in each half, to a column x y z z of each.
 #[inline(always)]
-unsafe fn columns([x, y, z]: [__m256; 3]) -> [__m256; 4] {
+unsafe fn transpose_to_columns([x, y, z]: [__m256; 3]) -> [__m256; 4] {
     // SAFETY: on values alone; the caller is inside `run_avx2`.
     unsafe {
         let low = _mm256_unpacklo_ps(x, y);

@@ -1,7 +1,7 @@
 //! Sixteen floats in an AVX-512 register, only for skinning of vertices: a matrix fills one register.
 
 use super::avx::Avx;
-use super::vertices::{BLOCK, Lanes, Rows, Vertices};
+use super::vertices::{Lanes, Rows, TOO_FEW_VERTICES, Vertices};
 use glam::Affine3A;
 use std::arch::x86_64::*;
 
@@ -56,7 +56,7 @@ impl Lanes for Avx512 {
         Avx512(unsafe { _mm512_sqrt_ps(self.0) })
     }
     #[inline(always)]
-    fn flipped_by(self, by: Self) -> Self {
+    fn flip_sign_by(self, by: Self) -> Self {
         // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_xor_ps(self.0, _mm512_and_ps(by.0, _mm512_set1_ps(-0.0))) })
     }
@@ -92,19 +92,19 @@ impl Vertices for Avx512 {
     type Four = [Avx512; 3];
 
     #[inline(always)]
-    fn no_matrix() -> Self {
+    fn zero_matrix() -> Self {
         Avx512::splat(0.0)
     }
     #[inline(always)]
-    fn weighted(matrix: &Affine3A, weight: f32) -> Self {
-        Avx512::of_matrix(matrix).mul(Avx512::splat(weight))
+    fn scaled_matrix(matrix: &Affine3A, weight: f32) -> Self {
+        Avx512::load_matrix(matrix).mul(Avx512::splat(weight))
     }
     #[inline(always)]
-    fn with_weighted(sum: Self, matrix: &Affine3A, weight: f32) -> Self {
-        Avx512::of_matrix(matrix).fused_add(Avx512::splat(weight), sum)
+    fn add_scaled_matrix(sum: Self, matrix: &Affine3A, weight: f32) -> Self {
+        Avx512::load_matrix(matrix).fused_add(Avx512::splat(weight), sum)
     }
     #[inline(always)]
-    fn four([a, b, c, d]: [Self; 4]) -> [Self; 3] {
+    fn interleave_four([a, b, c, d]: [Self; 4]) -> [Self; 3] {
         // Each quarter holds a column: x y z w of four vertices become components.
         // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
         unsafe {
@@ -118,13 +118,13 @@ impl Vertices for Avx512 {
         }
     }
     #[inline(always)]
-    fn columns(fours: [[Self; 3]; 4]) -> Rows<Self> {
+    fn join_columns(fours: [[Self; 3]; 4]) -> Rows<Self> {
         let mut columns = [fours[0]; 4];
         for component in 0..3 {
             let [a, b, c, d] = fours;
             let all = [a[component].0, b[component].0, c[component].0, d[component].0];
             // SAFETY: computes on register values alone, and runs inside `run_avx512` (see `Avx512`).
-            let quarters = unsafe { quarters(all) };
+            let quarters = unsafe { transpose_quarters(all) };
             for column in 0..4 {
                 columns[column][component] = Avx512(quarters[column]);
             }
@@ -132,7 +132,7 @@ impl Vertices for Avx512 {
         columns
     }
     #[inline(always)]
-    fn halves(fours: [[Avx; 4]; 4]) -> [[Self; 4]; 2] {
+    fn join_halves(fours: [[Avx; 4]; 4]) -> [[Self; 4]; 2] {
         let mut out = [[Avx512::splat(0.0); 4]; 2];
         let [a, b, c, d] = fours;
         for component in 0..4 {
@@ -148,18 +148,18 @@ impl Vertices for Avx512 {
         out
     }
     #[inline(always)]
-    fn points(points: &[[f32; 3]]) -> [Self; 3] {
-        load_points(points.first_chunk().expect(BLOCK))
+    fn load_point_rows(points: &[[f32; 3]]) -> [Self; 3] {
+        load_points(points.first_chunk().expect(TOO_FEW_VERTICES))
     }
     #[inline(always)]
-    fn put_points(rows: [Self; 3], points: &mut [[f32; 3]]) {
-        store_points(rows, points.first_chunk_mut().expect(BLOCK));
+    fn store_point_rows(rows: [Self; 3], points: &mut [[f32; 3]]) {
+        store_points(rows, points.first_chunk_mut().expect(TOO_FEW_VERTICES));
     }
 }
 
 impl Avx512 {
     #[inline(always)]
-    fn of_matrix(matrix: &Affine3A) -> Self {
+    fn load_matrix(matrix: &Affine3A) -> Self {
         // A `Vec3A` is an SSE register on x86-64: four floats, none of them padding. An `Affine3A` is four of them.
         let from: *const f32 = std::ptr::from_ref(matrix).cast();
         // SAFETY: inside `run_avx512`; a borrowed matrix is as large as the register, as asserted above.
@@ -169,7 +169,7 @@ impl Avx512 {
 
 /// Transposes the quarters of four registers: all first quarters together, all second ones, and so on.
 #[inline(always)]
-unsafe fn quarters([a, b, c, d]: [__m512; 4]) -> [__m512; 4] {
+unsafe fn transpose_quarters([a, b, c, d]: [__m512; 4]) -> [__m512; 4] {
     // SAFETY: on values alone; the caller is inside `run_avx512`.
     unsafe {
         let (ab, cd) =
@@ -190,45 +190,45 @@ type PermuteIndices = [[[i32; COUNT]; 2]; 3];
 
 /// Positions of each component among the 48 floats of the points.
 static LOAD_INDICES: PermuteIndices = {
-    let mut picks = [[[0; COUNT]; 2]; 3];
+    let mut indices = [[[0; COUNT]; 2]; 3];
     let mut i = 0;
     while i < 48 {
         let (vertex, component) = (i / 3, i % 3);
         if i < 32 {
-            picks[component][0][vertex] = i as i32;
-            picks[component][1][vertex] = vertex as i32;
+            indices[component][0][vertex] = i as i32;
+            indices[component][1][vertex] = vertex as i32;
         } else {
-            picks[component][1][vertex] = (i - 16) as i32;
+            indices[component][1][vertex] = (i - 16) as i32;
         }
         i += 1;
     }
-    picks
+    indices
 };
 
 /// Positions of the components in each register of the points' 48 floats.
 static STORE_INDICES: PermuteIndices = {
-    let mut picks = [[[0; COUNT]; 2]; 3];
+    let mut indices = [[[0; COUNT]; 2]; 3];
     let mut i = 0;
     while i < 48 {
         let (vertex, component) = (i / 3, i % 3);
         let (register, lane) = (i / COUNT, i % COUNT);
         if component < 2 {
-            picks[register][0][lane] = (16 * component + vertex) as i32;
-            picks[register][1][lane] = lane as i32;
+            indices[register][0][lane] = (16 * component + vertex) as i32;
+            indices[register][1][lane] = lane as i32;
         } else {
-            picks[register][1][lane] = (16 + vertex) as i32;
+            indices[register][1][lane] = (16 + vertex) as i32;
         }
         i += 1;
     }
-    picks
+    indices
 };
 
 #[inline(always)]
-unsafe fn permuted(picks: &[[i32; COUNT]; 2], [a, b, c]: [__m512; 3]) -> __m512 {
+unsafe fn permute_twice(indices: &[[i32; COUNT]; 2], [a, b, c]: [__m512; 3]) -> __m512 {
     // SAFETY: the caller is inside `run_avx512`; both loads are of 16 borrowed numbers, which need no alignment.
     unsafe {
-        let first = _mm512_loadu_si512(picks[0].as_ptr().cast());
-        let second = _mm512_loadu_si512(picks[1].as_ptr().cast());
+        let first = _mm512_loadu_si512(indices[0].as_ptr().cast());
+        let second = _mm512_loadu_si512(indices[1].as_ptr().cast());
         _mm512_permutex2var_ps(_mm512_permutex2var_ps(a, first, b), second, c)
     }
 }
@@ -240,9 +240,9 @@ fn load_points(points: &[[f32; 3]; COUNT]) -> [Avx512; 3] {
     unsafe {
         let all = [_mm512_loadu_ps(from), _mm512_loadu_ps(from.add(16)), _mm512_loadu_ps(from.add(32))];
         [
-            Avx512(permuted(&LOAD_INDICES[0], all)),
-            Avx512(permuted(&LOAD_INDICES[1], all)),
-            Avx512(permuted(&LOAD_INDICES[2], all)),
+            Avx512(permute_twice(&LOAD_INDICES[0], all)),
+            Avx512(permute_twice(&LOAD_INDICES[1], all)),
+            Avx512(permute_twice(&LOAD_INDICES[2], all)),
         ]
     }
 }
@@ -250,8 +250,8 @@ fn load_points(points: &[[f32; 3]; COUNT]) -> [Avx512; 3] {
 #[inline(always)]
 fn store_points([x, y, z]: [Avx512; 3], points: &mut [[f32; 3]; COUNT]) {
     let to: *mut f32 = points.as_mut_ptr().cast();
-    for (register, picks) in STORE_INDICES.iter().enumerate() {
+    for (register, indices) in STORE_INDICES.iter().enumerate() {
         // SAFETY: inside `run_avx512`; 48 floats are borrowed to be written, 16 for each of the three registers.
-        unsafe { _mm512_storeu_ps(to.add(16 * register), permuted(picks, [x.0, y.0, z.0])) };
+        unsafe { _mm512_storeu_ps(to.add(16 * register), permute_twice(indices, [x.0, y.0, z.0])) };
     }
 }

@@ -1,25 +1,25 @@
 //! `a * b + c` rounded once, as the processors' fused multiply-adds do, by arithmetic that is the same everywhere.
 //!
 //! `f32::mul_add` is an instruction on 64-bit ARM. On x86-64 it is one only in functions compiled for FMA; elsewhere it calls a
-//! function of the system, which is slow, and was wrong in some.
+//! function of the system, which is slow, and was wrong on some systems.
 
 /// `a * b + c`, rounded once to the nearest, ties to even: the bits of IEEE 754's fusedMultiplyAdd but for a NaN's payload.
 #[cfg(target_arch = "aarch64")]
 #[inline(always)]
-pub(crate) fn fused(a: f32, b: f32, c: f32) -> f32 {
-    // The one place where `mul_add` may stand: an instruction here.
+pub(crate) fn fused_multiply_add(a: f32, b: f32, c: f32) -> f32 {
+    // The only permitted use of `mul_add`, which is an instruction on this architecture.
     a.mul_add(b, c)
 }
 
 #[cfg(not(target_arch = "aarch64"))]
-pub(crate) use by_f64 as fused;
+pub(crate) use fma_by_f64 as fused_multiply_add;
 
 /// The product of two f32 is exact in f64, so only the sum is rounded there, and then again to f32. Where the first rounding lost
 /// something, the sum is rounded to odd instead: with more than two bits more than f32 has, the second rounding then sees on which
 /// side of a tie the exact sum lies (S. Boldo and G. Melquiond, "Emulation of a FMA and correctly rounded sums", 2008).
 #[cfg(any(test, not(target_arch = "aarch64")))]
 #[inline(always)]
-pub(crate) fn by_f64(a: f32, b: f32, c: f32) -> f32 {
+pub(crate) fn fma_by_f64(a: f32, b: f32, c: f32) -> f32 {
     let (product, c) = (f64::from(a) * f64::from(b), f64::from(c));
     let sum = product + c;
     // The exact rounding error of the sum (D. Knuth's TwoSum). It is NaN where the sum is not finite; then nothing is corrected.
@@ -28,24 +28,25 @@ pub(crate) fn by_f64(a: f32, b: f32, c: f32) -> f32 {
     let bits = sum.to_bits();
     // An even last bit becomes odd by a step towards the exact sum: away from 0 where what was lost has the sum's sign. A sum
     // of 0 has lost nothing.
-    let (mend, outwards) = ((lost < 0.0) | (lost > 0.0), (lost < 0.0) == (sum < 0.0));
-    let step = u64::from(mend & (bits & 1 == 0));
+    let (needs_step, outwards) = ((lost < 0.0) | (lost > 0.0), (lost < 0.0) == (sum < 0.0));
+    let step = u64::from(needs_step & (bits & 1 == 0));
     f64::from_bits(if outwards { bits.wrapping_add(step) } else { bits.wrapping_sub(step) }) as f32
 }
 
 #[cfg(test)]
 mod tests {
-    use super::by_f64;
+    use super::fma_by_f64;
 
     /// The same in whole numbers: a finite f32 is m · 2^e, so a product and a sum are exact in 640 bits, from which the nearest f32 is
     /// found bit by bit.
-    fn by_integers(a: f32, b: f32, c: f32) -> f32 {
+    fn fma_by_integers(a: f32, b: f32, c: f32) -> f32 {
         // Bit 0 of a sum is 2^-298, the square of the smallest f32.
-        let place = |v: f32| {
+        let mantissa_and_exponent = |v: f32| {
             let (bits, exponent) = (v.to_bits() & 0x7F_FFFF, (v.to_bits() >> 23) & 0xFF);
             (u64::from(if exponent == 0 { bits } else { bits | 1 << 23 }), exponent.max(1) - 1)
         };
-        let ((am, ae), (bm, be), (cm, ce)) = (place(a), place(b), place(c));
+        let ((am, ae), (bm, be), (cm, ce)) =
+            (mantissa_and_exponent(a), mantissa_and_exponent(b), mantissa_and_exponent(c));
         let product = Wide::shifted(am * bm, ae + be);
         let addend = Wide::shifted(cm, ce + 149);
         let (product_negative, c_negative) =
@@ -111,8 +112,8 @@ mod tests {
         }
     }
 
-    fn same(a: f32, b: f32, c: f32) {
-        let (found, system) = (by_f64(a, b, c), a.mul_add(b, c));
+    fn check_fma(a: f32, b: f32, c: f32) {
+        let (found, system) = (fma_by_f64(a, b, c), a.mul_add(b, c));
         if system.is_nan() {
             assert!(found.is_nan(), "{a:e} * {b:e} + {c:e} is {found:e}");
             return;
@@ -123,13 +124,13 @@ mod tests {
             "{a:e} * {b:e} + {c:e} is {found:e}, the system says {system:e}"
         );
         if a.is_finite() && b.is_finite() && c.is_finite() {
-            let exact = by_integers(a, b, c);
+            let exact = fma_by_integers(a, b, c);
             assert!(found == exact, "{a:e} * {b:e} + {c:e} is {found:e}, exactly {exact:e}");
         }
     }
 
     #[test]
-    fn special_numbers_and_their_neighbours() {
+    fn fma_of_special_numbers_and_their_neighbors_is_exact() {
         let mut numbers = vec![0.0, f32::INFINITY, f32::NAN];
         for at in [1.0f32, 2.0, 3.0, 0.1, 1e-20, 1e20, f32::MIN_POSITIVE, f32::MAX, 16_777_216.0, 1.5e-23] {
             numbers.extend([at, at.next_up(), at.next_down()]);
@@ -139,15 +140,15 @@ mod tests {
         for a in &numbers {
             for b in &numbers {
                 for c in &numbers {
-                    same(*a, *b, *c);
+                    check_fma(*a, *b, *c);
                 }
             }
         }
     }
 
-    /// Sums that lie on a tie of two f32, or the least possible beside one: where rounding twice goes wrong.
+    /// Sums halfway between two f32, or next to halfway by the smallest difference, which rounding twice gets wrong.
     #[test]
-    fn ties_and_what_is_beside_them() {
+    fn fma_of_sums_on_and_beside_ties_is_exact() {
         let mut rounded_twice = 0;
         let mut bits = 1u64;
         for i in 0..200_000 {
@@ -157,33 +158,33 @@ mod tests {
             let exponent = (bits >> 8) as u32 % 60;
             let c = f32::from_bits((0x3F80_0000 - (30 << 23)) + (exponent << 23) + (i % 3));
             for c in [c, -c] {
-                same(a, b, c);
+                check_fma(a, b, c);
                 let naive = (f64::from(a) * f64::from(b) + f64::from(c)) as f32;
-                rounded_twice += u32::from(naive.to_bits() != by_f64(a, b, c).to_bits());
+                rounded_twice += u32::from(naive.to_bits() != fma_by_f64(a, b, c).to_bits());
             }
         }
-        // A product of 1 + 2^-12 and 1 + 2^-12 ends in a tie; a value a little beside it distinguishes up from down.
+        // The product of 1 + 2^-12 and 1 + 2^-12 is a tie; a tiny addend decides whether it is rounded up or down.
         let tie = 1.0 + 2f32.powi(-12);
         for little in [f32::from_bits(1), 1e-30, 1e-12] {
             for c in [little, -little] {
-                same(tie, tie, c);
-                same(-tie, tie, c);
+                check_fma(tie, tie, c);
+                check_fma(-tie, tie, c);
                 let naive = (f64::from(tie) * f64::from(tie) + f64::from(c)) as f32;
-                rounded_twice += u32::from(naive.to_bits() != by_f64(tie, tie, c).to_bits());
+                rounded_twice += u32::from(naive.to_bits() != fma_by_f64(tie, tie, c).to_bits());
             }
         }
         assert!(rounded_twice >= 2, "no case showed the second rounding: {rounded_twice}");
     }
 
     #[test]
-    fn any_bits_at_all() {
+    fn fma_of_random_bits_is_exact() {
         let mut bits = 9u64;
         let mut next = || {
             bits = bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             f32::from_bits((bits >> 32) as u32)
         };
         for _ in 0..300_000 {
-            same(next(), next(), next());
+            check_fma(next(), next(), next());
         }
     }
 }

@@ -19,8 +19,8 @@ mod streams;
 mod vertices;
 
 pub(crate) use indexed::{Indexed, Indices};
-pub(crate) use streams::{Block, Deformed, Deformer, VertexStreams};
-pub(crate) use vertices::{Lanes, Rows, VertexKernel, Vertices, arrays, arrays_mut, dispatch_vertices};
+pub(crate) use streams::{Block, DeformedBlock, Deformer, VertexStreams};
+pub(crate) use vertices::{Lanes, Rows, VertexKernel, Vertices, as_arrays, as_arrays_mut, dispatch_vertices};
 
 use glam::Affine3A;
 use lane::{LANES, Lane};
@@ -86,11 +86,11 @@ pub(crate) trait F8: Lanes {
     fn equals(self, b: Self) -> Self;
 
     /// The same four floats in both halves.
-    fn both(half: &[f32; 4]) -> Self;
+    fn load_twice(half: &[f32; 4]) -> Self;
     /// Zeros, then the four floats.
-    fn upper(half: &[f32; 4]) -> Self;
+    fn load_upper_half(half: &[f32; 4]) -> Self;
     /// Each half filled with its component I.
-    fn spread<const I: usize>(self) -> Self;
+    fn broadcast_component<const I: usize>(self) -> Self;
     /// Stores the four floats of each half.
     fn store_halves(self, out: &mut [[f32; 4]; 2]);
     fn load_halves(halves: &[[f32; 4]; 2]) -> Self;
@@ -100,15 +100,15 @@ pub(crate) trait F8: Lanes {
     /// Component rows of four column pairs, those of the first columns in the lower half; the fourth components are dropped.
     fn half_rows(pairs: [Self; 4]) -> [Self; 3];
     /// The inverse of `column_pairs`: component rows of both columns, of the half rows of four pairs and of the next four.
-    fn joined_rows(first: [Self; 3], next: [Self; 3]) -> [[Self; 3]; 2];
+    fn join_rows(first: [Self; 3], next: [Self; 3]) -> [[Self; 3]; 2];
     /// Like `half_rows`, with the fourth components.
     fn half_rows4(pairs: [Self; 4]) -> [Self; 4];
-    /// Like `joined_rows`, with the fourth components.
-    fn joined_rows4(first: [Self; 4], next: [Self; 4]) -> [[Self; 4]; 2];
+    /// Like `join_rows`, with the fourth components.
+    fn join_rows4(first: [Self; 4], next: [Self; 4]) -> [[Self; 4]; 2];
     /// Each weight, negated if the dot product of its four floats and the pivot, summed as (0 + 2) + (1 + 3), is negative.
-    fn sided(fours: [&[f32; 4]; 4], pivot: &[f32; 4], weights: &[f32; 4]) -> [f32; 4];
+    fn flip_weights_to_hemisphere(fours: [&[f32; 4]; 4], pivot: &[f32; 4], weights: &[f32; 4]) -> [f32; 4];
     /// A matrix: its first two columns, its third and the translation. The fourth components may hold anything.
-    fn of_matrix(matrix: &Affine3A) -> [Self; 2];
+    fn load_matrix(matrix: &Affine3A) -> [Self; 2];
     /// Component rows of eight points.
     fn load_points(points: &[[f32; 3]; LANES]) -> [Self; 3];
     fn store_points(rows: [Self; 3], points: &mut [[f32; 3]; LANES]);

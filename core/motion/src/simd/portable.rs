@@ -1,6 +1,6 @@
 //! Eight floats in an array, on any processor.
 
-use super::{Bits, F8, Lanes, fused::fused};
+use super::{Bits, F8, Lanes, fused::fused_multiply_add};
 use crate::simd::lane::{LANES, Lane};
 use glam::{Affine3A, Vec3A};
 
@@ -10,7 +10,7 @@ pub(crate) struct Array([f32; LANES]);
 
 impl Array {
     #[inline(always)]
-    fn map2(self, b: Self, f: impl Fn(f32, f32) -> f32) -> Self {
+    fn map_pairs(self, b: Self, f: impl Fn(f32, f32) -> f32) -> Self {
         Array(std::array::from_fn(|i| f(self.0[i], b.0[i])))
     }
 }
@@ -27,43 +27,43 @@ impl Lanes for Array {
     }
     #[inline(always)]
     fn add(self, b: Self) -> Self {
-        self.map2(b, |a, b| a + b)
+        self.map_pairs(b, |a, b| a + b)
     }
     #[inline(always)]
     fn sub(self, b: Self) -> Self {
-        self.map2(b, |a, b| a - b)
+        self.map_pairs(b, |a, b| a - b)
     }
     #[inline(always)]
     fn mul(self, b: Self) -> Self {
-        self.map2(b, |a, b| a * b)
+        self.map_pairs(b, |a, b| a * b)
     }
     #[inline(always)]
     fn fused_add(self, b: Self, c: Self) -> Self {
-        Array(std::array::from_fn(|i| fused(self.0[i], b.0[i], c.0[i])))
+        Array(std::array::from_fn(|i| fused_multiply_add(self.0[i], b.0[i], c.0[i])))
     }
     #[inline(always)]
     fn fused_sub(self, b: Self, c: Self) -> Self {
-        Array(std::array::from_fn(|i| fused(self.0[i], b.0[i], -c.0[i])))
+        Array(std::array::from_fn(|i| fused_multiply_add(self.0[i], b.0[i], -c.0[i])))
     }
     #[inline(always)]
     fn div(self, b: Self) -> Self {
-        self.map2(b, |a, b| a / b)
+        self.map_pairs(b, |a, b| a / b)
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
         Array(self.0.map(f32::sqrt))
     }
     #[inline(always)]
-    fn flipped_by(self, by: Self) -> Self {
-        self.map2(by, |a, b| f32::from_bits(a.to_bits() ^ (b.to_bits() & (1 << 31))))
+    fn flip_sign_by(self, by: Self) -> Self {
+        self.map_pairs(by, |a, b| f32::from_bits(a.to_bits() ^ (b.to_bits() & (1 << 31))))
     }
     #[inline(always)]
     fn less(self, b: Self) -> Self {
-        self.map2(b, |a, b| mask_of(a < b))
+        self.map_pairs(b, |a, b| mask_of(a < b))
     }
     #[inline(always)]
     fn and(self, b: Self) -> Self {
-        self.map2(b, |a, b| f32::from_bits(a.to_bits() & b.to_bits()))
+        self.map_pairs(b, |a, b| f32::from_bits(a.to_bits() & b.to_bits()))
     }
     #[inline(always)]
     fn all(mask: Self) -> bool {
@@ -86,20 +86,20 @@ impl F8 for Array {
     }
     #[inline(always)]
     fn equals(self, b: Self) -> Self {
-        self.map2(b, |a, b| mask_of(a == b))
+        self.map_pairs(b, |a, b| mask_of(a == b))
     }
     #[inline(always)]
-    fn both(half: &[f32; 4]) -> Self {
+    fn load_twice(half: &[f32; 4]) -> Self {
         let [a, b, c, d] = *half;
         Array([a, b, c, d, a, b, c, d])
     }
     #[inline(always)]
-    fn upper(half: &[f32; 4]) -> Self {
+    fn load_upper_half(half: &[f32; 4]) -> Self {
         let [a, b, c, d] = *half;
         Array([0.0, 0.0, 0.0, 0.0, a, b, c, d])
     }
     #[inline(always)]
-    fn spread<const I: usize>(self) -> Self {
+    fn broadcast_component<const I: usize>(self) -> Self {
         let (a, b) = (self.0[I], self.0[4 + I]);
         Array([a, a, a, a, b, b, b, b])
     }
@@ -126,7 +126,7 @@ impl F8 for Array {
         [x, y, z]
     }
     #[inline(always)]
-    fn joined_rows(first: [Self; 3], next: [Self; 3]) -> [[Self; 3]; 2] {
+    fn join_rows(first: [Self; 3], next: [Self; 3]) -> [[Self; 3]; 2] {
         let half = |row: usize, from: usize| {
             Array(std::array::from_fn(
                 |i| if i < 4 { first[row].0[from + i] } else { next[row].0[from + i - 4] },
@@ -139,7 +139,7 @@ impl F8 for Array {
         std::array::from_fn(|c| Array(std::array::from_fn(|i| pairs[i % 4].0[c + i / 4 * 4])))
     }
     #[inline(always)]
-    fn joined_rows4(first: [Self; 4], next: [Self; 4]) -> [[Self; 4]; 2] {
+    fn join_rows4(first: [Self; 4], next: [Self; 4]) -> [[Self; 4]; 2] {
         let half = |row: usize, from: usize| {
             Array(std::array::from_fn(
                 |i| if i < 4 { first[row].0[from + i] } else { next[row].0[from + i - 4] },
@@ -148,7 +148,7 @@ impl F8 for Array {
         [0, 4].map(|from| [half(0, from), half(1, from), half(2, from), half(3, from)])
     }
     #[inline(always)]
-    fn sided(fours: [&[f32; 4]; 4], p: &[f32; 4], weights: &[f32; 4]) -> [f32; 4] {
+    fn flip_weights_to_hemisphere(fours: [&[f32; 4]; 4], p: &[f32; 4], weights: &[f32; 4]) -> [f32; 4] {
         std::array::from_fn(|i| {
             let q = fours[i];
             let dot = (q[0] * p[0] + q[2] * p[2]) + (q[1] * p[1] + q[3] * p[3]);
@@ -156,7 +156,7 @@ impl F8 for Array {
         })
     }
     #[inline(always)]
-    fn of_matrix(matrix: &Affine3A) -> [Self; 2] {
+    fn load_matrix(matrix: &Affine3A) -> [Self; 2] {
         let pair = |a: Vec3A, b: Vec3A| Array([a.x, a.y, a.z, 0.0, b.x, b.y, b.z, 0.0]);
         let m = &matrix.matrix3;
         [pair(m.x_axis, m.y_axis), pair(m.z_axis, matrix.translation)]

@@ -6,7 +6,7 @@ use super::{Indices, Vertices};
 pub(crate) trait Deformer {
     /// Positions and unit normals of as many vertices as there are lanes, with N influences each. N = 0: any number of
     /// influences, and possibly joints for fewer vertices.
-    fn deformed<F: Vertices, const N: usize>(&self, block: Block) -> Deformed<F>;
+    fn deform<F: Vertices, const N: usize>(&self, block: Block) -> DeformedBlock<F>;
 }
 
 /// The vertices of a block.
@@ -20,7 +20,7 @@ pub(crate) struct Block<'a> {
 }
 
 /// Positions and, where there are any, normals.
-pub(crate) type Deformed<F> = ([F; 3], Option<[F; 3]>);
+pub(crate) type DeformedBlock<F> = ([F; 3], Option<[F; 3]>);
 
 /// Input and output of skinning. There are `influences` joints and weights per vertex, and as many normals as positions, or none.
 pub(crate) struct VertexStreams<'a> {
@@ -33,8 +33,8 @@ pub(crate) struct VertexStreams<'a> {
     pub out_normals: &'a mut [[f32; 3]],
 }
 
-/// Most lanes that a register has.
-const MOST: usize = 16;
+/// Largest number of lanes of a register.
+const MAX_LANES: usize = 16;
 
 impl VertexStreams<'_> {
     #[inline(always)]
@@ -45,30 +45,30 @@ impl VertexStreams<'_> {
         // Whether there are normals is also known: a branch between positions and normals would spill matrices.
         let joints = Indices::new(self.joint_indices);
         match (self.influences, self.normals.is_empty()) {
-            (4, false) => self.blocks::<F, D, 4, true>(deformer, joints, whole),
-            (4, true) => self.blocks::<F, D, 4, false>(deformer, joints, whole),
-            (8, false) => self.blocks::<F, D, 8, true>(deformer, joints, whole),
-            (8, true) => self.blocks::<F, D, 8, false>(deformer, joints, whole),
-            (_, false) => self.blocks::<F, D, 0, true>(deformer, joints, whole),
-            (_, true) => self.blocks::<F, D, 0, false>(deformer, joints, whole),
+            (4, false) => self.deform_blocks::<F, D, 4, true>(deformer, joints, whole),
+            (4, true) => self.deform_blocks::<F, D, 4, false>(deformer, joints, whole),
+            (8, false) => self.deform_blocks::<F, D, 8, true>(deformer, joints, whole),
+            (8, true) => self.deform_blocks::<F, D, 8, false>(deformer, joints, whole),
+            (_, false) => self.deform_blocks::<F, D, 0, true>(deformer, joints, whole),
+            (_, true) => self.deform_blocks::<F, D, 0, false>(deformer, joints, whole),
         }
-        self.last::<F, D>(deformer, joints, whole);
+        self.deform_last::<F, D>(deformer, joints, whole);
     }
 
     #[inline(always)]
-    fn blocks<F: Vertices, D: Deformer, const N: usize, const NORMALS: bool>(
+    fn deform_blocks<F: Vertices, D: Deformer, const N: usize, const NORMALS: bool>(
         &mut self,
         deformer: &D,
         joints: Indices,
         end: usize,
     ) {
         for first in (0..end).step_by(F::COUNT) {
-            self.block::<F, D, N, NORMALS>(deformer, joints, first);
+            self.deform_block::<F, D, N, NORMALS>(deformer, joints, first);
         }
     }
 
     #[inline(always)]
-    fn block<F: Vertices, D: Deformer, const N: usize, const NORMALS: bool>(
+    fn deform_block<F: Vertices, D: Deformer, const N: usize, const NORMALS: bool>(
         &mut self,
         deformer: &D,
         joints: Indices,
@@ -81,45 +81,45 @@ impl VertexStreams<'_> {
         let end = first + F::COUNT;
         let block = Block {
             influences,
-            joints: joints.part(range.clone()),
+            joints: joints.subrange(range.clone()),
             weights: &self.joint_weights[range],
             points: &self.positions[first..end],
             normals: if NORMALS { Some(&self.normals[first..end]) } else { None },
         };
         let out_points = &mut self.out_positions[first..end];
         let out_normals = if NORMALS { &mut self.out_normals[first..end] } else { &mut [] };
-        let (points, normals) = deformer.deformed::<F, N>(block);
-        F::put_points(points, out_points);
+        let (points, normals) = deformer.deform::<F, N>(block);
+        F::store_point_rows(points, out_points);
         if let Some(normals) = normals {
-            F::put_points(normals, out_normals);
+            F::store_point_rows(normals, out_normals);
         }
     }
 
     /// Skins the last vertices, fewer than lanes, padded with zeros.
     #[inline(always)]
-    fn last<F: Vertices, D: Deformer>(&mut self, deformer: &D, joints: Indices, first: usize) {
+    fn deform_last<F: Vertices, D: Deformer>(&mut self, deformer: &D, joints: Indices, first: usize) {
         let count = self.positions.len() - first;
         if count == 0 {
             return;
         }
         let range = first * self.influences..self.positions.len() * self.influences;
-        let (mut points, mut normals) = ([[0.0; 3]; MOST], [[0.0; 3]; MOST]);
+        let (mut points, mut normals) = ([[0.0; 3]; MAX_LANES], [[0.0; 3]; MAX_LANES]);
         points[..count].copy_from_slice(&self.positions[first..]);
-        let some = !self.normals.is_empty();
-        if some {
+        let has_normals = !self.normals.is_empty();
+        if has_normals {
             normals[..count].copy_from_slice(&self.normals[first..]);
         }
-        let (moved, turned) = deformer.deformed::<F, 0>(Block {
+        let (out_points, out_normals) = deformer.deform::<F, 0>(Block {
             influences: self.influences,
-            joints: joints.part(range.clone()),
+            joints: joints.subrange(range.clone()),
             weights: &self.joint_weights[range],
             points: &points,
-            normals: if some { Some(&normals) } else { None },
+            normals: if has_normals { Some(&normals) } else { None },
         });
-        F::put_points(moved, &mut points);
+        F::store_point_rows(out_points, &mut points);
         self.out_positions[first..].copy_from_slice(&points[..count]);
-        if let Some(turned) = turned {
-            F::put_points(turned, &mut normals);
+        if let Some(out_normals) = out_normals {
+            F::store_point_rows(out_normals, &mut normals);
             self.out_normals[first..].copy_from_slice(&normals[..count]);
         }
     }

@@ -17,7 +17,7 @@ pub(crate) trait Lanes: Copy {
     fn div(self, b: Self) -> Self;
     fn sqrt(self) -> Self;
     /// `-self` in the lanes where `by` has its sign bit set.
-    fn flipped_by(self, by: Self) -> Self;
+    fn flip_sign_by(self, by: Self) -> Self;
     /// Mask with all bits set in the lanes that are less; none in lanes with NaN.
     fn less(self, b: Self) -> Self;
     /// Mask of the lanes that are set in both masks.
@@ -40,21 +40,21 @@ pub(crate) trait Vertices: Lanes {
     /// The columns of four vertices' matrices, component by component.
     type Four: Copy;
 
-    fn no_matrix() -> Self::Matrix;
+    fn zero_matrix() -> Self::Matrix;
     /// Matrix times weight.
-    fn weighted(matrix: &Affine3A, weight: f32) -> Self::Matrix;
+    fn scaled_matrix(matrix: &Affine3A, weight: f32) -> Self::Matrix;
     /// Sum plus matrix times weight, rounded once.
-    fn with_weighted(sum: Self::Matrix, matrix: &Affine3A, weight: f32) -> Self::Matrix;
-    fn four(matrices: [Self::Matrix; 4]) -> Self::Four;
+    fn add_scaled_matrix(sum: Self::Matrix, matrix: &Affine3A, weight: f32) -> Self::Matrix;
+    fn interleave_four(matrices: [Self::Matrix; 4]) -> Self::Four;
     /// Columns of all vertices, from groups of four; groups beyond the lanes are not read.
-    fn columns(fours: [Self::Four; 4]) -> Rows<Self>;
+    fn join_columns(fours: [Self::Four; 4]) -> Rows<Self>;
     /// Component rows of the lower and of the upper four floats, from as many groups of four vertices as the lanes hold, each
     /// from [`F8::half_rows4`].
-    fn halves(fours: [[Self::Eight; 4]; 4]) -> [[Self; 4]; 2];
+    fn join_halves(fours: [[Self::Eight; 4]; 4]) -> [[Self; 4]; 2];
     /// Component rows of the first points. Panics if there are fewer points than lanes.
-    fn points(points: &[[f32; 3]]) -> [Self; 3];
+    fn load_point_rows(points: &[[f32; 3]]) -> [Self; 3];
     /// Stores component rows to the first points. Panics if there are fewer points than lanes.
-    fn put_points(rows: [Self; 3], points: &mut [[f32; 3]]);
+    fn store_point_rows(rows: [Self; 3], points: &mut [[f32; 3]]);
 }
 
 impl<F: F8> Vertices for F {
@@ -63,39 +63,39 @@ impl<F: F8> Vertices for F {
     type Four = [[F; 3]; 2];
 
     #[inline(always)]
-    fn no_matrix() -> [F; 2] {
+    fn zero_matrix() -> [F; 2] {
         [F::splat(0.0); 2]
     }
     #[inline(always)]
-    fn weighted(matrix: &Affine3A, weight: f32) -> [F; 2] {
-        let ([x, y], weight) = (F::of_matrix(matrix), F::splat(weight));
+    fn scaled_matrix(matrix: &Affine3A, weight: f32) -> [F; 2] {
+        let ([x, y], weight) = (F::load_matrix(matrix), F::splat(weight));
         [x.mul(weight), y.mul(weight)]
     }
     #[inline(always)]
-    fn with_weighted(sum: [F; 2], matrix: &Affine3A, weight: f32) -> [F; 2] {
-        let ([x, y], weight) = (F::of_matrix(matrix), F::splat(weight));
+    fn add_scaled_matrix(sum: [F; 2], matrix: &Affine3A, weight: f32) -> [F; 2] {
+        let ([x, y], weight) = (F::load_matrix(matrix), F::splat(weight));
         [x.fused_add(weight, sum[0]), y.fused_add(weight, sum[1])]
     }
     #[inline(always)]
-    fn four([a, b, c, d]: [[F; 2]; 4]) -> [[F; 3]; 2] {
+    fn interleave_four([a, b, c, d]: [[F; 2]; 4]) -> [[F; 3]; 2] {
         [F::half_rows([a[0], b[0], c[0], d[0]]), F::half_rows([a[1], b[1], c[1], d[1]])]
     }
     #[inline(always)]
-    fn columns([[a01, a23], [b01, b23], _, _]: [[[F; 3]; 2]; 4]) -> Rows<F> {
-        let ([c0, c1], [c2, c3]) = (F::joined_rows(a01, b01), F::joined_rows(a23, b23));
+    fn join_columns([[a01, a23], [b01, b23], _, _]: [[[F; 3]; 2]; 4]) -> Rows<F> {
+        let ([c0, c1], [c2, c3]) = (F::join_rows(a01, b01), F::join_rows(a23, b23));
         [c0, c1, c2, c3]
     }
     #[inline(always)]
-    fn halves([a, b, _, _]: [[F; 4]; 4]) -> [[F; 4]; 2] {
-        F::joined_rows4(a, b)
+    fn join_halves([a, b, _, _]: [[F; 4]; 4]) -> [[F; 4]; 2] {
+        F::join_rows4(a, b)
     }
     #[inline(always)]
-    fn points(points: &[[f32; 3]]) -> [F; 3] {
-        F::load_points(points.first_chunk().expect(BLOCK))
+    fn load_point_rows(points: &[[f32; 3]]) -> [F; 3] {
+        F::load_points(points.first_chunk().expect(TOO_FEW_VERTICES))
     }
     #[inline(always)]
-    fn put_points(rows: [F; 3], points: &mut [[f32; 3]]) {
-        F::store_points(rows, points.first_chunk_mut().expect(BLOCK));
+    fn store_point_rows(rows: [F; 3], points: &mut [[f32; 3]]) {
+        F::store_points(rows, points.first_chunk_mut().expect(TOO_FEW_VERTICES));
     }
 }
 
@@ -103,20 +103,20 @@ const _: () = assert!(size_of::<Vec3>() == size_of::<[f32; 3]>() && align_of::<V
 
 /// Points as arrays of their components.
 #[inline(always)]
-pub(crate) fn arrays(points: &[Vec3]) -> &[[f32; 3]] {
+pub(crate) fn as_arrays(points: &[Vec3]) -> &[[f32; 3]] {
     // SAFETY: a `Vec3` is three floats in their order (`repr(C)`), as just asserted without padding; all floats are valid.
     unsafe { std::slice::from_raw_parts(points.as_ptr().cast(), points.len()) }
 }
 
 /// Points as mutable arrays of their components.
 #[inline(always)]
-pub(crate) fn arrays_mut(points: &mut [Vec3]) -> &mut [[f32; 3]] {
-    // SAFETY: as in `arrays`.
+pub(crate) fn as_arrays_mut(points: &mut [Vec3]) -> &mut [[f32; 3]] {
+    // SAFETY: as in `as_arrays`.
     unsafe { std::slice::from_raw_parts_mut(points.as_mut_ptr().cast(), points.len()) }
 }
 
 /// Panic message for a block with too few vertices.
-pub(super) const BLOCK: &str = "a vertex for each lane";
+pub(super) const TOO_FEW_VERTICES: &str = "the slice holds fewer vertices than the register has lanes";
 
 /// A [`super::Kernel`] over vertices.
 pub(crate) trait VertexKernel {

@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// Declares the bones: variant, name in VRM 1.0, name in [`crate::skeleton::joint_names::humanoid_name`] ("" if that has none),
 /// parent.
 macro_rules! bones {
-    ($(($variant:ident, $spec:literal, $ours:literal, $parent:ident)),* $(,)?) => {
+    ($(($variant:ident, $spec:literal, $choreo_name:literal, $parent:ident)),* $(,)?) => {
         /// A humanoid bone of VRM 1.0.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
         #[allow(missing_docs, reason = "the variants are VRM's names")]
@@ -28,12 +28,12 @@ macro_rules! bones {
             }
 
             /// Parent bone in a humanoid that has all bones; the hips are their own parent.
-            fn above(self) -> HumanBone {
+            fn parent_or_self(self) -> HumanBone {
                 match self { $(HumanBone::$variant => HumanBone::$parent),* }
             }
 
-            pub(crate) fn our_name(self) -> &'static str {
-                match self { $(HumanBone::$variant => $ours),* }
+            pub(crate) fn choreo_name(self) -> &'static str {
+                match self { $(HumanBone::$variant => $choreo_name),* }
             }
         }
     };
@@ -110,7 +110,7 @@ impl HumanBone {
     pub(crate) fn of_joint(name: &str) -> Option<HumanBone> {
         HumanBone::from_name(name).or_else(|| {
             let ours = crate::skeleton::joint_names::humanoid_name(name)?;
-            HumanBone::ALL.into_iter().find(|b| b.our_name() == ours)
+            HumanBone::ALL.into_iter().find(|b| b.choreo_name() == ours)
         })
     }
 
@@ -128,7 +128,7 @@ impl HumanBone {
             });
             split.or_else(|| capital(word))
         };
-        self.our_name()
+        self.choreo_name()
             .split_whitespace()
             .map(parts)
             .collect::<Option<String>>()
@@ -137,7 +137,7 @@ impl HumanBone {
 
     /// Parent bone in a humanoid that has all bones; [`Humanoid::parent`] skips missing bones.
     pub fn parent(self) -> Option<HumanBone> {
-        Some(self.above()).filter(|above| *above != self)
+        Some(self.parent_or_self()).filter(|above| *above != self)
     }
 }
 
@@ -162,8 +162,8 @@ pub enum HumanoidError {
 crate::error_texts! { HumanoidError:
     Self::Twice { joint, first, second } => "joint {joint} is both {first} and {second}";
     Self::Again { bone, first, second } => "{bone} is given twice, as joint {first} and as joint {second}";
-    Self::OutOfRange { bone, joint, joints } => "{bone} is joint {joint}, but the skeleton has {joints} joints";
-    Self::TPose { given, joints } => "the T-pose has {given} transforms, the skeleton {joints} joints";
+    Self::OutOfRange { bone, joint, joints } => "{bone} is joint {joint}, which does not exist; number of the skeleton's joints: {joints}";
+    Self::TPose { given, joints } => "the number of transforms of the T-pose is {given}, must be {joints}, one per joint of the skeleton";
 }
 
 impl Humanoid {
@@ -261,7 +261,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_name_finds_its_bone() {
+    fn bones_are_found_by_names_of_vrm_and_other_families() {
         for (index, bone) in HumanBone::ALL.into_iter().enumerate() {
             assert_eq!(bone as usize, index);
             assert_eq!(HumanBone::from_name(bone.name()), Some(bone));
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bone_is_one_joint() {
+    fn a_bone_or_joint_that_is_given_twice_is_an_error() {
         let two = [(HumanBone::Hips, 0), (HumanBone::Spine, 0)];
         assert_eq!(Humanoid::new(two).unwrap_err().to_string(), "joint 0 is both hips and spine");
         let again = [(HumanBone::Head, 1), (HumanBone::Head, 2)];

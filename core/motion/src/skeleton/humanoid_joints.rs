@@ -4,7 +4,7 @@ use crate::skeleton::Skeleton;
 use crate::skeleton::joint_names::humanoid_name;
 use crate::skeleton::model_rest_pose::ModelRestPose;
 use crate::skeleton::sides::{Side, side_of};
-use crate::skeleton::symmetry::partners;
+use crate::skeleton::symmetry::find_partners;
 use std::collections::BTreeMap;
 
 /// Joints of a humanoid by the names of `humanoid_name`: "hips", "left arm", "right toebase", …
@@ -27,13 +27,13 @@ impl HumanoidJoints {
     pub fn of(skeleton: &Skeleton) -> HumanoidJoints {
         let mut human = HumanoidJoints::default();
         if let Some(given) = skeleton.humanoid() {
-            human.joints.extend(given.bones().map(|(bone, joint)| (bone.our_name().to_string(), joint)));
+            human.joints.extend(given.bones().map(|(bone, joint)| (bone.choreo_name().to_string(), joint)));
         }
-        human.by_names(skeleton);
-        human.by_structure(skeleton);
-        human.pelvis(skeleton);
-        human.wrists(skeleton);
-        let trunk = human.trunk(skeleton);
+        human.assign_by_names(skeleton);
+        human.assign_by_structure(skeleton);
+        human.assign_hips_above_thighs(skeleton);
+        human.assign_wrists_as_hands(skeleton);
+        let trunk = human.find_spine_and_neck(skeleton);
         (human.spine, human.neck) = trunk;
         human
     }
@@ -70,14 +70,14 @@ impl HumanoidJoints {
         self.joints.values().any(|j| *j == joint)
     }
 
-    fn by_names(&mut self, skeleton: &Skeleton) {
+    fn assign_by_names(&mut self, skeleton: &Skeleton) {
         let mut found: BTreeMap<String, Option<u32>> = BTreeMap::new();
-        let children = children(skeleton);
+        let children = children_of_joints(skeleton);
         for (joint, name) in (0u32..).zip(skeleton.names()) {
             let Some(name) = humanoid_name(name) else { continue };
             // A mesh often has the same name as its parent joint or a sibling joint. The ancestor is meant, or the sibling that
             // has children; otherwise nothing is guessed.
-            let other = |first: &mut Option<u32>| {
+            let resolve_duplicate = |first: &mut Option<u32>| {
                 let ends = |j: u32| children[j as usize].is_empty();
                 let parent = |j: u32| skeleton.parents()[j as usize];
                 *first = first.and_then(|first| match (ends(first), ends(joint)) {
@@ -87,7 +87,7 @@ impl HumanoidJoints {
                     _ => None,
                 });
             };
-            found.entry(name).and_modify(other).or_insert(Some(joint));
+            found.entry(name).and_modify(resolve_duplicate).or_insert(Some(joint));
         }
         for (name, joint) in found {
             if let Some(joint) = joint
@@ -99,7 +99,7 @@ impl HumanoidJoints {
     }
 
     /// The joint that carries both thighs is the hips, whatever its name: "spine" in Rigify, "root" in CMU's motion capture.
-    fn pelvis(&mut self, skeleton: &Skeleton) {
+    fn assign_hips_above_thighs(&mut self, skeleton: &Skeleton) {
         let (None, Some(left), Some(right)) =
             (self.joint("hips"), self.joint("left upleg"), self.joint("right upleg"))
         else {
@@ -112,7 +112,7 @@ impl HumanoidJoints {
     }
 
     /// KayKit has a wrist joint above the hand, where hands of other skeletons rotate: the wrist becomes the hand.
-    fn wrists(&mut self, skeleton: &Skeleton) {
+    fn assign_wrists_as_hands(&mut self, skeleton: &Skeleton) {
         for side in ["left", "right"] {
             let (Some(hand), Some(forearm)) =
                 (self.joint(&format!("{side} hand")), self.joint(&format!("{side} forearm")))
@@ -129,25 +129,25 @@ impl HumanoidJoints {
     }
 
     /// Finds limbs that have no known names: pairs of chains that branch off one central joint.
-    fn by_structure(&mut self, skeleton: &Skeleton) {
+    fn assign_by_structure(&mut self, skeleton: &Skeleton) {
         if self.is_complete() {
             return;
         }
-        let partners = partners(skeleton);
+        let partners = find_partners(skeleton);
         let rest = ModelRestPose::of(skeleton);
-        let children = children(skeleton);
-        let mut limbs: Vec<Limb> = Vec::new();
+        let children = children_of_joints(skeleton);
+        let mut limbs: Vec<LimbPair> = Vec::new();
         for (joint, partner) in (0u32..).zip(&partners) {
             let Some(partner) = *partner else { continue };
             let parent = skeleton.parents()[joint as usize];
             let middle = parent.filter(|p| partners[*p as usize] == Some(*p));
             let is_left = side_of(&skeleton.names()[joint as usize]).is_some_and(|s| s.0 == Side::Left);
             let Some(middle) = middle.filter(|_| partner != joint && is_left) else { continue };
-            let chains = [joint, partner].map(|from| chain(from, &children, &rest));
+            let chains = [joint, partner].map(|from| unbranched_chain(from, &children, &rest));
             if chains.iter().all(|c| c.len() >= 3) {
                 let low =
                     chains.iter().flatten().map(|j| rest.positions[*j as usize].y).fold(f64::MAX, f64::min);
-                limbs.push(Limb { middle, chains, low });
+                limbs.push(LimbPair { middle, chains, low });
             }
         }
         // The legs are those that reach lowest; of the others the arms begin highest.
@@ -156,7 +156,7 @@ impl HumanoidJoints {
             return;
         }
         let legs = limbs.remove(0);
-        let start = |limb: &Limb| rest.positions[limb.chains[0][0] as usize].y;
+        let start = |limb: &LimbPair| rest.positions[limb.chains[0][0] as usize].y;
         // A quadruped has no arms.
         let knee = legs.low + 0.25 * (start(&legs) - legs.low);
         limbs.retain(|limb| {
@@ -170,10 +170,11 @@ impl HumanoidJoints {
             }
         }
         let Some(arms) = limbs.first() else { return };
-        let place = |joint: u32| rest.positions[joint as usize];
+        let position = |joint: u32| rest.positions[joint as usize];
         for (side, chain) in ["left", "right"].iter().zip(&arms.chains) {
             // A collar bone is a short joint before three others.
-            let lengths: Vec<f64> = chain.windows(2).map(|w| (place(w[1]) - place(w[0])).length()).collect();
+            let lengths: Vec<f64> =
+                chain.windows(2).map(|w| (position(w[1]) - position(w[0])).length()).collect();
             let collar = chain.len() > 3 && lengths[0] < 0.75 * lengths[1];
             let names: &[&str] = if collar { &["shoulder", "arm", "forearm", "hand"] } else { &ARM };
             for (name, joint) in names.iter().zip(chain) {
@@ -184,7 +185,7 @@ impl HumanoidJoints {
         let above =
             (0u32..).zip(&partners).filter(|(j, p)| **p == Some(*j) && is_below(skeleton, *j, arms.middle));
         let leaves: Vec<u32> = above.map(|(j, _)| j).filter(|j| *j != arms.middle).collect();
-        let top = leaves.iter().copied().max_by(|a, b| place(*a).y.total_cmp(&place(*b).y));
+        let top = leaves.iter().copied().max_by(|a, b| position(*a).y.total_cmp(&position(*b).y));
         if let Some(top) = top {
             self.assign_if_free("head", top);
         }
@@ -202,7 +203,7 @@ impl HumanoidJoints {
         }
     }
 
-    fn trunk(&self, skeleton: &Skeleton) -> (Vec<u32>, Vec<u32>) {
+    fn find_spine_and_neck(&self, skeleton: &Skeleton) -> (Vec<u32>, Vec<u32>) {
         let first = |names: [&str; 2]| names.iter().find_map(|n| self.joint(n));
         let (Some(hips), Some(left), Some(right)) = (
             self.joint("hips"),
@@ -237,7 +238,8 @@ impl HumanoidJoints {
     }
 }
 
-struct Limb {
+/// A left and a right chain of joints that branch off one central joint.
+struct LimbPair {
     middle: u32,
     /// Left and right chain, from the central joint outwards.
     chains: [Vec<u32>; 2],
@@ -252,7 +254,7 @@ pub(crate) fn is_below(skeleton: &Skeleton, joint: u32, above: u32) -> bool {
         .any(|j| j == above)
 }
 
-fn children(skeleton: &Skeleton) -> Vec<Vec<u32>> {
+fn children_of_joints(skeleton: &Skeleton) -> Vec<Vec<u32>> {
     let mut children = vec![Vec::new(); skeleton.len()];
     for (joint, parent) in (0u32..).zip(skeleton.parents()) {
         if let Some(parent) = parent {
@@ -263,15 +265,15 @@ fn children(skeleton: &Skeleton) -> Vec<Vec<u32>> {
 }
 
 /// The chain of joints from a joint outwards until it branches or ends; meshes at a joint's own position do not count.
-fn chain(from: u32, children: &[Vec<u32>], rest: &ModelRestPose) -> Vec<u32> {
+fn unbranched_chain(from: u32, children: &[Vec<u32>], rest: &ModelRestPose) -> Vec<u32> {
     let mut chain = vec![from];
     let mut joint = from;
-    let near = 1e-4 * rest.height();
+    let min_distance = 1e-4 * rest.height();
     loop {
-        let place = rest.positions[joint as usize];
+        let position = rest.positions[joint as usize];
         let mut next = children[joint as usize]
             .iter()
-            .filter(|c| (rest.positions[**c as usize] - place).length() > near);
+            .filter(|c| (rest.positions[**c as usize] - position).length() > min_distance);
         match (next.next(), next.next()) {
             (Some(child), None) => {
                 chain.push(*child);

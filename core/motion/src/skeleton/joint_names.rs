@@ -1,10 +1,10 @@
 //! Names of the same human joint in different families of skeletons.
 
-use crate::skeleton::own_part;
-use crate::skeleton::sides::words;
+use crate::skeleton::sides::split_words;
+use crate::skeleton::without_rig_prefix;
 
 /// Central joints with their names in each family, in lower case without separators. The first name is choreo's.
-const MIDDLE: &[&[&str]] = &[
+const CENTRAL_JOINT_NAMES: &[&[&str]] = &[
     &["hips", "pelvis", "hip"],
     &["spine", "spine01", "abdomen", "abdomenlower", "lowerback"],
     &["spine1", "chest", "spine02", "chestlower", "upperback"],
@@ -15,7 +15,7 @@ const MIDDLE: &[&[&str]] = &[
 ];
 
 /// Joints that exist on the left and on the right, with their names without the side.
-const SIDES: &[&[&str]] = &[
+const PAIRED_JOINT_NAMES: &[&[&str]] = &[
     &["shoulder", "clavicle", "collar", "collarbone"],
     &["arm", "upperarm", "uparm", "armupper", "shldr", "shldrbend", "humerus"],
     &["forearm", "lowerarm", "lowarm", "armlower", "forearmbend", "radius"],
@@ -44,9 +44,9 @@ const SIDES: &[&[&str]] = &[
 ];
 
 /// Words that a family puts before all of its joints: Source engine, VRoid, Character Creator, Rigify.
-const PREFIXES: &[&[&str]] = &[&["valve", "biped"], &["j", "bip"], &["cc", "base"], &["def"]];
+const FAMILY_PREFIXES: &[&[&str]] = &[&["valve", "biped"], &["j", "bip"], &["cc", "base"], &["def"]];
 
-/// One name for a joint whatever its family calls it: `mixamorig:LeftArm`, `Bip01 L UpperArm`, `leftUpperArm`, `J_Bip_L_UpperArm`,
+/// Choreo's name of a joint for its name in any family: `mixamorig:LeftArm`, `Bip01 L UpperArm`, `leftUpperArm`, `J_Bip_L_UpperArm`,
 /// `upperarm.l`, `armUpper_L`, `DEF-upper_arm.L`, `lShldr` and `lhumerus` are "left arm". `None` for joints that the table does
 /// not hold. The tests list the names of each family.
 pub(crate) fn humanoid_name(name: &str) -> Option<String> {
@@ -54,9 +54,9 @@ pub(crate) fn humanoid_name(name: &str) -> Option<String> {
     if name.len() > 96 {
         return None;
     }
-    let owned = words(own_part(name));
+    let owned = split_words(without_rig_prefix(name));
     let mut words: Vec<&str> = owned.iter().map(String::as_str).collect();
-    for prefix in PREFIXES {
+    for prefix in FAMILY_PREFIXES {
         if words.starts_with(prefix) {
             words.drain(..prefix.len());
         }
@@ -78,25 +78,25 @@ pub(crate) fn humanoid_name(name: &str) -> Option<String> {
     let side = words.iter().enumerate().find_map(|(at, w)| Some((at, side_word(w)?)));
     if let Some((at, side)) = side {
         words.remove(at);
-        return sided(side, &words.concat());
+        return choreo_name_with_side(side, &words.concat());
     }
     if words.first() == Some(&"c") {
         words.remove(0);
     }
     let base = words.concat();
     // Lower case throughout: "leftarm", "lhumerus".
-    ours(MIDDLE, &base).map(str::to_string).or_else(|| {
+    choreo_name(CENTRAL_JOINT_NAMES, &base).map(str::to_string).or_else(|| {
         let sides = [("left", "left"), ("right", "right"), ("l", "left"), ("r", "right")];
-        sides.iter().find_map(|(prefix, side)| sided(side, base.strip_prefix(prefix)?))
+        sides.iter().find_map(|(prefix, side)| choreo_name_with_side(side, base.strip_prefix(prefix)?))
     })
 }
 
-fn ours(table: &[&[&'static str]], base: &str) -> Option<&'static str> {
+fn choreo_name(table: &[&[&'static str]], base: &str) -> Option<&'static str> {
     table.iter().find(|names| names.contains(&base))?.first().copied()
 }
 
-fn sided(side: &str, base: &str) -> Option<String> {
-    Some(format!("{side} {}", ours(SIDES, base)?))
+fn choreo_name_with_side(side: &str, base: &str) -> Option<String> {
+    Some(format!("{side} {}", choreo_name(PAIRED_JOINT_NAMES, base)?))
 }
 
 #[cfg(test)]

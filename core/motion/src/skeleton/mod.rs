@@ -69,7 +69,7 @@ impl Skeleton {
                 return Err(SkeletonError::NotFinite { joint, name: names[joint].clone() });
             }
         }
-        let by_depth = by_depth(&parents);
+        let by_depth = sort_by_depth(&parents);
         Ok(Skeleton { names, parents, rest, by_depth, humanoid: None })
     }
 
@@ -136,8 +136,9 @@ impl Skeleton {
             return Some(joint as usize);
         }
         let wanted = crate::skeleton::joint_names::humanoid_name(name)?;
-        let same = |n: &String| crate::skeleton::joint_names::humanoid_name(n).as_ref() == Some(&wanted);
-        let mut hits = self.names.iter().enumerate().filter(|(_, n)| same(n));
+        let has_wanted_name =
+            |n: &String| crate::skeleton::joint_names::humanoid_name(n).as_ref() == Some(&wanted);
+        let mut hits = self.names.iter().enumerate().filter(|(_, n)| has_wanted_name(n));
         match (hits.next(), hits.next()) {
             (Some((i, _)), None) => Some(i),
             _ => None,
@@ -148,12 +149,13 @@ impl Skeleton {
     /// the whole name; empty if there is no such joint.
     pub fn short_name(&self, joint: usize) -> &str {
         let whole = self.names.get(joint).map_or("", String::as_str);
-        let short = own_part(whole);
+        let short = without_rig_prefix(whole);
         if self.find(short) == Some(joint) { short } else { whole }
     }
 }
 
-fn by_depth(parents: &[Option<u32>]) -> Vec<[u32; 2]> {
+/// (joint, parent) of all joints but roots, sorted by depth.
+fn sort_by_depth(parents: &[Option<u32>]) -> Vec<[u32; 2]> {
     let mut depths: Vec<u32> = Vec::with_capacity(parents.len());
     for parent in parents {
         depths.push(parent.map_or(0, |p| depths[p as usize] + 1));
@@ -166,11 +168,11 @@ fn by_depth(parents: &[Option<u32>]) -> Vec<[u32; 2]> {
 
 /// A joint name without namespace prefixes: `mixamorig:Hips`, `mixamorig1:Hips`, `mixamorigHips` and `Armature|Hips` are `hips`.
 pub(crate) fn plain_name(name: &str) -> String {
-    own_part(name).to_ascii_lowercase()
+    without_rig_prefix(name).to_ascii_lowercase()
 }
 
 /// A joint's name without namespace and without Mixamo's prefix.
-pub(crate) fn own_part(name: &str) -> &str {
+pub(crate) fn without_rig_prefix(name: &str) -> &str {
     const MIXAMO: &str = "mixamorig";
     let tail = name.rsplit([':', '|']).next().unwrap_or(name);
     match tail.split_at_checked(MIXAMO.len()) {

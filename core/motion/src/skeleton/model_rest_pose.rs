@@ -1,6 +1,6 @@
 //! The rest pose in model space, in f64.
 
-use crate::math::rotation::unit;
+use crate::math::rotation::normalize_or_identity;
 use crate::skeleton::Skeleton;
 use glam::{DAffine3, DQuat, DVec3};
 
@@ -19,11 +19,16 @@ impl ModelRestPose {
         let mut rest = ModelRestPose { rotations: Vec::new(), positions: Vec::new(), scales: Vec::new() };
         let mut matrices: Vec<DAffine3> = Vec::with_capacity(skeleton.len());
         for (local, parent) in skeleton.rest().iter().zip(skeleton.parents()) {
-            let (t, r, s) =
-                (local.translation.as_dvec3(), unit(local.rotation.as_dquat()), local.scale.as_dvec3());
+            let (t, r, s) = (
+                local.translation.as_dvec3(),
+                normalize_or_identity(local.rotation.as_dquat()),
+                local.scale.as_dvec3(),
+            );
             let own = DAffine3::from_scale_rotation_translation(s, r, t);
             let (matrix, rotation) = match parent {
-                Some(p) => (matrices[*p as usize] * own, unit(rest.rotations[*p as usize] * r)),
+                Some(p) => {
+                    (matrices[*p as usize] * own, normalize_or_identity(rest.rotations[*p as usize] * r))
+                }
                 None => (own, r),
             };
             rest.positions.push(matrix.translation);

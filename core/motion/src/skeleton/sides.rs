@@ -28,7 +28,7 @@ pub fn side_of(name: &str) -> Option<(Side, String)> {
     if name.len() > 96 {
         return None;
     }
-    let words = words(name);
+    let words = split_words(name);
     let side = |word: &str| match word {
         "l" | "left" => Some(Side::Left),
         "r" | "right" => Some(Side::Right),
@@ -46,16 +46,16 @@ pub fn side_of(name: &str) -> Option<(Side, String)> {
 }
 
 /// Splits a name into words in lower case; `UpperArm01.L` is `upper`, `arm`, `01`, `l`.
-pub(crate) fn words(name: &str) -> Vec<String> {
+pub(crate) fn split_words(name: &str) -> Vec<String> {
     #[derive(PartialEq)]
-    enum LetterKind {
+    enum CharacterClass {
         Upper,
         Lower,
         Digit,
     }
     let mut words = Vec::new();
     let mut word = String::new();
-    let mut before: Option<LetterKind> = None;
+    let mut before: Option<CharacterClass> = None;
     let mut letters = name.chars().peekable();
     while let Some(c) = letters.next() {
         if !c.is_alphanumeric() {
@@ -64,18 +64,18 @@ pub(crate) fn words(name: &str) -> Vec<String> {
             continue;
         }
         let kind = if c.is_numeric() {
-            LetterKind::Digit
+            CharacterClass::Digit
         } else if c.is_uppercase() {
-            LetterKind::Upper
+            CharacterClass::Upper
         } else {
-            LetterKind::Lower
+            CharacterClass::Lower
         };
         let next_is_small = letters.peek().is_some_and(|n| n.is_lowercase());
         let ends = match (&before, &kind) {
             (None, _) => false,
             // `HTMLText`: the last capital begins the next word.
-            (Some(LetterKind::Upper), LetterKind::Upper) => next_is_small,
-            (Some(LetterKind::Upper), LetterKind::Lower) => false,
+            (Some(CharacterClass::Upper), CharacterClass::Upper) => next_is_small,
+            (Some(CharacterClass::Upper), CharacterClass::Lower) => false,
             (Some(before), kind) => before != kind,
         };
         if ends {
@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sides_of_every_family() {
+    fn sides_are_recognized_in_every_naming_family() {
         for (left, right) in [
             ("mixamorig:LeftHandThumb1", "mixamorig:RightHandThumb1"),
             ("mixamorigLeftArm", "mixamorigRightArm"),

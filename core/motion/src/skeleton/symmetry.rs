@@ -1,6 +1,6 @@
 //! The left and right joints of a skeleton, and how a joint takes over the mirrored motion of its partner.
 
-use crate::math::rotation::unit;
+use crate::math::rotation::normalize_or_identity;
 use crate::math::transform::Transform;
 use crate::skeleton::Skeleton;
 use crate::skeleton::model_rest_pose::ModelRestPose;
@@ -49,26 +49,28 @@ impl MirrorMap {
     /// Pairs joints by their names ([`side_of`]), and if names are not enough, by sides and position in the hierarchy. The
     /// parents of two partners are always partners, too.
     pub fn new(skeleton: &Skeleton) -> Result<MirrorMap, MirrorError> {
-        let partners = partners(skeleton);
+        let partners = find_partners(skeleton);
         let pairs = || partners.iter().enumerate().filter_map(|(j, p)| Some((j, (*p)? as usize)));
         if !pairs().any(|(joint, partner)| joint != partner) {
             return Err(MirrorError::NoPairs);
         }
         let rest = ModelRestPose::of(skeleton);
         // The axis along which partners are farthest apart; x if several are equal.
-        let mut apart = DVec3::ZERO;
+        let mut distances = DVec3::ZERO;
         for (joint, partner) in pairs() {
-            apart += (rest.positions[joint] - rest.positions[partner]).abs();
+            distances += (rest.positions[joint] - rest.positions[partner]).abs();
         }
-        let axis = if apart.z > apart.x && apart.z > apart.y {
+        let axis = if distances.z > distances.x && distances.z > distances.y {
             2
-        } else if apart.y > apart.x {
+        } else if distances.y > distances.x {
             1
         } else {
             0
         };
         let reflected = |joint: usize| reflect_rotation(rest.rotations[joint], axis);
-        let c = |joint: usize, partner: usize| unit(reflected(partner).conjugate() * rest.rotations[joint]);
+        let c = |joint: usize, partner: usize| {
+            normalize_or_identity(reflected(partner).conjugate() * rest.rotations[joint])
+        };
         let joint = |(joint, partner): (usize, Option<u32>)| {
             let partner = partner?;
             let (before, units) = match skeleton.parents()[joint] {
@@ -85,7 +87,7 @@ impl MirrorMap {
         };
         let joints = partners.iter().copied().enumerate().map(joint).collect();
         let unpaired = (0u32..).zip(&partners).filter(|(_, p)| p.is_none()).map(|(j, _)| j).collect();
-        let asymmetry = asymmetry(&rest, &pairs().collect::<Vec<_>>(), axis);
+        let asymmetry = largest_asymmetry(&rest, &pairs().collect::<Vec<_>>(), axis);
         Ok(MirrorMap { joints, rest: skeleton.rest().to_vec(), axis, unpaired, asymmetry })
     }
 
@@ -96,13 +98,13 @@ impl MirrorMap {
 
     /// (left, right) of all pairs, in the order of the left joints; sides by names.
     pub fn pairs(&self, skeleton: &Skeleton) -> Vec<(u32, u32)> {
-        let left = |joint: u32| {
+        let is_left = |joint: u32| {
             let name = skeleton.names().get(joint as usize);
             name.and_then(|n| side_of(n)).is_some_and(|(side, _)| side == Side::Left)
         };
         let all = (0u32..).zip(&self.joints).filter_map(|(j, m)| Some((j, m.as_ref()?.partner)));
         all.filter(|(joint, partner)| {
-            joint != partner && (left(*joint) || !left(*partner) && joint < partner)
+            joint != partner && (is_left(*joint) || !is_left(*partner) && joint < partner)
         })
         .collect()
     }
@@ -192,7 +194,7 @@ pub(crate) fn nearest_axes(rotation: DQuat) -> [usize; 3] {
 }
 
 /// Partner of each joint; central joints are their own. Parents come first, so that the parents of a pair are paired already.
-pub(crate) fn partners(skeleton: &Skeleton) -> Vec<Option<u32>> {
+pub(crate) fn find_partners(skeleton: &Skeleton) -> Vec<Option<u32>> {
     let count = skeleton.len();
     let sides: Vec<Option<(Side, String)>> = skeleton.names().iter().map(|n| side_of(n)).collect();
     let mut children: Vec<Vec<u32>> = vec![Vec::new(); count];
@@ -204,19 +206,19 @@ pub(crate) fn partners(skeleton: &Skeleton) -> Vec<Option<u32>> {
         }
     }
     let mut partners: Vec<Option<u32>> = vec![None; count];
-    pair_up(&roots, &roots, &sides, &mut partners);
+    pair_children(&roots, &roots, &sides, &mut partners);
     for joint in 0..count {
         if let Some(partner) = partners[joint]
             && partner as usize >= joint
         {
-            pair_up(&children[joint], &children[partner as usize], &sides, &mut partners);
+            pair_children(&children[joint], &children[partner as usize], &sides, &mut partners);
         }
     }
     partners
 }
 
 /// Pairs the children of two partners, or of one central joint (then `a` and `b` are the same).
-fn pair_up(a: &[u32], b: &[u32], sides: &[Option<(Side, String)>], partners: &mut [Option<u32>]) {
+fn pair_children(a: &[u32], b: &[u32], sides: &[Option<(Side, String)>], partners: &mut [Option<u32>]) {
     let middle = a == b;
     // `None` = several of the same name and side.
     let index = |list: &[u32]| {
@@ -274,7 +276,8 @@ fn pair_up(a: &[u32], b: &[u32], sides: &[Option<(Side, String)>], partners: &mu
     }
 }
 
-fn asymmetry(rest: &ModelRestPose, pairs: &[(usize, usize)], axis: usize) -> (f64, u32) {
+/// The largest distance between a joint and its partner's reflection, metres, and that joint.
+fn largest_asymmetry(rest: &ModelRestPose, pairs: &[(usize, usize)], axis: usize) -> (f64, u32) {
     let coordinate = |p: DVec3| p.to_array()[axis];
     let sum: f64 = pairs.iter().map(|(j, _)| coordinate(rest.positions[*j])).sum();
     let middle = sum / pairs.len().max(1) as f64;

@@ -2,12 +2,12 @@
 
 use crate::input_error::InputError;
 use crate::simd::{
-    Block, Deformed, Deformer, F8, Indexed, Lanes, Level, VertexKernel, VertexStreams, Vertices, arrays,
-    arrays_mut, dispatch_vertices,
+    Block, DeformedBlock, Deformer, F8, Indexed, Lanes, Level, VertexKernel, VertexStreams, Vertices,
+    as_arrays, as_arrays_mut, dispatch_vertices,
 };
 use crate::skinning::dual_quaternion::StretchedDualQuaternion;
 use crate::skinning::linear::{
-    Palette, blended, check_vertices, cross, dot3, transformed, transformed_normals,
+    AlignedMatrices, blend_matrices, check_vertices, cross, dot3, transform_normals, transform_points,
 };
 use glam::{Affine3A, DQuat, Mat3A, Vec3, Vec3A};
 
@@ -71,7 +71,7 @@ impl DualQuaternionSkinning<'_> {
 
     /// Runs at a SIMD level, for tests and benchmarks; the bits are the same at any.
     pub fn run_on(&mut self, level: Level) {
-        dispatch_vertices(level, DualVertices(self));
+        dispatch_vertices(level, DualQuaternionKernel(self));
     }
 }
 
@@ -80,9 +80,9 @@ pub fn stretch_matrix(carrier: &StretchedDualQuaternion) -> Affine3A {
     Affine3A { matrix3: Mat3A::from(carrier.stretch.as_mat3()), translation: Vec3A::ZERO }
 }
 
-struct DualVertices<'a, 'b>(&'b mut DualQuaternionSkinning<'a>);
+struct DualQuaternionKernel<'a, 'b>(&'b mut DualQuaternionSkinning<'a>);
 
-impl VertexKernel for DualVertices<'_, '_> {
+impl VertexKernel for DualQuaternionKernel<'_, '_> {
     #[inline(always)]
     fn run<F: Vertices>(self) {
         let job = self.0;
@@ -90,62 +90,62 @@ impl VertexKernel for DualVertices<'_, '_> {
             influences: job.influences,
             joint_indices: job.joint_indices,
             joint_weights: job.joint_weights,
-            positions: arrays(job.positions),
-            normals: arrays(job.normals),
-            out_positions: arrays_mut(job.out_positions),
-            out_normals: arrays_mut(job.out_normals),
+            positions: as_arrays(job.positions),
+            normals: as_arrays(job.normals),
+            out_positions: as_arrays_mut(job.out_positions),
+            out_normals: as_arrays_mut(job.out_normals),
         };
         if job.stretches.is_empty() {
-            streams.run::<F, _>(&Rigid(job.motions));
+            streams.run::<F, _>(&RigidDeformer(job.motions));
         } else {
-            let mut palette = Palette::new();
-            let stretches = palette.of(job.stretches, job.positions.len());
-            streams.run::<F, _>(&Stretched { motions: job.motions, stretches });
+            let mut palette = AlignedMatrices::new();
+            let stretches = palette.align(job.stretches, job.positions.len());
+            streams.run::<F, _>(&StretchedDeformer { motions: job.motions, stretches });
         }
     }
 }
 
-struct Rigid<'a>(&'a [DualQuaternion]);
+struct RigidDeformer<'a>(&'a [DualQuaternion]);
 
-impl Deformer for Rigid<'_> {
+impl Deformer for RigidDeformer<'_> {
     #[inline(always)]
-    fn deformed<F: Vertices, const N: usize>(&self, block: Block) -> Deformed<F> {
-        let motion = Motion::<F>::blended::<N>(self.0, &block);
-        let points = motion.moved(F::points(block.points));
+    fn deform<F: Vertices, const N: usize>(&self, block: Block) -> DeformedBlock<F> {
+        let motion = BlendedMotion::<F>::blend::<N>(self.0, &block);
+        let points = motion.transform_points(F::load_point_rows(block.points));
         match block.normals {
-            Some(normals) => (points, Some(unit(motion.turned(F::points(normals))))),
+            Some(normals) => (points, Some(normalize_or_keep(motion.rotate(F::load_point_rows(normals))))),
             None => (points, None),
         }
     }
 }
 
 /// Applies the stretches, blended as matrices, and then the rigid motions.
-struct Stretched<'a> {
+struct StretchedDeformer<'a> {
     motions: &'a [DualQuaternion],
     stretches: &'a [Affine3A],
 }
 
-impl Deformer for Stretched<'_> {
+impl Deformer for StretchedDeformer<'_> {
     #[inline(always)]
-    fn deformed<F: Vertices, const N: usize>(&self, block: Block) -> Deformed<F> {
-        let mut stretch = blended::<F, N>(self.stretches, &block);
+    fn deform<F: Vertices, const N: usize>(&self, block: Block) -> DeformedBlock<F> {
+        let mut stretch = blend_matrices::<F, N>(self.stretches, &block);
         stretch[3] = [F::splat(0.0); 3];
-        let points = transformed(&stretch, F::points(block.points));
+        let points = transform_points(&stretch, F::load_point_rows(block.points));
         let normals = match block.normals {
-            Some(normals) => Some(transformed_normals(&stretch, F::points(normals))),
+            Some(normals) => Some(transform_normals(&stretch, F::load_point_rows(normals))),
             None => None,
         };
-        let motion = Motion::<F>::blended::<N>(self.motions, &block);
-        let points = motion.moved(points);
+        let motion = BlendedMotion::<F>::blend::<N>(self.motions, &block);
+        let points = motion.transform_points(points);
         match normals {
-            Some(normals) => (points, Some(unit(motion.turned(normals)))),
+            Some(normals) => (points, Some(normalize_or_keep(motion.rotate(normals)))),
             None => (points, None),
         }
     }
 }
 
 /// Blended rigid motions of the vertices, as component rows.
-struct Motion<F> {
+struct BlendedMotion<F> {
     vector: [F; 3],
     w: F,
     /// 2 / |real|²
@@ -154,15 +154,15 @@ struct Motion<F> {
     translation: [F; 3],
 }
 
-impl<F: Vertices> Motion<F> {
+impl<F: Vertices> BlendedMotion<F> {
     #[inline(always)]
-    fn blended<const N: usize>(motions: &[DualQuaternion], block: &Block) -> Self {
+    fn blend<const N: usize>(motions: &[DualQuaternion], block: &Block) -> Self {
         let zero = F::splat(0.0);
-        let fours = summed::<F, N>(motions, block);
-        let [[x, y, z, w], [dx, dy, dz, dw]] = F::halves(fours);
+        let fours = weighted_sums::<F, N>(motions, block);
+        let [[x, y, z, w], [dx, dy, dz, dw]] = F::join_halves(fours);
         let square = x.fused_add(x, y.fused_add(y, z.fused_add(z, w.mul(w))));
-        let some = F::splat(0.0).less(square);
-        let scale = F::select(some, F::splat(2.0).div(square), zero);
+        let is_nonzero = F::splat(0.0).less(square);
+        let scale = F::select(is_nonzero, F::splat(2.0).div(square), zero);
         // The vector part of 2 dual · conjugate(real) / |real|².
         let vector = [x, y, z];
         let dual = [dx, dy, dz];
@@ -171,12 +171,12 @@ impl<F: Vertices> Motion<F> {
         for i in 0..3 {
             translation[i] = w.fused_add(dual[i], across[i].sub(dw.mul(vector[i]))).mul(scale);
         }
-        Motion { vector, w, scale, translation }
+        BlendedMotion { vector, w, scale, translation }
     }
 
     /// R v = v + 2 r × (r × v + w v) / |real|².
     #[inline(always)]
-    fn turned(&self, v: [F; 3]) -> [F; 3] {
+    fn rotate(&self, v: [F; 3]) -> [F; 3] {
         let mut inner = cross(&self.vector, &v);
         for i in 0..3 {
             inner[i] = self.w.fused_add(v[i], inner[i]);
@@ -190,15 +190,15 @@ impl<F: Vertices> Motion<F> {
     }
 
     #[inline(always)]
-    fn moved(&self, point: [F; 3]) -> [F; 3] {
-        let turned = self.turned(point);
+    fn transform_points(&self, point: [F; 3]) -> [F; 3] {
+        let turned = self.rotate(point);
         [0, 1, 2].map(|i| turned[i].add(self.translation[i]))
     }
 }
 
 /// The weighted sums of the vertices' dual quaternions, four at a time; N influences, or any number where N is 0.
 #[inline(always)]
-fn summed<F: Vertices, const N: usize>(
+fn weighted_sums<F: Vertices, const N: usize>(
     motions: &[DualQuaternion],
     &Block { influences, joints, weights, .. }: &Block,
 ) -> [[F::Eight; 4]; 4] {
@@ -209,67 +209,74 @@ fn summed<F: Vertices, const N: usize>(
         for four in fours.iter_mut().take(F::COUNT / 4) {
             let mut sums = [F::Eight::splat(0.0); 4];
             for (sum, (joints, weights)) in sums.iter_mut().zip(vertices.by_ref()) {
-                *sum = weighted(motions, joints, weights);
+                *sum = weighted_sum(motions, joints, weights);
             }
             *four = F::Eight::half_rows4(sums);
         }
         return fours;
     }
-    let (joints, weights) = (joints.part(0..F::COUNT * N), &weights[..F::COUNT * N]);
+    let (joints, weights) = (joints.subrange(0..F::COUNT * N), &weights[..F::COUNT * N]);
     let (motions, weights) = (Indexed::new(motions, joints), weights.as_chunks::<N>().0);
-    let [a, b] = [four::<F::Eight, N>(&motions, 0, weights), four::<F::Eight, N>(&motions, 1, weights)];
+    let [a, b] = [
+        weighted_sums_of_four::<F::Eight, N>(&motions, 0, weights),
+        weighted_sums_of_four::<F::Eight, N>(&motions, 1, weights),
+    ];
     match F::COUNT {
         8 => [a, b, a, b],
-        _ => [a, b, four(&motions, 2, weights), four(&motions, 3, weights)],
+        _ => [a, b, weighted_sums_of_four(&motions, 2, weights), weighted_sums_of_four(&motions, 3, weights)],
     }
 }
 
 #[inline(always)]
-fn four<F: F8, const N: usize>(motions: &Indexed<DualQuaternion>, at: usize, weights: &[[f32; N]]) -> [F; 4] {
+fn weighted_sums_of_four<F: F8, const N: usize>(
+    motions: &Indexed<DualQuaternion>,
+    at: usize,
+    weights: &[[f32; N]],
+) -> [F; 4] {
     let mut sums = [F::splat(0.0); 4];
     for (i, sum) in sums.iter_mut().enumerate() {
         let vertex = 4 * at + i;
-        *sum = weighted_by(motions, vertex * N / 4, &weights[vertex]);
+        *sum = weighted_sum_of_fours(motions, vertex * N / 4, &weights[vertex]);
     }
     F::half_rows4(sums)
 }
 
 /// Index of the largest weight, the first of equals.
 #[inline(always)]
-fn heaviest(weights: &[f32]) -> usize {
-    let (mut at, mut most) = (0, weights[0]);
+fn largest_weight_index(weights: &[f32]) -> usize {
+    let (mut at, mut largest) = (0, weights[0]);
     for (i, weight) in weights.iter().enumerate() {
-        (at, most) = if *weight > most { (i, *weight) } else { (at, most) };
+        (at, largest) = if *weight > largest { (i, *weight) } else { (at, largest) };
     }
     at
 }
 
 /// The weighted sum of one vertex's dual quaternions, all in the hemisphere of the heaviest; there is at least one.
 #[inline(always)]
-fn weighted<F: F8>(motions: &[DualQuaternion], joints: &[u16], weights: &[f32]) -> F {
-    let pivot = &motions[usize::from(joints[heaviest(weights)])].0[0];
+fn weighted_sum<F: F8>(motions: &[DualQuaternion], joints: &[u16], weights: &[f32]) -> F {
+    let pivot = &motions[usize::from(joints[largest_weight_index(weights)])].0[0];
     let mut sum = F::splat(0.0);
     for (joint, weight) in joints.iter().zip(weights) {
         let motion = &motions[usize::from(*joint)].0;
-        let [weight, ..] = F::sided([&motion[0]; 4], pivot, &[*weight; 4]);
+        let [weight, ..] = F::flip_weights_to_hemisphere([&motion[0]; 4], pivot, &[*weight; 4]);
         sum = F::load_halves(motion).fused_add(F::splat(weight), sum);
     }
     sum
 }
 
-/// Like [`weighted`], for a known number of influences that is a multiple of four. `first`: index of the first four.
+/// Like [`weighted_sum`], for a known number of influences that is a multiple of four. `first`: index of the first four.
 #[inline(always)]
-fn weighted_by<F: F8, const N: usize>(
+fn weighted_sum_of_fours<F: F8, const N: usize>(
     motions: &Indexed<DualQuaternion>,
     first: usize,
     weights: &[f32; N],
 ) -> F {
-    let pivot = &motions.one(4 * first + heaviest(weights)).0[0];
+    let pivot = &motions.get(4 * first + largest_weight_index(weights)).0[0];
     let mut sum = F::splat(0.0);
     for (i, weights) in weights.as_chunks().0.iter().enumerate() {
-        let motions = motions.four(first + i);
+        let motions = motions.get_four(first + i);
         let reals = [&motions[0].0[0], &motions[1].0[0], &motions[2].0[0], &motions[3].0[0]];
-        let weights = F::sided(reals, pivot, weights);
+        let weights = F::flip_weights_to_hemisphere(reals, pivot, weights);
         for j in 0..4 {
             sum = F::load_halves(&motions[j].0).fused_add(F::splat(weights[j]), sum);
         }
@@ -278,13 +285,13 @@ fn weighted_by<F: F8, const N: usize>(
 }
 
 #[inline(always)]
-fn unit<F: Lanes>(n: [F; 3]) -> [F; 3] {
+fn normalize_or_keep<F: Lanes>(n: [F; 3]) -> [F; 3] {
     let square = dot3(&n, &n);
     let k = F::splat(1.0).div(square.sqrt());
-    let some = F::splat(0.0).less(square);
+    let is_nonzero = F::splat(0.0).less(square);
     let mut out = n;
     for i in 0..3 {
-        out[i] = F::select(some, n[i].mul(k), n[i]);
+        out[i] = F::select(is_nonzero, n[i].mul(k), n[i]);
     }
     out
 }

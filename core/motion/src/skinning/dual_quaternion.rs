@@ -36,7 +36,7 @@ pub struct StretchedDualQuaternion {
 impl StretchedDualQuaternion {
     /// Decomposes an affine map. The rotation of a singular map is not unique.
     pub fn of(map: DAffine3) -> StretchedDualQuaternion {
-        let (rotation, stretch) = polar(map.matrix3);
+        let (rotation, stretch) = polar_decomposition(map.matrix3);
         let real = DQuat::from_mat3(&rotation).normalize();
         let t = map.translation;
         StretchedDualQuaternion { real, dual: DQuat::from_xyzw(t.x, t.y, t.z, 0.0) * real * 0.5, stretch }
@@ -86,7 +86,7 @@ fn translation(real: DQuat, dual: DQuat) -> DVec3 {
 
 /// Polar decomposition into a rotation and a symmetric stretch. The stretch is negative if the matrix mirrors, so that all joints
 /// of a mirrored character are mirrored alike.
-fn polar(m: DMat3) -> (DMat3, DMat3) {
+fn polar_decomposition(m: DMat3) -> (DMat3, DMat3) {
     let largest = m.to_cols_array().into_iter().fold(0.0f64, |a, v| a.max(v.abs()));
     if !largest.is_finite() || largest < 1e-150 {
         return (DMat3::IDENTITY, m);
@@ -107,21 +107,22 @@ fn nearest_rotation(m: DMat3) -> DMat3 {
     if off <= 1e-13 * xx && (xx - yy).abs() <= 1e-13 * xx && (xx - zz).abs() <= 1e-13 * xx {
         return m * (1.0 / xx.sqrt());
     }
-    let (values, vectors) = eigen(square);
+    let (values, vectors) = symmetric_eigenvectors(square);
     let mut order = [0, 1, 2];
     order.sort_by(|a, b| values[*b].total_cmp(&values[*a]));
     let (v0, v1) = (vectors.col(order[0]), vectors.col(order[1]));
     let v2 = v0.cross(v1);
     let u0 = (m * v0).normalize_or(v0);
     let along = m * v1;
-    let beside = along - u0 * u0.dot(along);
-    let u1 = if beside.length() > 1e-9 { beside.normalize() } else { u0.any_orthonormal_vector() };
+    let perpendicular = along - u0 * u0.dot(along);
+    let u1 =
+        if perpendicular.length() > 1e-9 { perpendicular.normalize() } else { u0.any_orthonormal_vector() };
     let u2 = u0.cross(u1);
     DMat3::from_cols(u0, u1, u2) * DMat3::from_cols(v0, v1, v2).transpose()
 }
 
 /// Eigenvalues and eigenvectors of a symmetric matrix by Jacobi's rotations (Golub and Van Loan, "Matrix Computations", §8.5).
-fn eigen(mut a: DMat3) -> ([f64; 3], DMat3) {
+fn symmetric_eigenvectors(mut a: DMat3) -> ([f64; 3], DMat3) {
     let mut vectors = DMat3::IDENTITY;
     // Quadratic convergence: six sweeps are exact to f64, more cost nothing once the matrix is diagonal.
     for _ in 0..10 {
@@ -150,25 +151,25 @@ fn eigen(mut a: DMat3) -> ([f64; 3], DMat3) {
 mod tests {
     use super::*;
 
-    fn near(a: DAffine3, b: DAffine3) -> bool {
+    fn is_near(a: DAffine3, b: DAffine3) -> bool {
         a.abs_diff_eq(b, 1e-12)
     }
 
     #[test]
-    fn one_joint_alone_is_its_own_map() {
+    fn blending_one_joint_gives_its_map() {
         let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -2.0) / 3.0, 2.2);
         for scale in [DVec3::ONE, DVec3::splat(0.01), DVec3::new(1.0, 2.0, 0.5), DVec3::new(-1.0, 1.0, 1.0)] {
             let shear = DAffine3::from_mat3(DMat3::from_cols(DVec3::X, DVec3::new(0.4, 1.0, 0.1), DVec3::Z));
             let map =
                 DAffine3::from_scale_rotation_translation(scale, turn, DVec3::new(3.0, -1.0, 2.0)) * shear;
             let carrier = StretchedDualQuaternion::of(map);
-            assert!(near(StretchedDualQuaternion::blend([(&carrier, 1.0)].into_iter()), map), "{scale}");
+            assert!(is_near(StretchedDualQuaternion::blend([(&carrier, 1.0)].into_iter()), map), "{scale}");
             assert!((DMat3::from_quat(carrier.real).determinant() - 1.0).abs() < 1e-12);
         }
     }
 
     #[test]
-    fn flat_and_empty_maps_stay_what_they_are() {
+    fn singular_maps_are_unchanged_by_blending() {
         for columns in [
             [DVec3::ZERO; 3],
             [DVec3::X * 1e-9, DVec3::ZERO, DVec3::ZERO],
@@ -179,13 +180,13 @@ mod tests {
                 translation: DVec3::X,
             };
             let got = StretchedDualQuaternion::blend([(&StretchedDualQuaternion::of(map), 1.0)].into_iter());
-            assert!(near(got, map), "{got} {map}");
+            assert!(is_near(got, map), "{got} {map}");
         }
     }
 
     /// Half of a turn by an angle is the turn by half the angle about the same axis, wherever that is: the closed form.
     #[test]
-    fn half_and_half_is_half_the_turn_about_the_same_axis() {
+    fn equal_weights_give_half_the_rotation_about_the_same_axis() {
         let pivot = DVec3::new(0.3, 1.4, 0.0);
         let about = |angle: f64| {
             DAffine3::from_translation(pivot)
@@ -196,11 +197,14 @@ mod tests {
             let angle = degrees.to_radians();
             let (a, b) = (StretchedDualQuaternion::of(about(0.0)), StretchedDualQuaternion::of(about(angle)));
             let got = StretchedDualQuaternion::blend([(&a, 0.5), (&b, 0.5)].into_iter());
-            assert!(near(got, about(angle / 2.0)), "{degrees}");
+            assert!(is_near(got, about(angle / 2.0)), "{degrees}");
             // The other quaternion of the same rotation gives the same.
             let b = StretchedDualQuaternion { real: -b.real, dual: -b.dual, ..b };
             assert!(
-                near(StretchedDualQuaternion::blend([(&b, 0.5), (&a, 0.5)].into_iter()), about(angle / 2.0)),
+                is_near(
+                    StretchedDualQuaternion::blend([(&b, 0.5), (&a, 0.5)].into_iter()),
+                    about(angle / 2.0)
+                ),
                 "{degrees}"
             );
             // Linear blending thins a limb: the determinant of the mean of two turns is (1 + cos) / 2.
@@ -211,13 +215,13 @@ mod tests {
     }
 
     #[test]
-    fn stretches_without_turns_blend_as_matrices_do() {
+    fn maps_without_rotation_blend_like_matrices() {
         let a = DAffine3::from_scale(DVec3::new(2.0, 1.0, 1.0));
         let b = DAffine3 { translation: DVec3::Y, ..DAffine3::from_scale(DVec3::splat(0.5)) };
         let got = StretchedDualQuaternion::blend(
             [(&StretchedDualQuaternion::of(a), 0.25), (&StretchedDualQuaternion::of(b), 0.75)].into_iter(),
         );
         let want = DAffine3 { matrix3: a.matrix3 * 0.25 + b.matrix3 * 0.75, translation: DVec3::Y * 0.75 };
-        assert!(near(got, want), "{got}");
+        assert!(is_near(got, want), "{got}");
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::input_error::InputError;
 use crate::simd::{
-    Block, Deformed, Deformer, Indexed, Lanes, Level, Rows, VertexKernel, VertexStreams, Vertices, arrays,
-    arrays_mut, dispatch_vertices,
+    Block, DeformedBlock, Deformer, Indexed, Lanes, Level, Rows, VertexKernel, VertexStreams, Vertices,
+    as_arrays, as_arrays_mut, dispatch_vertices,
 };
 use glam::{Affine3A, Mat4, Vec3};
 
@@ -100,13 +100,13 @@ impl LinearSkinning<'_> {
 
     /// Runs at a SIMD level, for tests and benchmarks; the bits are the same at any.
     pub fn run_on(&mut self, level: Level) {
-        dispatch_vertices(level, SkinVertices(self));
+        dispatch_vertices(level, LinearKernel(self));
     }
 }
 
-struct SkinVertices<'a, 'b>(&'b mut LinearSkinning<'a>);
+struct LinearKernel<'a, 'b>(&'b mut LinearSkinning<'a>);
 
-impl VertexKernel for SkinVertices<'_, '_> {
+impl VertexKernel for LinearKernel<'_, '_> {
     #[inline(always)]
     fn run<F: Vertices>(self) {
         let job = self.0;
@@ -114,34 +114,34 @@ impl VertexKernel for SkinVertices<'_, '_> {
             influences: job.influences,
             joint_indices: job.joint_indices,
             joint_weights: job.joint_weights,
-            positions: arrays(job.positions),
-            normals: arrays(job.normals),
-            out_positions: arrays_mut(job.out_positions),
-            out_normals: arrays_mut(job.out_normals),
+            positions: as_arrays(job.positions),
+            normals: as_arrays(job.normals),
+            out_positions: as_arrays_mut(job.out_positions),
+            out_normals: as_arrays_mut(job.out_normals),
         }
-        .run::<F, _>(&Linear(Palette::new().of(job.matrices, job.positions.len())));
+        .run::<F, _>(&LinearDeformer(AlignedMatrices::new().align(job.matrices, job.positions.len())));
     }
 }
 
 /// Matrices aligned to cache lines: one that straddles two lines takes two loads (2.6 ns per vertex instead of 1.9, once
 /// measured).
 #[repr(C, align(64))]
-pub(crate) struct Palette([Affine3A; Palette::MOST]);
+pub(crate) struct AlignedMatrices([Affine3A; AlignedMatrices::MAX_MATRICES]);
 
-impl Palette {
+impl AlignedMatrices {
     /// 128 matrices take 8 kB, which the L1 cache holds beside the vertices. Larger palettes are not copied.
-    const MOST: usize = 128;
+    const MAX_MATRICES: usize = 128;
 
     #[inline(always)]
-    pub fn new() -> Palette {
-        Palette([Affine3A::IDENTITY; Palette::MOST])
+    pub fn new() -> AlignedMatrices {
+        AlignedMatrices([Affine3A::IDENTITY; AlignedMatrices::MAX_MATRICES])
     }
 
     /// The matrices, copied if there are enough vertices for that to pay.
     #[inline(always)]
-    pub fn of<'a>(&'a mut self, matrices: &'a [Affine3A], vertices: usize) -> &'a [Affine3A] {
+    pub fn align<'a>(&'a mut self, matrices: &'a [Affine3A], vertices: usize) -> &'a [Affine3A] {
         match self.0.get_mut(..matrices.len()) {
-            Some(copy) if vertices > 4 * Palette::MOST => {
+            Some(copy) if vertices > 4 * AlignedMatrices::MAX_MATRICES => {
                 copy.copy_from_slice(matrices);
                 copy
             }
@@ -150,15 +150,15 @@ impl Palette {
     }
 }
 
-struct Linear<'a>(&'a [Affine3A]);
+struct LinearDeformer<'a>(&'a [Affine3A]);
 
-impl Deformer for Linear<'_> {
+impl Deformer for LinearDeformer<'_> {
     #[inline(always)]
-    fn deformed<F: Vertices, const N: usize>(&self, block: Block) -> Deformed<F> {
-        let matrices = blended::<F, N>(self.0, &block);
-        let points = transformed(&matrices, F::points(block.points));
+    fn deform<F: Vertices, const N: usize>(&self, block: Block) -> DeformedBlock<F> {
+        let matrices = blend_matrices::<F, N>(self.0, &block);
+        let points = transform_points(&matrices, F::load_point_rows(block.points));
         match block.normals {
-            Some(normals) => (points, Some(transformed_normals(&matrices, F::points(normals)))),
+            Some(normals) => (points, Some(transform_normals(&matrices, F::load_point_rows(normals)))),
             None => (points, None),
         }
     }
@@ -166,81 +166,96 @@ impl Deformer for Linear<'_> {
 
 /// Weighted sums of matrices, for as many vertices as there are lanes, or fewer; N influences, or any number where N is 0.
 #[inline(always)]
-pub(crate) fn blended<F: Vertices, const N: usize>(
+pub(crate) fn blend_matrices<F: Vertices, const N: usize>(
     matrices: &[Affine3A],
     &Block { influences, joints, weights, .. }: &Block,
 ) -> Rows<F> {
     if N == 0 {
-        let mut fours = [F::four([F::no_matrix(); 4]); 4];
+        let mut fours = [F::interleave_four([F::zero_matrix(); 4]); 4];
         // A chunk must not have 0 elements: without influences there are no vertices here, and all matrices are zero.
         let mut vertices =
             joints.as_slice().chunks_exact(influences.max(1)).zip(weights.chunks_exact(influences.max(1)));
         for four in fours.iter_mut().take(F::COUNT / 4) {
-            let mut sums = [F::no_matrix(); 4];
+            let mut sums = [F::zero_matrix(); 4];
             for (sum, (joints, weights)) in sums.iter_mut().zip(vertices.by_ref()) {
-                *sum = weighted::<F>(matrices, joints, weights);
+                *sum = weighted_sum::<F>(matrices, joints, weights);
             }
-            *four = F::four(sums);
+            *four = F::interleave_four(sums);
         }
-        return F::columns(fours);
+        return F::join_columns(fours);
     }
-    let (joints, weights) = (joints.part(0..F::COUNT * N), &weights[..F::COUNT * N]);
+    let (joints, weights) = (joints.subrange(0..F::COUNT * N), &weights[..F::COUNT * N]);
     let (matrices, weights) = (Indexed::new(matrices, joints), weights.as_chunks::<N>().0);
     // A loop's results would go through memory.
-    let [a, b] = [four::<F, N>(&matrices, 0, weights), four::<F, N>(&matrices, 1, weights)];
-    F::columns(match F::COUNT {
+    let [a, b] = [
+        weighted_sums_of_four::<F, N>(&matrices, 0, weights),
+        weighted_sums_of_four::<F, N>(&matrices, 1, weights),
+    ];
+    F::join_columns(match F::COUNT {
         8 => [a, b, a, b],
-        _ => [a, b, four::<F, N>(&matrices, 2, weights), four::<F, N>(&matrices, 3, weights)],
+        _ => [
+            a,
+            b,
+            weighted_sums_of_four::<F, N>(&matrices, 2, weights),
+            weighted_sums_of_four::<F, N>(&matrices, 3, weights),
+        ],
     })
 }
 
 /// The weighted matrices of four vertices, which stay in registers.
 #[inline(always)]
-fn four<F: Vertices, const N: usize>(
+fn weighted_sums_of_four<F: Vertices, const N: usize>(
     matrices: &Indexed<Affine3A>,
     at: usize,
     weights: &[[f32; N]],
 ) -> F::Four {
-    let mut sums = [F::no_matrix(); 4];
+    let mut sums = [F::zero_matrix(); 4];
     for (i, sum) in sums.iter_mut().enumerate() {
         let vertex = 4 * at + i;
-        *sum = weighted_by::<F, N>(matrices, vertex * N / 4, &weights[vertex]);
+        *sum = weighted_sum_of_fours::<F, N>(matrices, vertex * N / 4, &weights[vertex]);
     }
-    F::four(sums)
+    F::interleave_four(sums)
 }
 
 /// The weighted sum of one vertex's matrices.
 #[inline(always)]
-fn weighted<F: Vertices>(matrices: &[Affine3A], joints: &[u16], weights: &[f32]) -> F::Matrix {
-    let mut sum = F::no_matrix();
+fn weighted_sum<F: Vertices>(matrices: &[Affine3A], joints: &[u16], weights: &[f32]) -> F::Matrix {
+    let mut sum = F::zero_matrix();
     for (i, (joint, weight)) in joints.iter().zip(weights).enumerate() {
         let matrix = &matrices[usize::from(*joint)];
-        sum = if i == 0 { F::weighted(matrix, *weight) } else { F::with_weighted(sum, matrix, *weight) };
+        sum = if i == 0 {
+            F::scaled_matrix(matrix, *weight)
+        } else {
+            F::add_scaled_matrix(sum, matrix, *weight)
+        };
     }
     sum
 }
 
-/// Like [`weighted`], for a known number of influences that is a multiple of four. `first`: index of the first four.
+/// Like [`weighted_sum`], for a known number of influences that is a multiple of four. `first`: index of the first four.
 #[inline(always)]
-fn weighted_by<F: Vertices, const N: usize>(
+fn weighted_sum_of_fours<F: Vertices, const N: usize>(
     matrices: &Indexed<Affine3A>,
     first: usize,
     weights: &[f32; N],
 ) -> F::Matrix {
-    let mut sum = F::no_matrix();
+    let mut sum = F::zero_matrix();
     for (i, weights) in weights.as_chunks::<4>().0.iter().enumerate() {
-        let matrices = matrices.four(first + i);
+        let matrices = matrices.get_four(first + i);
         for j in 0..4 {
             let (matrix, weight) = (matrices[j], weights[j]);
-            sum =
-                if i + j == 0 { F::weighted(matrix, weight) } else { F::with_weighted(sum, matrix, weight) };
+            sum = if i + j == 0 {
+                F::scaled_matrix(matrix, weight)
+            } else {
+                F::add_scaled_matrix(sum, matrix, weight)
+            };
         }
     }
     sum
 }
 
 #[inline(always)]
-pub(crate) fn transformed<F: Lanes>([c0, c1, c2, c3]: &Rows<F>, [x, y, z]: [F; 3]) -> [F; 3] {
+pub(crate) fn transform_points<F: Lanes>([c0, c1, c2, c3]: &Rows<F>, [x, y, z]: [F; 3]) -> [F; 3] {
     let mut out = [x; 3];
     for i in 0..3 {
         out[i] = c0[i].fused_add(x, c1[i].fused_add(y, c2[i].fused_add(z, c3[i])));
@@ -250,7 +265,7 @@ pub(crate) fn transformed<F: Lanes>([c0, c1, c2, c3]: &Rows<F>, [x, y, z]: [F; 3
 
 /// Transforms normals by the cofactors and normalizes them; unchanged if they collapse.
 #[inline(always)]
-pub(crate) fn transformed_normals<F: Lanes>([c0, c1, c2, _]: &Rows<F>, normals: [F; 3]) -> [F; 3] {
+pub(crate) fn transform_normals<F: Lanes>([c0, c1, c2, _]: &Rows<F>, normals: [F; 3]) -> [F; 3] {
     let [x, y, z] = normals;
     // The cofactors times n: x c1 × c2 + y c2 × c0 + z c0 × c1 = x c1 × c2 + c0 × (z c1 - y c2), which saves three of eight
     // multiplications.
@@ -266,7 +281,7 @@ pub(crate) fn transformed_normals<F: Lanes>([c0, c1, c2, _]: &Rows<F>, normals: 
     let square = dot3(&n, &n);
     // The inverse transpose is cofactors / determinant: a mirroring matrix reverses the cofactors.
     let determinant = dot3(c0, &a);
-    let k = F::splat(1.0).div(square.sqrt()).flipped_by(determinant);
+    let k = F::splat(1.0).div(square.sqrt()).flip_sign_by(determinant);
     n = [n[0].mul(k), n[1].mul(k), n[2].mul(k)];
     let good = F::splat(0.0).less(square).and(square.less(F::splat(f32::MAX)));
     if !F::all(good) {

@@ -3,7 +3,7 @@
 //! The direction d of the stick is a point of the unit sphere and obeys
 //!
 //! ```text
-//! d'' = K · (way from d to its target) − κ · d' + (f − A / L) across d
+//! d'' = K · (tangent vector from d to its target) − κ · d' + (f − A / L) perpendicular to d
 //! ```
 //!
 //! with the stiffness K = (2π · frequency)², the damping κ = 2 · ratio · 2π · frequency, the load f (gravity, and the drag of
@@ -20,7 +20,7 @@
 //! load; without damping the difference is added to the velocity, since otherwise the swing would come to rest.
 //!
 //! Each bone of a chain is pulled towards its animated direction as the bone before it has turned it, and exerts no force back.
-//! Motion that is passed on this way must not grow: bones of one frequency, each driven at its resonance by the one before, turn
+//! Motion that is passed along the chain must not grow: bones of one frequency, each driven at its resonance by the one before, turn
 //! a shake of the root into a whip whose end depends on the last digit, and smaller steps do not converge. (Letting each bone
 //! also feel how the bone before moves its head multiplies a swing by up to 1 / ζ per bone; tried, and 4 bones did not converge.)
 //! Hence two rules for a bone that [`Drive::follows`] another that swings: its head moves as animated, so that only this motion
@@ -103,19 +103,19 @@ impl SpringBone {
         let mut direction = drive.target;
         if strength > 0.0 {
             // K θ = f sin(φ − θ) on the arc from the target to the load's direction.
-            let way = log(drive.target, load / strength);
-            let whole = way.length();
-            let (mut low, mut high) = (0.0, whole);
+            let towards_load = log(drive.target, load / strength);
+            let angle_to_load = towards_load.length();
+            let (mut low, mut high) = (0.0, angle_to_load);
             for _ in 0..64 {
                 let middle = 0.5 * (low + high);
-                if self.stiffness * middle < strength * libm::sin(whole - middle) {
+                if self.stiffness * middle < strength * libm::sin(angle_to_load - middle) {
                     low = middle;
                 } else {
                     high = middle;
                 }
             }
-            if whole > 0.0 {
-                direction = exp(drive.target, way * (low / whole), DVec3::ZERO).0;
+            if angle_to_load > 0.0 {
+                direction = exp(drive.target, towards_load * (low / angle_to_load), DVec3::ZERO).0;
             }
         }
         let velocity = DVec3::ZERO;
@@ -131,12 +131,12 @@ impl SpringBone {
         }
         let d = state.direction;
         let mut head_velocity = (drive.head - state.head) / seconds;
-        let jolt = head_velocity - state.head_velocity;
+        let velocity_change = head_velocity - state.head_velocity;
         let mut velocity = state.velocity;
-        if jolt.length() <= TELEPORT_SPEED {
+        if velocity_change.length() <= TELEPORT_SPEED {
             // The change of the head's velocity acts as an impulse between two steps of constant velocity. It is limited to half
             // a turn per step: more would be the same as less in the other direction.
-            velocity -= tangent(d, jolt / drive.length).clamp_length_max(PI / seconds);
+            velocity -= tangent(d, velocity_change / drive.length).clamp_length_max(PI / seconds);
         } else {
             head_velocity = DVec3::ZERO;
         }
@@ -144,33 +144,39 @@ impl SpringBone {
         let strength = load.length();
         let (mut softening, mut towards_load) = (0.0, DVec3::ZERO);
         if strength > 0.0 {
-            let way = log(d, load / strength);
-            softening = strength * sinc(way.length());
-            towards_load = way * softening;
+            let to_load = log(d, load / strength);
+            softening = strength * sinc(to_load.length());
+            towards_load = to_load * softening;
         }
         let (target, next_target) = (log(d, state.target), log(d, drive.target));
         let stiffness = self.stiffness + softening;
         let damping = if drive.follows {
-            self.damping.max(least_chain_damping(self.stiffness, softening))
+            self.damping.max(min_chain_damping(self.stiffness, softening))
         } else {
             self.damping
         };
         let response = Response::new(stiffness, damping, seconds);
         let steady = target * self.stiffness + towards_load;
         let ramp = (next_target - target) * (self.stiffness / seconds);
-        let way = velocity * response.impulse + steady * response.load + ramp * response.ramp;
+        let displacement = velocity * response.impulse + steady * response.load + ramp * response.ramp;
         let after = velocity * response.impulse_rate + steady * response.impulse + ramp * response.load;
-        (state.direction, state.velocity) = exp(d, way, after);
+        (state.direction, state.velocity) = exp(d, displacement, after);
         if damping == 0.0 {
-            let bent = log(state.direction, drive.target).length();
-            let mut left =
-                self.stiffness * rounded_off(0.5 * ((next_target - way).length_squared() - bent * bent));
+            let bend_angle = log(state.direction, drive.target).length();
+            let mut excess = self.stiffness
+                * zero_if_rounding_error(
+                    0.5 * ((next_target - displacement).length_squared() - bend_angle * bend_angle),
+                );
             if strength > 0.0 {
-                left += strength
-                    * load_energy_left([log(d, load / strength), way, log(state.direction, load / strength)]);
+                excess += strength
+                    * load_energy_excess([
+                        log(d, load / strength),
+                        displacement,
+                        log(state.direction, load / strength),
+                    ]);
             }
             if let Some(along) = state.velocity.try_normalize() {
-                state.velocity = along * (state.velocity.length_squared() + 2.0 * left).sqrt();
+                state.velocity = along * (state.velocity.length_squared() + 2.0 * excess).sqrt();
             }
         }
         // A bone gets no faster than it would be from half a turn away; otherwise undamped bones of a chain would speed each
@@ -198,23 +204,23 @@ impl SpringBone {
 
 /// Excess energy, at the end of a step, of the spring that stands for a load of strength 1. Arguments, as tangent vectors: from
 /// the start of the step to the load's direction, the step itself, and from its end to the load's direction.
-fn load_energy_left([before, step, after]: [DVec3; 3]) -> f64 {
+fn load_energy_excess([before, step, after]: [DVec3; 3]) -> f64 {
     let (from, to) = (before.length(), after.length());
     // 1 − cos φ at both ends, and the spring that touches this curve at the first.
     let height = |angle: f64| 2.0 * libm::sin(0.5 * angle) * libm::sin(0.5 * angle);
     let spring = 0.5 * sinc(from) * ((before - step).length_squared() - from * from);
-    rounded_off(spring + height(from) - height(to))
+    zero_if_rounding_error(spring + height(from) - height(to))
 }
 
 /// The energy, or zero if it is only a rounding error.
-fn rounded_off(energy: f64) -> f64 {
+fn zero_if_rounding_error(energy: f64) -> f64 {
     if energy > 1e-14 { energy } else { 0.0 }
 }
 
-/// The least damping, 1/s, with which an oscillator of stiffness K + s amplifies no motion of the target that K pulls to: the
-/// smallest κ with κ²(K + s) − κ⁴/4 ≥ K², whose left side is the least squared denominator of the module's fraction; √(2K)
+/// The smallest damping, 1/s, with which an oscillator of stiffness K + s amplifies no motion of the target that K pulls to: the
+/// smallest κ with κ²(K + s) − κ⁴/4 ≥ K², whose left side is the smallest squared denominator of the module's fraction; √(2K)
 /// without a load.
-fn least_chain_damping(stiffness: f64, softening: f64) -> f64 {
+fn min_chain_damping(stiffness: f64, softening: f64) -> f64 {
     let whole = stiffness + softening;
     // (K + s) − √((K + s)² − K²), written so that nothing cancels.
     let root = (softening * (softening + 2.0 * stiffness)).sqrt();

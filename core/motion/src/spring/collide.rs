@@ -40,7 +40,7 @@ impl WorldCollider {
         let m = &world_from_joint.matrix3;
         let scale = m.x_axis.length().max(m.y_axis.length()).max(m.z_axis.length());
         let at = |p: glam::Vec3| world_from_joint.transform_point3(p.as_dvec3());
-        let obstacle = match *shape {
+        let collider = match *shape {
             ColliderShape::Sphere { offset, radius, inside } => {
                 WorldCollider::Sphere { center: at(offset), radius: f64::from(radius) * scale, inside }
             }
@@ -54,18 +54,18 @@ impl WorldCollider {
                 WorldCollider::Plane { point: at(offset), normal: (*m * normal.as_dvec3()).try_normalize()? }
             }
         };
-        let finite = match obstacle {
+        let finite = match collider {
             WorldCollider::Sphere { center, radius, .. } => center.is_finite() && radius.is_finite(),
             WorldCollider::Capsule { from, to, radius, .. } => {
                 from.is_finite() && to.is_finite() && radius.is_finite()
             }
             WorldCollider::Plane { point, .. } => point.is_finite(),
         };
-        finite.then_some(obstacle)
+        finite.then_some(collider)
     }
 
     /// Turns a stick as little as possible so that its tail, a ball of `hit_radius`, does not enter the collider, and removes the
-    /// velocity that leads into it. If no direction is free, the one that enters least is taken. Returns whether anything
+    /// velocity that leads into it. If every direction enters, the one that enters least is taken. Returns whether anything
     /// changed.
     pub fn push_out(
         &self,
@@ -76,11 +76,11 @@ impl WorldCollider {
         velocity: &mut DVec3,
     ) -> bool {
         /// The nearest point of a capsule's axis changes as the tail moves along it.
-        const ROUNDS: usize = 4;
+        const MAX_ROUNDS: usize = 4;
         let mut touched = false;
-        for _ in 0..ROUNDS {
-            let Some(cone) = self.cone(head, length, hit_radius, *direction) else { break };
-            if !cone.push(direction, velocity) {
+        for _ in 0..MAX_ROUNDS {
+            let Some(cone) = self.allowed_cone(head, length, hit_radius, *direction) else { break };
+            if !cone.push_out(direction, velocity) {
                 break;
             }
             touched = true;
@@ -91,7 +91,7 @@ impl WorldCollider {
         touched
     }
 
-    fn cone(&self, head: DVec3, length: f64, hit_radius: f64, direction: DVec3) -> Option<Cone> {
+    fn allowed_cone(&self, head: DVec3, length: f64, hit_radius: f64, direction: DVec3) -> Option<Cone> {
         let (center, radius, inside) = match *self {
             WorldCollider::Plane { point, normal } => {
                 let cos = (hit_radius - normal.dot(head - point)) / length;
@@ -106,20 +106,24 @@ impl WorldCollider {
             }
         };
         let reach = if inside { (radius - hit_radius).max(0.0) } else { radius + hit_radius };
-        let way = center - head;
-        let axis = way.try_normalize()?;
-        let distance = way.length();
+        let to_center = center - head;
+        let axis = to_center.try_normalize()?;
+        let distance = to_center.length();
         let cos = (length * length + distance * distance - reach * reach) / (2.0 * length * distance);
         Some(Cone { axis, cos, inside })
     }
 }
 
 impl Cone {
-    fn push(&self, direction: &mut DVec3, velocity: &mut DVec3) -> bool {
+    fn push_out(&self, direction: &mut DVec3, velocity: &mut DVec3) -> bool {
         /// Rounding error of a tail that rests on a surface.
-        const SLACK: f64 = 1e-12;
+        const MAX_ROUNDING_ERROR: f64 = 1e-12;
         let now = direction.dot(self.axis);
-        let entered = if self.inside { now < self.cos - SLACK } else { now > self.cos + SLACK };
+        let entered = if self.inside {
+            now < self.cos - MAX_ROUNDING_ERROR
+        } else {
+            now > self.cos + MAX_ROUNDING_ERROR
+        };
         if !entered {
             return false;
         }
@@ -142,51 +146,51 @@ mod tests {
 
     const HEAD: DVec3 = DVec3::new(0.1, 2.0, -0.3);
 
-    fn after(obstacle: WorldCollider, direction: DVec3, velocity: DVec3) -> (DVec3, DVec3, bool) {
+    fn pushed_out(collider: WorldCollider, direction: DVec3, velocity: DVec3) -> (DVec3, DVec3, bool) {
         let (mut d, mut v) = (direction, velocity);
-        let touched = obstacle.push_out(HEAD, 0.5, 0.02, &mut d, &mut v);
+        let touched = collider.push_out(HEAD, 0.5, 0.02, &mut d, &mut v);
         assert!((d.length() - 1.0).abs() < 1e-12 && v.dot(d).abs() < 1e-9);
         (HEAD + d * 0.5, v, touched)
     }
 
     #[test]
-    fn the_tail_touches_and_goes_no_farther() {
+    fn a_tail_is_pushed_to_the_surface_and_loses_its_inward_velocity() {
         let center = HEAD + DVec3::new(0.1, -0.5, 0.0);
         let ball = WorldCollider::Sphere { center, radius: 0.2, inside: false };
-        let (tail, velocity, touched) = after(ball, DVec3::NEG_Y, DVec3::X * 3.0);
+        let (tail, velocity, touched) = pushed_out(ball, DVec3::NEG_Y, DVec3::X * 3.0);
         assert!(touched && ((tail - center).length() - 0.22).abs() < 1e-12, "{tail}");
-        // It came from -x and went to +x, into the ball.
+        // The tail moved towards +x, into the ball.
         assert!(velocity.length() < 1e-9, "{velocity}");
-        // Out of it, it may go.
-        let (_, velocity, _) = after(ball, DVec3::NEG_Y, DVec3::X * -3.0);
+        // A velocity out of the ball stays.
+        let (_, velocity, _) = pushed_out(ball, DVec3::NEG_Y, DVec3::X * -3.0);
         assert!(velocity.length() > 2.5);
-        // Elsewhere nothing happens.
-        assert!(!after(ball, DVec3::Y, DVec3::X).2);
-        // Wholly within a ball: as far out as it can.
+        // A tail outside the ball is unchanged.
+        assert!(!pushed_out(ball, DVec3::Y, DVec3::X).2);
+        // A stick inside a large ball points outwards as far as possible.
         let all = WorldCollider::Sphere { center: HEAD + DVec3::X * 0.1, radius: 5.0, inside: false };
-        assert!((after(all, DVec3::X, DVec3::ZERO).0 - (HEAD + DVec3::NEG_X * 0.5)).length() < 1e-9);
+        assert!((pushed_out(all, DVec3::X, DVec3::ZERO).0 - (HEAD + DVec3::NEG_X * 0.5)).length() < 1e-9);
     }
 
     #[test]
-    fn inside_stays_inside_and_planes_hold() {
+    fn inside_colliders_and_planes_keep_tails_on_the_allowed_side() {
         let center = HEAD + DVec3::NEG_Y * 0.5;
         let bowl = WorldCollider::Sphere { center, radius: 0.2, inside: true };
-        let (tail, ..) = after(bowl, DVec3::X, DVec3::ZERO);
+        let (tail, ..) = pushed_out(bowl, DVec3::X, DVec3::ZERO);
         assert!(((tail - center).length() - 0.18).abs() < 1e-12);
         let floor = WorldCollider::Plane { point: DVec3::Y * 1.7, normal: DVec3::Y };
-        let (tail, velocity, _) = after(floor, DVec3::new(0.6, -0.8, 0.0), DVec3::new(-0.8, -0.6, 0.0));
+        let (tail, velocity, _) = pushed_out(floor, DVec3::new(0.6, -0.8, 0.0), DVec3::new(-0.8, -0.6, 0.0));
         assert!((tail.y - 1.72).abs() < 1e-12 && velocity.length() < 1e-9, "{tail} {velocity}");
-        // Too deep for the stick: straight up.
+        // If the whole stick is below the plane, it points straight up.
         let flood = WorldCollider::Plane { point: DVec3::Y * 9.0, normal: DVec3::Y };
-        assert!((after(flood, DVec3::X, DVec3::ZERO).0 - HEAD - DVec3::Y * 0.5).length() < 1e-9);
+        assert!((pushed_out(flood, DVec3::X, DVec3::ZERO).0 - HEAD - DVec3::Y * 0.5).length() < 1e-9);
     }
 
     #[test]
-    fn capsules_hold_along_their_length() {
+    fn capsules_keep_tails_out_along_their_whole_length() {
         let (from, to) = (HEAD + DVec3::new(-1.0, -0.4, 0.0), HEAD + DVec3::new(1.0, -0.4, 0.0));
         let rod = WorldCollider::Capsule { from, to, radius: 0.1, inside: false };
         for x in [-0.5, 0.0, 0.7] {
-            let (tail, _, touched) = after(rod, DVec3::new(x, -1.0, 0.01).normalize(), DVec3::ZERO);
+            let (tail, _, touched) = pushed_out(rod, DVec3::new(x, -1.0, 0.01).normalize(), DVec3::ZERO);
             let off = (tail - HEAD).with_x(0.0) - DVec3::NEG_Y * 0.4;
             assert!(touched || off.length() > 0.12);
             assert!(off.length() > 0.12 - 1e-3, "{x}: {}", off.length());
@@ -195,6 +199,6 @@ mod tests {
         let dot = WorldCollider::Capsule { from, to: from, radius: 0.1, inside: false };
         let ball = WorldCollider::Sphere { center: from, radius: 0.1, inside: false };
         let d = (from - HEAD).normalize();
-        assert_eq!(after(dot, d, DVec3::ZERO), after(ball, d, DVec3::ZERO));
+        assert_eq!(pushed_out(dot, d, DVec3::ZERO), pushed_out(ball, d, DVec3::ZERO));
     }
 }

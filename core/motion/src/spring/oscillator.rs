@@ -30,17 +30,17 @@ impl Response {
         let half = 0.5 * kh;
         let discriminant = half * half - kh2;
         if kh <= 3.0 && kh2 <= 1.0 {
-            series(kh, kh2, seconds)
+            series_response(kh, kh2, seconds)
         } else if discriminant > 1.0 {
-            exponentials(half, kh2, discriminant, seconds)
+            overdamped_response(half, kh2, discriminant, seconds)
         } else {
-            damped_sine(stiffness, damping, half, discriminant, seconds)
+            damped_sine_response(stiffness, damping, half, discriminant, seconds)
         }
     }
 }
 
 /// g = h Σ cₙ with c₁ = 1, by the recurrence that the equation itself gives.
-fn series(kh: f64, kh2: f64, h: f64) -> Response {
+fn series_response(kh: f64, kh2: f64, h: f64) -> Response {
     let (mut before, mut now) = (0.0, 1.0);
     let mut sums = [0.0f64; 4];
     let mut n = 1.0;
@@ -61,7 +61,7 @@ fn series(kh: f64, kh2: f64, h: f64) -> Response {
 }
 
 /// Two real roots x₁ > x₂ (times h), more than 2 apart.
-fn exponentials(half: f64, kh2: f64, discriminant: f64, h: f64) -> Response {
+fn overdamped_response(half: f64, kh2: f64, discriminant: f64, h: f64) -> Response {
     let x2 = -(half + discriminant.sqrt());
     // The second root comes from the product of both: the sum would cancel the digits of the small one.
     let x1 = kh2 / x2;
@@ -70,12 +70,12 @@ fn exponentials(half: f64, kh2: f64, discriminant: f64, h: f64) -> Response {
     Response {
         impulse_rate: (x1 * e1 - x2 * e2) / apart,
         impulse: h * (e1 - e2) / apart,
-        load: h * h * (phi1(x1) - phi1(x2)) / apart,
-        ramp: h * h * h * (phi2(x1) - phi2(x2)) / apart,
+        load: h * h * (exp_minus_one_over_x(x1) - exp_minus_one_over_x(x2)) / apart,
+        ramp: h * h * h * (exp_remainder_over_x_squared(x1) - exp_remainder_over_x_squared(x2)) / apart,
     }
 }
 
-fn damped_sine(stiffness: f64, damping: f64, half: f64, discriminant: f64, h: f64) -> Response {
+fn damped_sine_response(stiffness: f64, damping: f64, half: f64, discriminant: f64, h: f64) -> Response {
     let (cos, sinc) = if discriminant.abs() < 1e-4 {
         // Both are one series in the discriminant, whichever sign it has.
         let d = discriminant;
@@ -100,12 +100,12 @@ fn damped_sine(stiffness: f64, damping: f64, half: f64, discriminant: f64, h: f6
 }
 
 /// (eˣ − 1) / x
-fn phi1(x: f64) -> f64 {
+fn exp_minus_one_over_x(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { libm::expm1(x) / x }
 }
 
 /// (eˣ − 1 − x) / x²
-fn phi2(x: f64) -> f64 {
+fn exp_remainder_over_x_squared(x: f64) -> f64 {
     if x.abs() > 0.5 {
         return (libm::expm1(x) - x) / (x * x);
     }
@@ -121,8 +121,8 @@ fn phi2(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Very many steps of the classical fourth-order method.
-    fn truth(stiffness: f64, damping: f64, h: f64, v: f64, f0: f64, f1: f64) -> [f64; 2] {
+    /// Reference solution: 20,000 steps of the classical fourth-order Runge–Kutta method.
+    fn runge_kutta_reference(stiffness: f64, damping: f64, h: f64, v: f64, f0: f64, f1: f64) -> [f64; 2] {
         let steps = 20_000;
         let dt = h / f64::from(steps);
         let mut y = [0.0, v];
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn equals_very_many_small_steps() {
+    fn response_equals_many_small_runge_kutta_steps() {
         let h = 0.5;
         let (v, f0, f1) = (0.7, -3.0, 5.0);
         for stiffness in [0.0, 1e-9, 0.5, 3.9, 4.1, 10.0, 400.0, 2500.0] {
@@ -152,7 +152,7 @@ mod tests {
                     v * r.impulse + f0 * r.load + f1 * r.ramp,
                     v * r.impulse_rate + f0 * r.impulse + f1 * r.load,
                 ];
-                let exact = truth(stiffness, damping, h, v, f0, f1);
+                let exact = runge_kutta_reference(stiffness, damping, h, v, f0, f1);
                 for i in 0..2 {
                     let off = (got[i] - exact[i]).abs();
                     assert!(off < 1e-9, "K {stiffness}, κ {damping}: {got:?}, must be {exact:?}");
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn where_formulas_meet_they_agree() {
+    fn formulas_agree_where_their_ranges_meet() {
         let near = |a: Response, b: Response| {
             let pairs = [
                 (a.impulse_rate, b.impulse_rate),
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn finite_and_damped_at_any_size() {
+    fn response_is_finite_and_gains_no_energy_for_any_parameters() {
         for k in -12..=18 {
             for c in -12..=18 {
                 for h in [0.0, 1e-6, 1.0 / 60.0, 10.0] {

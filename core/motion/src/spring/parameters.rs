@@ -117,18 +117,19 @@ impl Springs {
 
     /// Checks all values for a skeleton of `joint_count` joints; fails at the first one that is out of its range.
     pub fn check(&self, joint_count: usize) -> Result<(), SpringError> {
-        let need = |fine: bool, place: &dyn Fn() -> String, what: String| match fine {
+        let require = |valid: bool, place: &dyn Fn() -> String, what: String| match valid {
             true => Ok(()),
             false => Err(SpringError { place: place(), what }),
         };
         let joint = |joint: u32, place: &dyn Fn() -> String| {
             let what = format!("joint {joint} does not exist, there are {joint_count}");
-            need((joint as usize) < joint_count, place, what)
+            require((joint as usize) < joint_count, place, what)
         };
         for (index, collider) in self.colliders.iter().enumerate() {
             let place = || format!("colliders[{index}]");
             joint(collider.joint, &place)?;
-            need(collider.shape.is_sound(), &place, format!("{:?} is not a valid shape", collider.shape))?;
+            let what = format!("{:?} must be finite, with radius ≥ 0 and normal of length 1", collider.shape);
+            require(collider.shape.is_valid(), &place, what)?;
         }
         for (index, chain) in self.chains.iter().enumerate() {
             let place = || format!("chains[{index}]");
@@ -137,17 +138,25 @@ impl Springs {
             }
             let known = chain.colliders.iter().all(|c| (*c as usize) < self.colliders.len());
             let ascending = chain.colliders.windows(2).all(|w| w[0] < w[1]);
-            need(known && ascending, &place, "its colliders are not ascending indices".into())?;
+            require(
+                known && ascending,
+                &place,
+                "its colliders must be ascending indices of existing colliders".into(),
+            )?;
             for (number, j) in chain.joints.iter().enumerate() {
                 let place = || format!("chains[{index}].joints[{number}]");
                 joint(j.joint, &place)?;
                 let powers = [j.hit_radius, j.stiffness];
-                let fine = powers.iter().all(|v| v.is_finite() && *v >= 0.0)
+                let in_range = powers.iter().all(|v| v.is_finite() && *v >= 0.0)
                     && j.gravity_power.is_finite()
                     && (0.0..=1.0).contains(&j.drag_force)
                     && j.tail.is_finite()
                     && (j.gravity_direction.length() - 1.0).abs() < 1e-3;
-                need(fine, &place, format!("{j:?} has a value out of range"))?;
+                let what = format!(
+                    "{j:?} must be finite, with hit_radius and stiffness ≥ 0, drag_force 0 to 1 \
+                     and gravity_direction of length 1"
+                );
+                require(in_range, &place, what)?;
             }
         }
         Ok(())
@@ -155,7 +164,7 @@ impl Springs {
 }
 
 impl ColliderShape {
-    fn is_sound(&self) -> bool {
+    fn is_valid(&self) -> bool {
         match self {
             ColliderShape::Sphere { offset, radius, .. } => {
                 offset.is_finite() && radius.is_finite() && *radius >= 0.0
@@ -175,7 +184,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_wrong_is_found_where_it_is() {
+    fn check_reports_the_path_of_the_invalid_parameter() {
         let sphere = ColliderShape::Sphere { offset: Vec3::ZERO, radius: 0.1, inside: false };
         let good = Springs {
             colliders: vec![SpringCollider { joint: 1, shape: sphere }],

@@ -5,7 +5,7 @@ use crate::skeleton::Skeleton;
 use glam::{Affine3A, DVec3, Vec3};
 
 /// Steps per second of the update that VRM's parameters are tuned for.
-const VRM_RATE: f64 = 60.0;
+const VRM_STEPS_PER_SECOND: f64 = 60.0;
 
 /// Springs of a skeleton: at most one bone per joint, parents first.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -49,7 +49,7 @@ impl SpringRig {
         for chain in &springs.chains {
             for joint in &chain.joints {
                 let length = (rest[joint.joint as usize].matrix3 * glam::Vec3A::from(joint.tail)).length();
-                let (spring, pull) = of_vrm(joint, f64::from(length));
+                let (spring, pull) = spring_and_pull_of_vrm(joint, f64::from(length));
                 rig.add(RigBone {
                     joint: joint.joint,
                     tail: joint.tail,
@@ -154,16 +154,16 @@ impl SpringRig {
 /// A small angle θ of a stick of length L obeys `θ₁ = ρ (θ + e (θ − θ₋))` with e = 1 − drag and ρ = L / (L + stiffness · dt), since
 /// the pull lengthens the vector that is then brought back to L. So z² − ρ(1 + e) z + ρe = 0, and K and κ are the product and
 /// the negative sum of ln z / dt.
-fn of_vrm(joint: &SpringJoint, length: f64) -> (SpringBone, f64) {
-    let dt = 1.0 / VRM_RATE;
+fn spring_and_pull_of_vrm(joint: &SpringJoint, length: f64) -> (SpringBone, f64) {
+    let dt = 1.0 / VRM_STEPS_PER_SECOND;
     let pull = f64::from(joint.stiffness);
     // A drag of 1 loses all speed; here a billionth is kept, so that the logarithm is finite.
-    let kept = (1.0 - f64::from(joint.drag_force)).clamp(1e-9, 1.0);
+    let kept_speed = (1.0 - f64::from(joint.drag_force)).clamp(1e-9, 1.0);
     let rho = length / (length + pull * dt);
     if length <= 0.0 || rho <= 0.0 {
         return (SpringBone::default(), 0.0);
     }
-    let (sum, product) = (rho * (1.0 + kept), rho * kept);
+    let (sum, product) = (rho * (1.0 + kept_speed), rho * kept_speed);
     let discriminant = 0.25 * sum * sum - product;
     let damping = -libm::log(product) / dt;
     let stiffness = if discriminant < 0.0 {
@@ -178,8 +178,8 @@ fn of_vrm(joint: &SpringJoint, length: f64) -> (SpringBone, f64) {
     // Balance of stiffness against gravity as in the file; without stiffness, the same final speed of falling.
     let share = if pull > 0.0 {
         stiffness / pull
-    } else if kept < 1.0 {
-        damping / ((1.0 - kept) * length)
+    } else if kept_speed < 1.0 {
+        damping / ((1.0 - kept_speed) * length)
     } else {
         1.0 / (dt * length)
     };
@@ -201,7 +201,13 @@ mod tests {
     use crate::spring::{BoneState, Drive};
 
     /// The specification's update of one stick, in a plane; angles in radians.
-    fn specified(joint: &SpringJoint, length: f64, frames: usize, rate: f64, start: f64) -> Vec<f64> {
+    fn specification_angles(
+        joint: &SpringJoint,
+        length: f64,
+        frames: usize,
+        rate: f64,
+        start: f64,
+    ) -> Vec<f64> {
         let dt = 1.0 / rate;
         let tail = |angle: f64| DVec3::new(libm::sin(angle), -libm::cos(angle), 0.0) * length;
         let (mut now, mut before) = (tail(start), tail(start));
@@ -217,8 +223,8 @@ mod tests {
         angles
     }
 
-    fn ours(joint: &SpringJoint, length: f64, frames: usize, rate: f64, start: f64) -> Vec<f64> {
-        let (spring, pull) = of_vrm(joint, length);
+    fn choreo_angles(joint: &SpringJoint, length: f64, frames: usize, rate: f64, start: f64) -> Vec<f64> {
+        let (spring, pull) = spring_and_pull_of_vrm(joint, length);
         let drive = Drive {
             head: DVec3::ZERO,
             follows: false,
@@ -242,8 +248,8 @@ mod tests {
         angles
     }
 
-    /// How fast swings die down and how often they turn, from three samples: the two poles.
-    fn poles(angles: &[f64]) -> [f64; 2] {
+    /// Sum and product of the two poles, which state decay and frequency of a swing, from its samples.
+    fn two_poles(angles: &[f64]) -> [f64; 2] {
         // a₂ = s a₁ − p a₀ at two places.
         let [a, b, c, d] = [angles[2], angles[3], angles[4], angles[5]];
         let det = b * b - a * c;
@@ -251,13 +257,15 @@ mod tests {
     }
 
     #[test]
-    fn small_swings_match_the_specification_only_at_60_hz() {
+    fn small_swings_match_the_specification_at_60_hz_and_differ_at_144_hz() {
         for (stiffness, drag) in [(1.0, 0.4), (0.2, 0.1), (4.0, 0.9), (0.05, 0.01)] {
             let joint = SpringJoint { stiffness, drag_force: drag, ..SpringJoint::default() };
             let at = |rate: f64| {
-                let (specified, ours) =
-                    (specified(&joint, 0.1, 8, rate, 1e-4), ours(&joint, 0.1, 8, rate, 1e-4));
-                (poles(&specified), poles(&ours))
+                let (specified, ours) = (
+                    specification_angles(&joint, 0.1, 8, rate, 1e-4),
+                    choreo_angles(&joint, 0.1, 8, rate, 1e-4),
+                );
+                (two_poles(&specified), two_poles(&ours))
             };
             let (wanted, got) = at(60.0);
             for i in 0..2 {
@@ -270,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn comes_to_rest_where_the_specification_does() {
+    fn the_rest_position_matches_the_specification() {
         let joint = SpringJoint {
             stiffness: 1.0,
             gravity_power: 0.3,
@@ -278,8 +286,10 @@ mod tests {
             drag_force: 0.4,
             ..SpringJoint::default()
         };
-        let (wanted, got) =
-            (specified(&joint, 0.1, 400, 60.0, 0.0)[399], ours(&joint, 0.1, 400, 60.0, 0.0)[399]);
+        let (wanted, got) = (
+            specification_angles(&joint, 0.1, 400, 60.0, 0.0)[399],
+            choreo_angles(&joint, 0.1, 400, 60.0, 0.0)[399],
+        );
         // tan θ = gravity / stiffness; here θ K = f cos θ, 3 % less.
         assert!((wanted - libm::atan(0.3)).abs() < 1e-6, "{wanted}");
         assert!((got - wanted).abs() < 0.015, "{got}, {wanted}");

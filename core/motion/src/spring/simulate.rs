@@ -6,7 +6,7 @@ use crate::skeleton::Skeleton;
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
 
 /// Sticks shorter than this, in metres, have no direction and stay as they are animated.
-const SHORTEST: f64 = 1e-7;
+const MIN_STICK_LENGTH_M: f64 = 1e-7;
 
 /// Positions and velocities of a rig's bones. Empty: not begun; the first step puts the bones at rest.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -38,7 +38,7 @@ impl SpringState {
 pub struct SpringScratch {
     /// Rigid motion of each joint by the springs so far.
     joint_motions: Vec<Option<RigidMotion>>,
-    obstacles: Vec<Option<WorldCollider>>,
+    world_colliders: Vec<Option<WorldCollider>>,
 }
 
 /// A rigid motion in model space.
@@ -102,27 +102,27 @@ impl SpringStep<'_> {
             self.state.bones.fill(None);
             return;
         }
-        self.find_obstacles();
+        self.update_world_colliders();
         let mut joint_motions = std::mem::take(&mut self.scratch.joint_motions);
         let mut states = std::mem::take(&mut self.state.bones);
         joint_motions.clear();
         joint_motions.resize(joints, None);
         let mut bones = self.rig.bones().iter().zip(&mut states).peekable();
         let first = self.rig.bones()[0].joint as usize;
-        let mut space = (None, Space::WORLD);
+        let mut space = (None, InertiaSpace::WORLD);
         for joint in first..joints {
-            let mut by = self.skeleton.parents()[joint].and_then(|p| joint_motions[p as usize]);
+            let mut motion = self.skeleton.parents()[joint].and_then(|p| joint_motions[p as usize]);
             if let Some((bone, state)) = bones.next_if(|(bone, _)| bone.joint as usize == joint) {
                 if space.0 != bone.center {
-                    space = (bone.center, self.space(bone.center));
+                    space = (bone.center, self.inertia_space(bone.center));
                 }
-                by = self.step_bone(bone, state, &space.1, by, &model_from_world).or(by);
+                motion = self.step_bone(bone, state, &space.1, motion, &model_from_world).or(motion);
             }
-            joint_motions[joint] = by;
-            if let Some(by) = by {
+            joint_motions[joint] = motion;
+            if let Some(motion) = motion {
                 let m = &mut self.model_from_joint[joint];
-                let at = by.point(Vec3::from(m.translation).as_dvec3());
-                let turn = Mat3A::from(Mat3::from_quat(by.rotation.as_quat()));
+                let at = motion.point(Vec3::from(m.translation).as_dvec3());
+                let turn = Mat3A::from(Mat3::from_quat(motion.rotation.as_quat()));
                 *m = Affine3A { matrix3: turn * m.matrix3, translation: Vec3A::from(at.as_vec3()) };
             }
         }
@@ -135,7 +135,7 @@ impl SpringStep<'_> {
         &self,
         bone: &RigBone,
         state: &mut Option<BoneState>,
-        space: &Space,
+        space: &InertiaSpace,
         parent: Option<RigidMotion>,
         model_from_world: &DMat3,
     ) -> Option<RigidMotion> {
@@ -148,35 +148,35 @@ impl SpringStep<'_> {
         let world_stick = self.world_from_model.matrix3 * stick;
         let length = world_stick.length();
         let world_head = self.world_from_model.transform_point3(head);
-        if !(length > SHORTEST && length.is_finite() && world_head.is_finite()) {
+        if !(length > MIN_STICK_LENGTH_M && length.is_finite() && world_head.is_finite()) {
             *state = None;
             return None;
         }
         let drive = Drive {
-            head: space.to(self.world_from_model.transform_point3(animated_head)),
+            head: space.point_from_world(self.world_from_model.transform_point3(animated_head)),
             follows,
-            target: space.turn_to(world_stick / length),
+            target: space.vector_from_world(world_stick / length),
             length,
-            gravity: space.turn_to(bone.gravity),
-            pull: space.turn_to(bone.pull),
-            wind: space.turn_to(self.wind),
+            gravity: space.vector_from_world(bone.gravity),
+            pull: space.vector_from_world(bone.pull),
+            wind: space.vector_from_world(self.wind),
         };
         match state {
             Some(state) => bone.spring.step(state, &drive, self.seconds),
             None => *state = Some(bone.spring.settled(&drive)),
         }
-        let swung = state.as_mut()?;
-        let mut direction = space.turn_from(swung.direction);
+        let bone_state = state.as_mut()?;
+        let mut direction = space.vector_to_world(bone_state.direction);
         if !bone.colliders.is_empty() || self.rig.ground.is_some() {
-            let mut velocity = space.turn_from(swung.velocity);
+            let mut velocity = space.vector_to_world(bone_state.velocity);
             let radius = bone.hit_radius * (length / f64::from(bone.tail.length()));
-            if self.collide(bone, world_head, length, radius, &mut direction, &mut velocity) {
-                swung.direction = space.turn_to(direction);
-                swung.velocity = space.turn_to(velocity);
+            if self.push_out_of_colliders(bone, world_head, length, radius, &mut direction, &mut velocity) {
+                bone_state.direction = space.vector_from_world(direction);
+                bone_state.velocity = space.vector_from_world(velocity);
             }
         }
-        let wanted = (*model_from_world * direction).try_normalize()?;
-        let turn = DQuat::from_rotation_arc(stick.normalize(), wanted);
+        let new_direction = (*model_from_world * direction).try_normalize()?;
+        let turn = DQuat::from_rotation_arc(stick.normalize(), new_direction);
         if !turn.is_finite() {
             return None;
         }
@@ -184,7 +184,7 @@ impl SpringStep<'_> {
         Some(RigidMotion { rotation, translation: turn * (parent.translation - head) + head })
     }
 
-    fn collide(
+    fn push_out_of_colliders(
         &self,
         bone: &RigBone,
         head: DVec3,
@@ -197,11 +197,12 @@ impl SpringStep<'_> {
         let ground = self.rig.ground.map(|y| WorldCollider::Plane { point: DVec3::Y * y, normal: DVec3::Y });
         // Pushing a tail out of one collider may push it into another. The ground comes last, so that it always holds.
         for _ in 0..2 {
-            let own = bone.colliders.iter().filter_map(|c| self.scratch.obstacles.get(*c as usize)?.as_ref());
+            let colliders =
+                bone.colliders.iter().filter_map(|c| self.scratch.world_colliders.get(*c as usize)?.as_ref());
             let before = touched;
             touched = false;
-            for obstacle in own.chain(&ground) {
-                touched |= obstacle.push_out(head, length, radius, direction, velocity);
+            for collider in colliders.chain(&ground) {
+                touched |= collider.push_out(head, length, radius, direction, velocity);
             }
             if !touched {
                 return before;
@@ -210,53 +211,53 @@ impl SpringStep<'_> {
         touched
     }
 
-    fn find_obstacles(&mut self) {
-        let obstacles = &mut self.scratch.obstacles;
-        obstacles.clear();
+    fn update_world_colliders(&mut self) {
+        let world_colliders = &mut self.scratch.world_colliders;
+        world_colliders.clear();
         for collider in self.rig.colliders() {
             let joint = self.model_from_joint.get(collider.joint as usize);
-            let world_from_joint = joint.map(|j| self.world_from_model * widen(j));
-            obstacles.push(world_from_joint.and_then(|w| WorldCollider::new(&collider.shape, &w)));
+            let world_from_joint = joint.map(|j| self.world_from_model * to_f64(j));
+            world_colliders.push(world_from_joint.and_then(|w| WorldCollider::new(&collider.shape, &w)));
         }
     }
 
     /// The space in which inertia is measured: it turns and moves with a joint, but is never scaled.
-    fn space(&self, center: Option<u32>) -> Space {
+    fn inertia_space(&self, center: Option<u32>) -> InertiaSpace {
         let Some(joint) = center.and_then(|c| self.model_from_joint.get(c as usize)) else {
-            return Space::WORLD;
+            return InertiaSpace::WORLD;
         };
-        let world = self.world_from_model * widen(joint);
+        let world = self.world_from_model * to_f64(joint);
         let back = world.matrix3.z_axis.try_normalize();
         let right = back.and_then(|z| world.matrix3.y_axis.cross(z).try_normalize());
         match (right, back) {
             (Some(x), Some(z)) if world.is_finite() => {
                 let rotation = DQuat::from_mat3(&DMat3::from_cols(x, z.cross(x), z)).normalize();
-                Space { world_from_space: rotation, origin: world.translation }
+                InertiaSpace { world_from_space: rotation, origin: world.translation }
             }
-            _ => Space::WORLD,
+            _ => InertiaSpace::WORLD,
         }
     }
 }
 
-struct Space {
+struct InertiaSpace {
     world_from_space: DQuat,
     origin: DVec3,
 }
 
-impl Space {
-    const WORLD: Space = Space { world_from_space: DQuat::IDENTITY, origin: DVec3::ZERO };
+impl InertiaSpace {
+    const WORLD: InertiaSpace = InertiaSpace { world_from_space: DQuat::IDENTITY, origin: DVec3::ZERO };
 
-    fn to(&self, p: DVec3) -> DVec3 {
+    fn point_from_world(&self, p: DVec3) -> DVec3 {
         self.world_from_space.inverse() * (p - self.origin)
     }
-    fn turn_to(&self, v: DVec3) -> DVec3 {
+    fn vector_from_world(&self, v: DVec3) -> DVec3 {
         self.world_from_space.inverse() * v
     }
-    fn turn_from(&self, v: DVec3) -> DVec3 {
+    fn vector_to_world(&self, v: DVec3) -> DVec3 {
         self.world_from_space * v
     }
 }
 
-fn widen(a: &Affine3A) -> DAffine3 {
+fn to_f64(a: &Affine3A) -> DAffine3 {
     DAffine3 { matrix3: Mat3::from(a.matrix3).as_dmat3(), translation: Vec3::from(a.translation).as_dvec3() }
 }

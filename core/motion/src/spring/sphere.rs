@@ -15,8 +15,8 @@ pub fn log(from: DVec3, to: DVec3) -> DVec3 {
     cross.cross(from) * (libm::atan2(sin, cos) / sin)
 }
 
-/// Exponential map: moves a direction along a tangent vector by its length in radians. Gives the new direction, and another tangent vector carried
-/// along without being turned (parallel transport).
+/// Exponential map: moves a direction along a tangent vector by its length in radians. Returns the new direction, and another
+/// tangent vector after parallel transport to it.
 pub fn exp(from: DVec3, way: DVec3, carried: DVec3) -> (DVec3, DVec3) {
     let angle = way.length();
     if angle == 0.0 {
@@ -45,17 +45,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn log_and_exp_are_inverse() {
+    fn exp_inverts_log_and_transports_a_vector_along_the_great_circle() {
         let a = DVec3::new(0.36, 0.48, 0.8);
         for b in
             [DVec3::X, DVec3::NEG_Z, DVec3::new(0.6, 0.0, -0.8), a, (a + DVec3::X * 1e-9).normalize(), -a]
         {
-            let way = log(a, b);
-            assert!(way.dot(a).abs() < 1e-12 && way.length() <= PI + 1e-12);
-            let (there, carried) = exp(a, way, way);
+            let arc = log(a, b);
+            assert!(arc.dot(a).abs() < 1e-12 && arc.length() <= PI + 1e-12);
+            let (there, carried) = exp(a, arc, arc);
             assert!((there - b).length() < 1e-12, "{b}: {there}");
-            // A vector along the way is carried to one along the way, with the same length.
-            assert!((carried.length() - way.length()).abs() < 1e-12 && carried.dot(there).abs() < 1e-12);
+            // A vector along the great circle stays along it, with the same length.
+            assert!((carried.length() - arc.length()).abs() < 1e-12 && carried.dot(there).abs() < 1e-12);
         }
     }
 }

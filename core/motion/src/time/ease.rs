@@ -96,7 +96,7 @@ impl Ease {
             Ease::Out(shape) => 1.0 - shape.ease_in(1.0 - w),
             Ease::InOut(shape) if w < 0.5 => 0.5 * shape.ease_in(2.0 * w),
             Ease::InOut(shape) => 1.0 - 0.5 * shape.ease_in(2.0 - 2.0 * w),
-            Ease::Bezier([x1, y1, x2, y2]) => cubic(y1, y2, parameter(x1, x2, w)),
+            Ease::Bezier([x1, y1, x2, y2]) => bezier_coordinate(y1, y2, bezier_parameter(x1, x2, w)),
         };
         eased.clamp(0.0, 1.0)
     }
@@ -118,14 +118,14 @@ impl Ease {
             Ease::InOut(shape) => (w - 0.5) + 0.25 * shape.area_in(2.0 - 2.0 * w),
             Ease::Bezier([x1, y1, x2, y2]) => {
                 // ∫ y dx = ∫ y(s) x'(s) ds, a polynomial of degree 6.
-                let s = parameter(x1, x2, w);
+                let s = bezier_parameter(x1, x2, w);
                 let y = [3.0 * y1, 3.0 * y2 - 6.0 * y1, 3.0 * y1 - 3.0 * y2 + 1.0];
                 let dx = [3.0 * x1, 6.0 * x2 - 12.0 * x1, 3.0 * (3.0 * x1 - 3.0 * x2 + 1.0)];
                 let mut area = 0.0;
                 for (i, y) in y.iter().enumerate() {
                     for (j, dx) in dx.iter().enumerate() {
                         let degree = (i + 1 + j + 1) as i32;
-                        area += y * dx * power(s, degree) / f64::from(degree);
+                        area += y * dx * integer_power(s, degree) / f64::from(degree);
                     }
                 }
                 area
@@ -143,22 +143,22 @@ impl Ease {
     }
 }
 
-fn power(s: f64, n: i32) -> f64 {
+fn integer_power(s: f64, n: i32) -> f64 {
     (0..n).fold(1.0, |product, _| product * s)
 }
 
 /// One coordinate of the Bézier curve 0, a, b, 1.
-fn cubic(a: f64, b: f64, s: f64) -> f64 {
+fn bezier_coordinate(a: f64, b: f64, s: f64) -> f64 {
     let r = 1.0 - s;
     3.0 * r * r * s * a + 3.0 * r * s * s * b + s * s * s
 }
 
 /// The parameter where the curve has this x: bisection, since x never decreases; to the last bit.
-fn parameter(x1: f64, x2: f64, x: f64) -> f64 {
+fn bezier_parameter(x1: f64, x2: f64, x: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        if cubic(x1, x2, middle) < x { low = middle } else { high = middle }
+        if bezier_coordinate(x1, x2, middle) < x { low = middle } else { high = middle }
     }
     0.5 * (low + high)
 }
@@ -167,7 +167,7 @@ fn parameter(x1: f64, x2: f64, x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn all() -> Vec<Ease> {
+    fn all_eases() -> Vec<Ease> {
         let shaped = Shape::ALL.iter().flat_map(|(_, s)| [Ease::In(*s), Ease::Out(*s), Ease::InOut(*s)]);
         let others = [
             Ease::Linear,
@@ -180,8 +180,8 @@ mod tests {
     }
 
     #[test]
-    fn every_ease_rises_from_0_to_1_and_its_area_is_its_integral() {
-        for ease in all() {
+    fn every_ease_rises_from_0_to_1_and_area_is_its_integral() {
+        for ease in all_eases() {
             assert_eq!((ease.at(0.0), ease.at(1.0)), (0.0, 1.0), "{ease:?}");
             // Simpson's rule at 4000 steps; Circ and the steepest Bézier have an infinite slope at one point.
             let (steps, mut sum, mut before) = (4000, 0.0, 0.0);
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn beziers_are_those_of_css() {
+    fn bezier_eases_match_css() {
         // CSS `ease` at its half, by bisection in forty decimal digits.
         assert!((Ease::Bezier([0.25, 0.1, 0.25, 1.0]).at(0.5) - 0.802_403_387_584_857).abs() < 1e-12);
         let line = Ease::Bezier([1.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0]);

@@ -93,13 +93,13 @@ impl Neg for Time {
 }
 
 /// The ratio that equals a number exactly: the first such convergent of its continued fraction.
-fn ratio(number: f64) -> Option<FrameRate> {
-    const MOST: f64 = i32::MAX as f64;
+fn exact_ratio(number: f64) -> Option<FrameRate> {
+    const MAX_TERM: f64 = i32::MAX as f64;
     let (mut before, mut last, mut rest) = ([0.0, 1.0], [1.0, 0.0], number);
     loop {
         let whole = libm::floor(rest);
         let next = [whole * last[0] + before[0], whole * last[1] + before[1]];
-        if !(next[0] <= MOST && next[1] <= MOST) {
+        if !(next[0] <= MAX_TERM && next[1] <= MAX_TERM) {
             return None;
         }
         if next[0] / next[1] == number {
@@ -150,7 +150,7 @@ impl FrameRate {
                 return Ok(FrameRate { num: base * 1000, den: 1001 });
             }
         }
-        ratio(fps).ok_or(FrameRateError::Ratio)
+        exact_ratio(fps).ok_or(FrameRateError::Ratio)
     }
 
     /// Frames per second.

@@ -84,9 +84,9 @@ fn scaled_ticks(ticks: i64, factor: f64) -> i128 {
     if ticks <= 0 || factor.is_nan() || factor <= 0.0 {
         return 0;
     }
-    const END: i128 = i128::MAX / 8;
+    const SATURATED_TICKS: i128 = i128::MAX / 8;
     if factor.is_infinite() {
-        return END;
+        return SATURATED_TICKS;
     }
     let bits = factor.to_bits();
     let exponent_bits = (bits >> 52) as i32;
@@ -97,7 +97,7 @@ fn scaled_ticks(ticks: i64, factor: f64) -> i128 {
     let product = i128::from(ticks) * mantissa;
     if exponent >= 0 {
         let shift = exponent as u32;
-        if shift >= product.leading_zeros().saturating_sub(4) { END } else { product << shift }
+        if shift >= product.leading_zeros().saturating_sub(4) { SATURATED_TICKS } else { product << shift }
     } else if exponent < -120 {
         0
     } else {

@@ -1,4 +1,4 @@
-//! Additive layers and mixes of many poses: closed forms, f64, any order.
+//! Additive layers and weighted blends are compared with closed forms and f64, in any order.
 
 use crate::support::*;
 use choreo_motion::math::rotation::{from_rotation_vector, rotation_vector};
@@ -20,7 +20,7 @@ fn angle(a: Quat, b: Quat) -> f64 {
     rotation_vector(a.as_dquat().conjugate() * b.as_dquat()).length()
 }
 
-fn worst(a: &Pose, b: &Pose) -> f64 {
+fn largest_difference(a: &Pose, b: &Pose) -> f64 {
     let one = |(a, b): (Transform, Transform)| {
         let moved = (a.translation - b.translation).length() + (a.scale - b.scale).length();
         f64::from(moved).max(angle(a.rotation, b.rotation))
@@ -29,7 +29,7 @@ fn worst(a: &Pose, b: &Pose) -> f64 {
 }
 
 #[test]
-fn vectors_and_rotations_are_inverse_at_any_angle() {
+fn rotation_vectors_and_rotations_convert_back_at_any_angle() {
     let axis = DVec3::new(0.6, -0.48, 0.64);
     for degrees in [0.0, 1e-9, 1e-3, 1.0, 90.0, 179.999, 180.0] {
         let v = axis * f64::to_radians(degrees);
@@ -38,14 +38,14 @@ fn vectors_and_rotations_are_inverse_at_any_angle() {
         assert!(rotation_vector(q).abs_diff_eq(v, 1e-12), "{degrees}");
         assert!(rotation_vector(-q).abs_diff_eq(v, 1e-9), "−q at {degrees}");
     }
-    // Beyond half a turn the shorter way round.
+    // Beyond half a turn, the vector is that of the shorter rotation.
     let v = axis * 4.0;
     let short = axis * (4.0 - std::f64::consts::TAU);
     assert!(rotation_vector(from_rotation_vector(v)).abs_diff_eq(short, 1e-12));
 }
 
 #[test]
-fn weights_turn_by_their_share_of_the_angle_and_may_be_negative() {
+fn additive_weights_scale_the_angle_and_may_be_negative() {
     let turned = |degrees: f32| {
         let mut pose = Pose::identity(1);
         pose.set(
@@ -66,7 +66,7 @@ fn weights_turn_by_their_share_of_the_angle_and_may_be_negative() {
 }
 
 #[test]
-fn additive_poses_come_out_the_same_in_any_order_and_cancel() {
+fn additive_layers_are_independent_of_their_order_and_cancel() {
     let mut random = Random(7);
     let base = random_pose(&mut random, 19);
     let poses: Vec<(Pose, Pose, f32)> = (0..4)
@@ -88,10 +88,10 @@ fn additive_poses_come_out_the_same_in_any_order_and_cancel() {
     };
     let first = sum(&[0, 1, 2, 3], &[1.0]);
     for order in [[3, 2, 1, 0], [1, 3, 0, 2], [2, 0, 3, 1]] {
-        assert!(worst(&first, &sum(&order, &[1.0])) < 1e-6);
+        assert!(largest_difference(&first, &sum(&order, &[1.0])) < 1e-6);
     }
-    assert!(worst(&base, &sum(&[0, 1, 2, 3], &[1.0, -1.0])) < 1e-5);
-    // Products of quaternions, one layer after the other, would not pass.
+    assert!(largest_difference(&base, &sum(&[0, 1, 2, 3], &[1.0, -1.0])) < 1e-5);
+    // Negative control: products of quaternions depend on the order.
     let product = |order: [usize; 2]| {
         let delta = |i: usize| {
             let (from, to) = (poses[i].0.get(5).rotation, poses[i].1.get(5).rotation);
@@ -103,7 +103,7 @@ fn additive_poses_come_out_the_same_in_any_order_and_cancel() {
 }
 
 #[test]
-fn a_mix_is_the_weighted_mean_whatever_the_order_and_the_base_fills_up() {
+fn a_weighted_blend_is_the_mean_in_any_order_and_the_base_has_the_remaining_weight() {
     let mut random = Random(11);
     let base = random_pose(&mut random, 21);
     let poses: Vec<Pose> = (0..3).map(|_| random_pose(&mut random, 21)).collect();
@@ -118,7 +118,7 @@ fn a_mix_is_the_weighted_mean_whatever_the_order_and_the_base_fills_up() {
     for weights in [[0.2, 0.3, 0.1], [0.9, 0.8, 0.7], [0.5, 0.5, 0.0]] {
         let first = mix(&[0, 1, 2], weights);
         for order in [[2, 1, 0], [1, 2, 0], [0, 2, 1]] {
-            assert!(worst(&first, &mix(&order, weights)) < 1e-5, "{weights:?}");
+            assert!(largest_difference(&first, &mix(&order, weights)) < 1e-5, "{weights:?}");
         }
         let w: Vec<f64> = weights.iter().map(|w| f64::from(*w)).collect();
         let total: f64 = w.iter().sum();
@@ -135,15 +135,16 @@ fn a_mix_is_the_weighted_mean_whatever_the_order_and_the_base_fills_up() {
             }
             let got = first.get(joint);
             assert!(got.translation.as_dvec3().abs_diff_eq(place / total.max(1.0), 1e-6));
-            // Within what the corrected nlerp is off slerp.
+            // The tolerance is the error of corrected nlerp against slerp.
             let turned = b.rotation.as_dquat().slerp(q.normalize(), total.min(1.0));
             assert!(angle(got.rotation, turned.as_quat()) < 8e-4);
         }
     }
-    // Nothing added leaves the base, bit for bit; all of one pose is that pose.
+    // Without poses the base is unchanged bit for bit; one pose at weight 1 gives that pose.
     assert_eq!(mix(&[], [0.0; 3]), base);
     assert_eq!(mix(&[0, 1, 2], [0.0; 3]), base);
-    assert!(worst(&mix(&[1], [0.0, 1.0, 0.0]), &poses[1]) < 1e-6);
-    let normalised_too_soon = worst(&mix(&[0, 1, 2], [0.2, 0.3, 0.1]), &mix(&[0, 1, 2], [0.4, 0.6, 0.2]));
-    assert!(normalised_too_soon > 0.05, "a base that does not fill up would have passed");
+    assert!(largest_difference(&mix(&[1], [0.0, 1.0, 0.0]), &poses[1]) < 1e-6);
+    let normalized_too_early =
+        largest_difference(&mix(&[0, 1, 2], [0.2, 0.3, 0.1]), &mix(&[0, 1, 2], [0.4, 0.6, 0.2]));
+    assert!(normalized_too_early > 0.05, "a base that does not fill up would have passed");
 }

@@ -6,12 +6,12 @@ use std::sync::Arc;
 
 const LINEAR: Interpolation = Interpolation::Linear;
 
-fn refused(c: Curve) -> String {
+fn error_of(c: Curve) -> String {
     Clip::new("bad".into(), 2, vec![c]).unwrap_err().to_string()
 }
 
 #[test]
-fn what_is_wrong_is_named() {
+fn errors_name_the_curve_and_the_problem() {
     let t = |secs: &[f64], values: &[f32]| curve(1, Path::Translation, LINEAR, secs, values);
     let r = |values: &[f32]| curve(0, Path::Rotation, LINEAR, &[0.0], values);
     let six = [0.0; 6];
@@ -19,7 +19,7 @@ fn what_is_wrong_is_named() {
         (t(&[], &[]), "curve 0 (Translation of joint 1): it has no keys"),
         (
             t(&[0.0, 1.0], &[0.0; 5]),
-            "curve 0 (Translation of joint 1): 2 keys need 6 values (3 a key), it has 5",
+            "curve 0 (Translation of joint 1): the number of values is 5, must be 6 (3 per key)",
         ),
         (
             t(&[0.5, 0.5], &six),
@@ -47,7 +47,7 @@ fn what_is_wrong_is_named() {
         (r(&[0.0; 4]), "curve 0 (Rotation of joint 0): the rotation of key 0 has length zero, must be 1"),
         (
             curve(2, Path::Scale, LINEAR, &[0.0], &[1.0; 3]),
-            "curve 0 (Scale of joint 2): the skeleton has only 2 joints",
+            "curve 0 (Scale of joint 2): there is no such joint; number of the skeleton's joints: 2",
         ),
         (
             curve(0, Path::Weights(1 << 20), LINEAR, &[0.0], &[]),
@@ -55,7 +55,7 @@ fn what_is_wrong_is_named() {
         ),
     ];
     for (curve, text) in cases {
-        assert_eq!(refused(curve), text);
+        assert_eq!(error_of(curve), text);
     }
     let c = curve(0, Path::Scale, LINEAR, &[0.0], &[1.0; 3]);
     assert_eq!(
@@ -65,7 +65,7 @@ fn what_is_wrong_is_named() {
 }
 
 #[test]
-fn rotations_are_brought_to_unit_length() {
+fn rotation_keys_are_normalized() {
     let values = [0.0, 0.0, 6.0, 8.0, 0.0, 0.0, 0.0, 1.0];
     let clip =
         Clip::new("long".into(), 1, vec![curve(0, Path::Rotation, LINEAR, &[0.0, 1.0], &values)]).unwrap();
@@ -84,16 +84,16 @@ fn duration_is_the_last_key() {
     assert_eq!(Clip::new("two".into(), 1, vec![a, b]).unwrap().duration, Time::from_secs(2.5));
 }
 
-fn named(names: &[&str]) -> Skeleton {
+fn skeleton_with_names(names: &[&str]) -> Skeleton {
     let parents = (0..names.len()).map(|i| (i > 0).then(|| i as u32 - 1)).collect();
     let rest = vec![Transform::IDENTITY; names.len()];
     Skeleton::new(names.iter().map(|n| n.to_string()).collect(), parents, rest).unwrap()
 }
 
 #[test]
-fn binding_goes_by_exact_then_plain_names_and_shares_the_keys() {
-    let from = named(&["mixamorig:Hips", "mixamorig:Spine", "Tail", "Head"]);
-    let to = named(&["Root", "Head", "Hips", "head", "mixamorig1:Spine"]);
+fn binding_matches_exact_then_plain_names_and_shares_the_keys() {
+    let from = skeleton_with_names(&["mixamorig:Hips", "mixamorig:Spine", "Tail", "Head"]);
+    let to = skeleton_with_names(&["Root", "Head", "Hips", "head", "mixamorig1:Spine"]);
     let curves = (0..4).map(|j| curve(j, Path::Translation, LINEAR, &[0.0], &[j as f32; 3])).collect();
     let clip = Clip::new("walk".into(), 4, curves).unwrap();
     let (bound, unmatched) = bind_clip(&clip, &from, &to);
@@ -108,9 +108,9 @@ fn binding_goes_by_exact_then_plain_names_and_shares_the_keys() {
 }
 
 #[test]
-fn the_same_body_under_other_names_is_bound_joint_by_joint() {
-    let from = named(&["Bip01 Pelvis", "Bip01 L UpperArm", "Bip01 R Calf", "Bip01 Ponytail1"]);
-    let to = named(&["mixamorig:Hips", "mixamorig:RightLeg", "mixamorig:LeftArm"]);
+fn binding_matches_humanoid_joints_of_other_naming_families() {
+    let from = skeleton_with_names(&["Bip01 Pelvis", "Bip01 L UpperArm", "Bip01 R Calf", "Bip01 Ponytail1"]);
+    let to = skeleton_with_names(&["mixamorig:Hips", "mixamorig:RightLeg", "mixamorig:LeftArm"]);
     let curves = (0..4).map(|j| curve(j, Path::Translation, LINEAR, &[0.0], &[j as f32; 3])).collect();
     let clip = Clip::new("walk".into(), 4, curves).unwrap();
     let (bound, unmatched) = bind_clip(&clip, &from, &to);
@@ -122,8 +122,8 @@ fn the_same_body_under_other_names_is_bound_joint_by_joint() {
 
 #[test]
 fn ambiguous_plain_names_are_not_guessed() {
-    let from = named(&["a:Arm"]);
-    let to = named(&["b:Arm", "c:Arm"]);
+    let from = skeleton_with_names(&["a:Arm"]);
+    let to = skeleton_with_names(&["b:Arm", "c:Arm"]);
     let clip = Clip::new("x".into(), 1, vec![curve(0, Path::Scale, LINEAR, &[0.0], &[1.0; 3])]).unwrap();
     let (bound, unmatched) = bind_clip(&clip, &from, &to);
     assert_eq!((bound.curves().len(), unmatched), (0, vec!["a:Arm".to_string()]));
@@ -131,7 +131,7 @@ fn ambiguous_plain_names_are_not_guessed() {
 
 #[test]
 fn binding_to_the_same_names_changes_nothing() {
-    let skeleton = named(&["x", "x", "y"]);
+    let skeleton = skeleton_with_names(&["x", "x", "y"]);
     let curves = (0..3).map(|j| curve(j, Path::Scale, LINEAR, &[0.0], &[1.0; 3])).collect();
     let clip = Clip::new("same".into(), 3, curves).unwrap();
     let (bound, unmatched) = bind_clip(&clip, &skeleton, &skeleton);
@@ -139,7 +139,7 @@ fn binding_to_the_same_names_changes_nothing() {
 }
 
 #[test]
-fn baking_states_its_error() {
+fn baking_reports_its_largest_error() {
     let thirty = FrameRate { num: 30, den: 1 };
     // A key between two frames is cut off: the triangle's tip at 0.51 s, between frames 15 (0.5 s) and 16 (0.5333 s).
     let tip = curve(
@@ -167,7 +167,7 @@ fn baking_states_its_error() {
 }
 
 #[test]
-fn baking_too_much_is_refused() {
+fn baking_beyond_the_size_limit_is_an_error() {
     let long = curve(0, Path::Scale, LINEAR, &[0.0, 1e6], &[1.0; 6]);
     let clip = Clip::new("long".into(), 1, vec![long]).unwrap();
     let refused = clip.baked(FrameRate { num: 60, den: 1 }).unwrap_err().to_string();

@@ -1,4 +1,4 @@
-//! Compressed clips against f64 evaluations of the clips they were made of.
+//! Compressed clips are compared with f64 evaluations of their source clips.
 
 use crate::support;
 use crate::support::Random;
@@ -9,8 +9,8 @@ use choreo_motion::{
 use glam::{Affine3A, DQuat, DVec3, EulerRot, Quat, Vec3};
 use std::sync::Arc;
 
-/// Chains of a spine and two arms, some 60 joints.
-fn body(joints: usize) -> Skeleton {
+/// A skeleton whose chains of 20 joints branch off one joint.
+fn test_skeleton(joints: usize) -> Skeleton {
     let parents: Vec<Option<u32>> = (0..joints as u32)
         .map(|j| {
             if j == 0 {
@@ -35,8 +35,8 @@ fn body(joints: usize) -> Skeleton {
     Skeleton::new((0..joints).map(|j| format!("j{j}")).collect(), parents, rest).unwrap()
 }
 
-/// Smooth turns of all joints, keys at a rate; jitter in radians; the root travels and spins.
-fn motion(skeleton: &Skeleton, rate: u32, secs: f64, jitter: f32, interpolation: Interpolation) -> Clip {
+/// A clip in which all joints rotate smoothly with some jitter, radians, and the root travels and spins; keys at a rate.
+fn smooth_clip(skeleton: &Skeleton, rate: u32, secs: f64, jitter: f32, interpolation: Interpolation) -> Clip {
     let rate = FrameRate { num: rate, den: 1 };
     let frames = (secs * f64::from(rate.num)) as i64;
     let times: Arc<[Time]> = (0..=frames).map(|f| rate.time_of(f)).collect();
@@ -53,7 +53,7 @@ fn motion(skeleton: &Skeleton, rate: u32, secs: f64, jitter: f32, interpolation:
                 turn = Quat::from_rotation_y(t * 2.5) * turn;
             }
             let q = rest.rotation * turn;
-            // The other quaternion of the same rotation now and then.
+            // Some keys have the quaternion of the other sign.
             let q = if i % 7 == 3 && interpolation == Interpolation::Linear { -q } else { q };
             match interpolation {
                 Interpolation::CubicSpline => {
@@ -126,9 +126,9 @@ fn error_mm(skeleton: &Skeleton, a: &Clip, b: &Clip) -> f64 {
 }
 
 #[test]
-fn a_tenth_of_a_millimetre_in_a_tenth_of_the_bytes() {
-    let skeleton = body(61);
-    let clip = motion(&skeleton, 30, 6.0, 0.0, Interpolation::Linear);
+fn compression_to_a_tenth_of_a_millimetre_takes_a_tenth_of_the_dense_bytes() {
+    let skeleton = test_skeleton(61);
+    let clip = smooth_clip(&skeleton, 30, 6.0, 0.0, Interpolation::Linear);
     let (small, report) = clip.compressed(&skeleton, 1e-4).unwrap();
     assert!(small.is_compressed() && report.worst_m > 0.0 && report.worst_m <= 1e-4, "{report:?}");
     let error = error_mm(&skeleton, &clip, &small);
@@ -136,22 +136,22 @@ fn a_tenth_of_a_millimetre_in_a_tenth_of_the_bytes() {
     assert!(report.bytes[1] * 10 <= report.dense_bytes, "{report:?}");
     assert_eq!(small.stored_bytes(), report.bytes[1]);
     assert_eq!(small.duration, clip.duration);
-    // A coarser tolerance is smaller, and is seen to be worse.
+    // A coarser tolerance takes fewer bytes and has a larger error.
     let (coarse, rough) = clip.compressed(&skeleton, 5e-3).unwrap();
     assert!(rough.bytes[1] < report.bytes[1] && rough.worst_m <= 5e-3);
     assert!(error_mm(&skeleton, &clip, &coarse) > 0.1, "the comparison must see more than a tenth");
 }
 
 #[test]
-fn rough_motion_other_rates_and_splines_stay_within_the_tolerance() {
-    let skeleton = body(30);
+fn compression_of_jitter_other_rates_and_splines_stays_within_the_tolerance() {
+    let skeleton = test_skeleton(30);
     for (rate, jitter, interpolation) in [
         (30, 0.02, Interpolation::Linear),
         (24, 0.0, Interpolation::Linear),
         (60, 0.001, Interpolation::Linear),
         (30, 0.0, Interpolation::CubicSpline),
     ] {
-        let clip = motion(&skeleton, rate, 3.0, jitter, interpolation);
+        let clip = smooth_clip(&skeleton, rate, 3.0, jitter, interpolation);
         let (small, report) = clip.compressed(&skeleton, 1e-4).unwrap();
         let error = error_mm(&skeleton, &clip, &small);
         assert!(error <= 0.1, "{rate} Hz, {interpolation:?}: {error} mm, {report:?}");
@@ -164,9 +164,9 @@ fn rough_motion_other_rates_and_splines_stay_within_the_tolerance() {
 }
 
 #[test]
-fn levels_and_decoded_keys_give_the_same() {
-    let skeleton = body(61);
-    let clip = motion(&skeleton, 30, 4.0, 0.003, Interpolation::Linear);
+fn compressed_sampling_is_equal_on_all_levels_and_for_decoded_keys() {
+    let skeleton = test_skeleton(61);
+    let clip = smooth_clip(&skeleton, 30, 4.0, 0.003, Interpolation::Linear);
     let (small, _) = clip.compressed(&skeleton, 1e-4).unwrap();
     let plain = Clip::new("plain".into(), small.joint_count(), small.curves().to_vec()).unwrap();
     assert!(!plain.is_compressed() && plain.stored_bytes() > small.stored_bytes());
@@ -191,9 +191,9 @@ fn levels_and_decoded_keys_give_the_same() {
 }
 
 #[test]
-fn a_crossfade_of_compressed_clips_is_that_of_their_keys() {
-    let skeleton = body(40);
-    let clip = motion(&skeleton, 30, 4.0, 0.0, Interpolation::Linear);
+fn a_crossfade_of_compressed_clips_matches_the_uncompressed_one() {
+    let skeleton = test_skeleton(40);
+    let clip = smooth_clip(&skeleton, 30, 4.0, 0.0, Interpolation::Linear);
     let (small, _) = clip.compressed(&skeleton, 1e-4).unwrap();
     let rest = Pose::rest(&skeleton);
     let model = |clip: &Clip| {
@@ -219,8 +219,8 @@ fn a_crossfade_of_compressed_clips_is_that_of_their_keys() {
 }
 
 #[test]
-fn what_cannot_become_smaller_stays_and_bad_input_is_named() {
-    let skeleton = body(5);
+fn clips_that_cannot_become_smaller_stay_and_invalid_input_is_an_error() {
+    let skeleton = test_skeleton(5);
     let key = |joint| Curve {
         joint,
         path: Path::Rotation,
@@ -238,15 +238,15 @@ fn what_cannot_become_smaller_stays_and_bad_input_is_named() {
         few.compressed(&skeleton, f64::NAN).unwrap_err().to_string(),
         "the tolerance of NaN m must be from 0.000001 m to 0.1 m"
     );
-    let wrong = few.compressed(&body(6), 1e-4).unwrap_err();
+    let wrong = few.compressed(&test_skeleton(6), 1e-4).unwrap_err();
     assert_eq!(wrong, CompressError::Joints { clip: "few".into(), joints: 5, expected: 6 });
-    // Everything rests: one key each.
-    let still = motion(&skeleton, 30, 2.0, 0.0, Interpolation::Linear).cut(Time::ZERO, Time(1)).unwrap();
+    // All curves are constant: one key each.
+    let still = smooth_clip(&skeleton, 30, 2.0, 0.0, Interpolation::Linear).cut(Time::ZERO, Time(1)).unwrap();
     assert!(still.compressed(&skeleton, 1e-4).is_ok());
 }
 
 #[test]
-fn keys_as_far_apart_as_time_goes_stay_as_they_are() {
+fn clips_with_extreme_key_times_are_not_compressed() {
     let curve = Curve {
         joint: 0,
         path: Path::Translation,
@@ -255,7 +255,7 @@ fn keys_as_far_apart_as_time_goes_stay_as_they_are() {
         values: vec![0.0; 9].into(),
     };
     let Ok(clip) = Clip::new("long".into(), 1, vec![curve]) else { panic!("such keys can be") };
-    let (small, report) = clip.compressed(&body(1), 1e-4).unwrap();
+    let (small, report) = clip.compressed(&test_skeleton(1), 1e-4).unwrap();
     assert_eq!((report.worst_m, report.bytes[0]), (0.0, report.bytes[1]));
     assert_eq!(small.duration, clip.duration);
 }

@@ -1,34 +1,34 @@
-//! Contacts of generated gaits, whose stands are known.
+//! Contacts of generated gaits, whose contact times are known.
 
 use choreo_motion::contacts::{find_feet, leg_length};
 use choreo_motion::{Clip, Contacts, Curve, Interpolation, Path, Skeleton, Time, Transform};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
-/// A gait of one stride: how long the clip is, when each foot comes down and how long it stays, as shares of it.
+/// A gait of one stride: duration of the clip, and touch-down time and contact duration of each foot as shares of it.
 struct Gait {
     secs: f64,
-    /// Metres a second.
+    /// Metres per second.
     speed: f64,
     /// Height by which feet in the air are lifted, in leg lengths.
     lift: f64,
     downs: Vec<(f64, f64)>,
     /// Whether it is played on the spot.
     on_the_spot: bool,
-    /// Metres; of the leg.
+    /// Length of the leg, metres.
     leg: f64,
 }
 
 impl Gait {
-    /// Where a foot is beside where it rests, in the body's space (on the spot) or the floor's.
-    fn place(&self, foot: usize, t: f64) -> DVec3 {
+    /// Displacement of a foot from its rest position, in the space of the character (on the spot) or of the floor.
+    fn foot_position(&self, foot: usize, t: f64) -> DVec3 {
         let (down, share) = self.downs[foot];
         let phase = (t / self.secs - down).rem_euclid(1.0);
         let stride = self.speed * self.secs;
         let z = if phase < share {
             stride * (0.5 * share - phase)
         } else {
-            // In the air the foot swings from behind to the front, as fast as the floor at both ends, so that nothing jerks.
+            // In the air the foot swings forwards; at both ends it has the velocity of the floor, so that velocity is continuous.
             let s = (phase - share) / (1.0 - share);
             let (from, to, slope) = (-0.5 * share * stride, 0.5 * share * stride, -stride * (1.0 - share));
             let (s2, s3) = (s * s, s * s * s);
@@ -43,7 +43,7 @@ impl Gait {
         DVec3::new(0.0, y, z + carried)
     }
 
-    /// Hips, and feet on legs of two bones; feet are moved by translations of their own.
+    /// Hips with feet as their children, which are animated by translations.
     fn skeleton(&self) -> Skeleton {
         let mut names = vec!["Hips".to_string()];
         let mut parents = vec![None];
@@ -63,8 +63,9 @@ impl Gait {
             (0..=keys).map(|i| Time::from_secs(self.secs * f64::from(i) / f64::from(keys))).collect();
         let curves = (0..self.downs.len()).map(|foot| {
             let rest = skeleton.rest()[foot + 1].translation.as_dvec3();
-            let values =
-                times.iter().flat_map(|t| (rest + self.place(foot, t.as_secs())).as_vec3().to_array());
+            let values = times
+                .iter()
+                .flat_map(|t| (rest + self.foot_position(foot, t.as_secs())).as_vec3().to_array());
             Curve {
                 joint: foot as u32 + 1,
                 path: Path::Translation,
@@ -76,7 +77,7 @@ impl Gait {
         Clip::new("gait".into(), skeleton.len(), curves.collect()).unwrap()
     }
 
-    fn found(&self) -> Contacts {
+    fn contacts(&self) -> Contacts {
         let (skeleton, feet) = (self.skeleton(), find_feet(&self.skeleton()));
         assert_eq!(feet.len(), self.downs.len());
         assert!((leg_length(&skeleton, &feet).unwrap() - self.leg).abs() < 1e-5);
@@ -109,9 +110,9 @@ fn gaits() -> Vec<(&'static str, Gait)> {
 }
 
 #[test]
-fn stands_are_found_where_they_are() {
+fn contacts_are_found_at_the_times_of_generated_gaits() {
     for (name, gait) in gaits() {
-        let found = gait.found();
+        let found = gait.contacts();
         let floor = if gait.on_the_spot { -gait.speed } else { 0.0 };
         let off = (found.floor_velocity.z - floor).abs();
         println!("{name}: floor at {:.3} m/s, must be {floor:.3}", found.floor_velocity.z);
@@ -124,29 +125,29 @@ fn stands_are_found_where_they_are() {
                 off.min(1.0 - off)
             };
             let (from, to) = (stands[0].from.as_secs() / gait.secs, stands[0].to.as_secs() / gait.secs);
-            // A foot leaves the ground slowly: it is low for some of its time in the air. (4 % of a stride.)
+            // A foot leaves the floor slowly, and is low for part of its time in the air (4 % of a stride).
             assert!(near(from, *down) < 0.04 && near(to, down + share) < 0.04, "{name} {foot}: {from} {to}");
         }
     }
 }
 
 #[test]
-fn the_comparison_above_can_fail() {
+fn shuffling_and_hovering_feet_have_short_contacts() {
     let (_, mut gait) = gaits().remove(0);
     gait.lift = 0.03;
     gait.downs = vec![(0.1, 0.3), (0.6, 0.3)];
-    // A shuffle: feet in the air are as low as those that stand, but faster.
-    let of = gait.found();
+    // A shuffle: feet in the air are as low as feet on the floor, but faster.
+    let of = gait.contacts();
     assert!(of.intervals.iter().flatten().all(|s| (s.to - s.from).as_secs() < 0.45), "{of:?}");
-    // Who hovers up and down has no stands of a walk.
+    // A character that hovers up and down has no contacts as long as those of a walk.
     gait.downs = vec![(0.1, 1e-3), (0.6, 1e-3)];
     gait.lift = 0.5;
-    let of = gait.found();
+    let of = gait.contacts();
     assert!(of.intervals.iter().flatten().all(|s| (s.to - s.from).as_secs() < 0.2), "{of:?}");
 }
 
 #[test]
-fn who_stands_at_ease_stands_all_the_time() {
+fn a_standing_character_has_contacts_at_all_times() {
     let (_, gait) = gaits().remove(0);
     let skeleton = gait.skeleton();
     let clip = Clip::new(

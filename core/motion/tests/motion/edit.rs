@@ -1,4 +1,4 @@
-//! Clips made from clips: the law of each at every tick, on random clips of all kinds of keys.
+//! Clip editing: each edit is compared with its definition at random times, on random clips with all kinds of keys.
 
 use crate::support::*;
 use choreo_motion::edit::reduce::KeptTimes;
@@ -6,8 +6,8 @@ use choreo_motion::*;
 use glam::{DQuat, DVec3, Vec3};
 use proptest::prelude::*;
 
-/// Mixed kinds of keys at times of their own, weights among them; 0 to at most 2 s.
-fn motion(random: &mut Random, skeleton: &Skeleton) -> Clip {
+/// A random clip of at most 2 s with all kinds of keys at separate times, morph weights included.
+fn random_clip(random: &mut Random, skeleton: &Skeleton) -> Clip {
     let mut curves = Vec::new();
     for joint in 0..skeleton.len() as u32 {
         for path in [Path::Translation, Path::Rotation, Path::Scale, Path::Weights(2)] {
@@ -38,7 +38,7 @@ fn sampled(skeleton: &Skeleton, clip: &Clip, at: Time) -> (Pose, Vec<f32>) {
     (pose, weights)
 }
 
-fn apart(a: &(Pose, Vec<f32>), b: &(Pose, Vec<f32>)) -> f32 {
+fn largest_difference(a: &(Pose, Vec<f32>), b: &(Pose, Vec<f32>)) -> f32 {
     let one = |(a, b): (Transform, Transform)| {
         let turned = (a.rotation - b.rotation).length().min((a.rotation + b.rotation).length());
         turned.max((a.translation - b.translation).length()).max((a.scale - b.scale).length())
@@ -47,52 +47,52 @@ fn apart(a: &(Pose, Vec<f32>), b: &(Pose, Vec<f32>)) -> f32 {
     a.0.iter().zip(b.0.iter()).map(one).fold(weights, f32::max)
 }
 
-/// A cubic rotation that all but vanishes before it is normalised loses digits.
-const NEAR: f32 = 2e-4;
+/// Tolerance of comparisons: a cubic rotation of nearly zero length loses digits when it is normalized.
+const TOLERANCE: f32 = 2e-4;
 
-fn ticks(at: f64, whole: Time) -> Time {
-    whole.scaled(at)
+fn time_at_fraction(fraction: f64, duration: Time) -> Time {
+    duration.scaled(fraction)
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(150))]
 
     #[test]
-    fn a_part_is_the_clip_from_there_on(seed: u64, a in 0.0..0.9f64, b in 0.01..1.0f64, at in 0.0..=1.0f64) {
+    fn a_cut_clip_equals_that_part_and_joined_parts_equal_the_clip(seed: u64, a in 0.0..0.9f64, b in 0.01..1.0f64, at in 0.0..=1.0f64) {
         let random = &mut Random(seed);
         let skeleton = skeleton(4, Some(random));
-        let clip = motion(random, &skeleton);
-        let (from, until) = (ticks(a, clip.duration), ticks(a + (1.0 - a) * b, clip.duration));
+        let clip = random_clip(random, &skeleton);
+        let (from, until) = (time_at_fraction(a, clip.duration), time_at_fraction(a + (1.0 - a) * b, clip.duration));
         let cut = clip.cut(from, until).unwrap();
         prop_assert_eq!(cut.duration, until - from);
-        let t = ticks(at, cut.duration);
-        let distance = apart(&sampled(&skeleton, &cut, t), &sampled(&skeleton, &clip, from + t));
-        prop_assert!(distance < NEAR, "{distance}");
+        let t = time_at_fraction(at, cut.duration);
+        let distance = largest_difference(&sampled(&skeleton, &cut, t), &sampled(&skeleton, &clip, from + t));
+        prop_assert!(distance < TOLERANCE, "{distance}");
         prop_assert!(cut.curves().iter().all(|c| c.times[0] >= Time::ZERO && c.times[c.times.len() - 1] <= cut.duration));
-        // Both parts one after the other are the clip again.
+// Both parts, joined, are the clip again.
         let whole = clip.cut(Time::ZERO, until).unwrap().joined(&clip.cut(until, clip.duration).unwrap_or(clip.clone()), &skeleton);
         if until < clip.duration {
             let whole = whole.unwrap();
             prop_assert_eq!(whole.duration, clip.duration);
-            let t = ticks(at, clip.duration);
-            let distance = apart(&sampled(&skeleton, &whole, t), &sampled(&skeleton, &clip, t));
-            prop_assert!(distance < NEAR, "{distance}");
+            let t = time_at_fraction(at, clip.duration);
+            let distance = largest_difference(&sampled(&skeleton, &whole, t), &sampled(&skeleton, &clip, t));
+            prop_assert!(distance < TOLERANCE, "{distance}");
         }
     }
 
     #[test]
-    fn one_clip_then_another(seed: u64, at in 0.0..1.0f64) {
+    fn a_joined_clip_equals_each_clip_in_its_time(seed: u64, at in 0.0..1.0f64) {
         let random = &mut Random(seed);
         let skeleton = skeleton(3, Some(random));
-        let (a, b) = (motion(random, &skeleton), motion(random, &skeleton));
+        let (a, b) = (random_clip(random, &skeleton), random_clip(random, &skeleton));
         let both = a.joined(&b, &skeleton).unwrap();
         prop_assert_eq!(both.duration, a.duration + b.duration);
-        let t = ticks(at, both.duration);
+        let t = time_at_fraction(at, both.duration);
         let one = match t < a.duration {
             true => sampled(&skeleton, &a, t),
             false => sampled(&skeleton, &b, t - a.duration),
         };
-        // Where kinds differ, cubics become keys 1/240 s apart; these are of keys 0.3 s apart and any direction.
+        // If interpolations differ, cubics become LINEAR keys 1/240 s apart, which is coarse for random keys 0.3 s apart.
         let mixed = both.curves().iter().any(|c| {
             let kind = |clip: &Clip| {
                 let found = clip.curves().iter().find(|d| (d.joint, d.path) == (c.joint, c.path));
@@ -101,24 +101,24 @@ proptest! {
             let cubic = |kind| kind == Interpolation::CubicSpline;
             kind(&a).zip(kind(&b)).is_some_and(|(a, b)| a != b && (cubic(a) || cubic(b)))
         });
-        let distance = apart(&sampled(&skeleton, &both, t), &one);
-        prop_assert!(distance < if mixed { 0.6 } else { NEAR }, "{distance} {mixed}");
+        let distance = largest_difference(&sampled(&skeleton, &both, t), &one);
+        prop_assert!(distance < if mixed { 0.6 } else { TOLERANCE }, "{distance} {mixed}");
     }
 
     #[test]
-    fn backwards_and_backwards_again(seed: u64, at in 0.0..=1.0f64) {
+    fn a_reversed_clip_plays_backwards_and_reversing_twice_restores_it(seed: u64, at in 0.0..=1.0f64) {
         let random = &mut Random(seed);
         let skeleton = skeleton(4, Some(random));
-        let clip = motion(random, &skeleton);
+        let clip = random_clip(random, &skeleton);
         let back = clip.reversed();
         prop_assert_eq!(back.duration, clip.duration);
-        let t = ticks(at, clip.duration);
-        let distance = apart(&sampled(&skeleton, &back, t), &sampled(&skeleton, &clip, clip.duration - t));
-        prop_assert!(distance < NEAR, "{distance}");
+        let t = time_at_fraction(at, clip.duration);
+        let distance = largest_difference(&sampled(&skeleton, &back, t), &sampled(&skeleton, &clip, clip.duration - t));
+        prop_assert!(distance < TOLERANCE, "{distance}");
         let again = back.reversed();
         for (a, b) in again.curves().iter().zip(clip.curves()) {
             if a.interpolation == Interpolation::Step {
-                // Where its first step begins does not show.
+// The time of the first key of a STEP curve has no effect.
                 prop_assert_eq!((&a.times[1..], &a.values), (&b.times[1..], &b.values));
             } else {
                 prop_assert_eq!(a, b);
@@ -127,40 +127,40 @@ proptest! {
     }
 
     #[test]
-    fn faster_and_slower(seed: u64, factor in 0.1..10.0f64, at in 0.0..=1.0f64) {
+    fn a_clip_at_another_speed_equals_the_clip_at_the_scaled_time(seed: u64, factor in 0.1..10.0f64, at in 0.0..=1.0f64) {
         let random = &mut Random(seed);
         let skeleton = skeleton(4, Some(random));
-        let clip = motion(random, &skeleton);
+        let clip = random_clip(random, &skeleton);
         let fast = clip.at_speed(factor).unwrap();
-        let t = ticks(at, fast.duration);
-        // Times are rounded to ticks: at a step that is the other side of it.
+        let t = time_at_fraction(at, fast.duration);
+        // Times are rounded to ticks, which may move a time to the other side of a step.
         let near_step = |c: &Curve| c.interpolation == Interpolation::Step && c.times.iter().any(|k| (k.scaled(1.0 / factor) - t).0.abs() < 3);
         prop_assume!(!clip.curves().iter().any(near_step));
-        let distance = apart(&sampled(&skeleton, &fast, t), &sampled(&skeleton, &clip, t.scaled(factor)));
-        prop_assert!(distance < NEAR, "{distance}");
-        // A power of two and back is what it was, bit for bit.
+        let distance = largest_difference(&sampled(&skeleton, &fast, t), &sampled(&skeleton, &clip, t.scaled(factor)));
+        prop_assert!(distance < TOLERANCE, "{distance}");
+// A speed of 1/2 and then of 2 restores the clip bit for bit.
         let again = clip.at_speed(0.5).unwrap().at_speed(2.0).unwrap();
         prop_assert!(again.curves() == clip.curves() && again.duration == clip.duration);
     }
 
     #[test]
-    fn offset_is_the_pose_offset(seed: u64, at in 0.0..=1.0f64) {
+    fn an_offset_rotates_the_joint_in_every_pose(seed: u64, at in 0.0..=1.0f64) {
         let random = &mut Random(seed);
         let skeleton = skeleton(4, Some(random));
-        let clip = motion(random, &skeleton);
+        let clip = random_clip(random, &skeleton);
         let turned = DQuat::from_array(random.rotation().map(f64::from)).normalize();
         let joint = random.below(4);
         let offset = clip.offset(joint as u32, Offset { moved: DVec3::ZERO, turned }, &skeleton).unwrap();
-        let t = ticks(at, clip.duration);
+        let t = time_at_fraction(at, clip.duration);
         let (mut pose, weights) = sampled(&skeleton, &clip, t);
         let own = pose.get(joint);
         pose.set(joint, Transform { rotation: own.rotation * turned.as_quat(), ..own });
-        let distance = apart(&sampled(&skeleton, &offset, t), &(pose, weights));
-        prop_assert!(distance < NEAR, "{distance}");
+        let distance = largest_difference(&sampled(&skeleton, &offset, t), &(pose, weights));
+        prop_assert!(distance < TOLERANCE, "{distance}");
     }
 
     #[test]
-    fn fewer_keys_within_the_tolerance(seed: u64, at in 0.0..=1.0f64, tolerance in 0.0005..0.05f64) {
+    fn reduction_stays_within_the_tolerance(seed: u64, at in 0.0..=1.0f64, tolerance in 0.0005..0.05f64) {
         let random = &mut Random(seed);
         let skeleton = skeleton(5, None);
         // Smooth motion of a hundred keys, some still.
@@ -180,8 +180,8 @@ proptest! {
             let (less, report) = clip.reduced(&skeleton, tolerance, keep).unwrap();
             prop_assert!(report.worst_m <= tolerance && report.bytes[1] <= report.bytes[0]);
             prop_assert_eq!((report.keys, less.duration), ([500, less.keys()], clip.duration));
-            // Measured anew, at a time of no key, by another way.
-            let t = ticks(at, clip.duration);
+// An independent measurement at a time between keys.
+            let t = time_at_fraction(at, clip.duration);
             let model = |clip: &Clip| {
                 let pose = sampled(&skeleton, clip, t).0;
                 let local = |t: Transform| (t.translation.as_dvec3(), t.rotation.as_dquat().normalize(), t.scale.as_dvec3());
@@ -197,9 +197,10 @@ proptest! {
     }
 }
 
-/// The error that a reduction states is measured at keys alone: against joints, and points 10 cm from them, at times between keys too.
+/// The reported error is measured at keys only. It is compared with the error of joints, and of points 10 cm from them, at 3,000
+/// times.
 #[test]
-fn the_stated_error_of_a_reduction_is_the_largest_at_any_time() {
+fn the_reported_error_of_a_reduction_is_the_largest_at_any_time() {
     let skeleton = skeleton(5, None);
     let secs: Vec<f64> = (0..60).map(|k| f64::from(k) / 30.0).collect();
     let turn = |joint: u32, s: &f64| {
@@ -231,19 +232,19 @@ fn the_stated_error_of_a_reduction_is_the_largest_at_any_time() {
 }
 
 #[test]
-fn the_law_of_parts_can_fail() {
+fn the_comparison_of_cut_clips_detects_a_shift_in_time() {
     let random = &mut Random(1);
     let skeleton = skeleton(4, Some(random));
-    let clip = motion(random, &skeleton);
+    let clip = random_clip(random, &skeleton);
     let cut = clip.cut(Time::from_secs(0.5), clip.duration).unwrap();
     let at = Time::from_secs(0.2);
     // A tenth of a second off.
     let other = sampled(&skeleton, &clip, at + Time::from_secs(0.6));
-    assert!(apart(&sampled(&skeleton, &cut, at), &other) > 100.0 * NEAR);
+    assert!(largest_difference(&sampled(&skeleton, &cut, at), &other) > 100.0 * TOLERANCE);
 }
 
 #[test]
-fn shaking_goes_and_even_motion_stays() {
+fn smoothing_removes_jitter_and_keeps_steady_motion() {
     let secs: Vec<f64> = (0..61).map(|k| f64::from(k) / 30.0).collect();
     let way = |shake: f32| -> Vec<f32> {
         let at = |(k, s): (usize, &f64)| [*s as f32, if k % 2 == 0 { shake } else { -shake }, 1.0];
@@ -258,7 +259,7 @@ fn shaking_goes_and_even_motion_stays() {
     for (key, s) in keys.iter().zip(&secs) {
         assert!((f64::from(key.x) - s).abs() < 1e-6, "even motion stays: {key} at {s}");
     }
-    // Away from the ends a tenth of the shaking is left; the ends are as they were.
+    // Away from the ends less than a fifth of the jitter is left; the ends are unchanged.
     assert!(keys[10..50].iter().all(|k| k.y.abs() < 0.002), "{keys:?}");
     assert_eq!((keys[0].y, keys[60].y), (0.01, 0.01));
     let steps = Curve { interpolation: Interpolation::Step, ..clip(0.01).curves()[0].clone() };
@@ -267,9 +268,9 @@ fn shaking_goes_and_even_motion_stays() {
 }
 
 #[test]
-fn a_joint_is_moved_along_the_models_axes() {
+fn an_offset_moves_a_joint_along_the_axes_of_the_model() {
     let mut rest = vec![Transform::IDENTITY; 2];
-    // A parent that lies on its side and counts in centimetres.
+    // A parent that is rotated by 90° and converts centimetres.
     rest[0].rotation = glam::Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
     rest[0].scale = Vec3::splat(0.01);
     let skeleton = Skeleton::new(vec!["a".into(), "b".into()], vec![None, Some(0)], rest).unwrap();
@@ -280,10 +281,10 @@ fn a_joint_is_moved_along_the_models_axes() {
 }
 
 #[test]
-fn what_cannot_be_is_said() {
+fn invalid_edits_are_errors() {
     let random = &mut Random(2);
     let skeleton = skeleton(2, None);
-    let clip = motion(random, &skeleton);
+    let clip = random_clip(random, &skeleton);
     let (a, b) = (Time::from_secs(0.5), Time::from_secs(0.2));
     assert!(
         clip.cut(a, b)

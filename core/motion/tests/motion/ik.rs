@@ -1,4 +1,4 @@
-//! Inverse kinematics against forward kinematics.
+//! Solutions of inverse kinematics are checked by forward kinematics.
 
 use crate::support::Random;
 use choreo_motion::ik::{Chain, ChainBone, Limit, Solver, TwoBone};
@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 
 const SOLVERS: [Solver; 3] = [Solver::Ccd, Solver::Fabrik, Solver::LeastSquares];
 
-fn chain(n: &mut Random, count: usize, limit: Limit) -> Chain {
+fn random_chain(n: &mut Random, count: usize, limit: Limit) -> Chain {
     let bones = (0..count)
         .map(|_| {
             let rotation = n.turn(0.4);
@@ -17,7 +17,7 @@ fn chain(n: &mut Random, count: usize, limit: Limit) -> Chain {
 }
 
 #[test]
-fn two_bones_reach_whatever_is_in_reach() {
+fn two_bone_ik_reaches_targets_within_reach() {
     let mut n = Random(1);
     let mut reached = 0;
     for _ in 0..2000 {
@@ -39,7 +39,7 @@ fn two_bones_reach_whatever_is_in_reach() {
         let expected = distance.clamp((a - b).abs(), a + b);
         assert!(((fk_end - limb.target).length() - (distance - expected).abs()).abs() < 1e-9);
         reached += usize::from(expected == distance);
-        // The elbow stays on its side: the normal of the bend is turned as the line to the target is, if that is no half turn.
+        // The elbow stays on its side: unless the line to the target makes a half turn, the normal of the bend rotates with it.
         let normal = |m: DVec3, e: DVec3| (m - start).cross(e - start);
         let (before, after) = (normal(middle, end), normal(fk_middle, fk_end));
         let half_turn = (end - start).normalize().dot((limb.target - start).normalize()) < -0.95;
@@ -52,8 +52,9 @@ fn two_bones_reach_whatever_is_in_reach() {
     assert!(reached > 500);
 }
 
-/// The farthest that the bones turn, radians, and the elbow moves, metres, from one of `steps` targets to the next on a line by the start.
-fn farthest_step(limb: TwoBone, way: DVec3, beside: DVec3, steps: i32) -> (f64, f64) {
+/// Largest rotation of a bone, radians, and largest movement of the elbow, metres, from one of `steps` targets to the next, on a
+/// line past the start.
+fn largest_changes(limb: TwoBone, way: DVec3, beside: DVec3, steps: i32) -> (f64, f64) {
     let mut before: Option<[DQuat; 2]> = None;
     let mut worst = (0.0f64, 0.0f64);
     let mut elbow_before = DVec3::ZERO;
@@ -73,7 +74,7 @@ fn farthest_step(limb: TwoBone, way: DVec3, beside: DVec3, steps: i32) -> (f64, 
 }
 
 #[test]
-fn elbows_do_not_jump_where_the_target_passes_through_the_shoulder() {
+fn elbows_do_not_jump_when_the_target_passes_through_the_shoulder() {
     // An arm that hangs, bent backwards; the upper arm is longer, or as long, or shorter.
     for lower in [0.25, 0.28, 0.31] {
         let (upper, bend) = (0.28, 0.3);
@@ -95,9 +96,10 @@ fn elbows_do_not_jump_where_the_target_passes_through_the_shoulder() {
                 for beside in
                     [DVec3::ZERO, way.any_orthonormal_vector() * 1e-9, way.any_orthonormal_vector() * 0.004]
                 {
-                    let coarse = farthest_step(limb, way * sign, beside, 2_000);
-                    let fine = farthest_step(limb, way * sign, beside, 32_000);
-                    // A jump is as far however small the steps are. The elbow goes at up to 53 times the target's speed, 96 times 4 mm beside.
+                    let coarse = largest_changes(limb, way * sign, beside, 2_000);
+                    let fine = largest_changes(limb, way * sign, beside, 32_000);
+                    // A jump has the same size for any step length. The elbow moves at up to 53 times the target's speed, and at 96
+                    // times if the line passes 4 mm beside the start.
                     assert!(
                         fine.0 < 0.1 * coarse.0 + 1e-6 && fine.1 < 110.0 / 32_000.0,
                         "{lower} m, along {way} · {sign}, {beside} beside: {coarse:?}, {fine:?}"
@@ -109,7 +111,7 @@ fn elbows_do_not_jump_where_the_target_passes_through_the_shoulder() {
 }
 
 #[test]
-fn elbows_go_to_the_side_of_the_pole() {
+fn elbows_bend_towards_the_pole() {
     let mut n = Random(2);
     for _ in 0..500 {
         let limb = TwoBone {
@@ -130,7 +132,7 @@ fn elbows_go_to_the_side_of_the_pole() {
 }
 
 #[test]
-fn two_bones_in_every_bad_place() {
+fn two_bone_ik_handles_degenerate_limbs_and_targets() {
     let x = DVec3::X;
     let straight = TwoBone {
         start: DVec3::ZERO,
@@ -153,7 +155,7 @@ fn two_bones_in_every_bad_place() {
     assert!((ok(TwoBone { target: x * 1e9, ..straight }) - (1e9 - 2.0)).abs() < 1.0, "far out of reach");
     let unlike = TwoBone { middle: x * 0.1, end: x * 1.1, target: x * 0.01, ..straight };
     assert!((ok(unlike) - 0.9).abs() < 0.01, "too near for unequal bones");
-    // A hand that comes to the shoulder does not spring back to where the clip has it.
+    // A hand at the shoulder does not jump back to the position in the clip.
     assert!(ok(TwoBone { target: DVec3::ZERO, ..straight }) < 1e-12, "the target in the start");
     assert!(
         (ok(TwoBone { target: DVec3::ZERO, ..unlike }) - 0.9).abs() < 1e-9,
@@ -172,15 +174,15 @@ fn two_bones_in_every_bad_place() {
 }
 
 #[test]
-fn chains_reach_what_is_in_reach() {
+fn chain_solvers_reach_targets_within_reach() {
     for solver in SOLVERS {
         let mut n = Random(5);
         for case in 0..300 {
             let count = 2 + case % 9;
-            let mut chain = chain(&mut n, count, Limit::Free);
+            let mut chain = random_chain(&mut n, count, Limit::Free);
             let target =
                 chain.origin + n.vec3().normalize() * chain.reach() * (0.45 + 0.4 * n.signed64().abs());
-            // Two bones of unlike length cannot reach everywhere inside.
+            // Two bones of different lengths cannot reach every point within their reach.
             let solved = chain.solve(target, solver, 500, 1e-6);
             assert!(solved.distance < 1e-5, "{solver:?}, case {case}, {count} bones: {solved:?}");
             assert!(((chain.end() - target).length() - solved.distance).abs() < 1e-12);
@@ -189,7 +191,7 @@ fn chains_reach_what_is_in_reach() {
 }
 
 #[test]
-fn limits_hold_whatever_the_target() {
+fn joint_limits_hold_for_any_target() {
     let limits = [
         Limit::SwingTwist { axis: DVec3::Y, swing: 0.5, twist: (-0.3, 0.2) },
         Limit::Hinge { axis: DVec3::X, angle: (0.0, 1.2) },
@@ -198,7 +200,7 @@ fn limits_hold_whatever_the_target() {
         for limit in limits {
             let mut n = Random(9);
             for _ in 0..60 {
-                let mut chain = chain(&mut n, 5, limit);
+                let mut chain = random_chain(&mut n, 5, limit);
                 let before = (chain.end() - chain.origin).length();
                 let target = chain.origin + n.vec3() * chain.reach() * 1.5;
                 let start = (chain.end() - target).length();
@@ -213,7 +215,7 @@ fn limits_hold_whatever_the_target() {
 }
 
 #[test]
-fn chains_in_every_bad_place() {
+fn chain_solvers_handle_degenerate_chains_and_targets() {
     let straight = |count: usize, length: f64| {
         let bone = ChainBone {
             rotation: DQuat::IDENTITY,
@@ -243,8 +245,9 @@ fn chains_in_every_bad_place() {
     }
 }
 
-/// The nearest that the end of a chain of hinges gets to a target, by trying everything: a grid, then ever finer about its best places.
-fn nearest_of_all(chain: &Chain, axes: &[DVec3], ranges: &[(f64, f64)], target: DVec3) -> f64 {
+/// Smallest distance between the end of a chain of hinges and a target, by search: over a grid of angles, then with ever smaller
+/// steps from its 20 best points.
+fn nearest_distance_by_search(chain: &Chain, axes: &[DVec3], ranges: &[(f64, f64)], target: DVec3) -> f64 {
     const STEPS: usize = 24;
     let off = |angles: &[f64]| {
         let (mut at, mut turned) = (chain.origin, chain.parent);
@@ -292,13 +295,13 @@ fn nearest_of_all(chain: &Chain, axes: &[DVec3], ranges: &[(f64, f64)], target: 
 }
 
 #[test]
-fn limited_chains_come_to_the_nearest_place_that_limits_allow() {
+fn chains_with_limits_come_near_the_global_optimum() {
     let mut worst_without = 0.0f64;
     for solver in SOLVERS {
         let mut n = Random(21);
         let mut short: Vec<f64> = Vec::new();
         for _ in 0..60 {
-            let mut chain = chain(&mut n, 3, Limit::Free);
+            let mut chain = random_chain(&mut n, 3, Limit::Free);
             let axes: Vec<DVec3> = (0..3).map(|_| n.vec3().normalize()).collect();
             let ranges: Vec<(f64, f64)> =
                 (0..3).map(|_| (-n.signed64().abs() * 1.5, n.signed64().abs() * 1.5)).collect();
@@ -307,11 +310,11 @@ fn limited_chains_come_to_the_nearest_place_that_limits_allow() {
             }
             let reach = chain.reach();
             let target = chain.origin + n.vec3().normalize() * reach * (0.2 + 1.3 * n.signed64().abs());
-            let nearest = nearest_of_all(&chain, &axes, &ranges, target);
+            let nearest = nearest_distance_by_search(&chain, &axes, &ranges, target);
             worst_without = worst_without.max(((chain.end() - target).length() - nearest) / reach);
             let solved = chain.solve(target, solver, 24, 1e-5);
             short.push(((solved.distance - nearest) / reach).max(0.0));
-            // Nor is any place about it nearer that its joints may go to.
+            // No allowed pose nearby is nearer to the target.
             for _ in 0..200 {
                 let mut other = chain.clone();
                 for (bone, axis) in other.bones.iter_mut().zip(&axes) {
@@ -333,5 +336,8 @@ fn limited_chains_come_to_the_nearest_place_that_limits_allow() {
         );
         assert!(all >= 0.85 && at(1.0) < 0.25, "{solver:?}: {all} {short:?}");
     }
-    assert!(worst_without > 0.3, "left as it is it would be as near: {worst_without}");
+    assert!(
+        worst_without > 0.3,
+        "the chains were already near the optimum before they were solved: {worst_without}"
+    );
 }

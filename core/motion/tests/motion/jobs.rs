@@ -1,4 +1,4 @@
-//! Blend, crossfade, local-to-model, skinning, morphing: closed forms, f64, equal bits, named errors.
+//! Blend, crossfade, local-to-model, skinning and morphing are compared with closed forms, with f64 and between SIMD levels.
 
 use crate::support::skinned_mesh::SkinnedMesh;
 use crate::support::*;
@@ -29,7 +29,7 @@ fn blend(from: &Pose, to: &Pose, weight: f32, mask: Option<&[f32]>) -> Pose {
     out
 }
 
-fn model(skeleton: &Skeleton, pose: &Pose, level: Level) -> Vec<Affine3A> {
+fn model_matrices(skeleton: &Skeleton, pose: &Pose, level: Level) -> Vec<Affine3A> {
     let mut out = vec![Affine3A::IDENTITY; skeleton.len()];
     let mut job = LocalToModel { skeleton, pose, model_from_joint: &mut out };
     job.check().unwrap();
@@ -72,7 +72,7 @@ proptest! {
             prop_assert!(near(out.scale, a.scale, b.scale));
             let (p, q) = (a.rotation.as_dquat(), b.rotation.as_dquat());
             let q = if p.dot(q) < 0.0 { -q } else { q };
-            // Within what the corrected nlerp is off slerp.
+// The tolerance is the error of corrected nlerp against slerp.
             let wanted = slerp(p.to_array(), q.to_array(), w);
             prop_assert!(degrees_between(quat64(out.rotation), wanted) < 0.046);
         }
@@ -83,9 +83,9 @@ proptest! {
         let mut random = Random(seed);
         let skeleton = skeleton(joints, Some(&mut random));
         let pose = random_pose(&mut random, joints);
-        let out = model(&skeleton, &pose, Level::best());
+        let out = model_matrices(&skeleton, &pose, Level::best());
         prop_assert!(model_error(&skeleton, &pose, &out) < 2e-5);
-        prop_assert_eq!(bits(&out), bits(&model(&skeleton, &pose, Level::Portable)));
+        prop_assert_eq!(bits(&out), bits(&model_matrices(&skeleton, &pose, Level::Portable)));
         if joints > 1 {
             let mut broken = out.clone();
             broken[joints - 1].translation.y += 1e-4;
@@ -94,10 +94,10 @@ proptest! {
     }
 
     #[test]
-    fn crossfade_equals_its_parts(seed: u64, joints in 1usize..40, weight in 0.0f32..=1.0, scaled: bool) {
+    fn crossfade_equals_sampling_blending_and_local_to_model(seed: u64, joints in 1usize..40, weight in 0.0f32..=1.0, scaled: bool) {
         let mut random = Random(seed);
         let skeleton = skeleton(joints, Some(&mut random));
-        let clips = [0, 1].map(|_| some_clip(&mut random, joints, scaled));
+        let clips = [0, 1].map(|_| random_clip(&mut random, joints, scaled));
         let times = [0, 1].map(|_| Time(random.below(30_000_000) as i64));
         let rest = Pose::rest(&skeleton);
         let poses = [0, 1].map(|i| {
@@ -105,7 +105,7 @@ proptest! {
             Sample { clip: &clips[i], time: times[i], pose: &mut pose }.run();
             pose
         });
-        let parts = model(&skeleton, &blend(&poses[0], &poses[1], weight, None), Level::best());
+        let parts = model_matrices(&skeleton, &blend(&poses[0], &poses[1], weight, None), Level::best());
         let fused = |level, weight| {
             let mut out = vec![Affine3A::IDENTITY; joints];
             let mut scratch = [Pose::identity(joints), random_pose(&mut Random(1), joints)];
@@ -123,14 +123,14 @@ proptest! {
         }
         prop_assert_eq!(bits(&got), bits(&fused(Level::Portable, weight)));
         for end in [0, 1] {
-            let alone = model(&skeleton, &poses[end], Level::best());
+            let alone = model_matrices(&skeleton, &poses[end], Level::best());
             prop_assert_eq!(bits(&fused(Level::best(), end as f32)), bits(&alone));
         }
     }
 
     #[test]
     fn skinning_equals_f64(seed: u64, vertices in 0usize..40, influences in 0usize..9) {
-        let case = SkinCase::random(&mut Random(seed), vertices, influences, false);
+        let case = SkinningCase::random(&mut Random(seed), vertices, influences, false);
         let (positions, normals) = case.run(Level::best());
         prop_assert!(case.error(&positions, &normals) < 3e-5, "{}", case.error(&positions, &normals));
         let best = (positions, normals);
@@ -140,8 +140,8 @@ proptest! {
     }
 }
 
-/// Rotations (and scales) on some joints, translations on others.
-fn some_clip(random: &mut Random, joints: usize, scaled: bool) -> Clip {
+/// A random clip whose joints have some of rotation, translation and, if `scaled`, scale.
+fn random_clip(random: &mut Random, joints: usize, scaled: bool) -> Clip {
     let times: Arc<[Time]> = (0..2).map(|i| Time(i * 23_520_000)).collect();
     let mut curves = Vec::new();
     for joint in 0..joints as u32 {
@@ -154,23 +154,23 @@ fn some_clip(random: &mut Random, joints: usize, scaled: bool) -> Clip {
     Clip::new("some".into(), joints, curves).unwrap()
 }
 
-struct SkinCase {
+struct SkinningCase {
     matrices: Vec<Affine3A>,
     mesh: SkinnedMesh,
 }
 
-impl SkinCase {
-    fn random(random: &mut Random, vertices: usize, influences: usize, mirrored: bool) -> SkinCase {
+impl SkinningCase {
+    fn random(random: &mut Random, vertices: usize, influences: usize, mirrored: bool) -> SkinningCase {
         let matrices = (0..7)
             .map(|_| {
                 let scale = Vec3::new(if mirrored { -1.0 } else { 1.0 }, 1.5, 0.7);
-                // Near each other, as joints of a bend are: opposite rotations would cancel to nothing.
+                // Similar rotations, as of joints of a bend: opposite rotations would cancel each other.
                 let turn =
                     Quat::from_array([0.3, 0.2, 0.1, 1.0].map(|c| c + 0.2 * random.signed())).normalize();
                 Affine3A::from_scale_rotation_translation(scale, turn, Vec3::splat(random.signed()))
             })
             .collect();
-        SkinCase { matrices, mesh: SkinnedMesh::random(random, vertices, influences) }
+        SkinningCase { matrices, mesh: SkinnedMesh::random(random, vertices, influences) }
     }
 
     fn run(&self, level: Level) -> (Vec<Vec3>, Vec<Vec3>) {
@@ -201,23 +201,23 @@ impl SkinCase {
 }
 
 #[test]
-fn the_skinning_comparison_sees_a_planted_fault() {
-    let case = SkinCase::random(&mut Random(2), 20, 4, false);
+fn the_skinning_comparison_detects_a_planted_error() {
+    let case = SkinningCase::random(&mut Random(2), 20, 4, false);
     let (mut positions, normals) = case.run(Level::best());
     positions[13].x += 1e-3;
     assert!(case.error(&positions, &normals) > 9e-4);
 }
 
 #[test]
-fn mirrored_joints_turn_normals_outwards() {
-    let case = SkinCase::random(&mut Random(4), 20, 4, true);
+fn skinning_with_mirrored_joints_keeps_normals_outward() {
+    let case = SkinningCase::random(&mut Random(4), 20, 4, true);
     let (positions, normals) = case.run(Level::best());
     assert!(case.error(&positions, &normals) < 3e-5);
 }
 
 #[test]
-fn scale_zero_keeps_the_normal() {
-    let mut case = SkinCase::random(&mut Random(4), 9, 4, false);
+fn skinning_with_scale_zero_keeps_the_normal() {
+    let mut case = SkinningCase::random(&mut Random(4), 9, 4, false);
     case.matrices.fill(Affine3A::from_scale(Vec3::ZERO));
     let (positions, normals) = case.run(Level::best());
     assert!(positions.iter().all(|p| *p == Vec3::ZERO));
@@ -225,7 +225,7 @@ fn scale_zero_keeps_the_normal() {
 }
 
 #[test]
-fn weight_zero_and_one_are_the_ends_bit_for_bit() {
+fn blend_weights_zero_and_one_return_the_inputs_bit_for_bit() {
     let mut random = Random(8);
     let (a, b) = (random_pose(&mut random, 13), random_pose(&mut random, 13));
     assert_eq!(blend(&a, &b, 0.0, None), a);
@@ -265,9 +265,9 @@ fn antipodal_and_opposite_rotations_stay_finite() {
     }
 }
 
-/// The figures in the documentation of the blend module: each way within its limit, and not far within it.
+/// The figures in the documentation of the blend module: each method within its limit, and not far within it.
 #[test]
-fn how_far_blends_are_from_slerp() {
+fn errors_of_rotation_blends_against_slerp_are_within_the_documented_limits() {
     let limits = [
         (RotationBlend::Nlerp, [(20.0f64, 0.011), (45.0, 0.12), (90.0, 0.96), (135.0, 3.4), (180.0, 8.3)]),
         (
@@ -275,12 +275,12 @@ fn how_far_blends_are_from_slerp() {
             [(20.0, 0.0018), (45.0, 0.0017), (90.0, 0.005), (135.0, 0.009), (180.0, 0.045)],
         ),
     ];
-    for (way, (degrees, limit)) in
-        limits.iter().flat_map(|(way, l)| l.iter().map(move |limit| (*way, *limit)))
+    for (method, (degrees, limit)) in
+        limits.iter().flat_map(|(method, l)| l.iter().map(move |limit| (*method, *limit)))
     {
-        let worst = farthest_from_slerp(way, degrees);
-        println!("rotations {degrees}° apart: {way:?} is at most {worst:.5}° from slerp");
-        assert!(worst < limit && worst > 0.7 * limit, "{way:?} {degrees}: {worst}");
+        let worst = farthest_from_slerp(method, degrees);
+        println!("rotations {degrees}° apart: {method:?} is at most {worst:.5}° from slerp");
+        assert!(worst < limit && worst > 0.7 * limit, "{method:?} {degrees}: {worst}");
     }
     for degrees in [1.0, 20.0, 90.0, 179.0] {
         let worst = farthest_from_slerp(RotationBlend::Slerp, degrees);
@@ -288,8 +288,8 @@ fn how_far_blends_are_from_slerp() {
     }
 }
 
-/// Degrees, of the weights 0, 0.01 … 1.
-fn farthest_from_slerp(way: RotationBlend, degrees: f64) -> f64 {
+/// Largest angle from slerp, degrees, over the weights 0, 0.01 … 1.
+fn farthest_from_slerp(method: RotationBlend, degrees: f64) -> f64 {
     let half = (degrees / 2.0).to_radians();
     let b = [half.sin(), 0.0, 0.0, half.cos()];
     let mut to = Pose::identity(1);
@@ -297,38 +297,38 @@ fn farthest_from_slerp(way: RotationBlend, degrees: f64) -> f64 {
     let at = |step: u32| {
         let weight = step as f32 / 100.0;
         let mut pose = Pose::identity(1);
-        BlendOnto { pose: &mut pose, to: &to, weight, mask: None }.run_as(way);
+        BlendOnto { pose: &mut pose, to: &to, weight, mask: None }.run_as(method);
         degrees_between(quat64(pose.get(0).rotation), slerp([0.0, 0.0, 0.0, 1.0], b, f64::from(weight)))
     };
     (0..=100).map(at).fold(0.0, f64::max)
 }
 
 #[test]
-fn a_chain_of_a_thousand() {
+fn local_to_model_of_a_chain_of_a_thousand_joints_is_finite_and_accurate() {
     let skeleton = skeleton(1000, None);
     let pose = Pose::rest(&skeleton);
-    let out = model(&skeleton, &pose, Level::best());
+    let out = model_matrices(&skeleton, &pose, Level::best());
     assert!(out.iter().all(|m| m.is_finite()));
     assert!(model_error(&skeleton, &pose, &out) < 1e-2, "of 4 km: {}", model_error(&skeleton, &pose, &out));
-    assert_eq!(bits(&out), bits(&model(&skeleton, &pose, Level::Portable)));
+    assert_eq!(bits(&out), bits(&model_matrices(&skeleton, &pose, Level::Portable)));
 }
 
 #[test]
-fn zero_and_mirrored_scales() {
+fn local_to_model_handles_zero_and_mirrored_scales() {
     let skeleton = skeleton(3, None);
     for scale in [Vec3::ZERO, Vec3::new(-1.0, 1.0, 1.0), Vec3::splat(1e-8), Vec3::new(1e8, 1.0, -1e-8)] {
         let mut pose = Pose::rest(&skeleton);
         pose.set(1, Transform { scale, ..pose.get(1) });
-        let out = model(&skeleton, &pose, Level::best());
+        let out = model_matrices(&skeleton, &pose, Level::best());
         assert!(out.iter().all(|m| m.is_finite()));
         assert!(model_error(&skeleton, &pose, &out) < 1e-6 * f64::from(scale.abs().max_element().max(1.0)));
     }
 }
 
 #[test]
-fn empty_skeleton() {
+fn an_empty_skeleton_has_no_matrices_and_no_blend() {
     let skeleton = skeleton(0, None);
-    assert!(model(&skeleton, &Pose::rest(&skeleton), Level::best()).is_empty());
+    assert!(model_matrices(&skeleton, &Pose::rest(&skeleton), Level::best()).is_empty());
     assert!(blend(&Pose::default(), &Pose::default(), 0.5, None).is_empty());
 }
 
@@ -363,32 +363,33 @@ fn morphing_adds_weighted_offsets() {
 }
 
 #[test]
-fn bad_fields_are_named() {
+fn checks_name_the_invalid_field() {
     let (a, b) = (Pose::identity(2), Pose::identity(3));
     let mut out = Pose::default();
     let mut onto = Pose::identity(2);
-    let said = |r: Result<(), InputError>| r.unwrap_err().to_string();
-    let mut check = |to, weight, mask| said(Blend { from: &a, to, weight, mask, out: &mut out }.check());
+    let error_text = |r: Result<(), InputError>| r.unwrap_err().to_string();
+    let mut check =
+        |to, weight, mask| error_text(Blend { from: &a, to, weight, mask, out: &mut out }.check());
     assert_eq!(check(&a, f32::NAN, None), "`Blend.weight` is NaN, must be 0..=1");
     assert_eq!(check(&a, -0.5, None), "`Blend.weight` is -0.5, must be 0..=1");
-    assert_eq!(check(&b, 0.5, None), "`Blend.to` holds 3, must hold 2");
+    assert_eq!(check(&b, 0.5, None), "`Blend.to` has length 3, must have length 2");
     assert_eq!(check(&a, 0.5, Some(&[0.5, f32::NAN])), "`Blend.mask[1]` is NaN, must be 0..=1");
-    assert_eq!(check(&a, 0.5, Some(&[0.5])), "`Blend.mask` holds 1, must hold 2");
+    assert_eq!(check(&a, 0.5, Some(&[0.5])), "`Blend.mask` has length 1, must have length 2");
     let job = BlendOnto { pose: &mut onto, to: &a, weight: 2.0, mask: None };
-    assert_eq!(said(job.check()), "`BlendOnto.weight` is 2, must be 0..=1");
+    assert_eq!(error_text(job.check()), "`BlendOnto.weight` is 2, must be 0..=1");
     let skeleton = skeleton(2, None);
     let mut matrices = [Affine3A::IDENTITY; 2];
     let job = LocalToModel { skeleton: &skeleton, pose: &b, model_from_joint: &mut matrices };
-    assert_eq!(said(job.check()), "`LocalToModel.pose` holds 3, must hold 2");
+    assert_eq!(error_text(job.check()), "`LocalToModel.pose` has length 3, must have length 2");
     let job = LocalToModel { skeleton: &skeleton, pose: &a, model_from_joint: &mut matrices[..1] };
-    assert_eq!(said(job.check()), "`LocalToModel.model_from_joint` holds 1, must hold 2");
+    assert_eq!(error_text(job.check()), "`LocalToModel.model_from_joint` has length 1, must have length 2");
     let job =
         SkinMatrices { model_from_joint: &[], joints: &[4], inverse_bind: &[], out: &mut matrices[..1] };
-    assert_eq!(said(job.check()), "`SkinMatrices.joints[0]` is 4, there are 0 joints");
+    assert_eq!(error_text(job.check()), "`SkinMatrices.joints[0]` is 4, the number of joints is 0");
     let mut values = [Vec3::ZERO];
     let job = Morph { targets: &[&[]], weights: &[f32::INFINITY], values: &mut values };
-    assert_eq!(said(job.check()), "`Morph.weights[0]` is inf, must be finite");
-    let mut case = SkinCase::random(&mut Random(1), 2, 4, false);
+    assert_eq!(error_text(job.check()), "`Morph.weights[0]` is inf, must be finite");
+    let mut case = SkinningCase::random(&mut Random(1), 2, 4, false);
     case.mesh.joints[5] = 99;
     let (mut p, mut n) = (case.mesh.positions.clone(), case.mesh.normals.clone());
     let job = LinearSkinning {
@@ -401,5 +402,5 @@ fn bad_fields_are_named() {
         out_positions: &mut p,
         out_normals: &mut n,
     };
-    assert_eq!(said(job.check()), "`joint_indices[5]` is 99, there are 7 joints");
+    assert_eq!(error_text(job.check()), "`joint_indices[5]` is 99, the number of joints is 7");
 }

@@ -1,16 +1,17 @@
-//! Left and right exchanged: laws on random skeletons whose joints' axes lie anyhow, and a closed form.
+//! Mirroring is checked by invariants on random skeletons with random joint axes, and by a closed form.
 
 use crate::support::*;
 use choreo_motion::*;
 use glam::{DAffine3, DMat3, DQuat, DVec3, Quat, Vec3};
 use proptest::prelude::*;
 
-/// A tree of the middle with pairs of branches, in no special order of axes; where `symmetric`, at rest its own mirror image.
-fn body(random: &mut Random, symmetric: bool) -> Skeleton {
+/// A random tree of central joints with pairs of branches and random joint axes; its rest positions are symmetric if
+/// `symmetric`.
+fn random_skeleton(random: &mut Random, symmetric: bool) -> Skeleton {
     let (mut names, mut parents, mut rest) = (Vec::new(), Vec::new(), Vec::new());
     let mut pairs: Vec<(u32, u32)> = Vec::new();
     let mut middle = Vec::new();
-    // Rotations in model space, to make rest poses symmetric in place though axes are not.
+    // Positions and rotations in model space: the rest positions are symmetric although the axes are not.
     let mut model: Vec<(DVec3, DQuat)> = Vec::new();
     let mut add =
         |name: String, parent: Option<u32>, at: DVec3, turn: DQuat, model: &mut Vec<(DVec3, DQuat)>| {
@@ -58,7 +59,7 @@ fn body(random: &mut Random, symmetric: bool) -> Skeleton {
 }
 
 /// Translations and rotations of any interpolation.
-fn moves(random: &mut Random, joints: usize) -> Clip {
+fn random_clip(random: &mut Random, joints: usize) -> Clip {
     let mut curves = Vec::new();
     for joint in 0..joints as u32 {
         for path in [Path::Translation, Path::Rotation] {
@@ -95,14 +96,14 @@ fn distance(a: &Pose, b: &Pose) -> f32 {
     pairs.map(one).fold(0.0, f32::max)
 }
 
-fn model(skeleton: &Skeleton, pose: &Pose) -> Vec<DAffine3> {
+fn model_matrices(skeleton: &Skeleton, pose: &Pose) -> Vec<DAffine3> {
     let local =
         |t: Transform| (t.translation.as_dvec3(), t.rotation.as_dquat().normalize(), t.scale.as_dvec3());
     model64(skeleton, &pose.iter().map(local).collect::<Vec<_>>())
 }
 
 /// Rounding to f32 of numbers up to two, twice.
-const ROUNDING: f32 = 2e-6;
+const MAX_ROUNDING_ERROR: f32 = 2e-6;
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
@@ -111,46 +112,46 @@ proptest! {
     fn mirroring_a_pose_twice_restores_it(seed: u64, at in 0.0..2.0f64) {
         let random = &mut Random(seed);
         let symmetric = random.below(2) == 0;
-        let skeleton = body(random, symmetric);
-        let clip = moves(random, skeleton.len());
+        let skeleton = random_skeleton(random, symmetric);
+        let clip = random_clip(random, skeleton.len());
         let map = MirrorMap::new(&skeleton).unwrap();
         prop_assert!(map.unpaired().is_empty());
         let pose = sampled(&skeleton, &clip, at);
         let once = mirrored(&map, &pose);
-        prop_assert!(distance(&pose, &mirrored(&map, &once)) < ROUNDING);
+        prop_assert!(distance(&pose, &mirrored(&map, &once)) < MAX_ROUNDING_ERROR);
         let back = clip.mirrored(&map).mirrored(&map);
         prop_assert_eq!(back.curves().len(), clip.curves().len());
-        prop_assert!(distance(&pose, &sampled(&skeleton, &back, at)) < 10.0 * ROUNDING);
+        prop_assert!(distance(&pose, &sampled(&skeleton, &back, at)) < 10.0 * MAX_ROUNDING_ERROR);
         // The rest pose is its own mirror image, by definition.
         let rest = Pose::rest(&skeleton);
-        prop_assert!(distance(&rest, &mirrored(&map, &rest)) < ROUNDING);
+        prop_assert!(distance(&rest, &mirrored(&map, &rest)) < MAX_ROUNDING_ERROR);
     }
 
     /// Between the keys too: slerp, cubics and steps.
     #[test]
     fn a_mirrored_clip_is_the_mirrored_pose_at_every_time(seed: u64, at in -0.1..2.0f64) {
         let random = &mut Random(seed);
-        let skeleton = body(random, false);
-        let clip = moves(random, skeleton.len());
+        let skeleton = random_skeleton(random, false);
+        let clip = random_clip(random, skeleton.len());
         let map = MirrorMap::new(&skeleton).unwrap();
         let pose = mirrored(&map, &sampled(&skeleton, &clip, at));
         let other = sampled(&skeleton, &clip.mirrored(&map), at);
-        // A cubic that all but vanishes before it is normalised loses digits.
+        // A cubic that all but vanishes before it is normalized loses digits.
         prop_assert!(distance(&pose, &other) < 1e-3, "{}", distance(&pose, &other));
     }
 
-    /// f64: where the body is symmetric each joint comes to stand where its partner's reflection is, and is turned
-    /// from its rest pose as that.
+/// In a symmetric skeleton each joint gets the reflected position of its partner, and the reflected rotation from rest. Compared
+    /// in f64.
     #[test]
-    fn every_joint_stands_where_its_partner_was(seed: u64, at in 0.0..2.0f64) {
+    fn each_joint_takes_the_reflected_transform_of_its_partner(seed: u64, at in 0.0..2.0f64) {
         let random = &mut Random(seed);
-        let skeleton = body(random, true);
-        let clip = moves(random, skeleton.len());
+        let skeleton = random_skeleton(random, true);
+        let clip = random_clip(random, skeleton.len());
         let map = MirrorMap::new(&skeleton).unwrap();
         prop_assert!(map.asymmetry().0 < 1e-5 && map.axis() == 0);
         let pose = sampled(&skeleton, &clip, at);
-        let (before, after) = (model(&skeleton, &pose), model(&skeleton, &mirrored(&map, &pose)));
-        let rest = model(&skeleton, &Pose::rest(&skeleton));
+        let (before, after) = (model_matrices(&skeleton, &pose), model_matrices(&skeleton, &mirrored(&map, &pose)));
+        let rest = model_matrices(&skeleton, &Pose::rest(&skeleton));
         let m = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0));
         for joint in 0..skeleton.len() {
             let partner = map.partner(joint as u32).unwrap() as usize;
@@ -158,7 +159,7 @@ proptest! {
             let turned = |of: &[DAffine3], j: usize| of[j].matrix3 * rest[j].matrix3.transpose();
             let error = turned(&after, joint) - m * turned(&before, partner) * m;
             prop_assert!(error.to_cols_array().iter().all(|v| v.abs() < 1e-5), "{error}");
-            // The comparison can fail: not reflected, it is another turn.
+// Negative control: without the reflection, the rotation differs.
             let other = turned(&after, joint) - turned(&before, partner);
             let turns = (turned(&before, partner) - DMat3::IDENTITY).to_cols_array();
             if map.partner(joint as u32) != Some(joint as u32) && turns.iter().any(|v| v.abs() > 1.2) {
@@ -168,15 +169,15 @@ proptest! {
     }
 }
 
-fn named(rows: &[(&str, Option<u32>, [f32; 3])]) -> Skeleton {
+fn skeleton_of_rows(rows: &[(&str, Option<u32>, [f32; 3])]) -> Skeleton {
     let names = rows.iter().map(|r| r.0.to_string()).collect();
     let at = |r: &(&str, Option<u32>, [f32; 3])| Transform { translation: r.2.into(), ..Transform::IDENTITY };
     Skeleton::new(names, rows.iter().map(|r| r.1).collect(), rows.iter().map(at).collect()).unwrap()
 }
 
 #[test]
-fn partners_by_name_then_by_place_in_the_tree() {
-    let skeleton = named(&[
+fn partners_are_found_by_name_then_by_position_in_the_hierarchy() {
+    let skeleton = skeleton_of_rows(&[
         ("Armature", None, [0.0; 3]),
         ("hips", Some(0), [0.0, 1.0, 0.0]),
         ("arm_joint_L__4_", Some(1), [0.3, 0.5, 0.0]),
@@ -194,13 +195,16 @@ fn partners_by_name_then_by_place_in_the_tree() {
     assert_eq!((map.partner(0), map.partner(1), map.partner(8)), (Some(0), Some(1), None));
     assert_eq!(map.unpaired(), [8, 9, 10]);
     assert_eq!(map.asymmetry().0, 0.0);
-    assert_eq!(MirrorMap::new(&named(&[("hips", None, [0.0; 3])])).unwrap_err(), MirrorError::NoPairs);
+    assert_eq!(
+        MirrorMap::new(&skeleton_of_rows(&[("hips", None, [0.0; 3])])).unwrap_err(),
+        MirrorError::NoPairs
+    );
 }
 
 /// A right arm raised by 90° about z, seen from the front, is a left arm raised by -90°; exactly, since axes agree.
 #[test]
-fn mirroring_moves_a_wave_to_the_other_hand() {
-    let skeleton = named(&[
+fn mirroring_moves_a_raised_arm_to_the_other_side() {
+    let skeleton = skeleton_of_rows(&[
         ("Hips", None, [0.0, 1.0, 0.0]),
         ("LeftArm", Some(0), [0.2, 0.5, 0.0]),
         ("RightArm", Some(0), [-0.2, 0.5, 0.0]),
@@ -225,9 +229,9 @@ fn mirroring_moves_a_wave_to_the_other_hand() {
     assert_eq!(pose.get(2).rotation, Quat::IDENTITY);
 }
 
-/// Half as large on one side, a node that scales centimetres, and scale keys.
+/// One side has half the scale of the other, a node converts centimetres, and scales are animated.
 #[test]
-fn sizes_count_against_the_rest_pose() {
+fn scales_and_units_are_mirrored_relative_to_the_rest_pose() {
     let mut rest = [Transform::IDENTITY; 4];
     rest[1] = Transform { translation: Vec3::X, scale: Vec3::splat(0.01), ..Transform::IDENTITY };
     rest[2] = Transform { translation: -Vec3::X, scale: Vec3::splat(0.02), ..Transform::IDENTITY };
@@ -239,7 +243,7 @@ fn sizes_count_against_the_rest_pose() {
     let skeleton = Skeleton::new(names5, vec![None, Some(0), Some(0), Some(1), Some(2)], rest5).unwrap();
     let map = MirrorMap::new(&skeleton).unwrap();
     let mut pose = Pose::rest(&skeleton);
-    // The left hand goes 30 units, 0.3 m, outwards; its arm doubles.
+    // The left hand moves outwards by 30 units (0.3 m), and the scale of its arm doubles.
     pose.set(3, Transform { translation: Vec3::X * 30.0, ..Transform::IDENTITY });
     pose.set(1, Transform { scale: Vec3::splat(0.02), ..pose.get(1) });
     let out = mirrored(&map, &pose);

@@ -1,4 +1,4 @@
-//! Clips carried between skeletons that rest with other axes and sizes: every bone must turn in the world as it did.
+//! Binding of clips between skeletons whose rest poses differ in axes and size: every bone must rotate in the world as before.
 
 use crate::support::Random;
 use choreo_motion::{
@@ -14,21 +14,23 @@ const CHAIN: [(&str, HumanBone); 4] = [
     ("head", HumanBone::Head),
 ];
 
-fn turn(random: &mut Random) -> Quat {
+fn random_rotation(random: &mut Random) -> Quat {
     let mut next = || random.signed();
     Quat::from_xyzw(next(), next(), next(), next() + 1.5).normalize()
 }
 
 /// A root and a chain on it; at rest the hips stand `height` above the origin whatever the root's axes.
-fn body(names: [&str; 4], seed: u64, height: f32, declared: bool) -> Skeleton {
+fn humanoid_skeleton(names: [&str; 4], seed: u64, height: f32, declared: bool) -> Skeleton {
     let random = &mut Random(seed);
-    let root = Transform { rotation: turn(random), ..Transform::IDENTITY };
+    let root = Transform { rotation: random_rotation(random), ..Transform::IDENTITY };
     let hips_at = root.rotation.conjugate() * Vec3::new(0.1, height, 0.0);
-    let mut rest =
-        vec![root, Transform { translation: hips_at, rotation: turn(random), ..Transform::IDENTITY }];
+    let mut rest = vec![
+        root,
+        Transform { translation: hips_at, rotation: random_rotation(random), ..Transform::IDENTITY },
+    ];
     for _ in 1..4 {
         let translation = Vec3::new(random.signed(), random.signed(), random.signed());
-        rest.push(Transform { translation, rotation: turn(random), ..Transform::IDENTITY });
+        rest.push(Transform { translation, rotation: random_rotation(random), ..Transform::IDENTITY });
     }
     let all = std::iter::once("root").chain(names).map(str::to_string).collect();
     let skeleton = Skeleton::new(all, vec![None, Some(0), Some(1), Some(2), Some(3)], rest).unwrap();
@@ -44,10 +46,10 @@ fn clip(from: &Skeleton, seed: u64) -> Clip {
     let times: Vec<Time> = [0.0, 0.4, 1.0].map(Time::from_secs).to_vec();
     let mut curves = Vec::new();
     for joint in 1..5 {
-        let keys = (0..3).flat_map(|_| turn(random).to_array()).collect();
+        let keys = (0..3).flat_map(|_| random_rotation(random).to_array()).collect();
         let (times, interpolation) = (times.clone().into(), Interpolation::Linear);
         curves.push(Curve { joint, path: Path::Rotation, interpolation, times, values: keys });
-        // Places of the hips, and lengths of other bones, which must not be carried.
+        // Positions of the hips, and lengths of other bones, which must not be transferred.
         let keys = (0..9).map(|_| random.signed()).collect();
         let times = curves[0].times.clone();
         curves.push(Curve { joint, path: Path::Translation, interpolation, times, values: keys });
@@ -104,10 +106,10 @@ impl XyzLength for DQuat {
 fn bind_clip_keeps_world_space_rotation_changes() {
     let names = ["hips", "spine", "chest", "head"];
     for seed in 0..8 {
-        // Names that tell nothing, names that tell the bones, and both declared.
+        // Unknown names with declared bones, and names that identify the bones.
         for (given, from_declared) in [(["a", "b", "c", "d"], true), (names, false)] {
-            let from = body(given, seed, 1.5, from_declared);
-            let to = body(["p", "q", "r", "s"], seed + 100, 0.9, true);
+            let from = humanoid_skeleton(given, seed, 1.5, from_declared);
+            let to = humanoid_skeleton(["p", "q", "r", "s"], seed + 100, 0.9, true);
             let clip = clip(&from, seed + 200);
             let (bound, unmatched) = bind_clip(&clip, &from, &to);
             assert!(unmatched.is_empty(), "{unmatched:?}");
@@ -115,7 +117,7 @@ fn bind_clip_keeps_world_space_rotation_changes() {
             assert!(angle < 2e-6 && place < 2e-6, "seed {seed}: {angle} rad, {place} m");
             // Bones keep their own lengths.
             assert!(bound.curves().iter().all(|c| c.path == Path::Rotation || c.joint == 1));
-            // The comparison can fail: without the T-poses the same keys turn other ways.
+            // Negative control: without the T-poses, the same keys give other rotations.
             let raw: Vec<Curve> = clip.curves().to_vec();
             let raw = Clip::new("raw".into(), to.len(), raw).unwrap();
             let (angle, place) = errors(&from, &to, &clip, &raw);
@@ -125,13 +127,13 @@ fn bind_clip_keeps_world_space_rotation_changes() {
 }
 
 #[test]
-fn a_t_pose_of_its_own_counts_instead_of_the_rest_pose() {
-    let to = body(["p", "q", "r", "s"], 3, 1.0, true);
-    let resting_in_t = body(["a", "b", "c", "d"], 4, 1.0, true);
-    // The same body at rest in another pose, its T-pose said.
+fn a_declared_t_pose_replaces_the_rest_pose() {
+    let to = humanoid_skeleton(["p", "q", "r", "s"], 3, 1.0, true);
+    let resting_in_t = humanoid_skeleton(["a", "b", "c", "d"], 4, 1.0, true);
+    // The same skeleton at rest in another pose, with a declared T-pose.
     let mut rest = resting_in_t.rest().to_vec();
     let random = &mut Random(9);
-    rest.iter_mut().for_each(|r| r.rotation = turn(random));
+    rest.iter_mut().for_each(|r| r.rotation = random_rotation(random));
     let (names, parents) = (resting_in_t.names().to_vec(), resting_in_t.parents().to_vec());
     let humanoid = resting_in_t.humanoid().unwrap().clone().with_t_pose(resting_in_t.rest().to_vec());
     let other = Skeleton::new(names, parents, rest).unwrap();
@@ -143,13 +145,16 @@ fn a_t_pose_of_its_own_counts_instead_of_the_rest_pose() {
     assert!(keys(&without) != keys(&resting_in_t));
     let short = resting_in_t.humanoid().unwrap().clone().with_t_pose(vec![Transform::IDENTITY]);
     let error = resting_in_t.clone().with_humanoid(short).unwrap_err().to_string();
-    assert_eq!(error, "the T-pose has 1 transforms, the skeleton 5 joints");
+    assert_eq!(
+        error,
+        "the number of transforms of the T-pose is 1, must be 5, one per joint of the skeleton"
+    );
 }
 
 #[test]
-fn equal_bodies_share_the_keys_and_bones_are_found_by_any_name() {
-    let from = body(["a", "b", "c", "d"], 1, 1.0, true);
-    let to = body(["p", "q", "r", "s"], 1, 1.0, true);
+fn equal_t_poses_share_the_keys_and_bones_are_found_by_any_name() {
+    let from = humanoid_skeleton(["a", "b", "c", "d"], 1, 1.0, true);
+    let to = humanoid_skeleton(["p", "q", "r", "s"], 1, 1.0, true);
     let clip = clip(&from, 2);
     let (bound, _) = bind_clip(&clip, &from, &to);
     let rotations = |c: &Clip| -> Vec<_> {
@@ -164,7 +169,7 @@ fn equal_bodies_share_the_keys_and_bones_are_found_by_any_name() {
 
 #[test]
 fn bind_clip_keeps_expressions_and_their_duration() {
-    let from = body(["a", "b", "c", "d"], 1, 1.0, true);
+    let from = humanoid_skeleton(["a", "b", "c", "d"], 1, 1.0, true);
     let curve = |name: &str, secs: &[f64], values: &[f32]| ExpressionCurve {
         name: name.into(),
         interpolation: Interpolation::Linear,
@@ -175,13 +180,13 @@ fn bind_clip_keeps_expressions_and_their_duration() {
     let curves = vec![curve("happy", &[0.0, 2.0], &[0.0, 1.0]), curve("aa", &[0.5], &[0.25])];
     let face = plain.clone().with_expressions(curves).unwrap();
     assert_eq!((plain.duration, face.duration), (Time::from_secs(1.0), Time::from_secs(2.0)));
-    let (bound, _) = bind_clip(&face, &from, &body(["p", "q", "r", "s"], 7, 1.0, true));
+    let (bound, _) = bind_clip(&face, &from, &humanoid_skeleton(["p", "q", "r", "s"], 7, 1.0, true));
     let at = |name: &str, secs: f64| bound.sample_expression(name, Time::from_secs(secs));
     assert_eq!((at("happy", 0.5), at("happy", 9.0), at("aa", 0.0)), (Some(0.25), Some(1.0), Some(0.25)));
     assert_eq!((at("sad", 0.5), bound.duration), (None, face.duration));
     let error = |curves| plain.clone().with_expressions(curves).unwrap_err().to_string();
     let twice = vec![curve("aa", &[0.0], &[0.0]), curve("aa", &[1.0], &[0.0])];
-    assert_eq!(error(twice), "expression \"aa\": it has two curves");
+    assert_eq!(error(twice), "expression \"aa\": it has two curves, must have one");
     let nan = vec![curve("aa", &[0.0], &[f32::NAN])];
     assert_eq!(error(nan), "expression \"aa\": key 0 holds NaN, must be finite");
 }

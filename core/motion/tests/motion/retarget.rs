@@ -7,8 +7,8 @@ use glam::{DAffine3, DQuat, DVec3, Vec3};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 
-/// How a body is built.
-struct Build {
+/// Names, proportions and rest pose of a generated character.
+struct CharacterBuild {
     /// Names: 0 Mixamo, 1 KayKit, 2 Biped.
     family: usize,
     /// Joints between hips and arms.
@@ -19,13 +19,13 @@ struct Build {
     arm: f64,
     /// Degrees below the horizontal that the arms hang at rest.
     arms_down: f64,
-    /// Turned about the vertical by so many quarters.
+    /// Number of quarter turns about the vertical.
     quarters: f64,
     /// Origin at the hips rather than on the floor.
     from_hips: bool,
 }
 
-const PLAIN: Build = Build {
+const DEFAULT_BUILD: CharacterBuild = CharacterBuild {
     family: 0,
     spine: 2,
     thigh: 0.45,
@@ -36,7 +36,7 @@ const PLAIN: Build = Build {
     from_hips: false,
 };
 
-fn name(family: usize, side: &str, part: &str) -> String {
+fn joint_name(family: usize, side: &str, part: &str) -> String {
     let biped = [
         ("hips", "Pelvis"),
         ("spine", "Spine"),
@@ -74,11 +74,11 @@ fn name(family: usize, side: &str, part: &str) -> String {
     }
 }
 
-/// Joints' axes lie anyhow.
-fn body(random: &mut Random, build: &Build) -> Skeleton {
+/// A skeleton of these proportions whose joints have random axes.
+fn character_skeleton(random: &mut Random, build: &CharacterBuild) -> Skeleton {
     let mut rows: Vec<(String, Option<u32>, DVec3)> = Vec::new();
     let mut add = |side: &str, part: &str, parent: Option<u32>, at: DVec3| {
-        rows.push((name(build.family, side, part), parent, at));
+        rows.push((joint_name(build.family, side, part), parent, at));
         rows.len() as u32 - 1
     };
     let ankle = 0.1;
@@ -124,9 +124,9 @@ fn body(random: &mut Random, build: &Build) -> Skeleton {
     Skeleton::new(names, parents, rest).unwrap()
 }
 
-fn random_build(random: &mut Random, family: usize) -> Build {
+fn random_build(random: &mut Random, family: usize) -> CharacterBuild {
     let mut between = |low: f64, high: f64| low + (high - low) * (f64::from(random.signed()) + 1.0) / 2.0;
-    Build {
+    CharacterBuild {
         family,
         spine: 2,
         thigh: between(0.2, 0.6),
@@ -138,13 +138,13 @@ fn random_build(random: &mut Random, family: usize) -> Build {
     }
 }
 
-/// All joints turn up to some 60° from rest, the hips go about.
-fn dance(random: &mut Random, skeleton: &Skeleton) -> Clip {
-    dance_of(random, skeleton, 1.0)
+/// A clip of one second in which all joints rotate by up to about 60° from rest, and the hips move.
+fn random_clip(random: &mut Random, skeleton: &Skeleton) -> Clip {
+    random_clip_of_length(random, skeleton, 1.0)
 }
 
-/// The same over so many seconds.
-fn dance_of(random: &mut Random, skeleton: &Skeleton, length: f64) -> Clip {
+/// Like [`random_clip`], over `length` seconds.
+fn random_clip_of_length(random: &mut Random, skeleton: &Skeleton, length: f64) -> Clip {
     let secs = [0.0, 0.4, 0.7, 1.0].map(|share| share * length);
     let mut curves = Vec::new();
     for (joint, rest) in skeleton.rest().iter().enumerate() {
@@ -181,7 +181,7 @@ fn difference(a: &[DAffine3], b: &[DAffine3]) -> f64 {
 const LIMBS: [(&str, &str); 4] = [("upleg", "leg"), ("leg", "foot"), ("arm", "forearm"), ("forearm", "hand")];
 
 /// Largest angle, degrees, between the directions of the same limbs, the source turned by the yaw.
-fn limbs_apart([a, b]: [(&Skeleton, &[DAffine3]); 2], yaw_degrees: f64) -> f64 {
+fn largest_limb_angle([a, b]: [(&Skeleton, &[DAffine3]); 2], yaw_degrees: f64) -> f64 {
     let humans = [HumanoidJoints::of(a.0), HumanoidJoints::of(b.0)];
     let turn = DQuat::from_rotation_y(yaw_degrees.to_radians());
     let mut worst: f64 = 0.0;
@@ -214,43 +214,43 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
     #[test]
-    fn on_the_same_skeleton_a_clip_is_itself(seed: u64, at in 0.0..1.0f64) {
+    fn retargeting_to_the_same_skeleton_keeps_the_clip(seed: u64, at in 0.0..1.0f64) {
         let random = &mut Random(seed);
         let build = random_build(random, random.0 as usize % 3);
-        let skeleton = body(random, &build);
-        let clip = dance(random, &skeleton);
+        let skeleton = character_skeleton(random, &build);
+        let clip = random_clip(random, &skeleton);
         prop_assert!(same_joints(&clip, &skeleton, &skeleton));
-        // Bit for bit by the way that scripts take.
+        // The function that scripts use copies the curves bit for bit.
         let (bound, coverage, report) = bind_or_retarget(&clip, &skeleton, &skeleton);
         prop_assert!(bound.curves() == clip.curves() && coverage.left_out.is_empty() && report.is_none());
-        // And to rounding by the formulas, floor and all.
+        // The retargeting formulas give the same poses up to rounding.
         let (other, report) = Retarget::new(&skeleton, &skeleton, RetargetOptions::default()).clip(&clip);
         let apart = difference(&model_at(&skeleton, &clip, at), &model_at(&skeleton, &other, at));
         prop_assert!(apart < 1e-5, "{apart} {report:?}");
     }
 
     #[test]
-    fn limbs_point_where_the_sources_do(seed: u64, at in 0.0..1.0f64) {
+    fn retargeted_limbs_point_in_the_directions_of_the_source(seed: u64, at in 0.0..1.0f64) {
         let random = &mut Random(seed);
         let (a, b) = (random_build(random, random.0 as usize % 3), random_build(random, random.0 as usize / 3 % 3));
-        let (from, to) = (body(random, &a), body(random, &b));
-        let clip = dance(random, &from);
+        let (from, to) = (character_skeleton(random, &a), character_skeleton(random, &b));
+        let clip = random_clip(random, &from);
         let retarget = Retarget::new(&from, &to, RetargetOptions::default());
         prop_assert_eq!(retarget.map().pairs().count(), from.len());
         let (other, report) = retarget.clip(&clip);
         prop_assert!(retarget.coverage(&clip).left_out.is_empty() && report.held.is_empty() && !report.coarse);
         let (s, t) = (model_at(&from, &clip, at), model_at(&to, &other, at));
-        let apart = limbs_apart([(&from, &s), (&to, &t)], retarget.yaw_degrees());
+        let apart = largest_limb_angle([(&from, &s), (&to, &t)], retarget.yaw_degrees());
         prop_assert!(apart < 0.01, "{apart}° {report:?}");
-        // Every key where it was, but of the hips.
+        // The key times are unchanged, except those of the hips.
         for curve in other.curves().iter().filter(|c| c.path == Path::Rotation) {
             prop_assert_eq!(curve.times.len(), 4);
         }
-        // The comparison can fail: without alignment arms hang as they did, if rest poses differ.
+        // Negative control: without alignment, arms keep the difference of the rest poses.
         if (a.arms_down - b.arms_down).abs() > 5.0 {
             let off = RetargetOptions { align: false, ..RetargetOptions::default() };
             let (other, _) = Retarget::new(&from, &to, off).clip(&clip);
-            prop_assert!(limbs_apart([(&from, &s), (&to, &model_at(&to, &other, at))], retarget.yaw_degrees()) > 2.0);
+            prop_assert!(largest_limb_angle([(&from, &s), (&to, &model_at(&to, &other, at))], retarget.yaw_degrees()) > 2.0);
         }
     }
 
@@ -258,11 +258,11 @@ proptest! {
     fn retargeting_there_and_back_restores_the_clip(seed: u64, at in 0.0..1.0f64) {
         let random = &mut Random(seed);
         let (a, b) = (random_build(random, 0), random_build(random, 1 + random.0 as usize % 2));
-        let (from, to) = (body(random, &a), body(random, &b));
-        let clip = dance(random, &from);
+        let (from, to) = (character_skeleton(random, &a), character_skeleton(random, &b));
+        let clip = random_clip(random, &from);
         let there = Retarget::new(&from, &to, RetargetOptions::default()).clip(&clip).0;
         let back = Retarget::new(&to, &from, RetargetOptions::default()).clip(&there).0;
-        // Less the height of the hips, which the next test is about.
+        // The height of the hips is left out; the next test compares it.
         let [mut a, mut b] = [model_at(&from, &clip, at), model_at(&from, &back, at)];
         for model in [&mut a, &mut b] {
             let up = model[0].translation.y;
@@ -273,15 +273,16 @@ proptest! {
     }
 }
 
-/// Where the body moves slowly its feet stand, and the lowest one is where it should be. Faster, hips go smoothly instead.
+/// In slow motion the feet stand, and the lowest one is as high as the source's, times the scale. In fast motion the hips move
+/// smoothly instead.
 #[test]
-fn the_lowest_foot_is_where_it_should_be() {
+fn the_lowest_foot_keeps_its_scaled_height_in_slow_motion() {
     const LENGTH: f64 = 100.0;
     let mut fastest: f64 = 0.0;
     for seed in 1..9 {
         let random = &mut Random(seed);
         let (a, b) = (random_build(random, 0), random_build(random, 1));
-        let (from, to) = (body(random, &a), body(random, &b));
+        let (from, to) = (character_skeleton(random, &a), character_skeleton(random, &b));
         let off = |clip: &Clip, at: f64| {
             let retarget = Retarget::new(&from, &to, RetargetOptions::default());
             let other = retarget.clip(clip).0;
@@ -292,30 +293,30 @@ fn the_lowest_foot_is_where_it_should_be() {
             });
             worst.fold(0.0, f64::max)
         };
-        let slow = dance_of(random, &from, LENGTH);
+        let slow = random_clip_of_length(random, &from, LENGTH);
         // Sampling smooths the kink where one foot takes over from the other: by 2.3 mm in the worst of these.
         assert!(off(&slow, LENGTH) < 3e-3, "{seed}: {}", off(&slow, LENGTH));
-        fastest = fastest.max(off(&dance_of(random, &from, 1.0), 1.0));
+        fastest = fastest.max(off(&random_clip_of_length(random, &from, 1.0), 1.0));
     }
     // The comparison can fail.
     assert!(fastest > 0.03, "{fastest}");
 }
 
-/// Three joints in the spine on one, and the other way round: what hangs on it turns as in the source.
+/// Spines of three joints to spines of one, and the reverse: joints below the spine rotate as in the source.
 #[test]
 fn retargeting_maps_spines_with_different_joint_counts() {
     let random = &mut Random(7);
     for (ours, theirs) in [(3, 1), (1, 3), (3, 2), (2, 3)] {
-        let from = body(random, &Build { spine: ours, ..PLAIN });
-        let to = body(random, &Build { spine: theirs, family: 1, ..PLAIN });
-        let clip = dance(random, &from);
+        let from = character_skeleton(random, &CharacterBuild { spine: ours, ..DEFAULT_BUILD });
+        let to = character_skeleton(random, &CharacterBuild { spine: theirs, family: 1, ..DEFAULT_BUILD });
+        let clip = random_clip(random, &from);
         let retarget = Retarget::new(&from, &to, RetargetOptions::default());
         let (other, report) = retarget.clip(&clip);
         let mut worst: f64 = 0.0;
         for at in 0..20 {
             let at = f64::from(at) * 0.05;
             let (s, t) = (model_at(&from, &clip, at), model_at(&to, &other, at));
-            worst = worst.max(limbs_apart([(&from, &s), (&to, &t)], 0.0));
+            worst = worst.max(largest_limb_angle([(&from, &s), (&to, &t)], 0.0));
         }
         // Rotations of several joints in one are sampled: 1e-3 rad is 0.06°.
         assert!(worst < 0.13, "{ours} on {theirs}: {worst}°");
@@ -323,9 +324,9 @@ fn retargeting_maps_spines_with_different_joint_counts() {
     }
 }
 
-/// A human in chairs' and lamps' company: structure, sides and heights tell where names do not.
+/// Joint names that no family uses: structure, sides and heights identify the joints.
 #[test]
-fn a_body_is_found_by_its_structure() {
+fn humanoid_joints_are_found_by_structure_sides_and_heights() {
     let rows: [(&str, Option<u32>, [f32; 3]); 17] = [
         ("scene", None, [0.0, 0.0, 0.0]),
         ("torso_joint_1", Some(0), [0.0, 0.7, 0.0]),
@@ -368,16 +369,19 @@ fn a_body_is_found_by_its_structure() {
 }
 
 #[test]
-fn joints_can_be_given_and_forbidden() {
+fn given_joint_pairs_and_excluded_joints_take_precedence() {
     let random = &mut Random(3);
-    let (from, to) = (body(random, &PLAIN), body(random, &Build { family: 2, ..PLAIN }));
+    let (from, to) = (
+        character_skeleton(random, &DEFAULT_BUILD),
+        character_skeleton(random, &CharacterBuild { family: 2, ..DEFAULT_BUILD }),
+    );
     let [a, b] = [&from, &to].map(HumanoidJoints::of);
     let (arm, head) = (b.joint("left arm").unwrap(), b.joint("head").unwrap());
     let other = a.joint("right arm").unwrap();
     let joints = BTreeMap::from([(arm, Some(other)), (head, None), (9999, Some(0)), (0, Some(9999))]);
     let retarget = Retarget::new(&from, &to, RetargetOptions { joints, ..RetargetOptions::default() });
     assert_eq!((retarget.map().source(arm), retarget.map().source(head)), (Some(other), None));
-    let dance = dance(random, &from);
+    let dance = random_clip(random, &from);
     let (clip, _) = retarget.clip(&dance);
     let coverage = retarget.coverage(&dance);
     assert!(!clip.animates(head) && coverage.left_out.contains(&"mixamorig:Head".to_string()));
@@ -386,8 +390,10 @@ fn joints_can_be_given_and_forbidden() {
 #[test]
 fn retargeting_reports_translations_that_it_leaves_out() {
     let random = &mut Random(5);
-    let (from, to) =
-        (body(random, &PLAIN), body(random, &Build { family: 1, thigh: 0.9, shin: 0.9, ..PLAIN }));
+    let (from, to) = (
+        character_skeleton(random, &DEFAULT_BUILD),
+        character_skeleton(random, &CharacterBuild { family: 1, thigh: 0.9, shin: 0.9, ..DEFAULT_BUILD }),
+    );
     let hand = HumanoidJoints::of(&from).joint("left hand").unwrap();
     let rest = from.rest()[hand as usize].translation;
     let keys: Vec<f32> = [rest, rest + Vec3::X * 0.2].iter().flat_map(|v| v.to_array()).collect();
@@ -405,7 +411,7 @@ fn retargeting_reports_translations_that_it_leaves_out() {
     assert!(((b[joint].translation - a[joint].translation).length() - 0.4).abs() < 1e-5);
 }
 
-fn renamed(skeleton: &Skeleton, name: impl Fn(&str) -> String) -> Skeleton {
+fn with_renamed_joints(skeleton: &Skeleton, name: impl Fn(&str) -> String) -> Skeleton {
     let names = skeleton.names().iter().map(|n| name(n)).collect();
     Skeleton::new(names, skeleton.parents().to_vec(), skeleton.rest().to_vec()).unwrap()
 }
@@ -427,26 +433,32 @@ fn with_fingers(skeleton: &Skeleton, finger: impl Fn(&str, usize) -> String) -> 
     Skeleton::new(names, parents, rest).unwrap()
 }
 
-/// Joints that nothing follows are named by their part of the body, whether the clip is copied or retargeted.
+/// Joints that no joint follows are reported by body part, whether the clip is copied or retargeted.
 #[test]
-fn parts_of_the_body_that_stay_at_rest_are_named() {
+fn body_parts_that_stay_at_rest_are_reported() {
     let random = &mut Random(17);
-    let from = body(random, &PLAIN);
-    let clip = dance(random, &from);
+    let from = character_skeleton(random, &DEFAULT_BUILD);
+    let clip = random_clip(random, &from);
     let named = |to: &Skeleton| {
         let (bound, coverage, report) = bind_or_retarget(&clip, &from, to);
         (coverage.followed(), coverage.parts, bound.curves().is_empty(), report.is_some())
     };
-    assert_eq!(named(&body(random, &Build { family: 2, ..PLAIN })), (19, vec![], false, true));
-    // The same body, of which a few joints have names that nothing is known of.
-    let lost = ["Head", "Neck", "LeftArm", "LeftForearm", "LeftHand", "RightUpleg", "RightLeg", "RightFoot"];
-    let hidden = renamed(&from, |n| match lost.iter().position(|l| n == format!("mixamorig:{l}")) {
-        Some(i) => format!("bit {i}"),
-        None => n.to_string(),
+    assert_eq!(
+        named(&character_skeleton(random, &CharacterBuild { family: 2, ..DEFAULT_BUILD })),
+        (19, vec![], false, true)
+    );
+    // The same skeleton, with unknown names for a few joints.
+    let renamed_joints =
+        ["Head", "Neck", "LeftArm", "LeftForearm", "LeftHand", "RightUpleg", "RightLeg", "RightFoot"];
+    let hidden = with_renamed_joints(&from, |n| {
+        match renamed_joints.iter().position(|l| n == format!("mixamorig:{l}")) {
+            Some(i) => format!("bit {i}"),
+            None => n.to_string(),
+        }
     });
     assert_eq!(named(&hidden), (11, vec!["head", "left arm", "right leg"], false, false));
     // No name is known; structure identifies hips and legs.
-    let legs = renamed(&from, |n| {
+    let legs = with_renamed_joints(&from, |n| {
         let plain = n.trim_start_matches("mixamorig:").to_lowercase();
         let is_leg = ["leg", "foot", "toe"].iter().any(|part| plain.contains(part));
         match (plain.strip_prefix("left"), plain.strip_prefix("right")) {
@@ -456,7 +468,7 @@ fn parts_of_the_body_that_stay_at_rest_are_named() {
         }
     });
     assert_eq!(named(&legs), (9, vec!["spine", "head", "left arm", "right arm"], false, true));
-    let nothing = renamed(&from, |n| format!("bit {}", n.len()));
+    let nothing = with_renamed_joints(&from, |n| format!("bit {}", n.len()));
     let (count, parts, empty, _) = named(&nothing);
     assert_eq!((count, empty), (0, true), "{parts:?}");
     // Joints that the caller excludes do not count as lost.
@@ -467,13 +479,13 @@ fn parts_of_the_body_that_stay_at_rest_are_named() {
     assert_eq!((coverage.followed(), coverage.parts), (16, vec![]));
 }
 
-/// Fingers are missed where the other body has some, under names that nothing is known of; a mitten misses nothing.
+/// Fingers are reported if the other character has fingers of unknown names, and not if its hands have none.
 #[test]
-fn fingers_are_missed_by_hands_that_have_some() {
+fn unmatched_fingers_are_reported_only_for_hands_with_fingers() {
     let random = &mut Random(19);
-    let mitten = body(random, &PLAIN);
+    let mitten = character_skeleton(random, &DEFAULT_BUILD);
     let from = with_fingers(&mitten, |side, number| format!("mixamorig:{side}HandIndex{number}"));
-    let clip = dance(random, &from);
+    let clip = random_clip(random, &from);
     let parts = |to: &Skeleton| bind_or_retarget(&clip, &from, to).1.parts;
     let other = with_fingers(&mitten, |side, number| format!("{side} digit {number}"));
     assert_eq!(parts(&other), ["left fingers", "right fingers"]);
@@ -483,11 +495,11 @@ fn fingers_are_missed_by_hands_that_have_some() {
     assert!(parts(&unreal).is_empty());
 }
 
-/// Hips that bear another name are what carries the thighs.
+/// Hips with an unknown name are found as the joint that carries both thighs.
 #[test]
-fn the_parent_of_the_thighs_is_found_as_hips() {
+fn the_joint_that_carries_both_thighs_is_the_hips() {
     let random = &mut Random(23);
-    let from = body(random, &PLAIN);
+    let from = character_skeleton(random, &DEFAULT_BUILD);
     let families: [&[(&str, &str)]; 3] = [
         &[
             ("Hips", "DEF-spine"),
@@ -528,7 +540,7 @@ fn the_parent_of_the_thighs_is_found_as_hips() {
         ],
     ];
     for family in families {
-        let to = renamed(&from, |name| {
+        let to = with_renamed_joints(&from, |name| {
             let plain = name.strip_prefix("mixamorig:").unwrap_or(name);
             let (side, part) = match (plain.strip_prefix("Left"), plain.strip_prefix("Right")) {
                 (Some(part), _) => ("l", part),
@@ -545,21 +557,21 @@ fn the_parent_of_the_thighs_is_found_as_hips() {
         for part in ["hips", "head", "left arm", "right forearm", "left upleg", "right leg", "left foot"] {
             assert_eq!(human.joint(part), own.joint(part), "{part}: {:?}", to.names());
         }
-        let (_, coverage, _) = bind_or_retarget(&dance(random, &from), &from, &to);
+        let (_, coverage, _) = bind_or_retarget(&random_clip(random, &from), &from, &to);
         assert!(coverage.left_out.is_empty(), "{coverage:?}");
     }
 }
 
-/// Nothing in common by names is no reason to copy; and the same joints under a longer rest pose are.
+/// Clips are not copied if no names match; they are copied if the same joints rest in another pose.
 #[test]
-fn what_is_copied_and_what_is_not() {
+fn clips_are_copied_only_between_skeletons_with_equal_joint_positions() {
     let random = &mut Random(11);
-    let from = body(random, &PLAIN);
-    let clip = dance(random, &from);
-    let other = body(random, &Build { family: 1, ..PLAIN });
+    let from = character_skeleton(random, &DEFAULT_BUILD);
+    let clip = random_clip(random, &from);
+    let other = character_skeleton(random, &CharacterBuild { family: 1, ..DEFAULT_BUILD });
     assert!(!same_joints(&clip, &from, &other));
     assert!(bind_or_retarget(&clip, &from, &other).2.is_some());
-    // The same skeleton in another rest pose: rotations differ, places in parents' axes do not.
+    // The same skeleton in another rest pose: rotations differ, positions in the parents' spaces do not.
     let turn = glam::Quat::from_rotation_x(0.5);
     let rest =
         from.rest().iter().map(|t| Transform { rotation: (t.rotation * turn).normalize(), ..*t }).collect();

@@ -1,4 +1,4 @@
-//! Sampling against the f64 reference, for every interpolation, layout and extreme.
+//! Sampling is compared with the f64 reference, for every interpolation and layout, and for extreme clips.
 
 use crate::support::*;
 use choreo_motion::{Clip, Curve, Interpolation, Level, Path, Pose, Sample, Time, Transform};
@@ -7,7 +7,8 @@ use proptest::prelude::*;
 use std::sync::Arc;
 
 const PATHS: [Path; 3] = [Path::Translation, Path::Rotation, Path::Scale];
-const KINDS: [Interpolation; 3] = [Interpolation::Step, Interpolation::Linear, Interpolation::CubicSpline];
+const INTERPOLATIONS: [Interpolation; 3] =
+    [Interpolation::Step, Interpolation::Linear, Interpolation::CubicSpline];
 
 fn sampled(clip: &Clip, time: Time) -> Pose {
     let mut pose = Pose::identity(clip.joint_count());
@@ -42,7 +43,8 @@ fn worst_error(clip: &Clip, pose: &Pose, time: Time) -> (f64, f64) {
     worst
 }
 
-/// A clip of all kinds of curves: some share their key times, some are alone, some constant, some joints have none.
+/// A clip of all kinds of curves: some share their key times, some have separate ones, some are constant, and some joints have no
+/// curve.
 fn mixed_clip(seed: u64, joints: usize) -> Clip {
     let mut random = Random(seed);
     let random_times = |random: &mut Random| -> Arc<[Time]> {
@@ -59,7 +61,7 @@ fn mixed_clip(seed: u64, joints: usize) -> Clip {
     let mut curves = Vec::new();
     for joint in 0..joints as u32 {
         for path in PATHS {
-            let kind = KINDS[random.below(3)];
+            let kind = INTERPOLATIONS[random.below(3)];
             let times = match random.below(6) {
                 0 => continue,
                 1 => random_times(&mut random),
@@ -76,7 +78,7 @@ fn mixed_clip(seed: u64, joints: usize) -> Clip {
     Clip::new("mixed".into(), joints, curves).unwrap()
 }
 
-fn interesting_times(clip: &Clip, random: &mut Random) -> Vec<Time> {
+fn times_at_and_between_keys(clip: &Clip, random: &mut Random) -> Vec<Time> {
     let mut times = vec![Time(-5), Time::ZERO, clip.duration, clip.duration + Time(1), Time::MAX];
     for curve in clip.curves().iter().take(20) {
         let key = curve.times[random.below(curve.times.len())];
@@ -90,10 +92,10 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
     #[test]
-    fn every_kind_of_curve_equals_the_reference(seed: u64, joints in 1usize..70) {
+    fn all_kinds_of_curves_equal_the_reference(seed: u64, joints in 1usize..70) {
         let clip = mixed_clip(seed, joints);
         let mut random = Random(seed ^ 1);
-        for time in interesting_times(&clip, &mut random) {
+        for time in times_at_and_between_keys(&clip, &mut random) {
             let (metres, degrees) = worst_error(&clip, &sampled(&clip, time), time);
             // Random keys have cubic curves that pass near zero: their direction is worse conditioned.
             prop_assert!(metres < 2e-6, "{metres} at {time:?}");
@@ -102,10 +104,10 @@ proptest! {
     }
 
     #[test]
-    fn both_levels_give_the_same_bits(seed: u64, joints in 1usize..70) {
+    fn portable_and_avx2_sampling_give_the_same_bits(seed: u64, joints in 1usize..70) {
         let clip = mixed_clip(seed, joints);
         let mut random = Random(seed ^ 2);
-        for time in interesting_times(&clip, &mut random) {
+        for time in times_at_and_between_keys(&clip, &mut random) {
             let mut poses = [Level::Portable, Level::Avx2].map(|level| {
                 let mut pose = Pose::identity(joints);
                 Sample { clip: &clip, time, pose: &mut pose }.run_on(level);
@@ -122,15 +124,15 @@ proptest! {
     }
 }
 
-fn on_level(clip: &Clip, time: Time, level: Level) -> Pose {
+fn sampled_on_level(clip: &Clip, time: Time, level: Level) -> Pose {
     let mut pose = Pose::identity(clip.joint_count());
     Sample { clip, time, pose: &mut pose }.run_on(level);
     pose
 }
 
-/// Curves of a block that have key times of their own are gathered, and those of one clip are too many for common key times.
+/// The keys of curves with separate key times are gathered, since such curves of one clip are too many for common key times.
 #[test]
-fn curves_with_key_times_of_their_own_equal_the_reference_and_themselves_alone() {
+fn curves_with_separate_key_times_equal_the_reference_and_their_single_sampling() {
     const JOINTS: u32 = 45;
     for kind in [Interpolation::Linear, Interpolation::CubicSpline] {
         let mut random = Random(5);
@@ -151,11 +153,11 @@ fn curves_with_key_times_of_their_own_equal_the_reference_and_themselves_alone()
         }
         let clip = Clip::new("own".into(), JOINTS as usize, curves).unwrap();
         let alone: Vec<Clip> = clip.curves().iter().map(|c| clip.rekeyed(vec![c.clone()])).collect();
-        for time in interesting_times(&clip, &mut random) {
+        for time in times_at_and_between_keys(&clip, &mut random) {
             let pose = sampled(&clip, time);
             let (metres, degrees) = worst_error(&clip, &pose, time);
             assert!(metres < 2e-6 && degrees < 2e-3, "{kind:?}: {metres}, {degrees} degrees at {time:?}");
-            assert_eq!(pose, on_level(&clip, time, Level::Portable), "{kind:?} at {time:?}");
+            assert_eq!(pose, sampled_on_level(&clip, time, Level::Portable), "{kind:?} at {time:?}");
             for (curve, alone) in clip.curves().iter().zip(&alone) {
                 let [got, wanted] = [&pose, &sampled(alone, time)].map(|p| p.get(curve.joint as usize));
                 match curve.path {
@@ -173,7 +175,7 @@ fn curves_with_key_times_of_their_own_equal_the_reference_and_themselves_alone()
 }
 
 #[test]
-fn the_comparison_sees_a_planted_fault() {
+fn the_comparison_with_the_reference_detects_a_planted_error() {
     let clip = mixed_clip(7, 30);
     let time = Time(123_456_789);
     let mut pose = sampled(&clip, time);
@@ -187,9 +189,9 @@ fn the_comparison_sees_a_planted_fault() {
     assert!(before < 1e-4 && after > 2e-4, "{before} {after}");
 }
 
-/// Alone, in a batch, and in rows; from nearly nothing to nearly half a turn.
+/// Rotations between 1e-6° and 180° apart, sampled alone, in a batch, and in rows.
 #[test]
-fn linear_rotations_are_right_to_a_ten_thousandth_of_a_degree() {
+fn linear_rotations_are_accurate_to_a_ten_thousandth_of_a_degree() {
     let mut worst = (0.0, 0.0, 0.0);
     for joints in [1u32, 5, 8] {
         for spacing in (1..=179).map(f64::from).chain([1e-6, 1e-3, 0.1, 179.9, 180.0]) {
@@ -201,7 +203,7 @@ fn linear_rotations_are_right_to_a_ten_thousandth_of_a_degree() {
                     let half = spacing.to_radians() / 2.0;
                     let b =
                         a * Quat::from_array((axis * half.sin() as f32).extend(half.cos() as f32).to_array());
-                    // Every other joint by the longer way round in numbers.
+                    // Every other joint gets the quaternion of the other sign, which is farther in numbers.
                     let b = if joint % 2 == 0 { b } else { -b };
                     let values = [a.to_array(), b.to_array()].concat();
                     curve(joint, Path::Rotation, Interpolation::Linear, &[0.0, 1.0], &values)
@@ -223,12 +225,18 @@ fn linear_rotations_are_right_to_a_ten_thousandth_of_a_degree() {
 }
 
 #[test]
-fn at_a_key_the_pose_is_the_key() {
+fn a_pose_at_the_time_of_a_key_equals_the_key() {
     let mut random = Random(3);
     let even: Arc<[Time]> = (0..50).map(|i| Time(i * 23_520_000)).collect();
     let curves: Vec<Curve> = (0..24)
         .map(|i| {
-            random_curve(&mut random, i / 3, PATHS[i as usize % 3], KINDS[i as usize / 3 % 2], even.clone())
+            random_curve(
+                &mut random,
+                i / 3,
+                PATHS[i as usize % 3],
+                INTERPOLATIONS[i as usize / 3 % 2],
+                even.clone(),
+            )
         })
         .collect();
     let clip = Clip::new("keys".into(), 8, curves).unwrap();
@@ -250,7 +258,7 @@ fn at_a_key_the_pose_is_the_key() {
 }
 
 #[test]
-fn joints_without_curves_keep_what_is_in_the_pose() {
+fn joints_without_curves_keep_their_transforms() {
     let values = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
     for joint in [0, 3, 9] {
         let moved = curve(joint, Path::Translation, Interpolation::Linear, &[0.0, 1.0], &values);
@@ -275,7 +283,7 @@ fn joints_without_curves_keep_what_is_in_the_pose() {
 }
 
 #[test]
-fn empty_skeleton() {
+fn sampling_an_empty_skeleton_gives_an_empty_pose() {
     let clip = Clip::new("nothing".into(), 0, vec![]).unwrap();
     assert_eq!(clip.duration, Time::ZERO);
     assert!(sampled(&clip, Time::from_secs(1.0)).is_empty());
@@ -295,7 +303,7 @@ fn a_single_key_holds_at_every_time() {
 }
 
 #[test]
-fn a_million_keys() {
+fn sampling_finds_the_interval_among_a_million_keys() {
     let mut random = Random(11);
     for even in [true, false] {
         let mut at = 0;
@@ -322,7 +330,7 @@ fn a_million_keys() {
 }
 
 #[test]
-fn ten_thousand_joints() {
+fn sampling_ten_thousand_joints_is_accurate() {
     let mut random = Random(5);
     let times: Arc<[Time]> = (0..3).map(|i| Time(i * 1_000_000)).collect();
     let curves = (0..10_000)
@@ -335,7 +343,7 @@ fn ten_thousand_joints() {
 }
 
 #[test]
-fn opposite_cubic_keys_meet_in_zero_and_stay_finite() {
+fn cubic_rotations_through_zero_length_stay_normalized() {
     let zero = [0.0; 4];
     let (a, b) = ([0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, -1.0]);
     let values = [zero, a, zero, zero, b, zero].concat();
@@ -367,7 +375,7 @@ fn antipodal_linear_keys_are_the_same_rotation() {
 }
 
 #[test]
-fn morph_weights() {
+fn morph_weights_are_sampled_and_other_joints_unchanged() {
     let w = curve(1, Path::Weights(3), Interpolation::Linear, &[0.0, 2.0], &[0.0, 1.0, 0.5, 1.0, 0.0, 0.5]);
     let clip = Clip::new("face".into(), 2, vec![w]).unwrap();
     let mut out = [7.0; 4];
@@ -385,5 +393,5 @@ fn a_pose_with_the_wrong_joint_count_is_an_error() {
     let clip = Clip::new("walk".into(), 3, vec![]).unwrap();
     let mut pose = Pose::identity(2);
     let job = Sample { clip: &clip, time: Time::ZERO, pose: &mut pose };
-    assert_eq!(job.check().unwrap_err().to_string(), "`Sample.pose` holds 2, must hold 3");
+    assert_eq!(job.check().unwrap_err().to_string(), "`Sample.pose` has length 2, must have length 3");
 }

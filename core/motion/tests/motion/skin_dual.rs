@@ -1,25 +1,25 @@
-//! Dual-quaternion skinning against the same formulas in f64, which the unit tests hold to closed forms.
+//! Dual-quaternion skinning is compared with the same formulas in f64, which unit tests compare with closed forms.
 
 use crate::support::Random;
 use crate::support::skinned_mesh::SkinnedMesh;
 use choreo_motion::{DualQuaternion, DualQuaternionSkinning, Level, StretchedDualQuaternion, stretch_matrix};
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Vec3};
 
-struct Case {
-    carriers: Vec<StretchedDualQuaternion>,
+struct DualSkinningCase {
+    maps: Vec<StretchedDualQuaternion>,
     stretched: bool,
     mesh: SkinnedMesh,
 }
 
-impl Case {
+impl DualSkinningCase {
     fn random(
         random: &mut Random,
         vertices: usize,
         influences: usize,
         stretched: bool,
         mirrored: bool,
-    ) -> Case {
-        let carriers = (0..7)
+    ) -> DualSkinningCase {
+        let maps = (0..7)
             .map(|_| {
                 let rotation = DQuat::from_array(random.rotation().map(f64::from)).normalize();
                 let mut scale = DVec3::ONE;
@@ -34,12 +34,12 @@ impl Case {
             })
             .collect();
         let mesh = SkinnedMesh::random(random, vertices, influences);
-        Case { carriers, stretched: stretched || mirrored, mesh }
+        DualSkinningCase { maps, stretched: stretched || mirrored, mesh }
     }
 
     fn run(&self, level: Level) -> (Vec<Vec3>, Vec<Vec3>) {
-        let motions: Vec<DualQuaternion> = self.carriers.iter().map(DualQuaternion::from).collect();
-        let stretches: Vec<Affine3A> = self.carriers.iter().map(stretch_matrix).collect();
+        let motions: Vec<DualQuaternion> = self.maps.iter().map(DualQuaternion::from).collect();
+        let stretches: Vec<Affine3A> = self.maps.iter().map(stretch_matrix).collect();
         let mesh = &self.mesh;
         mesh.skinned(|out_positions, out_normals| {
             let mut job = DualQuaternionSkinning {
@@ -61,19 +61,19 @@ impl Case {
     /// Worst distance from f64.
     fn error(&self, positions: &[Vec3], normals: &[Vec3]) -> f64 {
         self.mesh.error(positions, normals, |joints| {
-            let influences = joints.iter().map(|(joint, weight)| (&self.carriers[*joint], *weight));
+            let influences = joints.iter().map(|(joint, weight)| (&self.maps[*joint], *weight));
             StretchedDualQuaternion::blend(influences)
         })
     }
 }
 
 #[test]
-fn dual_quaternions_follow_f64_with_the_same_bits_at_any_level() {
+fn dual_quaternion_skinning_matches_f64_with_the_same_bits_at_any_level() {
     let mut random = Random(31);
     for influences in [1, 2, 3, 4, 8] {
         for (stretched, mirrored) in [(false, false), (true, false), (false, true), (true, true)] {
             for vertices in [1, 7, 8, 16, 41] {
-                let case = Case::random(&mut random, vertices, influences, stretched, mirrored);
+                let case = DualSkinningCase::random(&mut random, vertices, influences, stretched, mirrored);
                 let (positions, normals) = case.run(Level::best());
                 let error = case.error(&positions, &normals);
                 assert!(error < 2e-5, "{influences} influences, {stretched} {mirrored}: {error}");
@@ -90,17 +90,17 @@ fn dual_quaternions_follow_f64_with_the_same_bits_at_any_level() {
 }
 
 #[test]
-fn the_comparison_sees_a_planted_fault() {
-    let case = Case::random(&mut Random(2), 20, 4, true, false);
+fn the_comparison_with_f64_detects_a_planted_error() {
+    let case = DualSkinningCase::random(&mut Random(2), 20, 4, true, false);
     let (mut positions, normals) = case.run(Level::best());
     positions[13].x += 1e-3;
     assert!(case.error(&positions, &normals) > 9e-4);
 }
 
-/// Lists of influences in another order, and those that weigh nothing, change nothing but rounding.
+/// The order of influences, and influences of weight 0, change the result by rounding only.
 #[test]
-fn the_order_of_influences_does_not_matter() {
-    let mut case = Case::random(&mut Random(8), 64, 4, false, false);
+fn dual_quaternion_skinning_ignores_the_order_of_influences() {
+    let mut case = DualSkinningCase::random(&mut Random(8), 64, 4, false, false);
     case.mesh.weights.chunks_mut(4).for_each(|w| {
         w[2] += w[3];
         w[3] = 0.0;
@@ -115,8 +115,8 @@ fn the_order_of_influences_does_not_matter() {
 }
 
 #[test]
-fn vertices_without_weight_stay_and_bad_input_is_named() {
-    let mut case = Case::random(&mut Random(3), 9, 4, false, false);
+fn vertices_without_weight_stay_and_checks_name_the_invalid_field() {
+    let mut case = DualSkinningCase::random(&mut Random(3), 9, 4, false, false);
     case.mesh.weights.fill(0.0);
     let (positions, normals) = case.run(Level::best());
     assert_eq!(positions, case.mesh.positions);
@@ -133,5 +133,5 @@ fn vertices_without_weight_stay_and_bad_input_is_named() {
         out_positions: &mut out,
         out_normals: &mut [],
     };
-    assert_eq!(job.check().unwrap_err().to_string(), "`joint_indices[0]` is 1, there are 1 joints");
+    assert_eq!(job.check().unwrap_err().to_string(), "`joint_indices[0]` is 1, the number of joints is 1");
 }

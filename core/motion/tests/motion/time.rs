@@ -1,4 +1,4 @@
-//! Ticks, frame rates, playback: exact however long.
+//! Ticks, frame rates and playback are exact for any duration.
 
 use choreo_motion::{FrameRate, FrameRateError, Playback, Repeat, Time};
 use proptest::prelude::*;
@@ -6,7 +6,7 @@ use proptest::prelude::*;
 const SECOND: i64 = Time::TICKS_PER_SECOND;
 
 #[test]
-fn common_rates_have_whole_ticks() {
+fn common_frame_rates_have_whole_ticks_per_frame() {
     for fps in [24, 25, 30, 48, 50, 60, 90, 100, 120, 144, 240, 8000, 44_100, 48_000, 96_000] {
         assert_eq!(SECOND % fps, 0, "{fps}");
     }
@@ -22,13 +22,13 @@ fn common_rates_have_whole_ticks() {
 }
 
 #[test]
-fn rates_by_name() {
+fn frame_rates_are_recognized_from_fps() {
     assert_eq!(FrameRate::from_fps(30.0), Ok(FrameRate { num: 30, den: 1 }));
     assert_eq!(FrameRate::from_fps(29.97), Ok(FrameRate { num: 30_000, den: 1001 }));
     assert_eq!(FrameRate::from_fps(23.976), Ok(FrameRate { num: 24_000, den: 1001 }));
     assert_eq!(FrameRate::from_fps(23.98), Ok(FrameRate { num: 24_000, den: 1001 }));
     assert_eq!(FrameRate::from_fps(12.5), Ok(FrameRate { num: 25, den: 2 }));
-    // Kept as they are, not rounded to thousandths or to NTSC.
+    // These rates are not rounded to thousandths or to NTSC rates.
     assert_eq!(FrameRate::from_fps(29.973), Ok(FrameRate { num: 29_973, den: 1000 }));
     assert_eq!(FrameRate::from_fps(12.3456), Ok(FrameRate { num: 7716, den: 625 }));
     assert_eq!(FrameRate::from_fps(1.0 / 3.0), Ok(FrameRate { num: 1, den: 3 }));
@@ -40,7 +40,7 @@ fn rates_by_name() {
 }
 
 #[test]
-fn frames_in_counts_starts() {
+fn frames_in_counts_frames_that_start_within_a_duration() {
     let thirty = FrameRate { num: 30, den: 1 };
     let ntsc = FrameRate { num: 30_000, den: 1001 };
     assert_eq!(thirty.frames_in(Time::ZERO), 0);
@@ -92,7 +92,7 @@ proptest! {
 }
 
 #[test]
-fn once_loop_ping_pong() {
+fn clip_time_follows_the_repeat_mode() {
     let secs = Time::from_secs;
     let play = |repeat, speed, at: f64| {
         Playback { speed, trim: (secs(1.0), secs(3.0)), repeat }.clip_time(secs(at)).as_secs()
@@ -118,7 +118,7 @@ fn once_loop_ping_pong() {
 }
 
 #[test]
-fn a_hundred_hours_into_a_loop() {
+fn clip_time_is_exact_after_a_hundred_hours_of_looping() {
     // A clip of 31 NTSC frames, 0.7 times as fast as drawn: whole loops and 12 345 ticks later.
     let length = 31 * 23_543_520i64;
     let play = Playback { speed: 0.75, trim: (Time::ZERO, Time(length)), repeat: Repeat::Loop };
@@ -127,7 +127,7 @@ fn a_hundred_hours_into_a_loop() {
 }
 
 #[test]
-fn an_empty_trim_holds_its_start() {
+fn clip_time_of_an_empty_trim_is_its_start() {
     for repeat in [Repeat::Once, Repeat::Loop, Repeat::PingPong] {
         let play = Playback { speed: 1.0, trim: (Time(5), Time(5)), repeat };
         assert_eq!(play.clip_time(Time(1_000)), Time(5));
@@ -135,7 +135,7 @@ fn an_empty_trim_holds_its_start() {
 }
 
 #[test]
-fn bad_playback_is_named() {
+fn check_of_a_playback_names_the_invalid_field() {
     let mut play = Playback::whole(Time::from_secs(1.0));
     play.speed = f64::NAN;
     assert_eq!(play.check().unwrap_err().to_string(), "`Playback.speed` is NaN, must be finite");
@@ -148,7 +148,7 @@ fn bad_playback_is_named() {
 }
 
 #[test]
-fn arithmetic_saturates() {
+fn time_arithmetic_saturates() {
     assert_eq!(Time::MAX + Time(1), Time::MAX);
     assert_eq!(Time(i64::MIN) - Time(1), Time(i64::MIN));
     assert_eq!(-Time(i64::MIN), Time::MAX);

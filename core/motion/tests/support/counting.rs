@@ -4,18 +4,18 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-struct Counting;
+struct CountingAllocator;
 
 thread_local! {
     /// Number of allocations of this thread. Tests run in parallel.
-    static COUNT: Cell<usize> = const { Cell::new(0) };
+    static ALLOCATION_COUNT: Cell<usize> = const { Cell::new(0) };
 }
 
-// SAFETY: every call is handed on to the system's allocator as it came; counting in a constant-initialised thread-local without a
+// SAFETY: every call is handed on to the system's allocator as it came; counting in a constant-initialized thread-local without a
 // destructor allocates nothing.
-unsafe impl GlobalAlloc for Counting {
+unsafe impl GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        COUNT.with(|c| c.set(c.get() + 1));
+        ALLOCATION_COUNT.with(|c| c.set(c.get() + 1));
         // SAFETY: the caller keeps the promises of `GlobalAlloc::alloc`, which are the system's.
         unsafe { System.alloc(layout) }
     }
@@ -26,16 +26,16 @@ unsafe impl GlobalAlloc for Counting {
 }
 
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 /// The number of allocations that this makes, in this thread.
 pub fn allocations(work: impl FnOnce()) -> usize {
-    let before = COUNT.get();
+    let before = ALLOCATION_COUNT.get();
     work();
-    COUNT.get() - before
+    ALLOCATION_COUNT.get() - before
 }
 
 #[test]
-fn the_counter_sees_an_allocation() {
+fn an_allocation_is_counted() {
     assert_eq!(allocations(|| drop(std::hint::black_box(vec![0u8; 100]))), 1);
 }

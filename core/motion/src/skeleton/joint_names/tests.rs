@@ -5,13 +5,13 @@ use super::*;
 /// The joints of one family of names.
 struct Family {
     name: &'static str,
-    /// Our name and theirs.
+    /// Choreo's name and the family's.
     middle: &'static [(&'static str, &'static str)],
-    /// Our name without its side and theirs, in which `{}` stands for one of `sides`.
+    /// Choreo's name without its side, and the family's, in which `{}` stands for one of `sides`.
     sided: &'static [(&'static str, &'static str)],
     /// How the family writes left and right.
     sides: [&'static str; 2],
-    /// Joints of the family that are no joint of the table: ends, twist joints, what else the rig has.
+    /// Joints of the family that are not in the table, such as end joints and twist joints.
     others: &'static [&'static str],
 }
 
@@ -477,10 +477,10 @@ const FAMILIES: &[Family] = &[
 ];
 
 #[test]
-fn every_family_names_the_same_joints() {
+fn joint_names_of_every_family_are_recognized() {
     let mut wrong = Vec::new();
     let mut names = 0;
-    let mut look = |family: &str, name: &str, expected: Option<&str>| {
+    let mut check_name = |family: &str, name: &str, expected: Option<&str>| {
         names += 1;
         let found = humanoid_name(name);
         if found.as_deref() != expected {
@@ -488,16 +488,16 @@ fn every_family_names_the_same_joints() {
         }
     };
     for family in FAMILIES {
-        for (ours, theirs) in family.middle {
-            look(family.name, theirs, Some(ours));
+        for (choreo_name, theirs) in family.middle {
+            check_name(family.name, theirs, Some(choreo_name));
         }
-        for (ours, theirs) in family.sided {
+        for (choreo_name, theirs) in family.sided {
             for (side, word) in ["left", "right"].iter().zip(family.sides) {
-                look(family.name, &theirs.replace("{}", word), Some(&format!("{side} {ours}")));
+                check_name(family.name, &theirs.replace("{}", word), Some(&format!("{side} {choreo_name}")));
             }
         }
         for other in family.others {
-            look(family.name, other, None);
+            check_name(family.name, other, None);
         }
     }
     assert!(wrong.is_empty(), "{} of {names} names:\n{}", wrong.len(), wrong.join("\n"));
@@ -505,7 +505,7 @@ fn every_family_names_the_same_joints() {
 }
 
 #[test]
-fn other_joints_are_not_guessed() {
+fn unknown_joint_names_are_not_recognized() {
     for name in
         ["", "l", "left", "L_", "Tail", "other_Hips", "Root", "Brightness", "ear", "rib", "leg", "arm"]
     {
