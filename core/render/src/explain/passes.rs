@@ -13,15 +13,15 @@ impl Costs<'_> {
         for command in &recording.commands {
             match command {
                 Command::BeginPass { .. } => self.scene_pass(command),
-                Command::BeginGeometry => self.gbuffer_pass(),
+                Command::BeginGBuffer => self.gbuffer_pass(),
                 Command::BeginInputs { motion } => self.input_pass(*motion),
                 Command::BindPipeline(v) if v.deferred == DeferredPass::Light => self.lighting_pass(v),
                 Command::BeginPeel { layer, .. } => {
                     let what = format!("depth of transparent layer {}", layer + 1);
                     self.add(CostKind::Pass, what, None, self.peeled_by());
                 }
-                Command::BeginLayer { layer, rest, .. } => {
-                    let what = match rest {
+                Command::BeginLayer { layer, nearer, .. } => {
+                    let what = match nearer {
                         true => "transparent surfaces nearer than all layers, sorted".to_string(),
                         false => format!("color of transparent layer {}", layer + 1),
                     };

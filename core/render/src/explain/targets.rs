@@ -40,7 +40,7 @@ impl Costs<'_> {
             let what = format!("linear image {i} {size}, 16-bit floats");
             self.add(CostKind::Target, what, Some(8 * pixels), effects.clone());
         }
-        if recording.commands.contains(&Command::BeginGeometry) {
+        if recording.commands.contains(&Command::BeginGBuffer) {
             let names = ["normal and factors", "color", "depth"];
             for ((name, format), bytes) in names.iter().zip(FORMATS).zip(BYTES) {
                 let what = format!("G-buffer {name} {size}, {format:?}");
