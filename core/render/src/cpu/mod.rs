@@ -6,7 +6,6 @@
 mod anisotropy;
 mod background_effects;
 mod brdf;
-mod changed;
 mod coverage;
 mod displace;
 pub(crate) mod float_frames;
@@ -15,6 +14,7 @@ pub mod image_passes;
 mod layer_shading;
 mod layers;
 mod lighting;
+mod material_overrides;
 mod overlay;
 mod parallax;
 mod peel;
@@ -51,7 +51,7 @@ use crate::plan::{self, Draw, Features, Glass, OverlayPart, PipelineKey, Plan};
 use crate::renderer::{DeviceInfo, DeviceKind, Renderer};
 use crate::scene_resources::SceneResources;
 use crate::sky::{SkyBackground, SkyMaps};
-use background_effects::BackgroundEffects;
+use background_effects::PixelBackground;
 use choreo_plugin::{Effect, FloatFrame, Frame, Hook};
 use choreo_stage::Background;
 use float_frames::{DrawsFloats, float_frame};
@@ -97,7 +97,7 @@ pub struct CpuRenderer {
 #[derive(Default)]
 struct Sky {
     maps: Option<Arc<SkyMaps>>,
-    picture: Option<SkyBackground>,
+    background: Option<SkyBackground>,
 }
 
 /// Content hash, whether sRGB, whether with mipmaps.
@@ -143,8 +143,9 @@ impl CpuRenderer {
         let foreign = plan.draws.iter().chain(plan.shadow_draws()).any(|d| {
             d.primitive as usize >= c.primitives.len()
                 || d.material as usize >= c.materials.len()
-                || d.material_override
-                    .is_some_and(|changed| changed as usize >= plan.material_overrides.len())
+                || d.material_override.is_some_and(|material_override| {
+                    material_override as usize >= plan.material_overrides.len()
+                })
                 || (d.first_instance as usize + d.instance_count as usize) > plan.instances.len()
         });
         if foreign {
@@ -170,14 +171,14 @@ impl CpuRenderer {
         if sky.maps.is_none() && all().any(|d| d.pipeline.features.has(Features::SKY)) {
             sky.maps = Some(SkyMaps::of(panorama));
         }
-        if sky.picture.is_none() && shown.background {
-            sky.picture = Some(SkyBackground::new(panorama, MAX_SIZE));
+        if sky.background.is_none() && shown.background {
+            sky.background = Some(SkyBackground::new(panorama, MAX_SIZE));
         }
     }
 
     /// The effects of a draw on surfaces, in order.
-    fn surface(&self, plan: &Plan, bits: u8) -> Vec<(Effect, Vec<f32>)> {
-        let on = (0..8).zip(&plan.scene_effects).filter(|(bit, _)| bits >> bit & 1 == 1);
+    fn surface_effects(&self, plan: &Plan, effect_bits: u8) -> Vec<(Effect, Vec<f32>)> {
+        let on = (0..8).zip(&plan.scene_effects).filter(|(bit, _)| effect_bits >> bit & 1 == 1);
         on.filter_map(|(_, used)| Some((self.effect(&used.effect).ok()?.clone(), used.parameters.clone())))
             .collect()
     }
@@ -190,7 +191,7 @@ impl CpuRenderer {
         clip_from_relative: &Mat4,
         size: [u32; 2],
         shadows: Option<&'a ShadowMaps>,
-        changed_materials: &'a [ShadeMaterial],
+        override_materials: &'a [ShadeMaterial],
     ) -> Vec<Batch<'a>> {
         let copies: Vec<(usize, usize)> = draws
             .iter()
@@ -208,7 +209,7 @@ impl CpuRenderer {
                 let features = draw.pipeline.features;
                 let instance = &plan.instances[instance];
                 let material = match draw.material_override {
-                    Some(changed) => &changed_materials[changed as usize],
+                    Some(material_override) => &override_materials[material_override as usize],
                     None => &self.materials[draw.material as usize],
                 };
                 let hull = features.has(Features::OUTLINE).then(|| Hull {
@@ -218,7 +219,7 @@ impl CpuRenderer {
                 let stage = VertexStage {
                     size,
                     hull,
-                    displaced: self.displaced(plan, draw.pipeline.displaced),
+                    displacements: self.displacements(plan, draw.pipeline.displaced),
                     ..VertexStage::new(entry, features, plan, instance, clip_from_relative)
                 };
                 let vertices = deformed.vertices(draw, &stage);
@@ -237,8 +238,8 @@ impl CpuRenderer {
                     paint: Paint::Surface(Fragment {
                         plan,
                         sky: self.sky.as_ref().and_then(|sky| sky.maps.as_deref()),
-                        surface: self.surface(plan, draw.pipeline.surface),
-                        lighting: self.surface(plan, draw.pipeline.lighting),
+                        surface: self.surface_effects(plan, draw.pipeline.surface),
+                        lighting: self.surface_effects(plan, draw.pipeline.lighting),
                         shadows,
                         behind: None,
                         features,
@@ -329,7 +330,7 @@ impl CpuRenderer {
         post: &[image_passes::Pass],
         out: &mut [P],
     ) -> Result<(), RenderError> {
-        let changed = self.changed_materials(plan);
+        let overrides = self.override_materials(plan);
         let deformed = self.times.of(Stage::Vertices, || DeformedMeshes::of(self, plan));
         let kept = || self.shadow_maps.lock().unwrap_or_else(PoisonError::into_inner);
         let draw_maps = |shadows: &plan::ShadowMaps| {
@@ -342,22 +343,21 @@ impl CpuRenderer {
                     &view.clip_from_relative,
                     view.size,
                     None,
-                    &changed,
+                    &overrides,
                 )
             })
         };
         let maps = self.times.of(Stage::ShadowMaps, || plan.shadow_maps.as_ref().map(draw_maps));
         let seen = &plan.view.clip_from_relative;
         let mut batches = self.times.of(Stage::Vertices, || {
-            self.batches(plan, (&plan.draws, &deformed), seen, plan.size, maps.as_ref(), &changed)
+            self.batches(plan, (&plan.draws, &deformed), seen, plan.size, maps.as_ref(), &overrides)
         });
-        let seen = plan.sky.as_ref().filter(|sky| sky.background);
-        let picture = self.sky.as_ref().and_then(|sky| sky.picture.as_ref());
-        let backdrop = seen.zip(picture).map(|(sky, p)| sky::Backdrop::new(p, sky, plan));
-        let effects = self.surface(plan, plan.background_effects);
-        let needed = backdrop.is_some() || !effects.is_empty();
-        let background =
-            needed.then_some(BackgroundEffects { plan, backdrop, effects, faults: &self.faults });
+        let shown_sky = plan.sky.as_ref().filter(|sky| sky.background);
+        let sky_background = self.sky.as_ref().and_then(|sky| sky.background.as_ref());
+        let sky = shown_sky.zip(sky_background).map(|(sky, p)| sky::SkyBackdrop::new(p, sky, plan));
+        let effects = self.surface_effects(plan, plan.background_effects);
+        let needed = sky.is_some() || !effects.is_empty();
+        let background = needed.then_some(PixelBackground { plan, sky, effects, faults: &self.faults });
         let glass_of = |b: &Batch| match &b.paint {
             Paint::Surface(fragment) => Some(fragment.glass),
             Paint::Overlay { .. } => None,
@@ -368,8 +368,8 @@ impl CpuRenderer {
             // below.
             let mut pixels = vec![Vec4::ZERO; out.len()];
             let before = || {
-                let (backdrop, faults) = (background.as_ref(), &*self.faults);
-                bands::<T, Vec4, S>(plan, &batches[..first], backdrop, &[], faults, &mut pixels);
+                let (background, faults) = (background.as_ref(), &*self.faults);
+                bands::<T, Vec4, S>(plan, &batches[..first], background, &[], faults, &mut pixels);
             };
             self.times.of(Stage::Pixels, before);
             let behind = Arc::new(SceneColorCopy::new(pixels, plan.size, behind.levels));
@@ -393,7 +393,7 @@ impl CpuRenderer {
 fn bands<T: Target, P: PixelOf, const S: usize>(
     plan: &Plan,
     batches: &[Batch],
-    backdrop: Option<&BackgroundEffects>,
+    pixel_background: Option<&PixelBackground>,
     post: &[image_passes::Pass],
     faults: &EffectFaults,
     out: &mut [P],
@@ -438,7 +438,7 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
                     picture: plan.size,
                     background,
                     gradient: matches!(plan.background, Background::Gradient { .. }),
-                    backdrop,
+                    pixel_background,
                     under: plan.layers_behind.as_deref(),
                     layers: plan.depth_peeling.map_or(0, |peel| peel.layers),
                     post,

@@ -51,9 +51,9 @@ impl CpuRenderer {
     /// The inputs that the plan's effects read.
     pub(super) fn scene_inputs(&self, plan: &Plan) -> InputImages {
         let Some(pass) = &plan.scene_inputs else { return InputImages::default() };
-        let changed = self.changed_materials(plan);
+        let overrides = self.override_materials(plan);
         let (deformed, clip) = (DeformedMeshes::default(), &plan.view.clip_from_relative);
-        let batches = self.batches(plan, (&pass.draws, &deformed), clip, plan.size, None, &changed);
+        let batches = self.batches(plan, (&pass.draws, &deformed), clip, plan.size, None, &overrides);
         let instances = pass.draws.iter().flat_map(|draw| {
             (draw.first_instance..draw.first_instance + draw.instance_count).map(move |i| (draw, i as usize))
         });
@@ -77,7 +77,7 @@ impl CpuRenderer {
         let features = draw.pipeline.features;
         let instance = &plan.instances[then];
         let stage = VertexStage {
-            displaced: self.displaced(plan, draw.pipeline.displaced),
+            displacements: self.displacements(plan, draw.pipeline.displaced),
             camera: pass.camera_before,
             ..VertexStage::new(entry, features, plan, instance, &pass.clip_before)
         };

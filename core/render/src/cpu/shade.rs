@@ -1,7 +1,7 @@
 //! The fragment shader, a 2×2 quad at a time, linear color out. CPU reference of scene.wgsl.
 
 use super::brdf::{ambient_specular, reflect_light, reflect_light_phong, surface_of};
-use super::coverage::covered;
+use super::coverage::covered_samples;
 use super::layer_shading::{LayerContributions, LayeredPoint};
 use super::lighting::SurfacePoint;
 use super::refraction::SceneColorCopy;
@@ -178,7 +178,7 @@ impl Fragment<'_> {
     fn kept_samples(&self, alpha: F4) -> [u8; 4] {
         match self.material.factors.material.alpha_mode {
             AlphaMode::Mask(cutoff) if self.features.has(Features::ALPHA_MASK) => match self.coverage {
-                true => covered(alpha.0, cutoff),
+                true => covered_samples(alpha.0, cutoff),
                 false => alpha.0.map(|a| if a >= cutoff { ALL_SAMPLES } else { 0 }),
             },
             _ => [ALL_SAMPLES; 4],

@@ -80,16 +80,16 @@ fn polynomial(h: &[Vec3; 9], V3 { x, y, z }: V3) -> V3 {
 }
 
 /// The panorama as the background of a frame.
-pub(crate) struct Backdrop<'a> {
+pub(crate) struct SkyBackdrop<'a> {
     pub picture: &'a SkyBackground,
     pub sky: &'a PlanSky,
     plan: &'a Plan,
     rays: [Vec3; 3],
 }
 
-impl<'a> Backdrop<'a> {
-    pub fn new(picture: &'a SkyBackground, sky: &'a PlanSky, plan: &'a Plan) -> Backdrop<'a> {
-        Backdrop { picture, sky, plan, rays: crate::view::rays(&plan.view) }
+impl<'a> SkyBackdrop<'a> {
+    pub fn new(picture: &'a SkyBackground, sky: &'a PlanSky, plan: &'a Plan) -> SkyBackdrop<'a> {
+        SkyBackdrop { picture, sky, plan, rays: crate::view::rays(&plan.view) }
     }
 
     /// Color of a pixel, at its center.

@@ -109,7 +109,7 @@ impl CpuRenderer {
     pub fn stages(&mut self, plan: &Plan) -> Result<Vec<Frame>, RenderError> {
         self.submit(plan.clone())?;
         let shaded = self.collect(None)?;
-        let changed = self.changed_materials(plan);
+        let overrides = self.override_materials(plan);
         let clip_from_relative = &plan.view.clip_from_relative;
         let batches = self.batches(
             plan,
@@ -117,7 +117,7 @@ impl CpuRenderer {
             clip_from_relative,
             plan.size,
             None,
-            &changed,
+            &overrides,
         );
         let meshes: Vec<Mesh> = batches.iter().filter_map(mesh).collect();
         let mut pictures = vec![model(&meshes, plan.size), view(&meshes, plan), clip(&meshes, plan.size)];

@@ -2,7 +2,7 @@
 //! triangles in order, then samples are resolved. The image equals that of drawing one triangle after the other, but hidden ones
 //! are not shaded.
 
-use super::background_effects::BackgroundEffects;
+use super::background_effects::PixelBackground;
 use super::image_passes::{Pass, pixel_uv};
 use super::overlay;
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
@@ -124,7 +124,7 @@ pub struct Tile<'a, 'b> {
     /// Whether the background differs between rows.
     pub gradient: bool,
     /// Background with one color per pixel, which replaces `background`.
-    pub backdrop: Option<&'a BackgroundEffects<'a>>,
+    pub pixel_background: Option<&'a PixelBackground<'a>>,
     /// 2D layers over the background.
     pub under: Option<&'a LayerImage>,
     /// Number of depth-peeling layers.
@@ -142,7 +142,7 @@ impl Tile<'_, '_> {
         rows: &mut [P],
         stride: usize,
     ) {
-        let plain = self.backdrop.is_none() && self.under.is_none();
+        let plain = self.pixel_background.is_none() && self.under.is_none();
         if self.list.is_empty() && self.post.is_empty() && plain {
             // The most common tile: every sample of a row is the background.
             for y in 0..self.size[1] {
@@ -164,11 +164,11 @@ impl Tile<'_, '_> {
             let y = self.at[1] + row as i32;
             let mut behind = [*background; TILE_WIDTH as usize];
             let behind = &mut behind[..self.size[0]];
-            if let Some(backdrop) = self.backdrop {
-                backdrop.row(self.at[0], y, behind);
+            if let Some(pixel_background) = self.pixel_background {
+                pixel_background.write_row(self.at[0], y, behind);
             }
             for ((samples, pixel), x) in colors.chunks_exact_mut(S).zip(behind).zip(self.at[0]..) {
-                if T::DITHERED && (self.gradient || self.backdrop.is_some()) {
+                if T::DITHERED && (self.gradient || self.pixel_background.is_some()) {
                     *pixel = dithered(*pixel, x as usize, y as usize);
                 }
                 if let Some(under) = self.under {

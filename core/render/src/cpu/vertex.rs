@@ -42,7 +42,7 @@ pub(crate) struct VertexStage<'a> {
     /// Inverted hull, if the pass draws one.
     pub hull: Option<Hull<'a>>,
     /// Effects that displace the vertices.
-    pub displaced: Vec<Displacement>,
+    pub displacements: Vec<Displacement>,
     /// World position of the camera.
     pub camera: Vec3,
 }
@@ -73,7 +73,7 @@ impl<'a> VertexStage<'a> {
             clip_from_relative,
             size: plan.size,
             hull: None,
-            displaced: Vec::new(),
+            displacements: Vec::new(),
             camera: plan.view.position.as_vec3(),
         }
     }
@@ -154,7 +154,7 @@ impl VertexStage<'_> {
                 out.tangent = along.extend(p.tangents[i].w * handedness);
             }
         }
-        if !self.displaced.is_empty() {
+        if !self.displacements.is_empty() {
             self.displace(i, position, &rows, &mut out);
         }
         out
@@ -169,11 +169,11 @@ impl VertexStage<'_> {
             uv: uvs.unwrap_or_default(),
             model,
         };
-        let moved = displace::offset(&self.displaced, &place, rows);
+        let displacement = displace::total_displacement(&self.displacements, &place, rows);
         if self.features.has_normals() {
-            out.normal = displace::normal(&self.displaced, &place, rows, moved);
+            out.normal = displace::displaced_normal(&self.displacements, &place, rows, displacement);
         }
-        out.relative += moved;
+        out.relative += displacement;
     }
 
     fn joint_colors(&self, i: usize) -> Vec3 {
