@@ -9,7 +9,7 @@ use choreo_plugin::{Effect, EffectImage, EffectImages};
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
 
-pub struct Pass {
+pub struct ImagePass {
     pub effect: Effect,
     pub parameters: Vec<f32>,
     /// Index of the pass among those of its effect.
@@ -20,18 +20,22 @@ pub struct Pass {
     pub makes_texture: bool,
 }
 
-/// The passes of a plan, with the effects that they name.
-pub fn passes(post: &[PostPass], size: [u32; 2], effects: &[Effect]) -> Result<Vec<Pass>, RenderError> {
+/// Resolves the passes of a plan: looks up the effects that they name.
+pub fn resolve_passes(
+    post: &[PostPass],
+    size: [u32; 2],
+    effects: &[Effect],
+) -> Result<Vec<ImagePass>, RenderError> {
     let pass = |pass: &PostPass| {
-        let effect = effect(effects, &pass.effect)?.clone();
+        let effect = find_effect(effects, &pass.effect)?.clone();
         let size = pass.size(size);
         let (parameters, makes_texture) = (pass.parameters.clone(), pass.texture.is_some());
-        Ok(Pass { effect, parameters, number: pass.number, size, makes_texture })
+        Ok(ImagePass { effect, parameters, number: pass.number, size, makes_texture })
     };
     post.iter().map(pass).collect()
 }
 
-pub fn effect<'a>(effects: &'a [Effect], name: &str) -> Result<&'a Effect, RenderError> {
+pub fn find_effect<'a>(effects: &'a [Effect], name: &str) -> Result<&'a Effect, RenderError> {
     effects
         .iter()
         .find(|e| e.manifest().name == name)
@@ -44,9 +48,9 @@ pub(crate) fn pixel_uv([x, y]: [i32; 2], count: usize, size: [u32; 2]) -> Vec<Ve
     (x..x + count as i32).map(|x| (Vec2::new(x as f32, y as f32) + 0.5) / size).collect()
 }
 
-/// The image of [`run_linear`], dithered, as bytes.
-pub(crate) fn run(
-    passes: &[Pass],
+/// Runs the passes as [`run_linear`] does, and writes the dithered image as bytes.
+pub(crate) fn run_to_bytes(
+    passes: &[ImagePass],
     scene: SceneOf<'_>,
     pixels: Vec<Vec4>,
     before: &[Vec<Vec4>],
@@ -64,9 +68,9 @@ pub(crate) fn run(
 }
 
 /// Runs the passes and returns the image of the last one. `scene`: the inputs that effects read; `pixels`: the rendered scene,
-/// linear; `before`: images of earlier frames.
+/// linear; `before`: images of previous frames.
 pub(crate) fn run_linear(
-    passes: &[Pass],
+    passes: &[ImagePass],
     scene: SceneOf<'_>,
     pixels: Vec<Vec4>,
     before: &[Vec<Vec4>],
@@ -75,34 +79,33 @@ pub(crate) fn run_linear(
     let (size, rows) = (scene.size, scene.frame.rows());
     let scene = Some(scene.images(&rows));
     let before: Vec<EffectImage> = before.iter().map(|rgba| EffectImage { size, rgba }).collect();
-    let (mut now, mut now_size) = (pixels, size);
+    let (mut pixels, mut current_size) = (pixels, size);
     let mut original = Vec::new();
     // Textures of the passes of an effect by their number, each with its size.
     let mut textures: Vec<Option<(Vec<Vec4>, [u32; 2])>> = Vec::new();
     for pass in passes {
         let has_textures = !pass.effect.named_passes().is_empty();
         if pass.number == 0 && pass.effect.passes() > 1 && !has_textures {
-            original.clone_from(&now);
+            original.clone_from(&pixels);
         }
-        let picture = EffectImage { size: now_size, rgba: &now };
+        let image = EffectImage { size: current_size, rgba: &pixels };
         let is_first = pass.number == 0 || has_textures;
-        let first = EffectImage { size, rgba: if is_first { &now } else { &original } };
+        let first = EffectImage { size, rgba: if is_first { &pixels } else { &original } };
         let earlier: Vec<Option<EffectImage>> = textures
             .iter()
             .map(|texture| texture.as_ref().map(|(rgba, size)| EffectImage { size: *size, rgba }))
             .collect();
-        let pictures =
-            EffectImages { now: picture, original: first, passes: &earlier, before: &before, scene };
+        let images = EffectImages { now: image, original: first, passes: &earlier, before: &before, scene };
         let [width, height] = pass.size.map(|s| s as usize);
         let mut next = vec![Vec4::ZERO; width * height];
         next.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             match &pass.effect {
                 Effect::Image(effect) => {
-                    effect.image_row(&pictures, y as u32, pass.number, &pass.parameters, row);
+                    effect.image_row(&images, y as u32, pass.number, &pass.parameters, row);
                 }
                 Effect::Pixel(effect) => {
-                    let start = y.min(now_size[1] as usize - 1) * now_size[0] as usize;
-                    row.copy_from_slice(&now[start..start + width]);
+                    let start = y.min(current_size[1] as usize - 1) * current_size[0] as usize;
+                    row.copy_from_slice(&pixels[start..start + width]);
                     effect.pixels(row, &pixel_uv([0, y as i32], width, size), &pass.parameters);
                 }
                 _ => return,
@@ -115,8 +118,8 @@ pub(crate) fn run_linear(
             textures.push(Some((next, pass.size)));
         } else {
             textures.clear();
-            (now, now_size) = (next, pass.size);
+            (pixels, current_size) = (next, pass.size);
         }
     }
-    now
+    pixels
 }

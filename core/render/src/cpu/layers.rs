@@ -45,8 +45,8 @@ pub fn sheen_albedo(roughness: F4, nv: F4) -> F4 {
     (height * raised).clamp(0.0, 1.0)
 }
 
-/// The share of each color that a volume lets through: Beer–Lambert (KHR_materials_volume, "Attenuation").
-pub(crate) fn let_through(extinction: Vec3, depth: F4) -> V3 {
+/// Share of the light that passes a volume, per color channel: Beer–Lambert (KHR_materials_volume, "Attenuation").
+pub(crate) fn volume_transmittance(extinction: Vec3, depth: F4) -> V3 {
     let channel = |e: f32| (depth * -e).map(libm::expf);
     V3 { x: channel(extinction.x), y: channel(extinction.y), z: channel(extinction.z) }
 }

@@ -54,7 +54,7 @@ use crate::sky::{SkyBackground, SkyMaps};
 use background_effects::PixelBackground;
 use choreo_plugin::{Effect, FloatFrame, Frame, Hook};
 use choreo_stage::Background;
-use float_frames::{DrawsFloats, float_frame};
+use float_frames::{FloatFrameRenderer, float_frame};
 use glam::{Mat4, Vec4};
 use preskin::DeformedMeshes;
 use raster::{TILE_HEIGHT, TILE_WIDTH};
@@ -160,7 +160,7 @@ impl CpuRenderer {
     }
 
     fn effect(&self, name: &str) -> Result<&Effect, RenderError> {
-        image_passes::effect(&self.effects, name)
+        image_passes::find_effect(&self.effects, name)
     }
 
     /// Computes the maps and the background of the sky that the plan shows, unless they exist.
@@ -300,13 +300,14 @@ impl CpuRenderer {
         let passes = self.passes(plan)?;
         let inputs = self.times.of(Stage::Pixels, || self.scene_inputs(plan));
         let scene = inputs.of(plan);
-        let run = || image_passes::run(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
+        let run =
+            || image_passes::run_to_bytes(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
         self.times.of(Stage::ImageEffects, run);
         Ok(())
     }
 
-    fn passes(&self, plan: &Plan) -> Result<Vec<image_passes::Pass>, RenderError> {
-        image_passes::passes(&plan.post, plan.size, &self.effects)
+    fn passes(&self, plan: &Plan) -> Result<Vec<image_passes::ImagePass>, RenderError> {
+        image_passes::resolve_passes(&plan.post, plan.size, &self.effects)
     }
 
     fn draw<T: Target, const S: usize>(&self, plan: &Plan, frame: &mut Frame) -> Result<(), RenderError> {
@@ -316,7 +317,7 @@ impl CpuRenderer {
             self.tiles::<T, Vec4, S>(plan, &[], &mut pixels)?;
             let inputs = self.times.of(Stage::Pixels, || self.scene_inputs(plan));
             let scene = inputs.of(plan);
-            let run = || image_passes::run(&post, scene, pixels, &[], &self.faults, &mut frame.rgba);
+            let run = || image_passes::run_to_bytes(&post, scene, pixels, &[], &self.faults, &mut frame.rgba);
             self.times.of(Stage::ImageEffects, run);
             return Ok(());
         }
@@ -327,7 +328,7 @@ impl CpuRenderer {
     fn tiles<T: Target, P: PixelOf, const S: usize>(
         &self,
         plan: &Plan,
-        post: &[image_passes::Pass],
+        post: &[image_passes::ImagePass],
         out: &mut [P],
     ) -> Result<(), RenderError> {
         let overrides = self.override_materials(plan);
@@ -394,7 +395,7 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
     plan: &Plan,
     batches: &[Batch],
     pixel_background: Option<&PixelBackground>,
-    post: &[image_passes::Pass],
+    post: &[image_passes::ImagePass],
     faults: &EffectFaults,
     out: &mut [P],
 ) {
@@ -538,8 +539,8 @@ impl Renderer for CpuRenderer {
     }
 }
 
-impl DrawsFloats for CpuRenderer {
-    fn linear(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError> {
+impl FloatFrameRenderer for CpuRenderer {
+    fn render_linear(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError> {
         self.prepare_sky(plan);
         self.stream(plan)?;
         let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
@@ -550,7 +551,7 @@ impl DrawsFloats for CpuRenderer {
         Ok(pixels)
     }
 
-    fn inputs(&mut self, plan: &Plan) -> Result<InputImages, RenderError> {
+    fn render_inputs(&mut self, plan: &Plan) -> Result<InputImages, RenderError> {
         self.stream(plan)?;
         Ok(self.times.of(Stage::Pixels, || self.scene_inputs(plan)))
     }

@@ -191,13 +191,13 @@ impl Fragment<'_> {
             self.normal(quad, self.texel(quad, Features::NORMAL_TEXTURE).map(|t| (t, scale)))
         });
         let relative = quad.vec3(|v| v.relative);
-        let own_n = match self.features.has(Features::SHADOW) {
+        let geometric_n = match self.features.has(Features::SHADOW) {
             true => self.normal(quad, None),
             false => n,
         };
         let eye = self.plan.view.eye;
         let v = (V3::splat(eye.truncate()) - relative * F4::splat(eye.w)).unit();
-        SurfacePoint { relative, own_n, n, v, base, seen: quad.weights.seen }
+        SurfacePoint { relative, geometric_n, n, v, base, seen: quad.weights.seen }
     }
 
     /// Color by the metallic-roughness model or by Blinn–Phong, with layers, emission, exposure and view transform.
@@ -208,7 +208,7 @@ impl Fragment<'_> {
         let specular_color = tint.map_or(specular_color, |t| specular_color * rgb(t));
         let occlusion = self.texel(quad, Features::OCCLUSION_TEXTURE);
         let occlusion = occlusion.map_or(F4::ONE, |[r, ..]| F4::ONE + (r - F4::ONE) * m.occlusion_strength);
-        let (mut color, over) = match self.features.has(Features::METALLIC_ROUGHNESS) {
+        let (mut color, contributions) = match self.features.has(Features::METALLIC_ROUGHNESS) {
             true => self.metallic_roughness(quad, point, specular_color, occlusion),
             false => {
                 (self.blinn_phong(quad, point, specular_color, occlusion), LayerContributions::default())
@@ -216,24 +216,28 @@ impl Fragment<'_> {
         };
         let layered = self.features.has(Features::LAYERS);
         if layered {
-            color = (color + over.blurred) * over.below_sheen + over.sheen;
+            color = (color + contributions.blurred_environment) * contributions.sheen_attenuation
+                + contributions.sheen;
         }
         if self.features.has(Features::EMISSIVE) {
             color = color + self.emission(quad);
         }
         if layered {
-            color = color.mix(over.coat, over.coat_weight);
+            color = color.mix(contributions.coat, contributions.coat_weight);
         }
         color = transformed(self.features, self.exposed(color));
         if self.features.has(Features::REFRACTION) {
             // The scene color copy holds display colors already.
-            color = color + over.refracted * (over.below_sheen * (F4::ONE - over.coat_weight));
+            color = color
+                + contributions.refracted
+                    * (contributions.sheen_attenuation * (F4::ONE - contributions.coat_weight));
         }
         match self.glass {
             Glass::No | Glass::Refract => color,
             Glass::Light => color * alpha,
             Glass::Filter => {
-                let through = over.through * (over.below_sheen * (F4::ONE - over.coat_weight));
+                let through = contributions.transmitted
+                    * (contributions.sheen_attenuation * (F4::ONE - contributions.coat_weight));
                 V3::splat(Vec3::ONE).mix(through, alpha)
             }
         }
@@ -254,7 +258,7 @@ impl Fragment<'_> {
         occlusion: F4,
     ) -> (V3, LayerContributions) {
         let m = &self.material.factors.material;
-        let &SurfacePoint { n, v, base, own_n, .. } = point;
+        let &SurfacePoint { n, v, base, geometric_n, .. } = point;
         let (mut metallic, mut roughness) = (F4::splat(m.metallic), F4::splat(m.roughness));
         if let Some([_, g, b, _]) = self.texel(quad, Features::METALLIC_ROUGHNESS_TEXTURE) {
             roughness *= g;
@@ -269,7 +273,7 @@ impl Fragment<'_> {
         let environment = self.environment_light();
         let dark = environment.is_dark();
         let layers = m.layers.as_deref().filter(|_| self.features.has(Features::LAYERS));
-        let over = layers.map_or_else(LayerContributions::default, |layers| {
+        let contributions = layers.map_or_else(LayerContributions::default, |layers| {
             let environment = (!dark).then_some(&environment);
             let layered = LayeredPoint {
                 fragment: self,
@@ -286,18 +290,18 @@ impl Fragment<'_> {
         });
         let mut color = V3::splat(Vec3::ZERO);
         if !dark {
-            let mirrored = over.mirror.unwrap_or_else(|| n * (n.dot(v) * 2.0) - v);
-            let f0 = over.sky_f0.unwrap_or(s.f0);
+            let mirrored = contributions.sky_direction.unwrap_or_else(|| n * (n.dot(v) * 2.0) - v);
+            let f0 = contributions.sky_f0.unwrap_or(s.f0);
             let specular = ambient_specular(f0, s.f90, s.roughness, nv);
             let reflected = environment.mirrored(mirrored, s.roughness) * specular;
-            let behind = over.from_behind * environment.diffuse(-n);
+            let behind = contributions.back_light * environment.diffuse(-n);
             color = (s.diffuse * environment.diffuse(n) + reflected + behind) * occlusion;
         }
-        self.all_lights(point, &mut color, |l, nl| reflect_light(&s, n, v, l, nv, nl));
+        self.add_lights_or_effects(point, &mut color, |l, nl| reflect_light(&s, n, v, l, nv, nl));
         if self.features.has(Features::DIFFUSE_TRANSMISSION) {
-            self.lights(point, [-own_n, -n], &mut color, |_, _| over.from_behind);
+            self.add_lights(point, [-geometric_n, -n], &mut color, |_, _| contributions.back_light);
         }
-        (color, over)
+        (color, contributions)
     }
 
     fn blinn_phong(&self, quad: &Quad, point: &SurfacePoint, specular_color: V3, occlusion: F4) -> V3 {
@@ -311,7 +315,7 @@ impl Fragment<'_> {
         }
         let shininess = self.material.factors.material.shininess;
         let blinn = !self.features.has(Features::PHONG);
-        self.all_lights(&SurfacePoint { base, ..*point }, &mut color, |l, _| {
+        self.add_lights_or_effects(&SurfacePoint { base, ..*point }, &mut color, |l, _| {
             reflect_light_phong(base, [specular_color, n, v, l], shininess, blinn)
         });
         color
@@ -327,7 +331,7 @@ impl Fragment<'_> {
     }
 
     fn toon(&self, quad: &Quad, point: &SurfacePoint) -> V3 {
-        let &SurfacePoint { relative, own_n, n, v, base, seen } = point;
+        let &SurfacePoint { relative, geometric_n, n, v, base, seen } = point;
         let material = &self.material.factors.material;
         let default = Toon::default();
         let toon = material.toon.as_deref().unwrap_or(&default);
@@ -352,7 +356,7 @@ impl Fragment<'_> {
         };
         let environment = self.environment_light();
         surface.lit(self.plan, &environment, relative, [n, v], |light, l| {
-            self.share(light, [relative, own_n, l], seen)
+            self.unshadowed_share(light, [relative, geometric_n, l], seen)
         })
     }
 
@@ -370,30 +374,35 @@ impl Fragment<'_> {
         self.sample(quad, refs[slot].as_ref(), self.material.textures[slot].as_deref())
     }
 
-    /// Share of a light that passes the shadow maps, 0 to 1, in the lanes of `asked`. `own_n`: normal without the normal map;
+    /// Share of a light that passes the shadow maps, 0 to 1, in the lanes of `asked`. `geometric_n`: normal without the normal map;
     /// `l`: to the light.
-    pub fn share(&self, light: &PlanLight, [relative, own_n, l]: [V3; 3], asked: Mask) -> F4 {
+    pub fn unshadowed_share(
+        &self,
+        light: &PlanLight,
+        [relative, geometric_n, l]: [V3; 3],
+        asked: Mask,
+    ) -> F4 {
         let shadows = self.shadows.filter(|_| self.features.has(Features::SHADOW));
-        shadows.map_or(F4::ONE, |s| s.share(light, [relative, own_n, l], asked))
+        shadows.map_or(F4::ONE, |s| s.unshadowed_share(light, [relative, geometric_n, l], asked))
     }
 
     #[inline(always)]
-    pub fn lights(
+    pub fn add_lights(
         &self,
-        on: &SurfacePoint,
-        [own_n, n]: [V3; 2],
+        point: &SurfacePoint,
+        [geometric_n, n]: [V3; 2],
         color: &mut V3,
         reflect: impl Fn(V3, F4) -> V3,
     ) {
-        for light in self.reaching(on.relative) {
-            let (l, strength) = light.incoming(on.relative);
+        for light in self.lights_reaching(point.relative) {
+            let (l, strength) = light.incoming(point.relative);
             let nl = n.dot(l).clamp(0.0, 1.0);
             let falling = (nl * strength).0.map(|falling| falling > 0.0);
             if falling == NONE {
                 continue;
             }
-            let asked = std::array::from_fn(|i| falling[i] & on.seen[i]);
-            let strength = strength * self.share(light, [on.relative, own_n, l], asked);
+            let asked = std::array::from_fn(|i| falling[i] & point.seen[i]);
+            let strength = strength * self.unshadowed_share(light, [point.relative, geometric_n, l], asked);
             let lit = reflect(l, nl) * V3::splat(light.color) * (nl * strength);
             // The division by NL in V is meaningless for light from behind the surface.
             let seen = |c: F4| F4(std::array::from_fn(|i| if nl.0[i] > 0.0 { c.0[i] } else { 0.0 }));

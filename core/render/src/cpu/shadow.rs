@@ -63,7 +63,7 @@ impl ShadowMaps {
 
     /// Share of a light that reaches four points, 0 to 1, in the lanes of `asked`. `n`: normal without the normal map; `l`: to
     /// the light.
-    pub fn share(&self, light: &PlanLight, [relative, n, l]: [V3; 3], asked: Mask) -> F4 {
+    pub fn unshadowed_share(&self, light: &PlanLight, [relative, n, l]: [V3; 3], asked: Mask) -> F4 {
         let [first, count] = light.shadow_views.map(usize::from);
         let Some(maps) = self.maps.get(first..first + count).filter(|m| !m.is_empty()) else {
             return F4::ONE;

@@ -133,7 +133,7 @@ impl Fragment<'_> {
             let (l, strength) = light.incoming(relative);
             let falling = n.dot(l).clamp(0.0, 1.0) * strength * light.color.dot(luminance);
             whole += falling;
-            lost += falling * (F4::ONE - self.share(light, [relative, n, l], seen));
+            lost += falling * (F4::ONE - self.unshadowed_share(light, [relative, n, l], seen));
         }
         lost / whole.max(F4::splat(1e-6))
     }

@@ -3,7 +3,7 @@
 //! are not shaded.
 
 use super::background_effects::PixelBackground;
-use super::image_passes::{Pass, pixel_uv};
+use super::image_passes::{ImagePass, pixel_uv};
 use super::overlay;
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
 use super::refraction::SceneColorCopy;
@@ -130,7 +130,7 @@ pub struct Tile<'a, 'b> {
     /// Number of depth-peeling layers.
     pub layers: u32,
     /// Per-pixel image effects.
-    pub post: &'a [Pass],
+    pub post: &'a [ImagePass],
     pub faults: &'a EffectFaults,
 }
 
@@ -483,7 +483,7 @@ impl Tile<'_, '_> {
         let Some(fault) = shaded.faults[pixel] else { return };
         if let Paint::Surface(fragment) = &self.batches[id[0] as usize].paint {
             let [x, y] = [2 * qx + pixel % 2, 2 * qy + pixel / 2];
-            fragment.record(self.faults, fault, [self.at[0] + x as i32, self.at[1] + y as i32]);
+            fragment.record_fault(self.faults, fault, [self.at[0] + x as i32, self.at[1] + y as i32]);
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use super::VulkanRenderer;
 use super::context;
-use crate::cpu::float_frames::{DrawsFloats, float_frame};
+use crate::cpu::float_frames::{FloatFrameRenderer, float_frame};
 use crate::cpu::image_passes;
 use crate::cpu::scene_inputs::InputImages;
 use crate::effect_faults::EffectFaults;
@@ -64,9 +64,9 @@ impl VulkanRenderer {
         let mut frame = reuse.unwrap_or(Frame { width, height, rgba: Vec::new() });
         (frame.width, frame.height) = (width, height);
         frame.rgba.resize(width as usize * height as usize * 4, 0);
-        let passes = image_passes::passes(&plan.post, plan.size, self.pipelines.effects())?;
+        let passes = image_passes::resolve_passes(&plan.post, plan.size, self.pipelines.effects())?;
         let scene = inputs.of(&plan);
-        image_passes::run(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
+        image_passes::run_to_bytes(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
         if let Some(layers) = &plan.layers_in_front {
             layers.over(&mut frame);
         }
@@ -134,8 +134,8 @@ impl VulkanRenderer {
     }
 }
 
-impl DrawsFloats for VulkanRenderer {
-    fn linear(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError> {
+impl FloatFrameRenderer for VulkanRenderer {
+    fn render_linear(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError> {
         if self.is_tiled(plan) {
             return self.linear_tiles(plan);
         }
@@ -145,7 +145,7 @@ impl DrawsFloats for VulkanRenderer {
         Ok(one.mean())
     }
 
-    fn inputs(&mut self, plan: &Plan) -> Result<InputImages, RenderError> {
+    fn render_inputs(&mut self, plan: &Plan) -> Result<InputImages, RenderError> {
         self.inputs_on_host(plan)
     }
 
