@@ -36,10 +36,10 @@ pub fn resolve_passes(
 }
 
 pub fn find_effect<'a>(effects: &'a [Effect], name: &str) -> Result<&'a Effect, RenderError> {
-    effects
-        .iter()
-        .find(|e| e.manifest().name == name)
-        .ok_or_else(|| RenderError::Usage(format!("the renderer was made without the effect \"{name}\"")))
+    effects.iter().find(|e| e.manifest().name == name).ok_or_else(|| {
+        let help = "pass it when you create the renderer, or to set_effects";
+        RenderError::Usage(format!("the renderer has no effect \"{name}\": {help}"))
+    })
 }
 
 /// Centers of the pixels of a row, 0 to 1 from the top left of an image.

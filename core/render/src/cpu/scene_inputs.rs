@@ -2,7 +2,7 @@
 
 use super::CpuRenderer;
 use super::preskin::DeformedMeshes;
-use super::raster::{TILE_HEIGHT, TILE_WIDTH, cover};
+use super::raster::{TILE_HEIGHT, TILE_WIDTH, rasterize};
 use super::setup::Triangle;
 use super::shadow::holes;
 use super::tile::{Batch, Paint, TriangleId, tiles_of};
@@ -81,7 +81,7 @@ impl CpuRenderer {
             camera: pass.camera_before,
             ..VertexStage::new(entry, features, plan, instance, &pass.clip_before)
         };
-        stage.project(stage.posed(None)).into_iter().map(|vertex| vertex.clip).collect()
+        stage.project(stage.skinned_vertices(None)).into_iter().map(|vertex| vertex.clip).collect()
     }
 }
 
@@ -145,7 +145,7 @@ fn visible(
         let columns = x0.max(0) / TILE_WIDTH..(x1.min(width as i32) + TILE_WIDTH - 1) / TILE_WIDTH;
         for column in columns {
             let at = [column * TILE_WIDTH, first];
-            cover::<1>(triangle, at, |index, covered, z| {
+            rasterize::<1>(triangle, at, |index, covered, z| {
                 let kept = holes(batch, triangle, at, index);
                 for i in (0..4).filter(|i| covered[*i] && kept[*i]) {
                     let x = at[0] as usize + (index + i) % TILE_WIDTH as usize;

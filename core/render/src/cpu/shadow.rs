@@ -1,6 +1,6 @@
 //! Shadow maps, drawn by the same rasterizer as images, and their lookup. CPU reference of shadow.wgsl.
 
-use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
+use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, rasterize};
 use super::setup::Triangle;
 use super::tile::{Batch, Paint};
 use crate::lanes::{ALL, F4, Mask, NONE, V3, Weights, select};
@@ -315,7 +315,7 @@ fn depths(size: [u32; 2], batches: &[Batch]) -> Vec<f32> {
                 for column in first / TILE_WIDTH..=last / TILE_WIDTH {
                     let depth = &mut tiles[column as usize * TILE_PIXELS..][..TILE_PIXELS];
                     let at = [column * TILE_WIDTH, band as i32 * TILE_HEIGHT];
-                    cover::<1>(triangle, at, |index, covered, z| {
+                    rasterize::<1>(triangle, at, |index, covered, z| {
                         let kept = holes(batch, triangle, at, index);
                         for i in 0..4 {
                             if covered[i] && kept[i] && z[i] > depth[index + i] {

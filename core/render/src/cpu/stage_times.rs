@@ -29,7 +29,7 @@ pub struct StageTimes {
 }
 
 impl StageTimes {
-    pub(super) fn of<T>(&self, stage: Stage, run: impl FnOnce() -> T) -> T {
+    pub(super) fn measure<T>(&self, stage: Stage, run: impl FnOnce() -> T) -> T {
         let begun = Instant::now();
         let result = run();
         let took = u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX);

@@ -3,7 +3,7 @@
 
 use super::CpuRenderer;
 use super::preskin::DeformedMeshes;
-use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
+use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, rasterize};
 use super::tile::{Batch, Paint};
 use crate::error::RenderError;
 use crate::plan::Plan;
@@ -199,7 +199,7 @@ fn raster(batches: &[Batch], size: [u32; 2]) -> [Frame; 2] {
         for ty in (y0.max(0) / TILE_HEIGHT..).take_while(|t| t * TILE_HEIGHT < last(y1, size[1])) {
             for tx in (x0.max(0) / TILE_WIDTH..).take_while(|t| t * TILE_WIDTH < last(x1, size[0])) {
                 let at = [tx * TILE_WIDTH, ty * TILE_HEIGHT];
-                cover::<1>(triangle, at, |index, hit, z| {
+                rasterize::<1>(triangle, at, |index, hit, z| {
                     for i in (0..4).filter(|i| hit[*i] && index + i < TILE_PIXELS) {
                         let x = at[0] as usize + (index + i) % TILE_WIDTH as usize;
                         let y = at[1] as usize + (index + i) / TILE_WIDTH as usize;

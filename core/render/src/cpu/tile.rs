@@ -5,7 +5,7 @@
 use super::background_effects::PixelBackground;
 use super::image_passes::{ImagePass, pixel_uv};
 use super::overlay;
-use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
+use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, rasterize};
 use super::refraction::SceneColorCopy;
 use super::setup::Triangle;
 use super::shade::{Fragment, Shaded};
@@ -70,7 +70,7 @@ pub enum Phase {
 
 /// The samples of a triangle that are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Against {
+pub(super) enum SampleTest {
     /// Samples nearer than the scene.
     Scene,
     /// Samples at the depth of the peeled layer.
@@ -118,7 +118,7 @@ pub struct Tile<'a, 'b> {
     pub at: [i32; 2],
     /// Pixels of the image that lie in this tile.
     pub size: [usize; 2],
-    pub picture: [u32; 2],
+    pub image_size: [u32; 2],
     /// Linear RGBA background of each row.
     pub background: [Vec4; TILE_HEIGHT as usize],
     /// Whether the background differs between rows.
@@ -126,7 +126,7 @@ pub struct Tile<'a, 'b> {
     /// Background with one color per pixel, which replaces `background`.
     pub pixel_background: Option<&'a PixelBackground<'a>>,
     /// 2D layers over the background.
-    pub under: Option<&'a LayerImage>,
+    pub layers_behind: Option<&'a LayerImage>,
     /// Number of depth-peeling layers.
     pub layers: u32,
     /// Per-pixel image effects.
@@ -142,7 +142,7 @@ impl Tile<'_, '_> {
         rows: &mut [P],
         stride: usize,
     ) {
-        let plain = self.pixel_background.is_none() && self.under.is_none();
+        let plain = self.pixel_background.is_none() && self.layers_behind.is_none();
         if self.list.is_empty() && self.post.is_empty() && plain {
             // The most common tile: every sample of a row is the background.
             for y in 0..self.size[1] {
@@ -171,8 +171,8 @@ impl Tile<'_, '_> {
                 if T::DITHERED && (self.gradient || self.pixel_background.is_some()) {
                     *pixel = dithered(*pixel, x as usize, y as usize);
                 }
-                if let Some(under) = self.under {
-                    let over = under.pixel(x as u32, y as u32);
+                if let Some(layers) = self.layers_behind {
+                    let over = layers.pixel(x as u32, y as u32);
                     *pixel = over + *pixel * (1.0 - over.w);
                 }
                 samples.fill(T::encode(*pixel));
@@ -198,7 +198,7 @@ impl Tile<'_, '_> {
                     rest = &rest[together..];
                     continue;
                 }
-                self.forward::<T, S>(b, id, Against::Scene);
+                self.draw_triangle::<T, S>(b, id, SampleTest::Scene);
                 rest = after;
             }
         }
@@ -222,7 +222,7 @@ impl Tile<'_, '_> {
     /// Reversed Z: nearer is greater; of equal depths the first drawn stays.
     fn opaque<T, const S: usize>(&self, b: &mut TileBuffers<T>, t: &Triangle, id: u32) {
         let (depth, visible) = (&mut b.depth[..], &mut b.visible[..]);
-        cover::<S>(t, self.at, |index, covered, z| {
+        rasterize::<S>(t, self.at, |index, covered, z| {
             let depth: &mut [f32; 4] = (&mut depth[index..index + 4]).try_into().expect("four samples");
             let visible: &mut [u32; 4] = (&mut visible[index..index + 4]).try_into().expect("four samples");
             for i in 0..4 {
@@ -295,11 +295,11 @@ impl Tile<'_, '_> {
     }
 
     /// Draws one triangle: with an alpha test before the depth is written, or blended without writing depth.
-    pub(super) fn forward<T: Target, const S: usize>(
+    pub(super) fn draw_triangle<T: Target, const S: usize>(
         &self,
         b: &mut TileBuffers<T>,
         id: &TriangleId,
-        against: Against,
+        test: SampleTest,
     ) {
         let t = self.triangle(id);
         let batch = &self.batches[id[0] as usize];
@@ -308,12 +308,12 @@ impl Tile<'_, '_> {
         let (depth, passed, passed_depth) = (&b.depth[..], &mut b.passed[..], &mut b.passed_depth[..]);
         let layer = &b.layers[0][..];
         let mut any = false;
-        cover::<S>(t, self.at, |index, covered, z| {
+        rasterize::<S>(t, self.at, |index, covered, z| {
             for i in 0..4 {
-                let seen = match against {
-                    Against::Scene => over || z[i] > depth[index + i],
-                    Against::Layer => z[i] == layer[index + i],
-                    Against::Nearer => z[i] > layer[index + i],
+                let seen = match test {
+                    SampleTest::Scene => over || z[i] > depth[index + i],
+                    SampleTest::Layer => z[i] == layer[index + i],
+                    SampleTest::Nearer => z[i] > layer[index + i],
                 };
                 if covered[i] && seen {
                     any = true;
@@ -374,7 +374,7 @@ impl Tile<'_, '_> {
             Paint::Surface(fragment) => {
                 fragment.shade_with_effects(&batch.vertices, t.vertices, t.front, &weights, at)
             }
-            Paint::Overlay { vertices, .. } => overlay::shade(vertices, t.vertices, &weights),
+            Paint::Overlay { vertices, .. } => overlay::shade_overlay(vertices, t.vertices, &weights),
         }
     }
 
@@ -405,7 +405,7 @@ impl Tile<'_, '_> {
                 row.iter_mut().zip(resolved).for_each(|(out, resolved)| *out = P::of(resolved));
                 continue;
             }
-            let uv = pixel_uv([self.at[0], self.at[1] + y as i32], self.size[0], self.picture);
+            let uv = pixel_uv([self.at[0], self.at[1] + y as i32], self.size[0], self.image_size);
             let mut colors: Vec<Vec4> = resolved.map(|resolved| resolved.decode()).collect();
             for (number, pass) in self.post.iter().enumerate() {
                 if number > 0 {

@@ -81,15 +81,15 @@ impl<'a> VertexStage<'a> {
 
 impl VertexStage<'_> {
     /// Posed vertices, independent of the camera and without hulls. `normals`: replace the primitive's.
-    pub fn posed(&self, normals: Option<&[Vec3]>) -> Vec<Vertex> {
+    pub fn skinned_vertices(&self, normals: Option<&[Vec3]>) -> Vec<Vertex> {
         let count = self.primitive.positions.len();
         let normals = normals.unwrap_or(&self.primitive.normals);
         (0..count).into_par_iter().with_min_len(2048).map(|i| self.vertex(i, normals)).collect()
     }
 
     /// Projects posed vertices to clip space, and pushes out an outline's hull.
-    pub fn project(&self, mut posed: Vec<Vertex>) -> Vec<Vertex> {
-        posed.par_iter_mut().with_min_len(2048).enumerate().for_each(|(i, out)| {
+    pub fn project(&self, mut vertices: Vec<Vertex>) -> Vec<Vertex> {
+        vertices.par_iter_mut().with_min_len(2048).enumerate().for_each(|(i, out)| {
             out.clip = *self.clip_from_relative * out.relative.extend(1.0);
             if let Some(hull) = &self.hull {
                 self.push_out(hull, i, out);
@@ -98,7 +98,7 @@ impl VertexStage<'_> {
                 out.clip.z += self.nearer(out.clip.z);
             }
         });
-        posed
+        vertices
     }
 
     fn vertex(&self, i: usize, normals: &[Vec3]) -> Vertex {

@@ -292,10 +292,13 @@ fn misuse_is_an_error_with_a_message() {
     let said = |e: Result<(), choreo_render::RenderError>| e.unwrap_err().to_string();
     assert_eq!(
         said(r.submit(plan.clone())),
-        "the plan was made from other scene resources than the loaded ones"
+        "the plan belongs to scene resources that are not loaded: load them before you submit it"
     );
     r.load(resources).unwrap();
-    assert_eq!(r.collect(None).unwrap_err().to_string(), "no frame is submitted: nothing to collect");
+    assert_eq!(
+        r.collect(None).unwrap_err().to_string(),
+        "no frame is submitted: submit a plan before you collect a frame"
+    );
     let wide = choreo_render::Plan { size: [16385, 4], ..plan.clone() };
     assert_eq!(said(r.submit(wide)), "image width is 16385, the limit of this device is 16384");
     assert!(
@@ -303,5 +306,5 @@ fn misuse_is_an_error_with_a_message() {
     );
     r.submit(plan.clone()).unwrap();
     r.submit(plan.clone()).unwrap();
-    assert_eq!(said(r.submit(plan)), "two frames are submitted: collect one first");
+    assert_eq!(said(r.submit(plan)), "two frames are already submitted: collect one first");
 }
