@@ -1,6 +1,6 @@
 //! Full-screen passes over a whole image: effects that read neighboring pixels, and per-pixel effects between them.
 
-use super::scene_inputs::SceneOf;
+use super::scene_inputs::EffectInputs;
 use super::target::{Float, PixelOf, Target};
 use crate::effect_faults::EffectFaults;
 use crate::error::RenderError;
@@ -51,7 +51,7 @@ pub(crate) fn pixel_uv([x, y]: [i32; 2], count: usize, size: [u32; 2]) -> Vec<Ve
 /// Runs the passes as [`run_linear`] does, and writes the dithered image as bytes.
 pub(crate) fn run_to_bytes(
     passes: &[ImagePass],
-    scene: SceneOf<'_>,
+    scene: EffectInputs<'_>,
     pixels: Vec<Vec4>,
     before: &[Vec<Vec4>],
     faults: &EffectFaults,
@@ -71,7 +71,7 @@ pub(crate) fn run_to_bytes(
 /// linear; `before`: images of previous frames.
 pub(crate) fn run_linear(
     passes: &[ImagePass],
-    scene: SceneOf<'_>,
+    scene: EffectInputs<'_>,
     pixels: Vec<Vec4>,
     before: &[Vec<Vec4>],
     faults: &EffectFaults,

@@ -145,8 +145,9 @@ impl LayeredPoint<'_> {
             through = through * transmittance;
         }
         if let Some(depth) = depth.filter(|_| self.fragment.features.has(Features::REFRACTION)) {
-            let seen = self.fragment.refracted(relative, [n, v], self.layers, depth, self.roughness);
-            contributions.refracted = through * seen;
+            let refracted =
+                self.fragment.refracted_color(relative, [n, v], self.layers, depth, self.roughness);
+            contributions.refracted = through * refracted;
         } else {
             let blurred = self.roughness * self.roughness;
             contributions.blurred_environment =

@@ -21,7 +21,7 @@ pub(crate) struct SurfacePoint {
     pub v: V3,
     pub base: V3,
     /// Pixels in which the surface is visible.
-    pub seen: Mask,
+    pub visible: Mask,
 }
 
 impl Fragment<'_> {
@@ -60,7 +60,7 @@ impl Fragment<'_> {
             let (l, strength) = light.incoming(point.relative);
             let cosine = point.n.dot(l);
             let nl = cosine.clamp(0.0, 1.0);
-            let share = self.unshadowed_share(light, [point.relative, point.geometric_n, l], point.seen);
+            let share = self.unshadowed_share(light, [point.relative, point.geometric_n, l], point.visible);
             let arriving = V3::splat(light.color) * strength;
             let lit = reflect(l, nl) * arriving * (nl * share);
             let sample = |i: usize| {

@@ -244,7 +244,7 @@ impl CpuRenderer {
                         surface: self.surface_effects(plan, draw.pipeline.surface),
                         lighting: self.surface_effects(plan, draw.pipeline.lighting),
                         shadows,
-                        behind: None,
+                        scene_color: None,
                         features,
                         blend: draw.pipeline.blend,
                         coverage: draw.pipeline.coverage,

@@ -37,7 +37,7 @@ pub struct Fragment<'a> {
     /// Set if a light casts shadows.
     pub shadows: Option<&'a ShadowMaps>,
     /// The scene color copy that refracting glass shows.
-    pub behind: Option<Arc<SceneColorCopy>>,
+    pub scene_color: Option<Arc<SceneColorCopy>>,
     /// Sky maps, if a sky shines.
     pub sky: Option<&'a SkyMaps>,
     /// Effects on the surface, in order.
@@ -197,7 +197,7 @@ impl Fragment<'_> {
         };
         let eye = self.plan.view.eye;
         let v = (V3::splat(eye.truncate()) - relative * F4::splat(eye.w)).unit();
-        SurfacePoint { relative, geometric_n, n, v, base, seen: quad.weights.seen }
+        SurfacePoint { relative, geometric_n, n, v, base, visible: quad.weights.visible }
     }
 
     /// Color by the metallic-roughness model or by Blinn–Phong, with layers, emission, exposure and view transform.
@@ -310,8 +310,8 @@ impl Fragment<'_> {
         let reflection = self.reflection(quad, [n, v]);
         let base = reflection.map_or(point.base, |[share, _]| point.base * (V3::splat(Vec3::ONE) - share));
         let mut color = base * self.environment_light().diffuse(n) * occlusion;
-        if let Some([share, seen]) = reflection {
-            color = color + share * seen * occlusion;
+        if let Some([share, reflected]) = reflection {
+            color = color + share * reflected * occlusion;
         }
         let shininess = self.material.factors.material.shininess;
         let blinn = !self.features.has(Features::PHONG);
@@ -331,7 +331,7 @@ impl Fragment<'_> {
     }
 
     fn toon(&self, quad: &Quad, point: &SurfacePoint) -> V3 {
-        let &SurfacePoint { relative, geometric_n, n, v, base, seen } = point;
+        let &SurfacePoint { relative, geometric_n, n, v, base, visible } = point;
         let material = &self.material.factors.material;
         let default = Toon::default();
         let toon = material.toon.as_deref().unwrap_or(&default);
@@ -356,7 +356,7 @@ impl Fragment<'_> {
         };
         let environment = self.environment_light();
         surface.lit(self.plan, &environment, relative, [n, v], |light, l| {
-            self.unshadowed_share(light, [relative, geometric_n, l], seen)
+            self.unshadowed_share(light, [relative, geometric_n, l], visible)
         })
     }
 
@@ -374,16 +374,16 @@ impl Fragment<'_> {
         self.sample(quad, refs[slot].as_ref(), self.material.textures[slot].as_deref())
     }
 
-    /// Share of a light that passes the shadow maps, 0 to 1, in the lanes of `asked`. `geometric_n`: normal without the normal map;
+    /// Share of a light that passes the shadow maps, 0 to 1, in the lanes of `lanes`. `geometric_n`: normal without the normal map;
     /// `l`: to the light.
     pub fn unshadowed_share(
         &self,
         light: &PlanLight,
         [relative, geometric_n, l]: [V3; 3],
-        asked: Mask,
+        lanes: Mask,
     ) -> F4 {
         let shadows = self.shadows.filter(|_| self.features.has(Features::SHADOW));
-        shadows.map_or(F4::ONE, |s| s.unshadowed_share(light, [relative, geometric_n, l], asked))
+        shadows.map_or(F4::ONE, |s| s.unshadowed_share(light, [relative, geometric_n, l], lanes))
     }
 
     #[inline(always)]
@@ -401,12 +401,12 @@ impl Fragment<'_> {
             if falling == NONE {
                 continue;
             }
-            let asked = std::array::from_fn(|i| falling[i] & point.seen[i]);
-            let strength = strength * self.unshadowed_share(light, [point.relative, geometric_n, l], asked);
+            let lanes = std::array::from_fn(|i| falling[i] & point.visible[i]);
+            let strength = strength * self.unshadowed_share(light, [point.relative, geometric_n, l], lanes);
             let lit = reflect(l, nl) * V3::splat(light.color) * (nl * strength);
             // The division by NL in V is meaningless for light from behind the surface.
-            let seen = |c: F4| F4(std::array::from_fn(|i| if nl.0[i] > 0.0 { c.0[i] } else { 0.0 }));
-            *color = *color + V3 { x: seen(lit.x), y: seen(lit.y), z: seen(lit.z) };
+            let facing_light = |c: F4| F4(std::array::from_fn(|i| if nl.0[i] > 0.0 { c.0[i] } else { 0.0 }));
+            *color = *color + V3 { x: facing_light(lit.x), y: facing_light(lit.y), z: facing_light(lit.z) };
         }
     }
 

@@ -61,9 +61,9 @@ impl ShadowMaps {
         ShadowMaps { maps: plan.views.iter().zip(keys).map(draw).collect() }
     }
 
-    /// Share of a light that reaches four points, 0 to 1, in the lanes of `asked`. `n`: normal without the normal map; `l`: to
+    /// Share of a light that reaches four points, 0 to 1, in the lanes of `lanes`. `n`: normal without the normal map; `l`: to
     /// the light.
-    pub fn unshadowed_share(&self, light: &PlanLight, [relative, n, l]: [V3; 3], asked: Mask) -> F4 {
+    pub fn unshadowed_share(&self, light: &PlanLight, [relative, n, l]: [V3; 3], lanes: Mask) -> F4 {
         let [first, count] = light.shadow_views.map(usize::from);
         let Some(maps) = self.maps.get(first..first + count).filter(|m| !m.is_empty()) else {
             return F4::ONE;
@@ -72,7 +72,7 @@ impl ShadowMaps {
         // Normal offset (Holbert, "Saying Goodbye to Shadow Acne", GDC 2011): the depth of a slope changes by tan over a texel.
         // An offset along the normal by the filter's reach in texels, times the sine, compensates this at every angle.
         let slope = (F4::ONE - nl * nl).sqrt() * 3.0;
-        let (mut share, mut left) = (F4::ONE, asked);
+        let (mut share, mut left) = (F4::ONE, lanes);
         for map in maps {
             if left == NONE {
                 break;
@@ -124,7 +124,7 @@ impl Map {
     fn row<const N: usize>(&self, x: usize, y: usize) -> [f32; N] {
         let first = y * self.size[0] as usize + x;
         match self.depth.get(first..first + N) {
-            Some(row) => row.try_into().expect("as long as asked"),
+            Some(row) => row.try_into().expect("the slice has N elements"),
             None => std::array::from_fn(|i| self.depth.get(first + i).copied().unwrap_or(0.0)),
         }
     }
@@ -316,7 +316,7 @@ fn depths(size: [u32; 2], batches: &[Batch]) -> Vec<f32> {
                     let depth = &mut tiles[column as usize * TILE_PIXELS..][..TILE_PIXELS];
                     let at = [column * TILE_WIDTH, band as i32 * TILE_HEIGHT];
                     rasterize::<1>(triangle, at, |index, covered, z| {
-                        let kept = holes(batch, triangle, at, index);
+                        let kept = kept_texels(batch, triangle, at, index);
                         for i in 0..4 {
                             if covered[i] && kept[i] && z[i] > depth[index + i] {
                                 depth[index + i] = z[i];
@@ -337,7 +337,7 @@ fn depths(size: [u32; 2], batches: &[Batch]) -> Vec<f32> {
 }
 
 /// Whether the alpha test keeps each of four texels in a row. Textures are filtered over quads, as the image's are.
-pub(super) fn holes(batch: &Batch, triangle: &Triangle, at: [i32; 2], index: usize) -> [bool; 4] {
+pub(super) fn kept_texels(batch: &Batch, triangle: &Triangle, at: [i32; 2], index: usize) -> [bool; 4] {
     let Paint::Surface(fragment) = &batch.paint else { return [true; 4] };
     if !fragment.features.has(Features::ALPHA_MASK) {
         return [true; 4];
@@ -351,7 +351,7 @@ pub(super) fn holes(batch: &Batch, triangle: &Triangle, at: [i32; 2], index: usi
         let ys = F4([py, py, py + 1.0, py + 1.0]);
         let e = triangle.edges.map(|[a, b, c]| xs * a + ys * b + F4::splat(c));
         let scale = F4::ONE / (e[0] + e[1] + e[2]);
-        let weights = Weights { of: e.map(|e| e * scale), seen: ALL };
+        let weights = Weights { values: e.map(|e| e * scale), visible: ALL };
         let shaded = fragment.shade(&batch.vertices, triangle.vertices, triangle.front, &weights);
         let row = 2 * (y % 2) as usize;
         kept[2 * pair as usize] = shaded.kept[row] != 0;

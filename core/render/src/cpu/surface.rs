@@ -55,7 +55,7 @@ impl Fragment<'_> {
         }
         let uvs = &self.primitive.uvs[0];
         let uv = (has(Features::UV0) && !uvs.is_empty()).then(|| weights.vec2(ids.map(|i| uvs[i as usize])));
-        let lost = has(Features::EFFECT_SHADOW).then(|| self.lost_light(relative, normal, weights.seen));
+        let lost = has(Features::EFFECT_SHADOW).then(|| self.lost_light(relative, normal, weights.visible));
         let view = &self.plan.view;
         let sky = self.plan.sky.as_ref().filter(|sky| sky.background && has(Features::SKY));
         let sky = self.sky.zip(sky);
@@ -125,7 +125,7 @@ impl Fragment<'_> {
     }
 
     /// Share of the light on a white diffuse surface that shadows take, by luminance.
-    fn lost_light(&self, relative: V3, n: V3, seen: Mask) -> F4 {
+    fn lost_light(&self, relative: V3, n: V3, visible: Mask) -> F4 {
         // ITU-R BT.709.
         let luminance = Vec3::new(0.2126, 0.7152, 0.0722);
         let (mut whole, mut lost) = (self.environment_light().diffuse(n).dot(V3::splat(luminance)), F4::ZERO);
@@ -133,7 +133,7 @@ impl Fragment<'_> {
             let (l, strength) = light.incoming(relative);
             let falling = n.dot(l).clamp(0.0, 1.0) * strength * light.color.dot(luminance);
             whole += falling;
-            lost += falling * (F4::ONE - self.unshadowed_share(light, [relative, n, l], seen));
+            lost += falling * (F4::ONE - self.unshadowed_share(light, [relative, n, l], visible));
         }
         lost / whole.max(F4::splat(1e-6))
     }

@@ -40,9 +40,9 @@ impl Paint<'_> {
     }
 
     /// Sets the scene color copy for refraction.
-    pub(crate) fn set_scene_color_copy(&mut self, behind: &Arc<SceneColorCopy>) {
+    pub(crate) fn set_scene_color_copy(&mut self, copy: &Arc<SceneColorCopy>) {
         if let Paint::Surface(fragment) = self {
-            fragment.behind = Some(behind.clone());
+            fragment.scene_color = Some(copy.clone());
         }
     }
 
@@ -263,7 +263,7 @@ impl Tile<'_, '_> {
     ) {
         let triangle = &self.list[id as usize];
         let batch = &self.batches[triangle[0] as usize];
-        let seen = quad_samples::<S>(qx, qy).map(|first| b.visible[first..first + S].contains(&id));
+        let visible = quad_samples::<S>(qx, qy).map(|first| b.visible[first..first + S].contains(&id));
         match &batch.paint {
             Paint::Surface(fragment) if fragment.has_surface_effects() => {
                 if waiting.batch != triangle[0] || waiting.quads.len() == QUADS {
@@ -271,13 +271,13 @@ impl Tile<'_, '_> {
                 }
                 waiting.batch = triangle[0];
                 let t = &batch.triangles[triangle[1] as usize];
-                let (weights, at) = self.weights(t, [qx, qy], seen);
+                let (weights, at) = self.weights(t, [qx, qy], visible);
                 let vertices = &batch.vertices;
                 waiting.quads.push(fragment.shade(vertices, t.vertices, t.front, &weights));
                 waiting.samples.extend(fragment.samples(vertices, t.vertices, t.front, &weights, at));
                 waiting.places.push((id, [qx, qy]));
             }
-            _ => self.write_visible::<T, S>(b, id, [qx, qy], &self.shade(triangle, [qx, qy], seen)),
+            _ => self.write_visible::<T, S>(b, id, [qx, qy], &self.shade(triangle, [qx, qy], visible)),
         }
     }
 
@@ -310,12 +310,12 @@ impl Tile<'_, '_> {
         let mut any = false;
         rasterize::<S>(t, self.at, |index, covered, z| {
             for i in 0..4 {
-                let seen = match test {
+                let passes = match test {
                     SampleTest::Scene => over || z[i] > depth[index + i],
                     SampleTest::Layer => z[i] == layer[index + i],
                     SampleTest::Nearer => z[i] > layer[index + i],
                 };
-                if covered[i] && seen {
+                if covered[i] && passes {
                     any = true;
                     passed[(index + i) / S] |= 1 << ((index + i) % S);
                     passed_depth[index + i] = z[i];
@@ -364,12 +364,12 @@ impl Tile<'_, '_> {
         }
     }
 
-    /// Shades a quad. Attributes are taken at the centers of its pixels, inside the triangle or not. `seen`: the pixels that are
+    /// Shades a quad. Attributes are taken at the centers of its pixels, inside the triangle or not. `visible`: the pixels that are
     /// drawn.
-    fn shade(&self, id: &TriangleId, quad: [usize; 2], seen: Mask) -> Shaded {
+    fn shade(&self, id: &TriangleId, quad: [usize; 2], visible: Mask) -> Shaded {
         let batch = &self.batches[id[0] as usize];
         let t = &batch.triangles[id[1] as usize];
-        let (weights, at) = self.weights(t, quad, seen);
+        let (weights, at) = self.weights(t, quad, visible);
         match &batch.paint {
             Paint::Surface(fragment) => {
                 fragment.shade_with_effects(&batch.vertices, t.vertices, t.front, &weights, at)
@@ -379,14 +379,14 @@ impl Tile<'_, '_> {
     }
 
     /// The weights of a quad's pixels in a triangle, and its first pixel.
-    fn weights(&self, t: &Triangle, [qx, qy]: [usize; 2], seen: Mask) -> (Weights, [i32; 2]) {
+    fn weights(&self, t: &Triangle, [qx, qy]: [usize; 2], visible: Mask) -> (Weights, [i32; 2]) {
         let px = (self.at[0] + 2 * qx as i32 - t.origin[0]) as f32 + 0.5;
         let py = (self.at[1] + 2 * qy as i32 - t.origin[1]) as f32 + 0.5;
         let x = F4([px, px + 1.0, px, px + 1.0]);
         let y = F4([py, py, py + 1.0, py + 1.0]);
         let e = t.edges.map(|[a, b, c]| x * a + y * b + F4::splat(c));
         let scale = F4::ONE / (e[0] + e[1] + e[2]);
-        let weights = Weights { of: e.map(|e| e * scale), seen };
+        let weights = Weights { values: e.map(|e| e * scale), visible };
         (weights, [self.at[0] + 2 * qx as i32, self.at[1] + 2 * qy as i32])
     }
 

@@ -86,10 +86,9 @@ impl VulkanRenderer {
 
     /// Waits for the oldest frame in flight and returns its bytes. `at`: position of its part in the whole image.
     pub(super) fn finish_oldest(&mut self, bytes_a_pixel: usize, at: [u32; 2]) -> Result<&[u8], RenderError> {
-        let index = *self
-            .pending
-            .front()
-            .ok_or_else(|| RenderError::Usage("every submitted frame has been collected".into()))?;
+        let index = *self.pending.front().ok_or_else(|| {
+            RenderError::Usage("no frame is submitted: submit a plan before you collect a frame".into())
+        })?;
         self.wait_for(self.slots[index].done_at)?;
         self.pending.pop_front();
         if let Some(clock) = &self.clock {
@@ -129,7 +128,10 @@ impl VulkanRenderer {
     pub(super) fn collect_floats_later(&mut self) -> Result<FloatFrame, RenderError> {
         match self.waiting_plans.pop_front() {
             Some(plan) if self.pending.is_empty() => float_frame(&plan, self),
-            _ => Err(RenderError::Usage("every submitted frame of floats has been collected".into())),
+            _ => Err(RenderError::Usage(
+                "no frame of floats is submitted: submit a plan that requests floats before you collect one"
+                    .into(),
+            )),
         }
     }
 }
