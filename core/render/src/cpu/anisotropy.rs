@@ -16,7 +16,7 @@ impl Fragment<'_> {
         roughness: F4,
         (n, v): (V3, V3),
     ) -> (Anisotropy, V3) {
-        let [tangent, bitangent, _] = quad.frame();
+        let [tangent, bitangent, _] = quad.tangent_frame();
         let (mut x, mut y, mut strength) = (F4::ONE, F4::ZERO, F4::splat(layers.anisotropy));
         if let Some([r, g, b, _]) = self.texel(quad, Features::ANISOTROPY_TEXTURE) {
             (x, y) = (r * 2.0 - F4::ONE, g * 2.0 - F4::ONE);

@@ -103,7 +103,7 @@ impl LayeredPoint<'_> {
     /// Environment light reflected along `direction`; zero without environment light.
     fn environment_reflection(&self, direction: V3, roughness: F4) -> V3 {
         self.environment
-            .map_or(V3::splat(Vec3::ZERO), |environment| environment.mirrored(direction, roughness))
+            .map_or(V3::splat(Vec3::ZERO), |environment| environment.reflected(direction, roughness))
     }
 
     fn iridescence(&self, s: &mut Surface, contributions: &mut LayerContributions) {

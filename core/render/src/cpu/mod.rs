@@ -61,7 +61,7 @@ use raster::{TILE_HEIGHT, TILE_WIDTH};
 use rayon::prelude::*;
 use refraction::SceneColorCopy;
 use scene_inputs::InputImages;
-use setup::Assembly;
+use setup::PrimitiveAssembly;
 use shade::{Fragment, ShadeMaterial};
 use shadow::ShadowMaps;
 use stage_times::Stage;
@@ -235,7 +235,7 @@ impl CpuRenderer {
                     let edges =
                         edges.then(|| crate::scene_resources::vertex_layout::edges(&primitive.indices));
                     let indices = edges.as_ref().unwrap_or(&primitive.indices);
-                    Assembly { vertices: &vertices, indices, pipeline, size }.run()
+                    PrimitiveAssembly { vertices: &vertices, indices, pipeline, size }.run()
                 };
                 Batch {
                     paint: Paint::Surface(Fragment {
@@ -275,7 +275,8 @@ impl CpuRenderer {
             let (first, count) = (part.first as usize, part.count as usize);
             let drawn = &plan.overlay.vertices[first..first + count];
             let (vertices, indices) = (overlay::overlay_vertices(drawn), Vec::from_iter(0..part.count));
-            let assembly = Assembly { vertices: &vertices, indices: &indices, pipeline, size: plan.size };
+            let assembly =
+                PrimitiveAssembly { vertices: &vertices, indices: &indices, pipeline, size: plan.size };
             let triangles = assembly.run();
             let paint = Paint::Overlay { vertices: drawn, over: part.over };
             Batch { paint, phase: Phase::Blend, peeled: false, vertices, triangles }
@@ -554,7 +555,7 @@ impl Renderer for CpuRenderer {
 impl FloatFrameRenderer for CpuRenderer {
     fn render_linear(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError> {
         self.prepare_sky(plan);
-        self.stream(plan)?;
+        self.load_streamed_textures(plan)?;
         let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
         match plan.samples {
             1 => self.draw_tiles::<Float, Vec4, 1>(plan, &[], &mut pixels)?,
@@ -564,7 +565,7 @@ impl FloatFrameRenderer for CpuRenderer {
     }
 
     fn render_inputs(&mut self, plan: &Plan) -> Result<InputImages, RenderError> {
-        self.stream(plan)?;
+        self.load_streamed_textures(plan)?;
         Ok(self.times.measure(Stage::Pixels, || self.scene_inputs(plan)))
     }
 
@@ -581,7 +582,7 @@ impl CpuRenderer {
     fn render_frame(&mut self, plan: &Plan, reuse: Option<Frame>) -> Result<Frame, RenderError> {
         let mut frame = reuse.unwrap_or(Frame { width: 0, height: 0, rgba: Vec::new() });
         self.prepare_sky(plan);
-        self.stream(plan)?;
+        self.load_streamed_textures(plan)?;
         [frame.width, frame.height] = plan.size;
         frame.rgba.resize(plan.size[0] as usize * plan.size[1] as usize * 4, 0);
         match (plan.samples, plan.post.is_empty()) {

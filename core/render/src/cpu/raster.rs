@@ -36,7 +36,7 @@ pub fn rasterize<const S: usize>(
     mut hit: impl FnMut(usize, [bool; 4], [f32; 4]),
 ) {
     let group = const { sample_group::<S>() };
-    let [x0, y0, x1, y1] = t.pixels();
+    let [x0, y0, x1, y1] = t.pixel_bounds();
     let x0 = (x0.max(tile[0]) - tile[0]) / group.pixels * group.pixels + tile[0];
     let x1 = x1.min(tile[0] + TILE_WIDTH);
     let (y0, y1) = (y0.max(tile[1]), y1.min(tile[1] + TILE_HEIGHT));

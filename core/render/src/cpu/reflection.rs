@@ -24,7 +24,7 @@ impl Fragment<'_> {
         let roughness = material.mirror_roughness();
         let reflected = match self.features.has(Features::ENVIRONMENT_TEXTURE) {
             true => self.sample_environment_map(direction, roughness),
-            false => self.environment_light().mirrored(direction, F4::splat(roughness)),
+            false => self.environment_light().reflected(direction, F4::splat(roughness)),
         };
         Some([share, reflected])
     }

@@ -149,7 +149,7 @@ fn nearest_triangles(
     for [copy, number] in list {
         let batch = &copies[*copy as usize].batch;
         let triangle = &batch.triangles[*number as usize];
-        let [x0, _, x1, _] = triangle.pixels();
+        let [x0, _, x1, _] = triangle.pixel_bounds();
         let columns = x0.max(0) / TILE_WIDTH..(x1.min(width as i32) + TILE_WIDTH - 1) / TILE_WIDTH;
         for column in columns {
             let at = [column * TILE_WIDTH, first];

@@ -11,7 +11,7 @@ use super::texture::Texture;
 use super::toon::{ToonSurface, matcap_uv};
 use super::triplanar::Planes;
 use super::vertex::Vertex;
-use super::view_transform::transformed;
+use super::view_transform::apply_view_transform;
 use crate::effect_faults::Fault;
 use crate::lanes::{F4, Mask, NONE, V3, Weights};
 use crate::plan::shader_features::texture_slot;
@@ -31,14 +31,14 @@ pub(crate) struct ShadeMaterial {
     pub textures: [Option<Arc<Texture>>; TEXTURE_SLOTS],
 }
 
-/// All inputs of shading a quad except its weights.
+/// Inputs of the shading of a triangle's quads, except the barycentric weights.
 pub struct Fragment<'a> {
     pub plan: &'a Plan,
     /// Set if a light casts shadows.
     pub shadows: Option<&'a ShadowMaps>,
     /// The scene color copy that refracting glass shows.
     pub scene_color: Option<Arc<SceneColorCopy>>,
-    /// Sky maps, if a sky shines.
+    /// Maps of the sky, if it lights the scene.
     pub sky: Option<&'a SkyMaps>,
     /// Effects on the surface, in order.
     pub surface: Vec<(Effect, Vec<f32>)>,
@@ -58,11 +58,11 @@ pub struct Fragment<'a> {
 /// Every sample of a pixel.
 pub(crate) const ALL_SAMPLES: u8 = 0b1111;
 
-/// Linear RGBA of four pixels, and which samples of them the alpha test keeps, a bit each.
+/// Linear RGBA of four pixels, and the samples that the alpha test keeps, one bit each.
 pub(crate) struct Shaded {
     pub rgba: [F4; 4],
     pub kept: [u8; 4],
-    /// Faults of effects. The number counts through the effects in `Fragment::surface`, then those in `Fragment::lighting`.
+    /// Fault of an effect at each pixel, with the effect's index in `Fragment::surface` followed by `Fragment::lighting`.
     pub faults: [Option<(u8, Fault)>; 4],
 }
 
@@ -93,18 +93,18 @@ pub struct Quad<'a> {
 
 impl Quad<'_> {
     #[inline(always)]
-    pub fn vec3(&self, of: impl Fn(&Vertex) -> Vec3) -> V3 {
-        self.weights.vec3(self.vertices.map(of))
+    pub fn vec3(&self, attribute: impl Fn(&Vertex) -> Vec3) -> V3 {
+        self.weights.vec3(self.vertices.map(attribute))
     }
 
     #[inline(always)]
-    pub fn scalar(&self, of: impl Fn(&Vertex) -> f32) -> F4 {
-        let [a, b, c] = self.vertices.map(of);
+    pub fn scalar(&self, attribute: impl Fn(&Vertex) -> f32) -> F4 {
+        let [a, b, c] = self.vertices.map(attribute);
         self.weights.scalar(a, b, c)
     }
 
-    /// Interpolated tangent, bitangent and normal, left neither orthogonal nor normalized (MikkTSpace).
-    pub fn frame(&self) -> [V3; 3] {
+    /// Interpolated tangent, bitangent and normal. As MikkTSpace requires, they are neither orthogonal nor normalized.
+    pub fn tangent_frame(&self) -> [V3; 3] {
         let normal = self.vec3(|v| v.normal);
         let tangent = self.vec3(|v| v.tangent.truncate());
         [tangent, normal.cross(tangent) * self.scalar(|v| v.tangent.w), normal]
@@ -151,7 +151,7 @@ impl Fragment<'_> {
         let point = self.surface_point(quad, rgb(rgba));
         let color = match self.features.has(Features::TOON) {
             // The view transform does not apply to toon shading, which gives display colors.
-            true => self.exposed(self.toon(quad, &point) + self.emission(quad)),
+            true => self.apply_exposure(self.toon_color(quad, &point) + self.emission(quad)),
             false => self.lit_color(quad, &point, alpha),
         };
         Shaded { rgba: [color.x, color.y, color.z, alpha], kept, faults }
@@ -225,7 +225,7 @@ impl Fragment<'_> {
         if layered {
             color = color.mix(contributions.coat, contributions.coat_weight);
         }
-        color = transformed(self.features, self.exposed(color));
+        color = apply_view_transform(self.features, self.apply_exposure(color));
         if self.features.has(Features::REFRACTION) {
             // The scene color copy holds display colors already.
             color = color
@@ -243,7 +243,7 @@ impl Fragment<'_> {
         }
     }
 
-    fn exposed(&self, light: V3) -> V3 {
+    fn apply_exposure(&self, light: V3) -> V3 {
         match self.features.has(Features::EXPOSURE) {
             true => light * F4::splat(self.plan.exposure),
             false => light,
@@ -271,10 +271,10 @@ impl Fragment<'_> {
         let mut s = surface_of(base, metallic, roughness, specular, specular_color);
         let nv = n.dot(v).clamp(0.001, 1.0);
         let environment = self.environment_light();
-        let dark = environment.is_dark();
+        let is_dark = environment.is_dark();
         let layers = m.layers.as_deref().filter(|_| self.features.has(Features::LAYERS));
         let contributions = layers.map_or_else(LayerContributions::default, |layers| {
-            let environment = (!dark).then_some(&environment);
+            let environment = (!is_dark).then_some(&environment);
             let layered = LayeredPoint {
                 fragment: self,
                 quad,
@@ -289,11 +289,11 @@ impl Fragment<'_> {
             layered.contributions(&mut s)
         });
         let mut color = V3::splat(Vec3::ZERO);
-        if !dark {
-            let mirrored = contributions.sky_direction.unwrap_or_else(|| n * (n.dot(v) * 2.0) - v);
+        if !is_dark {
+            let mirror_direction = contributions.sky_direction.unwrap_or_else(|| n * (n.dot(v) * 2.0) - v);
             let f0 = contributions.sky_f0.unwrap_or(s.f0);
             let specular = ambient_specular(f0, s.f90, s.roughness, nv);
-            let reflected = environment.mirrored(mirrored, s.roughness) * specular;
+            let reflected = environment.reflected(mirror_direction, s.roughness) * specular;
             let behind = contributions.back_light * environment.diffuse(-n);
             color = (s.diffuse * environment.diffuse(n) + reflected + behind) * occlusion;
         }
@@ -330,7 +330,7 @@ impl Fragment<'_> {
         self.texel(quad, Features::EMISSIVE_TEXTURE).map_or(emissive, |texel| emissive * rgb(texel))
     }
 
-    fn toon(&self, quad: &Quad, point: &SurfacePoint) -> V3 {
+    fn toon_color(&self, quad: &Quad, point: &SurfacePoint) -> V3 {
         let &SurfacePoint { relative, geometric_n, n, v, base, visible } = point;
         let material = &self.material.factors.material;
         let default = Toon::default();
@@ -338,8 +338,8 @@ impl Fragment<'_> {
         let shade = V3::splat(toon.shade_color * self.tint.truncate());
         let shift = self.texel(quad, Features::SHADING_SHIFT_TEXTURE);
         let slot = texture_slot(Features::MATCAP_TEXTURE);
-        let refs = self.material.factors.textures;
-        let matcap = match (refs[slot].as_ref(), self.material.textures[slot].as_deref()) {
+        let references = self.material.factors.textures;
+        let matcap = match (references[slot].as_ref(), self.material.textures[slot].as_deref()) {
             (Some(r), Some(texture)) if self.features.has(Features::MATCAP_TEXTURE) => {
                 V3::splat(toon.matcap) * rgb(texture.sample(&r.sampler, matcap_uv(n, v)))
             }
@@ -370,12 +370,12 @@ impl Fragment<'_> {
             return None;
         }
         let slot = texture_slot(feature);
-        let refs = self.material.factors.textures;
-        self.sample(quad, refs[slot].as_ref(), self.material.textures[slot].as_deref())
+        let references = self.material.factors.textures;
+        self.sample(quad, references[slot].as_ref(), self.material.textures[slot].as_deref())
     }
 
-    /// Share of a light that passes the shadow maps, 0 to 1, in the lanes of `lanes`. `geometric_n`: normal without the normal map;
-    /// `l`: to the light.
+    /// Share of the light that is not shadowed, 0 to 1, in the lanes that `lanes` selects. `geometric_n`: normal without the normal
+    /// map; `l`: direction to the light.
     pub fn unshadowed_share(
         &self,
         light: &PlanLight,
@@ -410,12 +410,12 @@ impl Fragment<'_> {
         }
     }
 
-    /// Interpolated normal, or the normal map's by MikkTSpace: x·T + y·(N × T · sign) + z·N of the interpolated vectors, then
+    /// Interpolated normal, or the normal of the normal map by MikkTSpace: x·T + y·(N × T · sign) + z·N of the interpolated vectors, then
     /// normalized. Flipped on back faces.
     pub fn normal(&self, quad: &Quad, map: Option<([F4; 4], f32)>) -> V3 {
         let n = match map {
             Some(([x, y, z, _], scale)) => {
-                let [tangent, bitangent, normal] = quad.frame();
+                let [tangent, bitangent, normal] = quad.tangent_frame();
                 let (x, y) = ((x * 2.0 - F4::ONE) * scale, (y * 2.0 - F4::ONE) * scale);
                 (tangent * x + bitangent * y + normal * (z * 2.0 - F4::ONE)).unit()
             }

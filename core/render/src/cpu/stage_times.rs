@@ -1,9 +1,9 @@
-//! Wall-clock time of the CPU renderer's stages, added up over frames.
+//! Wall-clock time of the CPU renderer's stages, summed over frames.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-/// A stage of a frame; each is spread over all threads before the next begins.
+/// A stage of a frame. All threads work on one stage before the next begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     ShadowMaps,
@@ -29,11 +29,12 @@ pub struct StageTimes {
 }
 
 impl StageTimes {
+    /// Runs a function and adds its time to a stage.
     pub(super) fn measure<T>(&self, stage: Stage, run: impl FnOnce() -> T) -> T {
-        let begun = Instant::now();
+        let start = Instant::now();
         let result = run();
-        let took = u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        self.nanoseconds[stage as usize].fetch_add(took, Ordering::Relaxed);
+        let elapsed = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        self.nanoseconds[stage as usize].fetch_add(elapsed, Ordering::Relaxed);
         result
     }
 
@@ -45,7 +46,7 @@ impl StageTimes {
         self.shadow_maps.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Number of shadow maps drawn so far, without those kept from the frame before.
+    /// Number of shadow maps drawn so far, without the maps kept from the previous frame.
     pub fn shadow_maps(&self) -> u64 {
         self.shadow_maps.load(Ordering::Relaxed)
     }

@@ -2,7 +2,7 @@
 
 use super::row_color;
 use super::shade::{Fragment, Shaded};
-use super::sky::behind;
+use super::sky::sky_behind;
 use super::vertex::Vertex;
 use crate::effect_faults::{Fault, MAGENTA};
 use crate::lanes::{F4, Mask, V3, Weights};
@@ -75,7 +75,7 @@ impl Fragment<'_> {
                 facing: normal.dot(to_eye * (1.0 / to_eye.dot(to_eye).max(1e-20).sqrt())),
                 background: match &sky {
                     Some((maps, sky)) => {
-                        behind(self.plan, maps, sky, if view.eye.w > 0.5 { relative } else { -eye })
+                        sky_behind(self.plan, maps, sky, if view.eye.w > 0.5 { relative } else { -eye })
                     }
                     None => row_color(self.plan, y).truncate(),
                 },

@@ -1,6 +1,6 @@
 //! Thick lines and points as screen triangles; see [`crate::scene_resources::thick_lines`].
 
-use super::setup::{Assembly, Triangle};
+use super::setup::{PrimitiveAssembly, Triangle};
 use super::vertex::Vertex;
 use crate::plan::{Features, PipelineKey, TopologyKey};
 use crate::scene_resources::thick_lines::{ThickLineExpander, thick_mesh};
@@ -25,7 +25,7 @@ pub fn triangles(
     };
     let corners: Vec<Vertex> = (0..wide.of.len()).map(corner).collect();
     let pipeline = PipelineKey { topology: TopologyKey::Triangles, ..pipeline };
-    let mut out = Assembly { vertices: &corners, indices: &wide.indices, pipeline, size }.run();
+    let mut out = PrimitiveAssembly { vertices: &corners, indices: &wide.indices, pipeline, size }.run();
     // All triangle vertices at one end of a line share the interpolated values of that end.
     out.iter_mut().for_each(|t| t.vertices = t.vertices.map(|i| wide.of[i as usize]));
     out

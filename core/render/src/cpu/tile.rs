@@ -325,7 +325,7 @@ impl Tile<'_, '_> {
         if !any {
             return;
         }
-        let [x0, y0, x1, y1] = t.pixels();
+        let [x0, y0, x1, y1] = t.pixel_bounds();
         let range = |low: i32, high: i32, at: i32, size: i32| {
             ((low - at).max(0) as usize / 2, ((high - at).clamp(0, size) as usize).div_ceil(2))
         };
@@ -435,7 +435,7 @@ fn quad_samples<const S: usize>(qx: usize, qy: usize) -> [usize; 4] {
 
 /// Tiles that a triangle's pixels lie in: [x0, y0, x1, y1), in tiles.
 pub(crate) fn tiles_of(t: &Triangle, size: [u32; 2]) -> [u16; 4] {
-    let [x0, y0, x1, y1] = t.pixels();
+    let [x0, y0, x1, y1] = t.pixel_bounds();
     let [w, h] = size.map(|s| s as i32);
     let up = |v: i32, tile: i32| ((v + tile - 1) / tile) as u16;
     [

@@ -32,7 +32,8 @@ impl ToonSurface<'_> {
     ) -> V3 {
         let t = self.toon;
         // The sum of all light, for the rim.
-        let mut lighting = environment.diffuse(n).mix(environment.even(), F4::splat(t.gi_equalization));
+        let mut lighting =
+            environment.diffuse(n).mix(environment.mean_diffuse(), F4::splat(t.gi_equalization));
         let mut color = self.base * lighting;
         for light in &plan.lights {
             let (l, strength) = light.incoming(relative);

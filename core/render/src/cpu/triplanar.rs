@@ -92,7 +92,7 @@ impl Fragment<'_> {
         let tangents = &self.primitive.tangents;
         let along = quad.weights.vec3(quad.ids.map(|i| tangents[i as usize].truncate())).unit();
         let (to_t, to_b, to_n) = (bent.dot(along), bent.dot(n.cross(along)), bent.dot(n));
-        let [tangent, bitangent, normal] = quad.frame();
+        let [tangent, bitangent, normal] = quad.tangent_frame();
         let out = (tangent * to_t + bitangent * to_b + normal * to_n).unit();
         Some(if self.double_sided && !quad.front { -out } else { out })
     }
