@@ -1,7 +1,7 @@
 //! Full-screen passes over a whole image: effects that read neighboring pixels, and per-pixel effects between them.
 
 use super::scene_inputs::EffectInputs;
-use super::target::{Float, PixelOf, Target};
+use super::target::{LinearFloat, OutputPixel, Target};
 use crate::effect_faults::EffectFaults;
 use crate::error::RenderError;
 use crate::plan::PostPass;
@@ -62,7 +62,7 @@ pub(crate) fn run_to_bytes(
     let rows = bytes.par_chunks_mut(4 * width).zip(image.par_chunks(width)).enumerate();
     rows.for_each(|(y, (bytes, row))| {
         for ((out, color), x) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(row).zip(0..) {
-            *out = <[u8; 4]>::finished(*color, [x, y]);
+            *out = <[u8; 4]>::from_color(*color, [x, y]);
         }
     });
 }
@@ -111,7 +111,7 @@ pub(crate) fn run_linear(
                 _ => return,
             }
             faults.checked(&pass.effect, row, |x| [x as i32, y as i32]);
-            row.iter_mut().for_each(|color| *color = Float::encode(*color).decode());
+            row.iter_mut().for_each(|color| *color = LinearFloat::encode(*color).decode());
         });
         if pass.makes_texture {
             textures.resize(pass.number as usize, None);

@@ -67,9 +67,9 @@ use shadow::ShadowMaps;
 use stage_times::Stage;
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Mutex, PoisonError};
-use target::{Float, PixelOf, Srgb8, Target};
+use target::{LinearFloat, OutputPixel, Srgb8, Target};
 use texture::Texture;
-use tile::{Batch, Paint, Phase, Tile, TileBuffers, TriangleId, tiles_of};
+use tile::{Batch, BatchShading, DrawPhase, Tile, TileBuffers, TriangleId, tile_bounds};
 use vertex::{Hull, VertexStage};
 
 pub use stage_times::StageTimes;
@@ -229,7 +229,7 @@ impl CpuRenderer {
                 let pipeline = draw.pipeline;
                 let triangles = if features.has(Features::THICK_LINES) {
                     let (width, clip) = (instance.width, clip_from_relative);
-                    thick_lines::triangles(primitive, &vertices, pipeline, width, clip, size)
+                    thick_lines::thick_line_triangles(primitive, &vertices, pipeline, width, clip, size)
                 } else {
                     let edges = features.has(Features::WIREFRAME);
                     let edges =
@@ -238,7 +238,7 @@ impl CpuRenderer {
                     PrimitiveAssembly { vertices: &vertices, indices, pipeline, size }.run()
                 };
                 Batch {
-                    paint: Paint::Surface(Fragment {
+                    shading: BatchShading::Surface(Fragment {
                         plan,
                         sky: self.sky.as_ref().and_then(|sky| sky.maps.as_deref()),
                         surface: self.surface_effects(plan, draw.pipeline.surface),
@@ -256,9 +256,9 @@ impl CpuRenderer {
                     }),
                     peeled: draw.pipeline.peeled,
                     phase: match draw.pipeline {
-                        k if !k.writes_depth() => Phase::Blend,
-                        k if k.is_transparent() || k.features.has(Features::ALPHA_MASK) => Phase::Mask,
-                        _ => Phase::Opaque,
+                        k if !k.writes_depth() => DrawPhase::Blend,
+                        k if k.is_transparent() || k.features.has(Features::ALPHA_MASK) => DrawPhase::Mask,
+                        _ => DrawPhase::Opaque,
                     },
                     vertices,
                     triangles,
@@ -278,8 +278,8 @@ impl CpuRenderer {
             let assembly =
                 PrimitiveAssembly { vertices: &vertices, indices: &indices, pipeline, size: plan.size };
             let triangles = assembly.run();
-            let paint = Paint::Overlay { vertices: drawn, over: part.over };
-            Batch { paint, phase: Phase::Blend, peeled: false, vertices, triangles }
+            let shading = BatchShading::Overlay { vertices: drawn, over: part.over };
+            Batch { shading, phase: DrawPhase::Blend, peeled: false, vertices, triangles }
         };
         plan.overlay.parts.iter().map(batch).collect()
     }
@@ -294,12 +294,12 @@ impl CpuRenderer {
         let mut sum = Accumulated::new(count);
         let mut pixels = vec![Vec4::ZERO; count];
         for part in &plan.subframes {
-            self.draw_tiles::<Float, Vec4, S>(part, &[], &mut pixels)?;
+            self.draw_tiles::<LinearFloat, Vec4, S>(part, &[], &mut pixels)?;
             sum.add(pixels.iter().copied());
         }
         let mut before = vec![vec![Vec4::ZERO; count]; plan.history.len()];
         for (part, pixels) in plan.history.iter().zip(&mut before) {
-            self.draw_tiles::<Float, Vec4, S>(part, &[], pixels)?;
+            self.draw_tiles::<LinearFloat, Vec4, S>(part, &[], pixels)?;
         }
         let passes = self.image_passes(plan)?;
         let inputs = self.times.measure(Stage::Pixels, || self.scene_inputs(plan));
@@ -333,7 +333,7 @@ impl CpuRenderer {
         self.draw_tiles::<T, [u8; 4], S>(plan, &post, pixels)
     }
 
-    fn draw_tiles<T: Target, P: PixelOf, const S: usize>(
+    fn draw_tiles<T: Target, P: OutputPixel, const S: usize>(
         &self,
         plan: &Plan,
         post: &[image_passes::ImagePass],
@@ -374,9 +374,9 @@ impl CpuRenderer {
         let effects = self.surface_effects(plan, plan.background_effects);
         let needed = sky.is_some() || !effects.is_empty();
         let background = needed.then_some(PixelBackground { plan, sky, effects, faults: &self.faults });
-        let glass_of = |b: &Batch| match &b.paint {
-            Paint::Surface(fragment) => Some(fragment.glass),
-            Paint::Overlay { .. } => None,
+        let glass_of = |b: &Batch| match &b.shading {
+            BatchShading::Surface(fragment) => Some(fragment.glass),
+            BatchShading::Overlay { .. } => None,
         };
         let refracting = |b: &Batch| glass_of(b) == Some(Glass::Refract);
         if let (Some(copy), Some(first)) = (plan.scene_color_copy, batches.iter().position(refracting)) {
@@ -390,7 +390,7 @@ impl CpuRenderer {
             self.times.measure(Stage::Pixels, draw_before_glass);
             let copy = Arc::new(SceneColorCopy::new(pixels, plan.size, copy.levels));
             let glass = batches[first..].iter_mut().filter(|b| refracting(b));
-            glass.for_each(|b| b.paint.set_scene_color_copy(&copy));
+            glass.for_each(|b| b.shading.set_scene_color_copy(&copy));
         }
         // Overlays lie over all glass and are not part of the scene color copy.
         batches.extend(self.overlays(plan));
@@ -406,7 +406,7 @@ impl CpuRenderer {
 }
 
 /// Draws all batches into the tiles of the image, band by band.
-fn draw_bands<T: Target, P: PixelOf, const S: usize>(
+fn draw_bands<T: Target, P: OutputPixel, const S: usize>(
     plan: &Plan,
     batches: &[Batch],
     pixel_background: Option<&PixelBackground>,
@@ -415,7 +415,7 @@ fn draw_bands<T: Target, P: PixelOf, const S: usize>(
     out: &mut [P],
 ) {
     let tile_spans: Vec<Vec<[u16; 4]>> =
-        batches.par_iter().map(|b| b.triangles.iter().map(|t| tiles_of(t, plan.size)).collect()).collect();
+        batches.par_iter().map(|b| b.triangles.iter().map(|t| tile_bounds(t, plan.size)).collect()).collect();
     // Range of tile bands that each batch touches: a band skips the batches outside it, which are most of a crowd.
     let batch_bands: Vec<[u16; 2]> = tile_spans
         .iter()
@@ -558,8 +558,8 @@ impl FloatFrameRenderer for CpuRenderer {
         self.load_streamed_textures(plan)?;
         let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
         match plan.samples {
-            1 => self.draw_tiles::<Float, Vec4, 1>(plan, &[], &mut pixels)?,
-            _ => self.draw_tiles::<Float, Vec4, 4>(plan, &[], &mut pixels)?,
+            1 => self.draw_tiles::<LinearFloat, Vec4, 1>(plan, &[], &mut pixels)?,
+            _ => self.draw_tiles::<LinearFloat, Vec4, 4>(plan, &[], &mut pixels)?,
         }
         Ok(pixels)
     }
@@ -589,9 +589,9 @@ impl CpuRenderer {
             (1, _) if !plan.subframes.is_empty() => self.accumulate_sub_frames::<1>(plan, &mut frame)?,
             _ if !plan.subframes.is_empty() => self.accumulate_sub_frames::<4>(plan, &mut frame)?,
             (1, true) => self.draw_frame::<Srgb8, 1>(plan, &mut frame)?,
-            (1, false) => self.draw_frame::<Float, 1>(plan, &mut frame)?,
+            (1, false) => self.draw_frame::<LinearFloat, 1>(plan, &mut frame)?,
             (_, true) => self.draw_frame::<Srgb8, 4>(plan, &mut frame)?,
-            (_, false) => self.draw_frame::<Float, 4>(plan, &mut frame)?,
+            (_, false) => self.draw_frame::<LinearFloat, 4>(plan, &mut frame)?,
         }
         if let Some(layers) = &plan.layers_in_front {
             self.times.measure(Stage::Layers2d, || layers.over(&mut frame));

@@ -5,7 +5,7 @@ use super::preskin::DeformedMeshes;
 use super::raster::{TILE_HEIGHT, TILE_WIDTH, rasterize};
 use super::setup::Triangle;
 use super::shadow::kept_texels;
-use super::tile::{Batch, Paint, TriangleId, tiles_of};
+use super::tile::{Batch, BatchShading, TriangleId, tile_bounds};
 use super::vertex::VertexStage;
 use crate::plan::{Draw, Features, InputPass, Plan};
 use choreo_plugin::{EffectFrame, EffectImage, SceneImages};
@@ -129,7 +129,7 @@ fn triangles_by_band(copies: &[DrawnCopy], size: [u32; 2]) -> Vec<Vec<TriangleId
     let mut lists = vec![Vec::new(); size[1].div_ceil(TILE_HEIGHT as u32) as usize];
     for (c, copy) in copies.iter().enumerate() {
         for (t, triangle) in copy.batch.triangles.iter().enumerate() {
-            let [_, y0, _, y1] = tiles_of(triangle, size);
+            let [_, y0, _, y1] = tile_bounds(triangle, size);
             lists[usize::from(y0)..usize::from(y1)]
                 .iter_mut()
                 .for_each(|list| list.push([c as u32, t as u32]));
@@ -188,9 +188,9 @@ impl DrawnCopy<'_> {
             true => (plan.view.clip_from_relative * relative.extend(1.0)).w,
             false => -relative.dot(eye.truncate()),
         };
-        let (features, double_sided) = match &self.batch.paint {
-            Paint::Surface(fragment) => (fragment.features, fragment.double_sided),
-            Paint::Overlay { .. } => (Features::default(), false),
+        let (features, double_sided) = match &self.batch.shading {
+            BatchShading::Surface(fragment) => (fragment.features, fragment.double_sided),
+            BatchShading::Overlay { .. } => (Features::default(), false),
         };
         let normal = match features.has_normals() {
             true => {

@@ -9,7 +9,7 @@ use super::shadow::ShadowMaps;
 use super::sky::EnvironmentLight;
 use super::texture::Texture;
 use super::toon::{ToonSurface, matcap_uv};
-use super::triplanar::Planes;
+use super::triplanar::TriplanarCoordinates;
 use super::vertex::Vertex;
 use super::view_transform::apply_view_transform;
 use crate::effect_faults::Fault;
@@ -88,7 +88,7 @@ pub struct Quad<'a> {
     /// Shift of the texture coordinates by parallax mapping.
     pub parallax: Option<[F4; 2]>,
     /// The inputs of triplanar mapping.
-    pub planes: Option<Planes>,
+    pub triplanar: Option<TriplanarCoordinates>,
 }
 
 impl Quad<'_> {
@@ -355,7 +355,7 @@ impl Fragment<'_> {
             rim_mask: rgb_or_white(self.texel(quad, Features::RIM_TEXTURE)),
         };
         let environment = self.environment_light();
-        surface.lit(self.plan, &environment, relative, [n, v], |light, l| {
+        surface.toon_lit(self.plan, &environment, relative, [n, v], |light, l| {
             self.unshadowed_share(light, [relative, geometric_n, l], visible)
         })
     }

@@ -2,7 +2,7 @@
 
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, rasterize};
 use super::setup::Triangle;
-use super::tile::{Batch, Paint};
+use super::tile::{Batch, BatchShading};
 use crate::lanes::{ALL, F4, Mask, NONE, V3, Weights, select};
 use crate::plan::map_key::MapKey;
 use crate::plan::shadow_maps::MAX_PENUMBRA;
@@ -345,7 +345,7 @@ fn draw_depths(size: [u32; 2], batches: &[Batch]) -> Vec<f32> {
 
 /// Whether the alpha test keeps each of four texels in a row. Textures are filtered over quads, as for the image.
 pub(super) fn kept_texels(batch: &Batch, triangle: &Triangle, at: [i32; 2], index: usize) -> [bool; 4] {
-    let Paint::Surface(fragment) = &batch.paint else { return [true; 4] };
+    let BatchShading::Surface(fragment) = &batch.shading else { return [true; 4] };
     if !fragment.features.has(Features::ALPHA_MASK) {
         return [true; 4];
     }

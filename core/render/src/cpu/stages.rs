@@ -4,7 +4,7 @@
 use super::CpuRenderer;
 use super::preskin::DeformedMeshes;
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, rasterize};
-use super::tile::{Batch, Paint};
+use super::tile::{Batch, BatchShading};
 use crate::error::RenderError;
 use crate::plan::Plan;
 use crate::renderer::Renderer;
@@ -95,8 +95,8 @@ fn draw_edges(frame: &mut Frame, indices: &[u32], position: &dyn Fn(u32) -> Opti
 type Mesh<'a> = (&'a Batch<'a>, &'a Primitive);
 
 fn triangle_mesh<'a>(batch: &'a Batch<'a>) -> Option<Mesh<'a>> {
-    match &batch.paint {
-        Paint::Surface(f) if f.primitive.topology == Topology::Triangles => Some((batch, f.primitive)),
+    match &batch.shading {
+        BatchShading::Surface(f) if f.primitive.topology == Topology::Triangles => Some((batch, f.primitive)),
         _ => None,
     }
 }

@@ -24,8 +24,8 @@ impl Fragment<'_> {
             }
         }
         let vertices = ids.map(|i| &vertices[i as usize]);
-        let planes = self.planes(ids, weights);
-        let mut quad = Quad { vertices, ids, front, weights, uvs, uv_mask: None, parallax: None, planes };
+        let triplanar = self.triplanar_coordinates(ids, weights);
+        let mut quad = Quad { vertices, ids, front, weights, uvs, uv_mask: None, parallax: None, triplanar };
         if self.features.has(Features::UV_MOTION_MASK) {
             quad.uv_mask = self.texel(&quad, Features::UV_MOTION_MASK).map(|[_, _, b, _]| b);
         }
@@ -43,8 +43,8 @@ impl Fragment<'_> {
         texture: Option<&Texture>,
     ) -> Option<[F4; 4]> {
         let (r, texture) = (reference?, texture?);
-        if let Some(planes) = &quad.planes {
-            return Some(self.sample_planes(planes, r, texture));
+        if let Some(triplanar) = &quad.triplanar {
+            return Some(self.sample_triplanar(triplanar, r, texture));
         }
         let mut uv = quad.uvs[r.uv_set as usize & 1];
         if self.features.has(Features::UV_TRANSFORM) && r.uv_transform != Affine2::IDENTITY {
