@@ -70,7 +70,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use target::{LinearFloat, OutputPixel, Srgb8, Target};
 use texture::Texture;
 use tile::{Batch, BatchShading, DrawPhase, Tile, TileBuffers, TriangleId, tile_bounds};
-use vertex::{Hull, VertexStage};
+use vertex::{OutlineHull, VertexStage};
 
 pub use stage_times::StageTimes;
 pub use stages::STAGES;
@@ -215,7 +215,7 @@ impl CpuRenderer {
                     Some(material_override) => &override_materials[material_override as usize],
                     None => &self.materials[draw.material as usize],
                 };
-                let hull = features.has(Features::OUTLINE).then(|| Hull {
+                let hull = features.has(Features::OUTLINE).then(|| OutlineHull {
                     material,
                     normals: crate::scene_resources::vertex_layout::welded_normals(primitive),
                 });

@@ -2,7 +2,7 @@
 //! preskin.wgsl: the vertices of [`VertexStage::skinned_vertices`], shared by all draws.
 
 use super::CpuRenderer;
-use super::vertex::{Hull, Vertex, VertexStage};
+use super::vertex::{OutlineHull, Vertex, VertexStage};
 use crate::plan::{Draw, Features, Instance, Plan};
 use choreo_stage::SkinOnce;
 use glam::Mat4;
@@ -57,8 +57,9 @@ impl DeformedMeshes {
     pub fn vertices(&self, draw: &Draw, stage: &VertexStage<'_>) -> Vec<Vertex> {
         match deformed_key(draw, stage.instance).and_then(|key| self.0.get(&key)) {
             Some(vertices) => stage.project(vertices.clone()),
-            None => stage
-                .project(stage.skinned_vertices(stage.hull.as_ref().map(|hull: &Hull| &hull.normals[..]))),
+            None => stage.project(
+                stage.skinned_vertices(stage.hull.as_ref().map(|hull: &OutlineHull| &hull.normals[..])),
+            ),
         }
     }
 }
