@@ -1,4 +1,4 @@
-//! Costs of float frames: the passes that are drawn for them, and their images on the host.
+//! Costs of float frames: their passes, and their images on the host.
 
 use crate::explain::{CostKind, Costs, RequestedBy, plural};
 use crate::plan::passes::sample_places;
@@ -6,7 +6,7 @@ use choreo_plugin::{FrameWish, IdMatte, Passes};
 
 impl Costs<'_> {
     /// Adds the costs of the passes that `--passes` requests, which are not among the commands of the plan.
-    pub fn float_frame(&mut self) {
+    pub fn add_float_frame(&mut self) {
         let FrameWish::Scene(passes) = self.plan.wish else { return };
         let [width, height] = self.plan.size;
         let pixels = u64::from(width) * u64::from(height);
@@ -43,8 +43,8 @@ impl Costs<'_> {
         }
     }
 
-    /// The effects, and the passes of the frame, that read depth, normals and motion.
-    pub(crate) fn inputs_read_by(&self) -> RequestedBy {
+    /// The effects and the passes of the frame that read depth, normals and motion.
+    pub(crate) fn input_readers(&self) -> RequestedBy {
         let effects = self.plan.scene_inputs.iter().flat_map(|pass| pass.effects.iter().cloned()).collect();
         let other = match self.plan.wish {
             FrameWish::Scene(passes) if passes.reads_inputs() => Some("the passes of the frame"),
