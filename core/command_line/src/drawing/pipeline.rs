@@ -255,7 +255,7 @@ impl Finished {
                 (frame.width, frame.height) = (scene.width, scene.height);
                 frame.rgba.clear();
                 frame.rgba.extend_from_slice(&scene.rgba);
-                layers.over(&mut frame);
+                layers.blend_over(&mut frame);
                 Pixels::Bytes(frame)
             }
         };

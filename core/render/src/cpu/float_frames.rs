@@ -43,7 +43,7 @@ pub(crate) fn float_frame(
             mix_images(&mut frame.color, &before, dissolve.share);
         }
         if let Some(layers) = plan.layers_in_front.as_ref().filter(|_| has_layers) {
-            layers.over_floats(plan.size, &mut frame.color);
+            layers.blend_over_floats(plan.size, &mut frame.color);
         }
     }
     let has_surface = |surface: &Vec4| *surface != SceneImages::NO_SURFACE;

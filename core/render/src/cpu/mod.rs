@@ -594,7 +594,7 @@ impl CpuRenderer {
             (_, false) => self.draw_frame::<LinearFloat, 4>(plan, &mut frame)?,
         }
         if let Some(layers) = &plan.layers_in_front {
-            self.times.measure(Stage::Layers2d, || layers.over(&mut frame));
+            self.times.measure(Stage::Layers2d, || layers.blend_over(&mut frame));
         }
         Ok(frame)
     }

@@ -252,7 +252,7 @@ impl VertexStage<'_> {
             }
         }
         match self.features.has(Features::SKIN_INSTANCED) {
-            true => sum.after(&self.instance.relative_from_mesh),
+            true => sum.followed_by(&self.instance.relative_from_mesh),
             false => sum,
         }
     }
@@ -276,7 +276,7 @@ impl VertexStage<'_> {
             dual += d * signed;
             add_weighted(&mut stretch, &self.joint_matrices[at(*joint) + 1], *weight);
         }
-        rigid_transform(real, dual).times(&stretch).after(&self.instance.relative_from_mesh)
+        rigid_transform(real, dual).compose_linear(&stretch).followed_by(&self.instance.relative_from_mesh)
     }
 }
 

@@ -68,7 +68,7 @@ impl VulkanRenderer {
         let scene = inputs.of(&plan);
         image_passes::run_to_bytes(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
         if let Some(layers) = &plan.layers_in_front {
-            layers.over(&mut frame);
+            layers.blend_over(&mut frame);
         }
         Ok(frame)
     }
@@ -117,7 +117,7 @@ impl VulkanRenderer {
         self.gpu.check_messages()?;
         let mut frame = Frame { width, height, rgba };
         if let Some(layers) = layers {
-            layers.over(&mut frame);
+            layers.blend_over(&mut frame);
         }
         Ok(frame)
     }

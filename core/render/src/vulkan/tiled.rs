@@ -54,7 +54,7 @@ impl VulkanRenderer {
             image_passes::run_to_bytes(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
         }
         if let Some(layers) = &plan.layers_in_front {
-            layers.over(&mut frame);
+            layers.blend_over(&mut frame);
         }
         Ok(frame)
     }
