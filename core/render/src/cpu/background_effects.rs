@@ -38,7 +38,7 @@ impl PixelBackground<'_> {
         for (effect, p) in &self.effects {
             if let Effect::Surface(function) = effect {
                 function.surfaces(colors, samples, p);
-                self.faults.checked(effect, colors, |i| [x + i as i32, y]);
+                self.faults.replace_faulty_colors(effect, colors, |i| [x + i as i32, y]);
             }
         }
     }

@@ -38,7 +38,7 @@ pub fn total_displacement(effects: &[Displacement], vertex: &VertexSample, rows:
     effects.iter().fold(Vec3::ZERO, |sum, d| {
         let Effect::Vertex(effect) = &d.effect else { return sum };
         let offset = effect.vertex(vertex, &d.parameters);
-        let mut offset = d.faults.checked_offset(&d.effect, offset);
+        let mut offset = d.faults.offset_or_zero(&d.effect, offset);
         if effect.in_model_space() {
             offset = rows.transform_vector(offset);
         }

@@ -110,7 +110,7 @@ pub(crate) fn run_linear(
                 }
                 _ => return,
             }
-            faults.checked(&pass.effect, row, |x| [x as i32, y as i32]);
+            faults.replace_faulty_colors(&pass.effect, row, |x| [x as i32, y as i32]);
             row.iter_mut().for_each(|color| *color = LinearFloat::encode(*color).decode());
         });
         if pass.makes_texture {

@@ -92,7 +92,7 @@ pub(crate) struct SkyBackdrop<'a> {
 
 impl<'a> SkyBackdrop<'a> {
     pub fn new(background: &'a SkyBackground, sky: &'a PlanSky, plan: &'a Plan) -> SkyBackdrop<'a> {
-        SkyBackdrop { background, sky, plan, rays: crate::view::rays(&plan.view) }
+        SkyBackdrop { background, sky, plan, rays: crate::view::ray_basis(&plan.view) }
     }
 
     /// Color of a pixel, at its center.

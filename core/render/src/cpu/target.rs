@@ -1,6 +1,6 @@
 //! Sample formats of the color target: 8 bits in sRGB, or floats where full-screen passes follow.
 
-use crate::dither::dithered_bytes;
+use crate::dither::dither_to_bytes;
 use crate::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
 use glam::Vec4;
 
@@ -67,7 +67,7 @@ impl OutputPixel for [u8; 4] {
 
     #[inline]
     fn from_color(color: Vec4, [x, y]: [usize; 2]) -> [u8; 4] {
-        dithered_bytes(color, x, y)
+        dither_to_bytes(color, x, y)
     }
 }
 

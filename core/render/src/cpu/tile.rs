@@ -12,7 +12,7 @@ use super::shade::{Fragment, Shaded};
 use super::surface::MAX_QUADS;
 use super::target::{OutputPixel, Target};
 use super::vertex::Vertex;
-use crate::dither::{self, dithered};
+use crate::dither::{self, dither_to_codes};
 use crate::effect_faults::EffectFaults;
 use crate::lanes::{F4, Mask, Weights};
 use crate::layers_2d::LayerImage;
@@ -169,7 +169,7 @@ impl Tile<'_, '_> {
             }
             for ((samples, pixel), x) in colors.chunks_exact_mut(S).zip(behind).zip(self.at[0]..) {
                 if T::DITHERED && (self.gradient || self.pixel_background.is_some()) {
-                    *pixel = dithered(*pixel, x as usize, y as usize);
+                    *pixel = dither_to_codes(*pixel, x as usize, y as usize);
                 }
                 if let Some(layers) = self.layers_behind {
                     let over = layers.pixel(x as u32, y as u32);
@@ -205,13 +205,13 @@ impl Tile<'_, '_> {
         self.write_pixels::<T, P, S>(b, rows, stride);
     }
 
-    /// Encoded background of a row, as a pattern that repeats after `dither::SIDE` pixels.
-    fn background_row<T: Target>(&self, row: usize) -> [T; dither::SIDE] {
+    /// Encoded background of a row, as a pattern that repeats after `dither::TABLE_SIDE` pixels.
+    fn background_row<T: Target>(&self, row: usize) -> [T; dither::TABLE_SIDE] {
         let color = self.background[row];
         let [x, y] = [self.at[0] as usize, self.at[1] as usize + row];
         match T::DITHERED && self.gradient {
-            true => std::array::from_fn(|i| T::encode(dithered(color, x + i, y))),
-            false => [T::encode(color); dither::SIDE],
+            true => std::array::from_fn(|i| T::encode(dither_to_codes(color, x + i, y))),
+            false => [T::encode(color); dither::TABLE_SIDE],
         }
     }
 
@@ -419,7 +419,8 @@ impl Tile<'_, '_> {
                 if let Effect::Pixel(effect) = &pass.effect {
                     effect.pixels(&mut colors, &uv, &pass.parameters);
                     let [x0, y0] = self.at;
-                    self.faults.checked(&pass.effect, &mut colors, |x| [x0 + x as i32, y0 + y as i32]);
+                    self.faults
+                        .replace_faulty_colors(&pass.effect, &mut colors, |x| [x0 + x as i32, y0 + y as i32]);
                 }
             }
             let [x, y] = [self.at[0] as usize, self.at[1] as usize + y];

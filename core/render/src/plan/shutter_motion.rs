@@ -13,7 +13,7 @@ use crate::plan::build::skins::bind_of;
 use crate::plan::options::PlanOptions;
 use crate::plan::{Plan, View};
 use crate::scene_resources::{PrimitiveResource, SceneResources};
-use crate::view::rays;
+use crate::view::ray_basis;
 use choreo_asset::{Aabb, MeshInstance, Topology};
 use choreo_motion::Time;
 use choreo_plugin::Hook;
@@ -398,7 +398,7 @@ fn morph_motion(resource: &PrimitiveResource, instance: usize, states: [&ActorSt
 
 /// Pixels that the sky moves as the camera turns.
 fn sky_motion(a: &Snapshot, eyes: &[MotionView; 2], size: [u32; 2]) -> f64 {
-    let [right, down, ahead] = rays(&View::new(&a.camera, size)).map(|v| v.as_dvec3());
+    let [right, down, ahead] = ray_basis(&View::new(&a.camera, size)).map(|v| v.as_dvec3());
     let places = [[0.0, 0.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
     let way = |[x, y]: [f64; 2]| {
         let direction = (right * x + down * y + ahead).extend(0.0);

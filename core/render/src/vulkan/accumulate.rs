@@ -99,7 +99,7 @@ impl VulkanRenderer {
             context::give_back_freed_memory();
         }
         let slot = &self.slots[index];
-        self.faults.read(self.pipelines.effects(), slot.fault_records(), at);
+        self.faults.read_device_records(self.pipelines.effects(), slot.fault_records(), at);
         let bytes = slot.size[0] as usize * slot.size[1] as usize * bytes_a_pixel;
         slot.readback.as_ref().and_then(|b| b.mapped().get(..bytes)).ok_or_else(|| RenderError::Vulkan {
             object: "read-back buffer".into(),
