@@ -137,7 +137,7 @@ impl CpuRenderer {
         }
         if !matches!(plan.samples, 1 | 4) {
             let value = u64::from(plan.samples);
-            return Err(RenderError::Limit { what: "samples a pixel (1 or 4)".into(), value, limit: 4 });
+            return Err(RenderError::Limit { what: "number of samples (1 or 4)".into(), value, limit: 4 });
         }
         let c = &self.resources;
         let out_of_range = plan.draws.iter().chain(plan.shadow_draws()).any(|d| {

@@ -302,7 +302,8 @@ fn misuse_is_an_error_with_a_message() {
     let wide = choreo_render::Plan { size: [16385, 4], ..plan.clone() };
     assert_eq!(said(r.submit(wide)), "image width is 16385, the limit of this device is 16384");
     assert!(
-        said(r.submit(choreo_render::Plan { samples: 2, ..plan.clone() })).starts_with("samples a pixel")
+        said(r.submit(choreo_render::Plan { samples: 2, ..plan.clone() }))
+            .starts_with("number of samples (1 or 4) is 2")
     );
     r.submit(plan.clone()).unwrap();
     r.submit(plan.clone()).unwrap();
