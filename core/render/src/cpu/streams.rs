@@ -22,8 +22,9 @@ impl CpuRenderer {
                 if !shown.contains(&material) {
                     *loaded = None;
                 } else if loaded.is_none() {
-                    *loaded =
-                        Some(Arc::new(Texture::new(&self.resources.textures[texture as usize].whole()?)));
+                    *loaded = Some(Arc::new(Texture::new(
+                        &self.resources.textures[texture as usize].with_loaded_pixels()?,
+                    )));
                 }
             }
         }

@@ -19,14 +19,14 @@ pub fn thick_line_triangles(
     let wide = thick_mesh(primitive, pipeline.features.has(Features::ROUND_LINES));
     let expander = ThickLineExpander::new(clip_from_relative, size);
     let expanded_vertex = |i: usize| {
-        let [own, other] = [wide.of[i], wide.other[i]].map(|v| &vertices[v as usize]);
+        let [own, other] = [wide.source_vertices[i], wide.other_ends[i]].map(|v| &vertices[v as usize]);
         Vertex { clip: expander.vertex(own.clip, other.clip, wide.offsets[i], width), ..*own }
     };
-    let expanded_vertices: Vec<Vertex> = (0..wide.of.len()).map(expanded_vertex).collect();
+    let expanded_vertices: Vec<Vertex> = (0..wide.source_vertices.len()).map(expanded_vertex).collect();
     let pipeline = PipelineKey { topology: TopologyKey::Triangles, ..pipeline };
     let mut out =
         PrimitiveAssembly { vertices: &expanded_vertices, indices: &wide.indices, pipeline, size }.run();
     // All triangle vertices at one end of a line share the interpolated values of that end.
-    out.iter_mut().for_each(|t| t.vertices = t.vertices.map(|i| wide.of[i as usize]));
+    out.iter_mut().for_each(|t| t.vertices = t.vertices.map(|i| wide.source_vertices[i as usize]));
     out
 }

@@ -218,7 +218,10 @@ impl ShutterScene<'_> {
         let shows_another = |actor: usize| {
             let entries = || self.resources.entry(actor).primitives.iter().flatten();
             streams
-                && entries().any(|e| self.resources.showing(e, a.time) != self.resources.showing(e, b.time))
+                && entries().any(|e| {
+                    self.resources.with_sequence_image_at(e, a.time)
+                        != self.resources.with_sequence_image_at(e, b.time)
+                })
         };
         actors.take(stage.actors.len()).find_map(|(actor, (a, b))| match actor_changes(a, b) {
             None if a.visible && shows_another(actor) => Some("an image sequence advances"),
