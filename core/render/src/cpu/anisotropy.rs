@@ -18,7 +18,7 @@ impl Fragment<'_> {
     ) -> (Anisotropy, V3) {
         let [tangent, bitangent, _] = quad.tangent_frame();
         let (mut x, mut y, mut strength) = (F4::ONE, F4::ZERO, F4::splat(layers.anisotropy));
-        if let Some([r, g, b, _]) = self.texel(quad, Features::ANISOTROPY_TEXTURE) {
+        if let Some([r, g, b, _]) = self.sample_feature_texture(quad, Features::ANISOTROPY_TEXTURE) {
             (x, y) = (r * 2.0 - F4::ONE, g * 2.0 - F4::ONE);
             strength *= b;
         }

@@ -96,8 +96,8 @@ impl LayeredPoint<'_> {
         contributions
     }
 
-    fn texel(&self, feature: Features) -> Option<[F4; 4]> {
-        self.fragment.texel(self.quad, feature)
+    fn sample_feature_texture(&self, feature: Features) -> Option<[F4; 4]> {
+        self.fragment.sample_feature_texture(self.quad, feature)
     }
 
     /// Environment light reflected along `direction`; zero without environment light.
@@ -108,11 +108,11 @@ impl LayeredPoint<'_> {
 
     fn iridescence(&self, s: &mut Surface, contributions: &mut LayerContributions) {
         let mut share = F4::splat(self.layers.iridescence);
-        if let Some([r, ..]) = self.texel(Features::IRIDESCENCE_TEXTURE) {
+        if let Some([r, ..]) = self.sample_feature_texture(Features::IRIDESCENCE_TEXTURE) {
             share *= r;
         }
         let [thin, thick] = self.fragment.material.factors.film_thickness().to_array().map(F4::splat);
-        let thickness = match self.texel(Features::IRIDESCENCE_THICKNESS_TEXTURE) {
+        let thickness = match self.sample_feature_texture(Features::IRIDESCENCE_THICKNESS_TEXTURE) {
             Some([_, g, ..]) => thin.mix(thick, g),
             None => thick,
         };
@@ -124,7 +124,7 @@ impl LayeredPoint<'_> {
     /// Path length of light through the volume, in metres.
     fn path_length(&self) -> F4 {
         let depth = self.quad.scalar(|v| v.scale) * self.layers.thickness;
-        self.texel(Features::THICKNESS_TEXTURE).map_or(depth, |[_, g, ..]| depth * g)
+        self.sample_feature_texture(Features::THICKNESS_TEXTURE).map_or(depth, |[_, g, ..]| depth * g)
     }
 
     fn transmission(
@@ -136,7 +136,7 @@ impl LayeredPoint<'_> {
     ) {
         let &SurfacePoint { relative, n, v, base, .. } = self.point;
         let mut transmission = (F4::ONE - self.metallic) * self.layers.transmission;
-        if let Some([r, ..]) = self.texel(Features::TRANSMISSION_TEXTURE) {
+        if let Some([r, ..]) = self.sample_feature_texture(Features::TRANSMISSION_TEXTURE) {
             transmission *= r;
         }
         let reflected = ambient_specular(s.f0, s.f90, s.roughness, self.nv);
@@ -164,11 +164,11 @@ impl LayeredPoint<'_> {
         transmittance: Option<V3>,
     ) {
         let mut share = F4::splat(self.layers.diffuse_transmission);
-        if let Some([.., a]) = self.texel(Features::DIFFUSE_TRANSMISSION_TEXTURE) {
+        if let Some([.., a]) = self.sample_feature_texture(Features::DIFFUSE_TRANSMISSION_TEXTURE) {
             share *= a;
         }
         let mut color = V3::splat(self.layers.diffuse_transmission_color);
-        if let Some(texel) = self.texel(Features::DIFFUSE_TRANSMISSION_COLOR_TEXTURE) {
+        if let Some(texel) = self.sample_feature_texture(Features::DIFFUSE_TRANSMISSION_COLOR_TEXTURE) {
             color = color * rgb(texel);
         }
         if let Some(transmittance) = transmittance {
@@ -185,11 +185,11 @@ impl LayeredPoint<'_> {
     fn sheen(&self, contributions: &mut LayerContributions) {
         let &SurfacePoint { geometric_n, n, v, .. } = self.point;
         let mut color = V3::splat(self.layers.sheen_color);
-        if let Some(texel) = self.texel(Features::SHEEN_COLOR_TEXTURE) {
+        if let Some(texel) = self.sample_feature_texture(Features::SHEEN_COLOR_TEXTURE) {
             color = color * rgb(texel);
         }
         let mut roughness = F4::splat(self.layers.sheen_roughness);
-        if let Some([.., a]) = self.texel(Features::SHEEN_ROUGHNESS_TEXTURE) {
+        if let Some([.., a]) = self.sample_feature_texture(Features::SHEEN_ROUGHNESS_TEXTURE) {
             roughness *= a;
         }
         let roughness = roughness.max(F4::splat(0.07));
@@ -206,14 +206,14 @@ impl LayeredPoint<'_> {
 
     fn clearcoat(&self, contributions: &mut LayerContributions) {
         let &SurfacePoint { geometric_n, v, .. } = self.point;
-        let map = self.texel(Features::CLEARCOAT_NORMAL_TEXTURE);
+        let map = self.sample_feature_texture(Features::CLEARCOAT_NORMAL_TEXTURE);
         let n = self.fragment.normal(self.quad, map.map(|t| (t, self.layers.clearcoat_normal_scale)));
         let mut weight = F4::splat(self.layers.clearcoat);
-        if let Some([r, ..]) = self.texel(Features::CLEARCOAT_TEXTURE) {
+        if let Some([r, ..]) = self.sample_feature_texture(Features::CLEARCOAT_TEXTURE) {
             weight *= r;
         }
         let mut roughness = F4::splat(self.layers.clearcoat_roughness);
-        if let Some([_, g, ..]) = self.texel(Features::CLEARCOAT_ROUGHNESS_TEXTURE) {
+        if let Some([_, g, ..]) = self.sample_feature_texture(Features::CLEARCOAT_ROUGHNESS_TEXTURE) {
             roughness *= g;
         }
         let roughness = roughness.max(F4::splat(0.045));

@@ -8,7 +8,7 @@ use glam::Vec3;
 impl Fragment<'_> {
     /// Shift of the texture coordinates (Premecz, "Iterative Parallax Mapping with Slope Information", CESCG 2006): four steps towards
     /// the point in which the view ray meets the height map, which is the alpha of the normal map.
-    pub fn parallax(&self, quad: &Quad) -> Option<[F4; 2]> {
+    pub fn parallax_shift(&self, quad: &Quad) -> Option<[F4; 2]> {
         let material = &self.material.factors;
         let (map, texture) = (
             material.texture(TextureSlot::Normal)?,
@@ -33,7 +33,7 @@ impl Fragment<'_> {
         let mut depth = F4::ZERO;
         for _ in 0..4 {
             let quad = Quad { parallax: Some(shift), ..*quad };
-            let [_, _, z, a] = self.sample(&quad, Some(&map), Some(texture))?;
+            let [_, _, z, a] = self.sample_material_texture(&quad, Some(&map), Some(texture))?;
             let below = (a - F4::ONE) * relief_depth;
             depth += (below - depth) * (z * 2.0 - F4::ONE).clamp(0.0, 1.0);
             shift = [direction[0] * depth, direction[1] * depth];

@@ -17,7 +17,7 @@ impl Fragment<'_> {
         let material = &self.material.factors.material;
         let mut share =
             V3::splat(material.reflection.as_deref().map_or(Vec3::ZERO, |r: &Reflection| r.color));
-        if let Some([r, g, b, _]) = self.texel(quad, Features::REFLECTION_TEXTURE) {
+        if let Some([r, g, b, _]) = self.sample_feature_texture(quad, Features::REFLECTION_TEXTURE) {
             share = share * V3 { x: r, y: g, z: b };
         }
         let direction = n * (n.dot(v) * 2.0) - v;

@@ -122,7 +122,7 @@ fn rgb_or_white(texel: Option<[F4; 4]>) -> V3 {
 
 impl Fragment<'_> {
     pub fn shade(&self, vertices: &[Vertex], ids: [u32; 3], front: bool, weights: &Weights) -> Shaded {
-        let mut shaded = self.surface_color(&self.quad(vertices, ids, front, weights));
+        let mut shaded = self.surface_color(&self.new_quad(vertices, ids, front, weights));
         if self.features.has_any(Features::OUTLINE.with(Features::WIREFRAME)) {
             let toon = self.material.factors.material.toon.as_ref();
             if let Some(outline) = toon.and_then(|t| t.outline.as_ref()) {
@@ -166,7 +166,7 @@ impl Fragment<'_> {
                 *out *= quad.weights.scalar(a[i], b[i], c[i]);
             }
         }
-        if let Some(texel) = self.texel(quad, Features::BASE_COLOR_TEXTURE) {
+        if let Some(texel) = self.sample_feature_texture(quad, Features::BASE_COLOR_TEXTURE) {
             for (out, t) in rgba.iter_mut().zip(texel) {
                 *out *= t;
             }
@@ -188,7 +188,7 @@ impl Fragment<'_> {
     fn surface_point(&self, quad: &Quad, base: V3) -> SurfacePoint {
         let scale = self.material.factors.material.normal_scale;
         let n = self.triplanar_normal(quad).unwrap_or_else(|| {
-            self.normal(quad, self.texel(quad, Features::NORMAL_TEXTURE).map(|t| (t, scale)))
+            self.normal(quad, self.sample_feature_texture(quad, Features::NORMAL_TEXTURE).map(|t| (t, scale)))
         });
         let relative = quad.vec3(|v| v.relative);
         let geometric_n = match self.features.has(Features::SHADOW) {
@@ -203,10 +203,10 @@ impl Fragment<'_> {
     /// Color by the metallic-roughness model or by Blinn–Phong, with layers, emission, exposure and view transform.
     fn lit_color(&self, quad: &Quad, point: &SurfacePoint, alpha: F4) -> V3 {
         let m = &self.material.factors.material;
-        let tint = self.texel(quad, Features::SPECULAR_COLOR_TEXTURE);
+        let tint = self.sample_feature_texture(quad, Features::SPECULAR_COLOR_TEXTURE);
         let specular_color = V3::splat(m.specular_color);
         let specular_color = tint.map_or(specular_color, |t| specular_color * rgb(t));
-        let occlusion = self.texel(quad, Features::OCCLUSION_TEXTURE);
+        let occlusion = self.sample_feature_texture(quad, Features::OCCLUSION_TEXTURE);
         let occlusion = occlusion.map_or(F4::ONE, |[r, ..]| F4::ONE + (r - F4::ONE) * m.occlusion_strength);
         let (mut color, contributions) = match self.features.has(Features::METALLIC_ROUGHNESS) {
             true => self.metallic_roughness(quad, point, specular_color, occlusion),
@@ -260,12 +260,12 @@ impl Fragment<'_> {
         let m = &self.material.factors.material;
         let &SurfacePoint { n, v, base, geometric_n, .. } = point;
         let (mut metallic, mut roughness) = (F4::splat(m.metallic), F4::splat(m.roughness));
-        if let Some([_, g, b, _]) = self.texel(quad, Features::METALLIC_ROUGHNESS_TEXTURE) {
+        if let Some([_, g, b, _]) = self.sample_feature_texture(quad, Features::METALLIC_ROUGHNESS_TEXTURE) {
             roughness *= g;
             metallic *= b;
         }
         let mut specular = F4::splat(m.specular);
-        if let Some([.., a]) = self.texel(quad, Features::SPECULAR_TEXTURE) {
+        if let Some([.., a]) = self.sample_feature_texture(quad, Features::SPECULAR_TEXTURE) {
             specular *= a;
         }
         let mut s = surface_of(base, metallic, roughness, specular, specular_color);
@@ -327,7 +327,8 @@ impl Fragment<'_> {
             return V3::splat(Vec3::ZERO);
         }
         let emissive = V3::splat(self.material.factors.material.emissive);
-        self.texel(quad, Features::EMISSIVE_TEXTURE).map_or(emissive, |texel| emissive * rgb(texel))
+        self.sample_feature_texture(quad, Features::EMISSIVE_TEXTURE)
+            .map_or(emissive, |texel| emissive * rgb(texel))
     }
 
     fn toon_color(&self, quad: &Quad, point: &SurfacePoint) -> V3 {
@@ -336,7 +337,7 @@ impl Fragment<'_> {
         let default = Toon::default();
         let toon = material.toon.as_deref().unwrap_or(&default);
         let shade = V3::splat(toon.shade_color * self.tint.truncate());
-        let shift = self.texel(quad, Features::SHADING_SHIFT_TEXTURE);
+        let shift = self.sample_feature_texture(quad, Features::SHADING_SHIFT_TEXTURE);
         let slot = texture_slot(Features::MATCAP_TEXTURE);
         let references = self.material.factors.textures;
         let matcap = match (references[slot].as_ref(), self.material.textures[slot].as_deref()) {
@@ -348,11 +349,11 @@ impl Fragment<'_> {
         let surface = ToonSurface {
             toon,
             base,
-            shade: shade * rgb_or_white(self.texel(quad, Features::SHADE_COLOR_TEXTURE)),
+            shade: shade * rgb_or_white(self.sample_feature_texture(quad, Features::SHADE_COLOR_TEXTURE)),
             shift: F4::splat(toon.shading_shift)
                 + shift.map_or(F4::ZERO, |[r, ..]| r * toon.shading_shift_scale),
             matcap,
-            rim_mask: rgb_or_white(self.texel(quad, Features::RIM_TEXTURE)),
+            rim_mask: rgb_or_white(self.sample_feature_texture(quad, Features::RIM_TEXTURE)),
         };
         let environment = self.environment_light();
         surface.toon_lit(self.plan, &environment, relative, [n, v], |light, l| {
@@ -365,13 +366,13 @@ impl Fragment<'_> {
     }
 
     /// The texture of a feature, sampled at four pixels; `None` if the draw does not read it.
-    pub fn texel(&self, quad: &Quad, feature: Features) -> Option<[F4; 4]> {
+    pub fn sample_feature_texture(&self, quad: &Quad, feature: Features) -> Option<[F4; 4]> {
         if !self.features.has(feature) {
             return None;
         }
         let slot = texture_slot(feature);
         let references = self.material.factors.textures;
-        self.sample(quad, references[slot].as_ref(), self.material.textures[slot].as_deref())
+        self.sample_material_texture(quad, references[slot].as_ref(), self.material.textures[slot].as_deref())
     }
 
     /// Share of the light that is not shadowed, 0 to 1, in the lanes that `lanes` selects. `geometric_n`: normal without the normal

@@ -9,7 +9,7 @@ use crate::scene_resources::material::MaterialTexture;
 use glam::{Affine2, Vec2};
 
 impl Fragment<'_> {
-    pub fn quad<'a>(
+    pub fn new_quad<'a>(
         &self,
         vertices: &'a [Vertex],
         ids: [u32; 3],
@@ -27,16 +27,16 @@ impl Fragment<'_> {
         let triplanar = self.triplanar_coordinates(ids, weights);
         let mut quad = Quad { vertices, ids, front, weights, uvs, uv_mask: None, parallax: None, triplanar };
         if self.features.has(Features::UV_MOTION_MASK) {
-            quad.uv_mask = self.texel(&quad, Features::UV_MOTION_MASK).map(|[_, _, b, _]| b);
+            quad.uv_mask = self.sample_feature_texture(&quad, Features::UV_MOTION_MASK).map(|[_, _, b, _]| b);
         }
         if self.features.has(Features::PARALLAX) {
-            quad.parallax = self.parallax(&quad);
+            quad.parallax = self.parallax_shift(&quad);
         }
         quad
     }
 
     /// Samples a texture of the material; `None` if it has none.
-    pub fn sample(
+    pub fn sample_material_texture(
         &self,
         quad: &Quad,
         reference: Option<&MaterialTexture>,
