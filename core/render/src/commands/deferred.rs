@@ -27,7 +27,7 @@ pub(super) fn record_lighting(deferred: &Deferred, draws: &mut DrawRecorder) {
 
 /// Pipeline key of a draw in the G-buffer pass, from its key in forward shading.
 pub(super) fn gbuffer_key(key: PipelineKey) -> PipelineKey {
-    // The G-buffer pass reads no lights. A layer can only be set here because it is forced on, and then changes no pixel.
+    // The G-buffer pass reads no lights. A material layer is set here only if it is forced on, and then it changes no pixel.
     let unread = Features::LIGHTS.with(Features::ALL_LAYERS).with(Features::EFFECT_JOINTS);
     let features = key.features.without(unread);
     PipelineKey { features, surface: 0, ..key }

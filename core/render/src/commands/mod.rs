@@ -204,7 +204,7 @@ pub struct RecordOptions {
     pub cpu_device: bool,
     /// Largest number of textures that a material's shader may bind; `None`: unlimited.
     pub textures: Option<u32>,
-    /// Whether the device lacks alpha to one, so that cut-outs lose whole pixels.
+    /// Whether the device lacks the feature alphaToOne, so that the alpha test of cut-outs removes pixels instead of samples.
     pub no_coverage: bool,
     /// Whether the device lacks sample-rate shading, so that transparent surfaces are sorted.
     pub no_depth_peeling: bool,
@@ -252,7 +252,7 @@ pub struct Recording {
 
 /// Buffers and images that the pipelines of a frame read; see [`Recording::reads`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Reads {
+pub struct ResourceReads {
     pub lights: bool,
     pub joints: bool,
     pub morphs: bool,
@@ -267,7 +267,7 @@ pub struct Reads {
 
 /// Numbers of commands in a recording, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
+pub struct CommandCounts {
     pub passes: usize,
     pub pipeline_binds: usize,
     pub distinct_pipelines: usize,
@@ -441,8 +441,8 @@ fn separate_faces_are_faster<'a>(
 
 impl Recording {
     /// Buffers and images that any pipeline reads.
-    pub fn reads(&self) -> Reads {
-        let mut reads = Reads::default();
+    pub fn reads(&self) -> ResourceReads {
+        let mut reads = ResourceReads::default();
         for command in &self.commands {
             reads.layers_behind |= *command == Command::DrawLayersBehind;
             if matches!(command, Command::DrawSky { .. }) {
@@ -465,8 +465,8 @@ impl Recording {
         reads
     }
 
-    pub fn counts(&self) -> Counts {
-        let mut counts = Counts::default();
+    pub fn counts(&self) -> CommandCounts {
+        let mut counts = CommandCounts::default();
         let mut variants = std::collections::BTreeSet::new();
         for command in &self.commands {
             match command {

@@ -18,7 +18,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// are not measured. With fewer draws, the vertices of a crowd would take megabytes of memory without a known gain.
 const MIN_MEAN_DRAWS: f64 = 5.0;
 /// Largest number of deformations of one mesh: the work groups of one dimension that every device supports.
-const MAX_INSTANCES: usize = 65_535;
+const MAX_DEFORMATIONS: usize = 65_535;
 
 /// Key of a pre-skinning pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -132,7 +132,7 @@ pub(super) fn add_preskinning(recorder: Recorder, recording: Recording) -> Recor
     let sorted = sorted_primitives(&recording.commands);
     let mut meshes = mesh_draws(recorder, &recording, &sorted);
     meshes.retain(|_, m| {
-        m.deformations.len() <= MAX_INSTANCES && m.draw_count >= min_draws * m.deformations.len() as f64
+        m.deformations.len() <= MAX_DEFORMATIONS && m.draw_count >= min_draws * m.deformations.len() as f64
     });
     if meshes.is_empty() {
         return recording;

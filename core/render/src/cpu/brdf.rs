@@ -100,9 +100,9 @@ pub(crate) fn ambient_specular(f0: V3, f90: F4, roughness: F4, nv: F4) -> V3 {
     f0 * scale + V3 { x: bias, y: bias, z: bias }
 }
 
-/// Lambert + Blinn–Phong normalized by (s + 8) / 8 (Akenine-Möller et al., Real-Time Rendering, 3rd ed., eq. 7.48;
-/// times π, half vector not multiplied by NL again): base + specular · (s + 8)/8 · NH^s. Phong's own highlight is RV^s with R the
-/// mirrored light, normalized by (s + 2) / 2 (Lafortune & Willems 1994).
+/// Lambert + Blinn–Phong: base + specular · (s + 8)/8 · NH^s (times π), normalized as in Akenine-Möller et al., Real-Time
+/// Rendering, 3rd ed., eq. 7.48. The caller multiplies by NL. Phong's highlight (`blinn` false) is RV^s with R the mirrored light
+/// direction, normalized by (s + 2) / 2 (Lafortune & Willems 1994).
 pub(crate) fn reflect_light_phong(base: V3, [specular, n, v, l]: [V3; 4], shininess: f32, blinn: bool) -> V3 {
     if !blinn {
         let rv = (n * (n.dot(l) * 2.0) - l).dot(v).clamp(0.0, 1.0);

@@ -17,7 +17,7 @@ pub struct Displacement {
 }
 
 impl CpuRenderer {
-    /// Displacement effects of a draw. `effect_bits`: indices of the effects in the plan.
+    /// Displacement effects of a draw. `effect_bits`: one bit for each effect of `Plan::scene_effects`.
     pub(super) fn displacements(&self, plan: &Plan, effect_bits: u8) -> Vec<Displacement> {
         let limits = (0..8).zip(plan.displacement_limits).filter(|(bit, _)| effect_bits >> bit & 1 == 1);
         let all = self.surface_effects(plan, effect_bits).into_iter().zip(limits);

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 pub struct ImagePass {
     pub effect: Effect,
     pub parameters: Vec<f32>,
-    /// Index of the pass among those of its effect.
+    /// Index of the pass among the passes of its effect.
     pub number: u32,
     /// Size of the output in pixels.
     pub size: [u32; 2],

@@ -40,7 +40,7 @@ impl Fragment<'_> {
         all[..first].iter().chain(cluster_lights.iter().map(|i| &all[*i as usize]))
     }
 
-    /// Adds the light of all lights: as the lighting effects change it if there are any, else as [`Fragment::add_lights`].
+    /// Adds the contributions of all lights: by the lighting effects if the surface has any, else by [`Fragment::add_lights`].
     #[inline(always)]
     pub(crate) fn add_lights_or_effects(
         &self,

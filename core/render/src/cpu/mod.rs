@@ -1,7 +1,7 @@
 //! The CPU renderer: the reference of each shader, and the renderer where there is no Vulkan driver.
 //!
-//! vertex.rs, brdf.rs and shade.rs are the references of vertex.wgsl, brdf.wgsl and scene.wgsl; setup.rs and raster.rs do
-//! what Vulkan leaves to the device. Tiles are independent of each other: any number of threads gives the same bits.
+//! vertex.rs, brdf.rs and shade.rs are the references of vertex.wgsl, brdf.wgsl and scene.wgsl; setup.rs and raster.rs
+//! implement what Vulkan leaves to the device. Tiles are independent of each other: any number of threads gives the same bits.
 
 mod anisotropy;
 mod background_effects;

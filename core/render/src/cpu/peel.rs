@@ -5,9 +5,9 @@ use super::target::Target;
 use super::tile::{SampleTest, Tile, TileBuffers, TriangleId};
 
 impl Tile<'_, '_> {
-    /// Peels layer by layer from the back: finds at each sample the farthest surface that is nearer than the layer before (at
-    /// first: than the opaque scene), and blends the surfaces at that depth. Surfaces nearer than the last layer are blended in
-    /// drawing order.
+    /// Peels layers from the back. For each layer, finds at each sample the farthest surface that is nearer than the previous layer
+    /// (for the first layer: than the opaque scene), and blends the surfaces at that depth. Surfaces nearer than the last layer are
+    /// blended in drawing order.
     pub fn peel<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>, ids: &[TriangleId]) {
         let TileBuffers { layers: [layer, previous], depth, .. } = b;
         layer.clone_from(depth);

@@ -1,5 +1,5 @@
-//! Coverage and depth of one triangle in one tile: Vulkan's rules (1.3, "Polygon Rasterization"), edges owned by the
-//! top-left rule, samples at the standard positions.
+//! Coverage and depth of one triangle in one tile by Vulkan's rules (1.3, "Polygon Rasterization"): a sample on an edge belongs to
+//! a triangle by the top-left rule, and samples lie at the standard positions.
 
 use super::setup::{SUBPIXEL, Triangle};
 

@@ -1,4 +1,4 @@
-//! CPU reference of inputs.wgsl: depth, normals, motion vectors and actors of the pixels, for effects on images.
+//! CPU reference of inputs.wgsl: depth, normals, motion vectors and actors of the pixels, for image effects.
 
 use super::CpuRenderer;
 use super::preskin::DeformedMeshes;

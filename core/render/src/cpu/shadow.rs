@@ -109,7 +109,7 @@ impl ShadowMap {
         let w = row(3, offset_position);
         let [x, y, z] = [0, 1, 2].map(|i| row(i, offset_position) / w.max(F4::splat(1e-6)));
         let [low, high] = [view.inside.xy(), view.inside.zw()];
-        // A point beyond the depth range of this map lies in a later one.
+        // A point beyond the depth range of this map lies in a later map.
         let inside = std::array::from_fn(|i| {
             let (x, y) = (x.0[i], y.0[i]);
             let inside = (x >= low.x) & (y >= low.y) & (x <= high.x) & (y <= high.y);
@@ -125,7 +125,7 @@ impl ShadowMap {
         [texel(0), texel(1)]
     }
 
-    /// `N` depths in a row, from a texel on; 0 beyond the map.
+    /// Depths of `N` texels in a row; 0 beyond the map.
     fn depth_row<const N: usize>(&self, x: usize, y: usize) -> [f32; N] {
         let first = y * self.size[0] as usize + x;
         match self.depth.get(first..first + N) {
@@ -134,7 +134,7 @@ impl ShadowMap {
         }
     }
 
-    /// Box filter of 3 × 3 texels over 4 × 4 depth comparisons, weighted 1 − f, 1, 1, f.
+    /// Lit share by a box filter of 3 × 3 texels: 4 × 4 depth comparisons with the weights 1 − f, 1, 1, f in each direction.
     fn box_filtered(&self, at: V3) -> F4 {
         let half = F4::splat(0.5);
         let [x, y] = [at.x - half, at.y - half];
@@ -179,8 +179,8 @@ impl ShadowMap {
     }
 
     /// Width of the penumbra in texels, from the mean distance of the blockers among 4 × 4 texels (Fernando, "Percentage-Closer
-    /// Soft Shadows", 2005). The 4 × 4 texels span the widest penumbra, so that none begins with a step. The narrowest, 3, if all
-    /// or none of them are blockers.
+    /// Soft Shadows", 2005). The 4 × 4 texels span the widest penumbra, so that no penumbra begins with a step. The result is
+    /// the narrowest width, 3, if all or none of the texels are blockers.
     fn penumbra_width(&self, at: V3, slope: [F4; 2]) -> F4 {
         const STEP: usize = MAX_PENUMBRA as usize / 3;
         let first = [at.x, at.y].map(|v| floor_to_texel(v) - F4::splat(1.5 * STEP as f32));
@@ -203,7 +203,7 @@ impl ShadowMap {
         select(count.0.map(|count| count == 0.0 || count == 16.0), F4::splat(3.0), width)
     }
 
-    /// Box filter of width × width texels. The compared depth follows the surface in steps of 2 × 2 texels.
+    /// Lit share by a box filter of width × width texels. The compared depth follows the surface in steps of 2 × 2 texels.
     fn penumbra_filtered(&self, at: V3, slope: [F4; 2], width: F4) -> F4 {
         /// Texels that the widest box touches, rounded up to an even number.
         const MAX_TEXELS: usize = MAX_PENUMBRA as usize + 2;

@@ -91,7 +91,7 @@ fn draw_edges(frame: &mut Frame, indices: &[u32], position: &dyn Fn(u32) -> Opti
     }
 }
 
-/// A drawn copy of a mesh of triangles.
+/// The batch of an instance of a triangle mesh, and its primitive.
 type Mesh<'a> = (&'a Batch<'a>, &'a Primitive);
 
 fn triangle_mesh<'a>(batch: &'a Batch<'a>) -> Option<Mesh<'a>> {

@@ -22,7 +22,7 @@ pub struct TriplanarCoordinates {
 }
 
 impl TriplanarCoordinates {
-    /// Texture coordinates for the projections along x, y and z: u to the right when looking along the axis, v down.
+    /// Texture coordinates for the projections along x, y and z: u to the right as seen from outside the mesh, v down.
     fn uvs(&self) -> [[F4; 2]; 3] {
         let TriplanarCoordinates { at, signs, .. } = self;
         let half = F4::splat(0.5);

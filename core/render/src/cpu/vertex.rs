@@ -280,7 +280,7 @@ impl VertexStage<'_> {
     }
 }
 
-/// Distinct color of a joint: hues of consecutive joints are a golden ratio of the circle apart.
+/// Color of a joint. Successive hues differ by the golden ratio, so that the colors of neighbors are distinct.
 fn joint_color(joint: u16) -> Vec3 {
     let x = f32::from(joint) * 0.618_034;
     let hue = (x - x.floor()) * 6.0;

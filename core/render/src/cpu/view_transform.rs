@@ -45,7 +45,7 @@ pub fn neutral(light: V3) -> V3 {
     if bright == [false; 4] {
         return color;
     }
-    // Other lanes are replaced below; the bound keeps them finite.
+    // Lanes that are not bright are replaced below; the bound keeps them finite.
     let high = peak.max(F4::splat(0.76));
     let compressed_peak = F4::ONE - F4::splat(0.0576) / (high - F4::splat(0.52));
     let desaturation = F4::ONE - F4::ONE / ((high - compressed_peak) * 0.15 + F4::ONE);

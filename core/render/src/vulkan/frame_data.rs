@@ -3,7 +3,7 @@
 use super::context::Context;
 use super::targets::FrameImages;
 use crate::affine::Affine3x4;
-use crate::commands::{Command, Reads, Recording, UNIFORM_JOINTS};
+use crate::commands::{Command, Recording, ResourceReads, UNIFORM_JOINTS};
 use crate::error::RenderError;
 use crate::plan::build::shadow_cascades::MAX_VIEWS;
 use crate::plan::light_clusters::MAX_LIGHTS;
@@ -66,7 +66,7 @@ struct CopiedData<'a> {
 
 /// Positions of all parts of a frame's data.
 pub struct FrameData<'a> {
-    pub reads: Reads,
+    pub reads: ResourceReads,
     /// Total size in bytes.
     pub bytes: u64,
     light_count: u32,
