@@ -34,7 +34,7 @@ impl FlipDifference {
             w if w <= MAX_INVISIBLE_SIDE_BY_SIDE => {
                 "not visible side by side; visible to a careful eye when the two images alternate"
             }
-            w if w <= MAX_SUBTLE => {
+            w if w <= MAX_SUBTLY_VISIBLE => {
                 "visible when the two images alternate; visible side by side only at a known place"
             }
             _ if self.mean <= 0.02 => "visible side by side, in a part of the image",
@@ -49,7 +49,7 @@ pub const MAX_INVISIBLE: f64 = 0.05;
 /// Largest value of [`FlipDifference::worst`] that is not visible side by side.
 pub const MAX_INVISIBLE_SIDE_BY_SIDE: f64 = 0.12;
 /// Largest value of [`FlipDifference::worst`] that is visible side by side only at a known place.
-pub const MAX_SUBTLE: f64 = 0.3;
+pub const MAX_SUBTLY_VISIBLE: f64 = 0.3;
 
 /// Compares two images of one size. Transparent images are viewed over black and over white, and the larger difference counts.
 /// About 10 ms for 256×144 pixels.
@@ -84,7 +84,7 @@ pub fn flip(a: &Frame, b: &Frame) -> Result<FlipDifference, CompareError> {
 /// The difference map as an image in colors from black (no visible difference) through violet and orange to pale yellow (1).
 pub fn flip_heatmap(visible: &FlipDifference, size: [u32; 2]) -> Frame {
     // Some color stops of matplotlib's color map "magma", which is in the public domain.
-    const STOPS: [[f32; 3]; 7] = [
+    const COLOR_STOPS: [[f32; 3]; 7] = [
         [0.0, 0.0, 4.0],
         [40.0, 17.0, 89.0],
         [113.0, 31.0, 129.0],
@@ -94,10 +94,12 @@ pub fn flip_heatmap(visible: &FlipDifference, size: [u32; 2]) -> Frame {
         [252.0, 253.0, 191.0],
     ];
     let color = |v: f32| {
-        let at = v.clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;
-        let low = (at as usize).min(STOPS.len() - 2);
+        let at = v.clamp(0.0, 1.0) * (COLOR_STOPS.len() - 1) as f32;
+        let low = (at as usize).min(COLOR_STOPS.len() - 2);
         let part = at - low as f32;
-        let channel = |k: usize| (STOPS[low][k] + (STOPS[low + 1][k] - STOPS[low][k]) * part + 0.5) as u8;
+        let channel = |k: usize| {
+            (COLOR_STOPS[low][k] + (COLOR_STOPS[low + 1][k] - COLOR_STOPS[low][k]) * part + 0.5) as u8
+        };
         [channel(0), channel(1), channel(2), 255]
     };
     Frame { width: size[0], height: size[1], rgba: visible.map.iter().flat_map(|v| color(*v)).collect() }
@@ -183,14 +185,14 @@ const RGB_FROM_XYZ: [[f32; 3]; 3] = [
     [0.055_630_08, -0.203_976_96, 1.056_971_5],
 ];
 
-fn multiply(m: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
+fn multiply_matrix(m: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
 /// CIE XYZ relative to white: [1, 1, 1] is white.
 fn relative_xyz(rgb: [f32; 3]) -> [f32; 3] {
-    let white = multiply(&XYZ_FROM_RGB, [1.0; 3]);
-    let xyz = multiply(&XYZ_FROM_RGB, rgb);
+    let white = multiply_matrix(&XYZ_FROM_RGB, [1.0; 3]);
+    let xyz = multiply_matrix(&XYZ_FROM_RGB, rgb);
     [xyz[0] / white[0], xyz[1] / white[1], xyz[2] / white[2]]
 }
 
@@ -202,8 +204,8 @@ fn opponent_from_rgb(rgb: [f32; 3]) -> [f32; 3] {
 
 fn rgb_from_opponent([y, cx, cz]: [f32; 3]) -> [f32; 3] {
     let y = (y + 16.0) / 116.0;
-    let white = multiply(&XYZ_FROM_RGB, [1.0; 3]);
-    multiply(&RGB_FROM_XYZ, [(y + cx / 500.0) * white[0], y * white[1], (y - cz / 200.0) * white[2]])
+    let white = multiply_matrix(&XYZ_FROM_RGB, [1.0; 3]);
+    multiply_matrix(&RGB_FROM_XYZ, [(y + cx / 500.0) * white[0], y * white[1], (y - cz / 200.0) * white[2]])
 }
 
 fn hunt_adjusted_lab(rgb: [f32; 3]) -> [f32; 3] {
@@ -249,9 +251,9 @@ fn filter_by_contrast_sensitivity(plane: &[f32], size: [usize; 2], gaussians: &[
 /// Strength of edges and of points at each pixel, 0..=1, from the unfiltered luminance (section 4.2).
 fn edge_and_point_strength(luminance: &[f32], size: [usize; 2]) -> [Vec<f32>; 2] {
     /// Peak of the eye's edge detector in degrees.
-    const WIDTH: f32 = 0.082;
+    const EDGE_DETECTOR_WIDTH: f32 = 0.082;
     let y: Vec<f32> = luminance.iter().map(|y| (y + 16.0) / 116.0).collect();
-    let deviation = 0.5 * WIDTH * PIXELS_PER_DEGREE;
+    let deviation = 0.5 * EDGE_DETECTOR_WIDTH * PIXELS_PER_DEGREE;
     let radius = libm::ceilf(3.0 * deviation) as usize;
     let taps = |value: &dyn Fn(f32) -> f32| -> Vec<f32> {
         let tap = |i: usize| {

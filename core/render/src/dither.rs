@@ -16,7 +16,7 @@ use std::sync::LazyLock;
 pub(crate) const TABLE_SIDE: usize = 16;
 const TABLE_SIZE: usize = TABLE_SIDE * TABLE_SIDE;
 /// Standard deviation of the Gaussian that weights neighbors, in pixels, as Ulichney chose it.
-const SIGMA: f64 = 1.5;
+const GAUSSIAN_DEVIATION: f64 = 1.5;
 
 /// Largest distance from a code, in codes, at which a color of a float target counts as that code. 16-bit floats are off by at
 /// most 1/12 of a code on devices that truncate (2⁻¹¹ at a light of ½, where a code is 0.006 wide), and by half of that on devices
@@ -24,18 +24,18 @@ const SIGMA: f64 = 1.5;
 pub(crate) const CODE_MARGIN: f32 = 3.0 / 32.0;
 
 /// Rank of each pixel of the table: a permutation of the numbers below `TABLE_SIZE`.
-static RANKS: LazyLock<[u8; TABLE_SIZE]> = LazyLock::new(void_and_cluster_ranks);
+static DITHER_RANKS: LazyLock<[u8; TABLE_SIZE]> = LazyLock::new(void_and_cluster_ranks);
 
 /// Linear color of a pixel with its first three channels dithered to 8-bit codes.
 pub(crate) fn dither_to_codes(color: Vec4, x: usize, y: usize) -> Vec4 {
-    let threshold = threshold(x, y);
+    let threshold = dither_threshold(x, y);
     let channel = |linear: f32| srgb_to_linear_table()[usize::from(dithered_code(linear, threshold))];
     Vec4::new(channel(color.x), channel(color.y), channel(color.z), color.w)
 }
 
 /// Dithered 8-bit codes of a pixel of a float target. `color` is linear; alpha is rounded.
 pub(crate) fn dither_to_bytes(color: Vec4, x: usize, y: usize) -> [u8; 4] {
-    let threshold = (threshold(x, y) - 0.5) * (1.0 - 2.0 * CODE_MARGIN) + 0.5;
+    let threshold = (dither_threshold(x, y) - 0.5) * (1.0 - 2.0 * CODE_MARGIN) + 0.5;
     let channel = |linear: f32| dithered_code(linear, threshold);
     let alpha = if color.w > 0.0 { color.w.min(1.0) } else { 0.0 };
     [channel(color.x), channel(color.y), channel(color.z), (alpha * 255.0 + 0.5) as u8]
@@ -43,8 +43,8 @@ pub(crate) fn dither_to_bytes(color: Vec4, x: usize, y: usize) -> [u8; 4] {
 
 /// Dither threshold of a pixel, between 0 and 1. The pixel gets the upper code if its position between the two codes is more than
 /// 1 − threshold.
-fn threshold(x: usize, y: usize) -> f32 {
-    let rank = RANKS[y % TABLE_SIDE * TABLE_SIDE + x % TABLE_SIDE];
+fn dither_threshold(x: usize, y: usize) -> f32 {
+    let rank = DITHER_RANKS[y % TABLE_SIDE * TABLE_SIDE + x % TABLE_SIDE];
     (f32::from(rank) + 0.5) / TABLE_SIZE as f32
 }
 
@@ -66,7 +66,7 @@ pub(crate) fn wgsl_table() -> String {
         "const dither_margin: f32 = {CODE_MARGIN};\nconst dither_side: u32 = {TABLE_SIDE}u;\nconst dither_ranks = array<u32, {}>(\n",
         TABLE_SIZE / 4
     );
-    for four in RANKS.chunks_exact(4) {
+    for four in DITHER_RANKS.chunks_exact(4) {
         let word = u32::from_le_bytes([four[0], four[1], four[2], four[3]]);
         let _ = writeln!(text, "    {word}u,");
     }
@@ -90,7 +90,8 @@ impl PointPattern {
                 torus_distance(at % TABLE_SIDE, other % TABLE_SIDE),
                 torus_distance(at / TABLE_SIDE, other / TABLE_SIDE),
             ];
-            *energy += sign * libm::exp(-((dx * dx + dy * dy) as f64) / (2.0 * SIGMA * SIGMA));
+            *energy += sign
+                * libm::exp(-((dx * dx + dy * dy) as f64) / (2.0 * GAUSSIAN_DEVIATION * GAUSSIAN_DEVIATION));
         }
     }
 

@@ -96,8 +96,8 @@ impl F4 {
 /// Mask with one flag for each lane.
 pub(crate) type Mask = [bool; 4];
 
-pub(crate) const ALL: Mask = [true; 4];
-pub(crate) const NONE: Mask = [false; 4];
+pub(crate) const ALL_LANES: Mask = [true; 4];
+pub(crate) const NO_LANES: Mask = [false; 4];
 
 /// Lanes of `yes` where the mask is set, of `no` elsewhere.
 #[inline(always)]
@@ -187,15 +187,19 @@ pub struct Weights {
 
 impl Weights {
     #[inline(always)]
-    pub fn scalar(&self, a: f32, b: f32, c: f32) -> F4 {
+    pub fn interpolate_scalar(&self, a: f32, b: f32, c: f32) -> F4 {
         self.values[0] * a + self.values[1] * b + self.values[2] * c
     }
     #[inline(always)]
-    pub fn vec2(&self, [a, b, c]: [Vec2; 3]) -> [F4; 2] {
-        [self.scalar(a.x, b.x, c.x), self.scalar(a.y, b.y, c.y)]
+    pub fn interpolate_vec2(&self, [a, b, c]: [Vec2; 3]) -> [F4; 2] {
+        [self.interpolate_scalar(a.x, b.x, c.x), self.interpolate_scalar(a.y, b.y, c.y)]
     }
     #[inline(always)]
-    pub fn vec3(&self, [a, b, c]: [Vec3; 3]) -> V3 {
-        V3 { x: self.scalar(a.x, b.x, c.x), y: self.scalar(a.y, b.y, c.y), z: self.scalar(a.z, b.z, c.z) }
+    pub fn interpolate_vec3(&self, [a, b, c]: [Vec3; 3]) -> V3 {
+        V3 {
+            x: self.interpolate_scalar(a.x, b.x, c.x),
+            y: self.interpolate_scalar(a.y, b.y, c.y),
+            z: self.interpolate_scalar(a.z, b.z, c.z),
+        }
     }
 }

@@ -33,7 +33,7 @@ pub trait Renderer: Send {
     }
 
     /// Numbers of device objects created so far.
-    fn created(&self) -> CreatedCounts {
+    fn created_counts(&self) -> CreatedCounts {
         CreatedCounts::default()
     }
 

@@ -166,8 +166,8 @@ impl Renderer for CachingRenderer {
         shared.renderer.reload_shaders()
     }
 
-    fn created(&self) -> CreatedCounts {
-        self.shared().renderer.created()
+    fn created_counts(&self) -> CreatedCounts {
+        self.shared().renderer.created_counts()
     }
 
     fn take_notes(&mut self) -> Vec<String> {

@@ -3,7 +3,7 @@
 use crate::commands::deferred::gbuffer_key;
 use crate::commands::scene::ScenePass;
 use crate::commands::texture_limit::fit_texture_limit;
-use crate::commands::{Command, Cull, Recorder, UNIFORM_JOINTS, cull_of, texture_slots};
+use crate::commands::{Command, Cull, MAX_UNIFORM_JOINTS, Recorder, cull_of, texture_slots};
 use crate::plan::{Draw, Features, PipelineKey, Plan};
 use crate::scene_resources::vertex_layout::VertexLayout;
 use crate::shader::{DeferredPass, InputTargets, LightLoop, PeelPass, SceneVariant};
@@ -103,7 +103,7 @@ impl<'a> DrawRecorder<'a> {
     }
 
     fn draw_indices(&mut self, draw: &Draw, cull: Cull, indices: Option<[u32; 2]>) {
-        let variant = self.variant(draw);
+        let variant = self.scene_variant(draw);
         let features = variant.key.features;
         if self.bound.pipeline != Some(variant) {
             self.commands.push(Command::BindPipeline(variant));
@@ -129,7 +129,7 @@ impl<'a> DrawRecorder<'a> {
         self.commands.push(Command::Draw { first_instance, instance_count, indices });
     }
 
-    fn variant(&self, draw: &Draw) -> SceneVariant {
+    fn scene_variant(&self, draw: &Draw) -> SceneVariant {
         let Recorder { plan, options, .. } = self.recorder;
         let mut key = if self.gbuffer { gbuffer_key(draw.pipeline) } else { draw.pipeline };
         key.features = fit_texture_limit(key.features, options.textures).0;
@@ -142,7 +142,8 @@ impl<'a> DrawRecorder<'a> {
             key,
             // The inputs of effects store indices in `Instance::tint`, not a color.
             tint: self.inputs == InputTargets::No && drawn.iter().any(|i| i.tint != Vec4::ONE),
-            joints_uniform: key.features.has(Features::SKIN) && plan.joint_matrices.len() <= UNIFORM_JOINTS,
+            joints_uniform: key.features.has(Features::SKIN)
+                && plan.joint_matrices.len() <= MAX_UNIFORM_JOINTS,
             lights: match key.features.is_lit() && !self.gbuffer {
                 true => light_loop(plan, &key),
                 false => LightLoop::All,

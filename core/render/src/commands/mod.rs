@@ -23,7 +23,7 @@ use glam::Vec4;
 pub(crate) use crate::commands::texture_limit::textures_beyond_limit;
 
 /// Number of joint matrices that fit the smallest uniform buffer range of lavapipe and of most GPUs (65 536 bytes of 48 each).
-pub(crate) const UNIFORM_JOINTS: usize = 1365;
+pub(crate) const MAX_UNIFORM_JOINTS: usize = 1365;
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Command {

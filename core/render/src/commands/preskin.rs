@@ -4,7 +4,7 @@
 //! Meshes that are drawn once are skinned by the vertex shader, which needs no compute pipeline and no buffer. So are meshes whose
 //! shader needs more than deformed vertices (displacement effects, refraction, triplanar textures, joint colors, thick lines).
 
-use crate::commands::{Command, Recorder, Recording, UNIFORM_JOINTS};
+use crate::commands::{Command, MAX_UNIFORM_JOINTS, Recorder, Recording};
 use crate::plan::shader_features::names;
 use crate::plan::{Features, LeftOut, PipelineKey, Plan};
 use crate::scene_resources::SceneResources;
@@ -137,7 +137,7 @@ pub(super) fn add_preskinning(recorder: Recorder, recording: Recording) -> Recor
     if meshes.is_empty() {
         return recording;
     }
-    let joints_uniform = plan.joint_matrices.len() <= UNIFORM_JOINTS;
+    let joints_uniform = plan.joint_matrices.len() <= MAX_UNIFORM_JOINTS;
     let (mut preskinned, mut dispatches) = (Vec::new(), Vec::new());
     for ((primitive, order, features), draws) in &mut meshes {
         let (normals, tangents) = (draws.normals, draws.tangents);

@@ -1,7 +1,7 @@
 //! Applies the surface effects that cover the whole scene to the background. CPU reference of `background_effects` in background.wgsl.
 
+use super::background_row_color;
 use super::raster::TILE_WIDTH;
-use super::row_color;
 use super::sky::SkyBackdrop;
 use crate::effect_faults::EffectFaults;
 use crate::plan::Plan;
@@ -24,7 +24,7 @@ impl PixelBackground<'_> {
         for (color, x) in colors.iter_mut().zip(x..) {
             *color = match &self.sky {
                 Some(sky) => sky.pixel(x, y),
-                None => row_color(self.plan, y as usize),
+                None => background_row_color(self.plan, y as usize),
             };
         }
         if self.effects.is_empty() {

@@ -30,7 +30,7 @@ impl CpuRenderer {
 }
 
 /// Step of the finite differences of the normal, in metres: a power of two, so that adding it rounds little.
-const STEP_METERS: f32 = 0.003_906_25;
+const NORMAL_STEP_METERS: f32 = 0.003_906_25;
 
 /// Sum of the effects' displacements of a vertex, in metres, world axes. `rows`: the transform of
 /// the vertex from mesh space to camera-relative space.
@@ -61,7 +61,7 @@ pub fn displaced_normal(
     let t = Vec3::new(1.0 + s * n.x * n.x * a, s * b, -s * n.x);
     let u = Vec3::new(b, s + n.y * n.y * a, -n.y);
     let step = |direction: Vec3| {
-        direction * STEP_METERS
+        direction * NORMAL_STEP_METERS
             + (total_displacement(effects, &shifted_vertex(vertex, rows, direction), rows) - displacement)
     };
     // Both steps are normalized first, so that the product of two small steps does not vanish.
@@ -70,7 +70,7 @@ pub fn displaced_normal(
 
 fn shifted_vertex(vertex: &VertexSample, rows: &Affine3x4, direction: Vec3) -> VertexSample {
     let mut shifted = *vertex;
-    shifted.world += direction * STEP_METERS;
+    shifted.world += direction * NORMAL_STEP_METERS;
     // Inverse of the transform's linear part, by cofactors.
     let [x, y, z] = rows.0.map(|r| r.xyz());
     let cofactors = [y.cross(z), z.cross(x), x.cross(y)];
@@ -78,7 +78,7 @@ fn shifted_vertex(vertex: &VertexSample, rows: &Affine3x4, direction: Vec3) -> V
     if determinant.abs() > 1e-30 {
         let in_mesh_space =
             cofactors[0] * direction.x + cofactors[1] * direction.y + cofactors[2] * direction.z;
-        shifted.model += in_mesh_space * (STEP_METERS / determinant);
+        shifted.model += in_mesh_space * (NORMAL_STEP_METERS / determinant);
     }
     shifted
 }

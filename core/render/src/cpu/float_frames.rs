@@ -100,7 +100,7 @@ fn linear_image(
     let before =
         plan.history.iter().map(|part| renderer.render_linear(part)).collect::<Result<Vec<_>, _>>()?;
     let passes = image_passes::resolve_passes(&plan.post, plan.size, renderer.effects())?;
-    Ok(image_passes::run_linear(&passes, inputs.of(plan), sum.mean(), &before, renderer.faults()))
+    Ok(image_passes::run_linear(&passes, inputs.effect_inputs(plan), sum.mean(), &before, renderer.faults()))
 }
 
 /// Mixes in a share of another image. Both are premultiplied, so light is added to light.

@@ -123,7 +123,7 @@ impl LayeredPoint<'_> {
 
     /// Path length of light through the volume, in metres.
     fn path_length(&self) -> F4 {
-        let depth = self.quad.scalar(|v| v.scale) * self.layers.thickness;
+        let depth = self.quad.interpolate_scalar(|v| v.scale) * self.layers.thickness;
         self.sample_feature_texture(Features::THICKNESS_TEXTURE).map_or(depth, |[_, g, ..]| depth * g)
     }
 

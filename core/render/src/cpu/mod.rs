@@ -76,7 +76,7 @@ pub use stage_times::StageTimes;
 pub use stages::STAGES;
 
 /// Largest width and height, in pixels.
-pub(crate) const MAX_SIZE: u32 = 16384;
+pub(crate) const MAX_IMAGE_SIDE: u32 = 16384;
 
 /// CPU renderer. A frame is drawn when it is collected, by all threads of the current rayon pool.
 pub struct CpuRenderer {
@@ -130,8 +130,8 @@ impl CpuRenderer {
 
     fn check_plan(&self, plan: &Plan) -> Result<(), RenderError> {
         for (what, value) in [("image width", plan.size[0]), ("image height", plan.size[1])] {
-            if value == 0 || value > MAX_SIZE {
-                let (value, limit) = (u64::from(value), u64::from(MAX_SIZE));
+            if value == 0 || value > MAX_IMAGE_SIDE {
+                let (value, limit) = (u64::from(value), u64::from(MAX_IMAGE_SIDE));
                 return Err(RenderError::Limit { what: what.into(), value, limit });
             }
         }
@@ -173,7 +173,7 @@ impl CpuRenderer {
             sky.maps = Some(SkyMaps::of(panorama));
         }
         if sky.background.is_none() && shown.background {
-            sky.background = Some(SkyBackground::new(panorama, MAX_SIZE));
+            sky.background = Some(SkyBackground::new(panorama, MAX_IMAGE_SIDE));
         }
     }
 
@@ -303,7 +303,7 @@ impl CpuRenderer {
         }
         let passes = self.image_passes(plan)?;
         let inputs = self.times.measure(Stage::Pixels, || self.scene_inputs(plan));
-        let scene = inputs.of(plan);
+        let scene = inputs.effect_inputs(plan);
         let run =
             || image_passes::run_to_bytes(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
         self.times.measure(Stage::ImageEffects, run);
@@ -324,7 +324,7 @@ impl CpuRenderer {
             let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
             self.draw_tiles::<T, Vec4, S>(plan, &[], &mut pixels)?;
             let inputs = self.times.measure(Stage::Pixels, || self.scene_inputs(plan));
-            let scene = inputs.of(plan);
+            let scene = inputs.effect_inputs(plan);
             let run = || image_passes::run_to_bytes(&post, scene, pixels, &[], &self.faults, &mut frame.rgba);
             self.times.measure(Stage::ImageEffects, run);
             return Ok(());
@@ -443,7 +443,7 @@ fn draw_bands<T: Target, P: OutputPixel, const S: usize>(
                 }
             }
             let y = band * TILE_HEIGHT as usize;
-            let background = std::array::from_fn(|row| row_color(plan, y + row));
+            let background = std::array::from_fn(|row| background_row_color(plan, y + row));
             for (column, list) in lists.iter().enumerate() {
                 let x = column * TILE_WIDTH as usize;
                 let tile = Tile {
@@ -467,7 +467,7 @@ fn draw_bands<T: Target, P: OutputPixel, const S: usize>(
 }
 
 /// CPU reference of background.wgsl: mix(top, bottom, (y + ½) / height), linear.
-fn row_color(plan: &Plan, y: usize) -> Vec4 {
+fn background_row_color(plan: &Plan, y: usize) -> Vec4 {
     match plan.background {
         Background::Color(c) => c,
         Background::Gradient { top, bottom } => {

@@ -21,7 +21,8 @@ pub fn overlay_vertices(overlay: &[OverlayVertex]) -> Vec<Vertex> {
 
 pub fn shade_overlay(vertices: &[OverlayVertex], ids: [u32; 3], weights: &Weights) -> Shaded {
     let [a, b, c] = ids.map(|i| &vertices[i as usize]);
-    let [x, y, z, w] = std::array::from_fn(|n| weights.scalar(a.shape[n], b.shape[n], c.shape[n]));
+    let [x, y, z, w] =
+        std::array::from_fn(|n| weights.interpolate_scalar(a.shape[n], b.shape[n], c.shape[n]));
     let coverage = match a.lattice.x {
         kind if kind > 1.5 => F4::ONE,
         kind if kind > 0.5 => {
@@ -39,7 +40,7 @@ pub fn shade_overlay(vertices: &[OverlayVertex], ids: [u32; 3], weights: &Weight
         })),
     };
     let [r, g, b, alpha] = a.color.to_array().map(F4::splat);
-    Shaded { rgba: [r, g, b, alpha * coverage], kept: [ALL_SAMPLES; 4], faults: [None; 4] }
+    Shaded { rgba: [r, g, b, alpha * coverage], kept_samples: [ALL_SAMPLES; 4], faults: [None; 4] }
 }
 
 /// Length of the screen-space gradient of a value at each pixel of a quad, per pixel, from differences within the quad.

@@ -14,8 +14,9 @@ impl Fragment<'_> {
             material.texture(TextureSlot::Normal)?,
             self.material.textures[TextureSlot::Normal as usize].as_deref()?,
         );
-        let (relative, normal) = (quad.vec3(|v| v.relative), quad.vec3(|v| v.normal));
-        let (tangent, sign) = (quad.vec3(|v| v.tangent.truncate()), quad.scalar(|v| v.tangent.w));
+        let (relative, normal) = (quad.interpolate_vec3(|v| v.relative), quad.interpolate_vec3(|v| v.normal));
+        let (tangent, sign) =
+            (quad.interpolate_vec3(|v| v.tangent.truncate()), quad.interpolate_scalar(|v| v.tangent.w));
         let eye = self.plan.view.eye;
         let relief_depth = material.material.relief;
         let mut direction = [F4::ZERO; 2];

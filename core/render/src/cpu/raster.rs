@@ -74,9 +74,9 @@ pub fn rasterize<const S: usize>(
         step_y[e] = dx;
     }
 
-    const SCALE: f32 = 1.0 / SUBPIXEL as f32;
-    let offset_x = group.offsets.map(|o| o[0] as f32 * SCALE);
-    let offset_y = group.offsets.map(|o| o[1] as f32 * SCALE);
+    const PIXELS_PER_SUBPIXEL: f32 = 1.0 / SUBPIXEL as f32;
+    let offset_x = group.offsets.map(|o| o[0] as f32 * PIXELS_PER_SUBPIXEL);
+    let offset_y = group.offsets.map(|o| o[1] as f32 * PIXELS_PER_SUBPIXEL);
     let [zx, zy, z0] = t.depth;
     let mut row = start;
     for y in y0..y1 {

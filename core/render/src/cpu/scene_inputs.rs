@@ -20,7 +20,7 @@ pub(crate) struct InputImages {
 }
 
 impl InputImages {
-    pub fn of<'a>(&'a self, plan: &'a Plan) -> EffectInputs<'a> {
+    pub fn effect_inputs<'a>(&'a self, plan: &'a Plan) -> EffectInputs<'a> {
         EffectInputs { size: plan.size, frame: &plan.effect_frame, inputs: self }
     }
 }
@@ -113,7 +113,7 @@ fn draw_inputs(plan: &Plan, motion: bool, copies: &[DrawnCopy]) -> InputImages {
             let copy = &copies[*copy as usize];
             let triangle = &copy.batch.triangles[*triangle as usize];
             let at = Vec2::new((i % width) as f32, (first + i / width) as f32) + 0.5;
-            let weights = weights(triangle, at);
+            let weights = barycentric_weights(triangle, at);
             surface[i] = copy.normal_and_depth(plan, triangle, weights);
             if let Some(out) = motion.get_mut(i) {
                 let [actor, material] = copy.ids;
@@ -169,7 +169,7 @@ fn nearest_triangles(
 }
 
 /// Perspective-correct weights of a triangle's vertices at the middle of a pixel.
-fn weights(triangle: &Triangle, at: Vec2) -> [f32; 3] {
+fn barycentric_weights(triangle: &Triangle, at: Vec2) -> [f32; 3] {
     let [x, y] = [at.x - triangle.origin[0] as f32, at.y - triangle.origin[1] as f32];
     let e = triangle.edges.map(|[a, b, c]| x * a + y * b + c);
     let scale = 1.0 / (e[0] + e[1] + e[2]);

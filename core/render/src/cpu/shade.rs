@@ -13,7 +13,7 @@ use super::triplanar::TriplanarCoordinates;
 use super::vertex::Vertex;
 use super::view_transform::apply_view_transform;
 use crate::effect_faults::Fault;
-use crate::lanes::{F4, Mask, NONE, V3, Weights};
+use crate::lanes::{F4, Mask, NO_LANES, V3, Weights};
 use crate::plan::shader_features::texture_slot;
 use crate::plan::{Features, Glass, Plan, PlanLight};
 use crate::scene_resources::material::MaterialResource;
@@ -61,7 +61,7 @@ pub(crate) const ALL_SAMPLES: u8 = 0b1111;
 /// Linear RGBA of four pixels, and the samples that the alpha test keeps, one bit each.
 pub(crate) struct Shaded {
     pub rgba: [F4; 4],
-    pub kept: [u8; 4],
+    pub kept_samples: [u8; 4],
     /// Fault of an effect at each pixel, with the effect's index in `Fragment::surface` followed by `Fragment::lighting`.
     pub faults: [Option<(u8, Fault)>; 4],
 }
@@ -93,21 +93,21 @@ pub struct Quad<'a> {
 
 impl Quad<'_> {
     #[inline(always)]
-    pub fn vec3(&self, attribute: impl Fn(&Vertex) -> Vec3) -> V3 {
-        self.weights.vec3(self.vertices.map(attribute))
+    pub fn interpolate_vec3(&self, attribute: impl Fn(&Vertex) -> Vec3) -> V3 {
+        self.weights.interpolate_vec3(self.vertices.map(attribute))
     }
 
     #[inline(always)]
-    pub fn scalar(&self, attribute: impl Fn(&Vertex) -> f32) -> F4 {
+    pub fn interpolate_scalar(&self, attribute: impl Fn(&Vertex) -> f32) -> F4 {
         let [a, b, c] = self.vertices.map(attribute);
-        self.weights.scalar(a, b, c)
+        self.weights.interpolate_scalar(a, b, c)
     }
 
     /// Interpolated tangent, bitangent and normal. As MikkTSpace requires, they are neither orthogonal nor normalized.
     pub fn tangent_frame(&self) -> [V3; 3] {
-        let normal = self.vec3(|v| v.normal);
-        let tangent = self.vec3(|v| v.tangent.truncate());
-        [tangent, normal.cross(tangent) * self.scalar(|v| v.tangent.w), normal]
+        let normal = self.interpolate_vec3(|v| v.normal);
+        let tangent = self.interpolate_vec3(|v| v.tangent.truncate());
+        [tangent, normal.cross(tangent) * self.interpolate_scalar(|v| v.tangent.w), normal]
     }
 }
 
@@ -139,14 +139,14 @@ impl Fragment<'_> {
 
     fn surface_color(&self, quad: &Quad) -> Shaded {
         let rgba = self.base_color(quad);
-        let kept = self.kept_samples(rgba[3]);
+        let kept_samples = self.kept_samples(rgba[3]);
         let faults = [None; 4];
-        if kept == [0; 4] {
-            return Shaded { rgba, kept, faults };
+        if kept_samples == [0; 4] {
+            return Shaded { rgba, kept_samples, faults };
         }
         let alpha = if self.blend { rgba[3] } else { F4::ONE };
         if !self.features.is_lit() {
-            return Shaded { rgba: [rgba[0], rgba[1], rgba[2], alpha], kept, faults };
+            return Shaded { rgba: [rgba[0], rgba[1], rgba[2], alpha], kept_samples, faults };
         }
         let point = self.surface_point(quad, rgb(rgba));
         let color = match self.features.has(Features::TOON) {
@@ -154,7 +154,7 @@ impl Fragment<'_> {
             true => self.apply_exposure(self.toon_color(quad, &point) + self.emission(quad)),
             false => self.lit_color(quad, &point, alpha),
         };
-        Shaded { rgba: [color.x, color.y, color.z, alpha], kept, faults }
+        Shaded { rgba: [color.x, color.y, color.z, alpha], kept_samples, faults }
     }
 
     fn base_color(&self, quad: &Quad) -> [F4; 4] {
@@ -163,7 +163,7 @@ impl Fragment<'_> {
         if self.features.has(Features::VERTEX_COLOR) && !self.primitive.colors.is_empty() {
             let [a, b, c] = quad.ids.map(|i| self.primitive.colors[i as usize].to_array());
             for (i, out) in rgba.iter_mut().enumerate() {
-                *out *= quad.weights.scalar(a[i], b[i], c[i]);
+                *out *= quad.weights.interpolate_scalar(a[i], b[i], c[i]);
             }
         }
         if let Some(texel) = self.sample_feature_texture(quad, Features::BASE_COLOR_TEXTURE) {
@@ -190,7 +190,7 @@ impl Fragment<'_> {
         let n = self.triplanar_normal(quad).unwrap_or_else(|| {
             self.normal(quad, self.sample_feature_texture(quad, Features::NORMAL_TEXTURE).map(|t| (t, scale)))
         });
-        let relative = quad.vec3(|v| v.relative);
+        let relative = quad.interpolate_vec3(|v| v.relative);
         let geometric_n = match self.features.has(Features::SHADOW) {
             true => self.normal(quad, None),
             false => n,
@@ -399,7 +399,7 @@ impl Fragment<'_> {
             let (l, strength) = light.incoming(point.relative);
             let nl = n.dot(l).clamp(0.0, 1.0);
             let falling = (nl * strength).0.map(|falling| falling > 0.0);
-            if falling == NONE {
+            if falling == NO_LANES {
                 continue;
             }
             let lanes = std::array::from_fn(|i| falling[i] & point.visible[i]);
@@ -420,7 +420,7 @@ impl Fragment<'_> {
                 let (x, y) = ((x * 2.0 - F4::ONE) * scale, (y * 2.0 - F4::ONE) * scale);
                 (tangent * x + bitangent * y + normal * (z * 2.0 - F4::ONE)).unit()
             }
-            None => quad.vec3(|v| v.normal).unit(),
+            None => quad.interpolate_vec3(|v| v.normal).unit(),
         };
         if self.double_sided && !quad.front { -n } else { n }
     }

@@ -3,7 +3,7 @@
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, rasterize};
 use super::setup::Triangle;
 use super::tile::{Batch, BatchShading};
-use crate::lanes::{ALL, F4, Mask, NONE, V3, Weights, select};
+use crate::lanes::{ALL_LANES, F4, Mask, NO_LANES, V3, Weights, select};
 use crate::plan::map_key::MapKey;
 use crate::plan::shadow_maps::MAX_PENUMBRA;
 use crate::plan::{self, Features, PlanLight, ShadowView};
@@ -32,10 +32,10 @@ struct ShadowMap {
 }
 
 /// Side of a block of texels, in texels.
-const BLOCK: usize = 8;
+const BLOCK_SIDE: usize = 8;
 /// Largest distance of a texel that a lookup with a penumbra reads, in texels.
 const LOOKUP_RADIUS: f32 = 0.5 * MAX_PENUMBRA + 2.0;
-const _: () = assert!(LOOKUP_RADIUS <= BLOCK as f32);
+const _: () = assert!(LOOKUP_RADIUS <= BLOCK_SIDE as f32);
 
 impl ShadowMaps {
     /// Draws the maps of a frame. `keys`: one for each view; `before`: maps of the previous frame, of which those with equal keys
@@ -74,7 +74,7 @@ impl ShadowMaps {
         let slope = (F4::ONE - nl * nl).sqrt() * 3.0;
         let (mut share, mut remaining) = (F4::ONE, lanes);
         for map in maps {
-            if remaining == NONE {
+            if remaining == NO_LANES {
                 break;
             }
             let (at, inside) = map.project([relative, n, l], slope);
@@ -162,8 +162,8 @@ impl ShadowMap {
         let width = self.penumbra_width(at, slope);
         let narrow = width.0.map(|width| width <= 3.0);
         let filtered = match narrow {
-            ALL => self.box_filtered(at),
-            NONE => self.penumbra_filtered(at, slope, width),
+            ALL_LANES => self.box_filtered(at),
+            NO_LANES => self.penumbra_filtered(at, slope, width),
             _ => select(narrow, self.box_filtered(at), self.penumbra_filtered(at, slope, width)),
         };
         select(std::array::from_fn(|i| lit[i] | dark[i]), all, filtered)
@@ -182,18 +182,19 @@ impl ShadowMap {
     /// Soft Shadows", 2005). The 4 × 4 texels span the widest penumbra, so that no penumbra begins with a step. The result is
     /// the narrowest width, 3, if all or none of the texels are blockers.
     fn penumbra_width(&self, at: V3, slope: [F4; 2]) -> F4 {
-        const STEP: usize = MAX_PENUMBRA as usize / 3;
-        let first = [at.x, at.y].map(|v| floor_to_texel(v) - F4::splat(1.5 * STEP as f32));
+        const TEXEL_STEP: usize = MAX_PENUMBRA as usize / 3;
+        let first = [at.x, at.y].map(|v| floor_to_texel(v) - F4::splat(1.5 * TEXEL_STEP as f32));
         let [x0, y0] = self.texel_indices(first);
         let half = F4::splat(0.5);
         let depth = at.z + (slope[0] * (first[0] + half - at.x) + slope[1] * (first[1] + half - at.y));
         let (mut sum, mut count) = (F4::ZERO, F4::ZERO);
         for y in 0..4 {
-            let depth = depth + slope[1] * (y * STEP) as f32;
+            let depth = depth + slope[1] * (y * TEXEL_STEP) as f32;
             for x in 0..4 {
-                let map_depth =
-                    F4(std::array::from_fn(|i| self.depth_row::<1>(x0[i] + x * STEP, y0[i] + y * STEP)[0]));
-                let offset = map_depth - (depth + slope[0] * (x * STEP) as f32);
+                let map_depth = F4(std::array::from_fn(|i| {
+                    self.depth_row::<1>(x0[i] + x * TEXEL_STEP, y0[i] + y * TEXEL_STEP)[0]
+                }));
+                let offset = map_depth - (depth + slope[0] * (x * TEXEL_STEP) as f32);
                 let nearer = offset.0.map(|offset| offset > 0.0);
                 sum += select(nearer, offset, F4::ZERO);
                 count += select(nearer, F4::ONE, F4::ZERO);
@@ -245,10 +246,10 @@ impl ShadowMap {
     fn fully_lit_or_dark(&self, at: V3, slope: [F4; 2]) -> [Mask; 2] {
         let around = (slope[0].map(f32::abs) + slope[1].map(f32::abs)) * LOOKUP_RADIUS;
         let (lowest, highest) = ((at.z - around).max(F4::ZERO), at.z + around);
-        let blocks = self.size.map(|s| (s as usize).div_ceil(BLOCK));
+        let blocks = self.size.map(|s| (s as usize).div_ceil(BLOCK_SIDE));
         let ranges: [[f32; 2]; 4] = std::array::from_fn(|i| {
             let block = |position: f32, k: usize| {
-                let block = (position - self.at[k] as f32) * (1.0 / BLOCK as f32);
+                let block = (position - self.at[k] as f32) * (1.0 / BLOCK_SIDE as f32);
                 (block as i32 as usize).min(blocks[k] - 1)
             };
             self.ranges[block(at.y.0[i], 1) * blocks[0] + block(at.x.0[i], 0)]
@@ -267,13 +268,13 @@ fn floor_to_texel(v: F4) -> F4 {
 /// block reads.
 fn block_depth_ranges(size: [u32; 2], depth: &[f32]) -> Vec<[f32; 2]> {
     let [width, height] = size.map(|s| s as usize);
-    let blocks = [width.div_ceil(BLOCK), height.div_ceil(BLOCK)];
+    let blocks = [width.div_ceil(BLOCK_SIDE), height.div_ceil(BLOCK_SIDE)];
     let merge = |a: [f32; 2], b: [f32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-    const EMPTY: [f32; 2] = [f32::INFINITY, 0.0];
-    let mut ranges = vec![EMPTY; blocks[0] * blocks[1]];
+    const EMPTY_RANGE: [f32; 2] = [f32::INFINITY, 0.0];
+    let mut ranges = vec![EMPTY_RANGE; blocks[0] * blocks[1]];
     for (y, row) in depth.chunks_exact(width).enumerate() {
-        for (x, part) in row.chunks(BLOCK).enumerate() {
-            let [least, most] = &mut ranges[y / BLOCK * blocks[0] + x];
+        for (x, part) in row.chunks(BLOCK_SIDE).enumerate() {
+            let [least, most] = &mut ranges[y / BLOCK_SIDE * blocks[0] + x];
             for d in part {
                 (*least, *most) = (least.min(*d), most.max(*d));
             }
@@ -282,13 +283,13 @@ fn block_depth_ranges(size: [u32; 2], depth: &[f32]) -> Vec<[f32; 2]> {
     let mut ranges_in_rows = ranges.clone();
     for (row, out) in ranges.chunks_exact(blocks[0]).zip(ranges_in_rows.chunks_exact_mut(blocks[0])) {
         for (x, out) in out.iter_mut().enumerate() {
-            *out = row[x.saturating_sub(1)..(x + 2).min(row.len())].iter().copied().fold(EMPTY, merge);
+            *out = row[x.saturating_sub(1)..(x + 2).min(row.len())].iter().copied().fold(EMPTY_RANGE, merge);
         }
     }
     let at = |x: usize, y: usize| ranges_in_rows[y * blocks[0] + x];
     let with_neighbors = |i: usize| {
         let (x, y) = (i % blocks[0], i / blocks[0]);
-        (y.saturating_sub(1)..(y + 2).min(blocks[1])).map(|y| at(x, y)).fold(EMPTY, merge)
+        (y.saturating_sub(1)..(y + 2).min(blocks[1])).map(|y| at(x, y)).fold(EMPTY_RANGE, merge)
     };
     (0..ranges.len()).map(with_neighbors).collect()
 }
@@ -358,11 +359,11 @@ pub(super) fn kept_texels(batch: &Batch, triangle: &Triangle, at: [i32; 2], inde
         let ys = F4([py, py, py + 1.0, py + 1.0]);
         let e = triangle.edges.map(|[a, b, c]| xs * a + ys * b + F4::splat(c));
         let scale = F4::ONE / (e[0] + e[1] + e[2]);
-        let weights = Weights { values: e.map(|e| e * scale), visible: ALL };
+        let weights = Weights { values: e.map(|e| e * scale), visible: ALL_LANES };
         let shaded = fragment.shade(&batch.vertices, triangle.vertices, triangle.front, &weights);
         let row = 2 * (y % 2) as usize;
-        kept[2 * pair as usize] = shaded.kept[row] != 0;
-        kept[2 * pair as usize + 1] = shaded.kept[row + 1] != 0;
+        kept[2 * pair as usize] = shaded.kept_samples[row] != 0;
+        kept[2 * pair as usize + 1] = shaded.kept_samples[row + 1] != 0;
     }
     kept
 }

@@ -13,7 +13,7 @@ pub enum Stage {
     Layers2d,
 }
 
-const STAGES: [(Stage, &str); 5] = [
+const STAGE_NAMES: [(Stage, &str); 5] = [
     (Stage::ShadowMaps, "shadow maps"),
     (Stage::Vertices, "vertices"),
     (Stage::Pixels, "pixels"),
@@ -23,7 +23,7 @@ const STAGES: [(Stage, &str); 5] = [
 
 #[derive(Debug, Default)]
 pub struct StageTimes {
-    nanoseconds: [AtomicU64; STAGES.len()],
+    nanoseconds: [AtomicU64; STAGE_NAMES.len()],
     frames: AtomicU64,
     shadow_maps: AtomicU64,
 }
@@ -52,8 +52,8 @@ impl StageTimes {
     }
 
     /// Frames drawn so far, and name and seconds of each stage.
-    pub fn total(&self) -> (u64, [(&'static str, f64); STAGES.len()]) {
+    pub fn total(&self) -> (u64, [(&'static str, f64); STAGE_NAMES.len()]) {
         let secs = |stage: Stage| self.nanoseconds[stage as usize].load(Ordering::Relaxed) as f64 * 1e-9;
-        (self.frames.load(Ordering::Relaxed), STAGES.map(|(stage, name)| (name, secs(stage))))
+        (self.frames.load(Ordering::Relaxed), STAGE_NAMES.map(|(stage, name)| (name, secs(stage))))
     }
 }

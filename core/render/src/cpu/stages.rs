@@ -15,7 +15,7 @@ use glam::{Vec2, Vec3};
 /// Names of the stages, in order.
 pub const STAGES: [&str; 6] = ["model", "view", "clip", "raster", "depth", "shade"];
 
-const BACKGROUND: [u8; 4] = [18, 20, 26, 255];
+const BACKGROUND_COLOR: [u8; 4] = [18, 20, 26, 255];
 const GUIDE_COLOR: [u8; 3] = [120, 130, 150];
 
 /// Color of an index. Successive hues differ by the golden ratio, so that neighbors are easy to distinguish.
@@ -29,7 +29,7 @@ fn index_color(index: usize) -> [u8; 3] {
 }
 
 fn blank_frame([width, height]: [u32; 2]) -> Frame {
-    Frame { width, height, rgba: BACKGROUND.repeat(width as usize * height as usize) }
+    Frame { width, height, rgba: BACKGROUND_COLOR.repeat(width as usize * height as usize) }
 }
 
 fn set_pixel(frame: &mut Frame, x: i64, y: i64, color: [u8; 3]) {

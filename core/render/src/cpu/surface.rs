@@ -1,6 +1,6 @@
 //! Surface effects, applied in order, and their inputs. CPU reference of surface.wgsl.
 
-use super::row_color;
+use super::background_row_color;
 use super::shade::{Fragment, Shaded};
 use super::sky::sky_behind;
 use super::vertex::Vertex;
@@ -44,17 +44,18 @@ impl Fragment<'_> {
         weights: &Weights,
         at: [i32; 2],
     ) -> [SurfaceSample; 4] {
-        let relative = weights.vec3(ids.map(|i| vertices[i as usize].relative));
+        let relative = weights.interpolate_vec3(ids.map(|i| vertices[i as usize].relative));
         let has = |bit| self.features.has(bit);
         let normals = self.features.is_lit() || has(Features::EFFECT_NORMALS);
-        let joints = weights.vec3(ids.map(|i| vertices[i as usize].joints));
+        let joints = weights.interpolate_vec3(ids.map(|i| vertices[i as usize].joints));
         let mut normal = V3::splat(Vec3::ZERO);
         if normals {
-            normal = weights.vec3(ids.map(|i| vertices[i as usize].normal)).unit();
+            normal = weights.interpolate_vec3(ids.map(|i| vertices[i as usize].normal)).unit();
             normal = if front { normal } else { -normal };
         }
         let uvs = &self.primitive.uvs[0];
-        let uv = (has(Features::UV0) && !uvs.is_empty()).then(|| weights.vec2(ids.map(|i| uvs[i as usize])));
+        let uv = (has(Features::UV0) && !uvs.is_empty())
+            .then(|| weights.interpolate_vec2(ids.map(|i| uvs[i as usize])));
         let shadowed = has(Features::EFFECT_SHADOW)
             .then(|| self.shadowed_light_share(relative, normal, weights.visible));
         let view = &self.plan.view;
@@ -78,7 +79,7 @@ impl Fragment<'_> {
                     Some((maps, sky)) => {
                         sky_behind(self.plan, maps, sky, if view.eye.w > 0.5 { relative } else { -eye })
                     }
-                    None => row_color(self.plan, y).truncate(),
+                    None => background_row_color(self.plan, y).truncate(),
                 },
                 joints: if has(Features::EFFECT_JOINTS) { lane(&joints) } else { Vec3::ZERO },
                 shadow: shadowed.map_or(0.0, |shadowed| shadowed.0[i]),

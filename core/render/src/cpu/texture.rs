@@ -32,7 +32,7 @@ impl Texture {
         }
     }
 
-    fn level(&self, i: usize) -> Texels<'_> {
+    fn mip_level(&self, i: usize) -> Texels<'_> {
         match i.checked_sub(1).and_then(|i| self.smaller_levels.get(i)) {
             Some(l) => Texels { width: l.width as i32, height: l.height as i32, rgba: &l.rgba },
             None => Texels {
@@ -48,7 +48,7 @@ impl Texture {
         let lod = self.level_of_detail(&u.0, &v.0);
         let (level, blend, linear) = self.select_levels(sampler, lod);
         let mut out = [F4::ZERO; 4];
-        let (near, far) = (self.level(level), self.level(level + 1));
+        let (near, far) = (self.mip_level(level), self.mip_level(level + 1));
         for i in 0..4 {
             let mut rgba = self.filter(&near, sampler, linear, u.0[i], v.0[i]);
             if blend > 0.0 {
@@ -70,11 +70,11 @@ impl Texture {
     /// Samples at a given level of detail, not below 0: r, g, b, a.
     pub(crate) fn sample_level(&self, sampler: &Sampler, [u, v]: [f32; 2], lod: f32) -> F4 {
         let (level, blend, linear) = self.select_levels(sampler, lod);
-        let near = self.filter(&self.level(level), sampler, linear, u, v);
+        let near = self.filter(&self.mip_level(level), sampler, linear, u, v);
         if blend == 0.0 {
             return near;
         }
-        near * (1.0 - blend) + self.filter(&self.level(level + 1), sampler, linear, u, v) * blend
+        near * (1.0 - blend) + self.filter(&self.mip_level(level + 1), sampler, linear, u, v) * blend
     }
 
     /// The level to read, the weight of the next level, and whether texels are interpolated.

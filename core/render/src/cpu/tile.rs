@@ -345,7 +345,7 @@ impl Tile<'_, '_> {
                 }
                 let shaded = self.shade_quad(id, [qx, qy], masks.map(|mask| mask != 0));
                 for pixel in 0..4 {
-                    let mask = masks[pixel] & shaded.kept[pixel];
+                    let mask = masks[pixel] & shaded.kept_samples[pixel];
                     if mask == 0 {
                         continue;
                     }

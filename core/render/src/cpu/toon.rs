@@ -42,7 +42,7 @@ impl ToonSurface<'_> {
             total_light = total_light + arriving;
         }
         let one = V3 { x: F4::ONE, y: F4::ONE, z: F4::ONE };
-        let rim = (self.rim(n, v) + self.matcap) * self.rim_mask;
+        let rim = (self.rim_light(n, v) + self.matcap) * self.rim_mask;
         color + rim * one.mix(total_light, F4::splat(t.rim_lighting_mix))
     }
 
@@ -54,7 +54,7 @@ impl ToonSurface<'_> {
     }
 
     /// Parametric rim light (§"Rim Lighting").
-    fn rim(&self, n: V3, v: V3) -> V3 {
+    fn rim_light(&self, n: V3, v: V3) -> V3 {
         let t = self.toon;
         let edge = (F4::ONE - n.dot(v) + t.rim_lift).clamp(0.0, 1.0);
         let power = t.rim_fresnel_power.max(1e-5);

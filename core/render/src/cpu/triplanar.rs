@@ -39,8 +39,8 @@ impl Fragment<'_> {
         let mapping =
             self.material.factors.material.triplanar.filter(|_| self.features.has(Features::TRIPLANAR))?;
         let p = self.primitive;
-        let normal = weights.vec3(ids.map(|i| p.normals[i as usize])).unit();
-        let at = weights.vec3(ids.map(|i| p.positions[i as usize])) - V3::splat(mapping.middle);
+        let normal = weights.interpolate_vec3(ids.map(|i| p.normals[i as usize])).unit();
+        let at = weights.interpolate_vec3(ids.map(|i| p.positions[i as usize])) - V3::splat(mapping.middle);
         let map = |v: V3, f: fn(f32) -> f32| V3 { x: v.x.map(f), y: v.y.map(f), z: v.z.map(f) };
         // The weights are powers of the normal (Golus, "Normal Mapping for a Triplanar Shader", 2017): the higher, the narrower the seams.
         let magnitudes = map(normal, f32::abs);
@@ -101,7 +101,7 @@ impl Fragment<'_> {
         let bent = (of_x * w.x + of_y * w.y + of_z * w.z).unit();
 
         let tangents = &self.primitive.tangents;
-        let along = quad.weights.vec3(quad.ids.map(|i| tangents[i as usize].truncate())).unit();
+        let along = quad.weights.interpolate_vec3(quad.ids.map(|i| tangents[i as usize].truncate())).unit();
         let (to_t, to_b, to_n) = (bent.dot(along), bent.dot(n.cross(along)), bent.dot(n));
         let [tangent, bitangent, normal] = quad.tangent_frame();
         let out = (tangent * to_t + bitangent * to_b + normal * to_n).unit();

@@ -20,7 +20,7 @@ impl Fragment<'_> {
         for (set, bit) in [Features::UV0, Features::UV1].into_iter().enumerate() {
             let list = &self.primitive.uvs[set];
             if self.features.has(bit) && !list.is_empty() {
-                uvs[set] = weights.vec2(ids.map(|i| list[i as usize]));
+                uvs[set] = weights.interpolate_vec2(ids.map(|i| list[i as usize]));
             }
         }
         let vertices = ids.map(|i| &vertices[i as usize]);

@@ -15,7 +15,7 @@ impl Costs<'_> {
             let draws = plural(plan.draws.len(), "draw");
             let samples = plural(plan.samples as usize, "sample");
             let what = format!("base colors without light: {draws}, {samples} per pixel");
-            self.add(CostKind::Pass, what, None, RequestedBy::other("the pass albedo"));
+            self.add(CostKind::Pass, what, None, RequestedBy::named("the pass albedo"));
         }
         let samples = sample_places(passes.samples_of_ids(self.plan.samples)).len();
         if passes.id {
@@ -25,7 +25,7 @@ impl Costs<'_> {
                 plural(draws, "draw"),
                 plural(samples, "time")
             );
-            self.add(CostKind::Pass, what, None, RequestedBy::other("the pass id"));
+            self.add(CostKind::Pass, what, None, RequestedBy::named("the pass id"));
         }
         let ids = 2 * 8 * samples.min(IdMatte::MOST_RANKS) as u64;
         let Passes { color, depth, normal, motion, albedo, id, .. } = passes;
@@ -39,7 +39,7 @@ impl Costs<'_> {
         ];
         for (_, name, bytes, by) in images.into_iter().filter(|(on, ..)| *on) {
             let what = format!("on the host {width}×{height}: {name}");
-            self.add(CostKind::Target, what, Some(bytes * pixels), RequestedBy::other(by));
+            self.add(CostKind::Target, what, Some(bytes * pixels), RequestedBy::named(by));
         }
     }
 

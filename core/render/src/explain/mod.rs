@@ -64,7 +64,7 @@ pub struct RequestedBy {
 }
 
 impl RequestedBy {
-    fn other(what: &'static str) -> RequestedBy {
+    fn named(what: &'static str) -> RequestedBy {
         RequestedBy { other: Some(what), ..RequestedBy::default() }
     }
 
@@ -245,7 +245,7 @@ impl Costs<'_> {
         let draws_with =
             |feature: Features| plan.all_draws().filter(move |d| d.pipeline.features.has(feature));
         let lit = plan.draws.iter().filter(|d| d.pipeline.features.is_lit());
-        let every_frame = RequestedBy::other("every frame");
+        let every_frame = RequestedBy::named("every frame");
         self.add_frame_buffer("camera and ambient light", 1, size_of::<FrameUniform>(), every_frame);
         for (n, each, what, requested_by) in [
             (
@@ -373,7 +373,7 @@ impl Costs<'_> {
     }
 
     fn add_layers_2d(&mut self) {
-        let requested_by = || RequestedBy::other("text, images and panels");
+        let requested_by = || RequestedBy::named("text, images and panels");
         if let Some(layers) = &self.plan.layers_behind {
             let [w, h] = layers.size;
             let bytes = Some(8 * u64::from(w) * u64::from(h));
@@ -394,7 +394,7 @@ impl Costs<'_> {
         let requested_by = if reads.sky_maps {
             self.requested_by_actors(lit)
         } else {
-            RequestedBy::other("the stage's sky")
+            RequestedBy::named("the stage's sky")
         };
         let bytes = |[w, h]: [u32; 2]| Some(size_of::<[f32; 2]>() as u64 * u64::from(w) * u64::from(h));
         self.add_frame_buffer(
@@ -412,7 +412,7 @@ impl Costs<'_> {
         if reads.sky_background {
             let [w, h] = panorama.size();
             let what = format!("background of the sky \"{}\": {w}×{h}, 16-bit floats", panorama.name);
-            self.add(CostKind::Texture, what, bytes([w, h]), RequestedBy::other("the stage's sky"));
+            self.add(CostKind::Texture, what, bytes([w, h]), RequestedBy::named("the stage's sky"));
         }
     }
 }

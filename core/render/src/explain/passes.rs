@@ -46,7 +46,7 @@ impl Costs<'_> {
                     self.add(CostKind::Pass, what, None, self.requested_by(self.refracting_draws()));
                 }
                 Command::CopyBackground => {
-                    let background = RequestedBy::other("the stage's background");
+                    let background = RequestedBy::named("the stage's background");
                     self.add(CostKind::Pass, "copy of the background".into(), None, background);
                 }
                 Command::DrawLayersBehind => {
@@ -83,7 +83,7 @@ impl Costs<'_> {
 
     fn add_background_pipeline(&mut self, content: &str, requested_by: &'static str) {
         let what = format!("pipeline of the {content} behind the scene");
-        self.add(CostKind::Pipeline, what, None, RequestedBy::other(requested_by));
+        self.add(CostKind::Pipeline, what, None, RequestedBy::named(requested_by));
     }
 
     fn add_scene_pass(&mut self, command: &Command) {
@@ -98,7 +98,7 @@ impl Costs<'_> {
         let area = area.map_or(String::new(), |[_, _, w, h]| format!(", only {w}×{h} pixels of it"));
         let what = format!("scene → {}, {samples} per pixel{depth}{part}{area}", target_name(*target));
         let requested_by = match self.plan.draws.is_empty() {
-            true => RequestedBy::other("the stage's background: nothing else is in view"),
+            true => RequestedBy::named("the stage's background: nothing else is in view"),
             false => self.requested_by_actors(self.plan.draws.iter()),
         };
         self.add(CostKind::Pass, what, None, requested_by);

@@ -13,7 +13,7 @@ impl Costs<'_> {
         let pixels = u64::from(width) * u64::from(height);
         let size = format!("{width}×{height}");
         self.add_shadow_and_refraction_targets(recording, &size);
-        let every_frame = RequestedBy::other("every frame");
+        let every_frame = RequestedBy::named("every frame");
         let image = format!("image {size}, 8 bits sRGB");
         self.add(CostKind::Target, image, Some(4 * pixels), every_frame.clone());
         self.add(CostKind::Target, format!("read back {size}"), Some(4 * pixels), every_frame);
@@ -78,7 +78,7 @@ impl Costs<'_> {
         if samples > 1 {
             let each = if target == Target::Image { 4 } else { 8 };
             let what = format!("multisampled image {size}, {samples} samples");
-            let requested_by = RequestedBy::other("antialiasing: samples");
+            let requested_by = RequestedBy::named("antialiasing: samples");
             self.add(CostKind::Target, what, Some(each * samples * pixels), requested_by);
         }
     }

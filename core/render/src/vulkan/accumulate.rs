@@ -65,7 +65,7 @@ impl VulkanRenderer {
         (frame.width, frame.height) = (width, height);
         frame.rgba.resize(width as usize * height as usize * 4, 0);
         let passes = image_passes::resolve_passes(&plan.post, plan.size, self.pipelines.effects())?;
-        let scene = inputs.of(&plan);
+        let scene = inputs.effect_inputs(&plan);
         image_passes::run_to_bytes(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
         if let Some(layers) = &plan.layers_in_front {
             layers.blend_over(&mut frame);

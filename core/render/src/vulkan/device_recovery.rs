@@ -190,7 +190,7 @@ impl Renderer for RecoveringRenderer {
         self.retry_once(|this| this.inner()?.reload_shaders())
     }
 
-    fn created(&self) -> CreatedCounts {
+    fn created_counts(&self) -> CreatedCounts {
         self.inner.as_ref().map(Renderer::created).unwrap_or_default()
     }
 

@@ -481,7 +481,7 @@ impl Renderer for VulkanRenderer {
         notes
     }
 
-    fn created(&self) -> CreatedCounts {
+    fn created_counts(&self) -> CreatedCounts {
         CreatedCounts { pipelines: self.pipelines.created(), ..self.resources.created_counts }
     }
 
