@@ -191,7 +191,7 @@ impl Renderer for RecoveringRenderer {
     }
 
     fn created_counts(&self) -> CreatedCounts {
-        self.inner.as_ref().map(Renderer::created).unwrap_or_default()
+        self.inner.as_ref().map(Renderer::created_counts).unwrap_or_default()
     }
 
     fn usage(&self) -> DeviceUsage {
